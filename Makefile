@@ -1,0 +1,63 @@
+# `make` lists the targets. Every target that needs Python first makes .venv from requirements.lock.
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
+INSTALLED := .venv/installed
+PYTHONS ?= python3.13 python3.12 python3.11 python3
+
+.PHONY: help demo test lint format bench lock python clean
+
+help: ## List the targets
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  \1\t\2/p' Makefile | expand -t 12
+
+demo: $(INSTALLED) ## Reproduce the paper and write the report
+	@$(BIN)/swimbladder reproduce --out report/paper
+	@echo "The report is in $(CURDIR)/report/paper"
+
+test: lint ## Lint, check types and layers, and run every test
+	@$(BIN)/pytest -n 2 --dist loadfile
+
+lint: $(INSTALLED) ## Check style, types and layers
+	@$(BIN)/ruff check
+	@$(BIN)/ruff format --check
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports --no-logo
+
+format: $(INSTALLED) ## Format the code and mend what the linter can mend
+	@$(BIN)/ruff check --fix
+	@$(BIN)/ruff format
+
+bench: $(INSTALLED) ## Time the package side by side with its peers
+	@$(BIN)/python benchmarks/run.py
+
+lock: $(INSTALLED) ## Bring requirements.lock up to date with pyproject.toml (LOCK_FLAGS=--upgrade: and every pin)
+	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --extra dev --no-build \
+	  --fork-strategy fewest --no-emit-index-url --no-emit-find-links --no-annotate --no-header \
+	  $(LOCK_FLAGS) --output-file requirements.lock pyproject.toml
+
+python: ## Name the interpreter that .venv will be made with
+	@for python in $(PYTHONS); do \
+	  $$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || continue; \
+	  found=$$python; \
+	  $$python -c 'import ensurepip, venv' 2>/dev/null || continue; \
+	  echo $$python; exit 0; \
+	done; \
+	if [ -n "$$found" ]; then echo "$$found cannot make a virtual environment: apt install python3-venv" >&2; \
+	else echo "no Python 3.11 or newer among: $(PYTHONS)" >&2; fi; \
+	exit 1
+
+clean: ## Remove .venv and everything that was generated
+	rm -rf .venv build dist report .hypothesis .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+	find src tests -name __pycache__ -prune -exec rm -rf {} +
+
+.venv/locked: requirements.lock
+	@test -x $(BIN)/python || { python=$$($(MAKE) --silent python) && $$python -m venv .venv; }
+	@echo "Installing requirements.lock into .venv"
+	@$(PIP) --only-binary=:all: -r requirements.lock
+	@touch $@
+
+$(INSTALLED): .venv/locked pyproject.toml
+	@$(PIP) --no-deps --no-build-isolation -e .
+	@touch $@

@@ -1,0 +1,28 @@
+"""What every test may lean on: no window, no deadline on compilation, and the measured data."""
+
+import os
+from pathlib import Path
+
+import hypothesis
+import pytest
+
+os.environ["MPLBACKEND"] = "Agg"
+
+# The first example of a property may compile a kernel.
+hypothesis.settings.register_profile("swimbladder", deadline=None)
+hypothesis.settings.load_profile("swimbladder")
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """Folder of measured data; without it a test skips, or fails where the data is required."""
+    folder = os.environ.get("SWIMBLADDER_DATA", "")
+    if not folder:
+        reason = "SWIMBLADDER_DATA is not set: it names the folder of measured data"
+        if "data" in os.environ.get("SWIMBLADDER_REQUIRE", "").split(","):
+            pytest.fail(f"{reason}, and SWIMBLADDER_REQUIRE asks for it")
+        pytest.skip(reason)
+    path = Path(folder)
+    if not path.is_dir():
+        pytest.fail(f"SWIMBLADDER_DATA={folder} is not a folder")
+    return path
