@@ -1,0 +1,65 @@
+"""The paper's cascade: a proportional law on volume inside a PID on depth (Fig. 15, eqs 36-37)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from swimbladder.control.law import Law, Measurement
+
+__all__ = ["CASCADE", "CascadeParameters", "CascadeState", "initial", "step"]
+
+
+class CascadeParameters(NamedTuple):
+    """Gains of Table 3 in SI; the sample time is the one eqs (36)-(37) divide by."""
+
+    k_pV: float  # V/m3
+    k_pz: float  # m3/m
+    k_iz: float  # m3/s/m
+    k_dz: float  # m3 s/m
+    S_p: float  # s
+
+
+class CascadeState(NamedTuple):
+    """What the cascade remembers between samples."""
+
+    integral: float  # m3, U_i of the sample to come
+    error: float  # m, of the sample before
+    volume_reference: float  # m3, U of the sample before
+
+
+def initial(
+    parameters: CascadeParameters, measurement: Measurement, reference: float
+) -> CascadeState:
+    """Start at rest: the integral holds the volume as it is, and e(-1) = e(0)."""
+    return CascadeState(
+        measurement.volume, reference - measurement.depth, measurement.volume
+    )
+
+
+def step(
+    parameters: CascadeParameters,
+    state: CascadeState,
+    measurement: Measurement,
+    reference: float,
+) -> tuple[float, CascadeState, float]:
+    """Return the voltage [V], eqs (36)-(37) outside and a gain on the volume error inside.
+
+    The voltage is not limited here: the supply limits it.
+    """
+    p = parameters
+    error = reference - measurement.depth
+    U = p.k_pz * error + p.k_dz * (error - state.error) / p.S_p + state.integral
+    voltage = p.k_pV * (U - measurement.volume)
+    return voltage, CascadeState(state.integral + p.k_iz * p.S_p * error, error, U), p.S_p
+
+
+CASCADE = Law(
+    name="cascade",
+    summary="the paper's: P on volume inside PID on depth (Fig. 15, eqs 36-37, Table 3)",
+    command="voltage",
+    parameters=CascadeParameters,
+    state=CascadeState,
+    units={"k_pV": "V/m3", "k_pz": "m3/m", "k_iz": "m3/s/m", "k_dz": "m3 s/m", "S_p": "s"},
+    step=step,
+    initial=initial,
+)

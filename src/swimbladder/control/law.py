@@ -1,0 +1,47 @@
+"""What a control law is.
+
+A law is one pure function, so that the simulator, the tuner and the firmware can hang on it::
+
+    step(parameters, state, measurement, reference) -> (command, state, next_sample_s)
+
+`parameters`, `state` and `measurement` are named tuples of floats, `reference` is the depth
+asked for [m]. The command is a voltage [V] or, for a positioner, a volume [m3]. `next_sample_s`
+says how long until the law wants to be called again [s]; the clock of the vehicle has whole ticks
+(the controller's sample time), and the time is rounded up to them. The function uses arithmetic,
+comparisons, ``min``, ``max``, ``abs`` and the `math` module only, so that it compiles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+__all__ = ["Law", "Measurement"]
+
+
+class Measurement(NamedTuple):
+    """What the controller sees at a sample."""
+
+    time: float  # s
+    depth: float  # m, of the pressure sensor
+    volume: float  # m3, from the piston's or the bladder's sensor
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """A law: its step, its first state and what its numbers mean.
+
+    parameters, state: NamedTuple classes whose fields are floats, the state of at least one
+    field. units: the unit of each parameter. initial: (parameters, measurement, reference)
+    -> state, also pure. A state field called `volume_reference` [m3] is recorded.
+    """
+
+    name: str
+    summary: str
+    command: Literal["voltage", "volume"]
+    parameters: type[Any]
+    state: type[Any]
+    units: Mapping[str, str]
+    step: Callable[..., Any]
+    initial: Callable[..., Any]

@@ -1,0 +1,106 @@
+"""What swimbladder raises.
+
+::
+
+    SwimbladderError
+    |-- InputError            something the user gave is wrong             exit code 2
+    |   |-- UnitError         a text that is not a quantity of the asked unit
+    |   |-- LogError          a measured log that cannot be read or used
+    `-- NoAnswerError         the input is fine, the answer is "no"        exit code 1
+
+Every message names the place, the value, the unit and the remedy, so that it can be acted on
+without reading the source.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+__all__ = ["InputError", "LogError", "NoAnswerError", "SwimbladderError", "UnitError"]
+
+
+class SwimbladderError(Exception):
+    """The root of all errors that swimbladder raises on purpose."""
+
+    exit_code = 1
+
+
+class InputError(SwimbladderError):
+    """Something the user gave is wrong; the message says where, what and how to mend it.
+
+    what: one sentence on what is wrong. file: the file it stands in. field: the dotted key,
+    option, column or argument; line: the line in the file, counted from 1. value: what was
+    given. unit: the unit that was expected. remedy: one sentence on what to do.
+    """
+
+    exit_code = 2
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        file: str | Path | None = None,
+        line: int | None = None,
+        field: str | None = None,
+        value: object = None,
+        unit: str | None = None,
+        remedy: str | None = None,
+    ) -> None:
+        self.what = what.rstrip(".")
+        self.file = file
+        self.line = line
+        self.field = field
+        self.value = value
+        self.unit = unit
+        self.remedy = remedy
+        super().__init__(self._text())
+
+    def _text(self) -> str:
+        place = ", ".join(
+            part
+            for part in (
+                str(self.file) if self.file is not None else "",
+                f"line {self.line}" if self.line is not None else "",
+                self.field or "",
+            )
+            if part
+        )
+        text = f"{place}: {self.what}" if place else self.what
+        given = "" if self.value is None else f"got {_short(self.value)}"
+        asked = "" if not self.unit else f"expected unit {self.unit}"
+        details = ", ".join(part for part in (given, asked) if part)
+        text = f"{text} ({details})." if details else f"{text}."
+        return f"{text} {self.remedy.rstrip('.')}." if self.remedy else text
+
+    def at(
+        self, *, file: str | Path | None = None, field: str | None = None, line: int | None = None
+    ) -> InputError:
+        """Return the same error with the place filled in where it was not known."""
+        return type(self)(
+            self.what,
+            file=self.file if self.file is not None else file,
+            line=self.line if self.line is not None else line,
+            field=self.field if self.field is not None else field,
+            value=self.value,
+            unit=self.unit,
+            remedy=self.remedy,
+        )
+
+
+class UnitError(InputError):
+    """A text is not a quantity of the unit that was asked for."""
+
+
+class LogError(InputError):
+    """A measured log cannot be read, or cannot be used for what was asked."""
+
+
+class NoAnswerError(SwimbladderError):
+    """The input is fine and the answer is no: unstable, out of stroke, not identifiable."""
+
+    exit_code = 1
+
+
+def _short(value: object, limit: int = 80) -> str:
+    text = repr(value)
+    return text if len(text) <= limit else text[: limit - 3] + "..."
