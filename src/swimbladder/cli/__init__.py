@@ -1,0 +1,85 @@
+"""The command line: ``swimbladder COMMAND VEHICLE ...``.
+
+Each command is a module of this package that holds what is registered under the same name: a
+function, or a ``typer.Typer`` where the command has commands of its own. Only the module of the
+command that was asked for is imported, so that ``--help`` answers at once. Exit codes: 0 done,
+1 the answer is "no", 2 bad input, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Annotated
+
+import typer
+
+from swimbladder.cli.common import run
+
+__all__ = ["COMMANDS", "main"]
+
+COMMANDS = {
+    "simulate": "Simulate depth steps or a mission in closed loop.",
+    "analyse": "Transfer functions, poles, stability, margins and stall depth.",
+    "compare": "Drive the model with a measured log and compare depths.",
+    "reproduce": "Redo the paper: every figure, table and number, in one report.",
+    "vehicle": "List, show and write vehicle files.",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line on `arguments` (the process's own when None); return the exit code."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    completing = "_SWIMBLADDER_COMPLETE" in os.environ
+    named = next((word for word in given if not word.startswith("-")), None)
+    app = _app(set(COMMANDS) if completing else {named} & set(COMMANDS))
+    return run(lambda: app(args=given, prog_name="swimbladder"))
+
+
+def _app(wanted: set[str | None]) -> typer.Typer:
+    """Return the command line with the `wanted` commands loaded, the others by name only."""
+    app = typer.Typer(
+        name="swimbladder",
+        help="Variable-buoyancy vehicles: from datasheet to model, from pool log to parameters, "
+        "from parameters to a depth controller.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback()(_root)
+    for name, summary in COMMANDS.items():
+        if name not in wanted:
+            app.command(name, help=summary)(_not_loaded)
+            continue
+        command = getattr(import_module(f"swimbladder.cli.{name}"), name)
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, name=name, help=summary)
+        else:
+            app.command(name)(command)
+    return app
+
+
+def _not_loaded() -> None:
+    """Stand in the list of commands for one that was not asked for."""
+    raise AssertionError("a command that was asked for is always loaded")
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        from swimbladder import __version__
+
+        print(f"swimbladder {__version__}")
+        raise typer.Exit
+
+
+def _root(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version and exit.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    """Hold the options that stand before the command."""

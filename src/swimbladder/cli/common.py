@@ -1,0 +1,123 @@
+"""What the commands share: exit codes, JSON on stdout, notes and progress on stderr."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import enum
+import json
+import math
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import PurePath
+from typing import Any
+
+from rich.console import Console
+
+from swimbladder.errors import InputError, SwimbladderError
+from swimbladder.units import parse_quantity
+
+__all__ = ["console", "emit_json", "progress", "quantity", "run"]
+
+# Where notes, tables and progress go: stdout belongs to --json and to what is asked to be printed.
+console = Console(stderr=True)
+
+
+def run(function: Callable[[], object]) -> int:
+    """Call `function` and return the exit code.
+
+    A SwimbladderError becomes one paragraph on stderr and its own code, an interruption 130; any
+    other exception is a defect and keeps its traceback.
+    """
+    try:
+        function()
+    except SwimbladderError as error:
+        console.print("error: ", style="bold red", end="")
+        console.print(str(error), markup=False, highlight=False, soft_wrap=True)
+        return error.exit_code
+    except KeyboardInterrupt:
+        console.print("interrupted")
+        return 130
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
+    return 0
+
+
+def quantity(text: str | None, unit: str, option: str) -> float | None:
+    """Return the text given to `option`, a number or a number with a unit, as a float in `unit`.
+
+    Raises InputError naming the option.
+    """
+    if text is None:
+        return None
+    try:
+        return parse_quantity(text, unit)
+    except InputError as error:
+        raise error.at(field=option) from None
+
+
+def emit_json(answer: Mapping[str, Any]) -> None:
+    """Print one JSON object on stdout; NaN and infinities become null."""
+    print(json.dumps(_plain(answer), indent=2, allow_nan=False), file=sys.stdout)
+
+
+def _plain(value: Any) -> Any:
+    """Return `value` in JSON's own types."""
+    if isinstance(value, enum.Enum):
+        return _plain(value.value)
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, complex):
+        return [_plain(value.real), _plain(value.imag)]
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        return _plain(value._asdict())
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [_plain(item) for item in value]
+    if isinstance(value, PurePath):
+        return str(value)
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if hasattr(value, "tolist"):  # numpy arrays and scalars
+        return _plain(value.tolist())
+    raise TypeError(f"{type(value).__name__} has no place in a JSON answer")
+
+
+@contextlib.contextmanager
+def progress(
+    description: str, total: float | None = None, *, after_s: float = 1.0
+) -> Iterator[Callable[[float], None]]:
+    """Show a progress bar on stderr while the block runs, once it has taken `after_s` [s].
+
+    Yields ``advance(amount)``. Without a total the bar only says that work goes on; where
+    stderr is no terminal nothing is drawn.
+    """
+    if not console.is_terminal:
+        yield lambda amount: None
+        return
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns: list[Any] = [TextColumn("{task.description}"), BarColumn()]
+    columns += [TaskProgressColumn(), TimeRemainingColumn()] if total else []
+    bar = Progress(*columns, TimeElapsedColumn(), console=console, transient=True)
+    task = bar.add_task(description, total=total)
+    timer = threading.Timer(after_s, bar.start)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield lambda amount: bar.advance(task, amount)
+    finally:
+        timer.cancel()
+        timer.join()
+        bar.stop()

@@ -1,0 +1,4 @@
+"""Files in and out: vehicles and missions (`config`, `presets`, `templates`), logs, results.
+
+`files` writes whole files or none; `tables` writes CSV and `netcdf` CF files with it.
+"""
