@@ -1,4 +1,4 @@
-"""From datasheets to the actuator's constants (Figs 3-8, eqs 1-8, Table 1): both technologies.
+"""From datasheets to the actuator's constants (Figs 3-8, eqs 3-8, Table 1): both technologies.
 
 Three descriptions of a voltage-driven actuator, each with less in it than the one before::
 
@@ -22,29 +22,21 @@ from swimbladder.parameters import (
     ElectrohydraulicActuator,
     ElectromechanicalActuator,
     IdentifiedActuator,
-    Oil,
     Positioner,
     UnifiedActuator,
     Water,
 )
 
 __all__ = [
-    "ATMOSPHERIC_PRESSURE",
-    "OilCompression",
     "ReducedActuator",
     "back_driving_load",
     "driving_load",
-    "effective_bulk_modulus",
     "hydraulic_load_coefficient",
     "hydraulic_volume_per_angle",
     "leakage_coefficient",
     "leakage_volume_rate",
-    "oil_compression",
-    "oil_pressure_rate",
-    "oil_volume_ratio",
     "pump_leakage_flow",
     "reduced",
-    "relative_volume_change",
     "screw_load_coefficient",
     "screw_volume_per_angle",
     "speed_loss_coefficient",
@@ -53,8 +45,6 @@ __all__ = [
     "unified",
     "volume_lost_to_leakage",
 ]
-
-ATMOSPHERIC_PRESSURE = 101325.0  # Pa
 
 
 class ReducedActuator(NamedTuple):
@@ -78,52 +68,6 @@ def stall_torque_per_volt(*, k_T: float, R: float) -> float:
 def speed_loss_coefficient(*, B_m: float, k_emf: float, k_T: float, R: float) -> float:
     """Torque lost per motor speed k_vm = B_m + k_emf k_T/R [N m s/rad], Fig. 3."""
     return B_m + k_emf * k_T / R
-
-
-def oil_pressure_rate(*, Q: float, dV_oil_dt: float, V_oil: float, beta_e: float) -> float:
-    """Pressure rate of the oil chamber dp_oil/dt [Pa/s], eq. (1).
-
-    Q: flow from the pump [m3/s]; dV_oil_dt: growth of the chamber [m3/s]; V_oil: its volume [m3];
-    beta_e: effective bulk modulus [Pa].
-    """
-    return beta_e / V_oil * (Q - dV_oil_dt)
-
-
-def relative_volume_change(*, dp: float, beta_e: float) -> float:
-    """Relative volume change of the oil dV_oil/V_oil [-], eq. (2), negative under pressure.
-
-    The paper's numbers, 10 MPa and 1.5 GPa, give -0.67 %; it prints 0.6 % and drops the sign.
-    """
-    return -dp / beta_e
-
-
-def oil_volume_ratio(*, p: float, beta: float, air: float, n: float = 1.0) -> float:
-    """Volume of oil with trapped air at absolute pressure p [Pa] over that at one atmosphere [-].
-
-    beta: bulk modulus of the pure oil [Pa]; air: share of air by volume at one atmosphere [-];
-    n: polytropic exponent of the air [-], 1 isothermal (slow), 1.4 adiabatic (fast).
-    """
-    liquid, gas = _mixture(p=p, beta=beta, air=air, n=n)
-    return liquid + gas
-
-
-def effective_bulk_modulus(*, p: float, beta: float, air: float, n: float = 1.0) -> float:
-    """Effective bulk modulus beta_e [Pa] of oil with trapped air at absolute pressure p [Pa].
-
-    beta_e = -V dp/dV = (V_l + V_g)/(V_l/beta + V_g/(n p)): the compliances of liquid and gas add by
-    their volumes, the mixture law of H. E. Merritt, Hydraulic Control Systems, 1967, and of the
-    survey by H. Gholizadeh et al., Int. J. Fluid Power 12(3), 2011, 5-16, which neglect that the
-    liquid itself gets smaller. No air dissolves here: real oil under pressure is as stiff or
-    stiffer. Arguments as in oil_volume_ratio.
-    """
-    liquid, gas = _mixture(p=p, beta=beta, air=air, n=n)
-    return (liquid + gas) / (liquid / beta + gas / (n * p))
-
-
-def _mixture(*, p: float, beta: float, air: float, n: float) -> tuple[float, float]:
-    """Volumes of liquid and gas over the volume of both at one atmosphere [-]."""
-    liquid = (1.0 - air) * math.exp(-(p - ATMOSPHERIC_PRESSURE) / beta)
-    return liquid, air * (ATMOSPHERIC_PRESSURE / p) ** (1.0 / n)
 
 
 def leakage_volume_rate(*, Q_l: float, n_h: float) -> float:
@@ -201,32 +145,6 @@ def back_driving_load(*, T_ideal: float, eta: float, literal: bool = False) -> f
     return T_ideal / eta if literal else T_ideal * eta
 
 
-class OilCompression(NamedTuple):
-    """How much smaller the oil is at a depth than at the surface."""
-
-    pressure: float  # Pa, of the oil above atmosphere
-    bulk_modulus: float  # Pa, effective, at half that pressure
-    linear: float  # -, dV_oil/V_oil of eq. (2) with that modulus
-    exact: float  # -, the same integrated from the surface down
-    volume: float  # m3, volume that the water gets less (negative), exact V_oil/n_h
-
-
-def oil_compression(
-    oil: Oil, depth: float, water: Water, *, n_h: float = 1.0, polytropic: float = 1.0
-) -> OilCompression:
-    """Return what eq. (2) says of an oil at `depth` [m] behind a pressure amplifier n_h [-].
-
-    Eq. (2) takes one modulus for the whole change, and the paper that at half the pressure. Trapped
-    air collapses in the first metres, where that modulus is not: `exact` counts it.
-    """
-    dp = water.specific_weight * depth / n_h
-    properties = {"beta": oil.bulk_modulus, "air": oil.trapped_air, "n": polytropic}
-    beta_e = effective_bulk_modulus(p=ATMOSPHERIC_PRESSURE + dp / 2.0, **properties)
-    exact = oil_volume_ratio(p=ATMOSPHERIC_PRESSURE + dp, **properties) - 1.0
-    linear = relative_volume_change(dp=dp, beta_e=beta_e)
-    return OilCompression(dp, beta_e, linear, exact, exact * oil.volume / n_h)
-
-
 def unified(actuator: Actuator, water: Water) -> UnifiedActuator:
     """Return the unified actuator of Fig. 8 and Table 1.
 
@@ -277,8 +195,8 @@ def _not_known(actuator: IdentifiedActuator | Positioner) -> InputError:
         remedy = "Its speed and piston area are all there is: use them, or describe its motor"
     else:
         what = (
-            "lambda, k_u, k_v, k_q and k_z of an identified actuator are not known: experiments give "
-            "only the ratios lambda/k_v = T1, k_q k_u/k_v = K1 A and k_z/k_u"
+            "lambda, k_u, k_v, k_q and k_z of an identified actuator are not known: experiments "
+            "give only the ratios lambda/k_v = T1, k_q k_u/k_v = K1 A and k_z/k_u"
         )
         remedy = (
             "Use reduced(), which needs only these ratios, or give the data of motor and drive as "
