@@ -70,7 +70,9 @@ class InputError(SwimbladderError):
         asked = "" if not self.unit else f"expected unit {self.unit}"
         details = ", ".join(part for part in (given, asked) if part)
         text = f"{text} ({details})." if details else f"{text}."
-        return f"{text} {self.remedy.rstrip('.')}." if self.remedy else text
+        if not self.remedy:
+            return text
+        return f"{text} {self.remedy}" + ("" if self.remedy.endswith((".", "?", "!")) else ".")
 
     def at(
         self, *, file: str | Path | None = None, field: str | None = None, line: int | None = None

@@ -8,9 +8,11 @@ The grammar: ``mm/s/V``, ``kg m2``, ``V/(rad/s)``, ``m3/rev``, ``1/s``, ``cm^3``
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cache
 
 from swimbladder.errors import UnitError
@@ -20,57 +22,58 @@ __all__ = ["format_quantity", "parse_quantity", "to_si", "unit_factor"]
 
 @dataclass(frozen=True)
 class _Unit:
-    factor: float
+    factor: Fraction
     dimension: tuple[int, ...]  # powers of metre, kilogram, second, ampere, radian
 
     def times(self, other: _Unit, power: int = 1) -> _Unit:
         return _Unit(
             self.factor * other.factor**power,
-            tuple(
-                a + power * b for a, b in zip(self.dimension, other.dimension, strict=True)
-            ),
+            tuple(a + power * b for a, b in zip(self.dimension, other.dimension, strict=True)),
         )
 
 
-def _u(factor: float, metre: int = 0, kilogram: int = 0, second: int = 0, ampere: int = 0,
-       radian: int = 0) -> _Unit:  # fmt: skip
-    return _Unit(factor, (metre, kilogram, second, ampere, radian))
-
-
-_NONE = _u(1.0)
-_ATMOSPHERE = 101325.0
-_POUND_FORCE_PER_SQUARE_INCH = 4.4482216152605 / 0.0254**2
-_UNITS: dict[str, _Unit] = {
-    "%": _u(1e-2), "ppm": _u(1e-6),
-    "m": _u(1.0, 1), "km": _u(1e3, 1), "dm": _u(1e-1, 1), "cm": _u(1e-2, 1), "mm": _u(1e-3, 1),
-    "um": _u(1e-6, 1), "in": _u(0.0254, 1), "ft": _u(0.3048, 1),
-    "L": _u(1e-3, 3), "l": _u(1e-3, 3), "dL": _u(1e-4, 3), "mL": _u(1e-6, 3), "ml": _u(1e-6, 3),
-    "uL": _u(1e-9, 3), "cc": _u(1e-6, 3),
-    "kg": _u(1.0, 0, 1), "g": _u(1e-3, 0, 1), "mg": _u(1e-6, 0, 1), "t": _u(1e3, 0, 1),
-    "lb": _u(0.45359237, 0, 1),
-    "s": _u(1.0, 0, 0, 1), "ms": _u(1e-3, 0, 0, 1), "us": _u(1e-6, 0, 0, 1),
-    "min": _u(60.0, 0, 0, 1), "h": _u(3600.0, 0, 0, 1), "d": _u(86400.0, 0, 0, 1),
-    "Hz": _u(1.0, 0, 0, -1), "kHz": _u(1e3, 0, 0, -1),
-    "A": _u(1.0, 0, 0, 0, 1), "mA": _u(1e-3, 0, 0, 0, 1),
-    "V": _u(1.0, 2, 1, -3, -1), "mV": _u(1e-3, 2, 1, -3, -1), "kV": _u(1e3, 2, 1, -3, -1),
-    "ohm": _u(1.0, 2, 1, -3, -2), "mohm": _u(1e-3, 2, 1, -3, -2), "kohm": _u(1e3, 2, 1, -3, -2),
-    "Ω": _u(1.0, 2, 1, -3, -2),
-    "H": _u(1.0, 2, 1, -2, -2), "mH": _u(1e-3, 2, 1, -2, -2), "uH": _u(1e-6, 2, 1, -2, -2),
-    "N": _u(1.0, 1, 1, -2), "mN": _u(1e-3, 1, 1, -2), "kN": _u(1e3, 1, 1, -2),
-    "Pa": _u(1.0, -1, 1, -2), "hPa": _u(1e2, -1, 1, -2), "kPa": _u(1e3, -1, 1, -2),
-    "MPa": _u(1e6, -1, 1, -2), "GPa": _u(1e9, -1, 1, -2), "bar": _u(1e5, -1, 1, -2),
-    "mbar": _u(1e2, -1, 1, -2), "dbar": _u(1e4, -1, 1, -2), "atm": _u(_ATMOSPHERE, -1, 1, -2),
-    "psi": _u(_POUND_FORCE_PER_SQUARE_INCH, -1, 1, -2),
-    "W": _u(1.0, 2, 1, -3), "mW": _u(1e-3, 2, 1, -3), "kW": _u(1e3, 2, 1, -3),
-    "J": _u(1.0, 2, 1, -2), "mJ": _u(1e-3, 2, 1, -2), "kJ": _u(1e3, 2, 1, -2),
-    "Wh": _u(3600.0, 2, 1, -2),
-    "rad": _u(1.0, 0, 0, 0, 0, 1), "deg": _u(math.pi / 180.0, 0, 0, 0, 0, 1),
-    "rev": _u(2.0 * math.pi, 0, 0, 0, 0, 1),
-    "rpm": _u(2.0 * math.pi / 60.0, 0, 0, -1, 0, 1),
+_POUND_FORCE_PER_SQUARE_INCH = Fraction("4.4482216152605") / Fraction("0.0254") ** 2
+_TABLE: dict[tuple[int, int, int, int, int], dict[str, str | float | Fraction]] = {
+    # (metre, kilogram, second, ampere, radian): {name: factor}
+    (0, 0, 0, 0, 0): {"%": "1e-2", "ppm": "1e-6"},
+    (1, 0, 0, 0, 0): {
+        "m": "1", "km": "1e3", "dm": "1e-1", "cm": "1e-2", "mm": "1e-3", "um": "1e-6",
+        "in": "0.0254", "ft": "0.3048",
+    },
+    (3, 0, 0, 0, 0): {
+        "L": "1e-3", "l": "1e-3", "dL": "1e-4", "mL": "1e-6", "ml": "1e-6", "uL": "1e-9",
+        "cc": "1e-6",
+    },
+    (0, 1, 0, 0, 0): {"kg": "1", "g": "1e-3", "mg": "1e-6", "t": "1e3", "lb": "0.45359237"},
+    (0, 0, 1, 0, 0): {
+        "s": "1", "ms": "1e-3", "us": "1e-6", "min": "60", "h": "3600", "d": "86400",
+    },
+    (0, 0, -1, 0, 0): {"Hz": "1", "kHz": "1e3"},
+    (0, 0, 0, 1, 0): {"A": "1", "mA": "1e-3"},
+    (2, 1, -3, -1, 0): {"V": "1", "mV": "1e-3", "kV": "1e3"},
+    (2, 1, -3, -2, 0): {"ohm": "1", "mohm": "1e-3", "kohm": "1e3", "Ω": "1"},
+    (2, 1, -2, -2, 0): {"H": "1", "mH": "1e-3", "uH": "1e-6"},
+    (1, 1, -2, 0, 0): {"N": "1", "mN": "1e-3", "kN": "1e3"},
+    (-1, 1, -2, 0, 0): {
+        "Pa": "1", "hPa": "1e2", "kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "bar": "1e5",
+        "mbar": "1e2", "dbar": "1e4", "atm": "101325", "psi": _POUND_FORCE_PER_SQUARE_INCH,
+    },
+    (2, 1, -3, 0, 0): {"W": "1", "mW": "1e-3", "kW": "1e3"},
+    (2, 1, -2, 0, 0): {"J": "1", "mJ": "1e-3", "kJ": "1e3", "Wh": "3600"},
+    (0, 0, 0, 0, 1): {"rad": "1", "deg": math.pi / 180.0, "rev": 2.0 * math.pi},
+    (0, 0, -1, 0, 1): {"rpm": 2.0 * math.pi / 60.0},
 }  # fmt: skip
+_UNITS = {
+    name: _Unit(Fraction(factor), dimension)
+    for dimension, names in _TABLE.items()
+    for name, factor in names.items()
+}
+_NONE = _Unit(Fraction(1), (0, 0, 0, 0, 0))
 
-_TOKEN = re.compile(r"\s*(?:([A-Za-zΩ%]+)(?:\^|\*\*)?(-?\d+)?|([()*/·])|(1)(?=\s*/))")
+_TOKEN = re.compile(r"\s*(?:([A-Za-zΩ%]+)(?:(?:\^|\*\*)?(-?[1-9])(?!\d))?|([()*/·])|(1)(?=\s*/))")
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\d.,])\s*")
+_LONGEST = 100  # characters of a text that is still read as a quantity
+_HOW = "Write a unit like mm/s/V, kg m2 or V/(rad/s)"
 
 
 @cache
@@ -79,20 +82,21 @@ def _parse_unit(text: str) -> _Unit:
     tokens: list[re.Match[str]] = []
     position = 0
     while cleaned[position:].strip():
-        match = _TOKEN.match(cleaned, position)
+        match = _TOKEN.match(cleaned, position) if len(text) <= _LONGEST else None
         if match is None:
-            raise UnitError("not a unit", value=text, remedy="Write it like mm/s/V or kg m2")
+            raise UnitError("not a unit", value=text, remedy=_HOW)
         tokens.append(match)
         position = match.end()
-    unit, rest = _product(tokens, text)
+    unit, rest = _product(tokens, text) if tokens else (_NONE, [])
     if rest:
-        raise UnitError("unbalanced bracket in a unit", value=text)
+        raise UnitError("unbalanced bracket in a unit", value=text, remedy=_HOW)
     return unit
 
 
 def _product(tokens: list[re.Match[str]], text: str) -> tuple[_Unit, list[re.Match[str]]]:
+    """Return the unit up to the end or the closing bracket, and the tokens from there on."""
     result, power = _NONE, 1
-    expect_factor = False
+    first, open_ended = True, True  # open_ended: a unit has to follow
     while tokens:
         token, *tokens = tokens
         name, exponent, symbol, one = token.groups()
@@ -100,27 +104,35 @@ def _product(tokens: list[re.Match[str]], text: str) -> tuple[_Unit, list[re.Mat
             tokens = [token, *tokens]
             break
         if symbol in ("*", "·", "/"):
+            if open_ended and not (first and symbol == "/"):
+                raise UnitError("an operator without a unit before it", value=text, remedy=_HOW)
             power = -1 if symbol == "/" else 1
-            expect_factor = True
+            first, open_ended = False, True
             continue
         if symbol == "(":
             inner, tokens = _product(tokens, text)
             if not tokens or tokens[0].group(3) != ")":
-                raise UnitError("unbalanced bracket in a unit", value=text)
+                raise UnitError("unbalanced bracket in a unit", value=text, remedy=_HOW)
             tokens = tokens[1:]
             result = result.times(inner, power)
         elif one is None:
             if name not in _UNITS:
-                raise UnitError(
-                    f"unknown unit {name!r}",
-                    value=text,
-                    remedy=f"Known units: {', '.join(sorted(_UNITS))}",
-                )
+                raise UnitError(f"unknown unit {name!r}", value=text, remedy=_hint(name))
             result = result.times(_UNITS[name], power * int(exponent or 1))
-        power, expect_factor = 1, False
-    if expect_factor:
-        raise UnitError("a unit ends in an operator", value=text)
+        power, first, open_ended = 1, False, False
+    if open_ended:
+        raise UnitError("a unit is missing", value=text, remedy=_HOW)
     return result, tokens
+
+
+def _hint(name: str) -> str:
+    """Return what to write instead of an unknown unit."""
+    for cut in range(1, len(name)):
+        if name[:cut] in _UNITS and name[cut:] in _UNITS:
+            return f'Write a product with a space: "{name[:cut]} {name[cut:]}"'
+    near = difflib.get_close_matches(name, _UNITS, n=3, cutoff=0.75)
+    near += [unit for unit in _UNITS if unit.lower() == name.lower() and unit not in near]
+    return f"Did you mean {' or '.join(near)}?" if near else _HOW
 
 
 def unit_factor(given: str, wanted: str) -> float:
@@ -128,10 +140,16 @@ def unit_factor(given: str, wanted: str) -> float:
 
     Raises UnitError where the dimensions differ: ``unit_factor("cm3", "m3") == 1e-6``.
     """
+    return float(_ratio(given, wanted))
+
+
+def _ratio(given: str, wanted: str) -> Fraction:
     source, target = _parse_unit(given), _parse_unit(wanted)
     if source.dimension != target.dimension:
         raise UnitError(
-            f"unit {given!r} is of another kind", unit=wanted, remedy=f"Give it in {wanted}"
+            f"the unit {given!r} is of another kind",
+            unit=wanted,
+            remedy=f"Give it in {wanted}" if wanted else "Give a number without a unit",
         )
     return source.factor / target.factor
 
@@ -139,30 +157,36 @@ def unit_factor(given: str, wanted: str) -> float:
 def parse_quantity(value: object, unit: str) -> float:
     """Return a text such as ``"350 cm3"``, or a bare number, as a float in `unit`.
 
+    The float is the one nearest to what was written: ``"0.444 mm/s/V"`` is 0.000444 to the bit.
     Raises UnitError where the text is no number with a unit of that kind, or is not finite.
     """
-    wanted = unit or "a bare number"
+    wanted = unit or "none"
+    how = f'Write a number in {unit}, or a text like "1.5 {unit}"' if unit else "Write 1.5"
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        raise UnitError("not a quantity", value=value, unit=wanted)
-    if isinstance(value, str):
-        match = _NUMBER.match(value)
-        if match is None:
-            raise UnitError(
-                "not a number followed by a unit",
-                value=value,
-                unit=wanted,
-                remedy=f'Write it like "1.5 {unit}"' if unit else "Write it like 1.5",
-            )
-        number, rest = float(match.group(1)), value[match.end() :].strip()
-        try:
-            number *= unit_factor(rest, unit) if rest else 1.0
-        except UnitError as error:
-            raise UnitError(error.what, value=value, unit=wanted, remedy=error.remedy) from None
-    else:
-        number = float(value)
+        raise UnitError("not a quantity", value=value, unit=wanted, remedy=how)
+    try:
+        number = _number(value, unit, how) if isinstance(value, str) else float(value)
+    except OverflowError:
+        number = math.inf
+    except UnitError as error:
+        remedy = how if error.remedy == _HOW else error.remedy
+        raise UnitError(error.what, value=value, unit=wanted, remedy=remedy) from None
     if not math.isfinite(number):
-        raise UnitError("not a finite number", value=value, unit=wanted)
+        raise UnitError("not a finite number", value=value, unit=wanted, remedy=how)
     return number
+
+
+def _number(text: str, unit: str, how: str) -> float:
+    match = _NUMBER.match(text) if len(text) <= _LONGEST else None
+    if match is None:
+        comma = ", with a decimal point" if "," in text else ""
+        raise UnitError("not a number followed by a unit", remedy=how + comma)
+    rest = text[match.end() :].strip()
+    ratio = _ratio(rest, unit) if rest else Fraction(1)
+    nearest = float(match.group(1))
+    if nearest == 0.0 or not math.isfinite(nearest):  # a Fraction of 1e999999999 would not end
+        return nearest
+    return float(Fraction(match.group(1)) * ratio)
 
 
 def to_si(text: str, unit: str) -> float:
@@ -172,7 +196,9 @@ def to_si(text: str, unit: str) -> float:
     """
     match = _NUMBER.match(text)
     if unit and match is not None and not text[match.end() :].strip():
-        raise UnitError("the unit is missing", value=text, unit=unit)
+        raise UnitError(
+            "the unit is missing", value=text, unit=unit, remedy=f'Write "{text.strip()} {unit}"'
+        )
     return parse_quantity(text, unit)
 
 

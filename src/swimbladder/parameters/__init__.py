@@ -1,0 +1,73 @@
+"""What a vehicle is made of: frozen, keyword-only, validated.
+
+Numbers are SI floats inside; every field also takes a text with its unit (``"350 cm3"``).
+The paper's symbols stand in the fields that were identified (K1, T1, K2, T2, psi), words elsewhere.
+
+::
+
+    Vehicle
+    |-- water       Water
+    |-- actuator    ElectrohydraulicActuator | ElectromechanicalActuator    from datasheets
+    |               UnifiedActuator (Table 1) | IdentifiedActuator (eq. 33) | Positioner (stepper)
+    |-- supply      Supply           battery voltage and internal resistance
+    |-- stroke      Stroke           smallest and largest volume, 0 is mid-stroke
+    |-- hull        Hull             displaced volume, compressibility, where it emerges
+    |-- motion      PhysicalMotion | IdentifiedMotion (eqs 26-29)
+    |-- sensors     Sensors          noise and quantum of depth and volume
+    `-- controller  Controller       the name of a law, its sample time and gains
+"""
+
+from __future__ import annotations
+
+from swimbladder.parameters.actuators import (
+    Actuator,
+    ElectrohydraulicActuator,
+    ElectromechanicalActuator,
+    HydraulicDrive,
+    IdentifiedActuator,
+    Motor,
+    Oil,
+    Positioner,
+    ScrewDrive,
+    UnifiedActuator,
+)
+from swimbladder.parameters.body import (
+    Drag,
+    Hull,
+    IdentifiedMotion,
+    Motion,
+    PhysicalMotion,
+    Stroke,
+    Supply,
+    Water,
+)
+from swimbladder.parameters.schema import Parameters, Unit, field_unit, input_error
+from swimbladder.parameters.vehicle import Controller, Sensors, Vehicle
+
+__all__ = [
+    "Actuator",
+    "Controller",
+    "Drag",
+    "ElectrohydraulicActuator",
+    "ElectromechanicalActuator",
+    "Hull",
+    "HydraulicDrive",
+    "IdentifiedActuator",
+    "IdentifiedMotion",
+    "Motion",
+    "Motor",
+    "Oil",
+    "Parameters",
+    "PhysicalMotion",
+    "Positioner",
+    "ScrewDrive",
+    "Sensors",
+    "Stroke",
+    "Supply",
+    "UnifiedActuator",
+    "Unit",
+    "Vehicle",
+    "Water",
+    "field_unit",
+    "input_error",
+]

@@ -1,0 +1,162 @@
+"""The body that the actuator moves, the water around it and the battery inside."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from swimbladder.parameters.schema import Parameters, Unit, refusal
+
+__all__ = [
+    "Drag",
+    "Hull",
+    "IdentifiedMotion",
+    "Motion",
+    "PhysicalMotion",
+    "Stroke",
+    "Supply",
+    "Water",
+]
+
+
+class Water(Parameters):
+    """The water the vehicle moves in, of constant density."""
+
+    density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1100.0)] = Field(
+        1000.0, description="density of the water rho"
+    )
+    gravity: Annotated[float, Unit("m/s2"), Field(ge=9.7, le=9.9)] = Field(
+        9.80665, description="gravity g"
+    )
+
+    @property
+    def specific_weight(self) -> float:
+        """Weight of a volume of water, k_b = rho g [N/m3]."""
+        return self.density * self.gravity
+
+
+class Supply(Parameters):
+    """The battery: the voltage that limits the motor."""
+
+    voltage: Annotated[float, Unit("V"), Field(gt=0.0)] = Field(description="open-circuit voltage")
+    internal_resistance: Annotated[float, Unit("ohm"), Field(ge=0.0)] = Field(
+        0.0, description="resistance of battery and leads"
+    )
+
+
+class Stroke(Parameters):
+    """The volume change that the end stops allow; 0 is mid-stroke, positive is lighter."""
+
+    minimum: Annotated[float, Unit("m3")] = Field(description="volume with the piston fully in")
+    maximum: Annotated[float, Unit("m3")] = Field(description="volume with the piston fully out")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.minimum >= self.maximum:
+            raise refusal(
+                f"the minimum, {self.minimum * 1e6:g} cm3, is not below the maximum, "
+                f"{self.maximum * 1e6:g} cm3",
+                "Volumes are counted from mid-stroke: the minimum is usually negative",
+                field="minimum",
+            )
+        return self
+
+
+class Hull(Parameters):
+    """The body: how much it displaces, how it compresses, where it emerges."""
+
+    displaced_volume: Annotated[float, Unit("m3"), Field(gt=0.0)] = Field(
+        description="volume displaced at mid-stroke V_p"
+    )
+    psi: Annotated[float, Unit("m3/m"), Field(ge=-1e-3, le=1e-3)] = Field(
+        description="volume the hull loses per metre beyond what the water does, eq. (31); "
+        "negative: the hull is stiffer than water"
+    )
+    waterplane_area: Annotated[float, Unit("m2"), Field(gt=0.0)] = Field(
+        description="cross-section of the hull at the water line"
+    )
+    emergence_depth: Annotated[float, Unit("m")] = Field(
+        0.0, description="depth of the pressure sensor at which the hull starts to emerge"
+    )
+    height: Annotated[float, Unit("m"), Field(gt=0.0)] = Field(
+        description="height of the part of the hull that can emerge"
+    )
+    depth_limit: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
+        None, description="depth the vehicle is rated for; not given: not stated"
+    )
+
+
+class Drag(Parameters):
+    """Hydrodynamic drag, eq. (16), symmetric in speed.
+
+    linear: k_dl w. quadratic: k_dt w|w|. switched: laminar up to epsilon, turbulent above,
+    continuous there. switched-literal: eq. (16) as printed, which jumps at epsilon.
+    blended: k_dl w + k_dt w|w|.
+    """
+
+    law: Literal["linear", "quadratic", "switched", "switched-literal", "blended"] = Field(
+        "linear", description="how the drag grows with speed"
+    )
+    k_dl: Annotated[float, Unit("N s/m"), Field(ge=0.0)] = Field(
+        0.0, description="laminar drag coefficient"
+    )
+    k_dt: Annotated[float, Unit("N s2/m2"), Field(ge=0.0)] = Field(
+        0.0, description="turbulent drag coefficient"
+    )
+    epsilon: Annotated[float, Unit("m/s"), Field(ge=0.0)] = Field(
+        0.0, description="speed at which drag turns turbulent"
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        needs = {
+            "linear": ("k_dl",),
+            "quadratic": ("k_dt",),
+            "switched": ("k_dl", "k_dt", "epsilon"),
+            "switched-literal": ("k_dl", "k_dt", "epsilon"),
+            "blended": ("k_dl", "k_dt"),
+        }[self.law]
+        for name in ("k_dl", "k_dt", "epsilon"):
+            if name in needs and getattr(self, name) <= 0.0:
+                raise refusal(
+                    f"the drag law {self.law!r} needs it above 0", f"Add {name}", field=name
+                )
+            if name not in needs and getattr(self, name) != 0.0:
+                raise refusal(
+                    f"the drag law {self.law!r} does not use it",
+                    "Leave it out, or choose another law",
+                    field=name,
+                )
+        return self
+
+
+class PhysicalMotion(Parameters):
+    """Masses and drag, each from where it comes."""
+
+    kind: Literal["physical"] = "physical"
+    dry_mass: Annotated[float, Unit("kg"), Field(gt=0.0)] = Field(
+        description="mass of the vehicle in air"
+    )
+    entrained_mass: Annotated[float, Unit("kg"), Field(ge=0.0)] = Field(
+        0.0, description="mass of the water enclosed in free-flooded spaces"
+    )
+    added_mass: Annotated[float, Unit("kg"), Field(ge=0.0)] = Field(
+        0.0, description="mass of the water accelerated around the hull"
+    )
+    drag: Drag = Field(description="hydrodynamic drag, eq. (16)")
+
+
+class IdentifiedMotion(Parameters):
+    """The vertical motion as identified in shallow water (eqs 26-29); drag is laminar."""
+
+    kind: Literal["identified"] = "identified"
+    K2: Annotated[float, Unit("1/m2/s"), Field(gt=0.0)] = Field(
+        description="speed per volume rho g/k_dl, eq. (28)"
+    )
+    T2: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
+        description="time constant m/k_dl, eq. (29)"
+    )
+
+
+Motion = Annotated[PhysicalMotion | IdentifiedMotion, Field(discriminator="kind")]

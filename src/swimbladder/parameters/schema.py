@@ -1,0 +1,226 @@
+"""The ground that parameter classes stand on: frozen, no unknown field, units, one kind of error.
+
+A field with ``Annotated[float, Unit("m3")]`` takes a number in that unit or a text with any unit of
+its kind. Whatever is wrong with the input becomes one InputError with field, value, unit and
+remedy, both from a file (`input_error`) and from a call in Python.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Annotated, Any, Union, cast, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
+from pydantic_core import PydanticCustomError, core_schema
+
+from swimbladder.errors import InputError
+from swimbladder.units import parse_quantity
+
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    ModelMetaclass = type(BaseModel)
+
+__all__ = ["Parameters", "Unit", "did_you_mean", "dotted", "field_unit", "input_error", "refusal"]
+
+
+class Unit:
+    """The unit of a field: parses texts on the way in, and stands in messages and templates."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        """Return pydantic's schema: the text is parsed before the bounds are checked."""
+        return core_schema.no_info_before_validator_function(self._parse, handler(source))
+
+    def _parse(self, value: object) -> float:
+        try:
+            return parse_quantity(value, self.text)
+        except InputError as error:
+            raise refusal(error.what, error.remedy or "") from None
+
+
+class _ParametersMeta(ModelMetaclass):
+    """Turns pydantic's report into one InputError where a class is called."""
+
+    def __call__(cls, /, *args: Any, **fields: Any) -> Any:  # noqa: N805
+        try:
+            return super().__call__(*args, **fields)
+        except ValidationError as error:
+            raise input_error(error, cast(type[BaseModel], cls)) from None
+
+
+class Parameters(BaseModel, metaclass=_ParametersMeta):
+    """Base of all parameter classes: frozen, no unknown fields, nothing infinite."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True
+    )
+
+
+def refusal(what: str, remedy: str, *, field: str | None = None) -> PydanticCustomError:
+    """Return what a validator raises: a sentence on what is wrong and one on what to do.
+
+    field: the field of the model at hand that is to be named, where it is one.
+    """
+    return PydanticCustomError("refused", "{what}", {"what": what, "remedy": remedy, "at": field})
+
+
+def field_unit(model: type[BaseModel], name: str) -> str | None:
+    """Return the unit of field `name` of a parameter class, None where it has none."""
+    info = model.model_fields[name]
+    found = [item for item in info.metadata if isinstance(item, Unit)]
+    for argument in get_args(info.annotation):
+        found += [i for i in getattr(argument, "__metadata__", ()) if isinstance(i, Unit)]
+    return found[0].text if found else None
+
+
+def dotted(path: Iterable[str | int]) -> str:
+    """Return a place in a file as text: ``("setpoints", 0, "depth")`` -> ``setpoints[0].depth``."""
+    text = ""
+    for part in path:
+        if isinstance(part, int):
+            text += f"[{part}]"
+        elif re.fullmatch(r"[A-Za-z0-9_-]+", part):
+            text += f".{part}"
+        else:
+            text += '."' + part.replace('"', '\\"') + '"'
+    return text.removeprefix(".")
+
+
+def did_you_mean(given: str, known: Iterable[str]) -> str:
+    """Return "Did you mean ...? " where a known name is near, else an empty text."""
+    names = list(known)
+    lower = {name.lower(): name for name in names}
+    near = [lower[n] for n in difflib.get_close_matches(given.lower(), lower, n=1, cutoff=0.6)]
+    return f"Did you mean {near[0]}? " if near else ""
+
+
+def input_error(error: ValidationError, model: type[BaseModel]) -> InputError:
+    """Return pydantic's first complaint as an InputError with field, value, unit and remedy.
+
+    An unknown field comes first: it is the cause where a required one is missing too.
+    """
+    found = error.errors(include_url=False)
+    first = next((item for item in found if item["type"] == "extra_forbidden"), found[0])
+    context: dict[str, Any] = dict(first.get("ctx", {}))
+    path, annotation, owner = _walk(model, first["loc"])
+    value: Any = first["input"]
+    if first["type"].startswith("union_tag"):
+        path, owner, value = [*path, "kind"], None, context.get("tag")
+    elif context.get("at"):
+        path, owner = [*path, context["at"]], _models(annotation)[0]
+        value = value.get(context["at"]) if isinstance(value, dict) else None
+    name = str(path[-1]) if path else ""
+    unit = field_unit(owner, name) if owner is not None and name in owner.model_fields else None
+    what, remedy = _explain(
+        first["type"], str(first["msg"]), context, name, annotation, owner, unit
+    )
+    if first["type"] in ("missing", "extra_forbidden") or isinstance(value, (dict, BaseModel)):
+        value = None
+    return InputError(
+        what, field=dotted(path) or model.__name__, value=value, unit=unit, remedy=remedy
+    )
+
+
+def _explain(
+    kind: str,
+    message: str,
+    context: dict[str, Any],
+    path: list[str | int],
+    annotation: Any,
+    owner: type[BaseModel] | None,
+    unit: str | None,
+) -> tuple[str, str]:
+    """Return what is wrong and what to do, for one of pydantic's kinds of error."""
+    name = str(path[-1]) if path else ""
+    if kind == "refused":
+        return context["what"], context["remedy"]
+    if kind == "extra_forbidden":
+        known = sorted(owner.model_fields) if owner is not None else []
+        return "unknown field", f"{did_you_mean(name, known)}Known here: {', '.join(known)}"
+    if kind == "missing":
+        return "a required field is missing", _how_to_add(path, annotation, unit)
+    if kind.startswith("union_tag"):
+        kinds = [tag for member in _models(annotation) for tag in _tags(member)]
+        tag = str(context.get("tag", ""))
+        what = "unknown kind" if kind == "union_tag_invalid" else "a required field is missing"
+        return what, f"{did_you_mean(tag, kinds)}Allowed: {', '.join(kinds)}"
+    if kind == "literal_error":
+        allowed = [str(value) for value in get_args(annotation)]
+        return "not one of the allowed values", f"Allowed: {', '.join(allowed)}"
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
+        return "not a table", f"Write [{dotted(path)}] on a line of its own and its fields below it"
+    if kind in ("tuple_type", "list_type"):
+        return "not a list of tables", f"Write [[{dotted(path)}]] above the fields of each"
+    if kind == "string_type":
+        return "not a text", "Write it in quotes"
+    if kind == "string_too_short":
+        return "an empty text", "Write something between the quotes"
+    if kind.startswith("bool"):
+        return "not a yes or no", "Write true or false"
+    if "than" in kind:
+        return message.replace("Input should", "must"), "Check the number and its unit"
+    return message, "See `swimbladder vehicle new` for a file with every field explained"
+
+
+def _how_to_add(path: list[str | int], annotation: Any, unit: str | None) -> str:
+    if _models(annotation):
+        return f"Add a table [{dotted(path)}]"
+    if get_origin(annotation) in (tuple, list):
+        return f"Add a table [[{dotted(path)}]] for each"
+    if unit is None:
+        return f"Add a line {path[-1]} = ..."
+    return (
+        f'Add a line {path[-1]} = "... {unit}"'
+        if unit
+        else f"Add a line {path[-1]} = (a bare number)"
+    )
+
+
+def _walk(
+    model: type[BaseModel], loc: tuple[str | int, ...]
+) -> tuple[list[str | int], Any, type[BaseModel] | None]:
+    """Follow pydantic's location: the path in the file, what stands there, the class that has it.
+
+    Pydantic's locations also name the member of a union; no such part stands in the file.
+    """
+    path: list[str | int] = []
+    current: Any = model
+    owner: type[BaseModel] | None = None
+    for part in loc:
+        models = _models(current)
+        if len(models) > 1:
+            current = next((m for m in models if part in _tags(m)), current)
+        elif models:
+            path.append(part)
+            owner = models[0]
+            info = owner.model_fields.get(str(part))
+            current = info.annotation if info is not None else None
+        elif get_origin(current) in (dict, tuple, list):
+            path.append(part)
+            owner = None
+            arguments = get_args(current)
+            current = arguments[1] if get_origin(current) is dict else arguments[0]
+    return path, current, owner
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    """Return the parameter classes that an annotation allows, without those inside containers."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    if get_origin(annotation) is Annotated:
+        return _models(get_args(annotation)[0])
+    if get_origin(annotation) is Union or type(annotation).__name__ == "UnionType":
+        return [model for argument in get_args(annotation) for model in _models(argument)]
+    return []
+
+
+def _tags(model: type[BaseModel]) -> tuple[str, ...]:
+    info = model.model_fields.get("kind")
+    return () if info is None else get_args(info.annotation)

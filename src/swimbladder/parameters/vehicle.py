@@ -1,0 +1,127 @@
+"""The vehicle as a whole: its parts, what it senses and what controls it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from swimbladder.errors import InputError
+from swimbladder.parameters.actuators import Actuator, Positioner
+from swimbladder.parameters.body import (
+    Drag,
+    Hull,
+    IdentifiedMotion,
+    Motion,
+    Stroke,
+    Supply,
+    Water,
+)
+from swimbladder.parameters.schema import Parameters, Unit, refusal
+from swimbladder.units import parse_quantity
+
+__all__ = ["Controller", "Sensors", "Vehicle"]
+
+
+def _number_or_text(value: object) -> float | str:
+    if isinstance(value, str):
+        return value
+    try:
+        return parse_quantity(value, "")
+    except InputError as error:
+        raise refusal(error.what, 'Write a number, or a text like "1002 V/dm3"') from None
+
+
+class Sensors(Parameters):
+    """What the controller sees: white noise (1 sigma), then the quantum of the converter."""
+
+    depth_noise: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
+        0.0, description="white noise of the measured depth, 1 sigma"
+    )
+    depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
+        0.0, description="step between two depths that the converter tells apart"
+    )
+    volume_noise: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
+        0.0, description="white noise of the measured volume, 1 sigma"
+    )
+    volume_quantum: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
+        0.0, description="step between two volumes that the converter tells apart"
+    )
+
+
+class Controller(Parameters):
+    """A control law by name, its sample time and its parameters (texts with units allowed)."""
+
+    law: str = Field(min_length=1, description="name of the control law")
+    sample_time: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
+        description="time between two samples"
+    )
+    parameters: dict[str, Annotated[float | str, BeforeValidator(_number_or_text)]] = Field(
+        default_factory=dict, description="parameters of the law, as it names them"
+    )
+
+
+class Vehicle(Parameters):
+    """A vehicle: everything that the simulator, the analysis and the controller need."""
+
+    schema_version: Literal[1] = Field(1, description="version of this file's format")
+    name: str = Field(min_length=1, description="what the vehicle is called")
+    description: str = Field("", description="one sentence on the vehicle")
+    provenance: dict[str, str] = Field(
+        default_factory=dict, description='where each number comes from: dotted field = "source"'
+    )
+    water: Water = Field(Water(), description="the water around the vehicle")
+    actuator: Actuator = Field(description="what changes the volume")
+    supply: Supply | None = Field(None, description="the battery; a positioner does without")
+    stroke: Stroke = Field(
+        description="end stops; volumes count from mid-stroke, positive: lighter"
+    )
+    hull: Hull = Field(description="the body")
+    motion: Motion = Field(description="mass and drag")
+    trim_error: Annotated[float, Unit("m3")] = Field(
+        0.0, description="volume at which the vehicle is neutral at the surface; 0 is mid-stroke"
+    )
+    sensors: Sensors = Field(Sensors(), description="what the controller sees")
+    controller: Controller | None = Field(None, description="what closes the loop")
+
+    @property
+    def mass(self) -> float:
+        """Mass that is accelerated: dry, entrained and added [kg]."""
+        if isinstance(self.motion, IdentifiedMotion):
+            return self.water.specific_weight * self.motion.T2 / self.motion.K2
+        return self.motion.dry_mass + self.motion.entrained_mass + self.motion.added_mass
+
+    @property
+    def drag(self) -> Drag:
+        """The drag law; laminar with k_dl = rho g/K2 where identified, eq. (28)."""
+        if isinstance(self.motion, IdentifiedMotion):
+            return Drag(law="linear", k_dl=self.water.specific_weight / self.motion.K2)
+        return self.motion.drag
+
+    @property
+    def voltage_driven(self) -> bool:
+        """Whether a command is a voltage; a positioner's is a volume."""
+        return not isinstance(self.actuator, Positioner)
+
+    def neutral_volume(self, depth: float) -> float:
+        """Return the volume at which the vehicle rests at `depth` [m], psi z + trim error [m3]."""
+        return self.hull.psi * depth + self.trim_error
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.voltage_driven and self.supply is None:
+            raise refusal(
+                "a voltage-driven actuator needs a supply",
+                "Add a table [supply] with the battery's voltage",
+                field="supply",
+            )
+        neutral = self.neutral_volume(max(self.hull.emergence_depth, 0.0))
+        if not self.stroke.minimum < neutral < self.stroke.maximum:
+            raise refusal(
+                f"the neutral volume at the surface, {neutral * 1e6:g} cm3, is outside the stroke "
+                f"of {self.stroke.minimum * 1e6:g} to {self.stroke.maximum * 1e6:g} cm3: the "
+                "vehicle can not both sink and rise",
+                "Trim the vehicle (trim_error), or give it a longer stroke",
+                field="trim_error",
+            )
+        return self
