@@ -119,7 +119,7 @@ def input_error(error: ValidationError, model: type[BaseModel]) -> InputError:
     name = str(path[-1]) if path else ""
     unit = field_unit(owner, name) if owner is not None and name in owner.model_fields else None
     what, remedy = _explain(
-        first["type"], str(first["msg"]), context, name, annotation, owner, unit
+        first["type"], str(first["msg"]), context, path, annotation, owner, unit
     )
     if first["type"] in ("missing", "extra_forbidden") or isinstance(value, (dict, BaseModel)):
         value = None
