@@ -58,7 +58,7 @@ class Stroke(Parameters):
                 f"the minimum, {self.minimum * 1e6:g} cm3, is not below the maximum, "
                 f"{self.maximum * 1e6:g} cm3",
                 "Volumes are counted from mid-stroke: the minimum is usually negative",
-                field="minimum",
+                "minimum",
             )
         return self
 
@@ -119,14 +119,12 @@ class Drag(Parameters):
         }[self.law]
         for name in ("k_dl", "k_dt", "epsilon"):
             if name in needs and getattr(self, name) <= 0.0:
-                raise refusal(
-                    f"the drag law {self.law!r} needs it above 0", f"Add {name}", field=name
-                )
+                raise refusal(f"the drag law {self.law!r} needs it above 0", f"Add {name}", name)
             if name not in needs and getattr(self, name) != 0.0:
                 raise refusal(
                     f"the drag law {self.law!r} does not use it",
                     "Leave it out, or choose another law",
-                    field=name,
+                    name,
                 )
         return self
 

@@ -63,10 +63,10 @@ class Parameters(BaseModel, metaclass=_ParametersMeta):
     )
 
 
-def refusal(what: str, remedy: str, *, field: str | None = None) -> PydanticCustomError:
+def refusal(what: str, remedy: str, *field: str | int) -> PydanticCustomError:
     """Return what a validator raises: a sentence on what is wrong and one on what to do.
 
-    field: the field of the model at hand that is to be named, where it is one.
+    field: the path, within the model at hand, of the field that is to be named.
     """
     return PydanticCustomError("refused", "{what}", {"what": what, "remedy": remedy, "at": field})
 
@@ -114,8 +114,10 @@ def input_error(error: ValidationError, model: type[BaseModel]) -> InputError:
     if first["type"].startswith("union_tag"):
         path, owner, value = [*path, "kind"], None, context.get("tag")
     elif context.get("at"):
-        path, owner = [*path, context["at"]], _models(annotation)[0]
-        value = value.get(context["at"]) if isinstance(value, dict) else None
+        inner, annotation, owner = _walk(_models(annotation)[0], context["at"])
+        path = [*path, *inner]
+        for part in context["at"]:
+            value = _inside(value, part)
     name = str(path[-1]) if path else ""
     unit = field_unit(owner, name) if owner is not None and name in owner.model_fields else None
     what, remedy = _explain(
@@ -208,6 +210,14 @@ def _walk(
             arguments = get_args(current)
             current = arguments[1] if get_origin(current) is dict else arguments[0]
     return path, current, owner
+
+
+def _inside(value: Any, part: str | int) -> Any:
+    """Return what stands at `part` of an input, None where nothing does."""
+    try:
+        return getattr(value, str(part)) if isinstance(value, BaseModel) else value[part]
+    except (LookupError, TypeError):
+        return None
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:

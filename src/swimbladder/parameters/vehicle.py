@@ -113,7 +113,7 @@ class Vehicle(Parameters):
             raise refusal(
                 "a voltage-driven actuator needs a supply",
                 "Add a table [supply] with the battery's voltage",
-                field="supply",
+                "supply",
             )
         neutral = self.neutral_volume(max(self.hull.emergence_depth, 0.0))
         if not self.stroke.minimum < neutral < self.stroke.maximum:
@@ -122,6 +122,6 @@ class Vehicle(Parameters):
                 f"of {self.stroke.minimum * 1e6:g} to {self.stroke.maximum * 1e6:g} cm3: the "
                 "vehicle can not both sink and rise",
                 "Trim the vehicle (trim_error), or give it a longer stroke",
-                field="trim_error",
+                "trim_error",
             )
         return self

@@ -1,0 +1,120 @@
+"""Vehicles and missions from TOML, every error with its file and line."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from swimbladder.errors import InputError
+from swimbladder.io.mission import Mission
+from swimbladder.io.presets import preset_names, preset_text
+from swimbladder.io.toml_lines import key_lines
+from swimbladder.parameters import Parameters, Vehicle, input_error
+
+__all__ = ["Mission", "load_mission", "load_vehicle", "locate"]
+
+SCHEMA_VERSION = 1
+_SCHEMA_REMEDY = f"Write schema_version = {SCHEMA_VERSION} on the first line"
+_Model = TypeVar("_Model", bound=Parameters)
+
+
+def load_vehicle(name_or_path: str | Path) -> Vehicle:
+    """Return the vehicle of a preset's name or of a TOML file.
+
+    Raises InputError with file, line, field, value, unit and remedy.
+    """
+    text = str(name_or_path)
+    if text in preset_names() and not isinstance(name_or_path, Path):
+        return _read(Vehicle, preset_text(text), f"preset {text}")
+    path = Path(name_or_path)
+    named = isinstance(name_or_path, Path) or path.suffix == ".toml" or len(path.parts) != 1
+    if not named and not path.is_file():
+        preset_text(text)  # says that there is none
+    return _read(Vehicle, _file_text(path), path)
+
+
+def load_mission(path: str | Path) -> Mission:
+    """Return the mission of a TOML file.
+
+    Raises InputError with file, line, field, value, unit and remedy.
+    """
+    return _read(Mission, _file_text(Path(path)), path)
+
+
+def locate(error: InputError, path: str | Path) -> InputError:
+    """Return an error about a field of the file at `path` with the file and the line filled in."""
+    return _at(error, _file_text(Path(path)), path)
+
+
+def _file_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        what, remedy = "there is no such file", "Check the path"
+    except IsADirectoryError:
+        what, remedy = "this is a folder", "Give the TOML file in it"
+    except UnicodeDecodeError as error:
+        what, remedy = f"not UTF-8 text, at byte {error.start}", "Save the file as UTF-8"
+    except (OSError, ValueError) as error:
+        what, remedy = f"cannot read the file: {error}", "Check the path and its permissions"
+    raise InputError(what, file=path, field="file", remedy=remedy)
+
+
+def _read(model: type[_Model], text: str, file: str | Path) -> _Model:
+    data = _parse(text, file)
+    _check_version(data, text, file)
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise _at(input_error(error, model), text, file) from None
+
+
+def _parse(text: str, file: str | Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        words = str(error)
+        what, _, place = words.rpartition(" (at ")
+        number = place.removeprefix("line ").split(",")[0]
+        line = int(number) if number.isdecimal() else text.count("\n") + 1
+        raise InputError(
+            f"this is not TOML: {(what or words)[:1].lower()}{(what or words)[1:]}",
+            file=file,
+            line=line,
+            field="syntax",
+            remedy='Write a line as name = number, or as name = "number unit" in quotes',
+        ) from None
+    except (RecursionError, ValueError) as error:
+        what = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise InputError(
+            f"this TOML cannot be read: {what}",
+            file=file,
+            field="syntax",
+            remedy="See `swimbladder vehicle new` for a file with every field explained",
+        ) from None
+
+
+def _check_version(data: dict[str, Any], text: str, file: str | Path) -> None:
+    given = data.get("schema_version")
+    if given == SCHEMA_VERSION and type(given) is int:
+        return
+    if given is None:
+        what, remedy = "the file does not say its schema version", _SCHEMA_REMEDY
+    elif type(given) is int and given > SCHEMA_VERSION:
+        what = f"the file is newer than this swimbladder, which reads version {SCHEMA_VERSION}"
+        remedy = "Update swimbladder"
+    else:
+        what, remedy = "there is no such schema version", _SCHEMA_REMEDY
+    raise _at(InputError(what, field="schema_version", value=given, remedy=remedy), text, file)
+
+
+def _at(error: InputError, text: str, file: str | Path) -> InputError:
+    """Return the error with its file and the line of its field, or of the nearest table above."""
+    lines = key_lines(text)
+    place = error.field or ""
+    while place and place not in lines:
+        place = place[: max(place.rfind("."), place.rfind("["), 0)]
+    return error.at(file=file, line=lines.get(place))
