@@ -18,10 +18,12 @@ from rich.console import Console
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.units import parse_quantity
 
-__all__ = ["console", "emit_json", "progress", "quantity", "run"]
+__all__ = ["console", "emit_json", "output", "progress", "quantity", "run"]
 
-# Where notes, tables and progress go: stdout belongs to --json and to what is asked to be printed.
+# Notes, progress and errors.
 console = Console(stderr=True)
+# What was asked for, where it is not JSON.
+output = Console()
 
 
 def run(function: Callable[[], object]) -> int:
@@ -97,7 +99,7 @@ def progress(
     stderr is no terminal nothing is drawn.
     """
     if not console.is_terminal:
-        yield lambda amount: None
+        yield lambda _: None
         return
     from rich.progress import (
         BarColumn,

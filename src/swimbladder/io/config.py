@@ -14,7 +14,7 @@ from swimbladder.io.presets import preset_names, preset_text
 from swimbladder.io.toml_lines import key_lines
 from swimbladder.parameters import Parameters, Vehicle, input_error
 
-__all__ = ["Mission", "load_mission", "load_vehicle", "locate"]
+__all__ = ["Mission", "load_mission", "load_vehicle", "locate", "vehicle_text"]
 
 SCHEMA_VERSION = 1
 _SCHEMA_REMEDY = f"Write schema_version = {SCHEMA_VERSION} on the first line"
@@ -26,14 +26,26 @@ def load_vehicle(name_or_path: str | Path) -> Vehicle:
 
     Raises InputError with file, line, field, value, unit and remedy.
     """
-    text = str(name_or_path)
-    if text in preset_names() and not isinstance(name_or_path, Path):
-        return _read(Vehicle, preset_text(text), f"preset {text}")
+    preset = _preset(name_or_path)
+    file = name_or_path if preset is None else f"preset {preset}"
+    return _read(Vehicle, vehicle_text(name_or_path), file)
+
+
+def vehicle_text(name_or_path: str | Path) -> str:
+    """Return the TOML text of a preset's name or of a file, as it is.
+
+    Raises InputError where there is neither.
+    """
+    preset = _preset(name_or_path)
+    return _file_text(Path(name_or_path)) if preset is None else preset_text(preset)
+
+
+def _preset(name_or_path: str | Path) -> str | None:
+    """Return the preset's name where one is meant: a word that is no path and no file here."""
     path = Path(name_or_path)
-    named = isinstance(name_or_path, Path) or path.suffix == ".toml" or len(path.parts) != 1
-    if not named and not path.is_file():
-        preset_text(text)  # says that there is none
-    return _read(Vehicle, _file_text(path), path)
+    if isinstance(name_or_path, Path) or name_or_path != path.name or path.suffix == ".toml":
+        return None
+    return None if name_or_path not in preset_names() and path.is_file() else name_or_path
 
 
 def load_mission(path: str | Path) -> Mission:

@@ -23,7 +23,17 @@ if TYPE_CHECKING:
 else:
     ModelMetaclass = type(BaseModel)
 
-__all__ = ["Parameters", "Unit", "did_you_mean", "dotted", "field_unit", "input_error", "refusal"]
+__all__ = [
+    "Parameters",
+    "Unit",
+    "did_you_mean",
+    "dotted",
+    "field_unit",
+    "input_error",
+    "models_in",
+    "refusal",
+    "tags_of",
+]
 
 
 class Unit:
@@ -114,7 +124,7 @@ def input_error(error: ValidationError, model: type[BaseModel]) -> InputError:
     if first["type"].startswith("union_tag"):
         path, owner, value = [*path, "kind"], None, context.get("tag")
     elif context.get("at"):
-        inner, annotation, owner = _walk(_models(annotation)[0], context["at"])
+        inner, annotation, owner = _walk(models_in(annotation)[0], context["at"])
         path = [*path, *inner]
         for part in context["at"]:
             value = _inside(value, part)
@@ -149,7 +159,7 @@ def _explain(
     if kind == "missing":
         return "a required field is missing", _how_to_add(path, annotation, unit)
     if kind.startswith("union_tag"):
-        kinds = [tag for member in _models(annotation) for tag in _tags(member)]
+        kinds = [tag for member in models_in(annotation) for tag in tags_of(member)]
         tag = str(context.get("tag", ""))
         what = "unknown kind" if kind == "union_tag_invalid" else "a required field is missing"
         return what, f"{did_you_mean(tag, kinds)}Allowed: {', '.join(kinds)}"
@@ -172,7 +182,7 @@ def _explain(
 
 
 def _how_to_add(path: list[str | int], annotation: Any, unit: str | None) -> str:
-    if _models(annotation):
+    if models_in(annotation):
         return f"Add a table [{dotted(path)}]"
     if get_origin(annotation) in (tuple, list):
         return f"Add a table [[{dotted(path)}]] for each"
@@ -196,9 +206,9 @@ def _walk(
     current: Any = model
     owner: type[BaseModel] | None = None
     for part in loc:
-        models = _models(current)
+        models = models_in(current)
         if len(models) > 1:
-            current = next((m for m in models if part in _tags(m)), current)
+            current = next((m for m in models if part in tags_of(m)), current)
         elif models:
             path.append(part)
             owner = models[0]
@@ -220,17 +230,18 @@ def _inside(value: Any, part: str | int) -> Any:
         return None
 
 
-def _models(annotation: Any) -> list[type[BaseModel]]:
+def models_in(annotation: Any) -> list[type[BaseModel]]:
     """Return the parameter classes that an annotation allows, without those inside containers."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     if get_origin(annotation) is Annotated:
-        return _models(get_args(annotation)[0])
+        return models_in(get_args(annotation)[0])
     if get_origin(annotation) is Union or type(annotation).__name__ == "UnionType":
-        return [model for argument in get_args(annotation) for model in _models(argument)]
+        return [model for argument in get_args(annotation) for model in models_in(argument)]
     return []
 
 
-def _tags(model: type[BaseModel]) -> tuple[str, ...]:
+def tags_of(model: type[BaseModel]) -> tuple[str, ...]:
+    """Return the values of `kind` that choose a parameter class out of a union."""
     info = model.model_fields.get("kind")
     return () if info is None else get_args(info.annotation)

@@ -73,9 +73,7 @@ class Vehicle(Parameters):
     water: Water = Field(Water(), description="the water around the vehicle")
     actuator: Actuator = Field(description="what changes the volume")
     supply: Supply | None = Field(None, description="the battery; a positioner does without")
-    stroke: Stroke = Field(
-        description="end stops; volumes count from mid-stroke, positive: lighter"
-    )
+    stroke: Stroke = Field(description="end stops of the volume, counted from mid-stroke")
     hull: Hull = Field(description="the body")
     motion: Motion = Field(description="mass and drag")
     trim_error: Annotated[float, Unit("m3")] = Field(

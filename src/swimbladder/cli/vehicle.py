@@ -1,0 +1,192 @@
+"""``swimbladder vehicle``: the presets, what is in a vehicle file, and a file to start from."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from swimbladder.cli.common import console, emit_json, output
+from swimbladder.errors import InputError
+
+if TYPE_CHECKING:
+    from swimbladder.parameters import Vehicle
+
+__all__ = ["vehicle"]
+
+vehicle = typer.Typer(no_args_is_help=True)
+
+_Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+@vehicle.command("list")
+def list_presets(json: _Json = False) -> None:
+    """List the vehicles that come with swimbladder."""
+    from swimbladder.io.config import load_vehicle
+    from swimbladder.io.presets import preset_names
+
+    found = [(name, load_vehicle(name)) for name in preset_names()]
+    if json:
+        emit_json(
+            {
+                "vehicles": [
+                    {"name": name, "kind": v.actuator.kind, "description": v.description}
+                    for name, v in found
+                ]
+            }
+        )
+        return
+    from rich.table import Table
+
+    table = Table("name", "actuator", "description", box=None, pad_edge=False)
+    for name, v in found:
+        table.add_row(name, v.actuator.kind, v.description)
+    output.print(table)
+
+
+@vehicle.command()
+def show(
+    name: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    json: _Json = False,
+) -> None:
+    """Print a vehicle's file, and on stderr the numbers that follow from it."""
+    from swimbladder.io.config import load_vehicle, vehicle_text
+
+    v = load_vehicle(name)
+    derived = _derived(v)
+    if json:
+        emit_json(
+            {
+                "name": v.name,
+                "kind": v.actuator.kind,
+                "description": v.description,
+                "parameters": _parameters(v),
+                "derived": {
+                    key: {"value": value, "unit": unit, "meaning": meaning}
+                    for key, (value, unit, meaning) in derived.items()
+                },
+                "provenance": v.provenance,
+            }
+        )
+        return
+    sys.stdout.write(vehicle_text(name))
+    sys.stdout.flush()
+    from rich.table import Table
+
+    table = Table("follows from it", "", "", box=None, pad_edge=False)
+    for value, unit, meaning in derived.values():
+        table.add_row(meaning, "" if value is None else f"{value:.6g}", unit)
+    console.print()
+    console.print(table)
+
+
+@vehicle.command()
+def new(
+    path: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="Where to write; KIND.toml by default.")
+    ] = None,
+    kind: Annotated[
+        str,
+        typer.Option(
+            help="Actuator: electromechanical or electrohydraulic (from datasheets), identified, "
+            "unified, or positioner."
+        ),
+    ] = "electromechanical",
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
+    json: _Json = False,
+) -> None:
+    """Write a vehicle file to start from: every field, its unit, meaning and default."""
+    from swimbladder.io.files import write_atomically
+    from swimbladder.io.templates import KINDS, vehicle_template
+    from swimbladder.parameters.schema import did_you_mean
+
+    if kind not in KINDS:
+        raise InputError(
+            "there is no such kind of actuator",
+            field="--kind",
+            value=kind,
+            remedy=f"{did_you_mean(kind, KINDS)}Kinds: {', '.join(KINDS)}",
+        )
+    target = path if path is not None else Path(f"{kind}.toml")
+    if target.exists() and not force:
+        raise InputError(
+            "the file exists already",
+            file=target,
+            field="FILE",
+            remedy="Choose another name, or overwrite it with --force",
+        )
+    write_atomically(target, vehicle_template(kind, name=target.stem))
+    if json:
+        emit_json({"kind": kind, "files": [target]})
+    else:
+        console.print(f"wrote {target}: put in your numbers, then", highlight=False)
+        console.print(f"  swimbladder simulate {target}", highlight=False)
+
+
+def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:
+    """Return every number of a vehicle in SI as {dotted field: {value, unit}}."""
+    from pydantic import BaseModel
+
+    from swimbladder.parameters import field_unit
+    from swimbladder.parameters.schema import dotted
+
+    found: dict[str, dict[str, Any]] = {}
+
+    def walk(model: BaseModel, path: tuple[str, ...]) -> None:
+        for name in type(model).model_fields:
+            value = getattr(model, name)
+            if isinstance(value, BaseModel):
+                walk(value, (*path, name))
+            elif isinstance(value, dict) or value is None or not path:
+                continue
+            else:
+                found[dotted((*path, name))] = {
+                    "value": value,
+                    "unit": field_unit(type(model), name),
+                }
+
+    walk(v, ())
+    found["trim_error"] = {"value": v.trim_error, "unit": "m3"}
+    return found
+
+
+def _derived(v: Vehicle) -> dict[str, tuple[float | None, str, str]]:
+    """Return what follows from a vehicle's numbers, as {name: (value, unit, meaning)}."""
+    from swimbladder.actuator import reduced
+    from swimbladder.parameters import Positioner
+
+    stroke, psi = v.stroke, v.hull.psi
+    found: dict[str, tuple[float | None, str, str]] = {
+        "mass_kg": (v.mass, "kg", "mass that is accelerated"),
+    }
+    if isinstance(v.actuator, Positioner):
+        rate = v.actuator.speed * v.actuator.piston_area
+        found["volume_rate_m3_s"] = (rate, "m3/s", "volume rate of the positioner")
+    else:
+        a = reduced(v.actuator, v.water)
+        found["K1A_m3_s_V"] = (a.gain, "m3/s/V", "volume rate per volt, K1 A")
+        found["T1_s"] = (a.T1, "s", "time constant of the motor, T1")
+        found["load_V_m"] = (a.load_drive, "V/m", "voltage that holds a metre of water, k_z/k_u")
+        found["k_l_m2_s"] = (a.k_l, "m2/s", "leakage, k_l")
+        if v.supply is not None:
+            rate = a.gain * v.supply.voltage
+            found["volume_rate_m3_s"] = (rate, "m3/s", "volume rate at the surface, full supply")
+    drag = v.drag
+    if drag.k_dl > 0.0:
+        found["K2_1_m2_s"] = (
+            v.water.specific_weight / drag.k_dl,
+            "1/m2/s",
+            "speed per volume at low speed, K2",
+        )
+        found["T2_s"] = (v.mass / drag.k_dl, "s", "time constant of the motion, T2")
+    found["neutral_volume_surface_m3"] = (v.neutral_volume(0.0), "m3", "neutral at the surface")
+    limit = v.hull.depth_limit
+    if limit is not None:
+        neutral = v.neutral_volume(limit)
+        found["neutral_volume_limit_m3"] = (neutral, "m3", f"neutral at {limit:g} m, its rating")
+    end = stroke.maximum if psi > 0.0 else stroke.minimum
+    deepest = (end - v.trim_error) / psi if psi != 0.0 else None
+    found["neutral_depth_limit_m"] = (deepest, "m", "depth to which the stroke reaches neutral")
+    return found
