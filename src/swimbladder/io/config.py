@@ -14,7 +14,15 @@ from swimbladder.io.presets import preset_names, preset_text
 from swimbladder.io.toml_lines import key_lines
 from swimbladder.parameters import Parameters, Vehicle, input_error
 
-__all__ = ["Mission", "load_mission", "load_vehicle", "locate", "vehicle_text"]
+__all__ = [
+    "Mission",
+    "file_text",
+    "load_mission",
+    "load_vehicle",
+    "locate",
+    "read_model",
+    "vehicle_text",
+]
 
 SCHEMA_VERSION = 1
 _SCHEMA_REMEDY = f"Write schema_version = {SCHEMA_VERSION} on the first line"
@@ -28,7 +36,7 @@ def load_vehicle(name_or_path: str | Path) -> Vehicle:
     """
     preset = _preset(name_or_path)
     file = name_or_path if preset is None else f"preset {preset}"
-    return _read(Vehicle, vehicle_text(name_or_path), file)
+    return read_model(Vehicle, vehicle_text(name_or_path), file)
 
 
 def vehicle_text(name_or_path: str | Path) -> str:
@@ -37,7 +45,7 @@ def vehicle_text(name_or_path: str | Path) -> str:
     Raises InputError where there is neither.
     """
     preset = _preset(name_or_path)
-    return _file_text(Path(name_or_path)) if preset is None else preset_text(preset)
+    return file_text(Path(name_or_path)) if preset is None else preset_text(preset)
 
 
 def _preset(name_or_path: str | Path) -> str | None:
@@ -53,15 +61,19 @@ def load_mission(path: str | Path) -> Mission:
 
     Raises InputError with file, line, field, value, unit and remedy.
     """
-    return _read(Mission, _file_text(Path(path)), path)
+    return read_model(Mission, file_text(Path(path)), path)
 
 
 def locate(error: InputError, path: str | Path) -> InputError:
     """Return an error about a field of the file at `path` with the file and the line filled in."""
-    return _at(error, _file_text(Path(path)), path)
+    return _at(error, file_text(Path(path)), path)
 
 
-def _file_text(path: Path) -> str:
+def file_text(path: Path) -> str:
+    """Return the text of a file.
+
+    Raises InputError where it cannot be read or is not UTF-8.
+    """
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
@@ -75,9 +87,17 @@ def _file_text(path: Path) -> str:
     raise InputError(what, file=path, field="file", remedy=remedy)
 
 
-def _read(model: type[_Model], text: str, file: str | Path) -> _Model:
+def read_model(
+    model: type[_Model], text: str, file: str | Path, *, versioned: bool = True
+) -> _Model:
+    """Return TOML text as a parameter class; `file` is what messages call the text.
+
+    Raises InputError with file, line, field, value, unit and remedy; where the file is
+    `versioned`, also where it does not state the schema version that this swimbladder reads.
+    """
     data = _parse(text, file)
-    _check_version(data, text, file)
+    if versioned:
+        _check_version(data, text, file)
     try:
         return model.model_validate(data)
     except ValidationError as error:
