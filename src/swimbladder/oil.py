@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from swimbladder.errors import InputError
 from swimbladder.parameters import Oil, Water
 
 __all__ = [
@@ -53,10 +54,10 @@ def oil_volume_ratio(*, p: float, beta: float, air: float, n: float = 1.0) -> fl
 def effective_bulk_modulus(*, p: float, beta: float, air: float, n: float = 1.0) -> float:
     """Effective bulk modulus beta_e [Pa] of oil with trapped air at absolute pressure p [Pa].
 
-    beta_e = -V dp/dV = (V_l + V_g)/(V_l/beta + V_g/(n p)): the compliances of liquid and gas add by
-    their volumes, the mixture law of H. E. Merritt, Hydraulic Control Systems, 1967, and of the
-    survey by H. Gholizadeh et al., Int. J. Fluid Power 12(3), 2011, 5-16, which neglect that the
-    liquid itself gets smaller. No air dissolves here: real oil under pressure is as stiff or
+    beta_e = -V dp/dV = (V_l + V_g)/(V_l/beta + V_g/(n p)): the compliances of liquid and gas add in
+    the proportion of their volumes at p (M. G. Rabie, Fluid Power Engineering, 2009, chapter 2;
+    Simscape's Hydraulic Fluid has the same with V_l kept constant, which differs by p/beta). No air
+    dissolves here: real oil under pressure is as stiff or
     stiffer. Arguments as in oil_volume_ratio.
     """
     liquid, gas = _mixture(p=p, beta=beta, air=air, n=n)
@@ -85,8 +86,17 @@ def oil_compression(
     """Return what eq. (2) says of an oil at `depth` [m] behind a pressure amplifier n_h [-].
 
     Eq. (2) takes one modulus for the whole change, and the paper that at half the pressure. Trapped
-    air collapses in the first metres, where that modulus is not: `exact` counts it.
+    air collapses in the first metres, far from that modulus: `exact` counts it. Raises InputError
+    where the depth is negative.
     """
+    if depth < 0.0:
+        raise InputError(
+            "the oil's compression is counted from the surface down",
+            field="depth",
+            value=depth,
+            unit="m",
+            remedy="Give a depth of 0 or more",
+        )
     dp = water.specific_weight * depth / n_h
     properties = {"beta": oil.bulk_modulus, "air": oil.trapped_air, "n": polytropic}
     beta_e = effective_bulk_modulus(p=ATMOSPHERIC_PRESSURE + dp / 2.0, **properties)
