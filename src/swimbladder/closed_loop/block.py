@@ -1,0 +1,142 @@
+"""A block of vehicles laid out for the kernel, and what comes out of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.closed_loop.dispatch import enroll
+from swimbladder.closed_loop.lanes import RECORDED, Row, rows, run_block, start_block
+from swimbladder.control.law import Law
+from swimbladder.dynamics import Plant
+from swimbladder.engine.books import Account
+from swimbladder.engine.chain import COEFFICIENTS, LEVELS
+from swimbladder.engine.modes import COUNT
+from swimbladder.parameters import Sensors
+
+__all__ = ["Block", "Schedule", "schedule"]
+
+_EVENTS = 2000  # passages kept of each vehicle; more are counted
+_CHUNK = 4096  # ticks between calls: progress, interruption, memory of the noise
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schedule:
+    """Set-points on the clock of the vehicle."""
+
+    tick: float  # s
+    turn: NDArray[np.int64]  # [n + 1], which set-point holds at each tick
+    given: NDArray[np.int64]  # the tick of each set-point
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks of the run."""
+        return len(self.turn) - 1
+
+
+def schedule(times: Sequence[float], duration: float, tick: float) -> Schedule:
+    """Return set-points given at `times` [s], each at the first tick not before it."""
+    n = max(1, math.ceil(duration / tick - 1e-9))
+    given = np.array([math.ceil(t / tick - 1e-9) for t in times], dtype=np.int64)
+    turn = np.searchsorted(given, np.arange(n + 1), side="right").astype(np.int64) - 1
+    return Schedule(tick=tick, turn=turn, given=given)
+
+
+@dataclass(kw_only=True)
+class Block:
+    """Lanes that run together; see closed_loop.lanes for the layout of `work`."""
+
+    lanes: int
+    law: Law
+    parameters: Any
+    clock: Schedule
+    parts: int
+    nonlinear: bool
+    depths: NDArray[np.float64]  # [set-points, lanes]
+    work: NDArray[np.float64]  # [rows, lanes]
+    noise: list[np.random.Generator] | None
+    record: NDArray[np.float64]
+    books: NDArray[np.float64]
+    log: NDArray[np.float64]
+    noted: NDArray[np.int64]
+
+    @classmethod
+    def lay_out(
+        cls, *, plants: NDArray[np.float64], law: Law, parameters: Any, clock: Schedule, parts: int,
+        depths: NDArray[np.float64], start: NDArray[np.float64], sensors: Sensors,
+        seeds: Sequence[Sequence[int]] | None, record: bool, books: bool, events: bool,
+    ) -> Block:  # fmt: skip
+        """Return a block of plants [len(Plant), lanes] that start at (q, V, z, w) [4, lanes].
+
+        parameters: of the law, each a number or an array [lanes].
+        """
+        enroll(law)
+        lanes = plants.shape[1]
+        index = Plant._fields.index
+        values = [np.broadcast_to(np.asarray(v, float), (lanes,)) for v in parameters]
+        work = np.zeros((rows(len(law.parameters._fields), len(law.state._fields)), lanes))
+        work[Row.Q : Row.Q + 4] = start
+        work[Row.PLANT : Row.PLANT + len(Plant._fields)] = plants
+        work[Row.LAW : Row.LAW + len(values)] = values
+        positioner = plants[index("positioner")] != 0.0
+        supply = plants[index("supply")]
+        work[Row.LOW_U] = np.where(positioner, plants[index("V_min")], -supply)
+        work[Row.HIGH_U] = np.where(positioner, plants[index("V_max")], supply)
+        work[Row.DEPTH_NOISE] = sensors.depth_noise
+        work[Row.DEPTH_QUANTUM] = sensors.depth_quantum
+        work[Row.VOLUME_NOISE] = sensors.volume_noise
+        work[Row.VOLUME_QUANTUM] = sensors.volume_quantum
+        work[Row.Z_LOWEST] = work[Row.Z_HIGHEST] = start[2]
+        work[Row.V_LOWEST] = work[Row.V_HIGHEST] = start[1]
+        n = clock.ticks + 1
+        unset = np.full((len(RECORDED), n if record else 0, lanes), np.nan)
+        return cls(
+            lanes=lanes, law=law, parameters=law.parameters(*(float(v[0]) for v in values)),
+            clock=clock, parts=parts,
+            nonlinear=bool(np.any(np.isfinite(plants[index("epsilon")]))),
+            depths=np.ascontiguousarray(np.broadcast_to(depths, (len(clock.given), lanes))),
+            work=work,
+            noise=None if seeds is None
+            else [np.random.Generator(np.random.Philox(np.random.SeedSequence(s))) for s in seeds],
+            record=unset,
+            books=np.zeros((lanes, len(Account) if books else 0)),
+            log=np.zeros((lanes, _EVENTS if events else 0, 3)),
+            noted=np.zeros((lanes, 1), np.int64),
+        )  # fmt: skip
+
+    def run(self, progress: Callable[[int], None] | None = None) -> None:
+        """Run to the end; `progress` gets the number of ticks done after each chunk."""
+        token = (0.0,) * self.lanes
+        chains = np.empty((self.lanes, COUNT, LEVELS + 1, COEFFICIENTS))
+        built = np.zeros((self.lanes, COUNT), np.uint8)
+        flat = self.work.reshape(-1)
+        state = self.law.state(*(0.0 for _ in self.law.state._fields))
+        fields = self.law.state._fields
+        row = fields.index("volume_reference") if "volume_reference" in fields else -1
+        start_block(flat, token, self.clock.tick / self.parts, chains, built)
+        end = self.clock.ticks + 1
+        silent = np.zeros((0, 2, self.lanes))
+        for first in range(0, end, _CHUNK):
+            last = min(first + _CHUNK, end)
+            noise = silent if self.noise is None else self._noise(last - first)
+            run_block(
+                flat, token, self.parameters, state, first, last, self.clock.tick, self.parts,
+                self.nonlinear, self.clock.turn, self.clock.given, self.depths, noise, self.record,
+                row, chains, built, self.books, self.log, self.noted,
+            )  # fmt: skip
+            if progress is not None:
+                progress(last)
+            if bool(np.all(self.work[Row.STOPPED] != 0.0)):
+                break
+
+    def _noise(self, ticks: int) -> NDArray[np.float64]:
+        assert self.noise is not None
+        noise = np.empty((ticks, 2, self.lanes))
+        for i, generator in enumerate(self.noise):
+            noise[:, :, i] = generator.standard_normal((ticks, 2))
+        return noise

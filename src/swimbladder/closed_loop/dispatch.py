@@ -1,0 +1,90 @@
+"""Compiled laws: dispatched on the type of their parameters, so nothing is closed over.
+
+A kernel calls `law_step(parameters, state, measurement, reference)`; numba picks the law by the
+class of `parameters`, and the kernel's code on disk is found again by the same type.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import types
+from numba.extending import overload
+
+from swimbladder.control.law import Law
+from swimbladder.engine.cache import part
+
+__all__ = ["enroll", "gather", "law_initial", "law_step", "scatter_where"]
+
+_LAWS: dict[type[Any], Law] = {}
+
+
+def enroll(law: Law) -> None:
+    """Make a law known to the compiler by the class of its parameters."""
+    _LAWS[law.parameters] = law
+
+
+def law_step(parameters: Any, state: Any, measurement: Any, reference: float) -> Any:
+    """Return the step of the law that `parameters` belong to."""
+    return _LAWS[type(parameters)].step(parameters, state, measurement, reference)
+
+
+def law_initial(parameters: Any, measurement: Any, reference: float) -> Any:
+    """Return the first state of the law that `parameters` belong to."""
+    return _LAWS[type(parameters)].initial(parameters, measurement, reference)
+
+
+@overload(law_step, inline="never")
+def _law_step(parameters, state, measurement, reference):  # type: ignore[no-untyped-def]
+    step = part(_LAWS[parameters.instance_class].step)
+    return lambda parameters, state, measurement, reference: step(
+        parameters, state, measurement, reference
+    )
+
+
+@overload(law_initial, inline="never")
+def _law_initial(parameters, measurement, reference):  # type: ignore[no-untyped-def]
+    initial = part(_LAWS[parameters.instance_class].initial)
+    return lambda parameters, measurement, reference: initial(parameters, measurement, reference)
+
+
+def gather(like: Any, work: Any, start: int, stride: int) -> Any:
+    """Return a named tuple of the class of `like` from work[start], work[start + stride], ..."""
+    kind = type(like)
+    return kind(*(work[start + n * stride] for n in range(len(kind._fields))))
+
+
+def scatter_where(due: bool, values: Any, work: Any, start: int, stride: int) -> None:
+    """Write a named tuple's fields to work[start], work[start + stride], ... where `due`."""
+    for n, value in enumerate(values):
+        if due:
+            work[start + n * stride] = value
+
+
+def _function(source: str, **names: Any) -> Any:
+    space = dict(names)
+    exec(source, space)  # the field count is known to the compiler only as source
+    return space["f"]
+
+
+@overload(gather)
+def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]
+    if not isinstance(like, types.BaseNamedTuple):
+        return None
+    fields = ", ".join(
+        f"work[start + {n} * stride]" for n in range(len(like.instance_class._fields))
+    )
+    return _function(
+        f"def f(like, work, start, stride):\n    return Kind({fields})", Kind=like.instance_class
+    )
+
+
+@overload(scatter_where)
+def _scatter_where(due, values, work, start, stride):  # type: ignore[no-untyped-def]
+    if not isinstance(values, types.BaseNamedTuple):
+        return None
+    lines = "".join(
+        f"    i = start + {n} * stride\n    work[i] = values[{n}] if due else work[i]\n"
+        for n in range(len(values.instance_class._fields))
+    )
+    return _function(f"def f(due, values, work, start, stride):\n{lines}")

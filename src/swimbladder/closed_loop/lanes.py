@@ -1,0 +1,442 @@
+"""The closed loop over a block of vehicles: law, hold, plant, tick after tick, compiled.
+
+A block is a number of lanes that is known to the compiler (one for a single vehicle). All numbers
+of a block lie in one array, row by row, lane by lane, small enough for the first-level cache, and
+time runs inside. A tick is taken for all lanes at once by their modes' exponentials; the few lanes
+in which something happens (an end stop, the surface, the bottom) are taken again by
+`engine.advance`, which finds the event.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+
+import numpy as np
+
+from swimbladder.closed_loop.dispatch import gather, law_initial, law_step, scatter_where
+from swimbladder.control.law import Measurement
+from swimbladder.dynamics import Plant
+from swimbladder.engine.advance import DONE, advance
+from swimbladder.engine.cache import compiled, part
+from swimbladder.engine.chain import ALPHA, BETA, build_chain
+from swimbladder.engine.modes import (
+    BACKWARD,
+    BOTTOM,
+    D_0,
+    D_B,
+    D_L,
+    D_T,
+    EMERGING,
+    EPSILON,
+    FORWARD,
+    FRICTION,
+    LOAD_BACK,
+    LOAD_DRIVE,
+    POSITIONER,
+    PSI,
+    SAG,
+    V_0,
+    V_MAX,
+    V_MIN,
+    Z_AIR,
+    Z_BOTTOM,
+    Z_SURFACE,
+    first_mode,
+    split,
+)
+
+LAW_NOT_FINITE = 5
+
+__all__ = ["RECORDED", "Row", "rows", "run_block", "start_block"]
+
+
+class Row(IntEnum):
+    """Rows of a block's array, each of one number per lane."""
+
+    Q = 0  # state: q, V, z, w
+    V = 1
+    Z = 2
+    W = 3
+    NEXT_Q = 4  # state at the end of the tick
+    NEXT_V = 5
+    NEXT_Z = 6
+    NEXT_W = 7
+    COMMAND = 8  # as the law gave it
+    APPLIED = 9  # as the actuator got it
+    WAIT = 10  # ticks until the law wants to be called
+    MODE = 11
+    SLOW = 12  # 1: this lane's mode has to be taken by engine.advance
+    STOPPED = 13  # why the lane stopped, 0: it did not
+    STOP_TICK = 14
+    LOW_Q = 15  # bounds within which the mode lasts
+    HIGH_Q = 16
+    LOW_V = 17
+    HIGH_V = 18
+    LOW_Z = 19
+    HIGH_Z = 20
+    DEPTH_NOISE = 21
+    DEPTH_QUANTUM = 22
+    VOLUME_NOISE = 23
+    VOLUME_QUANTUM = 24
+    FROM = 25  # depth at which the present set-point was given
+    LOW_U = 26  # what the actuator takes
+    HIGH_U = 27
+    SEEN_DEPTH = 28  # the measurement
+    SEEN_VOLUME = 29
+    # summaries
+    Z_LOWEST = 30
+    Z_HIGHEST = 31
+    V_LOWEST = 32
+    V_HIGHEST = 33
+    TRAVEL = 34
+    FURTHEST = 35  # largest share of the present step that was travelled
+    RISE90 = 36  # s after the set-point, inf: not yet
+    OUTSIDE2 = 37  # s after the set-point at which the depth was last outside 2 %, -1: never
+    SQUARES = 38  # sum of the squared depth error
+    EVENTS = 39  # ticks in which something happened
+    TROUBLE = 40  # 1: this tick has to be taken by engine.advance
+    REFERENCE = 41  # m, the present set-point
+    STEP = 42  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
+    PLANT = 86
+    LAW = 111  # parameters, then state
+
+
+N_STEP = 44
+RECORDED = ("depth", "speed", "volume", "motor_rate", "command", "applied", "volume_reference")
+(
+    Q, V, Z, W, NEXT_Q, NEXT_V, NEXT_Z, NEXT_W, COMMAND, APPLIED, WAIT, MODE, SLOW, STOPPED,
+    STOP_TICK, LOW_Q, HIGH_Q, LOW_V, HIGH_V, LOW_Z, HIGH_Z, DEPTH_NOISE, DEPTH_QUANTUM,
+    VOLUME_NOISE, VOLUME_QUANTUM, FROM, LOW_U, HIGH_U, SEEN_DEPTH, SEEN_VOLUME, Z_LOWEST, Z_HIGHEST, V_LOWEST,
+    V_HIGHEST, TRAVEL, FURTHEST, RISE90, OUTSIDE2, SQUARES, EVENTS, TROUBLE, REFERENCE, STEP, PLANT, LAW,
+) = (int(row) for row in Row)  # fmt: skip
+N_PLANT = len(Plant._fields)
+assert LAW == PLANT + N_PLANT and PLANT == STEP + N_STEP
+
+
+def rows(n_parameters: int, n_state: int) -> int:
+    """Return the number of rows of a block's array for a law of so many numbers."""
+    return LAW + n_parameters + n_state
+
+
+@part
+def _set_mode(S, token, i, mode, chains, built, h, p):  # type: ignore[no-untyped-def]
+    """Write into lane i what a tick in this mode needs: coefficients, bounds, whether it is slow."""
+    W_ = len(token)
+    S[MODE * W_ + i] = mode
+    act, _, where = split(mode)
+    plain = act == FORWARD or act == BACKWARD
+    S[SLOW * W_ + i] = 0.0 if plain and p[SAG] == 0.0 and p[POSITIONER] == 0.0 else 1.0
+    one_way = p[LOAD_DRIVE] != p[LOAD_BACK] or p[FRICTION] != 0.0
+    S[LOW_Q * W_ + i] = 0.0 if one_way and act == FORWARD else -np.inf
+    S[HIGH_Q * W_ + i] = 0.0 if one_way and act == BACKWARD else np.inf
+    S[LOW_V * W_ + i] = p[V_MIN]
+    S[HIGH_V * W_ + i] = p[V_MAX]
+    S[LOW_Z * W_ + i] = p[Z_SURFACE]
+    S[HIGH_Z * W_ + i] = min(p[Z_BOTTOM], 12000.0)
+    if where == EMERGING:
+        S[LOW_Z * W_ + i] = p[Z_AIR]
+        S[HIGH_Z * W_ + i] = min(p[Z_SURFACE], p[Z_BOTTOM])
+    elif where == BOTTOM:
+        S[LOW_Z * W_ + i] = -np.inf
+        S[HIGH_Z * W_ + i] = np.inf
+        S[HIGH_V * W_ + i] = min(p[V_MAX], p[PSI] * S[Z * W_ + i] + p[V_0])
+    if built[mode] == 0:
+        build_chain(p, mode, h, chains[mode])
+        built[mode] = 1
+    c = chains[mode, 0]
+    half = chains[mode, 1]
+    for r in range(4):
+        for k in range(4):
+            S[(STEP + 6 * r + k) * W_ + i] = c[4 * r + k]
+        S[(STEP + 6 * r + 4) * W_ + i] = c[20 + r]
+        S[(STEP + 6 * r + 5) * W_ + i] = c[25 + r]
+        for k in range(3):
+            S[(STEP + 24 + 4 * k + r) * W_ + i] = c[30 + 5 * k + r]
+    for k in range(4):
+        S[(STEP + 36 + k) * W_ + i] = half[12 + k]
+    S[(STEP + 40) * W_ + i] = half[23]
+    S[(STEP + 41) * W_ + i] = half[28]
+    S[(STEP + 42) * W_ + i] = c[ALPHA]
+    S[(STEP + 43) * W_ + i] = c[BETA]
+
+
+@part
+def _measure(S, token, noise, k):  # type: ignore[no-untyped-def]
+    """Write what the sensors say: the state, noise, then the quantum."""
+    W_ = len(token)
+    for i in range(W_):
+        z = S[Z * W_ + i]
+        v = S[V * W_ + i]
+        if noise.shape[0] > 0:
+            z += S[DEPTH_NOISE * W_ + i] * noise[k, 0, i]
+            v += S[VOLUME_NOISE * W_ + i] * noise[k, 1, i]
+            dz = S[DEPTH_QUANTUM * W_ + i]
+            dv = S[VOLUME_QUANTUM * W_ + i]
+            if dz > 0.0:
+                z = dz * np.floor(z / dz + 0.5)
+            if dv > 0.0:
+                v = dv * np.floor(v / dv + 0.5)
+        S[SEEN_DEPTH * W_ + i] = z
+        S[SEEN_VOLUME * W_ + i] = v
+
+
+@part
+def _decide(S, token, like, like_state, t, tick):  # type: ignore[no-untyped-def]
+    """Call the law in every lane; keep what it says where it is due."""
+    W_ = len(token)
+    n_par = len(like)
+    for i in range(W_):
+        seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
+        parameters = gather(like, S, LAW * W_ + i, W_)
+        state = gather(like_state, S, (LAW + n_par) * W_ + i, W_)
+        command, state, next_s = law_step(parameters, state, seen, S[REFERENCE * W_ + i])
+        due = S[WAIT * W_ + i] <= 0.0
+        wait = np.ceil(next_s / tick - 1e-9)
+        S[WAIT * W_ + i] = (max(wait, 1.0) if due else S[WAIT * W_ + i]) - 1.0
+        command = command if due else S[COMMAND * W_ + i]
+        S[COMMAND * W_ + i] = command
+        S[APPLIED * W_ + i] = max(S[LOW_U * W_ + i], min(S[HIGH_U * W_ + i], command))
+        scatter_where(due, state, S, (LAW + n_par) * W_ + i, W_)
+
+
+@part
+def _leap_all(S, token, h, nonlinear):  # type: ignore[no-untyped-def]
+    """Take one step in every lane by its mode's exponential; return how many lanes need more."""
+    W_ = len(token)
+    troubled = 0
+    for i in range(W_):
+        q, v, z, w = S[Q * W_ + i], S[V * W_ + i], S[Z * W_ + i], S[W * W_ + i]
+        u = S[APPLIED * W_ + i]
+        c = STEP * W_ + i
+        q1 = q + (
+            S[c] * q
+            + S[c + W_] * v
+            + S[c + 2 * W_] * z
+            + S[c + 3 * W_] * w
+            + S[c + 4 * W_] * u
+            + S[c + 5 * W_]
+        )
+        v1 = v + (
+            S[c + 6 * W_] * q
+            + S[c + 7 * W_] * v
+            + S[c + 8 * W_] * z
+            + S[c + 9 * W_] * w
+            + S[c + 10 * W_] * u
+            + S[c + 11 * W_]
+        )
+        z1 = z + (
+            S[c + 12 * W_] * q
+            + S[c + 13 * W_] * v
+            + S[c + 14 * W_] * z
+            + S[c + 15 * W_] * w
+            + S[c + 16 * W_] * u
+            + S[c + 17 * W_]
+        )
+        w1 = w + (
+            S[c + 18 * W_] * q
+            + S[c + 19 * W_] * v
+            + S[c + 20 * W_] * z
+            + S[c + 21 * W_] * w
+            + S[c + 22 * W_] * u
+            + S[c + 23 * W_]
+        )
+        if nonlinear:
+            d_l, d_b = S[(PLANT + D_L) * W_ + i], S[(PLANT + D_B) * W_ + i]
+            d_0, d_t = S[(PLANT + D_0) * W_ + i], S[(PLANT + D_T) * W_ + i]
+            eps = S[(PLANT + EPSILON) * W_ + i]
+            wh = w + (
+                S[c + 36 * W_] * q
+                + S[c + 37 * W_] * v
+                + S[c + 38 * W_] * z
+                + S[c + 39 * W_] * w
+                + S[c + 40 * W_] * u
+                + S[c + 41 * W_]
+            )
+            alpha, beta = S[c + 42 * W_], S[c + 43 * W_]
+            N0 = _rest(d_l, d_b, d_0, d_t, eps, w)
+            Na = _rest(d_l, d_b, d_0, d_t, eps, wh + alpha * N0)
+            Nb = _rest(d_l, d_b, d_0, d_t, eps, wh + alpha * Na)
+            Nc = _rest(d_l, d_b, d_0, d_t, eps, w1 + beta * N0 + alpha * (2.0 * Nb - N0))
+            Nab = Na + Nb
+            q1 += S[c + 24 * W_] * N0 + S[c + 28 * W_] * Nab + S[c + 32 * W_] * Nc
+            v1 += S[c + 25 * W_] * N0 + S[c + 29 * W_] * Nab + S[c + 33 * W_] * Nc
+            z1 += S[c + 26 * W_] * N0 + S[c + 30 * W_] * Nab + S[c + 34 * W_] * Nc
+            w1 += S[c + 27 * W_] * N0 + S[c + 31 * W_] * Nab + S[c + 35 * W_] * Nc
+        S[NEXT_Q * W_ + i] = q1
+        S[NEXT_V * W_ + i] = v1
+        S[NEXT_Z * W_ + i] = z1
+        S[NEXT_W * W_ + i] = w1
+        # how far inside a step that turns the state may go beyond its ends
+        dz = h * max(abs(w), abs(w1)) if w * w1 < 0.0 else 0.0
+        dv = h * max(abs(q), abs(q1)) if q * q1 < 0.0 else 0.0
+        ok = (
+            (q1 >= S[LOW_Q * W_ + i])
+            & (q1 <= S[HIGH_Q * W_ + i])
+            & (min(v, v1) - dv >= S[LOW_V * W_ + i])
+            & (max(v, v1) + dv <= S[HIGH_V * W_ + i])
+            & (min(z, z1) - dz >= S[LOW_Z * W_ + i])
+            & (max(z, z1) + dz <= S[HIGH_Z * W_ + i])
+        )
+        ok = ok & (S[SLOW * W_ + i] == 0.0)
+        S[TROUBLE * W_ + i] = 0.0 if ok else 1.0
+        troubled += 0 if ok else 1
+    return troubled
+
+
+@part
+def _rest(d_l, d_b, d_0, d_t, eps, w):  # type: ignore[no-untyped-def]
+    """Return N(w), see engine.chain.drag_rest."""
+    m = abs(w)
+    rest = math.copysign(d_l * m - (d_b * m + d_0 + d_t * m * m), w)
+    return 0.0 if (m <= eps) | (m == 0.0) else rest
+
+
+@part
+def _commit(S, token):  # type: ignore[no-untyped-def]
+    W_ = len(token)
+    for i in range(W_):
+        v0, v1, z1 = S[V * W_ + i], S[NEXT_V * W_ + i], S[NEXT_Z * W_ + i]
+        S[TRAVEL * W_ + i] += abs(v1 - v0)
+        S[Q * W_ + i] = S[NEXT_Q * W_ + i]
+        S[V * W_ + i] = v1
+        S[Z * W_ + i] = z1
+        S[W * W_ + i] = S[NEXT_W * W_ + i]
+        S[Z_LOWEST * W_ + i] = min(S[Z_LOWEST * W_ + i], z1)
+        S[Z_HIGHEST * W_ + i] = max(S[Z_HIGHEST * W_ + i], z1)
+        S[V_LOWEST * W_ + i] = min(S[V_LOWEST * W_ + i], v1)
+        S[V_HIGHEST * W_ + i] = max(S[V_HIGHEST * W_ + i], v1)
+
+
+@part
+def _judge(S, token, since):  # type: ignore[no-untyped-def]
+    """Follow the step response at a sample `since` [s] after the set-point."""
+    W_ = len(token)
+    for i in range(W_):
+        z, start = S[Z * W_ + i], S[FROM * W_ + i]
+        target = S[REFERENCE * W_ + i]
+        error = target - z
+        S[SQUARES * W_ + i] += error * error
+        span = target - start
+        share = (z - start) / (span if span != 0.0 else np.nan)
+        S[FURTHEST * W_ + i] = max(S[FURTHEST * W_ + i], share)
+        first = (share > 0.9) & (S[RISE90 * W_ + i] == np.inf)
+        S[RISE90 * W_ + i] = since if first else S[RISE90 * W_ + i]
+        S[OUTSIDE2 * W_ + i] = since if abs(share - 1.0) > 0.02 else S[OUTSIDE2 * W_ + i]
+
+
+@compiled()
+def run_block(  # type: ignore[no-untyped-def]
+    S, token, like, like_state, first, last, tick, parts, nonlinear, turn, given, depths, noise, record,
+    state_row, chains, built, books, log, count,
+):  # fmt: skip
+    """Run a block of len(token) lanes from tick `first` to `last`.
+
+    S: the block's array, rows x lanes, flat. like, like_state: a law's parameters and state, for
+    their types. tick [s], divided into `parts`. turn [n]: which set-point holds at a tick;
+    given: the tick of each set-point; depths [set-points, lanes]. noise [ticks of this call, 2, lanes] standard normal, or empty.
+    record [7, n, lanes] or empty; state_row: row of the volume reference in the law's state, -1
+    without. chains, built: see engine.advance, per lane. books [lanes, accounts] or empty.
+    """
+    W_ = len(token)
+    h = tick / parts
+    x = np.zeros(5)
+    y = np.zeros(5)
+    p = np.zeros(N_PLANT)
+    n_par = len(like)
+    with_books = books.shape[1] > 0
+    for k in range(first, last):
+        t = k * tick
+        if k == 0 or turn[k] != turn[k - 1]:
+            for i in range(W_):
+                S[REFERENCE * W_ + i] = depths[turn[k], i]
+                S[FROM * W_ + i] = S[Z * W_ + i]
+                S[FURTHEST * W_ + i] = 0.0
+                S[RISE90 * W_ + i] = np.inf
+                S[OUTSIDE2 * W_ + i] = -1.0
+                S[SQUARES * W_ + i] = 0.0
+        _judge(S, token, (k - given[turn[k]]) * tick)
+        _measure(S, token, noise, k - first)
+        if k == 0:
+            for i in range(W_):
+                seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
+                state = law_initial(gather(like, S, LAW * W_ + i, W_), seen, S[REFERENCE * W_ + i])
+                scatter_where(True, state, S, (LAW + n_par) * W_ + i, W_)
+        _decide(S, token, like, like_state, t, tick)
+        if record.shape[1] > 0:
+            _record(S, token, record, k, n_par, state_row)
+        if k == turn.shape[0] - 1:
+            break
+        for part in range(parts):
+            if with_books:
+                for i in range(W_):
+                    S[TROUBLE * W_ + i] = 1.0
+                troubled = W_
+            else:
+                troubled = _leap_all(S, token, h, nonlinear)
+            if troubled > 0:
+                for i in range(W_):
+                    if S[TROUBLE * W_ + i] == 0.0:
+                        continue
+                    _take_slowly(
+                        S, token, i, k, t + part * h, h, nonlinear, p, x, y,
+                        chains[i], built[i], books[i], log[i], count[i],
+                    )  # fmt: skip
+            _commit(S, token)
+
+
+@part
+def _take_slowly(S, token, i, k, t, h, nonlinear, p, x, y, chains, built, books, log, count):  # type: ignore[no-untyped-def]  # fmt: skip
+    """Take one step of lane i by engine.advance, and change its mode if an event did."""
+    W_ = len(token)
+    for n in range(4):
+        x[n] = S[(Q + n) * W_ + i]
+    x[4] = 0.0
+    if S[STOPPED * W_ + i] == 0.0:
+        for n in range(N_PLANT):
+            p[n] = S[(PLANT + n) * W_ + i]
+        before = int(S[MODE * W_ + i])
+        u = S[APPLIED * W_ + i]
+        if not abs(u) < 1e30:
+            why = LAW_NOT_FINITE
+        else:
+            mode, why = advance(
+                p, nonlinear, before, x, y, u, h, t, chains, built, books, log, count
+            )
+            if mode != before:
+                S[EVENTS * W_ + i] += 1.0
+                S[Z * W_ + i] = x[2]
+                _set_mode(S, token, i, mode, chains, built, h, p)
+        if why != DONE:
+            S[STOPPED * W_ + i] = why
+            S[STOP_TICK * W_ + i] = k
+            S[SLOW * W_ + i] = 1.0
+    for n in range(4):
+        S[(NEXT_Q + n) * W_ + i] = x[n]
+
+
+@part
+def _record(S, token, record, k, n_par, state_row):  # type: ignore[no-untyped-def]
+    W_ = len(token)
+    for i in range(W_):
+        record[0, k, i] = S[Z * W_ + i]
+        record[1, k, i] = S[W * W_ + i]
+        record[2, k, i] = S[V * W_ + i]
+        record[3, k, i] = S[Q * W_ + i]
+        record[4, k, i] = S[COMMAND * W_ + i]
+        record[5, k, i] = S[APPLIED * W_ + i]
+        if state_row >= 0:
+            record[6, k, i] = S[(LAW + n_par + state_row) * W_ + i]
+
+
+@compiled()
+def start_block(S, token, h, chains, built):  # type: ignore[no-untyped-def]
+    """Set each lane's first mode from its state, its parameters and a base step h [s]."""
+    W_ = len(token)
+    p = np.zeros(N_PLANT)
+    for i in range(W_):
+        for n in range(N_PLANT):
+            p[n] = S[(PLANT + n) * W_ + i]
+        mode, q = first_mode(p, S[Q * W_ + i], S[V * W_ + i], S[Z * W_ + i], S[W * W_ + i], 0.0)
+        S[Q * W_ + i] = q
+        _set_mode(S, token, i, mode, chains[i], built[i], h, p)

@@ -1,0 +1,189 @@
+"""One vehicle under its controller (Fig. 15), sampled, with the input held between samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from swimbladder.closed_loop.accounts import close_books
+from swimbladder.closed_loop.block import Block, schedule
+from swimbladder.closed_loop.lanes import Row
+from swimbladder.closed_loop.solution import Solution, StopReason, assemble, name_events
+from swimbladder.control.law import Law
+from swimbladder.control.registry import bind
+from swimbladder.dynamics import Plant, plant
+from swimbladder.engine.chain import base_steps
+from swimbladder.errors import InputError
+from swimbladder.parameters import Vehicle
+
+__all__ = ["check_start", "choose_law", "simulate"]
+
+
+def simulate(
+    vehicle: Vehicle,
+    *,
+    setpoints: Sequence[tuple[float, float]],
+    duration: float,
+    start_depth: float,
+    start_volume: float | None = None,
+    start_speed: float = 0.0,
+    bottom_depth: float = math.inf,
+    seed: int | None = None,
+    law: Law | Callable[..., Any] | None = None,
+    parameters: Any = None,
+    sample_time: float | None = None,
+    parts: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Solution:
+    """Return the vehicle's motion under its controller, from rest unless a speed is given.
+
+    setpoints: (time [s], depth [m]), the first at 0. duration [s], rounded up to whole samples.
+    start_volume [m3]: neutral at start_depth where not given. bottom_depth [m]. seed: noise and
+    quanta of the vehicle's sensors; None: ideal sensors. law: a Law with its `parameters`, or any
+    Python function ``law(measurement, reference) -> command`` (volts, or m3 for a positioner);
+    the vehicle's own controller where not given. sample_time [s]: needed with a law that the
+    vehicle does not have. parts: steps a sample is divided into (chosen from the drag where not
+    given). progress: called with the number of samples done.
+
+    Raises InputError for a start outside water or stroke, unordered set-points, or no controller.
+    """
+    p = plant(vehicle, bottom_depth=bottom_depth)
+    if not callable(law) or isinstance(law, Law):
+        chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time)
+    else:
+        from swimbladder.closed_loop.by_hand import as_law
+
+        chosen, numbers, tick = as_law(vehicle, law, sample_time)
+    start = check_start(vehicle, p, start_depth, start_volume, start_speed)
+    times, depths = check_setpoints(setpoints, duration, tick)
+    clock = schedule(times, duration, tick)
+    divided = base_steps(p, tick, start_speed) if parts is None else parts
+    block = Block.lay_out(
+        plants=np.array(p)[:, None], law=chosen, parameters=numbers, clock=clock, parts=divided,
+        depths=np.array(depths)[:, None], start=np.array(start)[:, None], sensors=vehicle.sensors,
+        seeds=None if seed is None else [[seed, 0]], record=True, books=True, events=True,
+    )  # fmt: skip
+    if isinstance(law, Law) or not callable(law):
+        block.run(progress)
+    else:
+        from swimbladder.closed_loop.by_hand import run_by_hand
+
+        run_by_hand(block, law, progress)
+    stop = list(StopReason)[int(block.work[Row.STOPPED, 0])]
+    n = clock.ticks + 1 if stop is StopReason.FINISHED else int(block.work[Row.STOP_TICK, 0]) + 1
+    last = block.work[Row.Q : Row.Q + 4, 0]
+    time = np.arange(n) * tick
+    return assemble(
+        vehicle, p, law=chosen.name, time=time,
+        reference=np.asarray(depths, float)[clock.turn[:n]],
+        record=block.record[:, :n, 0],
+        events=name_events(block.log[0], int(block.noted[0, 0])), stop=stop,
+        books=close_books(vehicle, p, block.books[0], np.array(start), last),
+    )  # fmt: skip
+
+
+def choose_law(
+    vehicle: Vehicle, law: Law | None, parameters: Any, sample_time: float | None
+) -> tuple[Law, Any, float]:
+    """Return (law, parameters, sample time [s]): those given, or the vehicle's controller.
+
+    Raises InputError where there is none, or where the law commands what the actuator cannot do.
+    """
+    if law is None:
+        if vehicle.controller is None:
+            raise InputError(
+                f"the vehicle {vehicle.name!r} has no controller",
+                field="controller",
+                remedy="Add a [controller] table to the vehicle, or give a law",
+            )
+        law, bound = bind(vehicle.controller)
+        parameters = bound if parameters is None else parameters
+        tick = vehicle.controller.sample_time if sample_time is None else sample_time
+    elif parameters is None or sample_time is None:
+        raise InputError(
+            "a law needs its parameters and its sample time", field="parameters, sample_time"
+        )
+    else:
+        tick = sample_time
+    if not (math.isfinite(tick) and tick > 0.0):
+        raise InputError("must be a finite time above 0", field="sample_time", value=tick, unit="s")
+    command = "voltage" if vehicle.voltage_driven else "volume"
+    if law.command != command:
+        raise InputError(
+            f"law {law.name!r} commands a {law.command}, but the actuator takes a {command}",
+            field="controller.law",
+            value=law.name,
+            remedy="Choose a law for this kind of actuator",
+        )
+    return law, parameters, tick
+
+
+def check_start(
+    vehicle: Vehicle, p: Plant, depth: float, volume: float | None, speed: float
+) -> tuple[float, float, float, float]:
+    """Return the first state (q, V, z, w); raises InputError where it cannot be."""
+    neutral = vehicle.neutral_volume(depth) if volume is None else volume
+    for field, value, unit in (
+        ("start_depth", depth, "m"),
+        ("start_volume", neutral, "m3"),
+        ("start_speed", speed, "m/s"),
+    ):
+        if not math.isfinite(value):
+            raise InputError("not a finite number", field=field, value=value, unit=unit)
+    if depth > p.z_bottom:
+        raise InputError(
+            f"the start is below the bottom at {p.z_bottom:g} m",
+            field="start_depth",
+            value=depth,
+            unit="m",
+            remedy="Start above the bottom",
+        )
+    if depth <= p.z_air:
+        raise InputError(
+            "the vehicle starts outside the water", field="start_depth", value=depth, unit="m",
+            remedy="Start at the surface or below",
+        )  # fmt: skip
+    if not p.V_min <= neutral <= p.V_max:
+        raise InputError(
+            f"the stroke, {p.V_min * 1e6:g} to {p.V_max * 1e6:g} cm3, does not hold "
+            + ("this volume" if volume is not None else f"the neutral volume at {depth:g} m"),
+            field="start_volume" if volume is not None else "start_depth",
+            value=neutral,
+            unit="m3",
+            remedy="Start where the stroke can balance the vehicle, or give a start volume",
+        )
+    return 0.0, neutral, depth, speed
+
+
+def check_setpoints(
+    setpoints: Sequence[tuple[float, float]], duration: float, tick: float
+) -> tuple[list[float], list[float]]:
+    """Return times [s] and depths [m]; raises InputError where they are not a schedule."""
+    if not (math.isfinite(duration) and duration > 0.0):
+        raise InputError(
+            "must be a finite time above 0", field="duration", value=duration, unit="s"
+        )
+    if duration / tick > 1e8:
+        raise InputError(
+            f"this is {duration / tick:.2g} samples", field="duration", value=duration, unit="s",
+            remedy="Simulate at most 100 million samples at a time",
+        )  # fmt: skip
+    if not setpoints:
+        raise InputError("no set-point", field="setpoints", remedy="Give at least (0, depth)")
+    times = [float(time) for time, _ in setpoints]
+    depths = [float(depth) for _, depth in setpoints]
+    if not all(map(math.isfinite, times + depths)):
+        raise InputError("not a finite number", field="setpoints", value=list(setpoints))
+    if times[0] != 0.0:
+        raise InputError(
+            "the first set-point must be given at time 0", field="setpoints", value=times[0],
+            unit="s",
+        )  # fmt: skip
+    if any(b <= a for a, b in zip(times, times[1:], strict=False)):
+        raise InputError(
+            "the times of the set-points must grow", field="setpoints", value=times, unit="s"
+        )
+    return times, depths

@@ -1,0 +1,72 @@
+"""The laws by name, and a vehicle's controller turned into numbers."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Any
+
+from swimbladder.control.cascade import CASCADE
+from swimbladder.control.law import Law
+from swimbladder.control.position_pid import POSITION_PID
+from swimbladder.errors import InputError
+from swimbladder.parameters import Controller
+from swimbladder.units import parse_quantity
+
+__all__ = ["LAWS", "bind", "law_by_name", "law_parameters"]
+
+LAWS: Mapping[str, Law] = {law.name: law for law in (CASCADE, POSITION_PID)}
+
+
+def law_by_name(name: str) -> Law:
+    """Return the law of that name; raises InputError where there is none."""
+    if name not in LAWS:
+        near = difflib.get_close_matches(name, LAWS, n=1)
+        raise InputError(
+            "unknown control law",
+            field="controller.law",
+            value=name,
+            remedy=(f"Did you mean {near[0]!r}? " if near else "") + f"Laws: {', '.join(LAWS)}",
+        )
+    return LAWS[name]
+
+
+def law_parameters(law: Law, values: Mapping[str, float | str], *, sample_time: float) -> Any:
+    """Return the law's parameters from numbers or texts with units, S_p from the sample time [s].
+
+    Raises InputError for a parameter that is unknown, missing or of the wrong unit.
+    """
+    wanted = [name for name in law.parameters._fields if name != "S_p"]
+    where = "controller.parameters"
+    for name in values:
+        if name not in wanted:
+            near = difflib.get_close_matches(name, wanted, n=1)
+            raise InputError(
+                f"law {law.name!r} has no such parameter",
+                field=f"{where}.{name}",
+                remedy=(f"Did you mean {near[0]!r}? " if near else "")
+                + f"It has: {', '.join(wanted)}",
+            )
+    numbers = {}
+    for name in wanted:
+        unit = law.units[name]
+        if name not in values:
+            raise InputError(
+                f"law {law.name!r} needs this parameter",
+                field=f"{where}.{name}",
+                unit=unit,
+                remedy="Add it",
+            )
+        try:
+            numbers[name] = parse_quantity(values[name], unit)
+        except InputError as error:
+            raise error.at(field=f"{where}.{name}") from None
+    if "S_p" in law.parameters._fields:
+        numbers["S_p"] = sample_time
+    return law.parameters(**numbers)
+
+
+def bind(controller: Controller) -> tuple[Law, Any]:
+    """Return (law, its parameters) of a vehicle's controller; raises InputError as its parts do."""
+    law = law_by_name(controller.law)
+    return law, law_parameters(law, controller.parameters, sample_time=controller.sample_time)

@@ -1,0 +1,223 @@
+"""One vehicle over one step with a held input, events located to 2^-20 of the step.
+
+A step is tried whole; where a limit is crossed inside it, it is halved by table look-up until the
+event stands between two ticks. A blow (end stop, bottom) takes the state before the crossing, so
+that no limit is passed; what is continuous (surface, direction of the motor, supply) the one after.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from swimbladder.engine.books import PUMPED, enter, enter_blow
+from swimbladder.engine.cache import compiled, part
+from swimbladder.engine.chain import TICKS, build_chain, leap
+from swimbladder.engine.modes import (
+    BACKWARD,
+    BOTTOM,
+    EMERGING,
+    FORWARD,
+    HOLDING,
+    LOWER,
+    LOWER_SPINNING,
+    PSI,
+    SUPPLY,
+    UPPER,
+    V_0,
+    V_MAX,
+    V_MIN,
+    Z_BOTTOM,
+    Z_SURFACE,
+    event,
+    split,
+)
+
+__all__ = [
+    "CHATTERS",
+    "DONE",
+    "LEFT_WATER",
+    "NOT_FINITE",
+    "TOO_DEEP",
+    "advance",
+    "follow",
+    "step_once",
+]
+
+DONE, LEFT_WATER, TOO_DEEP, CHATTERS, NOT_FINITE = 0, 1, 2, 3, 4
+_TRANSITIONS = 500  # in one step: more is no motion but chatter
+_FINE = 6  # level from which on turns inside a step cannot hide a crossing that matters
+
+
+@part
+def may_hide(p, mode, x, y, h):  # type: ignore[no-untyped-def]
+    """Return whether z or V turned inside the step so near a limit that it may have crossed it."""
+    act, _, where = split(mode)
+    if where != BOTTOM and x[3] * y[3] < 0.0:
+        reach = h * max(abs(x[3]), abs(y[3]))
+        low, high = min(x[2], y[2]) - reach, max(x[2], y[2]) + reach
+        if high > p[Z_BOTTOM]:
+            return True
+        if where == EMERGING and high > p[Z_SURFACE]:
+            return True
+        if where != EMERGING and low < p[Z_SURFACE]:
+            return True
+    if act in (FORWARD, BACKWARD) and x[0] * y[0] < 0.0:
+        reach = h * max(abs(x[0]), abs(y[0]))
+        low, high = min(x[1], y[1]) - reach, max(x[1], y[1]) + reach
+        if high > p[V_MAX] or low < p[V_MIN]:
+            return True
+        if where == BOTTOM and high > p[PSI] * x[2] + p[V_0]:
+            return True
+    return False
+
+
+@part
+def _note(log, count, t, old, new):  # type: ignore[no-untyped-def]
+    """Record a passage that a reader cares about: end stops, surface, bottom, supply limit."""
+    old_act, old_limited, old_where = split(old)
+    new_act, new_limited, new_where = split(new)
+    at_stop = new_act == UPPER or new_act == LOWER or new_act == LOWER_SPINNING
+    was_at_stop = old_act == UPPER or old_act == LOWER or old_act == LOWER_SPINNING
+    if (at_stop == was_at_stop) and old_where == new_where:
+        return
+    if count[0] < log.shape[0]:
+        log[count[0], 0] = t
+        log[count[0], 1] = old
+        log[count[0], 2] = new
+    count[0] += 1
+
+
+@part
+def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count):  # type: ignore[no-untyped-def]
+    """Advance x = (q, V, z, w, integral of z) in place by h [s]; return (mode, why it stopped).
+
+    p: the vehicle's parameters [len(Plant)]. u: the held input. y: five floats of work space.
+    chains [COUNT, LEVELS + 1, COEFFICIENTS], built [COUNT]: exponentials made so far for this h.
+    books: accounts to add to, or empty. log [n, 3], count [1]: passages from mode to mode.
+    """
+    remaining = TICKS
+    cap = TICKS
+    searching = False
+    transitions = 0
+    while remaining > 0:
+        while True:
+            new, q, w, reset = event(p, mode, x[0], x[1], x[2], x[3], u)
+            if new == -1:
+                break
+            if new == -2:
+                return mode, LEFT_WATER
+            if new == -3:
+                return mode, TOO_DEEP
+            transitions += 1
+            if transitions > _TRANSITIONS:
+                return mode, CHATTERS
+            if books.shape[0] > 0 and (reset or q != x[0]):
+                enter_blow(x[0], q, x[3], w, books)
+            _note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
+            if new % 10 == HOLDING:  # the last part of a tick
+                target = max(p[V_MIN], min(p[V_MAX], u))
+                if books.shape[0] > 0:
+                    books[PUMPED] += target - x[1]
+                x[1] = target
+            x[0], x[3], mode = q, w, new
+        if built[mode] == 0:
+            build_chain(p, mode, h, chains[mode])
+            built[mode] = 1
+        applied = u
+        if (mode // 10) % 2 == 1:
+            applied = math.copysign(p[SUPPLY], u)
+        size = cap
+        while size > remaining:
+            size >>= 1
+        level = 0
+        while (TICKS >> level) > size:
+            level += 1
+        while True:
+            leap(chains[mode], level, p, nonlinear, x, applied, y)
+            span = h * size / TICKS
+            if not abs(y[2]) + abs(y[3]) + abs(y[1]) < 1e12:
+                return mode, NOT_FINITE
+            new, q, w, reset = event(p, mode, y[0], y[1], y[2], y[3], u)
+            if new == -1:
+                if level < _FINE and may_hide(p, mode, x, y, span):
+                    size >>= 1
+                    level += 1
+                    cap = size
+                    continue
+                if books.shape[0] > 0:
+                    enter(p, mode, x, y, u, span, books)
+                x[:] = y
+                remaining -= size
+                if searching:
+                    cap = size >> 1
+                    if cap == 0:
+                        cap, searching = TICKS, False
+                break
+            if size > 1:
+                size >>= 1
+                level += 1
+                cap = size
+                searching = True
+                continue
+            # the event lies within this one tick
+            cap, searching = TICKS, False
+            if reset:
+                transitions += 1
+                if transitions > _TRANSITIONS:
+                    return mode, CHATTERS
+                q_new = x[0] if new % 10 == mode % 10 else q
+                w_new = 0.0 if new // 20 == BOTTOM and mode // 20 != BOTTOM else x[3]
+                if books.shape[0] > 0:
+                    enter_blow(x[0], q_new, x[3], w_new, books)
+                _note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
+                x[0], x[3], mode = q_new, w_new, new
+            else:
+                if books.shape[0] > 0:
+                    enter(p, mode, x, y, u, span, books)
+                x[:] = y
+                remaining -= 1
+            break
+    return mode, DONE
+
+
+@compiled()
+def step_once(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count):  # type: ignore[no-untyped-def]
+    """Take one step from Python; see `advance`."""
+    return advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
+
+
+@compiled()
+def follow(p, parts, nonlinear, mode, x, time, inputs, ramps, record, books, log, count, chains, built):  # type: ignore[no-untyped-def]  # fmt: skip
+    """Drive x = (q, V, z, w, integral of z) by recorded inputs; return (instants reached, why).
+
+    time [n], inputs [n]: a voltage held until the next instant or, where `ramps`, a volume that
+    goes linearly to the next. parts [n - 1]: steps in each interval. record [7, n].
+    """
+    y = np.zeros(5)
+    h_before = -1.0
+    n = time.shape[0]
+    why = DONE
+    for k in range(n):
+        if ramps:
+            x[1] = inputs[k]
+            if k < n - 1:
+                x[0] = (inputs[k + 1] - inputs[k]) / (time[k + 1] - time[k])
+        record[0, k], record[1, k], record[2, k], record[3, k] = x[2], x[3], x[1], x[0]
+        record[4, k], record[5, k] = inputs[k], inputs[k]
+        if k == n - 1:
+            break
+        h = (time[k + 1] - time[k]) / parts[k]
+        if h != h_before:
+            built[:] = 0
+            h_before = h
+        u = 0.0 if ramps else max(-p[SUPPLY], min(p[SUPPLY], inputs[k]))
+        record[5, k] = inputs[k] if ramps else u
+        for part in range(parts[k]):
+            mode, why = advance(
+                p, nonlinear, mode, x, y, u, h, time[k] + part * h, chains, built, books, log, count
+            )
+            if why != DONE:
+                return k + 1, why
+    return n, why

@@ -1,0 +1,83 @@
+"""Compiled code is kept on disk, under a name that changes with the kernels' source.
+
+Numba's own index does not notice an edit in a function that a cached kernel calls (numba issue
+1833), so the folder's name holds a hash of every source file that can be compiled into a kernel.
+Where no folder can be written (a zipped or frozen install) the code is compiled anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+
+__all__ = ["OPTIONS", "cache_folder", "compiled", "is_cached", "part"]
+
+# Division as the hardware does it and fused multiply-add: without either no loop is vectorised.
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True}
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+_SOURCES = ("dynamics.py", "engine/*.py", "control/*.py", "closed_loop/*.py")
+
+
+@cache
+def cache_folder() -> Path:
+    """Return the folder of the compiled kernels; SWIMBLADDER_CACHE_DIR overrides its parent."""
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
+    try:
+        for pattern in _SOURCES:
+            for source in sorted(_PACKAGE.glob(pattern)):
+                digest.update(source.name.encode() + source.read_bytes())
+    except OSError:  # inside an archive: the version has to do
+        digest.update(b"no source")
+    return _parent() / f"kernels-{digest.hexdigest()[:16]}"
+
+
+def _parent() -> Path:
+    given = os.environ.get("SWIMBLADDER_CACHE_DIR")
+    if given:
+        return Path(given)
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA") or str(Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = str(Path.home() / "Library" / "Caches")
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "swimbladder"
+
+
+def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Return a decorator: ``numba.njit`` with the code kept in `cache_folder`.
+
+    options: passed to ``numba.njit``.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        before = numba.config.CACHE_DIR
+        try:
+            folder = cache_folder()
+            folder.mkdir(parents=True, exist_ok=True)
+            numba.config.CACHE_DIR = str(folder)
+            return numba.njit(cache=True, **OPTIONS, **options)(function)
+        except (OSError, RuntimeError):  # read-only home, zipped package
+            return numba.njit(**OPTIONS, **options)(function)
+        finally:
+            numba.config.CACHE_DIR = before
+
+    return decorate
+
+
+def part(function: Callable[..., Any]) -> Any:
+    """Compile a function that kernels call; its code is kept with theirs."""
+    return numba.njit(**OPTIONS)(function)
+
+
+def is_cached(kernel: str) -> bool:
+    """Return whether code of the kernel of that function name has been kept already."""
+    return any(cache_folder().rglob(f"*{kernel}-*.nbi"))

@@ -1,0 +1,169 @@
+"""Exponentials of a mode over h, h/2, h/4, ... h/2^21, from one Taylor series by doubling.
+
+Between events ``dx/dt = A x + b_u u + b_1 + e_w N(w)`` with x = (q, V, z, w), augmented by the
+integral of z. The linear part is advanced exactly; N, what is nonlinear in the drag, by the
+fourth-order exponential Runge-Kutta scheme of Cox and Matthews (J. Comput. Phys. 176, 2002,
+430-455), whose vectors are columns of the exponential of an augmented matrix. ``D = exp(A h) - I``
+is doubled instead of the exponential, so that nothing small is lost against 1:
+``D(2h) = 2 D + D D``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from swimbladder.dynamics import Plant
+from swimbladder.engine.cache import part
+from swimbladder.engine.modes import (
+    D_0,
+    D_B,
+    D_L,
+    D_T,
+    EPSILON,
+    linear_part,
+)
+
+__all__ = [
+    "ALPHA",
+    "BETA",
+    "COEFFICIENTS",
+    "LEVELS",
+    "TICKS",
+    "base_steps",
+    "build_chain",
+    "drag_rest",
+    "leap",
+]
+
+LEVELS = 21  # of halving: events are found to h/2^20
+TICKS = 1 << 20
+
+# Coefficients of one level: D row by row (5 x 4), b_u (5), b_1 (5), then f1, f2, f3 (5 each) of the
+# nonlinear drag, and two numbers of its stages.
+_BU, _B1, _F1, _F2, _F3 = 20, 25, 30, 35, 40
+ALPHA, BETA = 45, 46
+COEFFICIENTS = 47
+
+
+@part
+def build_chain(p, mode, h, chain):  # type: ignore[no-untyped-def]
+    """Fill chain [LEVELS + 1, COEFFICIENTS]; level k is for a step of h/2^k [s]."""
+    A = np.empty((4, 4))
+    b_u = np.empty(4)
+    b_1 = np.empty(4)
+    e_w = linear_part(p, mode, A, b_u, b_1)
+    # columns 0-3: D; 4: b_u; 5: b_1; 6-8: V1, V2, V3 of the nonlinear drag. Row 4: integral of z.
+    M = np.zeros((5, 9))
+    T = np.zeros((5, 9))
+    k = h / 2.0**LEVELS
+    for r in range(4):
+        for c in range(4):
+            T[r, c] = A[r, c] * k
+        T[r, 4] = b_u[r] * k
+        T[r, 5] = b_1[r] * k
+    T[4, 2] = k
+    T[3, 6] = e_w * k
+    T[3, 7] = e_w * k * k / 2.0
+    T[3, 8] = e_w * k * k * k / 6.0
+    M += T
+    P = np.zeros((5, 9))
+    for n in range(2, 9):  # the Taylor series: term n is A k/n times term n - 1
+        for r in range(5):
+            for c in range(9):
+                s = 0.0
+                if r < 4:
+                    for j in range(4):
+                        s += A[r, j] * T[j, c]
+                else:
+                    s = T[2, c]
+                m = n if c < 7 else (n + 1 if c == 7 else n + 2)
+                P[r, c] = s * k / m
+        T[:, :] = P
+        M += T
+    step = k
+    for level in range(LEVELS, -1, -1):
+        if level < LEVELS:
+            for r in range(5):
+                for c in range(9):
+                    s = 2.0 * M[r, c]
+                    for j in range(4):
+                        s += M[r, j] * M[j, c]
+                    if c == 7:
+                        s += step * M[r, 6]
+                    elif c == 8:
+                        s += step * M[r, 7] + 0.5 * step * step * M[r, 6]
+                    P[r, c] = s
+            # stages of the nonlinear drag need the half step: M is still that of level + 1
+            alpha = M[3, 6]
+            beta = M[3, 6]
+            for j in range(4):
+                beta += M[3, j] * M[j, 6]
+            chain[level, ALPHA] = alpha
+            chain[level, BETA] = beta
+            M[:, :] = P
+            step *= 2.0
+        row = chain[level]
+        for r in range(5):
+            for c in range(4):
+                row[4 * r + c] = M[r, c]
+            row[_BU + r] = M[r, 4]
+            row[_B1 + r] = M[r, 5]
+            phi1, phi2, phi3 = M[r, 6], M[r, 7] / step, M[r, 8] / (step * step)
+            row[_F1 + r] = phi1 - 3.0 * phi2 + 4.0 * phi3
+            row[_F2 + r] = 2.0 * phi2 - 4.0 * phi3
+            row[_F3 + r] = 4.0 * phi3 - phi2
+
+
+@part
+def drag_rest(p, w):  # type: ignore[no-untyped-def]
+    """Return N(w) [m/s2]: what the laminar part d_l w leaves out of minus drag over mass."""
+    magnitude = abs(w)
+    if magnitude <= p[EPSILON]:
+        return 0.0
+    turbulent = p[D_B] * magnitude + p[D_0] + p[D_T] * magnitude * magnitude
+    rest = p[D_L] * magnitude - turbulent
+    return rest if w > 0.0 else -rest
+
+
+@part
+def leap(chain, level, p, nonlinear, x, u, y):  # type: ignore[no-untyped-def]
+    """Advance x = (q, V, z, w, integral of z) by one step of a level into y; u is held."""
+    c = chain[level]
+    q, V, z, w = x[0], x[1], x[2], x[3]
+    for r in range(5):
+        i = 4 * r
+        y[r] = x[r] + (
+            c[i] * q + c[i + 1] * V + c[i + 2] * z + c[i + 3] * w + c[_BU + r] * u + c[_B1 + r]
+        )
+    if nonlinear:
+        half = chain[level + 1]
+        w_half = w + (
+            half[12] * q
+            + half[13] * V
+            + half[14] * z
+            + half[15] * w
+            + half[_BU + 3] * u
+            + half[_B1 + 3]
+        )
+        N0 = drag_rest(p, w)
+        Na = drag_rest(p, w_half + c[ALPHA] * N0)
+        Nb = drag_rest(p, w_half + c[ALPHA] * Na)
+        Nc = drag_rest(p, y[3] + c[BETA] * N0 + c[ALPHA] * (2.0 * Nb - N0))
+        for r in range(5):
+            y[r] += c[_F1 + r] * N0 + c[_F2 + r] * (Na + Nb) + c[_F3 + r] * Nc
+
+
+def base_steps(p: Plant, tick: float, speed: float) -> int:
+    """Return how many steps a tick [s] is divided into: one, where the drag is laminar.
+
+    The nonlinear drag's rate, at the terminal speed of the whole stroke or at `speed` [m/s],
+    whichever is larger, times the step stays under 1/8. A step is at most 10 s, so that no dip
+    through the surface goes unseen.
+    """
+    steps = tick / 10.0
+    if p.epsilon != float("inf"):
+        pull = p.a_b * max(abs(p.V_max - p.V_0), abs(p.V_min - p.V_0)) + p.a_b * abs(p.psi) * 1e3
+        terminal = max((pull / p.d_t) ** 0.5 if p.d_t > 0.0 else 0.0, abs(speed))
+        rate = max(2.0 * p.d_t * terminal, p.d_l, p.d_b)
+        steps = max(steps, 8.0 * rate * tick)
+    return max(1, int(np.ceil(steps)))
