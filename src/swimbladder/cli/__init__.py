@@ -8,6 +8,7 @@ command that was asked for is imported, so that ``--help`` answers at once. Exit
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -31,6 +32,8 @@ COMMANDS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line on `arguments` (the process's own when None); return the exit code."""
+    if arguments is None:  # a process of our own: start-up makes many objects and no garbage
+        gc.set_threshold(100_000, 50, 50)
     given = list(sys.argv[1:] if arguments is None else arguments)
     completing = "_SWIMBLADDER_COMPLETE" in os.environ
     named = next((word for word in given if not word.startswith("-")), None)

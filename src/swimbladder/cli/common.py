@@ -21,9 +21,9 @@ from swimbladder.units import parse_quantity
 __all__ = ["console", "emit_json", "output", "progress", "quantity", "run"]
 
 # Notes, progress and errors.
-console = Console(stderr=True)
+console = Console(stderr=True, highlight=False)
 # What was asked for, where it is not JSON.
-output = Console()
+output = Console(highlight=False, markup=False, emoji=False)
 
 
 def run(function: Callable[[], object]) -> int:
@@ -36,7 +36,7 @@ def run(function: Callable[[], object]) -> int:
         function()
     except SwimbladderError as error:
         console.print("error: ", style="bold red", end="")
-        console.print(str(error), markup=False, highlight=False, soft_wrap=True)
+        console.print(str(error), markup=False, soft_wrap=True)
         return error.exit_code
     except KeyboardInterrupt:
         console.print("interrupted")

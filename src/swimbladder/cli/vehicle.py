@@ -121,14 +121,15 @@ def new(
     if json:
         emit_json({"kind": kind, "files": [target]})
     else:
-        console.print(f"wrote {target}: put in your numbers, then", highlight=False)
-        console.print(f"  swimbladder simulate {target}", highlight=False)
+        console.print(f"wrote {target}: put in your numbers, then")
+        console.print(f"  swimbladder simulate {target}")
 
 
 def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:
     """Return every number of a vehicle in SI as {dotted field: {value, unit}}."""
     from pydantic import BaseModel
 
+    from swimbladder.control.registry import bind
     from swimbladder.parameters import field_unit
     from swimbladder.parameters.schema import dotted
 
@@ -149,6 +150,11 @@ def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:
 
     walk(v, ())
     found["trim_error"] = {"value": v.trim_error, "unit": "m3"}
+    if v.controller is not None:
+        law, numbers = bind(v.controller)
+        for name in v.controller.parameters:
+            place = dotted(("controller", "parameters", name))
+            found[place] = {"value": getattr(numbers, name), "unit": law.units[name]}
     return found
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,6 +10,7 @@ from swimbladder.control.law import Law
 from swimbladder.control.position_pid import POSITION_PID
 from swimbladder.errors import InputError
 from swimbladder.parameters import Controller
+from swimbladder.parameters.schema import did_you_mean
 from swimbladder.units import parse_quantity
 
 __all__ = ["LAWS", "bind", "law_by_name", "law_parameters"]
@@ -21,12 +21,11 @@ LAWS: Mapping[str, Law] = {law.name: law for law in (CASCADE, POSITION_PID)}
 def law_by_name(name: str) -> Law:
     """Return the law of that name; raises InputError where there is none."""
     if name not in LAWS:
-        near = difflib.get_close_matches(name, LAWS, n=1)
         raise InputError(
             "unknown control law",
             field="controller.law",
             value=name,
-            remedy=(f"Did you mean {near[0]!r}? " if near else "") + f"Laws: {', '.join(LAWS)}",
+            remedy=f"{did_you_mean(name, LAWS)}Laws: {', '.join(LAWS)}",
         )
     return LAWS[name]
 
@@ -40,12 +39,10 @@ def law_parameters(law: Law, values: Mapping[str, float | str], *, sample_time: 
     where = "controller.parameters"
     for name in values:
         if name not in wanted:
-            near = difflib.get_close_matches(name, wanted, n=1)
             raise InputError(
                 f"law {law.name!r} has no such parameter",
                 field=f"{where}.{name}",
-                remedy=(f"Did you mean {near[0]!r}? " if near else "")
-                + f"It has: {', '.join(wanted)}",
+                remedy=f"{did_you_mean(name, wanted)}It has: {', '.join(wanted)}",
             )
     numbers = {}
     for name in wanted:

@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from swimbladder.control.registry import LAWS, bind
+from swimbladder.dynamics import plant
 from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission
 from swimbladder.io.presets import preset_names, preset_text
@@ -36,7 +38,30 @@ def load_vehicle(name_or_path: str | Path) -> Vehicle:
     """
     preset = _preset(name_or_path)
     file = name_or_path if preset is None else f"preset {preset}"
-    return read_model(Vehicle, vehicle_text(name_or_path), file)
+    text = vehicle_text(name_or_path)
+    vehicle = read_model(Vehicle, text, file)
+    try:
+        _check_parts_fit(vehicle)
+    except InputError as error:
+        raise _at(error, text, file) from None
+    return vehicle
+
+
+def _check_parts_fit(vehicle: Vehicle) -> None:
+    """Raise InputError where the actuator, the supply and the control law do not go together."""
+    plant(vehicle)
+    if vehicle.controller is None:
+        return
+    law, _ = bind(vehicle.controller)
+    command = "voltage" if vehicle.voltage_driven else "volume"
+    if law.command != command:
+        fitting = [name for name, other in LAWS.items() if other.command == command]
+        raise InputError(
+            f"this law commands a {law.command}, but the actuator takes a {command}",
+            field="controller.law",
+            value=law.name,
+            remedy=f"Choose one of: {', '.join(fitting)}",
+        )
 
 
 def vehicle_text(name_or_path: str | Path) -> str:

@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from swimbladder.control.registry import LAWS
 from swimbladder.parameters import Vehicle, field_unit
 from swimbladder.parameters.schema import dotted, models_in, tags_of
 
@@ -103,6 +104,21 @@ _EXAMPLES: dict[str, _Table] = {
     "positioner": {
         "actuator": {"kind": "positioner", "speed": "2 mm/s", "piston_area": "75 cm2"},
         "motion": _PHYSICAL,
+        "controller": {
+            "law": "position-pid",
+            "sample_time": "0.5 s",
+            "parameters": {
+                "K_p": "15 mm/m",
+                "K_i": "0.1 mm/s/m",
+                "K_d": "300 mm s/m",
+                "threshold": "1 m",
+                "smoothing": 1.0,
+                "position_min": "-45 mm",
+                "position_max": "45 mm",
+                "piston_area": "75 cm2",
+                "volume_at_zero": "0 m3",
+            },
+        },
     },
 }
 KINDS = tuple(_EXAMPLES)
@@ -116,8 +132,6 @@ _INSTEAD: dict[str, str] = {
     "actuator.resistance": '"1.5 ohm"',
     "actuator.emf_constant": '"30 mV s/rad"',
     "supply.voltage": '"12 V"',
-    "controller.law": '"cascade"',
-    "controller.sample_time": '"0.3 s"',
 }
 _HEAD = """\
 # A vehicle for swimbladder: {kind} actuator. Every number is an example: put in your own.
@@ -177,8 +191,10 @@ def _subtable(
     if models:
         _table(lines, models[0], given or {}, path, off=off)
         return
-    for key, value in (given or {}).items():
-        lines.append(f"{key} = {_toml(value)}")
+    if path == ("controller", "parameters"):
+        units = next(law.units for law in LAWS.values() if set(given or {}) <= set(law.units))
+        for key, value in (given or {}).items():
+            lines += [f"# [{units[key] or '-'}]", f"{key} = {_toml(value)}"]
     if path == ("provenance",):
         lines.append('#"hull.psi" = "pressure test of 2024-05-02"')
 

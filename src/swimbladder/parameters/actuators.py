@@ -121,8 +121,8 @@ class ElectrohydraulicActuator(Parameters):
     """Motor and hydraulic drive, both from datasheets (column a of Table 1)."""
 
     kind: Literal["electrohydraulic"] = "electrohydraulic"
-    motor: Motor
-    drive: HydraulicDrive
+    motor: Motor = Field(description="the motor")
+    drive: HydraulicDrive = Field(description="pump, pressure amplifier and bladder")
     literal_efficiency: StrictBool = Field(
         False, description="divide the load by the efficiency in both directions, as eq. (7) prints"
     )
@@ -132,8 +132,8 @@ class ElectromechanicalActuator(Parameters):
     """Motor and screw drive, both from datasheets (column b of Table 1)."""
 
     kind: Literal["electromechanical"] = "electromechanical"
-    motor: Motor
-    drive: ScrewDrive
+    motor: Motor = Field(description="the motor")
+    drive: ScrewDrive = Field(description="gearbox, spindle and piston")
     literal_efficiency: StrictBool = Field(
         False, description="divide the load by the efficiency in both directions, as k_ze prints"
     )

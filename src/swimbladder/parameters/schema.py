@@ -124,7 +124,7 @@ def input_error(error: ValidationError, model: type[BaseModel]) -> InputError:
     if first["type"].startswith("union_tag"):
         path, owner, value = [*path, "kind"], None, context.get("tag")
     elif context.get("at"):
-        inner, annotation, owner = _walk(models_in(annotation)[0], context["at"])
+        inner, annotation, owner = _walk(annotation, context["at"])
         path = [*path, *inner]
         for part in context["at"]:
             value = _inside(value, part)
@@ -196,14 +196,14 @@ def _how_to_add(path: list[str | int], annotation: Any, unit: str | None) -> str
 
 
 def _walk(
-    model: type[BaseModel], loc: tuple[str | int, ...]
+    annotation: Any, loc: tuple[str | int, ...]
 ) -> tuple[list[str | int], Any, type[BaseModel] | None]:
     """Follow pydantic's location: the path in the file, what stands there, the class that has it.
 
     Pydantic's locations also name the member of a union; no such part stands in the file.
     """
     path: list[str | int] = []
-    current: Any = model
+    current: Any = annotation
     owner: type[BaseModel] | None = None
     for part in loc:
         models = models_in(current)

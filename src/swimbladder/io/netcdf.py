@@ -1,0 +1,55 @@
+"""Results as netCDF files that follow the CF conventions."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from swimbladder.io.files import write_through
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["write"]
+
+CONVENTIONS = "CF-1.11"
+
+
+def write(
+    path: str | Path,
+    dataset: xr.Dataset,
+    *,
+    title: str,
+    start: datetime.datetime | None = None,
+) -> Path:
+    """Write a dataset with the attributes that CF asks of a file, and return the path.
+
+    start: the moment that `time` counts from, with its time zone; without it `time` stays a plain
+    number of seconds since the start. Raises InputError where the file cannot be written.
+    """
+    from swimbladder import __version__
+
+    stamped = dataset.copy()
+    if start is not None:
+        utc = start.astimezone(datetime.UTC)
+        stamped["time"].attrs |= {
+            "standard_name": "time",
+            "units": f"seconds since {utc:%Y-%m-%d %H:%M:%S.%f}",
+            "calendar": "standard",
+        }
+    now = datetime.datetime.now(datetime.UTC)
+    stamped.attrs = {
+        "Conventions": CONVENTIONS,
+        "title": title,
+        "source": f"swimbladder {__version__}",
+        "history": f"{now:%Y-%m-%dT%H:%M:%SZ} written by swimbladder {__version__}",
+        **dataset.attrs,
+    }
+    encoding = {str(name): {"zlib": True, "complevel": 1} for name in stamped.data_vars}
+    encoding |= {str(name): {"_FillValue": None} for name in stamped.coords}
+
+    return write_through(
+        path,
+        lambda temporary: stamped.to_netcdf(temporary, engine="h5netcdf", encoding=encoding),
+    )

@@ -1,0 +1,101 @@
+"""``swimbladder vehicle list|show|new``."""
+
+import json
+
+import pytest
+
+from swimbladder.cli import main
+from swimbladder.io.config import load_vehicle
+from swimbladder.io.presets import preset_names, preset_text
+from swimbladder.io.templates import KINDS
+
+
+def answer(capsys, *arguments):
+    assert main([*arguments, "--json"]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    return json.loads(captured.out)
+
+
+def test_list_has_every_preset(capsys):
+    found = answer(capsys, "vehicle", "list")["vehicles"]
+    assert [v["name"] for v in found] == preset_names()
+    assert {"name": "feup-em", "kind": "identified"}.items() <= next(
+        v for v in found if v["name"] == "feup-em"
+    ).items()
+    assert main(["vehicle", "list"]) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in preset_names())
+
+
+def test_show_prints_the_file_itself(capsys):
+    assert main(["vehicle", "show", "feup-em"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == preset_text("feup-em")
+    assert "mass that is accelerated" in captured.err
+
+
+def test_show_gives_numbers_units_and_what_follows(capsys):
+    shown = answer(capsys, "vehicle", "show", "feup-em")
+    assert shown["parameters"]["actuator.K1"] == {"value": 4.44e-4, "unit": "m/s/V"}
+    assert shown["parameters"]["trim_error"] == {"value": 0.0, "unit": "m3"}
+    # Table 3, from dm3 to m3
+    assert shown["parameters"]["controller.parameters.k_pV"] == {"value": 1.002e6, "unit": "V/m3"}
+    assert shown["parameters"]["controller.parameters.k_dz"]["value"] == -2.341e-3
+    assert shown["provenance"]["actuator.T1"].startswith("section 3.1")
+    derived = {name: entry["value"] for name, entry in shown["derived"].items()}
+    # eqs (28)-(29), (23): m = rho g T2/K2, K1 A; psi z at the rating and where it meets the stroke
+    assert derived["mass_kg"] == pytest.approx(9806.65 * 36.3 / 7935.54, rel=1e-12)
+    assert derived["K1A_m3_s_V"] == pytest.approx(4.44e-4 * 0.0075, rel=1e-12)
+    assert derived["K2_1_m2_s"] == pytest.approx(7935.54, rel=1e-12)
+    assert derived["T2_s"] == pytest.approx(36.3, rel=1e-12)
+    assert derived["neutral_volume_limit_m3"] == pytest.approx(4.04e-4, rel=1e-12)
+    assert derived["neutral_depth_limit_m"] == pytest.approx(350e-6 / 4.04e-6, rel=1e-12)
+
+
+def test_show_of_every_preset_and_of_a_file(capsys, tmp_path):
+    for name in preset_names():
+        assert answer(capsys, "vehicle", "show", name)["name"] == name
+    path = tmp_path / "mine.toml"
+    path.write_text(preset_text("feup-em").replace('"feup-em"', '"mine"', 1), encoding="utf-8")
+    assert answer(capsys, "vehicle", "show", str(path))["name"] == "mine"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_new_writes_a_file_that_loads(capsys, tmp_path, kind):
+    path = tmp_path / "float.toml"
+    made = answer(capsys, "vehicle", "new", str(path), "--kind", kind)
+    assert made == {"kind": kind, "files": [str(path)]}
+    vehicle = load_vehicle(path)
+    assert (vehicle.name, vehicle.actuator.kind) == ("float", kind)
+    assert answer(capsys, "vehicle", "show", str(path))["kind"] == kind
+
+
+def test_new_takes_the_kind_as_name_and_does_not_overwrite_unasked(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["vehicle", "new", "--kind", "unified"]) == 0
+    path = tmp_path / "unified.toml"
+    path.write_text("mine")
+    assert main(["vehicle", "new", "--kind", "unified"]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert path.read_text() == "mine"
+    assert main(["vehicle", "new", "--kind", "unified", "--force"]) == 0
+    assert load_vehicle(path).actuator.kind == "unified"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["show", "feup"], "Did you mean feup-em?"),
+        (["show", "none.toml"], "there is no such file"),
+        (["new", "x.toml", "--kind", "electro"], "Kinds: electromechanical, "),
+        (["new", "none/x.toml"], "cannot write the file"),
+    ],
+)
+def test_bad_input_is_exit_code_2(capsys, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    assert main(["vehicle", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert words in captured.err
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,73 @@
+"""The files to start from: they load as they are, and with every field taken in."""
+
+import re
+import tomllib
+
+import pytest
+
+from swimbladder.io.config import load_vehicle
+from swimbladder.io.templates import KINDS, vehicle_template
+from swimbladder.parameters import Vehicle
+from swimbladder.parameters.schema import models_in, tags_of
+
+
+def loaded(folder, text):
+    path = folder / "made.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_vehicle(path)
+
+
+def test_there_is_a_template_for_every_kind_of_actuator():
+    kinds = {tag for model in models_in(Vehicle.model_fields["actuator"].annotation)
+             for tag in tags_of(model)}  # fmt: skip
+    assert set(KINDS) == kinds
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_template_loads_as_it_is(tmp_path, kind):
+    vehicle = loaded(tmp_path, vehicle_template(kind, name="first"))
+    assert vehicle.actuator.kind == kind
+    assert vehicle.name == "first"
+    assert vehicle.controller is not None
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_template_loads_with_every_field_taken_in_and_defaults_are_the_defaults(tmp_path, kind):
+    text = vehicle_template(kind)
+    full = re.sub(r"^#(?! )", "", text, flags=re.MULTILINE)
+    with_all = loaded(tmp_path, full)
+    assert with_all.actuator.kind == kind
+    plain = loaded(tmp_path, text)
+    # What was commented out as a default changes nothing.
+    for part in ("water", "stroke", "motion", "sensors", "trim_error"):
+        assert getattr(with_all, part) == getattr(plain, part)
+
+
+def fields(model, given):
+    """Every field that a table of the chosen kinds can have, as nested names."""
+    found = set()
+    for name, info in model.model_fields.items():
+        found.add(name)
+        members = models_in(info.annotation)
+        if len(members) > 1:
+            members = [m for m in members if given[name]["kind"] in tags_of(m)]
+        if members:
+            found |= {f"{name}.{inner}" for inner in fields(members[0], given.get(name, {}))}
+    return found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_template_has_every_field_of_the_schema_with_its_meaning(kind):
+    text = vehicle_template(kind)
+    full = tomllib.loads(re.sub(r"^#(?! )", "", text, flags=re.MULTILINE))
+
+    def names(table, path=""):
+        for key, value in table.items():
+            yield path + key
+            if isinstance(value, dict):
+                yield from names(value, f"{path}{key}.")
+
+    assert fields(Vehicle, full) <= set(names(full))
+    for line, before in zip(text.splitlines()[1:], text.splitlines(), strict=False):
+        if re.match(r"#?[a-z]\w* = ", line, flags=re.IGNORECASE) and "k_" not in line:
+            assert before.startswith("# "), f"{line} is not explained"
