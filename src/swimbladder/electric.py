@@ -171,7 +171,7 @@ def steady_drive(
         P_b, loss = E * i_b, R_b * i_b**2
     pumped, leaked = a.k_q * omega, a.k_l * z
     weight = water.specific_weight
-    return SteadyDrive(
+    fields = SteadyDrive(
         omega=omega,
         current=i,
         supply_current=i_b,
@@ -186,6 +186,7 @@ def steady_drive(
         leakage=weight * z * leaked,
         sea=weight * z * (pumped - leaked),
     )
+    return SteadyDrive(*(np.asarray(field)[()] for field in fields))  # numbers, not 0-d arrays
 
 
 def _winding(actuator: UnifiedActuator) -> tuple[float, float]:

@@ -134,8 +134,6 @@ def step_response(
     depth [m] does not change with the little volume moved. Raises NoAnswerError where the voltage
     does not drive the motor against them.
     """
-    from scipy.linalg import expm
-
     t = np.asarray(time, float)
     hold = holding_voltage(motor, depth)
     if not voltage > hold:
@@ -143,30 +141,30 @@ def step_response(
             f"{voltage:g} V do not drive the motor at {depth:g} m, where it takes {hold:g} V to "
             "hold load and friction: raise the voltage or lower the depth"
         )
-    m, i_hold = motor, hold / motor.R
-    # States: speed, angle, [current above i_hold]; last, the constant voltage above `hold`.
-    if m.L > 0.0:
-        A = np.array(
-            [
-                [-m.B / m.inertia, 0.0, m.k_T / m.inertia, 0.0],
-                [1.0, 0.0, 0.0, 0.0],
-                [-m.k_emf / m.L, 0.0, -m.R / m.L, 1.0 / m.L],
-                [0.0, 0.0, 0.0, 0.0],
-            ]
-        )
+    m = motor
+    (k,), denominator = speed_transfer(m)
+    *higher, a_1, a_0 = denominator
+    final = k * (voltage - hold) / a_0
+    slow, *fast = motor_poles(m)
+    rise: Any
+    if fast:
+        # 1 - speed/final is the divided difference of p' e^(p t) over the poles p, p'; written so
+        # that it holds for equal poles too.
+        t_phi = t * _phi((fast[0] - slow) * t)
+        rise = 1.0 - np.exp(slow * t) * (1.0 - slow * t_phi)
+        slope = slow * fast[0] * np.exp(slow * t) * t_phi
     else:
-        k_v = m.B + m.k_emf * m.k_T / m.R
-        A = np.array(
-            [
-                [-k_v / m.inertia, 0.0, m.k_T / m.R / m.inertia],
-                [1.0, 0.0, 0.0],
-                [0.0, 0.0, 0.0],
-            ]
-        )
-    x = expm(A * t[:, None, None])[:, :, -1] * (voltage - hold)
-    speed, angle = x[:, 0], x[:, 1]
-    current = i_hold + (x[:, 2] if m.L > 0.0 else (voltage - hold - m.k_emf * speed) / m.R)
+        rise, slope = -np.expm1(slow * t), -slow * np.exp(slow * t)
+    speed, acceleration = final * np.real(rise), final * np.real(slope)
+    # Integrated once, the motor says a_2 domega/dt + a_1 omega + a_0 theta = k (u - hold) t.
+    angle = final * t - (sum(higher) * acceleration + a_1 * speed) / a_0
+    current = hold / m.R + (m.inertia * acceleration + m.B * speed) / m.k_T
     return StepResponse(t, current, speed, angle, m.k_q * angle)
+
+
+def _phi(x: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """(e^x - 1)/x, 1 at 0."""
+    return np.divide(np.expm1(x), x, out=np.ones_like(x), where=x != 0.0)
 
 
 class InductanceError(NamedTuple):
