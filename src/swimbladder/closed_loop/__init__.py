@@ -6,6 +6,7 @@ depth step looks like.
 """
 
 from swimbladder.closed_loop.accounts import Books
+from swimbladder.closed_loop.ensemble import simulate_ensemble
 from swimbladder.closed_loop.metrics import StepMetrics, step_metrics
 from swimbladder.closed_loop.replay import drive
 from swimbladder.closed_loop.single import simulate
@@ -19,5 +20,6 @@ __all__ = [
     "StopReason",
     "drive",
     "simulate",
+    "simulate_ensemble",
     "step_metrics",
 ]

@@ -35,7 +35,7 @@ def law_initial(parameters: Any, measurement: Any, reference: float) -> Any:
 
 
 @overload(law_step, inline="never")
-def _law_step(parameters, state, measurement, reference):  # type: ignore[no-untyped-def]
+def _law_step(parameters, state, measurement, reference):  # type: ignore[no-untyped-def]  # noqa: ARG001
     step = part(_LAWS[parameters.instance_class].step)
     return lambda parameters, state, measurement, reference: step(
         parameters, state, measurement, reference
@@ -43,7 +43,7 @@ def _law_step(parameters, state, measurement, reference):  # type: ignore[no-unt
 
 
 @overload(law_initial, inline="never")
-def _law_initial(parameters, measurement, reference):  # type: ignore[no-untyped-def]
+def _law_initial(parameters, measurement, reference):  # type: ignore[no-untyped-def]  # noqa: ARG001
     initial = part(_LAWS[parameters.instance_class].initial)
     return lambda parameters, measurement, reference: initial(parameters, measurement, reference)
 
@@ -68,8 +68,8 @@ def _function(source: str, **names: Any) -> Any:
 
 
 @overload(gather)
-def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]
-    if not isinstance(like, types.BaseNamedTuple):
+def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    if not isinstance(like, types.NamedTuple | types.NamedUniTuple):
         return None
     fields = ", ".join(
         f"work[start + {n} * stride]" for n in range(len(like.instance_class._fields))
@@ -80,8 +80,8 @@ def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]
 
 
 @overload(scatter_where)
-def _scatter_where(due, values, work, start, stride):  # type: ignore[no-untyped-def]
-    if not isinstance(values, types.BaseNamedTuple):
+def _scatter_where(due, values, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    if not isinstance(values, types.NamedTuple | types.NamedUniTuple):
         return None
     lines = "".join(
         f"    i = start + {n} * stride\n    work[i] = values[{n}] if due else work[i]\n"

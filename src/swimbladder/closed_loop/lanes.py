@@ -97,9 +97,10 @@ class Row(IntEnum):
     EVENTS = 39  # ticks in which something happened
     TROUBLE = 40  # 1: this tick has to be taken by engine.advance
     REFERENCE = 41  # m, the present set-point
-    STEP = 42  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
-    PLANT = 86
-    LAW = 111  # parameters, then state
+    PER_SPAN = 42  # 1/m, one over the present step, nan: no step
+    STEP = 43  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
+    PLANT = 87
+    LAW = 112  # parameters, then state
 
 
 N_STEP = 44
@@ -107,11 +108,13 @@ RECORDED = ("depth", "speed", "volume", "motor_rate", "command", "applied", "vol
 (
     Q, V, Z, W, NEXT_Q, NEXT_V, NEXT_Z, NEXT_W, COMMAND, APPLIED, WAIT, MODE, SLOW, STOPPED,
     STOP_TICK, LOW_Q, HIGH_Q, LOW_V, HIGH_V, LOW_Z, HIGH_Z, DEPTH_NOISE, DEPTH_QUANTUM,
-    VOLUME_NOISE, VOLUME_QUANTUM, FROM, LOW_U, HIGH_U, SEEN_DEPTH, SEEN_VOLUME, Z_LOWEST, Z_HIGHEST, V_LOWEST,
-    V_HIGHEST, TRAVEL, FURTHEST, RISE90, OUTSIDE2, SQUARES, EVENTS, TROUBLE, REFERENCE, STEP, PLANT, LAW,
+    VOLUME_NOISE, VOLUME_QUANTUM, FROM, LOW_U, HIGH_U, SEEN_DEPTH, SEEN_VOLUME, Z_LOWEST,
+    Z_HIGHEST, V_LOWEST, V_HIGHEST, TRAVEL, FURTHEST, RISE90, OUTSIDE2, SQUARES, EVENTS, TROUBLE,
+    REFERENCE, PER_SPAN, STEP, PLANT, LAW,
 ) = (int(row) for row in Row)  # fmt: skip
 N_PLANT = len(Plant._fields)
-assert LAW == PLANT + N_PLANT and PLANT == STEP + N_STEP
+assert LAW == PLANT + N_PLANT
+assert PLANT == STEP + N_STEP
 
 
 def rows(n_parameters: int, n_state: int) -> int:
@@ -121,11 +124,11 @@ def rows(n_parameters: int, n_state: int) -> int:
 
 @part
 def _set_mode(S, token, i, mode, chains, built, h, p):  # type: ignore[no-untyped-def]
-    """Write into lane i what a tick in this mode needs: coefficients, bounds, whether it is slow."""
+    """Write into lane i what a tick in this mode needs: coefficients, bounds, its speed."""
     W_ = len(token)
     S[MODE * W_ + i] = mode
     act, _, where = split(mode)
-    plain = act == FORWARD or act == BACKWARD
+    plain = act in (FORWARD, BACKWARD)
     S[SLOW * W_ + i] = 0.0 if plain and p[SAG] == 0.0 and p[POSITIONER] == 0.0 else 1.0
     one_way = p[LOAD_DRIVE] != p[LOAD_BACK] or p[FRICTION] != 0.0
     S[LOW_Q * W_ + i] = 0.0 if one_way and act == FORWARD else -np.inf
@@ -186,13 +189,14 @@ def _decide(S, token, like, like_state, t, tick):  # type: ignore[no-untyped-def
     """Call the law in every lane; keep what it says where it is due."""
     W_ = len(token)
     n_par = len(like)
+    per_tick = 1.0 / tick
     for i in range(W_):
         seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
         parameters = gather(like, S, LAW * W_ + i, W_)
         state = gather(like_state, S, (LAW + n_par) * W_ + i, W_)
         command, state, next_s = law_step(parameters, state, seen, S[REFERENCE * W_ + i])
         due = S[WAIT * W_ + i] <= 0.0
-        wait = np.ceil(next_s / tick - 1e-9)
+        wait = np.ceil(next_s * per_tick - 1e-9)
         S[WAIT * W_ + i] = (max(wait, 1.0) if due else S[WAIT * W_ + i]) - 1.0
         command = command if due else S[COMMAND * W_ + i]
         S[COMMAND * W_ + i] = command
@@ -317,24 +321,24 @@ def _judge(S, token, since):  # type: ignore[no-untyped-def]
         target = S[REFERENCE * W_ + i]
         error = target - z
         S[SQUARES * W_ + i] += error * error
-        span = target - start
-        share = (z - start) / (span if span != 0.0 else np.nan)
+        share = (z - start) * S[PER_SPAN * W_ + i]
         S[FURTHEST * W_ + i] = max(S[FURTHEST * W_ + i], share)
         first = (share > 0.9) & (S[RISE90 * W_ + i] == np.inf)
         S[RISE90 * W_ + i] = since if first else S[RISE90 * W_ + i]
         S[OUTSIDE2 * W_ + i] = since if abs(share - 1.0) > 0.02 else S[OUTSIDE2 * W_ + i]
 
 
-@compiled()
+@compiled
 def run_block(  # type: ignore[no-untyped-def]
-    S, token, like, like_state, first, last, tick, parts, nonlinear, turn, given, depths, noise, record,
-    state_row, chains, built, books, log, count,
+    S, token, like, like_state, first, last, tick, parts, nonlinear, turn, given, depths, noise,
+    record, state_row, chains, built, books, log, count,
 ):  # fmt: skip
     """Run a block of len(token) lanes from tick `first` to `last`.
 
     S: the block's array, rows x lanes, flat. like, like_state: a law's parameters and state, for
     their types. tick [s], divided into `parts`. turn [n]: which set-point holds at a tick;
-    given: the tick of each set-point; depths [set-points, lanes]. noise [ticks of this call, 2, lanes] standard normal, or empty.
+    given: the tick of each set-point; depths [set-points, lanes].
+    noise [ticks of this call, 2, lanes] standard normal, or empty.
     record [7, n, lanes] or empty; state_row: row of the volume reference in the law's state, -1
     without. chains, built: see engine.advance, per lane. books [lanes, accounts] or empty.
     """
@@ -351,6 +355,8 @@ def run_block(  # type: ignore[no-untyped-def]
             for i in range(W_):
                 S[REFERENCE * W_ + i] = depths[turn[k], i]
                 S[FROM * W_ + i] = S[Z * W_ + i]
+                span = depths[turn[k], i] - S[Z * W_ + i]
+                S[PER_SPAN * W_ + i] = 1.0 / span if span != 0.0 else np.nan
                 S[FURTHEST * W_ + i] = 0.0
                 S[RISE90 * W_ + i] = np.inf
                 S[OUTSIDE2 * W_ + i] = -1.0
@@ -367,7 +373,7 @@ def run_block(  # type: ignore[no-untyped-def]
             _record(S, token, record, k, n_par, state_row)
         if k == turn.shape[0] - 1:
             break
-        for part in range(parts):
+        for n in range(parts):
             if with_books:
                 for i in range(W_):
                     S[TROUBLE * W_ + i] = 1.0
@@ -379,7 +385,7 @@ def run_block(  # type: ignore[no-untyped-def]
                     if S[TROUBLE * W_ + i] == 0.0:
                         continue
                     _take_slowly(
-                        S, token, i, k, t + part * h, h, nonlinear, p, x, y,
+                        S, token, i, k, t + n * h, h, nonlinear, p, x, y,
                         chains[i], built[i], books[i], log[i], count[i],
                     )  # fmt: skip
             _commit(S, token)
@@ -429,7 +435,7 @@ def _record(S, token, record, k, n_par, state_row):  # type: ignore[no-untyped-d
             record[6, k, i] = S[(LAW + n_par + state_row) * W_ + i]
 
 
-@compiled()
+@compiled
 def start_block(S, token, h, chains, built):  # type: ignore[no-untyped-def]
     """Set each lane's first mode from its state, its parameters and a base step h [s]."""
     W_ = len(token)

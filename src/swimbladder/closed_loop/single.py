@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swimbladder.closed_loop.accounts import close_books
 from swimbladder.closed_loop.block import Block, schedule
@@ -75,7 +77,7 @@ def simulate(
     stop = list(StopReason)[int(block.work[Row.STOPPED, 0])]
     n = clock.ticks + 1 if stop is StopReason.FINISHED else int(block.work[Row.STOP_TICK, 0]) + 1
     last = block.work[Row.Q : Row.Q + 4, 0]
-    time = np.arange(n) * tick
+    time: NDArray[np.float64] = np.arange(n, dtype=np.float64) * tick
     return assemble(
         vehicle, p, law=chosen.name, time=time,
         reference=np.asarray(depths, float)[clock.turn[:n]],
@@ -182,7 +184,7 @@ def check_setpoints(
             "the first set-point must be given at time 0", field="setpoints", value=times[0],
             unit="s",
         )  # fmt: skip
-    if any(b <= a for a, b in zip(times, times[1:], strict=False)):
+    if any(b <= a for a, b in itertools.pairwise(times)):
         raise InputError(
             "the times of the set-points must grow", field="setpoints", value=times, unit="s"
         )

@@ -40,7 +40,10 @@ class StopReason(Enum):
         "The vehicle changed its mode more than 500 times in one step. This is a fault of the "
         "model or of the simulator: please report it with the vehicle's file."
     )
-    NOT_FINITE = "The motion grew beyond all numbers. Check the vehicle's numbers and the controller's gains."
+    NOT_FINITE = (
+        "The motion grew beyond all numbers. Check the vehicle's numbers and the controller's "
+        "gains."
+    )
     LAW_NOT_FINITE = (
         "The control law gave a command that is not a finite number. Check its gains and what it "
         "does with the measurement."

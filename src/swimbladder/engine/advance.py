@@ -76,10 +76,10 @@ def may_hide(p, mode, x, y, h):  # type: ignore[no-untyped-def]
 @part
 def _note(log, count, t, old, new):  # type: ignore[no-untyped-def]
     """Record a passage that a reader cares about: end stops, surface, bottom, supply limit."""
-    old_act, old_limited, old_where = split(old)
-    new_act, new_limited, new_where = split(new)
-    at_stop = new_act == UPPER or new_act == LOWER or new_act == LOWER_SPINNING
-    was_at_stop = old_act == UPPER or old_act == LOWER or old_act == LOWER_SPINNING
+    old_act, _, old_where = split(old)
+    new_act, _, new_where = split(new)
+    at_stop = new_act in (UPPER, LOWER, LOWER_SPINNING)
+    was_at_stop = old_act in (UPPER, LOWER, LOWER_SPINNING)
     if (at_stop == was_at_stop) and old_where == new_where:
         return
     if count[0] < log.shape[0]:
@@ -182,14 +182,16 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
     return mode, DONE
 
 
-@compiled()
+@compiled
 def step_once(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count):  # type: ignore[no-untyped-def]
     """Take one step from Python; see `advance`."""
     return advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
 
 
-@compiled()
-def follow(p, parts, nonlinear, mode, x, time, inputs, ramps, record, books, log, count, chains, built):  # type: ignore[no-untyped-def]  # fmt: skip
+@compiled
+def follow(  # type: ignore[no-untyped-def]
+    p, parts, nonlinear, mode, x, time, inputs, ramps, record, books, log, count, chains, built
+):  # fmt: skip
     """Drive x = (q, V, z, w, integral of z) by recorded inputs; return (instants reached, why).
 
     time [n], inputs [n]: a voltage held until the next instant or, where `ramps`, a volume that
@@ -214,9 +216,21 @@ def follow(p, parts, nonlinear, mode, x, time, inputs, ramps, record, books, log
             h_before = h
         u = 0.0 if ramps else max(-p[SUPPLY], min(p[SUPPLY], inputs[k]))
         record[5, k] = inputs[k] if ramps else u
-        for part in range(parts[k]):
+        for n_part in range(parts[k]):
             mode, why = advance(
-                p, nonlinear, mode, x, y, u, h, time[k] + part * h, chains, built, books, log, count
+                p,
+                nonlinear,
+                mode,
+                x,
+                y,
+                u,
+                h,
+                time[k] + n_part * h,
+                chains,
+                built,
+                books,
+                log,
+                count,
             )
             if why != DONE:
                 return k + 1, why

@@ -79,7 +79,7 @@ def _drag_power(p, w):  # type: ignore[no-untyped-def]
 
 @part
 def enter(p, mode, x, y, u, h, books):  # type: ignore[no-untyped-def]
-    """Add to the accounts what happened from state x to y, h [s] later, in one mode at voltage u."""
+    """Add to the accounts what happened from x to y, h [s] later, in one mode at voltage u."""
     act, limited, _ = split(mode)
     z0, w0, z1, w1 = x[2], x[3], y[2], y[3]
     Iz = y[4] - x[4]

@@ -22,6 +22,7 @@ __all__ = ["OPTIONS", "cache_folder", "compiled", "is_cached", "part"]
 # Division as the hardware does it and fused multiply-add: without either no loop is vectorised.
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True}
 
+_config: Any = numba.config
 _PACKAGE = Path(__file__).resolve().parent.parent
 _SOURCES = ("dynamics.py", "engine/*.py", "control/*.py", "closed_loop/*.py")
 
@@ -52,25 +53,18 @@ def _parent() -> Path:
     return Path(base) / "swimbladder"
 
 
-def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Return a decorator: ``numba.njit`` with the code kept in `cache_folder`.
-
-    options: passed to ``numba.njit``.
-    """
-
-    def decorate(function: Callable[..., Any]) -> Any:
-        before = numba.config.CACHE_DIR
-        try:
-            folder = cache_folder()
-            folder.mkdir(parents=True, exist_ok=True)
-            numba.config.CACHE_DIR = str(folder)
-            return numba.njit(cache=True, **OPTIONS, **options)(function)
-        except (OSError, RuntimeError):  # read-only home, zipped package
-            return numba.njit(**OPTIONS, **options)(function)
-        finally:
-            numba.config.CACHE_DIR = before
-
-    return decorate
+def compiled(function: Callable[..., Any]) -> Any:
+    """Compile a kernel that Python calls, and keep its code in `cache_folder`."""
+    before = _config.CACHE_DIR
+    try:
+        folder = cache_folder()
+        folder.mkdir(parents=True, exist_ok=True)
+        _config.CACHE_DIR = str(folder)
+        return numba.njit(cache=True, **OPTIONS)(function)
+    except (OSError, RuntimeError):  # read-only home, zipped package
+        return numba.njit(**OPTIONS)(function)
+    finally:
+        _config.CACHE_DIR = before
 
 
 def part(function: Callable[..., Any]) -> Any:

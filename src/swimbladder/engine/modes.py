@@ -104,7 +104,7 @@ def split(mode):  # type: ignore[no-untyped-def]
 
 @part
 def linear_part(p, mode, A, b_u, b_1):  # type: ignore[no-untyped-def]
-    """Fill A [4, 4], b_u [4], b_1 [4] with dx/dt = A x + b_u u + b_1 of a mode; return drag on w."""
+    """Fill A [4, 4], b_u [4], b_1 [4] of dx/dt = A x + b_u u + b_1; return what drag does to w."""
     act, limited, where = split(mode)
     A[:, :] = 0.0
     b_u[:] = 0.0
@@ -207,10 +207,11 @@ def event(p, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
             new_act, q, reset = UPPER, p[K_L] * z, True
         elif p[V_MIN] > V:
             new_act, q, reset = LOWER, 0.0, True
-        elif p[LOAD_DRIVE] != p[LOAD_BACK] or p[FRICTION] != 0.0:
-            if (act == FORWARD and q < 0.0) or (act == BACKWARD and q > 0.0):
-                q = 0.0
-                new_act = _turning(p, u, z, 0.0)
+        elif (p[LOAD_DRIVE] != p[LOAD_BACK] or p[FRICTION] != 0.0) and (
+            (act == FORWARD and q < 0.0) or (act == BACKWARD and q > 0.0)
+        ):
+            q = 0.0
+            new_act = _turning(p, u, z, 0.0)
     elif act == STUCK:
         if p[V_MIN] > V:
             new_act, reset = LOWER, True
