@@ -1,2 +1,102 @@
-"""swimbladder: models, identification and control of vehicles that move by changing their volume."""
+"""swimbladder: vehicles that move up and down by changing their volume.
+
+From datasheet to model, from pool log to parameters, from parameters to a depth controller::
+
+    import swimbladder as sb
+
+    vehicle = sb.load_vehicle("feup-em")              # a preset, or a TOML file
+    solution = sb.simulate(vehicle, setpoints=[(0.0, 3.0)], duration=400.0, start_depth=1.5)
+    print(sb.step_metrics(solution.time, solution.depth, start=1.5, target=3.0))
+    dataset = solution.dataset()                      # an xarray Dataset
+
+The map: what a vehicle is and is asked to do, ``Vehicle``, ``load_vehicle``, ``preset_names``,
+``Mission``, ``load_mission``; how it moves, ``simulate``, ``simulate_ensemble``, ``drive``,
+``Solution``, ``StopReason``, ``step_metrics``; a controller of your own, ``Law``, ``Measurement``;
+what its linear model says, ``analyse``; what a measured log says, ``read_log``, ``compare``; what
+goes wrong, ``SwimbladderError`` with ``InputError`` and ``NoAnswerError``.
+
+All numbers are SI; depth is positive down; a positive volume makes the vehicle lighter.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from swimbladder.analysis import analyse
+    from swimbladder.closed_loop import (
+        Solution,
+        StopReason,
+        drive,
+        simulate,
+        simulate_ensemble,
+        step_metrics,
+    )
+    from swimbladder.comparison import compare
+    from swimbladder.control.law import Law, Measurement
+    from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
+    from swimbladder.io.config import load_mission, load_vehicle
+    from swimbladder.io.logs import read_log
+    from swimbladder.io.mission import Mission
+    from swimbladder.io.presets import preset_names
+    from swimbladder.parameters import Vehicle
+
 __version__ = "0.1.0.dev0"
+__all__ = [
+    "InputError",
+    "Law",
+    "Measurement",
+    "Mission",
+    "NoAnswerError",
+    "Solution",
+    "StopReason",
+    "SwimbladderError",
+    "Vehicle",
+    "analyse",
+    "compare",
+    "drive",
+    "load_mission",
+    "load_vehicle",
+    "preset_names",
+    "read_log",
+    "simulate",
+    "simulate_ensemble",
+    "step_metrics",
+]
+
+# Where each name lives; it is imported when it is first used, so that `import swimbladder` is free.
+_HOMES = {
+    "analysis": ("analyse",),
+    "closed_loop": (
+        "Solution",
+        "StopReason",
+        "drive",
+        "simulate",
+        "simulate_ensemble",
+        "step_metrics",
+    ),
+    "comparison": ("compare",),
+    "control.law": ("Law", "Measurement"),
+    "errors": ("InputError", "NoAnswerError", "SwimbladderError"),
+    "io.config": ("load_mission", "load_vehicle"),
+    "io.logs": ("read_log",),
+    "io.mission": ("Mission",),
+    "io.presets": ("preset_names",),
+    "parameters": ("Vehicle",),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from where it lives."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names, imported or not."""
+    return sorted({*globals(), *__all__})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from swimbladder.io.files import write_through
 
@@ -39,14 +39,15 @@ def write(
             "calendar": "standard",
         }
     now = datetime.datetime.now(datetime.UTC)
-    stamped.attrs = {
+    stamped.attrs = dict(dataset.attrs) | {
         "Conventions": CONVENTIONS,
         "title": title,
         "source": f"swimbladder {__version__}",
         "history": f"{now:%Y-%m-%dT%H:%M:%SZ} written by swimbladder {__version__}",
-        **dataset.attrs,
     }
-    encoding = {str(name): {"zlib": True, "complevel": 1} for name in stamped.data_vars}
+    encoding: dict[str, dict[str, Any]] = {
+        str(name): {"zlib": True, "complevel": 1} for name in stamped.data_vars
+    }
     encoding |= {str(name): {"_FillValue": None} for name in stamped.coords}
 
     return write_through(

@@ -1,0 +1,283 @@
+"""``swimbladder simulate``: numbers, files, exit codes, and what is refused."""
+
+import csv
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import swimbladder
+from swimbladder.cli import main
+from swimbladder.io.presets import preset_text
+from swimbladder.io.templates import KINDS, vehicle_template
+
+COLUMNS = [
+    "time_s", "depth_m", "speed_m_s", "volume_m3", "voltage_V", "volume_reference_m3",
+    "current_A", "power_W", "reference_depth_m",
+]  # fmt: skip
+MISSION = """\
+schema_version = 1
+name = "down and up"
+start_depth = "1.5 m"
+bottom_depth = "4.5 m"
+duration = "800 s"
+[[setpoints]]
+time = 0
+depth = 3.0
+[[setpoints]]
+time = 400
+depth = 1.5
+"""
+
+
+def answer(capsys, *arguments, code=0):
+    assert main(["simulate", *arguments, "--json"]) == code
+    return json.loads(capsys.readouterr().out)
+
+
+def table(path):
+    with path.open(newline="", encoding="ascii") as file:
+        header, *rows = csv.reader(file)
+    return header, dict(zip(header, np.array(rows, float).T, strict=True))
+
+
+def vehicle_file(folder, old="", new="", *, text=None):
+    path = folder / "vehicle.toml"
+    text = preset_text("feup-em") if text is None else text
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    return str(path)
+
+
+def test_the_papers_step_has_the_numbers_of_an_independent_simulation(capsys, tmp_path):
+    """SciPy's LSODA at rtol 1e-9 gives 14.7 %, 37.8 s, 338 s and -99 to +13 cm3 from rest."""
+    step = ["--start", "1.5", "--target", "3.0", "--duration", "400"]
+    a = answer(capsys, "feup-em", *step, "--out", str(tmp_path))
+    assert a["overshoot_pct"] == pytest.approx(14.7, abs=0.05)
+    assert a["rise90_s"] == pytest.approx(37.8, abs=1e-9)
+    assert a["settle2_s"] == pytest.approx(338.0, abs=0.5)
+    assert a["volume_range_m3"] == pytest.approx([-99e-6, 13e-6], abs=0.5e-6)
+    assert a["peak_volume_m3"] == -a["volume_range_m3"][0]
+    assert a["completed"] is True
+    assert a["events"] == []
+    assert a["stop_reason"] == "The simulation reached its end."
+    assert a["files"] == [str(tmp_path / "trajectory.csv")]
+    assert len(a["steps"]) == 1
+
+
+def test_the_csv_has_the_solution_to_the_bit(capsys, tmp_path):
+    a = answer(capsys, "feup-em", "--out", str(tmp_path))
+    header, columns = table(tmp_path / "trajectory.csv")
+    # An identified actuator does not tell its current.
+    assert header == [c for c in COLUMNS if c not in ("current_A", "power_W")]
+    vehicle = swimbladder.load_vehicle("feup-em")
+    s = swimbladder.simulate(vehicle, setpoints=[(0.0, 3.0)], duration=400.0, start_depth=1.5)
+    for name, values in {
+        "time_s": s.time, "depth_m": s.depth, "speed_m_s": s.speed, "volume_m3": s.volume,
+        "voltage_V": s.voltage, "volume_reference_m3": s.volume_reference,
+        "reference_depth_m": s.reference,
+    }.items():  # fmt: skip
+        assert np.array_equal(columns[name], values), name
+    assert len(s.time) == a["samples"] == 1335
+    travel = np.abs(np.diff(columns["volume_m3"])).sum()
+    assert a["actuator_travel_m3"] == pytest.approx(travel, rel=1e-12)
+    assert a["final_depth_m"] == columns["depth_m"][-1]
+
+
+def test_current_and_power_are_there_where_the_motor_is_known(capsys, tmp_path):
+    answer(capsys, "example-em", "--duration", "30", "--out", str(tmp_path))
+    header, columns = table(tmp_path / "trajectory.csv")
+    assert header == COLUMNS
+    assert np.all(np.isfinite(columns["current_A"]))
+
+
+def test_a_positioner_has_no_voltage(capsys, tmp_path):
+    path = vehicle_file(tmp_path, text=vehicle_template("positioner"))
+    answer(capsys, path, "--duration", "30", "--out", str(tmp_path))
+    assert table(tmp_path / "trajectory.csv")[0] == [
+        "time_s", "depth_m", "speed_m_s", "volume_m3", "volume_reference_m3", "reference_depth_m",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_template_is_a_vehicle_that_reaches_its_depth(capsys, tmp_path, kind):
+    path = vehicle_file(tmp_path, text=vehicle_template(kind))
+    a = answer(capsys, path, "--out", str(tmp_path))
+    assert a["completed"] is True
+    assert a["final_depth_m"] == pytest.approx(3.0, abs=0.05)
+    assert a["settle2_s"] is not None
+
+
+def test_a_depth_that_is_not_reached_is_null_not_a_number(capsys, tmp_path):
+    a = answer(capsys, "feup-em", "--duration", "20", "--out", str(tmp_path))
+    assert a["rise90_s"] is None
+    assert a["settle2_s"] is None
+    assert a["overshoot_pct"] == 0.0
+
+
+def test_options_take_units(capsys, tmp_path):
+    one = answer(capsys, "feup-em", "--start", "150 cm", "--target", "3000 mm", "--duration",
+                 "1 min", "--bottom", "450 cm", "--out", str(tmp_path))  # fmt: skip
+    two = answer(capsys, "feup-em", "--start", "1.5", "--target", "3", "--duration", "60",
+                 "--bottom", "4.5", "--out", str(tmp_path))  # fmt: skip
+    assert one == two
+
+
+def test_a_mission_gives_each_step_and_the_last_on_top(capsys, tmp_path):
+    path = tmp_path / "mission.toml"
+    path.write_text(MISSION)
+    a = answer(capsys, "feup-em", str(path), "--out", str(tmp_path))
+    first, second = a["steps"]
+    assert (first["time_s"], first["start_depth_m"], first["target_depth_m"]) == (0.0, 1.5, 3.0)
+    assert (second["time_s"], second["start_depth_m"], second["target_depth_m"]) == (400, 3.0, 1.5)
+    assert a["mission"] == "down and up"
+    for name in ("overshoot_pct", "rise90_s", "settle2_s", "final_depth_m", "peak_volume_m3"):
+        assert a[name] == second[name]
+    # The first 400 s are those of the single step.
+    alone = answer(capsys, "feup-em", "--out", str(tmp_path))
+    assert first["overshoot_pct"] == pytest.approx(alone["overshoot_pct"], rel=1e-12)
+    assert first["rise90_s"] == alone["rise90_s"]
+    # Section 3.2: the overshoot is slightly lower when ascending.
+    assert 10.0 < second["overshoot_pct"] < first["overshoot_pct"]
+    assert 30.0 < second["rise90_s"] < 45.0
+
+
+def test_the_table_says_the_same_as_the_json(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["simulate", "feup-em"]) == 0
+    shown = capsys.readouterr().out
+    words = ("1.5 to 3 m", "14.7 %", "37.8 s", "337.8 s", "99.2 cm3", "221.8 cm3", "trajectory.csv")
+    for word in words:
+        assert word in shown
+    assert (tmp_path / "swimbladder-simulate" / "trajectory.csv").is_file()
+
+
+def test_events_are_told(capsys, tmp_path):
+    path = vehicle_file(tmp_path, 'minimum = "-350 cm3"', 'minimum = "-20 cm3"')
+    a = answer(capsys, path, "--target", "2.9", "--out", str(tmp_path))
+    kinds = [event["kind"] for event in a["events"]]
+    assert "reached the lower end stop" in kinds
+    assert a["volume_range_m3"][0] == pytest.approx(-20e-6, abs=1e-10)
+    assert a["steps"][0]["events"] == a["events"]
+    assert main(["simulate", path, "--target", "2.9", "--out", str(tmp_path)]) == 0
+    assert "reached the lower end stop" in capsys.readouterr().out
+
+
+def test_a_simulation_that_stops_early_is_exit_code_1_with_its_files(capsys, tmp_path):
+    # With the outer loop's sign turned the vehicle sinks for good.
+    text = preset_text("feup-em")
+    for gain in ("-0.1043", "-7.486e-4", "-2.341"):
+        text = text.replace(f'"{gain}', f'"{gain[1:]}')
+    path = vehicle_file(tmp_path, text=text)
+    arguments = ["--target", "1.0", "--duration", "12 h", "--out", str(tmp_path)]
+    a = answer(capsys, path, *arguments, code=1)
+    assert a["completed"] is False
+    assert "12000 m" in a["stop_reason"]
+    assert a["duration_s"] < 12 * 3600
+    _, columns = table(tmp_path / "trajectory.csv")
+    assert columns["time_s"][-1] == a["duration_s"]
+    assert main(["simulate", path, *arguments]) == 1
+    assert f"stopped at {a['duration_s']:.6g} s" in capsys.readouterr().err
+
+
+def test_noise_comes_from_the_seed(capsys, tmp_path):
+    path = vehicle_file(
+        tmp_path, "[controller]\n", '[sensors]\ndepth_noise = "2 mm"\n[controller]\n'
+    )
+    depths = []
+    for arguments in ([], ["--seed", "1"], ["--seed", "1"], ["--seed", "2"]):
+        answer(capsys, path, *arguments, "--out", str(tmp_path))
+        depths.append(table(tmp_path / "trajectory.csv")[1]["depth_m"])
+    assert np.array_equal(depths[1], depths[2])
+    assert not np.array_equal(depths[0], depths[1])
+    assert not np.array_equal(depths[1], depths[3])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "place", "words"),
+    [
+        (["--target", "-1"], "--target", "above the surface"),
+        (["--start", "-0.5 m"], "--start", "above the surface"),
+        (["--target", "5", "--bottom", "4.5"], "--target", "below the bottom at 4.5 m"),
+        (["--start", "5", "--bottom", "450 cm"], "--start", "or a deeper bottom (--bottom)"),
+        (["--target", "101"], "--target", "rated for 100 m"),
+        (["--target", "90"], "--target", "Stay above 86.63 m, to which the stroke suffices"),
+        (["--target", "3 kg"], "--target", "Give it in m"),
+        (["--target", "nan"], "--target", "not a number"),
+        (["--duration", "0"], "--duration", "must be above 0"),
+        (["--duration", "-5 min"], "--duration", "must be above 0"),
+        (["--duration", "100 ms"], "--duration", "shorter than one sample of 0.3 s"),
+        (["--duration", "1e12"], "--duration", "Shorten it"),
+        (["--bottom", "0"], "--bottom", "must be above 0"),
+        (["none.toml"], "none.toml", "there is no such file"),
+    ],
+)
+def test_bad_input_is_one_paragraph_and_nothing_is_written(
+    capsys, tmp_path, monkeypatch, arguments, place, words
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["simulate", "feup-em", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f"error: {place}")
+    assert words in captured.err
+    assert captured.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_error_in_a_mission_is_placed_in_its_file(capsys, tmp_path):
+    path = tmp_path / "mission.toml"
+    path.write_text(MISSION.replace("depth = 1.5", "depth = 5.5"))
+    assert main(["simulate", "feup-em", str(path), "--out", str(tmp_path / "out")]) == 2
+    shown = capsys.readouterr().err
+    assert f"{path}, line 11, setpoints[1].depth: the depth is below the bottom at 4.5 m" in shown
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_mission_and_options_contradict_each_other(capsys, tmp_path):
+    path = tmp_path / "mission.toml"
+    path.write_text(MISSION)
+    assert main(["simulate", "feup-em", str(path), "--target", "2"]) == 2
+    assert "--target: the mission file says this already" in capsys.readouterr().err
+
+
+def test_a_vehicle_without_a_controller_is_told_so(capsys, tmp_path):
+    text = preset_text("feup-em")
+    path = vehicle_file(tmp_path, text=text[: text.index("[controller]")])
+    assert main(["simulate", path, "--out", str(tmp_path / "out")]) == 2
+    assert "Add a table [controller]" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be_made(capsys, tmp_path):
+    (tmp_path / "file").write_text("x")
+    assert main(["simulate", "feup-em", "--out", str(tmp_path / "file" / "out")]) == 2
+    assert "Choose another folder with --out" in capsys.readouterr().err
+
+
+def test_netcdf_has_the_same_numbers_and_names_them(capsys, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    a = answer(capsys, "feup-em", "--netcdf", "--out", str(tmp_path))
+    assert a["files"][1] == str(tmp_path / "trajectory.nc")
+    _, columns = table(tmp_path / "trajectory.csv")
+    with xarray.open_dataset(a["files"][1], engine="h5netcdf", decode_times=False) as data:
+        assert np.array_equal(data.depth, columns["depth_m"])
+        assert np.array_equal(data.time, columns["time_s"])
+        assert data.attrs["Conventions"] == "CF-1.11"
+        assert data.attrs["title"] == "feup-em: step, simulated in closed loop"
+
+
+def test_a_warm_run_imports_nothing_that_it_does_not_need(tmp_path):
+    code = (
+        "import sys; from swimbladder.cli import main; "
+        f"assert main(['simulate', 'feup-em', '--json', '--out', {str(tmp_path)!r}]) == 0; "
+        "print(*sys.modules, file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stderr.split())
+    assert "numba" in loaded
+    heavy = {"pandas", "xarray", "h5py", "matplotlib", "control", "scipy.integrate", "scipy.signal"}
+    assert not loaded.intersection(heavy)
+    assert json.loads(done.stdout)["vehicle"] == "feup-em"
