@@ -88,7 +88,12 @@ def test_a_byte_order_mark_and_windows_line_ends_are_read(tmp_path):
         ('"hull.psi" =', '"hull.psi" = 3 #', 'provenance."hull.psi"', "Write it in quotes"),
         ('law = "cascade"', 'law = "casacde"', "controller.law", "Did you mean cascade?"),
         ('"1002 V/dm3"', '"1002 V/dm2"', "controller.parameters.k_pV", "of another kind"),
-        ('k_pV = "1002 V/dm3"', 'k_pv = "1002 V/dm3"', "controller.parameters.k_pv", "Did you mean k_pV?"),
+        (
+            'k_pV = "1002 V/dm3"',
+            'k_pv = "1002 V/dm3"',
+            "controller.parameters.k_pv",
+            "Did you mean k_pV?",
+        ),
         (
             'voltage = "12 V"',
             'voltage = "12 V"\ninternal_resistance = "0.1 ohm"',

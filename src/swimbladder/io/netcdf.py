@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,8 +29,7 @@ def write(
     start: the moment that `time` counts from, with its time zone; without it `time` stays a plain
     number of seconds since the start. Raises InputError where the file cannot be written.
     """
-    from swimbladder import __version__
-
+    source = f"swimbladder {version('swimbladder')}"
     stamped = dataset.copy()
     if start is not None:
         utc = start.astimezone(datetime.UTC)
@@ -42,8 +42,8 @@ def write(
     stamped.attrs = dict(dataset.attrs) | {
         "Conventions": CONVENTIONS,
         "title": title,
-        "source": f"swimbladder {__version__}",
-        "history": f"{now:%Y-%m-%dT%H:%M:%SZ} written by swimbladder {__version__}",
+        "source": source,
+        "history": f"{now:%Y-%m-%dT%H:%M:%SZ} written by {source}",
     }
     encoding: dict[str, dict[str, Any]] = {
         str(name): {"zlib": True, "complevel": 1} for name in stamped.data_vars
