@@ -22,7 +22,8 @@ class Books:
     volume: pumped, leaked, change, travel [m3]. energy: each account [J]; source positive, sinks
     positive where they took energy, stores positive where they gained it. basis: what the source
     is. volume_residue [m3] and energy_residue [J] are what does not add up; throughput [J] is the
-    energy that passed through, to judge the residue by.
+    energy that passed through, to judge the residue by. motion_residue and motion_throughput [J]
+    are the same of the vehicle and the sea alone, which the motor's losses would hide.
     """
 
     volume: dict[str, float]
@@ -31,12 +32,17 @@ class Books:
     volume_residue: float
     energy_residue: float
     throughput: float
+    motion_residue: float
+    motion_throughput: float
     motor_on: float
 
     @property
     def relative_energy_residue(self) -> float:
-        """Energy residue over throughput [-]."""
-        return abs(self.energy_residue) / self.throughput if self.throughput > 0.0 else 0.0
+        """The larger of the two energy residues over its throughput [-]."""
+        return max(
+            abs(self.energy_residue) / self.throughput,
+            abs(self.motion_residue) / self.motion_throughput,
+        )
 
 
 def close_books(
@@ -52,6 +58,8 @@ def close_books(
     energy["bottom"] = m * a[Account.BOTTOM_W]
     energy["vehicle motion"] = 0.5 * m * (w1 * w1 - w0 * w0)
     energy["sea"] = m * (_potential(p, V1, z1) - _potential(p, V0, z0))
+    motion = [energy[name] for name in ("drag", "bottom", "vehicle motion", "sea")]
+    moved = m * p.a_b * a[Account.Z_DV]
     source = energy["source"]
     sinks = sum(value for name, value in energy.items() if name != "source")
     return Books(
@@ -68,6 +76,8 @@ def close_books(
         throughput=max(
             abs(source), 0.5 * sum(abs(value) for value in energy.values()), k_b * 1e-12
         ),
+        motion_residue=moved - sum(motion),
+        motion_throughput=max(abs(moved), 0.5 * sum(map(abs, motion)), k_b * 1e-12),
         motor_on=a[Account.MOTOR_ON],
     )
 

@@ -91,6 +91,7 @@ class Block:
         work[Row.DEPTH_QUANTUM] = sensors.depth_quantum
         work[Row.VOLUME_NOISE] = sensors.volume_noise
         work[Row.VOLUME_QUANTUM] = sensors.volume_quantum
+        work[Row.SEEN_DEPTH], work[Row.SEEN_VOLUME] = start[2], start[1]
         work[Row.Z_LOWEST] = work[Row.Z_HIGHEST] = start[2]
         work[Row.V_LOWEST] = work[Row.V_HIGHEST] = start[1]
         n = clock.ticks + 1
@@ -112,6 +113,8 @@ class Block:
     def run(self, progress: Callable[[int], None] | None = None) -> None:
         """Run to the end; `progress` gets the number of ticks done after each chunk."""
         token = (0.0,) * self.lanes
+        # one vehicle: one kernel for all drags; a block: a kernel without what laminar drag lacks
+        bend = (0.0,) if self.nonlinear or self.lanes == 1 else ()
         chains = np.empty((self.lanes, COUNT, LEVELS + 1, COEFFICIENTS))
         built = np.zeros((self.lanes, COUNT), np.uint8)
         flat = self.work.reshape(-1)
@@ -125,8 +128,8 @@ class Block:
             last = min(first + _CHUNK, end)
             noise = silent if self.noise is None else self._noise(last - first)
             run_block(
-                flat, token, self.parameters, state, first, last, self.clock.tick, self.parts,
-                self.nonlinear, self.clock.turn, self.clock.given, self.depths, noise, self.record,
+                flat, token, bend, self.parameters, state, first, last, self.clock.tick, self.parts,
+                self.clock.turn, self.clock.given, self.depths, noise, self.record,
                 row, chains, built, self.books, self.log, self.noted,
             )  # fmt: skip
             if progress is not None:

@@ -12,10 +12,11 @@ from numba import types
 from numba.extending import overload
 
 from swimbladder.control.law import Law
-from swimbladder.engine.cache import part
+from swimbladder.engine.cache import inlined
 
 __all__ = ["enroll", "gather", "law_initial", "law_step", "scatter_where"]
 
+_INLINE = {"forceinline": True}
 _LAWS: dict[type[Any], Law] = {}
 
 
@@ -34,17 +35,17 @@ def law_initial(parameters: Any, measurement: Any, reference: float) -> Any:
     return _LAWS[type(parameters)].initial(parameters, measurement, reference)
 
 
-@overload(law_step, inline="never")
+@overload(law_step, jit_options=_INLINE)
 def _law_step(parameters, state, measurement, reference):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    step = part(_LAWS[parameters.instance_class].step)
+    step = inlined(_LAWS[parameters.instance_class].step)
     return lambda parameters, state, measurement, reference: step(
         parameters, state, measurement, reference
     )
 
 
-@overload(law_initial, inline="never")
+@overload(law_initial, jit_options=_INLINE)
 def _law_initial(parameters, measurement, reference):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    initial = part(_LAWS[parameters.instance_class].initial)
+    initial = inlined(_LAWS[parameters.instance_class].initial)
     return lambda parameters, measurement, reference: initial(parameters, measurement, reference)
 
 
@@ -67,7 +68,7 @@ def _function(source: str, **names: Any) -> Any:
     return space["f"]
 
 
-@overload(gather)
+@overload(gather, jit_options=_INLINE)
 def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
     if not isinstance(like, types.NamedTuple | types.NamedUniTuple):
         return None
@@ -79,7 +80,7 @@ def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]  # noqa:
     )
 
 
-@overload(scatter_where)
+@overload(scatter_where, jit_options=_INLINE)
 def _scatter_where(due, values, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
     if not isinstance(values, types.NamedTuple | types.NamedUniTuple):
         return None

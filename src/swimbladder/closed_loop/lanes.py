@@ -18,7 +18,7 @@ from swimbladder.closed_loop.dispatch import gather, law_initial, law_step, scat
 from swimbladder.control.law import Measurement
 from swimbladder.dynamics import Plant
 from swimbladder.engine.advance import DONE, advance
-from swimbladder.engine.cache import compiled, part
+from swimbladder.engine.cache import compiled, inlined, part
 from swimbladder.engine.chain import ALPHA, BETA, build_chain
 from swimbladder.engine.modes import (
     BACKWARD,
@@ -58,55 +58,51 @@ class Row(IntEnum):
     V = 1
     Z = 2
     W = 3
-    NEXT_Q = 4  # state at the end of the tick
-    NEXT_V = 5
-    NEXT_Z = 6
-    NEXT_W = 7
-    COMMAND = 8  # as the law gave it
-    APPLIED = 9  # as the actuator got it
-    WAIT = 10  # ticks until the law wants to be called
-    MODE = 11
-    SLOW = 12  # 1: this lane's mode has to be taken by engine.advance
-    STOPPED = 13  # why the lane stopped, 0: it did not
-    STOP_TICK = 14
-    LOW_Q = 15  # bounds within which the mode lasts
-    HIGH_Q = 16
-    LOW_V = 17
-    HIGH_V = 18
-    LOW_Z = 19
-    HIGH_Z = 20
-    DEPTH_NOISE = 21
-    DEPTH_QUANTUM = 22
-    VOLUME_NOISE = 23
-    VOLUME_QUANTUM = 24
-    FROM = 25  # depth at which the present set-point was given
-    LOW_U = 26  # what the actuator takes
-    HIGH_U = 27
-    SEEN_DEPTH = 28  # the measurement
-    SEEN_VOLUME = 29
+    COMMAND = 4  # as the law gave it
+    APPLIED = 5  # as the actuator got it
+    WAIT = 6  # ticks until the law wants to be called
+    MODE = 7
+    SLOW = 8  # 1: this lane's mode has to be taken by engine.advance
+    STOPPED = 9  # why the lane stopped, 0: it did not
+    STOP_TICK = 10
+    LOW_Q = 11  # bounds within which the mode lasts
+    HIGH_Q = 12
+    LOW_V = 13
+    HIGH_V = 14
+    LOW_Z = 15
+    HIGH_Z = 16
+    DEPTH_NOISE = 17
+    DEPTH_QUANTUM = 18
+    VOLUME_NOISE = 19
+    VOLUME_QUANTUM = 20
+    FROM = 21  # depth at which the present set-point was given
+    LOW_U = 22  # what the actuator takes
+    HIGH_U = 23
+    SEEN_DEPTH = 24  # the measurement
+    SEEN_VOLUME = 25
     # summaries
-    Z_LOWEST = 30
-    Z_HIGHEST = 31
-    V_LOWEST = 32
-    V_HIGHEST = 33
-    TRAVEL = 34
-    FURTHEST = 35  # largest share of the present step that was travelled
-    RISE90 = 36  # s after the set-point, inf: not yet
-    OUTSIDE2 = 37  # s after the set-point at which the depth was last outside 2 %, -1: never
-    SQUARES = 38  # sum of the squared depth error
-    EVENTS = 39  # ticks in which something happened
-    TROUBLE = 40  # 1: this tick has to be taken by engine.advance
-    REFERENCE = 41  # m, the present set-point
-    PER_SPAN = 42  # 1/m, one over the present step, nan: no step
-    STEP = 43  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
-    PLANT = 87
-    LAW = 112  # parameters, then state
+    Z_LOWEST = 26
+    Z_HIGHEST = 27
+    V_LOWEST = 28
+    V_HIGHEST = 29
+    TRAVEL = 30
+    FURTHEST = 31  # largest share of the present step that was travelled
+    RISE90 = 32  # s after the set-point, inf: not yet
+    OUTSIDE2 = 33  # s after the set-point at which the depth was last outside 2 %, -1: never
+    SQUARES = 34  # sum of the squared depth error
+    EVENTS = 35  # ticks in which something happened
+    TROUBLE = 36  # 1: this tick has to be taken by engine.advance
+    REFERENCE = 37  # m, the present set-point
+    PER_SPAN = 38  # 1/m, one over the present step, nan: no step
+    STEP = 39  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
+    PLANT = 83
+    LAW = 108  # parameters, then state
 
 
 N_STEP = 44
 RECORDED = ("depth", "speed", "volume", "motor_rate", "command", "applied", "volume_reference")
 (
-    Q, V, Z, W, NEXT_Q, NEXT_V, NEXT_Z, NEXT_W, COMMAND, APPLIED, WAIT, MODE, SLOW, STOPPED,
+    Q, V, Z, W, COMMAND, APPLIED, WAIT, MODE, SLOW, STOPPED,
     STOP_TICK, LOW_Q, HIGH_Q, LOW_V, HIGH_V, LOW_Z, HIGH_Z, DEPTH_NOISE, DEPTH_QUANTUM,
     VOLUME_NOISE, VOLUME_QUANTUM, FROM, LOW_U, HIGH_U, SEEN_DEPTH, SEEN_VOLUME, Z_LOWEST,
     Z_HIGHEST, V_LOWEST, V_HIGHEST, TRAVEL, FURTHEST, RISE90, OUTSIDE2, SQUARES, EVENTS, TROUBLE,
@@ -166,171 +162,185 @@ def _set_mode(S, token, i, mode, chains, built, h, p):  # type: ignore[no-untype
 
 @part
 def _measure(S, token, noise, k):  # type: ignore[no-untyped-def]
-    """Write what the sensors say: the state, noise, then the quantum."""
+    """Write what noisy sensors say: the state, noise, then the quantum."""
+    W_ = len(token)
+    for i in range(W_):
+        z = S[Z * W_ + i] + S[DEPTH_NOISE * W_ + i] * noise[k, 0, i]
+        v = S[V * W_ + i] + S[VOLUME_NOISE * W_ + i] * noise[k, 1, i]
+        dz = S[DEPTH_QUANTUM * W_ + i]
+        dv = S[VOLUME_QUANTUM * W_ + i]
+        S[SEEN_DEPTH * W_ + i] = dz * np.floor(z / dz + 0.5) if dz > 0.0 else z
+        S[SEEN_VOLUME * W_ + i] = dv * np.floor(v / dv + 0.5) if dv > 0.0 else v
+
+
+@part
+def _set_targets(S, token, depths):  # type: ignore[no-untyped-def]
+    """Give every lane a set-point, and begin to follow its step response."""
     W_ = len(token)
     for i in range(W_):
         z = S[Z * W_ + i]
-        v = S[V * W_ + i]
-        if noise.shape[0] > 0:
-            z += S[DEPTH_NOISE * W_ + i] * noise[k, 0, i]
-            v += S[VOLUME_NOISE * W_ + i] * noise[k, 1, i]
-            dz = S[DEPTH_QUANTUM * W_ + i]
-            dv = S[VOLUME_QUANTUM * W_ + i]
-            if dz > 0.0:
-                z = dz * np.floor(z / dz + 0.5)
-            if dv > 0.0:
-                v = dv * np.floor(v / dv + 0.5)
-        S[SEEN_DEPTH * W_ + i] = z
-        S[SEEN_VOLUME * W_ + i] = v
+        S[REFERENCE * W_ + i] = depths[i]
+        S[FROM * W_ + i] = z
+        S[PER_SPAN * W_ + i] = 1.0 / (depths[i] - z) if depths[i] != z else np.nan
+        S[FURTHEST * W_ + i] = 0.0
+        S[RISE90 * W_ + i] = np.inf
+        S[OUTSIDE2 * W_ + i] = -1.0
+        S[SQUARES * W_ + i] = 0.0
+
+
+@inlined
+def _judge(S, W_, i, since):  # type: ignore[no-untyped-def]
+    """Follow the step response of lane i at a sample `since` [s] after the set-point."""
+    z = S[Z * W_ + i]
+    error = S[REFERENCE * W_ + i] - z
+    S[SQUARES * W_ + i] += error * error
+    share = (z - S[FROM * W_ + i]) * S[PER_SPAN * W_ + i]
+    furthest = S[FURTHEST * W_ + i]
+    S[FURTHEST * W_ + i] = share if share > furthest else furthest
+    first = (share > 0.9) & (S[RISE90 * W_ + i] == np.inf)
+    S[RISE90 * W_ + i] = since if first else S[RISE90 * W_ + i]
+    S[OUTSIDE2 * W_ + i] = since if abs(share - 1.0) > 0.02 else S[OUTSIDE2 * W_ + i]
+
+
+@inlined
+def _decide(S, W_, i, like, like_state, t, per_tick):  # type: ignore[no-untyped-def]
+    """Call the law of lane i, keep what it says where it is due; return the input as applied."""
+    row = (LAW + len(like)) * W_ + i
+    seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
+    parameters = gather(like, S, LAW * W_ + i, W_)
+    state = gather(like_state, S, row, W_)
+    command, state, next_s = law_step(parameters, state, seen, S[REFERENCE * W_ + i])
+    waiting = S[WAIT * W_ + i]
+    due = waiting <= 0.0
+    ticks = np.ceil(next_s * per_tick - 1e-9) - 1.0
+    S[WAIT * W_ + i] = (ticks if ticks > 0.0 else 0.0) if due else waiting - 1.0
+    command = command if due else S[COMMAND * W_ + i]
+    S[COMMAND * W_ + i] = command
+    scatter_where(due, state, S, row, W_)
+    low, high = S[LOW_U * W_ + i], S[HIGH_U * W_ + i]
+    u = command if command < high else high  # a nan stays one
+    u = low if u < low else u
+    u = command if command != command else u
+    S[APPLIED * W_ + i] = u
+    return u
+
+
+@inlined
+def _leap(S, W_, i, u, h, bend):  # type: ignore[no-untyped-def]
+    """Return lane i's state after one step by its mode's exponential, and whether that is all."""
+    q, v, z, w = S[Q * W_ + i], S[V * W_ + i], S[Z * W_ + i], S[W * W_ + i]
+    c = STEP * W_ + i
+    q1 = q + _row(S, W_, c, q, v, z, w, u)
+    v1 = v + _row(S, W_, c + 6 * W_, q, v, z, w, u)
+    z1 = z + _row(S, W_, c + 12 * W_, q, v, z, w, u)
+    w1 = w + _row(S, W_, c + 18 * W_, q, v, z, w, u)
+    if len(bend) > 0:
+        half = w + _row(S, W_, c + 36 * W_, q, v, z, w, u)
+        alpha, beta = S[c + 42 * W_], S[c + 43 * W_]
+        N0 = _rest(S, W_, i, w)
+        Na = _rest(S, W_, i, half + alpha * N0)
+        Nb = _rest(S, W_, i, half + alpha * Na)
+        Nc = _rest(S, W_, i, w1 + beta * N0 + alpha * (2.0 * Nb - N0))
+        Nab = Na + Nb
+        q1 += S[c + 24 * W_] * N0 + S[c + 28 * W_] * Nab + S[c + 32 * W_] * Nc
+        v1 += S[c + 25 * W_] * N0 + S[c + 29 * W_] * Nab + S[c + 33 * W_] * Nc
+        z1 += S[c + 26 * W_] * N0 + S[c + 30 * W_] * Nab + S[c + 34 * W_] * Nc
+        w1 += S[c + 27 * W_] * N0 + S[c + 31 * W_] * Nab + S[c + 35 * W_] * Nc
+    # how far inside a step that turns the state may go beyond its ends
+    dz = h * (abs(w) + abs(w1)) if w * w1 < 0.0 else 0.0
+    dv = h * (abs(q) + abs(q1)) if q * q1 < 0.0 else 0.0
+    ok = (
+        (q1 >= S[LOW_Q * W_ + i])
+        & (q1 <= S[HIGH_Q * W_ + i])
+        & (v - dv >= S[LOW_V * W_ + i])
+        & (v1 - dv >= S[LOW_V * W_ + i])
+        & (v + dv <= S[HIGH_V * W_ + i])
+        & (v1 + dv <= S[HIGH_V * W_ + i])
+        & (z1 - dz >= S[LOW_Z * W_ + i])
+        & (z1 + dz <= S[HIGH_Z * W_ + i])
+        & (z - dz >= S[LOW_Z * W_ + i])
+        & (z + dz <= S[HIGH_Z * W_ + i])
+        & (S[SLOW * W_ + i] == 0.0)
+    )
+    return q1, v1, z1, w1, ok
+
+
+@inlined
+def _row(S, W_, c, q, v, z, w, u):  # type: ignore[no-untyped-def]
+    """Return one row of the tick's exponential, less 1, times the state and the input."""
+    return (
+        S[c] * q
+        + S[c + W_] * v
+        + S[c + 2 * W_] * z
+        + S[c + 3 * W_] * w
+        + S[c + 4 * W_] * u
+        + S[c + 5 * W_]
+    )
+
+
+@inlined
+def _rest(S, W_, i, w):  # type: ignore[no-untyped-def]
+    """Return N(w) of lane i, see engine.chain.drag_rest."""
+    d_l, d_b = S[(PLANT + D_L) * W_ + i], S[(PLANT + D_B) * W_ + i]
+    d_0, d_t = S[(PLANT + D_0) * W_ + i], S[(PLANT + D_T) * W_ + i]
+    m = abs(w)
+    rest = math.copysign(d_l * m - (d_b * m + d_0 + d_t * m * m), w)
+    return 0.0 if (m <= S[(PLANT + EPSILON) * W_ + i]) | (m == 0.0) else rest
+
+
+@inlined
+def _commit(S, W_, i, q1, v1, z1, w1):  # type: ignore[no-untyped-def]
+    """Make the new state of lane i its state."""
+    S[TRAVEL * W_ + i] += abs(v1 - S[V * W_ + i])
+    S[Q * W_ + i] = q1
+    S[V * W_ + i] = v1
+    S[Z * W_ + i] = z1
+    S[W * W_ + i] = w1
+    S[SEEN_DEPTH * W_ + i] = z1
+    S[SEEN_VOLUME * W_ + i] = v1
+    z_low, z_high = S[Z_LOWEST * W_ + i], S[Z_HIGHEST * W_ + i]
+    S[Z_LOWEST * W_ + i] = z1 if z1 < z_low else z_low
+    S[Z_HIGHEST * W_ + i] = z1 if z1 > z_high else z_high
+    v_low, v_high = S[V_LOWEST * W_ + i], S[V_HIGHEST * W_ + i]
+    S[V_LOWEST * W_ + i] = v1 if v1 < v_low else v_low
+    S[V_HIGHEST * W_ + i] = v1 if v1 > v_high else v_high
 
 
 @part
-def _decide(S, token, like, like_state, t, tick):  # type: ignore[no-untyped-def]
-    """Call the law in every lane; keep what it says where it is due."""
+def _tick(S, token, bend, like, like_state, t, since, tick):  # type: ignore[no-untyped-def]
+    """Judge, decide and move every lane by a whole tick; return how many lanes need more.
+
+    Those keep the state they had.
+    """
     W_ = len(token)
-    n_par = len(like)
     per_tick = 1.0 / tick
-    for i in range(W_):
-        seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
-        parameters = gather(like, S, LAW * W_ + i, W_)
-        state = gather(like_state, S, (LAW + n_par) * W_ + i, W_)
-        command, state, next_s = law_step(parameters, state, seen, S[REFERENCE * W_ + i])
-        due = S[WAIT * W_ + i] <= 0.0
-        wait = np.ceil(next_s * per_tick - 1e-9)
-        S[WAIT * W_ + i] = (max(wait, 1.0) if due else S[WAIT * W_ + i]) - 1.0
-        command = command if due else S[COMMAND * W_ + i]
-        S[COMMAND * W_ + i] = command
-        S[APPLIED * W_ + i] = max(S[LOW_U * W_ + i], min(S[HIGH_U * W_ + i], command))
-        scatter_where(due, state, S, (LAW + n_par) * W_ + i, W_)
-
-
-@part
-def _leap_all(S, token, h, nonlinear):  # type: ignore[no-untyped-def]
-    """Take one step in every lane by its mode's exponential; return how many lanes need more."""
-    W_ = len(token)
     troubled = 0
     for i in range(W_):
-        q, v, z, w = S[Q * W_ + i], S[V * W_ + i], S[Z * W_ + i], S[W * W_ + i]
-        u = S[APPLIED * W_ + i]
-        c = STEP * W_ + i
-        q1 = q + (
-            S[c] * q
-            + S[c + W_] * v
-            + S[c + 2 * W_] * z
-            + S[c + 3 * W_] * w
-            + S[c + 4 * W_] * u
-            + S[c + 5 * W_]
-        )
-        v1 = v + (
-            S[c + 6 * W_] * q
-            + S[c + 7 * W_] * v
-            + S[c + 8 * W_] * z
-            + S[c + 9 * W_] * w
-            + S[c + 10 * W_] * u
-            + S[c + 11 * W_]
-        )
-        z1 = z + (
-            S[c + 12 * W_] * q
-            + S[c + 13 * W_] * v
-            + S[c + 14 * W_] * z
-            + S[c + 15 * W_] * w
-            + S[c + 16 * W_] * u
-            + S[c + 17 * W_]
-        )
-        w1 = w + (
-            S[c + 18 * W_] * q
-            + S[c + 19 * W_] * v
-            + S[c + 20 * W_] * z
-            + S[c + 21 * W_] * w
-            + S[c + 22 * W_] * u
-            + S[c + 23 * W_]
-        )
-        if nonlinear:
-            d_l, d_b = S[(PLANT + D_L) * W_ + i], S[(PLANT + D_B) * W_ + i]
-            d_0, d_t = S[(PLANT + D_0) * W_ + i], S[(PLANT + D_T) * W_ + i]
-            eps = S[(PLANT + EPSILON) * W_ + i]
-            wh = w + (
-                S[c + 36 * W_] * q
-                + S[c + 37 * W_] * v
-                + S[c + 38 * W_] * z
-                + S[c + 39 * W_] * w
-                + S[c + 40 * W_] * u
-                + S[c + 41 * W_]
-            )
-            alpha, beta = S[c + 42 * W_], S[c + 43 * W_]
-            N0 = _rest(d_l, d_b, d_0, d_t, eps, w)
-            Na = _rest(d_l, d_b, d_0, d_t, eps, wh + alpha * N0)
-            Nb = _rest(d_l, d_b, d_0, d_t, eps, wh + alpha * Na)
-            Nc = _rest(d_l, d_b, d_0, d_t, eps, w1 + beta * N0 + alpha * (2.0 * Nb - N0))
-            Nab = Na + Nb
-            q1 += S[c + 24 * W_] * N0 + S[c + 28 * W_] * Nab + S[c + 32 * W_] * Nc
-            v1 += S[c + 25 * W_] * N0 + S[c + 29 * W_] * Nab + S[c + 33 * W_] * Nc
-            z1 += S[c + 26 * W_] * N0 + S[c + 30 * W_] * Nab + S[c + 34 * W_] * Nc
-            w1 += S[c + 27 * W_] * N0 + S[c + 31 * W_] * Nab + S[c + 35 * W_] * Nc
-        S[NEXT_Q * W_ + i] = q1
-        S[NEXT_V * W_ + i] = v1
-        S[NEXT_Z * W_ + i] = z1
-        S[NEXT_W * W_ + i] = w1
-        # how far inside a step that turns the state may go beyond its ends
-        dz = h * max(abs(w), abs(w1)) if w * w1 < 0.0 else 0.0
-        dv = h * max(abs(q), abs(q1)) if q * q1 < 0.0 else 0.0
-        ok = (
-            (q1 >= S[LOW_Q * W_ + i])
-            & (q1 <= S[HIGH_Q * W_ + i])
-            & (min(v, v1) - dv >= S[LOW_V * W_ + i])
-            & (max(v, v1) + dv <= S[HIGH_V * W_ + i])
-            & (min(z, z1) - dz >= S[LOW_Z * W_ + i])
-            & (max(z, z1) + dz <= S[HIGH_Z * W_ + i])
-        )
-        ok = ok & (S[SLOW * W_ + i] == 0.0)
+        _judge(S, W_, i, since)
+        u = _decide(S, W_, i, like, like_state, t, per_tick)
+        q1, v1, z1, w1, ok = _leap(S, W_, i, u, tick, bend)
+        q, v = S[Q * W_ + i], S[V * W_ + i]
+        z, w = S[Z * W_ + i], S[W * W_ + i]
+        _commit(
+            S, W_, i, q1 if ok else q, v1 if ok else v, z1 if ok else z, w1 if ok else w
+        )  # fmt: skip
         S[TROUBLE * W_ + i] = 0.0 if ok else 1.0
         troubled += 0 if ok else 1
     return troubled
 
 
 @part
-def _rest(d_l, d_b, d_0, d_t, eps, w):  # type: ignore[no-untyped-def]
-    """Return N(w), see engine.chain.drag_rest."""
-    m = abs(w)
-    rest = math.copysign(d_l * m - (d_b * m + d_0 + d_t * m * m), w)
-    return 0.0 if (m <= eps) | (m == 0.0) else rest
-
-
-@part
-def _commit(S, token):  # type: ignore[no-untyped-def]
+def _start_laws(S, token, like, t):  # type: ignore[no-untyped-def]
     W_ = len(token)
     for i in range(W_):
-        v0, v1, z1 = S[V * W_ + i], S[NEXT_V * W_ + i], S[NEXT_Z * W_ + i]
-        S[TRAVEL * W_ + i] += abs(v1 - v0)
-        S[Q * W_ + i] = S[NEXT_Q * W_ + i]
-        S[V * W_ + i] = v1
-        S[Z * W_ + i] = z1
-        S[W * W_ + i] = S[NEXT_W * W_ + i]
-        S[Z_LOWEST * W_ + i] = min(S[Z_LOWEST * W_ + i], z1)
-        S[Z_HIGHEST * W_ + i] = max(S[Z_HIGHEST * W_ + i], z1)
-        S[V_LOWEST * W_ + i] = min(S[V_LOWEST * W_ + i], v1)
-        S[V_HIGHEST * W_ + i] = max(S[V_HIGHEST * W_ + i], v1)
-
-
-@part
-def _judge(S, token, since):  # type: ignore[no-untyped-def]
-    """Follow the step response at a sample `since` [s] after the set-point."""
-    W_ = len(token)
-    for i in range(W_):
-        z, start = S[Z * W_ + i], S[FROM * W_ + i]
-        target = S[REFERENCE * W_ + i]
-        error = target - z
-        S[SQUARES * W_ + i] += error * error
-        share = (z - start) * S[PER_SPAN * W_ + i]
-        S[FURTHEST * W_ + i] = max(S[FURTHEST * W_ + i], share)
-        first = (share > 0.9) & (S[RISE90 * W_ + i] == np.inf)
-        S[RISE90 * W_ + i] = since if first else S[RISE90 * W_ + i]
-        S[OUTSIDE2 * W_ + i] = since if abs(share - 1.0) > 0.02 else S[OUTSIDE2 * W_ + i]
+        seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
+        state = law_initial(gather(like, S, LAW * W_ + i, W_), seen, S[REFERENCE * W_ + i])
+        scatter_where(True, state, S, (LAW + len(like)) * W_ + i, W_)
 
 
 @compiled
 def run_block(  # type: ignore[no-untyped-def]
-    S, token, like, like_state, first, last, tick, parts, nonlinear, turn, given, depths, noise,
+    S, token, bend, like, like_state, first, last, tick, parts, turn, given, depths, noise,
     record, state_row, chains, built, books, log, count,
 ):  # fmt: skip
     """Run a block of len(token) lanes from tick `first` to `last`.
@@ -347,52 +357,47 @@ def run_block(  # type: ignore[no-untyped-def]
     x = np.zeros(5)
     y = np.zeros(5)
     p = np.zeros(N_PLANT)
-    n_par = len(like)
-    with_books = books.shape[1] > 0
+    whole = parts == 1 and record.shape[1] == 0 and books.shape[1] == 0
     for k in range(first, last):
         t = k * tick
+        since = (k - given[turn[k]]) * tick
         if k == 0 or turn[k] != turn[k - 1]:
-            for i in range(W_):
-                S[REFERENCE * W_ + i] = depths[turn[k], i]
-                S[FROM * W_ + i] = S[Z * W_ + i]
-                span = depths[turn[k], i] - S[Z * W_ + i]
-                S[PER_SPAN * W_ + i] = 1.0 / span if span != 0.0 else np.nan
-                S[FURTHEST * W_ + i] = 0.0
-                S[RISE90 * W_ + i] = np.inf
-                S[OUTSIDE2 * W_ + i] = -1.0
-                S[SQUARES * W_ + i] = 0.0
-        _judge(S, token, (k - given[turn[k]]) * tick)
-        _measure(S, token, noise, k - first)
+            _set_targets(S, token, depths[turn[k]])
+        if noise.shape[0] > 0:
+            _measure(S, token, noise, k - first)
         if k == 0:
-            for i in range(W_):
-                seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
-                state = law_initial(gather(like, S, LAW * W_ + i, W_), seen, S[REFERENCE * W_ + i])
-                scatter_where(True, state, S, (LAW + n_par) * W_ + i, W_)
-        _decide(S, token, like, like_state, t, tick)
+            _start_laws(S, token, like, t)
+        if whole and k < turn.shape[0] - 1:
+            if _tick(S, token, bend, like, like_state, t, since, tick) > 0:
+                for i in range(W_):
+                    if S[TROUBLE * W_ + i] != 0.0:
+                        _take_slowly(
+                            S, token, i, k, t, h, bend, p, x, y,
+                            chains[i], built[i], books[i], log[i], count[i],
+                        )  # fmt: skip
+            continue
+        for i in range(W_):
+            _judge(S, W_, i, since)
+            _decide(S, W_, i, like, like_state, t, 1.0 / tick)
         if record.shape[1] > 0:
-            _record(S, token, record, k, n_par, state_row)
+            _record(S, token, record, k, len(like), state_row)
         if k == turn.shape[0] - 1:
             break
         for n in range(parts):
-            if with_books:
-                for i in range(W_):
-                    S[TROUBLE * W_ + i] = 1.0
-                troubled = W_
-            else:
-                troubled = _leap_all(S, token, h, nonlinear)
-            if troubled > 0:
-                for i in range(W_):
-                    if S[TROUBLE * W_ + i] == 0.0:
+            for i in range(W_):
+                if books.shape[1] == 0:
+                    q1, v1, z1, w1, ok = _leap(S, W_, i, S[APPLIED * W_ + i], h, bend)
+                    if ok:
+                        _commit(S, W_, i, q1, v1, z1, w1)
                         continue
-                    _take_slowly(
-                        S, token, i, k, t + n * h, h, nonlinear, p, x, y,
-                        chains[i], built[i], books[i], log[i], count[i],
-                    )  # fmt: skip
-            _commit(S, token)
+                _take_slowly(
+                    S, token, i, k, t + n * h, h, bend, p, x, y,
+                    chains[i], built[i], books[i], log[i], count[i],
+                )  # fmt: skip
 
 
 @part
-def _take_slowly(S, token, i, k, t, h, nonlinear, p, x, y, chains, built, books, log, count):  # type: ignore[no-untyped-def]  # fmt: skip
+def _take_slowly(S, token, i, k, t, h, bend, p, x, y, chains, built, books, log, count):  # type: ignore[no-untyped-def]  # fmt: skip
     """Take one step of lane i by engine.advance, and change its mode if an event did."""
     W_ = len(token)
     for n in range(4):
@@ -407,7 +412,7 @@ def _take_slowly(S, token, i, k, t, h, nonlinear, p, x, y, chains, built, books,
             why = LAW_NOT_FINITE
         else:
             mode, why = advance(
-                p, nonlinear, before, x, y, u, h, t, chains, built, books, log, count
+                p, len(bend) > 0, before, x, y, u, h, t, chains, built, books, log, count
             )
             if mode != before:
                 S[EVENTS * W_ + i] += 1.0
@@ -417,8 +422,7 @@ def _take_slowly(S, token, i, k, t, h, nonlinear, p, x, y, chains, built, books,
             S[STOPPED * W_ + i] = why
             S[STOP_TICK * W_ + i] = k
             S[SLOW * W_ + i] = 1.0
-    for n in range(4):
-        S[(NEXT_Q + n) * W_ + i] = x[n]
+        _commit(S, W_, i, x[0], x[1], x[2], x[3])
 
 
 @part

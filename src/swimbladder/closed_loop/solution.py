@@ -113,7 +113,6 @@ class Solution:
             "title": f"Vertical motion of {self.vehicle.name}, simulated",
             "source": "swimbladder",
             "Conventions": "CF-1.11",
-            "featureType": "timeSeries",
             "control_law": self.law,
             "stop_reason": self.stop.name,
         }

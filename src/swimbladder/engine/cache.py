@@ -17,7 +17,7 @@ from typing import Any
 
 import numba
 
-__all__ = ["OPTIONS", "cache_folder", "compiled", "is_cached", "part"]
+__all__ = ["OPTIONS", "cache_folder", "compiled", "inlined", "is_cached", "part"]
 
 # Division as the hardware does it and fused multiply-add: without either no loop is vectorised.
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True}
@@ -70,6 +70,11 @@ def compiled(function: Callable[..., Any]) -> Any:
 def part(function: Callable[..., Any]) -> Any:
     """Compile a function that kernels call; its code is kept with theirs."""
     return numba.njit(**OPTIONS)(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile a function into its callers, always: what a loop over lanes is made of."""
+    return numba.njit(forceinline=True, **OPTIONS)(function)
 
 
 def is_cached(kernel: str) -> bool:
