@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -147,7 +150,7 @@ def _run(vehicle: Any, task: Mission, seed: int | None) -> Solution:
     if not is_cached("run_block"):
         console.print("compiling the simulator for this machine, once; about 15 s")
     samples = task.duration / vehicle.controller.sample_time
-    with progress("simulating", samples) as advance:
+    with progress("simulating", samples) as advance, _no_search_for_blas():
         done = 0
 
         def report(samples_done: int) -> None:
@@ -164,6 +167,22 @@ def _run(vehicle: Any, task: Mission, seed: int | None) -> Solution:
             seed=seed,
             progress=report,
         )
+
+
+@contextlib.contextmanager
+def _no_search_for_blas() -> Iterator[None]:
+    """Keep numba from importing scipy.linalg with its first kernel: 0.1 s of a run's 0.8 s.
+
+    Numba looks there for matrix products, of which our kernels have none.
+    """
+    absent = "scipy.linalg" not in sys.modules
+    if absent:
+        sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        if absent:
+            del sys.modules["scipy.linalg"]
 
 
 def _write(s: Solution, task: Mission, folder: Path, *, netcdf: bool, plot: bool) -> list[Path]:
