@@ -139,6 +139,7 @@ _HEAD = """\
 # A number with a unit in quotes may have any unit of its kind ("350 cm3", "0.35 L"); a bare number
 # is in the unit named in square brackets. Lines that begin with # and no blank are fields at their
 # default, or that may be left out; take the # away to change them.
+
 """
 
 
