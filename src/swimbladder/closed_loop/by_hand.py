@@ -11,9 +11,9 @@ import numpy as np
 from swimbladder.closed_loop.block import Block
 from swimbladder.closed_loop.lanes import LAW_NOT_FINITE, Row
 from swimbladder.control.law import Law, Measurement
-from swimbladder.engine.advance import DONE, step_once
+from swimbladder.engine.advance import DONE, begin, step_once
 from swimbladder.engine.chain import COEFFICIENTS, LEVELS
-from swimbladder.engine.modes import COUNT, first_mode
+from swimbladder.engine.modes import COUNT
 from swimbladder.errors import InputError
 from swimbladder.parameters import Vehicle
 
@@ -68,7 +68,7 @@ def run_by_hand(
     y = np.zeros(5)
     chains = np.empty((COUNT, LEVELS + 1, COEFFICIENTS))
     built = np.zeros(COUNT, np.uint8)
-    mode, x[0] = first_mode(p, x[0], x[1], x[2], x[3], 0.0)
+    mode, x[0] = begin(p, x[0], x[1], x[2], x[3])
     command, wait = 0.0, 0
     noise = np.zeros((0, 2, 1))
     for k, turn in enumerate(block.clock.turn):

@@ -16,7 +16,7 @@ from swimbladder.engine.cache import inlined
 
 __all__ = ["enroll", "gather", "law_initial", "law_step", "scatter_where"]
 
-_INLINE = {"forceinline": True}
+_INLINE: Any = {"forceinline": True}
 _LAWS: dict[type[Any], Law] = {}
 
 

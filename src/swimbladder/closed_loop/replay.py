@@ -12,10 +12,10 @@ from swimbladder.closed_loop.accounts import close_books
 from swimbladder.closed_loop.single import check_start
 from swimbladder.closed_loop.solution import Solution, StopReason, assemble, name_events
 from swimbladder.dynamics import Plant, plant
-from swimbladder.engine.advance import follow
+from swimbladder.engine.advance import begin, follow
 from swimbladder.engine.books import Account
 from swimbladder.engine.chain import COEFFICIENTS, LEVELS, base_steps
-from swimbladder.engine.modes import COUNT, Act, first_mode
+from swimbladder.engine.modes import COUNT, Act
 from swimbladder.errors import InputError
 from swimbladder.parameters import Vehicle
 
@@ -67,7 +67,7 @@ def _follow(
 ) -> Solution:
     flat = np.array(p)
     x = np.array([*start, 0.0])
-    mode, x[0] = first_mode(flat, *start, 0.0)
+    mode, x[0] = begin(flat, *start)
     if ramps:
         mode = mode - mode % 10 + int(Act.PRESCRIBED)
     steps = {h: base_steps(p, h, start[3]) for h in set(np.diff(t).tolist())}

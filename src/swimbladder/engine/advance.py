@@ -31,6 +31,7 @@ from swimbladder.engine.modes import (
     Z_BOTTOM,
     Z_SURFACE,
     event,
+    first_mode,
     split,
 )
 
@@ -235,3 +236,9 @@ def follow(  # type: ignore[no-untyped-def]
             if why != DONE:
                 return k + 1, why
     return n, why
+
+
+@compiled
+def begin(p, q, V, z, w):  # type: ignore[no-untyped-def]
+    """Return (mode, q) that a state starts in; see `modes.first_mode`."""
+    return first_mode(p, q, V, z, w, 0.0)

@@ -10,14 +10,16 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import event
 
-__all__ = ["OPTIONS", "cache_folder", "compiled", "inlined", "is_cached", "part"]
+__all__ = ["OPTIONS", "cache_folder", "compiled", "inlined", "is_cached", "on_compile", "part"]
 
 # Division as the hardware does it and fused multiply-add: without either no loop is vectorised.
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True}
@@ -80,3 +82,22 @@ def inlined(function: Callable[..., Any]) -> Any:
 def is_cached(kernel: str) -> bool:
     """Return whether code of the kernel of that function name has been kept already."""
     return any(cache_folder().rglob(f"*{kernel}-*.nbi"))
+
+
+@contextmanager
+def on_compile(notice: Callable[[], None]) -> Iterator[None]:
+    """Call `notice` once, when a kernel has to be compiled because no kept code fits."""
+
+    class Listener(event.Listener):
+        told = False
+
+        def on_start(self, event: Any) -> None:  # noqa: ARG002
+            if not self.told:
+                self.told = True
+                notice()
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    with event.install_listener("numba:compile", Listener()):
+        yield
