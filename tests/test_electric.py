@@ -341,6 +341,20 @@ def test_energy_per_volume_is_at_least_the_pressure():
     assert energy * 1e-6 == pytest.approx([0.6, 1.9, 7.6, 16.1], abs=0.1)  # J/mL
 
 
+def test_at_the_surface_both_directions_are_alike():
+    """22 V of a sagging 24 V can be held by a running motor only, and either way round."""
+    actuator = unified(load_vehicle("example-eh").actuator, SEA)
+    supply = Supply(voltage=24.0, internal_resistance=0.25)
+    out, back = (
+        el.steady_drive(actuator, SEA, voltage=u, depth=0.0, supply=supply) for u in (22.0, -22.0)
+    )
+    assert 22.0 > 24.0 / (1.0 + 0.25 / 1.16)
+    assert (back.omega, back.current) == (-out.omega, -out.current)
+    assert out.supply_current > 0.0
+    np.testing.assert_array_equal(out[4:], back[4:])
+    assert back.supply_current == out.supply_current
+
+
 def test_arrays_give_what_their_elements_give():
     actuator = unified(load_vehicle("example-eh").actuator, SEA)
     supply = Supply(voltage=24.0, internal_resistance=0.25)

@@ -46,6 +46,9 @@ def test_trapped_air_is_lost_in_the_first_metres_which_eq_2_does_not_see():
     found = oil.oil_compression(Oil(volume=1e-3, trapped_air=0.01), 1000.0, SEA)
     assert found.exact < found.linear - 0.009
     assert found.exact > -0.01 - 10.1e6 / 1.5e9
+    # Eq. (2) as the paper uses it: the modulus at 5 MPa for a change of 10 MPa.
+    halfway = oil.effective_bulk_modulus(p=ATM + found.pressure / 2.0, beta=1.5e9, air=0.01)
+    assert found.bulk_modulus == halfway
 
 
 @given(airy, st.floats(0.5, 200.0))
