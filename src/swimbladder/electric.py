@@ -235,7 +235,7 @@ def efficiency_chain(drive: SteadyDrive) -> EfficiencyChain:
     driving = (d.omega > 0.0) & (d.sea > 0.0)
 
     def ratio(out: Any, into: Any) -> Any:
-        return np.divide(out, into, out=np.full(np.shape(into), np.nan), where=driving)
+        return np.divide(out, into, out=np.full(np.shape(into), np.nan), where=driving)[()]
 
     return EfficiencyChain(
         battery=ratio(terminals, d.supply),
@@ -253,4 +253,4 @@ def energy_per_volume(drive: SteadyDrive) -> Any:
     """
     pressing = drive.volume_rate > 0.0
     nothing = np.full(np.shape(drive.supply), np.nan)
-    return np.divide(drive.supply, drive.volume_rate, out=nothing, where=pressing)
+    return np.divide(drive.supply, drive.volume_rate, out=nothing, where=pressing)[()]
