@@ -1,0 +1,112 @@
+"""How every picture looks: colours that all can tell apart, units on axes, depth downwards."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ParamSpec
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from swimbladder.io.files import write_through
+
+__all__ = [
+    "BLACK",
+    "BLUE",
+    "GREEN",
+    "GREY",
+    "ORANGE",
+    "PURPLE",
+    "SKY",
+    "STYLE",
+    "VERMILION",
+    "depth_axis",
+    "label_panels",
+    "save",
+    "styled",
+    "svg_text",
+]
+
+# Okabe and Ito, "Color Universal Design", 2008.
+BLACK, GREY = "#000000", "#767676"
+BLUE, SKY = "#0072B2", "#56B4E9"
+ORANGE, VERMILION = "#E69F00", "#D55E00"
+GREEN, PURPLE = "#009E73", "#CC79A7"
+
+STYLE: dict[Any, Any] = {
+    "font.size": 10.0,
+    "axes.labelsize": 10.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#D8D8D8",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.5,
+    "legend.frameon": False,
+    "legend.fontsize": 9.0,
+    "figure.facecolor": "white",
+    "figure.constrained_layout.use": True,
+    "savefig.dpi": 150.0,
+    # The same picture is the same file: no random identifiers, no fonts of this machine.
+    "svg.hashsalt": "swimbladder",
+    "svg.fonttype": "path",
+}
+
+_P = ParamSpec("_P")
+
+
+def styled(draw: Callable[_P, Figure]) -> Callable[_P, Figure]:
+    """Make a function that draws a Figure draw it in this style, whatever the caller's own."""
+
+    def drawing(*args: _P.args, **kwargs: _P.kwargs) -> Figure:
+        with mpl.rc_context():
+            mpl.rcdefaults()
+            mpl.rcParams.update(STYLE)
+            return draw(*args, **kwargs)
+
+    drawing.__doc__, drawing.__name__ = draw.__doc__, draw.__name__
+    return drawing
+
+
+def depth_axis(axes: Axes, label: str = "depth [m]") -> None:
+    """Let a depth axis grow downwards, and label it."""
+    if not axes.yaxis_inverted():
+        axes.invert_yaxis()
+    axes.set_ylabel(label)
+
+
+def label_panels(panels: list[Axes]) -> None:
+    """Write (a), (b), ... above the upper left corner of the panels."""
+    for letter, axes in zip("abcdefgh", panels, strict=False):
+        axes.set_title(f"({letter})", loc="left", fontweight="bold", fontsize=10.0)
+
+
+def save(figure: Figure, path: str | Path) -> Path:
+    """Write a figure to a file of the format that its suffix names; return the path.
+
+    Raises InputError where the file cannot be written.
+    """
+    with mpl.rc_context(STYLE):
+        return write_through(
+            path, lambda temporary: figure.savefig(temporary, metadata=_quiet(path))
+        )
+
+
+def _quiet(path: str | Path) -> dict[str, None]:
+    """No date and no program in the file, so that it is the same tomorrow."""
+    suffix = Path(path).suffix.lower()
+    if suffix == ".svg":
+        return {"Date": None, "Creator": None}
+    return {"Software": None} if suffix == ".png" else {}
+
+
+def svg_text(figure: Figure) -> str:
+    """Return a figure as the text of an SVG file."""
+    with mpl.rc_context(STYLE):
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    return text.getvalue()
