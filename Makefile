@@ -30,7 +30,7 @@ format: $(INSTALLED) ## Format the code and mend what the linter can mend
 	@$(BIN)/ruff format
 
 bench: $(INSTALLED) ## Time the package side by side with its peers
-	@$(BIN)/python benchmarks/run.py
+	@$(BIN)/python -m benchmarks
 
 lock: $(INSTALLED) ## Bring requirements.lock up to date with pyproject.toml (LOCK_FLAGS=--upgrade: and every pin)
 	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --extra dev --no-build \
