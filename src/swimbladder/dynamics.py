@@ -17,11 +17,19 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from swimbladder.actuator import reduced
+from swimbladder.actuator import ReducedActuator, reduced
 from swimbladder.errors import InputError
-from swimbladder.parameters import Drag, Positioner, Vehicle
+from swimbladder.parameters import Drag, Positioner, Supply, Vehicle
 
-__all__ = ["Plant", "State", "acceleration", "drag_per_mass", "motor_rhs", "plant", "positioner_rhs"]
+__all__ = [
+    "Plant",
+    "State",
+    "acceleration",
+    "drag_per_mass",
+    "motor_rhs",
+    "plant",
+    "positioner_rhs",
+]
 
 
 class State(NamedTuple):
@@ -66,7 +74,7 @@ class Plant(NamedTuple):
 def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
     """Return the Plant of a vehicle over a bottom at `bottom_depth` [m].
 
-    Raises InputError where the supply has an internal resistance but the motor's is unknown.
+    Raises InputError where the supply's internal resistance does not fit the motor's.
     """
     hull, stroke, m = vehicle.hull, vehicle.stroke, vehicle.mass
     k_b = vehicle.water.specific_weight
@@ -80,19 +88,11 @@ def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
     else:
         a = reduced(vehicle.actuator, vehicle.water)
         assert vehicle.supply is not None  # Vehicle checks it
-        if vehicle.supply.internal_resistance > 0.0 and a.resistance is None:
-            raise InputError(
-                "the supply has an internal resistance, but the motor's resistance and k_emf, which "
-                "decide how far the voltage sags, are not known",
-                field="supply.internal_resistance",
-                value=vehicle.supply.internal_resistance,
-                unit="ohm",
-                remedy="Give the motor's data, or leave the internal resistance out",
-            )
+        sag = _sag(vehicle.supply, a)
         driven = dict(
             positioner=0.0, T1=a.T1, gain=a.gain, load_drive=a.load_drive, load_back=a.load_back,
             friction=a.friction, k_l=a.k_l, rate=0.0, supply=vehicle.supply.voltage,
-            sag=vehicle.supply.internal_resistance / a.resistance if a.resistance else 0.0,
+            sag=sag,
             kappa=a.kappa if a.kappa is not None else 0.0,
         )  # fmt: skip
     return Plant(
@@ -102,6 +102,36 @@ def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
         z_surface=hull.emergence_depth, a_s=k_b * hull.waterplane_area / m,
         z_air=hull.emergence_depth - hull.height, z_bottom=bottom_depth,
     )  # fmt: skip
+
+
+def _sag(supply: Supply, actuator: ReducedActuator) -> float:
+    """Return the supply's internal resistance over the motor's [-].
+
+    Raises InputError where the sag cannot be told, or where full duty would not give most voltage.
+    """
+    if supply.internal_resistance == 0.0:
+        return 0.0
+    field, unit = "supply.internal_resistance", "ohm"
+    if actuator.resistance is None or actuator.kappa is None:
+        raise InputError(
+            "the supply has an internal resistance, but the motor's resistance and k_emf, which "
+            "decide how far the voltage sags, are not known",
+            field=field,
+            value=supply.internal_resistance,
+            unit=unit,
+            remedy="Give the motor's data, or leave the internal resistance out",
+        )
+    sag = supply.internal_resistance / actuator.resistance
+    if sag > 1.0:
+        raise InputError(
+            f"the supply's internal resistance is above the motor's, {actuator.resistance:g} ohm: "
+            "the supply would lose more than it gives",
+            field=field,
+            value=supply.internal_resistance,
+            unit=unit,
+            remedy="Check both resistances and their units",
+        )
+    return sag
 
 
 def _drag_terms(drag: Drag, m: float) -> tuple[float, float, float, float, float]:
