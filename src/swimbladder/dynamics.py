@@ -177,5 +177,5 @@ def motor_rhs(x: State, u: float, p: Plant) -> State:
 def positioner_rhs(x: State, V_command: float, p: Plant) -> State:
     """Right-hand side of a vehicle whose volume goes to V_command [m3] at a constant rate."""
     _, V, z, w = x
-    rate = 0.0 if V == V_command else math.copysign(p.rate, V_command - V)
+    rate = 0.0 if V_command == V else math.copysign(p.rate, V_command - V)
     return State(0.0, rate, w, acceleration(V, z, w, p))
