@@ -43,7 +43,7 @@ COLUMNS = {
     "voltage_V": "V",
     "current_A": "A",
     "speed_m_s": "m/s",
-    "depth_reference_m": "m",
+    "reference_depth_m": "m",
 }
 
 
@@ -71,7 +71,7 @@ class LogColumns(Parameters):
     voltage_V: _Column = Field(None, description="voltage of the motor")
     current_A: _Column = Field(None, description="current of the motor")
     speed_m_s: _Column = Field(None, description="vertical speed, positive down")
-    depth_reference_m: _Column = Field(None, description="depth asked for")
+    reference_depth_m: _Column = Field(None, description="depth asked for")
 
     def mapped(self) -> dict[str, LogColumn]:
         """Return the columns that are named."""

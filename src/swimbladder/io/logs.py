@@ -1,7 +1,7 @@
 """Measured logs: CSV with a header, into arrays in SI units, with a report of what was done.
 
 A log has the columns ``time_s`` and ``depth_m`` and any of ``volume_m3, piston_m, voltage_V,
-current_A, speed_m_s, depth_reference_m``. Other names and units are mapped, by `columns` or by a
+current_A, speed_m_s, reference_depth_m``. Other names and units are mapped, by `columns` or by a
 ``[log]`` table (`swimbladder.io.log_format`); nothing is guessed in silence.
 """
 
@@ -187,7 +187,7 @@ def _log(table: Table, form: LogFormat, where: Mapping[str, object], path: str |
         voltage=data.get("voltage_V"),
         current=data.get("current_A"),
         speed=data.get("speed_m_s"),
-        depth_reference=data.get("depth_reference_m"),
+        depth_reference=data.get("reference_depth_m"),
         volume_absolute=form.volume_zero is not None,
         piston_absolute=form.piston_zero is not None,
         line=line,
@@ -212,6 +212,7 @@ def _scaled(
         ) from None
     if column.name != name:
         stated = f"taken to be in {unit}" if factor is None else f"times {factor:g} for {unit}"
+        stated = f"in {unit}" if factor == 1.0 else stated
         report.append(f"{name} read from {column.name!r}, {stated}")
     return values if factor is None else values * factor
 

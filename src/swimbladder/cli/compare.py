@@ -1,0 +1,301 @@
+"""``swimbladder compare``: what a log recorded drives the model, and the depths are compared."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from swimbladder.cli.common import console, emit_json, output, progress, quantity
+from swimbladder.errors import InputError, SwimbladderError
+from swimbladder.units import format_quantity
+
+if TYPE_CHECKING:
+    from swimbladder.comparison import Comparison
+    from swimbladder.io.log_format import LogFormat
+    from swimbladder.parameters import Vehicle
+
+__all__ = ["compare"]
+
+
+def compare(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")],
+    vehicle: Annotated[str, typer.Option(metavar="VEHICLE", help="Preset or TOML file.")],
+    where: Annotated[
+        list[str] | None,
+        typer.Option(metavar="COLUMN=VALUE", help="Only these rows; VALUE,VALUE: one log each."),
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=COLUMN", help='As in depth_m="Depth [cm]" or depth_m=Depth@cm.'),
+    ] = None,
+    log_format: Annotated[
+        str | None, typer.Option(metavar="FORMAT", help="TOML file with a [log] table.")
+    ] = None,
+    drive: Annotated[
+        str | None,
+        typer.Option(metavar="INPUT", help="volume, voltage or setpoint (first that is logged)."),
+    ] = None,
+    fit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="What to fit: neutral_volume (default), neutral_drift, mass, drag, "
+            "drag_quadratic, psi, start_depth, start_speed; or none.",
+        ),
+    ] = None,
+    bottom: Annotated[
+        str | None, typer.Option(metavar="DEPTH", help="Depth of the bottom (none).")
+    ] = None,
+    surface_margin: Annotated[
+        str, typer.Option(metavar="DEPTH", help="Depths less than this are not compared.")
+    ] = "0.1 m",
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
+        "swimbladder-compare"
+    ),
+    plot: Annotated[bool, typer.Option("--plot", help="Also draw compare.png.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    """Drive the model with a measured log and compare depths.
+
+    What the log recorded drives the vehicle: volume or piston, else voltage, else the set-point,
+    followed by the vehicle's own controller. Of several logs each is compared by itself, and exit
+    code 1 or 2 says that at least one could not be.
+    """
+    from swimbladder.io.config import load_vehicle
+
+    v = load_vehicle(vehicle)
+    options = {
+        "drive": _drive(drive),
+        "fit": _names(fit),
+        "bottom_depth": _depth(bottom, "--bottom"),
+        "surface_margin": _depth(surface_margin, "--surface-margin"),
+    }
+    mapped = dict(_pair(text, "--column") for text in column or [])
+    tasks = [
+        _Task(path, chosen, mapped, log_format)
+        for path in logs
+        for chosen in _selections(where or [])
+    ]
+    for task, name in zip(tasks, _file_names(tasks), strict=True):
+        task.name = name
+        if len(tasks) == 1:
+            _compare(task, v, options, out, plot=plot)
+            continue
+        try:
+            _compare(task, v, options, out, plot=plot)
+        except SwimbladderError as error:
+            task.error = error
+    answers = [task.answer() for task in tasks]
+    if json:
+        emit_json(answers[0] if len(answers) == 1 else {"comparisons": answers})
+    else:
+        _print(tasks)
+    code = max(0 if task.error is None else task.error.exit_code for task in tasks)
+    if code:
+        raise typer.Exit(code)
+
+
+_SHOWN = {"m3": "cm3", "m3/s": "cm3/h", "m3/m": "cm3/m"}
+
+
+@dataclass
+class _Task:
+    """A log to compare, and what came of it."""
+
+    path: Path
+    where: dict[str, str]
+    columns: dict[str, str]
+    log_format: str | None
+    name: str = "compare"
+    result: Comparison | None = None
+    error: SwimbladderError | None = None
+    files: tuple[Path, ...] = ()
+
+    @property
+    def label(self) -> str:
+        chosen = ", ".join(f"{name}={value}" for name, value in self.where.items())
+        return f"{self.path.name} {chosen}".rstrip()
+
+    def answer(self) -> dict[str, Any]:
+        if self.result is None:
+            return {"log": self.label, "error": str(self.error)}
+        return {**self.result.to_json(), "files": [str(path) for path in self.files]}
+
+
+def _drive(text: str | None) -> str | None:
+    from swimbladder.comparison import DRIVES
+
+    if text is not None and text not in DRIVES:
+        raise InputError(
+            "no such input",
+            field="--drive",
+            value=text,
+            remedy=f"Choose one of {', '.join(DRIVES)}",
+        )
+    return text
+
+
+def _names(text: str | None) -> tuple[str, ...] | None:
+    if text is None:
+        return None
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    return () if names in ((), ("none",)) else names
+
+
+def _depth(text: str | None, option: str) -> float:
+    number = quantity(text, "m", option)
+    if number is not None and number < 0.0:
+        raise InputError(
+            "it must not be negative",
+            field=option,
+            value=text,
+            unit="m",
+            remedy="Check the number and its unit",
+        )
+    return float("inf") if number is None else number
+
+
+def _pair(text: str, option: str) -> tuple[str, str]:
+    name, sign, value = text.partition("=")
+    if not sign or not name.strip() or not value.strip():
+        raise InputError(
+            "not a pair", field=option, value=text, remedy=f"Write it as {option} NAME=VALUE"
+        )
+    return name.strip(), value.strip()
+
+
+def _selections(texts: list[str]) -> list[dict[str, str]]:
+    """Return one selection of rows for each log: all combinations of the values given."""
+    pairs = [_pair(text, "--where") for text in texts]
+    names = [name for name, _ in pairs]
+    values = [[v.strip() for v in value.split(",") if v.strip()] for _, value in pairs]
+    return [dict(zip(names, chosen, strict=True)) for chosen in product(*values)]
+
+
+def _file_names(tasks: list[_Task]) -> list[str]:
+    """Return a name for the files of each task, ``compare`` where there is only one."""
+    if len(tasks) == 1:
+        return ["compare"]
+    names: list[str] = []
+    for task in tasks:
+        parts = [f"{name}-{value}" for name, value in task.where.items()]
+        if len({other.path for other in tasks}) > 1:
+            parts.insert(0, task.path.name.split(".")[0])
+        name = "compare-" + re.sub(r"[^\w.-]+", "_", "-".join(parts))
+        taken = sum(other == name or other.startswith(f"{name}~") for other in names)
+        names.append(f"{name}~{taken + 1}" if taken else name)
+    return names
+
+
+def _compare(
+    task: _Task, vehicle: Vehicle, options: dict[str, Any], out: Path, *, plot: bool
+) -> None:
+    """Read the log, compare, and write the files."""
+    from swimbladder.io.files import make_folder
+    from swimbladder.io.logs import read_log
+    from swimbladder.io.tables import write_csv
+
+    with progress(f"reading {task.label}"):
+        form = _format(task, vehicle)
+        log = read_log(task.path, columns=task.columns, where=task.where, log_format=form)
+    with progress("loading the simulator"):
+        from swimbladder.comparison import compare as compare_log
+        from swimbladder.engine.cache import on_compile
+
+    def notice() -> None:
+        console.print("compiling the simulator for this machine, once; about 15 s")
+
+    with progress(f"comparing {task.label}", 1.0) as advance, on_compile(notice):
+        task.result = compare_log(log, vehicle, **options, advance=advance)
+    folder = make_folder(out)
+    files = [write_csv(folder / f"{task.name}.csv", task.result.columns())]
+    if plot:
+        with progress(f"drawing {task.name}.png"):
+            from swimbladder.plots.comparison import plot_comparison
+
+            files.append(plot_comparison(task.result, folder / f"{task.name}.png"))
+    task.files = tuple(files)
+
+
+def _format(task: _Task, vehicle: Vehicle) -> LogFormat | None:
+    """Return the log format asked for; else the shipped one of the vehicle, where it fits.
+
+    It fits where the log has all its columns and lacks time_s or depth_m; that it is used is said.
+    """
+    from swimbladder.io.log_format import log_format
+    from swimbladder.io.log_formats import format_names
+    from swimbladder.io.logs import header_names
+
+    if task.log_format is not None:
+        return log_format(task.log_format)
+    header = set(header_names(task.path))
+    if {"time_s", "depth_m"} <= header | set(task.columns) or vehicle.name not in format_names():
+        return None
+    form = log_format(vehicle.name)
+    if not {column.name for column in form.columns.mapped().values()} <= header:
+        return None
+    console.print(
+        f"{task.path}: its columns are those of the log format {vehicle.name}, and read so",
+        soft_wrap=True,
+    )
+    return form
+
+
+def _print(tasks: list[_Task]) -> None:
+    """Print a row for each log, then what was fitted, noted and written."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    table.add_column("log", overflow="fold")
+    for heading in ("driven by", "rms", "bias", "variance", "largest", "samples"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for task in tasks:
+        r = task.result
+        if r is None:
+            table.add_row(task.label, *["-"] * 6)
+            continue
+        table.add_row(
+            task.label,
+            r.record.drive,
+            f"{1e3 * r.rms:.1f} mm",
+            f"{1e3 * r.bias:+.1f} mm",
+            f"{100.0 * r.variance_explained:.2f} %",
+            f"{1e3 * r.largest:.1f} mm",
+            str(r.n),
+        )
+    output.print(table)
+    output.print("predicted less measured depth; variance: the share of it that is explained")
+    said: set[str] = set()
+    for task in tasks:
+        if len(tasks) > 1:
+            output.print(f"\n{task.label}", soft_wrap=True)
+        if task.error is not None:
+            console.print(f"error: {task.error}", markup=False, highlight=False, soft_wrap=True)
+        if task.result is not None:
+            _print_one(task, task.result, said)
+
+
+def _print_one(task: _Task, r: Comparison, said: set[str]) -> None:
+    """Print what was fitted, the notes not yet said, and the files."""
+    for name, fitted in r.fitted.items():
+        unit = _SHOWN.get(fitted.unit, fitted.unit)
+        value = format_quantity(fitted.value, fitted.unit, unit)
+        spread = ""
+        if fitted.std is not None:
+            spread = f" +- {format_quantity(fitted.std, fitted.unit, unit, digits=2)}"
+        output.print(f"fitted to this log: {name} = {value}{spread}")
+    piston = r.to_json()["piston_rms_m"]
+    if piston is not None:
+        output.print(f"piston: rms {1e3 * piston:.2f} mm")
+    for note in (n for n in r.notes if n not in said):
+        said.add(note)
+        output.print(f"note: {note}", soft_wrap=True)
+    for path in task.files:
+        output.print(f"wrote {path}", soft_wrap=True)

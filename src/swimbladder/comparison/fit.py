@@ -1,0 +1,181 @@
+"""Adjusts what is asked to be adjusted so that the predicted depth meets the measured one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.comparison.fittable import FITTABLE, first_value, limits, put
+from swimbladder.comparison.predict import Start, Window, measured_start, predict, stages
+from swimbladder.comparison.record import Record
+from swimbladder.errors import InputError
+from swimbladder.parameters import Vehicle
+from swimbladder.parameters.schema import did_you_mean
+
+__all__ = ["Fitted", "Outcome", "adjust", "default_names"]
+
+Array = NDArray[np.float64]
+
+_LARGEST = 10.0  # m, a residual beyond this says no more
+_STEP = 1e-3  # of a parameter's scale, for the derivative
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fitted number, its standard deviation (None where the log does not tell) and unit.
+
+    The deviation allows for residuals that resemble their neighbours; it holds as far as the
+    model is right, which it does not test.
+    """
+
+    value: float
+    std: float | None
+    unit: str
+
+
+class Outcome(NamedTuple):
+    """What a fit found."""
+
+    vehicle: Vehicle
+    start: Start
+    fitted: dict[str, Fitted]
+
+
+def default_names(rec: Record) -> tuple[str, ...]:
+    """Return what is fitted unless asked otherwise.
+
+    The neutral volume, and the state at the start of an open loop that is under way there.
+    """
+    if rec.drive == "setpoint" or rec.afloat:
+        return ("neutral_volume",)
+    return ("neutral_volume", "start_depth", "start_speed")
+
+
+def adjust(
+    vehicle: Vehicle,
+    rec: Record,
+    names: Sequence[str],
+    *,
+    advance: Callable[[float], None] | None = None,
+) -> Outcome:
+    """Fit `names` by least squares on the depths compared, best of several ways there.
+
+    Every stage begins where the one before ended; the whole record is then fitted from the end of
+    each of them, and the best is taken. advance: told the share of the work done since it was last
+    called. Raises InputError for a name that cannot be fitted.
+    """
+    from scipy.optimize import least_squares
+
+    _check(names, vehicle, rec)
+    first = Start(None, 0.0) if rec.afloat else measured_start(rec, 0)
+    if not names:
+        return Outcome(vehicle, first, {})
+    tasks = stages(rec)
+    scale = np.array([FITTABLE[name].scale for name in names])
+    least, most = (np.array([limits(name, vehicle, first) for name in names]) / scale[:, None]).T
+
+    def residual(q: Array, windows: list[Window]) -> Array:
+        changed, start = _apply(names, q * scale, vehicle, first)
+        upto = windows[-1].last + 1
+        off = (predict(changed, rec, windows, start) - rec.depth)[:upto][rec.compared[:upto]]
+        return np.clip(np.nan_to_num(off, nan=_LARGEST), -_LARGEST, _LARGEST)
+
+    def slope(q: Array, windows: list[Window]) -> Array:
+        here = residual(q, windows)
+        steps = _STEP * np.eye(len(q))
+        return np.stack([(residual(q + h, windows) - here) / _STEP for h in steps], axis=1)
+
+    def solve(q: Array, windows: list[Window]) -> tuple[float, Array]:
+        found = least_squares(
+            residual, np.clip(q, least + _STEP, most - _STEP), slope, bounds=(least, most),
+            args=(windows,), xtol=1e-7, ftol=1e-9, gtol=1e-12, max_nfev=60,
+        )  # fmt: skip
+        return float(found.cost), found.x
+
+    begin = [first_value(name, vehicle, first) for name in names]
+    if "neutral_volume" in names:
+        begin[names.index("neutral_volume")] = _guess(vehicle, rec)
+    met = [np.array(begin) / scale]
+    for windows in tasks[:-1]:
+        if rec.compared[: windows[-1].last + 1].any():
+            met.append(solve(met[-1], windows)[1])
+        if advance is not None:
+            advance(0.5 / len(tasks))
+    ends = []
+    for q in reversed(met):
+        ends.append(solve(q, tasks[-1]))
+        if advance is not None:
+            advance(0.5 / len(met))
+    q = min(ends, key=lambda end: end[0])[1]
+    spread = _spread(residual(q, tasks[-1]), slope(q, tasks[-1])) * scale
+    spread[(q < least + 2.0 * _STEP) | (q > most - 2.0 * _STEP)] = np.nan
+    fitted = {
+        name: Fitted(value, std if np.isfinite(std) else None, FITTABLE[name].unit)
+        for name, value, std in zip(names, (q * scale).tolist(), spread.tolist(), strict=True)
+    }
+    return Outcome(*_apply(names, q * scale, vehicle, first), fitted)
+
+
+def _apply(
+    names: Sequence[str], values: Array, vehicle: Vehicle, start: Start
+) -> tuple[Vehicle, Start]:
+    for name, value in zip(names, values.tolist(), strict=True):
+        vehicle, start = put(name, value, vehicle, start)
+    return vehicle, start
+
+
+def _check(names: Sequence[str], vehicle: Vehicle, rec: Record) -> None:
+    """Raise InputError for a name that cannot be fitted to this vehicle and record."""
+    coefficients = {"drag": vehicle.drag.k_dl, "drag_quadratic": vehicle.drag.k_dt}
+    for name in names:
+        what = remedy = ""
+        if name not in FITTABLE:
+            what = "this cannot be fitted"
+            remedy = f"{did_you_mean(name, FITTABLE)}Choose from {', '.join(FITTABLE)}; or none"
+        elif names.count(name) > 1:
+            what, remedy = "named twice", "Name it once"
+        elif coefficients.get(name) == 0.0:
+            what = f"the vehicle's drag law, {vehicle.drag.law}, has no such term"
+            remedy = 'Choose law = "blended" in [motion.drag], or fit the other term'
+        elif name.startswith("start") and rec.afloat:
+            what = "the log starts with the vehicle afloat, at rest at the surface"
+            remedy = "Leave it out, or cut the log to where the vehicle is under way"
+        elif name == "neutral_drift" and rec.drive != "volume":
+            what = "a drift can be fitted only where the logged volume drives the vehicle"
+            remedy = "Choose --drive volume, or leave it out"
+        if what:
+            raise InputError(what, field="--fit", value=name, remedy=remedy)
+
+
+def _guess(vehicle: Vehicle, rec: Record) -> float:
+    """Return a first neutral volume [m3]: the one at which the vehicle mostly was, under water."""
+    if rec.volume is None or not rec.volume_absolute:
+        return vehicle.trim_error
+    under = rec.compared
+    return float(np.median(rec.volume[under] - vehicle.hull.psi * rec.depth[under]))
+
+
+def _spread(residual: Array, slope: Array) -> Array:
+    """Return the standard deviations of the parameters, for residuals that are correlated.
+
+    The variance is taken up by the number of samples that carry the information of one:
+    1 + 2 sum of the residual's autocorrelation up to its first zero.
+    """
+    n, count = slope.shape
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
+    alike = 1.0
+    if power > 0.0:
+        correlation = np.fft.irfft(np.abs(np.fft.rfft(centred, 2 * n)) ** 2)[:n] / power
+        ends = np.flatnonzero(correlation <= 0.0)
+        alike = 2.0 * float(correlation[: ends[0] if len(ends) else n].sum()) - 1.0
+    variance = float(residual @ residual) / max(n - count, 1) * max(alike, 1.0)
+    _, singular, rotation = np.linalg.svd(slope, full_matrices=False)
+    if singular[-1] <= 1e-10 * singular[0]:
+        return np.full(count, np.nan)
+    result: Array = np.sqrt(variance * ((rotation / singular[:, None]) ** 2).sum(axis=0))
+    return result

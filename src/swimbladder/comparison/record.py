@@ -1,0 +1,226 @@
+"""A log as the model needs it: what drives it, from when, and which samples to compare."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError, LogError
+from swimbladder.io.logs import Log
+from swimbladder.parameters import (
+    ElectromechanicalActuator,
+    IdentifiedActuator,
+    Positioner,
+    Vehicle,
+)
+
+__all__ = ["DRIVES", "Drive", "Record", "piston_area", "record"]
+
+Array = NDArray[np.float64]
+Drive = Literal["volume", "voltage", "setpoint"]
+DRIVES: tuple[Drive, ...] = get_args(Drive)
+
+_FEWEST = 10
+_BOTTOM_MARGIN = 0.03  # m, of the bottom: the vehicle may stand on it
+_REMEDIES = {
+    "volume": "Map volume_m3 or piston_m with --column, or choose another --drive",
+    "voltage": "Map voltage_V with --column, or choose another --drive",
+    "setpoint": "Map reference_depth_m with --column, or choose another --drive",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """What is needed of a log to run a model along it; time counts from the first sample.
+
+    volume counts from mid-stroke, exactly where volume_absolute, else so that the vehicle is
+    neutral at the first sample. compared: which samples are clear of surface and bottom.
+    afloat: the first sample is at the surface, with volume to spare where it is known.
+    """
+
+    drive: Drive
+    time: Array  # s
+    depth: Array  # m
+    volume: Array | None  # m3
+    volume_absolute: bool
+    voltage: Array | None  # V
+    setpoints: tuple[tuple[float, float], ...]  # (s, m)
+    reference: Array | None  # m
+    compared: NDArray[np.bool_]
+    afloat: bool
+    bottom_depth: float  # m
+    notes: tuple[str, ...]
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+
+def piston_area(vehicle: Vehicle) -> float | None:
+    """Return the area of the vehicle's piston [m2], None where it has none or it is not known."""
+    actuator = vehicle.actuator
+    if isinstance(actuator, (Positioner, IdentifiedActuator)):
+        return actuator.piston_area
+    if isinstance(actuator, ElectromechanicalActuator):
+        return actuator.drive.piston_area
+    return None
+
+
+def record(
+    log: Log,
+    vehicle: Vehicle,
+    *,
+    drive: Drive | None = None,
+    bottom_depth: float = np.inf,
+    surface_margin: float = 0.1,
+) -> Record:
+    """Return what drives the vehicle: volume or piston, else voltage, else the set-point.
+
+    bottom_depth [m]; surface_margin: samples less deep than this below the depth of emergence are
+    not compared [m]. Raises LogError where the log does not have what drives, or too little of it.
+    """
+    notes = list(log.report)
+    chosen = drive or _first_drive(log, vehicle)
+    series = _driving(log, vehicle, chosen)
+    kept = np.isfinite(series)
+    if not kept.all():
+        notes.append(f"{int((~kept).sum())} samples without {chosen} left out")
+        log, series = _only(log, kept), series[kept]
+    if len(log) < _FEWEST:
+        raise LogError(
+            f"{len(log)} samples with {chosen} are too few to compare",
+            file=log.source,
+            field=chosen,
+            remedy=f"Give a log of {_FEWEST} samples or more",
+        )
+    volume, absolute = _volume(log, vehicle)
+    if volume is not None and not absolute:
+        volume = volume - volume[0] + vehicle.neutral_volume(float(log.depth[0]))
+        notes.append(
+            "the zero of the volume is not known: taken as neutral at the first sample's depth"
+        )
+    if volume is not None and chosen == "volume":
+        stroke = vehicle.stroke
+        beyond = np.maximum(volume - stroke.maximum, stroke.minimum - volume)
+        if (beyond > 1e-9).any():
+            notes.append(
+                f"{int((beyond > 1e-9).sum())} samples have a volume beyond the vehicle's stroke, "
+                f"by up to {1e6 * beyond.max():.2g} cm3"
+            )
+    surface = vehicle.hull.emergence_depth
+    submerged = log.depth >= surface + surface_margin
+    clear = log.depth <= bottom_depth - _BOTTOM_MARGIN
+    if not submerged.all():
+        notes.append(
+            f"{int((~submerged).sum())} samples less than {surface_margin:g} m below the depth at "
+            "which the hull emerges are simulated, not compared"
+        )
+    if not clear.all():
+        notes.append(f"{int((~clear).sum())} samples at the bottom are simulated, not compared")
+    if (submerged & clear).sum() < _FEWEST:
+        raise LogError(
+            f"{int((submerged & clear).sum())} samples are clear of surface and bottom, too few",
+            file=log.source,
+            field="depth_m",
+            value=float(log.depth.max()),
+            unit="m",
+            remedy="Check the unit of the depth, or give another --surface-margin or --bottom",
+        )
+    time = log.time - log.time[0]
+    reference = log.depth_reference
+    return Record(
+        drive=chosen,
+        time=time,
+        depth=log.depth,
+        volume=volume,
+        volume_absolute=absolute,
+        voltage=log.voltage,
+        setpoints=() if reference is None else _changes(time, reference),
+        reference=reference,
+        compared=submerged & clear,
+        afloat=bool(log.depth[0] < surface + surface_margin) and (absolute or volume is None),
+        bottom_depth=bottom_depth,
+        notes=tuple(notes),
+    )
+
+
+def _first_drive(log: Log, vehicle: Vehicle) -> Drive:
+    if log.volume is not None or (log.piston is not None and piston_area(vehicle) is not None):
+        return "volume"
+    if log.voltage is not None and vehicle.voltage_driven:
+        return "voltage"
+    if log.depth_reference is not None:
+        return "setpoint"
+    raise LogError(
+        "the log has nothing that drives the vehicle",
+        file=log.source,
+        field="volume_m3, piston_m, voltage_V or reference_depth_m",
+        remedy=_REMEDIES["volume"],
+    )
+
+
+def _driving(log: Log, vehicle: Vehicle, drive: Drive) -> Array:
+    """Return the series that drives, as logged; raises LogError where there is none."""
+    if drive == "volume":
+        if log.volume is None and log.piston is not None and piston_area(vehicle) is None:
+            raise InputError(
+                f"the log has the position of a piston, and the vehicle {vehicle.name} has none",
+                field="actuator.kind",
+                value=vehicle.actuator.kind,
+                remedy="Choose a vehicle with a piston, or log its volume",
+            )
+        found = log.volume if log.volume is not None else log.piston
+    else:
+        if drive == "voltage" and not vehicle.voltage_driven:
+            raise InputError(
+                f"the vehicle {vehicle.name} is not driven by a voltage",
+                field="--drive",
+                value=drive,
+                remedy="Drive it with volume or setpoint",
+            )
+        if drive == "setpoint" and vehicle.controller is None:
+            raise InputError(
+                f"the vehicle {vehicle.name} has no controller to follow the set-point with",
+                field="controller",
+                remedy="Add a [controller] to the vehicle, or choose another --drive",
+            )
+        found = log.voltage if drive == "voltage" else log.depth_reference
+    if found is None:
+        raise LogError(
+            f"the log has no {drive}", file=log.source, field=drive, remedy=_REMEDIES[drive]
+        )
+    return found
+
+
+def _volume(log: Log, vehicle: Vehicle) -> tuple[Array | None, bool]:
+    area = piston_area(vehicle)
+    if log.volume is not None and np.isfinite(log.volume).all():
+        return log.volume, log.volume_absolute
+    if log.piston is not None and area is not None and np.isfinite(log.piston).all():
+        return log.piston * area, log.piston_absolute
+    return None, False
+
+
+def _only(log: Log, kept: NDArray[np.bool_]) -> Log:
+    names = ("time", "depth", "volume", "piston", "voltage", "current", "speed", "depth_reference")
+    arrays = {name: getattr(log, name) for name in names}
+    return replace(
+        log,
+        line=log.line[kept],
+        **{name: None if values is None else values[kept] for name, values in arrays.items()},
+    )
+
+
+def _changes(time: Array, reference: Array) -> tuple[tuple[float, float], ...]:
+    """Return (time, depth) where a set-point begins to hold, the first at 0."""
+    known = np.flatnonzero(np.isfinite(reference))
+    if not len(known):
+        return ()
+    values = reference[known]
+    new = np.append(True, np.diff(values) != 0.0)
+    pairs = [(float(time[known[k]]), float(values[k])) for k in np.flatnonzero(new)]
+    return ((0.0, pairs[0][1]), *pairs[1:])
