@@ -118,6 +118,8 @@ def test_nothing_can_be_changed_afterwards():
         ("hull.psi", "4 cm3", "hull.psi", "of another kind (got '4 cm3', expected unit m3/m)"),
         ("hull.psi", {"a": 1}, "hull.psi", "not a quantity"),
         ("hull.height", "-1 m", "hull.height", "must be greater than 0 (got '-1 m'"),
+        ("hull.height", 1e16, "hull.height", "1e+16 m is beyond any vehicle"),
+        ("actuator.T1", "1e-30 s", "actuator.T1", "Check the unit; sizes from 1e-20 to 1e+15"),
         ("hull.height", float("nan"), "hull.height", "not a finite number"),
         ("hull.depth_limit", 0, "hull.depth_limit", "expected unit m). Check the number"),
         ("actuator.T1", float("inf"), "actuator.T1", "not a finite number"),

@@ -273,6 +273,13 @@ def test_netcdf_has_the_same_numbers_and_names_them(capsys, tmp_path):
         assert data.attrs["title"] == "feup-em: step, simulated in closed loop"
 
 
+def test_a_picture_is_drawn_where_it_is_asked_for(capsys, tmp_path):
+    a = answer(capsys, "feup-em", "--plot", "--out", str(tmp_path))
+    assert a["files"] == [str(tmp_path / "trajectory.csv"), str(tmp_path / "trajectory.png")]
+    assert (tmp_path / "trajectory.png").read_bytes().startswith(b"\x89PNG")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["trajectory.csv", "trajectory.png"]
+
+
 def test_a_warm_run_imports_nothing_that_it_does_not_need(tmp_path):
     code = (
         "import sys; from swimbladder.cli import main; "

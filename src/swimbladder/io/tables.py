@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -32,13 +31,16 @@ def write_csv(
     if len(lengths) != 1:
         raise ValueError(f"columns of different lengths: {sorted(lengths)}")
 
+    (length,) = lengths
+
     def write(temporary: Path) -> None:
-        rows = zip(*(map(repr, values.tolist()) for values in series), strict=True)
         with temporary.open("w", encoding="ascii", newline="") as file:
             file.write(",".join(columns) + "\n")
-            while chunk := [",".join(row) for row in islice(rows, _CHUNK)]:
-                file.write("\n".join(chunk) + "\n")
+            for start in range(0, length, _CHUNK):
+                chunk = [map(repr, values[start : start + _CHUNK].tolist()) for values in series]
+                rows = [",".join(row) for row in zip(*chunk, strict=True)]
+                file.write("\n".join(rows) + "\n")
                 if advance is not None:
-                    advance(float(len(chunk)))
+                    advance(float(len(rows)))
 
     return write_through(path, write)

@@ -35,6 +35,9 @@ __all__ = [
     "tags_of",
 ]
 
+# Sizes that no part of a vehicle has: their products would leave the range of floats.
+SMALLEST, LARGEST = 1e-20, 1e15
+
 
 class Unit:
     """The unit of a field: parses texts on the way in, and stands in messages and templates."""
@@ -50,9 +53,15 @@ class Unit:
 
     def _parse(self, value: object) -> float:
         try:
-            return parse_quantity(value, self.text)
+            number = parse_quantity(value, self.text)
         except InputError as error:
             raise refusal(error.what, error.remedy or "") from None
+        if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
+            raise refusal(
+                f"{number:.3g} {self.text}".rstrip() + " is beyond any vehicle",
+                f"Check the unit; sizes from {SMALLEST:g} to {LARGEST:g}, and 0, are taken",
+            )
+        return number
 
 
 class _ParametersMeta(ModelMetaclass):
