@@ -312,7 +312,7 @@ def test_a_mission_of_a_real_float(data_dir: Path) -> None:
     assert log.piston[0] == pytest.approx(0.02575)
     assert log.piston.min() == pytest.approx(0.02575 - 0.030454)
     assert log.depth.max() == pytest.approx(1.385799)
-    assert log.depth_reference is not None
-    assert set(log.depth_reference) == {0.5, 1.35}
+    assert log.reference_depth is not None
+    assert set(log.reference_depth) == {0.5, 1.35}
     assert "--where" in str(refused(path, log_format="ntnu-bv"))
     assert "t_s" in str(refused(path))

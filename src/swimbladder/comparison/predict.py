@@ -61,7 +61,11 @@ def _tiles(rec: Record, length: float) -> list[Window]:
 
 
 def measured_start(rec: Record, at: int) -> Start:
-    """Return depth and speed at sample `at`: a parabola through the samples around it."""
+    """Return depth and speed at sample `at`, as logged; without a logged speed from a parabola
+    through the depths around it.
+    """
+    if rec.speed is not None and np.isfinite(rec.speed[at]):
+        return Start(float(rec.depth[at]), float(rec.speed[at]))
     near = np.abs(rec.time - rec.time[at]) <= _SPAN
     if near.sum() < 4:
         return Start(float(rec.depth[at]), 0.0)

@@ -44,6 +44,7 @@ class Record:
     drive: Drive
     time: Array  # s
     depth: Array  # m
+    speed: Array | None  # m/s
     volume: Array | None  # m3
     volume_absolute: bool
     voltage: Array | None  # V
@@ -131,11 +132,12 @@ def record(
             remedy="Check the unit of the depth, or give another --surface-margin or --bottom",
         )
     time = log.time - log.time[0]
-    reference = log.depth_reference
+    reference = log.reference_depth
     return Record(
         drive=chosen,
         time=time,
         depth=log.depth,
+        speed=log.speed,
         volume=volume,
         volume_absolute=absolute,
         voltage=log.voltage,
@@ -153,7 +155,7 @@ def _first_drive(log: Log, vehicle: Vehicle) -> Drive:
         return "volume"
     if log.voltage is not None and vehicle.voltage_driven:
         return "voltage"
-    if log.depth_reference is not None:
+    if log.reference_depth is not None:
         return "setpoint"
     raise LogError(
         "the log has nothing that drives the vehicle",
@@ -188,7 +190,7 @@ def _driving(log: Log, vehicle: Vehicle, drive: Drive) -> Array:
                 field="controller",
                 remedy="Add a [controller] to the vehicle, or choose another --drive",
             )
-        found = log.voltage if drive == "voltage" else log.depth_reference
+        found = log.voltage if drive == "voltage" else log.reference_depth
     if found is None:
         raise LogError(
             f"the log has no {drive}", file=log.source, field=drive, remedy=_REMEDIES[drive]
@@ -206,7 +208,7 @@ def _volume(log: Log, vehicle: Vehicle) -> tuple[Array | None, bool]:
 
 
 def _only(log: Log, kept: NDArray[np.bool_]) -> Log:
-    names = ("time", "depth", "volume", "piston", "voltage", "current", "speed", "depth_reference")
+    names = ("time", "depth", "volume", "piston", "voltage", "current", "speed", "reference_depth")
     arrays = {name: getattr(log, name) for name in names}
     return replace(
         log,

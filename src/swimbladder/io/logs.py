@@ -40,7 +40,7 @@ class Log:
     voltage: Array | None = None  # V
     current: Array | None = None  # A
     speed: Array | None = None  # m/s
-    depth_reference: Array | None = None  # m
+    reference_depth: Array | None = None  # m
     volume_absolute: bool = False
     piston_absolute: bool = False
     line: NDArray[np.int64]
@@ -187,7 +187,7 @@ def _log(table: Table, form: LogFormat, where: Mapping[str, object], path: str |
         voltage=data.get("voltage_V"),
         current=data.get("current_A"),
         speed=data.get("speed_m_s"),
-        depth_reference=data.get("reference_depth_m"),
+        reference_depth=data.get("reference_depth_m"),
         volume_absolute=form.volume_zero is not None,
         piston_absolute=form.piston_zero is not None,
         line=line,
