@@ -1,0 +1,58 @@
+"""``swimbladder reproduce``: the paper redone, in a report that opens from disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from swimbladder.cli.common import console, emit_json, output, progress
+
+__all__ = ["reproduce"]
+
+
+def reproduce(
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for the report.")
+    ] = Path("report/paper"),
+    seed: Annotated[
+        int, typer.Option(help="Seed of the sensors' noise in the pool.", min=0)
+    ] = 2023,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    """Redo the paper: every figure, table and number, in one report.
+
+    Falcao Carneiro et al. 2023, doi 10.3390/act12100380, from simulation. Exit code 1 when a
+    number of the paper, an equation or an independent check is not met and it is not known why.
+    """
+    with progress("loading the simulator"):
+        from swimbladder.engine.cache import is_cached
+        from swimbladder.reproduce import AMOUNT
+        from swimbladder.reproduce import reproduce as make_report
+    if not is_cached("run_block"):
+        console.print("compiling the simulator for this machine, once; about 15 s", highlight=False)
+    with progress("redoing the paper", AMOUNT) as advance:
+        found = make_report(out, seed=seed, advance=advance)
+    page = (out / "index.html").resolve()
+    if json:
+        emit_json({**found, "report": str(page)})
+    else:
+        v = found["verdicts"]
+        output.print(
+            f"published numbers and claims: {v['AGREES']} agree, {v['EXPLAINED']} differ and it is "
+            f"known why, {v['FAILS']} fail",
+            highlight=False,
+        )
+        output.print(
+            f"equations: {sum(c['passed'] for c in found['equations'])} of "
+            f"{len(found['equations'])} checked and met",
+            highlight=False,
+        )
+        output.print(f"wrote {page}", highlight=False, soft_wrap=True)
+    if not found["passed"]:
+        for failure in found["failures"]:
+            console.print(f"fails: {failure}", highlight=False, markup=False, soft_wrap=True)
+        raise typer.Exit(1)

@@ -1,0 +1,134 @@
+"""What a comparison with the paper can come to, computed from numbers, never typed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+__all__ = ["EquationCheck", "Finding", "Known", "Verdict", "claim", "deviation", "number"]
+
+
+class Verdict(Enum):
+    """How ours compares with the paper's; each member's value says it in a sentence."""
+
+    AGREES = "Ours is the paper's within the tolerance that its digits allow."
+    EXPLAINED = "Ours differs, and as computed here it differs for the reason given."
+    FAILS = "Ours differs, and the reason given does not account for it."
+
+    @property
+    def word(self) -> str:
+        """The verdict in a word."""
+        return {"AGREES": "agrees", "EXPLAINED": "explained", "FAILS": "FAILS"}[self.name]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """A number or a claim of the paper: theirs, ours, the difference, the verdict."""
+
+    where: str  # "eq. (2)", "Table 2", "section 3.2"
+    what: str
+    paper: str
+    ours: str
+    difference: str
+    verdict: Verdict
+    why: str = ""
+    paper_value: float | None = None  # in `unit`, as ours_value
+    ours_value: float | None = None
+    unit: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """Why ours differs, and what it should then be: a value within a relative tolerance."""
+
+    why: str
+    value: float
+    within: float
+
+    def accounts_for(self, ours: float) -> bool:
+        """Say whether ours is what the reason leads one to expect."""
+        return abs(ours - self.value) <= self.within * abs(self.value)
+
+
+def number(
+    where: str, what: str, *, paper: float, ours: float, unit: str, within: float,
+    known: Known | None = None, digits: int = 4, why: str = "",
+) -> Finding:  # fmt: skip
+    """Return the comparison of two numbers; `within` is relative to the paper's.
+
+    known: what accounts for a difference beyond that. why: a remark where they agree.
+    """
+    relative = (ours - paper) / abs(paper) if paper else math.inf
+    agrees = abs(relative) <= within
+    if agrees:
+        verdict = Verdict.AGREES
+    elif known is not None and known.accounts_for(ours):
+        verdict = Verdict.EXPLAINED
+    else:
+        verdict = Verdict.FAILS
+    return Finding(
+        where=where, what=what, paper=f"{paper:.{max(digits, 6)}g} {unit}".strip(),
+        ours=f"{ours:.{digits}g} {unit}".strip(), difference=_percent(relative), verdict=verdict,
+        why=why if agrees or known is None else known.why,
+        paper_value=paper, ours_value=ours, unit=unit,
+    )  # fmt: skip
+
+
+def claim(
+    where: str, what: str, *, paper: str, ours: str, holds: bool, why: str = "",
+    accounted_for: bool = False, value: float | None = None, unit: str = "",
+) -> Finding:  # fmt: skip
+    """Return the comparison of a claim with what was computed.
+
+    why, accounted_for: the reason where it does not hold, and whether the computation bears the
+    reason out. value: the number that decided it.
+    """
+    if holds:
+        verdict = Verdict.AGREES
+    else:
+        verdict = Verdict.EXPLAINED if why and accounted_for else Verdict.FAILS
+    return Finding(
+        where=where, what=what, paper=paper, ours=ours, difference="none" if holds else "see why",
+        verdict=verdict, why=why, ours_value=value, unit=unit,
+    )  # fmt: skip
+
+
+def _percent(relative: float) -> str:
+    if abs(relative) < 5e-7:
+        return "none"
+    percent = 100.0 * relative
+    return f"{percent:+.2g} %" if abs(percent) < 10.0 else f"{percent:+.0f} %"
+
+
+def deviation(ours: Any, other: Any) -> float:
+    """Return the largest |ours - other| / |other|."""
+    a, b = np.asarray(ours), np.asarray(other)
+    return float(np.max(np.abs(a - b) / np.abs(b)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class EquationCheck:
+    """An equation, what it was checked against, and how far the two are apart."""
+
+    number: int
+    says: str
+    checked: str
+    value: float  # largest relative deviation, or what `measure` says
+    limit: float
+    measure: str = "largest relative deviation"
+    note: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the deviation is within the limit; not a number is not."""
+        return abs(self.value) <= self.limit
+
+    @property
+    def result(self) -> str:
+        """The deviation in words."""
+        value = f"{self.value:.1e}" if self.value else "0"
+        return f"{self.measure}: {value} (limit {self.limit:.0e})"
