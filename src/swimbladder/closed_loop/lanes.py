@@ -21,6 +21,7 @@ from swimbladder.engine.advance import DONE, advance
 from swimbladder.engine.cache import compiled, inlined, part
 from swimbladder.engine.chain import ALPHA, BETA, build_chain
 from swimbladder.engine.modes import (
+    A_S,
     BACKWARD,
     BOTTOM,
     D_0,
@@ -31,18 +32,18 @@ from swimbladder.engine.modes import (
     EPSILON,
     FORWARD,
     FRICTION,
+    K_L,
     LOAD_BACK,
     LOAD_DRIVE,
     POSITIONER,
-    PSI,
     SAG,
-    V_0,
     V_MAX,
     V_MIN,
     Z_AIR,
     Z_BOTTOM,
     Z_SURFACE,
     first_mode,
+    resting_volume,
     split,
 )
 
@@ -136,10 +137,12 @@ def _set_mode(S, token, i, mode, chains, built, h, p):  # type: ignore[no-untype
     if where == EMERGING:
         S[LOW_Z * W_ + i] = p[Z_AIR]
         S[HIGH_Z * W_ + i] = min(p[Z_SURFACE], p[Z_BOTTOM])
+        if h * h * p[A_S] > 0.25:  # it may bob more than once in a step
+            S[SLOW * W_ + i] = 1.0
     elif where == BOTTOM:
         S[LOW_Z * W_ + i] = -np.inf
         S[HIGH_Z * W_ + i] = np.inf
-        S[HIGH_V * W_ + i] = min(p[V_MAX], p[PSI] * S[Z * W_ + i] + p[V_0])
+        S[HIGH_V * W_ + i] = min(p[V_MAX], resting_volume(p, S[Z * W_ + i]))
     if built[mode] == 0:
         build_chain(p, mode, h, chains[mode])
         built[mode] = 1
@@ -248,7 +251,8 @@ def _leap(S, W_, i, u, h, bend):  # type: ignore[no-untyped-def]
         w1 += S[c + 27 * W_] * N0 + S[c + 31 * W_] * Nab + S[c + 35 * W_] * Nc
     # how far inside a step that turns the state may go beyond its ends
     dz = h * (abs(w) + abs(w1)) if w * w1 < 0.0 else 0.0
-    dv = h * (abs(q) + abs(q1)) if q * q1 < 0.0 else 0.0
+    leaks = S[(PLANT + K_L) * W_ + i] > 0.0
+    dv = h * (abs(q) + abs(q1)) if (q * q1 < 0.0) | leaks else 0.0
     ok = (
         (q1 >= S[LOW_Q * W_ + i])
         & (q1 <= S[HIGH_Q * W_ + i])
@@ -262,6 +266,11 @@ def _leap(S, W_, i, u, h, bend):  # type: ignore[no-untyped-def]
         & (z + dz <= S[HIGH_Z * W_ + i])
         & (S[SLOW * W_ + i] == 0.0)
     )
+    if len(bend) > 0:
+        epsilon = S[(PLANT + EPSILON) * W_ + i]
+        fast, fast1 = abs(w) > epsilon, abs(w1) > epsilon
+        same = (fast == fast1) & ((abs(w) <= epsilon) | (w * w1 >= 0.0))
+        ok = ok & ((epsilon <= 0.0) | same)
     return q1, v1, z1, w1, ok
 
 

@@ -14,7 +14,7 @@ from swimbladder.closed_loop.solution import Solution, StopReason, assemble, nam
 from swimbladder.dynamics import Plant, plant
 from swimbladder.engine.advance import begin, follow
 from swimbladder.engine.books import Account
-from swimbladder.engine.chain import COEFFICIENTS, LEVELS, base_steps
+from swimbladder.engine.chain import COEFFICIENTS, LEVELS, book_steps
 from swimbladder.engine.modes import COUNT, Act
 from swimbladder.errors import InputError
 from swimbladder.parameters import Vehicle
@@ -70,7 +70,7 @@ def _follow(
     mode, x[0] = begin(flat, *start)
     if ramps:
         mode = mode - mode % 10 + int(Act.PRESCRIBED)
-    steps = {h: base_steps(p, h, start[3]) for h in set(np.diff(t).tolist())}
+    steps = {h: book_steps(p, h, start[3]) for h in set(np.diff(t).tolist())}
     parts = np.array([steps[h] for h in np.diff(t).tolist()], np.int64)
     record = np.full((7, len(t)), np.nan)
     books = np.zeros(len(Account))

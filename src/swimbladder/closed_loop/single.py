@@ -17,7 +17,7 @@ from swimbladder.closed_loop.solution import Solution, StopReason, assemble, nam
 from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
 from swimbladder.dynamics import Plant, plant
-from swimbladder.engine.chain import base_steps
+from swimbladder.engine.chain import book_steps
 from swimbladder.errors import InputError
 from swimbladder.parameters import Vehicle
 
@@ -62,7 +62,7 @@ def simulate(
     start = check_start(vehicle, p, start_depth, start_volume, start_speed)
     times, depths = check_setpoints(setpoints, duration, tick)
     clock = schedule(times, duration, tick)
-    divided = base_steps(p, tick, start_speed) if parts is None else parts
+    divided = book_steps(p, tick, start_speed) if parts is None else parts
     block = Block.lay_out(
         plants=np.array(p)[:, None], law=chosen, parameters=numbers, clock=clock, parts=divided,
         depths=np.array(depths)[:, None], start=np.array(start)[:, None], sensors=vehicle.sensors,

@@ -15,23 +15,27 @@ from swimbladder.engine.books import PUMPED, enter, enter_blow
 from swimbladder.engine.cache import compiled, part
 from swimbladder.engine.chain import TICKS, build_chain, leap
 from swimbladder.engine.modes import (
+    A_S,
     BACKWARD,
     BOTTOM,
     EMERGING,
+    EPSILON,
     FORWARD,
     HOLDING,
+    K_L,
     LOWER,
     LOWER_SPINNING,
-    PSI,
+    MOVING_IN,
+    MOVING_OUT,
     SUPPLY,
     UPPER,
-    V_0,
     V_MAX,
     V_MIN,
     Z_BOTTOM,
     Z_SURFACE,
     event,
     first_mode,
+    resting_volume,
     split,
 )
 
@@ -49,12 +53,16 @@ __all__ = [
 DONE, LEFT_WATER, TOO_DEEP, CHATTERS, NOT_FINITE = 0, 1, 2, 3, 4
 _TRANSITIONS = 500  # in one step: more is no motion but chatter
 _FINE = 6  # level from which on turns inside a step cannot hide a crossing that matters
+_LEAPS = 50_000  # in one step: likewise
+_BENDS = 8  # in one step: from then on the bend of the drag is no longer searched for
 
 
 @part
 def may_hide(p, mode, x, y, h):  # type: ignore[no-untyped-def]
     """Return whether z or V turned inside the step so near a limit that it may have crossed it."""
     act, _, where = split(mode)
+    if where == EMERGING and h * h * p[A_S] > 0.25:  # it may bob more than once
+        return True
     if where != BOTTOM and x[3] * y[3] < 0.0:
         reach = h * max(abs(x[3]), abs(y[3]))
         low, high = min(x[2], y[2]) - reach, max(x[2], y[2]) + reach
@@ -64,14 +72,26 @@ def may_hide(p, mode, x, y, h):  # type: ignore[no-untyped-def]
             return True
         if where != EMERGING and low < p[Z_SURFACE]:
             return True
-    if act in (FORWARD, BACKWARD) and x[0] * y[0] < 0.0:
-        reach = h * max(abs(x[0]), abs(y[0]))
-        low, high = min(x[1], y[1]) - reach, max(x[1], y[1]) + reach
-        if high > p[V_MAX] or low < p[V_MIN]:
-            return True
-        if where == BOTTOM and high > p[PSI] * x[2] + p[V_0]:
-            return True
+    if act in (FORWARD, BACKWARD):
+        before, after = x[0] - p[K_L] * x[2], y[0] - p[K_L] * y[2]
+        if before * after < 0.0:
+            reach = h * max(abs(before), abs(after))
+            low, high = min(x[1], y[1]) - reach, max(x[1], y[1]) + reach
+            if high > p[V_MAX] or low < p[V_MIN]:
+                return True
+            if where == BOTTOM and high > resting_volume(p, x[2]):
+                return True
     return False
+
+
+@part
+def bends(p, w, w_next):  # type: ignore[no-untyped-def]
+    """Return whether the drag passes from laminar to turbulent, or back, between two speeds."""
+    epsilon = p[EPSILON]
+    if epsilon <= 0.0:
+        return False
+    fast, fast_next = abs(w) > epsilon, abs(w_next) > epsilon
+    return fast != fast_next or (fast and w * w_next < 0.0)
 
 
 @part
@@ -101,7 +121,15 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
     remaining = TICKS
     cap = TICKS
     searching = False
+    last_look = False  # the search is over, and what it looked for is in the tick to come
+    smallest = 1  # more where rounding hides what is looked for
     transitions = 0
+    leaps = 0
+    bent = 0
+    act = mode % 10
+    if (act == MOVING_OUT and u < x[1]) or (act == MOVING_IN and u > x[1]):
+        x[0] = -x[0]  # a positioner that is asked to turn back
+        mode += MOVING_IN - MOVING_OUT if act == MOVING_OUT else MOVING_OUT - MOVING_IN
     while remaining > 0:
         while True:
             new, q, w, reset = event(p, mode, x[0], x[1], x[2], x[3], u)
@@ -136,39 +164,51 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
         while (TICKS >> level) > size:
             level += 1
         while True:
+            leaps += 1
+            if leaps > _LEAPS:
+                return mode, CHATTERS
             leap(chains[mode], level, p, nonlinear, x, applied, y)
             span = h * size / TICKS
             if not abs(y[2]) + abs(y[3]) + abs(y[1]) < 1e12:
                 return mode, NOT_FINITE
             new, q, w, reset = event(p, mode, y[0], y[1], y[2], y[3], u)
             if new == -1:
-                if level < _FINE and may_hide(p, mode, x, y, span):
+                bend = nonlinear and bends(p, x[3], y[3])
+                search = size > smallest and bend and bent < _BENDS
+                if search or (level < _FINE and (bend or may_hide(p, mode, x, y, span))):
                     size >>= 1
                     level += 1
                     cap = size
+                    searching = searching or search
                     continue
+                if bend:
+                    bent += 1
+                    searching, last_look, smallest, cap = False, False, 1, TICKS
                 if books.shape[0] > 0:
                     enter(p, mode, x, y, u, span, books)
                 x[:] = y
                 remaining -= size
                 if searching:
                     cap = size >> 1
-                    if cap == 0:
-                        cap, searching = TICKS, False
+                    if last_look:
+                        cap, searching, last_look = TICKS, False, False
+                        smallest = min(2 * smallest, TICKS)
+                    elif cap < smallest:
+                        cap, last_look = smallest, True
                 break
-            if size > 1:
+            if size > smallest:
                 size >>= 1
                 level += 1
                 cap = size
                 searching = True
                 continue
             # the event lies within this one tick
-            cap, searching = TICKS, False
+            searching, last_look, smallest, cap = False, False, 1, TICKS
             if reset:
                 transitions += 1
                 if transitions > _TRANSITIONS:
                     return mode, CHATTERS
-                q_new = x[0] if new % 10 == mode % 10 else q
+                q_new = x[0] if new % 10 in (mode % 10, LOWER_SPINNING) else q
                 w_new = 0.0 if new // 20 == BOTTOM and mode // 20 != BOTTOM else x[3]
                 if books.shape[0] > 0:
                     enter_blow(x[0], q_new, x[3], w_new, books)
@@ -178,7 +218,7 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
                 if books.shape[0] > 0:
                     enter(p, mode, x, y, u, span, books)
                 x[:] = y
-                remaining -= 1
+                remaining -= size
             break
     return mode, DONE
 

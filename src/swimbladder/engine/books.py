@@ -35,6 +35,7 @@ from swimbladder.engine.modes import (
     T1,
     UPPER,
     split,
+    supply_limit,
 )
 
 __all__ = ["Account", "enter", "enter_blow"]
@@ -97,10 +98,10 @@ def enter(p, mode, x, y, u, h, books):  # type: ignore[no-untyped-def]
         return
     Izz = _simpson(z0 * z0, zm * zm, z1 * z1, h)
     alpha, beta = u, 0.0  # the voltage as applied is alpha + beta q
-    if limited:
+    if limited or (act == UPPER and abs(u) > supply_limit(p, u, 0.5 * (x[0] + y[0]))):
         alpha = math.copysign(p[SUPPLY], u) / (1.0 + p[SAG])
         beta = p[SAG] * p[KAPPA] / (1.0 + p[SAG])
-    elif act in (STUCK, UPPER, LOWER) and p[SAG] > 0.0:
+    elif act in (STUCK, LOWER) and p[SAG] > 0.0:
         limit = p[SUPPLY] / (1.0 + p[SAG])
         alpha = max(-limit, min(limit, u))
     books[MOTOR_ON] += h if alpha != 0.0 else 0.0
@@ -131,10 +132,13 @@ def enter(p, mode, x, y, u, h, books):  # type: ignore[no-untyped-def]
         e = math.exp(-h / tau)
         E1 = -tau * math.expm1(-h / tau)
         E2 = tau * tau * (1.0 - e * (1.0 + h / tau))
+        E3 = 2.0 * tau * E2 - tau * h * h * e
         EE = -0.5 * tau * math.expm1(-2.0 * h / tau)
         Iqq = _simpson(s0 * s0, sm * sm, s1 * s1, h)
         Iqq += 2.0 * d * (s0 * E1 + (s1 - s0) / h * E2) + d * d * EE
-        Izq = _simpson(z0 * s0, zm * sm, z1 * s1, h) + d * (z0 * E1 + w0 * E2)
+        Izq = _simpson(z0 * s0, zm * sm, z1 * s1, h) + d * (
+            z0 * E1 + w0 * E2 + 0.5 * (w1 - w0) / h * E3
+        )
     U_q = alpha * Iq + beta * Iqq
     books[PUMPED] += Iq
     books[U_Q] += U_q

@@ -21,6 +21,7 @@ __all__ = [
     "event",
     "first_mode",
     "linear_part",
+    "resting_volume",
     "split",
     "supply_limit",
 ]
@@ -159,6 +160,13 @@ def _applied(p, u, q):  # type: ignore[no-untyped-def]
 
 
 @part
+def resting_volume(p, z):  # type: ignore[no-untyped-def]
+    """Return the volume [m3] above which a vehicle that lies at depth z rises."""
+    emerged = p[A_S] / p[A_B] * max(p[Z_SURFACE] - z, 0.0)
+    return p[PSI] * z + p[V_0] + emerged
+
+
+@part
 def _turning(p, u, z, q):  # type: ignore[no-untyped-def]
     """Return the state of a free motor: which way it turns, or that it is stuck."""
     if p[LOAD_DRIVE] == p[LOAD_BACK] and p[FRICTION] == 0.0:
@@ -186,34 +194,36 @@ def event(p, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
     act, limited, where = split(mode)
     new_act, new_limited, new_where = act, limited, where
     reset = False
-    # the vehicle
+    # the vehicle; at a limit the direction decides, as a step may be too small to change z or V
     if where == BOTTOM:
-        if p[PSI] * z + p[V_0] < V:
+        if resting_volume(p, z) < V:
             new_where = EMERGING if z < p[Z_SURFACE] else SUBMERGED
     elif z > DEEPEST:
         return -3, q, w, False
-    elif z > p[Z_BOTTOM]:
+    elif z > p[Z_BOTTOM] or (z == p[Z_BOTTOM] and w > 0.0):
         new_where, w, reset = BOTTOM, 0.0, True
     elif where == SUBMERGED:
-        if z < p[Z_SURFACE]:
+        if z < p[Z_SURFACE] or (z == p[Z_SURFACE] and w < 0.0):
             new_where = EMERGING
-    elif z > p[Z_SURFACE]:
+    elif z > p[Z_SURFACE] or (z == p[Z_SURFACE] and w > 0.0):
         new_where = SUBMERGED
     elif z < p[Z_AIR]:
         return -2, q, w, False
     # the actuator
     if act in (FORWARD, BACKWARD):
-        if p[V_MAX] < V:
+        if p[V_MAX] < V or (p[V_MAX] == V and q > p[K_L] * z):
             new_act, q, reset = UPPER, p[K_L] * z, True
-        elif p[V_MIN] > V:
-            new_act, q, reset = LOWER, 0.0, True
+        elif p[V_MIN] > V or (p[V_MIN] == V and q < p[K_L] * z):
+            # the pump may still turn outwards, slower than the leakage
+            new_act, reset = LOWER_SPINNING if q > 0.0 else LOWER, True
+            q = max(q, 0.0)
         elif (p[LOAD_DRIVE] != p[LOAD_BACK] or p[FRICTION] != 0.0) and (
             (act == FORWARD and q < 0.0) or (act == BACKWARD and q > 0.0)
         ):
             q = 0.0
             new_act = _turning(p, u, z, 0.0)
     elif act == STUCK:
-        if p[V_MIN] > V:
+        if p[V_MIN] > V or (p[V_MIN] == V and p[K_L] * z > 0.0):
             new_act, reset = LOWER, True
         else:
             new_act = _turning(p, u, z, 0.0)
@@ -262,7 +272,7 @@ def event(p, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
 def first_mode(p, q, V, z, w, u):  # type: ignore[no-untyped-def]
     """Return (mode, q) that a state starts in; q of a positioner is its rate, 0 at its target."""
     where = SUBMERGED
-    if z >= p[Z_BOTTOM] and w >= 0.0 and p[PSI] * z + p[V_0] >= V:
+    if z >= p[Z_BOTTOM] and w == 0.0 and resting_volume(p, z) >= V:
         where = BOTTOM
     elif z < p[Z_SURFACE]:
         where = EMERGING
