@@ -69,7 +69,7 @@ def run_by_hand(
     chains = np.empty((COUNT, LEVELS + 1, COEFFICIENTS))
     built = np.zeros(COUNT, np.uint8)
     mode, x[0] = begin(p, x[0], x[1], x[2], x[3])
-    command, wait = 0.0, 0
+    command, wait = 0.0, 0.0
     noise = np.zeros((0, 2, 1))
     for k, turn in enumerate(block.clock.turn):
         if block.noise is not None:
@@ -82,10 +82,9 @@ def run_by_hand(
             said = function(
                 Measurement(k * tick, float(seen[0]), float(seen[1])), float(block.depths[turn, 0])
             )
-            command, following = said if isinstance(said, tuple) else (said, tick)
-            wait = max(1, math.ceil(following / tick - 1e-9))
+            command, wait = _understood(function, said, tick)
         wait -= 1
-        applied = min(max(float(command), work[Row.LOW_U]), work[Row.HIGH_U])
+        applied = min(max(command, work[Row.LOW_U]), work[Row.HIGH_U])
         block.record[:, k, 0] = (x[2], x[3], x[1], x[0], command, applied, math.nan)
         if k == block.clock.ticks:
             break
@@ -102,6 +101,22 @@ def run_by_hand(
         if progress is not None and k % 256 == 0:
             progress(k)
     work[Row.Q : Row.Q + 4] = x[:4]
+
+
+def _understood(function: Callable[..., Any], said: Any, tick: float) -> tuple[float, float]:
+    """Return (command, ticks until the next call) of what a function returned."""
+    try:
+        command, following = said if isinstance(said, tuple) else (said, tick)
+        command, ticks = float(command), float(following) / tick
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{getattr(function, '__name__', 'the function')} returned neither a command nor "
+            "(command, next_sample_s)",
+            field="law",
+            value=said,
+            remedy="Return volts (a positioner: m3), or these and the seconds until the next call",
+        ) from None
+    return command, math.ceil(ticks - 1e-9) if 1.0 < ticks < math.inf else max(1.0, ticks)
 
 
 def _seen(work: Any, x: Any, noise: Any) -> tuple[float, float]:

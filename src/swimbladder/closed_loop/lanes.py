@@ -221,9 +221,9 @@ def _decide(S, W_, i, like, like_state, t, per_tick):  # type: ignore[no-untyped
     S[COMMAND * W_ + i] = command
     scatter_where(due, state, S, row, W_)
     low, high = S[LOW_U * W_ + i], S[HIGH_U * W_ + i]
-    u = command if command < high else high  # a nan stays one
+    u = command if command < high else high
     u = low if u < low else u
-    u = command if command != command else u
+    u += command - command  # nan where the command is not finite
     S[APPLIED * W_ + i] = u
     return u
 

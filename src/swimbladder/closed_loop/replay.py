@@ -46,6 +46,11 @@ def drive(
     named = [name for name, values in given.items() if values is not None]
     if len(named) != 1:
         raise InputError("give either a volume or a voltage", field="volume, voltage")
+    if volume is not None and start_volume is not None:
+        raise InputError(
+            "a prescribed volume brings its own start", field="start_volume", value=start_volume,
+            unit="m3", remedy="Leave start_volume out: the first entry of volume is the start",
+        )  # fmt: skip
     inputs = np.ascontiguousarray(given[named[0]], float)
     _check(t, inputs, named[0])
     if voltage is not None and not vehicle.voltage_driven:

@@ -55,10 +55,13 @@ def simulate(
     p = plant(vehicle, bottom_depth=bottom_depth)
     if not callable(law) or isinstance(law, Law):
         chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time)
+        function = None
     else:
         from swimbladder.closed_loop.by_hand import as_law
 
         chosen, numbers, tick = as_law(vehicle, law, sample_time)
+        function = law
+    _check_counts(seed, parts)
     start = check_start(vehicle, p, start_depth, start_volume, start_speed)
     times, depths = check_setpoints(setpoints, duration, tick)
     clock = schedule(times, duration, tick)
@@ -68,12 +71,12 @@ def simulate(
         depths=np.array(depths)[:, None], start=np.array(start)[:, None], sensors=vehicle.sensors,
         seeds=None if seed is None else [[seed, 0]], record=True, books=True, events=True,
     )  # fmt: skip
-    if isinstance(law, Law) or not callable(law):
+    if function is None:
         block.run(progress)
     else:
         from swimbladder.closed_loop.by_hand import run_by_hand
 
-        run_by_hand(block, law, progress)
+        run_by_hand(block, function, progress)
     stop = list(StopReason)[int(block.work[Row.STOPPED, 0])]
     n = clock.ticks + 1 if stop is StopReason.FINISHED else int(block.work[Row.STOP_TICK, 0]) + 1
     last = block.work[Row.Q : Row.Q + 4, 0]
@@ -94,6 +97,13 @@ def choose_law(
 
     Raises InputError where there is none, or where the law commands what the actuator cannot do.
     """
+    if law is not None and not isinstance(law, Law):
+        raise InputError(
+            "not a control law",
+            field="law",
+            value=law,
+            remedy="Give a Law, a Python function, or nothing for the vehicle's own controller",
+        )
     if law is None:
         if vehicle.controller is None:
             raise InputError(
@@ -101,17 +111,29 @@ def choose_law(
                 field="controller",
                 remedy="Add a [controller] table to the vehicle, or give a law",
             )
-        law, bound = bind(vehicle.controller)
+        own = vehicle.controller
+        tick = own.sample_time if sample_time is None else sample_time
+        law, bound = bind(
+            own if sample_time is None else own.model_copy(update={"sample_time": tick})
+        )
         parameters = bound if parameters is None else parameters
-        tick = vehicle.controller.sample_time if sample_time is None else sample_time
     elif parameters is None or sample_time is None:
         raise InputError(
-            "a law needs its parameters and its sample time", field="parameters, sample_time"
+            "a law needs its parameters and its sample time",
+            field="parameters" if parameters is None else "sample_time",
+            remedy=f"Give parameters={law.parameters.__name__}(...) and sample_time in seconds",
         )
     else:
         tick = sample_time
     if not (math.isfinite(tick) and tick > 0.0):
         raise InputError("must be a finite time above 0", field="sample_time", value=tick, unit="s")
+    if not isinstance(parameters, law.parameters):
+        raise InputError(
+            f"not the parameters of the law {law.name!r}",
+            field="parameters",
+            value=parameters,
+            remedy=f"Give a {law.parameters.__name__}: {', '.join(law.parameters._fields)}",
+        )
     command = "voltage" if vehicle.voltage_driven else "volume"
     if law.command != command:
         raise InputError(
@@ -135,6 +157,11 @@ def check_start(
     ):
         if not math.isfinite(value):
             raise InputError("not a finite number", field=field, value=value, unit=unit)
+    if math.isnan(p.z_bottom):
+        raise InputError(
+            "not a number", field="bottom_depth", value=p.z_bottom, unit="m",
+            remedy="Give the depth of the bottom, or leave it out",
+        )  # fmt: skip
     if depth > p.z_bottom:
         raise InputError(
             f"the start is below the bottom at {p.z_bottom:g} m",
@@ -175,8 +202,14 @@ def check_setpoints(
         )  # fmt: skip
     if not setpoints:
         raise InputError("no set-point", field="setpoints", remedy="Give at least (0, depth)")
-    times = [float(time) for time, _ in setpoints]
-    depths = [float(depth) for _, depth in setpoints]
+    try:
+        times = [float(time) for time, _ in setpoints]
+        depths = [float(depth) for _, depth in setpoints]
+    except (TypeError, ValueError):
+        raise InputError(
+            "not a list of (time, depth)", field="setpoints", value=setpoints, unit="s, m",
+            remedy="Give pairs of numbers: [(0.0, 3.0), (200.0, 1.5)]",
+        ) from None  # fmt: skip
     if not all(map(math.isfinite, times + depths)):
         raise InputError("not a finite number", field="setpoints", value=list(setpoints))
     if times[0] != 0.0:
@@ -189,3 +222,14 @@ def check_setpoints(
             "the times of the set-points must grow", field="setpoints", value=times, unit="s"
         )
     return times, depths
+
+
+def _check_counts(seed: int | None, parts: int | None) -> None:
+    """Raise InputError where the seed or the number of steps in a sample cannot be."""
+    for field, value, least in (("seed", seed, 0), ("parts", parts, 1)):
+        whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+        if value is not None and not (whole and value >= least):
+            raise InputError(
+                f"must be a whole number of at least {least}", field=field, value=value,
+                remedy=f"Give one, or leave {field} out",
+            )  # fmt: skip
