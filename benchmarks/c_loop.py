@@ -13,12 +13,13 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import process_time
+from typing import NamedTuple
 
 import numpy as np
 
 from benchmarks.mission import Array, Fleet, Mission
 
-__all__ = ["FLAGS", "LOOPS", "SHAPES", "Build", "built", "compiler", "fastest"]
+__all__ = ["FLAGS", "LOOPS", "SHAPES", "Build", "Tuned", "built", "compiler", "fastest"]
 
 SOURCE = Path(__file__).with_name("mission.c")
 FLAGS = ("-std=c11", "-O3", "-march=native", "-ffast-math", "-shared", "-fPIC")
@@ -134,18 +135,26 @@ def built(lanes: int = 16, width: int = 512) -> Iterator[Build]:
         yield Build(lanes, width, library)
 
 
+class Tuned(NamedTuple):
+    """The fastest build for a loop, and the time of each shape [ms per vehicle-hour]."""
+
+    build: Build
+    times: dict[str, float]
+
+
 @contextmanager
 def fastest(
     mission: Mission, fleet: Fleet, shapes: Sequence[tuple[int, int]] = SHAPES
-) -> Iterator[dict[str, Build]]:
-    """Compile in several shapes; give, for each of the LOOPS, the one that is fastest on a part."""
+) -> Iterator[dict[str, Tuned]]:
+    """Compile in several shapes, time each on a part of the fleet, give the best of each loop."""
     sample = fleet.take(list(range(min(len(fleet), 512))))
     with ExitStack() as stack:
         builds = [stack.enter_context(built(lanes, width)) for lanes, width in shapes]
-        yield {
-            loop: min(builds, key=lambda build: _least_time(build, mission, sample, loop))
-            for loop in LOOPS
-        }
+        found = {}
+        for loop in LOOPS:
+            times = {build.name: _least_time(build, mission, sample, loop) for build in builds}
+            found[loop] = Tuned(min(builds, key=lambda build: times[build.name]), times)
+        yield found
 
 
 def _least_time(build: Build, mission: Mission, fleet: Fleet, loop: str) -> float:
@@ -154,7 +163,7 @@ def _least_time(build: Build, mission: Mission, fleet: Fleet, loop: str) -> floa
         start = process_time()
         build.summaries(mission, fleet, loop=loop)
         times.append(process_time() - start)
-    return min(times)
+    return min(times) / len(fleet) * 3600.0 / mission.duration * 1e3
 
 
 def _takes(cc: str, option: str) -> bool:

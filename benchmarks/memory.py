@@ -6,6 +6,7 @@ import json
 import resource
 import subprocess
 import sys
+from pathlib import Path
 
 from benchmarks.mission import fleet, mission
 
@@ -26,6 +27,11 @@ def peak(lanes: int, duration: float) -> dict[str, float]:
 
 
 def _peak_now() -> float:
+    """Return the peak memory of this process [MB]."""
+    status = Path("/proc/self/status")
+    if status.exists():  # ru_maxrss would count the process that started this one as well
+        line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
+        return int(line.split()[1]) * 1024 / 1e6
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 

@@ -26,6 +26,7 @@ class Peer:
     fleet: Callable[[int], dict[str, Array]] | None = None  # all vehicles' summaries, on n threads
     repetitions: int = 1
     threads: int = 1
+    remark: str = ""
 
 
 def peers(
@@ -37,8 +38,8 @@ def peers(
         absent.append("C: no compiler ($CC, gcc, cc or clang)")
     else:
         shapes = c_loop.SHAPES[:1] if quick else c_loop.SHAPES
-        builds = stack.enter_context(c_loop.fastest(mission, fleet, shapes))
-        found += [_c(loop, build, mission, fleet) for loop, build in builds.items()]
+        tuned = stack.enter_context(c_loop.fastest(mission, fleet, shapes))
+        found += [_c(loop, best, mission, fleet) for loop, best in tuned.items()]
     try:
         from benchmarks import jax_scan
     except ImportError as error:
@@ -86,7 +87,8 @@ def _ours(mission: Mission, fleet: Fleet) -> Peer:
     )
 
 
-def _c(loop: str, build: c_loop.Build, mission: Mission, fleet: Fleet) -> Peer:
+def _c(loop: str, tuned: c_loop.Tuned, mission: Mission, fleet: Fleet) -> Peer:
+    build, times = tuned
     how = "RK4 x 3" if loop == "ensemble" else "exact in open water"
     return Peer(
         name=f"C, {how}, {build.name}",
@@ -95,4 +97,5 @@ def _c(loop: str, build: c_loop.Build, mission: Mission, fleet: Fleet) -> Peer:
         fleet=lambda threads: build.summaries(mission, fleet, threads, loop=loop),
         repetitions=5,
         threads=2,
+        remark="; ".join(f"{name} {time:.4f}" for name, time in times.items()),
     )

@@ -22,6 +22,7 @@ from benchmarks.peers import Peer, peers
 from benchmarks.reference import Reference, reference
 from benchmarks.startup import GOALS, startup
 from benchmarks.table import machine, number, ratio, render
+from swimbladder.io.files import write_atomically
 
 __all__ = ["main"]
 
@@ -77,7 +78,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(render(["Command line", "s", "of processor", "goal"], rows))
     print(f"\nTook {perf_counter() - begin:.0f} s")
     if options.json is not None:
-        options.json.write_text(json.dumps(result, indent=1) + "\n")
+        write_atomically(options.json, json.dumps(result, indent=1) + "\n")
     return 0
 
 
@@ -87,7 +88,10 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--startup", action="store_true", help="only the command line's start-up")
     parser.add_argument("--lanes", type=int, default=4096, help="vehicles of the fleet (4096)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the numbers there")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    if options.lanes <= max(CHECKED):
+        parser.error(f"--lanes: at least {max(CHECKED) + 1}, the checked vehicles are among them")
+    return options
 
 
 def _side_by_side(options: argparse.Namespace) -> dict[str, Any]:
@@ -113,10 +117,14 @@ def _side_by_side(options: argparse.Namespace) -> dict[str, Any]:
                     _time_fleet(peer, task, many, right, scores[peer.name])
     _note("")
     _print(task, many, right, scores, absent)
+    remarks = {peer.name: peer.remark for peer in found if peer.remark}
+    for name, remark in remarks.items():
+        print(f"\n{name.split(',')[0]},{name.split(',')[1]}, ms by shape: {remark}")
     return {
         "mission": {"duration_s": task.duration, "lanes": len(many), "setpoints": task.setpoints},
         "touched": {lane: answer.touched for lane, answer in right.items()},
         "absent": absent,
+        "remarks": remarks,
         "scores": {name: vars(score) for name, score in scores.items()},
     }
 
@@ -225,6 +233,37 @@ def _print(
         print(f"  vehicle {lane} touches: {answer.touched or 'nothing'}")
     for line in absent:
         print(f"  absent: {line}")
+    if task.duration == DURATION:  # in less the cost of a call shows
+        goals = [
+            (what, number(wanted, 4), number(found), "yes" if met else "NO")
+            for what, wanted, found, met in _goals(scores)
+        ]
+        print("\n" + render([f"Goals for {len(many):,} vehicles", "wanted", "found", "met"], goals))
+
+
+def _goals(scores: dict[str, Score]) -> list[tuple[str, float, float, bool]]:
+    """Return (goal, wanted, found, met) of the package's fleet, as far as its rivals are here."""
+    ours, *_ = scores.values()
+    assert ours.per_core is not None
+    goals: list[tuple[str, float, float, bool]] = []
+
+    def enter(what: str, wanted: float, found: float, *, least: bool) -> None:
+        goals.append((what, wanted, found, found >= wanted if least else found <= wanted))
+
+    enter("ms per vehicle-hour and core, at most", 0.20, ours.per_core, least=False)
+    enter(
+        "largest depth error [m], at most", 2e-6, ours.error([*ours.errors], 0) or 0.0, least=False
+    )
+    for start, wanted in (("C, RK4", 1.0), ("JAX", 20.0), ("SciPy", 5000.0)):
+        times = [
+            s.per_core
+            for name, s in scores.items()
+            if name.startswith(start) and s.per_core is not None
+        ]
+        if times:
+            rival = "SciPy's fastest" if start == "SciPy" else start
+            enter(f"{rival}, times ours, at least", wanted, min(times) / ours.per_core, least=True)
+    return goals
 
 
 def _note(text: str) -> None:
