@@ -1,0 +1,216 @@
+"""Write the tables of docs/reference/ from the schema: ``python scripts/make_reference.py``.
+
+What stands between ``<!-- made from the schema: NAME -->`` and ``<!-- end -->`` is made here; the
+rest of a page is written by hand.
+"""
+
+import inspect
+import json
+import re
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Literal, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from swimbladder.control.registry import LAWS
+from swimbladder.io.files import write_atomically
+from swimbladder.io.log_format import LogColumns, LogFormat
+from swimbladder.io.mission import Mission, Setpoint
+from swimbladder.parameters import Vehicle, field_unit
+from swimbladder.parameters.schema import dotted, models_in, tags_of
+from swimbladder.units import _TABLE
+
+FOLDER = Path(__file__).parents[1] / "docs" / "reference"
+_REGION = re.compile(r"(<!-- made from the schema: (\w+) -->\n).*?(<!-- end -->)", flags=re.DOTALL)
+_Path = tuple[str, ...]
+_KINDS = {
+    "%": "a share", "m": "length", "L": "volume, beside the cubes of lengths", "kg": "mass",
+    "s": "time", "Hz": "frequency", "A": "current", "V": "voltage", "ohm": "resistance",
+    "H": "inductance", "N": "force", "Pa": "pressure", "W": "power", "J": "energy",
+    "rad": "angle", "rpm": "speed of rotation",
+}  # fmt: skip
+
+
+def fields(model: type[BaseModel], skip: tuple[str, ...] = ()) -> Iterator[str]:
+    """Yield a table of the plain fields of a model, nothing where it has none."""
+    rows = []
+    for name, info in model.model_fields.items():
+        if name in skip or models_in(info.annotation) or get_origin(info.annotation) is dict:
+            continue
+        unit = field_unit(model, name)
+        rows.append(
+            f"| `{name}` | {what(name, info, unit)} | {default(info, unit)} | {meaning(info)} |"
+        )
+    if rows:
+        yield from ("", "| field | unit | default | meaning |", "|---|---|---|---|", *rows)
+
+
+def what(name: str, info: FieldInfo, unit: str | None) -> str:
+    """Return a field's unit, "-" for a bare number, or what else it is."""
+    unit = {"volume_zero": "m3", "piston_zero": "m"}.get(name, unit)  # these also take "first"
+    if unit is not None:
+        return unit or "-"
+    choices = choices_of(info)
+    if isinstance(info.default, bool):
+        return "true or false"
+    return "integer" if choices and isinstance(choices[0], int) else "text"
+
+
+def choices_of(info: FieldInfo) -> tuple[str | int, ...]:
+    """Return the values that a field may have, where they are listed."""
+    for annotation in (info.annotation, *get_args(info.annotation)):
+        if get_origin(annotation) is Literal:
+            return get_args(annotation)
+    return ()
+
+
+def default(info: FieldInfo, unit: str | None) -> str:
+    """Return what a field is where a file does not have it."""
+    if info.is_required():
+        return "**required**"
+    if info.default is None:
+        return "not given"
+    if isinstance(info.default, bool):
+        return str(info.default).lower()
+    return f"{info.default:.12g}" if unit is not None else f"`{json.dumps(info.default)}`"
+
+
+def meaning(info: FieldInfo) -> str:
+    """Return a field's description, its choices and its bounds."""
+    text = info.description or "which fields this table has"
+    annotation, choices = info.annotation, choices_of(info)
+    if len(choices) > 1:
+        text += "; one of " + ", ".join(f"`{json.dumps(choice)}`" for choice in choices)
+    limits = []
+    metadata = list(info.metadata)
+    for argument in get_args(annotation):
+        metadata += getattr(argument, "__metadata__", ())
+    for item in metadata:
+        for part in getattr(item, "metadata", [item]):
+            for name, sign in (("gt", ">"), ("ge", "≥"), ("lt", "<"), ("le", "≤")):
+                if getattr(part, name, None) is not None:
+                    limits.append(f"{sign} {getattr(part, name):g}")
+    return (text + (f" ({', '.join(limits)})" if limits else "")).replace("|", "\\|")
+
+
+def tables(
+    model: type[BaseModel], path: _Path, seen: set[type[BaseModel]], kin: Sequence[type[BaseModel]]
+) -> Iterator[str]:
+    """Yield a section for each table below `path`, each class once.
+
+    kin: the classes that may stand in place of `model`, itself among them.
+    """
+    for name, info in model.model_fields.items():
+        place = (*path, name)
+        if get_origin(info.annotation) is dict:
+            yield from ("", f"### [{dotted(place)}]", "", sentence(str(info.description)))
+        members = models_in(info.annotation)
+        for member in members:
+            if member in seen:
+                continue
+            seen.add(member)
+            kind = "".join(f', kind = "{tag}"' for tag in tags_of(member))
+            yield from ("", f"### [{dotted(place)}]{kind}{of(member, name, kin)}", "")
+            yield inspect.cleandoc(member.__doc__ or "")
+            if info.default is None:
+                yield from ("", "The table may be left out.")
+            elif not info.is_required():
+                yield from ("", "The table may be left out; its fields then have their defaults.")
+            yield from fields(member, skip=("kind",))
+            yield from tables(member, place, seen, members)
+
+
+def of(member: type[BaseModel], name: str, kin: Sequence[type[BaseModel]]) -> str:
+    """Return which of several kinds have `member` in their field `name`."""
+    having = [
+        tag
+        for other in kin
+        if name in other.model_fields and member in models_in(other.model_fields[name].annotation)
+        for tag in tags_of(other)
+    ]
+    return f" of {' and '.join(having)}" if len(kin) > 1 else ""
+
+
+def sentence(text: str) -> str:
+    """Return a description as a sentence."""
+    return text[:1].upper() + text[1:] + "."
+
+
+def vehicle() -> Iterator[str]:
+    """Yield the whole vehicle file."""
+    yield from ("", "### At the top of the file")
+    yield from fields(Vehicle)
+    yield from tables(Vehicle, (), set(), [Vehicle])
+
+
+def laws() -> Iterator[str]:
+    """Yield each law and its parameters."""
+    for law in LAWS.values():
+        command = "V" if law.command == "voltage" else "m3"
+        yield from (
+            "",
+            f"### {law.name}",
+            "",
+            f"{sentence(law.summary)} It commands {command}.",
+            "",
+        )
+        yield from ("| parameter | unit |", "|---|---|")
+        names = [name for name in law.parameters._fields if name != "S_p"]
+        yield from (f"| `{name}` | {law.units[name] or '-'} |" for name in names)
+
+
+def mission() -> Iterator[str]:
+    """Yield the whole mission file."""
+    yield from ("", "### At the top of the file")
+    yield from fields(Mission, skip=("setpoints",))
+    yield from ("", "### [[setpoints]]", "", inspect.cleandoc(Setpoint.__doc__ or ""))
+    yield from fields(Setpoint)
+
+
+def log() -> Iterator[str]:
+    """Yield the [log] table."""
+    yield from ("", "### [log]")
+    yield from fields(LogFormat)
+    yield from ("", "### [log.columns]", "", inspect.cleandoc(LogColumns.__doc__ or ""), "")
+    yield from ("| column | meaning |", "|---|---|")
+    for name, info in LogColumns.model_fields.items():
+        yield f"| `{name}` | {info.description} |"
+    where = LogFormat.model_fields["where"].description
+    yield from ("", "### [log.where]", "", sentence(str(where)))
+
+
+def units() -> Iterator[str]:
+    """Yield every unit, a row for each kind."""
+    yield from ("", "| kind | units |", "|---|---|")
+    for names in map(list, _TABLE.values()):
+        yield f"| {_KINDS[names[0]]} | {', '.join(f'`{name}`' for name in names)} |"
+
+
+MADE: dict[str, Callable[[], Iterator[str]]] = {
+    "vehicle": vehicle, "laws": laws, "mission": mission, "log": log, "units": units,
+}  # fmt: skip
+
+
+def made(page: str) -> str:
+    """Return a page with its regions made anew."""
+
+    def region(match: re.Match[str]) -> str:
+        return match[1] + "\n".join(MADE[match[2]]()) + "\n\n" + match[3]
+
+    return _REGION.sub(region, page)
+
+
+def main() -> None:
+    """Make every page of the reference anew."""
+    for path in sorted(FOLDER.glob("*.md")):
+        before = path.read_text(encoding="utf-8")
+        after = made(before)
+        if after != before:
+            write_atomically(path, after)
+            print(f"wrote {path.relative_to(FOLDER.parents[1])}")
+
+
+if __name__ == "__main__":
+    main()

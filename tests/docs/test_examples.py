@@ -1,0 +1,210 @@
+"""Every example in README.md and docs/ runs as it stands, and prints what stands beside it.
+
+The examples of a page run in order, in a folder of their own that holds a `my-float.toml`:
+
+- `python` blocks share one namespace; a `text` block right below is what they print;
+- `console` blocks: ``$ command``, then what it prints, stderr included; ``...`` is anything;
+- `sh` blocks: commands that succeed;
+- a `toml` block with a file's name beside `toml` is written to that file.
+
+``<!-- exit 2 -->`` above a block: its last command ends so; ``<!-- not run: why -->``: it is not.
+"""
+
+import contextlib
+import io
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+RUN = ("python", "console", "sh", "toml", "text")
+_BLOCK = re.compile(
+    r"(?:<!-- (?P<mark>exit \d+|not run: [^>]+) -->\n)?"
+    r"^```(?P<language>\w*)(?: (?P<name>\S+))?\n(?P<body>.*?)^```$",
+    re.DOTALL | re.MULTILINE,
+)
+
+
+class Block(NamedTuple):
+    line: int
+    language: str
+    name: str
+    body: str
+    mark: str
+    follows: str  # language of the block right above, "" where text stands between
+
+    @property
+    def exit_code(self) -> int:
+        return int(self.mark.removeprefix("exit ")) if self.mark.startswith("exit") else 0
+
+
+def blocks_of(page: Path) -> list[Block]:
+    """Return the fenced blocks of a page, without those that are marked as not run."""
+    text = page.read_text(encoding="utf-8")
+    found, above = [], (0, "")
+    for match in _BLOCK.finditer(text):
+        follows = above[1] if not text[above[0] : match.start()].strip() else ""
+        above = (match.end(), match["language"])
+        found.append(
+            Block(
+                line=text[: match.start()].count("\n") + 1,
+                language=match["language"],
+                name=match["name"] or "",
+                body=match["body"],
+                mark=match["mark"] or "",
+                follows=follows,
+            )
+        )
+    return [block for block in found if not block.mark.startswith("not run")]
+
+
+def commands_of(block: Block) -> list[tuple[str, str]]:
+    """Return (command, what it prints) of a `console` block."""
+    parts = re.split(r"^\$ ", block.body, flags=re.MULTILINE)
+    assert not parts[0].strip(), f"line {block.line}: a console block begins with a command"
+    pairs = []
+    for part in parts[1:]:
+        command, _, printed = part.partition("\n")
+        while command.endswith("\\"):
+            more, _, printed = printed.partition("\n")
+            command = command[:-1] + more.removeprefix("> ").strip()
+        pairs.append((command, printed))
+    return pairs
+
+
+def same(printed: str, promised: str) -> bool:
+    """Say whether `printed` is what was promised; blanks at the ends of lines do not count."""
+
+    def trimmed(text: str) -> str:
+        return "\n".join(line.rstrip() for line in text.strip("\n").splitlines())
+
+    pattern = re.escape(trimmed(promised)).replace(re.escape("..."), ".*")
+    return re.fullmatch(pattern, trimmed(printed), re.DOTALL) is not None
+
+
+def shell(command: str, folder: Path) -> tuple[int, str]:
+    """Run a command with the installed command line first on the path."""
+    programs = str(Path(sys.executable).parent)
+    surroundings = {
+        **os.environ, "PATH": programs + os.pathsep + os.environ["PATH"], "COLUMNS": "100",
+        "NO_COLOR": "1", "MPLBACKEND": "Agg",
+    }  # fmt: skip
+    done = subprocess.run(
+        ["bash", "-ec", command], cwd=folder, env=surroundings, text=True, encoding="utf-8",
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300, check=False,
+    )  # fmt: skip
+    # the first command that needs a kernel says that it compiles
+    lines = [line for line in done.stdout.splitlines() if not line.startswith("compiling the ")]
+    return done.returncode, "\n".join(lines)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_the_examples_of_a_page_run_and_print_what_stands_there(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    blocks = [block for block in blocks_of(page) if block.language in RUN]
+    if any("my-float.toml" in block.body for block in blocks):
+        assert shell("swimbladder vehicle new my-float.toml", tmp_path)[0] == 0
+    names: dict[str, object] = {"__name__": "__main__"}
+    printed = ""
+    for block in blocks:
+        place = f"{page.relative_to(ROOT)}, line {block.line}"
+        if block.language == "python":
+            printed = _python(block, names, place)
+        elif block.language == "text" and block.follows == "python":
+            assert same(printed, block.body), f"{place}: it prints\n{printed}"
+        elif block.language == "toml":
+            _toml(block, tmp_path, place)
+        elif block.language == "sh":
+            code, output = shell(block.body, tmp_path)
+            assert code == block.exit_code, f"{place}: exit code {code}\n{output}"
+        elif block.language == "console":
+            _console(block, tmp_path, place)
+
+
+def _python(block: Block, names: dict[str, object], place: str) -> str:
+    printed = io.StringIO()
+    code = compile("\n" * block.line + block.body, place, "exec")
+    with contextlib.redirect_stdout(printed):
+        exec(code, names)
+    return printed.getvalue()
+
+
+def _toml(block: Block, folder: Path, place: str) -> None:
+    try:
+        tomllib.loads(block.body)
+    except tomllib.TOMLDecodeError as error:
+        pytest.fail(f"{place}: not TOML: {error}")
+    if block.name:
+        (folder / block.name).write_text(block.body, encoding="utf-8")
+
+
+def _console(block: Block, folder: Path, place: str) -> None:
+    commands = commands_of(block)
+    for number, (command, promised) in enumerate(commands, start=1):
+        code, output = shell(command, folder)
+        expected = block.exit_code if number == len(commands) else 0
+        assert code == expected, f"{place}: {command}: exit code {code}\n{output}"
+        assert same(output, promised), f"{place}: {command} prints\n{output}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page):
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.M)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if target.startswith(("https://", "mailto:")):
+            continue
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path) if path else page
+        assert file.exists(), f"{page.relative_to(ROOT)} links to {target}"
+        if anchor:
+            headings = re.findall(r"^#+ (.+)$", file.read_text(encoding="utf-8"), re.MULTILINE)
+            assert anchor in {_anchor(heading) for heading in headings}, f"{target} in {page.name}"
+
+
+def _anchor(heading: str) -> str:
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+
+
+def test_every_page_can_be_reached_from_the_map():
+    known = {ROOT / "docs" / "README.md"}
+    text = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    known |= {(ROOT / "docs" / target).resolve() for target in re.findall(r"\]\(([^)#\s]+)", text)}
+    assert {page for page in PAGES[1:] if page.resolve() not in known} == set()
+
+
+@pytest.mark.parametrize(
+    ("printed", "promised", "answer"),
+    [
+        ("a  \nb\n", "a\nb", True),
+        ("a\nb\nc\n", "a\n...\nc", True),
+        ("took 1.23 s", "took ... s", True),
+        ("a\nb", "a", False),
+        ("", "a", False),
+        ("a.b", "a?b", False),
+    ],
+)
+def test_the_comparison_itself(printed, promised, answer):
+    assert same(printed, promised) is answer
+
+
+def test_the_extraction_itself(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "```python\nprint(1)\n```\n\n```text\n1\n```\n\nwords\n\n<!-- exit 2 -->\n"
+        "```console\n$ one \\\n>   two\nout\n$ three\n```\n\n<!-- not run: why -->\n```sh\nx\n```\n"
+        "```toml file.toml\na = 1\n```\n",
+        encoding="utf-8",
+    )
+    python, text, console, toml = blocks_of(page)
+    assert (python.line, python.body, text.follows) == (1, "print(1)\n", "python")
+    assert (console.exit_code, console.follows) == (2, "")
+    assert commands_of(console) == [("one two", "out\n"), ("three", "")]
+    assert (toml.language, toml.name) == ("toml", "file.toml")

@@ -1,0 +1,126 @@
+"""docs/reference/: made from the schema as it is, and what it says of files and JSON is so."""
+
+import json
+import re
+
+import pytest
+
+from scripts.make_reference import FOLDER, made
+from swimbladder.cli import main
+from swimbladder.io.log_format import COLUMNS
+from swimbladder.io.log_formats import format_names
+
+PAGES = sorted(FOLDER.glob("*.md"))
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_the_reference_is_that_of_the_schema(path):
+    page = path.read_text(encoding="utf-8")
+    assert made(page) == page, "run python scripts/make_reference.py"
+
+
+def test_every_part_of_the_schema_is_in_the_reference():
+    page = (FOLDER / "vehicle-file.md").read_text(encoding="utf-8")
+    for field in ("trim_error", "k_dt", "lead", "pump_displacement", "k_pV", "volume_noise"):
+        assert f"| `{field}` |" in page
+
+
+def rows(page, heading=None):
+    """Return the tables of a page, or of a section: each {first column: the other cells}."""
+    text = (FOLDER / page).read_text(encoding="utf-8")
+    if heading is not None:
+        text = text.split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    found = []
+    for block in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
+        lines = [re.split(r" (?<!\\)\| ", line.strip("| \n")) for line in block.splitlines()[2:]]
+        found.append({cells[0].strip("`"): cells[1:] for cells in lines})
+    return found
+
+
+def answer(capsys, *arguments):
+    code = main([*arguments, "--json"])
+    assert code == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def check(said, given):
+    """Compare the keys of a table, where a.b opens a, with those of a JSON object."""
+    assert {key.partition(".")[0] for key in said} == set(given)
+    for key in {key.partition(".")[0] for key in said if "." in key}:
+        inner = {k.partition(".")[2] for k in said if k.startswith(f"{key}.")}
+        assert inner == set(given[key])
+
+
+def header(path):
+    return path.read_text(encoding="utf-8").splitlines()[0].split(",")
+
+
+def test_what_simulate_writes(capsys, tmp_path):
+    columns, keys = rows("files-written.md", "simulate")
+    told = answer(
+        capsys, "simulate", "example-em", "--duration", "30", "--netcdf", "--out", str(tmp_path)
+    )
+    check(keys, told)
+    names = list(keys)
+    first = names.index("time_s")
+    ten = names[first : names.index("duration_s")]
+    assert len(ten) == 10  # "it and the next nine keys"
+    assert set(told["steps"][0]) == {*ten, "events"}
+    assert header(tmp_path / "trajectory.csv") == list(columns)
+    assert set(columns) <= set(COLUMNS) | {"volume_reference_m3", "power_W"}
+
+    import xarray
+
+    with xarray.open_dataset(tmp_path / "trajectory.nc", engine="h5netcdf") as data:
+        bare = {re.sub(r"_(m3|m_s|m|s|V|A|W)$", "", name) for name in columns}
+        assert {*data.variables} == {name.removesuffix("_depth") for name in bare} | {"motor_rate"}
+
+
+def test_what_analyse_writes(capsys, tmp_path):
+    (keys,) = rows("files-written.md", "analyse")
+    told = answer(capsys, "analyse", "feup-em", "--out", str(tmp_path))
+    check(keys, told)
+    with_controller = {
+        "analysis.json", "analysis.txt", "open_loop.png", "poles.png", "loop_gains.png",
+        "nyquist.png",
+    }  # fmt: skip
+    assert {path.name for path in tmp_path.iterdir()} == with_controller
+    text = (FOLDER / "files-written.md").read_text(encoding="utf-8")
+    assert all(f"`{name}`" in text for name in with_controller)
+    assert set(json.loads((tmp_path / "analysis.json").read_text())) == set(told) - {"files"}
+
+
+def test_what_compare_writes(capsys, tmp_path):
+    columns, keys = rows("files-written.md", "compare")
+    log = tmp_path / "trajectory.csv"
+    main(["simulate", "example-em", "--duration", "30", "--out", str(tmp_path), "--json"])
+    capsys.readouterr()
+    written = set()
+    for drive in ("volume", "setpoint"):
+        folder = tmp_path / drive
+        told = answer(
+            capsys, "compare", str(log), "--vehicle", "example-em", "--drive", drive, "--fit",
+            "none", "--out", str(folder),
+        )  # fmt: skip
+        check(keys, told)
+        written |= set(header(folder / "compare.csv"))
+        assert ("volume_predicted_m3" in header(folder / "compare.csv")) == (drive != "volume")
+    assert written == set(columns)
+
+
+def test_what_vehicle_prints(capsys):
+    (keys,) = rows("files-written.md", "vehicle")
+    check(keys, answer(capsys, "vehicle", "show", "feup-em"))
+    listed = answer(capsys, "vehicle", "list")["vehicles"]
+    assert set(listed[0]) == {"name", "kind", "description"}
+
+
+def test_the_columns_of_a_log():
+    said = rows("log-format.md")[0]
+    assert {name: cells[0] for name, cells in said.items()} == COLUMNS
+
+
+def test_the_shipped_log_formats_are_named():
+    text = (FOLDER / "log-format.md").read_text(encoding="utf-8")
+    (line,) = [line for line in text.splitlines() if line.startswith("Formats that come with")]
+    assert re.findall(r"`([^`]+)`", line) == format_names()
