@@ -155,7 +155,7 @@ def drag_per_mass(w: float, p: Plant) -> float:
 
 
 def acceleration(V: float, z: float, w: float, p: Plant) -> float:
-    """Vertical acceleration dw/dt [m/s2] of a vehicle off the bottom, eqs (13), (15), (31)."""
+    """Vertical acceleration dw/dt [m/s2] off the bottom, eqs (10), (13), (15), (31)."""
     emerged = p.a_s * max(p.z_surface - z, 0.0)
     return p.a_b * (p.psi * z + p.V_0 - V) - drag_per_mass(w, p) + emerged
 

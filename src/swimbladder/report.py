@@ -53,8 +53,9 @@ def symbols(text: str) -> Markup:
             return f"{symbol or capital}<sub>{below or number}</sub>"
         return "−"
 
-    greek = _GREEK_WORD.sub(lambda match: _GREEK[match.group(1)], str(escape(text)))
-    return Markup(_SYMBOL.sub(set_one, greek).replace("+-", "±"))
+    plain = str(escape(text)).replace("+-", "±")
+    greek = _GREEK_WORD.sub(lambda match: _GREEK[match.group(1)], plain)
+    return Markup(_SYMBOL.sub(set_one, greek))
 
 
 def inline_svg(svg: str, *, name: str, label: str) -> Markup:

@@ -17,7 +17,7 @@ def reproduce(
         Path, typer.Option("--out", metavar="DIR", help="Folder for the report.")
     ] = Path("report/paper"),
     seed: Annotated[
-        int, typer.Option(help="Seed of the sensors' noise in the pool.", min=0)
+        int, typer.Option(help="Seed of the sensors' noise in the pool, 0 or more.")
     ] = 2023,
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object and nothing else.")

@@ -39,7 +39,7 @@ class Fit(NamedTuple):
 def response(
     time: ArrayLike, volume: ArrayLike, *, K2: float, T2: float, psi: float = 0.0
 ) -> tuple[Array, Array]:
-    """Return (travel [m], speed [m/s]) from rest under a volume above neutral, eqs (27) and (26).
+    """Return (travel [m], speed [m/s]) from rest under a volume above neutral, eqs (25)-(27).
 
     time [s], even; volume [m3], taken as linear between samples, for which the result is exact;
     psi [m3/m]: of eq. (32), 0 in (26) and (27). A psi that makes both poles equal is not handled.

@@ -186,8 +186,9 @@ def timed_travel(
 ) -> tuple[float, float]:
     """Return how far a piston has gone [m] when a timed voltage ends, and once it stands.
 
-    u [V] for `time` [s]; K1 [m/s/V] and T1 [s] of eq. (22); opposing: voltage that the depth takes
-    away, k_z/k_u z [V], which afterwards holds the piston; speed: of the piston at first [m/s].
+    u [V] for `time` [s]; K1 [m/s/V] and T1 [s] of eqs (21)-(22); opposing: voltage that the depth
+    takes away, k_z/k_u z [V], and that afterwards holds the piston; speed: of the piston at first
+    [m/s].
     At the end of the voltage the travel is short of what was asked for, K1 u time, by
     K1 u T1 (1 - exp(-time/T1)); the motor then coasts by as much. What stays is
     speed T1 - K1 opposing time.
