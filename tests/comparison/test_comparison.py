@@ -354,6 +354,7 @@ def test_samples_without_input_are_left_out(float_vehicle, voyage):
         ({}, {"drive": "voltage"}, "not driven by a voltage"),
         ({}, {"drive": "setpoint"}, "no setpoint"),
         ({"volume": None, "voltage": "ones"}, {"drive": "volume"}, "no volume"),
+        ({}, {"drive": "thrust"}, "no such input"),
         ({}, {"fit": ("weight",)}, "cannot be fitted"),
         ({}, {"fit": ("mass", "mass")}, "twice"),
         ({}, {"surface_margin": 50.0}, "too few"),
@@ -420,6 +421,7 @@ def test_mission_47_closed_loop_with_nothing_fitted(data_dir, float_vehicle):
     assert c.predicted.max() == pytest.approx(1.39, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_the_preset_is_what_mission_47_says(data_dir, float_vehicle):
     """The numbers said to be fitted come out of the fit, from a start that is far off."""

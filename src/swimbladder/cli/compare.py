@@ -31,10 +31,12 @@ def compare(
     ] = None,
     column: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=COLUMN", help='As in depth_m="Depth [cm]" or depth_m=Depth@cm.'),
+        typer.Option(
+            metavar="NAME=COLUMN", help=r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.'
+        ),
     ] = None,
     log_format: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help="TOML file with a [log] table.")
+        str | None, typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table.")
     ] = None,
     drive: Annotated[
         str | None,
@@ -64,9 +66,9 @@ def compare(
 ) -> None:
     """Drive the model with a measured log and compare depths.
 
-    What the log recorded drives the vehicle: volume or piston, else voltage, else the set-point,
-    followed by the vehicle's own controller. Of several logs each is compared by itself, and exit
-    code 1 or 2 says that at least one could not be.
+    What the log recorded drives it: volume or piston, else voltage, else the set-point, which the
+    vehicle's own controller follows. Of several logs each is compared by itself; exit code 1 or 2
+    says that at least one could not be.
     """
     from swimbladder.io.config import load_vehicle
 
@@ -243,6 +245,7 @@ def _format(task: _Task, vehicle: Vehicle) -> LogFormat | None:
         return None
     console.print(
         f"{task.path}: its columns are those of the log format {vehicle.name}, and read so",
+        markup=False,
         soft_wrap=True,
     )
     return form

@@ -84,6 +84,10 @@ def record(
     bottom_depth [m]; surface_margin: samples less deep than this below the depth of emergence are
     not compared [m]. Raises LogError where the log does not have what drives, or too little of it.
     """
+    if drive is not None and drive not in DRIVES:
+        raise InputError(
+            "no such input", field="drive", value=drive, remedy=f"Choose one of {', '.join(DRIVES)}"
+        )
     notes = list(log.report)
     chosen = drive or _first_drive(log, vehicle)
     series = _driving(log, vehicle, chosen)
