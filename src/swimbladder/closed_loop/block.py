@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.closed_loop.dispatch import enroll
-from swimbladder.closed_loop.lanes import RECORDED, Row, rows, run_block, start_block
+from swimbladder.closed_loop.lanes import start_block
+from swimbladder.closed_loop.outside import kernel_of
+from swimbladder.closed_loop.rows import RECORDED, Row, rows
 from swimbladder.control.law import Law
 from swimbladder.dynamics import Plant
 from swimbladder.engine.books import Account
@@ -19,7 +21,7 @@ from swimbladder.engine.chain import COEFFICIENTS, LEVELS
 from swimbladder.engine.modes import COUNT
 from swimbladder.parameters import Sensors
 
-__all__ = ["Block", "Schedule", "schedule"]
+__all__ = ["Block", "Schedule", "schedule", "work_space"]
 
 _EVENTS = 2000  # passages kept of each vehicle; more are counted
 _CHUNK = 4096  # ticks between calls: progress, interruption, memory of the noise
@@ -45,6 +47,11 @@ def schedule(times: Sequence[float], duration: float, tick: float) -> Schedule:
     given = np.array([math.ceil(t / tick - 1e-9) for t in times], dtype=np.int64)
     turn = np.searchsorted(given, np.arange(n + 1), side="right").astype(np.int64) - 1
     return Schedule(tick=tick, turn=turn, given=given)
+
+
+def work_space(lanes: int) -> NDArray[np.float64]:
+    """Return room for the exponentials of so many lanes; only what is used takes memory."""
+    return np.empty((lanes, COUNT, LEVELS + 1, COEFFICIENTS))
 
 
 @dataclass(kw_only=True)
@@ -75,7 +82,6 @@ class Block:
 
         parameters: of the law, each a number or an array [lanes].
         """
-        enroll(law)
         lanes = plants.shape[1]
         index = Plant._fields.index
         values = [np.broadcast_to(np.asarray(v, float), (lanes,)) for v in parameters]
@@ -110,12 +116,21 @@ class Block:
             noted=np.zeros((lanes, 1), np.int64),
         )  # fmt: skip
 
-    def run(self, progress: Callable[[int], None] | None = None) -> None:
-        """Run to the end; `progress` gets the number of ticks done after each chunk."""
+    def run(
+        self,
+        progress: Callable[[int], None] | None = None,
+        chains: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Run to the end; `progress` gets the number of ticks done after each chunk.
+
+        chains: work space of an earlier run of as many lanes, see `work_space`.
+        """
+        enroll(self.law)
         token = (0.0,) * self.lanes
         # one vehicle: one kernel for all drags; a block: a kernel without what laminar drag lacks
         bend = (0.0,) if self.nonlinear or self.lanes == 1 else ()
-        chains = np.empty((self.lanes, COUNT, LEVELS + 1, COEFFICIENTS))
+        if chains is None:
+            chains = work_space(self.lanes)
         built = np.zeros((self.lanes, COUNT), np.uint8)
         flat = self.work.reshape(-1)
         state = self.law.state(*(0.0 for _ in self.law.state._fields))
@@ -123,11 +138,12 @@ class Block:
         row = fields.index("volume_reference") if "volume_reference" in fields else -1
         start_block(flat, token, self.clock.tick / self.parts, chains, built)
         end = self.clock.ticks + 1
+        kernel = kernel_of(self.law)
         silent = np.zeros((0, 2, self.lanes))
         for first in range(0, end, _CHUNK):
             last = min(first + _CHUNK, end)
             noise = silent if self.noise is None else self._noise(last - first)
-            run_block(
+            kernel(
                 flat, token, bend, self.parameters, state, first, last, self.clock.tick, self.parts,
                 self.clock.turn, self.clock.given, self.depths, noise, self.record,
                 row, chains, built, self.books, self.log, self.noted,

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swimbladder.closed_loop.block import Block
-from swimbladder.closed_loop.lanes import LAW_NOT_FINITE, Row
+from swimbladder.closed_loop.lanes import LAW_NOT_FINITE
+from swimbladder.closed_loop.rows import Row
 from swimbladder.control.law import Law, Measurement
 from swimbladder.engine.advance import DONE, begin, step_once
 from swimbladder.engine.chain import COEFFICIENTS, LEVELS
@@ -65,7 +66,7 @@ def run_by_hand(
     h = tick / block.parts
     x = np.zeros(5)
     x[:4] = work[Row.Q : Row.Q + 4]
-    y = np.zeros(5)
+    y = np.zeros(10)
     chains = np.empty((COUNT, LEVELS + 1, COEFFICIENTS))
     built = np.zeros(COUNT, np.uint8)
     mode, x[0] = begin(p, x[0], x[1], x[2], x[3])

@@ -13,6 +13,7 @@ from numba.extending import overload
 
 from swimbladder.control.law import Law
 from swimbladder.engine.cache import inlined
+from swimbladder.errors import InputError
 
 __all__ = ["enroll", "gather", "law_initial", "law_step", "scatter_where"]
 
@@ -21,8 +22,19 @@ _LAWS: dict[type[Any], Law] = {}
 
 
 def enroll(law: Law) -> None:
-    """Make a law known to the compiler by the class of its parameters."""
-    _LAWS[law.parameters] = law
+    """Make a law known to the compiler by the class of its parameters.
+
+    Raises InputError where that class belongs to another law already.
+    """
+    known = _LAWS.setdefault(law.parameters, law)
+    if known.step is not law.step or known.initial is not law.initial:
+        raise InputError(
+            f"the class {law.parameters.__name__} is that of the parameters of the law "
+            f"{known.name!r}, and a compiled law is found by this class",
+            field="law",
+            value=law.name,
+            remedy="Give the law a NamedTuple of its own for its parameters",
+        )
 
 
 def law_step(parameters: Any, state: Any, measurement: Any, reference: float) -> Any:

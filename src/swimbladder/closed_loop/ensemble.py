@@ -5,16 +5,17 @@ from __future__ import annotations
 import difflib
 import math
 import os
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swimbladder.closed_loop.block import Block, Schedule, schedule
-from swimbladder.closed_loop.lanes import Row
+from swimbladder.closed_loop.block import Block, Schedule, schedule, work_space
+from swimbladder.closed_loop.rows import Row
 from swimbladder.closed_loop.single import check_setpoints, choose_law
 from swimbladder.control.law import Law
 from swimbladder.dynamics import Plant, plant
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["BLOCK", "simulate_ensemble"]
 
-BLOCK = 32  # lanes that run together: few enough for the first-level cache
+BLOCK = 40  # lanes that run together: few enough for the first-level cache, no power of 2
 
 _SUMMARIES: dict[str, tuple[Row, dict[str, str]]] = {
     "final_depth": (Row.Z, {"units": "m", "long_name": "depth at the end"}),
@@ -87,16 +88,13 @@ def simulate_ensemble(
     clock = schedule(times, duration, tick)
     depths = np.stack([_spread(z, count, "setpoints", "m") for _, z in setpoints])
     z0 = _spread(start_depth, count, "start_depth", "m")
-    field = Plant._fields.index
-    neutral = plants[field("psi")] * z0 + plants[field("V_0")]
+    row = Plant._fields.index
+    neutral = plants[row("psi")] * z0 + plants[row("V_0")]
     V0 = neutral if start_volume is None else _spread(start_volume, count, "start_volume", "m3")
     w0 = _spread(start_speed, count, "start_speed", "m/s")
     _check_starts(plants, z0, V0)
     start = np.stack([np.zeros(count), V0, z0, w0])
-    parts = max(
-        base_steps(Plant(*plants[:, i]), tick, float(w0[i]))
-        for i in _different(plants[[field(n) for n in _STIFFNESS]])
-    )
+    parts = base_steps(_stiffest(plants), tick, float(np.abs(w0).max()))
     run = _Run(
         law=chosen, plants=plants, values=values, clock=clock, parts=parts, depths=depths,
         start=start, sensors=vehicle.sensors, seed=seed, record=keep == "trajectory",
@@ -113,13 +111,17 @@ def simulate_ensemble(
     return _dataset(vehicle, chosen, clock, work, record)
 
 
-_STIFFNESS = ("a_b", "psi", "V_min", "V_max", "V_0", "d_l", "d_b", "d_t", "epsilon")
-
-
-def _different(columns: NDArray[np.float64]) -> list[int]:
-    """Return one lane of each kind as far as the division of a sample is concerned."""
-    _, first = np.unique(columns, axis=1, return_index=True)
-    return [int(i) for i in first]
+def _stiffest(plants: NDArray[np.float64]) -> Plant:
+    """Return a plant whose drag bends no less, at any speed it may reach, than that of any lane."""
+    lanes = Plant(*plants)
+    most = Plant(*plants.max(axis=1))
+    return most._replace(
+        psi=float(np.abs(lanes.psi).max()),
+        V_0=0.0,
+        V_min=-float(np.abs(lanes.V_min - lanes.V_0).max()),
+        V_max=float(np.abs(lanes.V_max - lanes.V_0).max()),
+        epsilon=float(np.min(lanes.epsilon)),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,6 +138,7 @@ class _Run:
     sensors: Sensors
     seed: int | None
     record: bool
+    room: threading.local = field(default_factory=threading.local)  # of each worker
 
     def block(self, first: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Run the block that begins at lane `first`; return its rows and its record.
@@ -151,7 +154,9 @@ class _Run:
             seeds=None if self.seed is None else [[self.seed, int(i)] for i in lanes],
             record=self.record, books=False, events=False,
         )  # fmt: skip
-        block.run()
+        if not hasattr(self.room, "chains"):
+            self.room.chains = work_space(BLOCK)
+        block.run(chains=self.room.chains)
         own = min(BLOCK, count - first)
         chosen = [row for row, _ in _TRAJECTORIES.values()]
         return block.work[: Row.STEP, :own].copy(), block.record[chosen][:, :, :own]
@@ -198,7 +203,7 @@ def _check_starts(
 ) -> None:
     """Raise InputError for the first lane that cannot start where it should."""
     row = Plant._fields.index
-    for field, values, bad, why in (
+    for name, values, bad, why in (
         ("start_depth", z, z > plants[row("z_bottom")], "is below the bottom"),
         ("start_depth", z, z <= plants[row("z_air")], "is outside the water"),
         ("start_volume", V, plants[row("V_max")] < V, "is beyond the stroke's maximum"),
@@ -207,7 +212,7 @@ def _check_starts(
         if bad.any():
             lane = int(np.argmax(bad))
             raise InputError(
-                f"lane {lane} of {len(z)} {why}", field=field, value=float(values[lane]),
+                f"lane {lane} of {len(z)} {why}", field=name, value=float(values[lane]),
                 unit="m" if values is z else "m3", remedy="Start within the water and the stroke",
             )  # fmt: skip
 

@@ -9,17 +9,59 @@ in which something happens (an end stop, the surface, the bottom) are taken agai
 
 from __future__ import annotations
 
-import math
-from enum import IntEnum
-
 import numpy as np
 
 from swimbladder.closed_loop.dispatch import gather, law_initial, law_step, scatter_where
+from swimbladder.closed_loop.rows import (
+    APPLIED,
+    COMMAND,
+    DEPTH_NOISE,
+    DEPTH_QUANTUM,
+    EVENTS,
+    FROM,
+    FURTHEST,
+    HIGH_Q,
+    HIGH_U,
+    HIGH_V,
+    HIGH_Z,
+    LAW,
+    LOW_Q,
+    LOW_U,
+    LOW_V,
+    LOW_Z,
+    MODE,
+    N_PLANT,
+    OUTSIDE2,
+    PER_SPAN,
+    PLANT,
+    REFERENCE,
+    RISE90,
+    SEEN_DEPTH,
+    SEEN_VOLUME,
+    SLOW,
+    SQUARES,
+    STEP,
+    STOP_TICK,
+    STOPPED,
+    TRAVEL,
+    TROUBLE,
+    V_HIGHEST,
+    V_LOWEST,
+    VOLUME_NOISE,
+    VOLUME_QUANTUM,
+    WAIT,
+    Z_HIGHEST,
+    Z_LOWEST,
+    Q,
+    V,
+    W,
+    Z,
+)
 from swimbladder.control.law import Measurement
-from swimbladder.dynamics import Plant
 from swimbladder.engine.advance import DONE, advance
-from swimbladder.engine.cache import compiled, inlined, part
-from swimbladder.engine.chain import ALPHA, BETA, build_chain
+from swimbladder.engine.books import decays, enter
+from swimbladder.engine.cache import compiled, inlined, part, wide
+from swimbladder.engine.chain import ALPHA, BETA, build_chain, leap
 from swimbladder.engine.modes import (
     A_S,
     BACKWARD,
@@ -49,74 +91,7 @@ from swimbladder.engine.modes import (
 
 LAW_NOT_FINITE = 5
 
-__all__ = ["RECORDED", "Row", "rows", "run_block", "start_block"]
-
-
-class Row(IntEnum):
-    """Rows of a block's array, each of one number per lane."""
-
-    Q = 0  # state: q, V, z, w
-    V = 1
-    Z = 2
-    W = 3
-    COMMAND = 4  # as the law gave it
-    APPLIED = 5  # as the actuator got it
-    WAIT = 6  # ticks until the law wants to be called
-    MODE = 7
-    SLOW = 8  # 1: this lane's mode has to be taken by engine.advance
-    STOPPED = 9  # why the lane stopped, 0: it did not
-    STOP_TICK = 10
-    LOW_Q = 11  # bounds within which the mode lasts
-    HIGH_Q = 12
-    LOW_V = 13
-    HIGH_V = 14
-    LOW_Z = 15
-    HIGH_Z = 16
-    DEPTH_NOISE = 17
-    DEPTH_QUANTUM = 18
-    VOLUME_NOISE = 19
-    VOLUME_QUANTUM = 20
-    FROM = 21  # depth at which the present set-point was given
-    LOW_U = 22  # what the actuator takes
-    HIGH_U = 23
-    SEEN_DEPTH = 24  # the measurement
-    SEEN_VOLUME = 25
-    # summaries
-    Z_LOWEST = 26
-    Z_HIGHEST = 27
-    V_LOWEST = 28
-    V_HIGHEST = 29
-    TRAVEL = 30
-    FURTHEST = 31  # largest share of the present step that was travelled
-    RISE90 = 32  # s after the set-point, inf: not yet
-    OUTSIDE2 = 33  # s after the set-point at which the depth was last outside 2 %, -1: never
-    SQUARES = 34  # sum of the squared depth error
-    EVENTS = 35  # ticks in which something happened
-    TROUBLE = 36  # 1: this tick has to be taken by engine.advance
-    REFERENCE = 37  # m, the present set-point
-    PER_SPAN = 38  # 1/m, one over the present step, nan: no step
-    STEP = 39  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
-    PLANT = 83
-    LAW = 108  # parameters, then state
-
-
-N_STEP = 44
-RECORDED = ("depth", "speed", "volume", "motor_rate", "command", "applied", "volume_reference")
-(
-    Q, V, Z, W, COMMAND, APPLIED, WAIT, MODE, SLOW, STOPPED,
-    STOP_TICK, LOW_Q, HIGH_Q, LOW_V, HIGH_V, LOW_Z, HIGH_Z, DEPTH_NOISE, DEPTH_QUANTUM,
-    VOLUME_NOISE, VOLUME_QUANTUM, FROM, LOW_U, HIGH_U, SEEN_DEPTH, SEEN_VOLUME, Z_LOWEST,
-    Z_HIGHEST, V_LOWEST, V_HIGHEST, TRAVEL, FURTHEST, RISE90, OUTSIDE2, SQUARES, EVENTS, TROUBLE,
-    REFERENCE, PER_SPAN, STEP, PLANT, LAW,
-) = (int(row) for row in Row)  # fmt: skip
-N_PLANT = len(Plant._fields)
-assert LAW == PLANT + N_PLANT
-assert PLANT == STEP + N_STEP
-
-
-def rows(n_parameters: int, n_state: int) -> int:
-    """Return the number of rows of a block's array for a law of so many numbers."""
-    return LAW + n_parameters + n_state
+__all__ = ["LAW_NOT_FINITE", "run_block", "start_block"]
 
 
 @part
@@ -249,6 +224,12 @@ def _leap(S, W_, i, u, h, bend):  # type: ignore[no-untyped-def]
         v1 += S[c + 25 * W_] * N0 + S[c + 29 * W_] * Nab + S[c + 33 * W_] * Nc
         z1 += S[c + 26 * W_] * N0 + S[c + 30 * W_] * Nab + S[c + 34 * W_] * Nc
         w1 += S[c + 27 * W_] * N0 + S[c + 31 * W_] * Nab + S[c + 35 * W_] * Nc
+    return q1, v1, z1, w1, _within(S, W_, i, q, v, z, w, q1, v1, z1, w1, h, bend)
+
+
+@inlined
+def _within(S, W_, i, q, v, z, w, q1, v1, z1, w1, h, bend):  # type: ignore[no-untyped-def]
+    """Return whether the mode of lane i lasted through a step from one state to another."""
     # how far inside a step that turns the state may go beyond its ends
     dz = h * (abs(w) + abs(w1)) if w * w1 < 0.0 else 0.0
     leaks = S[(PLANT + K_L) * W_ + i] > 0.0
@@ -271,7 +252,7 @@ def _leap(S, W_, i, u, h, bend):  # type: ignore[no-untyped-def]
         fast, fast1 = abs(w) > epsilon, abs(w1) > epsilon
         same = (fast == fast1) & ((abs(w) <= epsilon) | (w * w1 >= 0.0))
         ok = ok & ((epsilon <= 0.0) | same)
-    return q1, v1, z1, w1, ok
+    return ok
 
 
 @inlined
@@ -293,7 +274,8 @@ def _rest(S, W_, i, w):  # type: ignore[no-untyped-def]
     d_l, d_b = S[(PLANT + D_L) * W_ + i], S[(PLANT + D_B) * W_ + i]
     d_0, d_t = S[(PLANT + D_0) * W_ + i], S[(PLANT + D_T) * W_ + i]
     m = abs(w)
-    rest = math.copysign(d_l * m - (d_b * m + d_0 + d_t * m * m), w)
+    rest = d_l * m - (d_b * m + d_0 + d_t * m * m)
+    rest = rest if w > 0.0 else -rest
     return 0.0 if (m <= S[(PLANT + EPSILON) * W_ + i]) | (m == 0.0) else rest
 
 
@@ -324,6 +306,7 @@ def _tick(S, token, bend, like, like_state, t, since, tick):  # type: ignore[no-
     W_ = len(token)
     per_tick = 1.0 / tick
     troubled = 0
+    wide()  # type: ignore[call-arg]
     for i in range(W_):
         _judge(S, W_, i, since)
         u = _decide(S, W_, i, like, like_state, t, per_tick)
@@ -364,8 +347,10 @@ def run_block(  # type: ignore[no-untyped-def]
     W_ = len(token)
     h = tick / parts
     x = np.zeros(5)
-    y = np.zeros(5)
+    y = np.zeros(10)
     p = np.zeros(N_PLANT)
+    kept = np.array([-1, -1])
+    decay = np.zeros(5)
     whole = parts == 1 and record.shape[1] == 0 and books.shape[1] == 0
     for k in range(first, last):
         t = k * tick
@@ -399,10 +384,48 @@ def run_block(  # type: ignore[no-untyped-def]
                     if ok:
                         _commit(S, W_, i, q1, v1, z1, w1)
                         continue
+                elif _leap_with_books(S, W_, i, h, bend, p, x, y, chains, books, kept, decay):
+                    continue
+                kept[0] = -1
                 _take_slowly(
                     S, token, i, k, t + n * h, h, bend, p, x, y,
                     chains[i], built[i], books[i], log[i], count[i],
                 )  # fmt: skip
+
+
+@inlined
+def _leap_with_books(S, W_, i, h, bend, p, x, y, chains, books, kept, decay):  # type: ignore[no-untyped-def]
+    """Take one step of lane i, with its accounts, if nothing happens in it; return whether.
+
+    kept: the lane and the mode whose parameters p and transients `decay` are loaded.
+    """
+    mode = int(S[MODE * W_ + i])
+    if kept[0] != i or kept[1] != mode:
+        for n in range(N_PLANT):
+            p[n] = S[(PLANT + n) * W_ + i]
+        decays(p, mode, h, decay)
+        kept[0], kept[1] = i, mode
+    u = S[APPLIED * W_ + i]
+    q1, v1, z1, w1, ok = _leap(S, W_, i, u, h, bend)
+    if not ok:
+        return False
+    q, v, z, w = S[Q * W_ + i], S[V * W_ + i], S[Z * W_ + i], S[W * W_ + i]
+    x[0], x[1], x[2], x[3], x[4] = q, v, z, w, 0.0
+    y[0], y[1], y[2], y[3] = q1, v1, z1, w1
+    if p[EPSILON] == np.inf:  # the integral of z, as engine.chain.leap has it
+        y[4] = (
+            chains[i, mode, 0, 16] * q
+            + chains[i, mode, 0, 17] * v
+            + chains[i, mode, 0, 18] * z
+            + chains[i, mode, 0, 19] * w
+            + chains[i, mode, 0, 24] * u
+            + chains[i, mode, 0, 29]
+        )
+    else:
+        leap(chains[i, mode], 0, p, True, x, u, y)
+    enter(p, mode, x, y, u, h, decay, books[i])
+    _commit(S, W_, i, q1, v1, z1, w1)
+    return True
 
 
 @part

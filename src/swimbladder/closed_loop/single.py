@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swimbladder.closed_loop.accounts import close_books
 from swimbladder.closed_loop.block import Block, schedule
-from swimbladder.closed_loop.lanes import Row
+from swimbladder.closed_loop.rows import Row
 from swimbladder.closed_loop.solution import Solution, StopReason, assemble, name_events
 from swimbladder.control.law import Law
 from swimbladder.control.registry import bind

@@ -11,10 +11,11 @@ import math
 
 import numpy as np
 
-from swimbladder.engine.books import PUMPED, enter, enter_blow
+from swimbladder.engine.books import PUMPED, decays, enter, enter_blow
 from swimbladder.engine.cache import compiled, part
 from swimbladder.engine.chain import TICKS, build_chain, leap
 from swimbladder.engine.modes import (
+    A_B,
     A_S,
     BACKWARD,
     BOTTOM,
@@ -27,8 +28,10 @@ from swimbladder.engine.modes import (
     LOWER_SPINNING,
     MOVING_IN,
     MOVING_OUT,
+    PSI,
     SUPPLY,
     UPPER,
+    V_0,
     V_MAX,
     V_MIN,
     Z_BOTTOM,
@@ -62,7 +65,7 @@ def may_hide(p, mode, x, y, h):  # type: ignore[no-untyped-def]
     """Return whether z or V turned inside the step so near a limit that it may have crossed it."""
     act, _, where = split(mode)
     if where == EMERGING and h * h * p[A_S] > 0.25:  # it may bob more than once
-        return True
+        return _may_submerge(p, x, y)
     if where != BOTTOM and x[3] * y[3] < 0.0:
         reach = h * max(abs(x[3]), abs(y[3]))
         low, high = min(x[2], y[2]) - reach, max(x[2], y[2]) + reach
@@ -82,6 +85,23 @@ def may_hide(p, mode, x, y, h):  # type: ignore[no-untyped-def]
             if where == BOTTOM and high > resting_volume(p, x[2]):
                 return True
     return False
+
+
+@part
+def _may_submerge(p, x, y):  # type: ignore[no-untyped-def]
+    """Return whether an emerged hull that bobs about where it floats may reach the water line."""
+    stiffness = p[A_S] - p[A_B] * p[PSI]
+    if stiffness <= 0.0:
+        return True
+    pull = p[A_S] * p[Z_SURFACE]
+    floats, floats_next = (
+        (pull - p[A_B] * (x[1] - p[V_0])) / stiffness,
+        (pull - p[A_B] * (y[1] - p[V_0])) / stiffness,
+    )
+    swing = math.sqrt((x[2] - floats) ** 2 + x[3] * x[3] / stiffness)
+    swing_next = math.sqrt((y[2] - floats_next) ** 2 + y[3] * y[3] / stiffness)
+    reach = max(floats, floats_next) + max(swing, swing_next) + abs(floats - floats_next)
+    return reach >= p[Z_SURFACE]
 
 
 @part
@@ -114,7 +134,7 @@ def _note(log, count, t, old, new):  # type: ignore[no-untyped-def]
 def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count):  # type: ignore[no-untyped-def]
     """Advance x = (q, V, z, w, integral of z) in place by h [s]; return (mode, why it stopped).
 
-    p: the vehicle's parameters [len(Plant)]. u: the held input. y: five floats of work space.
+    p: the vehicle's parameters [len(Plant)]. u: the held input. y: ten floats of work space.
     chains [COUNT, LEVELS + 1, COEFFICIENTS], built [COUNT]: exponentials made so far for this h.
     books: accounts to add to, or empty. log [n, 3], count [1]: passages from mode to mode.
     """
@@ -185,8 +205,9 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
                     bent += 1
                     searching, last_look, smallest, cap = False, False, 1, TICKS
                 if books.shape[0] > 0:
-                    enter(p, mode, x, y, u, span, books)
-                x[:] = y
+                    decays(p, mode, span, y[5:])
+                    enter(p, mode, x, y, u, span, y[5:], books)
+                x[:] = y[:5]
                 remaining -= size
                 if searching:
                     cap = size >> 1
@@ -216,8 +237,9 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
                 x[0], x[3], mode = q_new, w_new, new
             else:
                 if books.shape[0] > 0:
-                    enter(p, mode, x, y, u, span, books)
-                x[:] = y
+                    decays(p, mode, span, y[5:])
+                    enter(p, mode, x, y, u, span, y[5:], books)
+                x[:] = y[:5]
                 remaining -= size
             break
     return mode, DONE
@@ -238,7 +260,7 @@ def follow(  # type: ignore[no-untyped-def]
     time [n], inputs [n]: a voltage held until the next instant or, where `ramps`, a volume that
     goes linearly to the next. parts [n - 1]: steps in each interval. record [7, n].
     """
-    y = np.zeros(5)
+    y = np.zeros(10)
     h_before = -1.0
     n = time.shape[0]
     why = DONE

@@ -38,7 +38,7 @@ from swimbladder.engine.modes import (
     supply_limit,
 )
 
-__all__ = ["Account", "enter", "enter_blow"]
+__all__ = ["Account", "decays", "enter", "enter_blow"]
 
 
 class Account(IntEnum):
@@ -79,8 +79,29 @@ def _drag_power(p, w):  # type: ignore[no-untyped-def]
 
 
 @part
-def enter(p, mode, x, y, u, h, books):  # type: ignore[no-untyped-def]
-    """Add to the accounts what happened from x to y, h [s] later, in one mode at voltage u."""
+def decays(p, mode, h, decay):  # type: ignore[no-untyped-def]
+    """Fill decay [5] for `enter`: the motor's time constant and integrals of its transient over h.
+
+    tau, and with e(t) = exp(-t/tau) the integrals of e, t e, e e and t t e.
+    """
+    beta = 0.0
+    if (mode // 10) % 2 == 1:
+        beta = p[SAG] * p[KAPPA] / (1.0 + p[SAG])
+    tau = 1.0 / (1.0 / p[T1] - p[GAIN] / p[T1] * beta)
+    decay[0] = tau
+    decay[1] = -tau * math.expm1(-h / tau)
+    e = math.exp(-h / tau)
+    decay[2] = tau * tau * (1.0 - e * (1.0 + h / tau))
+    decay[3] = -0.5 * tau * math.expm1(-2.0 * h / tau)
+    decay[4] = 2.0 * tau * decay[2] - tau * h * h * e
+
+
+@part
+def enter(p, mode, x, y, u, h, decay, books):  # type: ignore[no-untyped-def]
+    """Add to the accounts what happened from x to y, h [s] later, in one mode at voltage u.
+
+    decay: see `decays`, for this mode and h.
+    """
     act, limited, _ = split(mode)
     z0, w0, z1, w1 = x[2], x[3], y[2], y[3]
     Iz = y[4] - x[4]
@@ -120,7 +141,7 @@ def enter(p, mode, x, y, u, h, books):  # type: ignore[no-untyped-def]
         Izq = p[K_L] * Izz
     else:
         g = p[GAIN] / p[T1]
-        tau = 1.0 / (1.0 / p[T1] - g * beta)
+        tau = decay[0]
         a = g * (alpha - friction)
         b = -g * load
         Iq = tau * (a * h + b * Iz - (y[0] - x[0]))
@@ -129,15 +150,10 @@ def enter(p, mode, x, y, u, h, books):  # type: ignore[no-untyped-def]
         sm = tau * (a + b * zm) - tau * tau * b * wm + bend
         s1 = tau * (a + b * z1) - tau * tau * b * w1 + bend
         d = x[0] - s0
-        e = math.exp(-h / tau)
-        E1 = -tau * math.expm1(-h / tau)
-        E2 = tau * tau * (1.0 - e * (1.0 + h / tau))
-        E3 = 2.0 * tau * E2 - tau * h * h * e
-        EE = -0.5 * tau * math.expm1(-2.0 * h / tau)
         Iqq = _simpson(s0 * s0, sm * sm, s1 * s1, h)
-        Iqq += 2.0 * d * (s0 * E1 + (s1 - s0) / h * E2) + d * d * EE
+        Iqq += 2.0 * d * (s0 * decay[1] + (s1 - s0) / h * decay[2]) + d * d * decay[3]
         Izq = _simpson(z0 * s0, zm * sm, z1 * s1, h) + d * (
-            z0 * E1 + w0 * E2 + 0.5 * (w1 - w0) / h * E3
+            z0 * decay[1] + w0 * decay[2] + 0.5 * (w1 - w0) / h * decay[4]
         )
     U_q = alpha * Iq + beta * Iqq
     books[PUMPED] += Iq

@@ -10,6 +10,8 @@ is doubled instead of the exponential, so that nothing small is lost against 1:
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from swimbladder.dynamics import Plant
@@ -22,6 +24,7 @@ from swimbladder.engine.modes import (
     EPSILON,
     linear_part,
 )
+from swimbladder.errors import InputError
 
 __all__ = [
     "ALPHA",
@@ -36,6 +39,7 @@ __all__ = [
     "leap",
 ]
 
+_MOST_STEPS = 10_000  # a tick is divided into
 LEVELS = 21  # of halving: events are found to h/2^20
 TICKS = 1 << 20
 
@@ -160,6 +164,8 @@ def base_steps(p: Plant, tick: float, speed: float) -> int:
     The nonlinear drag's rate, at the terminal speed of the whole stroke or at `speed` [m/s],
     whichever is larger, times the step stays under 1/8. A step is at most 10 s, so that no dip
     through the surface goes unseen.
+
+    Raises InputError where it would take more than 10000 steps: drag far too large for the mass.
     """
     steps = tick / 10.0
     if p.epsilon != float("inf"):
@@ -167,7 +173,7 @@ def base_steps(p: Plant, tick: float, speed: float) -> int:
         terminal = max((pull / p.d_t) ** 0.5 if p.d_t > 0.0 else 0.0, abs(speed))
         rate = max(2.0 * p.d_t * terminal, p.d_l, p.d_b)
         steps = max(steps, 8.0 * rate * tick)
-    return max(1, int(np.ceil(steps)))
+    return _count(steps, p, tick)
 
 
 def book_steps(p: Plant, tick: float, speed: float) -> int:
@@ -176,4 +182,15 @@ def book_steps(p: Plant, tick: float, speed: float) -> int:
     The drag's rate times the step stays under 1/4 for laminar drag too: the motion is exact at any
     step, but the work of the drag is integrated by Simpson's rule.
     """
-    return max(base_steps(p, tick, speed), int(np.ceil(4.0 * p.d_l * tick)))
+    return max(base_steps(p, tick, speed), _count(4.0 * p.d_l * tick, p, tick))
+
+
+def _count(steps: float, p: Plant, tick: float) -> int:
+    if not steps <= _MOST_STEPS:
+        raise InputError(
+            f"the drag is so large against the mass that one sample of {tick:g} s would take "
+            f"{steps:.2g} steps (laminar {p.d_l:.3g} 1/s, turbulent {p.d_t:.3g} 1/m)",
+            field="motion.drag",
+            remedy="Check the drag coefficients, the masses and their units",
+        )
+    return max(1, math.ceil(steps))
