@@ -169,6 +169,23 @@ def test_links_lead_somewhere(page):
             assert anchor in {_anchor(heading) for heading in headings}, f"{target} in {page.name}"
 
 
+@pytest.mark.slow
+def test_the_picture_of_the_readme_is_what_the_command_below_it_draws(tmp_path):
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    picture, command = re.search(
+        r"!\[[^]]+\]\((\S+)\)\n\n`([^`]+)` drew this", readme
+    ).groups()  # fmt: skip
+    code, printed = shell(command, tmp_path)
+    assert code == 0, printed
+
+    from matplotlib.image import imread
+
+    drawn = imread(tmp_path / "swimbladder-simulate" / "trajectory.png")
+    shown = imread(ROOT / picture)
+    assert drawn.shape == shown.shape
+    assert float(((drawn - shown) ** 2).mean()) < 1e-4  # fonts may differ by a hair
+
+
 def _anchor(heading: str) -> str:
     return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 

@@ -108,6 +108,20 @@ def test_what_compare_writes(capsys, tmp_path):
     assert written == set(columns)
 
 
+@pytest.mark.slow
+def test_what_reproduce_writes(capsys, tmp_path):
+    (keys,) = rows("files-written.md", "reproduce")
+    told = answer(capsys, "reproduce", "--out", str(tmp_path))
+    check(keys, told)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "index.html", "results.json", "figures", "trajectories",
+    }  # fmt: skip
+    assert {p.suffix for p in (tmp_path / "figures").iterdir()} == {".png"}
+    assert {p.suffix for p in (tmp_path / "trajectories").iterdir()} == {".csv"}
+    results = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    assert set(results) == set(told) - {"report"}
+
+
 def test_what_vehicle_prints(capsys):
     (keys,) = rows("files-written.md", "vehicle")
     check(keys, answer(capsys, "vehicle", "show", "feup-em"))
