@@ -18,7 +18,7 @@ from rich.console import Console
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.units import parse_quantity
 
-__all__ = ["console", "emit_json", "output", "progress", "quantity", "run"]
+__all__ = ["compile_notice", "console", "emit_json", "output", "progress", "quantity", "run"]
 
 # Notes, progress and errors.
 console = Console(stderr=True, highlight=False)
@@ -123,3 +123,15 @@ def progress(
         timer.cancel()
         timer.join()
         bar.stop()
+
+
+@contextlib.contextmanager
+def compile_notice() -> Iterator[None]:
+    """Say on stderr what is waited for when the simulator has to be compiled."""
+    from swimbladder.engine.cache import on_compile
+
+    def notice() -> None:
+        console.print("compiling the simulator for this machine, once; about 15 s", highlight=False)
+
+    with on_compile(notice):
+        yield

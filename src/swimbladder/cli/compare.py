@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.common import console, emit_json, output, progress, quantity
+from swimbladder.cli.common import compile_notice, console, emit_json, output, progress, quantity
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.units import format_quantity
 
@@ -209,12 +209,8 @@ def _compare(
         log = read_log(task.path, columns=task.columns, where=task.where, log_format=form)
     with progress("loading the simulator"):
         from swimbladder.comparison import compare as compare_log
-        from swimbladder.engine.cache import on_compile
 
-    def notice() -> None:
-        console.print("compiling the simulator for this machine, once; about 15 s")
-
-    with progress(f"comparing {task.label}", 1.0) as advance, on_compile(notice):
+    with compile_notice(), progress(f"comparing {task.label}", 1.0) as advance:
         task.result = compare_log(log, vehicle, **options, advance=advance)
     folder = make_folder(out)
     files = [write_csv(folder / f"{task.name}.csv", task.result.columns())]

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from swimbladder.cli.common import console, emit_json, output, progress
+from swimbladder.cli.common import compile_notice, console, emit_json, output, progress
 
 __all__ = ["reproduce"]
 
@@ -29,12 +29,9 @@ def reproduce(
     number of the paper, an equation or an independent check is not met and it is not known why.
     """
     with progress("loading the simulator"):
-        from swimbladder.engine.cache import is_cached
         from swimbladder.reproduce import AMOUNT
         from swimbladder.reproduce import reproduce as make_report
-    if not is_cached("run_block"):
-        console.print("compiling the simulator for this machine, once; about 15 s", highlight=False)
-    with progress("redoing the paper", AMOUNT) as advance:
+    with compile_notice(), progress("redoing the paper", AMOUNT) as advance:
         found = make_report(out, seed=seed, advance=advance)
     page = (out / "index.html").resolve()
     if json:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.common import console, emit_json, output, progress, quantity
+from swimbladder.cli.common import compile_notice, console, emit_json, output, progress, quantity
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -145,12 +145,9 @@ def _run(vehicle: Any, task: Mission, seed: int | None) -> Solution:
     """Simulate; say on stderr what is waited for."""
     with progress("loading the simulator"):
         from swimbladder.closed_loop import simulate as simulate_closed_loop
-        from swimbladder.engine.cache import is_cached
 
-    if not is_cached("run_block"):
-        console.print("compiling the simulator for this machine, once; about 15 s")
     samples = task.duration / vehicle.controller.sample_time
-    with progress("simulating", samples) as advance, _no_search_for_blas():
+    with compile_notice(), progress("simulating", samples) as advance, _no_search_for_blas():
         done = 0
 
         def report(samples_done: int) -> None:

@@ -115,7 +115,8 @@ class _Problem:
         values = [first_value(name, self.vehicle, self.first) for name in self.names]
         if "neutral_volume" in self.names:
             values[self.names.index("neutral_volume")] = _guess(self.vehicle, self.rec)
-        return np.array(values) / self.scale
+        begun: Array = np.array(values) / self.scale
+        return begun
 
     def residual(self, q: Array, windows: list[Window]) -> Array:
         changed, start = _apply(self.names, q * self.scale, self.vehicle, self.first)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -214,11 +214,10 @@ def _volume(log: Log, vehicle: Vehicle) -> tuple[Array | None, bool]:
 def _only(log: Log, kept: NDArray[np.bool_]) -> Log:
     names = ("time", "depth", "volume", "piston", "voltage", "current", "speed", "reference_depth")
     arrays = {name: getattr(log, name) for name in names}
-    return replace(
-        log,
-        line=log.line[kept],
-        **{name: None if values is None else values[kept] for name, values in arrays.items()},
-    )
+    chosen: dict[str, Any] = {
+        name: None if values is None else values[kept] for name, values in arrays.items()
+    }
+    return replace(log, line=log.line[kept], **chosen)
 
 
 def _changes(time: Array, reference: Array) -> tuple[tuple[float, float], ...]:

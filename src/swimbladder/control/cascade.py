@@ -31,9 +31,7 @@ def initial(
     parameters: CascadeParameters, measurement: Measurement, reference: float
 ) -> CascadeState:
     """Start at rest: the integral holds the volume as it is, and e(-1) = e(0)."""
-    return CascadeState(
-        measurement.volume, reference - measurement.depth, measurement.volume
-    )
+    return CascadeState(measurement.volume, reference - measurement.depth, measurement.volume)
 
 
 def step(

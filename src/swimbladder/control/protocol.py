@@ -54,9 +54,7 @@ class Phase(NamedTuple):
 
     step: str  # "a" to "d"; "" at the end
     does: Does
-    target: float = (
-        0.0  # HOLD: depth [m]; PULSE: volume [m3]; GLIDE: last depth [m]
-    )
+    target: float = 0.0  # HOLD: depth [m]; PULSE: volume [m3]; GLIDE: last depth [m]
 
 
 class PoolParameters(NamedTuple):

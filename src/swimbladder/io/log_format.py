@@ -92,10 +92,13 @@ def _zero(unit: str) -> BeforeValidator:
     return BeforeValidator(check)
 
 
+Delimiter = Literal[",", ";", "\t", "|"]
+
+
 class LogFormat(Parameters):
     """The ``[log]`` table: how to read a log."""
 
-    delimiter: Literal[",", ";", "\t", "|"] | None = Field(
+    delimiter: Delimiter | None = Field(
         None, description="between two fields; not given: taken from the header"
     )
     decimal: Literal[".", ","] = Field(".", description="mark before the decimals")

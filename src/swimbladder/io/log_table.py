@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import LogError
-from swimbladder.io.log_format import LogColumn, LogFormat
+from swimbladder.io.log_format import Delimiter, LogColumn, LogFormat
 
 __all__ = ["Table", "read_header", "read_table"]
 
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf"}
-_DELIMITERS = (";", "\t", "|", ",")
+_DELIMITERS: tuple[Delimiter, ...] = (";", "\t", "|", ",")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +101,8 @@ class _Rows:
         text = _text(path)
         lines = text.split("\n")
         first = next((s for s in lines if s.strip() and not s.startswith("#")), "")
-        self.delimiter = form.delimiter or next((d for d in _DELIMITERS if d in first), ",")
+        found: Delimiter = next((d for d in _DELIMITERS if d in first), ",")
+        self.delimiter: Delimiter = form.delimiter or found
         if form.delimiter is None and self.delimiter != ",":
             self.report.append(f"fields are separated by {self.delimiter!r}, as in the header")
         if self.delimiter == "," == self.decimal:
@@ -266,7 +267,7 @@ def _nothing(
 
 
 def _choices(path: str | Path, name: str, rows: _Rows) -> str:
-    again = _Rows(path, LogFormat(delimiter=rows.delimiter))  # type: ignore[arg-type]
+    again = _Rows(path, LogFormat(delimiter=rows.delimiter))
     at = again.header.index(name)
     found = list(dict.fromkeys(row[at].strip() for _, row in again))
     return ", ".join(found[:40]) + (", ..." if len(found) > 40 else "")
