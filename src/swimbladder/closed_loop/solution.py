@@ -155,12 +155,13 @@ def _passages(before: int, after: int) -> list[str]:
         if new_stop:
             found.append(f"reached the {new_stop} end stop")
     old_where, new_where = Where(before // 20), Where(after // 20)
-    if old_where is Where.BOTTOM and new_where is not Where.BOTTOM:
-        found.append("left the bottom")
-    elif old_where is Where.EMERGING and new_where is Where.SUBMERGED:
-        found.append("submerged")
-    if old_where != new_where and new_where is not Where.SUBMERGED:
-        found.append("reached the bottom" if new_where is Where.BOTTOM else "began to emerge")
+    if old_where is not new_where:
+        if old_where is Where.BOTTOM:
+            found.append("left the bottom")
+        elif new_where is Where.SUBMERGED:
+            found.append("submerged")
+        else:
+            found.append("reached the bottom" if new_where is Where.BOTTOM else "began to emerge")
     return found
 
 
