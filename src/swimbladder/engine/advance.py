@@ -1,8 +1,9 @@
 """One vehicle over one step with a held input, events located to 2^-20 of the step.
 
 A step is tried whole; where a limit is crossed inside it, it is halved by table look-up until the
-event stands between two ticks. A blow (end stop, bottom) takes the state before the crossing, so
-that no limit is passed; what is continuous (surface, direction of the motor, supply) the one after.
+event stands between two ticks. A blow (end stop, bottom) takes the state before the crossing, put
+at the limit, so that none is passed; what is continuous (surface, direction of the motor, supply)
+the one after.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import math
 
 import numpy as np
 
-from swimbladder.engine.books import PUMPED, decays, enter, enter_blow
+from swimbladder.engine.books import PUMPED, Z_DV, decays, enter, enter_blow
 from swimbladder.engine.cache import compiled, part
 from swimbladder.engine.chain import TICKS, build_chain, leap
 from swimbladder.engine.modes import (
@@ -131,6 +132,23 @@ def _note(log, count, t, old, new):  # type: ignore[no-untyped-def]
 
 
 @part
+def _put_at_limit(p, mode, x, books):  # type: ignore[no-untyped-def]
+    """Put V or z at the end stop or the bottom that was reached: less than a tick of the way."""
+    act, _, where = split(mode)
+    V = x[1]
+    if act == UPPER:
+        V = p[V_MAX]
+    elif act in (LOWER, LOWER_SPINNING):
+        V = p[V_MIN]
+    if books.shape[0] > 0:
+        books[PUMPED] += V - x[1]
+        books[Z_DV] += x[2] * (V - x[1])
+    x[1] = V
+    if where == BOTTOM:
+        x[2] = p[Z_BOTTOM]
+
+
+@part
 def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count):  # type: ignore[no-untyped-def]
     """Advance x = (q, V, z, w, integral of z) in place by h [s]; return (mode, why it stopped).
 
@@ -195,7 +213,8 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
             if new == -1:
                 bend = nonlinear and bends(p, x[3], y[3])
                 search = size > smallest and bend and bent < _BENDS
-                if search or (level < _FINE and (bend or may_hide(p, mode, x, y, span))):
+                bobs = books.shape[0] > 0 and mode // 20 == EMERGING and span * span * p[A_S] > 0.25
+                if search or (level < _FINE and (bend or bobs or may_hide(p, mode, x, y, span))):
                     size >>= 1
                     level += 1
                     cap = size
@@ -235,6 +254,7 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
                     enter_blow(x[0], q_new, x[3], w_new, books)
                 _note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
                 x[0], x[3], mode = q_new, w_new, new
+                _put_at_limit(p, mode, x, books)
             else:
                 if books.shape[0] > 0:
                     decays(p, mode, span, y[5:])
