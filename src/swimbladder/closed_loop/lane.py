@@ -61,6 +61,7 @@ from swimbladder.engine.modes import (
     LOAD_DRIVE,
     POSITIONER,
     SAG,
+    SLOW_BOBBING,
     V_MAX,
     V_MIN,
     Z_AIR,
@@ -91,7 +92,7 @@ def set_mode(S, token, i, mode, chains, built, h, p):  # type: ignore[no-untyped
     if where == EMERGING:
         S[LOW_Z * W_ + i] = p[Z_AIR]
         S[HIGH_Z * W_ + i] = min(p[Z_SURFACE], p[Z_BOTTOM])
-        if h * h * p[A_S] > 0.25:  # it may bob more than once in a step
+        if h * h * p[A_S] > SLOW_BOBBING:  # it may bob more than once in a step
             S[SLOW * W_ + i] = 1.0
     elif where == BOTTOM:
         S[LOW_Z * W_ + i] = -np.inf

@@ -30,6 +30,7 @@ from swimbladder.engine.modes import (
     MOVING_IN,
     MOVING_OUT,
     PSI,
+    SLOW_BOBBING,
     SUPPLY,
     UPPER,
     V_0,
@@ -65,7 +66,7 @@ _BENDS = 8  # in one step: from then on the bend of the drag is no longer search
 def may_hide(p, mode, x, y, h):  # type: ignore[no-untyped-def]
     """Return whether z or V turned inside the step so near a limit that it may have crossed it."""
     act, _, where = split(mode)
-    if where == EMERGING and h * h * p[A_S] > 0.25:  # it may bob more than once
+    if where == EMERGING and h * h * p[A_S] > SLOW_BOBBING:  # it may bob more than once
         return _may_submerge(p, x, y)
     if where != BOTTOM and x[3] * y[3] < 0.0:
         reach = h * max(abs(x[3]), abs(y[3]))

@@ -179,5 +179,5 @@ def enter(p, mode, x, y, u, h, decay, books):  # type: ignore[no-untyped-def]
 @part
 def enter_blow(q_before, q_after, w_before, w_after, books):  # type: ignore[no-untyped-def]
     """Add to the accounts what a blow against an end stop or the bottom took."""
-    books[STOP_Q] += q_before * q_before - q_after * q_after
-    books[BOTTOM_W] += 0.5 * (w_before * w_before - w_after * w_after)
+    books[STOP_Q] += (q_before - q_after) * (q_before + q_after)
+    books[BOTTOM_W] += 0.5 * (w_before - w_after) * (w_before + w_after)
