@@ -94,7 +94,7 @@ class Evidence:
     speed_fits: tuple[Fit, ...]  # eq. (26)
     known_fits: tuple[Fit, ...]  # eq. (32), psi known
     still: tuple[tuple[float, Fit], ...]  # no noise, exactly neutral: dV [m3] and eq. (27)
-    still_speed: Fit  # the average of eq. (26) there
+    still_speeds: tuple[Fit, ...]  # eq. (26) there
     still_joint: Fit
     still_known: Fit
     still_curve: tuple[tuple[float, Fit], ...]
@@ -120,6 +120,11 @@ class Evidence:
         """The motion of the paper's vehicle: the truth of every fit."""
         assert isinstance(self.vehicle.motion, IdentifiedMotion)
         return self.vehicle.motion
+
+    @property
+    def still_average(self) -> tuple[Fit, Fit]:
+        """The averages of eq. (26) and of eq. (27) without noise."""
+        return average(self.still_speeds), average([fit for _, fit in self.still])
 
     @property
     def table2(self) -> tuple[Fit, Fit]:
@@ -192,7 +197,7 @@ def _still(vehicle: Vehicle) -> dict[str, Any]:
     free = still_starts(incompressible, dVs=dVs)
     return {
         "still": tuple((dV, fit_depth(r)) for dV, r in zip(dVs, records, strict=True)),
-        "still_speed": average([fit_speed(r) for r in records]),
+        "still_speeds": tuple(fit_speed(r) for r in records),
         "still_joint": fit_jointly(records),
         "still_known": fit_jointly(records, psi=vehicle.hull.psi),
         "without_psi": (

@@ -217,7 +217,8 @@ def answer(e: Evidence, judged: Judged, files: Sequence[str]) -> dict[str, Any]:
         ],
         "without_noise": {
             "experiments": [{"volume_m3": dV, "eq_27": fit} for dV, fit in e.still],
-            "joint": e.still_joint, "joint_with_psi": e.still_known, "average_26": e.still_speed,
+            "joint": e.still_joint, "joint_with_psi": e.still_known,
+            "average_26": e.still_average[0],
         },
         "timed_voltages": e.pulses,
         "figure_16": e.step_rows,

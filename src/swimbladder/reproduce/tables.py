@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from swimbladder.actuator import reduced, unified
 from swimbladder.closed_loop import StepMetrics
 from swimbladder.control.registry import bind
@@ -89,11 +87,10 @@ def experiments(e: Evidence) -> Table:
 def table2(e: Evidence) -> Table:
     """Return Table 2: paper, ours, ours without noise, and what was simulated."""
     by_speed, by_depth = e.table2
-    clean = Fit(*np.mean([fit for _, fit in e.still], axis=0))
     known = average(e.known_fits)
     rows = [
-        ("(26), V to dz/dt", "-7935.54", "36.3", *_k(by_speed), *_k(e.still_speed)),
-        ("(27), V to z", "-7634.95", "35.7", *_k(by_depth), *_k(clean)),
+        ("(26), V to dz/dt", "-7935.54", "36.3", *_k(by_speed), *_k(e.still_average[0])),
+        ("(27), V to z", "-7634.95", "35.7", *_k(by_depth), *_k(e.still_average[1])),
         ("(32), V to z, psi known", "", "", *_k(known), *_k(e.still_known)),
         ("the simulated vehicle", "", "", *_k(Fit(e.motion.K2, e.motion.T2, 0.0)), "", ""),
     ]  # fmt: skip
@@ -112,7 +109,7 @@ def neglect(e: Evidence) -> Table:
         (f"{dV * 1e6:g} cm3", *_fit(fit), f"{fit.K2 / fit.T2:.1f}", f"{fit.rms * 1e3:.2f} mm")
         for dV, fit in sizes
     ]
-    clean = average([fit for _, fit in e.still])
+    clean = e.still_average[1]
     for name, fit in (
         ("average of the eight", clean),
         ("all eight jointly", e.still_joint),

@@ -43,15 +43,21 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class Known:
-    """Why ours differs, and what it should then be: a value within a relative tolerance."""
+    """Why ours differs, and what it should then be: a value within a relative tolerance.
+
+    observed: what is held against that value where it is not ours itself (a median, where ours is
+    an average that one outlier can spoil).
+    """
 
     why: str
     value: float
     within: float
+    observed: float | None = None
 
     def accounts_for(self, ours: float) -> bool:
         """Say whether ours is what the reason leads one to expect."""
-        return abs(ours - self.value) <= self.within * abs(self.value)
+        seen = ours if self.observed is None else self.observed
+        return abs(seen - self.value) <= self.within * abs(self.value)
 
 
 def number(
