@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from swimbladder.engine.books import PUMPED, Z_DV, decays, enter, enter_blow
+from swimbladder.engine.books import LOAD_Q, PUMPED, U_Q, Z_DV, Z_Q, decays, enter, enter_blow
 from swimbladder.engine.cache import compiled, part
 from swimbladder.engine.chain import TICKS, build_chain, leap
 from swimbladder.engine.modes import (
@@ -25,6 +25,8 @@ from swimbladder.engine.modes import (
     FORWARD,
     HOLDING,
     K_L,
+    LOAD_BACK,
+    LOAD_DRIVE,
     LOWER,
     LOWER_SPINNING,
     MOVING_IN,
@@ -136,15 +138,21 @@ def _note(log, count, t, old, new):  # type: ignore[no-untyped-def]
 def _put_at_limit(p, mode, x, books):  # type: ignore[no-untyped-def]
     """Put V or z at the end stop or the bottom that was reached: less than a tick of the way."""
     act, _, where = split(mode)
-    V = x[1]
+    moved = 0.0
     if act == UPPER:
-        V = p[V_MAX]
+        moved = p[V_MAX] - x[1]
+        x[1] = p[V_MAX]
     elif act in (LOWER, LOWER_SPINNING):
-        V = p[V_MIN]
-    if books.shape[0] > 0:
-        books[PUMPED] += V - x[1]
-        books[Z_DV] += x[2] * (V - x[1])
-    x[1] = V
+        moved = p[V_MIN] - x[1]
+        x[1] = p[V_MIN]
+    if books.shape[0] > 0 and moved != 0.0:  # as if the motor had worked for it
+        raised = x[2] * moved
+        load = p[LOAD_DRIVE] if moved > 0.0 else p[LOAD_BACK]
+        books[PUMPED] += moved
+        books[Z_DV] += raised
+        books[Z_Q] += raised
+        books[LOAD_Q] += load * raised
+        books[U_Q] += load * raised
     if where == BOTTOM:
         x[2] = p[Z_BOTTOM]
 
