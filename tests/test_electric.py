@@ -169,7 +169,7 @@ def test_the_motor_turns_above_the_stall_depth_and_not_below(actuator, E, sag):
     assert below.omega <= 0.0
 
 
-@given(datasheets(), st.floats(6.0, 50.0), st.floats(0.0, 0.9), st.floats(0.01, 0.99))
+@given(datasheets(), st.floats(6.0, 50.0), st.floats(1e-6, 0.9), st.floats(0.01, 0.99))
 def test_at_the_depth_for_a_rate_the_largest_voltage_gives_that_rate(actuator, E, sag, share):
     r = reduced(actuator, SEA)
     surface_rate = r.gain * (E - r.friction)

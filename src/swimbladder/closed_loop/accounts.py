@@ -46,14 +46,23 @@ class Books:
 
 
 def close_books(
-    vehicle: Vehicle, p: Plant, sums: NDArray[Any], first: NDArray[Any], last: NDArray[Any]
+    vehicle: Vehicle,
+    p: Plant,
+    sums: NDArray[Any],
+    first: NDArray[Any],
+    last: NDArray[Any],
+    *,
+    prescribed: bool = False,
 ) -> Books:
-    """Return the books of a run from the engine's sums and its first and last (q, V, z, w)."""
+    """Return the books of a run from the engine's sums and its first and last (q, V, z, w).
+
+    prescribed: the volume was given, so that nothing is known of the motor.
+    """
     a = {account: float(sums[account]) for account in Account}
     q0, V0, z0, w0 = (float(value) for value in first)
     q1, V1, z1, w1 = (float(value) for value in last)
     m, k_b = vehicle.mass, vehicle.water.specific_weight
-    energy, basis = _actuator_energy(vehicle, p, a, q0, q1)
+    energy, basis = _actuator_energy(vehicle, p, a, q0, q1, prescribed)
     energy["drag"] = m * a[Account.DRAG]
     energy["bottom"] = m * a[Account.BOTTOM_W]
     energy["vehicle motion"] = 0.5 * m * (w1 * w1 - w0 * w0)
@@ -89,7 +98,7 @@ def _potential(p: Plant, V: float, z: float) -> float:
 
 
 def _actuator_energy(
-    vehicle: Vehicle, p: Plant, a: dict[Account, float], q0: float, q1: float
+    vehicle: Vehicle, p: Plant, a: dict[Account, float], q0: float, q1: float, prescribed: bool
 ) -> tuple[dict[str, float], str]:
     """Return the actuator's accounts [J] and what they count as the source.
 
@@ -98,6 +107,8 @@ def _actuator_energy(
     """
     k_b = vehicle.water.specific_weight
     hydraulic = k_b * a[Account.Z_Q]
+    if prescribed:
+        return {"source": hydraulic}, "work on the water (the volume was given)"
     if isinstance(vehicle.actuator, Positioner):
         return {"source": hydraulic}, "work on the water (the motor's losses are not known)"
     if isinstance(vehicle.actuator, IdentifiedActuator):

@@ -90,7 +90,7 @@ def _follow(
         vehicle, p, law="none (recorded " + ("volume)" if ramps else "voltage)"), time=t[:reached],
         reference=np.full(reached, np.nan), record=record[:, :reached],
         events=name_events(log, int(noted[0])), stop=list(StopReason)[why],
-        books=close_books(vehicle, p, books, np.array(start), x[:4]),
+        books=close_books(vehicle, p, books, np.array(start), x[:4], prescribed=ramps),
     )  # fmt: skip
 
 
