@@ -94,6 +94,8 @@ def adjust(
             break
     spread = _spread(problem.residual(q, whole), problem.slope(q, whole)) * problem.scale
     spread[problem.at_limit(q)] = np.nan
+    # a deviation wider than all that is possible: the log cannot tell
+    spread[spread > (problem.most - problem.least) * problem.scale] = np.nan
     values = q * problem.scale
     fitted = {
         name: Fitted(value, std if np.isfinite(std) else None, FITTABLE[name].unit)

@@ -100,9 +100,10 @@ def _run(
     if depth is None:
         depth = _afloat(vehicle, None if volume is None else float(volume[0]))
     depth = min(max(depth, _highest(vehicle)), rec.bottom_depth)
-    begin = None
+    at = vehicle.neutral_volume(depth)  # where the log does not say, at rest if the stroke lets it
     if volume is not None and rec.volume_absolute:
-        begin = float(np.clip(volume[0], vehicle.stroke.minimum, vehicle.stroke.maximum))
+        at = float(volume[0])
+    begin = min(max(at, vehicle.stroke.minimum), vehicle.stroke.maximum)
     if rec.drive == "setpoint":
         solution = simulate(
             vehicle,
