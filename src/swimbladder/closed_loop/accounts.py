@@ -69,6 +69,8 @@ def close_books(
     energy["sea"] = m * (_potential(p, V1, z1) - _potential(p, V0, z0))
     motion = [energy[name] for name in ("drag", "bottom", "vehicle motion", "sea")]
     moved = m * p.a_b * a[Account.Z_DV]
+    # volume that goes out and comes back passes energy through that the net accounts do not show
+    passed = m * p.a_b * a[Account.TO_AND_FRO]
     source = energy["source"]
     sinks = sum(value for name, value in energy.items() if name != "source")
     return Books(
@@ -82,11 +84,9 @@ def close_books(
         basis=basis,
         volume_residue=(V1 - V0) - (a[Account.PUMPED] - a[Account.LEAKED]),
         energy_residue=source - sinks,
-        throughput=max(
-            abs(source), 0.5 * sum(abs(value) for value in energy.values()), k_b * 1e-12
-        ),
+        throughput=max(abs(source), 0.5 * sum(map(abs, energy.values())), passed, k_b * 1e-12),
         motion_residue=moved - sum(motion),
-        motion_throughput=max(abs(moved), 0.5 * sum(map(abs, motion)), k_b * 1e-12),
+        motion_throughput=max(passed, 0.5 * sum(map(abs, motion)), k_b * 1e-12),
         motor_on=a[Account.MOTOR_ON],
     )
 

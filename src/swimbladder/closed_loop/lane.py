@@ -168,19 +168,30 @@ def leap_lane(S, W_, i, u, h, bend):  # type: ignore[no-untyped-def]
         half = w + _row(S, W_, c + 36 * W_, q, v, z, w, u)
         alpha, beta = S[c + 42 * W_], S[c + 43 * W_]
         N0 = _rest(S, W_, i, w)
-        Na = _rest(S, W_, i, half + alpha * N0)
-        Nb = _rest(S, W_, i, half + alpha * Na)
-        Nc = _rest(S, W_, i, w1 + beta * N0 + alpha * (2.0 * Nb - N0))
+        wa = half + alpha * N0
+        Na = _rest(S, W_, i, wa)
+        wb = half + alpha * Na
+        Nb = _rest(S, W_, i, wb)
+        wc = w1 + beta * N0 + alpha * (2.0 * Nb - N0)
+        Nc = _rest(S, W_, i, wc)
         Nab = Na + Nb
         q1 += S[c + 24 * W_] * N0 + S[c + 28 * W_] * Nab + S[c + 32 * W_] * Nc
         v1 += S[c + 25 * W_] * N0 + S[c + 29 * W_] * Nab + S[c + 33 * W_] * Nc
         z1 += S[c + 26 * W_] * N0 + S[c + 30 * W_] * Nab + S[c + 34 * W_] * Nc
         w1 += S[c + 27 * W_] * N0 + S[c + 31 * W_] * Nab + S[c + 35 * W_] * Nc
-    return q1, v1, z1, w1, within(S, W_, i, q, v, z, w, q1, v1, z1, w1, h, bend)
+    ok = within(S, W_, i, q, v, z, w, q1, v1, z1, w1, h)
+    if len(bend) > 0:  # all on one branch of a switched drag law
+        epsilon = S[(PLANT + EPSILON) * W_ + i]
+        fast = abs(w) > epsilon
+        one = ((abs(wa) > epsilon) == fast) & ((abs(wb) > epsilon) == fast)
+        one = one & ((abs(wc) > epsilon) == fast) & ((abs(w1) > epsilon) == fast)
+        one = one & ((abs(w) <= epsilon) | (w * w1 >= 0.0))
+        ok = ok & ((epsilon <= 0.0) | one)
+    return q1, v1, z1, w1, ok
 
 
 @inlined
-def within(S, W_, i, q, v, z, w, q1, v1, z1, w1, h, bend):  # type: ignore[no-untyped-def]
+def within(S, W_, i, q, v, z, w, q1, v1, z1, w1, h):  # type: ignore[no-untyped-def]
     """Return whether the mode of lane i lasted through a step from one state to another."""
     # how far inside a step that turns the state may go beyond its ends
     dz = h * (abs(w) + abs(w1)) if w * w1 < 0.0 else 0.0
@@ -199,11 +210,6 @@ def within(S, W_, i, q, v, z, w, q1, v1, z1, w1, h, bend):  # type: ignore[no-un
         & (z + dz <= S[HIGH_Z * W_ + i])
         & (S[SLOW * W_ + i] == 0.0)
     )
-    if len(bend) > 0:
-        epsilon = S[(PLANT + EPSILON) * W_ + i]
-        fast, fast1 = abs(w) > epsilon, abs(w1) > epsilon
-        same = (fast == fast1) & ((abs(w) <= epsilon) | (w * w1 >= 0.0))
-        ok = ok & ((epsilon <= 0.0) | same)
     return ok
 
 

@@ -12,7 +12,17 @@ import math
 
 import numpy as np
 
-from swimbladder.engine.books import LOAD_Q, PUMPED, U_Q, Z_DV, Z_Q, decays, enter, enter_blow
+from swimbladder.engine.books import (
+    LOAD_Q,
+    PUMPED,
+    U_Q,
+    Z_DV,
+    Z_Q,
+    decays,
+    enter,
+    enter_bend,
+    enter_blow,
+)
 from swimbladder.engine.cache import compiled, part
 from swimbladder.engine.chain import TICKS, build_chain, leap
 from swimbladder.engine.modes import (
@@ -21,7 +31,6 @@ from swimbladder.engine.modes import (
     BACKWARD,
     BOTTOM,
     EMERGING,
-    EPSILON,
     FORWARD,
     HOLDING,
     K_L,
@@ -106,16 +115,6 @@ def _may_submerge(p, x, y):  # type: ignore[no-untyped-def]
     swing_next = math.sqrt((y[2] - floats_next) ** 2 + y[3] * y[3] / stiffness)
     reach = max(floats, floats_next) + max(swing, swing_next) + abs(floats - floats_next)
     return reach >= p[Z_SURFACE]
-
-
-@part
-def bends(p, w, w_next):  # type: ignore[no-untyped-def]
-    """Return whether the drag passes from laminar to turbulent, or back, between two speeds."""
-    epsilon = p[EPSILON]
-    if epsilon <= 0.0:
-        return False
-    fast, fast_next = abs(w) > epsilon, abs(w_next) > epsilon
-    return fast != fast_next or (fast and w * w_next < 0.0)
 
 
 @part
@@ -214,13 +213,12 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
             leaps += 1
             if leaps > _LEAPS:
                 return mode, CHATTERS
-            leap(chains[mode], level, p, nonlinear, x, applied, y)
+            bend = leap(chains[mode], level, p, nonlinear, x, applied, y)
             span = h * size / TICKS
             if not abs(y[2]) + abs(y[3]) + abs(y[1]) < 1e12:
                 return mode, NOT_FINITE
             new, q, w, reset = event(p, mode, y[0], y[1], y[2], y[3], u)
             if new == -1:
-                bend = nonlinear and bends(p, x[3], y[3])
                 search = size > smallest and bend and bent < _BENDS
                 bobs = books.shape[0] > 0 and mode // 20 == EMERGING and span * span * p[A_S] > 0.25
                 if search or (level < _FINE and (bend or bobs or may_hide(p, mode, x, y, span))):
@@ -235,6 +233,8 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
                 if books.shape[0] > 0:
                     decays(p, mode, span, y[5:])
                     enter(p, mode, x, y, u, span, y[5:], books)
+                    if bend:
+                        enter_bend(p, x, y, span, books)
                 x[:] = y[:5]
                 remaining -= size
                 if searching:

@@ -15,6 +15,8 @@ from enum import IntEnum
 from swimbladder.engine.cache import part
 from swimbladder.engine.chain import drag_rest
 from swimbladder.engine.modes import (
+    A_B,
+    A_S,
     BACKWARD,
     D_L,
     FORWARD,
@@ -29,16 +31,19 @@ from swimbladder.engine.modes import (
     MOVING_IN,
     MOVING_OUT,
     PRESCRIBED,
+    PSI,
     SAG,
     STUCK,
     SUPPLY,
     T1,
     UPPER,
+    V_0,
+    Z_SURFACE,
     split,
     supply_limit,
 )
 
-__all__ = ["Account", "decays", "enter", "enter_blow"]
+__all__ = ["Account", "decays", "enter", "enter_bend", "enter_blow"]
 
 
 class Account(IntEnum):
@@ -60,12 +65,13 @@ class Account(IntEnum):
     STOP_Q = 13  # m6/s2, of the q q that blows against the end stops took
     BOTTOM_W = 14  # m2/s2, of the w w/2 that blows against the bottom took
     MOTOR_ON = 15  # s, with a voltage on the motor, or the positioner moving
+    TO_AND_FRO = 16  # m4, of |z dV|, step by step
 
 
 (
     PUMPED, LEAKED, TRAVEL, U_Q, U_U, Q_Q, LOAD_Q, FRICTION_Q, Z_Q, LEAK_Z, Z_DV, DRAG, STOP_U,
-    STOP_Q, BOTTOM_W, MOTOR_ON,
-) = range(16)  # fmt: skip
+    STOP_Q, BOTTOM_W, MOTOR_ON, TO_AND_FRO,
+) = range(17)  # fmt: skip
 
 
 @part
@@ -113,6 +119,7 @@ def enter(p, mode, x, y, u, h, decay, books):  # type: ignore[no-untyped-def]
         books[PUMPED] += x[0] * h
         books[Z_Q] += x[0] * Iz
         books[Z_DV] += x[0] * Iz
+        books[TO_AND_FRO] += abs(x[0] * Iz)
         books[MOTOR_ON] += h if x[0] != 0.0 else 0.0
         return
     if p[GAIN] == 0.0:  # a positioner that holds
@@ -132,6 +139,7 @@ def enter(p, mode, x, y, u, h, decay, books):  # type: ignore[no-untyped-def]
             books[LEAKED] += p[K_L] * Iz
             books[LEAK_Z] += p[K_L] * Izz
             books[Z_DV] -= p[K_L] * Izz
+            books[TO_AND_FRO] += abs(p[K_L] * Izz)
         return
     load = p[LOAD_BACK] if act == BACKWARD else p[LOAD_DRIVE]
     friction = -p[FRICTION] if act == BACKWARD else p[FRICTION]
@@ -171,6 +179,7 @@ def enter(p, mode, x, y, u, h, decay, books):  # type: ignore[no-untyped-def]
         books[LEAK_Z] += p[K_L] * Izz
     if act in (FORWARD, BACKWARD):
         books[Z_DV] += Izq - p[K_L] * Izz
+        books[TO_AND_FRO] += abs(Izq - p[K_L] * Izz)
     elif act == UPPER:
         rotor = 0.5 * p[T1] / p[GAIN] * (y[0] * y[0] - x[0] * x[0])
         books[STOP_U] += U_q - load * Izq - friction * Iq - Iqq / p[GAIN] - rotor
@@ -181,3 +190,25 @@ def enter_blow(q_before, q_after, w_before, w_after, books):  # type: ignore[no-
     """Add to the accounts what a blow against an end stop or the bottom took."""
     books[STOP_Q] += (q_before - q_after) * (q_before + q_after)
     books[BOTTOM_W] += 0.5 * (w_before - w_after) * (w_before + w_after)
+
+
+@part
+def enter_bend(p, x, y, h, books):  # type: ignore[no-untyped-def]
+    """Correct the drag's work over a step from x to y in which its law bends or jumps.
+
+    A vehicle can slide along the jump, its speed held at epsilon by a drag between the two values:
+    what the drag took is then what the pull of buoyancy gave and the motion did not gain.
+    """
+    z0, w0, z1, w1 = x[2], x[3], y[2], y[3]
+    zm = 0.5 * (z0 + z1) + 0.125 * h * (w0 - w1)
+    wm = 1.5 * (z1 - z0) / h - 0.25 * (w0 + w1)
+    Vm = 0.5 * (x[1] + y[1]) + 0.125 * h * (x[0] - y[0] - p[K_L] * (z0 - z1))
+    work = _simpson(w0 * _pull(p, x[1], z0), wm * _pull(p, Vm, zm), w1 * _pull(p, y[1], z1), h)
+    books[DRAG] += work - 0.5 * (w1 - w0) * (w1 + w0)
+    books[DRAG] -= _simpson(_drag_power(p, w0), _drag_power(p, wm), _drag_power(p, w1), h)
+
+
+@part
+def _pull(p, V, z):  # type: ignore[no-untyped-def]
+    """Return the downward acceleration [m/s2] but for the drag, eqs (13), (15), (31)."""
+    return p[A_B] * (p[PSI] * z + p[V_0] - V) + p[A_S] * max(p[Z_SURFACE] - z, 0.0)

@@ -131,8 +131,20 @@ def drag_rest(p, w):  # type: ignore[no-untyped-def]
 
 
 @part
+def _branch(p, w):  # type: ignore[no-untyped-def]
+    """Return the branch of a switched drag law: 0 laminar, 1 and -1 turbulent; 0 of other laws."""
+    epsilon = p[EPSILON]
+    if epsilon <= 0.0 or abs(w) <= epsilon:
+        return 0
+    return 1 if w > 0.0 else -1
+
+
+@part
 def leap(chain, level, p, nonlinear, x, u, y):  # type: ignore[no-untyped-def]
-    """Advance x = (q, V, z, w, integral of z) by one step of a level into y; u is held."""
+    """Advance x = (q, V, z, w, integral of z) by one step of a level into y; u is held.
+
+    Return whether the step met more than one branch of a switched drag law.
+    """
     c = chain[level]
     q, V, z, w = x[0], x[1], x[2], x[3]
     for r in range(5):
@@ -151,11 +163,19 @@ def leap(chain, level, p, nonlinear, x, u, y):  # type: ignore[no-untyped-def]
             + half[_B1 + 3]
         )
         N0 = drag_rest(p, w)
-        Na = drag_rest(p, w_half + c[ALPHA] * N0)
-        Nb = drag_rest(p, w_half + c[ALPHA] * Na)
-        Nc = drag_rest(p, y[3] + c[BETA] * N0 + c[ALPHA] * (2.0 * Nb - N0))
+        wa = w_half + c[ALPHA] * N0
+        Na = drag_rest(p, wa)
+        wb = w_half + c[ALPHA] * Na
+        Nb = drag_rest(p, wb)
+        wc = y[3] + c[BETA] * N0 + c[ALPHA] * (2.0 * Nb - N0)
+        Nc = drag_rest(p, wc)
         for r in range(5):
             y[r] += c[_F1 + r] * N0 + c[_F2 + r] * (Na + Nb) + c[_F3 + r] * Nc
+        branch = _branch(p, w)
+        if _branch(p, wa) != branch or _branch(p, wb) != branch:
+            return True
+        return _branch(p, wc) != branch or _branch(p, y[3]) != branch
+    return False
 
 
 def base_steps(p: Plant, tick: float, speed: float) -> int:
