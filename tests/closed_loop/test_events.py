@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from swimbladder.closed_loop import Event, Solution, StopReason, drive, simulate
-from swimbladder.parameters import Hull, IdentifiedActuator
+from swimbladder.parameters import Drag, Hull, IdentifiedActuator
 from tests.oracle import Run, closed_loop
 from tests.vehicles import BLENDED, LINEAR, paper, pump, screw, stepper
 
@@ -376,3 +376,21 @@ class TestPositioner:
         agree(ours, theirs)
         assert ours.volume.max() == 200e-6
         assert ours.volume[-1] == -200e-6
+
+
+def test_sliding_along_the_jump_of_the_literal_drag() -> None:
+    """Eq. (16) as printed jumps at epsilon: a pull between the two values holds |w| there."""
+    epsilon, k_dl, k_dt = 0.1, 2.0, 60.0
+    vehicle = screw(drag=Drag(law="switched-literal", k_dl=k_dl, k_dt=k_dt, epsilon=epsilon))
+    vehicle = vehicle.model_copy(update={"hull": vehicle.hull.model_copy(update={"psi": 0.0})})
+    pull = 0.4  # N, above k_dl epsilon = 0.2 and below k_dt epsilon^2 = 0.6
+    s = simulate(
+        vehicle, law=lambda *_: 0.3, sample_time=0.5, setpoints=[(0.0, 5.0)], duration=60.0,
+        start_depth=5.0, start_volume=-pull / 9806.65,
+    )  # fmt: skip
+    sliding = s.time > 20.0
+    assert np.all(s.motor_rate == 0.0)
+    np.testing.assert_allclose(s.speed[sliding], epsilon, rtol=0.0, atol=1e-4)
+    assert s.depth[-1] - s.depth[60] == pytest.approx(epsilon * 30.0, rel=1e-4)
+    assert s.books.energy["drag"] == pytest.approx(pull * (s.depth[-1] - 5.0), rel=0.1)
+    assert s.books.relative_energy_residue < 1e-3

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.closed_loop.block import Block, Schedule, schedule, work_space
 from swimbladder.closed_loop.rows import Row
-from swimbladder.closed_loop.single import check_setpoints, choose_law
+from swimbladder.closed_loop.single import check_counts, check_setpoints, choose_law
 from swimbladder.control.law import Law
 from swimbladder.dynamics import Plant, plant
 from swimbladder.engine.chain import base_steps
@@ -80,8 +80,11 @@ def simulate_ensemble(
     the last set-point. Raises InputError for an unknown name, a wrong length or a start that the
     stroke, the bottom or the surface does not allow.
     """
-    if count < 1:
-        raise InputError("must be at least 1", field="count", value=count)
+    check_counts(count=(count, 1), seed=(seed, 0), workers=(workers, 1))
+    if keep not in ("summary", "trajectory"):
+        raise InputError(
+            "not a choice", field="keep", value=keep, remedy="Choose summary or trajectory"
+        )
     chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time)
     plants, values = _vary(plant(vehicle, bottom_depth=bottom_depth), numbers, vary or {}, count)
     times, _ = check_setpoints([(t, 0.0) for t, _ in setpoints], duration, tick)

@@ -21,7 +21,7 @@ from swimbladder.engine.chain import book_steps
 from swimbladder.errors import InputError
 from swimbladder.parameters import Vehicle
 
-__all__ = ["check_start", "choose_law", "simulate"]
+__all__ = ["check_counts", "check_setpoints", "check_start", "choose_law", "simulate"]
 
 
 def simulate(
@@ -61,7 +61,7 @@ def simulate(
 
         chosen, numbers, tick = as_law(vehicle, law, sample_time)
         function = law
-    _check_counts(seed, parts)
+    check_counts(seed=(seed, 0), parts=(parts, 1))
     start = check_start(vehicle, p, start_depth, start_volume, start_speed)
     times, depths = check_setpoints(setpoints, duration, tick)
     clock = schedule(times, duration, tick)
@@ -224,12 +224,12 @@ def check_setpoints(
     return times, depths
 
 
-def _check_counts(seed: int | None, parts: int | None) -> None:
-    """Raise InputError where the seed or the number of steps in a sample cannot be."""
-    for field, value, least in (("seed", seed, 0), ("parts", parts, 1)):
+def check_counts(**given: tuple[int | None, int]) -> None:
+    """Raise InputError where a count, given with the least it may be, is not a whole number."""
+    for field, (value, least) in given.items():
         whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
         if value is not None and not (whole and value >= least):
             raise InputError(
                 f"must be a whole number of at least {least}", field=field, value=value,
-                remedy=f"Give one, or leave {field} out",
+                remedy=f"Give {field} as a number like {least + 1}",
             )  # fmt: skip
