@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from swimbladder.closed_loop import Solution
 from swimbladder.plots.style import BLACK, BLUE, GREEN, GREY, ORANGE, depth_axis, save, styled
@@ -81,14 +82,19 @@ def _voltage(s: Solution, axes: Axes) -> None:
     axes.set_ylabel("voltage [V]")
 
 
+def _at_samples(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+    """Draw points: just after a change of voltage they are peaks, which a line would hold."""
+    axes.plot(time, values, ".", color=GREEN, ms=2.5, mew=0.0)
+
+
 def _power(s: Solution, axes: Axes) -> None:
-    axes.step(s.time, s.power, where="post", color=GREEN, lw=0.9)
-    axes.set_ylabel("power [W]")
+    _at_samples(axes, s.time, s.power)
+    axes.set_ylabel("power [W]\nat samples")
 
 
 def _current(s: Solution, axes: Axes) -> None:
-    axes.step(s.time, s.current, where="post", color=GREEN, lw=0.9)
-    axes.set_ylabel("current [A]")
+    _at_samples(axes, s.time, s.current)
+    axes.set_ylabel("current [A]\nat samples")
 
 
 def _legend(axes: Axes) -> None:
