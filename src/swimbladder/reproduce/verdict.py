@@ -60,6 +60,9 @@ class Known:
         return abs(seen - self.value) <= self.within * abs(self.value)
 
 
+_NOTABLE = 1e-3  # a relative difference from which on the tolerance is printed
+
+
 def number(
     where: str, what: str, *, paper: float, ours: float, unit: str, within: float,
     known: Known | None = None, digits: int = 4, why: str = "",
@@ -76,6 +79,8 @@ def number(
         verdict = Verdict.EXPLAINED
     else:
         verdict = Verdict.FAILS
+    if agrees and abs(relative) > _NOTABLE:
+        why = f"{why} Within {100.0 * within:.2g} % counts as agreement.".strip()
     return Finding(
         where=where, what=what, paper=f"{paper:.{max(digits, 6)}g} {unit}".strip(),
         ours=f"{ours:.{digits}g} {unit}".strip(), difference=_percent(relative), verdict=verdict,
