@@ -4,6 +4,7 @@ import csv
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -292,3 +293,20 @@ def test_a_warm_run_imports_nothing_that_it_does_not_need(tmp_path):
     heavy = {"pandas", "xarray", "h5py", "matplotlib", "control", "scipy.linalg"}
     assert not loaded.intersection(heavy)
     assert json.loads(done.stdout)["vehicle"] == "feup-em"
+
+
+def test_going_below_the_rating_is_said_and_answers_no(tmp_path: Path) -> None:
+    """From 1 m down to 999 m the electrohydraulic example cannot stop in time."""
+    command = ["simulate", "example-eh", "--start", "1", "--target", "999", "--duration", "4000"]
+    run = subprocess.run(
+        [sys.executable, "-m", "swimbladder", *command, "--json", "--out", str(tmp_path)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert run.returncode == 1
+    assert "below its depth limit of 1000 m" in run.stderr
+    answer = json.loads(run.stdout)
+    assert answer["completed"] is True
+    assert answer["within_depth_limit"] is False
+    assert answer["deepest_m"] > 1000.0
+    assert "passed its depth limit of 1000 m" in [event["kind"] for event in answer["events"]]
+    assert answer["energy_J"] > 0.0

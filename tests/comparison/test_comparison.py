@@ -358,7 +358,7 @@ def test_samples_without_input_are_left_out(float_vehicle, voyage):
         ({}, {"fit": ("weight",)}, "cannot be fitted"),
         ({}, {"fit": ("mass", "mass")}, "twice"),
         ({}, {"surface_margin": 50.0}, "too few"),
-        ({}, {"bottom_depth": 0.1}, "too few"),
+        ({}, {"bottom_depth": 0.1}, "deeper than the bottom"),
     ],
 )
 def test_what_does_not_go_together_is_refused(float_vehicle, voyage, change, options, match):

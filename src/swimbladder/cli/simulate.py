@@ -88,8 +88,15 @@ def simulate(
         emit_json(answer)
     else:
         _print(answer)
-    if not answer["completed"]:
-        console.print(f"stopped at {s.time[-1]:.6g} s: {s.stop.value}")
+    if not (answer["completed"] and answer["within_depth_limit"]):
+        if not s.finished:
+            console.print(f"stopped at {s.time[-1]:.6g} s: {s.stop.value}")
+        if not s.within_depth_limit:
+            console.print(
+                f"the vehicle went down to {s.deepest:.1f} m, below its depth limit of "
+                f"{v.hull.depth_limit:g} m: it would be lost",
+                highlight=False,
+            )
         raise typer.Exit(1)
 
 
@@ -265,6 +272,10 @@ def _answer(
         "duration_s": float(s.time[-1]),
         "samples": len(s.time),
         "completed": s.finished,
+        "deepest_m": s.deepest,
+        "within_depth_limit": s.within_depth_limit,
+        "energy_J": s.books.energy["source"],
+        "energy_basis": s.books.basis,
         "stop_reason": s.stop.value,
         "events": [{"time_s": e.time, "kind": e.kind} for e in s.events],
         "events_left_out": s.events_left_out,
@@ -286,12 +297,13 @@ def _print(answer: dict[str, Any]) -> None:
     ):  # fmt: skip
         table.add_column(heading, justify="right", no_wrap=True)
     for step in answer["steps"]:
+        moves = step["target_depth_m"] != step["start_depth_m"]
         table.add_row(
             f"{step['time_s']:g} s",
             f"{step['start_depth_m']:g} to {step['target_depth_m']:g} m",
             number(step["overshoot_pct"], "%"),
-            number(step["rise90_s"], "s"),
-            number(step["settle2_s"], "s"),
+            number(step["rise90_s"], "s") if moves else "no step",
+            number(step["settle2_s"], "s") if moves else "no step",
             number(step["final_depth_m"], "m", 3),
             number(step["peak_volume_m3"] * 1e6, "cm3"),
             number(step["actuator_travel_m3"] * 1e6, "cm3"),
@@ -304,6 +316,8 @@ def _print(answer: dict[str, Any]) -> None:
         at = next(e["time_s"] for e in answer["events"] if e["kind"] == kind)
         times = f"{kinds.count(kind)} times, first " if kinds.count(kind) > 1 else ""
         output.print(f"{kind} {times}at {at:.6g} s")
+    if answer["energy_basis"].startswith("electrical"):
+        output.print(f"energy: {answer['energy_J']:.4g} J, {answer['energy_basis']}")
     output.print(answer["stop_reason"])
     for path in answer["files"]:
         output.print(f"wrote {path}", soft_wrap=True)

@@ -111,7 +111,9 @@ def simulate_ensemble(
             work[:, own], record[:, :, own] = rows, kept
             if progress is not None:
                 progress(own.stop)
-    return _dataset(vehicle, chosen, clock, work, record)
+    data = _dataset(vehicle, chosen, clock, work, record)
+    data.attrs["steps_per_sample"] = parts
+    return data
 
 
 def _stiffest(plants: NDArray[np.float64]) -> Plant:

@@ -33,8 +33,8 @@ class StopReason(Enum):
         "the waterplane area and the height of the hull, or begin deeper."
     )
     TOO_DEEP = (
-        "The vehicle sank below 12000 m, deeper than any sea. Give the bottom's depth, or check "
-        "that the controller can bring enough volume."
+        "The vehicle sank below 12000 m, deeper than any sea: the controller could not bring "
+        "enough volume to stop it. Check its gains, the stroke and the depth asked for."
     )
     CHATTERS = (
         "The vehicle changed its mode more than 500 times in one step. This is a fault of the "
@@ -94,6 +94,17 @@ class Solution:
     def finished(self) -> bool:
         """Whether the simulation reached its end."""
         return self.stop is StopReason.FINISHED
+
+    @property
+    def deepest(self) -> float:
+        """Greatest depth at a sample [m]."""
+        return float(np.max(self.depth))
+
+    @property
+    def within_depth_limit(self) -> bool:
+        """Whether the vehicle stayed within its rating, where it has one."""
+        limit = self.vehicle.hull.depth_limit
+        return limit is None or self.deepest <= limit
 
     @property
     def actuator_travel(self) -> float:
@@ -186,8 +197,24 @@ def assemble(
         vehicle=vehicle, law=law, time=time, reference=reference, depth=depth, speed=speed,
         volume=volume, motor_rate=motor_rate, command=command, voltage=voltage,
         volume_reference=volume_reference, current=current, power=power,
-        events=events[0], events_left_out=events[1], stop=stop, books=books,
+        events=_with_limit(events[0], vehicle, time, depth),
+        events_left_out=events[1], stop=stop, books=books,
     )  # fmt: skip
+
+
+def _with_limit(
+    events: tuple[Event, ...], vehicle: Vehicle, time: Array, depth: Array
+) -> tuple[Event, ...]:
+    """Return the events with the samples at which the vehicle went below its depth limit."""
+    limit = vehicle.hull.depth_limit
+    if limit is None:
+        return events
+    below = np.concatenate(([False], depth > limit))
+    passed = [
+        Event(float(t), f"passed its depth limit of {limit:g} m")
+        for t in time[below[1:] & ~below[:-1]]
+    ]
+    return tuple(sorted((*events, *passed), key=lambda event: event.time))
 
 
 def _as_supplied(p: Plant, u: Array, q: Array) -> Array:

@@ -24,6 +24,7 @@ Drive = Literal["volume", "voltage", "setpoint"]
 DRIVES: tuple[Drive, ...] = get_args(Drive)
 
 _FEWEST = 10
+_BELOW_BOTTOM = 0.2  # m, that a depth sensor may be off
 _BOTTOM_MARGIN = 0.03  # m, of the bottom: the vehicle may stand on it
 _REMEDIES = {
     "volume": "Map volume_m3 or piston_m with --column, or choose another --drive",
@@ -116,6 +117,16 @@ def record(
                 f"{int((beyond > 1e-9).sum())} samples have a volume beyond the vehicle's stroke, "
                 f"by up to {1e6 * beyond.max():.2g} cm3"
             )
+    deepest = float(np.median(np.sort(log.depth)[-9:]))  # not the one spike
+    if deepest > bottom_depth + _BELOW_BOTTOM:
+        raise LogError(
+            f"the log goes deeper than the bottom, which is said to be at {bottom_depth:g} m",
+            file=log.source,
+            field="depth_m",
+            value=round(deepest, 3),
+            unit="m",
+            remedy="Check --bottom, and the unit of the logged depth",
+        )
     surface = vehicle.hull.emergence_depth
     submerged = log.depth >= surface + surface_margin
     clear = log.depth <= bottom_depth - _BOTTOM_MARGIN

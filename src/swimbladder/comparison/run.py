@@ -134,7 +134,13 @@ def compare(
     compared_volume = rec.volume if rec.drive != "volume" else None
     notes = list(rec.notes)
     notes += _fitted_before(vehicle)
-    if _upside_down(rec, outcome.vehicle, float(off.std())):
+    explained = float(1.0 - off.var() / measured.var()) if measured.var() else np.nan
+    if explained < 0.5:
+        notes.append(
+            "the model explains less than half of how the depth varies: check the units and signs "
+            "of the log's columns, and whether this is the vehicle"
+        )
+    if _upside_down(rec, outcome.vehicle, names, float(off.std())):
         notes.append(
             "the depth follows the volume the wrong way round: if a larger piston_m means less "
             'volume, set piston_positive = "in" in the [log] table'
@@ -148,7 +154,7 @@ def compare(
         volume=volume,
         rms=float(np.sqrt(np.mean(off**2))),
         bias=float(off.mean()),
-        variance_explained=float(1.0 - off.var() / measured.var()) if measured.var() else np.nan,
+        variance_explained=explained,
         largest=float(np.abs(off).max()),
         volume_rms=None
         if compared_volume is None
@@ -167,13 +173,23 @@ def _fitted_before(vehicle: Vehicle) -> list[str]:
     return [f"{origin}, says the vehicle: {', '.join(f)}" for origin, f in found.items()]
 
 
-def _upside_down(rec: Record, vehicle: Vehicle, spread: float) -> bool:
-    """Return whether the volume, taken the other way round, would explain far more."""
+def _upside_down(rec: Record, vehicle: Vehicle, names: Sequence[str], spread: float) -> bool:
+    """Return whether the volume, taken the other way round, would explain far more.
+
+    Either way with the neutral volume fitted, so that they are compared on equal terms.
+    """
     if rec.drive != "volume" or rec.volume is None or spread < 0.1:
         return False
+    if "neutral_volume" not in names:
+        spread = min(spread, _spread_of(rec, vehicle))
     middle = float(np.median(rec.volume[rec.compared]))
     other = replace(rec, volume=2.0 * middle - rec.volume, afloat=False)
-    outcome = adjust(vehicle, other, ("neutral_volume",))
-    predicted, _, solution = run(outcome.vehicle, other, outcome.start)
-    off = (predicted - other.depth)[rec.compared]
-    return solution.finished and float(off.std()) < 0.3 * spread
+    return _spread_of(other, vehicle) < 0.3 * spread
+
+
+def _spread_of(rec: Record, vehicle: Vehicle) -> float:
+    """Return how far off [m] the best neutral volume leaves the depth, as a standard deviation."""
+    outcome = adjust(vehicle, rec, ("neutral_volume",))
+    predicted, _, solution = run(outcome.vehicle, rec, outcome.start)
+    off = (predicted - rec.depth)[rec.compared]
+    return float(off.std()) if solution.finished else np.inf

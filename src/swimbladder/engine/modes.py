@@ -165,9 +165,12 @@ def _applied(p, u, q):  # type: ignore[no-untyped-def]
 
 @part
 def resting_volume(p, z):  # type: ignore[no-untyped-def]
-    """Return the volume [m3] above which a vehicle that lies at depth z rises."""
+    """Return the volume [m3] above which a vehicle that lies at depth z rises.
+
+    A share of 1e-12 of the stroke above neutral, so that rounding neither lifts it nor lets it go.
+    """
     emerged = p[A_S] / p[A_B] * max(p[Z_SURFACE] - z, 0.0)
-    return p[PSI] * z + p[V_0] + emerged
+    return p[PSI] * z + p[V_0] + emerged + 1e-12 * (p[V_MAX] - p[V_MIN])
 
 
 @part

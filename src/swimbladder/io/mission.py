@@ -152,7 +152,7 @@ def _check_depth(
     if limit is not None and depth > limit:
         raise problem(
             f"the vehicle {vehicle.name!r} is rated for {limit:g} m (hull.depth_limit)",
-            remedy=f"Stay at or above {limit:g} m",
+            remedy=f"Ask for {limit:g} m at most",
         )
     stroke, neutral = vehicle.stroke, vehicle.neutral_volume(depth)
     if not stroke.minimum < neutral < stroke.maximum:
