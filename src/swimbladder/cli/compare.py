@@ -290,7 +290,7 @@ def _print_one(task: _Task, r: Comparison, said: set[str]) -> None:
         if fitted.std is not None:
             spread = f" +- {format_quantity(fitted.std, fitted.unit, unit, digits=2)}"
         else:
-            spread = ", which this log cannot tell: give it in the vehicle file, or leave it out"
+            spread = ", which this log cannot tell"
         output.print(f"fitted to this log: {name} = {value}{spread}")
     piston = r.to_json()["piston_rms_m"]
     if piston is not None:

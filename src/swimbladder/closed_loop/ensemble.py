@@ -188,6 +188,12 @@ def _vary(
                 remedy=(f"Did you mean {near[0]!r}? " if near else "")
                 + f"Known: {', '.join(known)}",
             )
+    for name in ("T1", "a_b", "a_s"):
+        least = plants[Plant._fields.index(name)].min()
+        if least <= 0.0:
+            raise InputError(
+                "must be above 0 in every lane", field=f"vary[{name!r}]", value=float(least)
+            )
     return plants, values
 
 
