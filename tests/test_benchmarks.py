@@ -110,3 +110,11 @@ def test_quick_run(tmp_path, capsys) -> None:
     errors = found["scores"]["swimbladder"]["errors"].values()
     assert max(largest for largest, _ in errors) < 2e-6
     assert found["memory"]["peak_MB"] > 0.0
+
+
+def test_the_c_loop_leaves_the_processor_as_it_was() -> None:
+    """Code linked with -ffast-math would flush subnormal numbers to zero everywhere."""
+    if c_loop.compiler() is None:
+        pytest.skip("no C compiler: $CC, gcc, cc or clang")
+    with c_loop.built():
+        assert float(np.float64(5e-324) * np.float64(1.0)) == 5e-324

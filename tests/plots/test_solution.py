@@ -12,7 +12,8 @@ from swimbladder.plots import plot_solution
 from swimbladder.plots.solution import draw_solution
 
 DEPTH, VOLUME = "depth [m]", "volume [cm³]"
-VOLTAGE, POWER, CURRENT = "voltage [V]", "power [W]", "current [A]"
+VOLTAGE = "voltage [V]"
+POWER, CURRENT = "power [W]\nat samples", "current [A]\nat samples"
 
 
 def run(name, start, target, **more):
