@@ -9,7 +9,7 @@ import pytest
 from swimbladder.closed_loop import Event, Solution, StopReason, drive, simulate
 from swimbladder.parameters import Drag, Hull, IdentifiedActuator
 from tests.oracle import Run, closed_loop
-from tests.vehicles import BLENDED, LINEAR, paper, pump, screw, stepper
+from tests.vehicles import BLENDED, LINEAR, QUADRATIC, SWITCHED, paper, pump, screw, stepper
 
 TICK = 0.25
 STEP = TICK / 2**20  # s, the accuracy to which events are located
@@ -241,6 +241,20 @@ class TestBottomAndSurface:
         ours, theirs = both(paper(), [(0.0, 0.0)], 60.0, depth=0.3, volume=150e-6)
         agree(ours, theirs)
         assert len(times(ours, "began to emerge")) >= 5
+
+    @pytest.mark.parametrize("drag", [SWITCHED, QUADRATIC], ids=lambda d: d.law)
+    def test_bobbing_under_nonlinear_drag(self, drag: Drag) -> None:
+        """The hull's stiffness, not only the drag, decides how long a step may be."""
+        vehicle = screw(efficiency=1.0, drag=drag)
+        run: dict[str, Any] = dict(setpoints=[(0.0, 0.8)], duration=40.0)
+        ours = simulate(
+            vehicle, law=lambda *_: 0.0, sample_time=1.0, start_depth=0.8, start_volume=5e-5, **run
+        )
+        theirs = closed_loop(
+            vehicle, lambda *_: 0.0, tick=1.0, depth=0.8, volume=5e-5, **run
+        )  # fmt: skip
+        assert len(times(ours, "began to emerge")) >= 5
+        np.testing.assert_allclose(ours.depth, theirs.depth, rtol=0.0, atol=4e-6)
 
     def test_bobbing_faster_than_the_sample(self) -> None:
         """A sample of 6 s, a period of 2.4 s: no emergence goes unseen."""
