@@ -60,6 +60,7 @@ from swimbladder.engine.modes import (
     LOAD_BACK,
     LOAD_DRIVE,
     POSITIONER,
+    QUICK_BOBBING,
     SAG,
     SLOW_BOBBING,
     V_MAX,
@@ -92,7 +93,8 @@ def set_mode(S, token, i, mode, chains, built, h, p):  # type: ignore[no-untyped
     if where == EMERGING:
         S[LOW_Z * W_ + i] = p[Z_AIR]
         S[HIGH_Z * W_ + i] = min(p[Z_SURFACE], p[Z_BOTTOM])
-        if h * h * p[A_S] > SLOW_BOBBING:  # it may bob more than once in a step
+        bobbing = SLOW_BOBBING if p[EPSILON] == np.inf else QUICK_BOBBING
+        if h * h * p[A_S] > bobbing:  # it may bob more than once in a step
             S[SLOW * W_ + i] = 1.0
     elif where == BOTTOM:
         S[LOW_Z * W_ + i] = -np.inf

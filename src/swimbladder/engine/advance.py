@@ -41,6 +41,7 @@ from swimbladder.engine.modes import (
     MOVING_IN,
     MOVING_OUT,
     PSI,
+    QUICK_BOBBING,
     SLOW_BOBBING,
     SUPPLY,
     UPPER,
@@ -220,7 +221,8 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
             new, q, w, reset = event(p, mode, y[0], y[1], y[2], y[3], u)
             if new == -1:
                 search = size > smallest and bend and bent < _BENDS
-                bobs = books.shape[0] > 0 and mode // 20 == EMERGING and span * span * p[A_S] > 0.25
+                bobs = mode // 20 == EMERGING and span * span * p[A_S] > QUICK_BOBBING
+                bobs = bobs and (nonlinear or books.shape[0] > 0)
                 if search or (level < _FINE and (bend or bobs or may_hide(p, mode, x, y, span))):
                     size >>= 1
                     level += 1

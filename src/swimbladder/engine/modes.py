@@ -16,6 +16,7 @@ __all__ = [
     "COUNT",
     "DEEPEST",
     "LANE",
+    "QUICK_BOBBING",
     "SLOW_BOBBING",
     "Act",
     "Where",
@@ -54,6 +55,7 @@ class Where(IntEnum):
 # Stiffness of the emerging hull times the squared step [-] below which a bobbing hull turns at most
 # once in a step, with its greatest speed at an end: (pi/2)^2, rounded down.
 SLOW_BOBBING = 2.0
+QUICK_BOBBING = 0.06  # the same, above which nonlinear drag and the accounts want smaller steps
 DEEPEST = 12000.0  # m; no sea is deeper
 COUNT = 60  # 3 places x 2 (limited by the supply or not) x 10 states of the actuator
 
