@@ -1,0 +1,65 @@
+"""One record through many vehicles at once: depths only, for fits and their sensitivities."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.dynamics import Plant
+from swimbladder.engine.advance import follow
+from swimbladder.engine.cache import compiled
+from swimbladder.engine.chain import COEFFICIENTS, LEVELS, base_steps
+from swimbladder.engine.modes import COUNT, Act, first_mode
+
+__all__ = ["follow_bundle"]
+
+Array = NDArray[np.float64]
+_PRESCRIBED = int(Act.PRESCRIBED)
+
+
+@compiled
+def _bundle(plants, starts, parts, nonlinear, time, inputs, ramps, chains, built, depth):  # type: ignore[no-untyped-def]
+    """Follow the record with every vehicle; depth [lanes, n] stays NaN where one stopped."""
+    record = np.empty((7, time.shape[0]))
+    nothing = np.zeros(0)
+    log, noted = np.zeros((0, 3)), np.zeros(1, np.int64)
+    x = np.zeros(5)
+    for i in range(plants.shape[0]):
+        p = plants[i]
+        mode, q = first_mode(p, starts[i, 0], starts[i, 1], starts[i, 2], starts[i, 3], 0.0)
+        x[0], x[1], x[2], x[3], x[4] = q, starts[i, 1], starts[i, 2], starts[i, 3], 0.0
+        if ramps:
+            mode = mode - mode % 10 + _PRESCRIBED
+            x[0] = starts[i, 0]
+        built[:] = 0
+        reached, _ = follow(
+            p, parts, nonlinear, mode, x, time, inputs, ramps, record, nothing, log, noted, chains,
+            built,
+        )  # fmt: skip
+        for k in range(reached):
+            depth[i, k] = record[0, k]
+
+
+def follow_bundle(
+    plants: Sequence[Plant], starts: Array, time: Array, inputs: Array, *, ramps: bool
+) -> Array:
+    """Return the depths [lanes, n] in m of several vehicles, each driven by the same record.
+
+    starts [lanes, 4]: volume rate, volume, depth and speed at the first instant. time [n] in s;
+    inputs [n]: where `ramps` volumes [m3], linear between instants, else voltages [V], held. After
+    an instant at which a vehicle cannot be followed further its depths are NaN. All lanes take the
+    steps of the first, so that the differences between them are smooth.
+    """
+    base = plants[0]
+    fastest = float(np.abs(starts[:, 3]).max())
+    spans, place = np.unique(np.diff(time), return_inverse=True)
+    steps = np.array([base_steps(base, h, fastest) for h in spans.tolist()], np.int64)
+    depth = np.full((len(plants), len(time)), np.nan)
+    _bundle(
+        np.array(plants), starts, steps[place], math.isfinite(base.epsilon), time, inputs, ramps,
+        np.empty((COUNT, LEVELS + 1, COEFFICIENTS)), np.zeros(COUNT, np.uint8), depth,
+    )  # fmt: skip
+    return depth
