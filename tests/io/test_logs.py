@@ -45,6 +45,42 @@ def test_the_plain_format(tmp_path: Path) -> None:
     assert len(log) == 3
 
 
+def test_a_bench_without_depth_is_read_where_it_is_not_required(tmp_path: Path) -> None:
+    text = "time_s,piston_m,reference_piston_m,reference_volume_m3\n0,1,2,3\n1,2,2,3\n2,,2,3\n"
+    path = write(tmp_path, text)
+    assert refused(path).field == "depth_m"
+    form = LogFormat(piston_positive="in", piston_zero=0.5, volume_zero=1.0)
+    log = read_log(path, required=("piston_m",), log_format=form)
+    assert log.piston is not None
+    assert log.reference_piston is not None
+    assert log.reference_volume is not None
+    assert log.piston.tolist() == [-0.5, -1.5]
+    assert log.reference_piston.tolist() == [-1.5, -1.5]
+    assert log.reference_volume.tolist() == [2.0, 2.0]
+    assert np.isnan(log.depth).all()
+    assert len(log.depth) == 2
+    assert "1 of 3 rows without time or piston dropped" in log.report
+    assert refused(path, required=("voltage_V",)).field == "voltage_V"
+    assert refused(path, required=("volts",)).field == "volts"
+
+
+def test_depth_that_is_not_required_may_have_holes(tmp_path: Path) -> None:
+    path = write(tmp_path, "time_s,depth_m,voltage_V\n0,1,1\n1,,2\n2,3,3\n3,4,\n")
+    log = read_log(path, required=("time_s", "voltage_V"))
+    assert log.time.tolist() == [0.0, 1.0, 2.0]
+    assert np.isnan(log.depth).tolist() == [False, True, False]
+
+
+def test_a_part_of_a_log_has_a_part_of_every_array(tmp_path: Path) -> None:
+    text = "time_s,depth_m,reference_piston_m\n0,1,5\n1,2,6\n2,3,7\n"
+    part = read_log(write(tmp_path, text)).only(np.array([True, False, True]))
+    assert part.time.tolist() == [0.0, 2.0]
+    assert part.reference_piston is not None
+    assert part.reference_piston.tolist() == [5.0, 7.0]
+    assert part.line.tolist() == [2, 4]
+    assert part.volume is None
+
+
 @pytest.mark.parametrize(
     "data",
     [

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +95,7 @@ def record(
     kept = np.isfinite(series)
     if not kept.all():
         notes.append(f"{int((~kept).sum())} samples without {chosen} left out")
-        log, series = _only(log, kept), series[kept]
+        log, series = log.only(kept), series[kept]
     if len(log) < _FEWEST:
         raise LogError(
             f"{len(log)} samples with {chosen} are too few to compare",
@@ -220,15 +220,6 @@ def _volume(log: Log, vehicle: Vehicle) -> tuple[Array | None, bool]:
     if log.piston is not None and area is not None and np.isfinite(log.piston).all():
         return log.piston * area, log.piston_absolute
     return None, False
-
-
-def _only(log: Log, kept: NDArray[np.bool_]) -> Log:
-    names = ("time", "depth", "volume", "piston", "voltage", "current", "speed", "reference_depth")
-    arrays = {name: getattr(log, name) for name in names}
-    chosen: dict[str, Any] = {
-        name: None if values is None else values[kept] for name, values in arrays.items()
-    }
-    return replace(log, line=log.line[kept], **chosen)
 
 
 def _changes(time: Array, reference: Array) -> tuple[tuple[float, float], ...]:

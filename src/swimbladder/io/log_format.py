@@ -44,6 +44,8 @@ COLUMNS = {
     "current_A": "A",
     "speed_m_s": "m/s",
     "reference_depth_m": "m",
+    "reference_volume_m3": "m3",
+    "reference_piston_m": "m",
 }
 
 
@@ -72,6 +74,10 @@ class LogColumns(Parameters):
     current_A: _Column = Field(None, description="current of the motor")
     speed_m_s: _Column = Field(None, description="vertical speed, positive down")
     reference_depth_m: _Column = Field(None, description="depth asked for")
+    reference_volume_m3: _Column = Field(None, description="volume the actuator was asked for")
+    reference_piston_m: _Column = Field(
+        None, description="position of the piston the actuator was asked for"
+    )
 
     def mapped(self) -> dict[str, LogColumn]:
         """Return the columns that are named."""
