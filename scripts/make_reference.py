@@ -53,6 +53,8 @@ def what(name: str, info: FieldInfo, unit: str | None) -> str:
     if unit is not None:
         return unit or "-"
     choices = choices_of(info)
+    if get_origin(info.annotation) is tuple:
+        return "list"
     if isinstance(info.default, bool):
         return "true or false"
     return "integer" if choices and isinstance(choices[0], int) else "text"

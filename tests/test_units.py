@@ -60,6 +60,8 @@ def test_every_unit_agrees_with_pint(registry, name):
         ("N*m/(rad*s^-1)", "N*m/(rad/s)", "N m s/rad", "N*m*s/rad"),
         ("V/dm3", "V/dm**3", "V/m3", "V/m**3"),
         ("/s", "1/s", "Hz", "1/s"),
+        ("cm3/h^0.5", "cm**3/hour**0.5", "m3/s^0.5", "m**3/second**0.5"),
+        ("mm s^-0.5", "mm*s**-0.5", "m/s^0.5", "m/second**0.5"),
     ],
 )
 def test_composite_units_agree_with_pint(registry, given_unit, pint_unit, wanted, pint_wanted):

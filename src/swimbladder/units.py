@@ -3,7 +3,7 @@
 A bare number is taken in the unit that the field states, always an SI one (volume per
 revolution and lead per revolution excepted: they are stated per ``rev`` as datasheets do).
 Angles count as a dimension, so that ``V/rpm`` and ``V s`` cannot be confused.
-The grammar: ``mm/s/V``, ``kg m2``, ``V/(rad/s)``, ``m3/rev``, ``1/s``, ``cm^3``, ``%``.
+The grammar: ``mm/s/V``, ``kg m2``, ``V/(rad/s)``, ``m3/rev``, ``1/s``, ``cm^3``, ``s^0.5``, ``%``.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ __all__ = ["format_quantity", "parse_quantity", "to_si", "unit_factor"]
 @dataclass(frozen=True)
 class _Unit:
     factor: Fraction
-    dimension: tuple[int, ...]  # powers of metre, kilogram, second, ampere, radian
+    dimension: tuple[Fraction | int, ...]  # powers of metre, kilogram, second, ampere, radian
 
-    def times(self, other: _Unit, power: int = 1) -> _Unit:
+    def times(self, other: _Unit, power: Fraction | int = 1) -> _Unit:
         return _Unit(
-            self.factor * other.factor**power,
+            self.factor * Fraction(other.factor**power),
             tuple(a + power * b for a, b in zip(self.dimension, other.dimension, strict=True)),
         )
 
@@ -70,7 +70,9 @@ _UNITS = {
 }
 _NONE = _Unit(Fraction(1), (0, 0, 0, 0, 0))
 
-_TOKEN = re.compile(r"\s*(?:([A-Za-zΩ%]+)(?:(?:\^|\*\*)?(-?[1-9])(?!\d))?|([()*/·])|(1)(?=\s*/))")
+_TOKEN = re.compile(
+    r"\s*(?:([A-Za-zΩ%]+)(?:(?:(?:\^|\*\*)?(-?[1-9])|(?:\^|\*\*)(-?0\.5))(?!\d))?|([()*/·])|(1)(?=\s*/))"
+)
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\d.,])\s*")
 _LONGEST = 100  # characters of a text that is still read as a quantity
 _HOW = "Write a unit like mm/s/V, kg m2 or V/(rad/s)"
@@ -99,7 +101,7 @@ def _product(tokens: list[re.Match[str]], text: str) -> tuple[_Unit, list[re.Mat
     first, open_ended = True, True  # open_ended: a unit has to follow
     while tokens:
         token, *tokens = tokens
-        name, exponent, symbol, one = token.groups()
+        name, whole, half, symbol, one = token.groups()
         if symbol == ")":
             tokens = [token, *tokens]
             break
@@ -111,14 +113,14 @@ def _product(tokens: list[re.Match[str]], text: str) -> tuple[_Unit, list[re.Mat
             continue
         if symbol == "(":
             inner, tokens = _product(tokens, text)
-            if not tokens or tokens[0].group(3) != ")":
+            if not tokens or tokens[0].group(4) != ")":
                 raise UnitError("unbalanced bracket in a unit", value=text, remedy=_HOW)
             tokens = tokens[1:]
             result = result.times(inner, power)
         elif one is None:
             if name not in _UNITS:
                 raise UnitError(f"unknown unit {name!r}", value=text, remedy=_hint(name))
-            result = result.times(_UNITS[name], power * int(exponent or 1))
+            result = result.times(_UNITS[name], power * Fraction(whole or half or 1))
         power, first, open_ended = 1, False, False
     if open_ended:
         raise UnitError("a unit is missing", value=text, remedy=_HOW)

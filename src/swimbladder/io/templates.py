@@ -132,6 +132,9 @@ _INSTEAD: dict[str, str] = {
     "actuator.resistance": '"1.5 ohm"',
     "actuator.emf_constant": '"30 mV s/rad"',
     "supply.voltage": '"12 V"',
+    "identified.names": '["psi"]',
+    "identified.values": "[4e-6]",
+    "identified.covariance": "[[4e-14]]",
 }
 _HEAD = """\
 # A vehicle for swimbladder: {kind} actuator. Every number is an example: put in your own.

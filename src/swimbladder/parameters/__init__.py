@@ -14,7 +14,8 @@ The paper's symbols stand in the fields that were identified (K1, T1, K2, T2, ps
     |-- hull        Hull             displaced volume, compressibility, where it emerges
     |-- motion      PhysicalMotion | IdentifiedMotion (eqs 26-29)
     |-- sensors     Sensors          noise and quantum of depth and volume
-    `-- controller  Controller       the name of a law, its sample time and gains
+    |-- controller  Controller       the name of a law, its sample time and gains
+    `-- identified  Identified       how sure the identified numbers are
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ from swimbladder.parameters.body import (
     Supply,
     Water,
 )
+from swimbladder.parameters.identified import Identified
 from swimbladder.parameters.schema import Parameters, Unit, field_unit, input_error
 from swimbladder.parameters.vehicle import Controller, Sensors, Vehicle
 
@@ -52,6 +54,7 @@ __all__ = [
     "ElectromechanicalActuator",
     "Hull",
     "HydraulicDrive",
+    "Identified",
     "IdentifiedActuator",
     "IdentifiedMotion",
     "Motion",

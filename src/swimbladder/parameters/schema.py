@@ -178,7 +178,13 @@ def _explain(
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return "not a table", f"Write [{dotted(path)}] on a line of its own and its fields below it"
     if kind in ("tuple_type", "list_type"):
-        return "not a list of tables", f"Write [[{dotted(path)}]] above the fields of each"
+        if _of_tables(annotation):
+            return "not a list of tables", f"Write [[{dotted(path)}]] above the fields of each"
+        return "not a list", "Write it in square brackets, with commas between"
+    if kind == "float_type":
+        return "not a number", "Write a bare number"
+    if kind == "too_short":
+        return "an empty list", "Write something between the brackets"
     if kind == "string_type":
         return "not a text", "Write it in quotes"
     if kind == "string_too_short":
@@ -194,7 +200,9 @@ def _how_to_add(path: list[str | int], annotation: Any, unit: str | None) -> str
     if models_in(annotation):
         return f"Add a table [{dotted(path)}]"
     if get_origin(annotation) in (tuple, list):
-        return f"Add a table [[{dotted(path)}]] for each"
+        if _of_tables(annotation):
+            return f"Add a table [[{dotted(path)}]] for each"
+        return f"Add a line {path[-1]} = [...]"
     if unit is None:
         return f"Add a line {path[-1]} = ..."
     return (
@@ -202,6 +210,10 @@ def _how_to_add(path: list[str | int], annotation: Any, unit: str | None) -> str
         if unit
         else f"Add a line {path[-1]} = (a bare number)"
     )
+
+
+def _of_tables(annotation: Any) -> bool:
+    return any(models_in(argument) for argument in get_args(annotation))
 
 
 def _walk(

@@ -17,6 +17,7 @@ from swimbladder.parameters.body import (
     Supply,
     Water,
 )
+from swimbladder.parameters.identified import Identified
 from swimbladder.parameters.schema import Parameters, Unit, refusal
 from swimbladder.units import parse_quantity
 
@@ -81,6 +82,9 @@ class Vehicle(Parameters):
     )
     sensors: Sensors = Field(Sensors(), description="what the controller sees")
     controller: Controller | None = Field(None, description="what closes the loop")
+    identified: Identified | None = Field(
+        None, description="how sure the identified numbers are, and the noise of the logs"
+    )
 
     @property
     def mass(self) -> float:
