@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.dynamics import Plant
-from swimbladder.engine.advance import follow
-from swimbladder.engine.cache import compiled
-from swimbladder.engine.chain import COEFFICIENTS, LEVELS, base_steps
-from swimbladder.engine.modes import COUNT, Act, first_mode
+from swimbladder.engine.advance import follow, may_hide
+from swimbladder.engine.cache import compiled, part
+from swimbladder.engine.chain import COEFFICIENTS, LEVELS, base_steps, build_chain, leap
+from swimbladder.engine.modes import COUNT, Z_BOTTOM, Z_SURFACE, Act, first_mode
 
 __all__ = ["follow_bundle"]
 
@@ -20,8 +20,34 @@ Array = NDArray[np.float64]
 _PRESCRIBED = int(Act.PRESCRIBED)
 
 
+@part
+def _submerged(p, start, parts, nonlinear, spans, volume, chain, depth):  # type: ignore[no-untyped-def]
+    """Follow a volume as long as nothing happens on the way; return whether nothing did."""
+    x, y = np.zeros(5), np.zeros(10)
+    x[2], x[3] = start[2], start[3]
+    n = volume.shape[0]
+    h_before = -1.0
+    for k in range(n):
+        depth[k] = x[2]
+        if not (x[2] > p[Z_SURFACE] and x[2] < p[Z_BOTTOM]):
+            return False
+        if k == n - 1:
+            break
+        x[0], x[1] = (volume[k + 1] - volume[k]) / spans[k], volume[k]
+        h = spans[k] / parts[k]
+        if h != h_before:
+            build_chain(p, _PRESCRIBED, h, chain)
+            h_before = h
+        for _ in range(parts[k]):
+            bends = leap(chain, 0, p, nonlinear, x, 0.0, y)
+            if bends or may_hide(p, _PRESCRIBED, x, y, h):
+                return False
+            x[:] = y[:5]
+    return True
+
+
 @compiled
-def _bundle(plants, starts, parts, nonlinear, time, inputs, ramps, chains, built, depth):  # type: ignore[no-untyped-def]
+def _bundle(plants, starts, parts, nonlinear, time, spans, inputs, ramps, chains, built, depth):  # type: ignore[no-untyped-def]
     """Follow the record with every vehicle; depth [lanes, n] stays NaN where one stopped."""
     record = np.empty((7, time.shape[0]))
     nothing = np.zeros(0)
@@ -29,6 +55,11 @@ def _bundle(plants, starts, parts, nonlinear, time, inputs, ramps, chains, built
     x = np.zeros(5)
     for i in range(plants.shape[0]):
         p = plants[i]
+        if ramps and _submerged(
+            p, starts[i], parts, nonlinear, spans, inputs, chains[0], depth[i]
+        ):
+            continue
+        depth[i] = np.nan
         mode, q = first_mode(p, starts[i, 0], starts[i, 1], starts[i, 2], starts[i, 3], 0.0)
         x[0], x[1], x[2], x[3], x[4] = q, starts[i, 1], starts[i, 2], starts[i, 3], 0.0
         if ramps:
@@ -55,11 +86,14 @@ def follow_bundle(
     """
     base = plants[0]
     fastest = float(np.abs(starts[:, 3]).max())
-    spans, place = np.unique(np.diff(time), return_inverse=True)
-    steps = np.array([base_steps(base, h, fastest) for h in spans.tolist()], np.int64)
+    # An even clock's spans differ by rounding; told apart, each would need its own exponentials.
+    spans = np.round(np.diff(time), 9)
+    different, place = np.unique(spans, return_inverse=True)
+    steps = np.array([base_steps(base, h, fastest) for h in different.tolist()], np.int64)
     depth = np.full((len(plants), len(time)), np.nan)
+    even = np.concatenate([[0.0], np.cumsum(spans)])
     _bundle(
-        np.array(plants), starts, steps[place], math.isfinite(base.epsilon), time, inputs, ramps,
-        np.empty((COUNT, LEVELS + 1, COEFFICIENTS)), np.zeros(COUNT, np.uint8), depth,
+        np.array(plants), starts, steps[place], math.isfinite(base.epsilon), even, spans, inputs,
+        ramps, np.empty((COUNT, LEVELS + 1, COEFFICIENTS)), np.zeros(COUNT, np.uint8), depth,
     )  # fmt: skip
     return depth

@@ -1,0 +1,119 @@
+"""A record as an experiment: the stretches of it that tell something, and what drives them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.comparison.record import Record
+from swimbladder.errors import LogError
+from swimbladder.parameters import Vehicle
+
+__all__ = ["Experiment", "Segment", "experiment"]
+
+Array = NDArray[np.float64]
+
+_FEWEST = 12  # samples of a stretch
+_SHORTEST = 3.0  # s of a stretch
+_GAP = 5.0  # median sample times without a sample, after which the volume is no longer known
+_PARABOLA = 3.0  # s, for the state at the start of a stretch
+
+
+class Segment(NamedTuple):
+    """A stretch of a record under way: every sample of it is compared."""
+
+    first: int
+    last: int  # included
+    depth: float  # m, at the first sample, from a parabola through the first ones
+    speed: float  # m/s, likewise
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """A log as the fit takes it. The neutral volume at `reference` is `neutral` + its error."""
+
+    source: str
+    record: Record
+    inputs: Array  # volume [m3] or voltage [V]
+    ramps: bool  # the inputs are volumes, linear between samples
+    reference: float  # m, where the error of the neutral volume counts from
+    neutral: float  # m3, assumed at the reference, in the zero of `inputs`
+    segments: tuple[Segment, ...]
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """Which samples the fit uses."""
+        mask = np.zeros(len(self.record.time), np.bool_)
+        for s in self.segments:
+            mask[s.first : s.last + 1] = True
+        return mask
+
+    def step(self) -> float:
+        """Return the volume against neutral that the experiment is run with [m3]: its median."""
+        if not self.ramps:
+            return float(np.ptp(self.inputs))
+        return float(np.median(np.abs(self.inputs[self.used] - self.neutral)))
+
+
+def experiment(source: str, record: Record, vehicle: Vehicle) -> Experiment:
+    """Return a record as an experiment.
+
+    A volume with a zero of its own counts from the first sample, where the vehicle is taken as
+    neutral; an absolute one from mid-stroke, neutral at depth 0 with the vehicle's trim.
+    Raises LogError where no stretch of it is under way, clear of surface and bottom, long enough.
+    """
+    volume = record.volume
+    if record.drive == "volume" and volume is not None:
+        absolute = record.volume_absolute
+        inputs = volume if absolute else volume - volume[0]
+        reference = 0.0 if absolute else float(record.depth[0])
+        neutral = vehicle.trim_error if absolute else 0.0
+    else:
+        assert record.voltage is not None  # record() checks it
+        inputs, reference, neutral = record.voltage, float(record.depth[0]), 0.0
+    ramps = record.drive == "volume"
+    segments = _stretches(record) if ramps else _whole(record)
+    if not segments:
+        raise LogError(
+            f"no stretch of {_SHORTEST:g} s or more is clear of surface and bottom",
+            file=source, field="depth_m", value=float(record.depth.max()), unit="m",
+            remedy="Check the unit of the depth, --bottom and --surface-margin",
+        )  # fmt: skip
+    return Experiment(
+        source=source, record=record, inputs=inputs, ramps=ramps, reference=reference,
+        neutral=neutral, segments=segments,
+    )  # fmt: skip
+
+
+def _whole(record: Record) -> tuple[Segment, ...]:
+    """Return the record from its first sample on: where the volume is not logged it cannot be cut."""
+    if not record.compared[0]:
+        return ()
+    last = int(np.argmin(np.append(record.compared, False))) - 1
+    return (_segment(record, 0, last),) if last + 1 >= _FEWEST else ()
+
+
+def _stretches(record: Record) -> tuple[Segment, ...]:
+    time = record.time
+    step = float(np.median(np.diff(time)))
+    broken = ~record.compared[1:] | ~record.compared[:-1] | (np.diff(time) > _GAP * step)
+    edges = np.concatenate([[-1], np.flatnonzero(broken), [len(time) - 1]])
+    found = []
+    for before, last in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        first = before + 1
+        enough = last - first + 1 >= _FEWEST and time[last] - time[first] >= _SHORTEST
+        if enough and record.compared[first]:
+            found.append(_segment(record, first, last))
+    return tuple(found)
+
+
+def _segment(record: Record, first: int, last: int) -> Segment:
+    time, depth = record.time[first : last + 1], record.depth[first : last + 1]
+    near = time - time[0] <= _PARABOLA
+    near[: min(6, len(near))] = True
+    order = 2 if near.sum() > 8 else 1
+    fit = np.polynomial.polynomial.polyfit(time[near] - time[0], depth[near], order)
+    return Segment(first, last, float(np.median(depth[:3])), float(fit[1]))

@@ -1,0 +1,232 @@
+"""The fit itself: the most probable parameters, outliers left aside, and their covariance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import matmul_toeplitz
+from scipy.optimize import least_squares
+
+from swimbladder.identify.noise import (
+    autocovariance,
+    autoregression,
+    robust_scale,
+    scale,
+    weights,
+)
+from swimbladder.identify.problem import VOLUME, Problem
+from swimbladder.identify.start import regression
+
+__all__ = ["Fit", "fit", "refine"]
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 12  # of weights and noise
+_POOR = 3.0  # noise left over against the noise of neighbouring samples, at which others are tried
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """Where the fit ended: x, and what the data say there."""
+
+    x: Array
+    residual: Array  # m, measured less predicted, at the samples used
+    weight: Array  # 0 to 1
+    noise: Array  # m, of each experiment
+    objective: float  # minus twice the logarithm of the posterior, up to a constant
+    slope: Array  # [rows, len(x)] m
+    colour: tuple[tuple[float, ...], ...]  # autoregression of each experiment's residual
+    information: Array  # [len(x), len(x)], data and priors, as if the residual were white
+    covariance: Array  # [len(x), len(x)], the residual as it is
+    data: Array  # [len(x), len(x)], information of the data alone, coloured residuals allowed for
+
+
+def fit(problem: Problem) -> Fit:
+    """Return the best of the fits from the vehicle's own values and from a regression's.
+
+    Where what is left over is far above the noise of neighbouring samples, more starts are tried.
+    """
+    starts = _starts(problem)
+    costs = [_cost(problem, x) for x in starts]
+    best: tuple[float, Array, Array] | None = None
+    tried = 0
+    for k in np.argsort(costs).tolist():
+        found = _solve(problem, starts[k])
+        tried += 1
+        if best is None or found[0] < best[0]:
+            best = found
+        if tried >= 2 or _good(problem, best[2]):
+            break
+    assert best is not None
+    if not _good(problem, best[2]):
+        for x in _others(problem, best[1]):
+            found = _solve(problem, x)
+            if found[0] < best[0]:
+                best = found
+            if _good(problem, best[2]):
+                break
+    return finish(problem, best[1])
+
+
+def refine(problem: Problem, x: Array) -> Fit:
+    """Return the fit that is reached from x."""
+    return finish(problem, _solve(problem, x)[1])
+
+
+def _starts(problem: Problem) -> list[Array]:
+    own = problem.begin()
+    psi = None if "psi" in problem.names else problem.values["psi"]
+    if "psi" in problem.priors:
+        psi = problem.priors["psi"].mean
+    free = problem.neutral_std > 5e-6
+    found = regression(problem.experiments, problem.model, psi=psi, free_neutral=free)
+    if found is None:
+        return [own]
+    values, errors = found
+    low, high = problem.bounds()
+    other = np.clip(problem.begin(values), low + 1e-6, high - 1e-6)
+    if free:
+        other[problem.shared : problem.first_start] = errors / VOLUME
+        own[problem.shared : problem.first_start] = errors / VOLUME
+    return [own, other]
+
+
+def _others(problem: Problem, x: Array) -> list[Array]:
+    """Return starts beside x: larger and smaller in every logarithmic parameter."""
+    moved = []
+    for i in range(problem.shared):
+        if problem.logarithmic[i]:
+            for by in (1.0, -1.0):
+                other = x.copy()
+                other[i] += by
+                moved.append(other)
+    return moved
+
+
+def _cost(problem: Problem, x: Array) -> float:
+    return float(np.abs(problem.residual(x)).sum())
+
+
+def _good(problem: Problem, noise: Array) -> bool:
+    """Say whether what is left over is about the noise that neighbouring samples differ by."""
+    floors = []
+    for j, e in enumerate(problem.experiments):
+        z = problem.measured[problem.rows[j] : problem.rows[j + 1]]
+        bend = np.diff(z, 2)
+        floors.append(max(1.4826 * float(np.median(np.abs(bend))) / math.sqrt(6.0), 1e-3))
+        del e
+    return bool(np.median(noise / np.array(floors)) < _POOR)
+
+
+def _each(problem: Problem, values: Array) -> Array:
+    """Return an experiment's value at each of its samples."""
+    result: Array = np.repeat(values, np.diff(problem.rows))
+    return result
+
+
+def _noise(problem: Problem, residual: Array, weight: Array | None) -> Array:
+    found = []
+    for j in range(len(problem.experiments)):
+        part = slice(problem.rows[j], problem.rows[j + 1])
+        own = 1 + 2 * len(problem.experiments[j].segments)
+        lost = own + problem.shared / len(problem.experiments)
+        if weight is None:
+            found.append(robust_scale(residual[part]))
+        else:
+            found.append(scale(residual[part], weight[part], lost))
+    return np.array(found)
+
+
+def _solve(problem: Problem, x: Array) -> tuple[float, Array, Array]:
+    """Return (objective, x, noise) at the end of rounds of weights, noise and least squares."""
+    low, high = problem.bounds()
+    x = np.clip(x, low, high)
+    residual = problem.residual(x)
+    noise = _noise(problem, residual, None)
+    for n in range(_ROUNDS):
+        weight = weights(residual / _each(problem, noise))
+        if n:
+            before, noise = noise, _noise(problem, residual, weight)
+        root = np.sqrt(weight) / _each(problem, noise)
+
+        def rows(x: Array, root: Array = root) -> Array:
+            result: Array = np.concatenate([root * problem.residual(x), problem.prior_rows(x)[0]])
+            return result
+
+        def slopes(x: Array, root: Array = root) -> Array:
+            result: Array = -np.concatenate(
+                [root[:, None] * problem.slope(x), problem.prior_rows(x)[1]]
+            )
+            return result
+
+        done = least_squares(
+            rows, np.clip(x, low + 1e-9, high - 1e-9), slopes, bounds=(low, high), xtol=1e-8,
+            ftol=1e-8, gtol=1e-10, max_nfev=30 if n == 0 else 12,
+        )  # fmt: skip
+        step = float(np.abs(done.x - x).max())
+        x = done.x
+        residual = problem.residual(x)
+        settled = n and bool((np.abs(noise / before - 1.0) < 1e-3).all())
+        if settled and step < 1e-3:
+            break
+    return _objective(problem, x, residual, noise), x, noise
+
+
+def _objective(problem: Problem, x: Array, residual: Array, noise: Array) -> float:
+    """Return minus twice the log posterior; an outlier counts as one _KEPT deviations off."""
+    u = np.minimum(np.abs(residual) / _each(problem, noise), 4.0)
+    prior = problem.prior_rows(x)[0]
+    logs = 2.0 * np.log(_each(problem, noise)).sum()
+    return float((u**2).sum() + logs + (prior**2).sum())
+
+
+def finish(problem: Problem, x: Array) -> Fit:
+    """Return everything that is known at x."""
+    residual = problem.residual(x)
+    noise = _noise(problem, residual, None)
+    for _ in range(20):
+        weight = weights(residual / _each(problem, noise))
+        before, noise = noise, _noise(problem, residual, weight)
+        if (np.abs(noise / before - 1.0) < 1e-6).all():
+            break
+    slope = problem.slope(x)
+    P = problem.prior_rows(x)[1]
+    root = np.sqrt(weight)
+    n = len(x)
+    A, B = np.zeros((n, n)), np.zeros((n, n))
+    colour = []
+    for j in range(len(problem.experiments)):
+        part = slice(problem.rows[j], problem.rows[j + 1])
+        X = root[part, None] * slope[part] / noise[j]
+        u = root[part] * residual[part] / noise[j]
+        coefficients = autoregression(u)
+        A += X.T @ X
+        if coefficients:
+            gamma = autocovariance(coefficients, 1.0, len(u))
+            B += X.T @ matmul_toeplitz(gamma, X)
+        else:
+            B += X.T @ X
+        colour.append(coefficients)
+    prior = P.T @ P
+    inverse = _inverse(A + prior)
+    covariance = inverse @ (B + prior) @ inverse
+    return Fit(
+        x=x, residual=residual, weight=weight, noise=noise,
+        objective=_objective(problem, x, residual, noise), slope=slope, colour=tuple(colour),
+        information=A + prior, covariance=covariance, data=A @ _inverse(B) @ A,
+    )  # fmt: skip
+
+
+def _inverse(M: NDArray[np.float64]) -> Array:
+    """Return the inverse of a symmetric matrix, through entries of one size each.
+
+    Directions of which nothing is known get a variance that is huge, not infinite.
+    """
+    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+    values, vectors = np.linalg.eigh(M / np.outer(size, size))
+    values = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))
+    result: Array = (vectors / values) @ vectors.T / np.outer(size, size)
+    return result
