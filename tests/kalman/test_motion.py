@@ -1,0 +1,140 @@
+"""One step of the filter's state against SciPy: motion, slopes and noise."""
+
+import math
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from swimbladder.dynamics import plant
+from swimbladder.engine.cache import compiled
+from swimbladder.io.config import load_vehicle
+from swimbladder.kalman.motion import BOBBING_DAMPING, transition
+
+WALK2, SHAKE2 = (0.3e-6) ** 2, (2e-4) ** 2
+SCALE = np.array([1.0, 1.0, 1e-6])  # the neutral volume in cm3, so that one tolerance fits all
+
+
+@compiled
+def step(p, x, Va, Vb, h, walk2, shake2, F, Q):
+    return transition(p, x[0], x[1], x[2], Va, Vb, h, walk2, shake2, F, Q)
+
+
+def stepped(p, x, Va, Vb, h):
+    F, Q = np.empty((3, 3)), np.empty((3, 3))
+    z, w, aground = step(np.array(p), np.array(x), Va, Vb, h, WALK2, SHAKE2, F, Q)
+    return np.array([z, w, x[2]]), F, np.triu(Q) + np.triu(Q, 1).T, aground
+
+
+def by_expm(p, x, Va, Vb, h):
+    """Motion, slope and noise of the laminar case by matrix exponentials (van Loan's for Q)."""
+    a = p.a_b
+    # in cm3, or expm loses the small entries
+    A = np.array([[0.0, 1.0, 0.0], [a * p.psi, -p.d_l, 1e-6 * a], [0.0, 0.0, 0.0]])
+    L = np.diag([0.0, SHAKE2, 1e12 * WALK2])
+    E = expm(np.block([[-A, L], [np.zeros((3, 3)), A.T]]) * h)
+    F, D = expm(A * h), np.diag(SCALE)
+    forced = np.zeros((5, 5))  # z, w, V0, V, dV/dt
+    forced[:3, :3] = A
+    forced[1, 3], forced[3, 4] = -1e-6 * a, 1.0
+    y = expm(forced * h) @ (np.array([*x, Va, (Vb - Va) / h]) / [1.0, 1.0, 1e-6, 1e-6, 1e-6])
+    return D @ y[:3], D @ F @ np.linalg.inv(D), D @ F @ E[:3, 3:] @ D
+
+
+def by_scipy(vehicle, p, x, Va, Vb, h):
+    """Motion by Radau, slopes by central differences of it."""
+    drag = vehicle.drag
+
+    def force(w):  # eq. (16), written again
+        size = abs(w)
+        if drag.law == "linear":
+            f = drag.k_dl * size
+        elif drag.law == "blended":
+            f = drag.k_dl * size + drag.k_dt * size**2
+        elif drag.law == "quadratic":
+            f = drag.k_dt * size**2
+        else:
+            f = drag.k_dl * min(size, drag.epsilon) + drag.k_dt * max(
+                size**2 - drag.epsilon**2, 0.0
+            )
+        return math.copysign(f, w) / vehicle.mass
+
+    def rate(t, y, V0):
+        z, w = y
+        V = Va + (Vb - Va) * t / h
+        a = p.a_b * (p.psi * z + V0 - V) - force(w)
+        if z < p.z_surface:
+            a += p.a_s * (p.z_surface - z) - 2.0 * BOBBING_DAMPING * math.sqrt(p.a_s) * w
+        return [w, a]
+
+    def end(x):
+        found = solve_ivp(
+            partial(rate, V0=x[2]), (0.0, h), x[:2], method="DOP853", rtol=1e-12, atol=1e-14,
+            max_step=h / 20,
+        )  # fmt: skip
+        return np.array([*found.y[:, -1], x[2]])
+
+    F = np.empty((3, 3))
+    for j, d in enumerate([1e-4, 1e-4, 1e-8]):
+        e = np.eye(3)[j] * d
+        F[:, j] = (end(x + e) - end(x - e)) / (2.0 * d)
+    return end(x), F
+
+
+def close(found, expected, rel):
+    """Compare states, slopes or covariances in scaled units."""
+    D = np.diag(1.0 / SCALE)
+    if found.ndim == 1:
+        np.testing.assert_allclose(D @ found, D @ expected, rtol=rel, atol=rel)
+        return
+    for i in range(3):
+        for j in range(3):
+            size = math.sqrt(abs(expected[i, i] * expected[j, j]))
+            assert found[i, j] == pytest.approx(expected[i, j], rel=rel, abs=rel * size)
+
+
+def close_slopes(found, expected, rel):
+    D, E = np.diag(1.0 / SCALE), np.diag(SCALE)
+    np.testing.assert_allclose(D @ found @ E, D @ expected @ E, rtol=rel, atol=rel)
+
+
+@pytest.mark.parametrize("h", [1e-3, 0.3, 0.5, 3.0, 40.0])
+@pytest.mark.parametrize("psi", [4.04e-6, 0.0, -2e-7])
+def test_a_laminar_step_is_that_of_the_matrix_exponential(h, psi):
+    p = plant(load_vehicle("feup-em"))._replace(psi=psi)
+    x, Va, Vb = np.array([60.0, -0.03, 2e-5]), 260e-6, 230e-6
+    found, F, Q, aground = stepped(p, x, Va, Vb, h)
+    y, F0, Q0 = by_expm(p, x, Va, Vb, h)
+    assert not aground
+    close(found, y, 1e-11)
+    close_slopes(F, F0, 1e-11)
+    close(Q, Q0, 1e-10)
+
+
+def drags():
+    base = load_vehicle("ntnu-bv")
+
+    def with_drag(**fields):
+        motion = base.motion.model_copy(update={"drag": type(base.drag)(**fields)})
+        return base.model_copy(update={"motion": motion})
+
+    return {
+        "blended": base,
+        "quadratic": with_drag(law="quadratic", k_dt=6.0),
+        "switched": with_drag(law="switched", k_dl=1.0, k_dt=8.0, epsilon=0.05),
+    }
+
+
+@pytest.mark.parametrize("law", ["blended", "quadratic", "switched"])
+@pytest.mark.parametrize("h", [0.1, 0.5, 5.0])
+def test_a_step_under_nonlinear_drag_agrees_with_scipy(law, h):
+    vehicle = drags()[law]
+    p = plant(vehicle)
+    x, Va, Vb = np.array([20.0, 0.08, 1.25e-5]), 1.0e-5, 1.2e-5
+    found, F, _, _ = stepped(p, x, Va, Vb, h)
+    y, F0 = by_scipy(vehicle, p, x, Va, Vb, h)
+    tolerance = 1e-8 if law != "switched" else 1e-6  # its slope of drag jumps
+    close(found, y, tolerance)
+    close_slopes(F, F0, 1e-6)  # central differences
