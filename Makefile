@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 INSTALLED := .venv/installed
 PYTHONS ?= python3.13 python3.12 python3.11 python3
 
-.PHONY: help demo test lint format bench lock python clean
+.PHONY: help demo test lint format bench calibrate lock python clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  \1\t\2/p' Makefile | expand -t 12
@@ -31,6 +31,9 @@ format: $(INSTALLED) ## Format the code and mend what the linter can mend
 
 bench: $(INSTALLED) ## Time the package side by side with its peers
 	@$(BIN)/python -m benchmarks
+
+calibrate: $(INSTALLED) ## Simulate pool campaigns and say how far the intervals of identify can be believed
+	@$(BIN)/python -m studies.calibration
 
 lock: $(INSTALLED) ## Bring requirements.lock up to date with pyproject.toml (LOCK_FLAGS=--upgrade: and every pin)
 	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --extra dev --no-build \

@@ -1,0 +1,103 @@
+"""One simulated campaign through `identify`, and what came of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from studies.bound import bounds
+from studies.scenarios import K_B, NEUTRAL_STD, Campaign, Kept, Scenario, draw
+from swimbladder.errors import NoAnswerError
+from swimbladder.identify import Prior, identify
+from swimbladder.io.config import load_vehicle
+from swimbladder.io.logs import Log
+from swimbladder.parameters import Drag, IdentifiedMotion, PhysicalMotion, Vehicle
+
+__all__ = ["arguments", "logs", "outcome", "vehicle"]
+
+
+def outcome(scenario: Scenario, *, seed: int, index: int, profiles: bool = False) -> dict[str, Any]:
+    """Return what `identify` says of the campaign of this number, beside the truth.
+
+    Of each parameter: truth, value, low and high end of the 95 % interval, and the least standard
+    deviation that is possible, of the logarithm but for psi.
+    """
+    campaign = draw(scenario, seed=seed, index=index)
+    least = bounds(
+        campaign.body, campaign.motor, campaign.experiments, campaign.noise, scenario.names,
+        {"neutral_error": NEUTRAL_STD, "psi": scenario.psi_std * abs(campaign.truth["psi"])},
+    )  # fmt: skip
+    found: dict[str, Any] = {"scenario": scenario.name, "index": index, "parameters": {}}
+    begin = perf_counter()
+    try:
+        answer = identify(
+            logs(campaign.kept), vehicle(scenario, campaign.guess),
+            **arguments(scenario, campaign), profiles=profiles,
+        )  # fmt: skip
+    except NoAnswerError as error:
+        return {**found, "identified": False, "why": str(error)}
+    found |= {"seconds": perf_counter() - begin, "identified": answer.identified, "why": ""}
+    if not answer.identified:
+        found["why"] = "; ".join(f.sentence for f in answer.findings if f.severity == "no")
+    for name in scenario.names:
+        estimate = answer.parameters[name]
+        found["parameters"][name] = {
+            "truth": campaign.truth[name],
+            "value": estimate.value,
+            "low": estimate.ci95[0],
+            "high": estimate.ci95[1],
+            "bound": least[name],
+        }
+    return found
+
+
+def arguments(scenario: Scenario, campaign: Campaign) -> dict[str, Any]:
+    """Return what `identify` is told: what is free, what is known of psi."""
+    chosen: dict[str, Any] = {
+        "free": scenario.names,
+        "drag": scenario.drag,
+        "neutral_std": NEUTRAL_STD,
+        "choices": False,
+    }
+    psi = campaign.guess["psi"]
+    if scenario.psi_std == 0.0:
+        chosen["fixed"] = {"psi": campaign.truth["psi"]}
+    elif math.isfinite(scenario.psi_std):
+        known = scenario.psi_std * abs(campaign.truth["psi"])
+        chosen["priors"] = {"psi": Prior(psi, known)}
+    return chosen
+
+
+def logs(kept: tuple[Kept, ...]) -> list[Log]:
+    """Return the records as logs; the zero of their volume is arbitrary."""
+    return [
+        Log(
+            source=f"experiment {j}", time=record.time, depth=record.depth,
+            volume=record.volume + 1e-4, line=np.arange(len(record.time)) + 2,
+        )
+        for j, record in enumerate(kept, start=1)
+    ]  # fmt: skip
+
+
+def vehicle(scenario: Scenario, guess: Mapping[str, float]) -> Vehicle:
+    """Return the vehicle that the experimenter believes to have."""
+    paper = load_vehicle("feup-em")
+    motion: IdentifiedMotion | PhysicalMotion
+    if scenario.drag == "linear":
+        motion = IdentifiedMotion(K2=guess["K2"], T2=guess["T2"])
+    elif scenario.drag == "quadratic":
+        motion = PhysicalMotion(
+            dry_mass=guess["mass"], drag=Drag(law="quadratic", k_dt=guess["drag_quadratic"])
+        )
+    else:
+        k_dl = K_B / guess["K2"]
+        motion = PhysicalMotion(
+            dry_mass=guess["T2"] * k_dl,
+            drag=Drag(law="blended", k_dl=k_dl, k_dt=guess["drag_quadratic"]),
+        )
+    hull = paper.hull.model_copy(update={"psi": guess["psi"]})
+    return paper.model_copy(update={"motion": motion, "hull": hull})
