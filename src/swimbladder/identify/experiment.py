@@ -89,7 +89,7 @@ def experiment(source: str, record: Record, vehicle: Vehicle) -> Experiment:
 
 
 def _whole(record: Record) -> tuple[Segment, ...]:
-    """Return the record from its first sample on: where the volume is not logged it cannot be cut."""
+    """Return the record from its first sample on: without its volume it cannot be cut."""
     if not record.compared[0]:
         return ()
     last = int(np.argmin(np.append(record.compared, False))) - 1

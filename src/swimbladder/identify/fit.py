@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,13 +53,11 @@ def fit(problem: Problem) -> Fit:
     starts = _starts(problem)
     costs = [_cost(problem, x) for x in starts]
     best: tuple[float, Array, Array] | None = None
-    tried = 0
     for k in np.argsort(costs).tolist():
         found = _solve(problem, starts[k])
-        tried += 1
         if best is None or found[0] < best[0]:
             best = found
-        if tried >= 2 or _good(problem, best[2]):
+        if _good(problem, best[2]):
             break
     assert best is not None
     if not _good(problem, best[2]):
@@ -113,11 +112,9 @@ def _cost(problem: Problem, x: Array) -> float:
 def _good(problem: Problem, noise: Array) -> bool:
     """Say whether what is left over is about the noise that neighbouring samples differ by."""
     floors = []
-    for j, e in enumerate(problem.experiments):
-        z = problem.measured[problem.rows[j] : problem.rows[j + 1]]
-        bend = np.diff(z, 2)
-        floors.append(max(1.4826 * float(np.median(np.abs(bend))) / math.sqrt(6.0), 1e-3))
-        del e
+    for first, last in pairwise(problem.rows):
+        bend = np.abs(np.diff(problem.measured[first:last], 2))
+        floors.append(max(1.4826 * float(np.median(bend)) / math.sqrt(6.0), 1e-3))
     return bool(np.median(noise / np.array(floors)) < _POOR)
 
 

@@ -65,7 +65,7 @@ class Model(NamedTuple):
         return max(self.values["drag_quadratic"], 1e-6)
 
     def logarithmic(self, name: str) -> bool:
-        """Whether a quantity is fitted as its logarithm; a turbulent drag that may be none is not."""
+        """Whether a quantity is fitted as its logarithm; a drag that may be none is not."""
         return NAMES[name].logarithmic or (name == "drag_quadratic" and self.law == "quadratic")
 
     def mass(self, values: Mapping[str, float]) -> float:

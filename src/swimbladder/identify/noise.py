@@ -10,7 +10,7 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-__all__ = ["autocovariance", "autoregression", "influence", "scale", "weights", "whiteness"]
+__all__ = ["autocovariance", "autoregression", "robust_scale", "scale", "weights", "whiteness"]
 
 Array = NDArray[np.float64]
 
@@ -28,15 +28,8 @@ def weights(u: Array) -> Array:
     return result
 
 
-def influence(u: Array) -> float:
-    """Return the mean slope of weight times residual: the share of the samples that count."""
-    h = 1e-4
-    slope = ((u + h) * weights(u + h) - (u - h) * weights(u - h)) / (2.0 * h)
-    return max(float(slope.mean()), 0.1)
-
-
 def scale(residual: Array, weight: Array, lost: float) -> float:
-    """Return the standard deviation [m] of weighted residuals, `lost` parameters having been fitted.
+    """Return the standard deviation [m] of weighted residuals; `lost` parameters were fitted.
 
     Where the weights are all 1: the unbiased estimate.
     """
@@ -59,7 +52,8 @@ def autoregression(residual: Array) -> tuple[float, ...]:
     if most < 1 or not residual.any():
         return ()
     r = np.array([residual[: n - k] @ residual[k:] for k in range(most + 1)]) / n
-    best, chosen = math.log(r[0]), ()
+    best = math.log(r[0])
+    chosen: tuple[float, ...] = ()
     for order in range(1, most + 1):
         a = solve_toeplitz(r[:order], r[1 : order + 1])
         left = float(r[0] - a @ r[1 : order + 1])
@@ -74,7 +68,9 @@ def autoregression(residual: Array) -> tuple[float, ...]:
 def autocovariance(coefficients: tuple[float, ...], variance: float, n: int) -> Array:
     """Return the autocovariance [n] of an autoregression whose variance is given."""
     if not coefficients:
-        return variance * np.eye(1, n)[0]
+        white = np.zeros(n)
+        white[0] = variance
+        return white
     impulse = np.zeros(max(n, 4096))
     impulse[0] = 1.0
     response = lfilter([1.0], [1.0, *(-c for c in coefficients)], impulse)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.closed_loop.bundle import follow_bundle
+from swimbladder.dynamics import Plant
 from swimbladder.identify.estimates import Prior
 from swimbladder.identify.experiment import Experiment, Segment
 from swimbladder.identify.model import Model
@@ -119,7 +120,7 @@ class Problem:
         return J
 
     def prior_rows(self, x: Array) -> tuple[Array, Array]:
-        """Return the priors as residuals [k] in standard deviations and their derivatives [k, n]."""
+        """Return the priors as residuals [k], in standard deviations, with derivatives [k, n]."""
         residuals, slopes = [], []
         per_entry = self.per_entry(x)
         for name, prior in self.priors.items():
@@ -182,8 +183,8 @@ class Problem:
         return np.concatenate(depths), found, columns
 
     def _stretch(
-        self, x: Array, e: Experiment, s: Segment, at: int, plants: list, added: Array | float, *,
-        derivatives: bool,
+        self, x: Array, e: Experiment, s: Segment, at: int, plants: list[Plant],
+        added: Array | float, *, derivatives: bool,
     ) -> tuple[Array, Array]:  # fmt: skip
         part = slice(s.first, s.last + 1)
         inputs = (e.inputs + added)[part] if e.ramps else e.inputs[part]
@@ -203,7 +204,7 @@ class Problem:
         slope = (z[1:] - z[0]) / _STEP
         return z[0], np.clip(np.nan_to_num(slope.T), -1e6, 1e6)
 
-    def _plant(self, x: Array, e: Experiment, own: int) -> tuple[float, ...]:
+    def _plant(self, x: Array, e: Experiment, own: int) -> Plant:
         values = self.named(x)
         neutral = e.neutral + x[own] * VOLUME - values["psi"] * e.reference
         return self.model.plant(values, neutral)
