@@ -14,7 +14,7 @@ from swimbladder.engine.cache import compiled, part
 from swimbladder.engine.chain import COEFFICIENTS, LEVELS, base_steps, build_chain, leap
 from swimbladder.engine.modes import COUNT, Z_BOTTOM, Z_SURFACE, Act, first_mode
 
-__all__ = ["follow_bundle"]
+__all__ = ["Course"]
 
 Array = NDArray[np.float64]
 _PRESCRIBED = int(Act.PRESCRIBED)
@@ -55,9 +55,7 @@ def _bundle(plants, starts, parts, nonlinear, time, spans, inputs, ramps, chains
     x = np.zeros(5)
     for i in range(plants.shape[0]):
         p = plants[i]
-        if ramps and _submerged(
-            p, starts[i], parts, nonlinear, spans, inputs, chains[0], depth[i]
-        ):
+        if ramps and _submerged(p, starts[i], parts, nonlinear, spans, inputs, chains[0], depth[i]):
             continue
         depth[i] = np.nan
         mode, q = first_mode(p, starts[i, 0], starts[i, 1], starts[i, 2], starts[i, 3], 0.0)
@@ -74,26 +72,34 @@ def _bundle(plants, starts, parts, nonlinear, time, spans, inputs, ramps, chains
             depth[i, k] = record[0, k]
 
 
-def follow_bundle(
-    plants: Sequence[Plant], starts: Array, time: Array, inputs: Array, *, ramps: bool
-) -> Array:
-    """Return the depths [lanes, n] in m of several vehicles, each driven by the same record.
+class Course:
+    """A record that vehicles are driven along: time [n] in s, and inputs [n].
 
-    starts [lanes, 4]: volume rate, volume, depth and speed at the first instant. time [n] in s;
-    inputs [n]: where `ramps` volumes [m3], linear between instants, else voltages [V], held. After
-    an instant at which a vehicle cannot be followed further its depths are NaN. All lanes take the
-    steps of the first, so that the differences between them are smooth.
+    Where `ramps` the inputs are volumes [m3], linear between instants, else voltages [V], held.
     """
-    base = plants[0]
-    fastest = float(np.abs(starts[:, 3]).max())
-    # An even clock's spans differ by rounding; told apart, each would need its own exponentials.
-    spans = np.round(np.diff(time), 9)
-    different, place = np.unique(spans, return_inverse=True)
-    steps = np.array([base_steps(base, h, fastest) for h in different.tolist()], np.int64)
-    depth = np.full((len(plants), len(time)), np.nan)
-    even = np.concatenate([[0.0], np.cumsum(spans)])
-    _bundle(
-        np.array(plants), starts, steps[place], math.isfinite(base.epsilon), even, spans, inputs,
-        ramps, np.empty((COUNT, LEVELS + 1, COEFFICIENTS)), np.zeros(COUNT, np.uint8), depth,
-    )  # fmt: skip
-    return depth
+
+    def __init__(self, time: Array, inputs: Array, *, ramps: bool) -> None:
+        # An even clock's spans differ by rounding; told apart, each would need exponentials.
+        self.spans = np.round(np.diff(time), 9)
+        self.different, self.place = np.unique(self.spans, return_inverse=True)
+        self.time = np.concatenate([[0.0], np.cumsum(self.spans)])
+        self.inputs, self.ramps = np.ascontiguousarray(inputs, float), ramps
+
+    def follow(self, plants: Sequence[Plant], starts: Array) -> Array:
+        """Return the depths [lanes, n] in m of several vehicles along this record.
+
+        starts [lanes, 4]: volume rate, volume, depth and speed at the first instant. After an
+        instant at which a vehicle cannot be followed further its depths are NaN. All lanes take
+        the steps of the first, so that the differences between them are smooth.
+        """
+        base = plants[0]
+        nonlinear = math.isfinite(base.epsilon)
+        fastest = float(np.abs(starts[:, 3]).max())
+        steps = np.array([base_steps(base, h, fastest) for h in self.different.tolist()], np.int64)
+        depth = np.full((len(plants), len(self.time)), np.nan)
+        _bundle(
+            np.array(plants), starts, steps[self.place], nonlinear, self.time, self.spans,
+            self.inputs, self.ramps, np.empty((COUNT, LEVELS + 1, COEFFICIENTS)),
+            np.zeros(COUNT, np.uint8), depth,
+        )  # fmt: skip
+        return depth

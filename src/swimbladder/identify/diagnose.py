@@ -45,30 +45,31 @@ def drift(problem: Problem, fit: Fit, j: int) -> Estimate:
 
 
 def single_gains(problem: Problem, fit: Fit) -> list[tuple[float, float, float]]:
-    """Return (volume step [m3], logarithm of its own K2 over the joint one, std) by experiment.
+    """Return (volume step [m3], logarithm of its own gain over the joint one, std) by experiment.
 
-    One step of a fit of K2 alone, everything else held, from each experiment's residuals. For a
-    quadratic drag it is the logarithm of the inverse drag.
+    One step of a fit of each experiment by itself, all but psi its own, from its residuals. The
+    gain is K2; for a quadratic drag the inverse of the drag.
     """
     name = "K2" if "K2" in problem.names else "drag_quadratic"
     if name not in problem.names:
         return []
     i = problem.names.index(name)
-    sign = 1.0 if name == "K2" else -1.0
     per = 1.0 if problem.logarithmic[i] else problem.scale[i] / max(problem.value(fit.x, i), 1e-300)
+    sign = 1.0 if name == "K2" else -1.0
+    P = problem.prior_rows(fit.x)[1][len(problem.priors) :]
     found = []
     for j, e in enumerate(problem.experiments):
         part = slice(problem.rows[j], problem.rows[j + 1])
-        s = fit.slope[part, i]
-        weight = fit.weight[part] / fit.noise[j] ** 2
-        information = float((weight * s * s).sum())
-        if information > 0.0:
-            by = float((weight * s * fit.residual[part]).sum()) / information
-            # the neutral volume's own error scatters the gains too
-            loose = problem.neutral_std / max(e.step(), 1e-12)
-            loose = min(loose, 1.0)
-            std = math.hypot(math.sqrt(_inflation(fit.colour[j]) / information) * per, loose)
-            found.append((e.step(), sign * by * per, std))
+        J, weight = fit.slope[part], fit.weight[part] / fit.noise[j] ** 2
+        used = np.flatnonzero(np.abs(J).max(axis=0) > 0.0)
+        mine = [k for k in used.tolist() if k >= problem.shared or problem.names[k] != "psi"]
+        A = (J[:, mine] * weight[:, None]).T @ J[:, mine] + P[:, mine].T @ P[:, mine]
+        size = np.sqrt(np.diag(A))
+        inverse = np.linalg.pinv(A / np.outer(size, size), rcond=1e-12) / np.outer(size, size)
+        step = inverse @ (J[:, mine].T @ (weight * fit.residual[part]))
+        at = mine.index(i)
+        std = math.sqrt(inverse[at, at] * _inflation(fit.colour[j])) * per
+        found.append((e.step(), sign * float(step[at]) * per, std))
     return found
 
 
@@ -150,7 +151,7 @@ def _drifts(experiments: tuple[ExperimentFit, ...]) -> list[Finding]:
 
 
 def _trend(problem: Problem, fit: Fit) -> list[Finding]:
-    gains = [g for g in single_gains(problem, fit) if g[2] < 1.0]
+    gains = [g for g in single_gains(problem, fit) if 0.0 < g[2] < 1.0]
     sizes = np.array([g[0] for g in gains])
     if len(gains) < 4 or np.ptp(sizes) < 0.2 * sizes.mean():
         return []

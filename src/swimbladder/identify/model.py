@@ -77,23 +77,21 @@ class Model(NamedTuple):
     def plant(self, values: Mapping[str, float], neutral: float) -> Plant:
         """Return the plant of these values; `neutral` is the neutral volume at depth 0 [m3]."""
         m = self.mass(values)
-        p = self.base._replace(
-            a_b=self.specific_weight / m,
-            a_s=self.specific_weight * self.waterplane / m,
-            psi=values["psi"],
-            V_0=neutral,
-            d_l=0.0, d_b=0.0, d_0=0.0, d_t=0.0,
-            epsilon=math.inf if self.law == "linear" else 0.0,
-        )  # fmt: skip
-        if self.law != "quadratic":
-            p = p._replace(d_l=1.0 / values["T2"])
-        if self.law == "blended":
-            p = p._replace(d_b=p.d_l)
-        if self.law != "linear":
-            p = p._replace(d_t=values["drag_quadratic"] / m)
+        laminar = 0.0 if self.law == "quadratic" else 1.0 / values["T2"]
+        changes = {
+            "a_b": self.specific_weight / m,
+            "a_s": self.specific_weight * self.waterplane / m,
+            "psi": values["psi"],
+            "V_0": neutral,
+            "d_l": laminar,
+            "d_b": laminar if self.law == "blended" else 0.0,
+            "d_0": 0.0,
+            "d_t": 0.0 if self.law == "linear" else values["drag_quadratic"] / m,
+            "epsilon": math.inf if self.law == "linear" else 0.0,
+        }
         if "K1" in values:
-            p = p._replace(gain=values["K1"] * self.piston_area, T1=values["T1"])
-        return p
+            changes |= {"gain": values["K1"] * self.piston_area, "T1": values["T1"]}
+        return self.base._replace(**changes)
 
 
 def model_of(vehicle: Vehicle, *, law: str | None = None, bottom_depth: float) -> Model:

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.closed_loop.bundle import follow_bundle
+from swimbladder.closed_loop.bundle import Course
 from swimbladder.dynamics import Plant
 from swimbladder.identify.estimates import Prior
 from swimbladder.identify.experiment import Experiment, Segment
@@ -57,6 +57,7 @@ class Problem:
         ]
         rows = [int(e.used.sum()) for e in self.experiments]
         self.rows = np.cumsum([0, *rows]).tolist()
+        self.courses = [[self._course(e, s) for s in e.segments] for e in self.experiments]
         self.measured = np.concatenate([e.record.depth[e.used] for e in self.experiments])
 
     def begin(self, values: Mapping[str, float] | None = None) -> Array:
@@ -153,12 +154,20 @@ class Problem:
         time = e.record.time
         drift = 1e-4 * VOLUME / max(float(np.ptp(time)), 1.0)
         here = self._run(x, j, derivatives=False)[0]
-        there = self._run(x, j, derivatives=False, added=-drift * (time - time.mean()))[0]
+        added = -drift * (time - time.mean())
+        courses = [self._course(e, s, added) for s in e.segments]
+        there = self._run(x, j, derivatives=False, courses=courses)[0]
         result: Array = np.nan_to_num((there - here) / drift)
         return result
 
+    @staticmethod
+    def _course(e: Experiment, s: Segment, added: Array | float = 0.0) -> Course:
+        part = slice(s.first, s.last + 1)
+        inputs = e.inputs + added if e.ramps else e.inputs
+        return Course(e.record.time[part], inputs[part], ramps=e.ramps)
+
     def _run(
-        self, x: Array, j: int, *, derivatives: bool, added: Array | float = 0.0
+        self, x: Array, j: int, *, derivatives: bool, courses: Sequence[Course] | None = None
     ) -> tuple[Array, Array, list[int]]:
         """Return experiment j's depths, their derivatives and the entries of x these belong to."""
         e = self.experiments[j]
@@ -169,9 +178,9 @@ class Problem:
         if derivatives:
             plants += [self._plant(_moved(x, i), e, own) for i in shared]
         depths, slopes = [], []
-        for k, segment in enumerate(e.segments):
+        for k, course in enumerate(courses or self.courses[j]):
             at = self.starts_at[j] + 2 * k
-            z, block = self._stretch(x, e, segment, at, plants, added, derivatives=derivatives)
+            z, block = self._stretch(x, e, course, at, plants, derivatives=derivatives)
             depths.append(z)
             if derivatives:
                 full = np.zeros((len(z), len(columns)))
@@ -183,22 +192,21 @@ class Problem:
         return np.concatenate(depths), found, columns
 
     def _stretch(
-        self, x: Array, e: Experiment, s: Segment, at: int, plants: list[Plant],
-        added: Array | float, *, derivatives: bool,
+        self, x: Array, e: Experiment, course: Course, at: int, plants: list[Plant], *,
+        derivatives: bool,
     ) -> tuple[Array, Array]:  # fmt: skip
-        part = slice(s.first, s.last + 1)
-        inputs = (e.inputs + added)[part] if e.ramps else e.inputs[part]
-        time = e.record.time[part]
         lanes = [*plants, plants[0], plants[0]] if derivatives else plants
-        volume = float(inputs[0]) if e.ramps else e.neutral
-        rate = (inputs[1] - inputs[0]) / (time[1] - time[0]) if e.ramps else 0.0
-        starts = np.tile([rate, volume, x[at] * DEPTH, x[at + 1] * SPEED], (len(lanes), 1))
+        volume, rate = e.neutral, 0.0
+        if e.ramps:
+            volume = float(course.inputs[0])
+            rate = float((course.inputs[1] - volume) / course.spans[0])
+        p = plants[0]
+        depth = min(max(float(x[at]) * DEPTH, p.z_air), p.z_bottom)
+        starts = np.array([[rate, volume, depth, x[at + 1] * SPEED]] * len(lanes))
         if derivatives:
             starts[-2, 2] += _STEP * DEPTH
             starts[-1, 3] += _STEP * SPEED
-        p = plants[0]
-        starts[:, 2] = np.clip(starts[:, 2], p.z_air, p.z_bottom)
-        z = follow_bundle(lanes, starts, time - time[0], inputs, ramps=e.ramps)
+        z = course.follow(lanes, starts)
         if not derivatives:
             return z[0], np.zeros((0, 0))
         slope = (z[1:] - z[0]) / _STEP

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from swimbladder.comparison.record import Drive, Record, record
 from swimbladder.errors import InputError
@@ -76,6 +77,15 @@ def identify(
         speed_std=speed_std,
     )  # fmt: skip
     tell(0.05)
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
+        return _answer(problem, vehicle, records, advance=tell, profiles=profiles, choices=choices)
+
+
+def _answer(
+    problem: Problem, vehicle: Vehicle, records: Sequence[Record], *,
+    advance: Callable[[float], None], profiles: bool, choices: bool,
+) -> Identification:  # fmt: skip
+    tell, names, model = advance, problem.names, problem.model
     found = solve(problem)
     tell(0.35 if choices or profiles else 0.95)
     findings: list[Finding] = untold(problem, found)
@@ -84,7 +94,9 @@ def identify(
         if profiles and not findings:
             drawn[name] = profile(problem, found, i)
         tell(0.3 / len(names) * profiles)
-    listed = list_choices(problem, found, models_of(vehicle, bottom_depth)) if choices else ()
+    listed = (
+        list_choices(problem, found, models_of(vehicle, model.base.z_bottom)) if choices else ()
+    )
     tell(0.3 * choices)
     each = _experiments(problem, found)
     findings += judge(listed)
@@ -108,7 +120,7 @@ def identify(
             vehicle, model, values, names, covariance,
             trim_error=_trim(problem, found, vehicle), depth_noise=noise,
             neutral_std=_neutral_spread(problem, found), neutral_walk=0.0,
-            logs=tuple(log.source for log in logs),
+            logs=tuple(e.source for e in problem.experiments),
         ),
     )  # fmt: skip
 
