@@ -24,7 +24,7 @@ def outcome(scenario: Scenario, *, seed: int, index: int, profiles: bool = False
     """Return what `identify` says of the campaign of this number, beside the truth.
 
     Of each parameter: truth, value, low and high end of the 95 % interval, and the least standard
-    deviation that is possible, of the logarithm but for psi.
+    deviation that is possible, as a share of the truth.
     """
     campaign = draw(scenario, seed=seed, index=index)
     least = bounds(
@@ -50,7 +50,7 @@ def outcome(scenario: Scenario, *, seed: int, index: int, profiles: bool = False
             "value": estimate.value,
             "low": estimate.ci95[0],
             "high": estimate.ci95[1],
-            "bound": least[name],
+            "bound": least[name] / (abs(campaign.truth["psi"]) if name == "psi" else 1.0),
         }
     return found
 

@@ -49,6 +49,10 @@ class Scenario:
         }[self.drag]
         return (*motion, "psi") if self.psi_std else motion
 
+    def logarithmic(self, name: str) -> bool:
+        """Whether the interval of a parameter is one of its logarithm: what cannot be 0."""
+        return name != "psi" and (name, self.drag) != ("drag_quadratic", "blended")
+
 
 SCENARIOS = (
     Scenario(name="paper", sentence="the paper's eight experiments, psi known to 10 %"),

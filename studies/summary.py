@@ -20,7 +20,7 @@ HEADINGS = (
 _Z95 = 1.959963984540054
 
 
-def figures(name: str, found: Sequence[dict[str, Any]]) -> dict[str, float]:
+def figures(name: str, found: Sequence[dict[str, Any]], *, logarithmic: bool) -> dict[str, float]:
     """Return the figures of one parameter over the campaigns that were identified.
 
     covered, bias, its standard error, and rms as fractions of the truth; rms_bound: rms of errors
@@ -31,10 +31,10 @@ def figures(name: str, found: Sequence[dict[str, Any]]) -> dict[str, float]:
         np.array([p[key] for p in met], float) for key in ("truth", "value", "low", "high", "bound")
     )
     off = (value - truth) / np.abs(truth)
-    if name == "psi":
-        error, width = value - truth, high - low
-    else:
+    if logarithmic:
         error, width = np.log(value / truth), np.log(high / low)
+    else:
+        error, width = (value - truth) / np.abs(truth), (high - low) / np.abs(truth)
     count = len(met)
     return {
         "count": count,
@@ -56,7 +56,7 @@ def summary(scenario: Scenario, found: Sequence[dict[str, Any]]) -> list[list[st
     seconds = np.median([f["seconds"] for f in found if "seconds" in f])
     rows = []
     for name in scenario.names:
-        f = figures(name, found)
+        f = figures(name, found, logarithmic=scenario.logarithmic(name))
         low, high = binomial_interval(int(f["hits"]), int(f["count"]))
         rows.append(
             [

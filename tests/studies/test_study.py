@@ -24,7 +24,7 @@ def _found(index, value, low, high, identified=True):
 
 def test_figures_by_hand():
     found = [_found(0, 11.0, 9.0, 12.0), _found(1, 9.0, 8.0, 9.5), _found(2, 1.0, 1.0, 2.0, False)]
-    f = figures("K2", found)
+    f = figures("K2", found, logarithmic=True)
     assert (f["count"], f["hits"]) == (2, 1)
     assert f["bias"] == pytest.approx(0.0)
     assert f["rms"] == pytest.approx(0.1)
@@ -32,6 +32,9 @@ def test_figures_by_hand():
     assert f["rms_bound"] == pytest.approx(math.sqrt(off / 2.0) / 0.05)
     width = (math.log(12.0 / 9.0) + math.log(9.5 / 8.0)) / 2.0
     assert f["width_bound"] == pytest.approx(width / (2 * 1.96 * 0.05), rel=1e-4)
+    plain = figures("K2", found, logarithmic=False)
+    assert plain["width_bound"] == pytest.approx((0.3 + 0.15) / 2.0 / (2 * 1.96 * 0.05), rel=1e-4)
+    assert plain["rms_bound"] == pytest.approx(2.0)
     rows = summary(BY_NAME["paper-psi-known"], found)
     assert [row[:3] for row in rows] == [
         ["paper-psi-known", "K2", "50.0"], ["paper-psi-known", "T2", "50.0"]
@@ -81,3 +84,15 @@ def test_the_study_goes_on_where_it_stopped(tmp_path, monkeypatch):
     assert asked == [[0, 1, 2], [2, 3, 4]]
     assert [f["index"] for f in found] == list(range(5))
     assert [json.loads(line)["index"] for line in file.read_text().splitlines()] == list(range(5))
+
+
+def test_a_campaign_that_fails_says_which_it_was(tmp_path, monkeypatch):
+    from studies import campaign
+
+    def broken(*_, **__):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(campaign, "identify", broken)
+    with pytest.raises(ZeroDivisionError) as caught:
+        calibration.study(SCENARIOS[0], campaigns=1, seed=7, jobs=1, folder=tmp_path)
+    assert caught.value.__notes__ == ["in campaign 0 of paper, seed 7"]
