@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from hashlib import sha256
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +102,9 @@ def _outcomes(
         for part in parts:
             yield from several(part)
         return
-    with ProcessPoolExecutor(jobs, initializer=_warm_up) as pool:
+    # Each process has one core: a library that spreads a product over all of them only waits.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_warm_up) as pool:
         for future in as_completed([pool.submit(several, part) for part in parts]):
             yield from future.result()
 
