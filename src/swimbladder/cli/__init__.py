@@ -25,6 +25,7 @@ COMMANDS = {
     "simulate": "Simulate depth steps or a mission in closed loop.",
     "analyse": "Transfer functions, poles, stability, margins and stall depth.",
     "compare": "Drive the model with a measured log and compare depths.",
+    "identify-actuator": "K1, T1, dead zone, asymmetry and rate from logged steps.",
     "reproduce": "Redo the paper: every figure, table and number, in one report.",
     "vehicle": "List, show and write vehicle files.",
 }
@@ -56,7 +57,8 @@ def _app(wanted: set[str | None]) -> typer.Typer:
         if name not in wanted:
             app.command(name, help=summary)(_not_loaded)
             continue
-        command = getattr(import_module(f"swimbladder.cli.{name}"), name)
+        module = name.replace("-", "_")
+        command = getattr(import_module(f"swimbladder.cli.{module}"), module)
         if isinstance(command, typer.Typer):
             app.add_typer(command, name=name, help=summary)
         else:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from swimbladder.cli.common import compile_notice, console, emit_json, output, progress, quantity
+from swimbladder.cli.logs import pair, selections
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.units import format_quantity
 
@@ -79,11 +79,11 @@ def compare(
         "bottom_depth": _depth(bottom, "--bottom"),
         "surface_margin": _depth(surface_margin, "--surface-margin"),
     }
-    mapped = dict(_pair(text, "--column") for text in column or [])
+    mapped = dict(pair(text, "--column") for text in column or [])
     tasks = [
         _Task(path, chosen, mapped, log_format)
         for path in logs
-        for chosen in _selections(where or [])
+        for chosen in selections(where or [])
     ]
     for task, name in zip(tasks, _file_names(tasks), strict=True):
         task.name = name
@@ -162,23 +162,6 @@ def _depth(text: str | None, option: str) -> float:
             remedy="Check the number and its unit",
         )
     return float("inf") if number is None else number
-
-
-def _pair(text: str, option: str) -> tuple[str, str]:
-    name, sign, value = text.partition("=")
-    if not sign or not name.strip() or not value.strip():
-        raise InputError(
-            "not a pair", field=option, value=text, remedy=f"Write it as {option} NAME=VALUE"
-        )
-    return name.strip(), value.strip()
-
-
-def _selections(texts: list[str]) -> list[dict[str, str]]:
-    """Return one selection of rows for each log: all combinations of the values given."""
-    pairs = [_pair(text, "--where") for text in texts]
-    names = [name for name, _ in pairs]
-    values = [[v.strip() for v in value.split(",") if v.strip()] for _, value in pairs]
-    return [dict(zip(names, chosen, strict=True)) for chosen in product(*values)]
 
 
 def _file_names(tasks: list[_Task]) -> list[str]:

@@ -1,0 +1,156 @@
+"""The estimates that a fit to voltage steps gives, by name."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from swimbladder.identify_actuator.estimate import Estimate, bounded, estimated, given, untold
+from swimbladder.identify_actuator.model import LOGARITHMIC, drive_of
+from swimbladder.identify_actuator.profile import profile_of_T1
+from swimbladder.identify_actuator.response import steady_speed
+from swimbladder.identify_actuator.result import Step
+from swimbladder.identify_actuator.voltage import VoltageFit, named
+
+__all__ = ["by_direction", "covariance_of", "from_voltage", "steps_of"]
+
+
+def from_voltage(fit: VoltageFit, chosen: dict[str, float], unit: str) -> dict[str, Estimate]:
+    """Return K1, T1, dead_zone, load_voltage, asymmetry and rate; what is not told says why.
+
+    chosen: what the user has set; unit: of the position.
+    """
+    units = {
+        "K1": f"{unit}/s/V", "T1": "s", "dead_zone": "V", "load_voltage": "V", "asymmetry": "-",
+        "rate": f"{unit}/s",
+    }  # fmt: skip
+    values, told = fit.values, named(fit)
+    std = np.sqrt(np.diag(fit.covariance))
+    found: dict[str, Estimate] = {}
+    for name, of in units.items():
+        if name in chosen:
+            found[name] = given(chosen[name], of)
+        elif name not in fit.problem.free:
+            found[name] = _rate(fit, of) if name == "rate" else untold(of, _ONE_WAY[name])
+        elif name not in told:
+            found[name] = untold(of, _blind(fit))
+        elif name == "T1":
+            found[name] = profile_of_T1(fit)
+        else:
+            k = fit.problem.free.index(name)
+            logarithmic = name in LOGARITHMIC
+            size = values[name] if logarithmic else fit.problem.top
+            found[name] = estimated(
+                values[name], size * float(std[k]), of, df=fit.df, logarithmic=logarithmic
+            )
+            if name == "dead_zone" and found[name].ci95[0] < 0.0:
+                low_high = (0.0, found[name].ci95[1])
+                found[name] = Estimate(found[name].value, found[name].std, low_high, of)
+    return found
+
+
+_ONE_WAY = {
+    "asymmetry": "the voltages moved it in one direction only",
+    "load_voltage": "the voltages moved it in one direction only: a load counts as dead zone",
+}
+
+
+def _rate(fit: VoltageFit, unit: str) -> Estimate:
+    drive, top = drive_of(fit.values), fit.problem.top
+    fastest = max(abs(steady_speed(top, drive)), abs(steady_speed(-top, drive)))
+    why = (
+        f"no limit is seen: at {top:.3g} V, the largest voltage, it reaches {fastest:.4g} {unit} "
+        "as the gain has it"
+    )
+    return bounded(fastest, math.inf, unit, why)
+
+
+def _blind(fit: VoltageFit) -> str:
+    """Return the sentence on what the logs cannot tell apart."""
+    free, hit = fit.problem.free, (fit.blind**2).max(axis=1) > 0.02
+    names = {name for name, one in zip(free, hit.tolist(), strict=True) if one}
+    if {"K1", "T1"} <= names and "dead_zone" not in names:
+        return (
+            "the steps are too short: K1 and T1 trade off, because no steady speed is reached; "
+            "hold a voltage for several T1"
+        )
+    if "dead_zone" in names and names & {"K1", "asymmetry"}:
+        return (
+            f"{_and(names)} trade off: at one size of voltage a smaller dead zone and a smaller "
+            "gain look alike; log steps of two sizes or more, or give one with --set "
+            '"dead_zone=0 V"'
+        )
+    return f"{_and(names)} trade off: log longer steps, of both signs and of several sizes"
+
+
+def _and(names: set[str]) -> str:
+    words = sorted(names)
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def by_direction(fit: VoltageFit, found: dict[str, Estimate], unit: str) -> dict[str, Estimate]:
+    """Return the gains and the edges of the dead zone outward and inward, where they are told."""
+    free, values = fit.problem.free, fit.values
+    index = {name: k for k, name in enumerate(free)}
+    result: dict[str, Estimate] = {}
+
+    def spread(**weights: float) -> float:
+        w = np.zeros(len(free))
+        for name, weight in weights.items():
+            if name in index:
+                w[index[name]] = weight
+        return math.sqrt(max(float(w @ fit.covariance @ w), 0.0))
+
+    def known(*names: str) -> bool:
+        return all(found[name].value is not None for name in names)
+
+    if known("K1", "asymmetry"):
+        drive = drive_of(values)
+        for name, value, sign in (("K1_out", drive.K_out, 0.5), ("K1_in", drive.K_in, -0.5)):
+            std = value * spread(K1=1.0, asymmetry=sign)
+            result[name] = estimated(value, std, f"{unit}/s/V", df=fit.df, logarithmic=True)
+    if known("dead_zone", "load_voltage"):
+        for name, sign in (("threshold_out", 1.0), ("threshold_in", -1.0)):
+            value = sign * values["load_voltage"] + values["dead_zone"]
+            std = fit.problem.top * spread(dead_zone=1.0, load_voltage=sign)
+            result[name] = estimated(value, std, "V", df=fit.df)
+    return result
+
+
+def covariance_of(fit: VoltageFit, found: dict[str, Estimate]) -> dict[str, dict[str, float]]:
+    """Return the covariance of what is told, in SI, by name."""
+    values = fit.values
+    told = [n for n in fit.problem.free if found[n].value is not None]
+    sizes = {n: values[n] if n in LOGARITHMIC else fit.problem.top for n in told}
+    at = {n: fit.problem.free.index(n) for n in told}
+    return {
+        a: {b: float(fit.covariance[at[a], at[b]]) * sizes[a] * sizes[b] for b in told}
+        for a in told
+    }
+
+
+def steps_of(fit: VoltageFit) -> tuple[Step, ...]:
+    """Return what was fitted, block by block."""
+    found = []
+    problem = fit.problem
+    for block, residual, used in zip(problem.blocks, fit.residuals, problem.used, strict=True):
+        bench = problem.benches[block.log]
+        assert bench.voltage is not None
+        u, x = bench.voltage[block.samples], bench.position[block.samples]
+        sizes = u[np.abs(u) > 0.02 * problem.top]
+        low, high = (float(sizes.min()), float(sizes.max())) if len(sizes) else (0.0, 0.0)
+        found.append(
+            Step(
+                source=bench.source,
+                label=f"{low:.3g} V" if abs(high - low) < 0.02 * problem.top
+                else f"{low:.3g} to {high:.3g} V",
+                time=bench.time[block.samples],
+                position=x,
+                fitted=x - residual,
+                voltage=u,
+                used=used,
+                speed=None,
+            )
+        )  # fmt: skip
+    return tuple(found)

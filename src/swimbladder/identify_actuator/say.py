@@ -1,0 +1,95 @@
+"""The sentences that go with the numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from swimbladder.identify_actuator.bench import Bench, Driven
+from swimbladder.identify_actuator.estimate import Estimate
+from swimbladder.identify_actuator.from_moves import MovesFit
+from swimbladder.identify_actuator.result import Finding
+from swimbladder.identify_actuator.voltage import VoltageFit
+
+__all__ = ["ASSUMPTIONS", "of_moves", "of_voltage", "untold_of"]
+
+ASSUMPTIONS: Mapping[Driven, tuple[str, ...]] = {
+    "voltage": (
+        "A logged voltage is on the motor from its sample to the next, without delay.",
+        "The dead zone is dry friction: it also brakes a motor that runs on.",
+        "K1 is the geometric mean of the gains outward and inward, asymmetry their ratio.",
+    ),
+    "nothing": (
+        "The moves are taken to be at full voltage, given at an unknown instant between samples.",
+        "The rate is the mean speed of a move once it is at full speed, the geometric mean of both "
+        "directions.",
+    ),
+    "reference": (
+        "The actuator is taken to go at full speed while what is asked of it is out of reach for a "
+        "whole sample.",
+        "The rate is the mean speed meanwhile, the geometric mean of both directions.",
+    ),
+}
+
+_SEVERAL = 0.02  # differences, trends and shares that are worth a sentence
+
+
+def untold_of(name: str, estimate: Estimate) -> Finding:
+    """Return the sentence for a parameter that was asked for and is not told."""
+    return Finding("not told", f"{name} is not told: {estimate.why}.", "no")
+
+
+def of_voltage(
+    fit: VoltageFit, parameters: Mapping[str, Estimate], benches: Sequence[Bench]
+) -> list[Finding]:
+    """Return what is to be said of a fit to voltage steps."""
+    found = []
+    total = sum(len(used) for used in fit.problem.used)
+    out = total - sum(int(used.sum()) for used in fit.problem.used)
+    if out:
+        found.append(Finding("outliers", f"{out} of {total} samples are outliers, and left out."))
+    if fit.spread > 0.0:
+        found.append(
+            Finding(
+                "gains differ",
+                f"The gain differs by {100.0 * fit.spread:.2g} % (1 sigma) from one move to the "
+                "next by more than noise; the intervals take it into account.",
+                "warning" if fit.spread > _SEVERAL else "note",
+            )
+        )
+    T1, step = parameters["T1"], min(b.step for b in benches)
+    if T1.value is not None and T1.origin == "data" and T1.value < step:
+        found.append(
+            Finding(
+                "time constant",
+                f"T1 is shorter than the {step:.3g} s between samples: it is seen as a lag of the "
+                "whole motion, which a delay of the logged voltage would change as well.",
+                "warning",
+            )
+        )
+    return found
+
+
+def of_moves(fits: Sequence[MovesFit]) -> list[Finding]:
+    """Return what is to be said of fits to moves at full speed."""
+    found = []
+    between = max(fit.between for fit in fits)
+    if between > 0.25 * _SEVERAL:
+        found.append(
+            Finding(
+                "moves differ",
+                f"The speed differs from one move to the next by {100.0 * between:.2g} % (1 sigma)"
+                "; the intervals take it into account.",
+            )
+        )
+    worst = max(fits, key=lambda fit: abs(fit.trend * fit.lasting))
+    change = 100.0 * worst.trend * worst.lasting
+    if abs(change) > 100.0 * _SEVERAL:
+        word = "gains" if change > 0.0 else "loses"
+        found.append(
+            Finding(
+                "load",
+                f"Within a move the actuator {word} about {abs(change):.0f} % of its speed: the "
+                "load or the voltage changes along the way.",
+            )
+        )
+    return found

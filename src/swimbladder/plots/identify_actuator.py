@@ -1,0 +1,89 @@
+"""Steps of an actuator, measured against fitted, with what is left over."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from swimbladder.identify_actuator import ActuatorIdentification
+from swimbladder.plots.style import BLACK, GREY, ORANGE, VERMILION, save, styled
+
+__all__ = ["draw_steps", "plot_steps"]
+
+_MOST = 12  # steps in the figure
+
+
+def plot_steps(found: ActuatorIdentification, path: str | Path) -> Path:
+    """Write a picture of measured and fitted positions of the steps, and their residuals.
+
+    The suffix of the path chooses the format. Raises InputError where it cannot be written.
+    """
+    return save(draw_steps(found), path)
+
+
+@styled
+def draw_steps(found: ActuatorIdentification) -> Figure:
+    """Return the figure that plot_steps writes; of many steps it shows some, evenly chosen."""
+    count = len(found.steps)
+    shown = np.unique(np.linspace(0, count - 1, min(count, _MOST)).round().astype(int)).tolist()
+    columns = min(4, len(shown))
+    rows = math.ceil(len(shown) / columns)
+    figure = Figure(figsize=(2.6 * columns + 0.6, 2.9 * rows + 0.5))
+    scale, unit = (1e3, "mm") if found.quantity == "piston" else (1e6, "cm³")
+    grid = figure.add_gridspec(2 * rows, columns, height_ratios=[2.2, 1.0] * rows)
+    largest = max(
+        (
+            float(np.abs(found.steps[k].residual[found.steps[k].used]).max(initial=0.0))
+            for k in shown
+        ),
+        default=0.0,
+    )
+    limit = 1.2 * max(scale * largest, 1e-9)
+    for place, k in enumerate(shown):
+        step = found.steps[k]
+        row, column = divmod(place, columns)
+        upper = figure.add_subplot(grid[2 * row, column])
+        lower = figure.add_subplot(grid[2 * row + 1, column], sharex=upper)
+        t, start = step.time - step.time[0], step.position[step.used][:1].sum()
+        upper.plot(t[step.used], scale * (step.position - start)[step.used], ".", ms=3.5,
+                   color=BLACK, label="measured")  # fmt: skip
+        if not step.used.all():
+            low, high = upper.get_ylim()
+            out = np.clip(scale * (step.position - start)[~step.used], low, high)
+            upper.plot(t[~step.used], out, "x", ms=4, color=ORANGE, label="left out")
+        upper.plot(t, scale * (step.fitted - start), color=VERMILION, lw=1.2, label="fitted")
+        lower.axhline(0.0, color=GREY, lw=0.8)
+        lower.plot(t[step.used], scale * step.residual[step.used], ".", ms=2.5, color=BLACK)
+        lower.set_ylim(-limit, limit)
+        upper.tick_params(labelbottom=False)
+        upper.set_title(f"step {k + 1}: {step.label}", loc="left", fontsize=8.5)
+        if column == 0:
+            upper.set_ylabel(f"{'travel' if unit == 'mm' else 'volume'} [{unit}]")
+            lower.set_ylabel(f"left over\n[{unit}]")
+        if place + columns >= len(shown):
+            lower.set_xlabel("time in the step [s]")
+        if place == 0:
+            upper.legend(loc="best", fontsize=8.0)
+    some = "" if count == len(shown) else f", {len(shown)} of {count} steps"
+    figure.suptitle(f"{_title(found)}{some}", x=0.01, ha="left", fontsize=10.0)
+    figure.align_ylabels()
+    return figure
+
+
+def _title(found: ActuatorIdentification) -> str:
+    parts = []
+    for name, scale, unit in (
+        ("K1", 1e3, "mm/s/V"), ("K1A", 1e6, "cm³/s/V"), ("T1", 1.0, "s"),
+        ("dead_zone", 1.0, "V"), ("rate", 1e3 if found.quantity == "piston" else 1e6,
+                                  "mm/s" if found.quantity == "piston" else "cm³/s"),
+    ):  # fmt: skip
+        e = found.parameters.get(name)
+        if e is not None and e.value is not None:
+            word = name.replace("_", " ")
+            parts.append(
+                f"{word} = {scale * e.value:.4g} ± {1.96 * scale * (e.std or 0.0):.2g} {unit}"
+            )
+    return ", ".join(parts) or "nothing is told"
