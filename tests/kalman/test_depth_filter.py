@@ -13,7 +13,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.kalman.depth_filter import Noise, Samples, Start, filter_depth
 from swimbladder.kalman.kernels import CLIPPED, COUNTED, HELD, REJECTED, RESTARTED, UNSEEN
 
-NOISE = Noise(depth=3e-3, walk=0.2e-6, shake=1e-4)
+NOISE = Noise(depth=3e-3, walk=0.2e-6, jolt=1e-4)
 START = Start(
     depth=60.0, speed=0.0, neutral=0.0, depth_std=0.02, speed_std=0.01, neutral_std=3e-6
 )  # fmt: skip
@@ -24,7 +24,7 @@ def system(p, h, noise):
     """F, Q, and what V and dV/dt add to the state; volumes in cm3, by matrix exponentials."""
     a = 1e-6 * p.a_b
     A = np.array([[0.0, 1.0, 0.0], [p.a_b * p.psi, -p.d_l, a], [0.0, 0.0, 0.0]])
-    L = np.diag([0.0, noise.shake**2, 1e12 * noise.walk**2])
+    L = np.diag([0.0, noise.jolt**2, 1e12 * noise.walk**2])
     E = expm(np.block([[-A, L], [np.zeros((3, 3)), A.T]]) * h)
     F = expm(A * h)
     forced = np.zeros((5, 5))

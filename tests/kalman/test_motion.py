@@ -13,18 +13,18 @@ from swimbladder.engine.cache import compiled
 from swimbladder.io.config import load_vehicle
 from swimbladder.kalman.motion import BOBBING_DAMPING, transition
 
-WALK2, SHAKE2 = (0.3e-6) ** 2, (2e-4) ** 2
+WALK2, JOLT2 = (0.3e-6) ** 2, (2e-4) ** 2
 SCALE = np.array([1.0, 1.0, 1e-6])  # the neutral volume in cm3, so that one tolerance fits all
 
 
 @compiled
-def step(p, x, Va, Vb, h, walk2, shake2, F, Q):
-    return transition(p, x[0], x[1], x[2], Va, Vb, h, walk2, shake2, F, Q)
+def step(p, x, Va, Vb, h, walk2, jolt2, F, Q):
+    return transition(p, x[0], x[1], x[2], Va, Vb, h, walk2, jolt2, F, Q)
 
 
 def stepped(p, x, Va, Vb, h):
     F, Q = np.empty((3, 3)), np.empty((3, 3))
-    z, w, aground = step(np.array(p), np.array(x), Va, Vb, h, WALK2, SHAKE2, F, Q)
+    z, w, aground = step(np.array(p), np.array(x), Va, Vb, h, WALK2, JOLT2, F, Q)
     return np.array([z, w, x[2]]), F, np.triu(Q) + np.triu(Q, 1).T, aground
 
 
@@ -33,7 +33,7 @@ def by_expm(p, x, Va, Vb, h):
     a = p.a_b
     # in cm3, or expm loses the small entries
     A = np.array([[0.0, 1.0, 0.0], [a * p.psi, -p.d_l, 1e-6 * a], [0.0, 0.0, 0.0]])
-    L = np.diag([0.0, SHAKE2, 1e12 * WALK2])
+    L = np.diag([0.0, JOLT2, 1e12 * WALK2])
     E = expm(np.block([[-A, L], [np.zeros((3, 3)), A.T]]) * h)
     F, D = expm(A * h), np.diag(SCALE)
     forced = np.zeros((5, 5))  # z, w, V0, V, dV/dt

@@ -73,12 +73,12 @@ def filter_kernel(  # type: ignore[no-untyped-def]
 
     use [n]: 1 counts, 0 is held with the contact's noise, -1 is not looked at. start [3], cov
     [3, 3]: state and covariance at the first instant, before its sample. noise: variance of the
-    depth [m2], of the depth in contact [m2], walk^2 [m6/s], shake^2 [m2/s3], variance of the speed
+    depth [m2], of the depth in contact [m2], walk^2 [m6/s], jolt^2 [m2/s3], variance of the speed
     in contact [m2/s2]. Fills the states before (`before` [n, 3], `spread` [n, 3, 3]) and after
     (`mean`, `P`) each sample, F [n, 3, 3] into sample k, and for each sample error [m], variance
     [m2], log likelihood and fate.
     """
-    R, R_held, walk2, shake2 = noise[0], noise[1], noise[2], noise[3]
+    R, R_held, walk2, jolt2 = noise[0], noise[1], noise[2], noise[3]
     floor2 = (R_held, noise[4])
     x = start.copy()
     C = cov.copy()
@@ -88,7 +88,7 @@ def filter_kernel(  # type: ignore[no-untyped-def]
         if k:
             x[0], x[1], aground = transition(
                 p, x[0], x[1], x[2], volume[k - 1], volume[k], time[k] - time[k - 1],
-                walk2, shake2, F[k], Q,
+                walk2, jolt2, F[k], Q,
             )  # fmt: skip
             _propagate(C, F[k], Q)
             if aground:
@@ -146,7 +146,7 @@ def predict_kernel(p, time, volume, mean, P, first, last, noise, depth, variance
 
     The volume on the way is known. variance [m2] is of the true depth, without the measurement's.
     """
-    walk2, shake2 = noise[2], noise[3]
+    walk2, jolt2 = noise[2], noise[3]
     floor2 = (noise[1], noise[4])
     F, Q = np.empty((3, 3)), np.empty((3, 3))
     for i in range(first.shape[0]):
@@ -155,7 +155,7 @@ def predict_kernel(p, time, volume, mean, P, first, last, noise, depth, variance
         for k in range(first[i] + 1, last[i] + 1):
             x[0], x[1], aground = transition(
                 p, x[0], x[1], x[2], volume[k - 1], volume[k], time[k] - time[k - 1],
-                walk2, shake2, F, Q,
+                walk2, jolt2, F, Q,
             )  # fmt: skip
             _propagate(C, F, Q)
             if aground:

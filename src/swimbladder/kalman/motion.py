@@ -2,7 +2,7 @@
 
 The state is (z, w, V0) with ``dz/dt = w``, ``dw/dt = a_b (psi z + V0 - V(t)) - F_d(w)/m`` plus the
 hull's stiffness where it emerges (eqs 13, 15, 16, 31), and ``dV0 = walk dB``: the neutral volume at
-depth 0 is a random walk. V(t) is linear over a step. White acceleration, of intensity `shake`, may
+depth 0 is a random walk. V(t) is linear over a step. White acceleration, of intensity `jolt`, may
 stand for what the model leaves out.
 
 Under laminar drag, clear of surface and bottom, the step is exact: with G the velocity's impulse
@@ -71,11 +71,11 @@ def _response(d, kappa, h):  # type: ignore[no-untyped-def]
 
 
 @part
-def _add_noise(a, d, kappa, tau, weight, walk2, shake2, Q):  # type: ignore[no-untyped-def]
+def _add_noise(a, d, kappa, tau, weight, walk2, jolt2, Q):  # type: ignore[no-untyped-def]
     """Add to Q what the noise of an instant does tau [s] later."""
     slope, g, i1, _ = _response(d, kappa, tau)
     vz, vw = a * i1, a * g
-    q, s = weight * walk2, weight * shake2
+    q, s = weight * walk2, weight * jolt2
     Q[0, 0] += q * vz * vz + s * g * g
     Q[0, 1] += q * vz * vw + s * g * slope
     Q[1, 1] += q * vw * vw + s * slope * slope
@@ -113,7 +113,7 @@ def _spread(F, Q, f, q):  # type: ignore[no-untyped-def]
 
 
 @part
-def _laminar(p, z, w, V0, Va, Vb, h, walk2, shake2, F, Q):  # type: ignore[no-untyped-def]
+def _laminar(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
     """Advance over h [s] under laminar drag, clear of surface and bottom, exactly."""
     a, d = p[A_B], p[D_L]
     kappa = a * p[PSI]
@@ -125,12 +125,12 @@ def _laminar(p, z, w, V0, Va, Vb, h, walk2, shake2, F, Q):  # type: ignore[no-un
     f[0, 0], f[0, 1], f[0, 2] = 1.0 + kappa * i1, g, a * i1
     f[1, 0], f[1, 1], f[1, 2] = kappa * g, slope, a * g
     f[2, 2] = 1.0
-    if walk2 > 0.0 or shake2 > 0.0:
-        _add_noise(a, d, kappa, _X0 * s, _C0 * s, walk2, shake2, q)
-        _add_noise(a, d, kappa, _X1 * s, _C1 * s, walk2, shake2, q)
-        _add_noise(a, d, kappa, _X2 * s, _C2 * s, walk2, shake2, q)
-        _add_noise(a, d, kappa, _X3 * s, _C3 * s, walk2, shake2, q)
-        _add_noise(a, d, kappa, _X4 * s, _C4 * s, walk2, shake2, q)
+    if walk2 > 0.0 or jolt2 > 0.0:
+        _add_noise(a, d, kappa, _X0 * s, _C0 * s, walk2, jolt2, q)
+        _add_noise(a, d, kappa, _X1 * s, _C1 * s, walk2, jolt2, q)
+        _add_noise(a, d, kappa, _X2 * s, _C2 * s, walk2, jolt2, q)
+        _add_noise(a, d, kappa, _X3 * s, _C3 * s, walk2, jolt2, q)
+        _add_noise(a, d, kappa, _X4 * s, _C4 * s, walk2, jolt2, q)
     rate = (Vb - Va) / h
     for i in range(n):
         _spread(F, Q, f, q)
@@ -157,7 +157,7 @@ def _drag(p, w):  # type: ignore[no-untyped-def]
 
 
 @part
-def _slopes(p, x, V, walk2, shake2, tau, out):  # type: ignore[no-untyped-def]
+def _slopes(p, x, V, walk2, jolt2, tau, out):  # type: ignore[no-untyped-def]
     """Right-hand side of x: z, w, then F's columns (z and w rows of each), then Q's five parts.
 
     V: volume less neutral volume [m3]; tau: time since the step began [s].
@@ -181,13 +181,13 @@ def _slopes(p, x, V, walk2, shake2, tau, out):  # type: ignore[no-untyped-def]
     zz, zw, ww, zV, wV = x[8], x[9], x[10], x[11], x[12]
     out[8] = 2.0 * zw
     out[9] = ww + pull * zz - damping * zw + a * zV
-    out[10] = 2.0 * (pull * zw - damping * ww + a * wV) + shake2
+    out[10] = 2.0 * (pull * zw - damping * ww + a * wV) + jolt2
     out[11] = wV
     out[12] = pull * zV - damping * wV + a * walk2 * tau
 
 
 @part
-def _runge_kutta(p, z, w, V0, Va, Vb, h, n, walk2, shake2, F, Q):  # type: ignore[no-untyped-def]
+def _runge_kutta(p, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
     """Advance over h [s] in n steps; the bottom stops the vehicle. Return (z, w, aground)."""
     x = np.zeros(13)
     y = np.empty(13)
@@ -205,13 +205,13 @@ def _runge_kutta(p, z, w, V0, Va, Vb, h, n, walk2, shake2, F, Q):  # type: ignor
             x[0], x[1] = p[Z_BOTTOM], 0.0
             x[2:] = 0.0
             continue
-        _slopes(p, x, V, walk2, shake2, t, k1)
+        _slopes(p, x, V, walk2, jolt2, t, k1)
         y[:] = x + 0.5 * s * k1
-        _slopes(p, y, V + 0.5 * rate * s, walk2, shake2, t + 0.5 * s, k2)
+        _slopes(p, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k2)
         y[:] = x + 0.5 * s * k2
-        _slopes(p, y, V + 0.5 * rate * s, walk2, shake2, t + 0.5 * s, k3)
+        _slopes(p, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k3)
         y[:] = x + s * k3
-        _slopes(p, y, V + rate * s, walk2, shake2, t + s, k4)
+        _slopes(p, y, V + rate * s, walk2, jolt2, t + s, k4)
         x += s / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
         if x[0] > p[Z_BOTTOM]:
             x[0], x[1] = p[Z_BOTTOM], min(x[1], 0.0)
@@ -226,11 +226,11 @@ def _runge_kutta(p, z, w, V0, Va, Vb, h, n, walk2, shake2, F, Q):  # type: ignor
 
 
 @part
-def transition(p, z, w, V0, Va, Vb, h, walk2, shake2, F, Q):  # type: ignore[no-untyped-def]
+def transition(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
     """Advance over h [s] while the volume goes from Va to Vb; return (z, w, whether aground).
 
     Fills F [3, 3], the slope of the new state by the old one, and Q [3, 3], upper triangle, the
-    covariance that the noise of intensities walk2 [m6/s] and shake2 [m2/s3] adds.
+    covariance that the noise of intensities walk2 [m6/s] and jolt2 [m2/s3] adds.
     """
     for i in range(3):
         for j in range(3):
@@ -243,7 +243,7 @@ def transition(p, z, w, V0, Va, Vb, h, walk2, shake2, F, Q):  # type: ignore[no-
     down = max(w, 0.0) * h + 0.5 * max(pulls[0], pulls[1], 0.0) * h * h
     rises = z - up <= p[Z_SURFACE]
     if p[EPSILON] == math.inf and not rises and z + down < p[Z_BOTTOM]:
-        z, w = _laminar(p, z, w, V0, Va, Vb, h, walk2, shake2, F, Q)
+        z, w = _laminar(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q)
         return z, w, False
     # as fast as it may become within the step, where drag does not hold it back
     fastest = abs(w) + max(abs(pulls[0]), abs(pulls[1])) * h
@@ -255,4 +255,4 @@ def transition(p, z, w, V0, Va, Vb, h, walk2, shake2, F, Q):  # type: ignore[no-
     if rises:
         steps = max(steps, h * math.sqrt(p[A_S]) / _FINE_BOBBING)
     n = int(min(math.ceil(steps), _MOST)) + 1
-    return _runge_kutta(p, z, w, V0, Va, Vb, h, n, walk2, shake2, F, Q)
+    return _runge_kutta(p, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q)

@@ -36,6 +36,11 @@ class Identified(Parameters):
         0.0,
         description="intensity of the neutral volume's random walk: its 1 sigma after a second",
     )
+    acceleration_noise: Annotated[float, Unit("m/s/s^0.5"), Field(ge=0.0)] = Field(
+        0.0,
+        description="intensity of white acceleration, for what the model leaves out: 1 sigma of "
+        "the speed after a second",
+    )
     logs: tuple[str, ...] = Field((), description="the logs that it was identified from")
 
     @model_validator(mode="after")
