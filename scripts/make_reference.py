@@ -52,12 +52,13 @@ def what(name: str, info: FieldInfo, unit: str | None) -> str:
     unit = {"volume_zero": "m3", "piston_zero": "m"}.get(name, unit)  # these also take "first"
     if unit is not None:
         return unit or "-"
-    choices = choices_of(info)
-    if get_origin(info.annotation) is tuple:
+    kinds = [info.annotation, *get_args(info.annotation)]
+    if any(get_origin(kind) is tuple for kind in kinds):
         return "list"
     if isinstance(info.default, bool):
         return "true or false"
-    return "integer" if choices and isinstance(choices[0], int) else "text"
+    kinds += [inner for kind in kinds for inner in get_args(kind)]
+    return "integer" if any(kind is int or type(kind) is int for kind in kinds) else "text"
 
 
 def choices_of(info: FieldInfo) -> tuple[str | int, ...]:

@@ -177,7 +177,7 @@ def test_rows_without_numbers_and_repeated_rows_are_dropped_and_said(tmp_path: P
     assert log.voltage is not None
     assert math.isnan(log.voltage[1])
     assert "4 of 11 rows without time or depth dropped" in log.report
-    assert "1 rows that repeat the time before them dropped" in log.report
+    assert "1 row with the time of the row before dropped" in log.report
 
 
 def test_a_log_that_is_mostly_holes_is_refused(tmp_path: Path) -> None:
@@ -209,7 +209,7 @@ def test_disorder_is_refused_unless_sorting_is_asked_for(tmp_path: Path) -> None
         ("time_s,depth_m\n0,1\n1,deep\n", "depth_m", 3),
         ("time_s,depth_m\n0,1\n1,1_0\n", "depth_m", 3),
         ("time_s,depth_m\n0,5,1,5\n1,0,2,5\n", "row", 2),
-        (b"time_s,depth_m\n0,\xff\n", "file", None),
+        (b"time_s,depth_m\n0,\xff\n", "depth_m", 2),
         (b"\x1f\x8b\x08garbage", "file", None),
         (gzip.compress(PLAIN.encode(), mtime=0)[:-9], "file", None),
     ],

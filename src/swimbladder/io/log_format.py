@@ -5,14 +5,19 @@
     [log]
     delimiter = ";"              # found in the header where it is not given
     decimal = ","                # "." where it is not given
+    header_starts = "Time[ms]"   # what stands above, and before it on its line, is left out
+    units_row = true             # the row below the names holds the units
     rows = "sort"                # rows out of order: sort them by time instead of refusing
     volume_zero = "first"        # the vehicle is neutral at the first sample (the default)
     volume_zero = "12 cm3"       # or: what volume_m3 reads at mid-stroke
     piston_zero = "25.75 mm"     # what piston_m reads at mid-stroke; "first" as above
     piston_positive = "in"       # a larger piston_m means less volume; "out" is the default
+    water_density = "998 kg/m3"  # to turn pressure_Pa into depth_m
+    atmospheric_pressure = "gauge"
+    spikes = "drop"              # leave out single samples that stand far off
 
     [log.columns]
-    time_s = { name = "Time", unit = "iso" }     # seconds, any unit of time, or ISO 8601
+    time_s = { name = "Time", unit = "iso" }     # or any unit of time, clock, tick or a pattern
     depth_m = { name = "Depth", unit = "cm" }
     voltage_V = "Motor [mV]"                     # the unit in brackets counts
     [log.where]
@@ -22,14 +27,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
 from swimbladder.errors import InputError
 from swimbladder.io.config import file_text, read_model
 from swimbladder.io.log_formats import format_names, format_text
-from swimbladder.parameters import Parameters
+from swimbladder.parameters import Parameters, Unit
 from swimbladder.parameters.schema import did_you_mean, refusal
 from swimbladder.units import parse_quantity, unit_factor
 
@@ -38,6 +43,7 @@ __all__ = ["COLUMNS", "LogColumn", "LogColumns", "LogFormat", "column_factor", "
 COLUMNS = {
     "time_s": "s",
     "depth_m": "m",
+    "pressure_Pa": "Pa",
     "volume_m3": "m3",
     "piston_m": "m",
     "voltage_V": "V",
@@ -53,7 +59,13 @@ class LogColumn(Parameters):
     """Which column of the file to read, and its unit."""
 
     name: str = Field(min_length=1, description="its name in the header of the file")
-    unit: str | None = Field(None, description="its unit; iso: ISO 8601 times")
+    unit: str | None = Field(
+        None,
+        description="its unit; of times also iso, clock, tick or a pattern: %d.%m.%Y %H:%M:%S",
+    )
+    date: str | None = Field(
+        None, min_length=1, description="column with the date, where this one has the time of day"
+    )
 
 
 def _column(value: object) -> object:
@@ -68,6 +80,7 @@ class LogColumns(Parameters):
 
     time_s: _Column = Field(None, description="time of the sample")
     depth_m: _Column = Field(None, description="depth of the pressure sensor")
+    pressure_Pa: _Column = Field(None, description="pressure, to be turned into depth_m")
     volume_m3: _Column = Field(None, description="volume change, positive: lighter")
     piston_m: _Column = Field(None, description="position of the piston")
     voltage_V: _Column = Field(None, description="voltage of the motor")
@@ -98,18 +111,97 @@ def _zero(unit: str) -> BeforeValidator:
     return BeforeValidator(check)
 
 
-Delimiter = Literal[",", ";", "\t", "|"]
+def _surface(value: object) -> object:
+    """Return what the pressure sensor reads at the surface [Pa], or the text that says how."""
+    text = value.strip() if isinstance(value, str) else value
+    if text is None or text in ("gauge", "first"):
+        return text
+    first = text.removeprefix("first ") if isinstance(text, str) else ""
+    try:
+        if isinstance(text, str) and first != text:
+            seconds = parse_quantity(first, "s")
+            if seconds > 0.0:
+                return f"first {seconds!r} s"
+            raise refusal("the time must be above 0", 'Write it like "first 10 s"')
+        return parse_quantity(text, "Pa")
+    except InputError as error:
+        remedy = 'Write "gauge", "first", "first 10 s" or a pressure like "1013 mbar"'
+        raise refusal(error.what, remedy) from None
+
+
+def _tick(value: object) -> object:
+    """Return the length of a tick [s], of a text in Hz its inverse."""
+    if isinstance(value, str) and value.rstrip().endswith("Hz"):
+        try:
+            rate = parse_quantity(value, "1/s")
+        except InputError as error:
+            raise refusal(error.what, 'Write it like "30.5 us" or "32768 Hz"') from None
+        return 1.0 / rate if rate > 0.0 else rate
+    return value
+
+
+Delimiter = Literal[",", ";", "\t", "|", " "]
+Encoding = Literal[
+    "utf-8", "utf-16-le", "utf-16-be", "latin-1", "cp1252", "cp437", "mac-roman", "shift_jis",
+    "gb18030",
+]  # fmt: skip
 
 
 class LogFormat(Parameters):
     """The ``[log]`` table: how to read a log."""
 
+    encoding: Encoding | None = Field(
+        None, description="of the text; not given: by byte order mark, else UTF-8, else Latin-1"
+    )
     delimiter: Delimiter | None = Field(
-        None, description="between two fields; not given: taken from the header"
+        None,
+        description="between two fields, a blank for any run of blanks and tabs; not given: taken "
+        "from the header",
     )
     decimal: Literal[".", ","] = Field(".", description="mark before the decimals")
+    comment: str = Field(
+        "#", min_length=1, max_length=8, description="what a line begins with that is a remark"
+    )
+    missing: tuple[str, ...] = Field((), description="texts that stand for no number")
+    header_starts: str | None = Field(
+        None,
+        min_length=1,
+        description="how the line with the names begins; what stands above, and before it on its "
+        "line, is left out; not given: the first line with all the names that are needed",
+    )
+    names: tuple[str, ...] | None = Field(
+        None, min_length=1, description="names of the columns of a file that has no header"
+    )
+    skip_lines: Annotated[int, Field(ge=0)] = Field(
+        0, description="lines at the top of the file to leave out"
+    )
+    units_row: bool = Field(False, description="whether the row below the names holds the units")
+    skip_rows: Annotated[int, Field(ge=0)] = Field(
+        0, description="rows to leave out below the names and the units"
+    )
+    fields: Annotated[int, Field(ge=1)] | None = Field(
+        None, description="fields in a row, where the header names fewer"
+    )
+    part: Annotated[int, Field(ge=1)] | None = Field(
+        None, description="which part of a file that repeats its header; not given: all of it"
+    )
+    bad_rows: Literal["refuse", "drop"] = Field(
+        "refuse", description="drop: leave out rows with anything but a number where one is due"
+    )
     rows: Literal["ordered", "sort"] = Field(
         "ordered", description="sort: put rows in the order of time instead of refusing the log"
+    )
+    tick: Annotated[float, Unit("s"), Field(gt=0.0), BeforeValidator(_tick)] | None = Field(
+        None, description="length of a tick, where the unit of time_s is tick; also in Hz"
+    )
+    counter_bits: Annotated[int, Field(ge=8, le=64)] | None = Field(
+        None, description="width of the counter in time_s, which begins again at 0 when it is full"
+    )
+    gap: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+        None, description="a longer step is a gap; not given: five times the median step"
+    )
+    spikes: Literal["report", "drop"] = Field(
+        "report", description="what to do with single samples that stand far off"
     )
     volume_zero: Annotated[float | None, _zero("m3")] = Field(
         None, description="reading of volume_m3 at mid-stroke; first: neutral at the first sample"
@@ -120,10 +212,49 @@ class LogFormat(Parameters):
     piston_positive: Literal["in", "out"] = Field(
         "out", description="where a larger piston_m moves it; out: more volume"
     )
+    depth_positive: Literal["down", "up"] = Field(
+        "down", description="where depth_m, speed_m_s and reference_depth_m grow in the file"
+    )
+    water_density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1300.0)] | None = Field(
+        None, description="density that turns pressure_Pa into depth, one all the way down"
+    )
+    gravity: Annotated[float, Unit("m/s2"), Field(ge=9.7, le=9.9)] = Field(
+        9.80665, description="gravity that turns pressure_Pa into depth"
+    )
+    atmospheric_pressure: Annotated[float | str | None, BeforeValidator(_surface)] = Field(
+        None,
+        description="what pressure_Pa reads at the surface; gauge: 0; first: its first reading; "
+        "first 10 s: the median of those 10 s",
+    )
+    logger_density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1300.0)] | None = Field(
+        None,
+        description="density with which the logger turned pressure into depth_m, where that of "
+        "the water, water_density, is another",
+    )
+    depth_offset: Annotated[float, Unit("m")] = Field(
+        0.0, description="what is added to the depth at the end; positive: deeper"
+    )
     columns: LogColumns = Field(LogColumns(), description="column of a log = column of the file")
     where: dict[str, str | float] = Field(
         default_factory=dict, description="column of the file = what it has to hold"
     )
+
+    @model_validator(mode="after")
+    def _fit_together(self) -> Self:
+        for name in ("header_starts", "units_row", "skip_rows", "fields", "part"):
+            if self.names is not None and getattr(self, name):
+                raise refusal(
+                    f"{name} is for a file with a header, and names for one without",
+                    "Leave one of the two out",
+                    name,
+                )
+        if self.logger_density is not None and self.water_density is None:
+            raise refusal(
+                "the density of the water itself is missing",
+                'Add a line water_density = "998 kg/m3", or that of your water',
+                "logger_density",
+            )
+        return self
 
 
 class _LogFile(Parameters):

@@ -1,273 +1,289 @@
-"""The text of a log: decompressed, decoded, split and turned into numbers, with line numbers."""
+"""The columns of a log as numbers, with line numbers: rows chosen, texts read, times in seconds."""
 
 from __future__ import annotations
 
-import csv
-import gzip
-import io
 import math
-import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import LogError
-from swimbladder.io.log_format import Delimiter, LogColumn, LogFormat
+from swimbladder.errors import InputError, LogError
+from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, bracketed, column_factor
+from swimbladder.io.log_parquet import ParquetRows, is_parquet
+from swimbladder.io.log_rows import Column, Rows, Sheet
+from swimbladder.io.log_text import counted, read_bytes
+from swimbladder.io.log_time import counter_seconds, reads_text, text_seconds, time_remedy
+from swimbladder.io.log_where import RowTest, column_texts, none_chosen, number
 
 __all__ = ["Table", "read_header", "read_table"]
 
-_MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf"}
-_DELIMITERS: tuple[Delimiter, ...] = (";", "\t", "|", ",")
+Array = NDArray[np.float64]
+Choose = Callable[[list[str]], dict[str, LogColumn]]
+
+_MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "+inf", "-inf", "nat", "#n/a"}
+_LARGEST = 1e15  # in SI: no number of a log is larger, and their products stay finite
 
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """Columns of numbers as the file has them, NaN where there is none."""
+    """Columns of numbers in the units of their names, NaN where there is none."""
 
-    sources: dict[str, LogColumn]
-    values: dict[str, NDArray[np.float64]]
+    values: dict[str, Array]
     line: NDArray[np.int64]
     report: tuple[str, ...]
 
 
 def read_header(path: str | Path) -> list[str]:
-    """Return the names in the header of a CSV file.
+    """Return the names of the columns of a log.
 
     Raises LogError where it cannot be read or has none.
     """
-    rows = _Rows(path, LogFormat())
-    return rows.header
+    return _sheet(path, LogFormat(), ()).header
 
 
 def read_table(
     path: str | Path,
     form: LogFormat,
     where: Mapping[str, str | float],
-    choose: Callable[[list[str]], dict[str, LogColumn]],
+    choose: Choose,
+    wanted: Sequence[Collection[str]],
 ) -> Table:
     """Return the columns that `choose` names for the header, of the rows that hold `where`.
 
-    Raises LogError with file, line, column and value.
+    wanted: of each of these sets the header has a name. Raises LogError with file, line, column and
+    value.
     """
-    rows = _Rows(path, form)
-    sources = choose(rows.header)
-    index = {name: rows.header.index(column.name) for name, column in sources.items()}
-    tests = [_test(rows, name, value) for name, value in where.items()]
-    parse = {
-        name: _instant if column.unit == "iso" else _number(rows.decimal)
-        for name, column in sources.items()
+    sheet = _sheet(path, form, [*wanted, *({name} for name in where)])
+    sources = {
+        name: _with_unit(name, column, sheet, path) for name, column in choose(sheet.header).items()
     }
-    values: dict[str, list[float]] = {name: [] for name in sources}
-    lines: list[int] = []
-    total = 0
-    for line, row in rows:
-        total += 1
-        if not all(test(row) for test in tests):
-            continue
-        lines.append(line)
-        for name, at in index.items():
-            text = row[at].strip()
-            try:
-                values[name].append(parse[name](text))
-            except (ValueError, OverflowError):
-                raise _not_a_number(path, line, sources[name], text, rows) from None
-    if not lines:
-        raise _nothing(path, total, where, rows)
-    if where:
-        rows.report.append(f"{len(lines)} of {total} rows chosen")
-    used = {column.name for column in sources.values()} | set(where)
-    unused = [name for name in rows.header if name and name not in used]
-    if unused:
-        more = ", ..." if len(unused) > 12 else ""
-        rows.report.append(f"columns not used: {', '.join(unused[:12])}{more}")
-    arrays = {name: np.array(column) for name, column in values.items()}
-    if "time_s" in sources and sources["time_s"].unit == "iso":
-        finite = arrays["time_s"][np.isfinite(arrays["time_s"])]
-        arrays["time_s"] -= finite[0] if len(finite) else 0.0
-    return Table(sources=sources, values=arrays, line=np.array(lines), report=tuple(rows.report))
-
-
-class _Rows:
-    """The rows of a CSV file and their lines; comments and ragged rows are left out."""
-
-    def __init__(self, path: str | Path, form: LogFormat) -> None:
-        self.path = path
-        self.report: list[str] = []
-        self.decimal = form.decimal
-        text = _text(path)
-        lines = text.split("\n")
-        first = next((s for s in lines if s.strip() and not s.startswith("#")), "")
-        found: Delimiter = next((d for d in _DELIMITERS if d in first), ",")
-        self.delimiter: Delimiter = form.delimiter or found
-        if form.delimiter is None and self.delimiter != ",":
-            self.report.append(f"fields are separated by {self.delimiter!r}, as in the header")
-        if self.delimiter == "," == self.decimal:
-            raise LogError(
-                "a comma cannot separate both fields and decimals",
-                file=path,
-                field="decimal",
-                value=",",
-                remedy="Set delimiter in the [log] table to the one of the file",
-            )
-        self._reader = csv.reader(io.StringIO(text), delimiter=self.delimiter)
-        self._ragged: list[tuple[int, int]] = []
-        self.header = [name.strip() for name in next(self._lines(), (0, []))[1]]
-        if not self.header:
-            raise LogError(
-                "the log is empty", file=path, field="header", remedy="Give a CSV with a header"
-            )
-
-    def _lines(self) -> Iterator[tuple[int, list[str]]]:
-        while True:
-            try:
-                row = next(self._reader, None)
-            except csv.Error as error:
-                raise LogError(
-                    f"not CSV: {error}", file=self.path, line=self._reader.line_num, field="row"
-                ) from None
-            if row is None:
-                return
-            if any(field.strip() for field in row) and not row[0].startswith("#"):
-                yield self._reader.line_num, row
-
-    def __iter__(self) -> Iterator[tuple[int, list[str]]]:
-        """Yield (line, fields) and report how many rows did not have the header's length."""
-        whole = 0
-        for line, row in self._lines():
-            if len(row) == len(self.header):
-                whole += 1
-                yield line, row
-            else:
-                self._ragged.append((line, len(row)))
-        if not self._ragged:
-            return
-        line, fields = self._ragged[0]
-        ragged = f"{len(self._ragged)} rows do not have the header's {len(self.header)} fields"
-        if len(self._ragged) * 10 > whole:
-            raise LogError(
-                f"{ragged}, of {whole + len(self._ragged)}",
-                file=self.path,
-                line=line,
-                field="row",
-                value=f"{fields} fields",
-                remedy="Check the delimiter; decimal commas need another one between fields",
-            )
-        self.report.append(f"{ragged} and are dropped, the first on line {line}")
-
-
-def _text(path: str | Path) -> str:
-    """Return the text of a file: decompressed, without its byte order mark."""
-    try:
-        data = Path(path).read_bytes()
-        if data[:2] == b"\x1f\x8b":
-            data = gzip.decompress(data)
-        bom = data[:2] in (b"\xff\xfe", b"\xfe\xff")
-        text = data.decode("utf-16" if bom else "utf-8-sig")
-        return text.replace("\r\n", "\n").replace("\r", "\n")
-    except FileNotFoundError:
-        what, remedy = "there is no such file", "Check the path"
-    except IsADirectoryError:
-        what, remedy = "this is a folder", "Give the log in it"
-    except UnicodeDecodeError as error:
-        what, remedy = f"not text in UTF-8, at byte {error.start}", "Save the log as UTF-8"
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        what, remedy = f"the compressed file is damaged: {error}", "Compress it anew with gzip"
-    except (OSError, ValueError) as error:
-        what, remedy = f"cannot read the file: {error}", "Check the path and its permissions"
-    raise LogError(what, file=path, field="file", remedy=remedy)
-
-
-def _number(decimal: str) -> Callable[[str], float]:
-    def parse(text: str) -> float:
-        if text.lower() in _MISSING:
-            return math.nan
-        if "_" in text or (decimal == "," and "." in text):
-            raise ValueError(text)
-        return float(text.replace(",", ".") if decimal == "," else text)
-
-    return parse
-
-
-def _instant(text: str) -> float:
-    """Return the seconds of an ISO 8601 time; one without a zone is taken as UTC."""
-    if text.lower() in _MISSING:
-        return math.nan
-    instant = datetime.fromisoformat(text)
-    return (instant if instant.tzinfo else instant.replace(tzinfo=UTC)).timestamp()
-
-
-def _test(rows: _Rows, name: str, value: str | float) -> Callable[[list[str]], bool]:
-    """Return whether a row holds `value` in column `name`, as a number where both are numbers."""
-    if rows.header.count(name) != 1:
+    tests = [RowTest(path, sheet.header, name, value, form) for name, value in where.items()]
+    dates = {column.date for column in sources.values() if column.date is not None}
+    line, columns = sheet.take({*(column.name for column in sources.values()), *dates, *where})
+    report = sheet.report
+    if not len(line):
         raise LogError(
-            "no such column to choose rows by" if name not in rows.header else "two such columns",
-            file=rows.path,
-            field="where",
-            value=name,
-            remedy=f"Columns of the file: {', '.join(rows.header[:30])}",
-        )
-    at, parse, text = rows.header.index(name), _number(rows.decimal), str(value).strip()
-    try:
-        number = float(value)
-    except ValueError:
-        return lambda row: row[at].strip() == text
-
-    def same(row: list[str]) -> bool:
-        try:
-            return row[at].strip() == text or parse(row[at].strip()) == number
-        except ValueError:
-            return False
-
-    return same
-
-
-def _not_a_number(
-    path: str | Path, line: int, column: LogColumn, text: str, rows: _Rows
-) -> LogError:
-    """Return the error for a field that is no number, with what it looks like as the remedy."""
-    remedy = "Correct the field, or leave it empty where nothing was measured"
-    if column.unit == "iso":
-        remedy = "Write times like 2023-04-14T10:31:05.5"
-    elif "," in text and rows.decimal == "." and rows.delimiter != ",":
-        remedy = 'If it is a decimal comma, set decimal = "," in a [log] table (--log-format)'
-    elif text[:4].isdigit() and (":" in text or text.count("-") >= 2):
-        remedy = f'If it is a time in ISO 8601, map it with --column "time_s={column.name}@iso"'
-    return LogError(
-        "not a number" if column.unit != "iso" else "not a time in ISO 8601",
-        file=path,
-        line=line,
-        field=column.name,
-        value=text,
-        remedy=remedy,
-    )
-
-
-def _nothing(
-    path: str | Path, total: int, where: Mapping[str, str | float], rows: _Rows
-) -> LogError:
-    """Return the error for a log of which no row is left."""
-    if not total or not where:
-        return LogError(
             "the log has a header and no rows",
             file=path,
             field="rows",
             remedy="Give a log with a row per sample",
         )
-    return LogError(
-        f"none of {total} rows is chosen",
-        file=path,
-        field="where",
-        value=", ".join(f"{name}={value}" for name, value in where.items()),
-        remedy=f"Choose one of: {_choices(path, next(iter(where)), rows)}",
-    )
+    if tests:
+        chosen = np.logical_and.reduce([test.of(columns[test.name]) for test in tests])
+        if not chosen.any():
+            raise none_chosen(path, len(line), where, columns)
+        report.append(f"{int(chosen.sum())} of {len(line)} rows chosen")
+        line = line[chosen]
+        columns = {name: _only(column, chosen) for name, column in columns.items()}
+    reader = _Reader(path, form, columns, line, report)
+    values = {name: reader.read(name, column) for name, column in sources.items()}
+    values, line = reader.without_bad(values)
+    used = {column.name for column in sources.values()} | dates | set(where)
+    unused = [name for name in sheet.header if name and name not in used]
+    if unused:
+        more = ", ..." if len(unused) > 12 else ""
+        report.append(f"columns not used: {', '.join(name[:40] for name in unused[:12])}{more}")
+    report += reader.conversions
+    return Table(values=values, line=line, report=tuple(report))
 
 
-def _choices(path: str | Path, name: str, rows: _Rows) -> str:
-    again = _Rows(path, LogFormat(delimiter=rows.delimiter))
-    at = again.header.index(name)
-    found = list(dict.fromkeys(row[at].strip() for _, row in again))
-    return ", ".join(found[:40]) + (", ..." if len(found) > 40 else "")
+def _sheet(path: str | Path, form: LogFormat, wanted: Sequence[Collection[str]]) -> Sheet:
+    data = read_bytes(path)
+    if is_parquet(data, path):
+        return ParquetRows(data, form, path)
+    return Rows(data, form, path, wanted)
+
+
+def _with_unit(name: str, column: LogColumn, sheet: Sheet, path: str | Path) -> LogColumn:
+    """Return a column with the unit of its mapping, else of the row of units, else of its name."""
+    row = sheet.units.get(column.name)
+    own = bracketed(column.name)
+    if column.unit is not None or row is None:
+        return column
+    if (own is not None and own != row) or column.name == name:
+        said = COLUMNS[name] if column.name == name else own
+        if row == said:
+            return column
+        raise LogError(
+            f"the row of units says {row!r}, and the name of the column {said}",
+            file=path,
+            field=column.name,
+            remedy=f'State the unit: {name} = {{ name = "{column.name}", unit = "{row}" }}',
+        )
+    return LogColumn(name=column.name, unit=row, date=column.date)
+
+
+class _Reader:
+    """Turns the texts of columns into numbers; remembers which rows hold something else."""
+
+    def __init__(
+        self,
+        path: str | Path,
+        form: LogFormat,
+        columns: Mapping[str, Column],
+        line: NDArray[np.int64],
+        report: list[str],
+    ) -> None:
+        self.path, self.form, self.columns, self.line = path, form, columns, line
+        self.report, self.conversions = report, list[str]()
+        self._missing = frozenset(_MISSING | {text.strip().lower() for text in form.missing})
+        self._bad: dict[int, LogError] = {}
+
+    def read(self, name: str, column: LogColumn) -> Array:
+        """Return a column in the unit of its name; raises LogError where it is none."""
+        if name == "time_s" and reads_text(column):
+            return self._times(column)
+        factor: float | None
+        values = self._numbers(name, column)
+        if name == "time_s":
+            values, factor = counter_seconds(
+                values, column, self.form, self.line, self.path, self.report
+            )
+            factor = factor if factor is not None else self._factor(name, column)
+        else:
+            factor = self._factor(name, column)
+        unit = COLUMNS[name]
+        if column.name != name:
+            stated = f"taken to be in {unit}" if factor is None else f"times {factor:g} for {unit}"
+            stated = f"in {unit}" if factor == 1.0 else stated
+            self.conversions.append(f"{name} read from {column.name!r}, {stated}")
+        values = values if factor is None else _scaled(values, factor)
+        wild = np.flatnonzero(np.abs(values) > _LARGEST)
+        for k in wild:
+            self._bad.setdefault(int(k), self._error(
+                "too large for anything measured", int(k), column, float(values[k]), unit,
+                'Check the unit; if it stands for no number, add it to missing in a [log] table',
+            ))  # fmt: skip
+        values[wild] = np.nan
+        return values
+
+    def without_bad(self, values: dict[str, Array]) -> tuple[dict[str, Array], NDArray[np.int64]]:
+        """Return the columns and lines without bad rows; raises LogError unless they may go."""
+        if not self._bad:
+            return values, self.line
+        first = self._bad[min(self._bad)]
+        if self.form.bad_rows == "refuse" or len(self._bad) > len(self.line) / 2:
+            raise first
+        self.report.append(
+            f"{counted(len(self._bad), 'row')} with anything but a number dropped, the first on "
+            f"line {first.line} ({first.field}: {str(first.value)[:40]!r})"
+        )
+        kept = np.ones(len(self.line), dtype=bool)
+        kept[list(self._bad)] = False
+        return {name: column[kept] for name, column in values.items()}, self.line[kept]
+
+    def _times(self, column: LogColumn) -> Array:
+        """Return times that are text, in seconds from the first."""
+        for option in ("tick", "counter_bits"):
+            if getattr(self.form, option) is not None:
+                raise LogError(
+                    f"{option} has no use: the time is no number but {column.unit}",
+                    file=self.path,
+                    field=option,
+                    remedy=f"Leave {option} out",
+                )
+        texts = column_texts(self.columns[column.name])
+        dates = None if column.date is None else column_texts(self.columns[column.date])
+        values, bad = text_seconds(texts, dates, column, self._missing, self.path)
+        for k in bad:
+            text = texts[k].strip() if dates is None else f"{dates[k]} {texts[k]}".strip()
+            what = "not a time in ISO 8601" if column.unit == "iso" else "not a time"
+            self._bad[k] = self._error(what, k, column, text, "", time_remedy(column, text))
+        found = values[np.isfinite(values)]
+        how = {"iso": "ISO 8601", "clock": "times of the day"}.get(column.unit or "", column.unit)
+        self.conversions.append(
+            f"time_s read from {column.name!r} as {how}, in seconds from the first"
+        )
+        return values - (found[0] if len(found) else 0.0)
+
+    def _numbers(self, name: str, column: LogColumn) -> Array:
+        """Return the numbers of a column as they are written."""
+        if column.date is not None:
+            raise LogError(
+                "a column with the date goes with a time of the day",
+                file=self.path,
+                field=name,
+                value=column.date,
+                remedy='Map it with unit = "iso", or with a pattern',
+            )
+        given = self.columns[column.name]
+        if not isinstance(given, list):
+            absent = [float(text) for text in self.form.missing if _is_number(text)]
+            return np.where(np.isfinite(given) & ~np.isin(given, absent), given, np.nan)
+        values = np.empty(len(given))
+        comma, missing = self.form.decimal == ",", self._missing
+        stated = frozenset(text.strip() for text in self.form.missing)
+        for k, text in enumerate(given):
+            try:
+                values[k] = math.nan if text.strip() in stated else number(text, comma=comma)
+            except ValueError:
+                values[k] = math.nan
+                if text.strip().lower() not in missing and k not in self._bad:
+                    self._bad[k] = self._not_a_number(name, column, k, text.strip())
+        values[~np.isfinite(values)] = np.nan
+        return values
+
+    def _factor(self, name: str, column: LogColumn) -> float | None:
+        try:
+            return column_factor(column, COLUMNS[name])
+        except InputError as error:
+            remedy = error.remedy or ""
+            if name == "time_s":
+                remedy += "; for times that are no numbers see iso, clock and patterns"
+            raise LogError(
+                error.what,
+                file=self.path,
+                field=name,
+                value=column.unit or column.name,
+                unit=COLUMNS[name],
+                remedy=remedy,
+            ) from None
+
+    def _not_a_number(self, name: str, column: LogColumn, k: int, text: str) -> LogError:
+        """Return the error for a field that is no number, with what it looks like as the remedy."""
+        remedy = time_remedy(column, text) if name == "time_s" else ""
+        if not remedy and "," in text and self.form.decimal == ".":
+            remedy = 'If it is a decimal comma, set decimal = "," in a [log] table (--log-format)'
+        if not remedy and k == 0 and not any(letter.isdigit() for letter in text[:20]):
+            remedy = "If this row holds the units, set units_row = true in a [log] table"
+        return self._error(
+            "not a number", k, column, text, "",
+            remedy or "Correct the field, leave it empty where nothing was measured, or set "
+            'bad_rows = "drop" in a [log] table',
+        )  # fmt: skip
+
+    def _error(
+        self, what: str, k: int, column: LogColumn, value: object, unit: str, remedy: str
+    ) -> LogError:
+        return LogError(
+            what,
+            file=self.path,
+            line=int(self.line[k]),
+            field=column.name,
+            value=value,
+            unit=unit,
+            remedy=remedy,
+        )
+
+
+def _scaled(values: Array, factor: float) -> Array:
+    """Return values in another unit, each the float nearest to what was written."""
+    parts = round(1.0 / factor) if factor < 1.0 else 1
+    with np.errstate(over="ignore"):
+        return values / parts if parts > 1 and 1.0 / parts == factor else values * factor
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(number(text, comma=False))
+    except ValueError:
+        return False
+
+
+def _only(column: Column, chosen: NDArray[np.bool_]) -> Column:
+    if not isinstance(column, list):
+        return column[chosen]
+    return [text for text, kept in zip(column, chosen, strict=True) if kept]

@@ -1,0 +1,185 @@
+"""What is odd about a log: disorder and repeats, gaps, samples that stand far off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import LogError
+from swimbladder.io.log_format import LogFormat
+from swimbladder.io.log_text import counted
+
+__all__ = ["find_gaps", "in_order", "spikes", "suspects"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_GAP = 5.0  # median steps
+_FAR = 8.0  # standard deviations of the noise
+_FASTER = 3.0  # times the largest steps that the signal is seen to keep up
+_QUANTA = 4.0
+_NEAR = 10  # samples on either side that tell what is noise
+_BESIDE = 4  # and how fast the signal moves
+_SCALE = 1.4826  # standard deviation over median absolute deviation, of a normal distribution
+_FEWEST = 7  # samples that can tell what is normal
+_SHOWN = 3  # places that a report names
+# Steps of a coarse sensor, for a signal that otherwise never changes: its one change is no spike.
+_COARSE = {"depth_m": 0.025, "piston_m": 2e-4, "volume_m3": 5e-7}
+
+
+def in_order(
+    data: dict[str, Array],
+    line: NDArray[np.int64],
+    form: LogFormat,
+    path: str | Path,
+    several: str,
+    report: list[str],
+) -> tuple[dict[str, Array], NDArray[np.int64]]:
+    """Return the rows with time increasing; those that repeat a time are dropped.
+
+    several: what to do where the file holds several logs. Raises LogError where time goes back.
+    """
+    time = data["time_s"]
+    back = np.flatnonzero(np.diff(time) < 0.0)
+    if len(back) and form.rows == "sort":
+        report.append(f"rows sorted by time: it went back {counted(len(back), 'time')}")
+        order = np.argsort(time, kind="stable")
+        data, line = {name: values[order] for name, values in data.items()}, line[order]
+    elif len(back):
+        at = int(back[0]) + 1
+        raise LogError(
+            f"time goes back, {counted(len(back), 'time')} in the log",
+            file=path,
+            line=int(line[at]),
+            field="time_s",
+            value=float(time[at]),
+            unit="s",
+            remedy=f'If the file is in disorder, {several}or set rows = "sort" in its [log] table',
+        )
+    again = np.append(False, np.diff(data["time_s"]) <= 0.0)
+    if again.any():
+        kept = np.flatnonzero(~again)
+        first = kept[np.searchsorted(kept, np.flatnonzero(again)) - 1]
+        others = np.zeros(len(first), dtype=bool)
+        for values in data.values():
+            a, b = values[again], values[first]
+            others |= (a != b) & (np.isfinite(a) | np.isfinite(b))
+        unlike = f", {int(others.sum())} of them with other values" if others.any() else ""
+        repeats = counted(int(again.sum()), "row")
+        report.append(f"{repeats} with the time of the row before dropped{unlike}")
+        data, line = {name: values[~again] for name, values in data.items()}, line[~again]
+    return data, line
+
+
+def find_gaps(
+    time: Array, line: NDArray[np.int64], longest: float | None, report: list[str]
+) -> tuple[tuple[float, float], ...]:
+    """Return (time before, time after) [s] of every gap: a step of more than `longest`.
+
+    Where that is None it is five times the median step.
+    """
+    steps = np.diff(time)
+    limit = _GAP * float(np.median(steps)) if longest is None else longest
+    at = np.flatnonzero(steps > limit * (1.0 + 1e-9))
+    if len(at):
+        shown = [f"{steps[k]:.4g} s after {time[k]:.6g} s (line {line[k]})" for k in at[:_SHOWN]]
+        more = ", ..." if len(at) > _SHOWN else ""
+        report.append(
+            f"{counted(len(at), 'gap')} of more than {limit:.3g} s, {steps[at].sum():.4g} s in "
+            f"all: {', '.join(shown)}{more}"
+        )
+    return tuple((float(time[k]), float(time[k + 1])) for k in at)
+
+
+def suspects(
+    data: dict[str, Array],
+    line: NDArray[np.int64],
+    gaps: Sequence[tuple[float, float]],
+    form: LogFormat,
+    report: list[str],
+) -> Mask:
+    """Return which samples have a spike in depth, volume, piston or voltage."""
+    found = np.zeros(len(line), dtype=bool)
+    for name in ("depth_m", "volume_m3", "piston_m", "voltage_V"):
+        if name not in data:
+            continue
+        spiky = spikes(name, data[name], data["time_s"], gaps)
+        if not spiky.any():
+            continue
+        found |= spiky
+        lines = [str(number) for number in line[spiky][:_SHOWN]]
+        more = ", ..." if spiky.sum() > _SHOWN else ""
+        done = "dropped" if form.spikes == "drop" else 'kept; spikes = "drop" would leave them out'
+        report.append(
+            f"{counted(int(spiky.sum()), 'single sample')} of {name} far off the others, on line "
+            f"{', '.join(lines)}{more}: {done}"
+        )
+    return found
+
+
+def spikes(name: str, values: Array, time: Array, gaps: Sequence[tuple[float, float]]) -> Mask:
+    """Return which single samples of a column stand far off both their neighbours.
+
+    A Hampel test over three samples: how far a sample is from their median, against the noise, as
+    the median absolute deviation around it tells, and against what may be true: the quantum of the
+    sensor, and the fastest motion that the signal is seen to keep up for two steps. A voltage may
+    jump, so only one far beyond all others counts. The first and the last sample, and those beside
+    a gap or a missing value, are not judged.
+    """
+    mask = np.zeros(len(values), dtype=bool)
+    known = np.flatnonzero(np.isfinite(values))
+    if len(known) < _FEWEST:
+        return mask
+    x, t = values[known], time[known]
+    into, out = np.diff(x)[:-1], -np.diff(x)[1:]
+    whole = np.diff(known) == 1
+    for before, after in gaps:
+        whole[np.searchsorted(t, before, side="right") - 1 : np.searchsorted(t, after)] = False
+    judged = (into * out > 0.0) & whole[:-1] & whole[1:]
+    height = np.pad(np.where(judged, np.minimum(np.abs(into), np.abs(out)), 0.0), 1)
+    if not height.any():
+        return mask
+    jumps = name == "voltage_V"
+    limit = _jumping(x, height) if jumps else _moving(x, t, height, _COARSE.get(name, 0.0))
+    mask[known] = height > limit
+    return mask
+
+
+def _moving(x: Array, t: Array, height: Array, coarse: float) -> Array:
+    """Return how far a sample of a signal that cannot jump may stand off."""
+    steps = np.diff(x)
+    ahead, behind = np.diff(t)[1:], np.diff(t)[:-1]
+    bend = np.abs(x[1:-1] - (x[:-2] * ahead + x[2:] * behind) / (ahead + behind))
+    noise = _SCALE / np.sqrt(1.5) * np.maximum(_around(bend, _NEAR, np.median), np.median(bend))
+    kept_up = np.minimum(np.abs(steps[:-1]), np.abs(steps[1:])) * (steps[:-1] * steps[1:] > 0.0)
+    fastest = np.maximum(_around(kept_up, _BESIDE, np.max), np.quantile(kept_up, 0.99))
+    limit = np.maximum(_FAR * noise, _FASTER * fastest)
+    quanta = _QUANTA * _quantum(steps, height, coarse)
+    return np.asarray(np.maximum(np.pad(limit, 1), quanta), dtype=np.float64)
+
+
+def _around(values: Array, reach: int, of: Callable[..., Any]) -> Array:
+    """Return what `of` makes of the values near each, itself and the two beside it left out."""
+    padded = np.pad(values, reach, mode="reflect" if len(values) > reach else "edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
+    near = [k for k in range(2 * reach + 1) if abs(k - reach) > 1]
+    return np.asarray(of(windows[:, near], axis=1), dtype=np.float64)
+
+
+def _quantum(steps: Array, height: Array, coarse: float) -> float:
+    """Return the smallest step of a signal, all but those into and out of its farthest samples."""
+    far = height >= max(height.max() / 2.0, np.finfo(float).tiny)
+    others = np.abs(steps[~(far[:-1] | far[1:])])
+    others = others[others > 0.0]
+    return float(np.quantile(others, 0.05)) if len(others) else coarse
+
+
+def _jumping(x: Array, height: Array) -> Array:
+    """Return how far a sample of a signal that may jump may stand off: three times its range."""
+    others = x[height < max(height.max() / 2.0, np.finfo(float).tiny)]
+    widest = float(np.abs(others - np.median(others)).max())
+    return np.full(len(x), _FASTER * widest if widest > 0.0 else np.inf)

@@ -1,0 +1,119 @@
+"""Which column of a file each column of a log is read from."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+
+from swimbladder.errors import LogError
+from swimbladder.io.log_depth import depth_source
+from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat
+from swimbladder.parameters.schema import did_you_mean
+
+__all__ = ["column_sources", "mapped_columns", "wanted_names"]
+
+
+def mapped_columns(
+    form: LogFormat,
+    columns: Mapping[str, str | LogColumn],
+    required: Collection[str],
+    path: str | Path,
+) -> dict[str, LogColumn | str]:
+    """Return what is mapped; raises LogError where that, or what is required, is no column."""
+    mapped: dict[str, LogColumn | str] = {**form.columns.mapped(), **columns}
+    for name in (*mapped, *required):
+        if name not in COLUMNS:
+            raise LogError(
+                "no such column of a log",
+                file=path,
+                field=name,
+                remedy=f"{did_you_mean(name, COLUMNS)}Columns: {', '.join(COLUMNS)}",
+            )
+    return mapped
+
+
+def wanted_names(mapped: Mapping[str, LogColumn | str], needed: Sequence[str]) -> list[set[str]]:
+    """Return sets of names, of each of which the header has to have one."""
+    wanted = [
+        set(_readings(given)) if isinstance(given, str) else {given.name}
+        for given in mapped.values()
+    ]
+    wanted += [
+        {given.date} for given in mapped.values() if isinstance(given, LogColumn) and given.date
+    ]
+    for name in needed:
+        if name == "depth_m" and "pressure_Pa" not in mapped and name not in mapped:
+            wanted.append({"depth_m", "pressure_Pa"})
+        elif name not in mapped and not (name == "depth_m" and "pressure_Pa" in mapped):
+            wanted.append({name})
+    return wanted
+
+
+def _readings(text: str) -> dict[str, LogColumn]:
+    """Return what ``NAME``, ``NAME@UNIT`` or ``DATE+NAME@UNIT`` may mean, by the column's name."""
+    found = {text: LogColumn(name=text or " ")}
+    name, at, unit = text.rpartition("@")
+    if at and name:
+        found.setdefault(name, LogColumn(name=name, unit=unit))
+        day, plus, time = name.partition("+")
+        if plus and day.strip() and time.strip():
+            day, time = day.strip(), time.strip()
+            found.setdefault(time, LogColumn(name=time, unit=unit, date=day))
+    return found
+
+
+def column_sources(
+    mapped: Mapping[str, LogColumn | str],
+    header: list[str],
+    path: str | Path,
+    needed: Sequence[str],
+) -> dict[str, LogColumn]:
+    """Return which column of the file each column of the log is read from."""
+    sources: dict[str, LogColumn] = {}
+    for name in COLUMNS:
+        given = mapped.get(name)
+        if given is None:
+            if name in header:
+                sources[name] = _one(name, LogColumn(name=name), header, path)
+            continue
+        if isinstance(given, str):
+            readings = _readings(given)
+            fitting = [column for reading, column in readings.items() if reading in header]
+            given = (fitting or list(readings.values()))[
+                0 if fitting else min(1, len(readings) - 1)
+            ]
+        sources[name] = _one(name, given, header, path)
+    source = depth_source(set(sources), set(mapped), path)
+    for other in {"depth_m", "pressure_Pa"} - {source} if source else ():
+        sources.pop(other, None)
+    for name in needed:
+        if name not in sources and not (name == "depth_m" and source):
+            or_pressure = ", or a pressure with pressure_Pa=NAME" if name == "depth_m" else ""
+            raise LogError(
+                f"the log has no column {name}",
+                file=path,
+                field=name,
+                remedy=f"Say which one it is with --column {name}=NAME or in a [log] table"
+                f"{or_pressure}; columns of the file: {_listed(header)}",
+            )
+    return sources
+
+
+def _one(name: str, column: LogColumn, header: list[str], path: str | Path) -> LogColumn:
+    """Return the column; raises LogError unless the header has it, and its date, once."""
+    for wanted in (column.name, column.date):
+        if wanted is not None and header.count(wanted) != 1:
+            raise LogError(
+                "the header has this column twice" if wanted in header else "no such column",
+                file=path,
+                field=name,
+                value=wanted,
+                remedy=f"{did_you_mean(wanted[:60], [n[:60] for n in header[:200]])}"
+                f"Columns of the file: {_listed(header)}",
+            )
+    return column
+
+
+def _listed(header: list[str], limit: int = 30) -> str:
+    more = f" and {len(header) - limit} more" if len(header) > limit else ""
+    return ", ".join(name[:40] for name in header[:limit]) + more

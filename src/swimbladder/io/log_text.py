@@ -1,0 +1,120 @@
+"""The bytes of a log, decompressed and decoded into lines; what had to be assumed is reported."""
+
+from __future__ import annotations
+
+import codecs
+import gzip
+import io
+import zlib
+from pathlib import Path
+
+from swimbladder.errors import LogError
+from swimbladder.io.log_format import Encoding
+
+__all__ = ["counted", "read_bytes", "text_lines"]
+
+_MOST_BYTES = 1 << 30  # of a file, decompressed: some gigabytes while it is taken apart
+_BOMS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),  # before UTF-16, whose mark begins the same
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+_OTHERS = (
+    (b"PK\x03\x04", "a spreadsheet or an archive", "Save the sheet as CSV, or unpack the archive"),
+    (b"\xd0\xcf\x11\xe0", "an old spreadsheet", "Save the sheet as CSV"),
+    (b"\x89HDF", "HDF5 or netCDF", "Write its variables to a CSV with a header"),
+    (b"CDF", "netCDF", "Write its variables to a CSV with a header"),
+    (b"MATLAB", "a MATLAB file", "Save its variables as CSV with a header"),
+    (b"%PDF", "a PDF", "Give the log itself"),
+    (b"BZh", "compressed by bzip2", "Decompress it, or compress it with gzip"),
+    (b"\xfd7zXZ", "compressed by xz", "Decompress it, or compress it with gzip"),
+    (b"\x28\xb5\x2f\xfd", "compressed by zstd", "Decompress it, or compress it with gzip"),
+)
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun: ``1 row``, ``2 rows``."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def read_bytes(path: str | Path) -> bytes:
+    """Return what a file holds, decompressed where it is gzipped.
+
+    Raises LogError where it cannot be read or is larger than 1 GiB.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            data = file.read(_MOST_BYTES + 1)
+        if data[:2] == b"\x1f\x8b":
+            with gzip.GzipFile(fileobj=io.BytesIO(data)) as unpacked:
+                data = unpacked.read(_MOST_BYTES + 1)
+        if len(data) <= _MOST_BYTES:
+            return data
+        what, remedy = "larger than 1 GiB", "Cut the log into parts"
+    except FileNotFoundError:
+        what, remedy = "there is no such file", "Check the path"
+    except IsADirectoryError:
+        what, remedy = "this is a folder", "Give the log in it"
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        what, remedy = f"the compressed file is damaged: {error}", "Compress it anew with gzip"
+    except (OSError, ValueError, MemoryError) as error:
+        what, remedy = f"cannot read the file: {error}", "Check the path and its permissions"
+    raise LogError(what, file=path, field="file", remedy=remedy)
+
+
+def text_lines(
+    data: bytes, encoding: Encoding | None, path: str | Path, report: list[str]
+) -> tuple[list[str], bool]:
+    """Return the lines of a text, whatever ends them, and whether the last one is ended.
+
+    A NUL that a program in C wrote beside each line end is left out. Raises LogError where the
+    bytes are no text.
+    """
+    for magic, what, remedy in _OTHERS:
+        if data.startswith(magic):
+            raise LogError(f"not a text but {what}", file=path, field="file", remedy=remedy)
+    text = _decoded(data, encoding, path, report).replace("\r\n", "\n").replace("\r", "\n")
+    if "\0" in text:
+        bare = text.replace("\n\0", "\n").replace("\0\n", "\n")
+        if len(bare) < len(text):
+            report.append(f"{counted(len(text) - len(bare), 'NUL')} beside line ends left out")
+        text = bare
+    lines = text.split("\n")
+    ended = not lines[-1]
+    if ended:
+        lines.pop()
+    return lines, ended
+
+
+def _decoded(data: bytes, encoding: Encoding | None, path: str | Path, report: list[str]) -> str:
+    marked = next((name for mark, name in _BOMS if data.startswith(mark)), None)
+    chosen = encoding or marked or _unmarked_utf16(data) or "utf-8"
+    try:
+        text = data.decode(chosen).removeprefix("\ufeff")
+    except UnicodeDecodeError as error:
+        if chosen != "utf-8" or encoding is not None:
+            raise LogError(
+                f"not text in {chosen}, at byte {error.start}",
+                file=path,
+                field="file",
+                remedy="Set encoding in a [log] table to that of the file, or save it as UTF-8",
+            ) from None
+        line = data[: error.start].replace(b"\r\n", b"\n").replace(b"\r", b"\n").count(b"\n") + 1
+        report.append(f"read as Latin-1, being not UTF-8 on line {line}; [log] encoding overrules")
+        return data.decode("latin-1")
+    if marked is None and encoding is None and chosen != "utf-8":
+        report.append(f"read as {chosen}, without a byte order mark")
+    return text
+
+
+def _unmarked_utf16(data: bytes) -> str | None:
+    """Return which UTF-16 it is where every other byte is 0, as of a text in plain letters."""
+    start = data[:2000]
+    if len(start) < 8:
+        return None
+    even, odd = start[::2].count(0) / len(start[::2]), start[1::2].count(0) / len(start[1::2])
+    if odd > 0.9 and even < 0.1:
+        return "utf-16-le"
+    return "utf-16-be" if even > 0.9 and odd < 0.1 else None
