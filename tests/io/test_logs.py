@@ -13,22 +13,9 @@ from swimbladder.errors import InputError, LogError
 from swimbladder.io.log_format import COLUMNS, LogColumns, LogFormat, log_format
 from swimbladder.io.log_formats import format_names
 from swimbladder.io.logs import read_log
+from tests.log_files import refused, write
 
 PLAIN = "time_s,depth_m,volume_m3\n0,1.0,1e-5\n0.5,1.25,2e-5\n1.0,1.5,-3e-5\n"
-
-
-def write(folder: Path, text: str | bytes, name: str = "log.csv") -> Path:
-    path = folder / name
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return path
-
-
-def refused(path: Path, **options) -> LogError:
-    with pytest.raises(LogError) as caught:
-        read_log(path, **options)
-    assert str(caught.value.file) == str(path)
-    assert caught.value.field
-    return caught.value
 
 
 def test_the_plain_format(tmp_path: Path) -> None:

@@ -72,6 +72,7 @@ class ParquetRows:
 
         self.path, self._data = path, data
         self.units: dict[str, str] = {}
+        self.parts = 1
         self.report: list[str] = []
         try:
             self.header = [str(n) for n in pyarrow.parquet.read_schema(io.BytesIO(data)).names]

@@ -26,11 +26,13 @@ _TAILS = 10  # latest rows that the last one is held against
 class Sheet(Protocol):
     """A file with named columns, none of them read yet.
 
-    units: what a row of units says, by name. report: what was assumed or left out.
+    units: what a row of units says, by name. parts: how many times the header stands in it, once
+    it is read. report: what was assumed or left out.
     """
 
     header: list[str]
     units: dict[str, str]
+    parts: int
     report: list[str]
 
     def take(self, names: Collection[str]) -> tuple[NDArray[np.int64], dict[str, Column]]:
@@ -54,6 +56,7 @@ class Rows:
         self.path, self.form = path, form
         self.report: list[str] = []
         self.units: dict[str, str] = {}
+        self.parts = 1
         self._lines, self._ended = text_lines(data, form.encoding, path, self.report)
         self._clean = not any(CONTROL.search(line) for line in self._lines)
         found = find_header(self._lines, form, wanted, path, self.report)
@@ -140,7 +143,7 @@ class Rows:
     def _whole(self) -> Iterator[tuple[int, list[str]]]:
         """Yield the rows that are whole, and report those that are not."""
         named, last = self.form.names is None, 0 if self._ended else len(self._lines)
-        whole, part, skip = 0, 1, 0
+        whole = skip = 0
         ragged: list[tuple[int, int]] = []
         junk: list[int] = []
         again: list[int] = []
@@ -152,8 +155,9 @@ class Rows:
                 junk.append(line)
             elif named and self._is_header(row):
                 again.append(line)
-                part, skip = part + 1, self.form.units_row + self.form.skip_rows
-            elif self.form.part not in (None, part):
+                self.parts += 1
+                skip = self.form.units_row + self.form.skip_rows
+            elif self.form.part not in (None, self.parts):
                 continue
             elif line == last and tails and (
                 len(row) < self._fields or len(row[-1]) < min(tails[-_TAILS:])
@@ -165,7 +169,7 @@ class Rows:
                 yield line, row
             else:
                 ragged.append((line, len(row)))
-        self._report(part, again)
+        self._report(again)
         self._judge(whole, ragged, junk)
 
     def _is_header(self, row: list[str]) -> bool:
@@ -179,7 +183,7 @@ class Rows:
             return not row[-1].strip()
         return len(row) == self._fields - 1 and self.form.fields is None and not self.header[-1]
 
-    def _report(self, parts: int, again: list[int]) -> None:
+    def _report(self, again: list[int]) -> None:
         """Report remarks, blocks without text, and headers within the rows."""
         form = self.form
         if self._fields > len(self.header):
@@ -196,15 +200,15 @@ class Rows:
             self.report.append(f"the header stands again {times}, first on line {again[0]}")
         if form.part is None:
             return
-        if form.part > parts:
+        if form.part > self.parts:
             raise LogError(
-                f"the file has {parts} parts",
+                f"the file has {counted(self.parts, 'part')}",
                 file=self.path,
                 field="part",
                 value=form.part,
                 remedy="A part begins where the header stands again",
             )
-        self.report.append(f"part {form.part} of {parts} chosen")
+        self.report.append(f"part {form.part} of {self.parts} chosen")
 
     def _judge(self, whole: int, ragged: list[tuple[int, int]], junk: list[int]) -> None:
         """Report the rows that are damaged; raise LogError where they are more than a tenth."""

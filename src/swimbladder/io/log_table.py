@@ -29,10 +29,14 @@ _LARGEST = 1e15  # in SI: no number of a log is larger, and their products stay 
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """Columns of numbers in the units of their names, NaN where there is none."""
+    """Columns of numbers in the units of their names, NaN where there is none.
+
+    parts: how many times the header stands in the file.
+    """
 
     values: dict[str, Array]
     line: NDArray[np.int64]
+    parts: int
     report: tuple[str, ...]
 
 
@@ -87,7 +91,7 @@ def read_table(
         more = ", ..." if len(unused) > 12 else ""
         report.append(f"columns not used: {', '.join(name[:40] for name in unused[:12])}{more}")
     report += reader.conversions
-    return Table(values=values, line=line, report=tuple(report))
+    return Table(values=values, line=line, parts=sheet.parts, report=tuple(report))
 
 
 def _sheet(path: str | Path, form: LogFormat, wanted: Sequence[Collection[str]]) -> Sheet:
@@ -231,6 +235,8 @@ class _Reader:
             return column_factor(column, COLUMNS[name])
         except InputError as error:
             remedy = error.remedy or ""
+            if column.unit is None:
+                remedy += f'; state the unit with --column "{name}={column.name}@UNIT"'
             if name == "time_s":
                 remedy += "; for times that are no numbers see iso, clock and patterns"
             raise LogError(

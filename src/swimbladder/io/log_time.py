@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from datetime import UTC, date, datetime
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -46,15 +46,16 @@ def text_seconds(
     some times have a zone and others have none.
     """
     instant = _instant(column, path)
+    between = "T" if column.unit == "iso" else " "
     values = np.full(len(texts), np.nan)
     bad: list[int] = []
     zones: dict[bool, int] = {}
     for k, text in enumerate(texts):
-        whole = text.strip() if dates is None else _joined(dates[k].strip(), text.strip(), column)
-        if text.strip().lower() in missing or (dates and dates[k].strip().lower() in missing):
+        day, time = "" if dates is None else dates[k].strip(), text.strip()
+        if time.lower() in missing or (dates is not None and day.lower() in missing):
             continue
         try:
-            values[k], zoned = instant(whole)
+            values[k], zoned = instant(time if dates is None else f"{day}{between}{time}")
         except (ValueError, OverflowError):
             bad.append(k)
         else:
@@ -177,13 +178,6 @@ def _unit(column: LogColumn) -> str | None:
 
 def _dateless(unit: str) -> bool:
     return unit != "iso" and _YEARS.isdisjoint(re.findall("%(.?)", unit, re.DOTALL))
-
-
-def _joined(day: str, time: str, column: LogColumn) -> str:
-    if column.unit != "iso":
-        return f"{day} {time}"
-    date.fromisoformat(day)
-    return f"{day}T{time}"
 
 
 def _unwound(values: Array, period: float) -> tuple[Array, NDArray[np.int64]]:

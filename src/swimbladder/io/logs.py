@@ -134,6 +134,8 @@ def _log(
     source = next((name for name in ("depth_m", "pressure_Pa") if name in data), None)
     data, line = _complete(data, line, source, needed, path, report)
     several = "" if where else "choose one of several logs in the file with --where COLUMN=VALUE, "
+    if table.parts > 1 and form.part is None:
+        several += "choose a part of it with part = 1 in its [log] table, "
     data, line = in_order(data, line, form, path, several, report)
     if len(line) < 2:
         raise LogError(
