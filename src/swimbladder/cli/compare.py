@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.common import compile_notice, console, emit_json, output, progress, quantity
-from swimbladder.cli.logs import pair, selections
+from swimbladder.cli.common import compile_notice, console, emit_json, output, progress
+from swimbladder.cli.logs import Chosen, chosen, depth, names, pair, read
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.units import format_quantity
 
 if TYPE_CHECKING:
     from swimbladder.comparison import Comparison
-    from swimbladder.io.log_format import LogFormat
     from swimbladder.parameters import Vehicle
 
 __all__ = ["compare"]
@@ -75,16 +74,12 @@ def compare(
     v = load_vehicle(vehicle)
     options = {
         "drive": _drive(drive),
-        "fit": _names(fit),
-        "bottom_depth": _depth(bottom, "--bottom"),
-        "surface_margin": _depth(surface_margin, "--surface-margin"),
+        "fit": names(fit),
+        "bottom_depth": depth(bottom, "--bottom"),
+        "surface_margin": depth(surface_margin, "--surface-margin"),
     }
     mapped = dict(pair(text, "--column") for text in column or [])
-    tasks = [
-        _Task(path, chosen, mapped, log_format)
-        for path in logs
-        for chosen in selections(where or [])
-    ]
+    tasks = [_Task(log, mapped, log_format) for log in chosen(logs, where or [])]
     for task, name in zip(tasks, _file_names(tasks), strict=True):
         task.name = name
         if len(tasks) == 1:
@@ -111,8 +106,7 @@ _SHOWN = {"m3": "cm3", "m3/s": "cm3/h", "m3/m": "cm3/m"}
 class _Task:
     """A log to compare, and what came of it."""
 
-    path: Path
-    where: dict[str, str]
+    log: Chosen
     columns: dict[str, str]
     log_format: str | None
     name: str = "compare"
@@ -120,14 +114,9 @@ class _Task:
     error: SwimbladderError | None = None
     files: tuple[Path, ...] = ()
 
-    @property
-    def label(self) -> str:
-        chosen = ", ".join(f"{name}={value}" for name, value in self.where.items())
-        return f"{self.path.name} {chosen}".rstrip()
-
     def answer(self) -> dict[str, Any]:
         if self.result is None:
-            return {"log": self.label, "error": str(self.error)}
+            return {"log": self.log.label, "error": str(self.error)}
         return {**self.result.to_json(), "files": [str(path) for path in self.files]}
 
 
@@ -144,39 +133,19 @@ def _drive(text: str | None) -> str | None:
     return text
 
 
-def _names(text: str | None) -> tuple[str, ...] | None:
-    if text is None:
-        return None
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
-    return () if names in ((), ("none",)) else names
-
-
-def _depth(text: str | None, option: str) -> float:
-    number = quantity(text, "m", option)
-    if number is not None and number < 0.0:
-        raise InputError(
-            "it must not be negative",
-            field=option,
-            value=text,
-            unit="m",
-            remedy="Check the number and its unit",
-        )
-    return float("inf") if number is None else number
-
-
 def _file_names(tasks: list[_Task]) -> list[str]:
     """Return a name for the files of each task, ``compare`` where there is only one."""
     if len(tasks) == 1:
         return ["compare"]
-    names: list[str] = []
+    found: list[str] = []
     for task in tasks:
-        parts = [f"{name}-{value}" for name, value in task.where.items()]
-        if len({other.path for other in tasks}) > 1:
-            parts.insert(0, task.path.name.split(".")[0])
+        parts = [f"{name}-{value}" for name, value in task.log.where.items()]
+        if len({other.log.path for other in tasks}) > 1:
+            parts.insert(0, task.log.path.name.split(".")[0])
         name = "compare-" + re.sub(r"[^\w.-]+", "_", "-".join(parts))
-        taken = sum(other == name or other.startswith(f"{name}~") for other in names)
-        names.append(f"{name}~{taken + 1}" if taken else name)
-    return names
+        taken = sum(other == name or other.startswith(f"{name}~") for other in found)
+        found.append(f"{name}~{taken + 1}" if taken else name)
+    return found
 
 
 def _compare(
@@ -184,16 +153,13 @@ def _compare(
 ) -> None:
     """Read the log, compare, and write the files."""
     from swimbladder.io.files import make_folder
-    from swimbladder.io.logs import read_log
     from swimbladder.io.tables import write_csv
 
-    with progress(f"reading {task.label}"):
-        form = _format(task, vehicle)
-        log = read_log(task.path, columns=task.columns, where=task.where, log_format=form)
+    log = read(task.log, vehicle, columns=task.columns, log_format=task.log_format)
     with progress("loading the simulator"):
         from swimbladder.comparison import compare as compare_log
 
-    with compile_notice(), progress(f"comparing {task.label}", 1.0) as advance:
+    with compile_notice(), progress(f"comparing {task.log.label}", 1.0) as advance:
         task.result = compare_log(log, vehicle, **options, advance=advance)
     folder = make_folder(out)
     files = [write_csv(folder / f"{task.name}.csv", task.result.columns())]
@@ -203,31 +169,6 @@ def _compare(
 
             files.append(plot_comparison(task.result, folder / f"{task.name}.png"))
     task.files = tuple(files)
-
-
-def _format(task: _Task, vehicle: Vehicle) -> LogFormat | None:
-    """Return the log format asked for; else the shipped one of the vehicle, where it fits.
-
-    It fits where the log has all its columns and lacks time_s or depth_m; that it is used is said.
-    """
-    from swimbladder.io.log_format import log_format
-    from swimbladder.io.log_formats import format_names
-    from swimbladder.io.logs import header_names
-
-    if task.log_format is not None:
-        return log_format(task.log_format)
-    header = set(header_names(task.path))
-    if {"time_s", "depth_m"} <= header | set(task.columns) or vehicle.name not in format_names():
-        return None
-    form = log_format(vehicle.name)
-    if not {column.name for column in form.columns.mapped().values()} <= header:
-        return None
-    console.print(
-        f"{task.path}: its columns are those of the log format {vehicle.name}, and read so",
-        markup=False,
-        soft_wrap=True,
-    )
-    return form
 
 
 def _print(tasks: list[_Task]) -> None:
@@ -241,10 +182,10 @@ def _print(tasks: list[_Task]) -> None:
     for task in tasks:
         r = task.result
         if r is None:
-            table.add_row(task.label, *["-"] * 6)
+            table.add_row(task.log.label, *["-"] * 6)
             continue
         table.add_row(
-            task.label,
+            task.log.label,
             r.record.drive,
             f"{1e3 * r.rms:.1f} mm",
             f"{1e3 * r.bias:+.1f} mm",
@@ -257,7 +198,7 @@ def _print(tasks: list[_Task]) -> None:
     said: set[str] = set()
     for task in tasks:
         if len(tasks) > 1:
-            output.print(f"\n{task.label}", soft_wrap=True)
+            output.print(f"\n{task.log.label}", soft_wrap=True)
         if task.error is not None:
             console.print(f"error: {task.error}", markup=False, highlight=False, soft_wrap=True)
         if task.result is not None:

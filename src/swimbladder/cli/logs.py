@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from swimbladder.cli.common import console, progress, quantity
 from swimbladder.errors import InputError
 
-__all__ = ["Chosen", "chosen", "pair", "selections"]
+if TYPE_CHECKING:
+    from swimbladder.io.log_format import LogFormat
+    from swimbladder.io.logs import Log
+    from swimbladder.parameters import Vehicle
+
+__all__ = ["Chosen", "chosen", "depth", "names", "pair", "read", "selections"]
 
 
 class Chosen(NamedTuple):
@@ -51,3 +58,66 @@ def selections(texts: list[str]) -> list[dict[str, str]]:
     names = [name for name, _ in pairs]
     values = [[v.strip() for v in value.split(",") if v.strip()] for _, value in pairs]
     return [dict(zip(names, one, strict=True)) for one in product(*values)]
+
+
+def names(text: str | None) -> tuple[str, ...] | None:
+    """Return the names of NAME,NAME; none of ``none``; None where nothing is given."""
+    if text is None:
+        return None
+    found = tuple(name.strip() for name in text.split(",") if name.strip())
+    return () if found in ((), ("none",)) else found
+
+
+def depth(text: str | None, option: str) -> float:
+    """Return a depth [m], infinite where none is given; raises InputError naming the option."""
+    number = quantity(text, "m", option)
+    if number is not None and number < 0.0:
+        raise InputError(
+            "it must not be negative",
+            field=option,
+            value=text,
+            unit="m",
+            remedy="Check the number and its unit",
+        )
+    return float("inf") if number is None else number
+
+
+def read(
+    log: Chosen, vehicle: Vehicle, *, columns: Mapping[str, str], log_format: str | None
+) -> Log:
+    """Return the log of a vehicle, read by the format asked for or the one shipped for it.
+
+    Raises LogError, an InputError, with file, line, column, value and remedy.
+    """
+    from swimbladder.io.logs import read_log
+
+    with progress(f"reading {log.label}"):
+        form = _format(log.path, vehicle, columns, log_format)
+        return read_log(log.path, columns=columns, where=log.where, log_format=form)
+
+
+def _format(
+    path: Path, vehicle: Vehicle, columns: Mapping[str, str], asked: str | None
+) -> LogFormat | None:
+    """Return the log format asked for; else the shipped one of the vehicle, where it fits.
+
+    It fits where the log has all its columns and lacks time_s or depth_m; that it is used is said.
+    """
+    from swimbladder.io.log_format import log_format
+    from swimbladder.io.log_formats import format_names
+    from swimbladder.io.logs import header_names
+
+    if asked is not None:
+        return log_format(asked)
+    header = set(header_names(path))
+    if {"time_s", "depth_m"} <= header | set(columns) or vehicle.name not in format_names():
+        return None
+    form = log_format(vehicle.name)
+    if not {column.name for column in form.columns.mapped().values()} <= header:
+        return None
+    console.print(
+        f"{path}: its columns are those of the log format {vehicle.name}, and read so",
+        markup=False,
+        soft_wrap=True,
+    )
+    return form
