@@ -15,6 +15,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from swimbladder.control.registry import LAWS
+from swimbladder.design.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.io.files import write_atomically
 from swimbladder.io.log_format import LogColumns, LogFormat
 from swimbladder.io.mission import Mission, Setpoint
@@ -58,6 +59,8 @@ def what(name: str, info: FieldInfo, unit: str | None) -> str:
     if isinstance(info.default, bool):
         return "true or false"
     kinds += [inner for kind in kinds for inner in get_args(kind)]
+    if float in kinds and str not in kinds:
+        return "number"
     return "integer" if any(kind is int or type(kind) is int for kind in kinds) else "text"
 
 
@@ -172,6 +175,18 @@ def mission() -> Iterator[str]:
     yield from fields(Setpoint)
 
 
+def plan() -> Iterator[str]:
+    """Yield the whole plan of experiments."""
+    yield from ("", "### At the top of the file")
+    yield from fields(Plan, skip=("experiments", "expected"))
+    for heading, model in (
+        ("[[expected]]", Expected), ("[[experiments]]", PlannedExperiment),
+        ("[[experiments.moves]]", Move), ("[experiments.trace]", Trace),
+    ):  # fmt: skip
+        yield from ("", f"### {heading}", "", inspect.cleandoc(model.__doc__ or ""))
+        yield from fields(model, skip=("moves",))
+
+
 def log() -> Iterator[str]:
     """Yield the [log] table."""
     yield from ("", "### [log]")
@@ -192,7 +207,8 @@ def units() -> Iterator[str]:
 
 
 MADE: dict[str, Callable[[], Iterator[str]]] = {
-    "vehicle": vehicle, "laws": laws, "mission": mission, "log": log, "units": units,
+    "vehicle": vehicle, "laws": laws, "mission": mission, "plan": plan, "log": log,
+    "units": units,
 }  # fmt: skip
 
 

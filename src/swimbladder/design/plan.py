@@ -1,0 +1,218 @@
+"""A plan of experiments as a file: what to do at the pool, in which order, and what to expect.
+
+Each experiment begins at rest, neutral, at a depth; then the volume moves, at the release and each
+time the depth passes the place named; the record ends where the depth leaves the plan's range.
+Volumes count from the one that held the vehicle at rest.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from swimbladder.io.config import file_text, read_model
+from swimbladder.parameters import Parameters, Unit, field_unit
+from swimbladder.parameters.schema import refusal
+from swimbladder.units import format_quantity, parse_quantity
+
+__all__ = ["Expected", "Move", "Plan", "PlannedExperiment", "Trace", "load_plan", "plan_file"]
+
+_Length = Annotated[float, Unit("m")]
+_Time = Annotated[float, Unit("s"), Field(ge=0.0)]
+_Series = Annotated[tuple[Annotated[float, Field(strict=True)], ...], Field(min_length=1)]
+
+_SHOWN = {"m3": "cm3"}
+
+
+class Move(Parameters):
+    """A change of volume: at the release, or when the depth passes a place on the way up or down.
+
+    The volume counts from the one that held the vehicle at rest; it stays until the next move.
+    """
+
+    volume: Annotated[float, Unit("m3")] = Field(
+        description="volume to go to, above the one at rest; positive is lighter, 0 is back to it"
+    )
+    depth: _Length | None = Field(
+        None, description="depth at which it happens; not given: at the release"
+    )
+    going: Literal["up", "down"] | None = Field(
+        None, description="on which way the depth has to be passed"
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if (self.depth is None) != (self.going is None):
+            raise refusal(
+                "depth and going belong together",
+                'Give both, as in depth = "2.2 m" and going = "up"; or none, for the release',
+                "depth" if self.depth is None else "going",
+            )
+        return self
+
+
+class Trace(Parameters):
+    """What the record should look like; other vehicles than the one assumed differ."""
+
+    time: _Series = Field(description="s since the release")
+    depth: _Series = Field(description="m")
+    volume: _Series = Field(description="m3 above the one at rest")
+
+    @model_validator(mode="after")
+    def _alike(self) -> Self:
+        if not len(self.time) == len(self.depth) == len(self.volume):
+            raise refusal("the lists differ in length", "Give as many of each", "time")
+        return self
+
+
+class PlannedExperiment(Parameters):
+    """One release: from rest at a depth, through its moves, to the end of the record."""
+
+    start_depth: _Length = Field(description="depth to come to rest at before it")
+    longest: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
+        description="time after the release at which the record ends at the latest"
+    )
+    settling: _Time = Field(0.0, description="time expected until the vehicle is at rest before it")
+    duration: _Time = Field(0.0, description="time expected from the release to the record's end")
+    moves: Annotated[tuple[Move, ...], Field(min_length=1)] = Field(
+        description="changes of volume, in order"
+    )
+    trace: Trace | None = Field(None, description="the record expected")
+
+    @model_validator(mode="after")
+    def _released(self) -> Self:
+        for k, move in enumerate(self.moves):
+            if (move.depth is None) != (k == 0):
+                raise refusal(
+                    "the first move is the release and has no depth, every other one has a depth",
+                    "Give depth and going to all moves but the first",
+                    "moves",
+                    k,
+                    "depth",
+                )
+        return self
+
+
+class Expected(Parameters):
+    """A parameter as the plan's records should tell it."""
+
+    name: str = Field(description="as `identify` calls it")
+    value: float = Field(description="assumed, in `unit`")
+    std: Annotated[float, Field(ge=0.0)] = Field(description="standard deviation expected")
+    unit: str = Field(description="of value and std")
+
+
+class Plan(Parameters):
+    """Experiments in a pool, in the order in which to run them."""
+
+    schema_version: Literal[1] = Field(1, description="version of this file's format")
+    name: str = Field("", description="what the plan is called")
+    vehicle: str = Field("", description="name of the vehicle that it is made for")
+    pool_depth: Annotated[float, Unit("m"), Field(gt=0.0)] = Field(
+        description="depth of the bottom"
+    )
+    shallowest: _Length = Field(description="depth above which a record ends")
+    deepest: _Length = Field(description="depth below which a record ends")
+    sample_time: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
+        description="time between two samples of the record"
+    )
+    rest: _Time = Field(0.0, description="time on record before each release, at rest")
+    depth_noise: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
+        0.0, description="white noise of the depth that is reckoned with, 1 sigma"
+    )
+    depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
+        0.0, description="step between two depths that the sensor tells apart"
+    )
+    neutral_std: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
+        0.0, description="how well the neutral volume at rest is known, 1 sigma"
+    )
+    expected: tuple[Expected, ...] = Field((), description="what the records should tell")
+    experiments: Annotated[tuple[PlannedExperiment, ...], Field(min_length=1)] = Field(
+        description="in the order in which to run them"
+    )
+
+    @model_validator(mode="after")
+    def _in_the_pool(self) -> Self:
+        if not 0.0 <= self.shallowest < self.deepest <= self.pool_depth:
+            raise refusal(
+                f"a range from {self.shallowest:g} to {self.deepest:g} m is not inside a pool of "
+                f"{self.pool_depth:g} m",
+                "Give the shallowest above the deepest, both between surface and bottom",
+                "shallowest",
+            )
+        for k, one in enumerate(self.experiments):
+            depths: list[tuple[float, tuple[str | int, ...]]] = [
+                (one.start_depth, ("start_depth",))
+            ]
+            depths += [
+                (move.depth, ("moves", i, "depth"))
+                for i, move in enumerate(one.moves)
+                if move.depth is not None
+            ]
+            for depth, at in depths:
+                if not self.shallowest <= depth <= self.deepest:
+                    raise refusal(
+                        f"{depth:g} m is outside the plan's range of {self.shallowest:g} to "
+                        f"{self.deepest:g} m",
+                        "Give a depth inside it",
+                        "experiments",
+                        k,
+                        *at,
+                    )
+        return self
+
+    @property
+    def time(self) -> float:
+        """Pool time expected [s], settling included."""
+        return sum(self.rest + e.settling + e.duration for e in self.experiments)
+
+
+def load_plan(path: str | Path) -> Plan:
+    """Return the plan in a TOML file.
+
+    Raises InputError with file, line, field, value, unit and remedy.
+    """
+    return read_model(Plan, file_text(Path(path)), path)
+
+
+def plan_file(plan: Plan, *, head: str = "") -> str:
+    """Return a plan as the text of a TOML file that reads back as the same plan."""
+    lines = [f"# {line}".rstrip() for line in head.splitlines()]
+    lines += _fields(plan)
+    for expected in plan.expected:
+        lines += ["", "[[expected]]", *_fields(expected)]
+    for one in plan.experiments:
+        lines += ["", "[[experiments]]", *_fields(one)]
+        for move in one.moves:
+            lines += ["", "[[experiments.moves]]", *_fields(move)]
+        if one.trace is not None:
+            lines += ["", "[experiments.trace]", *_fields(one.trace)]
+    return "\n".join(lines) + "\n"
+
+
+def _fields(model: Parameters) -> list[str]:
+    """Return the lines of a table's own fields."""
+    lines = []
+    for name in type(model).model_fields:
+        value = getattr(model, name)
+        unit = field_unit(type(model), name)
+        tables = isinstance(value, Parameters) or (
+            isinstance(value, tuple) and value and isinstance(value[0], Parameters)
+        )
+        if value is None or value == () or tables:
+            continue
+        lines.append(f"{name} = {_text(value, unit)}")
+    return lines
+
+
+def _text(value: Any, unit: str | None) -> str:
+    if unit is None:
+        return json.dumps(list(value) if isinstance(value, tuple) else value, ensure_ascii=False)
+    for digits in (3, 6, 12, 15, 17):  # the shortest from which the same number is read
+        text = format_quantity(value, unit, _SHOWN.get(unit), digits)
+        if parse_quantity(text, unit) == value:
+            return json.dumps(text)
+    return json.dumps(value)
