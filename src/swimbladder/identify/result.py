@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swimbladder.comparison.record import Record
 from swimbladder.errors import NoAnswerError
-from swimbladder.identify.estimates import Estimate
+from swimbladder.identify.estimates import Estimate, Prior
 from swimbladder.parameters import Vehicle
 
 __all__ = ["Choice", "ExperimentFit", "Finding", "Identification", "Profile", "Severity"]
@@ -81,7 +81,8 @@ class ExperimentFit:
     estimates: neutral_error [m3], the true neutral volume at reference_depth [m] less the assumed;
     start_depth [m] and start_speed [m/s] of its first stretch. weight: 0 where a sample is not
     used, less than 1 for outliers. ar: coefficients of the residual's autoregression. drift: of the
-    neutral volume over the log [m3/s].
+    neutral volume over the log [m3/s]. own_gain: logarithm of the gain (K2; of a quadratic drag its
+    inverse) of this log alone over that of all together, and its std; None where it tells none.
     """
 
     source: str
@@ -98,6 +99,7 @@ class ExperimentFit:
     whiteness_p: float
     outliers: int
     step: float  # m3, typical volume against neutral
+    own_gain: tuple[float, float] | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
@@ -111,6 +113,8 @@ class ExperimentFit:
             "autoregression": list(self.ar),
             "reference_depth_m": self.reference_depth,
             "drift": self.drift.to_json(),
+            "step_m3": self.step,
+            "own_gain": None if self.own_gain is None else list(self.own_gain),
             **{name: e.to_json() for name, e in self.estimates.items()},
         }
 
@@ -121,7 +125,8 @@ class Identification:
 
     parameters: in the order of `names`; covariance [p, p] of their values in SI units. A parameter
     that the data do not tell is in `parameters` with an interval that says so, and among the
-    findings of severity no. derived: what follows from them. assumptions: priors and settings.
+    findings of severity no. derived: what follows from them. assumptions: priors and settings, in
+    sentences; priors and neutral_std [m3], infinite for none, as numbers.
     """
 
     names: tuple[str, ...]
@@ -135,6 +140,8 @@ class Identification:
     choices: tuple[Choice, ...]
     profiles: dict[str, Profile]
     assumptions: tuple[str, ...]
+    priors: dict[str, Prior]
+    neutral_std: float  # m3
     notes: tuple[str, ...]  # of reading the logs
     depth_noise: float  # m
     result_vehicle: Vehicle = field(repr=False)
@@ -177,7 +184,7 @@ class Identification:
             "correlation": self.correlation.tolist(),
             "experiments": [e.to_json() for e in self.experiments],
             "findings": [f._asdict() for f in self.findings],
-            "choices": [c.to_json() for c in self.choices],
+            "choices": [{**c.to_json(), **({} if told else {"values": {}})} for c in self.choices],
             "profiles": {
                 name: {
                     "values": p.values.tolist(),

@@ -13,7 +13,7 @@ from swimbladder.comparison.record import Drive, Record, record
 from swimbladder.errors import InputError
 from swimbladder.identify.choices import choices as list_choices
 from swimbladder.identify.choices import judge, models_of
-from swimbladder.identify.diagnose import diagnose, drift
+from swimbladder.identify.diagnose import diagnose, drift, single_gains
 from swimbladder.identify.estimates import Estimate, Prior, estimate
 from swimbladder.identify.experiment import Experiment, experiment
 from swimbladder.identify.fit import Fit
@@ -113,7 +113,8 @@ def _answer(
         derived=_derived(problem, found), covariance=covariance,
         correlation=_correlation(found.covariance[:p, :p]), experiments=each,
         findings=tuple(findings), choices=listed, profiles=drawn,
-        assumptions=_assumptions(problem, records, vehicle),
+        assumptions=_assumptions(problem, records, vehicle), priors=problem.priors,
+        neutral_std=problem.neutral_std,
         notes=tuple(dict.fromkeys(note for r in records for note in r.notes)),
         depth_noise=noise,
         result_vehicle=identified_vehicle(
@@ -254,10 +255,20 @@ def _correlation(C: Array) -> Array:
 
 
 def _experiments(problem: Problem, found: Fit) -> tuple[ExperimentFit, ...]:
-    return tuple(_experiment(problem, found, j, e) for j, e in enumerate(problem.experiments))
+    gains: list[tuple[float, float] | None] = [
+        (gain, std) if 0.0 < std < 1.0 else None for _, gain, std in single_gains(problem, found)
+    ]
+    return tuple(
+        _experiment(problem, found, j, e, gain)
+        for (j, e), gain in zip(
+            enumerate(problem.experiments), gains or [None] * len(problem.experiments), strict=True
+        )
+    )
 
 
-def _experiment(problem: Problem, found: Fit, j: int, e: Experiment) -> ExperimentFit:
+def _experiment(
+    problem: Problem, found: Fit, j: int, e: Experiment, gain: tuple[float, float] | None
+) -> ExperimentFit:
     part = slice(problem.rows[j], problem.rows[j + 1])
     n = len(e.record.time)
     residual, weight, predicted = np.full(n, np.nan), np.zeros(n), np.full(n, np.nan)
@@ -282,7 +293,7 @@ def _experiment(problem: Problem, found: Fit, j: int, e: Experiment) -> Experime
         drift=drift(problem, found, j), noise=float(found.noise[j]),
         rms=float(np.sqrt(np.mean(left**2))) if len(left) else math.nan,
         ar=found.colour[j], whiteness_p=whiteness(np.sqrt(weight[e.used]) * found.residual[part]),
-        outliers=int((weight[e.used] < 0.5).sum()), step=e.step(),
+        outliers=int((weight[e.used] < 0.5).sum()), step=e.step(), own_gain=gain,
     )  # fmt: skip
 
 
