@@ -18,6 +18,8 @@ __all__ = ["Course"]
 
 Array = NDArray[np.float64]
 _PRESCRIBED = int(Act.PRESCRIBED)
+_FEW = 8  # halvings: without a motor the rates are those of drag and of psi
+_DEEPEST = 50.0  # m below the start, for the volume that psi may take
 
 
 @part
@@ -52,10 +54,11 @@ def _bundle(plants, starts, parts, nonlinear, time, spans, inputs, ramps, chains
     record = np.empty((7, time.shape[0]))
     nothing = np.zeros(0)
     log, noted = np.zeros((0, 3)), np.zeros(1, np.int64)
+    few = np.empty((_FEW + 1, COEFFICIENTS))  # no event is looked for where nothing happens
     x = np.zeros(5)
     for i in range(plants.shape[0]):
         p = plants[i]
-        if ramps and _submerged(p, starts[i], parts, nonlinear, spans, inputs, chains[0], depth[i]):
+        if ramps and _submerged(p, starts[i], parts, nonlinear, spans, inputs, few, depth[i]):
             continue
         depth[i] = np.nan
         mode, q = first_mode(p, starts[i, 0], starts[i, 1], starts[i, 2], starts[i, 3], 0.0)
@@ -83,6 +86,7 @@ class Course:
         self.spans = np.round(np.diff(time), 9)
         self.different, self.place = np.unique(self.spans, return_inverse=True)
         self.time = np.concatenate([[0.0], np.cumsum(self.spans)])
+        self.least, self.most = float(np.min(inputs)), float(np.max(inputs))
         self.inputs, self.ramps = np.ascontiguousarray(inputs, float), ramps
 
     def follow(self, plants: Sequence[Plant], starts: Array) -> Array:
@@ -93,9 +97,14 @@ class Course:
         the steps of the first, so that the differences between them are smooth.
         """
         base = plants[0]
+        if self.ramps:  # the speeds that this volume can drive, not those of the whole stroke
+            lost = abs(base.psi) * (float(np.abs(starts[:, 2]).max()) + _DEEPEST)
+            reach = base._replace(V_min=self.least - lost, V_max=self.most + lost, psi=0.0)
+        else:
+            reach = base
         nonlinear = math.isfinite(base.epsilon)
         fastest = float(np.abs(starts[:, 3]).max())
-        steps = np.array([base_steps(base, h, fastest) for h in self.different.tolist()], np.int64)
+        steps = np.array([base_steps(reach, h, fastest) for h in self.different.tolist()], np.int64)
         depth = np.full((len(plants), len(self.time)), np.nan)
         _bundle(
             np.array(plants), starts, steps[self.place], nonlinear, self.time, self.spans,

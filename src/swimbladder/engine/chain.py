@@ -52,7 +52,11 @@ COEFFICIENTS = 47
 
 @part
 def build_chain(p, mode, h, chain):  # type: ignore[no-untyped-def]
-    """Fill chain [LEVELS + 1, COEFFICIENTS]; level k is for a step of h/2^k [s]."""
+    """Fill chain [levels + 1, COEFFICIENTS]; level k is for a step of h/2^k [s].
+
+    The last level's exponential is a Taylor series: the rates times its step have to be small.
+    """
+    levels = chain.shape[0] - 1
     A = np.empty((4, 4))
     b_u = np.empty(4)
     b_1 = np.empty(4)
@@ -60,7 +64,7 @@ def build_chain(p, mode, h, chain):  # type: ignore[no-untyped-def]
     # columns 0-3: D; 4: b_u; 5: b_1; 6-8: V1, V2, V3 of the nonlinear drag. Row 4: integral of z.
     M = np.zeros((5, 9))
     T = np.zeros((5, 9))
-    k = h / 2.0**LEVELS
+    k = h / 2.0**levels
     for r in range(4):
         for c in range(4):
             T[r, c] = A[r, c] * k
@@ -86,8 +90,8 @@ def build_chain(p, mode, h, chain):  # type: ignore[no-untyped-def]
         T[:, :] = P
         M += T
     step = k
-    for level in range(LEVELS, -1, -1):
-        if level < LEVELS:
+    for level in range(levels, -1, -1):
+        if level < levels:
             for r in range(5):
                 for c in range(9):
                     s = 2.0 * M[r, c]

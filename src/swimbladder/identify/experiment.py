@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -50,6 +51,21 @@ class Experiment:
         for s in self.segments:
             mask[s.first : s.last + 1] = True
         return mask
+
+    def tiles(self, length: float) -> Experiment:
+        """Return the experiment in stretches of about `length` [s], each with a start of its own.
+
+        Over a short one no error of the parameters grows far: a fit there has one minimum.
+        """
+        if not self.ramps:
+            return self
+        found: list[Segment] = []
+        for s in self.segments:
+            span = float(self.record.time[s.last] - self.record.time[s.first])
+            count = max(1, min(round(span / length), (s.last - s.first + 1) // _FEWEST))
+            edges = np.linspace(s.first, s.last + 1, count + 1).astype(int).tolist()
+            found += [_segment(self.record, a, b - 1) for a, b in pairwise(edges)]
+        return replace(self, segments=tuple(found))
 
     def step(self) -> float:
         """Return the volume against neutral that the experiment is run with [m3]: its median."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -26,6 +27,7 @@ __all__ = ["Fit", "fit", "refine"]
 Array = NDArray[np.float64]
 
 _ROUNDS = 12  # of weights and noise
+_TILES = (15.0, 30.0, 60.0, 120.0)  # s
 _POOR = 3.0  # noise left over against the noise of neighbouring samples, at which others are tried
 
 
@@ -61,7 +63,7 @@ def fit(problem: Problem) -> Fit:
             break
     assert best is not None
     if not _good(problem, best[2]):
-        for x in _others(problem, best[1]):
+        for x in _others(problem, starts):
             found = _solve(problem, x)
             if found[0] < best[0]:
                 best = found
@@ -93,16 +95,24 @@ def _starts(problem: Problem) -> list[Array]:
     return [own, other]
 
 
-def _others(problem: Problem, x: Array) -> list[Array]:
-    """Return starts beside x: larger and smaller in every logarithmic parameter."""
-    moved = []
-    for i in range(problem.shared):
-        if problem.logarithmic[i]:
-            for by in (1.0, -1.0):
-                other = x.copy()
-                other[i] += by
-                moved.append(other)
-    return moved
+def _others(problem: Problem, starts: list[Array]) -> Iterator[Array]:
+    """Yield starts from fits to short stretches, each begun where the one before ended."""
+    longest = max(
+        float(e.record.time[s.last] - e.record.time[s.first])
+        for e in problem.experiments
+        for s in e.segments
+    )
+    shared = starts[-1][: problem.first_start]
+    for length in _TILES:
+        if length > 0.7 * longest:
+            return
+        tiled = problem.tiled(length)
+        x = tiled.begin()
+        x[: problem.first_start] = shared
+        shared = _solve(tiled, x)[1][: problem.first_start]
+        whole = problem.begin()
+        whole[: problem.first_start] = shared
+        yield whole
 
 
 def _cost(problem: Problem, x: Array) -> float:
@@ -159,9 +169,10 @@ def _solve(problem: Problem, x: Array) -> tuple[float, Array, Array]:
             )
             return result
 
+        fine = 1e-8 if n > 1 else 1e-4  # the weights are not final yet
         done = least_squares(
-            rows, np.clip(x, low + 1e-9, high - 1e-9), slopes, bounds=(low, high), xtol=1e-8,
-            ftol=1e-8, gtol=1e-10, max_nfev=30 if n == 0 else 12,
+            rows, np.clip(x, low + 1e-9, high - 1e-9), slopes, bounds=(low, high), xtol=fine,
+            ftol=fine, gtol=1e-10, max_nfev=40 if n == 0 else 12,
         )  # fmt: skip
         step = float(np.abs(done.x - x).max())
         x = done.x
@@ -210,6 +221,7 @@ def finish(problem: Problem, x: Array) -> Fit:
     prior = P.T @ P
     inverse = _inverse(A + prior)
     covariance = inverse @ (B + prior) @ inverse
+    covariance = 0.5 * (covariance + covariance.T)  # so to the last digit
     return Fit(
         x=x, residual=residual, weight=weight, noise=noise,
         objective=_objective(problem, x, residual, noise), slope=slope, colour=tuple(colour),

@@ -60,6 +60,14 @@ class Problem:
         self.courses = [[self._course(e, s) for s in e.segments] for e in self.experiments]
         self.measured = np.concatenate([e.record.depth[e.used] for e in self.experiments])
 
+    def tiled(self, length: float) -> Problem:
+        """Return the same problem with the records cut into stretches of about `length` [s]."""
+        return Problem(
+            [e.tiles(length) for e in self.experiments], self.model, self.names,
+            fixed={n: v for n, v in self.values.items() if n not in self.names},
+            priors=self.priors, neutral_std=self.neutral_std, speed_std=math.inf,
+        )  # fmt: skip
+
     def begin(self, values: Mapping[str, float] | None = None) -> Array:
         """Return x at the values given, where none are at the model's, with measured starts."""
         x = np.zeros(self.size)

@@ -1,0 +1,168 @@
+"""The likelihood of records under a model whose neutral volume walks: by a Kalman filter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.comparison.record import Record
+from swimbladder.errors import InputError
+from swimbladder.identify.estimates import Prior
+from swimbladder.identify.model import Model
+from swimbladder.kalman.depth_filter import Filtered, Noise, Samples, Start, filter_depth
+
+__all__ = ["NOISES", "Likelihood", "Quantity"]
+
+Array = NDArray[np.float64]
+
+_SPEED_STD = 0.1  # m/s, of the speed at a start: nothing is known
+_SHARE = 0.25  # of the stroke, deviation of a neutral volume that nothing is known of
+_STEP = 1e-4  # of a quantity's scale, for slopes
+_CURVE = 1e-2  # the same for curvatures: the likelihood has corners where samples meet the gate
+
+
+class Quantity(NamedTuple):
+    """A quantity that is estimated: x is its logarithm, or the value over its scale."""
+
+    name: str
+    logarithmic: bool
+    scale: float
+    begin: float  # a value, SI
+
+    def value(self, x: float) -> float:
+        """Return the value at x."""
+        return math.exp(min(max(x, -500.0), 500.0)) if self.logarithmic else x * self.scale
+
+    def place(self, value: float) -> float:
+        """Return x of a value."""
+        return math.log(max(value, 1e-200)) if self.logarithmic else value / self.scale
+
+    def slope(self, x: float) -> float:
+        """Return how the value grows with x."""
+        return self.value(x) if self.logarithmic else self.scale
+
+
+NOISES: tuple[Quantity, ...] = (
+    Quantity("depth_noise", True, 1.0, 5e-3),  # m
+    Quantity("walk", True, 1.0, 0.1e-6),  # m3/s^0.5
+    Quantity("jolt", True, 1.0, 1e-3),  # m/s^1.5
+)
+
+
+class Likelihood:
+    """The log posterior of quantities x given several records; each record starts anew.
+
+    quantities: what is estimated, names of the model and of NOISES; values: what is held, SI.
+    """
+
+    def __init__(
+        self, records: Sequence[Record], model: Model, quantities: Sequence[Quantity],
+        *, values: Mapping[str, float], priors: Mapping[str, Prior], neutral_std: float,
+        quantum: float, stroke: float, gate: float,
+    ) -> None:  # fmt: skip
+        self.model, self.quantities, self.values = model, tuple(quantities), dict(values)
+        self.priors, self.gate, self.quantum = dict(priors), gate, quantum
+        self.known = math.isfinite(neutral_std)
+        self.neutral_std = neutral_std if self.known else _SHARE * stroke
+        self.records = tuple(records)
+        self.samples = tuple(_samples(record) for record in records)
+        self.contributions = np.cumsum([0, *(len(s.time) for s in self.samples)])
+
+    def begin(self) -> Array:
+        """Return x at the values to begin with."""
+        return np.array([q.place(q.begin) for q in self.quantities])
+
+    def named(self, x: Array) -> dict[str, float]:
+        """Return all values, estimated and held, by name."""
+        found = {q.name: q.value(float(at)) for q, at in zip(self.quantities, x, strict=True)}
+        return {**self.values, **found}
+
+    def noise(self, values: Mapping[str, float]) -> Noise:
+        """Return the filter's noise of these values."""
+        depth = math.hypot(values["depth_noise"], self.quantum / math.sqrt(12.0))
+        return Noise(depth=depth, walk=values["walk"], jolt=values["jolt"])
+
+    def filtered(self, x: Array) -> list[Filtered]:
+        """Return the filter's run along every record."""
+        values = self.named(x)
+        plant = self.model.plant(values, self.model.base.V_0)
+        noise = self.noise(values)
+        return [
+            filter_depth(
+                plant, s, noise=noise, start=self._start(r, s, values, noise), gate=self.gate
+            )
+            for r, s in zip(self.records, self.samples, strict=True)
+        ]
+
+    def _start(
+        self, record: Record, s: Samples, values: Mapping[str, float], noise: Noise
+    ) -> Start:  # fmt: skip
+        neutral = float(s.volume[0] - values["psi"] * s.depth[0])
+        if self.known:
+            neutral = self.model.base.V_0
+            if not record.volume_absolute:  # neutral at the first sample, whatever psi is
+                first = float(record.depth[0])
+                neutral += (self.model.base.psi - values["psi"]) * first
+        return Start(
+            depth=float(s.depth[0]), speed=0.0, neutral=neutral, depth_std=3.0 * noise.depth,
+            speed_std=_SPEED_STD, neutral_std=self.neutral_std,
+        )  # fmt: skip
+
+    def prior(self, x: Array) -> float:
+        """Return the log density of the priors at x, up to a constant."""
+        total = 0.0
+        for q, at in zip(self.quantities, x.tolist(), strict=True):
+            prior = self.priors.get(q.name)
+            if prior is not None:
+                width = prior.std / (prior.mean if q.logarithmic else q.scale)
+                total -= 0.5 * ((at - q.place(prior.mean)) / width) ** 2
+        return total
+
+    def each(self, x: Array) -> Array:
+        """Return what every sample adds to the log likelihood."""
+        return np.concatenate([f.contribution for f in self.filtered(x)])
+
+    def __call__(self, x: Array) -> float:
+        """Return the log posterior at x."""
+        total = sum(f.log_likelihood for f in self.filtered(x)) + self.prior(x)
+        return float(total) if math.isfinite(total) else -1e12
+
+    def slope(self, x: Array, step: float = _STEP) -> Array:
+        """Return the gradient of the log posterior at x, by central differences."""
+        return np.array([(self(x + h) - self(x - h)) / (2.0 * step) for h in step * np.eye(len(x))])
+
+    def scores(self, x: Array) -> Array:
+        """Return the gradient [samples, quantities] of what every sample adds."""
+        columns = [
+            (self.each(x + h) - self.each(x - h)) / (2.0 * _STEP) for h in _STEP * np.eye(len(x))
+        ]
+        return np.stack(columns, axis=1)
+
+    def curvature(self, x: Array) -> Array:
+        """Return minus the second derivatives of the log posterior at x."""
+        n = len(x)
+        H = np.empty((n, n))
+        for i, h in enumerate(_CURVE * np.eye(n)):
+            H[i] = -(self.slope(x + h, _CURVE) - self.slope(x - h, _CURVE)) / (2.0 * _CURVE)
+        return 0.5 * (H + H.T)
+
+
+def _samples(record: Record) -> Samples:
+    """Return what the filter takes of a record, from its first sample clear of contact on."""
+    if record.volume is None or record.drive != "volume":
+        raise InputError(
+            "a walk of the neutral volume shows only where the logged volume drives the vehicle",
+            field="--drive", value=record.drive, remedy="Drive it with volume",
+        )  # fmt: skip
+    first = int(np.argmax(record.compared))
+    part = slice(first, None)
+    return Samples(
+        np.ascontiguousarray(record.time[part]),
+        np.ascontiguousarray(record.volume[part]),
+        np.ascontiguousarray(record.depth[part]),
+        record.compared[part].astype(np.int8),
+    )
