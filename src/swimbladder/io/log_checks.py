@@ -25,9 +25,9 @@ _QUANTA = 4.0
 _NEAR = 10  # samples on either side that tell what is noise
 _BESIDE = 4  # and how fast the signal moves
 _SCALE = 1.4826  # standard deviation over median absolute deviation, of a normal distribution
-_FEWEST = 7  # samples that can tell what is normal
+_FEWEST = 9  # samples that can tell what is normal
 _SHOWN = 3  # places that a report names
-# Steps of a coarse sensor, for a signal that otherwise never changes: its one change is no spike.
+# Steps of a coarse sensor, for a signal that otherwise hardly changes: a flicker is no spike.
 _COARSE = {"depth_m": 0.025, "piston_m": 2e-4, "volume_m3": 5e-7}
 
 
@@ -126,7 +126,7 @@ def spikes(name: str, values: Array, time: Array, gaps: Sequence[tuple[float, fl
 
     A Hampel test over three samples: how far a sample is from their median, against the noise, as
     the median absolute deviation around it tells, and against what may be true: the quantum of the
-    sensor, and the fastest motion that the signal is seen to keep up for two steps. A voltage may
+    sensor, and the fastest motion that the signal is seen to keep up, nearby or anywhere. A voltage may
     jump, so only one far beyond all others counts. The first and the last sample, and those beside
     a gap or a missing value, are not judged.
     """
@@ -155,8 +155,9 @@ def _moving(x: Array, t: Array, height: Array, coarse: float) -> Array:
     ahead, behind = np.diff(t)[1:], np.diff(t)[:-1]
     bend = np.abs(x[1:-1] - (x[:-2] * ahead + x[2:] * behind) / (ahead + behind))
     noise = _SCALE / np.sqrt(1.5) * np.maximum(_around(bend, _NEAR, np.median), np.median(bend))
-    kept_up = np.minimum(np.abs(steps[:-1]), np.abs(steps[1:])) * (steps[:-1] * steps[1:] > 0.0)
-    fastest = np.maximum(_around(kept_up, _BESIDE, np.max), np.quantile(kept_up, 0.99))
+    twice = np.minimum(np.abs(steps[:-1]), np.abs(steps[1:])) * (steps[:-1] * steps[1:] > 0.0)
+    thrice = np.minimum(twice[:-1], twice[1:])  # two spikes side by side do not look like that
+    fastest = np.maximum(_around(twice, _BESIDE, np.max), np.quantile(thrice, 0.99))
     limit = np.maximum(_FAR * noise, _FASTER * fastest)
     quanta = _QUANTA * _quantum(steps, height, coarse)
     return np.asarray(np.maximum(np.pad(limit, 1), quanta), dtype=np.float64)
@@ -175,7 +176,10 @@ def _quantum(steps: Array, height: Array, coarse: float) -> float:
     far = height >= max(height.max() / 2.0, np.finfo(float).tiny)
     others = np.abs(steps[~(far[:-1] | far[1:])])
     others = others[others > 0.0]
-    return float(np.quantile(others, 0.05)) if len(others) else coarse
+    if not len(others):
+        return coarse
+    smallest = float(np.quantile(others, 0.05))
+    return smallest if len(others) >= _FEWEST else min(smallest, coarse)
 
 
 def _jumping(x: Array, height: Array) -> Array:
