@@ -12,10 +12,10 @@ import pytest
 from matplotlib.image import imread
 
 from swimbladder.errors import InputError
+from swimbladder.io.files import publish
 from swimbladder.reproduce import AMOUNT, reproduce, tables
 from swimbladder.reproduce.errata import ERRATA, SILENT
 from swimbladder.reproduce.evidence import gather
-from swimbladder.reproduce.files import publish
 from swimbladder.reproduce.verdict import Known, Verdict, claim, number
 
 DOCS = Path(__file__).parents[2] / "docs" / "explanation"

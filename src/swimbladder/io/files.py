@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 from swimbladder.errors import InputError
 
-__all__ = ["make_folder", "write_atomically", "write_through"]
+__all__ = ["check_place", "make_folder", "publish", "write_atomically", "write_through"]
 
 
 def write_atomically(path: str | Path, content: bytes | str) -> Path:
@@ -72,3 +73,51 @@ def make_folder(path: str | Path) -> Path:
             remedy="Choose another folder with --out",
         ) from error
     return folder
+
+
+def check_place(out: Path) -> None:
+    """Raise InputError where the report's folder could not be made."""
+    if out.exists() and not out.is_dir():
+        raise InputError(
+            "there is a file of that name, where the report's folder should be",
+            file=out, field="--out", remedy="Choose another folder with --out",
+        )  # fmt: skip
+    make_folder(out.parent)
+
+
+def publish(out: Path, write: Callable[[Path], None]) -> None:
+    """Let `write` fill a temporary folder, then put it, or its files, in the place of `out`.
+
+    A new folder appears whole. In one that exists each file is replaced at once and whatever else
+    is there stays. Raises InputError where that is not possible.
+    """
+    try:
+        temporary = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}-"))
+    except OSError as error:
+        raise _refused(out, error) from error
+    try:
+        write(temporary)
+        if out.exists():
+            # the page last: it names the others
+            files = sorted(p for p in temporary.rglob("*") if p.is_file())
+            for path in sorted(files, key=lambda p: p.suffix == ".html"):
+                target = out / path.relative_to(temporary)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                path.replace(target)
+        else:
+            if os.name == "posix":  # mkdtemp makes it private; as mkdir would have made it
+                mask = os.umask(0)
+                os.umask(mask)
+                temporary.chmod(0o777 & ~mask)
+            temporary.rename(out)
+    except OSError as error:
+        raise _refused(out, error) from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _refused(out: Path, error: OSError) -> InputError:
+    return InputError(
+        f"cannot write the report: {error.strerror or error}", file=out, field="--out",
+        remedy="Choose a folder that can be written with --out",
+    )  # fmt: skip

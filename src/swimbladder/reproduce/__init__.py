@@ -12,19 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from swimbladder.errors import InputError
-from swimbladder.io.files import make_folder
+from swimbladder.io.files import check_place, make_folder, publish
 from swimbladder.plots.style import save
 from swimbladder.reproduce.equations_actuator import actuator_checks
 from swimbladder.reproduce.equations_motion import motion_checks
 from swimbladder.reproduce.evidence import STAGES, gather
-from swimbladder.reproduce.files import (
-    check_place,
-    json_text,
-    plain,
-    publish,
-    trajectories,
-    write_all,
-)
+from swimbladder.reproduce.files import json_text, plain, trajectories, write_all
 from swimbladder.reproduce.independent import independent
 from swimbladder.reproduce.page import FIGURES, Judged, answer, draw, page
 from swimbladder.reproduce.published import published
