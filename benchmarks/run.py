@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.identify import fits, report
 from benchmarks.memory import GOAL as MEMORY_GOAL
 from benchmarks.memory import LANES as MEMORY_LANES
 from benchmarks.memory import peak
@@ -60,7 +61,12 @@ def main(arguments: list[str] | None = None) -> int:
     result: dict[str, Any] = {"machine": machine()}
     print("; ".join(f"{name} {value}" for name, value in result["machine"].items()), "\n")
     begin = perf_counter()
-    if not options.startup:
+    if options.identify or not options.startup:
+        timings = fits(quick=options.quick, note=_note)
+        _note("")
+        print(report(timings), "\n")
+        result["identify"] = [vars(t) for t in timings]
+    if not (options.startup or options.identify):
         result |= _side_by_side(options)
         lanes = 512 if options.quick else MEMORY_LANES
         result["memory"] = {"lanes": lanes, **peak(lanes, 60.0 if options.quick else DURATION)}
@@ -69,7 +75,7 @@ def main(arguments: list[str] | None = None) -> int:
             f"\nMemory of {lanes:,} vehicles that keep summaries: {most:.0f} MB, of which"
             f" {before:.0f} MB before they start; goal {MEMORY_GOAL:.0f} MB\n"
         )
-    if options.startup or not options.quick:
+    if options.startup or not (options.quick or options.identify):
         result["startup_s"] = startup(5)
         rows = [
             (what, f"{wall:.2f}", f"{cpu:.2f}", number(GOALS.get(what)))
@@ -86,6 +92,7 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a smoke run of some seconds")
     parser.add_argument("--startup", action="store_true", help="only the command line's start-up")
+    parser.add_argument("--identify", action="store_true", help="only the fit of experiments")
     parser.add_argument("--lanes", type=int, default=4096, help="vehicles of the fleet (4096)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the numbers there")
     options = parser.parse_args(arguments)
