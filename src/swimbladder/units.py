@@ -17,7 +17,7 @@ from functools import cache
 
 from swimbladder.errors import UnitError
 
-__all__ = ["format_quantity", "parse_quantity", "to_si", "unit_factor"]
+__all__ = ["format_quantity", "parse_quantity", "shown_unit", "to_si", "unit_factor"]
 
 
 @dataclass(frozen=True)
@@ -208,3 +208,11 @@ def format_quantity(value: float, unit: str, shown_in: str | None = None, digits
     """Return `value` [unit] as text in the unit `shown_in`: (3.5e-4, "m3", "cm3") -> "350 cm3"."""
     shown = shown_in or unit
     return f"{value * unit_factor(unit, shown):.{digits}g} {shown}".rstrip()
+
+
+_SHOWN = {"m3": "cm3", "m3/s": "cm3/h", "m3/m": "cm3/m"}
+
+
+def shown_unit(unit: str) -> str:
+    """Return the unit in which people read a number that is in `unit`: m3 -> cm3, else itself."""
+    return _SHOWN.get(unit, unit)

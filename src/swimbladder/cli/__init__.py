@@ -23,10 +23,11 @@ __all__ = ["COMMANDS", "main"]
 
 COMMANDS = {
     "simulate": "Simulate depth steps or a mission in closed loop.",
-    "analyse": "Transfer functions, poles, stability, margins and stall depth.",
+    "analyse": "Transfer functions, poles, margins and stall depth.",
     "compare": "Drive the model with a measured log and compare depths.",
+    "identify": "K2, T2, psi and drag from logs, and how sure they are.",
     "identify-actuator": "K1, T1, dead zone, asymmetry and rate from logged steps.",
-    "reproduce": "Redo the paper: every figure, table and number, in one report.",
+    "reproduce": "Redo the paper: each figure, table and number, a report.",
     "vehicle": "List, show and write vehicle files.",
 }
 

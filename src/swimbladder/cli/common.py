@@ -18,7 +18,16 @@ from rich.console import Console
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.units import parse_quantity
 
-__all__ = ["compile_notice", "console", "emit_json", "output", "progress", "quantity", "run"]
+__all__ = [
+    "compile_notice",
+    "console",
+    "emit_json",
+    "json_text",
+    "output",
+    "progress",
+    "quantity",
+    "run",
+]
 
 # Notes, progress and errors.
 console = Console(stderr=True, highlight=False)
@@ -61,7 +70,12 @@ def quantity(text: str | None, unit: str, option: str) -> float | None:
 
 def emit_json(answer: Mapping[str, Any]) -> None:
     """Print one JSON object on stdout; NaN and infinities become null."""
-    print(json.dumps(_plain(answer), indent=2, allow_nan=False), file=sys.stdout)
+    print(json_text(answer), file=sys.stdout)
+
+
+def json_text(answer: Mapping[str, Any]) -> str:
+    """Return an answer as JSON; NaN and infinities become null."""
+    return json.dumps(_plain(answer), indent=2, allow_nan=False)
 
 
 def _plain(value: Any) -> Any:

@@ -12,7 +12,7 @@ import typer
 from swimbladder.cli.common import compile_notice, console, emit_json, output, progress
 from swimbladder.cli.logs import Chosen, chosen, depth, names, pair, read
 from swimbladder.errors import InputError, SwimbladderError
-from swimbladder.units import format_quantity
+from swimbladder.units import format_quantity, shown_unit
 
 if TYPE_CHECKING:
     from swimbladder.comparison import Comparison
@@ -97,9 +97,6 @@ def compare(
     code = max(0 if task.error is None else task.error.exit_code for task in tasks)
     if code:
         raise typer.Exit(code)
-
-
-_SHOWN = {"m3": "cm3", "m3/s": "cm3/h", "m3/m": "cm3/m"}
 
 
 @dataclass
@@ -208,7 +205,7 @@ def _print(tasks: list[_Task]) -> None:
 def _print_one(task: _Task, r: Comparison, said: set[str]) -> None:
     """Print what was fitted, the notes not yet said, and the files."""
     for name, fitted in r.fitted.items():
-        unit = _SHOWN.get(fitted.unit, fitted.unit)
+        unit = shown_unit(fitted.unit)
         value = format_quantity(fitted.value, fitted.unit, unit)
         spread = ""
         if fitted.std is not None:

@@ -1,0 +1,332 @@
+"""``swimbladder identify``: the vertical motion's parameters from logs, and how sure they are."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from swimbladder.cli.common import (
+    compile_notice,
+    console,
+    emit_json,
+    json_text,
+    output,
+    progress,
+    quantity,
+)
+from swimbladder.cli.logs import chosen, depth, names, pair, read
+from swimbladder.errors import InputError
+
+if TYPE_CHECKING:
+    from swimbladder.identify import Identification, Prior
+
+__all__ = ["identify"]
+
+
+def identify(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")],
+    vehicle: Annotated[str, typer.Option(metavar="VEHICLE", help="Preset or TOML file.")],
+    where: Annotated[
+        list[str] | None,
+        typer.Option(metavar="COLUMN=VALUE", help="Only these rows; VALUE,VALUE: one log each."),
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=COLUMN", help=r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.'
+        ),
+    ] = None,
+    log_format: Annotated[
+        str | None, typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table.")
+    ] = None,
+    free: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="What is identified: K2, T2, psi; mass, drag_quadratic; K1, T1 (what the drag law "
+            "has, and psi).",
+        ),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help='Not identified: "psi=2e-6 m3/m".'),
+    ] = None,
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help='Known before: "psi=2e-6 +- 1e-6 m3/m".'),
+    ] = None,
+    drag: Annotated[
+        str | None,
+        typer.Option(metavar="LAW", help="linear, quadratic or blended (the vehicle's)."),
+    ] = None,
+    neutral_std: Annotated[
+        str,
+        typer.Option(
+            metavar="VOLUME", help="How well each log's neutral volume is known, 1 sigma; or none."
+        ),
+    ] = "0.5 cm3",
+    speed_std: Annotated[
+        str,
+        typer.Option(metavar="SPEED", help="How nearly each log starts at rest, 1 sigma; or none."),
+    ] = "none",
+    drive: Annotated[
+        str | None,
+        typer.Option(metavar="INPUT", help="volume or voltage (first that is logged)."),
+    ] = None,
+    bottom: Annotated[
+        str | None, typer.Option(metavar="DEPTH", help="Depth of the bottom (none).")
+    ] = None,
+    surface_margin: Annotated[
+        str, typer.Option(metavar="DEPTH", help="Depths less than this are not used.")
+    ] = "0.1 m",
+    profiles: Annotated[
+        bool, typer.Option("--profiles/--no-profiles", help="Likelihood profiles.")
+    ] = True,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
+        "swimbladder-identify"
+    ),
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    """Identify a vehicle's vertical motion from logs, with intervals and a report.
+
+    Several logs are several experiments with one vehicle, fitted together; each has its own
+    neutral volume and start. Exit code 1 says that the data do not tell what was asked: then no
+    vehicle is written.
+    """
+    from swimbladder.identify.model import NAMES
+    from swimbladder.io.config import load_vehicle
+    from swimbladder.io.files import check_place
+
+    v = load_vehicle(vehicle)
+    units = {name: about.unit for name, about in NAMES.items()}
+    options: dict[str, Any] = {
+        "free": names(free),
+        "fixed": dict(_setting(text, units) for text in set_ or []),
+        "priors": dict(_prior(text, units) for text in prior or []),
+        "drag": drag,
+        "neutral_std": _deviation(neutral_std, "m3", "--neutral-std"),
+        "speed_std": _deviation(speed_std, "m/s", "--speed-std"),
+        "drive": _drive(drive),
+        "bottom_depth": depth(bottom, "--bottom"),
+        "surface_margin": depth(surface_margin, "--surface-margin"),
+        "profiles": profiles,
+    }
+    mapped = dict(pair(text, "--column") for text in column or [])
+    given = [
+        read(log, v, columns=mapped, log_format=log_format) for log in chosen(logs, where or [])
+    ]
+    with progress("loading the simulator"):
+        from swimbladder.identify import identify as identify_logs
+        from swimbladder.report.identification import check_folder, write_identification
+
+    check_place(out)
+    check_folder(out, vehicle)
+    begun = time.perf_counter()
+    with compile_notice(), progress(_doing(len(given)), 1.0) as advance:
+        found = identify_logs(given, v, **options, advance=advance)
+    seconds = time.perf_counter() - begun
+    answer = found.to_json()
+    with progress("writing the report", 1.0) as advance:
+        files = write_identification(
+            found, out, answer=json_text(answer), command=_command(), seconds=seconds,
+            advance=advance,
+        )  # fmt: skip
+    if json:
+        emit_json({**answer, "seconds": seconds, "files": [str(path) for path in files]})
+    else:
+        _print(found, seconds, files)
+    if not found.identified:
+        if json:
+            for sentence in (f.sentence for f in found.findings if f.severity == "no"):
+                console.print(sentence, markup=False, soft_wrap=True)
+        raise typer.Exit(1)
+
+
+def _doing(count: int) -> str:
+    return "identifying from one log" if count == 1 else f"identifying from {count} logs"
+
+
+def _command() -> str:
+    """Return the command as it was given, for the report."""
+    import shlex
+
+    return shlex.join(["swimbladder", *sys.argv[1:]])
+
+
+def _named(text: str, option: str, units: dict[str, str]) -> tuple[str, str]:
+    """Return name and value of NAME=VALUE; raises InputError for a name that cannot be."""
+    from swimbladder.parameters.schema import did_you_mean
+
+    name, value = pair(text, option)
+    if name not in units:
+        raise InputError(
+            "there is no such parameter", field=option, value=name,
+            remedy=f"{did_you_mean(name, units)}Choose from {', '.join(units)}",
+        )  # fmt: skip
+    return name, value
+
+
+def _setting(text: str, units: dict[str, str]) -> tuple[str, float]:
+    name, value = _named(text, "--set", units)
+    number = quantity(value, units[name], f"--set {name}")
+    assert number is not None
+    return name, number
+
+
+_PLUS_MINUS = re.compile(r"\+-|\+/-|±")
+
+
+def _prior(text: str, units: dict[str, str]) -> tuple[str, Prior]:
+    """Return name and prior of "NAME=MEAN +- STD UNIT".
+
+    A unit that stands at one of the numbers only counts for both; a deviation in % is of the mean.
+    """
+    from swimbladder.identify import Prior
+
+    name, value = _named(text, "--prior", units)
+    field, unit = f"--prior {name}", units[name]
+    parts = _PLUS_MINUS.split(value)
+    if len(parts) != 2:
+        raise InputError(
+            "no prior: it has a mean and a standard deviation", field=field, value=value,
+            unit=unit, remedy=f'Write it as "{name}=MEAN +- STD {unit}"',
+        )  # fmt: skip
+    mean_text, std_text = (part.strip() for part in parts)
+    mean_unit, std_unit = (_unit(part) for part in (mean_text, std_text))
+    if std_unit == "%":
+        mean = quantity(mean_text, unit, field)
+        assert mean is not None
+        share = quantity(std_text, "", field)
+        assert share is not None
+        return name, Prior(mean, abs(mean) * share)
+    if mean_unit and not std_unit:
+        std_text = f"{std_text} {mean_unit}"
+    if std_unit and not mean_unit:
+        mean_text = f"{mean_text} {std_unit}"
+    found_mean, found_std = quantity(mean_text, unit, field), quantity(std_text, unit, field)
+    assert found_mean is not None
+    assert found_std is not None
+    return name, Prior(found_mean, found_std)
+
+
+def _unit(text: str) -> str:
+    """Return the unit behind a number, "" where there is none."""
+    number = re.match(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", text)
+    return "" if number is None else text[number.end() :].strip()
+
+
+def _deviation(text: str, unit: str, option: str) -> float:
+    """Return a standard deviation, infinite for ``none``."""
+    if text.strip().lower() == "none":
+        return float("inf")
+    number = quantity(text, unit, option)
+    assert number is not None
+    return number
+
+
+def _drive(text: str | None) -> str | None:
+    if text not in (None, "volume", "voltage"):
+        raise InputError(
+            "no such input", field="--drive", value=text, remedy="Choose volume or voltage"
+        )
+    return text
+
+
+def _print(found: Identification, seconds: float, files: list[Path]) -> None:
+    """Print what was found: the answer first, then what it rests on."""
+    from swimbladder.report.words import correlations, findings, headlines
+
+    samples = sum(int((e.weight > 0.0).sum()) for e in found.experiments)
+    count = len(found.experiments)
+    output.print(
+        f"{found.result_vehicle.name}, {count} log{'s' if count > 1 else ''}, {samples} samples, "
+        f"{found.law} drag, {1e3 * found.depth_noise:.2g} mm of noise, {seconds:.2g} s",
+        soft_wrap=True,
+    )
+    if not found.identified:
+        output.print("\nThe data do not tell what was asked:", style="bold red")
+    output.print("")
+    for sentence in headlines(found):
+        output.print(sentence, style=None if found.identified else "bold", soft_wrap=True)
+    said = findings(found)
+    for kind, style in (("warning", "bold yellow"), ("note", None)):
+        listed = [f.sentence for f in said if f.severity == kind]
+        if listed:
+            output.print("")
+        for sentence in listed:
+            output.print(f"{kind}: {sentence}", style=style, soft_wrap=True)
+    output.print("")
+    output.print(_parameters(found))
+    for a, b, r in correlations(found):
+        output.print(f"correlation of {a} and {b}: {r:+.2f}")
+    if found.choices:
+        output.print("")
+        output.print(_choices(found))
+    output.print("")
+    output.print(_logs(found))
+    output.print("")
+    for sentence in found.assumptions:
+        output.print(f"assumed: {sentence}", soft_wrap=True)
+    for note in found.notes:
+        output.print(f"note: {note}", soft_wrap=True)
+    for path in files:
+        if path.suffix != ".png":
+            output.print(f"wrote {path}", soft_wrap=True)
+
+
+def _table(headings: tuple[str, ...]) -> Any:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    table.add_column(headings[0], overflow="fold")
+    for heading in headings[1:]:
+        table.add_column(heading, justify="right", no_wrap=True)
+    return table
+
+
+def _parameters(found: Identification) -> object:
+    from swimbladder.report.words import rows
+
+    table = _table(("", "value", "1 sigma", "95 % interval", "unit", "from"))
+    words = {"data": "the logs", "prior": "its prior", "set": "set"}
+    for r in rows(found):
+        table.add_row(r.name, r.value, r.std, r.ci95, r.unit, words[r.origin])
+    return table
+
+
+def _choices(found: Identification) -> object:
+    table = _table(("drag", "psi", "rms", "behind the best", "probability"))
+    words = {"free": "estimated", "prior": "with its prior", "set": "as set", "zero": "left out"}
+    best = min(c.bic for c in found.choices)
+    for c in found.choices:
+        table.add_row(
+            f"{c.drag}{' (reported)' if c.reported else ''}",
+            words[c.psi],
+            f"{1e3 * c.rms:.2f} mm",
+            f"{c.bic - best:.1f}",
+            f"{100.0 * c.weight:.1f} %",
+        )
+    return table
+
+
+def _logs(found: Identification) -> object:
+    from swimbladder.report.words import row
+
+    table = _table(("log", "rms", "samples", "outliers", "neutral volume off by"))
+    for e in found.experiments:
+        r = row("", e.estimates["neutral_error"])
+        table.add_row(
+            e.source,
+            f"{1e3 * e.rms:.1f} mm",
+            str(int((e.weight > 0.0).sum())),
+            str(e.outliers),
+            f"{r.value} +- {r.std} {r.unit}" if r.std else "-",
+        )
+    return table
