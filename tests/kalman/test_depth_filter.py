@@ -210,20 +210,27 @@ def test_gross_outliers_do_not_move_it():
     assert np.abs(ours.mean[-1, 2] - clean.mean[-1, 2]) < math.sqrt(clean.covariance[-1, 2, 2])
 
 
-def test_a_small_excess_is_clipped_to_the_gate():
+def test_an_excess_loses_weight_as_its_density_says():
+    """The weight is the slope of the loss over its argument; loss and weight go on smoothly."""
     samples, _ = made(n=60, seed=8)
     plain = filtered(samples)
-    k = 50
-    depth = samples.depth.copy()
-    depth[k] = plain.predicted[k, 0] + 6.0 * math.sqrt(plain.variance[k])
-    ours = filtered(samples._replace(depth=depth), gate=4.0)
-    assert ours.fate[k] == CLIPPED
-    at_gate = samples.depth.copy()
-    at_gate[k] = plain.predicted[k, 0] + 4.0 * math.sqrt(plain.variance[k])
-    other = filtered(samples._replace(depth=at_gate), gate=math.inf)
-    np.testing.assert_allclose(ours.mean[k], other.mean[k], rtol=1e-9)
-    loss = 0.5 * math.log(2 * math.pi * plain.variance[k]) + 4.0 * (6.0 - 2.0)
-    assert ours.contribution[k] == pytest.approx(-loss, rel=1e-9)
+    k, gate, deviation = 50, 4.0, math.sqrt(plain.variance[50])
+
+    def run(size):
+        depth = samples.depth.copy()
+        depth[k] = plain.predicted[k, 0] + size * deviation
+        return filtered(samples._replace(depth=depth), gate=gate)
+
+    def loss(size):
+        return -run(size).contribution[k] - 0.5 * math.log(2.0 * math.pi * plain.variance[k])
+
+    gain = (run(1.0).mean[k, 0] - plain.predicted[k, 0]) / deviation
+    for size in (3.9, 4.1, 6.0, 20.0):
+        slope = (loss(size + 1e-3) - loss(size - 1e-3)) / 2e-3
+        moved = (run(size).mean[k, 0] - plain.predicted[k, 0]) / deviation
+        assert moved == pytest.approx(gain * slope, rel=1e-4)
+    assert loss(gate + 1e-9) == pytest.approx(0.5 * gate**2, rel=1e-6)
+    assert [run(size).fate[k] for size in (3.9, 6.0, 20.0)] == [COUNTED, CLIPPED, REJECTED]
 
 
 def test_a_jump_that_stays_restarts_the_filter():

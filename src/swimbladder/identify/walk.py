@@ -9,7 +9,7 @@ Trans. Inf. Theory 11, 1965); names, noise and the walk's intensity are those th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,10 +29,17 @@ from swimbladder.parameters import Vehicle
 __all__ = ["WalkFit", "fit_walk"]
 
 Array = NDArray[np.float64]
+_Maker = Callable[[Sequence[Quantity], Mapping[str, float]], Likelihood]
 
 _BLOCK = 20.0  # s, of samples that may depend on each other
 _ENOUGH = 4  # blocks a quantity, for a covariance from their scatter
 _SAME = 0.05  # of log likelihood: two fits are as good
+_FLAT = 0.05  # of log likelihood a standard deviation: slope at which a fit has arrived
+_RIDGE = 0.25  # information that keeps a step of a quantity the data do not tell in bounds
+_ROUNDS = 6
+_SINGULAR = 1e-7
+_FARTHEST = 15.0  # of the logarithm of a walk, where its end is sought
+_LOOSE = 5.0  # deviation of a logarithm, at which the data do not tell the quantity
 _UNITS = {"depth_noise": "m", "walk": "m3/s^0.5", "jolt": "m/s/s^0.5"}
 
 
@@ -111,8 +118,7 @@ def fit_walk(
     def likelihood(quantities: Sequence[Quantity], values: Mapping[str, float]) -> Likelihood:
         return Likelihood(
             records, model, quantities, values=values, priors=priors, neutral_std=neutral_std,
-            quantum=vehicle.sensors.depth_quantum,
-            stroke=vehicle.stroke.maximum - vehicle.stroke.minimum, gate=gate,
+            vehicle=vehicle, gate=gate,
         )  # fmt: skip
 
     own = [_quantity(name, model, held, priors) for name in names]
@@ -123,8 +129,7 @@ def fit_walk(
     walk = [q.name for q in full.quantities].index("walk")
     _, least = _highest(without, [np.delete(x, walk)])
     ratio = max(2.0 * (best - least), 0.0)
-    H = full.curvature(x)
-    C, robust = _covariance(full, x, H)
+    C, robust = _covariance(full, x)
     return _outcome(full, x, best, C, robust, names, model, likelihood, ratio)
 
 
@@ -142,32 +147,38 @@ def _highest(likelihood: Likelihood, begins: Sequence[Array] = ()) -> tuple[Arra
     Raises NoAnswerError where it cannot be found.
     """
     first = likelihood.begin()
-    place, highest = first, -math.inf
-    for begin in begins or (first, _noisier(likelihood, first)):
-        x, gain = begin, math.inf
-        while gain > _SAME:  # BFGS begins anew where it ended: with a fresh idea of the curvature
-            y, height = _climb(likelihood, x)
-            gain = height - highest
-            if height > highest:
-                place, highest = y, height
-            x = y
-    if highest <= -1e11:
+    found = [_climb(likelihood, x) for x in begins or (first, _noisier(likelihood, first))]
+    place, height = max(found, key=lambda pair: pair[1])
+    if height <= -1e11:
         raise NoAnswerError("the filter cannot follow these logs with this vehicle: check units")
-    return place, highest
+    return place, height
 
 
 def _climb(likelihood: Likelihood, x: Array) -> tuple[Array, float]:
-    """Return where BFGS ends from x, and how high that is."""
+    """Return where BFGS ends from x, and how high that is.
 
-    def depth(y: Array) -> float:
-        return -likelihood(y)
+    It works in coordinates in which the scores' scatter, an information matrix, is one; they are
+    made anew until the end stays where it is.
+    """
+    options: dict[str, Any] = {"gtol": _FLAT, "maxiter": 60}
+    height = likelihood(x)
+    for _ in range(_ROUNDS):
+        scores = likelihood.scores(x)
+        information = scores.T @ scores + _RIDGE * np.eye(len(x))
+        L = np.linalg.inv(np.linalg.cholesky(information)).T
 
-    def slope(y: Array) -> Array:
-        return -likelihood.slope(y)
+        def depth(y: Array, x: Array = x, L: Array = L) -> float:
+            return -likelihood(x + L @ y)
 
-    options: dict[str, Any] = {"gtol": 1e-2, "maxiter": 100}
-    found: Any = minimize(depth, x, jac=slope, method="BFGS", options=options)  # type: ignore[call-overload]
-    return np.asarray(found.x, float), -float(found.fun)
+        def slope(y: Array, x: Array = x, L: Array = L) -> Array:
+            result: Array = -L.T @ likelihood.slope(x + L @ y)
+            return result
+
+        found: Any = minimize(depth, np.zeros(len(x)), jac=slope, method="BFGS", options=options)  # type: ignore[call-overload]
+        gain, x, height = -float(found.fun) - height, x + L @ found.x, -float(found.fun)
+        if gain < _SAME:
+            break
+    return x, height
 
 
 def _noisier(likelihood: Likelihood, x: Array) -> Array:
@@ -179,39 +190,45 @@ def _noisier(likelihood: Likelihood, x: Array) -> Array:
     return y
 
 
-def _covariance(full: Likelihood, x: Array, H: Array) -> tuple[Array, bool]:
+def _covariance(full: Likelihood, x: Array) -> tuple[Array, bool]:
     """Return the covariance of x: a sandwich of the curvature and the scatter of the scores.
 
     The scores are summed over whole records where there are enough of them, which allows for
-    records that differ, else over blocks of 20 s. Where there are too few of these too, and in
-    directions where the scatter is smaller than the curvature says, the curvature stands.
+    records that differ, else over blocks of 20 s. Where there are too few of these too, and where
+    the scatter is smaller than the curvature says, the curvature stands. A quantity whose
+    logarithm the data do not tell, as a walk of 0, has an infinite variance and no part in the
+    others'.
     """
-    values, vectors = np.linalg.eigh(H)
-    inverse = np.where(values > 1e-6 * values.max(), 1.0 / np.maximum(values, 1e-300), np.inf)
-    if not np.isfinite(inverse).all():
-        inverse = np.where(np.isfinite(inverse), inverse, 1e6)
-    bread = (vectors * inverse) @ vectors.T
-    blocks = _blocks(full, len(x))
-    if blocks is None:
-        return bread, False
-    scores = full.scores(x)
-    sums = np.stack([np.bincount(blocks, column) for column in scores.T], axis=1)
-    sums -= sums.mean(axis=0)
-    count = len(sums)
-    meat = sums.T @ sums * count / (count - 1)
-    sandwich = bread @ meat @ bread
-    ratio = np.diag(sandwich) / np.diag(bread)
-    if (ratio <= 1.0).all():
-        return bread, False
-    grow = np.sqrt(np.maximum(ratio, 1.0) / ratio)
-    return sandwich * np.outer(grow, grow), True
+    H = full.curvature(x)
+    told = np.diag(H) > np.where([q.logarithmic for q in full.quantities], _LOOSE**-2, 0.0)
+    size = np.sqrt(np.where(told, np.diag(H), 1.0))
+    values, vectors = np.linalg.eigh((H / np.outer(size, size))[np.ix_(told, told)])
+    if values.size and values.min() < _SINGULAR:
+        raise NoAnswerError(
+            "the logs do not tell all that is to be identified: the likelihood is flat along a "
+            "combination of them; set one, or give it a prior"
+        )
+    C = np.diag(np.full(len(x), np.inf))
+    bread = (vectors / values) @ vectors.T / np.outer(size[told], size[told])
+    blocks, robust = _blocks(full, len(x)), False
+    if blocks is not None:
+        scores = full.scores(x)[:, told]
+        sums = np.stack([np.bincount(blocks, column) for column in scores.T], axis=1)
+        sums -= sums.mean(axis=0)
+        sandwich = bread @ (sums.T @ sums) @ bread * len(sums) / (len(sums) - 1)
+        ratio = np.diag(sandwich) / np.diag(bread)
+        robust = bool((ratio > 1.0).any())
+        if robust:
+            grow = np.sqrt(np.maximum(ratio, 1.0) / ratio)
+            bread = sandwich * np.outer(grow, grow)
+    C[np.ix_(told, told)] = bread
+    return C, robust
 
 
 def _blocks(full: Likelihood, quantities: int) -> NDArray[np.int64] | None:
     """Return the number of the block that each sample is in, None where blocks are too few."""
-    ends = full.contributions
     if len(full.records) >= _ENOUGH * quantities:
-        return np.repeat(np.arange(len(full.records)), np.diff(ends))
+        return np.repeat(full.record, np.diff(full.ends))
     found, last = [], 0
     for s in full.samples:
         within = ((s.time - s.time[0]) // _BLOCK).astype(np.int64)
@@ -222,7 +239,7 @@ def _blocks(full: Likelihood, quantities: int) -> NDArray[np.int64] | None:
 
 def _outcome(
     full: Likelihood, x: Array, best: float, C: Array, robust: bool, names: tuple[str, ...],
-    model: Model, likelihood: Any, ratio: float,
+    model: Model, likelihood: _Maker, ratio: float,
 ) -> WalkFit:  # fmt: skip
     per = np.array([q.slope(float(at)) for q, at in zip(full.quantities, x, strict=True)])
     std = np.sqrt(np.maximum(np.diag(C), 0.0)) * per
@@ -234,9 +251,13 @@ def _outcome(
         )
     p = len(names)
     values = full.named(x)
-    estimates["walk"] = _walk_interval(full, x, best, estimates["walk"], likelihood)
-    runs = full.filtered(x)
-    travelled = tuple(float(np.ptp(f.smoothed()[0][:, 2])) for f in runs)
+    estimates["walk"] = _walk_interval(full, x, best, ratio, estimates["walk"], likelihood)
+    paths = [f.smoothed()[0][:, 2] for f in full.filtered(x)]
+    travelled = tuple(
+        float(np.ptp(np.concatenate([path for i, path in zip(full.record, paths, strict=True)
+                                     if i == j])))
+        for j in range(len(full.records))
+    )  # fmt: skip
     nothing = Estimate(0.0, 0.0, (0.0, 0.0), _UNITS["jolt"], "set")
     return WalkFit(
         names=names, law=model.law, estimates={name: estimates[name] for name in names},
@@ -249,26 +270,26 @@ def _outcome(
 
 
 def _walk_interval(
-    full: Likelihood, x: Array, best: float, found: Estimate, likelihood: Any
+    full: Likelihood, x: Array, best: float, ratio: float, found: Estimate, likelihood: _Maker
 ) -> Estimate:
     """Return the walk with the interval of its likelihood profile, down to 0 where that may be."""
     at = [q.name for q in full.quantities].index("walk")
     others = [q for q in full.quantities if q.name != "walk"]
-    begin = np.delete(x, at)
+    middle, begin = float(x[at]), np.delete(x, at)
 
-    def fall(log_walk: float) -> float:
-        held = likelihood(others, {**full.values, "walk": math.exp(log_walk)})
-        return 2.0 * (best - _highest(held, [begin])[1]) - Z95**2
+    def beyond(distance: float) -> float:
+        """Return how far the root of the deviance, which grows about evenly, is past 95 %."""
+        held = likelihood(others, {**full.values, "walk": math.exp(middle + distance)})
+        return math.sqrt(max(2.0 * (best - _highest(held, [begin])[1]), 0.0)) - Z95
 
-    middle = float(x[at])
-    step = min(max(float(found.std / max(found.value, 1e-300)), 0.1), 1.0)
-    ends = []
-    for sign in (-1.0, 1.0):
-        near, far = middle, middle + sign * Z95 * step
-        while fall(far) < 0.0 and abs(far - middle) < 8.0:
-            near, far = far, far + sign * Z95 * step
-        if fall(far) < 0.0:
-            ends.append(0.0 if sign < 0.0 else math.inf)
-        else:
-            ends.append(math.exp(brentq(fall, near, far, xtol=0.02)))
+    step = min(max(Z95 * found.std / found.value, 0.3), 1.5)
+    ends = [0.0, math.inf]
+    for side, sign in enumerate((-1.0, 1.0)):
+        if side == 0 and ratio <= Z95**2:
+            continue
+        near, far = 0.0, sign * step
+        while abs(far) < _FARTHEST and beyond(far) < 0.0:
+            near, far = far, 2.0 * far
+        if abs(far) < _FARTHEST:
+            ends[side] = math.exp(middle + brentq(beyond, near, far, xtol=0.02))
     return Estimate(found.value, found.std, (ends[0], ends[1]), found.unit, found.origin)

@@ -1,4 +1,8 @@
-"""The likelihood of records under a model whose neutral volume walks: by a Kalman filter."""
+"""The likelihood of records under a model whose neutral volume walks: by a Kalman filter.
+
+Only stretches clear of surface and bottom count, and the filter starts anew in each: contact would
+make the likelihood jump, and says little.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +16,10 @@ from numpy.typing import NDArray
 from swimbladder.comparison.record import Record
 from swimbladder.errors import InputError
 from swimbladder.identify.estimates import Prior
+from swimbladder.identify.experiment import experiment
 from swimbladder.identify.model import Model
 from swimbladder.kalman.depth_filter import Filtered, Noise, Samples, Start, filter_depth
+from swimbladder.parameters import Vehicle
 
 __all__ = ["NOISES", "Likelihood", "Quantity"]
 
@@ -54,7 +60,7 @@ NOISES: tuple[Quantity, ...] = (
 
 
 class Likelihood:
-    """The log posterior of quantities x given several records; each record starts anew.
+    """The log posterior of quantities x given several records.
 
     quantities: what is estimated, names of the model and of NOISES; values: what is held, SI.
     """
@@ -62,15 +68,19 @@ class Likelihood:
     def __init__(
         self, records: Sequence[Record], model: Model, quantities: Sequence[Quantity],
         *, values: Mapping[str, float], priors: Mapping[str, Prior], neutral_std: float,
-        quantum: float, stroke: float, gate: float,
+        vehicle: Vehicle, gate: float,
     ) -> None:  # fmt: skip
         self.model, self.quantities, self.values = model, tuple(quantities), dict(values)
-        self.priors, self.gate, self.quantum = dict(priors), gate, quantum
+        self.priors, self.gate = dict(priors), gate
+        self.quantum = vehicle.sensors.depth_quantum
         self.known = math.isfinite(neutral_std)
-        self.neutral_std = neutral_std if self.known else _SHARE * stroke
+        stroke = vehicle.stroke
+        self.neutral_std = neutral_std if self.known else _SHARE * (stroke.maximum - stroke.minimum)
         self.records = tuple(records)
-        self.samples = tuple(_samples(record) for record in records)
-        self.contributions = np.cumsum([0, *(len(s.time) for s in self.samples)])
+        parts = [(i, s) for i, record in enumerate(records) for s in _samples(record, vehicle)]
+        self.record = np.array([i for i, _ in parts])  # of each stretch
+        self.samples = tuple(s for _, s in parts)
+        self.ends = np.cumsum([0, *(len(s.time) for s in self.samples)])
 
     def begin(self) -> Array:
         """Return x at the values to begin with."""
@@ -87,29 +97,28 @@ class Likelihood:
         return Noise(depth=depth, walk=values["walk"], jolt=values["jolt"])
 
     def filtered(self, x: Array) -> list[Filtered]:
-        """Return the filter's run along every record."""
+        """Return the filter's run along every stretch."""
         values = self.named(x)
-        plant = self.model.plant(values, self.model.base.V_0)
+        clear = self.model.plant(values, self.model.base.V_0)
+        clear = clear._replace(z_surface=-math.inf, z_bottom=math.inf)
         noise = self.noise(values)
         return [
-            filter_depth(
-                plant, s, noise=noise, start=self._start(r, s, values, noise), gate=self.gate
-            )
-            for r, s in zip(self.records, self.samples, strict=True)
+            filter_depth(clear, s, noise=noise, start=self._start(i, values, noise), gate=self.gate)
+            for i, s in enumerate(self.samples)
         ]
 
-    def _start(
-        self, record: Record, s: Samples, values: Mapping[str, float], noise: Noise
-    ) -> Start:  # fmt: skip
+    def _start(self, stretch: int, values: Mapping[str, float], noise: Noise) -> Start:
+        s, record = self.samples[stretch], self.records[self.record[stretch]]
         neutral = float(s.volume[0] - values["psi"] * s.depth[0])
+        std = self.neutral_std
         if self.known:
             neutral = self.model.base.V_0
             if not record.volume_absolute:  # neutral at the first sample, whatever psi is
-                first = float(record.depth[0])
-                neutral += (self.model.base.psi - values["psi"]) * first
+                neutral += (self.model.base.psi - values["psi"]) * float(record.depth[0])
+            std = math.hypot(std, noise.walk * math.sqrt(float(s.time[0])))
         return Start(
             depth=float(s.depth[0]), speed=0.0, neutral=neutral, depth_std=3.0 * noise.depth,
-            speed_std=_SPEED_STD, neutral_std=self.neutral_std,
+            speed_std=_SPEED_STD, neutral_std=std,
         )  # fmt: skip
 
     def prior(self, x: Array) -> float:
@@ -151,18 +160,17 @@ class Likelihood:
         return 0.5 * (H + H.T)
 
 
-def _samples(record: Record) -> Samples:
-    """Return what the filter takes of a record, from its first sample clear of contact on."""
+def _samples(record: Record, vehicle: Vehicle) -> list[Samples]:
+    """Return what the filter takes of a record: its stretches clear of contact."""
     if record.volume is None or record.drive != "volume":
         raise InputError(
             "a walk of the neutral volume shows only where the logged volume drives the vehicle",
             field="--drive", value=record.drive, remedy="Drive it with volume",
         )  # fmt: skip
-    first = int(np.argmax(record.compared))
-    part = slice(first, None)
-    return Samples(
-        np.ascontiguousarray(record.time[part]),
-        np.ascontiguousarray(record.volume[part]),
-        np.ascontiguousarray(record.depth[part]),
-        record.compared[part].astype(np.int8),
-    )
+    found = []
+    for segment in experiment("the log", record, vehicle).segments:
+        part = slice(segment.first, segment.last + 1)
+        arrays = (record.time[part], record.volume[part], record.depth[part])
+        time, volume, depth = (np.ascontiguousarray(a) for a in arrays)
+        found.append(Samples(time, volume, depth, np.ones(len(time), np.int8)))
+    return found

@@ -94,9 +94,10 @@ def filter_depth(
 ) -> Filtered:
     """Return what the extended Kalman filter makes of a log's depths.
 
-    gate: innovations beyond so many standard deviations are clipped to it, beyond twice as many
-    they are left out; four in a row to one side show that the state is wrong, and the filter starts
-    anew from the depth measured, with the speed's and the neutral volume's first deviations.
+    gate: innovations beyond so many standard deviations lose weight, the faster the farther they
+    are: at twice as many an innovation counts as one of 1.2 deviations, at ten times as one of
+    0.1. Four in a row to one side show that the state is wrong, and the filter starts anew from
+    the depth measured, with the speed's and the neutral volume's first deviations.
     """
     n = len(samples.time)
     before, spread, slopes = np.empty((n, 3)), np.empty((n, 3, 3)), np.zeros((n, 3, 3))

@@ -24,7 +24,6 @@ __all__ = [
 # What became of a sample.
 UNSEEN, HELD, COUNTED, CLIPPED, REJECTED, RESTARTED = 0, 1, 2, 3, 4, 5
 _IN_A_ROW = 4  # samples beyond the gate to one side: not outliers, the state is wrong
-_REJECT = 2.0  # times the gate
 
 
 @part
@@ -39,6 +38,20 @@ def _propagate(P, F, Q):  # type: ignore[no-untyped-def]
             value = T[i, 0] * F[j, 0] + T[i, 1] * F[j, 1] + T[i, 2] * F[j, 2] + Q[i, j]
             P[i, j] = value
             P[j, i] = value
+
+
+@part
+def _loss(size, gate):  # type: ignore[no-untyped-def]
+    """Return minus the log density of an innovation of so many deviations, and its weight.
+
+    Normal up to the gate; beyond it falls as 1/size, which no longer asks for larger deviations.
+    The weight is 1 up to the gate; what is far beyond is as good as left out.
+    """
+    if size <= gate:
+        return 0.5 * size * size, 1.0
+    u = (gate / size) ** 2
+    loss = 0.5 * gate * gate * (2.0 - u) - 0.5 * (1.0 - u) + math.log(size / gate)
+    return loss, (gate * gate * u + 1.0 - u) / (size * size)
 
 
 @part
@@ -110,30 +123,23 @@ def filter_kernel(  # type: ignore[no-untyped-def]
             else:
                 S = C[0, 0] + R
                 size = abs(e) / math.sqrt(S)
-                variance[k], fate[k] = S, COUNTED
-                loss = 0.5 * size * size
-                if size > gate:
-                    fate[k] = CLIPPED
-                    loss = gate * (min(size, _REJECT * gate) - 0.5 * gate)
-                    same = (e > 0.0) == (side > 0.0)
-                    row, side = (row + 1 if row and same else 1), e
-                    if size > _REJECT * gate:  # a tail of 1/|e|: how far off tells nothing
-                        fate[k] = REJECTED
-                        loss += math.log(size / (_REJECT * gate))
-                else:
-                    row = 0
+                variance[k] = S
+                loss, pull = _loss(size, gate)
                 likelihood[k] = -loss - 0.5 * math.log(2.0 * math.pi * S)
                 total += likelihood[k]
+                if size > gate:
+                    fate[k] = CLIPPED if size < 2.0 * gate else REJECTED
+                    row, side = (row + 1 if row and (e > 0.0) == (side > 0.0) else 1), e
+                else:
+                    fate[k], row = COUNTED, 0
                 if row == _IN_A_ROW:
                     fate[k], row = RESTARTED, 0
                     x[0], x[1] = depth[k], 0.0
                     C[:, :] = 0.0
                     C[0, 0], C[1, 1] = R, cov[1, 1]
                     C[2, 2] = max(cov[2, 2], spread[k, 2, 2])
-                elif fate[k] == COUNTED:
-                    _update(x, C, e, R, S)
-                elif fate[k] == CLIPPED:
-                    S *= size / gate
+                else:
+                    S /= pull
                     _update(x, C, e, S - C[0, 0], S)
         mean[k] = x
         P[k] = C
