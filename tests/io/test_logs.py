@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
 
 from swimbladder.errors import InputError, LogError
 from swimbladder.io.log_format import COLUMNS, LogColumns, LogFormat, log_format
@@ -287,42 +285,6 @@ def test_shipped_formats_load_and_an_unknown_name_is_refused() -> None:
         assert {"time_s", "depth_m"} <= set(log_format(name).columns.mapped())
     with pytest.raises(InputError, match="Did you mean ntnu-bv"):
         log_format("ntnu-bw")
-
-
-@given(data=st.binary(max_size=300))
-@example(data=b"time_s,depth_m\n0,1\n\x00,2\n")
-@example(data=b"time_s,depth_m\n0,1\n" + b"9" * 400 + b",2\n")
-@example(data=b'time_s,depth_m\n"0,1\n1,2\n')
-def test_any_bytes_are_read_or_refused(tmp_path_factory, data: bytes) -> None:
-    path = tmp_path_factory.getbasetemp() / "fuzz.csv"
-    for content in (data, b"time_s,depth_m\n" + data, b"time_s;depth_m\n0;1\n1;2\n" + data):
-        path.write_bytes(content)
-        for form in (None, LogFormat(decimal=",", delimiter=";", rows="sort")):
-            try:
-                log = read_log(path, log_format=form)
-            except LogError:
-                continue
-            assert (np.diff(log.time) > 0.0).all()
-            assert np.isfinite(log.depth).all()
-
-
-field = st.one_of(
-    st.floats(allow_nan=True, width=32).map(repr), st.sampled_from(["", "1,5", "x", "-", "1e999"])
-)
-
-
-@given(rows=st.lists(st.tuples(field, field, field), max_size=12))
-def test_any_fields_are_read_or_refused(tmp_path_factory, rows: list[tuple[str, ...]]) -> None:
-    path = tmp_path_factory.getbasetemp() / "fields.csv"
-    lines = "".join(f"{a};{b};{c}\n" for a, b, c in rows)
-    path.write_text(f"time_s;depth_m;volume_m3\n{lines}", encoding="utf-8")
-    try:
-        log = read_log(path)
-    except LogError:
-        return
-    assert (np.diff(log.time) > 0.0).all()
-    assert np.isfinite(log.depth).all()
-    assert len(log.line) == len(log) <= len(rows)
 
 
 @pytest.mark.data
