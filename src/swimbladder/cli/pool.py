@@ -1,0 +1,259 @@
+"""``swimbladder pool``: the pool procedure as a guided run, simulated or on a growing log."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from swimbladder.cli.common import compile_notice, console, emit_json, output, progress, quantity
+from swimbladder.cli.logs import depth, names, pair
+from swimbladder.cli.pool_options import asked_of, rules_of
+from swimbladder.cli.pool_view import View, parameter_table
+from swimbladder.errors import InputError
+
+if TYPE_CHECKING:
+    from swimbladder.guide import News, PoolDay
+    from swimbladder.guide.files import Kept
+    from swimbladder.parameters import Vehicle
+
+__all__ = ["pool"]
+
+_POOL = 4.5  # m
+_NOISE = 2e-3  # m
+
+
+def pool(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Rehearse on the simulated vehicle.")
+    ] = False,
+    follow: Annotated[
+        Path | None, typer.Option(metavar="LOG", help="Follow a log that is being written.")
+    ] = None,
+    truth: Annotated[
+        str | None,
+        typer.Option(metavar="VEHICLE", help="The vehicle in the simulated water (VEHICLE)."),
+    ] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            help="Simulated seconds a second (60 on a terminal, else as fast as it goes)."
+        ),
+    ] = None,
+    sensor_std: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DEPTH", help="Noise of the simulated depth (the vehicle's; 2 mm if none)."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated noise.", min=0)] = 0,
+    most: Annotated[
+        int, typer.Option(help="Experiments after which a rehearsal ends.", min=1)
+    ] = 16,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=COLUMN", help=r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.'
+        ),
+    ] = None,
+    log_format: Annotated[
+        str | None, typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table.")
+    ] = None,
+    wait: Annotated[
+        bool, typer.Option("--wait/--no-wait", help="Wait for more, or take the log as finished.")
+    ] = True,
+    timeout: Annotated[
+        str, typer.Option(metavar="TIME", help="End when the log has not grown for so long.")
+    ] = "15 min",
+    pool_depth: Annotated[
+        str | None,
+        typer.Option(metavar="DEPTH", help="Depth of the bottom (4.5 m in a rehearsal)."),
+    ] = None,
+    travel: Annotated[
+        str, typer.Option(metavar="DISTANCE", help="An experiment is over after this.")
+    ] = "3 m",
+    target_std: Annotated[
+        str, typer.Option(metavar="SHARE", help="How well each parameter but psi is to be known.")
+    ] = "2 %",
+    target: Annotated[
+        str | None,
+        typer.Option(metavar="NAME=STD,...", help='Or each by itself, as in "K2=2%,T2=3%".'),
+    ] = None,
+    free: Annotated[
+        str | None, typer.Option(metavar="NAME,...", help="What is identified, as in identify.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help='Known, as in psi="4e-6 m3/m".'),
+    ] = None,
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE+-STD", help='As in psi="4e-6 +- 4e-7 m3/m".'),
+    ] = None,
+    drag: Annotated[
+        str | None, typer.Option(metavar="LAW", help="linear, quadratic or blended.")
+    ] = None,
+    neutral_std: Annotated[
+        str, typer.Option(metavar="VOLUME", help="How well a rest tells the neutral volume.")
+    ] = "0.5 cm3",
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
+        "swimbladder-pool"
+    ),
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    """Guide the pool procedure: what to do next, what is known, when to stop.
+
+    Exit code 0 when the parameters are good enough, 1 when they are not, with the reason. What is
+    known is in DIR at all times; a run in the same folder goes on from there.
+    """
+    from swimbladder.io.config import load_vehicle
+
+    if simulate == (follow is not None):
+        raise InputError(
+            "a guided run is either simulated or follows a log", field="--simulate, --follow",
+            remedy="Give --simulate to rehearse, or --follow LOG at the pool",
+        )  # fmt: skip
+    v = load_vehicle(vehicle)
+    bottom = depth(pool_depth, "--pool-depth") if pool_depth else (_POOL if simulate else None)
+    with progress("loading the fit"):
+        from swimbladder.guide import PoolDay, paper_tasks
+
+        asked = asked_of(
+            v, free=names(free), fixed=set_ or [], priors=prior or [], drag=drag,
+            neutral_std=neutral_std, target=target, target_std=target_std,
+        )  # fmt: skip
+        rules = rules_of(v, bottom, travel)
+    mode = "simulated" if simulate else "followed"
+    with compile_notice():
+        day = PoolDay(
+            v, out, rules=rules, tasks=paper_tasks(v, pool_depth=bottom), asked=asked, mode=mode,
+            kept=_begin(out, v, mode),
+        )  # fmt: skip
+        files: list[Path] = []
+        if follow is None:
+            files = _rehearse(
+                day, truth, bottom or _POOL, speed, sensor_std, seed, most, quiet=json
+            )
+        else:
+            _follow(day, follow, column or [], log_format, timeout, wait=wait, quiet=json)
+    day.save()
+    answer = day.answer()
+    answer["files"] += [str(path) for path in files]
+    if json:
+        emit_json(answer)
+    else:
+        _print_end(day, files)
+    if not day.verdict.good:
+        raise typer.Exit(1)
+
+
+def _rehearse(
+    day: PoolDay, truth: str | None, bottom: float, speed: float | None, sensor_std: str | None,
+    seed: int, most: int, *, quiet: bool,
+) -> list[Path]:  # fmt: skip
+    from swimbladder.guide import Operator, rehearse
+    from swimbladder.io.config import load_vehicle
+
+    if speed is not None and not speed > 0.0:
+        raise InputError("it must be above 0", field="--speed", value=speed)
+    water = _with_noise(day.vehicle if truth is None else load_vehicle(truth), sensor_std)
+    view = View(day, quiet=quiet)
+    pace = speed if speed is not None else 60.0 if view.live else math.inf
+    operator = Operator(day.vehicle, water, pool_depth=bottom, seed=seed)
+    whole = day.folder / "pool.csv"
+    _through(view, rehearse(day, operator, most=most, speed=pace, whole=whole))
+    return [whole]
+
+
+def _with_noise(vehicle: Vehicle, sensor_std: str | None) -> Vehicle:
+    """Return the vehicle with the noise of its depth that was asked for, or some."""
+    sensors = vehicle.sensors
+    std = quantity(sensor_std, "m", "--sensor-std")
+    if std is None:
+        if sensors.depth_noise > 0.0 or sensors.depth_quantum > 0.0:
+            return vehicle
+        std = _NOISE
+        console.print(
+            f"{vehicle.name} states no noise of its depth: {1e3 * std:g} mm (1 sigma) is taken; "
+            "--sensor-std says another",
+            soft_wrap=True,
+        )
+    if std < 0.0:
+        raise InputError("it must not be negative", field="--sensor-std", value=std, unit="m")
+    return vehicle.model_copy(update={"sensors": sensors.model_copy(update={"depth_noise": std})})
+
+
+def _follow(
+    day: PoolDay, log: Path, column: list[str], log_format: str | None, timeout: str, *,
+    wait: bool, quiet: bool,
+) -> None:  # fmt: skip
+    from swimbladder.guide import Tail, finished, follow
+    from swimbladder.io.log_format import LogFormat
+    from swimbladder.io.log_format import log_format as named
+
+    limit = quantity(timeout, "s", "--timeout")
+    assert limit is not None
+    form = LogFormat() if log_format is None else named(log_format)
+    if wait:  # one bad row must not end the day
+        form = form.model_copy(update={"bad_rows": "drop"})
+    columns = dict(pair(text, "--column") for text in column)
+    tail = Tail(log, day.vehicle, columns=columns, log_format=form)
+    happening = follow(day, tail, timeout=limit) if wait else finished(day, tail)
+    _through(View(day, quiet=quiet), happening)
+    for line in tail.report:
+        console.print(f"note: {line}", markup=False, soft_wrap=True)
+
+
+def _through(view: View, happening: Iterable[News | None]) -> None:
+    """Show what happens, until it is over or interrupted."""
+    try:
+        view.show(happening)
+    except KeyboardInterrupt:
+        console.print("interrupted; what is known is written")
+        view.day.settle()
+        view.show(view.day.end_log())
+
+
+def _begin(out: Path, vehicle: Vehicle, mode: str) -> list[Kept]:
+    """Make the folder; return the experiments of an earlier run that is gone on with.
+
+    A rehearsal begins anew. Raises InputError where the folder holds the run of another vehicle, or
+    one of the other kind.
+    """
+    from swimbladder.guide.files import STATE, earlier, read_state
+    from swimbladder.io.files import make_folder
+
+    state = read_state(make_folder(out))
+    if state is None:
+        return []
+    for name, now in (("vehicle", vehicle.name), ("mode", mode)):
+        if state.get(name) != now:
+            raise InputError(
+                f"the folder holds a run whose {name} is another than {now}", file=out / STATE,
+                field="--out", value=state.get(name), remedy="Choose another folder with --out",
+            )  # fmt: skip
+    kept = earlier(out, state)
+    if mode == "followed":
+        if kept:
+            console.print(f"goes on from {len(kept)} experiments in {out}", soft_wrap=True)
+        return kept
+    for one in kept:
+        one.path.unlink()
+    (out / STATE).unlink()
+    return []
+
+
+def _print_end(day: PoolDay, files: list[Path]) -> None:
+    output.print(day.verdict.sentence, soft_wrap=True)
+    if day.found is not None:
+        output.print(parameter_table(day))
+    if not day.verdict.good:
+        output.print(f"Next: {day.next.sentence()}", soft_wrap=True)
+    for path in [k.path for k in day.kept] + [day.folder / "pool.json"] + files:
+        output.print(f"wrote {path}", soft_wrap=True)

@@ -1,0 +1,144 @@
+"""What `swimbladder pool` is told of parameters: what is sought, how well, what is known."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from swimbladder.cli.common import quantity
+from swimbladder.cli.logs import pair
+from swimbladder.errors import InputError, UnitError
+from swimbladder.units import parse_quantity
+
+if TYPE_CHECKING:
+    from swimbladder.guide import Asked, Rules, Target
+    from swimbladder.identify import Prior
+    from swimbladder.parameters import Vehicle
+
+__all__ = ["asked_of", "rules_of"]
+
+_LEAST_CHANGE = 0.008  # of half the stroke
+
+
+def rules_of(vehicle: Vehicle, bottom: float | None, travel: str) -> Rules:
+    """Return by which numbers phases are told apart; bottom [m], None where it is not known.
+
+    Raises InputError for a distance that tells nothing.
+    """
+    from swimbladder.guide import Rules
+
+    far = quantity(travel, "m", "--travel")
+    assert far is not None
+    least = Rules().least_travel
+    if not far > least:
+        raise InputError(
+            f"an experiment has to go further than {least:g} m", field="--travel", value=travel,
+            unit="m", remedy="Give more, or leave it out",
+        )  # fmt: skip
+    half = 0.5 * (vehicle.stroke.maximum - vehicle.stroke.minimum)
+    return Rules(
+        change=_LEAST_CHANGE * half, surface=vehicle.hull.emergence_depth + 0.1, travel=far,
+        bottom=math.inf if bottom is None else bottom,
+    )  # fmt: skip
+
+
+def asked_of(
+    vehicle: Vehicle, *, free: tuple[str, ...] | None, fixed: Sequence[str],
+    priors: Sequence[str], drag: str | None, neutral_std: str, target: str | None,
+    target_std: str,
+) -> Asked:  # fmt: skip
+    """Return what is to be identified, how well, and what is known before.
+
+    Raises InputError for what this vehicle does not have.
+    """
+    from swimbladder.guide import Asked
+    from swimbladder.identify.model import check_names, default_names, model_of
+
+    known = dict(_known(text, "--set") for text in fixed)
+    before = dict(_prior(text) for text in priors)
+    model = model_of(vehicle, law=drag, bottom_depth=math.inf)
+    chosen = default_names(model.law, list(known)) if free is None else free
+    for option, given in (
+        ("--free", chosen), ("--set", tuple(known)), ("--prior", tuple(before)),
+    ):  # fmt: skip
+        check_names(given, model, voltage=False, option=option)
+    std = quantity(neutral_std, "m3", "--neutral-std") if neutral_std != "none" else math.inf
+    assert std is not None
+    return Asked(
+        targets=_targets(target, target_std, chosen), free=free, fixed=known, priors=before,
+        drag=drag, neutral_std=std,
+    )  # fmt: skip
+
+
+def _unit(name: str, option: str) -> str:
+    from swimbladder.identify import NAMES
+
+    if name not in NAMES:
+        raise InputError(
+            "there is no such parameter", field=option, value=name,
+            remedy=f"Choose from {', '.join(NAMES)}",
+        )  # fmt: skip
+    return NAMES[name].unit
+
+
+def _known(text: str, option: str) -> tuple[str, float]:
+    name, value = pair(text, option)
+    number = quantity(value, _unit(name, option), f"{option} {name}")
+    assert number is not None
+    return name, number
+
+
+def _prior(text: str) -> tuple[str, Prior]:
+    """Return NAME=VALUE +- STD [UNIT]: each with a unit of its own, or one for both."""
+    from swimbladder.identify import Prior
+
+    name, value = pair(text, "--prior")
+    unit, option = _unit(name, "--prior"), f"--prior {name}"
+    parts = [part.strip() for part in re.split(r"\+-|\+/-|±", value)]
+    if len(parts) != 2:
+        raise InputError(
+            "not a value with its standard deviation", field=option, value=value,
+            remedy=f'Write it like --prior "{name}=4e-6 +- 4e-7 {unit}"',
+        )  # fmt: skip
+    own = re.search(r"[A-Za-z%].*$", re.sub(r"^[\d.eE+-]+", "", parts[1]))
+    if own is not None and re.fullmatch(r"[\d.eE+-]+", parts[0]):
+        parts[0] = f"{parts[0]} {own.group()}"
+    mean, std = (quantity(part, unit, option) for part in parts)
+    assert mean is not None
+    assert std is not None
+    return name, Prior(mean, std)
+
+
+def _targets(text: str | None, each: str, names: Sequence[str]) -> tuple[Target, ...]:
+    from swimbladder.guide import Target
+
+    if text is None:
+        share = _share(each, "--target-std")
+        return tuple(Target(name, share) for name in names if name != "psi")
+    found = []
+    for item in text.split(","):
+        name, value = pair(item, "--target")
+        if name not in names:
+            raise InputError(
+                "it is not identified", field="--target", value=name,
+                remedy=f"Choose from {', '.join(names)}",
+            )  # fmt: skip
+        try:
+            found.append(Target(name, _share(value, "--target")))
+        except UnitError:
+            std = quantity(value, _unit(name, "--target"), f"--target {name}")
+            assert std is not None
+            found.append(Target(name, std, relative=False))
+    return tuple(found)
+
+
+def _share(text: str, option: str) -> float:
+    number = parse_quantity(text, "")
+    if not 0.0 < number < 1.0:
+        raise InputError(
+            "it must be a share above 0 and below 1", field=option, value=text,
+            remedy="Write it like 2 %",
+        )  # fmt: skip
+    return number

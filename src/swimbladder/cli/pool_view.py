@@ -1,0 +1,151 @@
+"""What a guided run shows: lines as things happen or, on a terminal, a panel that lives."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections import deque
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from swimbladder.cli.common import output
+from swimbladder.units import format_quantity
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+    from swimbladder.guide import News, PoolDay
+
+__all__ = ["View", "parameter_table"]
+
+_SHOWN = {"m3/m": "cm3/m"}
+_LATEST = 6  # lines of news in the panel
+_STYLES = {"refused": "yellow", "identified": "bold", "log": "dim"}
+
+
+def parameter_table(day: PoolDay) -> Table:
+    """Return the parameters with their intervals, beside how well they are to be known."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("", "value", "std", "95 % interval", "target", ""):
+        table.add_column(heading, justify="left" if heading == "" else "right", no_wrap=True)
+    assert day.found is not None
+    told = day.found.identified
+    aims = {t.name: t for t in day.asked.targets}
+    for name, e in day.found.parameters.items():
+        unit = _SHOWN.get(e.unit, e.unit)
+        if e.origin == "set":
+            table.add_row(name, format_quantity(e.value, e.unit, unit), "given", "", "", "")
+            continue
+        if not told:
+            table.add_row(name, "not told yet", "", "", "", "")
+            continue
+        low, high = (format_quantity(x, e.unit, unit, digits=4) for x in e.ci95)
+        aim = aims.get(name)
+        goal = "" if aim is None else (
+            f"{100.0 * aim.std:.3g} %" if aim.relative
+            else format_quantity(aim.std, e.unit, unit, digits=2)
+        )  # fmt: skip
+        reached = aim is not None and aim.reached(e.value, e.std)
+        table.add_row(
+            name, format_quantity(e.value, e.unit, unit, digits=4),
+            f"{100.0 * e.std / abs(e.value):.2g} %" if e.value else "",
+            f"{low.removesuffix(unit).strip()} to {high}", goal, "reached" if reached else "",
+        )  # fmt: skip
+    return table
+
+
+class View:
+    """Shows a day's news: nothing where quiet, a panel on a terminal, else lines."""
+
+    def __init__(self, day: PoolDay, *, quiet: bool) -> None:
+        self.day, self.quiet = day, quiet
+        self.live = output.is_terminal and not quiet
+        self._news: deque[News] = deque(maxlen=_LATEST)
+
+    def show(self, happening: Iterable[News | None]) -> None:
+        """Show everything that happens."""
+        with self._panel() as update:
+            for news in happening:
+                if news is not None:
+                    self._tell(news)
+                update()
+
+    def _tell(self, news: News) -> None:
+        self._news.append(news)
+        if self.quiet or self.live:
+            return
+        output.print(_line(news), soft_wrap=True)
+        if news.kind == "identified":
+            output.print(parameter_table(self.day))
+
+    @contextlib.contextmanager
+    def _panel(self) -> Iterator[Any]:
+        if not self.live:
+            yield lambda: None
+            return
+        from rich.live import Live
+
+        with Live(self._drawn(), console=output, refresh_per_second=8, transient=True) as live:
+            yield lambda: live.update(self._drawn())
+
+    def _drawn(self) -> RenderableType:
+        from rich.console import Group
+        from rich.panel import Panel
+        from rich.text import Text
+
+        day = self.day
+        parts: list[RenderableType] = [self._state(), Text(day.advice, style="bold cyan"), Text()]
+        if day.kept:
+            parts += [self._experiments(), Text()]
+        if day.found is not None:
+            parts += [parameter_table(day), Text()]
+        parts += [Text(_line(n), style=_STYLES.get(n.kind, "")) for n in self._news]
+        title = f"swimbladder pool, {day.vehicle.name}, {day.mode}"
+        return Panel(Group(*parts), title=title, title_align="left")
+
+    def _state(self) -> RenderableType:
+        from rich.text import Text
+
+        day, sample = self.day, self.day.latest
+        if sample is None:
+            return Text("waiting for the log", style="dim")
+        words = Text()
+        for name in ("moving", "at rest", "under way"):
+            words.append(f" {name} ", style="reverse" if day.doing == name else "dim")
+        speed = "" if math.isnan(day.speed) else f"   {1e3 * day.speed:+.1f} mm/s over a minute"
+        words.append(
+            f"   {_clock(sample.time)}   depth {sample.depth:.2f} m   volume "
+            f"{1e6 * sample.volume:+.1f} cm3{speed}"
+        )
+        return words
+
+    def _experiments(self) -> Table:
+        from rich.table import Table
+
+        table = Table(box=None, pad_edge=False)
+        for heading in ("", "change", "travel", "samples", "neutral off by"):
+            table.add_column(heading, justify="right", no_wrap=True)
+        fits = self.day.found.experiments if self.day.found is not None else ()
+        for i, k in enumerate(self.day.kept):
+            off = "" if i >= len(fits) else (
+                f"{1e6 * fits[i].estimates['neutral_error'].value:+.2f} cm3"
+            )  # fmt: skip
+            table.add_row(
+                str(i + 1), f"{1e6 * k.change_m3:+.3g} cm3", f"{k.travel_m:+.2f} m",
+                str(len(k.log)), off,
+            )  # fmt: skip
+        return table
+
+
+def _line(news: News) -> str:
+    when = f"{_clock(news.time)}  " if news.kind != "log" else ""
+    return f"{when}{news.sentence}"
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(max(0, math.floor(seconds)), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}"

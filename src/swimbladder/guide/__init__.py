@@ -1,0 +1,33 @@
+"""The pool procedure of section 3.1 as a guided day, on a simulated vehicle or a growing log.
+
+`segments` finds rest, changes of volume and glides in samples as they come, `tasks` says what is to
+be done, `day` keeps the experiments, identifies the vehicle after each and says when to stop
+(`verdict`) and what went wrong (`remarks`); `tail` reads a growing file, `rehearsal` simulates.
+"""
+
+from swimbladder.guide.day import Asked, News, PoolDay
+from swimbladder.guide.events import Sample
+from swimbladder.guide.follow import finished, follow, rehearse
+from swimbladder.guide.rehearsal import Operator
+from swimbladder.guide.segments import Rules, Segmenter
+from swimbladder.guide.tail import Tail
+from swimbladder.guide.tasks import Task, paper_tasks
+from swimbladder.guide.verdict import Target, Verdict
+
+__all__ = [
+    "Asked",
+    "News",
+    "Operator",
+    "PoolDay",
+    "Rules",
+    "Sample",
+    "Segmenter",
+    "Tail",
+    "Target",
+    "Task",
+    "Verdict",
+    "finished",
+    "follow",
+    "paper_tasks",
+    "rehearse",
+]
