@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize
+from scipy.optimize import brentq
 from scipy.stats import chi2
 
 from swimbladder.comparison.record import Record
@@ -33,10 +33,10 @@ _Maker = Callable[[Sequence[Quantity], Mapping[str, float]], Likelihood]
 
 _BLOCK = 20.0  # s, of samples that may depend on each other
 _ENOUGH = 4  # blocks a quantity, for a covariance from their scatter
-_SAME = 0.05  # of log likelihood: two fits are as good
-_FLAT = 0.05  # of log likelihood a standard deviation: slope at which a fit has arrived
+_SAME = 0.003  # of log likelihood: a step that gains less is the last
 _RIDGE = 0.25  # information that keeps a step of a quantity the data do not tell in bounds
-_ROUNDS = 6
+_LONGEST = 1.5  # of a logarithm, a step
+_ROUNDS = 80
 _SINGULAR = 1e-7
 _FARTHEST = 15.0  # of the logarithm of a walk, where its end is sought
 _LOOSE = 5.0  # deviation of a logarithm, at which the data do not tell the quantity
@@ -67,7 +67,7 @@ class WalkFit:
     likelihood_ratio: float
     p_value: float
     travelled: tuple[float, ...]
-    robust: bool  # the covariance is from the scatter of blocks, not from the curvature alone
+    robust: bool  # the covariance is from the scatter of blocks, not from the information alone
 
     @property
     def drifts(self) -> bool:
@@ -155,29 +155,27 @@ def _highest(likelihood: Likelihood, begins: Sequence[Array] = ()) -> tuple[Arra
 
 
 def _climb(likelihood: Likelihood, x: Array) -> tuple[Array, float]:
-    """Return where BFGS ends from x, and how high that is.
+    """Return where the log posterior ends to rise from x, and how high that is.
 
-    It works in coordinates in which the scores' scatter, an information matrix, is one; they are
-    made anew until the end stays where it is.
+    Fisher's scoring, damped as Levenberg and Marquardt do.
     """
-    options: dict[str, Any] = {"gtol": _FLAT, "maxiter": 60}
-    height = likelihood(x)
+    height, damping = likelihood(x), 0.0
     for _ in range(_ROUNDS):
-        scores = likelihood.scores(x)
-        information = scores.T @ scores + _RIDGE * np.eye(len(x))
-        L = np.linalg.inv(np.linalg.cholesky(information)).T
-
-        def depth(y: Array, x: Array = x, L: Array = L) -> float:
-            return -likelihood(x + L @ y)
-
-        def slope(y: Array, x: Array = x, L: Array = L) -> Array:
-            result: Array = -L.T @ likelihood.slope(x + L @ y)
-            return result
-
-        found: Any = minimize(depth, np.zeros(len(x)), jac=slope, method="BFGS", options=options)  # type: ignore[call-overload]
-        gain, x, height = -float(found.fun) - height, x + L @ found.x, -float(found.fun)
-        if gain < _SAME:
-            break
+        scores, information = likelihood.told(x)
+        pull, hold = likelihood.prior_slope(x)
+        slope = scores.sum(axis=0) + pull
+        information += np.diag(hold + _RIDGE)
+        while True:
+            step = np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
+            step *= min(1.0, _LONGEST / max(float(np.abs(step).max()), 1e-300))
+            gain = 0.5 * float(slope @ step)
+            if gain < _SAME:
+                return x, height
+            reached = likelihood(x + step)
+            if reached > height + 0.1 * gain:
+                x, height, damping = x + step, reached, damping / 5.0
+                break
+            damping = max(5.0 * damping, 0.3)
     return x, height
 
 
@@ -191,15 +189,16 @@ def _noisier(likelihood: Likelihood, x: Array) -> Array:
 
 
 def _covariance(full: Likelihood, x: Array) -> tuple[Array, bool]:
-    """Return the covariance of x: a sandwich of the curvature and the scatter of the scores.
+    """Return the covariance of x: a sandwich of information and scatter of the scores.
 
     The scores are summed over whole records where there are enough of them, which allows for
     records that differ, else over blocks of 20 s. Where there are too few of these too, and where
-    the scatter is smaller than the curvature says, the curvature stands. A quantity whose
+    the scatter is smaller than the information says, the information stands. A quantity whose
     logarithm the data do not tell, as a walk of 0, has an infinite variance and no part in the
     others'.
     """
-    H = full.curvature(x)
+    scores, H = full.told(x)
+    H += np.diag(full.prior_slope(x)[1])
     told = np.diag(H) > np.where([q.logarithmic for q in full.quantities], _LOOSE**-2, 0.0)
     size = np.sqrt(np.where(told, np.diag(H), 1.0))
     values, vectors = np.linalg.eigh((H / np.outer(size, size))[np.ix_(told, told)])
@@ -212,8 +211,7 @@ def _covariance(full: Likelihood, x: Array) -> tuple[Array, bool]:
     bread = (vectors / values) @ vectors.T / np.outer(size[told], size[told])
     blocks, robust = _blocks(full, len(x)), False
     if blocks is not None:
-        scores = full.scores(x)[:, told]
-        sums = np.stack([np.bincount(blocks, column) for column in scores.T], axis=1)
+        sums = np.stack([np.bincount(blocks, column) for column in scores[:, told].T], axis=1)
         sums -= sums.mean(axis=0)
         sandwich = bread @ (sums.T @ sums) @ bread * len(sums) / (len(sums) - 1)
         ratio = np.diag(sandwich) / np.diag(bread)

@@ -28,7 +28,6 @@ Array = NDArray[np.float64]
 _SPEED_STD = 0.1  # m/s, of the speed at a start: nothing is known
 _SHARE = 0.25  # of the stroke, deviation of a neutral volume that nothing is known of
 _STEP = 1e-4  # of a quantity's scale, for slopes
-_CURVE = 1e-2  # the same for curvatures: the likelihood has corners where samples meet the gate
 
 
 class Quantity(NamedTuple):
@@ -123,41 +122,47 @@ class Likelihood:
 
     def prior(self, x: Array) -> float:
         """Return the log density of the priors at x, up to a constant."""
-        total = 0.0
-        for q, at in zip(self.quantities, x.tolist(), strict=True):
+        slope, hold = self.prior_slope(x)
+        return -0.5 * float((slope**2 / np.where(hold > 0.0, hold, 1.0)).sum())
+
+    def prior_slope(self, x: Array) -> tuple[Array, Array]:
+        """Return gradient of the priors' log density at x, and minus its second derivatives."""
+        slope, hold = np.zeros(len(x)), np.zeros(len(x))
+        for i, q in enumerate(self.quantities):
             prior = self.priors.get(q.name)
             if prior is not None:
                 width = prior.std / (prior.mean if q.logarithmic else q.scale)
-                total -= 0.5 * ((at - q.place(prior.mean)) / width) ** 2
-        return total
-
-    def each(self, x: Array) -> Array:
-        """Return what every sample adds to the log likelihood."""
-        return np.concatenate([f.contribution for f in self.filtered(x)])
+                slope[i], hold[i] = (q.place(prior.mean) - float(x[i])) / width**2, width**-2
+        return slope, hold
 
     def __call__(self, x: Array) -> float:
         """Return the log posterior at x."""
         total = sum(f.log_likelihood for f in self.filtered(x)) + self.prior(x)
         return float(total) if math.isfinite(total) else -1e12
 
-    def slope(self, x: Array, step: float = _STEP) -> Array:
-        """Return the gradient of the log posterior at x, by central differences."""
-        return np.array([(self(x + h) - self(x - h)) / (2.0 * step) for h in step * np.eye(len(x))])
+    def told(self, x: Array) -> tuple[Array, Array]:
+        """Return the gradient [samples, quantities] of every sample's log likelihood at x, and the
+        information [quantities, quantities] of all, priors left out.
 
-    def scores(self, x: Array) -> Array:
-        """Return the gradient [samples, quantities] of what every sample adds."""
-        columns = [
-            (self.each(x + h) - self.each(x - h)) / (2.0 * _STEP) for h in _STEP * np.eye(len(x))
-        ]
-        return np.stack(columns, axis=1)
-
-    def curvature(self, x: Array) -> Array:
-        """Return minus the second derivatives of the log posterior at x."""
-        n = len(x)
-        H = np.empty((n, n))
-        for i, h in enumerate(_CURVE * np.eye(n)):
-            H[i] = -(self.slope(x + h, _CURVE) - self.slope(x - h, _CURVE)) / (2.0 * _CURVE)
-        return 0.5 * (H + H.T)
+        The information is Fisher's for normal innovations e of variance S, e weighted as it counts:
+        the sum of de de'/S + dS dS'/(2 S^2).
+        """
+        p = len(x)
+        scores, information, at = np.empty((int(self.ends[-1]), p)), np.zeros((p, p)), 0
+        sides = [(self.filtered(x + h), self.filtered(x - h)) for h in _STEP * np.eye(p)]
+        for stretch in range(len(self.samples)):
+            pairs = [(ahead[stretch], back[stretch]) for ahead, back in sides]
+            n = len(self.samples[stretch].time)
+            de = np.stack([a.innovation - b.innovation for a, b in pairs], axis=1) / (2.0 * _STEP)
+            dS = np.stack([a.variance - b.variance for a, b in pairs], axis=1) / (2.0 * _STEP)
+            part = np.stack([a.contribution - b.contribution for a, b in pairs], axis=1)
+            scores[at : at + n] = part / (2.0 * _STEP)
+            S = pairs[0][0].variance[:, None]
+            believed = np.abs(pairs[0][0].innovation[:, None]) <= self.gate * np.sqrt(S)
+            de, dS = de * believed / np.sqrt(S), dS * believed / S
+            information += de.T @ de + 0.5 * dS.T @ dS
+            at += n
+        return scores, information
 
 
 def _samples(record: Record, vehicle: Vehicle) -> list[Samples]:
