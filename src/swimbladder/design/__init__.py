@@ -1,4 +1,9 @@
-"""Which experiments tell most of a vehicle's motion in the time that there is in the pool."""
+"""Which experiments tell most of a vehicle's motion in the time that there is in the pool.
+
+`setting` is the pool, `flight` follows a release, `knowledge` says what its record tells;
+`library`, `choose` and `search` find the best set, `predict` and `weigh` say what it will tell,
+`left_out` what would bias it, `findings` what a person has to know; `plan` is the file to follow.
+"""
 
 from swimbladder.design.plan import (
     Expected,
@@ -9,13 +14,19 @@ from swimbladder.design.plan import (
     load_plan,
     plan_file,
 )
+from swimbladder.design.result import Design
+from swimbladder.design.run import DRIFT_STD, PAPER, design_experiment
 
 __all__ = [
+    "DRIFT_STD",
+    "PAPER",
+    "Design",
     "Expected",
     "Move",
     "Plan",
     "PlannedExperiment",
     "Trace",
+    "design_experiment",
     "load_plan",
     "plan_file",
 ]
