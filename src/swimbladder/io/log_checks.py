@@ -126,9 +126,9 @@ def spikes(name: str, values: Array, time: Array, gaps: Sequence[tuple[float, fl
 
     A Hampel test over three samples: how far a sample is from their median, against the noise, as
     the median absolute deviation around it tells, and against what may be true: the quantum of the
-    sensor, and the fastest motion that the signal is seen to keep up, nearby or anywhere. A voltage may
-    jump, so only one far beyond all others counts. The first and the last sample, and those beside
-    a gap or a missing value, are not judged.
+    sensor, and the fastest motion that the signal is seen to keep up, nearby or anywhere. A voltage
+    may jump, so only one far beyond all others counts. The first and the last sample, and those
+    beside a gap or a missing value, are not judged.
     """
     mask = np.zeros(len(values), dtype=bool)
     known = np.flatnonzero(np.isfinite(values))

@@ -142,6 +142,10 @@ class _Reader:
             return self._times(column)
         factor: float | None
         values = self._numbers(name, column)
+        if self._bad and self.form.bad_rows == "refuse":
+            raise self._bad[
+                min(self._bad)
+            ]  # before it is made sense of: it may be why there is none
         if name == "time_s":
             values, factor = counter_seconds(
                 values, column, self.form, self.line, self.path, self.report
