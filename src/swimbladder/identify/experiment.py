@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from swimbladder.comparison.record import Record
 from swimbladder.errors import LogError
@@ -21,6 +22,7 @@ _FEWEST = 12  # samples of a stretch
 _SHORTEST = 3.0  # s of a stretch
 _GAP = 5.0  # median sample times without a sample, after which the volume is no longer known
 _PARABOLA = 3.0  # s, for the state at the start of a stretch
+_FIRST = 9  # samples, whose median is the depth of rest at the start
 
 
 class Segment(NamedTuple):
@@ -85,11 +87,11 @@ def experiment(source: str, record: Record, vehicle: Vehicle) -> Experiment:
     if record.drive == "volume" and volume is not None:
         absolute = record.volume_absolute
         inputs = volume if absolute else volume - volume[0]
-        reference = 0.0 if absolute else float(record.depth[0])
+        reference = 0.0 if absolute else _first_depth(record)
         neutral = vehicle.trim_error if absolute else 0.0
     else:
         assert record.voltage is not None  # record() checks it
-        inputs, reference, neutral = record.voltage, float(record.depth[0]), 0.0
+        inputs, reference, neutral = record.voltage, _first_depth(record), 0.0
     ramps = record.drive == "volume"
     segments = _stretches(record) if ramps else _whole(record)
     if not segments:
@@ -104,24 +106,37 @@ def experiment(source: str, record: Record, vehicle: Vehicle) -> Experiment:
     )  # fmt: skip
 
 
+def _first_depth(record: Record) -> float:
+    """Return the depth at the first sample [m], whatever outlier that may be."""
+    near = record.time - record.time[0] <= _PARABOLA
+    return float(np.median(record.depth[near][:_FIRST]))
+
+
+def _clear(record: Record) -> NDArray[np.bool_]:
+    """Return which samples are clear of surface and bottom; a spike to there is not a visit."""
+    clear: NDArray[np.bool_] = median_filter(record.compared, size=5, mode="nearest")
+    return clear
+
+
 def _whole(record: Record) -> tuple[Segment, ...]:
     """Return the record from its first sample on: without its volume it cannot be cut."""
-    if not record.compared[0]:
+    clear = _clear(record)
+    if not clear[0]:
         return ()
-    last = int(np.argmin(np.append(record.compared, False))) - 1
+    last = int(np.argmin(np.append(clear, False))) - 1
     return (_segment(record, 0, last),) if last + 1 >= _FEWEST else ()
 
 
 def _stretches(record: Record) -> tuple[Segment, ...]:
-    time = record.time
+    time, clear = record.time, _clear(record)
     step = float(np.median(np.diff(time)))
-    broken = ~record.compared[1:] | ~record.compared[:-1] | (np.diff(time) > _GAP * step)
+    broken = ~clear[1:] | ~clear[:-1] | (np.diff(time) > _GAP * step)
     edges = np.concatenate([[-1], np.flatnonzero(broken), [len(time) - 1]])
     found = []
     for before, last in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         first = before + 1
         enough = last - first + 1 >= _FEWEST and time[last] - time[first] >= _SHORTEST
-        if enough and record.compared[first]:
+        if enough and clear[first]:
             found.append(_segment(record, first, last))
     return tuple(found)
 

@@ -153,10 +153,11 @@ def _solve(problem: Problem, x: Array) -> tuple[float, Array, Array]:
     x = np.clip(x, low, high)
     residual = problem.residual(x)
     noise = _noise(problem, residual, None)
+    settled = False
     for n in range(_ROUNDS):
         weight = weights(residual / _each(problem, noise))
-        if n:
-            before, noise = noise, _noise(problem, residual, weight)
+        if settled:  # no outlier is near any more: the efficient estimate of the noise
+            noise = _noise(problem, residual, weight)
         root = np.sqrt(weight) / _each(problem, noise)
 
         def rows(x: Array, root: Array = root) -> Array:
@@ -177,10 +178,22 @@ def _solve(problem: Problem, x: Array) -> tuple[float, Array, Array]:
         step = float(np.abs(done.x - x).max())
         x = done.x
         residual = problem.residual(x)
-        settled = n and bool((np.abs(noise / before - 1.0) < 1e-3).all())
         if settled and step < 1e-3:
             break
+        settled = settled or step < 0.03
+        if not settled:
+            noise = _noise(problem, residual, None)
+    noise = _final_noise(problem, residual, noise)
     return _objective(problem, x, residual, noise), x, noise
+
+
+def _final_noise(problem: Problem, residual: Array, noise: Array) -> Array:
+    """Return the noise that agrees with the weights that it gives, from a first one."""
+    for _ in range(20):
+        before, noise = noise, _noise(problem, residual, weights(residual / _each(problem, noise)))
+        if (np.abs(noise / before - 1.0) < 1e-6).all():
+            break
+    return noise
 
 
 def _objective(problem: Problem, x: Array, residual: Array, noise: Array) -> float:
@@ -194,12 +207,8 @@ def _objective(problem: Problem, x: Array, residual: Array, noise: Array) -> flo
 def finish(problem: Problem, x: Array) -> Fit:
     """Return everything that is known at x."""
     residual = problem.residual(x)
-    noise = _noise(problem, residual, None)
-    for _ in range(20):
-        weight = weights(residual / _each(problem, noise))
-        before, noise = noise, _noise(problem, residual, weight)
-        if (np.abs(noise / before - 1.0) < 1e-6).all():
-            break
+    noise = _final_noise(problem, residual, _noise(problem, residual, None))
+    weight = weights(residual / _each(problem, noise))
     slope = problem.slope(x)
     P = problem.prior_rows(x)[1]
     root = np.sqrt(weight)

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 # 0.1 % of the information.
 _KEPT, _CUT = 3.5, 6.0
 _MOST_ORDER = 6
+_AT_70 = 1.0364333894937898  # of the absolute value of a normal variable, its 70th percentile
 _SMALLEST = 1e-7  # m; a residual of nothing, as in a simulation without noise
 
 
@@ -38,8 +39,11 @@ def scale(residual: Array, weight: Array, lost: float) -> float:
 
 
 def robust_scale(residual: Array) -> float:
-    """Return the standard deviation [m] of normal noise with the same median absolute value."""
-    return max(1.4826 * float(np.median(np.abs(residual))), _SMALLEST)
+    """Return the standard deviation [m] of normal noise with as large a 70th percentile.
+
+    Three tenths of the residuals may be anything.
+    """
+    return max(float(np.quantile(np.abs(residual), 0.7)) / _AT_70, _SMALLEST)
 
 
 def autoregression(residual: Array) -> tuple[float, ...]:
