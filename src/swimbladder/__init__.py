@@ -12,8 +12,10 @@ From datasheet to model, from pool log to parameters, from parameters to a depth
 The map: what a vehicle is and is asked to do, ``Vehicle``, ``load_vehicle``, ``preset_names``,
 ``Mission``, ``load_mission``; how it moves, ``simulate``, ``simulate_ensemble``, ``drive``,
 ``Solution``, ``StopReason``, ``step_metrics``; a controller of your own, ``Law``, ``Measurement``;
-what its linear model says, ``analyse``; what a measured log says, ``read_log``, ``compare``; what
-goes wrong, ``SwimbladderError`` with ``InputError`` and ``NoAnswerError``.
+what its linear model says, ``analyse``; what a measured log says, ``read_log``, ``compare``; how
+logs become parameters with intervals, the package ``swimbladder.identify`` with its function
+``identify`` and ``Prior``, what was known before; what goes wrong, ``SwimbladderError`` with
+``InputError`` and ``NoAnswerError``.
 
 All numbers are SI; depth is positive down; a positive volume makes the vehicle lighter.
 """
@@ -24,6 +26,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from swimbladder import identify as identify
     from swimbladder.analysis import analyse
     from swimbladder.closed_loop import (
         Solution,
@@ -86,10 +89,13 @@ _HOMES = {
     "parameters": ("Vehicle",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
+_PACKAGES = ("identify",)  # public as packages: their functions have the package's name
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name from where it lives."""
+    if name in _PACKAGES:
+        return import_module(f"{__name__}.{name}")
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
@@ -99,4 +105,4 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     """Return the public names, imported or not."""
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, *_PACKAGES})

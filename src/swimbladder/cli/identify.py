@@ -24,6 +24,7 @@ from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.identify import Identification, Prior
+    from swimbladder.identify.paper import PaperFits
 
 __all__ = ["identify"]
 
@@ -87,6 +88,9 @@ def identify(
     profiles: Annotated[
         bool, typer.Option("--profiles/--no-profiles", help="Likelihood profiles.")
     ] = True,
+    paper: Annotated[
+        bool, typer.Option("--paper", help="The paper's fits beside: eqs (26) and (27), averaged.")
+    ] = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-identify"
     ),
@@ -124,6 +128,7 @@ def identify(
     ]
     with progress("loading the simulator"):
         from swimbladder.identify import identify as identify_logs
+        from swimbladder.identify.paper import paper_fits
         from swimbladder.report.identification import check_folder, write_identification
 
     check_place(out)
@@ -132,16 +137,17 @@ def identify(
     with compile_notice(), progress(_doing(len(given)), 1.0) as advance:
         found = identify_logs(given, v, **options, advance=advance)
     seconds = time.perf_counter() - begun
-    answer = found.to_json()
+    beside = paper_fits(found) if paper and found.identified else None
+    answer = {**found.to_json(), "paper": None if beside is None else beside.to_json()}
     with progress("writing the report", 1.0) as advance:
         files = write_identification(
             found, out, answer=json_text(answer), command=_command(), seconds=seconds,
-            advance=advance,
+            paper=beside, advance=advance,
         )  # fmt: skip
     if json:
         emit_json({**answer, "seconds": seconds, "files": [str(path) for path in files]})
     else:
-        _print(found, seconds, files)
+        _print(found, beside, seconds, files)
     if not found.identified:
         if json:
             for sentence in (f.sentence for f in found.findings if f.severity == "no"):
@@ -239,9 +245,12 @@ def _drive(text: str | None) -> str | None:
     return text
 
 
-def _print(found: Identification, seconds: float, files: list[Path]) -> None:
+def _print(
+    found: Identification, paper: PaperFits | None, seconds: float, files: list[Path]
+) -> None:
     """Print what was found: the answer first, then what it rests on."""
-    from swimbladder.report.words import correlations, findings, headlines
+    from swimbladder.plots.identify import labels
+    from swimbladder.report.words import correlations, findings, headlines, reading
 
     samples = sum(int((e.weight > 0.0).sum()) for e in found.experiments)
     count = len(found.experiments)
@@ -272,9 +281,11 @@ def _print(found: Identification, seconds: float, files: list[Path]) -> None:
     output.print("")
     output.print(_logs(found))
     output.print("")
+    if paper is not None:
+        output.print(f"{paper.sentence}\n", soft_wrap=True)
     for sentence in found.assumptions:
         output.print(f"assumed: {sentence}", soft_wrap=True)
-    for note in found.notes:
+    for note in reading(found, labels(found)):
         output.print(f"note: {note}", soft_wrap=True)
     for path in files:
         if path.suffix != ".png":

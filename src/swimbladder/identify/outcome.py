@@ -89,7 +89,9 @@ def _motion(
 def _provenance(
     vehicle: Vehicle, names: tuple[str, ...], logs: tuple[str, ...], *, trim: bool
 ) -> dict[str, str]:
-    origin = f"identified: from {', '.join(logs[:8])}{', ...' if len(logs) > 8 else ''}"
+    origin = f"identified: from {logs[0]}"
+    if len(logs) > 1:
+        origin += f" and {len(logs) - 1} more, which identified.logs names"
     kept = {
         key: text
         for key, text in vehicle.provenance.items()

@@ -201,8 +201,6 @@ def _parameters(
             findings.append(
                 Finding("prior", "note", f"The data add little to the prior of {name}.")
             )
-        if name == "drag_quadratic" and not log:
-            e = Estimate(e.value, e.std, (max(e.ci95[0], 0.0), e.ci95[1]), e.unit, e.origin)
         if name in drawn:
             ends = drawn[name].ci95
             half = 0.5 * (e.ci95[1] - e.ci95[0])
@@ -217,6 +215,8 @@ def _parameters(
                         "distribution does not describe it.",
                     )
                 )
+        if name == "drag_quadratic" and not log:  # it is never below 0
+            e = Estimate(e.value, e.std, (max(e.ci95[0], 0.0), e.ci95[1]), e.unit, e.origin)
         estimates[name] = e
     for name, value in problem.values.items():
         if name in ("psi", "K2", "T2") and name not in estimates and (

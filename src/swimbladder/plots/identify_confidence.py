@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -269,9 +270,12 @@ def draw_gains(
     ratios = sorted(
         of_all.value / end if not absolute else end / of_all.value for end in of_all.ci95
     )
-    axes.axhspan(
-        joint * ratios[0], joint * ratios[1], color=SKY, alpha=0.3, lw=0.0, label="all logs, 95 %"
-    )
+    shown: list[Any] = [  # in the order of the key
+        axes.axhspan(
+            joint * ratios[0], joint * ratios[1], color=SKY, alpha=0.3, lw=0.0,
+            label="all logs, 95 %",
+        )
+    ]  # fmt: skip
     axes.axhline(joint, color=BLUE, lw=1.0)
     widest = max(e.step for e in told)
     for sinks, mark, label in ((False, "^", "rising"), (True, "v", "sinking")):
@@ -282,22 +286,24 @@ def draw_gains(
         at = np.array([e.step for e in chosen]) + (0.006 if sinks else -0.006) * widest
         middle = joint * np.exp(gain)
         ends = np.abs(joint * np.exp(gain + Z95 * np.array([[-1.0], [1.0]]) * std) - middle)
-        axes.errorbar(
+        bars = axes.errorbar(
             1e6 * at, middle, yerr=ends, fmt=mark, ms=6.0, color=BLUE, elinewidth=1.3,
             capsize=2.5, mfc=BLUE if sinks else "white", label=f"each log alone, {label}, 95 %",
         )  # fmt: skip
+        shown.append(bars)
     for (label, points), mark, colour in zip(
         (singles or {}).items(), ("s", "D"), (VERMILION, GREEN), strict=False
     ):
         x, y = np.array(points).T
-        axes.plot(1e6 * x, y, mark, ms=5.0, mfc="none", mew=1.4, color=colour, label=label)
-        axes.axhline(float(y.mean()), color=colour, lw=1.0, ls="--", label=f"{label}, average")
+        shown += axes.plot(1e6 * x, y, mark, ms=5.0, mfc="none", mew=1.4, color=colour, label=label)
+        average = float(y.mean())
+        shown.append(axes.axhline(average, color=colour, lw=1.0, ls="--", label="their average"))
     axes.set(
         xlabel="size of the volume change [cm³]",
         ylabel=axis_label("K2") if absolute else "gain over that of all logs [-]",
     )
     axes.margins(x=0.08, y=0.15)
-    axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
+    axes.legend(handles=shown, loc="center left", bbox_to_anchor=(1.02, 0.5))
     return figure
 
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from swimbladder.errors import InputError
 from swimbladder.identify import Identification
+from swimbladder.identify.paper import PaperFits
 from swimbladder.io.config import file_text
 from swimbladder.io.files import make_folder, publish, write_atomically
 from swimbladder.io.tables import write_csv
@@ -64,17 +65,18 @@ def _is_ours(path: Path) -> bool:
 
 def write_identification(
     found: Identification, out: Path, *, answer: str, command: str, seconds: float,
-    advance: Callable[[float], None] = lambda _: None,
+    paper: PaperFits | None = None, advance: Callable[[float], None] = lambda _: None,
 ) -> list[Path]:  # fmt: skip
     """Write everything into the folder `out` and return the paths.
 
     answer: the text of identify.json; command: how the page says that it was made; seconds: how
-    long the fit took. advance: told the share of the work done. No vehicle is written where the
+    long the fit took; paper: the paper's fits, to stand beside. advance: told the share of the work
+    done. No vehicle is written where the
     data do not tell all that was asked, and one of an earlier run is taken away. Raises InputError
     where the folder cannot be written; whatever is in it then stays as it is.
     """
     check_folder(out, "")
-    drawn = pictures(found)
+    drawn = pictures(found, paper)
     share = 1.0 / (len(drawn) + 1)
     names: list[str] = []
 
@@ -94,7 +96,7 @@ def write_identification(
             names.insert(3, VEHICLE)
         html = page(
             found, [(p.name, p.title, p.caption, image) for p, image in images],
-            files=names[1:], command=command, seconds=seconds,
+            files=names[1:], command=command, seconds=seconds, paper=paper,
         )  # fmt: skip
         write_atomically(folder / "identify.html", html)
 
@@ -150,8 +152,11 @@ def residuals(found: Identification) -> dict[str, np.ndarray]:
     }
 
 
-def pictures(found: Identification) -> list[Picture]:
-    """Return the figures that this identification has, in the order of the page."""
+def pictures(found: Identification, paper: PaperFits | None = None) -> list[Picture]:
+    """Return the figures that this identification has, in the order of the page.
+
+    paper: the paper's fits of single logs, drawn beside ours.
+    """
     listed = [
         *_pages(found, "fits", "Measured and fitted depth",
                 "All logs share one set of parameters; each has its own neutral volume and start.",
@@ -202,10 +207,24 @@ def pictures(found: Identification) -> list[Picture]:
                 "gains", "Does the gain depend on the size of the step?",
                 "What each log would say alone, all but psi its own, against the size of its "
                 "volume change. A trend is the mark of a psi, or of a drag law, that is not right.",
-                lambda: confidence.draw_gains(found),
+                lambda: confidence.draw_gains(found, _singles(paper)),
             )
         )  # fmt: skip
     return listed
+
+
+def _singles(paper: PaperFits | None) -> dict[str, list[tuple[float, float]]]:
+    """Return the paper's gains of single logs as draw_gains takes them."""
+    each = () if paper is None else paper.each
+    named = {
+        "paper, eq. (26)": [(f.step, f.by_speed) for f in each],
+        "paper, eq. (27)": [(f.step, f.by_depth) for f in each],
+    }
+    points = {
+        name: [(step, fit.K2) for step, fit in fits if fit is not None]
+        for name, fits in named.items()
+    }
+    return {name: found for name, found in points.items() if found}
 
 
 def _pages(

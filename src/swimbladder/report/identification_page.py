@@ -4,31 +4,44 @@ from __future__ import annotations
 
 import base64
 import math
+import struct
 from collections.abc import Sequence
 from typing import Any
 
 from swimbladder import __version__
-from swimbladder.identify import Choice, ExperimentFit, Identification
+from swimbladder.identify import NAMES, Choice, ExperimentFit, Identification
+from swimbladder.identify.paper import PaperFits
 from swimbladder.plots.identify import labels
+from swimbladder.pool import Fit
 from swimbladder.report.html import render
-from swimbladder.report.words import Row, correlations, findings, headlines, row, rows
+from swimbladder.report.words import Row, correlations, findings, headlines, reading, row, rows
+from swimbladder.units import shown_unit, unit_factor
 
 __all__ = ["page"]
 
+_SYMBOL = {"drag_quadratic": "k_dt", "mass": "m"}
+_FULL = 1440  # pixels of a picture as wide as the page
 _PSI = {"free": "estimated", "prior": "with its prior", "set": "as set", "zero": "left out"}
 
 
 def page(
     found: Identification, images: Sequence[tuple[str, str, str, bytes]], *,
-    files: Sequence[str], command: str, seconds: float,
+    files: Sequence[str], command: str, seconds: float, paper: PaperFits | None = None,
 ) -> str:  # fmt: skip
     """Return the report as HTML that needs nothing but itself.
 
-    images: (name, title, caption, PNG) of each; seconds: how long the fit took.
+    images: (name, title, caption, PNG) of each; seconds: how long the fit took; paper: the paper's
+    fits, to stand beside ours.
     """
     listed = findings(found)
     figures = {
-        name: {"name": name, "title": title, "caption": caption, "data": _data(image)}
+        name: {
+            "name": name,
+            "title": title if title.endswith("?") else f"{title}.",
+            "caption": caption,
+            "data": _data(image),
+            "width": _width(image),
+        }
         for name, title, caption, image in images
     }
     return render(
@@ -53,13 +66,13 @@ def page(
             "logs": [
                 _log(label, e) for label, e in zip(labels(found), found.experiments, strict=True)
             ],
-            "names": list(found.names) if found.identified else [],
             "choices": [_choice(found, c) for c in found.choices],
+            "paper": None if paper is None else _paper(paper, labels(found)),
             "figures": figures,
             "fits": [f for name, f in figures.items() if name.startswith("fits")],
             "residuals": [f for name, f in figures.items() if name.startswith("residuals")],
             "assumptions": found.assumptions,
-            "reading": found.notes,
+            "reading": reading(found, labels(found)),
             "files": files,
             "command": command,
         },
@@ -70,10 +83,17 @@ def _data(image: bytes) -> str:
     return "data:image/png;base64," + base64.b64encode(image).decode("ascii")
 
 
+def _width(image: bytes) -> str:
+    """Return how much of the page's width a PNG takes, so that all letters are of one size."""
+    (pixels,) = struct.unpack(">I", image[16:20])
+    return f"{min(100.0 * pixels / _FULL, 100.0):.0f}%"
+
+
 def _pair(r: float) -> str:
     """Return what a correlation means."""
-    way = "too large together" if r > 0.0 else "one too large, the other too small"
-    return f"if they are off, then {way}"
+    if r > 0.0:
+        return "where one is too large, so is the other"
+    return "where one is too large, the other is too small"
 
 
 def _log(label: str, e: ExperimentFit) -> dict[str, Any]:
@@ -113,5 +133,48 @@ def _choice(found: Identification, c: Choice) -> dict[str, Any]:
         "behind": f"{c.bic - best:.1f}" if math.isfinite(c.bic) else "-",
         "weight": f"{100.0 * c.weight:.3g}" if c.weight > 1e-4 else "below 0.01",
         "bar": round(100.0 * c.weight, 1),
-        "values": {name: f"{value:.4g}" for name, value in c.values.items()},
+        "values": ", ".join(_value(name, value) for name, value in c.values.items())
+        if found.identified
+        else "",
     }
+
+
+def _value(name: str, value: float) -> str:
+    unit = NAMES[name].unit
+    shown = value * unit_factor(unit, shown_unit(unit))
+    if abs(shown) < 1e-9:  # a fit that ended at a bound, to rounding
+        shown = 0.0
+    text = f"{float(f'{shown:.4g}'):.10g}" if abs(shown) < 1e6 else f"{shown:.3g}"
+    return f"{_SYMBOL.get(name, name)} {text} {shown_unit(unit)}"
+
+
+def _paper(paper: PaperFits, names: Sequence[str]) -> dict[str, Any]:
+    """Return the paper's fits as texts: each log, then the averages."""
+    listed = [
+        {
+            "label": name,
+            "step": f"{1e6 * fit.step:.3g}" if math.isfinite(fit.step) else "-",
+            "speed": _fitted(fit.by_speed, "mm/s"),
+            "depth": _fitted(fit.by_depth, "mm"),
+            "why": fit.why,
+        }
+        for name, fit in zip(names, paper.each, strict=True)
+    ]
+    average = {
+        "label": "average",
+        "step": "",
+        "speed": _fitted(paper.by_speed, "mm/s"),
+        "depth": _fitted(paper.by_depth, "mm"),
+        "why": "",
+    }
+    return {"sentence": paper.sentence, "rows": [*listed, average]}
+
+
+def _fitted(fit: Fit | None, unit: str) -> list[str]:
+    if fit is None:
+        return ["-", "-", "-"]
+    return [
+        f"{float(f'{fit.K2:.4g}'):.10g}",
+        f"{float(f'{fit.T2:.3g}'):.10g}",
+        f"{1e3 * fit.rms:.2g} {unit}",
+    ]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from swimbladder.identify import Estimate, Finding, Identification
 from swimbladder.units import shown_unit, unit_factor
 
-__all__ = ["Row", "correlations", "findings", "headlines", "row", "rows"]
+__all__ = ["Row", "correlations", "findings", "headlines", "reading", "row", "rows"]
 
 _ORDER = {"no": 0, "warning": 1, "note": 2}
 _STRONG = 0.5  # correlation worth a line
@@ -120,3 +121,17 @@ def correlations(found: Identification) -> list[tuple[str, str, float]]:
 def findings(found: Identification) -> list[Finding]:
     """Return the findings, what the data do not tell first, then warnings, then notes."""
     return sorted(found.findings, key=lambda f: _ORDER[f.severity])
+
+
+def reading(found: Identification, labels: Sequence[str]) -> list[str]:
+    """Return the notes of reading the logs, each with the logs that it is about.
+
+    How many rows were chosen, which was asked for, is left out; it is in the JSON.
+    """
+    about: dict[str, list[str]] = {}
+    for label, e in zip(labels, found.experiments, strict=True):
+        for note in e.record.notes:
+            if not note.endswith("rows chosen"):
+                about.setdefault(note, []).append(label)
+    every = len(found.experiments)
+    return [note if len(of) == every else f"{', '.join(of)}: {note}" for note, of in about.items()]
