@@ -19,6 +19,7 @@ __all__ = ["first_guess", "robustly", "speeds", "tolerance"]
 Array = NDArray[np.float64]
 
 _IDLE = 0.02  # of the largest voltage: the same
+_SEEN = 4.0  # times noise and quantum that motion exceeds
 _TRIALS = 13  # of the time constant
 
 
@@ -45,6 +46,12 @@ def speeds(bench: Bench) -> Array:
     return np.array(rows if len(rows) >= 2 else brief, float).reshape(-1, 3)
 
 
+def _moves(bench: Bench) -> bool:
+    """Return whether the position changes by clearly more than noise and quantum."""
+    low, high = np.quantile(bench.position, (0.1, 0.9))
+    return bool(high - low > _SEEN * (bench.noise + bench.quantum))
+
+
 def _speed(t: Array, x: Array, low: int, high: int) -> float:
     """Return the median slope [m/s] over the second half of a stretch."""
     half = (low + high) // 2
@@ -69,9 +76,8 @@ def first_guess(benches: Sequence[Bench], free: Sequence[str]) -> dict[str, floa
         )
     u, v, n = rows.T
     size = float(np.abs(v).max())
-    floor = max(3.0 * max(b.noise + b.quantum, 1e-12) / (5.0 * b.step) for b in benches)
     driven = np.abs(u) > _IDLE * top
-    if size <= floor or not driven.any():
+    if not any(map(_moves, benches)) or not driven.any() or size == 0.0:
         raise NoAnswerError(
             "The actuator does not move in these logs, as far as its position tells: apply larger "
             "voltages, for longer."
@@ -137,8 +143,7 @@ def robustly(problem: Problem, guess: dict[str, float]) -> Array:
     least, most = problem.bounds()
 
     def off(q: Array) -> Array:
-        blocks = problem.residuals(q)
-        return np.concatenate([block - np.median(block) for block in blocks]) / size
+        return problem.by_median(problem.residual(q)) / size
 
     def cost(q: Array) -> float:
         return float(np.sum(np.sqrt(1.0 + off(q) ** 2) - 1.0))
@@ -155,7 +160,10 @@ def robustly(problem: Problem, guess: dict[str, float]) -> Array:
         begins = [inside(problem.turned({**values, "T1": T})) for T in trials.tolist()]
         begins = sorted(begins, key=cost)[:2]
     ends = [
-        least_squares(off, q, loss="soft_l1", bounds=(least, most), max_nfev=60) for q in begins
+        least_squares(
+            off, q, loss="soft_l1", bounds=(least, most), max_nfev=30, xtol=1e-4, ftol=1e-4
+        )
+        for q in begins
     ]
     return np.asarray(min(ends, key=lambda end: float(end.cost)).x, float)
 

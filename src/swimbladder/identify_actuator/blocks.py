@@ -61,7 +61,8 @@ def _rests(
         kept[opens:closes] = False
         still = bench.position[first + opens : first + high]
         if len(still) > 1:  # repeated readings are one
-            same = np.append(False, np.diff(still) == 0.0)
+            same = np.append(False, still[1:] == still[:-1])
+            same[2:] |= still[2:] == still[:-2]  # an outlier may stand between
             kept[opens:high] &= ~same
             if closes < high:
                 kept[closes] = True
@@ -74,10 +75,12 @@ def _standing(bench: Bench, first: int, after: int) -> int:
     """Return how many samples after `first` the actuator stands, as far as noise lets one see."""
     x = bench.position[first:after]
     latest = min(max(round(_AFTER / bench.step), _BEFORE), len(x))
-    if len(x) < 2 * _BEFORE:
+    last = min(_BEFORE, len(x) // 3)
+    if last < 2:
         return latest
-    end = float(np.median(x[-_BEFORE:]))
-    around = np.median(np.lib.stride_tricks.sliding_window_view(x, 3), axis=1)
+    end = float(np.median(x[-last:]))
+    width = min(9, len(x) - 1 + len(x) % 2)
+    around = np.median(np.lib.stride_tricks.sliding_window_view(x, width), axis=1)
     near = np.abs(around - end) <= _ROUND * (bench.noise + bench.quantum)
     gone = np.flatnonzero(~near)
-    return min(int(gone[-1]) + 4 if len(gone) else 3, latest)
+    return min(int(gone[-1]) + width // 2 + 3 if len(gone) else width // 2, latest)

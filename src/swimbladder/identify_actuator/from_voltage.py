@@ -134,7 +134,8 @@ def steps_of(fit: VoltageFit) -> tuple[Step, ...]:
     """Return what was fitted, block by block."""
     found = []
     problem = fit.problem
-    for block, residual, used in zip(problem.blocks, fit.residuals, problem.used, strict=True):
+    for k, block in enumerate(problem.blocks):
+        own = problem.block == k
         bench = problem.benches[block.log]
         assert bench.voltage is not None
         u, x = bench.voltage[block.samples], bench.position[block.samples]
@@ -147,9 +148,9 @@ def steps_of(fit: VoltageFit) -> tuple[Step, ...]:
                 else f"{low:.3g} to {high:.3g} V",
                 time=bench.time[block.samples],
                 position=x,
-                fitted=x - residual,
+                fitted=x - fit.residual[own],
                 voltage=u,
-                used=used,
+                used=problem.used[own],
                 speed=None,
             )
         )  # fmt: skip

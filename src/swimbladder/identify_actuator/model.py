@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from swimbladder.identify_actuator.bench import Bench
 from swimbladder.identify_actuator.blocks import Block
@@ -17,11 +18,9 @@ from swimbladder.identify_actuator.response import Drive, respond, steady_speed
 __all__ = ["FIRST", "LOGARITHMIC", "Problem", "Whitener", "drive_of"]
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 LOGARITHMIC = ("K1", "T1", "asymmetry", "rate")
 FIRST = {"K1": 1e-3, "T1": 0.1, "dead_zone": 0.0, "load_voltage": 0.0, "asymmetry": 1.0}
-_WHITE = Autoregression((), ((),), (1.0,))
 
 
 def drive_of(values: Mapping[str, float]) -> Drive:
@@ -42,46 +41,62 @@ def drive_of(values: Mapping[str, float]) -> Drive:
 
 @dataclass(frozen=True)
 class Whitener:
-    """Makes the residual of a block white, without its start, and less sure of its gain.
+    """Makes residuals white, without the start of each block, and less sure of its gain.
 
-    one: the whitened column of the unknown start, of length 1; gain: that of a gain of the block's
-    own, orthogonal to it and of length 1; keep: what is left of the residual along it.
+    matrix: of the autoregression, block by block; one: the whitened column of the unknown start,
+    of length 1 in each block; gain: that of a gain of the block's own, orthogonal to it, likewise;
+    size: its length before; keep: what is left of the residual along it; block: of each sample.
     """
 
-    autoregression: Autoregression
+    matrix: csr_array
     one: Array
     gain: Array
-    keep: float
+    size: Array
+    keep: Array
+    block: NDArray[np.int64]
 
     def __call__(self, residual: Array) -> Array:
-        """Return the whitened residual [n]."""
-        white = self.autoregression.whiten(residual[:, None])[:, 0]
-        white = white - (self.one @ white) * self.one
-        return white - (1.0 - self.keep) * (self.gain @ white) * self.gain
+        """Return the whitened residuals [n]."""
+        white: Array = self.matrix @ residual
+        white = white - self.one * self.along(self.one, white)[self.block]
+        lost = (1.0 - self.keep) * self.along(self.gain, white)
+        return white - self.gain * lost[self.block]
+
+    def along(self, column: Array, white: Array) -> Array:
+        """Return the inner product of two columns for each block."""
+        return np.bincount(self.block, column * white, minlength=len(self.keep)).astype(float)
 
 
-@dataclass
 class Problem:
     """Benches cut into blocks, and the parameters that are free.
 
     Parameters are turned as numbers near 1: logarithms for what is positive, voltages in units of
-    the largest. used: for each block which of its samples are no outliers.
+    the largest. block: the block of each sample; used: whether it is no outlier.
     """
 
-    benches: Sequence[Bench]
-    blocks: Sequence[Block]
-    free: tuple[str, ...]
-    fixed: Mapping[str, float]
-    moving: Mapping[tuple[int, int], bool]  # (log, run): whether it begins in motion
-    used: list[Mask] = field(default_factory=list)
-    whiteners: list[Whitener] = field(default_factory=list)
+    def __init__(
+        self,
+        benches: Sequence[Bench],
+        blocks: Sequence[Block],
+        free: tuple[str, ...],
+        fixed: Mapping[str, float],
+        moving: Mapping[tuple[int, int], bool],  # (log, run): whether it begins in motion
+    ) -> None:
+        self.benches, self.blocks, self.free = benches, blocks, free
+        self.fixed, self.moving = dict(fixed), moving
+        self.top = max(float(np.abs(_voltage(b)).max()) for b in benches)
+        starts = np.cumsum([0, *(len(b.time) for b in benches)])
+        self.at = np.concatenate([starts[b.log] + b.samples for b in blocks])
+        self.block = np.repeat(np.arange(len(blocks)), [len(b.samples) for b in blocks])
+        self.position = np.concatenate([b.position for b in benches])[self.at]
+        self.used = np.ones(len(self.at), bool)
+        self.whiten: Whitener | None = None
 
-    def __post_init__(self) -> None:
-        """Use every sample until told otherwise."""
-        self.top = max(
-            float(np.abs(b.voltage).max()) for b in self.benches if b.voltage is not None
-        )
-        self.used = self.used or [np.ones(len(block.samples), bool) for block in self.blocks]
+    def changed(self, free: tuple[str, ...], fixed: Mapping[str, float]) -> Problem:
+        """Return the problem with other parameters free; outliers and whitener stay."""
+        other = Problem(self.benches, self.blocks, free, fixed, self.moving)
+        other.used, other.whiten = self.used.copy(), self.whiten
+        return other
 
     def values(self, q: Array) -> dict[str, float]:
         """Return all parameters in SI."""
@@ -101,67 +116,70 @@ class Problem:
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the least and the greatest of what is turned."""
-        least = [-1.0 if name == "load_voltage" else 0.0 for name in self.free]
-        least = [
-            -46.0 if n in LOGARITHMIC else low for n, low in zip(self.free, least, strict=True)
+        both = [
+            (-46.0, 46.0) if n in LOGARITHMIC else (-1.0 if n == "load_voltage" else 0.0, 1.0)
+            for n in self.free
         ]
-        most = [46.0 if name in LOGARITHMIC else 1.0 for name in self.free]
-        return np.array(least), np.array(most)
+        least, most = np.array(both).reshape(-1, 2).T
+        return least, most
 
-    def travels(self, q: Array) -> list[Array]:
-        """Return the predicted travel of every bench [m], from an unknown start in each run."""
+    def travels(self, q: Array) -> Array:
+        """Return the predicted travel of every sample [m], from an unknown start in each run."""
         drive = drive_of(self.values(q))
         found = []
         for log, bench in enumerate(self.benches):
-            assert bench.voltage is not None
-            travel = np.zeros(len(bench.time))
+            voltage = _voltage(bench)
             for run, (first, after) in enumerate(bench.runs):
-                u = bench.voltage[first:after]
+                u = voltage[first:after]
                 begun = steady_speed(float(u[0]), drive) if self.moving[(log, run)] else 0.0
-                part, _ = respond(bench.time[first:after], u, drive, first_speed=begun)
-                travel[first:after] = part
-            found.append(travel)
-        return found
+                found.append(respond(bench.time[first:after], u, drive, first_speed=begun)[0])
+        travel: Array = np.concatenate(found)[self.at]
+        return travel
 
-    def residuals(self, q: Array) -> list[Array]:
-        """Return measured less predicted travel for each block [m], its start not taken off."""
-        travels = self.travels(q)
-        return [
-            (self.benches[b.log].position[b.samples] - travels[b.log][b.samples])
-            for b in self.blocks
-        ]
+    def residual(self, q: Array) -> Array:
+        """Return measured less predicted travel of every sample [m], starts not taken off."""
+        left: Array = self.position - self.travels(q)
+        return left
+
+    def centred(self, residual: Array) -> Array:
+        """Return residuals less the mean of their block, outliers not counted."""
+        count = np.bincount(self.block, self.used, minlength=len(self.blocks))
+        total = np.bincount(self.block, residual * self.used, minlength=len(self.blocks))
+        return residual - (total / np.maximum(count, 1.0))[self.block]
+
+    def by_median(self, residual: Array) -> Array:
+        """Return residuals less the median of their block."""
+        ends = np.flatnonzero(np.diff(self.block)) + 1
+        return np.concatenate([r - np.median(r) for r in np.split(residual, ends)])
 
     def white(self, q: Array) -> Array:
-        """Return the whitened residuals of all blocks, which a fit makes small."""
-        return np.concatenate(
-            [
-                whiten(residual[used])
-                for whiten, residual, used in zip(
-                    self.whiteners, self.residuals(q), self.used, strict=True
-                )
-                if used.sum() >= 2
-            ]
-        )
+        """Return the whitened residuals of all samples used, which a fit makes small."""
+        assert self.whiten is not None
+        return self.whiten(self.residual(q)[self.used])
 
     def whitened_with(self, q: Array, noise: Autoregression, spread: float, sigma: float) -> None:
-        """Choose the whiteners: `noise`, and gains that differ by `spread` (a share) by block."""
-        travels = self.travels(q)
-        self.whiteners = []
-        for block, used in zip(self.blocks, self.used, strict=True):
-            travel = travels[block.log][block.samples][used]
-            columns = np.stack([np.ones(len(travel)), travel - travel[:1].sum()], axis=1)
-            one, gain = noise.whiten(columns).T if len(travel) else (np.zeros(0), np.zeros(0))
-            one = _unit(one)
-            gain = gain - (one @ gain) * one
-            size = float(np.linalg.norm(gain))
-            keep = 1.0 / math.sqrt(1.0 + (spread * size / sigma) ** 2) if sigma > 0.0 else 1.0
-            self.whiteners.append(Whitener(noise, one, _unit(gain), keep))
+        """Choose the whitener: `noise`, and gains that differ by `spread` (a share) by block."""
+        block = self.block[self.used]
+        travel = self.travels(q)[self.used]
+        matrix = noise.matrix(np.bincount(block, minlength=len(self.blocks)))
+        count = len(self.blocks)
 
-    def plainly(self, q: Array) -> None:
-        """Choose whiteners for white noise and one gain."""
-        self.whitened_with(q, _WHITE, 0.0, 1.0)
+        def inner(a: Array, b: Array) -> Array:
+            return np.bincount(block, a * b, minlength=count).astype(float)
+
+        first = np.full(count, 0.0)
+        first[block[::-1]] = travel[::-1]
+        one: Array = matrix @ np.ones(len(block))
+        one /= np.sqrt(np.maximum(inner(one, one), 1e-300))[block]
+        gain: Array = matrix @ (travel - first[block])
+        gain = gain - one * inner(one, gain)[block]
+        size = np.sqrt(inner(gain, gain))
+        gain = gain / np.maximum(size, 1e-300)[block]
+        ratio = spread / sigma if sigma > 0.0 else 0.0
+        keep = 1.0 / np.sqrt(1.0 + (ratio * size) ** 2)
+        self.whiten = Whitener(matrix, one, gain, size, keep, block)
 
 
-def _unit(column: Array) -> Array:
-    size = float(np.linalg.norm(column))
-    return column / size if size > 0.0 else column
+def _voltage(bench: Bench) -> Array:
+    assert bench.voltage is not None
+    return bench.voltage

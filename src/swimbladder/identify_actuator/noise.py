@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
-__all__ = ["Autoregression", "autoregression", "changes", "quantum", "scale", "spikes"]
+__all__ = ["WHITE", "Autoregression", "autoregression", "changes", "quantum", "scale", "spikes"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -86,16 +87,39 @@ class Autoregression(NamedTuple):
                 result[top:] -= factor * columns[top - lag : len(columns) - lag]
         return result
 
+    def matrix(self, lengths: NDArray[np.int64]) -> csr_array:
+        """Return what whitens blocks of these lengths, one after the other, as a matrix."""
+        total = int(lengths.sum())
+        starts = np.cumsum(lengths) - lengths
+        place = np.arange(total) - np.repeat(starts, lengths)  # within the block
+        top = len(self.coefficients)
+        values, rows, columns = [np.ones(total)], [np.arange(total)], [np.arange(total)]
+        for lag in range(1, top + 1):
+            row = np.flatnonzero(place >= lag)
+            order = np.minimum(place[row], top)
+            ahead = np.array([0.0 if k < lag else self.predictors[k][lag - 1]
+                              for k in range(top + 1)])  # fmt: skip
+            values.append(-ahead[order])
+            rows.append(row)
+            columns.append(row - lag)
+        scale = 1.0 / np.sqrt(np.array(self.variances))[np.minimum(place, top)]
+        joined = np.concatenate(rows)
+        entries = np.concatenate(values) * scale[joined]
+        return csr_array((entries, (joined, np.concatenate(columns))), shape=(total, total))
+
+
+WHITE = Autoregression((), ((),), (1.0,))
+"""Noise that does not resemble its past."""
+
 
 def autoregression(blocks: Sequence[Array]) -> Autoregression:
     """Return the autoregression of residuals in independent blocks, its order by BIC, 0 to 4."""
     blocks = [block - block.mean() for block in blocks if len(block) > 1]
     total = sum(len(block) for block in blocks)
-    none = Autoregression((), ((),), (1.0,))
     power = sum(float(block @ block) for block in blocks)
     highest = min(_HIGHEST, total // 20)
     if power <= 0.0 or highest < 1:
-        return none
+        return WHITE
     r = [
         sum(float(b[lag:] @ b[: len(b) - lag]) for b in blocks if len(b) > lag) / power
         for lag in range(highest + 1)
@@ -114,7 +138,7 @@ def autoregression(blocks: Sequence[Array]) -> Autoregression:
     ]
     best = int(np.argmin(score))
     if best == 0:
-        return none
+        return WHITE
     end = variances[best]
     return Autoregression(
         predictors[best],

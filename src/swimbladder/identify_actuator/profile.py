@@ -52,7 +52,7 @@ class _Root:
         free = tuple(name for name in problem.free if name != "T1")
         self.others = [k for k in range(len(fit.q)) if k != at]
         self.begun = fit.q[self.others]
-        self.problem = replace(problem, free=free)
+        self.problem = problem.changed(free, problem.fixed)
         self.least = float(np.sum(problem.white(fit.q) ** 2))
 
     def __call__(self, log_T1: float) -> float:

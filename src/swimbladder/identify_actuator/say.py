@@ -43,8 +43,8 @@ def of_voltage(
 ) -> list[Finding]:
     """Return what is to be said of a fit to voltage steps."""
     found = []
-    total = sum(len(used) for used in fit.problem.used)
-    out = total - sum(int(used.sum()) for used in fit.problem.used)
+    total = len(fit.problem.used)
+    out = total - int(fit.problem.used.sum())
     if out:
         found.append(Finding("outliers", f"{out} of {total} samples are outliers, and left out."))
     if fit.spread > 0.0:

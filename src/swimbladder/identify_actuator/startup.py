@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from swimbladder.identify_actuator.bench import Bench
 from swimbladder.identify_actuator.estimate import Estimate, bounded, estimated, untold
 from swimbladder.identify_actuator.moves import Move
-from swimbladder.identify_actuator.noise import Autoregression, autoregression, changes, spikes
+from swimbladder.identify_actuator.noise import WHITE, autoregression, changes, spikes
 
 __all__ = ["Rate", "StartUp", "rate_of", "start_up"]
 
@@ -27,7 +27,6 @@ Array = NDArray[np.float64]
 
 _LONG = 3  # times the samples that the start takes are looked at, or
 _LEAST = 15  # samples
-_WHITE = Autoregression((), ((),), (1.0,))
 _STEP = 0.05  # of ln T1, for the derivatives of the deviance
 _CHI2 = 3.841  # of one degree of freedom, 95 %
 _ONE_SIDED = 2.706
@@ -137,7 +136,7 @@ class _Profile:
 
     def __init__(self, windows: Sequence[_Window], step: float) -> None:
         self.windows, self.step = windows, step
-        self.noise, self.variance = _WHITE, 1.0
+        self.noise, self.variance = WHITE, 1.0
         longest = max(float(w.time[-1]) for w in windows)
         self.grid = np.geomspace(0.02 * step, max(longest, step), 40)
         for _ in range(2):

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,14 +20,14 @@ from swimbladder.identify_actuator.begin import first_guess, robustly, tolerance
 from swimbladder.identify_actuator.bench import Bench
 from swimbladder.identify_actuator.blocks import Block, cut
 from swimbladder.identify_actuator.model import Problem
-from swimbladder.identify_actuator.noise import autoregression, scale, spikes
+from swimbladder.identify_actuator.noise import WHITE, autoregression, scale, spikes
 
 __all__ = ["VoltageFit", "fit_voltage", "named", "solve"]
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 4
-_FAR = 8.0  # robust standard deviations of all residuals beyond which a sample is an outlier
+_FAR = 6.0  # robust standard deviations of all residuals beyond which a sample is an outlier
 _LIMIT_SEEN = 6.63  # deviance that a rate limit has to gain: 1 % by chance
 _DIFFER = 2.71  # deviance that differing gains have to gain: 5 % by chance
 
@@ -38,7 +38,7 @@ class VoltageFit:
 
     q: free parameters as they are turned; covariance: of q; blind: directions of q that the logs
     do not tell, in columns; spread: of the gains of the blocks, a share; df: for the gains.
-    residuals: measured less fitted, for each block [m], its start taken off.
+    residual: measured less fitted of every sample in a block [m], its start taken off.
     """
 
     problem: Problem
@@ -48,7 +48,7 @@ class VoltageFit:
     sigma: float  # m, of the innovations
     spread: float
     df: float
-    residuals: tuple[Array, ...]
+    residual: Array
 
     @property
     def values(self) -> dict[str, float]:
@@ -58,8 +58,7 @@ class VoltageFit:
     @property
     def noise(self) -> float:
         """Standard deviation of what is left over, outliers aside [m]."""
-        kept = [r[used] for r, used in zip(self.residuals, self.problem.used, strict=True)]
-        return float(np.concatenate(kept).std())
+        return float(self.residual[self.problem.used].std())
 
 
 def fit_voltage(benches: Sequence[Bench], fixed: Mapping[str, float]) -> VoltageFit:
@@ -114,21 +113,23 @@ def _moving(benches: Sequence[Bench], guess: Mapping[str, float]) -> dict[tuple[
 
 def _refine(problem: Problem, q: Array) -> VoltageFit:
     """Return the fit with outliers left out, and noise and differing gains as they show."""
-    problem.plainly(q)
     sigma = spread = 0.0
     df = math.inf
     for round_ in range(_ROUNDS):
         _leave_out(problem, q)
-        if round_ < 2:
-            problem.plainly(q)
-        else:
-            noise = autoregression(_centred(problem, q))
+        problem.whitened_with(q, WHITE, 0.0, 0.0)
+        if round_ > 0:
+            left, used = problem.centred(problem.residual(q)), problem.used
+            ends = np.flatnonzero(np.diff(problem.block[used])) + 1
+            noise = autoregression(np.split(left[used], ends))
             problem.whitened_with(q, noise, 0.0, 0.0)
             spread, sigma, df = _gains(problem, q)
             problem.whitened_with(q, noise, spread, sigma)
-        q = solve(problem, q)
+        before, q = q, solve(problem, q)
+        if round_ > 1 and np.abs(q - before).max(initial=0.0) < 1e-5:
+            break
     jacobian, residual = _slope(problem, q), problem.white(q)
-    lost = len(q) + sum(used.sum() >= 2 for used in problem.used)
+    lost = len(q) + len(np.unique(problem.block[problem.used]))
     sigma = math.sqrt(float(residual @ residual) / max(len(residual) - lost, 1))
     sigma = max(sigma, 1e-6 * tolerance(problem.benches))
     covariance, blind = _covariance(jacobian, sigma)
@@ -140,7 +141,7 @@ def _refine(problem: Problem, q: Array) -> VoltageFit:
         sigma=sigma,
         spread=spread,
         df=df,
-        residuals=tuple(_without_start(problem, q)),
+        residual=problem.centred(problem.residual(q)),
     )
 
 
@@ -159,7 +160,7 @@ def solve(problem: Problem, q: Array) -> Array:
 
     found = least_squares(
         residual, np.clip(q, *bounds), slope,
-        bounds=bounds, xtol=1e-10, ftol=1e-10, gtol=1e-10, max_nfev=40,
+        bounds=bounds, xtol=1e-8, ftol=1e-9, gtol=1e-9, max_nfev=40,
     )  # fmt: skip
     return np.asarray(found.x, float)
 
@@ -174,30 +175,15 @@ def _slope(problem: Problem, q: Array) -> Array:
     return np.stack(columns, axis=1)
 
 
-def _without_start(problem: Problem, q: Array) -> list[Array]:
-    return [
-        residual - (residual[used].mean() if used.any() else np.median(residual))
-        for residual, used in zip(problem.residuals(q), problem.used, strict=True)
-    ]
-
-
-def _centred(problem: Problem, q: Array) -> list[Array]:
-    return [
-        residual[used]
-        for residual, used in zip(_without_start(problem, q), problem.used, strict=True)
-        if used.sum() > 2
-    ]
-
-
 def _leave_out(problem: Problem, q: Array) -> None:
     """Mark the samples that are no outliers."""
-    residuals = [r - np.median(r) for r in problem.residuals(q)]
-    size = scale(np.concatenate(residuals))
-    for k, (residual, block) in enumerate(zip(residuals, problem.blocks, strict=True)):
-        bench = problem.benches[block.log]
-        least = 4.0 * math.hypot(bench.noise, bench.quantum)
-        far = np.abs(residual) > max(_FAR * size, least)
-        problem.used[k] = ~(spikes(residual, least) | far)
+    residual = problem.by_median(problem.residual(q))
+    size = scale(residual)
+    for k, block in enumerate(problem.blocks):
+        bench, own = problem.benches[block.log], problem.block == k
+        least = bench.quantum + 1e-9 * float(np.ptp(bench.position))
+        far = np.abs(residual[own]) > max(_FAR * size, least)
+        problem.used[own] = ~(spikes(residual[own], least) | far)
 
 
 def _gains(problem: Problem, q: Array) -> tuple[float, float, float]:
@@ -208,20 +194,10 @@ def _gains(problem: Problem, q: Array) -> tuple[float, float, float]:
     """
     from scipy.optimize import minimize_scalar
 
-    J, r = _slope(problem, q), problem.white(q)
-    travels = problem.travels(q)
-    sizes, along_r, along_J, start = [], [], [], 0
-    for block, used, whiten in zip(problem.blocks, problem.used, problem.whiteners, strict=True):
-        n = int(used.sum())
-        if n < 2:
-            continue
-        travel = travels[block.log][block.samples][used]
-        gain = whiten.autoregression.whiten((travel - travel[0])[:, None])[:, 0]
-        sizes.append(float(whiten.gain @ gain))
-        along_r.append(whiten.gain @ r[start : start + n])
-        along_J.append(whiten.gain @ J[start : start + n])
-        start += n
-    size, a, A = np.array(sizes), np.array(along_r), np.array(along_J)
+    J, r, whiten = _slope(problem, q), problem.white(q), problem.whiten
+    assert whiten is not None
+    size, a = whiten.size, whiten.along(whiten.gain, r)
+    A = np.stack([whiten.along(whiten.gain, column) for column in J.T], axis=1)
     p, count = len(q), len(size)
     gain_like = sum(
         name in ("K1", "asymmetry", "dead_zone", "load_voltage") for name in problem.free
@@ -282,17 +258,12 @@ def _with_limit(fit: VoltageFit) -> VoltageFit | None:
     problem, values = fit.problem, fit.values
     top = problem.top - abs(values["load_voltage"]) - values["dead_zone"]
     fastest = values["K1"] * max(top, 0.0)
-    if fastest <= 0.0 or fit.blind.size:
+    if fastest <= 0.0 or fit.blind.size or _sizes(problem) < 3:
         return None
     base = float(np.sum(problem.white(fit.q) ** 2)) / fit.sigma**2
     best = None
-    for share in (0.95, 0.8, 0.6):
-        limited = replace(
-            problem,
-            free=(*problem.free, "rate"),
-            used=list(problem.used),
-            whiteners=list(problem.whiteners),
-        )
+    for share in (0.95, 0.7):
+        limited = problem.changed((*problem.free, "rate"), problem.fixed)
         begun = limited.turned({**values, "rate": share * fastest})
         q = solve(limited, begun)
         gained = base - float(np.sum(limited.white(q) ** 2)) / fit.sigma**2
@@ -303,6 +274,12 @@ def _with_limit(fit: VoltageFit) -> VoltageFit | None:
         return None
     found = _refine(best[1], best[2])
     return None if found.blind.size else found
+
+
+def _sizes(problem: Problem) -> int:
+    """Return how many sizes of voltage there are, to a twentieth of the largest."""
+    u = np.concatenate([b.voltage for b in problem.benches if b.voltage is not None])
+    return len(np.unique(np.rint(20.0 * np.abs(u) / problem.top))) - 1
 
 
 def named(fit: VoltageFit) -> tuple[str, ...]:
