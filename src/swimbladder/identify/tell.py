@@ -117,13 +117,15 @@ def _say(names: list[str], std: dict[str, float], problem: Problem) -> str:
 
 
 def _remedy(names: list[str], problem: Problem) -> str:
+    known = "give psi a prior or a value (--prior, --set)"
     if "psi" in names:
         other = "run a longer dive, or several with volume changes of different size"
-        return f"Give psi a prior or a value (--prior, --set), or {other}."
+        return f"G{known[1:]}, or {other}."
     if "drag_quadratic" in names and problem.model.law == "blended":
         return "Choose --drag linear or quadratic, or run at speeds that differ more."
-    if "drag_quadratic" in names or names == ["K2"]:
-        return "Run longer, so that the speed settles, and with larger changes of volume."
+    if "drag_quadratic" in names or "K2" in names:
+        also = f", or {known}" if "psi" in problem.names else ""
+        return f"Run longer, so that the speed settles, and with larger changes of volume{also}."
     if "mass" in names or "T2" in names:
         return "Record how the speed builds up: more samples soon after a change of volume."
     return "Give a value (--set) or a prior (--prior), or record steps that excite it."
