@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
@@ -147,7 +148,7 @@ class Rows:
         ragged: list[tuple[int, int]] = []
         junk: list[int] = []
         again: list[int] = []
-        tails: list[int] = []  # lengths of the last fields
+        tails: deque[int] = deque(maxlen=_TAILS)  # lengths of the last fields
         for line, row in self._records(self._next):
             if skip:
                 skip -= 1
@@ -160,7 +161,7 @@ class Rows:
             elif self.form.part not in (None, self.parts):
                 continue
             elif line == last and tails and (
-                len(row) < self._fields or len(row[-1]) < min(tails[-_TAILS:])
+                len(row) < self._fields or len(row[-1]) < min(tails)
             ):  # fmt: skip
                 self.report.append(f"the last row, on line {line}, is cut short and is dropped")
             elif len(row) == self._fields or self._differs_by_a_blank(row):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -83,7 +84,9 @@ def read_table(
         line = line[chosen]
         columns = {name: _only(column, chosen) for name, column in columns.items()}
     reader = _Reader(path, form, columns, line, report)
-    values = {name: reader.read(name, column) for name, column in sources.items()}
+    written = {name: reader.read(name, column) for name, column in sources.items()}
+    reader.refuse_bad()  # first: it may be why the rest makes no sense
+    values = {name: reader.in_unit(name, sources[name], written[name]) for name in sources}
     values, line = reader.without_bad(values)
     used = {column.name for column in sources.values()} | dates | set(where)
     unused = [name for name in sheet.header if name and name not in used]
@@ -134,25 +137,29 @@ class _Reader:
         self.path, self.form, self.columns, self.line = path, form, columns, line
         self.report, self.conversions = report, list[str]()
         self._missing = frozenset(_MISSING | {text.strip().lower() for text in form.missing})
-        self._bad: dict[int, LogError] = {}
+        self._bad: dict[int, Callable[[], LogError]] = {}
 
     def read(self, name: str, column: LogColumn) -> Array:
-        """Return a column in the unit of its name; raises LogError where it is none."""
+        """Return the numbers of a column as they are written; times that are text in seconds."""
         if name == "time_s" and reads_text(column):
             return self._times(column)
-        factor: float | None
-        values = self._numbers(name, column)
-        if self._bad and self.form.bad_rows == "refuse":
-            raise self._bad[
-                min(self._bad)
-            ]  # before it is made sense of: it may be why there is none
+        return self._numbers(name, column)
+
+    def refuse_bad(self) -> None:
+        """Raise LogError for the first row with anything but a number, unless such rows may go."""
+        if self._bad and (self.form.bad_rows == "refuse" or len(self._bad) > len(self.line) / 2):
+            raise self._bad[min(self._bad)]()
+
+    def in_unit(self, name: str, column: LogColumn, values: Array) -> Array:
+        """Return a column in the unit of its name; raises LogError where its own unit is none."""
+        if name == "time_s" and reads_text(column):
+            return values
+        factor = None
         if name == "time_s":
             values, factor = counter_seconds(
                 values, column, self.form, self.line, self.path, self.report
             )
-            factor = factor if factor is not None else self._factor(name, column)
-        else:
-            factor = self._factor(name, column)
+        factor = factor if factor is not None else self._factor(name, column)
         unit = COLUMNS[name]
         if column.name != name:
             stated = f"taken to be in {unit}" if factor is None else f"times {factor:g} for {unit}"
@@ -161,20 +168,22 @@ class _Reader:
         values = values if factor is None else _scaled(values, factor)
         wild = np.flatnonzero(np.abs(values) > _LARGEST)
         for k in wild:
-            self._bad.setdefault(int(k), self._error(
-                "too large for anything measured", int(k), column, float(values[k]), unit,
-                'Check the unit; if it stands for no number, add it to missing in a [log] table',
-            ))  # fmt: skip
+            remedy = (
+                "Check the unit; if it stands for no number, add it to missing in a [log] table"
+            )
+            what = "too large for anything measured"
+            self._bad.setdefault(
+                int(k), partial(self._error, what, int(k), column, float(values[k]), unit, remedy)
+            )
         values[wild] = np.nan
         return values
 
     def without_bad(self, values: dict[str, Array]) -> tuple[dict[str, Array], NDArray[np.int64]]:
         """Return the columns and lines without bad rows; raises LogError unless they may go."""
+        self.refuse_bad()
         if not self._bad:
             return values, self.line
-        first = self._bad[min(self._bad)]
-        if self.form.bad_rows == "refuse" or len(self._bad) > len(self.line) / 2:
-            raise first
+        first = self._bad[min(self._bad)]()
         self.report.append(
             f"{counted(len(self._bad), 'row')} with anything but a number dropped, the first on "
             f"line {first.line} ({first.field}: {str(first.value)[:40]!r})"
@@ -199,7 +208,8 @@ class _Reader:
         for k in bad:
             text = texts[k].strip() if dates is None else f"{dates[k]} {texts[k]}".strip()
             what = "not a time in ISO 8601" if column.unit == "iso" else "not a time"
-            self._bad[k] = self._error(what, k, column, text, "", time_remedy(column, text))
+            remedy = time_remedy(column, text)
+            self._bad[k] = partial(self._error, what, k, column, text, "", remedy)
         found = values[np.isfinite(values)]
         how = {"iso": "ISO 8601", "clock": "times of the day"}.get(column.unit or "", column.unit)
         self.conversions.append(
@@ -230,7 +240,7 @@ class _Reader:
             except ValueError:
                 values[k] = math.nan
                 if text.strip().lower() not in missing and k not in self._bad:
-                    self._bad[k] = self._not_a_number(name, column, k, text.strip())
+                    self._bad[k] = partial(self._not_a_number, name, column, k, text.strip())
         values[~np.isfinite(values)] = np.nan
         return values
 
@@ -239,6 +249,8 @@ class _Reader:
             return column_factor(column, COLUMNS[name])
         except InputError as error:
             remedy = error.remedy or ""
+            if name != "time_s" and column.unit in ("iso", "clock", "tick"):
+                remedy = f"Only time_s is read as {column.unit}"
             if column.unit is None:
                 remedy += f'; state the unit with --column "{name}={column.name}@UNIT"'
             if name == "time_s":
