@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import time
 from pathlib import Path
@@ -17,14 +16,15 @@ from swimbladder.cli.common import (
     json_text,
     output,
     progress,
-    quantity,
 )
 from swimbladder.cli.logs import chosen, depth, names, pair, read
+from swimbladder.cli.settings import deviation, known, once, setting
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.identify import Identification, Prior
+    from swimbladder.identify import Identification
     from swimbladder.identify.paper import PaperFits
+    from swimbladder.io.logs import Log
 
 __all__ = ["identify"]
 
@@ -112,20 +112,23 @@ def identify(
     units = {name: about.unit for name, about in NAMES.items()}
     options: dict[str, Any] = {
         "free": names(free),
-        "fixed": dict(_setting(text, units) for text in set_ or []),
-        "priors": dict(_prior(text, units) for text in prior or []),
+        "fixed": once([setting(text, units) for text in set_ or []], "--set"),
+        "priors": once([known(text, units) for text in prior or []], "--prior"),
         "drag": drag,
-        "neutral_std": _deviation(neutral_std, "m3", "--neutral-std"),
-        "speed_std": _deviation(speed_std, "m/s", "--speed-std"),
+        "neutral_std": deviation(neutral_std, "m3", "--neutral-std"),
+        "speed_std": deviation(speed_std, "m/s", "--speed-std"),
         "drive": _drive(drive),
         "bottom_depth": depth(bottom, "--bottom"),
         "surface_margin": depth(surface_margin, "--surface-margin"),
         "profiles": profiles,
     }
     mapped = dict(pair(text, "--column") for text in column or [])
-    given = [
-        read(log, v, columns=mapped, log_format=log_format) for log in chosen(logs, where or [])
-    ]
+    given: list[Log] = []
+    seen: set[Path] = set()
+    for log in chosen(logs, where or []):
+        quiet = log.path in seen
+        given.append(read(log, v, columns=mapped, log_format=log_format, quiet=quiet))
+        seen.add(log.path)
     with progress("loading the simulator"):
         from swimbladder.identify import identify as identify_logs
         from swimbladder.identify.paper import paper_fits
@@ -164,77 +167,6 @@ def _command() -> str:
     import shlex
 
     return shlex.join(["swimbladder", *sys.argv[1:]])
-
-
-def _named(text: str, option: str, units: dict[str, str]) -> tuple[str, str]:
-    """Return name and value of NAME=VALUE; raises InputError for a name that cannot be."""
-    from swimbladder.parameters.schema import did_you_mean
-
-    name, value = pair(text, option)
-    if name not in units:
-        raise InputError(
-            "there is no such parameter", field=option, value=name,
-            remedy=f"{did_you_mean(name, units)}Choose from {', '.join(units)}",
-        )  # fmt: skip
-    return name, value
-
-
-def _setting(text: str, units: dict[str, str]) -> tuple[str, float]:
-    name, value = _named(text, "--set", units)
-    number = quantity(value, units[name], f"--set {name}")
-    assert number is not None
-    return name, number
-
-
-_PLUS_MINUS = re.compile(r"\+-|\+/-|±")
-
-
-def _prior(text: str, units: dict[str, str]) -> tuple[str, Prior]:
-    """Return name and prior of "NAME=MEAN +- STD UNIT".
-
-    A unit that stands at one of the numbers only counts for both; a deviation in % is of the mean.
-    """
-    from swimbladder.identify import Prior
-
-    name, value = _named(text, "--prior", units)
-    field, unit = f"--prior {name}", units[name]
-    parts = _PLUS_MINUS.split(value)
-    if len(parts) != 2:
-        raise InputError(
-            "no prior: it has a mean and a standard deviation", field=field, value=value,
-            unit=unit, remedy=f'Write it as "{name}=MEAN +- STD {unit}"',
-        )  # fmt: skip
-    mean_text, std_text = (part.strip() for part in parts)
-    mean_unit, std_unit = (_unit(part) for part in (mean_text, std_text))
-    if std_unit == "%":
-        mean = quantity(mean_text, unit, field)
-        assert mean is not None
-        share = quantity(std_text, "", field)
-        assert share is not None
-        return name, Prior(mean, abs(mean) * share)
-    if mean_unit and not std_unit:
-        std_text = f"{std_text} {mean_unit}"
-    if std_unit and not mean_unit:
-        mean_text = f"{mean_text} {std_unit}"
-    found_mean, found_std = quantity(mean_text, unit, field), quantity(std_text, unit, field)
-    assert found_mean is not None
-    assert found_std is not None
-    return name, Prior(found_mean, found_std)
-
-
-def _unit(text: str) -> str:
-    """Return the unit behind a number, "" where there is none."""
-    number = re.match(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", text)
-    return "" if number is None else text[number.end() :].strip()
-
-
-def _deviation(text: str, unit: str, option: str) -> float:
-    """Return a standard deviation, infinite for ``none``."""
-    if text.strip().lower() == "none":
-        return float("inf")
-    number = quantity(text, unit, option)
-    assert number is not None
-    return number
 
 
 def _drive(text: str | None) -> str | None:
@@ -328,13 +260,14 @@ def _choices(found: Identification) -> object:
 
 
 def _logs(found: Identification) -> object:
+    from swimbladder.plots.identify import labels
     from swimbladder.report.words import row
 
     table = _table(("log", "rms", "samples", "outliers", "neutral volume off by"))
-    for e in found.experiments:
+    for label, e in zip(labels(found), found.experiments, strict=True):
         r = row("", e.estimates["neutral_error"])
         table.add_row(
-            e.source,
+            label,
             f"{1e3 * e.rms:.1f} mm",
             str(int((e.weight > 0.0).sum())),
             str(e.outliers),

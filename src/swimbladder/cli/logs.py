@@ -83,21 +83,23 @@ def depth(text: str | None, option: str) -> float:
 
 
 def read(
-    log: Chosen, vehicle: Vehicle, *, columns: Mapping[str, str], log_format: str | None
-) -> Log:
+    log: Chosen, vehicle: Vehicle, *, columns: Mapping[str, str], log_format: str | None,
+    quiet: bool = False,
+) -> Log:  # fmt: skip
     """Return the log of a vehicle, read by the format asked for or the one shipped for it.
 
-    Raises LogError, an InputError, with file, line, column, value and remedy.
+    quiet: that a shipped one is used has been said. Raises LogError, an InputError, with file,
+    line, column, value and remedy.
     """
     from swimbladder.io.logs import read_log
 
     with progress(f"reading {log.label}"):
-        form = _format(log.path, vehicle, columns, log_format)
+        form = _format(log.path, vehicle, columns, log_format, quiet=quiet)
         return read_log(log.path, columns=columns, where=log.where, log_format=form)
 
 
 def _format(
-    path: Path, vehicle: Vehicle, columns: Mapping[str, str], asked: str | None
+    path: Path, vehicle: Vehicle, columns: Mapping[str, str], asked: str | None, *, quiet: bool
 ) -> LogFormat | None:
     """Return the log format asked for; else the shipped one of the vehicle, where it fits.
 
@@ -115,9 +117,10 @@ def _format(
     form = log_format(vehicle.name)
     if not {column.name for column in form.columns.mapped().values()} <= header:
         return None
-    console.print(
-        f"{path}: its columns are those of the log format {vehicle.name}, and read so",
-        markup=False,
-        soft_wrap=True,
-    )
+    if not quiet:
+        console.print(
+            f"{path}: its columns are those of the log format {vehicle.name}, and read so",
+            markup=False,
+            soft_wrap=True,
+        )
     return form

@@ -6,6 +6,7 @@ It takes every log as neutral and at rest at its first sample, and leaves psi ou
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,7 +77,7 @@ def paper_fits(found: Identification) -> PaperFits:
     speed = average(by_speed) if by_speed else None
     depth = average(by_depth) if by_depth else None
     return PaperFits(
-        each=each, by_speed=speed, by_depth=depth, sentence=_sentence(found, speed, depth)
+        each=each, by_speed=speed, by_depth=depth, sentence=_sentence(found, each, speed, depth)
     )
 
 
@@ -106,19 +107,29 @@ def _one(e: ExperimentFit) -> PaperFit:
         return PaperFit(source=e.source, step=step, why=why)
     first = max(3, int(np.argmax(np.abs(change) > 0.0)))
     record = Record(even - even[0], r.depth[:n], change, float(np.mean(r.depth[:first])))
-    fits = [_kept(fit(record)) for fit in (fit_speed, fit_depth)]
-    why = "" if all(fits) else "a fit of it runs away"
+    fits = [_kept(fit, record) for fit in (fit_speed, fit_depth)]
+    why = "a fit of it runs away" if None in fits else ""
     return PaperFit(source=e.source, step=step, by_speed=fits[0], by_depth=fits[1], why=why)
 
 
-def _kept(fit: Fit) -> Fit | None:
-    return fit if min(fit.K2, fit.T2) > 1.0 / _RUNAWAY and max(fit.K2, fit.T2) < _RUNAWAY else None
+def _kept(fit: Callable[[Record], Fit], record: Record) -> Fit | None:
+    """Return a fit, None where it goes beyond all vehicles."""
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = fit(record)
+    except (OverflowError, ValueError):  # of an exponential; of what is not finite
+        return None
+    far = max(found.K2, found.T2, 1.0 / found.K2, 1.0 / found.T2) > _RUNAWAY
+    return None if far else found
 
 
-def _sentence(found: Identification, speed: Fit | None, depth: Fit | None) -> str:
+def _sentence(
+    found: Identification, each: tuple[PaperFit, ...], speed: Fit | None, depth: Fit | None
+) -> str:
     fit = depth or speed
     if fit is None:
-        return "The paper's way has no log here that it can be used on."
+        why = "; ".join(dict.fromkeys(one.why for one in each))
+        return f"The paper's way has no log here that it can be used on. Of each: {why}."
     number = "27" if depth is not None else "26"
     told = (
         f"The paper's way (each log alone by eq. ({number}), averaged) gives K2 = "
