@@ -241,7 +241,7 @@ def test_the_log_table(tmp_path: Path) -> None:
         time_s = { name = "t", unit = "min" }
         depth_m = "Z [cm]"
         volume_m3 = { name = "v", unit = "cm3" }
-        piston_m = { name = "x", unit = "mm" }
+        piston_m = "x@mm"
         [log.where]
         dive = 2
         """,

@@ -34,13 +34,9 @@ def mapped_columns(
 
 def wanted_names(mapped: Mapping[str, LogColumn | str], needed: Sequence[str]) -> list[set[str]]:
     """Return sets of names, of each of which the header has to have one."""
-    wanted = [
-        set(_readings(given)) if isinstance(given, str) else {given.name}
-        for given in mapped.values()
-    ]
-    wanted += [
-        {given.date} for given in mapped.values() if isinstance(given, LogColumn) and given.date
-    ]
+    wanted = [set(_readings(given)) for given in mapped.values()]
+    dates = [given.date for given in mapped.values() if isinstance(given, LogColumn)]
+    wanted += [{date} for date in dates if date is not None]
     for name in needed:
         if name == "depth_m" and "pressure_Pa" not in mapped and name not in mapped:
             wanted.append({"depth_m", "pressure_Pa"})
@@ -49,8 +45,11 @@ def wanted_names(mapped: Mapping[str, LogColumn | str], needed: Sequence[str]) -
     return wanted
 
 
-def _readings(text: str) -> dict[str, LogColumn]:
+def _readings(given: LogColumn | str) -> dict[str, LogColumn]:
     """Return what ``NAME``, ``NAME@UNIT`` or ``DATE+NAME@UNIT`` may mean, by the column's name."""
+    if isinstance(given, LogColumn) and (given.unit is not None or given.date is not None):
+        return {given.name: given}
+    text = given if isinstance(given, str) else given.name
     found = {text: LogColumn(name=text or " ")}
     name, at, unit = text.rpartition("@")
     if at and name:
@@ -76,12 +75,10 @@ def column_sources(
             if name in header:
                 sources[name] = _one(name, LogColumn(name=name), header, path)
             continue
-        if isinstance(given, str):
-            readings = _readings(given)
-            fitting = [column for reading, column in readings.items() if reading in header]
-            given = (fitting or list(readings.values()))[
-                0 if fitting else min(1, len(readings) - 1)
-            ]
+        readings = _readings(given)
+        fitting = [column for reading, column in readings.items() if reading in header]
+        meant = list(readings.values())[:2][-1]  # without what is after the @, for the refusal
+        given = fitting[0] if fitting else meant
         sources[name] = _one(name, given, header, path)
     source = depth_source(set(sources), set(mapped), path)
     for other in {"depth_m", "pressure_Pa"} - {source} if source else ():

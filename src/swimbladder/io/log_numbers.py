@@ -1,0 +1,207 @@
+"""The texts of a log's columns as numbers in SI; what is no number is remembered with its row."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError, LogError
+from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, column_factor
+from swimbladder.io.log_rows import Column
+from swimbladder.io.log_text import counted
+from swimbladder.io.log_time import counter_seconds, reads_text, text_seconds, time_remedy
+from swimbladder.io.log_where import column_texts, number
+
+__all__ = ["ColumnReader"]
+
+Array = NDArray[np.float64]
+
+_MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "+inf", "-inf", "nat", "#n/a"}
+_LARGEST = 1e15  # in SI: no number of a log is larger, and their products stay finite
+
+
+class ColumnReader:
+    """Turns the texts of columns into numbers; remembers which rows hold something else."""
+
+    def __init__(
+        self,
+        path: str | Path,
+        form: LogFormat,
+        columns: Mapping[str, Column],
+        line: NDArray[np.int64],
+        report: list[str],
+    ) -> None:
+        self.path, self.form, self.columns, self.line = path, form, columns, line
+        self.report, self.conversions = report, list[str]()
+        self._missing = frozenset(_MISSING | {text.strip().lower() for text in form.missing})
+        self._bad: dict[int, Callable[[], LogError]] = {}
+
+    def read(self, name: str, column: LogColumn) -> Array:
+        """Return the numbers of a column as they are written; times that are text in seconds."""
+        if name == "time_s" and reads_text(column):
+            return self._times(column)
+        return self._numbers(name, column)
+
+    def refuse_bad(self) -> None:
+        """Raise LogError for the first row with anything but a number, unless such rows may go."""
+        if self._bad and (self.form.bad_rows == "refuse" or len(self._bad) > len(self.line) / 2):
+            raise self._bad[min(self._bad)]()
+
+    def in_unit(self, name: str, column: LogColumn, values: Array) -> Array:
+        """Return a column in the unit of its name; raises LogError where its own unit is none."""
+        if name == "time_s" and reads_text(column):
+            return values
+        factor = None
+        if name == "time_s":
+            values, factor = counter_seconds(
+                values, column, self.form, self.line, self.path, self.report
+            )
+        factor = factor if factor is not None else self._factor(name, column)
+        unit = COLUMNS[name]
+        if column.name != name:
+            stated = f"taken to be in {unit}" if factor is None else f"times {factor:g} for {unit}"
+            stated = f"in {unit}" if factor == 1.0 else stated
+            self.conversions.append(f"{name} read from {column.name!r}, {stated}")
+        values = values if factor is None else _scaled(values, factor)
+        wild = np.flatnonzero(np.abs(values) > _LARGEST)
+        for k in wild:
+            remedy = (
+                "Check the unit; if it stands for no number, add it to missing in a [log] table"
+            )
+            what = "too large for anything measured"
+            self._bad.setdefault(
+                int(k), partial(self._error, what, int(k), column, float(values[k]), unit, remedy)
+            )
+        values[wild] = np.nan
+        return values
+
+    def without_bad(self, values: dict[str, Array]) -> tuple[dict[str, Array], NDArray[np.int64]]:
+        """Return the columns and lines without bad rows; raises LogError unless they may go."""
+        self.refuse_bad()
+        if not self._bad:
+            return values, self.line
+        first = self._bad[min(self._bad)]()
+        self.report.append(
+            f"{counted(len(self._bad), 'row')} with anything but a number dropped, the first on "
+            f"line {first.line} ({first.field}: {str(first.value)[:40]!r})"
+        )
+        kept = np.ones(len(self.line), dtype=bool)
+        kept[list(self._bad)] = False
+        return {name: column[kept] for name, column in values.items()}, self.line[kept]
+
+    def _times(self, column: LogColumn) -> Array:
+        """Return times that are text, in seconds from the first."""
+        for option in ("tick", "counter_bits"):
+            if getattr(self.form, option) is not None:
+                raise LogError(
+                    f"{option} has no use: the time is no number but {column.unit}",
+                    file=self.path,
+                    field=option,
+                    remedy=f"Leave {option} out",
+                )
+        texts = column_texts(self.columns[column.name])
+        dates = None if column.date is None else column_texts(self.columns[column.date])
+        values, bad = text_seconds(texts, dates, column, self._missing, self.path)
+        for k in bad:
+            text = texts[k].strip() if dates is None else f"{dates[k]} {texts[k]}".strip()
+            what = "not a time in ISO 8601" if column.unit == "iso" else "not a time"
+            remedy = time_remedy(column, text)
+            self._bad[k] = partial(self._error, what, k, column, text, "", remedy)
+        found = values[np.isfinite(values)]
+        how = {"iso": "ISO 8601", "clock": "times of the day"}.get(column.unit or "", column.unit)
+        self.conversions.append(
+            f"time_s read from {column.name!r} as {how}, in seconds from the first"
+        )
+        return values - (found[0] if len(found) else 0.0)
+
+    def _numbers(self, name: str, column: LogColumn) -> Array:
+        """Return the numbers of a column as they are written."""
+        if column.date is not None:
+            raise LogError(
+                "a column with the date goes with a time of the day",
+                file=self.path,
+                field=name,
+                value=column.date,
+                remedy='Map it with unit = "iso", or with a pattern',
+            )
+        given = self.columns[column.name]
+        if not isinstance(given, list):
+            absent = [float(text) for text in self.form.missing if _is_number(text)]
+            return np.where(np.isfinite(given) & ~np.isin(given, absent), given, np.nan)
+        values = np.empty(len(given))
+        comma, missing = self.form.decimal == ",", self._missing
+        stated = frozenset(text.strip() for text in self.form.missing)
+        for k, text in enumerate(given):
+            try:
+                values[k] = math.nan if text.strip() in stated else number(text, comma=comma)
+            except ValueError:
+                values[k] = math.nan
+                if text.strip().lower() not in missing and k not in self._bad:
+                    self._bad[k] = partial(self._not_a_number, name, column, k, text.strip())
+        values[~np.isfinite(values)] = np.nan
+        return values
+
+    def _factor(self, name: str, column: LogColumn) -> float | None:
+        try:
+            return column_factor(column, COLUMNS[name])
+        except InputError as error:
+            remedy = error.remedy or ""
+            if name != "time_s" and column.unit in ("iso", "clock", "tick"):
+                remedy = f"Only time_s is read as {column.unit}"
+            if column.unit is None:
+                remedy += f'; state the unit with --column "{name}={column.name}@UNIT"'
+            if name == "time_s":
+                remedy += "; for times that are no numbers see iso, clock and patterns"
+            raise LogError(
+                error.what,
+                file=self.path,
+                field=name,
+                value=column.unit or column.name,
+                unit=COLUMNS[name],
+                remedy=remedy,
+            ) from None
+
+    def _not_a_number(self, name: str, column: LogColumn, k: int, text: str) -> LogError:
+        """Return the error for a field that is no number, with what it looks like as the remedy."""
+        remedy = time_remedy(column, text) if name == "time_s" else ""
+        if not remedy and "," in text and self.form.decimal == ".":
+            remedy = 'If it is a decimal comma, set decimal = "," in a [log] table (--log-format)'
+        if not remedy and k == 0 and not any(letter.isdigit() for letter in text[:20]):
+            remedy = "If this row holds the units, set units_row = true in a [log] table"
+        return self._error(
+            "not a number", k, column, text, "",
+            remedy or "Correct the field, leave it empty where nothing was measured, or set "
+            'bad_rows = "drop" in a [log] table',
+        )  # fmt: skip
+
+    def _error(
+        self, what: str, k: int, column: LogColumn, value: object, unit: str, remedy: str
+    ) -> LogError:
+        return LogError(
+            what,
+            file=self.path,
+            line=int(self.line[k]),
+            field=column.name,
+            value=value,
+            unit=unit,
+            remedy=remedy,
+        )
+
+
+def _scaled(values: Array, factor: float) -> Array:
+    """Return values in another unit, each the float nearest to what was written."""
+    parts = round(1.0 / factor) if factor < 1.0 else 1
+    with np.errstate(over="ignore"):
+        return values / parts if parts > 1 and 1.0 / parts == factor else values * factor
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(number(text, comma=False))
+    except ValueError:
+        return False
