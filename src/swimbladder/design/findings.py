@@ -94,7 +94,7 @@ def _ends(chosen: Weighed) -> list[Finding]:
             found.append(
                 Finding(
                     "range", "warning",
-                    f"Experiment {k}: {missed} of the {chosen.vehicles} vehicles that it may be "
+                    f"Experiment {k}: {missed} of the {len(chosen.others)} vehicles that it may be "
                     "reach an end of the range before the last move; this is reckoned with.",
                 )
             )  # fmt: skip

@@ -9,14 +9,16 @@ import numpy as np
 
 from swimbladder.design.flight import follow
 from swimbladder.design.knowledge import Question
-from swimbladder.design.setting import Ramps, Release, Setting
+from swimbladder.design.setting import Ramps, Release, Setting, Turn
 
-__all__ = ["releases", "sizes"]
+__all__ = ["releases", "rounded", "sizes"]
 
 _SIZES = 7
 _SECOND = (1.0, 0.5, 0.0)  # of the first volume, with the other sign; 0: coasting
 _PLACES = (0.35, 0.5, 0.65)  # of the way through the range at which the volume is reversed
 _HALVINGS = 12
+_GRIDS = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)  # m, of depths that a person sets
+_GRID = 50.0  # of these in the range, at least
 _QUICKEST = 40  # samples of the shortest record
 _SURE = 4.0  # deviations of the neutral volume, so that the vehicle leaves the way it should
 
@@ -71,4 +73,20 @@ def releases(question: Question, ramps: Ramps, setting: Setting) -> list[list[Re
                         for n in lengths
                     ]
                     found.append(family)
-    return found
+    return [[rounded(release, setting) for release in family] for family in found]
+
+
+def rounded(release: Release, setting: Setting) -> Release:
+    """Return a release with volumes and depths of moves that a person can set."""
+    span = setting.deepest - setting.shallowest
+    grid = next((g for g in _GRIDS if g <= span / _GRID), _GRIDS[-1])
+    first = abs(release.moves[0].volume)
+    step = 10.0 ** (math.floor(math.log10(first)) - 1)  # two digits of the first volume
+    moves = []
+    for volume, when in release.moves:
+        place = when
+        if when is not None:
+            inside = min(max(when.depth, setting.shallowest + grid), setting.deepest - grid)
+            place = when._replace(depth=round(grid * round(inside / grid), 6))
+        moves.append(Turn(float(f"{step * round(volume / step):.6g}"), place))
+    return release._replace(moves=tuple(moves))

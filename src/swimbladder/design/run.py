@@ -45,8 +45,8 @@ def design_experiment(
     neutral_std: float | None = None, drift_std: float | None = None,
     free: Sequence[str] | None = None, fixed: Mapping[str, float] | None = None,
     priors: Mapping[str, Prior] | None = None, drag: str | None = None, time: float | None = None,
-    releases: int | None = None, clearance: float = 0.75, settling: float | None = None, rest: float = 5.0,
-    longest: float = 240.0, moves: int = 4, largest: float = math.inf,
+    releases: int | None = None, clearance: float = 0.75, settling: float | None = None,
+    rest: float = 5.0, longest: float = 240.0, moves: int = 4, largest: float = math.inf,
     criterion: str = "largest", uncertainty: float | None = None,
     against: Sequence[float] | None = None, advance: Callable[[float], None] | None = None,
 ) -> Design:  # fmt: skip

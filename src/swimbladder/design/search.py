@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 from swimbladder.design.choose import Criterion, Table, choose, in_order
 from swimbladder.design.flight import follow
 from swimbladder.design.knowledge import Question, told
-from swimbladder.design.library import releases
+from swimbladder.design.library import releases, rounded
 from swimbladder.design.setting import Ramps, Release, Setting
 
 __all__ = ["Search", "search"]
@@ -24,8 +24,7 @@ Array = NDArray[np.float64]
 _TRIES = 40  # of sizes and places, for each kind of release in the set
 _NEAR = 0.1  # first step of these: of a volume, of a third of the range
 _LATE = 20.0  # of the criterion, for a set that takes twice its time
-_DIGITS = 2  # of a volume that a person sets
-_GRIDS = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)  # m, of depths that a person sets
+_ALIKE = 0.02  # of the criterion, that fewer kinds of release may cost
 
 
 class _Told(NamedTuple):
@@ -105,8 +104,32 @@ def search(s: Search, budget: float, most: int, advance: Callable[[float], None]
     place = {release: i for i, release in enumerate(candidates)}
     ours = [place[r] for r in chosen]
     best = ours if table.cost[ours].sum() <= budget and table.of(ours) <= table.of(again) else again
+    best = _fewer_kinds(table, best, budget)
     advance(0.05)
-    return [candidates[i] for i in in_order(table, best)]
+    return [_that_happens(s, candidates[i]) for i in in_order(table, best)]
+
+
+def _fewer_kinds(table: Table, chosen: Sequence[int], budget: float) -> list[int]:
+    """Return the set with rare kinds replaced by its frequent ones, where that costs next to
+    nothing: a plan is easier to follow the more alike its releases are.
+    """
+    now, limit = list(chosen), table.of(chosen) + _ALIKE
+    for rare, _ in reversed(Counter(chosen).most_common()):
+        for kind, _ in Counter(now).most_common():
+            other = [kind if i == rare else i for i in now]
+            if kind != rare and table.cost[other].sum() <= budget and table.of(other) <= limit:
+                now = other
+                break
+    return now
+
+
+def _that_happens(s: Search, release: Release) -> Release:
+    """Return a release without the moves that happen in none of the vehicles."""
+    q = s.question
+    flights = [
+        follow(release, q.model, values, s.ramps, s.setting) for values in (q.values, *s.vehicles)
+    ]
+    return release._replace(moves=release.moves[: max(len(f.moved) for f in flights)])
 
 
 def _refined(
@@ -160,13 +183,12 @@ def _release(kind: Release, numbers: Sequence[float], s: Search) -> Release:
     first, setting = len(kind.moves[:2]), s.setting
     volumes = [float(np.clip(v, s.ramps.least, s.ramps.most)) for v in numbers[:first]]
     volumes[0] = math.copysign(max(abs(volumes[0]), 1e-9), kind.moves[0].volume)
-    volumes = [float(f"{v:.{_DIGITS - 1}e}") for v in volumes]
-    span = setting.deepest - setting.shallowest
-    grid = next((g for g in _GRIDS if g <= span / 50.0), _GRIDS[-1])
-    inside = np.clip(numbers[first:], setting.shallowest + grid, setting.deepest - grid)
-    depths = [round(grid * round(z / grid), 6) for z in inside.tolist()]
+    depths = np.clip(numbers[first:], setting.shallowest, setting.deepest).tolist()
     n = len(kind.moves)
-    return Release.to_and_fro(
-        kind.start, [volumes[k % 2] for k in range(n)],
-        [depths[min(k % 2, len(depths) - 1)] for k in range(n - 1)],
+    return rounded(
+        Release.to_and_fro(
+            kind.start, [volumes[k % 2] for k in range(n)],
+            [depths[min(k % 2, len(depths) - 1)] for k in range(n - 1)],
+        ),
+        setting,
     )  # fmt: skip

@@ -35,12 +35,12 @@ class Weighed:
 
     releases: tuple[Release, ...]
     flights: tuple[Flight, ...]
+    others: tuple[tuple[Flight, ...], ...]  # of each vehicle that it may be
     time: float
     prediction: Prediction
     spread: dict[str, tuple[float, float]]
     after: tuple[dict[str, float | None], ...]
     partial: tuple[int, ...]
-    vehicles: int
     psi: LeftOut | None
     trim: LeftOut | None
     drift: LeftOut
@@ -66,6 +66,7 @@ def weigh(
     )
     return Weighed(
         releases=tuple(releases), flights=tuple(flights),
+        others=tuple(tuple(flights_of) for flights_of in others),
         time=sum(f.duration + setting.settling for f in flights),
         prediction=predict(flights, question, setting),
         spread={
@@ -80,7 +81,7 @@ def weigh(
             for row in _after(flights, question, question.values, setting)
         ),
         partial=tuple(sum(not f[k].complete for f in others) for k in range(len(releases))),
-        vehicles=len(vehicles), psi=without_psi(flights, question, setting),
+        psi=without_psi(flights, question, setting),
         trim=without_trim(flights, question, setting),
         drift=without_drift(flights, question, setting),
     )  # fmt: skip

@@ -1,0 +1,285 @@
+"""``swimbladder design-experiment``: which volume changes to run in a pool, and what they tell."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from swimbladder.cli.common import (
+    compile_notice,
+    console,
+    emit_json,
+    json_text,
+    output,
+    progress,
+    quantity,
+)
+from swimbladder.cli.known import held, known
+from swimbladder.cli.logs import names
+from swimbladder.errors import InputError
+
+if TYPE_CHECKING:
+    from swimbladder.design import Design
+
+__all__ = ["design_experiment"]
+
+
+def design_experiment(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    pool_depth: Annotated[str, typer.Option(metavar="DEPTH", help="Depth of the bottom.")],
+    sensor_std: Annotated[
+        str | None,
+        typer.Option(metavar="DEPTH", help="Noise of the depth, 1 sigma (the vehicle's)."),
+    ] = None,
+    quantum: Annotated[
+        str | None,
+        typer.Option(metavar="DEPTH", help="Step of the depth sensor (the vehicle's)."),
+    ] = None,
+    sample_time: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Between samples (the controller's).")
+    ] = None,
+    neutral_std: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VOLUME",
+            help="How well the neutral volume at rest is known, 1 sigma (0.5 cm3).",
+        ),
+    ] = None,
+    drift: Annotated[
+        str | None,
+        typer.Option(metavar="RATE", help="How it drifts from there, 1 sigma (0.1 cm3/min)."),
+    ] = None,
+    free: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,...", help="What is sought (what the drag law has, and psi)."),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help='Not sought: "psi=2e-6 m3/m".'),
+    ] = None,
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help='Known before: "psi=2e-6 +- 1e-6 m3/m".'),
+    ] = None,
+    drag: Annotated[
+        str | None,
+        typer.Option(metavar="LAW", help="linear, quadratic or blended (the vehicle's)."),
+    ] = None,
+    time: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="In the pool, settling included (--against's; 60 min)."),
+    ] = None,
+    runs: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="At most so many experiments.")
+    ] = None,
+    clearance: Annotated[
+        str, typer.Option(metavar="DEPTH", help="From surface and bottom to where records end.")
+    ] = "0.75 m",
+    settling: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Until at rest before a release (simulated)."),
+    ] = None,
+    longest: Annotated[str, typer.Option(metavar="TIME", help="Longest record.")] = "240 s",
+    moves: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Most changes of volume in a record.")
+    ] = 4,
+    largest: Annotated[
+        str | None, typer.Option(metavar="VOLUME", help="Largest change of volume (the stroke's).")
+    ] = None,
+    criterion: Annotated[
+        str,
+        typer.Option(
+            metavar="WHICH", help="largest error, D, A; or NAME,...: the largest of these."
+        ),
+    ] = "largest",
+    uncertainty: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SHARE", help="How far the vehicle may be off, 1 sigma (as identified; 30%)."
+        ),
+    ] = None,
+    against: Annotated[
+        str,
+        typer.Option(
+            metavar="SET", help='Compare with single steps, "20,-20,30,-30 cm3"; paper; none.'
+        ),
+    ] = "paper",
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
+        "swimbladder-design-experiment"
+    ),
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    """Find the pool experiments that tell most, and what they will tell, before anyone gets wet.
+
+    A plan to follow, a page to print and the errors to expect: of every parameter, after every
+    experiment, and against single steps in the same time. Exit code 1 says that what is asked
+    cannot be told.
+    """
+    from swimbladder.io.config import load_vehicle
+    from swimbladder.io.files import check_place
+
+    v = load_vehicle(vehicle)
+    options: dict[str, Any] = {
+        "pool_depth": quantity(pool_depth, "m", "--pool-depth"),
+        "sensor_std": quantity(sensor_std, "m", "--sensor-std"),
+        "quantum": quantity(quantum, "m", "--quantum"),
+        "sample_time": quantity(sample_time, "s", "--sample-time"),
+        "neutral_std": math.inf
+        if neutral_std == "none"
+        else quantity(neutral_std, "m3", "--neutral-std"),
+        "drift_std": quantity(drift, "m3/s", "--drift"),
+        "free": names(free),
+        "fixed": held(set_),
+        "priors": known(prior),
+        "drag": drag,
+        "time": quantity(time, "s", "--time"),
+        "releases": runs,
+        "clearance": quantity(clearance, "m", "--clearance"),
+        "settling": quantity(settling, "s", "--settling"),
+        "longest": quantity(longest, "s", "--longest"),
+        "moves": moves,
+        "largest": math.inf if largest is None else quantity(largest, "m3", "--largest"),
+        "criterion": criterion,
+        "uncertainty": quantity(uncertainty, "", "--uncertainty"),
+        "against": _against(against),
+    }
+    check_place(out)
+    with progress("loading the simulator"):
+        from swimbladder.design import design_experiment as find
+        from swimbladder.report.design import write_design
+
+    with compile_notice(), progress("looking for the best experiments", 1.0) as advance:
+        found = find(v, **options, advance=advance)
+    answer = found.to_json()
+    with progress("writing the plan", 1.0) as advance:
+        files = write_design(
+            found, out, answer=json_text(answer), command=_command(), advance=advance
+        )
+    if json:
+        emit_json({**answer, "files": [str(path) for path in files]})
+    else:
+        _print(found, files)
+    if not found.identifiable:
+        if json:
+            for sentence in (f.sentence for f in found.findings if f.severity == "no"):
+                console.print(sentence, markup=False, soft_wrap=True)
+        raise typer.Exit(1)
+
+
+def _command() -> str:
+    """Return the command as it was given, for the page."""
+    import shlex
+
+    return shlex.join(["swimbladder", *sys.argv[1:]])
+
+
+def _against(text: str) -> tuple[float, ...] | None:
+    """Return volume changes [m3] of a list with one unit; None: the paper's, where they fit."""
+    if text.strip() == "paper":
+        return None
+    if text.strip() == "none":
+        return ()
+    parts = [part.strip() for part in text.split(",")]
+    unit = parts[-1].lstrip("+-.0123456789eE").strip()
+    if not unit:
+        raise InputError(
+            "the unit is missing", field="--against", value=text, unit="m3",
+            remedy='Write it as "20,-20,30,-30 cm3", or paper, or none',
+        )  # fmt: skip
+    found = []
+    for part in [*(f"{p} {unit}" for p in parts[:-1]), parts[-1]]:
+        number = quantity(part, "m3", "--against")
+        assert number is not None
+        found.append(number)
+    return tuple(found)
+
+
+def _print(found: Design, files: list[Path]) -> None:
+    from swimbladder.report.design_words import comparison, headlines
+
+    output.print(
+        f"{found.vehicle}, {found.question.model.law} drag, a pool of "
+        f"{found.setting.pool_depth:g} m",
+        soft_wrap=True,
+    )
+    if not found.identifiable:
+        output.print("\nNo set of experiments in this time tells all that is asked:", style="bold")
+        for f in found.findings:
+            if f.severity == "no":
+                output.print(f.sentence, style="bold", soft_wrap=True)
+    output.print("")
+    for sentence in headlines(found):
+        output.print(sentence, soft_wrap=True)
+    output.print("")
+    output.print(_experiments(found))
+    output.print("")
+    output.print(_parameters(found))
+    said = comparison(found)
+    if said:
+        output.print("")
+    for sentence in said:
+        output.print(sentence, soft_wrap=True)
+    for severity, style in (("warning", "bold yellow"), ("note", None)):
+        listed = [f.sentence for f in found.findings if f.severity == severity]
+        if listed:
+            output.print("")
+        for sentence in listed:
+            output.print(f"{severity}: {sentence}", style=style, soft_wrap=True)
+    output.print("")
+    for sentence in found.assumptions:
+        output.print(f"assumed: {sentence}", soft_wrap=True)
+    for path in files:
+        output.print(f"wrote {path}", soft_wrap=True)
+
+
+def _experiments(found: Design) -> object:
+    from rich.table import Table
+
+    from swimbladder.design.findings import percent
+    from swimbladder.report.design_words import moves
+
+    w = found.chosen
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    for heading in ("", "rest at"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("volume against the one at rest", overflow="fold")
+    for heading in ("takes", *(f"{name} after" for name in w.prediction.names)):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for k, (release, flight, after) in enumerate(zip(w.releases, w.flights, w.after, strict=True)):
+        table.add_row(
+            str(k + 1),
+            f"{release.start:g} m",
+            moves(release, found.piston_area),
+            f"{flight.duration:.0f} s",
+            *(percent(after[name]) for name in w.prediction.names),
+        )
+    return table
+
+
+def _parameters(found: Design) -> object:
+    from rich.table import Table
+
+    from swimbladder.design.findings import percent
+    from swimbladder.report.words import row
+
+    w = found.chosen
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    table.add_column("")
+    headings = ["taken for", "1 sigma", "95 % interval", "unit", "with drift", "other vehicles"]
+    for heading in headings + ([found.rival] if found.gains else []):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name, e in w.prediction.parameters.items():
+        r = row(name, e)
+        low, high = w.spread[name]
+        rival = [f"{found.gains[name]:.1f} times"] if found.gains else []
+        table.add_row(
+            name, r.value, r.std, r.ci95, r.unit, percent(w.prediction.share[name]),
+            f"{percent(low)} to {percent(high)}", *rival,
+        )  # fmt: skip
+    return table
