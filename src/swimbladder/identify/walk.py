@@ -40,6 +40,7 @@ _ROUNDS = 80
 _SINGULAR = 1e-7
 _FARTHEST = 15.0  # of the logarithm of a walk, where its end is sought
 _LOOSE = 5.0  # deviation of a logarithm, at which the data do not tell the quantity
+_NEEDED = ("K2", "T2", "mass")  # without these there is no motion
 _UNITS = {"depth_noise": "m", "walk": "m3/s^0.5", "jolt": "m/s/s^0.5"}
 
 
@@ -176,6 +177,8 @@ def _climb(likelihood: Likelihood, x: Array) -> tuple[Array, float]:
                 x, height, damping = x + step, reached, damping / 5.0
                 break
             damping = max(5.0 * damping, 0.3)
+            if damping > 1e6:
+                return x, height
     return x, height
 
 
@@ -200,6 +203,11 @@ def _covariance(full: Likelihood, x: Array) -> tuple[Array, bool]:
     scores, H = full.told(x)
     H += np.diag(full.prior_slope(x)[1])
     told = np.diag(H) > np.where([q.logarithmic for q in full.quantities], _LOOSE**-2, 0.0)
+    untold = [q.name for q, known in zip(full.quantities, told, strict=True) if not known]
+    if set(untold) & set(_NEEDED):
+        raise NoAnswerError(
+            f"the logs do not tell {' and '.join(untold)}: the vehicle hardly moves"
+        )
     size = np.sqrt(np.where(told, np.diag(H), 1.0))
     values, vectors = np.linalg.eigh((H / np.outer(size, size))[np.ix_(told, told)])
     if values.size and values.min() < _SINGULAR:

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 _SPEED_STD = 0.1  # m/s, of the speed at a start: nothing is known
 _SHARE = 0.25  # of the stroke, deviation of a neutral volume that nothing is known of
+_FINEST = 1e-5  # m, no depth is measured better
 _STEP = 1e-4  # of a quantity's scale, for slopes
 
 
@@ -92,7 +93,8 @@ class Likelihood:
 
     def noise(self, values: Mapping[str, float]) -> Noise:
         """Return the filter's noise of these values."""
-        depth = math.hypot(values["depth_noise"], self.quantum / math.sqrt(12.0))
+        rounding = max(self.quantum / math.sqrt(12.0), _FINEST)
+        depth = math.hypot(values["depth_noise"], rounding)
         return Noise(depth=depth, walk=values["walk"], jolt=values["jolt"])
 
     def filtered(self, x: Array) -> list[Filtered]:
