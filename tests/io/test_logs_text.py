@@ -33,6 +33,17 @@ def test_latin_1_is_a_fallback_that_is_reported(tmp_path: Path) -> None:
     assert "columns not used: T [°C]" in log.report
 
 
+def test_a_few_damaged_bytes_make_no_other_encoding(tmp_path: Path) -> None:
+    rows = "".join(f"{k};{k};8 °C\n" for k in range(30))
+    data = f"time_s;Tiefe [m];T\n{rows}".encode()
+    at = data.index(b"17;17")
+    path = write(tmp_path, data[:at] + b"\xff" + data[at + 1 :])
+    log = read_log(path, columns={"depth_m": "Tiefe [m]"})
+    assert len(log) == 29
+    assert "1 byte damaged, not UTF-8, first on line 19" in log.report
+    assert "1 row with characters that are no text dropped, the first on line 19" in log.report
+
+
 def test_a_stated_encoding_is_held_to(tmp_path: Path) -> None:
     text = "time_s,Tiefe – Sensor\n0,1\n1,2\n"
     path = write(tmp_path, text.encode("cp1252"))
@@ -312,3 +323,29 @@ def test_a_unit_in_brackets_that_is_none_asks_for_one(tmp_path: Path) -> None:
     error = refused(path, columns={"depth_m": "P (abs)"})
     assert (error.field, error.unit) == ("depth_m", "m")
     assert '--column "depth_m=P (abs)@UNIT"' in str(error)
+
+
+def test_the_four_header_lines_of_a_toa5_file(tmp_path: Path) -> None:
+    """The form is that of the maker's manual (LoggerNet, appendix B.1.4)."""
+    text = (
+        '"TOA5","CR1000","CR1000","1031","CR1000.Std.00.60","CPU:Test.CR1","4062","Test"\r\n'
+        '"TIMESTAMP","RECORD","Level","PTemp"\r\n"TS","RN","cm","C"\r\n"","","Smp","Smp"\r\n'
+        '"2004-11-11 15:03:45",0,137,24.92\r\n"2004-11-11 15:03:45.5",1,138,24.95\r\n'
+        '"2004-11-11 15:03:46",2,"NAN",24.98\r\n"2004-11-11 15:03:46.5",3,139,24.98\r\n'
+    )
+    log = read_log(
+        write(tmp_path, text),
+        columns={"time_s": "TIMESTAMP@iso", "depth_m": "Level"},
+        log_format=LogFormat(units_row=True, skip_rows=1),
+    )
+    assert log.time.tolist() == [0.0, 0.5, 1.5]
+    assert log.depth.tolist() == [1.37, 1.38, 1.39]
+    assert log.line.tolist() == [5, 6, 8]
+
+
+def test_names_stated_for_columns_lined_up_below_a_preamble(tmp_path: Path) -> None:
+    text = "* Sea trial\n# name 0 = prDM\n*END*\n" + "   1.000      0.50\n  -2.5e-1      1.00\n"
+    form = LogFormat(names=("depth_m", "time_s"), skip_lines=3, delimiter=" ")
+    log = read_log(write(tmp_path, text), log_format=form)
+    assert log.depth.tolist() == [1.0, -0.25]
+    assert log.time.tolist() == [0.5, 1.0]

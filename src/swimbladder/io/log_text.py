@@ -13,7 +13,7 @@ from swimbladder.io.log_format import Encoding
 
 __all__ = ["counted", "read_bytes", "text_lines"]
 
-_MOST_BYTES = 1 << 30  # of a file, decompressed: some gigabytes while it is taken apart
+_MOST_BYTES = 1 << 28  # of a file, decompressed; taken apart it needs ten times that
 _BOMS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF32_LE, "utf-32"),  # before UTF-16, whose mark begins the same
@@ -42,7 +42,7 @@ def counted(number: int, noun: str) -> str:
 def read_bytes(path: str | Path) -> bytes:
     """Return what a file holds, decompressed where it is gzipped.
 
-    Raises LogError where it cannot be read or is larger than 1 GiB.
+    Raises LogError where it cannot be read or is larger than 256 MiB.
     """
     try:
         with Path(path).open("rb") as file:
@@ -52,7 +52,7 @@ def read_bytes(path: str | Path) -> bytes:
                 data = unpacked.read(_MOST_BYTES + 1)
         if len(data) <= _MOST_BYTES:
             return data
-        what, remedy = "larger than 1 GiB", "Cut the log into parts"
+        what, remedy = "larger than 256 MiB", "Cut the log into parts"
     except FileNotFoundError:
         what, remedy = "there is no such file", "Check the path"
     except IsADirectoryError:
@@ -102,6 +102,11 @@ def _decoded(data: bytes, encoding: Encoding | None, path: str | Path, report: l
                 remedy="Set encoding in a [log] table to that of the file, or save it as UTF-8",
             ) from None
         line = data[: error.start].replace(b"\r\n", b"\n").replace(b"\r", b"\n").count(b"\n") + 1
+        text = data.decode("utf-8", "replace")
+        damaged = text.count("\ufffd")
+        if len(text) - len(text.encode("ascii", "ignore")) >= 2 * damaged:  # the others are right
+            report.append(f"{counted(damaged, 'byte')} damaged, not UTF-8, first on line {line}")
+            return text
         report.append(f"read as Latin-1, being not UTF-8 on line {line}; [log] encoding overrules")
         return data.decode("latin-1")
     if marked is None and encoding is None and chosen != "utf-8":
