@@ -30,7 +30,11 @@ def choices(problem: Problem, fit: Fit, models: Mapping[str, Model]) -> tuple[Ch
     models: of the vehicle, by law. All see the same samples; each coloured residual counts as the
     number of independent samples that it is worth under the model reported.
     """
-    worth = np.array([_worth(c, n) for c, n in zip(fit.colour, np.diff(problem.rows), strict=True)])
+    counts = np.diff(problem.rows)
+    each = np.array([_worth(c, n) for c, n in zip(fit.colour, counts, strict=True)])
+    # one for all logs: then the fit is also what is best by the criterion, and a model that holds
+    # another is never less likely than it
+    worth = float((each * counts).sum() / counts.sum())
     found = []
     for law in LAWS:
         for psi in _psis(problem):
@@ -170,15 +174,14 @@ def _worth(coefficients: tuple[float, ...], n: int) -> float:
 
 
 def _choice(
-    problem: Problem, fit: Fit, law: str, psi: Psi, worth: Array, *, reported: bool
+    problem: Problem, fit: Fit, law: str, psi: Psi, worth: float, *, reported: bool
 ) -> tuple[dict[str, Any], float]:
     counts = np.diff(problem.rows)
-    each = np.repeat(worth, counts)
     u = np.minimum(np.abs(fit.residual) / np.repeat(fit.noise, counts), 4.0)
     logs = np.log(np.repeat(fit.noise, counts))
     prior = problem.prior_rows(fit.x)[0]
-    likelihood = -0.5 * float((each * (u**2 + 2.0 * logs)).sum() + (prior**2).sum())
-    samples = float((worth * counts).sum())
+    likelihood = -0.5 * worth * float((u**2 + 2.0 * logs).sum() + (prior**2).sum())
+    samples = worth * float(counts.sum())
     bic = -2.0 * likelihood + problem.shared * math.log(max(samples, 2.0))
     fields = {
         "drag": law, "psi": psi, "parameters": problem.shared,

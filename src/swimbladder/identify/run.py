@@ -27,7 +27,7 @@ from swimbladder.identify.result import ExperimentFit, Finding, Identification, 
 from swimbladder.identify.tell import untold
 from swimbladder.io.logs import Log
 from swimbladder.parameters import Vehicle
-from swimbladder.units import format_quantity
+from swimbladder.units import format_quantity, shown_unit
 
 __all__ = ["NEUTRAL_STD", "identify"]
 
@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 NEUTRAL_STD = 0.5e-6  # m3
 _OFF = 0.1  # of the half interval, from which the profile's interval is given
 _PRIOR_ONLY = 0.9  # of the prior's deviation is left
+_CONTRADICTED = 3.0  # standard deviations from the prior
 
 
 def identify(
@@ -117,11 +118,15 @@ def _answer(
         neutral_std=problem.neutral_std,
         notes=tuple(dict.fromkeys(note for r in records for note in r.notes)),
         depth_noise=noise,
-        result_vehicle=identified_vehicle(
-            vehicle, model, values, names, covariance,
-            trim_error=_trim(problem, found, vehicle), depth_noise=noise,
-            neutral_std=_neutral_spread(problem, found), neutral_walk=0.0,
-            logs=tuple(e.source for e in problem.experiments),
+        result_vehicle=(
+            vehicle
+            if any(f.severity == "no" for f in findings)
+            else identified_vehicle(
+                vehicle, model, values, names, covariance,
+                trim_error=_trim(problem, found, vehicle), depth_noise=noise,
+                neutral_std=_neutral_spread(problem, found), neutral_walk=0.0,
+                logs=tuple(e.source for e in problem.experiments),
+            )
         ),
     )  # fmt: skip
 
@@ -196,6 +201,8 @@ def _parameters(
         unit, log = NAMES[name].unit, problem.logarithmic[i]
         e = estimate(problem.value(found.x, i), float(std[i]), unit, logarithmic=log)
         prior = problem.priors.get(name)
+        if prior is not None:
+            findings += _against(name, e, prior)
         if prior is not None and e.std > _PRIOR_ONLY * prior.std:
             e = Estimate(e.value, e.std, e.ci95, e.unit, "prior")
             findings.append(
@@ -224,6 +231,24 @@ def _parameters(
         ):  # fmt: skip
             estimates[name] = Estimate(value, 0.0, (value, value), NAMES[name].unit, "set")
     return estimates, findings
+
+
+def _against(name: str, e: Estimate, prior: Prior) -> list[Finding]:
+    """Return a warning where data and prior can hardly both be right."""
+    shift = math.sqrt(max(prior.std**2 - e.std**2, 0.0))  # of the estimate, if the prior is right
+    if abs(e.value - prior.mean) <= _CONTRADICTED * max(shift, 0.1 * prior.std):
+        return []
+    return [
+        Finding(
+            "prior", "warning",
+            f"The data contradict the prior of {name}: {_read(e.value, e.unit)} comes out, where "
+            f"{_read(prior.mean, e.unit)} +- {_read(prior.std, e.unit)} was said. Check its unit.",
+        )
+    ]  # fmt: skip
+
+
+def _read(value: float, unit: str) -> str:
+    return format_quantity(value, unit, shown_unit(unit), digits=3)
 
 
 def _derived(problem: Problem, found: Fit) -> dict[str, Estimate]:
