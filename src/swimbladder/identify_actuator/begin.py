@@ -14,7 +14,7 @@ from swimbladder.identify_actuator.bench import Bench
 from swimbladder.identify_actuator.blocks import Block
 from swimbladder.identify_actuator.model import FIRST, Problem
 
-__all__ = ["first_guess", "robustly", "speeds", "tolerance"]
+__all__ = ["first_guess", "guess_from", "robustly", "speeds", "tolerance"]
 
 Array = NDArray[np.float64]
 
@@ -65,8 +65,6 @@ def first_guess(benches: Sequence[Bench], free: Sequence[str]) -> dict[str, floa
 
     Raises NoAnswerError where nothing moves, LogError where it moves against the voltage.
     """
-    from scipy.optimize import least_squares
-
     rows = np.concatenate([speeds(b) for b in benches])
     top = max(float(np.abs(b.voltage).max()) for b in benches if b.voltage is not None)
     if top == 0.0 or not len(rows):
@@ -90,6 +88,16 @@ def first_guess(benches: Sequence[Bench], free: Sequence[str]) -> dict[str, floa
             field="piston_m",
             remedy='Set piston_positive = "in" in the [log] table, or turn the sign of the voltage',
         )
+    return guess_from(rows, top, free)
+
+
+def guess_from(rows: Array, top: float, free: Sequence[str]) -> dict[str, float]:
+    """Return the same from (voltage [V], speed [m/s], samples), the largest voltage being `top`."""
+    from scipy.optimize import least_squares
+
+    u, v, n = rows.T
+    size = float(np.abs(v).max())
+    moving = (np.abs(u) > _IDLE * top) & (np.abs(v) > 0.1 * size)
     gain = float(np.median(np.abs(v[moving] / u[moving]))) if moving.any() else size / top
 
     def off(q: Array) -> Array:

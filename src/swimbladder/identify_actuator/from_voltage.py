@@ -32,11 +32,11 @@ def from_voltage(fit: VoltageFit, chosen: dict[str, float], unit: str) -> dict[s
         if name in chosen:
             found[name] = given(chosen[name], of)
         elif name not in fit.problem.free:
-            found[name] = _rate(fit, of) if name == "rate" else untold(of, _ONE_WAY[name])
-        elif name not in told:
-            found[name] = untold(of, _blind(fit))
-        elif name == "T1":
+            found[name] = _rate(fit, told, of) if name == "rate" else untold(of, _ONE_WAY[name])
+        elif name == "T1" and (name in told or "K1" in told):
             found[name] = profile_of_T1(fit)
+        elif name not in told or ("K1" in fit.problem.free and "K1" not in told):
+            found[name] = untold(of, _blind(fit))
         else:
             k = fit.problem.free.index(name)
             logarithmic = name in LOGARITHMIC
@@ -56,7 +56,9 @@ _ONE_WAY = {
 }
 
 
-def _rate(fit: VoltageFit, unit: str) -> Estimate:
+def _rate(fit: VoltageFit, told: tuple[str, ...], unit: str) -> Estimate:
+    if "K1" in fit.problem.free and "K1" not in told:
+        return untold(unit, _blind(fit))
     drive, top = drive_of(fit.values), fit.problem.top
     fastest = max(abs(steady_speed(top, drive)), abs(steady_speed(-top, drive)))
     why = (

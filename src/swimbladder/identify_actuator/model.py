@@ -71,7 +71,8 @@ class Problem:
     """Benches cut into blocks, and the parameters that are free.
 
     Parameters are turned as numbers near 1: logarithms for what is positive, voltages in units of
-    the largest. block: the block of each sample; used: whether it is no outlier.
+    the largest. block: the block of each sample; early: whether it comes
+    too soon after an unknown start; used: whether it is neither that nor an outlier.
     """
 
     def __init__(
@@ -83,19 +84,20 @@ class Problem:
         moving: Mapping[tuple[int, int], bool],  # (log, run): whether it begins in motion
     ) -> None:
         self.benches, self.blocks, self.free = benches, blocks, free
-        self.fixed, self.moving = dict(fixed), moving
+        self.fixed, self.moving = dict(fixed), dict(moving)
         self.top = max(float(np.abs(_voltage(b)).max()) for b in benches)
         starts = np.cumsum([0, *(len(b.time) for b in benches)])
         self.at = np.concatenate([starts[b.log] + b.samples for b in blocks])
         self.block = np.repeat(np.arange(len(blocks)), [len(b.samples) for b in blocks])
         self.position = np.concatenate([b.position for b in benches])[self.at]
         self.used = np.ones(len(self.at), bool)
+        self.early = np.zeros(len(self.at), bool)
         self.whiten: Whitener | None = None
 
     def changed(self, free: tuple[str, ...], fixed: Mapping[str, float]) -> Problem:
         """Return the problem with other parameters free; outliers and whitener stay."""
         other = Problem(self.benches, self.blocks, free, fixed, self.moving)
-        other.used, other.whiten = self.used.copy(), self.whiten
+        other.used, other.early, other.whiten = self.used.copy(), self.early.copy(), self.whiten
         return other
 
     def values(self, q: Array) -> dict[str, float]:

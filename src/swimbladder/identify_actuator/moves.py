@@ -101,15 +101,20 @@ def _one(speed: Array, low: int, high: int, full: float) -> tuple[int | None, in
     end = max(end - 1, start)  # the interval in which it begins to brake looks fast
     if end - start < _FEWEST:
         return None
+    return _begin(speed, low, own), start, end
+
+
+def _begin(speed: Array, low: int, own: float) -> int | None:
+    """Return the first sample of the start of a move whose interval `low` is the first fast one.
+
+    None where it does not come from rest within the few intervals before.
+    """
     rest = np.flatnonzero(np.abs(speed[:low]) < 0.1 * own)
-    begin: int | None = None
     if len(rest) and low - int(rest[-1]) <= _FEWEST:
         begin = max(int(rest[-1]) + 1 - _BEFORE, 0)
         moved = np.flatnonzero(np.abs(speed[begin : int(rest[-1])]) > 0.1 * own)
-        begin += int(moved[-1]) + 1 if len(moved) else 0
-    elif low <= _FEWEST // 2:  # it starts with the log
-        begin = 0
-    return begin, start, end
+        return begin + (int(moved[-1]) + 1 if len(moved) else 0)
+    return 0 if low <= _FEWEST // 2 else None  # it starts with the log
 
 
 def _asked(bench: Bench, log: int, first: int, after: int) -> list[Move]:
@@ -127,7 +132,8 @@ def _asked(bench: Bench, log: int, first: int, after: int) -> list[Move]:
         for low, high in _stretches(far):
             start, end = low + 1, high - 1  # it may take up an order late
             if end - start + 1 >= _FEWEST_ASKED:
-                found.append(Move(log, direction, None, start + first, end + first))
+                begin = _add(_begin(direction * speed, low, full), first)
+                found.append(Move(log, direction, begin, start + first, end + first))
     return sorted(found, key=lambda move: move.first)
 
 

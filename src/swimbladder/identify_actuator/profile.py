@@ -24,7 +24,7 @@ def profile_of_T1(fit: VoltageFit) -> Estimate:
     Where a T1 of nothing is as likely, an upper bound is returned and no value.
     """
     at = fit.problem.free.index("T1")
-    best, std = float(fit.q[at]), math.sqrt(float(fit.covariance[at, at]))
+    best, std = float(fit.q[at]), math.sqrt(float(fit.covariance[at, at])) or 0.3
     step = min(b.step for b in fit.problem.benches)
     root = _Root(fit, at)
     nothing = root(math.log(_FASTEST * step))

@@ -43,10 +43,27 @@ def of_voltage(
 ) -> list[Finding]:
     """Return what is to be said of a fit to voltage steps."""
     found = []
-    total = len(fit.problem.used)
-    out = total - int(fit.problem.used.sum())
+    problem = fit.problem
+    out = int((~problem.used & ~problem.early).sum())
     if out:
+        total = len(problem.used)
         found.append(Finding("outliers", f"{out} of {total} samples are outliers, and left out."))
+    if problem.early.any():
+        found.append(
+            Finding(
+                "start",
+                f"A log begins in motion: its first {int(problem.early.sum())} samples, which "
+                "depend on what was before, are left out.",
+            )
+        )
+    if fit.repeats < 1:
+        found.append(
+            Finding(
+                "repeat",
+                "No step was repeated: that the gain is the same each time is assumed, not seen. "
+                "Apply every voltage twice or more.",
+            )
+        )
     if fit.spread > 0.0:
         found.append(
             Finding(

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 _LONG = 3  # times the samples that the start takes are looked at, or
 _LEAST = 15  # samples
 _STEP = 0.05  # of ln T1, for the derivatives of the deviance
+_TRIALS = 24  # of T1
+_GROSS = 0.01  # of the travel: what no motor's start is off the model, a sample alone
 _CHI2 = 3.841  # of one degree of freedom, 95 %
 _ONE_SIDED = 2.706
 
@@ -77,12 +79,19 @@ def rate_of(bench: Bench, move: Move, skip: float = 0.0) -> Rate:
 
 
 class _Window(NamedTuple):
-    """The start of a move: time since its first sample, travel, and what is left out."""
+    """The start of a move: time since its first sample, and travel."""
 
+    samples: NDArray[np.int64]  # of the bench
     time: Array
     travel: Array
     latest: float  # s, by which it has started
-    trend: bool
+    trend: bool  # whether it is long enough to see the speed change
+
+    def only(self, kept: NDArray[np.bool_]) -> _Window:
+        """Return the window with the samples that are `kept`."""
+        return self._replace(
+            samples=self.samples[kept], time=self.time[kept], travel=self.travel[kept]
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,15 +114,14 @@ def start_up(benches: Sequence[Bench], moves: Sequence[Move]) -> StartUp:
     if not windows:
         why = "no move begins from rest within the log"
         return StartUp(T1=untold("s", why), fitted=(), step=step)
-    profile = _Profile(windows, step)
+    profile = _Profile(windows, step, max(benches[move.log].quantum for _, move in shown))
     T1 = profile.estimate()
     fitted = []
-    for (k, move), window in zip(shown, windows, strict=True):
+    for (k, move), window in zip(shown, profile.windows, strict=True):
         assert move.begin is not None
-        samples = np.arange(move.begin, move.begin + len(window.time))
         start = benches[move.log].position[move.begin]
         travel = profile.fitted(window, profile.best)
-        fitted.append((k, samples, start + move.direction * travel))
+        fitted.append((k, window.samples, start + move.direction * travel))
     return StartUp(T1=T1, fitted=tuple(fitted), step=step)
 
 
@@ -124,6 +132,7 @@ def _window(bench: Bench, move: Move) -> _Window:
     t = bench.time[move.begin : last + 1]
     x = move.direction * (bench.position[move.begin : last + 1] - bench.position[move.begin])
     return _Window(
+        np.arange(move.begin, last + 1),
         t - t[0],
         x,
         float(bench.time[move.first] - bench.time[move.begin]),
@@ -134,19 +143,28 @@ def _window(bench: Bench, move: Move) -> _Window:
 class _Profile:
     """The deviance of T1, everything else at its best for each move."""
 
-    def __init__(self, windows: Sequence[_Window], step: float) -> None:
-        self.windows, self.step = windows, step
+    def __init__(self, windows: Sequence[_Window], step: float, quantum: float) -> None:
+        self.windows, self.step = list(windows), step
         self.noise, self.variance = WHITE, 1.0
         longest = max(float(w.time[-1]) for w in windows)
-        self.grid = np.geomspace(0.02 * step, max(longest, step), 40)
+        self.grid = np.geomspace(0.02 * step, max(longest, step), _TRIALS)
+        self.best = self._least()
+        self.windows = [
+            w.only(~spikes(self._left(w), 4.0 * quantum + _GROSS * float(np.ptp(w.travel))))
+            for w in self.windows
+        ]
         for _ in range(2):
-            self.best = self._least()
-            left = [w.travel - self.fitted(w, self.best) for w in windows]
+            left = [self._left(w) for w in self.windows]
             self.noise = autoregression(left)
-            lost = sum(5 if w.trend else 4 for w in windows)
-            total = sum(len(w.time) for w in windows)
+            lost = sum(5 if w.trend else 4 for w in self.windows)
+            total = sum(len(w.time) for w in self.windows)
             power = sum(float((self.noise.whiten(r[:, None]) ** 2).sum()) for r in left)
             self.variance = max(power / max(total - lost, 1), 1e-300)
+            self.best = self._least()
+
+    def _left(self, window: _Window) -> Array:
+        """Return what the best fit leaves over of a window's travel."""
+        return window.travel - self.fitted(window, self.best)
 
     def _least(self) -> float:
         from scipy.optimize import minimize_scalar
@@ -179,12 +197,20 @@ class _Profile:
     def _one(self, window: _Window, T1: float) -> tuple[float, float]:
         """Return the least sum of squares and the instant t0 [s] at which it is reached."""
         low, high = -self.step, window.latest
-        for _ in range(4):
-            trial = np.linspace(low, high, 25)
+        for _ in range(3):
+            trial = np.linspace(low, high, 17)
             left = self._sums(window, trial, T1)
             k = int(np.argmin(left))
-            low, high = trial[max(k - 1, 0)], trial[min(k + 1, 24)]
-        return float(left[k]), float(trial[k])
+            low, high = trial[max(k - 1, 0)], trial[min(k + 1, 16)]
+        k = min(max(k, 1), 15)  # the parabola through the least and its neighbours
+        a, b, c = left[k - 1 : k + 2].tolist()
+        bend = a - 2.0 * b + c
+        off = 0.5 * (a - c) / bend if bend > 0.0 else 0.0
+        if abs(off) > 1.0:
+            k = int(np.argmin(left))
+            return float(left[k]), float(trial[k])
+        t0 = float(trial[k]) + off * float(trial[1] - trial[0])
+        return b - 0.25 * (a - c) * off, t0
 
     def _sums(self, window: _Window, t0: Array, T1: float) -> Array:
         """Return the least sum of squares for each t0."""

@@ -16,7 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.identify_actuator.begin import first_guess, robustly, tolerance
+from swimbladder.identify_actuator.begin import (
+    first_guess,
+    guess_from,
+    robustly,
+    speeds,
+    tolerance,
+)
 from swimbladder.identify_actuator.bench import Bench
 from swimbladder.identify_actuator.blocks import Block, cut
 from swimbladder.identify_actuator.model import Problem
@@ -28,7 +34,12 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 4
 _FAR = 6.0  # robust standard deviations of all residuals beyond which a sample is an outlier
+_OUTLIER = 10.0  # deviance that leaving a sample out costs
 _LIMIT_SEEN = 6.63  # deviance that a rate limit has to gain: 1 % by chance
+_VAGUE, _VAGUE_T1 = 0.15, 0.5  # standard deviations of what is turned that tell nothing
+_SETTLED = 6.0  # T1 after which nobody knows how a run began
+_CLEARLY = 20.0  # squares of sigma by which a start at rest has to be better
+_LEVEL = 0.6  # of the steepest gain: the speeds level off
 _DIFFER = 2.71  # deviance that differing gains have to gain: 5 % by chance
 
 
@@ -56,6 +67,26 @@ class VoltageFit:
         return self.problem.values(self.q)
 
     @property
+    def repeats(self) -> int:
+        """How many steps there are beyond those that the gains need."""
+        gains = sum(name != "T1" for name in self.problem.free)
+        return int((self.problem.whiten.size > 0.0).sum()) - gains if self.problem.whiten else 0
+
+    @property
+    def deviance(self) -> float:
+        """Minus twice the logarithm of the likelihood, but for a constant."""
+        problem, whiten = self.problem, self.problem.whiten
+        assert whiten is not None
+        n = int(problem.used.sum())
+        lost = float(np.sum(problem.white(self.q) ** 2))
+        return (
+            n * math.log(max(lost / n, 1e-300))
+            - 2.0 * float(np.log(whiten.keep).sum())
+            - 2.0 * float(np.log(whiten.matrix.diagonal()).sum())
+            + int((~problem.used & ~problem.early).sum()) * _OUTLIER
+        )
+
+    @property
     def noise(self) -> float:
         """Standard deviation of what is left over, outliers aside [m]."""
         return float(self.residual[self.problem.used].std())
@@ -74,13 +105,13 @@ def fit_voltage(benches: Sequence[Bench], fixed: Mapping[str, float]) -> Voltage
     held = {"asymmetry": 1.0, "load_voltage": 0.0} if one_way else {}
     fixed = {**held, **fixed}
     free = tuple(name for name in free if name not in fixed)
-    moving = _moving(benches, guess)
-    problem = Problem(benches, blocks, free, fixed, moving)
+    problem = Problem(benches, blocks, free, fixed, _driven_at_once(benches, guess))
     q = robustly(problem, {**guess, **fixed})
+    if any(problem.moving.values()):
+        _at_rest(problem, q)
+        q = robustly(problem, {**problem.values(q), **fixed})
     fit = _refine(problem, q)
-    if "rate" in fixed:
-        return fit
-    limited = _with_limit(fit)
+    limited = None if "rate" in fixed else _with_limit(fit)
     return fit if limited is None else limited
 
 
@@ -96,19 +127,38 @@ def _one_way(benches: Sequence[Bench], blocks: Sequence[Block], guess: Mapping[s
     return len(signs - {0.0}) < 2
 
 
-def _moving(benches: Sequence[Bench], guess: Mapping[str, float]) -> dict[tuple[int, int], bool]:
-    """Return for each run whether it begins in steady motion, rather than at rest."""
+def _driven_at_once(
+    benches: Sequence[Bench], guess: Mapping[str, float]
+) -> dict[tuple[int, int], bool]:
+    """Return for each run whether it begins under a voltage that moves the actuator."""
     found = {}
     for log, bench in enumerate(benches):
         assert bench.voltage is not None
-        for run, (first, after) in enumerate(bench.runs):
-            early = slice(first, min(first + 4, after))
-            x, t, u = bench.position[early], bench.time[early], bench.voltage[first]
-            over = max(abs(u - guess["load_voltage"]) - guess["dead_zone"], 0.0)
-            steady = guess["K1"] * over * float(t[-1] - t[0])
-            least = 3.0 * math.hypot(bench.noise, bench.quantum)
-            found[(log, run)] = abs(float(x[-1] - x[0])) > max(0.7 * steady, least) and steady > 0.0
+        for run, (first, _) in enumerate(bench.runs):
+            over = abs(float(bench.voltage[first]) - guess["load_voltage"])
+            found[(log, run)] = over > guess["dead_zone"] + 0.02 * float(
+                np.abs(bench.voltage).max()
+            )
     return found
+
+
+def _at_rest(problem: Problem, q: Array) -> None:
+    """Say of the runs that begin under a voltage which begin at rest all the same.
+
+    It has to be far more likely than that the motion was steady: else their start is left out.
+    """
+    size = max(scale(problem.by_median(problem.residual(q))), tolerance(problem.benches))
+    for place in [place for place, moving in problem.moving.items() if moving]:
+        own = [k for k, b in enumerate(problem.blocks) if (b.log, b.run) == place]
+        first = problem.block == (own[0] if own else -1)
+
+        def loss(first: NDArray[np.bool_] = first) -> float:
+            off = problem.by_median(problem.residual(q))[first] / size
+            return float(np.sum(np.minimum(off**2, 25.0)))
+
+        steady = loss()
+        problem.moving[place] = False
+        problem.moving[place] = loss() > steady - _CLEARLY
 
 
 def _refine(problem: Problem, q: Array) -> VoltageFit:
@@ -132,7 +182,7 @@ def _refine(problem: Problem, q: Array) -> VoltageFit:
     lost = len(q) + len(np.unique(problem.block[problem.used]))
     sigma = math.sqrt(float(residual @ residual) / max(len(residual) - lost, 1))
     sigma = max(sigma, 1e-6 * tolerance(problem.benches))
-    covariance, blind = _covariance(jacobian, sigma)
+    covariance, blind = _covariance(jacobian, sigma, problem.free)
     return VoltageFit(
         problem=problem,
         q=q,
@@ -184,6 +234,10 @@ def _leave_out(problem: Problem, q: Array) -> None:
         least = bench.quantum + 1e-9 * float(np.ptp(bench.position))
         far = np.abs(residual[own]) > max(_FAR * size, least)
         problem.used[own] = ~(spikes(residual[own], least) | far)
+        if problem.moving[(block.log, block.run)]:
+            time = bench.time[block.samples] - bench.time[bench.runs[block.run][0]]
+            problem.early[own] = time <= _SETTLED * problem.values(q)["T1"]
+            problem.used[own] &= ~problem.early[own]
 
 
 def _gains(problem: Problem, q: Array) -> tuple[float, float, float]:
@@ -239,47 +293,50 @@ def _gains(problem: Problem, q: Array) -> tuple[float, float, float]:
     return ratio * sigma, sigma, free / share**2 if share > 1e-6 else math.inf
 
 
-def _covariance(jacobian: Array, sigma: float) -> tuple[Array, Array]:
+def _covariance(jacobian: Array, sigma: float, free: Sequence[str]) -> tuple[Array, Array]:
     """Return the covariance of what is told, and the directions that are not, in columns.
 
-    A direction is not told where its standard deviation exceeds a half: of a logarithm, or of the
-    largest voltage.
+    A direction is not told where its standard deviation exceeds a seventh of what is turned, or
+    for the time constant a half: there the quadratic picture ends.
     """
-    _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
+    limit = np.array([_VAGUE_T1 if name == "T1" else _VAGUE for name in free])
+    _, singular, directions = np.linalg.svd(jacobian * limit, full_matrices=False)
     with np.errstate(divide="ignore"):
         std = np.where(singular > 1e-12 * singular[0], sigma / singular, np.inf)
-    told = std < 0.5
-    kept = directions[told] * std[told, None]
+    told = std < 1.0
+    kept = directions[told] * std[told, None] * limit
     return kept.T @ kept, directions[~told].T
 
 
 def _with_limit(fit: VoltageFit) -> VoltageFit | None:
-    """Return the fit with a limit of the speed, where that is clearly better."""
-    problem, values = fit.problem, fit.values
-    top = problem.top - abs(values["load_voltage"]) - values["dead_zone"]
-    fastest = values["K1"] * max(top, 0.0)
-    if fastest <= 0.0 or fit.blind.size or _sizes(problem) < 3:
+    """Return the fit with a limit of the speed, where the speeds suggest one and it is better."""
+    problem = fit.problem
+    rows = np.concatenate([speeds(b) for b in problem.benches])
+    top = _levels_off(rows, problem.top)
+    if top is None:
         return None
-    base = float(np.sum(problem.white(fit.q) ** 2)) / fit.sigma**2
-    best = None
-    for share in (0.95, 0.7):
-        limited = problem.changed((*problem.free, "rate"), problem.fixed)
-        begun = limited.turned({**values, "rate": share * fastest})
-        q = solve(limited, begun)
-        gained = base - float(np.sum(limited.white(q) ** 2)) / fit.sigma**2
-        if best is None or gained > best[0]:
-            best = (gained, limited, q)
-    assert best is not None
-    if best[0] < _LIMIT_SEEN:
-        return None
-    found = _refine(best[1], best[2])
-    return None if found.blind.size else found
+    slower = rows[np.abs(rows[:, 1]) < 0.95 * top]
+    guess = {**guess_from(slower, problem.top, problem.free), **problem.fixed, "rate": top}
+    limited = problem.changed((*problem.free, "rate"), problem.fixed)
+    limited.used[:], limited.early[:] = True, False
+    found = _refine(limited, robustly(limited, guess))
+    return found if found.deviance < fit.deviance - _LIMIT_SEEN else None
 
 
-def _sizes(problem: Problem) -> int:
-    """Return how many sizes of voltage there are, to a twentieth of the largest."""
-    u = np.concatenate([b.voltage for b in problem.benches if b.voltage is not None])
-    return len(np.unique(np.rint(20.0 * np.abs(u) / problem.top))) - 1
+def _levels_off(rows: Array, top: float) -> float | None:
+    """Return the largest speed [m/s] where the speeds level off towards the largest voltages."""
+    for sign in (1.0, -1.0):
+        u, v = sign * rows[:, 0], sign * rows[:, 1]
+        sizes = np.rint(20.0 * u / top)
+        own = [s for s in np.unique(sizes).tolist() if s > 0.0 and np.median(v[sizes == s]) > 0.0]
+        if len(own) < 3:
+            continue
+        x = np.array([np.median(u[sizes == s]) for s in own])
+        y = np.array([np.median(v[sizes == s]) for s in own])
+        slopes = np.diff(y) / np.diff(x)
+        if slopes[-1] < _LEVEL * slopes[:-1].max():
+            return float(y.max())
+    return None
 
 
 def named(fit: VoltageFit) -> tuple[str, ...]:
