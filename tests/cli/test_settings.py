@@ -1,0 +1,103 @@
+"""Values, priors and deviations with units on the command line."""
+
+import contextlib
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swimbladder.cli.settings import deviation, known, once, setting
+from swimbladder.errors import InputError
+
+UNITS = {"K2": "1/m2/s", "psi": "m3/m", "T2": "s"}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("psi=2e-6 m3/m", ("psi", 2e-6)),
+        ("psi = 4.04 cm3/m", ("psi", 4.04e-6)),
+        ("psi=-1e-7", ("psi", -1e-7)),
+        ("T2=1 min", ("T2", 60.0)),
+        ("K2=7.9e3", ("K2", 7900.0)),
+    ],
+)
+def test_settings(text, value):
+    assert setting(text, UNITS) == value
+
+
+@pytest.mark.parametrize(
+    ("text", "mean", "std"),
+    [
+        ("psi=2e-6 +- 1e-6 m3/m", 2e-6, 1e-6),
+        ("psi=2e-6 m3/m +- 1e-6 m3/m", 2e-6, 1e-6),
+        ("psi=2 cm3/m ± 1 cm3/m", 2e-6, 1e-6),
+        ("psi=2 cm3/m+-1", 2e-6, 1e-6),  # a unit counts for both
+        ("psi=2 +/- 1 cm3/m", 2e-6, 1e-6),
+        ("psi=2e-6+-1e-6", 2e-6, 1e-6),
+        ("psi=2 cm3/m +- 1e-6 m3/m", 2e-6, 1e-6),
+        ("psi=-2 cm3/m +- 50 %", -2e-6, 1e-6),
+    ],
+)
+def test_priors(text, mean, std):
+    name, prior = known(text, UNITS)
+    assert name == "psi"
+    assert prior == pytest.approx((mean, std), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("psi", ["--prior: not a pair", "'psi'"]),
+        ("psy=1 +- 1", ["--prior: there is no such parameter", "'psy'", "Did you mean psi?"]),
+        ("psi=2e-6 m3/m", ["--prior psi: a prior has a mean and", "MEAN +- STD m3/m"]),
+        ("psi=1 +- 2 +- 3", ["a mean and a standard deviation"]),
+        ("psi=2 cm3 +- 1 cm3", ["--prior psi:", "of another kind", "'2 cm3'", "Give it in m3/m"]),
+        ("psi=2 +- one cm3/m", ["--prior psi: not a number", "one cm3/m"]),
+        ("psi=2 cm3/m +- 0", ["has to be above 0", '--set "psi=VALUE m3/m"']),
+        ("psi=2 cm3/m +- -1", ["has to be above 0"]),
+        ("psi=0 +- 10 %", ["has to be above 0"]),
+        ("psi=1e999 +- 1", ["not a finite number"]),
+    ],
+)
+def test_no_priors(text, parts):
+    with pytest.raises(InputError) as refused:
+        known(text, UNITS)
+    for part in parts:
+        assert part in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("psi=2 cm3", "--set psi: the unit 'cm3' is of another kind"),
+        ("psi=", "--set: not a pair"),
+        ("T2=fast", "--set T2: not a number"),
+        ("T3=1", "--set: there is no such parameter"),
+    ],
+)
+def test_no_settings(text, part):
+    with pytest.raises(InputError, match=part):
+        setting(text, UNITS)
+
+
+def test_deviations():
+    assert deviation("0.5 cm3", "m3", "--neutral-std") == pytest.approx(5e-7)
+    assert deviation(" None ", "m3", "--neutral-std") == math.inf
+    for text in ("0", "-1 cm3", "1 s", "much"):
+        with pytest.raises(InputError, match="--neutral-std: "):
+            deviation(text, "m3", "--neutral-std")
+
+
+def test_a_name_stands_once():
+    assert once([("a", 1), ("b", 2)], "--set") == {"a": 1, "b": 2}
+    with pytest.raises(InputError, match="--set: given twice"):
+        once([("a", 1), ("a", 1)], "--set")
+
+
+@given(st.text())
+def test_any_text_is_read_or_refused(text):
+    for read in (lambda: known(f"psi={text}", UNITS), lambda: setting(text, UNITS)):
+        with contextlib.suppress(InputError):
+            read()
