@@ -8,6 +8,7 @@ from scipy.stats import kstest
 from swimbladder.identify.noise import (
     autocovariance,
     autoregression,
+    pooled,
     robust_scale,
     scale,
     weights,
@@ -52,3 +53,16 @@ def test_whiteness_is_uniform_for_white_noise_and_small_for_coloured():
     assert kstest(p, "uniform").pvalue > 1e-3
     assert whiteness(lfilter([1.0], [1.0, -0.5], rng.normal(size=400))) < 1e-6
     assert whiteness(np.zeros(50)) == 1.0
+
+
+def test_scales_that_differ_by_chance_are_drawn_together_and_others_are_not():
+    rng = np.random.default_rng(3)
+    freedom = np.full(8, 60.0)
+    by_chance = 2e-3 * np.sqrt(rng.chisquare(60.0, (2000, 8)) / 60.0)
+    drawn = np.array([pooled(scales, freedom) for scales in by_chance])
+    scatter = np.mean((np.log(drawn / 2e-3)) ** 2) / np.mean((np.log(by_chance / 2e-3)) ** 2)
+    assert 0.1 < scatter < 0.35  # one scale for all of them has an eighth
+    assert np.mean(drawn**2) == pytest.approx(4e-6, rel=0.01)
+    apart = np.geomspace(1e-3, 1e-2, 8)
+    assert pooled(apart, np.full(8, 200.0)) == pytest.approx(apart, rel=0.03)
+    assert pooled(np.array([2e-3]), np.array([50.0])) == pytest.approx([2e-3])

@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from swimbladder.identify.noise import (
     autocovariance,
     autoregression,
+    pooled,
     robust_scale,
     scale,
     weights,
@@ -135,7 +136,7 @@ def _each(problem: Problem, values: Array) -> Array:
 
 
 def _noise(problem: Problem, residual: Array, weight: Array | None) -> Array:
-    found = []
+    found, freedom = [], []
     for j in range(len(problem.experiments)):
         part = slice(problem.rows[j], problem.rows[j + 1])
         own = 1 + 2 * len(problem.experiments[j].segments)
@@ -144,7 +145,8 @@ def _noise(problem: Problem, residual: Array, weight: Array | None) -> Array:
             found.append(robust_scale(residual[part]))
         else:
             found.append(scale(residual[part], weight[part], lost))
-    return np.array(found)
+            freedom.append(float(weight[part].sum()) - lost)
+    return np.array(found) if weight is None else pooled(np.array(found), np.array(freedom))
 
 
 def _solve(problem: Problem, x: Array) -> tuple[float, Array, Array]:

@@ -10,7 +10,15 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-__all__ = ["autocovariance", "autoregression", "robust_scale", "scale", "weights", "whiteness"]
+__all__ = [
+    "autocovariance",
+    "autoregression",
+    "pooled",
+    "robust_scale",
+    "scale",
+    "weights",
+    "whiteness",
+]
 
 Array = NDArray[np.float64]
 
@@ -36,6 +44,27 @@ def scale(residual: Array, weight: Array, lost: float) -> float:
     """
     count = max(float(weight.sum()) - lost, 1.0)
     return max(math.sqrt(float((weight * residual**2).sum()) / count), _SMALLEST)
+
+
+def pooled(scales: Array, freedom: Array) -> Array:
+    """Return the scales [m] of several residuals, drawn together as far as they may be one.
+
+    freedom: samples less parameters fitted, of each. A scale from few samples is itself uncertain;
+    as a weight it costs information that its interval does not show. So the logarithms are shrunk
+    towards their mean by the share of their scatter that chance explains (the moment estimator of
+    DerSimonian and Laird 1986).
+    """
+    if len(scales) < 2:
+        return scales
+    chance = 2.0 / np.maximum(freedom, 2.0)  # variance of the logarithm of a variance
+    logs = 2.0 * np.log(scales) + 0.5 * chance
+    weight = 1.0 / chance
+    mean = float((weight * logs).sum() / weight.sum())
+    beyond = float((weight * (logs - mean) ** 2).sum()) - (len(logs) - 1)
+    real = max(beyond, 0.0) / float(weight.sum() - (weight**2).sum() / weight.sum())
+    mean = float((logs / (chance + real)).sum() / (1.0 / (chance + real)).sum())
+    result: Array = np.exp(0.5 * (mean + (logs - mean) * real / (chance + real)))
+    return result
 
 
 def robust_scale(residual: Array) -> float:
