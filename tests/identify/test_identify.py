@@ -13,7 +13,7 @@ from swimbladder.identify.fit import fit
 from swimbladder.identify.profiles import profile
 from swimbladder.identify.tell import directions
 from swimbladder.io.config import load_vehicle
-from tests.identify.pool import FEUP, STEPS, campaign, pool_log
+from tests.identify.pool import FEUP, STEPS, campaign, pool_log, trace
 from tests.identify.test_problem import problem_of
 
 FEUP_EM = load_vehicle("feup-em")
@@ -234,3 +234,40 @@ def test_the_intervals_hold_the_truth_and_are_not_too_wide():
         distances.append(off @ np.linalg.solve(found.covariance[:3, :3], off))
     total = float(np.sum(distances))
     assert 1e-3 < chi2.cdf(total, 3 * len(distances)) < 1.0 - 1e-3
+
+
+def test_neutral_volumes_that_walk():
+    """Truth: each walks by 5 cm3 in a minute; a constant one would be wrong."""
+    rng = np.random.default_rng(31)
+    logs = []
+    for dV in STEPS[2:]:
+        log = pool_log(dV, rng=rng)
+        steps = rng.normal(0.0, 5e-6 * math.sqrt(0.3 / 60.0), len(log))
+        n = len(log)
+        true = log.volume - np.cumsum(steps)  # as if: the piston's sensor does not see the walk
+        z0 = 3.75 if dV > 0 else 0.75
+        z = trace(log.time, true, z0=z0, V0=-FEUP["psi"] * z0, **FEUP) + 2e-3 * rng.normal(size=n)
+        logs.append(type(log)(source=log.source, time=log.time, depth=z, volume=log.volume,
+                              line=log.line))  # fmt: skip
+    found = identify(logs, FEUP_EM, fixed={"psi": 4.04e-6}, walk=True)
+    assert found.identified
+    assert found.walk is not None
+    assert found.walk.drifts
+    low, high = found.walk.walk.ci95
+    assert low < 5e-6 / math.sqrt(60.0) < high
+    for name, value in (("K2", 7935.54), ("T2", 36.3)):
+        e = found.parameters[name]
+        assert abs(e.value - value) < 4.0 * e.std
+    assert found.vehicle.identified.neutral_walk == pytest.approx(found.walk.noise.walk)
+    assert "walk" in kinds(found)
+    assert found.to_json()["walk"]["neutral_walk"]["unit"] == "m3/s^0.5"
+
+
+@pytest.mark.slow
+def test_a_posterior_on_request():
+    pytest.importorskip("emcee")
+    found = identify(campaign(42)[4:], FEUP_EM, fixed={"psi": 4.04e-6}, posterior=5, **QUICK)
+    assert found.posterior is not None
+    low, median, high = found.posterior.interval("K2")
+    e = found.parameters["K2"]
+    assert [low, median, high] == pytest.approx([e.ci95[0], e.value, e.ci95[1]], abs=0.7 * e.std)

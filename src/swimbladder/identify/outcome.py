@@ -30,7 +30,7 @@ def dry_mass(vehicle: Vehicle) -> float | None:
 def identified_vehicle(
     vehicle: Vehicle, model: Model, values: Mapping[str, float], names: tuple[str, ...],
     covariance: NDArray[np.float64], *, trim_error: float | None, depth_noise: float,
-    neutral_std: float, neutral_walk: float, logs: tuple[str, ...],
+    neutral_std: float, neutral_walk: float, acceleration_noise: float, logs: tuple[str, ...],
 ) -> Vehicle:  # fmt: skip
     """Return the vehicle with its motion, psi and, where known, trim as identified.
 
@@ -56,6 +56,7 @@ def identified_vehicle(
             "depth_noise": depth_noise,
             "neutral_std": neutral_std,
             "neutral_walk": neutral_walk,
+            "acceleration_noise": acceleration_noise,
             "logs": logs,
         }
     )

@@ -89,7 +89,7 @@ def _value(problem: Problem, i: int, u: Array) -> Array:
 
 def _interval(u: Array, deviance: Array, best: float) -> Array:
     """Return where the signed root of the deviance passes -1.96 and 1.96; infinite if nowhere."""
-    root = np.maximum.accumulate(np.sign(u - best) * np.sqrt(deviance) + 1e-9 * np.arange(len(u)))
+    root = np.maximum.accumulate(np.sign(u - best) * np.sqrt(deviance)) + 1e-9 * np.arange(len(u))
     inverse = PchipInterpolator(root, u, extrapolate=False)
     low, high = (float(inverse(end)) for end in (-Z95, Z95))
     return np.array(

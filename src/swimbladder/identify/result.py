@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,10 @@ from swimbladder.comparison.record import Record
 from swimbladder.errors import NoAnswerError
 from swimbladder.identify.estimates import Estimate, Prior
 from swimbladder.parameters import Vehicle
+
+if TYPE_CHECKING:
+    from swimbladder.identify.posterior import Posterior
+    from swimbladder.identify.walk import WalkFit
 
 __all__ = ["Choice", "ExperimentFit", "Finding", "Identification", "Profile", "Severity"]
 
@@ -126,7 +130,8 @@ class Identification:
     parameters: in the order of `names`; covariance [p, p] of their values in SI units. A parameter
     that the data do not tell is in `parameters` with an interval that says so, and among the
     findings of severity no. derived: what follows from them. assumptions: priors and settings, in
-    sentences; priors and neutral_std [m3], infinite for none, as numbers.
+    sentences; priors and neutral_std [m3], infinite for none, as numbers. walk, posterior: where
+    they were asked for.
     """
 
     names: tuple[str, ...]
@@ -145,6 +150,8 @@ class Identification:
     notes: tuple[str, ...]  # of reading the logs
     depth_noise: float  # m
     result_vehicle: Vehicle = field(repr=False)
+    walk: WalkFit | None = None
+    posterior: Posterior | None = None
 
     @property
     def identified(self) -> bool:
@@ -197,4 +204,6 @@ class Identification:
             "assumptions": list(self.assumptions),
             "notes": list(self.notes),
             "depth_noise_m": self.depth_noise,
+            "walk": None if self.walk is None else self.walk.to_json(),
+            "posterior": None if self.posterior is None else self.posterior.to_json(),
         }

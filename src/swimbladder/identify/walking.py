@@ -1,0 +1,101 @@
+"""An identification whose neutral volumes walk: numbers from the innovations' likelihood."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from swimbladder.identify.estimates import Estimate
+from swimbladder.identify.model import Model
+from swimbladder.identify.outcome import identified_vehicle
+from swimbladder.identify.result import Finding, Identification
+from swimbladder.identify.tell import LIMIT
+from swimbladder.identify.walk import WalkFit
+from swimbladder.parameters import Vehicle
+
+__all__ = ["with_walk"]
+
+_CONSTANT = ("trade-off", "not told", "profile", "prior", "step-size trend", "drift", "model")
+
+
+def with_walk(
+    found: Identification, walk: WalkFit, vehicle: Vehicle, model: Model
+) -> Identification:
+    """Return the identification with the walk's parameters in place of the output error's.
+
+    What is said of single logs stays that of constant neutral volumes. What was said against these
+    falls; what the walking ones do not tell is said instead.
+    """
+    values = walk.values
+    C = walk.covariance
+    findings = [f for f in found.findings if f.kind not in _CONSTANT]
+    findings += [*_untold(walk, model), _told(walk)]
+    told = all(f.severity != "no" for f in findings)
+    size = np.sqrt(np.maximum(np.diag(C), 1e-300))
+    noise = walk.noise
+    new = found.result_vehicle if not told else identified_vehicle(
+        vehicle, model, values, walk.names, C, trim_error=_trim(found, vehicle),
+        depth_noise=noise.depth, neutral_std=_neutral_std(found), neutral_walk=noise.walk,
+        acceleration_noise=noise.jolt, logs=tuple(e.source for e in found.experiments),
+    )  # fmt: skip
+    held = {n: e for n, e in found.parameters.items() if e.origin == "set"}
+    return replace(
+        found, names=walk.names, parameters={**walk.estimates, **held}, derived={},
+        covariance=C, correlation=C / np.outer(size, size), profiles={}, choices=(),
+        findings=tuple(findings), depth_noise=noise.depth, walk=walk, result_vehicle=new,
+        assumptions=(
+            *found.assumptions,
+            "the neutral volume of each log is a random walk; parameters by maximum likelihood of "
+            "the innovations. Predictions and residuals of single logs are those of a constant one",
+        ),
+    )  # fmt: skip
+
+
+def _trim(found: Identification, vehicle: Vehicle) -> float | None:
+    known = [e for e in found.experiments if e.record.volume_absolute]
+    if not known:
+        return None
+    trim = vehicle.trim_error + float(np.mean([e.estimates["neutral_error"].value for e in known]))
+    return trim if vehicle.stroke.minimum < trim < vehicle.stroke.maximum else None
+
+
+def _neutral_std(found: Identification) -> float:
+    if math.isfinite(found.neutral_std):
+        return found.neutral_std
+    errors = [e.estimates["neutral_error"].value for e in found.experiments]
+    return float(np.std(errors, ddof=1)) if len(errors) > 1 else 0.0
+
+
+def _untold(walk: WalkFit, model: Model) -> list[Finding]:
+    found = []
+    for name, e in walk.estimates.items():
+        if not model.logarithmic(name) or _share(e) <= LIMIT:
+            continue
+        found.append(
+            Finding(
+                "not told", "no",
+                f"With a neutral volume that walks the data do not tell {name}: "
+                f"{'any factor' if not _share(e) < 10.0 else f'{100.0 * _share(e):.0f} %'} of "
+                "error. Give it a value (--set) or a prior (--prior), or add logs.",
+            )
+        )  # fmt: skip
+    return found
+
+
+def _share(e: Estimate) -> float:
+    return e.std / abs(e.value) if e.value else math.inf
+
+
+def _told(walk: WalkFit) -> Finding:
+    minute = math.sqrt(60.0)
+    low, high = (1e6 * minute * end for end in walk.walk.ci95)
+    farthest = 1e6 * max(walk.travelled, default=0.0)
+    sure = "The logs say that" if walk.drifts else "The logs do not require it, but taken that"
+    return Finding(
+        "walk", "note",
+        f"{sure} the neutral volume walks, it does so by {1e6 * minute * walk.walk.value:.2g} cm3 "
+        f"in a minute ({low:.2g} to {high:.2g}; p = {walk.p_value:.1g} of none); in one log it "
+        f"went as far as {farthest:.2g} cm3.",
+    )  # fmt: skip
