@@ -1,4 +1,4 @@
-"""Measured logs: CSV with a header, into arrays in SI units, with a report of what was done.
+"""Measured logs: texts with a header, into arrays in SI units, with a report of what was done.
 
 A log has the columns ``time_s`` and ``depth_m`` and any of ``volume_m3, piston_m, voltage_V,
 current_A, speed_m_s, reference_depth_m, reference_volume_m3, reference_piston_m``; a caller may
@@ -61,7 +61,7 @@ class Log:
 
     def __post_init__(self) -> None:
         """Make a log of which nothing is said to be suspect say so for every sample."""
-        if len(self.suspect) != len(self.time):
+        if not len(self.suspect):
             object.__setattr__(self, "suspect", np.zeros(len(self.time), dtype=bool))
 
     def __len__(self) -> int:
@@ -84,7 +84,7 @@ def read_log(
     log_format: LogFormat | str | Path | None = None,
     required: Collection[str] = REQUIRED,
 ) -> Log:
-    """Return the log in a CSV file, which may be compressed by gzip.
+    """Return the log in a text, which may be compressed by gzip, or in a Parquet file.
 
     columns: {"depth_m": "Depth [cm]"}, over those of the log format; a unit in brackets counts,
     and "Depth@cm" states it where the header does not. where: {"log": 47} keeps the rows that hold
