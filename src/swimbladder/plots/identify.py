@@ -23,6 +23,7 @@ PER_PAGE = 24  # logs in one picture
 _WIDTH = 9.6  # inches
 _SHADE = "#E8E8E8"
 _OUTLIER = 0.5  # weight below which a sample counts as one
+_ALIKE = 4.0  # how much larger the largest residuals may be on axes of one scale
 _FURTHEST = 8.0  # standard deviations that are drawn
 
 
@@ -69,11 +70,16 @@ def draw_fits(found: Identification, first: int = 0) -> Figure:
 
 @styled
 def draw_residuals(found: Identification, first: int = 0) -> Figure:
-    """Return measured less fitted depth of up to PER_PAGE logs from `first` on, outliers marked."""
+    """Return measured less fitted depth of up to PER_PAGE logs from `first` on, outliers marked.
+
+    All on one scale, unless the logs differ by so much that little would be seen of most.
+    """
     names, chosen = labels(found), found.experiments[first : first + PER_PAGE]
     figure, panels = _grid(len(chosen), 1.6)
-    reach = 1e3 * max(_reach(e) for e in chosen)
-    for k, (axes, e) in enumerate(zip(panels, chosen, strict=True)):
+    reaches = [1e3 * _reach(e) for e in chosen]
+    if max(reaches) < _ALIKE * min(reaches):
+        reaches = [max(reaches)] * len(reaches)
+    for k, (axes, e, reach) in enumerate(zip(panels, chosen, reaches, strict=True)):
         used = np.isfinite(e.residual)
         time, off = e.record.time[used], 1e3 * e.residual[used]
         away = _outliers(e)[used]
@@ -132,8 +138,9 @@ def _quantiles(axes: Axes, u: Array) -> None:
     axes.plot([-reach, reach], [-reach, reach], color=BLACK, lw=0.9, label="normal")
     axes.plot(expected[inside], ordered[inside], ".", ms=4.0, mew=0.0, color=BLUE)
     for side, mark in ((ordered > reach, "^"), (ordered < -reach, "v")):
-        at = np.sign(ordered[side]) * reach
-        axes.plot(expected[side], at, mark, ms=6.0, color=VERMILION, clip_on=False)
+        if side.any():  # nothing without a clip has no size, which the layout cannot bear
+            at = np.sign(ordered[side]) * reach
+            axes.plot(expected[side], at, mark, ms=6.0, color=VERMILION, clip_on=False)
     axes.set(
         xlabel="normal quantile [-]", ylabel="residual [standard deviations]",
         xlim=(-4.2, 4.2), ylim=(-1.05 * reach, 1.05 * reach),

@@ -37,8 +37,8 @@ _PRETTY = {
     "1/m2/s": "1/(m² s)", "N s2/m2": "N s²/m²", "cm3/m": "cm³/m", "cm3": "cm³", "cm3/h": "cm³/h",
 }  # fmt: skip
 _SYMBOL = {
-    "K1": "K₁", "T1": "T₁", "K2": "K₂", "T2": "T₂", "mass": "mass", "drag_quadratic": "k_dt",
-    "psi": "ψ",
+    "K1": "K₁", "T1": "T₁", "K2": "K₂", "T2": "T₂", "mass": "mass",
+    "drag_quadratic": r"k$_\mathrm{dt}$", "psi": "ψ",
 }  # fmt: skip
 _WIDTH = 9.6  # inches
 
@@ -303,6 +303,7 @@ def draw_gains(
         ylabel=axis_label("K2") if absolute else "gain over that of all logs [-]",
     )
     axes.margins(x=0.08, y=0.15)
+    axes.set_ylim(bottom=max(axes.get_ylim()[0], 0.0))
     axes.legend(handles=shown, loc="center left", bbox_to_anchor=(1.02, 0.5))
     return figure
 
