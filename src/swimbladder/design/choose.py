@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,9 @@ __all__ = ["Criterion", "Table", "choose", "criterion", "in_order"]
 
 Array = NDArray[np.float64]
 _UNKNOWN = 1e-4  # information about a share: off by a hundred wholes
-_PASSES = 6
+_LITTLE = 0.0  # of the criterion: a whole of a parameter
+_PASSES = 40
+_WORTH = 1e-6  # of the criterion, that an exchange has to bring
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,43 +98,74 @@ class Table:
 def choose(table: Table, budget: float, most: int) -> list[int]:
     """Return the candidates to run, some perhaps more than once, within a pool time [s].
 
-    Greedy by what is gained per time, then exchanges of one for another until none helps (Fedorov).
-    most: releases. Raises InputError where the time is too short for any.
+    Greedy by what is gained per time, once for the criterion and once for the whole ellipsoid,
+    which also counts where one candidate alone is no answer; then exchanges (Fedorov) of up to two
+    for another until none helps. most: releases. Raises InputError where the time is too short for
+    any.
     """
     if not (table.cost <= budget).any():
         raise InputError(
             "the time is too short for one release", field="--time", value=round(budget), unit="s",
             remedy=f"Give at least {table.cost.min() / 60.0:.1f} min, or a shorter --settling",
         )  # fmt: skip
+    whole = replace(table, judge=Criterion(kind="D", among=tuple(range(len(table.prior)))))
+    found = []
+    for guide in (table, whole):
+        chosen = _greedy(guide, budget, most)
+        for _ in range(_PASSES):
+            better = _exchanged(table, chosen, budget, most)
+            if better == chosen:
+                break
+            chosen = better
+        found.append(chosen)
+    return min(found, key=table.of)
+
+
+def _greedy(table: Table, budget: float, most: int) -> list[int]:
     chosen: list[int] = []
-    now = float(table.value(np.zeros_like(table.gain[0]), np.zeros_like(table.drift[0])))
-    left = budget
+    now, left = table.of(chosen), budget
     while len(chosen) < most and (table.cost <= left).any():
         values = np.where(table.cost <= left, table.with_each(chosen), np.inf)
         best = int(np.argmax((now - values) / table.cost))
-        if not values[best] < now:
+        if not values[best] < now and chosen:
             break
         chosen.append(best)
         now, left = float(values[best]), left - float(table.cost[best])
-    for _ in range(_PASSES):
-        before = now
-        for slot in range(len(chosen)):
-            others = chosen[:slot] + chosen[slot + 1 :]
-            room = budget - float(table.cost[others].sum())
-            values = np.where(table.cost <= room, table.with_each(others), np.inf)
-            best = int(np.argmin(values))
-            if values[best] < now - 1e-9:
-                chosen, now = [*others[:slot], best, *others[slot:]], float(values[best])
-        if now > before - 1e-6:
-            break
     return chosen
+
+
+def _exchanged(table: Table, chosen: list[int], budget: float, most: int) -> list[int]:
+    """Return the best set that none, one or two of the chosen and another make, or fewer."""
+    best, least = chosen, table.of(chosen) - _WORTH
+    kinds = sorted(set(chosen))
+    out: list[tuple[int, ...]] = [(), *((kind,) for kind in kinds)]
+    out += list(combinations(kinds, 2)) + [(k, k) for k in kinds]
+    for gone in out:
+        others = list(chosen)
+        for kind in gone:
+            if kind in others:
+                others.remove(kind)
+        if len(others) > len(chosen) - len(gone):
+            continue
+        if others and table.of(others) < least:
+            best, least = others, table.of(others)
+        room = budget - float(table.cost[others].sum())
+        if len(others) < most and (table.cost <= room).any():
+            values = np.where(table.cost <= room, table.with_each(others), np.inf)
+            k = int(np.argmin(values))
+            if values[k] < least:
+                best, least = [*others, k], float(values[k])
+    return best
 
 
 def in_order(table: Table, chosen: Sequence[int]) -> list[int]:
     """Return the chosen ones so that each next tells most with those before it."""
+    whole = replace(table, judge=Criterion(kind="D", among=tuple(range(len(table.prior)))))
     left: list[int] = list(chosen)
     order: list[int] = []
     while left:
         values = table.with_each(order)[left]
+        if values.min() > _LITTLE:  # nothing is known of some parameter yet, whichever is next
+            values = whole.with_each(order)[left]
         order.append(left.pop(int(np.argmin(values))))
     return order

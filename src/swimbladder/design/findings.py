@@ -8,7 +8,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from swimbladder.design.knowledge import Question
-from swimbladder.design.left_out import LeftOut
 from swimbladder.design.setting import Setting
 from swimbladder.design.weigh import Curve, Weighed
 from swimbladder.identify.result import Finding
@@ -17,7 +16,7 @@ from swimbladder.units import format_quantity
 
 __all__ = ["describe", "judge", "percent"]
 
-_TELLING = 0.1  # share of the time budget's error at which a bias is worth a sentence
+_SEEN = 1.5  # of the noise: a residual that is larger shows that something is left out
 _COARSE = 0.3  # of the quantum: less noise than that and rounding is no white noise
 
 
@@ -105,21 +104,23 @@ def _biases(chosen: Weighed, setting: Setting) -> list[Finding]:
     found = []
     if chosen.psi is not None:
         left = chosen.psi
-        seen = left.rms > 1.5 * setting.depth_noise
+        seen = left.rms > _SEEN * setting.depth_noise
+        small = not _matters(left.refit, chosen)
+        then = "the fit would show it" if seen else "nobody would notice"
         found.append(
             Finding(
-                "psi", "note" if seen else "warning",
+                "psi", "note" if seen or small else "warning",
                 f"If psi were left out: {describe(left.refit)} (refit of a simulated campaign; "
                 f"linearised {describe(left.linear)}), at {1e3 * left.rms:.1f} mm rms instead of "
                 f"{1e3 * setting.depth_noise:.1f} mm"
-                + (": the fit would show it." if seen else ": nobody would notice."),
+                f": {'no more than the intervals hold' if small else then}.",
             )
         )  # fmt: skip
     for kind, left_out, what in (
         ("trim", chosen.trim, f"by {format_quantity(setting.neutral_std, 'm3', 'cm3', 2)}"),
         ("drift", chosen.drift, "by " + format_quantity(60.0 * setting.drift_std, "m3", "cm3", 2)),
     ):  # fmt: skip
-        if left_out is None or not _matters(left_out, chosen):
+        if left_out is None or not _matters(left_out.linear, chosen):
             continue
         how = "were off" if kind == "trim" else "drifted"
         each = " a minute" if kind == "drift" else ""
@@ -133,10 +134,14 @@ def _biases(chosen: Weighed, setting: Setting) -> list[Finding]:
     return found
 
 
-def _matters(left: LeftOut, chosen: Weighed) -> bool:
-    parameters = chosen.prediction.parameters
-    shares = {n: e.std / max(abs(e.value), 1e-300) for n, e in parameters.items()}
-    return any(abs(bias) > shares[name] for name, bias in left.linear.items())
+def _matters(bias: Mapping[str, float], chosen: Weighed) -> bool:
+    """Say whether a bias is more than a standard deviation without drift."""
+    told = chosen.prediction
+    shares = {
+        n: told.share[n] * e.std / math.hypot(e.std, told.drift[n])
+        for n, e in told.parameters.items()
+    }
+    return any(abs(share) > shares[name] for name, share in bias.items())
 
 
 def _limits(name: str, chosen: Weighed, stretched: Mapping[str, float]) -> Finding:

@@ -57,10 +57,11 @@ class Design:
         ours, theirs = self.chosen.prediction.share, self.against.prediction.share
         return {name: theirs[name] / ours[name] for name in ours}
 
-    def plan(self) -> Plan:
-        """Return the plan to follow at the pool."""
-        s, told = self.setting, self.chosen.prediction
-        pairs = zip(self.chosen.releases, self.chosen.flights, strict=True)
+    def plan(self, weighed: Weighed | None = None) -> Plan:
+        """Return the plan to follow at the pool: of the chosen set, or of another one."""
+        w = weighed or self.chosen
+        s, told = self.setting, w.prediction
+        pairs = zip(w.releases, w.flights, strict=True)
         return Plan(
             name=f"experiments for {self.vehicle}", vehicle=self.vehicle, pool_depth=s.pool_depth,
             shallowest=s.shallowest, deepest=s.deepest, sample_time=s.sample_time, rest=s.rest,

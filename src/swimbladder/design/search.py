@@ -30,7 +30,7 @@ _ALIKE = 0.02  # of the criterion, that fewer kinds of release may cost
 class _Told(NamedTuple):
     gain: Array  # [d, p, p]
     drift: Array  # [d, p, p]
-    cost: float  # s
+    cost: float  # s, of the vehicle as given or on average, whichever is longer
     complete: bool  # in any of the vehicles
 
 
@@ -76,7 +76,11 @@ class Search:
             drift.append(s.drift_std**2 * np.outer(knowledge.drift, knowledge.drift))
             time += flight.duration / len(self.vehicles)
             complete |= flight.complete
-        return _Told(np.array(gain), np.array(drift), s.settling + time, complete)
+        given = follow(release, q.model, q.values, self.ramps, s)
+        return _Told(
+            np.array(gain), np.array(drift), s.settling + max(time, given.duration),
+            complete or given.complete,
+        )  # fmt: skip
 
 
 def search(s: Search, budget: float, most: int, advance: Callable[[float], None]) -> list[Release]:
