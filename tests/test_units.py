@@ -13,6 +13,8 @@ from swimbladder.units import (
     _UNITS,
     format_quantity,
     parse_quantity,
+    rounded,
+    shown_unit,
     to_si,
     unit_factor,
 )
@@ -173,3 +175,21 @@ def test_long_units_are_refused_rather_than_parsed():
 def test_a_quantity_is_shown_in_another_unit():
     assert format_quantity(3.5e-4, "m3", "cm3") == "350 cm3"
     assert format_quantity(0.25, "") == "0.25"
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [
+        (339.6, 2, "340"), (101.2, 2, "100"), (7935.54, 4, "7936"), (2.4e4, 2, "24000"),
+        (0.0512, 2, "0.051"), (1.5e-7, 2, "1.5e-07"), (3.3e9, 2, "3.3e+09"), (0.0, 3, "0"),
+        (-12.34, 3, "-12.3"),
+    ],
+)  # fmt: skip
+def test_rounded_numbers_are_written_in_full(value, digits, text):
+    assert rounded(value, digits) == text
+
+
+def test_people_read_small_volumes():
+    assert [shown_unit(unit) for unit in ("m3", "m3/m", "m3/s", "kg")] == [
+        "cm3", "cm3/m", "cm3/h", "kg",
+    ]  # fmt: skip

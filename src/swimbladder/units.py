@@ -17,7 +17,7 @@ from functools import cache
 
 from swimbladder.errors import UnitError
 
-__all__ = ["format_quantity", "parse_quantity", "shown_unit", "to_si", "unit_factor"]
+__all__ = ["format_quantity", "parse_quantity", "rounded", "shown_unit", "to_si", "unit_factor"]
 
 
 @dataclass(frozen=True)
@@ -216,3 +216,9 @@ _SHOWN = {"m3": "cm3", "m3/s": "cm3/h", "m3/m": "cm3/m"}
 def shown_unit(unit: str) -> str:
     """Return the unit in which people read a number that is in `unit`: m3 -> cm3, else itself."""
     return _SHOWN.get(unit, unit)
+
+
+def rounded(value: float, digits: int = 4) -> str:
+    """Return a number to so many digits, without an exponent below ten millions: 339.6 -> "340"."""
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.{max(digits, 8)}g}" if 1e-4 <= abs(value) < 1e7 else text

@@ -14,6 +14,7 @@ import numpy as np
 
 from swimbladder.identify.result import ExperimentFit, Identification
 from swimbladder.pool import Fit, Record, average, fit_depth, fit_speed
+from swimbladder.units import rounded
 
 __all__ = ["PaperFit", "PaperFits", "paper_fits"]
 
@@ -133,7 +134,7 @@ def _sentence(
     number = "27" if depth is not None else "26"
     told = (
         f"The paper's way (each log alone by eq. ({number}), averaged) gives K2 = "
-        f"{float(f'{fit.K2:.4g}'):.10g} 1/m2/s and T2 = {fit.T2:.3g} s"
+        f"{rounded(fit.K2)} 1/m2/s and T2 = {rounded(fit.T2, 3)} s"
     )
     ours = [found.parameters.get(name) for name in ("K2", "T2")]
     if None in ours or not found.identified:

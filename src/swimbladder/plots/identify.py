@@ -14,6 +14,7 @@ from scipy.stats import norm
 
 from swimbladder.identify import ExperimentFit, Identification
 from swimbladder.plots.style import BLACK, BLUE, GREY, SKY, VERMILION, depth_axis, styled
+from swimbladder.units import rounded
 
 __all__ = ["PER_PAGE", "draw_distribution", "draw_fits", "draw_residuals", "labels"]
 
@@ -61,7 +62,9 @@ def draw_fits(found: Identification, first: int = 0) -> Figure:
         axes.plot(time, e.record.depth, ".", ms=5.0, mew=0.0, color=GREY, label="measured")
         axes.plot(time, e.predicted, color=BLUE, lw=1.1, label="fitted")
         axes.plot(time[away], e.record.depth[away], "x", ms=5.0, color=VERMILION, label="outlier")
-        axes.set_title(f"{names[first + k]}: {1e3 * e.rms:.2g} mm rms", fontsize=9.0, loc="left")
+        axes.set_title(
+            f"{names[first + k]}: {rounded(1e3 * e.rms, 2)} mm rms", fontsize=9.0, loc="left"
+        )
         axes.margins(x=0.02)
         depth_axis(axes, "depth [m]" if k % _columns(len(chosen)) == 0 else "")
         _few_ticks(axes)

@@ -15,7 +15,7 @@ from swimbladder.plots.identify import labels
 from swimbladder.pool import Fit
 from swimbladder.report.html import render
 from swimbladder.report.words import Row, correlations, findings, headlines, reading, row, rows
-from swimbladder.units import shown_unit, unit_factor
+from swimbladder.units import rounded, shown_unit, unit_factor
 
 __all__ = ["page"]
 
@@ -53,8 +53,8 @@ def page(
             "law": found.law,
             "count": len(found.experiments),
             "samples": sum(int((e.weight > 0.0).sum()) for e in found.experiments),
-            "noise": f"{1e3 * found.depth_noise:.2g}",
-            "seconds": f"{seconds:.2g}",
+            "noise": rounded(1e3 * found.depth_noise, 2),
+            "seconds": rounded(seconds, 2),
             "headlines": headlines(found),
             "warnings": [f for f in listed if f.severity == "warning"],
             "notes": [f for f in listed if f.severity == "note"],
@@ -106,8 +106,8 @@ def _log(label: str, e: ExperimentFit) -> dict[str, Any]:
         "seconds": f"{span:.0f}",
         "used": f"{used} of {len(e.record.time)}",
         "outliers": e.outliers,
-        "rms": f"{1e3 * e.rms:.2g}",
-        "noise": f"{1e3 * e.noise:.2g}",
+        "rms": rounded(1e3 * e.rms, 2),
+        "noise": rounded(1e3 * e.noise, 2),
         "white": "white" if e.whiteness_p > 0.01 else f"coloured (p {_small(e.whiteness_p)})",
         "neutral": _plus_minus(neutral),
         "drift": _plus_minus(drift),
@@ -129,7 +129,7 @@ def _choice(found: Identification, c: Choice) -> dict[str, Any]:
         "psi": _PSI[c.psi],
         "reported": c.reported,
         "parameters": c.parameters,
-        "rms": f"{1e3 * c.rms:.3g}",
+        "rms": rounded(1e3 * c.rms, 3),
         "behind": f"{c.bic - best:.1f}" if math.isfinite(c.bic) else "-",
         "weight": f"{100.0 * c.weight:.3g}" if c.weight > 1e-4 else "below 0.01",
         "bar": round(100.0 * c.weight, 1),
@@ -144,8 +144,7 @@ def _value(name: str, value: float) -> str:
     shown = value * unit_factor(unit, shown_unit(unit))
     if abs(shown) < 1e-9:  # a fit that ended at a bound, to rounding
         shown = 0.0
-    text = f"{float(f'{shown:.4g}'):.10g}" if abs(shown) < 1e6 else f"{shown:.3g}"
-    return f"{_SYMBOL.get(name, name)} {text} {shown_unit(unit)}"
+    return f"{_SYMBOL.get(name, name)} {rounded(shown)} {shown_unit(unit)}"
 
 
 def _paper(paper: PaperFits, names: Sequence[str]) -> dict[str, Any]:
@@ -173,8 +172,4 @@ def _paper(paper: PaperFits, names: Sequence[str]) -> dict[str, Any]:
 def _fitted(fit: Fit | None, unit: str) -> list[str]:
     if fit is None:
         return ["-", "-", "-"]
-    return [
-        f"{float(f'{fit.K2:.4g}'):.10g}",
-        f"{float(f'{fit.T2:.3g}'):.10g}",
-        f"{1e3 * fit.rms:.2g} {unit}",
-    ]
+    return [rounded(fit.K2), rounded(fit.T2, 3), f"{rounded(1e3 * fit.rms, 2)} {unit}"]

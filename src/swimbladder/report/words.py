@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from swimbladder.identify import Estimate, Finding, Identification
-from swimbladder.units import shown_unit, unit_factor
+from swimbladder.units import rounded, shown_unit, unit_factor
 
 __all__ = ["Row", "correlations", "findings", "headlines", "reading", "row", "rows"]
 
@@ -85,26 +85,26 @@ def _headline(found: Identification, name: str) -> str:
         )
     half = 0.5 * (e.ci95[1] - e.ci95[0]) / abs(e.value)
     source = ", mostly by its prior" if e.origin == "prior" else ""
-    known = f"known to {100.0 * half:.2g} %" if math.isfinite(half) else f"95 %: {r.ci95}"
+    known = f"known to {rounded(100.0 * half, 2)} %" if math.isfinite(half) else f"95 %: {r.ci95}"
     return f"{name} is {r.value} {r.unit}, {known}{source}: {_meaning(name, e.value)}."
 
 
 def _meaning(name: str, value: float) -> str:
     """Return what a number means to someone beside a pool."""
     if name == "K2":
-        return f"with 1 cm3 too much or too little the speed settles at {1e-3 * value:.3g} mm/s"
+        return f"with 1 cm3 too much or too little the speed settles at {rounded(1e-3 * value, 3)} mm/s"
     if name == "T2":
-        return f"after {value:.3g} s the speed has made 63 % of its change"
+        return f"after {rounded(value, 3)} s the speed has made 63 % of its change"
     if name == "mass":
         return "what is accelerated, the water that moves along included"
     if name == "psi":
         sense = "less" if value > 0.0 else "more"
-        return f"a metre deeper the hull displaces {1e6 * abs(value):.3g} cm3 {sense}"
+        return f"a metre deeper the hull displaces {rounded(1e6 * abs(value), 3)} cm3 {sense}"
     if name == "drag_quadratic":
-        return f"at 0.1 m/s it brakes with {1e-2 * value:.2g} N"
+        return f"at 0.1 m/s it brakes with {rounded(1e-2 * value, 2)} N"
     if name == "K1":
-        return f"the piston moves at {1e3 * value:.3g} mm/s for each volt"
-    return f"the motor's speed follows its voltage after {value:.3g} s"
+        return f"the piston moves at {rounded(1e3 * value, 3)} mm/s for each volt"
+    return f"the motor's speed follows its voltage after {rounded(value, 3)} s"
 
 
 def correlations(found: Identification) -> list[tuple[str, str, float]]:
