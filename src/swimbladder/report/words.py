@@ -86,13 +86,15 @@ def _headline(found: Identification, name: str) -> str:
     half = 0.5 * (e.ci95[1] - e.ci95[0]) / abs(e.value)
     source = ", mostly by its prior" if e.origin == "prior" else ""
     known = f"known to {rounded(100.0 * half, 2)} %" if math.isfinite(half) else f"95 %: {r.ci95}"
-    return f"{name} is {r.value} {r.unit}, {known}{source}: {_meaning(name, e.value)}."
+    return f"{name} is {r.value} {r.unit}, {known}{source}: {_meaning(name, e.value, found.law)}."
 
 
-def _meaning(name: str, value: float) -> str:
+def _meaning(name: str, value: float, law: str) -> str:
     """Return what a number means to someone beside a pool."""
     if name == "K2":
-        return f"with 1 cm3 too much or too little the speed settles at {rounded(1e-3 * value, 3)} mm/s"
+        alone = "by its laminar drag alone, " if law == "blended" else ""
+        speed = f"{rounded(1e-3 * value, 3)} mm/s"
+        return f"{alone}with 1 cm3 too much or too little the speed settles at {speed}"
     if name == "T2":
         return f"after {rounded(value, 3)} s the speed has made 63 % of its change"
     if name == "mass":
