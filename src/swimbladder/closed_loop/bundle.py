@@ -23,12 +23,16 @@ _DEEPEST = 50.0  # m below the start, for the volume that psi may take
 
 
 @part
-def _submerged(p, start, parts, nonlinear, spans, volume, chain, depth):  # type: ignore[no-untyped-def]
-    """Follow a volume as long as nothing happens on the way; return whether nothing did."""
+def _submerged(p, start, parts, nonlinear, spans, place, volume, chain, tables, depth):  # type: ignore[no-untyped-def]
+    """Follow a volume as long as nothing happens on the way; return whether nothing did.
+
+    place [n - 1]: which of the different spans an interval has; tables [spans, 2, COEFFICIENTS]:
+    room for their exponentials.
+    """
     x, y = np.zeros(5), np.zeros(10)
     x[2], x[3] = start[2], start[3]
     n = volume.shape[0]
-    h_before = -1.0
+    ready = np.zeros(tables.shape[0], np.uint8)
     for k in range(n):
         depth[k] = x[2]
         if not (x[2] > p[Z_SURFACE] and x[2] < p[Z_BOTTOM]):
@@ -37,11 +41,13 @@ def _submerged(p, start, parts, nonlinear, spans, volume, chain, depth):  # type
             break
         x[0], x[1] = (volume[k + 1] - volume[k]) / spans[k], volume[k]
         h = spans[k] / parts[k]
-        if h != h_before:
+        table = tables[place[k]]
+        if ready[place[k]] == 0:
             build_chain(p, _PRESCRIBED, h, chain)
-            h_before = h
+            table[:] = chain[:2]
+            ready[place[k]] = 1
         for _ in range(parts[k]):
-            bends = leap(chain, 0, p, nonlinear, x, 0.0, y)
+            bends = leap(table, 0, p, nonlinear, x, 0.0, y)
             if bends or may_hide(p, _PRESCRIBED, x, y, h):
                 return False
             x[:] = y[:5]
@@ -49,7 +55,10 @@ def _submerged(p, start, parts, nonlinear, spans, volume, chain, depth):  # type
 
 
 @compiled
-def _bundle(plants, starts, parts, nonlinear, time, spans, inputs, ramps, chains, built, depth):  # type: ignore[no-untyped-def]
+def _bundle(  # type: ignore[no-untyped-def]
+    plants, starts, parts, nonlinear, time, spans, place, inputs, ramps, tables, chains, built,
+    depth,
+):  # fmt: skip
     """Follow the record with every vehicle; depth [lanes, n] stays NaN where one stopped."""
     record = np.empty((7, time.shape[0]))
     nothing = np.zeros(0)
@@ -58,7 +67,9 @@ def _bundle(plants, starts, parts, nonlinear, time, spans, inputs, ramps, chains
     x = np.zeros(5)
     for i in range(plants.shape[0]):
         p = plants[i]
-        if ramps and _submerged(p, starts[i], parts, nonlinear, spans, inputs, few, depth[i]):
+        if ramps and _submerged(
+            p, starts[i], parts, nonlinear, spans, place, inputs, few, tables, depth[i]
+        ):
             continue
         depth[i] = np.nan
         mode, q = first_mode(p, starts[i, 0], starts[i, 1], starts[i, 2], starts[i, 3], 0.0)
@@ -108,7 +119,8 @@ class Course:
         depth = np.full((len(plants), len(self.time)), np.nan)
         _bundle(
             np.array(plants), starts, steps[self.place], nonlinear, self.time, self.spans,
-            self.inputs, self.ramps, np.empty((COUNT, LEVELS + 1, COEFFICIENTS)),
+            self.place, self.inputs, self.ramps, np.empty((len(self.different), 2, COEFFICIENTS)),
+            np.empty((COUNT, LEVELS + 1, COEFFICIENTS)),
             np.zeros(COUNT, np.uint8), depth,
         )  # fmt: skip
         return depth
