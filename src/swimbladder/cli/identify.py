@@ -24,6 +24,7 @@ from swimbladder.errors import InputError
 if TYPE_CHECKING:
     from swimbladder.identify import Identification
     from swimbladder.identify.paper import PaperFits
+    from swimbladder.identify.posterior import Posterior
     from swimbladder.io.logs import Log
 
 __all__ = ["identify"]
@@ -88,6 +89,14 @@ def identify(
     profiles: Annotated[
         bool, typer.Option("--profiles/--no-profiles", help="Likelihood profiles.")
     ] = True,
+    walk: Annotated[
+        bool,
+        typer.Option("--walk", help="The neutral volumes walk at random: trapped air, leaks."),
+    ] = False,
+    posterior: Annotated[
+        bool, typer.Option("--posterior", help="Also draw from the posterior (needs emcee).")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of the draws from the posterior.")] = 1,
     paper: Annotated[
         bool, typer.Option("--paper", help="The paper's fits beside: eqs (26) and (27), averaged.")
     ] = False,
@@ -121,6 +130,8 @@ def identify(
         "bottom_depth": depth(bottom, "--bottom"),
         "surface_margin": depth(surface_margin, "--surface-margin"),
         "profiles": profiles,
+        "walk": walk,
+        "posterior": seed if posterior else None,
     }
     mapped = dict(pair(text, "--column") for text in column or [])
     given: list[Log] = []
@@ -205,6 +216,8 @@ def _print(
             output.print(f"{kind}: {sentence}", style=style, soft_wrap=True)
     output.print("")
     output.print(_parameters(found))
+    if found.posterior is not None:
+        output.print(_posterior(found.posterior))
     for a, b, r in correlations(found):
         output.print(f"correlation of {a} and {b}: {r:+.2f}")
     if found.choices:
@@ -222,6 +235,20 @@ def _print(
     for path in files:
         if path.suffix != ".png":
             output.print(f"wrote {path}", soft_wrap=True)
+
+
+def _posterior(drawn: Posterior) -> Any:
+    """Return median and interval of the draws as a table."""
+    from swimbladder.identify.model import NAMES
+    from swimbladder.units import shown_unit, unit_factor
+
+    table = _table(("posterior", "median", "95 % of the draws", "unit"))
+    for name in drawn.names:
+        unit = NAMES[name].unit
+        shown = shown_unit(unit)
+        low, median, high = (x * unit_factor(unit, shown) for x in drawn.interval(name))
+        table.add_row(name, f"{median:.4g}", f"{low:.4g} to {high:.4g}", shown)
+    return table
 
 
 def _table(headings: tuple[str, ...]) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from swimbladder.errors import InputError
-from swimbladder.identify import Identification
+from swimbladder.identify import NAMES, Identification
 from swimbladder.identify.paper import PaperFits
 from swimbladder.io.config import file_text
 from swimbladder.io.files import make_folder, publish, write_atomically
@@ -26,6 +26,7 @@ from swimbladder.report.words import row
 __all__ = ["Picture", "check_folder", "pictures", "residuals", "write_identification"]
 
 VEHICLE = "vehicle.toml"
+POSTERIOR = "posterior.csv"
 _MARK = "Identified by swimbladder identify"
 _OURS = re.compile(
     r"(fits|residuals)(-\d+)?\.png|(distribution|ellipses|profiles|neutral|gains)\.png"
@@ -91,6 +92,12 @@ def write_identification(
         write_atomically(folder / "identify.json", answer + "\n")
         write_csv(folder / "residuals.csv", residuals(found))
         names[:0] = ["identify.html", "identify.json", "residuals.csv"]
+        if found.posterior is not None:
+            draws = found.posterior.draws.T
+            names_of = (f"{n} [{NAMES[n].unit}]" for n in found.posterior.names)
+            columns = dict(zip(names_of, draws, strict=True))
+            write_csv(folder / POSTERIOR, columns)
+            names.append(POSTERIOR)
         if found.identified:
             write_atomically(folder / VEHICLE, vehicle_file(found.vehicle, head=_head(found)))
             names.insert(3, VEHICLE)
@@ -111,8 +118,10 @@ def _sweep(out: Path, kept: list[str]) -> None:
     stale = [path for path in (out / "figures").glob("*.png") if _OURS.fullmatch(path.name)]
     if _is_ours(out / VEHICLE):
         stale.append(out / VEHICLE)
+    if (out / "identify.json").is_file():
+        stale.append(out / POSTERIOR)
     for path in stale:
-        if path.relative_to(out).as_posix() not in kept:
+        if path.is_file() and path.relative_to(out).as_posix() not in kept:
             path.unlink()
 
 
