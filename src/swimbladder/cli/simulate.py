@@ -201,7 +201,7 @@ def _write(s: Solution, task: Mission, folder: Path, *, netcdf: bool, plot: bool
         "speed_m_s": s.speed,
         "volume_m3": s.volume,
         "voltage_V": s.voltage,
-        "volume_reference_m3": s.volume_reference,
+        "reference_volume_m3": s.volume_reference,
         "current_A": s.current,
         "power_W": s.power,
         "reference_depth_m": s.reference,

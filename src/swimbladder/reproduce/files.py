@@ -43,7 +43,7 @@ def trajectories(e: Evidence) -> dict[str, dict[str, Any]]:
             "depth_m": s.depth,
             "speed_m_s": s.speed,
             "volume_m3": s.volume,
-            "volume_reference_m3": s.volume_reference,
+            "reference_volume_m3": s.volume_reference,
             "voltage_V": s.voltage,
         }
     found["figure-psi.csv"] = {
