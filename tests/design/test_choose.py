@@ -125,7 +125,7 @@ def test_the_library_has_steps_and_to_and_fro_that_the_stroke_allows(question, l
     families = releases(question, limits, setting)
     least, *_, most = sizes(question, limits, setting)
     assert 4 * setting.neutral_std <= least < 5e-6
-    assert 150e-6 < most <= limits.most
+    assert 80e-6 < most < 200e-6
     for family in families:
         for release in family:
             volumes = [move.volume for move in release.moves]

@@ -17,6 +17,7 @@ from swimbladder.units import format_quantity
 __all__ = ["describe", "judge", "percent"]
 
 _SEEN = 1.5  # of the noise: a residual that is larger shows that something is left out
+_FAST = 0.2  # m/s
 _COARSE = 0.3  # of the quantum: less noise than that and rounding is no white noise
 
 
@@ -27,7 +28,7 @@ def judge(
     """Return what is to be said of a set; stretched: its shares in a pool half as deep again."""
     found = list(chosen.prediction.open)
     found += _remedies(chosen, stretched)
-    found += _ends(chosen)
+    found += _ends(chosen, setting)
     found += _biases(chosen, setting)
     found += [_limits(name, chosen, stretched) for name in question.names]
     found.append(_sizes(curve))
@@ -44,8 +45,11 @@ def judge(
 
 
 def describe(left: Mapping[str, float]) -> str:
-    """Return biases as text: "K2 by +81 %, T2 by +90 %"."""
-    return ", ".join(f"{name} by {_signed(share)} %" for name, share in left.items())
+    """Return biases as text: "K2 by +81 %, T2 more than tenfold"."""
+    return ", ".join(
+        f"{name} by {_signed(share)} %" if share < 9.0 else f"{name} more than tenfold"
+        for name, share in left.items()
+    )
 
 
 def percent(share: float | None) -> str:
@@ -74,7 +78,7 @@ def _remedies(chosen: Weighed, stretched: Mapping[str, float]) -> list[Finding]:
     return [Finding("remedy", "note", f"{'; '.join(parts)}.")]
 
 
-def _ends(chosen: Weighed) -> list[Finding]:
+def _ends(chosen: Weighed, setting: Setting) -> list[Finding]:
     found = []
     for k, (release, flight) in enumerate(zip(chosen.releases, chosen.flights, strict=True), 1):
         missed = chosen.partial[k - 1]
@@ -97,7 +101,28 @@ def _ends(chosen: Weighed) -> list[Finding]:
                     "reach an end of the range before the last move; this is reckoned with.",
                 )
             )  # fmt: skip
-    return found
+    return found + _arrivals(chosen, setting)
+
+
+def _arrivals(chosen: Weighed, setting: Setting) -> list[Finding]:
+    """Say which releases go fast where their records end, as seen in all vehicles."""
+    fast = []
+    for k in range(len(chosen.releases)):
+        ends = [f[k] for f in (chosen.flights, *chosen.others) if f[k].ended != "longest"]
+        speeds = [abs(f.depth[-1] - f.depth[-2]) / setting.sample_time for f in ends]
+        if speeds and max(speeds) > _FAST:
+            fast.append((k + 1, max(speeds)))
+    if not fast:
+        return []
+    listed = ", ".join(f"{k} ({speed:.2f} m/s)" for k, speed in fast)
+    seconds = setting.clearance / max(speed for _, speed in fast)
+    return [
+        Finding(
+            "arrival", "warning",
+            f"Fast where the record ends, in some vehicle that it may be: {listed}. Surface or "
+            f"bottom follow in {seconds:.0f} s or more: have the loop, or a hand, catch it.",
+        )
+    ]  # fmt: skip
 
 
 def _biases(chosen: Weighed, setting: Setting) -> list[Finding]:

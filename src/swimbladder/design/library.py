@@ -19,7 +19,7 @@ _PLACES = (0.35, 0.5, 0.65)  # of the way through the range at which the volume 
 _HALVINGS = 12
 _GRIDS = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)  # m, of depths that a person sets
 _GRID = 50.0  # of these in the range, at least
-_QUICKEST = 40  # samples of the shortest record
+_QUICKEST = 60  # samples of the shortest record
 _SURE = 4.0  # deviations of the neutral volume, so that the vehicle leaves the way it should
 
 

@@ -75,7 +75,7 @@ class PlannedExperiment(Parameters):
     longest: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
         description="time after the release at which the record ends at the latest"
     )
-    settling: _Time = Field(0.0, description="time expected until the vehicle is at rest before it")
+    settling: _Time = Field(0.0, description="time expected before the release, to come to rest")
     duration: _Time = Field(0.0, description="time expected from the release to the record's end")
     moves: Annotated[tuple[Move, ...], Field(min_length=1)] = Field(
         description="changes of volume, in order"
@@ -167,7 +167,7 @@ class Plan(Parameters):
     @property
     def time(self) -> float:
         """Pool time expected [s], settling included."""
-        return sum(self.rest + e.settling + e.duration for e in self.experiments)
+        return sum(e.settling + e.duration for e in self.experiments)
 
 
 def load_plan(path: str | Path) -> Plan:

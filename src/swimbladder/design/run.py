@@ -34,6 +34,7 @@ _TIME = 3600.0  # s
 _SETTLING = 120.0  # s, where no procedure can be simulated
 _SETTLING_STEP = 30e-6  # m3, of the procedure that is simulated for it
 _DEEPER = 1.5
+_LARGER = 2.0  # of the largest size that a design has: what the curve goes to
 _WALK_TIME = 100.0  # s, over which a random walk is taken for a steady drift
 _UNLIMITED = 10_000
 _LEAST_TRAVEL = 0.2  # m
@@ -96,7 +97,8 @@ def design_experiment(
         theirs = weigh(rival, question, s, limits, others) if rival else None
         tell(0.07)
         ends = sizes(question, limits, s)
-        buys = curve(question, s, limits, (ends[0], ends[-1]), budget)
+        end = min(limits.most, -limits.least, _LARGER * ends[-1])
+        buys = curve(question, s, limits, (ends[0], end), budget)
         stretched = deeper(chosen, question, s, limits, _DEEPER)
         tell(0.06)
     return Design(
@@ -268,19 +270,16 @@ def _rival_name(against: Sequence[float] | None) -> str:
 
 
 def _assumptions(question: Question, s: Setting, how: str, count: int) -> tuple[str, ...]:
-    law, held = question.model.law, {**question.fixed}
+    law, held = question.model.law, question.fixed
+    known = "not known"
+    if math.isfinite(s.neutral_std):
+        known = f"known to {format_quantity(s.neutral_std, 'm3', 'cm3', 2)}"
     said = [
         f"drag law: {law}",
         f"depths every {s.sample_time:g} s, with a noise of {1e3 * s.depth_noise:.2g} mm (1 sigma, "
         "rounding included), white",
-        f"each record begins {s.rest:g} s before the release, its neutral volume known to "
-        + (
-            format_quantity(s.neutral_std, "m3", "cm3", 2)
-            if math.isfinite(s.neutral_std)
-            else "nothing"
-        )
-        + " and drifting by "
-        f"{format_quantity(60.0 * s.drift_std, 'm3', 'cm3', 2)} a minute (1 sigma)",
+        f"each record begins {s.rest:g} s before the release; its neutral volume is {known} and "
+        f"drifts by {format_quantity(60.0 * s.drift_std, 'm3', 'cm3', 2)} a minute (1 sigma)",
         f"{s.settling:.0f} s until at rest before a release ({how})",
         f"good on average over {count} vehicles that it may be",
         "volumes and depths are measured without an error of scale: 1 % of either is 1 % of K2",

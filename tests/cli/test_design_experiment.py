@@ -1,0 +1,89 @@
+"""``swimbladder design-experiment``: what is printed, written, refused."""
+
+import json
+
+import pytest
+
+from swimbladder.cli import main
+from swimbladder.design import load_plan
+
+QUICK = [
+    "design-experiment", "feup-em", "--pool-depth", "4.5 m", "--sensor-std", "2 mm", "--settling",
+    "5 min", "--moves", "1", "--runs", "2",
+]  # fmt: skip
+
+
+def test_it_prints_and_writes_a_plan(capsys, tmp_path):
+    code = main([*QUICK, "--against", "20,-20 cm3", "--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert code == 0
+    for said in ("They tell K2 to", "rest at", "95 % interval", "Against steps of 20, -20 cm3",
+                 "If psi were left out", "assumed: drag law: linear"):  # fmt: skip
+        assert said in printed
+    names = {"plan.toml", "plan.html", "plan.png", "design.png", "design.json"}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    plan = load_plan(tmp_path / "plan.toml")
+    assert len(plan.experiments) == 2
+    head = (tmp_path / "plan.toml").read_text(encoding="utf-8").splitlines()
+    assert head[1].startswith("# 2 experiments in")
+    page = (tmp_path / "plan.html").read_text(encoding="utf-8")
+    assert page.count("☐") == 2
+    assert "data:image/png;base64" in page
+    assert "http" not in page  # it needs nothing but itself
+
+
+def test_json_is_one_object(capsys, tmp_path):
+    assert main([*QUICK, "--against", "none", "--json", "--out", str(tmp_path)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["against"] is None
+    assert set(told["parameters"]) == {"K2", "T2", "psi"}
+    K2 = told["parameters"]["K2"]
+    assert K2["ci95"][0] < K2["value"] < K2["ci95"][1]
+    assert sum(K2["sources"].values()) == pytest.approx(1.0)
+    assert told["experiments"][0]["moves"][0]["going"] is None
+    written = json.loads((tmp_path / "design.json").read_text(encoding="utf-8"))
+    assert written == {key: value for key, value in told.items() if key != "files"}
+
+
+def test_a_no_is_exit_code_1(capsys, tmp_path):
+    code = main(
+        [*QUICK, "--sensor-std", "5 cm", "--runs", "1", "--neutral-std", "none", "--against",
+         "none", "--json", "--out", str(tmp_path)]
+    )  # fmt: skip
+    printed = capsys.readouterr()
+    assert code == 1
+    assert json.loads(printed.out)["identifiable"] is False
+    assert "psi" in printed.err
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--against", "20,-20"], "the unit is missing"),
+        (["--against", "20 cm,-20 cm3"], "--against"),
+        (["--against", "900 cm3"], "not within"),
+        (["--prior", "psi=2e-6 m3/m"], "it has a mean and a standard deviation"),
+        (["--prior", "psy=2e-6 +- 1e-6"], "Did you mean psi?"),
+        (["--set", "psi=2 cm3"], "--set psi"),
+        (["--set", "psi"], "not a pair"),
+        (["--criterion", "E"], "Choose largest, D or A"),
+        (["--time", "1 min"], "too short"),
+        (["--pool-depth", "1 m"], "leaves no travel"),
+        (["--sensor-std", "2 s"], "--sensor-std"),
+    ],
+)
+def test_what_is_refused_names_the_option(capsys, tmp_path, options, said):
+    assert main([*QUICK, *options, "--out", str(tmp_path / "out")]) == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "text", ["psi=2e-6 +- 5e-7 m3/m", "psi=2 cm3/m ± 0.5 cm3/m", "psi=2 +- 0.5 cm3/m",
+             "psi=2 cm3/m +- 25 %", "psi=2e-6+/-5e-7"]
+)  # fmt: skip
+def test_a_prior_is_read_in_many_ways(text):
+    from swimbladder.cli.known import known
+
+    (prior,) = known([text]).values()
+    assert prior == pytest.approx((2e-6, 5e-7))
