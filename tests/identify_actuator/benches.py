@@ -1,6 +1,7 @@
 """Motors on a bench, simulated by SciPy from the differential equations alone, with bad sensors."""
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ def travel(motor, time, voltage, gain=None):
     edges = [0, *turns.tolist(), len(time) - 1]
     position = np.zeros(len(time))
     x = v = 0.0
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         t, end = time[low], time[high]
         over = voltage[low] - motor.load
         while t < end:
@@ -124,3 +125,25 @@ def random_bench(random, motor, *, differing=0.0, outliers=0.0):
         quantum=reach * 10.0 ** random.uniform(-4.0, -2.0), outliers=outliers,
     )  # fmt: skip
     return log_of(time, seen, voltage=voltage)
+
+
+def random_moves(random, motor, *, differing=0.0, outliers=0.0):
+    """A log of moves at full voltage that begin at any instant; the voltage is not in it."""
+    step = float(random.choice([0.01, 0.02]))
+    count = 2 * int(random.integers(3, 8))
+    hold, rest = random.uniform(1.5, 3.0), 1.0 + 8.0 * motor.T1
+    begins = np.arange(count) * (hold + rest) + rest + random.uniform(0.0, step, count)
+    time = np.arange(0.0, begins[-1] + hold + rest, step)
+    instants = np.unique(np.concatenate([time, begins, begins + hold]))
+    voltage, gain = np.zeros(len(instants)), np.ones(len(instants))
+    for k, begin in enumerate(begins):
+        moved = (instants >= begin) & (instants < begin + hold)
+        voltage[moved] = 12.0 if k % 2 == 0 else -12.0
+        gain[moved] = 1.0 + differing * random.normal()
+    position = travel(motor, instants, voltage, gain)[np.searchsorted(instants, time)]
+    reach = motor.K1 * 12.0 * motor.T1  # its lag at full speed
+    seen = measured(
+        position, random, noise=reach * 10.0 ** random.uniform(-3.0, -1.5),
+        quantum=reach * 10.0 ** random.uniform(-3.0, -1.5), outliers=outliers,
+    )  # fmt: skip
+    return log_of(time, seen)

@@ -11,8 +11,9 @@ import numpy as np
 from swimbladder.identify_actuator.bench import Bench
 from swimbladder.identify_actuator.estimate import Estimate, Pooled, estimated, pool, untold
 from swimbladder.identify_actuator.moves import Move, moves
+from swimbladder.identify_actuator.plateau import Rate, rate_of
 from swimbladder.identify_actuator.result import Step
-from swimbladder.identify_actuator.startup import Rate, rate_of, start_up
+from swimbladder.identify_actuator.startup import start_up
 
 __all__ = ["MovesFit", "fit_moves", "together"]
 
@@ -37,9 +38,8 @@ def fit_moves(bench: Bench) -> MovesFit:
     """Return T1 and the rate of the moves of one log; without any, both say so."""
     found = moves(bench, 0)
     unit = f"{bench.unit}/s"
-    start = start_up([bench], found)
-    skip = 5.0 * start.T1.value if start.T1.value is not None else 0.0
-    rates = [rate_of(bench, move, skip) for move in found]
+    start = start_up(bench, found)
+    rates = [rate_of(bench, move, start.T1.value or 0.0) for move in found]
     derived: dict[str, Estimate] = {}
     pooled: dict[int, Pooled] = {}
     for way, name in _WAYS.items():
@@ -48,7 +48,7 @@ def fit_moves(bench: Bench) -> MovesFit:
             continue
         pooled[way] = pool([rates[k].value for k in own], [rates[k].std for k in own])
         derived[f"rate_{name}"] = pooled[way].estimate(unit)
-        T1 = start_up([bench], [found[k] for k in own]).T1
+        T1 = start_up(bench, [found[k] for k in own]).T1
         derived[f"T1_{name}"] = T1
     parameters = {
         "K1": untold(f"{unit}/V", _NO_VOLTAGE),
@@ -88,7 +88,8 @@ def _both(pooled: dict[int, Pooled], unit: str) -> dict[str, Estimate]:
     rate, ratio = math.sqrt(out.mean * in_.mean), out.mean / in_.mean
     both = math.hypot(a, b)
     # Satterthwaite's degrees of freedom of a sum of two variances
-    df = both**4 / (a**4 / out.df + b**4 / in_.df) if both > 0.0 else math.inf
+    share = a**4 / out.df + b**4 / in_.df
+    df = both**4 / share if share > 0.0 else math.inf
     return {
         "asymmetry": estimated(ratio, ratio * both, "-", df=df, logarithmic=True),
         "rate": estimated(rate, 0.5 * rate * both, unit, df=df, logarithmic=True),

@@ -16,8 +16,11 @@ Mask = NDArray[np.bool_]
 
 _MOVES = 0.5  # of the full speed: it moves
 _FULL = 0.85  # of the full speed of the move: it has started, and does not yet brake
+_RESTS = 0.1  # of the full speed: it stands
 _FEWEST = 6  # samples at full speed
 _FEWEST_ASKED = 4  # where it is known that full speed was asked for
+_WIDTHS = (1, 2, 4, 8, 16, 32)  # intervals that a speed is taken over
+_BLUR = 0.05  # of the full speed, that noise may make of a speed
 _BEFORE = 5  # samples of rest that are kept before it starts
 
 
@@ -49,12 +52,24 @@ def moves(bench: Bench, log: int) -> list[Move]:
     return found
 
 
-def _speed(bench: Bench, first: int, after: int) -> Array:
-    """Return the speed between neighbours [m/s], the median of three against outliers."""
-    raw = np.diff(bench.position[first:after]) / np.diff(bench.time[first:after])
-    padded = np.pad(raw, 1, mode="edge")
-    result: Array = np.median(np.lib.stride_tricks.sliding_window_view(padded, 3), axis=1)
-    return result
+def _speed(bench: Bench, first: int, after: int) -> tuple[Array, int]:
+    """Return the speed of each interval [m/s], and over how many intervals it is taken.
+
+    Over as few as noise and quantum allow, the median of three against outliers.
+    """
+    x, t = bench.position[first:after], bench.time[first:after]
+    for width in _WIDTHS:
+        if after - first < 4 * width:
+            break
+        raw = (x[width:] - x[:-width]) / (t[width:] - t[:-width])
+        # each interval has the speed of the stretch around it
+        padded = np.pad(raw, (1 + width // 2, 1 + (width - 1) // 2), mode="edge")
+        speed = np.median(np.lib.stride_tricks.sliding_window_view(padded, 3), axis=1)
+        full = max(_full(speed), _full(-speed))
+        blur = (1.4 * bench.noise + bench.quantum) / (width * bench.step)
+        if blur < _BLUR * full:
+            break
+    return speed, width
 
 
 def _full(speed: Array) -> float:
@@ -67,17 +82,18 @@ def _full(speed: Array) -> float:
 
 
 def _seen(bench: Bench, log: int, first: int, after: int) -> list[Move]:
-    speed = _speed(bench, first, after)
-    noise = 3.0 * (bench.noise + bench.quantum) / bench.step
+    speed, width = _speed(bench, first, after)
+    least = 4.0 * (bench.noise + bench.quantum)
     found = []
     for direction in (1, -1):
         full = _full(direction * speed)
-        if full <= noise:
-            continue
         for low, high in _stretches(direction * speed > _MOVES * full):
-            move = _one(direction * speed, low, high, full)
-            if move is not None:
-                begin, start, end = move
+            move = _one(direction * speed, low, high, full, width)
+            if move is None:
+                continue
+            begin, start, end = move
+            travel = bench.position[end + first] - bench.position[start + first]
+            if direction * travel > least:
                 found.append(Move(log, direction, _add(begin, first), start + first, end + first))
     return sorted(found, key=lambda move: move.first)
 
@@ -86,8 +102,13 @@ def _add(index: int | None, first: int) -> int | None:
     return None if index is None else index + first
 
 
-def _one(speed: Array, low: int, high: int, full: float) -> tuple[int | None, int, int] | None:
-    """Return (begin, first, last) of the move whose intervals low..high are fast."""
+def _one(
+    speed: Array, low: int, high: int, full: float, width: int
+) -> tuple[int | None, int, int] | None:
+    """Return (begin, first, last) of the move whose intervals low..high are fast.
+
+    width: intervals over which a speed is taken.
+    """
     own = float(np.median(speed[low:high]))
     fast = np.flatnonzero(speed[low:high] > _FULL * own)
     if own < _MOVES * full or not len(fast):
@@ -98,28 +119,30 @@ def _one(speed: Array, low: int, high: int, full: float) -> tuple[int | None, in
     brake = np.flatnonzero(lasting[: len(slow)])
     brake = brake[brake > (high - start) // 2]
     end = start + int(brake[0]) - 1 if len(brake) else high - 1
-    end = max(end - 1, start)  # the interval in which it begins to brake looks fast
+    end = max(end - width, start)  # the stretch in which it begins to brake looks fast
     if end - start < _FEWEST:
         return None
-    return _begin(speed, low, own), start, end
+    return _begin(speed, low, own, width), start, end
 
 
-def _begin(speed: Array, low: int, own: float) -> int | None:
+def _begin(speed: Array, low: int, own: float, width: int) -> int | None:
     """Return the first sample of the start of a move whose interval `low` is the first fast one.
 
-    None where it does not come from rest within the few intervals before.
+    None where it does not come from rest shortly before.
     """
-    rest = np.flatnonzero(np.abs(speed[:low]) < 0.1 * own)
-    if len(rest) and low - int(rest[-1]) <= _FEWEST:
-        begin = max(int(rest[-1]) + 1 - _BEFORE, 0)
-        moved = np.flatnonzero(np.abs(speed[begin : int(rest[-1])]) > 0.1 * own)
+    near = _FEWEST + 2 * width
+    rest = np.flatnonzero(np.abs(speed[:low]) < _RESTS * own)
+    if len(rest) and low - int(rest[-1]) <= max(near, low // 2):
+        last = int(rest[-1]) + 1 - width
+        begin = max(last - _BEFORE, 0)
+        moved = np.flatnonzero(np.abs(speed[begin : max(last, begin)]) > 2.0 * _RESTS * own)
         return begin + (int(moved[-1]) + 1 if len(moved) else 0)
-    return 0 if low <= _FEWEST // 2 else None  # it starts with the log
+    return 0 if low <= _FEWEST // 2 + width else None  # it starts with the log
 
 
 def _asked(bench: Bench, log: int, first: int, after: int) -> list[Move]:
     assert bench.reference is not None
-    speed = _speed(bench, first, after)
+    speed, width = _speed(bench, first, after)
     ahead = bench.reference[first:after] - bench.position[first:after]
     found = []
     for direction in (1, -1):
@@ -132,7 +155,7 @@ def _asked(bench: Bench, log: int, first: int, after: int) -> list[Move]:
         for low, high in _stretches(far):
             start, end = low + 1, high - 1  # it may take up an order late
             if end - start + 1 >= _FEWEST_ASKED:
-                begin = _add(_begin(direction * speed, low, full), first)
+                begin = _add(_begin(direction * speed, low, full, width), first)
                 found.append(Move(log, direction, begin, start + first, end + first))
     return sorted(found, key=lambda move: move.first)
 

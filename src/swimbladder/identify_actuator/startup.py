@@ -1,4 +1,4 @@
-"""T1 from how moves start where no voltage is logged, and the speed they reach.
+"""T1 from how moves start, where no voltage is logged.
 
 A move that is commanded at an unknown instant t0 from rest, at full voltage, follows eq. (22):
 ``x = x0 + r (s - T1 (1 - exp(-s/T1))) + c s^2/2`` with s = t - t0 > 0, r the speed and c how the
@@ -19,63 +19,19 @@ from numpy.typing import NDArray
 from swimbladder.identify_actuator.bench import Bench
 from swimbladder.identify_actuator.estimate import Estimate, bounded, estimated, untold
 from swimbladder.identify_actuator.moves import Move
-from swimbladder.identify_actuator.noise import WHITE, autoregression, changes, spikes
+from swimbladder.identify_actuator.noise import WHITE, autoregression, spikes
 
-__all__ = ["Rate", "StartUp", "rate_of", "start_up"]
+__all__ = ["StartUp", "start_up"]
 
 Array = NDArray[np.float64]
 
 _LONG = 3  # times the samples that the start takes are looked at, or
 _LEAST = 15  # samples
-_STEP = 0.05  # of ln T1, for the derivatives of the deviance
-_TRIALS = 24  # of T1
+_NOTHING = 0.02  # of the time between samples: a T1 that is none
+_TRIALS = 9  # of T1, and of t0
 _GROSS = 0.01  # of the travel: what no motor's start is off the model, a sample alone
 _CHI2 = 3.841  # of one degree of freedom, 95 %
 _ONE_SIDED = 2.706
-
-
-class Rate(NamedTuple):
-    """The mean speed of a move at full speed [m/s], its deviation, and how it changes [1/s]."""
-
-    value: float
-    std: float
-    trend: float  # share of the speed that is gained in a second
-    samples: NDArray[np.int64]
-    fitted: Array  # m, the position at these
-    used: NDArray[np.bool_]
-
-
-def rate_of(bench: Bench, move: Move, skip: float = 0.0) -> Rate:
-    """Return the mean speed between the first and the last sample of a move at full speed.
-
-    skip: time left out at its beginning [s]. A parabola is fitted; what is left over of it is taken
-    as an autoregression beside the quantum.
-    """
-    first = move.first
-    while first < move.last - 3 and bench.time[first] < bench.time[move.first] + skip:
-        first += 1
-    t = bench.time[first : move.last + 1]
-    x = move.direction * bench.position[first : move.last + 1]
-    middle, half = 0.5 * (t[0] + t[-1]), 0.5 * (t[-1] - t[0])
-    s = (t - middle) / half
-    columns = np.stack([np.ones_like(s), s, s * s], axis=1)[:, : 3 if len(s) > 6 else 2]
-    keep = np.ones(len(s), bool)
-    for _ in range(2):
-        best = np.linalg.lstsq(columns[keep], x[keep], rcond=None)[0]
-        off = x - columns @ best
-        keep = ~spikes(off, 4.0 * (bench.quantum + changes(t, x)))
-    noise = autoregression([off[keep]])
-    white = noise.whiten(np.column_stack([columns[keep], x[keep]]))
-    best, *_ = np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=None)
-    left = white[:, -1] - white[:, :-1] @ best
-    variance = float(left @ left) / max(len(left) - len(best), 1)
-    covariance = variance * np.linalg.inv(white[:, :-1].T @ white[:, :-1])
-    # the readings of its two ends are off by up to half a quantum each, whatever lies between
-    std = math.hypot(math.sqrt(float(covariance[1, 1])), bench.quantum / math.sqrt(6.0) / 2.0)
-    speed = float(best[1]) / half
-    trend = 2.0 * float(best[2]) / half**2 / speed if len(best) > 2 else 0.0
-    samples = np.arange(first, move.last + 1)
-    return Rate(speed, std / half, trend, samples, move.direction * (columns @ best), keep)
 
 
 class _Window(NamedTuple):
@@ -93,36 +49,38 @@ class _Window(NamedTuple):
             samples=self.samples[kept], time=self.time[kept], travel=self.travel[kept]
         )
 
+    def columns(self, t0: float, T1: float) -> Array:
+        """Return the columns of x0, r and c for a start at t0 [s], [n, 2 or 3]."""
+        s = np.maximum(self.time - t0, 0.0)
+        parts = [np.ones_like(s), s + T1 * np.expm1(-s / T1)]
+        if self.trend:
+            parts.append(0.5 * s * s)
+        return np.stack(parts, axis=1)
+
 
 @dataclass(frozen=True, kw_only=True)
 class StartUp:
-    """T1 of the moves of one direction, and for each move what the fit says it did.
+    """T1 of some moves, and for each move what the fit says it did.
 
     fitted: for each move that shows its start (index into the moves, samples, position [m]).
     """
 
     T1: Estimate
     fitted: tuple[tuple[int, NDArray[np.int64], Array], ...]
-    step: float  # s, between samples
 
 
-def start_up(benches: Sequence[Bench], moves: Sequence[Move]) -> StartUp:
-    """Return T1 [s] of moves in one direction that show their start."""
+def start_up(bench: Bench, moves: Sequence[Move]) -> StartUp:
+    """Return T1 [s] of the moves that show their start."""
     shown = [(k, move) for k, move in enumerate(moves) if move.begin is not None]
-    windows = [_window(benches[move.log], move) for _, move in shown]
-    step = min((benches[move.log].step for _, move in shown), default=math.nan)
-    if not windows:
-        why = "no move begins from rest within the log"
-        return StartUp(T1=untold("s", why), fitted=(), step=step)
-    profile = _Profile(windows, step, max(benches[move.log].quantum for _, move in shown))
-    T1 = profile.estimate()
+    if not shown:
+        return StartUp(T1=untold("s", "no move begins from rest within the log"), fitted=())
+    fit = _Fit([_window(bench, move) for _, move in shown], bench.step, bench.quantum)
     fitted = []
-    for (k, move), window in zip(shown, profile.windows, strict=True):
+    for (k, move), window, travel in zip(shown, fit.windows, fit.travels(), strict=True):
         assert move.begin is not None
-        start = benches[move.log].position[move.begin]
-        travel = profile.fitted(window, profile.best)
+        start = bench.position[move.begin]
         fitted.append((k, window.samples, start + move.direction * travel))
-    return StartUp(T1=T1, fitted=tuple(fitted), step=step)
+    return StartUp(T1=fit.estimate(), fitted=tuple(fitted))
 
 
 def _window(bench: Bench, move: Move) -> _Window:
@@ -140,96 +98,120 @@ def _window(bench: Bench, move: Move) -> _Window:
     )
 
 
-class _Profile:
-    """The deviance of T1, everything else at its best for each move."""
+class _Fit:
+    """ln T1, common, and t0 of each window, at their best; what is linear is projected out."""
 
-    def __init__(self, windows: Sequence[_Window], step: float, quantum: float) -> None:
-        self.windows, self.step = list(windows), step
+    def __init__(self, windows: list[_Window], step: float, quantum: float) -> None:
+        self.windows, self.step = windows, step
         self.noise, self.variance = WHITE, 1.0
-        longest = max(float(w.time[-1]) for w in windows)
-        self.grid = np.geomspace(0.02 * step, max(longest, step), _TRIALS)
-        self.best = self._least()
+        self.best = self._solve(self._first())
         self.windows = [
-            w.only(~spikes(self._left(w), 4.0 * quantum + _GROSS * float(np.ptp(w.travel))))
-            for w in self.windows
+            w.only(~spikes(r, 4.0 * quantum + _GROSS * float(np.ptp(w.travel))))
+            for w, r in zip(windows, self._left(), strict=True)
         ]
         for _ in range(2):
-            left = [self._left(w) for w in self.windows]
+            self.best = self._solve(self.best)
+            left = self._left()
             self.noise = autoregression(left)
             lost = sum(5 if w.trend else 4 for w in self.windows)
             total = sum(len(w.time) for w in self.windows)
             power = sum(float((self.noise.whiten(r[:, None]) ** 2).sum()) for r in left)
             self.variance = max(power / max(total - lost, 1), 1e-300)
-            self.best = self._least()
+        self.best = self._solve(self.best)
 
-    def _left(self, window: _Window) -> Array:
-        """Return what the best fit leaves over of a window's travel."""
-        return window.travel - self.fitted(window, self.best)
+    def travels(self) -> list[Array]:
+        """Return the travel that fits best, for each window [m]."""
+        return [w.travel - r for w, r in zip(self.windows, self._left(), strict=True)]
 
-    def _least(self) -> float:
-        from scipy.optimize import minimize_scalar
+    def _left(self) -> list[Array]:
+        found = []
+        T1 = math.exp(self.best[0])
+        for window, t0 in zip(self.windows, self.best[1:].tolist(), strict=True):
+            columns = window.columns(t0, T1)
+            white = self.noise.whiten(np.column_stack([columns, window.travel]))
+            linear = np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=None)[0]
+            found.append(window.travel - columns @ linear)
+        return found
 
-        scores = [self(T) for T in self.grid.tolist()]
-        k = int(np.argmin(scores))
-        low, high = self.grid[max(k - 1, 0)], self.grid[min(k + 1, len(self.grid) - 1)]
-        found = minimize_scalar(
-            lambda x: self(math.exp(x)), bounds=(math.log(low), math.log(high)), method="bounded",
-            options={"xatol": 1e-5},
+    def _one(self, window: _Window, log_T1: float, t0: float) -> Array:
+        """Return what is left over of a window, whitened, in units of its standard deviation."""
+        white = self.noise.whiten(
+            np.column_stack([window.columns(t0, math.exp(log_T1)), window.travel])
+        )
+        basis, _ = np.linalg.qr(white[:, :-1])
+        y = white[:, -1] / math.sqrt(self.variance)
+        left: Array = y - basis @ (basis.T @ y)
+        return left
+
+    def _first(self) -> Array:
+        """Return the best of a grid: T1 of all, t0 of each."""
+        longest = max(float(w.time[-1]) for w in self.windows)
+        best: tuple[float, Array] | None = None
+        for log_T1 in np.log(np.geomspace(0.1 * self.step, 0.5 * longest, _TRIALS)).tolist():
+            total, t0 = 0.0, []
+            for w in self.windows:
+                trials = np.linspace(-self.step, w.latest, _TRIALS).tolist()
+                sums = [float(np.abs(self._one(w, log_T1, t)).sum()) for t in trials]
+                total += min(sums)
+                t0.append(trials[int(np.argmin(sums))])
+            if best is None or total < best[0]:
+                best = (total, np.array([log_T1, *t0]))
+        assert best is not None
+        return best[1]
+
+    def _solve(self, q: Array, log_T1: float | None = None) -> Array:
+        """Return ln T1 and t0 at their best from `q` on; with ln T1 given, t0 alone."""
+        from scipy.optimize import least_squares
+
+        fixed = log_T1 is not None
+        start = q.copy() if log_T1 is None else np.array([log_T1, *q[1:]])
+        least = np.array([math.log(1e-4 * self.step), *(-self.step for _ in self.windows)])
+        most = np.array([math.log(1e6 * self.step), *(w.latest for w in self.windows)])
+        edge = 1e-9 * self.step
+        skip = int(fixed)
+
+        def full(x: Array) -> Array:
+            return np.array([start[0], *x]) if fixed else x
+
+        def residual(x: Array) -> Array:
+            return self._residual(full(x))
+
+        def slope(x: Array) -> Array:
+            return self._slope(full(x))[:, skip:]
+
+        found = least_squares(
+            residual, np.clip(start, least + edge, most - edge)[skip:], slope,
+            bounds=(least[skip:], most[skip:]),
+            x_scale=np.array([1.0, *(self.step for _ in self.windows)])[skip:],
+            xtol=1e-6, ftol=1e-7, gtol=1e-12, max_nfev=20,
         )  # fmt: skip
-        return math.exp(float(found.x)) if found.fun < scores[k] else float(self.grid[k])
+        return full(np.asarray(found.x, float))
 
-    def __call__(self, T1: float) -> float:
-        return sum(self.each(T1))
+    def _residual(self, q: Array) -> Array:
+        pairs = zip(self.windows, q[1:].tolist(), strict=True)
+        return np.concatenate([self._one(w, float(q[0]), t0) for w, t0 in pairs])
 
-    def each(self, T1: float) -> list[float]:
-        """Return the deviance of every move."""
-        return [self._one(window, T1)[0] / self.variance for window in self.windows]
+    def _slope(self, q: Array) -> Array:
+        """Return the derivative of the residuals [n, 1 + windows], t0's in its own window only."""
+        log_T1, rows = float(q[0]), []
+        h, k_h = 1e-4, 1e-4 * self.step
+        for k, (w, t0) in enumerate(zip(self.windows, q[1:].tolist(), strict=True)):
+            part = np.zeros((len(w.time), len(q)))
+            here = self._one(w, log_T1, t0)
+            part[:, 0] = (self._one(w, log_T1 + h, t0) - here) / h
+            part[:, 1 + k] = (self._one(w, log_T1, t0 + k_h) - here) / k_h
+            rows.append(part)
+        return np.concatenate(rows)
 
-    def fitted(self, window: _Window, T1: float) -> Array:
-        """Return the travel that fits best, for a T1 [s]."""
-        _, t0 = self._one(window, T1)
-        columns = _columns(window, np.array([t0]), T1)[0]
-        white = self.noise.whiten(np.column_stack([columns, window.travel]))
-        best = np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=None)[0]
-        result: Array = columns @ best
-        return result
-
-    def _one(self, window: _Window, T1: float) -> tuple[float, float]:
-        """Return the least sum of squares and the instant t0 [s] at which it is reached."""
-        low, high = -self.step, window.latest
-        for _ in range(3):
-            trial = np.linspace(low, high, 17)
-            left = self._sums(window, trial, T1)
-            k = int(np.argmin(left))
-            low, high = trial[max(k - 1, 0)], trial[min(k + 1, 16)]
-        k = min(max(k, 1), 15)  # the parabola through the least and its neighbours
-        a, b, c = left[k - 1 : k + 2].tolist()
-        bend = a - 2.0 * b + c
-        off = 0.5 * (a - c) / bend if bend > 0.0 else 0.0
-        if abs(off) > 1.0:
-            k = int(np.argmin(left))
-            return float(left[k]), float(trial[k])
-        t0 = float(trial[k]) + off * float(trial[1] - trial[0])
-        return b - 0.25 * (a - c) * off, t0
-
-    def _sums(self, window: _Window, t0: Array, T1: float) -> Array:
-        """Return the least sum of squares for each t0."""
-        columns = _columns(window, t0, T1)
-        m, n, c = columns.shape
-        stacked = np.concatenate([columns.transpose(1, 0, 2).reshape(n, -1),
-                                  window.travel[:, None]], axis=1)  # fmt: skip
-        white = self.noise.whiten(stacked)
-        y = white[:, -1]
-        basis, _ = np.linalg.qr(white[:, :-1].reshape(n, m, c).transpose(1, 0, 2))
-        part = basis.transpose(0, 2, 1) @ y
-        result: Array = y @ y - (part**2).sum(axis=1)
-        return result
+    def _deviance(self, log_T1: float) -> float:
+        """Return the deviance at a T1, each t0 at its best."""
+        return float(np.sum(self._residual(self._solve(self.best, log_T1)) ** 2))
 
     def estimate(self) -> Estimate:
         """Return T1 with its interval, or the bound that is all the samples tell."""
-        none = self(self.grid[0])
-        least = self(self.best)
-        inflation, df = self._inflation()
+        least = float(np.sum(self._residual(self.best) ** 2))
+        none = self._deviance(math.log(_NOTHING * self.step))
+        inflation, df, information = self._information()
         if none - least < _CHI2 * inflation:
             bound = self._crossing(none + _ONE_SIDED * inflation)
             why = (
@@ -237,52 +219,45 @@ class _Profile:
                 "a confidence of 95 %"
             )
             return bounded(0.0, bound, "s", why)
-        up, here, down = (self(self.best * math.exp(s)) for s in (_STEP, 0.0, -_STEP))
-        curvature = max((up - 2.0 * here + down) / _STEP**2, 1e-12)
-        std = math.sqrt(2.0 * inflation / curvature)
+        std = math.sqrt(inflation / max(information, 1e-12))
         if std > 1.0:
             return untold("s", "the moves are too short to tell how they approach full speed")
-        return estimated(self.best, self.best * std, "s", df=df, logarithmic=True)
+        T1 = math.exp(self.best[0])
+        return estimated(T1, T1 * std, "s", df=df, logarithmic=True)
 
-    def _inflation(self) -> tuple[float, float]:
-        """Return by what the variance of T1 exceeds that of the noise, and degrees of freedom.
+    def _information(self) -> tuple[float, float, float]:
+        """Return by what the variance of ln T1 exceeds that of the noise, its degrees of freedom,
+        and the information on ln T1 but for that.
 
         Moves that differ by more than noise explains have scores that do: the sandwich.
         """
         from scipy.stats import chi2
 
-        count = len(self.windows)
-        if count < 3:
-            return 1.0, math.inf
-        up, here, down = (
-            np.array(self.each(self.best * math.exp(s))) for s in (_STEP, 0.0, -_STEP)
-        )
-        score = (up - down) / (2.0 * _STEP)
-        curvature = float((up - 2.0 * here + down).sum()) / _STEP**2
-        if curvature <= 0.0:
-            return 1.0, math.inf
-        ratio = float(score @ score) * count / (count - 1) / (2.0 * curvature)
+        slope, residual = self._slope(self.best), self._residual(self.best)
+        scores, parts, start = [], [], 0
+        for k, window in enumerate(self.windows):
+            rows = slice(start, start + len(window.time))
+            start += len(window.time)
+            own, mine = slope[rows, 1 + k], slope[rows, 0]
+            size = float(own @ own)
+            alone = mine - own * (float(own @ mine) / size) if size > 0.0 else mine
+            scores.append(float(alone @ residual[rows]))
+            parts.append(float(alone @ alone))
+        information, count = sum(parts), len(parts)
+        if count < 3 or information <= 0.0:
+            return 1.0, math.inf, information
+        ratio = sum(score**2 for score in scores) * count / (count - 1) / information
         likely = float(chi2.ppf(0.95, count - 1)) / (count - 1)
-        return (ratio, count - 1.0) if ratio > likely else (1.0, math.inf)
+        return (ratio, count - 1.0, information) if ratio > likely else (1.0, math.inf, information)
 
     def _crossing(self, level: float) -> float:
-        """Return the T1 [s] above which the deviance exceeds a level."""
+        """Return the T1 [s] above the best at which the deviance reaches a level."""
         from scipy.optimize import brentq
 
-        top = next((T for T in self.grid.tolist() if self.best < T and self(T) > level), math.inf)
-        if not math.isfinite(top):
-            return float(self.grid[-1])
-        found = brentq(
-            lambda x: self(math.exp(x)) - level, math.log(self.grid[0]), math.log(top), xtol=1e-3
-        )
-        return math.exp(float(found))
-
-
-def _columns(window: _Window, t0: Array, T1: float) -> Array:
-    """Return the columns x0, r and c for each t0, [m, n, 2 or 3]."""
-    s = np.maximum(window.time[None, :] - t0[:, None], 0.0)
-    ramp = s + T1 * np.expm1(-s / T1)
-    parts = [np.ones_like(s), ramp]
-    if window.trend:
-        parts.append(0.5 * s * s)
-    return np.stack(parts, axis=2)
+        low = max(float(self.best[0]), math.log(_NOTHING * self.step))
+        high = low + 0.5
+        while self._deviance(high) < level and high < low + 15.0:
+            high += 0.7
+        if high >= low + 15.0:
+            return math.exp(high)
+        return math.exp(float(brentq(lambda x: self._deviance(x) - level, low, high, xtol=1e-3)))
