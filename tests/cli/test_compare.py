@@ -60,7 +60,8 @@ def test_the_keys_and_the_table(capsys, sailed, tmp_path):
     )  # fmt: skip
     assert {
         "log", "vehicle", "drive", "rms_m", "bias_m", "variance_explained", "largest_m", "fitted",
-        "n", "n_not_compared", "duration_s", "volume_rms_m3", "piston_rms_m", "notes", "files",
+        "n", "n_not_compared", "duration_s", "volume_rms_m3", "piston_rms_m", "notes", "ahead",
+        "files",
     } == set(a)  # fmt: skip
     assert set(a["fitted"]) == {"neutral_volume", "start_speed"}
     assert set(a["fitted"]["neutral_volume"]) == {"value", "std", "unit"}

@@ -91,7 +91,7 @@ def test_what_analyse_writes(capsys, tmp_path):
 
 
 def test_what_compare_writes(capsys, tmp_path):
-    columns, keys = rows("files-written.md", "compare")
+    columns, keys, ahead = rows("files-written.md", "compare")
     log = tmp_path / "trajectory.csv"
     main(["simulate", "example-em", "--duration", "30", "--out", str(tmp_path), "--json"])
     capsys.readouterr()
@@ -106,6 +106,14 @@ def test_what_compare_writes(capsys, tmp_path):
         written |= set(header(folder / "compare.csv"))
         assert ("volume_predicted_m3" in header(folder / "compare.csv")) == (drive != "volume")
     assert written == set(columns)
+    told = answer(
+        capsys, "compare", str(log), "--vehicle", "example-em", "--ahead", "10 s", "--out",
+        str(tmp_path),
+    )  # fmt: skip
+    assert set(told["ahead"]) == {"horizons", "noise"}
+    assert set(told["ahead"]["horizons"][0]) == set(ahead)
+    columns = {"time_s", "depth_m", "compared", "depth_predicted_10s_m", "depth_std_10s_m"}
+    assert set(header(tmp_path / "compare-ahead.csv")) == columns
 
 
 @pytest.mark.slow

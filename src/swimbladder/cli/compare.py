@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swimbladder.cli.ahead import ahead_options, print_ahead, write_ahead
 from swimbladder.cli.common import compile_notice, console, emit_json, output, progress
 from swimbladder.cli.logs import Chosen, chosen, depth, names, pair, read
 from swimbladder.errors import InputError, SwimbladderError
@@ -16,6 +17,7 @@ from swimbladder.units import format_quantity, shown_unit
 
 if TYPE_CHECKING:
     from swimbladder.comparison import Comparison
+    from swimbladder.comparison.ahead import Ahead
     from swimbladder.parameters import Vehicle
 
 __all__ = ["compare"]
@@ -55,6 +57,21 @@ def compare(
     surface_margin: Annotated[
         str, typer.Option(metavar="DEPTH", help="Depths less than this are not compared.")
     ] = "0.1 m",
+    ahead: Annotated[
+        str | None,
+        typer.Option(metavar="TIME,...", help='Also predict so far ahead, as "10 s,60 s".'),
+    ] = None,
+    walk: Annotated[
+        str | None,
+        typer.Option(metavar="INTENSITY", help="Walk of the neutral volume, for --ahead."),
+    ] = None,
+    depth_noise: Annotated[
+        str | None, typer.Option(metavar="DEPTH", help="1 sigma of the depths, for --ahead.")
+    ] = None,
+    acceleration_noise: Annotated[
+        str | None,
+        typer.Option(metavar="INTENSITY", help="White acceleration, for --ahead."),
+    ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-compare"
     ),
@@ -78,15 +95,18 @@ def compare(
         "bottom_depth": depth(bottom, "--bottom"),
         "surface_margin": depth(surface_margin, "--surface-margin"),
     }
+    look = ahead_options(
+        ahead, walk=walk, depth_noise=depth_noise, acceleration_noise=acceleration_noise
+    )
     mapped = dict(pair(text, "--column") for text in column or [])
     tasks = [_Task(log, mapped, log_format) for log in chosen(logs, where or [])]
     for task, name in zip(tasks, _file_names(tasks), strict=True):
         task.name = name
         if len(tasks) == 1:
-            _compare(task, v, options, out, plot=plot)
+            _compare(task, v, options, look, out, plot=plot)
             continue
         try:
-            _compare(task, v, options, out, plot=plot)
+            _compare(task, v, options, look, out, plot=plot)
         except SwimbladderError as error:
             task.error = error
     answers = [task.answer() for task in tasks]
@@ -108,13 +128,16 @@ class _Task:
     log_format: str | None
     name: str = "compare"
     result: Comparison | None = None
+    ahead: Ahead | None = None
     error: SwimbladderError | None = None
     files: tuple[Path, ...] = ()
 
     def answer(self) -> dict[str, Any]:
         if self.result is None:
             return {"log": self.log.label, "error": str(self.error)}
-        return {**self.result.to_json(), "files": [str(path) for path in self.files]}
+        ahead = None if self.ahead is None else self.ahead.to_json()
+        files = [str(path) for path in self.files]
+        return {**self.result.to_json(), "ahead": ahead, "files": files}
 
 
 def _drive(text: str | None) -> str | None:
@@ -146,7 +169,13 @@ def _file_names(tasks: list[_Task]) -> list[str]:
 
 
 def _compare(
-    task: _Task, vehicle: Vehicle, options: dict[str, Any], out: Path, *, plot: bool
+    task: _Task,
+    vehicle: Vehicle,
+    options: dict[str, Any],
+    look: dict[str, Any] | None,
+    out: Path,
+    *,
+    plot: bool,
 ) -> None:
     """Read the log, compare, and write the files."""
     from swimbladder.io.files import make_folder
@@ -158,6 +187,12 @@ def _compare(
 
     with compile_notice(), progress(f"comparing {task.log.label}", 1.0) as advance:
         task.result = compare_log(log, vehicle, **options, advance=advance)
+    if look is not None:
+        from swimbladder.comparison.ahead import look_ahead
+
+        edges = {name: options[name] for name in ("bottom_depth", "surface_margin")}
+        with compile_notice(), progress(f"predicting {task.log.label}", 1.0) as advance:
+            task.ahead = look_ahead(log, vehicle, **look, **edges, advance=advance)
     folder = make_folder(out)
     files = [write_csv(folder / f"{task.name}.csv", task.result.columns())]
     if plot:
@@ -165,6 +200,8 @@ def _compare(
             from swimbladder.plots.comparison import plot_comparison
 
             files.append(plot_comparison(task.result, folder / f"{task.name}.png"))
+    if task.ahead is not None:
+        files += write_ahead(task.ahead, folder, task.name, plot=plot)
     task.files = tuple(files)
 
 
@@ -216,6 +253,8 @@ def _print_one(task: _Task, r: Comparison, said: set[str]) -> None:
     piston = r.to_json()["piston_rms_m"]
     if piston is not None:
         output.print(f"piston: rms {1e3 * piston:.2f} mm")
+    if task.ahead is not None:
+        print_ahead(task.ahead)
     for note in (n for n in r.notes if n not in said):
         said.add(note)
         output.print(f"note: {note}", soft_wrap=True)

@@ -1,14 +1,18 @@
-"""A bank of filters, each with its own guess of the neutral volume, weighed by how they fare.
+"""A bank of filters, each with its own guess of what is not known, weighed by how they fare.
 
 While a vehicle floats, its depth says only that it is lighter than neutral, and one linear filter
 takes nothing from that. Filters that start from several neutral volumes do: those that expect the
-vehicle to sink too early or too late lose their weight when it stays or goes. Once it is under way
-they soon agree (a Gaussian sum filter: Alspach and Sorenson, IEEE Trans. Autom. Control 17, 1972).
+vehicle to sink too early or too late lose their weight when it stays or goes. Drag, psi, a drift
+and the noise differ from log to log too, and guesses of them are weighed in the same way: by what
+was measured so far, and nothing else (Magill, IEEE Trans. Autom. Control 10, 1965; Alspach and
+Sorenson, ibid. 17, 1972).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,78 +26,106 @@ from swimbladder.kalman.depth_filter import (
     Start,
     filter_depth,
 )
-from swimbladder.kalman.kernels import HELD
+from swimbladder.kalman.kernels import HELD, predict_kernel
 
-__all__ = ["Bank", "filter_bank"]
+__all__ = ["Bank", "Member", "filter_bank"]
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
-_MEMBERS = 9
-_REACH = 2.2  # standard deviations to either side
-_OWN = 0.7  # of the distance between neighbours: the deviation of each
 # Depths in contact are wrong by much the same from sample to sample: so many make one.
 _HELD_ALIKE = 3.0
+_WORTH = 1e-3  # of the weight, below which a member is left out
+
+
+class Member(NamedTuple):
+    """A guess of all that is not known, as likely as any other before the log begins."""
+
+    plant: Plant
+    noise: Noise
+    start: Start
+    drift: float  # m3/s, steady growth of the neutral volume, beside its walk
 
 
 @dataclass(frozen=True)
 class Bank:
-    """Filters of one log, and the weight [members, n] of each after each sample."""
+    """What the members made of a log: their weights, and their states where these count."""
 
-    members: tuple[Filtered, ...]
-    weight: Array
+    samples: Samples
+    members: tuple[Member, ...]
+    weight: Array  # [members, n], given all depths up to each sample
+    rows: tuple[Index, ...]  # of each member, the samples at which its state is kept
+    mean: tuple[Array, ...]  # [rows, 3]
+    covariance: tuple[Array, ...]  # [rows, 3, 3]
 
-    def ahead(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> tuple[Array, Array]:
+    def ahead(self, first: Index, last: Index) -> tuple[Array, Array]:
         """Return mean and standard deviation of the depth [m] at samples `last`.
 
-        Each given all depths up to the sample `first` and the volumes up to `last`; the deviation
-        is of the depth itself, without the measurement's noise.
+        Each given all depths up to the sample `first`, which counts, and the volumes up to `last`;
+        the deviation is of the depth itself, without the measurement's noise.
         """
-        mean, square = np.zeros(len(first)), np.zeros(len(first))
-        for member, weight in zip(self.members, self.weight[:, first], strict=True):
-            worth = weight > 1e-6
-            depth, std = member.ahead(first[worth], last[worth])
+        mean, square, total = np.zeros(len(first)), np.zeros(len(first)), np.zeros(len(first))
+        for i, member in enumerate(self.members):
+            weight = self.weight[i, first]
+            (worth,) = np.nonzero(weight > _WORTH)
+            if not len(worth):
+                continue
+            at = np.searchsorted(self.rows[i], first[worth])
+            depth, variance = np.empty(len(worth)), np.empty(len(worth))
+            predict_kernel(
+                np.array(member.plant), self.samples.time, _drifted(self.samples, member).volume,
+                self.mean[i][at], self.covariance[i][at], first[worth], last[worth],
+                member.noise.variances(), depth, variance,
+            )  # fmt: skip
             mean[worth] += weight[worth] * depth
-            square[worth] += weight[worth] * (std**2 + depth**2)
-        total = np.where(self.weight[:, first] > 1e-6, self.weight[:, first], 0.0).sum(axis=0)
+            square[worth] += weight[worth] * (variance + depth**2)
+            total[worth] += weight[worth]
         mean, square = mean / total, square / total
         return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
-    @property
-    def best(self) -> Filtered:
-        """The member with the largest weight at the end."""
-        return self.members[int(np.argmax(self.weight[:, -1]))]
+    def weighed(self, values: Array) -> Array:
+        """Return the weighed mean [n] of values [members] after each sample."""
+        result: Array = values @ self.weight
+        return result
 
 
-def filter_bank(
-    plant: Plant, samples: Samples, *, noise: Noise, start: Start, gate: float = GATE
-) -> Bank:
-    """Return filters whose neutral volumes cover the start's deviation to either side."""
-    place = np.linspace(-_REACH, _REACH, _MEMBERS)
-    step = start.neutral_std * float(place[1] - place[0])
-    members = tuple(
-        filter_depth(
-            plant,
-            samples,
-            noise=noise,
-            start=start._replace(
-                neutral=start.neutral + float(at) * start.neutral_std, neutral_std=_OWN * step
-            ),
-            gate=gate,
-        )
-        for at in place
+def filter_bank(samples: Samples, members: Sequence[Member], *, gate: float = GATE) -> Bank:
+    """Return what the members make of a log; equal weights before its first sample."""
+    told = np.stack([_told(_run(samples, member, gate), gate) for member in members])
+    weight = np.exp(told - told.max(axis=0))
+    weight /= weight.sum(axis=0)
+    rows, mean, covariance = [], [], []
+    for i, member in enumerate(members):  # once more: all states of all would not fit
+        (kept,) = np.nonzero((weight[i] > _WORTH) & (samples.use == 1))
+        rows.append(kept)
+        if len(kept):
+            found = _run(samples, member, gate)
+            mean.append(found.mean[kept])
+            covariance.append(found.covariance[kept])
+        else:
+            mean.append(np.empty((0, 3)))
+            covariance.append(np.empty((0, 3, 3)))
+    return Bank(samples, tuple(members), weight, tuple(rows), tuple(mean), tuple(covariance))
+
+
+def _run(samples: Samples, member: Member, gate: float) -> Filtered:
+    return filter_depth(
+        member.plant, _drifted(samples, member), noise=member.noise, start=member.start, gate=gate
     )
-    likelihood = np.stack([_told(member, gate) for member in members])
-    likelihood -= 0.5 * place[:, None] ** 2
-    weight = np.exp(likelihood - likelihood.max(axis=0))
-    return Bank(members, weight / weight.sum(axis=0))
 
 
-def _told(member: Filtered, gate: float) -> Array:
+def _drifted(samples: Samples, member: Member) -> Samples:
+    """Return the samples with the drift taken off the volume: only the difference moves."""
+    since = samples.time - samples.time[0]
+    return samples._replace(volume=samples.volume - member.drift * since)
+
+
+def _told(found: Filtered, gate: float) -> Array:
     """Return the log likelihood of the depths up to each sample, those in contact included."""
-    held = member.fate == HELD
-    size = np.abs(member.innovation[held]) / np.sqrt(member.variance[held])
+    held = found.fate == HELD
+    size = np.abs(found.innovation[held]) / np.sqrt(found.variance[held])
     loss = np.where(size < gate, 0.5 * size**2, gate * (size - 0.5 * gate))
-    each = member.contribution.copy()
-    each[held] = -(loss + 0.5 * np.log(2.0 * np.pi * member.variance[held])) / _HELD_ALIKE
+    each = found.contribution.copy()
+    each[held] = -(loss + 0.5 * np.log(2.0 * np.pi * found.variance[held])) / _HELD_ALIKE
     total: Array = np.cumsum(each)
     return total

@@ -77,8 +77,8 @@ class Filtered:
         """
         depth, variance = np.empty(len(first)), np.empty(len(first))
         predict_kernel(
-            np.array(self.plant), self.samples.time, self.samples.volume, self.mean,
-            self.covariance, first, last, self.noise.variances(), depth, variance,
+            np.array(self.plant), self.samples.time, self.samples.volume, self.mean[first],
+            self.covariance[first], first, last, self.noise.variances(), depth, variance,
         )  # fmt: skip
         return depth, np.sqrt(variance)
 

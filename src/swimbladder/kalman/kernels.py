@@ -148,7 +148,7 @@ def filter_kernel(  # type: ignore[no-untyped-def]
 
 @compiled
 def predict_kernel(p, time, volume, mean, P, first, last, noise, depth, variance):  # type: ignore[no-untyped-def]
-    """Predict the depth at sample last[i] from the state after sample first[i], for each i.
+    """Predict the depth at sample last[i] from the state mean[i], P[i] after sample first[i].
 
     The volume on the way is known. variance [m2] is of the true depth, without the measurement's.
     """
@@ -156,8 +156,8 @@ def predict_kernel(p, time, volume, mean, P, first, last, noise, depth, variance
     floor2 = (noise[1], noise[4])
     F, Q = np.empty((3, 3)), np.empty((3, 3))
     for i in range(first.shape[0]):
-        x = mean[first[i]].copy()
-        C = P[first[i]].copy()
+        x = mean[i].copy()
+        C = P[i].copy()
         for k in range(first[i] + 1, last[i] + 1):
             x[0], x[1], aground = transition(
                 p, x[0], x[1], x[2], volume[k - 1], volume[k], time[k] - time[k - 1],
