@@ -117,6 +117,45 @@ def test_what_compare_writes(capsys, tmp_path):
 
 
 @pytest.mark.slow
+def test_what_identify_writes(capsys, tmp_path):
+    columns, keys = rows("files-written.md", "identify")
+    steps = ["--start", "3.0", "--target", "1.5", "--duration", "60"]
+    main(["simulate", "feup-em", *steps, "--out", str(tmp_path / "log"), "--json"])
+    capsys.readouterr()
+    log = str(tmp_path / "log" / "trajectory.csv")
+    out = tmp_path / "out"
+    told = answer(
+        capsys, "identify", log, "--vehicle", "feup-em", "--set", "psi=4.04 cm3/m", "--paper",
+        "--out", str(out),
+    )  # fmt: skip
+    check(keys, told)
+    assert set(header(out / "residuals.csv")) == set(columns)
+    text = (FOLDER / "files-written.md").read_text(encoding="utf-8")
+    for path in out.iterdir():
+        assert f"`{path.name}`" in text or path.name == "figures"
+    for e in (*told["parameters"].values(), *told["derived"].values()):
+        assert set(e) == {"value", "std", "ci95", "unit", "origin"}
+
+
+def test_what_design_experiment_writes(capsys, tmp_path):
+    (keys,) = rows("files-written.md", "design-experiment")
+    told = answer(
+        capsys, "design-experiment", "feup-em", "--pool-depth", "4.5", "--sensor-std", "2 mm",
+        "--settling", "5 min", "--moves", "1", "--runs", "2", "--out", str(tmp_path),
+    )  # fmt: skip
+    check(keys, told)
+    assert set(told["against"]) == {
+        "name", "error_ratio", "time_s", "experiments", "parameters", "names", "covariance",
+        "correlation", "bias",
+    }  # fmt: skip
+    text = (FOLDER / "files-written.md").read_text(encoding="utf-8")
+    assert all(
+        f"`{path.name}`" in text or f"[`{path.name}`]" in text for path in tmp_path.iterdir()
+    )
+    assert json.loads((tmp_path / "design.json").read_text()).keys() == told.keys() - {"files"}
+
+
+@pytest.mark.slow
 def test_what_reproduce_writes(capsys, tmp_path):
     (keys,) = rows("files-written.md", "reproduce")
     told = answer(capsys, "reproduce", "--out", str(tmp_path))
