@@ -15,7 +15,7 @@ from swimbladder.io.presets import preset_text
 from swimbladder.io.templates import KINDS, vehicle_template
 
 COLUMNS = [
-    "time_s", "depth_m", "speed_m_s", "volume_m3", "voltage_V", "volume_reference_m3",
+    "time_s", "depth_m", "speed_m_s", "volume_m3", "voltage_V", "reference_volume_m3",
     "current_A", "power_W", "reference_depth_m",
 ]  # fmt: skip
 MISSION = """\
@@ -77,7 +77,7 @@ def test_the_csv_has_the_solution_to_the_bit(capsys, tmp_path):
     s = swimbladder.simulate(vehicle, setpoints=[(0.0, 3.0)], duration=400.0, start_depth=1.5)
     for name, values in {
         "time_s": s.time, "depth_m": s.depth, "speed_m_s": s.speed, "volume_m3": s.volume,
-        "voltage_V": s.voltage, "volume_reference_m3": s.volume_reference,
+        "voltage_V": s.voltage, "reference_volume_m3": s.volume_reference,
         "reference_depth_m": s.reference,
     }.items():  # fmt: skip
         assert np.array_equal(columns[name], values), name
@@ -98,7 +98,7 @@ def test_a_positioner_has_no_voltage(capsys, tmp_path):
     path = vehicle_file(tmp_path, text=vehicle_template("positioner"))
     answer(capsys, path, "--duration", "30", "--out", str(tmp_path))
     assert table(tmp_path / "trajectory.csv")[0] == [
-        "time_s", "depth_m", "speed_m_s", "volume_m3", "volume_reference_m3", "reference_depth_m",
+        "time_s", "depth_m", "speed_m_s", "volume_m3", "reference_volume_m3", "reference_depth_m",
     ]  # fmt: skip
 
 

@@ -67,13 +67,16 @@ def test_what_simulate_writes(capsys, tmp_path):
     assert len(ten) == 10  # "it and the next nine keys"
     assert set(told["steps"][0]) == {*ten, "events"}
     assert header(tmp_path / "trajectory.csv") == list(columns)
-    assert set(columns) <= set(COLUMNS) | {"volume_reference_m3", "power_W"}
+    assert set(columns) <= set(COLUMNS) | {"power_W"}
 
     import xarray
 
     with xarray.open_dataset(tmp_path / "trajectory.nc", engine="h5netcdf") as data:
         bare = {re.sub(r"_(m3|m_s|m|s|V|A|W)$", "", name) for name in columns}
-        assert {*data.variables} == {name.removesuffix("_depth") for name in bare} | {"motor_rate"}
+        assert {*data.variables} == {
+            {"reference_depth": "reference", "reference_volume": "volume_reference"}.get(name, name)
+            for name in bare
+        } | {"motor_rate"}
 
 
 def test_what_analyse_writes(capsys, tmp_path):
