@@ -50,15 +50,16 @@ def depths(vehicle, volume, start, h, *, neutral=0.0, speed=0.0, drift=0.0, dept
     return start + lfilter(b[0], a, u) + free.real
 
 
-def run(plan, one, vehicle, rng, *, noise, quantum, neutral):
+def run(plan, one, vehicle, rng, *, noise, quantum, neutral, drift=0.0):
     """Return (time, depth as measured, volume) of an experiment of a plan, as its page says it.
 
-    What happens is decided on measured depths, as in a pool.
+    What happens is decided on measured depths, as in a pool. neutral: the error of the neutral
+    volume at the release; drift: its rate [m3/s].
     """
     h = plan.sample_time
     step = vehicle.stepper(h)
     first = math.ceil(plan.rest / h - 1e-9)
-    x = np.array([0.0, 0.0, 0.0, 0.0, neutral, 0.0])
+    x = np.array([0.0, 0.0, 0.0, 0.0, neutral - drift * first * h, drift])
     moves, target, begun, was_here = list(one.moves), 0.0, -1, False
     rows, clear = [], {"shallowest": False, "deepest": False}
     for k in range(first + math.ceil(one.longest / h) + 1):
