@@ -2,10 +2,12 @@
 
 `setting` is the pool, `flight` follows a release, `knowledge` says what its record tells;
 `library`, `choose` and `search` find the best set, `predict` and `weigh` say what it will tell,
-`left_out` what would bias it, `findings` what a person has to know; `plan` is the file to follow.
+`left_out` what would bias it, `findings` what a person has to know; `io.plan` is the file of it.
 """
 
-from swimbladder.design.plan import (
+from swimbladder.design.result import Design
+from swimbladder.design.run import DRIFT_STD, PAPER, design_experiment
+from swimbladder.io.plan import (
     Expected,
     Move,
     Plan,
@@ -14,8 +16,6 @@ from swimbladder.design.plan import (
     load_plan,
     plan_file,
 )
-from swimbladder.design.result import Design
-from swimbladder.design.run import DRIFT_STD, PAPER, design_experiment
 
 __all__ = [
     "DRIFT_STD",

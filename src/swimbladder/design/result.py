@@ -11,10 +11,10 @@ import numpy as np
 from swimbladder.design.flight import Flight
 from swimbladder.design.knowledge import Question
 from swimbladder.design.left_out import LeftOut
-from swimbladder.design.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.design.setting import Release, Setting
 from swimbladder.design.weigh import Curve, Weighed
 from swimbladder.identify.result import Finding
+from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 
 __all__ = ["Design"]
 
