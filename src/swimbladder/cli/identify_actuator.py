@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,9 +10,10 @@ import typer
 
 from swimbladder.cli.common import console, emit_json, output, progress, quantity
 from swimbladder.cli.logs import chosen, pair
-from swimbladder.units import format_quantity
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from swimbladder.identify_actuator import ActuatorIdentification, Estimate
     from swimbladder.io.logs import Log
     from swimbladder.parameters import Vehicle
@@ -143,54 +145,29 @@ def _write(found: ActuatorIdentification, out: Path, *, plot: bool) -> list[Path
     return files
 
 
-_SHOWN = {
-    "m/s/V": "mm/s/V", "m/s": "mm/s", "m3/s/V": "cm3/s/V", "m3/s": "cm3/s", "s": "s", "V": "V",
-    "m": "mm", "m3": "cm3",
-}  # fmt: skip
-
-
-def _shown(value: float, unit: str, digits: int = 4) -> str:
-    shown = _SHOWN.get(unit, unit)
-    return format_quantity(value, unit, shown, digits) if unit in _SHOWN else f"{value:.{digits}g}"
-
-
 def _row(name: str, e: Estimate) -> tuple[str, ...]:
-    import math
+    from swimbladder.identify_actuator.estimate import shown
 
     low, high = e.ci95
     if e.value is None:
         known = [
-            f"above {_shown(low, e.unit)}" if math.isfinite(low) and low > 0.0 else "",
-            f"below {_shown(high, e.unit)}" if math.isfinite(high) else "",
+            f"above {shown(low, e.unit)}" if math.isfinite(low) and low > 0.0 else "",
+            f"below {shown(high, e.unit)}" if math.isfinite(high) else "",
         ]
-        return (name, "-", "", " ".join(filter(None, known)), e.why)
-    if e.origin == "set":
-        return (name, _shown(e.value, e.unit), "", "", "set")
-    assert e.std is not None
-    interval = f"{_shown(low, e.unit)} to {_shown(high, e.unit)}"
-    return (name, _shown(e.value, e.unit), _shown(e.std, e.unit, 2), interval, "")
+        return (name, "-", "", " ".join(filter(None, known)))
+    if e.origin == "set" or e.std is None:
+        return (name, shown(e.value, e.unit), "set", "")
+    interval = f"{shown(low, e.unit)} to {shown(high, e.unit)}"
+    return (name, shown(e.value, e.unit), shown(e.std, e.unit, 2), interval)
 
 
 def _print(found: ActuatorIdentification, files: list[Path]) -> None:
     """Print the parameters, each log, the nine, and what is to be said."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    for heading in ("", "value", "1 sigma", "95 % interval"):
-        table.add_column(heading, justify="left" if not heading else "right", no_wrap=True)
-    table.add_column("", overflow="fold")
-    for name, e in {**found.parameters, **found.derived}.items():
-        table.add_row(*_row(name, e))
-    output.print(table)
+    _print_parameters(found)
     if len(found.logs) > 1:
-        output.print("\nEach log by itself")
-        output.print(_each(found))
+        _print_each(found)
     output.print("\nThe nine parameters of the model (section 2.3)")
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    table.add_column("")
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("from", no_wrap=True)
-    table.add_column("", overflow="fold")
+    table = _table("", "value", "from", "")
     for known in found.nine:
         value = "-" if known.value is None else f"{known.value:.4g} {known.unit}"
         table.add_row(known.symbol, value, known.source, known.origin)
@@ -207,27 +184,44 @@ def _print(found: ActuatorIdentification, files: list[Path]) -> None:
         output.print(f"wrote {path}", soft_wrap=True)
 
 
-def _each(found: ActuatorIdentification) -> object:
-    """Return the table of what each log tells."""
+def _table(*headings: str) -> Table:
+    """Return a table without lines: names to the left, numbers to the right, the last one folds."""
     from rich.table import Table
 
-    names = [
-        name
-        for name in dict.fromkeys(n for fit in found.logs for n in fit.parameters)
-        if any(fit.parameters[name].value is not None for fit in found.logs if fit.parameters)
-        and name != "load_voltage"
-    ]
     table = Table(box=None, pad_edge=False, collapse_padding=True)
-    table.add_column("log", overflow="fold")
-    for name in names:
-        table.add_column(name, justify="right", no_wrap=True)
-    for fit in found.logs:
-        cells = []
-        for name in names:
-            e = fit.parameters.get(name)
-            if e is None or e.value is None or e.std is None:
-                cells.append("-")
-            else:
-                cells.append(f"{_shown(e.value, e.unit)} +- {_shown(e.std, e.unit, 2)}")
-        table.add_row(fit.source, *cells)
+    for heading in headings[:-1]:
+        left = heading in ("", "from", "log")
+        table.add_column(heading, justify="left" if left else "right", no_wrap=True)
+    last = headings[-1]
+    table.add_column(last, overflow="fold", no_wrap=bool(last), justify="right" if last else "left")
     return table
+
+
+def _print_parameters(found: ActuatorIdentification) -> None:
+    """Print what is told, then why the rest is not."""
+    shown = {**found.parameters, **found.derived}
+    table = _table("", "value", "1 sigma", "95 % interval")
+    for name, e in shown.items():
+        table.add_row(*_row(name, e))
+    output.print(table)
+    asked = {f.sentence for f in found.findings if f.severity == "no"}
+    reasons: dict[str, list[str]] = {}
+    for name, e in shown.items():
+        if e.value is None and not any(e.why in sentence for sentence in asked):
+            reasons.setdefault(e.why, []).append(name)
+    for why, names in reasons.items():
+        output.print(f"{', '.join(names)}: {why}", soft_wrap=True)
+
+
+def _print_each(found: ActuatorIdentification) -> None:
+    """Print what each log tells, a row for each of its numbers."""
+    output.print("\nEach log by itself")
+    for fit in found.logs:
+        refusal = "" if fit.refusal is None else f": {fit.refusal}"
+        output.print(f"{Path(fit.source).name}{refusal}", soft_wrap=True)
+        table = _table("", "value", "1 sigma", "95 % interval")
+        for name, e in fit.parameters.items():
+            if e.value is not None and e.origin == "data":
+                table.add_row(*_row(name, e))
+        if table.row_count:
+            output.print(table)

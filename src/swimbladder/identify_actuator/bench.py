@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -60,6 +60,19 @@ class Bench:
         if self.voltage is not None:
             return "voltage"
         return "nothing" if self.reference is None else "reference"
+
+    def only(self, kept: NDArray[np.bool_]) -> Bench:
+        """Return the bench with the samples that are `kept`."""
+        before = np.concatenate(([0], np.cumsum(kept)))
+        runs = [(int(before[first]), int(before[after])) for first, after in self.runs]
+        return replace(
+            self,
+            time=self.time[kept],
+            position=self.position[kept],
+            voltage=None if self.voltage is None else self.voltage[kept],
+            reference=None if self.reference is None else self.reference[kept],
+            runs=tuple((first, after) for first, after in runs if after > first),
+        )
 
     @property
     def unit(self) -> str:

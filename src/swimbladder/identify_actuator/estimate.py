@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Estimate", "Pooled", "bounded", "estimated", "given", "pool", "untold"]
+from swimbladder.units import format_quantity
+
+__all__ = ["Estimate", "Pooled", "bounded", "estimated", "given", "pool", "shown", "untold"]
 
 Array = NDArray[np.float64]
 
@@ -70,6 +72,16 @@ def bounded(low: float, high: float, unit: str, why: str) -> Estimate:
     return Estimate(None, None, (low, high), unit, "none", why)
 
 
+_SHOWN = {"m/s/V": "mm/s/V", "m/s": "mm/s", "m3/s/V": "cm3/s/V", "m3/s": "cm3/s"}
+
+
+def shown(value: float, unit: str, digits: int = 4) -> str:
+    """Return a value in SI as people read it: (0.005245, "m/s") -> "5.245 mm/s"."""
+    if unit == "-":
+        return f"{value:.{digits}g}"
+    return format_quantity(value, unit, _SHOWN.get(unit, unit), digits)
+
+
 def _quantile(df: float) -> float:
     from scipy.stats import t
 
@@ -85,9 +97,11 @@ class Pooled(NamedTuple):
     df: float  # degrees of freedom for the interval of the mean
     p: float  # probability of such differences by chance alone
 
-    def estimate(self, unit: str, *, logarithmic: bool = False) -> Estimate:
-        """Return it as an estimate."""
-        return estimated(self.mean, self.std, unit, df=self.df, logarithmic=logarithmic)
+    def estimate(self, unit: str, *, positive: bool = False) -> Estimate:
+        """Return it as an estimate; what is `positive` has an interval that is."""
+        found = estimated(self.mean, self.std, unit, df=self.df)
+        low, high = found.ci95
+        return replace(found, ci95=(max(low, 0.0), high)) if positive else found
 
 
 def pool(values: ArrayLike, stds: ArrayLike) -> Pooled:

@@ -11,6 +11,7 @@ import numpy as np
 from swimbladder.identify_actuator.bench import Bench
 from swimbladder.identify_actuator.estimate import Estimate, Pooled, estimated, pool, untold
 from swimbladder.identify_actuator.moves import Move, moves
+from swimbladder.identify_actuator.noise import spikes
 from swimbladder.identify_actuator.plateau import Rate, rate_of
 from swimbladder.identify_actuator.result import Step
 from swimbladder.identify_actuator.startup import start_up
@@ -32,10 +33,13 @@ class MovesFit:
     lasting: float  # s, of a move at full speed, the median
     between: float  # share by which speeds of one direction differ from move to move
     noise: float  # m
+    outliers: int
 
 
 def fit_moves(bench: Bench) -> MovesFit:
     """Return T1 and the rate of the moves of one log; without any, both say so."""
+    out = spikes(bench.position, 4.0 * (bench.noise + bench.quantum))
+    bench = bench.only(~out)
     found = moves(bench, 0)
     unit = f"{bench.unit}/s"
     start = start_up(bench, found)
@@ -71,6 +75,7 @@ def fit_moves(bench: Bench) -> MovesFit:
         lasting=float(np.median([s.time[-1] - s.time[0] for s in steps])) if steps else 0.0,
         between=max((p.between / p.mean for p in pooled.values()), default=0.0),
         noise=float(np.concatenate(kept).std()) if kept else math.nan,
+        outliers=int(out.sum()),
     )
 
 
@@ -111,16 +116,18 @@ def _step(
     used[rate.samples - first] = rate.used
     if start is not None:
         fitted[start[0] - first] = start[1]
+        used[start[0] - first] = True
     known = np.isfinite(fitted)
     return Step(
         source=bench.source,
-        label=f"{_WAYS[move.direction]}ward at full speed",
+        label=f"{_WAYS[move.direction]}ward",
         time=bench.time[samples][known],
         position=bench.position[samples][known],
         fitted=fitted[known],
         voltage=None,
         used=used[known],
         speed=rate.value,
+        start=0 if start is None else len(start[0]),
     )
 
 
@@ -139,6 +146,6 @@ def together(fits: Sequence[dict[str, Estimate]]) -> tuple[dict[str, Estimate], 
             continue
         pooled = pool([e.value or 0.0 for e in told], [e.std or 0.0 for e in told])
         positive = all((e.value or 0.0) > 0.0 for e in told)
-        result[name] = pooled.estimate(told[0].unit, logarithmic=positive)
+        result[name] = pooled.estimate(told[0].unit, positive=positive)
         chance[name] = pooled.p
     return result, chance

@@ -6,7 +6,14 @@ import math
 
 import numpy as np
 
-from swimbladder.identify_actuator.estimate import Estimate, bounded, estimated, given, untold
+from swimbladder.identify_actuator.estimate import (
+    Estimate,
+    bounded,
+    estimated,
+    given,
+    shown,
+    untold,
+)
 from swimbladder.identify_actuator.model import LOGARITHMIC, drive_of
 from swimbladder.identify_actuator.profile import profile_of_T1
 from swimbladder.identify_actuator.response import steady_speed
@@ -62,8 +69,7 @@ def _rate(fit: VoltageFit, told: tuple[str, ...], unit: str) -> Estimate:
     drive, top = drive_of(fit.values), fit.problem.top
     fastest = max(abs(steady_speed(top, drive)), abs(steady_speed(-top, drive)))
     why = (
-        f"no limit is seen: at {top:.3g} V, the largest voltage, it reaches {fastest:.4g} {unit} "
-        "as the gain has it"
+        f"no limit is seen: at {top:.3g} V, the largest voltage, it reaches {shown(fastest, unit)}"
     )
     return bounded(fastest, math.inf, unit, why)
 
@@ -154,6 +160,7 @@ def steps_of(fit: VoltageFit) -> tuple[Step, ...]:
                 voltage=u,
                 used=problem.used[own],
                 speed=None,
+                start=0,
             )
         )  # fmt: skip
     return tuple(found)

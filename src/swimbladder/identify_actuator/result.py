@@ -33,7 +33,8 @@ class Finding:
 class Step:
     """A stretch that was fitted: time since the log's first sample, measured and fitted position.
 
-    voltage: held from each sample on; None where it is not known. used: 1, or 0 for an outlier.
+    voltage: held from each sample on; None where it is not known. used: False for an outlier.
+    start: how many of the first samples show how it comes to full speed, where no voltage is known.
     """
 
     source: str
@@ -44,6 +45,7 @@ class Step:
     voltage: Array | None  # V
     used: NDArray[np.bool_]
     speed: float | None  # m/s, at full speed, where no voltage is known
+    start: int
 
     @property
     def residual(self) -> Array:

@@ -17,7 +17,13 @@ from swimbladder.identify_actuator.from_voltage import (
 )
 from swimbladder.identify_actuator.nine import nine
 from swimbladder.identify_actuator.result import ActuatorIdentification, Finding, LogFit
-from swimbladder.identify_actuator.say import ASSUMPTIONS, of_moves, of_voltage, untold_of
+from swimbladder.identify_actuator.say import (
+    ASSUMPTIONS,
+    logs_differ,
+    of_moves,
+    of_voltage,
+    untold_of,
+)
 from swimbladder.identify_actuator.voltage import VoltageFit, fit_voltage
 from swimbladder.io.logs import Log
 from swimbladder.parameters import Positioner, Vehicle
@@ -127,10 +133,9 @@ def _voltage(
     findings = of_voltage(fit, parameters, benches)
     told = [f.parameters for f in alone if f.parameters]
     mean, chance = together(told) if len(told) > 1 else ({}, {})
-    for name in [n for n, p in chance.items() if p < _DIFFERENT]:
-        if parameters[name].origin == "data":
-            parameters[name] = mean[name]
-            findings.append(_differ(name, told))
+    apart = [n for n, p in chance.items() if p < _DIFFERENT and parameters[n].origin == "data"]
+    parameters |= {name: mean[name] for name in apart}
+    findings += logs_differ(apart, told)
     covariance = covariance_of(fit, parameters)
     return _result(
         benches, vehicle, parameters, asked, findings,
@@ -152,19 +157,6 @@ def _alone(one: Bench, fixed: Mapping[str, float]) -> tuple[VoltageFit | None, L
     return fit, LogFit(source=one.source, parameters=found)
 
 
-def _differ(name: str, told: Sequence[Mapping[str, Estimate]]) -> Finding:
-    values = [f[name].value for f in told if f[name].value is not None]
-    known = [v for v in values if v is not None]
-    unit = told[0][name].unit
-    return Finding(
-        "logs differ",
-        f"{name} differs between the logs by more than chance, from {min(known):.4g} to "
-        f"{max(known):.4g} {unit}: the value of all logs is their mean, its interval that of the "
-        "mean.",
-        "warning",
-    )
-
-
 def _moves(
     benches: Sequence[Bench],
     vehicle: Vehicle | None,
@@ -184,9 +176,8 @@ def _moves(
     parameters, chance = together([fit.parameters for fit in fits])
     derived, chance_by_way = together([fit.derived for fit in fits])
     findings = of_moves(fits)
-    for name, p in {**chance, **chance_by_way}.items():
-        if p < _DIFFERENT:
-            findings.append(_differ(name, [{**f.parameters, **f.derived} for f in fits]))
+    apart = [name for name, p in {**chance, **chance_by_way}.items() if p < _DIFFERENT]
+    findings += logs_differ(apart, [{**f.parameters, **f.derived} for f in fits])
     logs = tuple(
         LogFit(
             source=one.source,

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from swimbladder.identify_actuator.bench import Bench, Driven
-from swimbladder.identify_actuator.estimate import Estimate
+from swimbladder.identify_actuator.estimate import Estimate, shown
 from swimbladder.identify_actuator.from_moves import MovesFit
 from swimbladder.identify_actuator.result import Finding
 from swimbladder.identify_actuator.voltage import VoltageFit
 
-__all__ = ["ASSUMPTIONS", "of_moves", "of_voltage", "untold_of"]
+__all__ = ["ASSUMPTIONS", "logs_differ", "of_moves", "of_voltage", "untold_of"]
 
 ASSUMPTIONS: Mapping[Driven, tuple[str, ...]] = {
     "voltage": (
@@ -89,6 +89,9 @@ def of_voltage(
 def of_moves(fits: Sequence[MovesFit]) -> list[Finding]:
     """Return what is to be said of fits to moves at full speed."""
     found = []
+    out = sum(fit.outliers for fit in fits)
+    if out:
+        found.append(Finding("outliers", f"{out} samples are outliers, and left out."))
     between = max(fit.between for fit in fits)
     if between > 0.25 * _SEVERAL:
         found.append(
@@ -110,3 +113,24 @@ def of_moves(fits: Sequence[MovesFit]) -> list[Finding]:
             )
         )
     return found
+
+
+def logs_differ(names: Sequence[str], told: Sequence[Mapping[str, Estimate]]) -> list[Finding]:
+    """Return the sentence on parameters that differ between logs by more than chance."""
+    ranges, most = [], 0.0
+    for name in names:
+        known = [(f[name].value, f[name].unit) for f in told if name in f]
+        values = [value for value, _ in known if value is not None]
+        most = max(most, max(values) / min(values) - 1.0) if min(values) > 0.0 else 1.0
+        ranges.append(f"{name} from {shown(min(values), known[0][1])} to "
+                      f"{shown(max(values), known[0][1])}")  # fmt: skip
+    if not ranges:
+        return []
+    return [
+        Finding(
+            "logs differ",
+            f"The logs differ by more than chance: {', '.join(ranges)}. What is given for all of "
+            "them is the mean, with its own interval.",
+            "warning" if most > _SEVERAL else "note",
+        )
+    ]

@@ -6,9 +6,11 @@ import math
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from swimbladder.identify_actuator import ActuatorIdentification
+from swimbladder.identify_actuator.result import Step
 from swimbladder.plots.style import BLACK, GREY, ORANGE, VERMILION, save, styled
 
 __all__ = ["draw_steps", "plot_steps"]
@@ -43,23 +45,11 @@ def draw_steps(found: ActuatorIdentification) -> Figure:
     )
     limit = 1.2 * max(scale * largest, 1e-9)
     for place, k in enumerate(shown):
-        step = found.steps[k]
         row, column = divmod(place, columns)
         upper = figure.add_subplot(grid[2 * row, column])
-        lower = figure.add_subplot(grid[2 * row + 1, column], sharex=upper)
-        t, start = step.time - step.time[0], step.position[step.used][:1].sum()
-        upper.plot(t[step.used], scale * (step.position - start)[step.used], ".", ms=3.5,
-                   color=BLACK, label="measured")  # fmt: skip
-        if not step.used.all():
-            low, high = upper.get_ylim()
-            out = np.clip(scale * (step.position - start)[~step.used], low, high)
-            upper.plot(t[~step.used], out, "x", ms=4, color=ORANGE, label="left out")
-        upper.plot(t, scale * (step.fitted - start), color=VERMILION, lw=1.2, label="fitted")
-        lower.axhline(0.0, color=GREY, lw=0.8)
-        lower.plot(t[step.used], scale * step.residual[step.used], ".", ms=2.5, color=BLACK)
+        lower = figure.add_subplot(grid[2 * row + 1, column])
+        _step(found.steps[k], k + 1, scale, upper, lower)
         lower.set_ylim(-limit, limit)
-        upper.tick_params(labelbottom=False)
-        upper.set_title(f"step {k + 1}: {step.label}", loc="left", fontsize=8.5)
         if column == 0:
             upper.set_ylabel(f"{'travel' if unit == 'mm' else 'volume'} [{unit}]")
             lower.set_ylabel(f"left over\n[{unit}]")
@@ -71,6 +61,26 @@ def draw_steps(found: ActuatorIdentification) -> Figure:
     figure.suptitle(f"{_title(found)}{some}", x=0.01, ha="left", fontsize=10.0)
     figure.align_ylabels()
     return figure
+
+
+def _step(step: Step, number: int, scale: float, upper: Axes, lower: Axes) -> None:
+    """Draw a step above, of a long move its start only, and all that is left over below."""
+    t, start = step.time - step.time[0], step.position[step.used][:1].sum()
+    part = slice(0, step.start or None)
+    x, fitted, used = step.position[part] - start, step.fitted[part] - start, step.used[part]
+    upper.plot(t[part][used], scale * x[used], ".", ms=3.5, color=BLACK, label="measured")
+    if not used.all():
+        low, high = upper.get_ylim()
+        out = np.clip(scale * x[~used], low, high)
+        upper.plot(t[part][~used], out, "x", ms=4, color=ORANGE, label="left out")
+    upper.plot(t[part], scale * fitted, color=VERMILION, lw=1.2, label="fitted")
+    lower.axhline(0.0, color=GREY, lw=0.8)
+    lower.plot(t[step.used], scale * step.residual[step.used], ".", ms=2.5, color=BLACK)
+    what = f"start, {step.label}" if step.start else step.label
+    upper.set_title(f"step {number}: {what}", loc="left", fontsize=8.5)
+    if not step.start:
+        upper.sharex(lower)
+        upper.tick_params(labelbottom=False)
 
 
 def _title(found: ActuatorIdentification) -> str:
