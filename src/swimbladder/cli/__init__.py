@@ -28,7 +28,7 @@ COMMANDS = {
     "identify": "K2, T2, psi and drag from logs, and how sure they are.",
     "identify-actuator": "K1, T1, dead zone, asymmetry and rate from logged steps.",
     "design-experiment": "Which pool experiments to run, and what they tell.",
-    "pool": "Guide a day at the pool, simulated or on a log being written.",
+    "pool": "Guide a day at the pool, simulated or on a growing log.",
     "reproduce": "Redo the paper: each figure, table and number, a report.",
     "vehicle": "List, show and write vehicle files.",
 }
