@@ -15,10 +15,10 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from swimbladder.control.registry import LAWS
-from swimbladder.design.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.io.files import write_atomically
 from swimbladder.io.log_format import LogColumns, LogFormat
 from swimbladder.io.mission import Mission, Setpoint
+from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.parameters import Vehicle, field_unit
 from swimbladder.parameters.schema import dotted, models_in, tags_of
 from swimbladder.units import _TABLE

@@ -71,6 +71,7 @@ def test_what_cannot_be_told_is_said_with_a_remedy(vehicle):
     assert found.against is None
     said = " ".join(f.sentence for f in found.findings if f.severity == "no")
     assert "psi" in said
+    assert found.plan().neutral_std is None
     assert any(f.kind == "remedy" and "times the pool time" in f.sentence for f in found.findings)
 
 

@@ -66,7 +66,7 @@ class Design:
             name=f"experiments for {self.vehicle}", vehicle=self.vehicle, pool_depth=s.pool_depth,
             shallowest=s.shallowest, deepest=s.deepest, sample_time=s.sample_time, rest=s.rest,
             depth_noise=s.noise, depth_quantum=s.quantum,
-            neutral_std=s.neutral_std if math.isfinite(s.neutral_std) else 0.0,
+            neutral_std=s.neutral_std if math.isfinite(s.neutral_std) else None,
             expected=tuple(
                 Expected(name=name, value=e.value, std=e.std, unit=e.unit)
                 for name, e in told.parameters.items()

@@ -126,8 +126,8 @@ class Plan(Parameters):
     depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
         0.0, description="step between two depths that the sensor tells apart"
     )
-    neutral_std: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
-        0.0, description="how well the neutral volume at rest is known, 1 sigma"
+    neutral_std: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = Field(
+        None, description="how well the neutral volume at rest is known, 1 sigma; not given: not"
     )
     expected: tuple[Expected, ...] = Field((), description="what the records should tell")
     experiments: Annotated[tuple[PlannedExperiment, ...], Field(min_length=1)] = Field(
