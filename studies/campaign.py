@@ -11,6 +11,8 @@ import numpy as np
 
 from studies.bound import bounds
 from studies.scenarios import K_B, NEUTRAL_STD, Campaign, Kept, Scenario, draw
+from studies.summary import Z95
+from studies.truth import Array
 from swimbladder.errors import NoAnswerError
 from swimbladder.identify import Prior, identify
 from swimbladder.io.config import load_vehicle
@@ -24,7 +26,8 @@ def outcome(scenario: Scenario, *, seed: int, index: int, profiles: bool = False
     """Return what `identify` says of the campaign of this number, beside the truth.
 
     Of each parameter: truth, value, low and high end of the 95 % interval, and the least standard
-    deviation that is possible, as a share of the truth.
+    deviation that is possible, as a share of the truth. distance: of the truth from the values, by
+    the intervals and their correlation; its square is chi-squared where these are right.
     """
     campaign = draw(scenario, seed=seed, index=index)
     least = bounds(
@@ -52,7 +55,20 @@ def outcome(scenario: Scenario, *, seed: int, index: int, profiles: bool = False
             "high": estimate.ci95[1],
             "bound": least[name] / (abs(campaign.truth["psi"]) if name == "psi" else 1.0),
         }
+    found["distance"] = _distance(scenario, found["parameters"], answer.correlation)
     return found
+
+
+def _distance(
+    scenario: Scenario, parameters: Mapping[str, Mapping[str, float]], correlation: Array
+) -> float:
+    """Return the distance of Mahalanobis of the truth from the values."""
+    off = []
+    for name, p in parameters.items():
+        scaled = np.log if scenario.logarithmic(name) else float
+        half = 0.5 * (scaled(p["high"]) - scaled(p["low"])) / Z95
+        off.append((scaled(p["value"]) - scaled(p["truth"])) / half)
+    return math.sqrt(float(np.array(off) @ np.linalg.solve(correlation, np.array(off))))
 
 
 def arguments(scenario: Scenario, campaign: Campaign) -> dict[str, Any]:

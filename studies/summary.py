@@ -11,13 +11,13 @@ from scipy.stats import beta
 
 from studies.scenarios import Scenario
 
-__all__ = ["HEADINGS", "binomial_interval", "figures", "render", "summary"]
+__all__ = ["HEADINGS", "Z95", "binomial_interval", "figures", "render", "summary"]
 
 HEADINGS = (
     "scenario", "parameter", "covered %", "(95 %)", "bias %", "+-", "rms %", "rms/bound",
     "width/bound", "no %", "s",
 )  # fmt: skip
-_Z95 = 1.959963984540054
+Z95 = 1.959963984540054
 
 
 def figures(name: str, found: Sequence[dict[str, Any]], *, logarithmic: bool) -> dict[str, float]:
@@ -43,7 +43,7 @@ def figures(name: str, found: Sequence[dict[str, Any]], *, logarithmic: bool) ->
         "bias_error": float(off.std() / math.sqrt(count)),
         "rms": float(np.sqrt(np.mean(off**2))),
         "rms_bound": float(np.sqrt(np.mean((error / bound) ** 2))),
-        "width_bound": float(np.mean(width / (2.0 * _Z95 * bound))),
+        "width_bound": float(np.mean(width / (2.0 * Z95 * bound))),
     }
 
 
