@@ -55,12 +55,13 @@ def changes(time: Array, position: Array) -> float:
 
 def spikes(residual: Array, least: float) -> Mask:
     """Return which samples stick out from their neighbours by more than `least` and by far."""
-    n = len(residual)
-    width = min(7, n if n % 2 else n - 1)
-    if width < 3:
-        return np.zeros(n, bool)
-    padded = np.pad(residual, width // 2, mode="reflect")
-    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
+    width = 7
+    if len(residual) < width:
+        return np.zeros(len(residual), bool)
+    windows = np.lib.stride_tricks.sliding_window_view(residual, width)
+    around, side = np.median(windows, axis=1), np.arange(1.0, 1.0 + width // 2)
+    first, last = (float(np.median(np.diff(w))) for w in (windows[0], windows[-1]))
+    around = np.concatenate([around[0] - first * side[::-1], around, around[-1] + last * side])
     off = residual - around
     far: Mask = np.abs(off) > max(_FAR * scale(off), least)
     return far

@@ -29,7 +29,8 @@ def profile_of_T1(fit: VoltageFit) -> Estimate:
     root = _Root(fit, at)
     nothing = root(math.log(_FASTEST * step))
     if nothing < _TWO_SIDED:
-        high = _crossing(root, best, max(std, 0.3), _ONE_SIDED, offset=nothing)
+        begin = max(best, math.log(_FASTEST * step))
+        high = _crossing(root, begin, max(std, 0.3), _ONE_SIDED, offset=nothing)
         bound = math.exp(high)
         why = (
             f"T1 is shorter than samples every {step:.3g} s can tell: below {bound:.3g} s with a "

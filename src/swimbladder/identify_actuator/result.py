@@ -154,17 +154,18 @@ class ActuatorIdentification:
 
     def _identified(self, vehicle: Vehicle) -> Identified | None:
         """Return the table of covariances with those of K1 and T1 in it."""
-        names = [n for n in ("K1", "T1") if n in self.covariance]
+        own = [n for n in ("K1", "K1A", "T1") if n in self.covariance]
         before = vehicle.identified
-        if not names or isinstance(vehicle.actuator, Positioner):
+        if not own or isinstance(vehicle.actuator, Positioner):
             return before
+        names = ["K1" if n == "K1A" else n for n in own]
         others = [n for n in (before.names if before else ()) if n not in ("K1", "T1")]
-        values = [self.parameters[n].value or 0.0 for n in names]
-        rows = [[self.covariance[a][b] for b in names] + [0.0] * len(others) for a in names]
+        values = [self.parameters[n].value or 0.0 for n in own]
+        rows = [[self.covariance[a][b] for b in own] + [0.0] * len(others) for a in own]
         if before is not None:
             at = [before.names.index(n) for n in others]
             values += [before.values[k] for k in at]
-            rows += [[0.0] * len(names) + [before.covariance[i][j] for j in at] for i in at]
+            rows += [[0.0] * len(own) + [before.covariance[i][j] for j in at] for i in at]
         sources = tuple(dict.fromkeys(fit.source for fit in self.logs))
         fields = {} if before is None else before.model_dump()
         fields |= {

@@ -138,9 +138,8 @@ def _voltage(
     findings += logs_differ(apart, told)
     covariance = covariance_of(fit, parameters)
     return _result(
-        benches, vehicle, parameters, asked, findings,
+        benches, vehicle, parameters, asked, findings, covariance,
         derived=by_direction(fit, parameters, unit),
-        covariance=covariance,
         noise=fit.noise,
         logs=tuple(alone),
         steps=steps_of(fit),
@@ -192,9 +191,8 @@ def _moves(
         if parameters[name].value is not None
     }
     return _result(
-        benches, vehicle, parameters, asked, findings,
+        benches, vehicle, parameters, asked, findings, covariance,
         derived=derived,
-        covariance=covariance,
         noise=max(fit.noise for fit in fits if not math.isnan(fit.noise)),
         logs=logs,
         steps=tuple(step for fit in fits for step in fit.steps),
@@ -207,11 +205,21 @@ def _result(
     parameters: dict[str, Estimate],
     asked: tuple[str, ...],
     findings: list[Finding],
+    covariance: dict[str, dict[str, float]],
     **fields: object,
 ) -> ActuatorIdentification:
     missing = [n for n in asked if parameters[n].value is None]
     findings = [*findings, *(untold_of(n, parameters[n]) for n in missing)]
-    covariance: dict[str, dict[str, float]] = fields["covariance"]  # type: ignore[assignment]
+    one = benches[0]
+    names = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
+
+    def called(name: str) -> str:
+        return "K1A" if name == "K1" and one.quantity == "volume" else name
+
+    shown = {called(name): e for name, e in parameters.items()}
+    covariance = {
+        called(a): {called(b): value for b, value in row.items()} for a, row in covariance.items()
+    }
     correlation = {
         a: {
             b: value / math.sqrt(max(covariance[a][a] * covariance[b][b], 1e-300))
@@ -219,17 +227,13 @@ def _result(
         }
         for a, row in covariance.items()
     }
-    one = benches[0]
-    names = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
-    shown = dict(parameters)
-    if one.quantity == "volume":
-        shown = {("K1A" if n == "K1" else n): e for n, e in shown.items()}
     return ActuatorIdentification(
         driven=one.driven,
         quantity=one.quantity,
         parameters=shown,
-        asked=tuple("K1A" if n == "K1" and one.quantity == "volume" else n for n in asked),
+        asked=tuple(map(called, asked)),
         correlation=correlation,
+        covariance=covariance,
         nine=nine(shown, vehicle, names),
         findings=tuple(findings),
         assumptions=ASSUMPTIONS[one.driven],

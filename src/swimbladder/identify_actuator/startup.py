@@ -30,6 +30,7 @@ _LEAST = 15  # samples
 _NOTHING = 0.02  # of the time between samples: a T1 that is none
 _TRIALS = 9  # of T1, and of t0
 _GROSS = 0.01  # of the travel: what no motor's start is off the model, a sample alone
+_TOO_SHORT = "the moves are too short to tell how they come to full speed"
 _CHI2 = 3.841  # of one degree of freedom, 95 %
 _ONE_SIDED = 2.706
 
@@ -214,6 +215,8 @@ class _Fit:
         inflation, df, information = self._information()
         if none - least < _CHI2 * inflation:
             bound = self._crossing(none + _ONE_SIDED * inflation)
+            if bound > max(float(w.time[-1]) for w in self.windows):
+                return untold("s", _TOO_SHORT)
             why = (
                 f"shorter than samples every {self.step:.3g} s can tell; below {bound:.3g} s with "
                 "a confidence of 95 %"
@@ -221,7 +224,7 @@ class _Fit:
             return bounded(0.0, bound, "s", why)
         std = math.sqrt(inflation / max(information, 1e-12))
         if std > 1.0:
-            return untold("s", "the moves are too short to tell how they approach full speed")
+            return untold("s", _TOO_SHORT)
         T1 = math.exp(self.best[0])
         return estimated(T1, T1 * std, "s", df=df, logarithmic=True)
 
@@ -256,8 +259,8 @@ class _Fit:
 
         low = max(float(self.best[0]), math.log(_NOTHING * self.step))
         high = low + 0.5
-        while self._deviance(high) < level and high < low + 15.0:
+        while self._deviance(high) < level and high < low + 10.0:
             high += 0.7
-        if high >= low + 15.0:
+        if high >= low + 10.0:
             return math.exp(high)
         return math.exp(float(brentq(lambda x: self._deviance(x) - level, low, high, xtol=1e-3)))

@@ -265,7 +265,7 @@ def _gains(problem: Problem, q: Array) -> tuple[float, float, float]:
 
     def parts(ratio: float) -> tuple[float, float, Array]:
         less = 1.0 - 1.0 / (1.0 + (ratio * size) ** 2)
-        H = JJ - (A.T * less) @ A + 1e-12 * np.diag(np.diag(JJ))
+        H = JJ - (A.T * less) @ A + 1e-10 * np.trace(JJ) / p * np.eye(p)
         b = Jr - A.T @ (less * a)
         left = rr - float(less @ a**2) - float(b @ np.linalg.solve(H, b))
         return max(left, 1e-300), float(-np.log1p(-less).sum()), H

@@ -90,7 +90,7 @@ def log_of(time, position, **columns):
     return Log(
         source=columns.pop("source", "bench.csv"),
         time=time,
-        depth=np.full(len(time), np.nan),
+        depth=columns.pop("depth", np.full(len(time), np.nan)),
         piston=position,
         line=np.arange(2, len(time) + 2),
         **columns,

@@ -1,0 +1,101 @@
+"""How often the intervals of identify-actuator hold the truth, over many simulated benches.
+
+``python -m studies.actuator [--benches 2000] [--seed 1]`` prints a table: voltage steps, voltage
+steps with outliers, moves at full voltage whose voltage is not logged.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from studies.benches import Motor, random_bench, random_motor, random_moves
+from swimbladder.errors import NoAnswerError
+from swimbladder.identify_actuator import ActuatorIdentification, identify_actuator
+
+__all__ = ["CASES", "Score", "score"]
+
+CASES: Mapping[str, tuple[bool, float, float]] = {
+    # name: moves instead of voltage steps, spread of the gains between them, share of outliers
+    "steps": (False, 0.0, 0.0),
+    "steps, 10 % outliers": (False, 0.0, 0.1),
+    "moves": (True, 0.0, 0.0),
+    "moves, speeds differ by 1 %": (True, 0.01, 0.0),
+    "moves, 10 % outliers": (True, 0.0, 0.1),
+}
+
+
+class Score(NamedTuple):
+    """One parameter over many benches."""
+
+    told: int
+    held: int  # intervals that hold the truth
+    pull: float  # standard deviation of error over std
+    bias: float  # mean of error over std
+
+
+def score(case: str, count: int, seed: int) -> dict[str, Score]:
+    """Return the score of each parameter over `count` benches of a case."""
+    held: dict[str, list[bool]] = {}
+    pulls: dict[str, list[float]] = {}
+    for motor, found in _benches(case, count, seed):
+        told = {**found.parameters, **found.derived}
+        for name, truth in _truth(motor, moves=CASES[case][0]).items():
+            e = told[name]
+            if e.value is None or e.std is None:
+                continue
+            held.setdefault(name, []).append(e.ci95[0] <= truth <= e.ci95[1])
+            pulls.setdefault(name, []).append((e.value - truth) / e.std)
+    return {
+        name: Score(len(hits), sum(hits), float(np.std(pulls[name])), float(np.mean(pulls[name])))
+        for name, hits in held.items()
+    }
+
+
+def _benches(case: str, count: int, seed: int) -> Iterator[tuple[Motor, ActuatorIdentification]]:
+    moves, differing, outliers = CASES[case]
+    make = random_moves if moves else random_bench
+    for k in range(count):
+        random = np.random.default_rng([seed, k])
+        motor = random_motor(random)
+        log = make(random, motor, differing=differing, outliers=outliers)
+        try:
+            yield motor, identify_actuator([log])
+        except NoAnswerError:
+            continue
+
+
+def _truth(motor: Motor, *, moves: bool) -> dict[str, float]:
+    if not moves:
+        return {
+            "K1": motor.K1, "T1": motor.T1, "dead_zone": motor.dead_zone,
+            "load_voltage": motor.load, "asymmetry": motor.asymmetry,
+        }  # fmt: skip
+    out = motor.K_out * (12.0 - motor.dead_zone - motor.load)
+    in_ = motor.K_in * (12.0 - motor.dead_zone + motor.load)
+    return {
+        "T1": motor.T1, "rate_out": out, "rate_in": in_, "rate": math.sqrt(out * in_),
+        "asymmetry": out / in_,
+    }  # fmt: skip
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description="Coverage of identify-actuator's intervals.")
+    parser.add_argument("--benches", type=int, default=2000, help="of each case")
+    parser.add_argument("--seed", type=int, default=1)
+    chosen = parser.parse_args()
+    print(f"{'':30}{'told':>6}{'held':>9}{'pull':>8}{'bias':>8}")
+    for case in CASES:
+        print(case)
+        for name, s in score(case, chosen.benches, chosen.seed).items():
+            share = 100.0 * s.held / s.told
+            print(f"  {name:28}{s.told:6d}{share:8.1f}%{s.pull:8.2f}{s.bias:8.2f}")
+
+
+if __name__ == "__main__":
+    main()
