@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.common import console, emit_json, output, progress, quantity
-from swimbladder.cli.logs import chosen, pair
+from swimbladder.cli.logs import chosen, pair, read
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from swimbladder.identify_actuator import ActuatorIdentification, Estimate
-    from swimbladder.io.logs import Log
-    from swimbladder.parameters import Vehicle
 
 __all__ = ["identify_actuator"]
 
@@ -78,12 +76,16 @@ def identify_actuator(
         assert number is not None
         fixed[name] = number
     asked = None if ask is None else [name.strip() for name in ask.split(",") if name.strip()]
-    read = _read(logs, where or [], column or [], log_format, v)
+    mapped = dict(pair(text, "--column") for text in column or [])
+    given = [
+        read(one, v, columns=mapped, log_format=log_format, quiet=k > 0, required=("time_s",))
+        for k, one in enumerate(chosen(logs, where or []))
+    ]
     with progress("loading the fit"):
         from swimbladder.identify_actuator import identify_actuator as identify
 
     with progress("identifying the actuator", 1.0) as advance:
-        found = identify(read, v, fixed=fixed, asked=asked, advance=advance)
+        found = identify(given, v, fixed=fixed, asked=asked, advance=advance)
     files = _write(found, out, plot=plot)
     if json:
         emit_json({**found.to_json(), "files": files})
@@ -93,32 +95,6 @@ def identify_actuator(
         if json:
             console.print(found.refusal, markup=False, soft_wrap=True)
         raise typer.Exit(1)
-
-
-def _read(
-    paths: list[Path],
-    where: list[str],
-    columns: list[str],
-    log_format: str | None,
-    v: Vehicle | None,
-) -> list[Log]:
-    from swimbladder.io.log_format import log_format as format_of
-    from swimbladder.io.log_formats import format_names
-    from swimbladder.io.logs import read_log
-
-    if log_format is None and v is not None and v.name in format_names():
-        log_format = v.name
-        console.print(f"read as the log format {v.name} has it", markup=False)
-    form = None if log_format is None else format_of(log_format)
-    mapped = dict(pair(text, "--column") for text in columns)
-    read = []
-    for one in chosen(paths, where):
-        with progress(f"reading {one.label}"):
-            log = read_log(
-                one.path, columns=mapped, where=one.where, log_format=form, required=("time_s",)
-            )
-        read.append(log)
-    return read
 
 
 def _write(found: ActuatorIdentification, out: Path, *, plot: bool) -> list[Path]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -83,27 +83,30 @@ def depth(text: str | None, option: str) -> float:
 
 
 def read(
-    log: Chosen, vehicle: Vehicle, *, columns: Mapping[str, str], log_format: str | None,
-    quiet: bool = False,
+    log: Chosen, vehicle: Vehicle | None, *, columns: Mapping[str, str], log_format: str | None,
+    quiet: bool = False, required: Collection[str] = ("time_s", "depth_m"),
 ) -> Log:  # fmt: skip
     """Return the log of a vehicle, read by the format asked for or the one shipped for it.
 
-    quiet: that a shipped one is used has been said. Raises LogError, an InputError, with file,
-    line, column, value and remedy.
+    quiet: that a shipped one is used has been said. required: columns it must have. Raises
+    LogError, an InputError, with file, line, column, value and remedy.
     """
     from swimbladder.io.logs import read_log
 
     with progress(f"reading {log.label}"):
-        form = _format(log.path, vehicle, columns, log_format, quiet=quiet)
-        return read_log(log.path, columns=columns, where=log.where, log_format=form)
+        form = _format(log.path, vehicle, columns, log_format, required, quiet=quiet)
+        return read_log(
+            log.path, columns=columns, where=log.where, log_format=form, required=required
+        )
 
 
 def _format(
-    path: Path, vehicle: Vehicle, columns: Mapping[str, str], asked: str | None, *, quiet: bool
-) -> LogFormat | None:
+    path: Path, vehicle: Vehicle | None, columns: Mapping[str, str], asked: str | None,
+    required: Collection[str], *, quiet: bool,
+) -> LogFormat | None:  # fmt: skip
     """Return the log format asked for; else the shipped one of the vehicle, where it fits.
 
-    It fits where the log has all its columns and lacks time_s or depth_m; that it is used is said.
+    It fits where the log has all its columns and lacks a required one; that it is used is said.
     """
     from swimbladder.io.log_format import log_format
     from swimbladder.io.log_formats import format_names
@@ -111,8 +114,10 @@ def _format(
 
     if asked is not None:
         return log_format(asked)
+    if vehicle is None or vehicle.name not in format_names():
+        return None
     header = set(header_names(path))
-    if {"time_s", "depth_m"} <= header | set(columns) or vehicle.name not in format_names():
+    if set(required) <= header | set(columns):
         return None
     form = log_format(vehicle.name)
     if not {column.name for column in form.columns.mapped().values()} <= header:

@@ -1,0 +1,134 @@
+"""``swimbladder identify-actuator``: numbers, files, exit codes, and what is refused."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from studies.benches import Motor, measured, random_moves, steps, travel
+from swimbladder.cli import main
+from swimbladder.io.config import load_vehicle
+
+
+def write(path, **columns):
+    with path.open("w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
+    return path
+
+
+def bench(path, levels, seed=1, noise=1e-5):
+    time, voltage = steps(levels, hold=1.0, rest=1.0, step=0.02)
+    position = measured(travel(Motor(), time, voltage), np.random.default_rng(seed), noise=noise)
+    return write(path, time_s=time, piston_m=position, voltage_V=voltage)
+
+
+@pytest.fixture
+def log(tmp_path):
+    return bench(tmp_path / "bench.csv", [3.0, -3.0, 6.0, -6.0, 12.0, -12.0])
+
+
+def run(capsys, *arguments, code=0):
+    capsys.readouterr()
+    assert main(["identify-actuator", *map(str, arguments)]) == code
+    shown = capsys.readouterr()
+    assert "Traceback" not in shown.err
+    return shown
+
+
+def answer(capsys, *arguments, code=0):
+    return json.loads(run(capsys, *arguments, "--json", code=code).out)
+
+
+def test_the_numbers_and_the_files(capsys, log, tmp_path):
+    out = tmp_path / "out"
+    a = answer(capsys, log, "--vehicle", "feup-em", "--plot", "--out", out)
+    K1 = a["parameters"]["K1"]
+    assert K1["ci95"][0] < Motor().K1 < K1["ci95"][1]
+    assert K1["unit"] == "m/s/V"
+    assert a["parameters"]["rate"]["value"] is None
+    assert a["parameters"]["rate"]["ci95"][1] is None
+    assert len(a["nine"]) == 9
+    assert {path.name for path in out.iterdir()} == {"steps.csv", "steps.png", "vehicle.toml"}
+    assert K1["value"] == load_vehicle(out / "vehicle.toml").actuator.K1
+    assert (out / "steps.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    with (out / "steps.csv").open(newline="", encoding="ascii") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == sum(step["samples"] for step in a["steps"])
+
+
+def test_the_report_for_people(capsys, log, tmp_path):
+    out = run(capsys, log, "--out", tmp_path / "out").out
+    assert "mm/s/V" in out
+    assert "no limit is seen" in out
+    assert "not known" in out
+    assert "assumed:" in out
+
+
+def test_what_is_not_told_is_exit_1_with_the_sentence(capsys, tmp_path):
+    log = bench(tmp_path / "one.csv", [6.0, -6.0], noise=1e-4)
+    shown = run(capsys, log, "--out", tmp_path / "out", code=1)
+    assert "not identified: K1 is not told" in shown.out
+    shown = run(capsys, log, "--out", tmp_path / "out", "--json", code=1)
+    assert json.loads(shown.out)["identified"] is False
+    assert "K1 is not told" in shown.err
+    fixed = ["--set", "dead_zone=0.5 V", "--set", "load_voltage=100 mV"]
+    a = answer(capsys, log, *fixed, "--out", tmp_path / "out")
+    assert a["parameters"]["load_voltage"] == {
+        "value": 0.1, "std": 0.0, "ci95": [0.1, 0.1], "unit": "V", "origin": "set", "why": None,
+    }  # fmt: skip
+
+
+def test_what_is_asked_for_decides(capsys, log, tmp_path):
+    answer(capsys, log, "--ask", "K1,dead_zone", "--out", tmp_path)
+    a = answer(capsys, log, "--ask", "rate", "--out", tmp_path, code=1)
+    assert a["asked"] == ["rate"]
+
+
+def test_moves_of_several_logs_in_one_file(capsys, tmp_path):
+    logs = [random_moves(np.random.default_rng(k), Motor(T1=0.05)) for k in (4, 5)]
+    path = write(
+        tmp_path / "moves.csv",
+        run=np.repeat([1, 2], [len(log) for log in logs]),
+        t=np.concatenate([log.time for log in logs]),
+        position=np.concatenate([log.piston for log in logs]) / 0.0254,
+    )
+    a = answer(
+        capsys, path, "--where", "run=1,2", "--column", "time_s=t@s", "--column",
+        "piston_m=position@in", "--plot", "--out", tmp_path / "out",
+    )  # fmt: skip
+    assert a["driven_by"] == "nothing"
+    assert [fit["log"].endswith(f"(run={k})") for k, fit in enumerate(a["logs"], 1)] == [True] * 2
+    low, high = a["parameters"]["T1"]["ci95"]
+    assert low < 0.05 < high
+    assert "Each log by itself" in run(
+        capsys, path, "--where", "run=1,2", "--column", "time_s=t@s", "--column",
+        "piston_m=position@in", "--out", tmp_path / "out",
+    ).out  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--set", "K9=1"], "no such parameter"),
+        (["--set", "K1=2 kg"], "--set K1"),
+        (["--set", "K1"], "NAME=VALUE"),
+        (["--ask", "K1,speed"], "no such parameter"),
+        (["--column", "piston_m=depth"], "no such column"),
+        (["--vehicle", "ntnu-bv"], "driven by positions"),
+        (["--where", "run=3"], "run"),
+    ],
+)
+def test_what_cannot_be_is_refused(capsys, log, tmp_path, more, words):
+    shown = run(capsys, log, "--out", tmp_path / "out", *more, code=2)
+    assert words in " ".join(shown.err.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_log_that_stands_is_exit_1(capsys, tmp_path):
+    time = np.arange(200) * 0.02
+    log = write(tmp_path / "still.csv", time_s=time, piston_m=0.0 * time, voltage_V=0.0 * time)
+    shown = run(capsys, log, code=1)
+    assert "no voltage steps" in shown.err
