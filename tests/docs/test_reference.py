@@ -140,6 +140,27 @@ def test_what_identify_writes(capsys, tmp_path):
         assert set(e) == {"value", "std", "ci95", "unit", "origin"}
 
 
+def test_what_identify_actuator_writes(capsys, tmp_path):
+    columns, keys = rows("files-written.md", "identify-actuator")
+    log = tmp_path / "bench.csv"
+    lines = ["time_s,piston_m,voltage_V"]
+    for k in range(800):
+        # a motor without T1: it goes 1 mm/s/V while a voltage is on
+        held, within = divmod(k, 100)
+        u = (0.0, 4.0, 0.0, -4.0, 0.0, 8.0, 0.0, -8.0)[held]
+        before = (0.0, 0.0, 8e-3, 8e-3, 0.0, 0.0, 16e-3, 16e-3)[held]
+        lines.append(f"{0.02 * k:.2f},{before + 2e-5 * u * within:.7f},{u}")
+    log.write_text("\n".join(lines) + "\n", encoding="ascii")
+    out = tmp_path / "out"
+    told = answer(
+        capsys, "identify-actuator", str(log), "--ask", "K1", "--vehicle", "feup-em", "--plot",
+        "--out", str(out),
+    )  # fmt: skip
+    check(keys, told)
+    assert header(out / "steps.csv") == list(columns)
+    assert {path.name for path in out.iterdir()} == {"steps.csv", "steps.png", "vehicle.toml"}
+
+
 def test_what_design_experiment_writes(capsys, tmp_path):
     (keys,) = rows("files-written.md", "design-experiment")
     told = answer(
