@@ -5,7 +5,8 @@ import pytest
 
 from swimbladder import pool
 from swimbladder.guide.events import Changed, End, Ended, Ready, Sample
-from swimbladder.guide.segments import Rules, Segmenter
+from swimbladder.guide.rules import Rules
+from swimbladder.guide.segments import Segmenter
 from swimbladder.io.config import load_vehicle
 from swimbladder.parameters import Sensors
 

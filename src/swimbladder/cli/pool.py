@@ -18,6 +18,7 @@ from swimbladder.errors import InputError
 if TYPE_CHECKING:
     from swimbladder.guide import News, PoolDay
     from swimbladder.guide.files import Kept
+    from swimbladder.io.plan import Plan
     from swimbladder.parameters import Vehicle
 
 __all__ = ["pool"]
@@ -76,6 +77,12 @@ def pool(
     travel: Annotated[
         str, typer.Option(metavar="DISTANCE", help="An experiment is over after this.")
     ] = "3 m",
+    plan: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PLAN", help="What to do, from design-experiment (the paper's experiments)."
+        ),
+    ] = None,
     target_std: Annotated[
         str, typer.Option(metavar="SHARE", help="How well each parameter but psi is to be known.")
     ] = "2 %",
@@ -120,20 +127,23 @@ def pool(
             remedy="Give --simulate to rehearse, or --follow LOG at the pool",
         )  # fmt: skip
     v = load_vehicle(vehicle)
-    bottom = depth(pool_depth, "--pool-depth") if pool_depth else (_POOL if simulate else None)
+    chosen = _plan(plan, pool_depth)
+    bottom = depth(pool_depth, "--pool-depth") if pool_depth else (
+        chosen.pool_depth if chosen else _POOL if simulate else None
+    )  # fmt: skip
     with progress("loading the fit"):
-        from swimbladder.guide import PoolDay, paper_tasks
+        from swimbladder.guide import PoolDay, paper_tasks, plan_tasks
 
         asked = asked_of(
             v, free=names(free), fixed=set_ or [], priors=prior or [], drag=drag,
             neutral_std=neutral_std, target=target, target_std=target_std,
         )  # fmt: skip
-        rules = rules_of(v, bottom, travel)
+        rules = rules_of(v, bottom, travel, chosen)
+        tasks = plan_tasks(chosen) if chosen else paper_tasks(v, pool_depth=bottom)
     mode = "simulated" if simulate else "followed"
     with compile_notice():
         day = PoolDay(
-            v, out, rules=rules, tasks=paper_tasks(v, pool_depth=bottom), asked=asked, mode=mode,
-            kept=_begin(out, v, mode),
+            v, out, rules=rules, tasks=tasks, asked=asked, mode=mode, kept=_begin(out, v, mode),
         )  # fmt: skip
         files: list[Path] = []
         if follow is None:
@@ -142,6 +152,7 @@ def pool(
             )
         else:
             _follow(day, follow, column or [], log_format, timeout, wait=wait, quiet=json)
+        day.settle()
     day.save()
     answer = day.answer()
     answer["files"] += [str(path) for path in files]
@@ -151,6 +162,17 @@ def pool(
         _print_end(day, files)
     if not day.verdict.good:
         raise typer.Exit(1)
+
+
+def _plan(path: Path | None, pool_depth: str | None) -> Plan | None:
+    from swimbladder.io.plan import load_plan
+
+    if path is not None and pool_depth is not None:
+        raise InputError(
+            "the plan says this already", field="--pool-depth", value=pool_depth,
+            remedy="Leave it out, or the plan",
+        )  # fmt: skip
+    return None if path is None else load_plan(path)
 
 
 def _rehearse(
@@ -216,7 +238,6 @@ def _through(view: View, happening: Iterable[News | None]) -> None:
         view.show(happening)
     except KeyboardInterrupt:
         console.print("interrupted; what is known is written")
-        view.day.settle()
         view.show(view.day.end_log())
 
 

@@ -15,6 +15,7 @@ from swimbladder.units import parse_quantity
 if TYPE_CHECKING:
     from swimbladder.guide import Asked, Rules, Target
     from swimbladder.identify import Prior
+    from swimbladder.io.plan import Plan
     from swimbladder.parameters import Vehicle
 
 __all__ = ["asked_of", "rules_of"]
@@ -22,8 +23,10 @@ __all__ = ["asked_of", "rules_of"]
 _LEAST_CHANGE = 0.008  # of half the stroke
 
 
-def rules_of(vehicle: Vehicle, bottom: float | None, travel: str) -> Rules:
+def rules_of(vehicle: Vehicle, bottom: float | None, travel: str, plan: Plan | None) -> Rules:
     """Return by which numbers phases are told apart; bottom [m], None where it is not known.
+
+    A plan says where its records end.
 
     Raises InputError for a distance that tells nothing.
     """
@@ -38,9 +41,17 @@ def rules_of(vehicle: Vehicle, bottom: float | None, travel: str) -> Rules:
             unit="m", remedy="Give more, or leave it out",
         )  # fmt: skip
     half = 0.5 * (vehicle.stroke.maximum - vehicle.stroke.minimum)
+    change = _LEAST_CHANGE * half
+    if plan is not None:
+        least = min(abs(one.moves[0].volume) for one in plan.experiments)
+        return Rules(
+            change=min(change, 0.5 * least), surface=plan.shallowest, bottom=plan.deepest,
+            travel=math.inf, turns=True,
+            longest=max(one.longest for one in plan.experiments),
+        )  # fmt: skip
     return Rules(
-        change=_LEAST_CHANGE * half, surface=vehicle.hull.emergence_depth + 0.1, travel=far,
-        bottom=math.inf if bottom is None else bottom,
+        change=change, surface=vehicle.hull.emergence_depth + 0.1, travel=far,
+        bottom=math.inf if bottom is None else bottom - 0.05,
     )  # fmt: skip
 
 
@@ -116,7 +127,10 @@ def _targets(text: str | None, each: str, names: Sequence[str]) -> tuple[Target,
 
     if text is None:
         share = _share(each, "--target-std")
-        return tuple(Target(name, share) for name in names if name != "psi")
+        main = [name for name in ("K2", "T2", "mass") if name in names]
+        if "mass" in main or not main:
+            main = [name for name in names if name != "psi"]
+        return tuple(Target(name, share) for name in main)
     found = []
     for item in text.split(","):
         name, value = pair(item, "--target")

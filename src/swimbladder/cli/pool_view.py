@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from swimbladder.cli.common import output
-from swimbladder.units import format_quantity
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -19,41 +18,33 @@ if TYPE_CHECKING:
 
 __all__ = ["View", "parameter_table"]
 
-_SHOWN = {"m3/m": "cm3/m"}
 _LATEST = 6  # lines of news in the panel
-_STYLES = {"refused": "yellow", "identified": "bold", "log": "dim"}
+_STYLES = {"refused": "yellow", "identified": "bold", "log": "dim", "turned": "dim"}
 
 
 def parameter_table(day: PoolDay) -> Table:
     """Return the parameters with their intervals, beside how well they are to be known."""
     from rich.table import Table
 
+    from swimbladder.report.words import rows
+
     table = Table(box=None, pad_edge=False)
-    for heading in ("", "value", "std", "95 % interval", "target", ""):
-        table.add_column(heading, justify="left" if heading == "" else "right", no_wrap=True)
+    table.add_column("", no_wrap=True)
+    for heading in ("value", "1 sigma", "95 % interval", "unit", "known to", "target"):
+        table.add_column(heading, justify="right", no_wrap=True)
     assert day.found is not None
-    told = day.found.identified
     aims = {t.name: t for t in day.asked.targets}
-    for name, e in day.found.parameters.items():
-        unit = _SHOWN.get(e.unit, e.unit)
-        if e.origin == "set":
-            table.add_row(name, format_quantity(e.value, e.unit, unit), "given", "", "", "")
+    for r in rows(day.found):
+        e = day.found.parameters.get(r.name)
+        if e is None:
             continue
-        if not told:
-            table.add_row(name, "not told yet", "", "", "", "")
-            continue
-        low, high = (format_quantity(x, e.unit, unit, digits=4) for x in e.ci95)
-        aim = aims.get(name)
-        goal = "" if aim is None else (
-            f"{100.0 * aim.std:.3g} %" if aim.relative
-            else format_quantity(aim.std, e.unit, unit, digits=2)
-        )  # fmt: skip
-        reached = aim is not None and aim.reached(e.value, e.std)
-        table.add_row(
-            name, format_quantity(e.value, e.unit, unit, digits=4),
-            f"{100.0 * e.std / abs(e.value):.2g} %" if e.value else "",
-            f"{low.removesuffix(unit).strip()} to {high}", goal, "reached" if reached else "",
-        )  # fmt: skip
+        aim = aims.get(r.name)
+        goal = known = ""
+        if aim is not None:
+            goal = f"{100.0 * aim.std:.3g} %" if aim.relative else f"{aim.std:.3g} {e.unit}"
+        if r.std and e.value:
+            known = f"{100.0 * e.std / abs(e.value):.2g} %"
+        table.add_row(r.name, r.value, r.std, r.ci95, r.unit, known, goal)
     return table
 
 
@@ -134,7 +125,7 @@ class View:
                 f"{1e6 * fits[i].estimates['neutral_error'].value:+.2f} cm3"
             )  # fmt: skip
             table.add_row(
-                str(i + 1), f"{1e6 * k.change_m3:+.3g} cm3", f"{k.travel_m:+.2f} m",
+                str(k.number), f"{1e6 * k.change_m3:+.3g} cm3", f"{k.travel_m:+.2f} m",
                 str(len(k.log)), off,
             )  # fmt: skip
         return table

@@ -9,9 +9,10 @@ from swimbladder.guide.day import Asked, News, PoolDay
 from swimbladder.guide.events import Sample
 from swimbladder.guide.follow import finished, follow, rehearse
 from swimbladder.guide.rehearsal import Operator
-from swimbladder.guide.segments import Rules, Segmenter
+from swimbladder.guide.rules import Rules
+from swimbladder.guide.segments import Segmenter
 from swimbladder.guide.tail import Tail
-from swimbladder.guide.tasks import Task, paper_tasks
+from swimbladder.guide.tasks import Task, paper_tasks, plan_tasks
 from swimbladder.guide.verdict import Target, Verdict
 
 __all__ = [
@@ -29,5 +30,6 @@ __all__ = [
     "finished",
     "follow",
     "paper_tasks",
+    "plan_tasks",
     "rehearse",
 ]

@@ -9,11 +9,12 @@ from typing import Any, Literal, NamedTuple
 
 from swimbladder.errors import LogError
 from swimbladder.guide import remarks
-from swimbladder.guide.events import Changed, Cut, Ended, Event, Ready, Refused, Sample
-from swimbladder.guide.files import STATE, Kept, keep, same_start, write_state
-from swimbladder.guide.segments import Rules, Segmenter
-from swimbladder.guide.tasks import Task, next_task
-from swimbladder.guide.verdict import Target, Verdict, judge
+from swimbladder.guide.events import Changed, Cut, Ended, Event, Ready, Refused, Sample, Turned
+from swimbladder.guide.files import STATE, Kept, keep, same_start, set_aside, write_state
+from swimbladder.guide.rules import Rules
+from swimbladder.guide.segments import Segmenter
+from swimbladder.guide.tasks import Task, next_task, undone
+from swimbladder.guide.verdict import LEAST, Target, Verdict, judge
 from swimbladder.identify import NEUTRAL_STD, Identification, Prior, identify
 from swimbladder.parameters import Vehicle
 
@@ -25,7 +26,7 @@ Doing = Literal["waiting", "moving", "at rest", "under way"]
 class News(NamedTuple):
     """Something that happened, in a sentence."""
 
-    kind: Literal["ready", "started", "ended", "refused", "identified", "log"]
+    kind: Literal["ready", "started", "turned", "ended", "refused", "identified", "log"]
     time: float  # s, in the log
     sentence: str
 
@@ -51,10 +52,12 @@ class PoolDay:
     ) -> None:  # fmt: skip
         self.vehicle, self.folder, self.rules = vehicle, folder, rules
         self.tasks, self.asked, self.mode = tuple(tasks), asked, mode
-        self.kept: list[Kept] = list(kept)
+        self.kept = [k for k in kept if not k.set_aside]
+        self.aside = [k for k in kept if k.set_aside]
         self.refused: list[News] = []
         self.found: Identification | None = None
         self.source = ""
+        self._whole = False
         self._segmenter = Segmenter(rules)
         self._fed = False
         self.latest: Sample | None = None
@@ -94,8 +97,10 @@ class PoolDay:
             yield News(
                 "started", event.time,
                 f"The volume was changed by {1e6 * event.change:+.3g} cm3: experiment "
-                f"{len(self.kept) + 1} is under way. Leave the piston alone.",
+                f"{self._number} is under way. Leave the piston alone.",
             )  # fmt: skip
+        elif isinstance(event, Turned):
+            yield News("turned", event.time, f"Now {1e6 * event.volume:+.3g} cm3.")
         elif isinstance(event, Refused):
             news = News("refused", event.time, remarks.of_refusal(event, self.rules))
             self.refused.append(news)
@@ -105,39 +110,69 @@ class PoolDay:
 
     def _keep(self, event: Ended) -> Iterator[News]:
         cut = event.cut
-        at = next(
-            (i for i, k in enumerate(self.kept) if same_start(k, cut, self.source)), len(self.kept)
+        known = next(
+            (k for k in (*self.kept, *self.aside) if same_start(k, cut, self.source)), None
         )
-        if at < len(self.kept) and len(self.kept[at].log) >= len(cut.samples):
-            return  # known from an earlier run
+        if known is not None and (known.set_aside or len(known.log) >= len(cut.samples)):
+            return  # from an earlier run
+        number = known.number if known is not None else self._number
         said = remarks.of_cut(cut, self.rules)
-        one = keep(self.folder, at + 1, cut, self.source, said)
-        self.kept[at : at + 1] = [one]
-        yield News("ended", event.time, _told(at + 1, cut, said))
+        one = keep(self.folder, number, cut, self.source, said)
+        self.kept = sorted([*(k for k in self.kept if k is not known), one], key=_number)
+        yield News("ended", event.time, _told(number, cut, said))
         try:
             self._identify()
         except LogError as error:
-            del self.kept[at]
+            self.kept.remove(one)
             one.path.unlink()
             news = News("refused", event.time, f"No experiment after all: {error}")
             self.refused.append(news)
             yield news
             return
+        yield from self._set_aside(event.time)
         self.save()
-        assert self.found is not None
-        more = remarks.of_fit(self.found.experiments[at], self.asked.neutral_std)
-        yield News("identified", event.time, " ".join([*more, self.verdict.sentence]))
+        yield News("identified", event.time, self.verdict.sentence)
+
+    def _set_aside(self, time: float) -> Iterator[News]:
+        """Leave out experiments that went wrong, the worst first, as long as most are right."""
+        while len(self.kept) >= LEAST and len(self.aside) < (len(self.kept) + 1) // 3:
+            faults = self._faults()
+            if not faults:
+                return
+            worst = max(faults, key=lambda k: faults[k][0])
+            one = self.kept.pop(self.kept.index(worst))
+            self.aside.append(set_aside(one, faults[worst][1]))
+            self._identify()
+            sentence = f"Experiment {one.number} is set aside: {faults[worst][1]}."
+            yield News("refused", time, sentence)
+
+    def _faults(self) -> dict[Kept, tuple[float, str]]:
+        """Return by how much experiments are off, and why, of those that are."""
+        if self.found is None:
+            return {}
+        told = {
+            k: remarks.of_fit(fit, self.asked.neutral_std)
+            for k, fit in zip(self.kept, self.found.experiments, strict=True)
+        }
+        return {k: fault for k, fault in told.items() if fault[0] > 1.0}
+
+    @property
+    def _number(self) -> int:
+        return 1 + max((k.number for k in (*self.kept, *self.aside)), default=0)
 
     # What is known
 
     def settle(self) -> None:
-        """Identify what is kept, where an interruption came between."""
-        if self.kept and (self.found is None or len(self.found.experiments) != len(self.kept)):
-            self._identify()
+        """Look at what is kept from all sides: with likelihood profiles and other models."""
+        if self.kept and not self._whole:
+            self._identify(whole=True)
 
-    def _identify(self) -> None:
-        self.found = self._identification()
-        self.verdict = self._judge()
+    def _identify(self, *, whole: bool = False) -> None:
+        """Identify; from all sides where asked, or where the verdict would else be to stop."""
+        self.found = self._identification(profiles=whole, choices=whole)
+        self.verdict, self._whole = self._judge(), whole
+        if self.verdict.good and not whole:
+            self._identify(whole=True)
 
     def _identification(self, **other: Any) -> Identification:
         a = self.asked
@@ -151,9 +186,12 @@ class PoolDay:
         def known_neutral() -> Identification:
             return self._identification(neutral_std=1e-9, profiles=False, choices=False)
 
+        changes = [k.change_m3 for k in self.kept]
+        faults = [f"Experiment {k.number}: {why}." for k, (_, why) in self._faults().items()]
         return judge(
-            self.found, self.asked.targets, priors=self.asked.priors, known_neutral=known_neutral
-        )
+            self.found, self.asked.targets, priors=self.asked.priors, faults=faults,
+            due=undone(self.tasks, changes), known_neutral=known_neutral,
+        )  # fmt: skip
 
     @property
     def doing(self) -> Doing:
@@ -172,7 +210,7 @@ class PoolDay:
     @property
     def next(self) -> Task:
         """The experiment that is due."""
-        return next_task(self.tasks, [k.change_m3 for k in self.kept])[1]
+        return next_task(self.tasks, [k.change_m3 for k in self.kept])
 
     @property
     def advice(self) -> str:
@@ -214,9 +252,14 @@ class PoolDay:
                 {**k.to_json(), "neutral_error": e["neutral_error"], "rms_m": e["rms_m"]}
                 for k, e in zip(self.kept, each, strict=True)
             ],
+            "set_aside": [k.to_json() for k in self.aside],
             "refused": [{"time_s": n.time, "why": n.sentence} for n in self.refused],
-            "files": [str(k.path) for k in self.kept] + [str(self.folder / STATE)],
+            "files": [str(k.path) for k in (*self.kept, *self.aside)] + [str(self.folder / STATE)],
         }
+
+
+def _number(kept: Kept) -> int:
+    return kept.number
 
 
 def _told(number: int, cut: Cut, said: Sequence[str]) -> str:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.guide.rest import Rest
+from swimbladder.guide.volume import steadied
 
-__all__ = ["Changed", "Cut", "End", "Ended", "Event", "Ready", "Refused", "Sample", "Why"]
+__all__ = ["Changed", "Cut", "End", "Ended", "Event", "Ready", "Refused", "Sample", "Turned", "Why"]
 
 
 class Sample(NamedTuple):
@@ -51,17 +52,20 @@ class Cut(NamedTuple):
     samples: tuple[Sample, ...]  # from a little before the release on
     released: float  # s
     change: float  # m3, of the volume, from the mean of the rest
-    travel: float  # m, positive down
+    travel: float  # m, to the furthest point, positive down
     end: End
+    turns: int = 0  # changes of volume under way
 
     def columns(self) -> dict[str, NDArray[np.float64]]:
         """Return the columns of a log that `identify` reads.
 
         The volume counts from where the vehicle was neutral: the mean over the minute of rest. So
         does its first row, since a log's first row is taken as neutral; what the piston did there,
-        while it held the depth, is not: it jitters about that mean.
+        while it held the depth, is not: it jitters about that mean. While it stands: `steadied`.
         """
         time, depth, volume = np.array(self.samples).T
+        glide = time >= self.released
+        volume[glide] = steadied(time[glide], volume[glide])
         volume = volume - self.rest.neutral
         volume[0] = 0.0
         return {"time_s": time, "depth_m": depth, "volume_m3": volume}
@@ -82,6 +86,13 @@ class Changed(NamedTuple):
     rest: Rest
 
 
+class Turned(NamedTuple):
+    """The volume was changed again under way, and stands."""
+
+    time: float  # s
+    volume: float  # m3, above the one at rest
+
+
 class Ended(NamedTuple):
     """An experiment is over."""
 
@@ -98,4 +109,4 @@ class Refused(NamedTuple):
     end: End | None = None
 
 
-Event = Ready | Changed | Ended | Refused
+Event = Ready | Changed | Turned | Ended | Refused

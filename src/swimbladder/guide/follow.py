@@ -80,8 +80,9 @@ def rehearse(
     it has come. Raises NoAnswerError where the vehicle does not come to rest or does not arrive.
     """
     yield from day.begin_log("rehearsal")
+    command = "voltage_V" if day.vehicle.voltage_driven else "reference_volume_m3"
     columns: dict[str, list[np.ndarray]] = {
-        "time_s": [], "depth_m": [], "volume_m3": [], "voltage_V": []
+        "time_s": [], "depth_m": [], "volume_m3": [], command: []
     }  # fmt: skip
     for _ in range(most):
         p = operator.perform(day.next)

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from swimbladder.guide.events import Cut, End, Refused, Why
-from swimbladder.guide.segments import Rules
+from swimbladder.guide.rules import Rules
 from swimbladder.identify import ExperimentFit
 
 __all__ = ["of_cut", "of_fit", "of_refusal"]
 
+_EARLY = 0.6  # m
 _FEW = 30  # samples under way
+_OUTLIERS = 0.1  # of the samples
 _CREEP = 0.05  # of the change of volume
-_FAR = 3.0  # standard deviations
+_FAR = 4.0  # standard deviations
 
 
 def of_cut(cut: Cut, rules: Rules) -> list[str]:
@@ -29,7 +33,7 @@ def of_cut(cut: Cut, rules: Rules) -> list[str]:
             f"Only {len(glide)} samples: a smaller change of volume, or a faster logger, gives "
             "more."
         )
-    early = cut.end in (End.SURFACE, End.BOTTOM, End.STOPPED) and abs(cut.travel) < 1.0
+    early = cut.end in (End.SURFACE, End.BOTTOM, End.STOPPED) and abs(cut.travel) < _EARLY
     if early:
         other = "deeper" if cut.travel < 0.0 else "higher"
         said.append(
@@ -44,7 +48,7 @@ def of_cut(cut: Cut, rules: Rules) -> list[str]:
     last = [s.volume for s in glide[-max(3, len(glide) // 10) :]]
     half = [s.volume for s in glide[len(glide) // 2 :][: len(last)]]
     crept = sum(last) / len(last) - sum(half) / len(half)
-    if abs(crept) > _CREEP * abs(cut.change):
+    if not cut.turns and abs(crept) > _CREEP * abs(cut.change):
         said.append(
             f"The volume crept by {1e6 * crept:+.2g} cm3 during the glide; the fit takes it as "
             "logged."
@@ -52,17 +56,34 @@ def of_cut(cut: Cut, rules: Rules) -> list[str]:
     return said
 
 
-def of_fit(fit: ExperimentFit, neutral_std: float) -> list[str]:
-    """Return what the fit says of how an experiment was done."""
-    e = fit.estimates["neutral_error"]
-    expected = math.hypot(e.std, neutral_std)
-    if not math.isfinite(neutral_std) or abs(e.value) <= _FAR * expected:
-        return []
-    return [
-        f"It did not start neutral: {1e6 * e.value:+.2g} +- {1e6 * e.std:.1g} cm3 off, where "
-        f"{1e6 * neutral_std:.2g} cm3 is reckoned with. Rest longer before the release, clear of "
-        "bottom and surface."
-    ]
+def of_fit(fit: ExperimentFit, neutral_std: float) -> tuple[float, str]:
+    """Return how far off an experiment is, 1 at the limit, and a sentence on why.
+
+    Beyond 1 it is no experiment of a constant neutral volume known to `neutral_std` [m3].
+    """
+    if not math.isfinite(neutral_std):
+        return 0.0, ""
+    e, span = fit.estimates["neutral_error"], float(np.ptp(fit.record.time))
+    neutral = abs(e.value) / (_FAR * neutral_std)
+    drifted = fit.drift.value * span
+    used = int(np.isfinite(fit.residual).sum())
+    outliers = fit.outliers / (_OUTLIERS * used)
+    drift = min(
+        abs(fit.drift.value) / (_FAR * fit.drift.std) if fit.drift.std > 0.0 else 0.0,
+        abs(drifted) / neutral_std,
+    )
+    if outliers > max(neutral, drift):
+        return outliers, f"{fit.outliers} of its {used} depths are outliers: check the sensor"
+    if neutral >= drift:
+        return neutral, (
+            f"it did not start neutral but {1e6 * e.value:+.2g} +- {1e6 * e.std:.1g} cm3 off, "
+            f"where {1e6 * neutral_std:.2g} cm3 is reckoned with. Rest longer before the release, "
+            "clear of bottom and surface"
+        )
+    return drift, (
+        f"its neutral volume drifted by {1e6 * drifted:+.2g} cm3 under way: trapped air, a leak, a "
+        "slip of the piston's sensor, or a touch of the tether"
+    )
 
 
 def of_refusal(refused: Refused, rules: Rules) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -18,6 +17,7 @@ Array = NDArray[np.float64]
 LEAST = 4  # experiments; with fewer no trend with the size of the step can show
 _MOST = 12  # experiments more, beyond which another remedy is worth looking for
 _FAR = 200
+_SINGLE = ("drift", "outliers")  # kinds of finding on single experiments: see remarks.of_fit
 _SHARE = 0.5  # of a variance, from which something is said to limit it
 
 
@@ -68,12 +68,14 @@ class Verdict(NamedTuple):
 
 def judge(
     found: Identification | None, targets: Sequence[Target], *, priors: Mapping[str, Prior],
-    known_neutral: Callable[[], Identification],
+    due: int, faults: Sequence[str], known_neutral: Callable[[], Identification],
 ) -> Verdict:  # fmt: skip
     """Return the verdict on an identification, None where there is none yet.
 
-    priors: those it was made with. known_neutral: makes the same identification with exactly known
-    neutral volumes; called only where needed.
+    priors: those it was made with. due: experiments of the plan that are not done yet; what they
+    tell is not known from the others. faults: what is wrong with single experiments.
+    known_neutral: makes the same identification with exactly known neutral volumes; called only
+    where needed.
     """
     if found is None:
         return Verdict(State.MORE, f"No experiment yet; at least {LEAST} are needed.", LEAST)
@@ -89,7 +91,9 @@ def judge(
         t for t in targets
         if not t.reached(found.parameters[t.name].value, found.parameters[t.name].std)
     ]  # fmt: skip
-    warnings = [f.sentence for f in found.findings if f.severity == "warning"]
+    warnings = [*faults, *(
+        f.sentence for f in found.findings if f.severity == "warning" and f.kind not in _SINGLE
+    )]  # fmt: skip
     if not untold and not missed:
         if warnings:
             return Verdict(
@@ -97,11 +101,11 @@ def judge(
                 f"intervals: {' '.join(warnings)}",
             )  # fmt: skip
         return Verdict(State.GOOD, f"Good enough to stop: {_known(found, targets)}.")
+    if due:
+        how = _known(found, missed) if missed else f"{untold[0]}"
+        left = f"{due} experiment{'s' * (due > 1)} of the plan still to do"
+        return Verdict(State.MORE, f"Not yet: {how.rstrip('.')}; {left}.", due)
     if untold:
-        both = {math.copysign(1.0, float(e.record.depth[-1] - e.record.depth[0]))
-                for e in found.experiments}  # fmt: skip
-        if n < 2 * LEAST or len(both) < 2:
-            return Verdict(State.MORE, f"Go on. So far: {untold[0]}", 2 * LEAST - n)
         return Verdict(State.LIMITED, f"More of the same will not help. {' '.join(untold)}")
     more = forecast(found, targets, priors)
     how = _known(found, missed)
@@ -195,5 +199,8 @@ def _instead(
             "changes of volume, or state it with --neutral-std if it is known better."
         )
     if not said:
-        said.append("Use larger changes of volume, longer glides or a quieter depth sensor.")
+        said.append("What limits them is the noise of the depth: glide longer.")
+    said.append(
+        "A plan of `swimbladder design-experiment` may tell far more in the same time (--plan)."
+    )
     return " ".join(said)
