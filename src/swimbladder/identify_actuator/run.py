@@ -24,7 +24,7 @@ from swimbladder.identify_actuator.say import (
     of_voltage,
     untold_of,
 )
-from swimbladder.identify_actuator.voltage import VoltageFit, fit_voltage
+from swimbladder.identify_actuator.voltage import fit_voltage
 from swimbladder.io.logs import Log
 from swimbladder.parameters import Positioner, Vehicle
 from swimbladder.parameters.schema import did_you_mean
@@ -122,13 +122,9 @@ def _voltage(
     parameters = from_voltage(fit, fixed, unit)
     advance(share)
     alone: list[LogFit] = []
-    fits: list[VoltageFit | None] = []
     for one in benches:
-        own, log_fit = (fit, LogFit(source=one.source, parameters=parameters)) if (
-            len(benches) == 1
-        ) else _alone(one, fixed)  # fmt: skip
-        fits.append(own)
-        alone.append(log_fit)
+        single = LogFit(source=one.source, parameters=parameters)
+        alone.append(single if len(benches) == 1 else _alone(one, fixed))
         advance(share)
     findings = of_voltage(fit, parameters, benches)
     told = [f.parameters for f in alone if f.parameters]
@@ -146,14 +142,13 @@ def _voltage(
     )  # fmt: skip
 
 
-def _alone(one: Bench, fixed: Mapping[str, float]) -> tuple[VoltageFit | None, LogFit]:
+def _alone(one: Bench, fixed: Mapping[str, float]) -> LogFit:
     """Return what one of several logs tells by itself, or why it does not."""
     try:
         fit = fit_voltage([one], fixed)
     except NoAnswerError as error:
-        return None, LogFit(source=one.source, parameters={}, refusal=str(error))
-    found = from_voltage(fit, dict(fixed), one.unit)
-    return fit, LogFit(source=one.source, parameters=found)
+        return LogFit(source=one.source, parameters={}, refusal=str(error))
+    return LogFit(source=one.source, parameters=from_voltage(fit, dict(fixed), one.unit))
 
 
 def _moves(

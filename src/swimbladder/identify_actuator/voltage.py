@@ -25,6 +25,7 @@ from swimbladder.identify_actuator.begin import (
 )
 from swimbladder.identify_actuator.bench import Bench
 from swimbladder.identify_actuator.blocks import Block, cut
+from swimbladder.identify_actuator.gains import gains, slope
 from swimbladder.identify_actuator.model import Problem
 from swimbladder.identify_actuator.noise import WHITE, autoregression, scale, spikes
 
@@ -40,7 +41,6 @@ _VAGUE, _VAGUE_T1 = 0.15, 0.5  # standard deviations of what is turned that tell
 _SETTLED = 6.0  # T1 after which nobody knows how a run began
 _CLEARLY = 20.0  # squares of sigma by which a start at rest has to be better
 _LEVEL = 0.6  # of the steepest gain: the speeds level off
-_DIFFER = 2.71  # deviance that differing gains have to gain: 5 % by chance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,12 +173,12 @@ def _refine(problem: Problem, q: Array) -> VoltageFit:
             ends = np.flatnonzero(np.diff(problem.block[used])) + 1
             noise = autoregression(np.split(left[used], ends))
             problem.whitened_with(q, noise, 0.0, 0.0)
-            spread, sigma, df = _gains(problem, q)
+            spread, sigma, df = gains(problem, q)
             problem.whitened_with(q, noise, spread, sigma)
         before, q = q, solve(problem, q)
         if round_ > 1 and np.abs(q - before).max(initial=0.0) < 1e-5:
             break
-    jacobian, residual = _slope(problem, q), problem.white(q)
+    jacobian, residual = slope(problem, q), problem.white(q)
     lost = len(q) + len(np.unique(problem.block[problem.used]))
     sigma = math.sqrt(float(residual @ residual) / max(len(residual) - lost, 1))
     sigma = max(sigma, 1e-6 * tolerance(problem.benches))
@@ -205,24 +205,14 @@ def solve(problem: Problem, q: Array) -> Array:
     def residual(x: Array) -> Array:
         return problem.white(x) / size
 
-    def slope(x: Array) -> Array:
-        return _slope(problem, x) / size
+    def jacobian(x: Array) -> Array:
+        return slope(problem, x) / size
 
     found = least_squares(
-        residual, np.clip(q, *bounds), slope,
+        residual, np.clip(q, *bounds), jacobian,
         bounds=bounds, xtol=1e-8, ftol=1e-9, gtol=1e-9, max_nfev=40,
     )  # fmt: skip
     return np.asarray(found.x, float)
-
-
-def _slope(problem: Problem, q: Array) -> Array:
-    """Return the derivative of the whitened residuals [n, p], by central differences."""
-    columns = []
-    for k in range(len(q)):
-        h = np.zeros(len(q))
-        h[k] = 1e-5
-        columns.append((problem.white(q + h) - problem.white(q - h)) / 2e-5)
-    return np.stack(columns, axis=1)
 
 
 def _leave_out(problem: Problem, q: Array) -> None:
@@ -238,59 +228,6 @@ def _leave_out(problem: Problem, q: Array) -> None:
             time = bench.time[block.samples] - bench.time[bench.runs[block.run][0]]
             problem.early[own] = time <= _SETTLED * problem.values(q)["T1"]
             problem.used[own] &= ~problem.early[own]
-
-
-def _gains(problem: Problem, q: Array) -> tuple[float, float, float]:
-    """Return how much the gains of blocks differ (a share), sigma [m], and degrees of freedom.
-
-    By restricted maximum likelihood of the problem made linear at q: the variance along each
-    block's own gain is 1 + (spread size/sigma)^2 times that of the noise.
-    """
-    from scipy.optimize import minimize_scalar
-
-    J, r, whiten = _slope(problem, q), problem.white(q), problem.whiten
-    assert whiten is not None
-    size, a = whiten.size, whiten.along(whiten.gain, r)
-    A = np.stack([whiten.along(whiten.gain, column) for column in J.T], axis=1)
-    p, count = len(q), len(size)
-    gain_like = sum(
-        name in ("K1", "asymmetry", "dead_zone", "load_voltage") for name in problem.free
-    )
-    free = int((size > 0.0).sum()) - gain_like
-    JJ, Jr, rr = J.T @ J, J.T @ r, float(r @ r)
-    lost = max(len(r) - p - count, 1)
-    plain = math.sqrt(rr / lost)
-    if free < 1 or rr <= 0.0:
-        return 0.0, plain, math.inf
-
-    def parts(ratio: float) -> tuple[float, float, Array]:
-        less = 1.0 - 1.0 / (1.0 + (ratio * size) ** 2)
-        H = JJ - (A.T * less) @ A + 1e-10 * np.trace(JJ) / p * np.eye(p)
-        b = Jr - A.T @ (less * a)
-        left = rr - float(less @ a**2) - float(b @ np.linalg.solve(H, b))
-        return max(left, 1e-300), float(-np.log1p(-less).sum()), H
-
-    def score(log_ratio: float) -> float:
-        left, spread_out, H = parts(math.exp(log_ratio))
-        return lost * math.log(left) + spread_out + float(np.linalg.slogdet(H)[1])
-
-    typical = float(np.median(size[size > 0.0]))
-    low, high = math.log(1e-3 / typical), math.log(1e4 / typical)
-    grid = np.linspace(low, high, 30)
-    scores = [score(x) for x in grid.tolist()]
-    k = int(np.argmin(scores))
-    found = minimize_scalar(
-        score, bounds=(grid[max(k - 1, 0)], grid[min(k + 1, 29)]), method="bounded"
-    )
-    if found.fun > score(low) - _DIFFER:
-        return 0.0, plain, math.inf
-    ratio = math.exp(float(found.x))
-    left, _, H = parts(ratio)
-    sigma = math.sqrt(left / lost)
-    first = problem.free.index("K1") if "K1" in problem.free else 0
-    alone = np.linalg.pinv(JJ)[first, first]
-    share = 1.0 - min(alone / max(np.linalg.pinv(H)[first, first], 1e-300), 1.0)
-    return ratio * sigma, sigma, free / share**2 if share > 1e-6 else math.inf
 
 
 def _covariance(jacobian: Array, sigma: float, free: Sequence[str]) -> tuple[Array, Array]:
