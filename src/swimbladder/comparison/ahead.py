@@ -136,9 +136,7 @@ def look_ahead(
     spread, origins = unknowns(vehicle, tuning or Tuning())
     assert rec.volume is not None  # a record that a volume drives has it
     samples = Samples(rec.time, rec.volume, rec.depth, rec.compared.astype(np.int8))
-    members = draw(
-        spread, vehicle, depth=float(rec.depth[0]), afloat=rec.afloat, bottom_depth=bottom_depth
-    )
+    members = draw(spread, vehicle, rec)
     bank = filter_bank(samples, members)
     tell(0.1)
     free = filter_bank(samples, [_integrator(member) for member in members])

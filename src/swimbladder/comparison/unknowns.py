@@ -13,18 +13,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.comparison.record import Record
 from swimbladder.dynamics import Plant, plant
 from swimbladder.errors import InputError
 from swimbladder.kalman.bank import Member
 from swimbladder.kalman.depth_filter import Noise, Start
 from swimbladder.parameters import Vehicle
 
-__all__ = ["UNITS", "Normal", "Tuning", "Unknowns", "draw", "unknowns"]
+__all__ = ["UNITS", "Normal", "Tuning", "Unknowns", "draw", "places", "unknowns"]
 
 UNITS = {"depth_noise": "m", "walk": "m3/s^0.5", "acceleration_noise": "m/s/s^0.5"}
 
 _MEMBERS = 256
 _OWN = 0.2  # of the neutral volume's deviation at the start: left to each filter itself
+_FIRST = 5  # samples afloat, at least
+_LEFT = 0.05  # m, from which the vehicle has left the surface
 _START_DEPTH = 0.05  # m, deviation at the first sample
 _AFLOAT, _UNDER_WAY = 0.02, 0.1  # m/s, of the speed there
 
@@ -82,6 +85,7 @@ def unknowns(vehicle: Vehicle, tuning: Tuning) -> tuple[Unknowns, dict[str, str]
                 unit=UNITS[name], remedy="Give a standard deviation above 0",
             )  # fmt: skip
     said, volume = vehicle.identified, vehicle.hull.displaced_volume
+    between = None if said is None else said.between
     stroke = vehicle.stroke.maximum - vehicle.stroke.minimum
     quantum = vehicle.sensors.depth_quantum / math.sqrt(12.0)
     guesses = {
@@ -91,45 +95,50 @@ def unknowns(vehicle: Vehicle, tuning: Tuning) -> tuple[Unknowns, dict[str, str]
     }
     noises, origins = {}, {}
     for name, guess in guesses.items():
-        given = getattr(tuning, name)
-        field = "neutral_walk" if name == "walk" else name
+        given, field = getattr(tuning, name), "neutral_walk" if name == "walk" else name
         identified = 0.0 if said is None else getattr(said, field)
         if given is not None:
             noises[name], origins[name] = Normal(math.log(given), 0.0), "given"
         elif identified > 0.0:
-            about = 0.0 if name == "depth_noise" else _ABOUT
-            noises[name] = Normal(math.log(identified), about)
-            origins[name] = "the vehicle's [identified]"
+            std = _ABOUT if between is None else getattr(between, field)
+            noises[name] = Normal(math.log(identified), std)
+            origins[name] = "about the vehicle's [identified], by what the log says"
         else:
             noises[name] = Normal(math.log(guess[0]), guess[1])
             origins[name] = "learnt from the log, up to each instant"
     neutral = _NEUTRAL * stroke if said is None else max(_NEUTRAL * stroke, said.neutral_std)
     return Unknowns(
         neutral=Normal(vehicle.trim_error, neutral),
-        psi=Normal(vehicle.hull.psi, _PSI * volume),
-        drag=Normal(0.0, _DRAG),
-        drift=Normal(0.0, _DRIFT * volume),
+        psi=Normal(vehicle.hull.psi, _PSI * volume if between is None else between.psi),
+        drag=Normal(0.0, _DRAG if between is None else between.drag),
+        drift=Normal(0.0, _DRIFT * volume) if between is None
+        else Normal(between.neutral_drift, between.neutral_drift_std),
         **noises,
-    ), origins
+    ), origins  # fmt: skip
 
 
-def draw(
-    u: Unknowns, vehicle: Vehicle, *, depth: float, afloat: bool, bottom_depth: float
-) -> tuple[Member, ...]:
-    """Return filters whose guesses fill what is not known evenly (a Sobol sequence).
-
-    depth: at the first sample [m].
-    """
+def places(count: int) -> NDArray[np.float64]:
+    """Return points [count, 7] that fill a standard normal distribution evenly (Sobol's)."""
     from scipy.special import ndtri
     from scipy.stats import qmc
 
-    places: NDArray[np.float64] = ndtri(
-        qmc.Sobol(len(u), scramble=False).random(2 * _MEMBERS)[1 : _MEMBERS + 1]
-    )
-    base = plant(vehicle, bottom_depth=bottom_depth)
+    order = math.ceil(math.log2(count + 1))
+    cube = qmc.Sobol(len(Unknowns._fields), scramble=False).random_base2(order)
+    result: NDArray[np.float64] = ndtri(cube[1 : count + 1])
+    return result
+
+
+def draw(
+    u: Unknowns, vehicle: Vehicle, rec: Record, *, count: int = _MEMBERS
+) -> tuple[Member, ...]:
+    """Return filters for a record whose guesses fill what is not known evenly."""
+    base = plant(vehicle, bottom_depth=rec.bottom_depth)
+    if rec.afloat:
+        zero = _afloat_reading(rec)
+        base = base._replace(z_surface=zero, z_air=base.z_air - base.z_surface + zero)
     wide = math.sqrt(1.0 - _OWN**2)
     members = []
-    for place in places:
+    for place in places(count):
         x = Unknowns(
             *(Normal(n.mean + n.std * float(at), 0.0) for n, at in zip(u, place, strict=True))
         )
@@ -142,14 +151,21 @@ def draw(
                     jolt=math.exp(x.acceleration_noise.mean),
                 ),
                 start=Start(
-                    depth=depth, speed=0.0, neutral=neutral, depth_std=_START_DEPTH,
-                    speed_std=_AFLOAT if afloat else _UNDER_WAY,
+                    depth=float(rec.depth[0]), speed=0.0, neutral=neutral, depth_std=_START_DEPTH,
+                    speed_std=_AFLOAT if rec.afloat else _UNDER_WAY,
                     neutral_std=_OWN * u.neutral.std,
                 ),
                 drift=x.drift.mean,
             )
         )  # fmt: skip
     return tuple(members)
+
+
+def _afloat_reading(rec: Record) -> float:
+    """Return what the sensor reads before the vehicle leaves the surface [m], its zero's error."""
+    first = float(np.median(rec.depth[:_FIRST]))
+    gone = np.flatnonzero(np.abs(rec.depth - first) > _LEFT)
+    return float(np.median(rec.depth[: max(int(gone[0]), _FIRST) if len(gone) else None]))
 
 
 def _with(p: Plant, *, psi: float, drag: float) -> Plant:

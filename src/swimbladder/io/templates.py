@@ -135,6 +135,11 @@ _INSTEAD: dict[str, str] = {
     "identified.names": '["psi"]',
     "identified.values": "[4e-6]",
     "identified.covariance": "[[4e-14]]",
+    "identified.between.psi": '"0.5 cm3/m"',
+    "identified.between.drag": '"20 %"',
+    "identified.between.neutral_drift_std": '"0.01 cm3/s"',
+    "identified.between.neutral_walk": "1.0",
+    "identified.between.acceleration_noise": "0.7",
 }
 _HEAD = """\
 # A vehicle for swimbladder: {kind} actuator. Every number is an example: put in your own.

@@ -28,7 +28,7 @@ from swimbladder.kalman.depth_filter import (
 )
 from swimbladder.kalman.kernels import HELD, predict_kernel
 
-__all__ = ["Bank", "Member", "filter_bank"]
+__all__ = ["Bank", "Member", "filter_bank", "told"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -91,8 +91,8 @@ class Bank:
 
 def filter_bank(samples: Samples, members: Sequence[Member], *, gate: float = GATE) -> Bank:
     """Return what the members make of a log; equal weights before its first sample."""
-    told = np.stack([_told(_run(samples, member, gate), gate) for member in members])
-    weight = np.exp(told - told.max(axis=0))
+    likelihood = np.stack([told(samples, member, gate=gate) for member in members])
+    weight = np.exp(likelihood - likelihood.max(axis=0))
     weight /= weight.sum(axis=0)
     rows, mean, covariance = [], [], []
     for i, member in enumerate(members):  # once more: all states of all would not fit
@@ -120,8 +120,9 @@ def _drifted(samples: Samples, member: Member) -> Samples:
     return samples._replace(volume=samples.volume - member.drift * since)
 
 
-def _told(found: Filtered, gate: float) -> Array:
-    """Return the log likelihood of the depths up to each sample, those in contact included."""
+def told(samples: Samples, member: Member, *, gate: float = GATE) -> Array:
+    """Return the log likelihood [n] of the depths up to each sample, those in contact included."""
+    found = _run(samples, member, gate)
     held = found.fate == HELD
     size = np.abs(found.innovation[held]) / np.sqrt(found.variance[held])
     loss = np.where(size < gate, 0.5 * size**2, gate * (size - 0.5 * gate))

@@ -42,12 +42,13 @@ from swimbladder.parameters.body import (
     Supply,
     Water,
 )
-from swimbladder.parameters.identified import Identified
+from swimbladder.parameters.identified import Between, Identified
 from swimbladder.parameters.schema import Parameters, Unit, field_unit, input_error
 from swimbladder.parameters.vehicle import Controller, Sensors, Vehicle
 
 __all__ = [
     "Actuator",
+    "Between",
     "Controller",
     "Drag",
     "ElectrohydraulicActuator",

@@ -8,12 +8,38 @@ from pydantic import Field, model_validator
 
 from swimbladder.parameters.schema import Parameters, Unit, refusal
 
-__all__ = ["Identified", "IdentifiedName"]
+__all__ = ["Between", "Identified", "IdentifiedName"]
 
 # As identify calls them: K1, T1, K2, T2 of eqs (22), (28), (29); masses and drag where they stand
 # for these.
 IdentifiedName = Literal["K1", "T1", "K2", "T2", "mass", "drag_quadratic", "psi"]
 _Number = Annotated[float, Field(strict=True)]
+
+
+class Between(Parameters):
+    """How logs of one vehicle differ, 1 sigma: the water, what hangs on the hull, the site."""
+
+    psi: Annotated[float, Unit("m3/m"), Field(ge=0.0)] = Field(
+        description="of psi: water that is warm at the top makes it smaller"
+    )
+    drag: Annotated[float, Unit(""), Field(ge=0.0)] = Field(
+        description="of the drag, both coefficients together, as a share"
+    )
+    neutral_drift: Annotated[float, Unit("m3/s")] = Field(
+        0.0, description="mean of the neutral volume's steady growth"
+    )
+    neutral_drift_std: Annotated[float, Unit("m3/s"), Field(ge=0.0)] = Field(
+        description="of that growth"
+    )
+    depth_noise: Annotated[float, Unit(""), Field(ge=0.0)] = Field(
+        0.0, description="of the logarithm of the depth's noise"
+    )
+    neutral_walk: Annotated[float, Unit(""), Field(ge=0.0)] = Field(
+        description="of the logarithm of the walk's intensity"
+    )
+    acceleration_noise: Annotated[float, Unit(""), Field(ge=0.0)] = Field(
+        description="of the logarithm of the acceleration noise"
+    )
 
 
 class Identified(Parameters):
@@ -42,6 +68,7 @@ class Identified(Parameters):
         "the speed after a second",
     )
     logs: tuple[str, ...] = Field((), description="the logs that it was identified from")
+    between: Between | None = Field(None, description="how logs of this vehicle differ")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
