@@ -52,13 +52,15 @@ def moves(bench: Bench, log: int) -> list[Move]:
     return found
 
 
-def _speed(bench: Bench, first: int, after: int) -> tuple[Array, int]:
+def _speed(
+    bench: Bench, first: int, after: int, widths: tuple[int, ...] = _WIDTHS
+) -> tuple[Array, int]:
     """Return the speed of each interval [m/s], and over how many intervals it is taken.
 
     Over as few as noise and quantum allow, the median of three against outliers.
     """
     x, t = bench.position[first:after], bench.time[first:after]
-    for width in _WIDTHS:
+    for width in widths:
         if after - first < 4 * width:
             break
         raw = (x[width:] - x[:-width]) / (t[width:] - t[:-width])
@@ -94,8 +96,19 @@ def _seen(bench: Bench, log: int, first: int, after: int) -> list[Move]:
             begin, start, end = move
             travel = bench.position[end + first] - bench.position[start + first]
             if direction * travel > least:
-                found.append(Move(log, direction, _add(begin, first), start + first, end + first))
+                whole = Move(log, direction, _add(begin, first), start + first, end + first)
+                found.append(_from_rest(bench, whole))
     return sorted(found, key=lambda move: move.first)
+
+
+def _from_rest(bench: Bench, move: Move) -> Move:
+    """Return the move, without its start where that goes to and fro."""
+    if move.begin is None:
+        return move
+    gone = move.direction * bench.position[move.begin : move.first + 1]
+    gone = gone - gone[0]
+    rests = -_RESTS * gone[-1] <= gone.min() and gone.max() <= (1.0 + _RESTS) * gone[-1]
+    return move if rests else move._replace(begin=None)
 
 
 def _add(index: int | None, first: int) -> int | None:
@@ -142,7 +155,7 @@ def _begin(speed: Array, low: int, own: float, width: int) -> int | None:
 
 def _asked(bench: Bench, log: int, first: int, after: int) -> list[Move]:
     assert bench.reference is not None
-    speed, width = _speed(bench, first, after)
+    speed, _ = _speed(bench, first, after, (1,))  # its moves may be few samples long
     ahead = bench.reference[first:after] - bench.position[first:after]
     found = []
     for direction in (1, -1):
@@ -155,8 +168,7 @@ def _asked(bench: Bench, log: int, first: int, after: int) -> list[Move]:
         for low, high in _stretches(far):
             start, end = low + 1, high - 1  # it may take up an order late
             if end - start + 1 >= _FEWEST_ASKED:
-                begin = _add(_begin(direction * speed, low, full, width), first)
-                found.append(Move(log, direction, begin, start + first, end + first))
+                found.append(Move(log, direction, None, start + first, end + first))
     return sorted(found, key=lambda move: move.first)
 
 

@@ -74,7 +74,10 @@ def start_up(bench: Bench, moves: Sequence[Move]) -> StartUp:
     """Return T1 [s] of the moves that show their start."""
     shown = [(k, move) for k, move in enumerate(moves) if move.begin is not None]
     if not shown:
-        return StartUp(T1=untold("s", "no move begins from rest within the log"), fitted=())
+        why = "no move begins from rest within the log"
+        if bench.reference is not None:
+            why = "what follows a reference is judged at full speed only"
+        return StartUp(T1=untold("s", why), fitted=())
     fit = _Fit([_window(bench, move) for _, move in shown], bench.step, bench.quantum)
     fitted = []
     for (k, move), window, travel in zip(shown, fit.windows, fit.travels(), strict=True):
