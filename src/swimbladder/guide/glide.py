@@ -33,6 +33,7 @@ _TURNING = 20.0  # s that one under way may take
 _INSIDE = 0.1  # m from where a glide is over, that it has to have been before
 _HALTED = (10.0, 0.015)  # s and m: a vehicle that turns round goes further in that time
 _SLOWER = 0.3  # of the largest speed, below which something stops a vehicle that does not turn
+_LOOKS = 3  # one after the other that have to say so
 _SHORTEST = 3.0  # s of an experiment
 
 
@@ -57,12 +58,14 @@ class Glide:
         self._left: float | None = None  # s, when the piston moved again
         self._off = self._turns = 0
         self._fastest = 0.0  # m/s
+        self._speeds: list[float] = []  # m/s, at the latest looks
+        self._slow_looks = 0
         self._least, self._greatest = math.inf, -math.inf  # m, depths so far
 
     def feed(self, sample: Sample) -> list[Event]:
         """Look at a sample, the window's latest: has the vehicle arrived, has the piston moved?"""
         r, self._now = self.rules, sample.time
-        depth = float(np.median(self._window.rows[-3:, DEPTH]))
+        depth = float(self._window.rows[-1, SMOOTH])
         self._least, self._greatest = min(self._least, depth), max(self._greatest, depth)
         if depth <= r.surface < self._greatest - _INSIDE:
             return self.end(End.TRAVEL if r.turns else End.SURFACE)
@@ -148,11 +151,15 @@ class Glide:
             part = self._window.since(self._now - longest)
             long = np.ptp(part[:, TIME]) > 0.9 * longest
             return bool(long and np.ptp(part[:, SMOOTH]) < least)
-        t, z, third = recent[:, TIME], recent[:, DEPTH], len(recent) // 3
-        gone = float(z[-third:].mean() - z[:third].mean())
+        t, z, third = recent[:, TIME], recent[:, SMOOTH], len(recent) // 3
+        gone = float(np.median(z[-third:]) - np.median(z[:third]))
         speed = abs(gone / float(t[-third:].mean() - t[:third].mean()))
-        self._fastest = max(self._fastest, speed)
-        return speed < _SLOWER * self._fastest and self._fastest > 20.0 * self.rules.rest_speed
+        slow = speed < _SLOWER * self._fastest and self._fastest > 20.0 * self.rules.rest_speed
+        self._slow_looks = self._slow_looks + 1 if slow else 0
+        if not slow:
+            self._speeds = [*self._speeds[-4:], speed]
+            self._fastest = max(self._fastest, float(np.median(self._speeds)))
+        return self._slow_looks >= _LOOKS
 
     def end(self, end: End) -> list[Event]:
         """End the experiment: return it, or why it is none."""

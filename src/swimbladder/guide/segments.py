@@ -157,7 +157,9 @@ class Segmenter:
         """Tell a glide when the volume left, and how the minute before was; drop what is older."""
         assert g.volume is not None
         rows, change = self._window.rows, g.volume - g.rest.neutral
-        away = math.copysign(1.0, change) * (rows[:, VOLUME] - g.rest.neutral)
+        padded = np.pad(rows[:, VOLUME], 1, mode="edge")  # medians of three: no single fault
+        volume = np.median(np.lib.stride_tricks.sliding_window_view(padded, 3), axis=-1)
+        away = math.copysign(1.0, change) * (volume - g.rest.neutral)
         half = np.flatnonzero(away <= 0.5 * abs(change))
         at = int(half[-1]) if len(half) else 0
         near = np.flatnonzero(away[: at + 1] <= max(g.rest.jitter, 0.02 * abs(change)))
