@@ -9,7 +9,7 @@ Trans. Inf. Theory 11, 1965); names, noise and the walk's intensity are those th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +22,7 @@ from swimbladder.comparison.record import Record
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.identify.estimates import Z95, Estimate, Prior, estimate
 from swimbladder.identify.model import NAMES, Model, check_names, default_names, model_of
+from swimbladder.identify.walk_covariance import Maker, covariance, without_trace
 from swimbladder.identify.walk_likelihood import NOISES, Likelihood, Quantity
 from swimbladder.kalman.depth_filter import GATE, Noise
 from swimbladder.parameters import Vehicle
@@ -29,18 +30,12 @@ from swimbladder.parameters import Vehicle
 __all__ = ["WalkFit", "fit_walk"]
 
 Array = NDArray[np.float64]
-_Maker = Callable[[Sequence[Quantity], Mapping[str, float]], Likelihood]
 
-_BLOCK = 20.0  # s, of samples that may depend on each other
-_ENOUGH = 4  # blocks a quantity, for a covariance from their scatter
 _SAME = 0.003  # of log likelihood: a step that gains less is the last
 _RIDGE = 0.25  # information that keeps a step of a quantity the data do not tell in bounds
 _LONGEST = 1.5  # of a logarithm, a step
 _ROUNDS = 80
-_SINGULAR = 1e-7
 _FARTHEST = 15.0  # of the logarithm of a walk, where its end is sought
-_LOOSE = 5.0  # deviation of a logarithm, at which the data do not tell the quantity
-_NEEDED = ("K2", "T2", "mass")  # without these there is no motion
 _UNITS = {"depth_noise": "m", "walk": "m3/s^0.5", "jolt": "m/s/s^0.5"}
 
 
@@ -130,7 +125,8 @@ def fit_walk(
     walk = [q.name for q in full.quantities].index("walk")
     _, least = _highest(without, [np.delete(x, walk)])
     ratio = max(2.0 * (best - least), 0.0)
-    C, robust = _covariance(full, x)
+    full, x = without_trace(full, x, likelihood, held)
+    C, robust = covariance(full, x)
     return _outcome(full, x, best, C, robust, names, model, likelihood, ratio)
 
 
@@ -191,61 +187,9 @@ def _noisier(likelihood: Likelihood, x: Array) -> Array:
     return y
 
 
-def _covariance(full: Likelihood, x: Array) -> tuple[Array, bool]:
-    """Return the covariance of x: a sandwich of information and scatter of the scores.
-
-    The scores are summed over whole records where there are enough of them, which allows for
-    records that differ, else over blocks of 20 s. Where there are too few of these too, and where
-    the scatter is smaller than the information says, the information stands. A quantity whose
-    logarithm the data do not tell, as a walk of 0, has an infinite variance and no part in the
-    others'.
-    """
-    scores, H = full.told(x)
-    H += np.diag(full.prior_slope(x)[1])
-    told = np.diag(H) > np.where([q.logarithmic for q in full.quantities], _LOOSE**-2, 0.0)
-    untold = [q.name for q, known in zip(full.quantities, told, strict=True) if not known]
-    if set(untold) & set(_NEEDED):
-        raise NoAnswerError(
-            f"the logs do not tell {' and '.join(untold)}: the vehicle hardly moves"
-        )
-    size = np.sqrt(np.where(told, np.diag(H), 1.0))
-    values, vectors = np.linalg.eigh((H / np.outer(size, size))[np.ix_(told, told)])
-    if values.size and values.min() < _SINGULAR:
-        raise NoAnswerError(
-            "the logs do not tell all that is to be identified: the likelihood is flat along a "
-            "combination of them; set one, or give it a prior"
-        )
-    C = np.diag(np.full(len(x), np.inf))
-    bread = (vectors / values) @ vectors.T / np.outer(size[told], size[told])
-    blocks, robust = _blocks(full, len(x)), False
-    if blocks is not None:
-        sums = np.stack([np.bincount(blocks, column) for column in scores[:, told].T], axis=1)
-        sums -= sums.mean(axis=0)
-        sandwich = bread @ (sums.T @ sums) @ bread * len(sums) / (len(sums) - 1)
-        ratio = np.diag(sandwich) / np.diag(bread)
-        robust = bool((ratio > 1.0).any())
-        if robust:
-            grow = np.sqrt(np.maximum(ratio, 1.0) / ratio)
-            bread = sandwich * np.outer(grow, grow)
-    C[np.ix_(told, told)] = bread
-    return C, robust
-
-
-def _blocks(full: Likelihood, quantities: int) -> NDArray[np.int64] | None:
-    """Return the number of the block that each sample is in, None where blocks are too few."""
-    if len(full.records) >= _ENOUGH * quantities:
-        return np.repeat(full.record, np.diff(full.ends))
-    found, last = [], 0
-    for s in full.samples:
-        within = ((s.time - s.time[0]) // _BLOCK).astype(np.int64)
-        found.append(within + last)
-        last += int(within[-1]) + 1
-    return np.concatenate(found) if last >= _ENOUGH * quantities else None
-
-
 def _outcome(
     full: Likelihood, x: Array, best: float, C: Array, robust: bool, names: tuple[str, ...],
-    model: Model, likelihood: _Maker, ratio: float,
+    model: Model, likelihood: Maker, ratio: float,
 ) -> WalkFit:  # fmt: skip
     per = np.array([q.slope(float(at)) for q, at in zip(full.quantities, x, strict=True)])
     std = np.sqrt(np.maximum(np.diag(C), 0.0)) * per
@@ -276,7 +220,7 @@ def _outcome(
 
 
 def _walk_interval(
-    full: Likelihood, x: Array, best: float, ratio: float, found: Estimate, likelihood: _Maker
+    full: Likelihood, x: Array, best: float, ratio: float, found: Estimate, likelihood: Maker
 ) -> Estimate:
     """Return the walk with the interval of its likelihood profile, down to 0 where that may be."""
     at = [q.name for q in full.quantities].index("walk")
