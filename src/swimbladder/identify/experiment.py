@@ -22,6 +22,7 @@ _FEWEST = 12  # samples of a stretch
 _SHORTEST = 3.0  # s of a stretch
 _GAP = 5.0  # median sample times without a sample, after which the volume is no longer known
 _PARABOLA = 3.0  # s, for the state at the start of a stretch
+_FINE = 0.02  # m, that no depth near a line is left aside for
 _FIRST = 9  # samples, whose median is the depth of rest at the start
 
 
@@ -142,9 +143,20 @@ def _stretches(record: Record) -> tuple[Segment, ...]:
 
 
 def _segment(record: Record, first: int, last: int) -> Segment:
+    """Return a stretch with depth and speed at its start, outliers left aside.
+
+    An outlier among the first samples would begin the search at a speed that no later sample can
+    mend: the model leaves the water, where its derivatives say nothing.
+    """
     time, depth = record.time[first : last + 1], record.depth[first : last + 1]
     near = time - time[0] <= _PARABOLA
     near[: min(6, len(near))] = True
-    order = 2 if near.sum() > 8 else 1
-    fit = np.polynomial.polynomial.polyfit(time[near] - time[0], depth[near], order)
-    return Segment(first, last, float(np.median(depth[:3])), float(fit[1]))
+    t, z = time[near] - time[0], depth[near]
+    i, j = np.triu_indices(len(t), 1)
+    speed = float(np.median((z[j] - z[i]) / (t[j] - t[i])))  # Theil and Sen's line
+    start = float(np.median(z - speed * t))
+    off = np.abs(z - start - speed * t)
+    kept = off <= max(5.0 * float(np.median(off)), _FINE)
+    if kept.sum() > 8:
+        start, speed, _ = np.polynomial.polynomial.polyfit(t[kept], z[kept], 2).tolist()
+    return Segment(first, last, start, speed)

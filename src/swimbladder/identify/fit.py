@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import matmul_toeplitz
 from scipy.optimize import least_squares
 
+from swimbladder.identify.coordinates import Coordinates
 from swimbladder.identify.noise import (
     autocovariance,
     autoregression,
@@ -153,6 +154,8 @@ def _solve(problem: Problem, x: Array) -> tuple[float, Array, Array]:
     """Return (objective, x, noise) at the end of rounds of weights, noise and least squares."""
     low, high = problem.bounds()
     x = np.clip(x, low, high)
+    coordinates = Coordinates(problem)
+    least, most = coordinates.bounds()
     residual = problem.residual(x)
     noise = _noise(problem, residual, None)
     settled = False
@@ -162,23 +165,24 @@ def _solve(problem: Problem, x: Array) -> tuple[float, Array, Array]:
             noise = _noise(problem, residual, weight)
         root = np.sqrt(weight) / _each(problem, noise)
 
-        def rows(x: Array, root: Array = root) -> Array:
+        def rows(y: Array, root: Array = root) -> Array:
+            x = coordinates.back(y)
             result: Array = np.concatenate([root * problem.residual(x), problem.prior_rows(x)[0]])
             return result
 
-        def slopes(x: Array, root: Array = root) -> Array:
-            result: Array = -np.concatenate(
-                [root[:, None] * problem.slope(x), problem.prior_rows(x)[1]]
-            )
-            return result
+        def slopes(y: Array, root: Array = root) -> Array:
+            x = coordinates.back(y)
+            J = np.concatenate([root[:, None] * problem.slope(x), problem.prior_rows(x)[1]])
+            return -coordinates.slope(y, J)
 
         fine = 1e-8 if n > 1 else 1e-4  # the weights are not final yet
+        begin = np.clip(coordinates.of(x), least + 1e-9, most - 1e-9)
         done = least_squares(
-            rows, np.clip(x, low + 1e-9, high - 1e-9), slopes, bounds=(low, high), xtol=fine,
-            ftol=fine, gtol=1e-10, max_nfev=40 if n == 0 else 12,
+            rows, begin, slopes, bounds=(least, most), xtol=fine, ftol=fine, gtol=1e-10,
+            max_nfev=40 if n == 0 else 12,
         )  # fmt: skip
-        step = float(np.abs(done.x - x).max())
-        x = done.x
+        before, x = x, np.clip(coordinates.back(done.x), low, high)
+        step = float(np.abs(x - before).max())
         residual = problem.residual(x)
         if settled and step < 1e-3:
             break
