@@ -21,6 +21,7 @@ __all__ = ["choices", "judge", "models_of"]
 Array = NDArray[np.float64]
 Psi = Literal["free", "prior", "set", "zero"]
 
+_TRACE = 0.02  # of the drag, that a blended one begins with beside a law that was fitted
 _DECISIVE = 10.0  # difference of the criterion, "very strong" in Kass and Raftery 1995
 
 
@@ -136,20 +137,20 @@ def _problem(problem: Problem, model: Model, law: str, psi: Psi) -> Problem:
 
 
 def _begin(other: Problem, problem: Problem, fit: Fit) -> Array:
-    """Return a start for another model where the fit ended, its drag the same at a usual speed."""
+    """Return a start for another model where the fit ended, or as near as its drag law can be."""
     values = problem.named(fit.x)
     m = problem.model.mass(values)
     speed = _usual_speed(problem)
-    drag = 0.0  # N at that speed
-    if problem.model.law != "quadratic":
-        drag += problem.model.specific_weight / values["K2"] * speed
-    if problem.model.law != "linear":
-        drag += values["drag_quadratic"] * speed**2
-    share = 0.5 if other.model.law == "blended" else 1.0
-    k_dl = share * drag / speed
+    law = problem.model.law
+    own_l = 0.0 if law == "quadratic" else problem.model.specific_weight / values["K2"]
+    own_t = 0.0 if law == "linear" else values["drag_quadratic"]
+    drag = own_l * speed + own_t * speed**2  # N at that speed
+    laminar, turbulent = drag / speed, drag / speed**2
+    if other.model.law == "blended":  # which holds the law that was fitted
+        laminar, turbulent = own_l or _TRACE * laminar, own_t or _TRACE * turbulent
     begin = {
-        "mass": m, "K2": other.model.specific_weight / k_dl, "T2": m / k_dl,
-        "drag_quadratic": share * drag / speed**2, "psi": values["psi"],
+        "mass": m, "K2": other.model.specific_weight / laminar, "T2": m / laminar,
+        "drag_quadratic": turbulent, "psi": values["psi"],
     }  # fmt: skip
     x = other.begin(begin)
     x[other.shared :] = fit.x[problem.shared :]
@@ -177,10 +178,7 @@ def _choice(
     problem: Problem, fit: Fit, law: str, psi: Psi, worth: float, *, reported: bool
 ) -> tuple[dict[str, Any], float]:
     counts = np.diff(problem.rows)
-    u = np.minimum(np.abs(fit.residual) / np.repeat(fit.noise, counts), 4.0)
-    logs = np.log(np.repeat(fit.noise, counts))
-    prior = problem.prior_rows(fit.x)[0]
-    likelihood = -0.5 * worth * float((u**2 + 2.0 * logs).sum() + (prior**2).sum())
+    likelihood = -0.5 * worth * fit.objective
     samples = worth * float(counts.sum())
     bic = -2.0 * likelihood + problem.shared * math.log(max(samples, 2.0))
     fields = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from swimbladder.identify.coordinates import Coordinates
 from swimbladder.identify.noise import (
     autocovariance,
     autoregression,
+    cost,
     pooled,
     robust_scale,
     scale,
@@ -30,7 +31,12 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 12  # of weights and noise
 _TILES = (15.0, 30.0, 60.0, 120.0)  # s
-_POOR = 3.0  # noise left over against the noise of neighbouring samples, at which others are tried
+# Of what is left over, against the noise of neighbouring samples:
+_CLEAN = 1.0  # there is nothing better to find
+_POOR = 3.0  # more starts are tried than a few
+_ENOUGH = 2  # starts, where what is left over is no worse than that
+_OF_70 = 0.5565  # root mean square of a normal variable of deviation 1 without its largest 30 %
+_FINEST = 1e-4  # m, below which no sensor measures
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,31 +58,36 @@ class Fit:
 def fit(problem: Problem) -> Fit:
     """Return the best of the fits from the vehicle's own values and from a regression's.
 
-    Where what is left over is far above the noise of neighbouring samples, more starts are tried.
+    Where what is left over is above the noise of neighbouring samples, starts from fits to short
+    stretches are tried too: over a long one an error of the start grows, and the search strays.
     """
-    starts = _starts(problem)
+    return _search(problem, _starts(problem), clean=_CLEAN, most=len(_TILES))
+
+
+def _search(problem: Problem, starts: list[Array], *, clean: float, most: int) -> Fit:
+    """Return the best fit from the starts and, until one is clean, from `most` pieced together."""
     costs = [_cost(problem, x) for x in starts]
     best: tuple[float, Array, Array] | None = None
     for k in np.argsort(costs).tolist():
         found = _solve(problem, starts[k])
         if best is None or found[0] < best[0]:
             best = found
-        if _good(problem, best[2]):
+        if _excess(problem, best[2]) < clean:
             break
     assert best is not None
-    if not _good(problem, best[2]):
-        for x in _others(problem, starts):
+    if _excess(problem, best[2]) >= clean:
+        for tried, x in enumerate(islice(_others(problem, starts), most), start=1):
             found = _solve(problem, x)
             if found[0] < best[0]:
                 best = found
-            if _good(problem, best[2]):
+            if _excess(problem, best[2]) < (clean if tried < _ENOUGH else _POOR):
                 break
     return finish(problem, best[1])
 
 
 def refine(problem: Problem, x: Array) -> Fit:
-    """Return the fit that is reached from x."""
-    return finish(problem, _solve(problem, x)[1])
+    """Return the fit that is reached from x, or a better one if that is poor."""
+    return _search(problem, [x], clean=_POOR, most=1)
 
 
 def _starts(problem: Problem) -> list[Array]:
@@ -111,23 +122,40 @@ def _others(problem: Problem, starts: list[Array]) -> Iterator[Array]:
         tiled = problem.tiled(length)
         x = tiled.begin()
         x[: problem.first_start] = shared
-        shared = _solve(tiled, x)[1][: problem.first_start]
-        whole = problem.begin()
-        whole[: problem.first_start] = shared
-        yield whole
+        x = _solve(tiled, x)[1]
+        shared = x[: problem.first_start]
+        yield _joined(tiled, x, problem)
+
+
+def _joined(tiled: Problem, found: Array, problem: Problem) -> Array:
+    """Return a start from a fit to short stretches: each long one begins as its first part did."""
+    x = problem.begin()
+    x[: problem.first_start] = found[: problem.first_start]
+    for j, e in enumerate(problem.experiments):
+        parts = {s.first: k for k, s in enumerate(tiled.experiments[j].segments)}
+        for k, s in enumerate(e.segments):
+            at, there = problem.starts_at[j] + 2 * k, tiled.starts_at[j] + 2 * parts[s.first]
+            x[at : at + 2] = found[there : there + 2]
+    return x
 
 
 def _cost(problem: Problem, x: Array) -> float:
     return float(np.abs(problem.residual(x)).sum())
 
 
-def _good(problem: Problem, noise: Array) -> bool:
-    """Say whether what is left over is about the noise that neighbouring samples differ by."""
-    floors = []
-    for first, last in pairwise(problem.rows):
-        bend = np.abs(np.diff(problem.measured[first:last], 2))
-        floors.append(max(1.4826 * float(np.median(bend)) / math.sqrt(6.0), 1e-3))
-    return bool(np.median(noise / np.array(floors)) < _POOR)
+def _excess(problem: Problem, noise: Array) -> float:
+    """Return what is left over, over the noise that neighbouring samples differ by.
+
+    Of the experiment that is worst; 1 is as much more as chance may make it.
+    """
+    ratios = []
+    for sigma, (first, last) in zip(noise, pairwise(problem.rows), strict=True):
+        bend = np.sort(np.abs(np.diff(problem.measured[first:last], 2)))
+        kept = bend[: max(1, round(0.7 * len(bend)))]  # hardly a spike among them
+        floor = float(np.sqrt(np.mean(kept**2) / 6.0)) / _OF_70
+        chance = 1.0 + 5.0 / math.sqrt(len(bend) + 1.0)  # of which both are uncertain
+        ratios.append(float(sigma) / max(floor, _FINEST) / chance)
+    return max(ratios)
 
 
 def _each(problem: Problem, values: Array) -> Array:
@@ -203,11 +231,9 @@ def _final_noise(problem: Problem, residual: Array, noise: Array) -> Array:
 
 
 def _objective(problem: Problem, x: Array, residual: Array, noise: Array) -> float:
-    """Return minus twice the log posterior; an outlier counts as one _KEPT deviations off."""
-    u = np.minimum(np.abs(residual) / _each(problem, noise), 4.0)
+    """Return minus twice the log posterior, up to a constant."""
     prior = problem.prior_rows(x)[0]
-    logs = 2.0 * np.log(_each(problem, noise)).sum()
-    return float((u**2).sum() + logs + (prior**2).sum())
+    return float(cost(residual, _each(problem, noise)).sum() + (prior**2).sum())
 
 
 def finish(problem: Problem, x: Array) -> Fit:

@@ -13,6 +13,7 @@ from scipy.stats import chi2
 __all__ = [
     "autocovariance",
     "autoregression",
+    "cost",
     "pooled",
     "robust_scale",
     "scale",
@@ -25,6 +26,7 @@ Array = NDArray[np.float64]
 # Weight 1 up to _KEPT standard deviations, none from _CUT on. For normal noise this costs
 # 0.1 % of the information.
 _KEPT, _CUT = 3.5, 6.0
+_OUTLIER = 2.0 * math.log(1.0 / 0.01) - math.log(2.0 * math.pi)  # of a density of 0.01/m
 _MOST_ORDER = 6
 _AT_70 = 1.0364333894937898  # of the absolute value of a normal variable, its 70th percentile
 _SMALLEST = 1e-7  # m; a residual of nothing, as in a simulation without noise
@@ -34,6 +36,16 @@ def weights(u: Array) -> Array:
     """Return the weight of residuals u, in standard deviations: 1, falling smoothly to 0."""
     beyond = np.clip((np.abs(u) - _KEPT) / (_CUT - _KEPT), 0.0, 1.0)
     result: Array = (1.0 - beyond**2) ** 2
+    return result
+
+
+def cost(residual: Array, noise: Array) -> Array:
+    """Return minus twice the logarithm of each residual's density, up to a constant.
+
+    Normal, or an outlier: one sample in a hundred, anywhere in a metre. An outlier costs the same
+    whatever the noise, so that calling samples outliers does not pay by making the noise small.
+    """
+    result: Array = np.minimum((residual / noise) ** 2 + 2.0 * np.log(noise), _OUTLIER)
     return result
 
 
