@@ -268,3 +268,16 @@ def test_a_vehicle_on_the_bottom_tells_nothing_of_its_neutral_volume_and_then_it
     assert ours.covariance[lying, 2, 2].min() > 0.99 * (4e-6) ** 2
     assert abs(ours.mean[-1, 2] - neutral) < 0.3e-6
     assert abs(ours.mean[-1, 0] - truth.depth[-1]) < 5e-3
+
+
+@pytest.mark.parametrize(("size", "counts"), [(2.9, 2.9), (6.0, 0.5), (30.0, 0.036)])
+def test_an_excess_counts_as_the_page_says(size, counts):
+    """docs/explanation/filter.md, outliers: moved as by an innovation of so many deviations."""
+    samples, _ = made(n=60, seed=8)
+    before, k = filtered(samples, gate=3.0), 50
+    deviation = math.sqrt(before.variance[k])
+    depth = samples.depth.copy()
+    depth[k] = before.predicted[k, 0] + size * deviation
+    moved = filtered(samples._replace(depth=depth), gate=3.0).mean[k, 0] - before.predicted[k, 0]
+    gain = before.predicted_covariance[k, 0, 0] / before.variance[k]
+    assert moved / (gain * deviation) == pytest.approx(counts, rel=0.01)

@@ -95,8 +95,8 @@ def filter_depth(
     """Return what the extended Kalman filter makes of a log's depths.
 
     gate: innovations beyond so many standard deviations lose weight, the faster the farther they
-    are: at twice as many an innovation counts as one of 1.2 deviations, at ten times as one of
-    0.1. Four in a row to one side show that the state is wrong, and the filter starts anew from
+    are: with a gate of 3, one of 6 counts as 0.5 and one of 30 as 0.04. Four in a row to one
+    side show that the state is wrong, and the filter starts anew from
     the depth measured, with the speed's and the neutral volume's first deviations.
     """
     n = len(samples.time)
