@@ -179,6 +179,21 @@ def test_what_design_experiment_writes(capsys, tmp_path):
     assert json.loads((tmp_path / "design.json").read_text()).keys() == told.keys() - {"files"}
 
 
+def test_what_pool_writes(capsys, tmp_path):
+    columns, keys = rows("files-written.md", "pool")
+    given = ["--simulate", "--most", "1", "--json", "--out", str(tmp_path)]
+    assert main(["pool", "feup-em", *given]) == 1
+    told = json.loads(capsys.readouterr().out)
+    check(keys, told)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "experiment-001.csv", "pool.csv", "pool.json",
+    }  # fmt: skip
+    assert header(tmp_path / "experiment-001.csv") == list(columns)
+    (one,) = told["experiments"]
+    text = keys["experiments"][0]
+    assert all(f"`{name}`" in text for name in one)
+
+
 @pytest.mark.slow
 def test_what_reproduce_writes(capsys, tmp_path):
     (keys,) = rows("files-written.md", "reproduce")

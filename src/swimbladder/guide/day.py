@@ -20,6 +20,8 @@ from swimbladder.parameters import Vehicle
 
 __all__ = ["Asked", "Doing", "News", "PoolDay"]
 
+_THERE = 0.2  # m from where a plan wants the vehicle to rest
+
 Doing = Literal["waiting", "moving", "at rest", "under way"]
 
 
@@ -91,7 +93,7 @@ class PoolDay:
             yield News(
                 "ready", event.time,
                 f"At rest at {rest.depth:.2f} m ({1e3 * rest.speed:+.2f} mm/s over a minute). "
-                f"{self.next.release()}",
+                f"{self._at(rest.depth)}",
             )  # fmt: skip
         elif isinstance(event, Changed):
             yield News(
@@ -219,9 +221,15 @@ class PoolDay:
             return "Stop: the parameters are good enough."
         if self.doing == "under way":
             return "Leave the piston alone until the vehicle has arrived."
-        if self.doing == "at rest":
-            return self.next.release()
+        if self.doing == "at rest" and self._segmenter.rest is not None:
+            return self._at(self._segmenter.rest.depth)
         return self.next.sentence()
+
+    def _at(self, depth: float) -> str:
+        """Return what to do with a vehicle at rest at a depth [m]."""
+        task = self.next
+        there = task.start is None or abs(depth - task.start) <= _THERE
+        return task.release() if there else f"That is the wrong place. {task.sentence()}"
 
     # What is written
 
