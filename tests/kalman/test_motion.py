@@ -138,3 +138,41 @@ def test_a_step_under_nonlinear_drag_agrees_with_scipy(law, h):
     tolerance = 1e-8 if law != "switched" else 1e-6  # its slope of drag jumps
     close(found, y, tolerance)
     close_slopes(F, F0, 1e-6)  # central differences
+
+
+@pytest.mark.parametrize("law", ["linear", "blended"])
+@pytest.mark.parametrize(
+    # all the while emerged; and through the surface, where damping begins at once, within a step
+    ("z", "w", "tolerance"), [(-0.02, -0.02, 1e-5), (0.02, -0.05, 5e-4)]
+)  # fmt: skip
+def test_an_emerging_hull_is_a_damped_spring(law, z, w, tolerance):
+    vehicle = drags()["blended"]
+    if law == "linear":
+        drag = type(vehicle.drag)(law="linear", k_dl=0.7)
+        motion = vehicle.motion.model_copy(update={"drag": drag})
+        vehicle = vehicle.model_copy(update={"motion": motion})
+    p = plant(vehicle)
+    x, Va, Vb = np.array([z, w, 1.25e-5]), 1.8e-5, 2.0e-5
+    found, F, Q, aground = stepped(p, x, Va, Vb, 0.5)
+    y, F0 = by_scipy(vehicle, p, x, Va, Vb, 0.5)
+    assert not aground
+    assert found[0] < 0.0
+    np.testing.assert_allclose(found[:2], y[:2], rtol=0.0, atol=tolerance)
+    close_slopes(F, F0, 100.0 * tolerance if z < 0.0 else 0.1)  # to the step it crosses in
+    assert np.linalg.eigvalsh(Q / np.sqrt(np.outer(np.diag(Q), np.diag(Q)))).min() > 0.0
+
+
+def test_the_bottom_stops_it_and_lets_it_go():
+    p = plant(drags()["blended"], bottom_depth=1.4)
+    neutral = 1.25e-5
+    found, F, Q, aground = stepped(p, [1.38, 0.1, neutral], neutral - 5e-6, neutral - 5e-6, 2.0)
+    assert aground
+    np.testing.assert_array_equal(found[:2], [1.4, 0.0])
+    np.testing.assert_array_equal(F[:2], 0.0)
+    assert Q[2, 2] == pytest.approx(2.0 * WALK2)
+    # lighter than neutral by the end: it has left, later than it began to
+    found, F, _, aground = stepped(p, [1.4, 0.0, neutral], neutral - 5e-6, neutral + 5e-6, 4.0)
+    assert not aground
+    assert found[0] < 1.4
+    assert found[1] < 0.0
+    assert F[0, 2] > 0.0  # a larger neutral volume is heavier: deeper

@@ -187,14 +187,43 @@ def _slopes(p, x, V, walk2, jolt2, tau, out):  # type: ignore[no-untyped-def]
 
 
 @part
+def _cross(p, x, up):  # type: ignore[no-untyped-def]
+    """Change slopes and noise of x where the vehicle passes through the surface.
+
+    The damping begins or ends there at once, and a vehicle that is higher gets there earlier: by
+    the saltation matrix, dw gains -+ damping times dz.
+    """
+    jump = 2.0 * BOBBING_DAMPING * math.sqrt(p[A_S]) * (-1.0 if up else 1.0)
+    for j in range(3):
+        x[3 + 2 * j] += jump * x[2 + 2 * j]
+    x[10] += jump * (2.0 * x[9] + jump * x[8])
+    x[9] += jump * x[8]
+    x[12] += jump * x[11]
+
+
+@part
+def _substep(p, x, V, rate, s, t, walk2, jolt2, k, y):  # type: ignore[no-untyped-def]
+    """Advance x by one step of s [s]; V: volume less neutral volume at its beginning [m3]."""
+    _slopes(p, x, V, walk2, jolt2, t, k[0])
+    y[:] = x + 0.5 * s * k[0]
+    _slopes(p, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k[1])
+    y[:] = x + 0.5 * s * k[1]
+    _slopes(p, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k[2])
+    y[:] = x + s * k[2]
+    _slopes(p, y, V + rate * s, walk2, jolt2, t + s, k[3])
+    y[:] = x + s / 6.0 * (k[0] + 2.0 * (k[1] + k[2]) + k[3])
+
+
+@part
 def _runge_kutta(p, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
     """Advance over h [s] in n steps; the bottom stops the vehicle. Return (z, w, aground)."""
     x = np.zeros(13)
     y = np.empty(13)
-    k1, k2, k3, k4 = np.empty(13), np.empty(13), np.empty(13), np.empty(13)
+    k = np.empty((4, 13))
     x[0], x[1], x[2], x[5] = z, w, 1.0, 1.0
     s = h / n
     rate = (Vb - Va) / h
+    surface = p[Z_SURFACE]
     aground = False
     for i in range(n):
         t = i * s
@@ -205,14 +234,17 @@ def _runge_kutta(p, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q):  # type: ignore
             x[0], x[1] = p[Z_BOTTOM], 0.0
             x[2:] = 0.0
             continue
-        _slopes(p, x, V, walk2, jolt2, t, k1)
-        y[:] = x + 0.5 * s * k1
-        _slopes(p, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k2)
-        y[:] = x + 0.5 * s * k2
-        _slopes(p, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k3)
-        y[:] = x + s * k3
-        _slopes(p, y, V + rate * s, walk2, jolt2, t + s, k4)
-        x += s / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+        _substep(p, x, V, rate, s, t, walk2, jolt2, k, y)
+        up = y[0] < surface
+        if up != (x[0] < surface):  # to the surface, through it, and on
+            share = (surface - x[0]) / (y[0] - x[0])
+            if share > 0.0:
+                _substep(p, x, V, rate, share * s, t, walk2, jolt2, k, y)
+                x[:] = y
+            _cross(p, x, up)
+            left = (1.0 - share) * s
+            _substep(p, x, V + rate * share * s, rate, left, t + share * s, walk2, jolt2, k, y)
+        x[:] = y
         if x[0] > p[Z_BOTTOM]:
             x[0], x[1] = p[Z_BOTTOM], min(x[1], 0.0)
             x[2:] = 0.0
