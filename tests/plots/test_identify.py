@@ -186,3 +186,18 @@ def test_a_quadratic_drag_has_a_relative_gain():
     assert axes.get_ylabel() == "gain over that of all logs [-]"
     names = [axes.get_xlabel() for axes in confidence.draw_ellipses(found).axes]
     assert "mass [kg]" in names
+
+
+def test_draws_from_the_posterior_lie_beneath_the_regions(found):
+    from swimbladder.identify.posterior import Posterior
+
+    rng = np.random.default_rng(5)
+    means = [found.parameters[name].value for name in found.names]
+    draws = rng.multivariate_normal(means, found.covariance, 400)
+    with_draws = dataclasses.replace(
+        found, posterior=Posterior(names=found.names, draws=draws, effective=400.0)
+    )
+    lower = confidence.draw_ellipses(with_draws).axes[1]  # psi against K2
+    dots = curve(lower, "draws from the posterior")
+    i, j = found.names.index("K2"), found.names.index("psi")
+    assert dots == pytest.approx(draws[:, [i, j]] * [1.0, 1e6])

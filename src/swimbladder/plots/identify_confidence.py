@@ -41,6 +41,7 @@ _SYMBOL = {
     "drag_quadratic": r"k$_\mathrm{dt}$", "psi": "ψ",
 }  # fmt: skip
 _WIDTH = 9.6  # inches
+_DRAWS = 1500  # of the posterior, that are drawn
 
 
 def axis_label(name: str) -> str:
@@ -104,6 +105,16 @@ def _pair(axes: Axes, found: Identification, i: int, j: int) -> None:
         )
         axes.fill(x, y, color=SKY, alpha=alpha, lw=0.0, label=f"{100 * share:.0f} % region")
         axes.plot(x, y, color=BLUE, lw=0.8)
+    if found.posterior is not None:
+        draws = found.posterior.draws[:: max(1, len(found.posterior.draws) // _DRAWS)]
+        first, second = (
+            draws[:, found.posterior.names.index(name)] * _per(NAMES[name].unit)
+            for name in (names[i], names[j])
+        )
+        axes.plot(
+            first, second, ".", ms=1.6, mew=0.0, alpha=0.5, color=VERMILION, zorder=1.5,
+            label="draws from the posterior",
+        )  # fmt: skip
     at = [_moved(found, name, np.zeros(1))[0] for name in (names[i], names[j])]
     axes.plot(*at, "+", ms=9.0, mew=1.5, color=BLACK, label="estimate")
     _prior_band(axes, found, names[i], vertical=True)

@@ -11,6 +11,7 @@ from typing import Any
 from swimbladder import __version__
 from swimbladder.identify import NAMES, Choice, ExperimentFit, Identification
 from swimbladder.identify.paper import PaperFits
+from swimbladder.identify.walk import WalkFit
 from swimbladder.plots.identify import labels
 from swimbladder.pool import Fit
 from swimbladder.report.html import render
@@ -67,6 +68,7 @@ def page(
                 _log(label, e) for label, e in zip(labels(found), found.experiments, strict=True)
             ],
             "choices": [_choice(found, c) for c in found.choices],
+            "walk": None if found.walk is None else _walk(found.walk, labels(found)),
             "paper": None if paper is None else _paper(paper, labels(found)),
             "figures": figures,
             "fits": [f for name, f in figures.items() if name.startswith("fits")],
@@ -145,6 +147,19 @@ def _value(name: str, value: float) -> str:
     if abs(shown) < 1e-9:  # a fit that ended at a bound, to rounding
         shown = 0.0
     return f"{_SYMBOL.get(name, name)} {rounded(shown)} {shown_unit(unit)}"
+
+
+def _walk(walk: WalkFit, names: Sequence[str]) -> dict[str, Any]:
+    """Return the walk's intensity, its evidence, and how far each log's neutral volume went."""
+    low, high = (1e6 * 60.0**0.5 * end for end in walk.walk.ci95)  # m3/s^0.5 to cm3/min^0.5
+    return {
+        "intensity": rounded(1e6 * 60.0**0.5 * walk.walk.value, 2),
+        "ci95": f"{rounded(low, 2)} to {rounded(high, 2)}",
+        "p": _small(walk.p_value),
+        "rows": [
+            (name, rounded(1e6 * went, 2)) for name, went in zip(names, walk.travelled, strict=True)
+        ],
+    }
 
 
 def _paper(paper: PaperFits, names: Sequence[str]) -> dict[str, Any]:
