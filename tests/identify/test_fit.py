@@ -86,7 +86,7 @@ def test_covariance_is_the_sandwich_written_out():
     for j, (a, b) in enumerate(zip(problem.rows[:-1], problem.rows[1:], strict=True)):
         X = np.sqrt(found.weight[a:b, None]) * found.slope[a:b] / found.noise[j]
         A += X.T @ X
-        B += X.T @ toeplitz(autocovariance(found.colour[j], 1.0, b - a)) @ X
+        B += X.T @ toeplitz(autocovariance(*found.noise_colour[j], b - a)) @ X
     P = problem.prior_rows(found.x)[1]
     inverse = np.linalg.inv(A + P.T @ P)
     expected = inverse @ (B + P.T @ P) @ inverse

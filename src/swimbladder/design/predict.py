@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from swimbladder.design.flight import Flight
 from swimbladder.design.knowledge import Question, problem_of, told
 from swimbladder.design.setting import Setting
+from swimbladder.identify.colour import Colour
 from swimbladder.identify.estimates import Estimate, estimate
 from swimbladder.identify.fit import Fit
 from swimbladder.identify.model import NAMES
@@ -128,5 +129,6 @@ def _fit(
     return Fit(
         x=x, residual=np.zeros(n), weight=np.ones(n), noise=np.full(k, setting.depth_noise),
         objective=0.0, slope=J * setting.depth_noise, colour=((),) * k,
+        noise_colour=(Colour((), 1.0),) * k,
         information=information, covariance=C, data=data,
     )  # fmt: skip

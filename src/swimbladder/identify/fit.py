@@ -9,12 +9,11 @@ from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import matmul_toeplitz
 from scipy.optimize import least_squares
 
+from swimbladder.identify.colour import Colour, colours, information
 from swimbladder.identify.coordinates import Coordinates
 from swimbladder.identify.noise import (
-    autocovariance,
     autoregression,
     cost,
     pooled,
@@ -50,6 +49,7 @@ class Fit:
     objective: float  # minus twice the logarithm of the posterior, up to a constant
     slope: Array  # [rows, len(x)] m
     colour: tuple[tuple[float, ...], ...]  # autoregression of each experiment's residual
+    noise_colour: tuple[Colour, ...]  # the same of the noise, of which the fit has followed a part
     information: Array  # [len(x), len(x)], data and priors, as if the residual were white
     covariance: Array  # [len(x), len(x)], the residual as it is
     data: Array  # [len(x), len(x)], information of the data alone, coloured residuals allowed for
@@ -243,29 +243,22 @@ def finish(problem: Problem, x: Array) -> Fit:
     weight = weights(residual / _each(problem, noise))
     slope = problem.slope(x)
     P = problem.prior_rows(x)[1]
-    root = np.sqrt(weight)
-    n = len(x)
-    A, B = np.zeros((n, n)), np.zeros((n, n))
-    colour = []
-    for j in range(len(problem.experiments)):
-        part = slice(problem.rows[j], problem.rows[j + 1])
-        X = root[part, None] * slope[part] / noise[j]
-        u = root[part] * residual[part] / noise[j]
-        coefficients = autoregression(u)
-        A += X.T @ X
-        if coefficients:
-            gamma = autocovariance(coefficients, 1.0, len(u))
-            B += X.T @ matmul_toeplitz(gamma, X)
-        else:
-            B += X.T @ X
-        colour.append(coefficients)
+    rows = [slice(a, b) for a, b in pairwise(problem.rows)]
+    root = np.sqrt(weight) / _each(problem, noise)
+    slopes = [root[part, None] * slope[part] for part in rows]
+    A = sum((X.T @ X for X in slopes), np.zeros((len(x), len(x))))
     prior = P.T @ P
     inverse = _inverse(A + prior)
+    left = [root[part] * residual[part] for part in rows]
+    seen = tuple(autoregression(u) for u in left)
+    found = colours(slopes, left, seen, inverse, prior)
+    B = information(slopes, found)
     covariance = inverse @ (B + prior) @ inverse
     covariance = 0.5 * (covariance + covariance.T)  # so to the last digit
     return Fit(
         x=x, residual=residual, weight=weight, noise=noise,
-        objective=_objective(problem, x, residual, noise), slope=slope, colour=tuple(colour),
+        objective=_objective(problem, x, residual, noise), slope=slope,
+        colour=seen, noise_colour=found,
         information=A + prior, covariance=covariance, data=A @ _inverse(B) @ A,
     )  # fmt: skip
 

@@ -19,6 +19,7 @@ __all__ = [
     "scale",
     "weights",
     "whiteness",
+    "yule_walker",
 ]
 
 Array = NDArray[np.float64]
@@ -100,14 +101,22 @@ def autoregression(residual: Array) -> tuple[float, ...]:
     best = math.log(r[0])
     chosen: tuple[float, ...] = ()
     for order in range(1, most + 1):
-        a = solve_toeplitz(r[:order], r[1 : order + 1])
-        left = float(r[0] - a @ r[1 : order + 1])
+        a, left = yule_walker(r[: order + 1])
         if left <= 0.0:
             break
         criterion = math.log(left) + order * math.log(n) / n
         if criterion < best:
             best, chosen = criterion, tuple(a.tolist())
     return chosen
+
+
+def yule_walker(r: Array) -> tuple[Array, float]:
+    """Return the autoregression of autocovariances r, its coefficients and its innovations' power.
+
+    As many coefficients as there are lags; the power is not above 0 where there is no such one.
+    """
+    a: Array = solve_toeplitz(r[:-1], r[1:])
+    return a, float(r[0] - a @ r[1:])
 
 
 def autocovariance(coefficients: tuple[float, ...], variance: float, n: int) -> Array:
