@@ -21,6 +21,7 @@ _SURE = 4.0  # standard errors of a trend that is one
 _HALF = 4  # samples to either side of one, that tell whether the piston stands
 _NOISE = 6.0  # standard deviations of the sensor's noise, between the largest and the least of them
 _FEWEST = 8  # samples of a stretch
+_SMALL = 0.1  # of the range of the volume, up to which a step may be a quantum
 _DECIMALS = 12  # of m3, that are not rounding
 
 
@@ -33,7 +34,7 @@ def steadied(time: Array, volume: Array) -> Array:
     result = volume.copy()
     step = quantum(volume)
     noise = 1.4826 * float(np.median(np.abs(np.diff(volume)))) / math.sqrt(2.0)
-    limit = max(1.01 * step, _NOISE * noise)
+    limit = max(1.01 * step, _NOISE * noise, 10.0**-_DECIMALS)
     for first, last in _stands(volume, limit):
         t, v = time[first:last] - time[first:last].mean(), volume[first:last]
         for order in (0, 1, 2):
@@ -47,12 +48,17 @@ def steadied(time: Array, volume: Array) -> Array:
 
 
 def quantum(volume: Array) -> float:
-    """Return the smallest step between two volumes [m3], 0 where all are the same.
+    """Return the smallest step [m3] by which a standing volume jumps, 0 where there is none.
 
-    Without a quantum it is tiny.
+    A step counts where those before and after do not go the same way, as on a ramp, and where it is
+    small beside all that the volume does.
     """
-    steps = np.diff(np.unique(np.round(volume, _DECIMALS)))
-    return float(steps.min()) if len(steps) else 0.0
+    steps = np.diff(np.round(volume, _DECIMALS))
+    ahead, behind = np.append(steps[1:], 0.0), np.insert(steps[:-1], 0, 0.0)
+    alone = (steps != 0.0) & (steps * ahead <= 0.0) & (steps * behind <= 0.0)
+    sizes = np.abs(steps[alone])
+    sizes = sizes[sizes <= _SMALL * np.ptp(volume)]
+    return float(sizes.min()) if len(sizes) else 0.0
 
 
 def _stands(volume: Array, limit: float) -> list[tuple[int, int]]:
