@@ -2,7 +2,10 @@
 
 import json
 
+import pytest
+
 from swimbladder.cli import main
+from swimbladder.guide import follow
 from swimbladder.identify import identify
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import read_log
@@ -23,3 +26,80 @@ def test_a_rehearsal_ends_good_enough_and_its_logs_give_the_same_numbers(capsys,
     followed = json.loads(capsys.readouterr().out)
     assert code == 0
     assert followed["parameters"] == told["parameters"]
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pool")
+    main(["pool", "feup-em", "--simulate", "--most", "2", "--out", str(folder), "--json"])
+    return folder / "pool.csv"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ([], "--simulate"),
+        (["--simulate", "--follow", "log.csv"], "--simulate"),
+        (["--simulate", "--target", "K9=2%"], "K9"),
+        (["--simulate", "--target-std", "200 %"], "--target-std"),
+        (["--simulate", "--prior", "psi=4e-6"], "+-"),
+        (["--simulate", "--set", "K7=1"], "K7"),
+        (["--simulate", "--speed", "0"], "--speed"),
+        (["--simulate", "--travel", "1 cm"], "--travel"),
+        (["--simulate", "--drag", "cubic"], "cubic"),
+        (["--simulate", "--truth", "ntnu-bv"], "--truth"),
+        (["--follow", "there-is-no.csv", "--no-wait"], "there-is-no.csv"),
+    ],
+)
+def test_what_is_refused(given, said, capsys, tmp_path):
+    assert main(["pool", "feup-em", *given, "--out", str(tmp_path / "out"), "--json"]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert said in told.err
+
+
+def test_bad_input_leaves_an_earlier_run_alone(log, capsys):
+    before = {p.name: p.read_bytes() for p in log.parent.iterdir()}
+    given = ["--simulate", "--truth", "ntnu-bv", "--out", str(log.parent)]
+    assert main(["pool", "feup-em", *given]) == 2
+    assert "--truth" in capsys.readouterr().err
+    assert {p.name: p.read_bytes() for p in log.parent.iterdir()} == before
+
+
+def test_a_folder_of_another_kind_is_left_alone(log, capsys):
+    before = {p.name: p.read_bytes() for p in log.parent.iterdir()}
+    code = main(["pool", "feup-em", "--follow", str(log), "--no-wait", "--out", str(log.parent)])
+    assert code == 2
+    assert "Choose another" in capsys.readouterr().err
+    assert {p.name: p.read_bytes() for p in log.parent.iterdir()} == before
+
+
+def test_columns_and_priors_reach_the_fit(log, capsys, tmp_path):
+    path = tmp_path / "other.csv"
+    rows = [line.split(",") for line in log.read_text(encoding="ascii").splitlines()[1:]]
+    text = "".join(f"{t};{100.0 * float(z)!r};{1e6 * float(v)!r}\n" for t, z, v, _ in rows)
+    path.write_text("t;Depth [cm];V\n" + text, encoding="ascii")
+    code = main([
+        "pool", "feup-em", "--follow", str(path), "--no-wait", "--out", str(tmp_path / "out"),
+        "--column", "time_s=t", "--column", "depth_m=Depth [cm]", "--column", "volume_m3=V@cm3",
+        "--prior", "psi=4.04e-6 +- 1e-9 m3/m", "--json",
+    ])  # fmt: skip
+    told = json.loads(capsys.readouterr().out)
+    assert code == 1
+    assert len(told["experiments"]) == 2
+    assert told["parameters"]["psi"]["origin"] == "prior"
+    assert told["state"] == "more experiments"
+
+
+def test_an_interruption_writes_what_is_known(log, capsys, tmp_path, monkeypatch):
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(follow.__kwdefaults__, "sleep", interrupted)
+    out = tmp_path / "out"
+    code = main(["pool", "feup-em", "--follow", str(log), "--out", str(out), "--json"])
+    told = capsys.readouterr()
+    assert code == 1
+    assert "interrupted" in told.err
+    assert len(json.loads(told.out)["experiments"]) == 2
+    assert len(json.loads((out / "pool.json").read_text(encoding="utf-8"))["experiments"]) == 2

@@ -16,7 +16,7 @@ from swimbladder.cli.pool_view import View, parameter_table
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.guide import News, PoolDay
+    from swimbladder.guide import News, Operator, PoolDay, Tail
     from swimbladder.guide.files import Kept
     from swimbladder.io.plan import Plan
     from swimbladder.parameters import Vehicle
@@ -132,7 +132,8 @@ def pool(
         chosen.pool_depth if chosen else _POOL if simulate else None
     )  # fmt: skip
     with progress("loading the fit"):
-        from swimbladder.guide import PoolDay, paper_tasks, plan_tasks
+        from swimbladder.guide import PoolDay, finished, paper_tasks, plan_tasks, rehearse
+        from swimbladder.guide import follow as follow_log
 
         asked = asked_of(
             v, free=names(free), fixed=set_ or [], priors=prior or [], drag=drag,
@@ -141,17 +142,27 @@ def pool(
         rules = rules_of(v, bottom, travel, chosen)
         tasks = plan_tasks(chosen) if chosen else paper_tasks(v, pool_depth=bottom)
     mode = "simulated" if simulate else "followed"
+    # What is wrong with the input is said before anything is touched.
+    if simulate:
+        operator = _operator(v, truth, bottom or _POOL, speed, sensor_std, seed)
+    else:
+        assert follow is not None
+        tail, limit = _tail(v, follow, column or [], log_format, timeout, wait=wait)
     with compile_notice():
         day = PoolDay(
-            v, out, rules=rules, tasks=tasks, asked=asked, mode=mode, kept=_begin(out, v, mode),
-        )  # fmt: skip
+            v, out, rules=rules, tasks=tasks, asked=asked, mode=mode, kept=_begin(out, v, mode)
+        )
+        view = View(day, quiet=json)
         files: list[Path] = []
-        if follow is None:
-            files = _rehearse(
-                day, truth, bottom or _POOL, speed, sensor_std, seed, most, quiet=json
-            )
+        if simulate:
+            files = [out / "pool.csv"]
+            pace = speed or (60.0 if view.live else math.inf)
+            _through(view, rehearse(day, operator, most=most, speed=pace, whole=files[0]))
         else:
-            _follow(day, follow, column or [], log_format, timeout, wait=wait, quiet=json)
+            happening = follow_log(day, tail, timeout=limit) if wait else finished(day, tail)
+            _through(view, happening)
+            for line in tail.report:
+                console.print(f"note: {line}", markup=False, soft_wrap=True)
         day.settle()
     day.save()
     answer = day.answer()
@@ -175,22 +186,20 @@ def _plan(path: Path | None, pool_depth: str | None) -> Plan | None:
     return None if path is None else load_plan(path)
 
 
-def _rehearse(
-    day: PoolDay, truth: str | None, bottom: float, speed: float | None, sensor_std: str | None,
-    seed: int, most: int, *, quiet: bool,
-) -> list[Path]:  # fmt: skip
-    from swimbladder.guide import Operator, rehearse
+def _operator(
+    vehicle: Vehicle, truth: str | None, bottom: float, speed: float | None,
+    sensor_std: str | None, seed: int,
+) -> Operator:  # fmt: skip
+    from swimbladder.guide import Operator
     from swimbladder.io.config import load_vehicle
 
     if speed is not None and not speed > 0.0:
-        raise InputError("it must be above 0", field="--speed", value=speed)
-    water = _with_noise(day.vehicle if truth is None else load_vehicle(truth), sensor_std)
-    view = View(day, quiet=quiet)
-    pace = speed if speed is not None else 60.0 if view.live else math.inf
-    operator = Operator(day.vehicle, water, pool_depth=bottom, seed=seed)
-    whole = day.folder / "pool.csv"
-    _through(view, rehearse(day, operator, most=most, speed=pace, whole=whole))
-    return [whole]
+        raise InputError(
+            "it must be above 0", field="--speed", value=speed,
+            remedy="Give simulated seconds a second, or leave it out",
+        )  # fmt: skip
+    water = _with_noise(vehicle if truth is None else load_vehicle(truth), sensor_std)
+    return Operator(vehicle, water, pool_depth=bottom, seed=seed)
 
 
 def _with_noise(vehicle: Vehicle, sensor_std: str | None) -> Vehicle:
@@ -207,15 +216,19 @@ def _with_noise(vehicle: Vehicle, sensor_std: str | None) -> Vehicle:
             soft_wrap=True,
         )
     if std < 0.0:
-        raise InputError("it must not be negative", field="--sensor-std", value=std, unit="m")
+        raise InputError(
+            "it must not be negative", field="--sensor-std", value=std, unit="m",
+            remedy="Give a standard deviation, 0 for none",
+        )  # fmt: skip
     return vehicle.model_copy(update={"sensors": sensors.model_copy(update={"depth_noise": std})})
 
 
-def _follow(
-    day: PoolDay, log: Path, column: list[str], log_format: str | None, timeout: str, *,
-    wait: bool, quiet: bool,
-) -> None:  # fmt: skip
-    from swimbladder.guide import Tail, finished, follow
+def _tail(
+    vehicle: Vehicle, log: Path, column: list[str], log_format: str | None, timeout: str, *,
+    wait: bool,
+) -> tuple[Tail, float]:  # fmt: skip
+    """Return what reads the log, and how long it waits for more [s]."""
+    from swimbladder.guide import Tail
     from swimbladder.io.log_format import LogFormat
     from swimbladder.io.log_format import log_format as named
 
@@ -225,11 +238,7 @@ def _follow(
     if wait:  # one bad row must not end the day
         form = form.model_copy(update={"bad_rows": "drop"})
     columns = dict(pair(text, "--column") for text in column)
-    tail = Tail(log, day.vehicle, columns=columns, log_format=form)
-    happening = follow(day, tail, timeout=limit) if wait else finished(day, tail)
-    _through(View(day, quiet=quiet), happening)
-    for line in tail.report:
-        console.print(f"note: {line}", markup=False, soft_wrap=True)
+    return Tail(log, vehicle, columns=columns, log_format=form), limit
 
 
 def _through(view: View, happening: Iterable[News | None]) -> None:
