@@ -119,9 +119,17 @@ INTEGRATORS: dict[str, Depths] = {"odeint": by_odeint, "solve_ivp DOP853": by_so
 
 
 def solve(
-    task: Task, depths: Depths, *, start: Array | None = None, held: float | None = None
+    task: Task,
+    depths: Depths,
+    *,
+    start: Array | None = None,
+    held: float | None = None,
+    most: int | None = None,
 ) -> Answer:
-    """Return the fit by least_squares on finite differences; with log K2 held where it is given."""
+    """Return the fit by least_squares on finite differences; with log K2 held where it is given.
+
+    most: evaluations of the residuals, those for derivatives not counted.
+    """  # fmt: skip
     x = task.begin() if start is None else start
 
     def rows(y: Array) -> Array:
@@ -133,7 +141,7 @@ def solve(
         return np.stack([(rows(y + h) - here) / STEP for h in steps], axis=1)
 
     begin = x if held is None else x[1:]
-    found = least_squares(rows, begin, slopes, x_scale="jac", xtol=1e-8, ftol=1e-8)
+    found = least_squares(rows, begin, slopes, x_scale="jac", xtol=1e-8, ftol=1e-8, max_nfev=most)
     end = found.x if held is None else np.concatenate([[held], found.x])
     information = found.jac.T @ found.jac
     deviation = np.sqrt(np.diag(np.linalg.inv(information)))[:3]

@@ -105,8 +105,11 @@ def _outcomes(
     # Each process has one core: a library that spreads a product over all of them only waits.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_warm_up) as pool:
-        for future in as_completed([pool.submit(several, part) for part in parts]):
-            yield from future.result()
+        try:
+            for future in as_completed([pool.submit(several, part) for part in parts]):
+                yield from future.result()
+        finally:  # interrupted: what has not begun is left for the next run
+            pool.shutdown(cancel_futures=True)
 
 
 def _several(
