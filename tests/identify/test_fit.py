@@ -123,7 +123,7 @@ def test_a_poor_start_is_left_by_way_of_short_stretches():
     log = Log(source="x", time=time, depth=z, volume=volume, line=np.arange(len(time)))
     problem = problem_of([log], ("K2", "T2"), fixed={"psi": 0.0}, neutral_std=math.inf)
     problem.values |= {"K2": 300.0, "T2": 500.0}
-    begun = [problem.begin()]
+    begun = problem.begin()
     assert any(module._excess(problem, module._solve(problem, x)[2]) < module._POOR
                for x in module._others(problem, begun))  # fmt: skip
     values = problem.named(fit(problem).x)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice, pairwise
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from swimbladder.identify.bridges import GAPS, Bridged, growth, joined, longest
 from swimbladder.identify.colour import Colour, colours, information
 from swimbladder.identify.coordinates import Coordinates
 from swimbladder.identify.noise import (
@@ -27,8 +27,12 @@ from swimbladder.identify.start import regression
 __all__ = ["Fit", "fit", "refine"]
 
 Array = NDArray[np.float64]
+Found = tuple[float, Array, Array]  # objective, x, noise [m] of each experiment
 
 _ROUNDS = 12  # of weights and noise
+_OF_STRETCHES = 4  # rounds of stretches with gaps of one size
+_HOPELESS = 10.0  # against the noise of neighbouring samples: a model that is not the vehicle's
+_GROWN = 20.0  # times that an error grows over a record, from where on stretches are searched
 _TILES = (15.0, 30.0, 60.0, 120.0)  # s
 # Of what is left over, against the noise of neighbouring samples:
 _CLEAN = 1.0  # there is nothing better to find
@@ -58,36 +62,60 @@ class Fit:
 def fit(problem: Problem) -> Fit:
     """Return the best of the fits from the vehicle's own values and from a regression's.
 
-    Where what is left over is above the noise of neighbouring samples, starts from fits to short
-    stretches are tried too: over a long one an error of the start grows, and the search strays.
+    Where an error of the start grows over a record, and where what is left over is above the noise
+    of neighbouring samples, the records are searched in stretches too.
     """
-    return _search(problem, _starts(problem), clean=_CLEAN, most=len(_TILES))
-
-
-def _search(problem: Problem, starts: list[Array], *, clean: float, most: int) -> Fit:
-    """Return the best fit from the starts and, until one is clean, from `most` pieced together."""
-    costs = [_cost(problem, x) for x in starts]
-    best: tuple[float, Array, Array] | None = None
-    for k in np.argsort(costs).tolist():
-        found = _solve(problem, starts[k])
-        if best is None or found[0] < best[0]:
-            best = found
-        if _excess(problem, best[2]) < clean:
-            break
-    assert best is not None
-    if _excess(problem, best[2]) >= clean:
-        for tried, x in enumerate(islice(_others(problem, starts), most), start=1):
-            found = _solve(problem, x)
-            if found[0] < best[0]:
-                best = found
-            if _excess(problem, best[2]) < (clean if tried < _ENOUGH else _POOR):
-                break
-    return finish(problem, best[1])
+    starts = _starts(problem)
+    best = _in_stretches(problem, _best_of(problem, starts), starts[-1], clean=_CLEAN)
+    return finish(problem, _pieced(problem, best, starts[-1], clean=_CLEAN, most=len(_TILES))[1])
 
 
 def refine(problem: Problem, x: Array) -> Fit:
     """Return the fit that is reached from x, or a better one if that is poor."""
-    return _search(problem, [x], clean=_POOR, most=1)
+    best = _in_stretches(problem, _solve(problem, x), x, clean=_POOR)
+    return finish(problem, _pieced(problem, best, x, clean=_POOR, most=1)[1])
+
+
+def _best_of(problem: Problem, starts: list[Array]) -> Found:
+    """Return the best solution from the starts, the first that is clean."""
+    costs = [_cost(problem, x) for x in starts]
+    best: Found | None = None
+    for k in np.argsort(costs).tolist():
+        found = _solve(problem, starts[k])
+        best = found if best is None or found[0] < best[0] else best
+        if _excess(problem, best[2]) < _CLEAN:
+            break
+    assert best is not None  # there is a start
+    return best
+
+
+def _in_stretches(problem: Problem, best: Found, start: Array, *, clean: float) -> Found:
+    """Return the best, or what stretches drawn together lead to from a start, if they are needed
+    and it is better.
+    """
+    grown = max(growth(problem, best[1]), growth(problem, start))
+    if grown <= _GROWN and _excess(problem, best[2]) < clean:
+        return best
+    cut = Bridged(problem, grown)
+    noise = float(np.median(_floors(problem)))
+    x = cut.begin_like(start)
+    for gap in GAPS:
+        cut.gap = gap * noise
+        _, x, left = _solve(cut, x, rounds=_OF_STRETCHES)
+        if _excess(cut, left) > _HOPELESS:
+            return best
+    return min(best, _solve(problem, joined(cut, x, problem)), key=lambda found: found[0])
+
+
+def _pieced(problem: Problem, best: Found, start: Array, *, clean: float, most: int) -> Found:
+    """Return the best solution from `most` starts pieced together, until one is clean."""
+    if _excess(problem, best[2]) < clean:
+        return best
+    for tried, x in enumerate(islice(_others(problem, start), most), start=1):
+        best = min(best, _solve(problem, x), key=lambda found: found[0])
+        if _excess(problem, best[2]) < (clean if tried < _ENOUGH else _POOR):
+            break
+    return best
 
 
 def _starts(problem: Problem) -> list[Array]:
@@ -108,35 +136,18 @@ def _starts(problem: Problem) -> list[Array]:
     return [own, other]
 
 
-def _others(problem: Problem, starts: list[Array]) -> Iterator[Array]:
+def _others(problem: Problem, start: Array) -> Iterator[Array]:
     """Yield starts from fits to short stretches, each begun where the one before ended."""
-    longest = max(
-        float(e.record.time[s.last] - e.record.time[s.first])
-        for e in problem.experiments
-        for s in e.segments
-    )
-    shared = starts[-1][: problem.first_start]
+    shared = start[: problem.first_start]
     for length in _TILES:
-        if length > 0.7 * longest:
+        if length > 0.7 * longest(problem):
             return
         tiled = problem.tiled(length)
         x = tiled.begin()
         x[: problem.first_start] = shared
         x = _solve(tiled, x)[1]
         shared = x[: problem.first_start]
-        yield _joined(tiled, x, problem)
-
-
-def _joined(tiled: Problem, found: Array, problem: Problem) -> Array:
-    """Return a start from a fit to short stretches: each long one begins as its first part did."""
-    x = problem.begin()
-    x[: problem.first_start] = found[: problem.first_start]
-    for j, e in enumerate(problem.experiments):
-        parts = {s.first: k for k, s in enumerate(tiled.experiments[j].segments)}
-        for k, s in enumerate(e.segments):
-            at, there = problem.starts_at[j] + 2 * k, tiled.starts_at[j] + 2 * parts[s.first]
-            x[at : at + 2] = found[there : there + 2]
-    return x
+        yield joined(tiled, x, problem)
 
 
 def _cost(problem: Problem, x: Array) -> float:
@@ -148,14 +159,19 @@ def _excess(problem: Problem, noise: Array) -> float:
 
     Of the experiment that is worst; 1 is as much more as chance may make it.
     """
-    ratios = []
-    for sigma, (first, last) in zip(noise, pairwise(problem.rows), strict=True):
+    # of which both are uncertain
+    chance = 1.0 + 5.0 / np.sqrt(np.maximum(np.diff(problem.rows) - 1.0, 1.0))
+    return float((noise / _floors(problem) / chance).max())
+
+
+def _floors(problem: Problem) -> Array:
+    """Return the noise of neighbouring samples [m], of each experiment."""
+    floors = []
+    for first, last in pairwise(problem.rows):
         bend = np.sort(np.abs(np.diff(problem.measured[first:last], 2)))
         kept = bend[: max(1, round(0.7 * len(bend)))]  # hardly a spike among them
-        floor = float(np.sqrt(np.mean(kept**2) / 6.0)) / _OF_70
-        chance = 1.0 + 5.0 / math.sqrt(len(bend) + 1.0)  # of which both are uncertain
-        ratios.append(float(sigma) / max(floor, _FINEST) / chance)
-    return max(ratios)
+        floors.append(max(float(np.sqrt(np.mean(kept**2) / 6.0)) / _OF_70, _FINEST))
+    return np.array(floors)
 
 
 def _each(problem: Problem, values: Array) -> Array:
@@ -178,7 +194,7 @@ def _noise(problem: Problem, residual: Array, weight: Array | None) -> Array:
     return np.array(found) if weight is None else pooled(np.array(found), np.array(freedom))
 
 
-def _solve(problem: Problem, x: Array) -> tuple[float, Array, Array]:
+def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
     """Return (objective, x, noise) at the end of rounds of weights, noise and least squares."""
     low, high = problem.bounds()
     x = np.clip(x, low, high)
@@ -187,7 +203,7 @@ def _solve(problem: Problem, x: Array) -> tuple[float, Array, Array]:
     residual = problem.residual(x)
     noise = _noise(problem, residual, None)
     settled = False
-    for n in range(_ROUNDS):
+    for n in range(rounds):
         weight = weights(residual / _each(problem, noise))
         if settled:  # no outlier is near any more: the efficient estimate of the noise
             noise = _noise(problem, residual, weight)

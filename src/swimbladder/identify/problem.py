@@ -182,9 +182,7 @@ class Problem:
         own = self.shared + j
         shared = [*range(self.shared), own]
         columns = shared + list(range(self.starts_at[j], self.starts_at[j + 1]))
-        plants = [self._plant(x, e, own)]
-        if derivatives:
-            plants += [self._plant(_moved(x, i), e, own) for i in shared]
+        plants = self._plants(x, e, own, shared if derivatives else [])
         depths, slopes = [], []
         for k, course in enumerate(courses or self.courses[j]):
             at = self.starts_at[j] + 2 * k
@@ -219,6 +217,10 @@ class Problem:
             return z[0], np.zeros((0, 0))
         slope = (z[1:] - z[0]) / _STEP
         return z[0], np.clip(np.nan_to_num(slope.T), -1e6, 1e6)
+
+    def _plants(self, x: Array, e: Experiment, own: int, moved: Sequence[int]) -> list[Plant]:
+        """Return the plant at x, and with each of the entries `moved` a little larger."""
+        return [self._plant(x, e, own), *(self._plant(_moved(x, i), e, own) for i in moved)]
 
     def _plant(self, x: Array, e: Experiment, own: int) -> Plant:
         values = self.named(x)

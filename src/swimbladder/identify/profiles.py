@@ -20,6 +20,7 @@ __all__ = ["profile"]
 Array = NDArray[np.float64]
 
 _AT = (0.7, 1.4, 2.1, 2.8)  # standard deviations to either side
+_EVALUATIONS = 30  # more than ever needed but on long records of an unstable motion
 _FURTHER = (4.0, 6.0, 9.0)  # where the interval has not ended by then
 
 
@@ -56,7 +57,8 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
 
         done = least_squares(
             rows, np.clip(start, low[others] + 1e-9, high[others] - 1e-9), slopes,
-            bounds=(low[others], high[others]), xtol=1e-6, ftol=1e-6, gtol=1e-8, max_nfev=8,
+            bounds=(low[others], high[others]), xtol=1e-6, ftol=1e-6, gtol=1e-8,
+            max_nfev=_EVALUATIONS,
         )  # fmt: skip
         return 2.0 * float(done.cost), done.x
 
