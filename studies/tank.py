@@ -95,11 +95,12 @@ def judge(number: int, log: Log, vehicle: Vehicle, *, open_loop: bool = True) ->
     rec = ahead.record
     near, far = ahead.horizons
     rms = [np.nan, np.nan]
-    if open_loop:
-        start = () if rec.afloat else ("start_depth", "start_speed")
+    if open_loop:  # from under water on: how a float leaves the surface is not the question
         for i, names in enumerate((("neutral_volume",), ("neutral_volume", "neutral_drift"))):
-            fit = (*names, *start)
-            rms[i] = compare(log, vehicle, drive="volume", fit=fit, bottom_depth=bottom).rms
+            fit = (*names, "start_depth", "start_speed")
+            rms[i] = compare(
+                log, vehicle, drive="volume", fit=fit, bottom_depth=bottom, submerged=True
+            ).rms
     travelled = _travelled(rec, vehicle)
     lay = int((rec.depth > bottom - 0.03).sum()) > _LYING
     surfaced = _surfaced(rec)

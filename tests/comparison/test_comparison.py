@@ -368,6 +368,31 @@ def test_what_does_not_go_together_is_refused(float_vehicle, voyage, change, opt
     assert caught.value.remedy
 
 
+def test_a_start_under_water_leaves_out_how_the_vehicle_got_there(float_vehicle):
+    """The depths at the surface are no motion of the model's, those under water are SciPy's."""
+    time = np.arange(0.0, 120.0, 0.5)
+    volume = 8e-6 * np.sin(time / 9.0) - 1e-6
+    z = sail(float_vehicle, time, volume, 0.9, 0.01)
+    top = np.arange(0.0, 30.0, 0.5)
+    surfaced = made_log(
+        np.concatenate([top, 30.0 + time]),
+        np.concatenate([0.03 * np.sin(top), z]),
+        volume=np.concatenate([np.full(len(top), 20e-6), volume]),
+        volume_absolute=True,
+    )
+    surfaced.depth[20] = 0.6  # a spike is no submergence
+    whole = compare(surfaced, float_vehicle)
+    assert whole.rms > 0.05
+    found = compare(surfaced, float_vehicle, submerged=True)
+    assert found.rms < 1e-4
+    assert found.n == len(time)
+    assert found.fitted["start_depth"].value == pytest.approx(0.9, abs=1e-3)
+    assert any("begun 30 s after" in note for note in found.notes)
+    never = replace(surfaced, depth=np.full(len(surfaced), 0.02))
+    with pytest.raises(LogError, match="clear of surface and bottom"):
+        compare(never, float_vehicle, submerged=True)
+
+
 def test_a_vehicle_and_a_log_that_do_not_fit(float_vehicle, paper_vehicle, voyage):
     with pytest.raises(InputError, match="no such term"):
         compare(voyage, paper_vehicle, fit=("drag_quadratic",))

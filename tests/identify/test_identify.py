@@ -258,8 +258,15 @@ def test_neutral_volumes_that_walk():
     for name, value in (("K2", 7935.54), ("T2", 36.3)):
         e = found.parameters[name]
         assert abs(e.value - value) < 4.0 * e.std
-    assert found.vehicle.identified.neutral_walk == pytest.approx(found.walk.noise.walk)
     assert "walk" in kinds(found)
+    # Six logs tell how logs differ: the vehicle is that of the means over them.
+    known = found.vehicle.identified
+    assert known.between is not None
+    assert known.neutral_walk == pytest.approx(found.walk.noise.walk, rel=0.6)
+    assert dict(zip(known.names, known.values, strict=True))["K2"] == pytest.approx(
+        found.parameters["K2"].value, rel=0.1
+    )
+    assert "logs differ" in kinds(found)
     assert found.to_json()["walk"]["neutral_walk"]["unit"] == "m3/s^0.5"
 
 

@@ -57,6 +57,10 @@ def compare(
     surface_margin: Annotated[
         str, typer.Option(metavar="DEPTH", help="Depths less than this are not compared.")
     ] = "0.1 m",
+    submerged: Annotated[
+        bool,
+        typer.Option("--submerged", help="Begin where the vehicle is first so deep."),
+    ] = False,
     ahead: Annotated[
         str | None,
         typer.Option(metavar="TIME,...", help='Also predict so far ahead, as "10 s,60 s".'),
@@ -94,6 +98,7 @@ def compare(
         "fit": names(fit),
         "bottom_depth": depth(bottom, "--bottom"),
         "surface_margin": depth(surface_margin, "--surface-margin"),
+        "submerged": submerged,
     }
     look = ahead_options(
         ahead, walk=walk, depth_noise=depth_noise, acceleration_noise=acceleration_noise

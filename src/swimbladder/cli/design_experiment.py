@@ -18,8 +18,8 @@ from swimbladder.cli.common import (
     progress,
     quantity,
 )
-from swimbladder.cli.known import held, known
 from swimbladder.cli.logs import names
+from swimbladder.cli.settings import held, priors
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def design_experiment(
         "drift_std": quantity(drift, "m3/s", "--drift"),
         "free": names(free),
         "fixed": held(set_),
-        "priors": known(prior),
+        "priors": priors(prior),
         "drag": drag,
         "time": quantity(time, "s", "--time"),
         "releases": runs,

@@ -18,7 +18,7 @@ from swimbladder.cli.common import (
     progress,
 )
 from swimbladder.cli.logs import chosen, depth, names, pair, read
-from swimbladder.cli.settings import deviation, known, once, setting
+from swimbladder.cli.settings import deviation, held, priors
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -113,16 +113,14 @@ def identify(
     neutral volume and start. Exit code 1 says that the data do not tell what was asked: then no
     vehicle is written.
     """
-    from swimbladder.identify.model import NAMES
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
     v = load_vehicle(vehicle)
-    units = {name: about.unit for name, about in NAMES.items()}
     options: dict[str, Any] = {
         "free": names(free),
-        "fixed": once([setting(text, units) for text in set_ or []], "--set"),
-        "priors": once([known(text, units) for text in prior or []], "--prior"),
+        "fixed": held(set_),
+        "priors": priors(prior),
         "drag": drag,
         "neutral_std": deviation(neutral_std, "m3", "--neutral-std"),
         "speed_std": deviation(speed_std, "m/s", "--speed-std"),

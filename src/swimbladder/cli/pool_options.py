@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from swimbladder.cli.common import quantity
 from swimbladder.cli.logs import pair
+from swimbladder.cli.settings import deviation, held
+from swimbladder.cli.settings import priors as priors_of
 from swimbladder.errors import InputError, UnitError
 from swimbladder.units import parse_quantity
 
 if TYPE_CHECKING:
     from swimbladder.guide import Asked, Rules, Target
-    from swimbladder.identify import Prior
     from swimbladder.io.plan import Plan
     from swimbladder.parameters import Vehicle
 
@@ -67,63 +67,23 @@ def asked_of(
     from swimbladder.guide import Asked
     from swimbladder.identify.model import check_names, default_names, model_of
 
-    known = dict(_known(text, "--set") for text in fixed)
-    before = dict(_prior(text) for text in priors)
+    known, before = held(fixed), priors_of(priors)
     model = model_of(vehicle, law=drag, bottom_depth=math.inf)
     chosen = default_names(model.law, list(known)) if free is None else free
     for option, given in (
         ("--free", chosen), ("--set", tuple(known)), ("--prior", tuple(before)),
     ):  # fmt: skip
         check_names(given, model, voltage=False, option=option)
-    std = quantity(neutral_std, "m3", "--neutral-std") if neutral_std != "none" else math.inf
-    assert std is not None
+    std = deviation(neutral_std, "m3", "--neutral-std")
     return Asked(
         targets=_targets(target, target_std, chosen), free=free, fixed=known, priors=before,
         drag=drag, neutral_std=std,
     )  # fmt: skip
 
 
-def _unit(name: str, option: str) -> str:
-    from swimbladder.identify import NAMES
-
-    if name not in NAMES:
-        raise InputError(
-            "there is no such parameter", field=option, value=name,
-            remedy=f"Choose from {', '.join(NAMES)}",
-        )  # fmt: skip
-    return NAMES[name].unit
-
-
-def _known(text: str, option: str) -> tuple[str, float]:
-    name, value = pair(text, option)
-    number = quantity(value, _unit(name, option), f"{option} {name}")
-    assert number is not None
-    return name, number
-
-
-def _prior(text: str) -> tuple[str, Prior]:
-    """Return NAME=VALUE +- STD [UNIT]: each with a unit of its own, or one for both."""
-    from swimbladder.identify import Prior
-
-    name, value = pair(text, "--prior")
-    unit, option = _unit(name, "--prior"), f"--prior {name}"
-    parts = [part.strip() for part in re.split(r"\+-|\+/-|±", value)]
-    if len(parts) != 2:
-        raise InputError(
-            "not a value with its standard deviation", field=option, value=value,
-            remedy=f'Write it like --prior "{name}=4e-6 +- 4e-7 {unit}"',
-        )  # fmt: skip
-    own = re.search(r"[A-Za-z%].*$", re.sub(r"^[\d.eE+-]+", "", parts[1]))
-    if own is not None and re.fullmatch(r"[\d.eE+-]+", parts[0]):
-        parts[0] = f"{parts[0]} {own.group()}"
-    mean, std = (quantity(part, unit, option) for part in parts)
-    assert mean is not None
-    assert std is not None
-    return name, Prior(mean, std)
-
-
 def _targets(text: str | None, each: str, names: Sequence[str]) -> tuple[Target, ...]:
     from swimbladder.guide import Target
+    from swimbladder.identify.model import NAMES
 
     if text is None:
         share = _share(each, "--target-std")
@@ -142,7 +102,7 @@ def _targets(text: str | None, each: str, names: Sequence[str]) -> tuple[Target,
         try:
             found.append(Target(name, _share(value, "--target")))
         except UnitError:
-            std = quantity(value, _unit(name, "--target"), f"--target {name}")
+            std = quantity(value, NAMES[name].unit, f"--target {name}")
             assert std is not None
             found.append(Target(name, std, relative=False))
     return tuple(found)

@@ -14,7 +14,7 @@ from swimbladder.errors import InputError
 if TYPE_CHECKING:
     from swimbladder.identify import Prior
 
-__all__ = ["deviation", "known", "once", "setting"]
+__all__ = ["deviation", "held", "known", "once", "priors", "setting"]
 
 _PLUS_MINUS = re.compile(r"\+-|\+/-|±")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
@@ -69,6 +69,24 @@ def known(text: str, units: Mapping[str, str]) -> tuple[str, Prior]:
     return name, Prior(mean, std)
 
 
+def held(texts: Sequence[str] | None) -> dict[str, float]:
+    """Return the values, in SI, of all that is given to --set.
+
+    Raises InputError naming option and value.
+    """
+    units = _units()
+    return once([setting(text, units) for text in texts or []], "--set")
+
+
+def priors(texts: Sequence[str] | None) -> dict[str, Prior]:
+    """Return the priors, in SI, of all that is given to --prior.
+
+    Raises InputError naming option and value.
+    """
+    units = _units()
+    return once([known(text, units) for text in texts or []], "--prior")
+
+
 def deviation(text: str, unit: str, option: str) -> float:
     """Return a standard deviation in `unit`, infinite for ``none``.
 
@@ -96,6 +114,12 @@ def once(pairs: Sequence[tuple[str, _Value]], option: str) -> dict[str, _Value]:
             raise InputError("given twice", field=option, value=name, remedy="Give it once")
         found[name] = value
     return found
+
+
+def _units() -> dict[str, str]:
+    from swimbladder.identify.model import NAMES
+
+    return {name: about.unit for name, about in NAMES.items()}
 
 
 def _named(text: str, option: str, units: Mapping[str, str]) -> tuple[str, str]:

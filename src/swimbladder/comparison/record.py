@@ -24,6 +24,7 @@ Drive = Literal["volume", "voltage", "setpoint"]
 DRIVES: tuple[Drive, ...] = get_args(Drive)
 
 _FEWEST = 10
+_STAYS = 3  # samples under water, one after the other
 _BELOW_BOTTOM = 0.2  # m, that a depth sensor may be off
 _BOTTOM_MARGIN = 0.03  # m, of the bottom: the vehicle may stand on it
 _REMEDIES = {
@@ -79,11 +80,14 @@ def record(
     drive: Drive | None = None,
     bottom_depth: float = np.inf,
     surface_margin: float = 0.1,
+    submerged: bool = False,
 ) -> Record:
     """Return what drives the vehicle: volume or piston, else voltage, else the set-point.
 
     bottom_depth [m]; surface_margin: samples less deep than this below the depth of emergence are
-    not compared [m]. Raises LogError where the log does not have what drives, or too little of it.
+    not compared [m]. submerged: the record begins where the vehicle is first deeper than that: how
+    it leaves the surface, part of it in air, is not asked of the model. Raises LogError where the
+    log does not have what drives, or too little of it.
     """
     if drive is not None and drive not in DRIVES:
         raise InputError(
@@ -96,6 +100,8 @@ def record(
     if not kept.all():
         notes.append(f"{int((~kept).sum())} samples without {chosen} left out")
         log, series = log.only(kept), series[kept]
+    if submerged:
+        log, series = _from_submergence(log, series, vehicle, surface_margin, notes)
     if len(log) < _FEWEST:
         raise LogError(
             f"{len(log)} samples with {chosen} are too few to compare",
@@ -128,18 +134,18 @@ def record(
             remedy="Check --bottom, and the unit of the logged depth",
         )
     surface = vehicle.hull.emergence_depth
-    submerged = log.depth >= surface + surface_margin
+    under = log.depth >= surface + surface_margin
     clear = log.depth <= bottom_depth - _BOTTOM_MARGIN
-    if not submerged.all():
+    if not under.all():
         notes.append(
-            f"{int((~submerged).sum())} samples less than {surface_margin:g} m below the depth at "
+            f"{int((~under).sum())} samples less than {surface_margin:g} m below the depth at "
             "which the hull emerges are simulated, not compared"
         )
     if not clear.all():
         notes.append(f"{int((~clear).sum())} samples at the bottom are simulated, not compared")
-    if (submerged & clear).sum() < _FEWEST:
+    if (under & clear).sum() < _FEWEST:
         raise LogError(
-            f"{int((submerged & clear).sum())} samples are clear of surface and bottom, too few",
+            f"{int((under & clear).sum())} samples are clear of surface and bottom, too few",
             file=log.source,
             field="depth_m",
             value=float(log.depth.max()),
@@ -158,11 +164,29 @@ def record(
         voltage=log.voltage,
         setpoints=() if reference is None else _changes(time, reference),
         reference=reference,
-        compared=submerged & clear,
+        compared=under & clear,
         afloat=bool(log.depth[0] < surface + surface_margin) and (absolute or volume is None),
         bottom_depth=bottom_depth,
         notes=tuple(notes),
     )
+
+
+def _from_submergence(
+    log: Log, series: Array, vehicle: Vehicle, margin: float, notes: list[str]
+) -> tuple[Log, Array]:
+    """Return log and driving series from where the vehicle is first under water, not by a spike."""
+    under = log.depth >= vehicle.hull.emergence_depth + margin
+    stays = np.convolve(under, np.ones(_STAYS), mode="full")[_STAYS - 1 :] == _STAYS
+    if not stays.any():
+        return log, series  # what is lacking is said with the rest
+    first = int(np.argmax(stays))
+    if first:
+        notes.append(
+            f"begun {log.time[first] - log.time[0]:.4g} s after the first sample, where the "
+            f"vehicle is first {margin:g} m below the depth at which the hull emerges"
+        )
+    kept = np.arange(len(log)) >= first
+    return log.only(kept), series[kept]
 
 
 def _first_drive(log: Log, vehicle: Vehicle) -> Drive:

@@ -105,6 +105,7 @@ def compare(
     fit: Sequence[str] | None = None,
     bottom_depth: float = np.inf,
     surface_margin: float = 0.1,
+    submerged: bool = False,
     advance: Callable[[float], None] | None = None,
 ) -> Comparison:
     """Drive the vehicle with what the log recorded, and compare depths.
@@ -113,13 +114,19 @@ def compare(
     sensors, follows the logged set-point; the first that the log has where not given.
     fit: what is fitted to this log (see FITTABLE); the neutral volume where not given, with
     the state at the start where the vehicle is under way. bottom_depth [m]. surface_margin: depths
-    less than this below the depth of emergence are not compared [m].
+    less than this below the depth of emergence are not compared [m]. submerged: begin where the
+    vehicle is first deeper than that.
 
     Raises LogError or InputError where the log and the vehicle do not go together, NoAnswerError
     where the model cannot follow the log to its end.
     """
     rec = record(
-        log, vehicle, drive=drive, bottom_depth=bottom_depth, surface_margin=surface_margin
+        log,
+        vehicle,
+        drive=drive,
+        bottom_depth=bottom_depth,
+        surface_margin=surface_margin,
+        submerged=submerged,
     )
     names = default_names(rec) if fit is None else tuple(fit)
     outcome = adjust(vehicle, rec, names, advance=advance)

@@ -93,7 +93,7 @@ def identify(
             neutral_std=neutral_std, bottom_depth=bottom_depth,
         )  # fmt: skip
         tell(0.6)
-        return with_walk(found, walked, vehicle, model)
+        return with_walk(found, walked, vehicle, model, records)
 
 
 def _answer(

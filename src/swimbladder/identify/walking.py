@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from swimbladder.comparison.record import Record
+from swimbladder.identify.between import FEWEST, between_logs
 from swimbladder.identify.estimates import Estimate
-from swimbladder.identify.model import Model
+from swimbladder.identify.model import NAMES, Model
 from swimbladder.identify.outcome import identified_vehicle
 from swimbladder.identify.result import Finding, Identification
 from swimbladder.identify.tell import LIMIT
@@ -21,12 +24,14 @@ _CONSTANT = ("trade-off", "not told", "profile", "prior", "step-size trend", "dr
 
 
 def with_walk(
-    found: Identification, walk: WalkFit, vehicle: Vehicle, model: Model
-) -> Identification:
+    found: Identification, walk: WalkFit, vehicle: Vehicle, model: Model,
+    records: Sequence[Record],
+) -> Identification:  # fmt: skip
     """Return the identification with the walk's parameters in place of the output error's.
 
-    What is said of single logs stays that of constant neutral volumes. What was said against these
-    falls; what the walking ones do not tell is said instead.
+    Where the records are enough to tell, the vehicle also knows how logs differ, and is that of
+    the means over them. What is said of single logs stays that of constant neutral volumes. What
+    was said against these falls; what the walking ones do not tell is said instead.
     """
     values = walk.values
     C = walk.covariance
@@ -40,6 +45,9 @@ def with_walk(
         depth_noise=noise.depth, neutral_std=_neutral_std(found), neutral_walk=noise.walk,
         acceleration_noise=noise.jolt, logs=tuple(e.source for e in found.experiments),
     )  # fmt: skip
+    if told and len(records) >= FEWEST:
+        new = between_logs(records, new)
+        findings.append(_differ(new))
     held = {n: e for n, e in found.parameters.items() if e.origin == "set"}
     return replace(
         found, names=walk.names, parameters={**walk.estimates, **held}, derived={},
@@ -82,6 +90,24 @@ def _untold(walk: WalkFit, model: Model) -> list[Finding]:
             )
         )  # fmt: skip
     return found
+
+
+def _differ(vehicle: Vehicle) -> Finding:
+    known = vehicle.identified
+    assert known is not None  # it was just identified
+    assert known.between is not None
+    b = known.between
+    means = ", ".join(
+        f"{name} = {value:.4g} {NAMES[name].unit}"
+        for name, value in zip(known.names, known.values, strict=True)
+    )
+    return Finding(
+        "logs differ", "note",
+        f"From log to log psi differs by {1e6 * b.psi:.2g} cm3/m and drag by "
+        f"{100.0 * b.drag:.2g} % (1 sigma); the neutral volume drifts by "
+        f"{3.6e9 * b.neutral_drift:.2g} +- {3.6e9 * b.neutral_drift_std:.2g} cm3/h. vehicle.toml "
+        f"holds this and the means over logs: {means}.",
+    )  # fmt: skip
 
 
 def _share(e: Estimate) -> float:
