@@ -22,6 +22,8 @@ __all__ = ["CASES", "Score", "score"]
 CASES: Mapping[str, tuple[bool, float, float]] = {
     # name: moves instead of voltage steps, spread of the gains between them, share of outliers
     "steps": (False, 0.0, 0.0),
+    "steps, gains differ by 1 %": (False, 0.01, 0.0),
+    "steps, gains differ by 2 %": (False, 0.02, 0.0),
     "steps, 10 % outliers": (False, 0.0, 0.1),
     "moves": (True, 0.0, 0.0),
     "moves, speeds differ by 1 %": (True, 0.01, 0.0),

@@ -85,6 +85,46 @@ def test_gains_that_differ_from_step_to_step_widen_the_interval():
     assert K1.ci95[0] < Motor().K1 < K1.ci95[1]
 
 
+def differing(levels, motor, share, random):
+    """A log of steps with gains that differ from one to the next."""
+    time, voltage = steps(levels, hold=1.0, rest=0.6 + 3.0 * motor.T1, step=0.02)
+    number = np.cumsum(np.append(False, (voltage[1:] != 0.0) & (voltage[:-1] == 0.0)))
+    gain = 1.0 + share * random.normal(size=len(levels) + 1)[number]
+    noise = 1e-3 * motor.K1
+    return log_of(time, measured(travel(motor, time, voltage, gain), random, noise=noise),
+                  voltage=voltage)  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("levels", [[4.0, -4.0, 11.0, -11.0], LEVELS], ids=["no repeat", "two"])
+def test_unseen_differences_of_the_gain_are_in_the_intervals(levels):
+    """As many steps as gains, or two more, and gains that differ by 1.5 %."""
+    held = {name: [] for name in truth(Motor())}
+    for k in range(60):
+        random = np.random.default_rng([31, k])
+        motor = random_motor(random)
+        found = identify_actuator([differing(levels, motor, 0.015, random)])
+        for name, value in truth(motor).items():
+            low, high = found.parameters[name].ci95
+            held[name].append(low <= value <= high)
+    for name, hits in held.items():
+        chance = binomtest(sum(hits), len(hits), 0.95, alternative="less").pvalue
+        assert chance > 0.001, (name, sum(hits))
+
+
+def test_steps_applied_once_say_that_repeats_would_tell_more():
+    once = bench([4.0, -4.0, 11.0, -11.0], rest=0.6)
+    often = bench([4.0, -4.0, 11.0, -11.0] * 4, rest=0.6)
+    few, many = identify_actuator([once]), identify_actuator([often])
+    (said,) = [f.sentence for f in few.findings if f.kind == "repeat"]
+    assert "No step was repeated" in said
+    assert "three times or more" in said
+    assert not any(f.kind == "repeat" for f in many.findings)
+    a, b = few.parameters["K1"], many.parameters["K1"]
+    assert a.std > 4.0 * b.std  # more than the samples alone would make it
+    assert 0.005 < a.std / a.value < 0.05
+
+
 @pytest.mark.parametrize(
     ("log", "names", "words"),
     [

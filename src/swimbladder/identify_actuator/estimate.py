@@ -44,13 +44,14 @@ class Estimate:
 
 
 def estimated(
-    value: float, std: float, unit: str, *, df: float = math.inf, logarithmic: bool = False
-) -> Estimate:
+    value: float, std: float, unit: str, *, df: float = math.inf, reach: float | None = None,
+    logarithmic: bool = False,
+) -> Estimate:  # fmt: skip
     """Return the estimate of a normal quantity or, where `logarithmic`, of a log-normal one.
 
-    df: degrees of freedom behind `std`; Student's interval.
+    df: degrees of freedom behind `std`; Student's interval. reach: half the interval, where known.
     """
-    reach = _quantile(df) * std
+    reach = _quantile(df) * std if reach is None else reach
     if logarithmic and value > 0.0:
         factor = math.exp(min(reach / value, 700.0))
         return Estimate(value, std, (value / factor, value * factor), unit)

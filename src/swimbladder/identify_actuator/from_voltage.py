@@ -33,7 +33,6 @@ def from_voltage(fit: VoltageFit, chosen: dict[str, float], unit: str) -> dict[s
         "rate": f"{unit}/s",
     }  # fmt: skip
     values, told = fit.values, named(fit)
-    std = np.sqrt(np.diag(fit.covariance))
     found: dict[str, Estimate] = {}
     for name, of in units.items():
         if name in chosen:
@@ -45,16 +44,23 @@ def from_voltage(fit: VoltageFit, chosen: dict[str, float], unit: str) -> dict[s
         elif name not in told or ("K1" in fit.problem.free and "K1" not in told):
             found[name] = untold(of, _blind(fit))
         else:
-            k = fit.problem.free.index(name)
             logarithmic = name in LOGARITHMIC
             size = values[name] if logarithmic else fit.problem.top
-            found[name] = estimated(
-                values[name], size * float(std[k]), of, df=fit.df, logarithmic=logarithmic
+            found[name] = _along(
+                fit, values[name], size, of, logarithmic=logarithmic, **{name: 1.0}
             )
             if name == "dead_zone" and found[name].ci95[0] < 0.0:
                 low_high = (0.0, found[name].ci95[1])
                 found[name] = Estimate(found[name].value, found[name].std, low_high, of)
     return found
+
+
+def _along(
+    fit: VoltageFit, value: float, size: float, unit: str, *, logarithmic: bool, **weights: float
+) -> Estimate:
+    """Return the estimate of what changes by `size` times the weighted sum of what is turned."""
+    std, reach = fit.spread_along(np.array([weights.get(name, 0.0) for name in fit.problem.free]))
+    return estimated(value, size * std, unit, reach=size * reach, logarithmic=logarithmic)
 
 
 _ONE_WAY = {
@@ -99,16 +105,8 @@ def _and(names: set[str]) -> str:
 
 def by_direction(fit: VoltageFit, found: dict[str, Estimate], unit: str) -> dict[str, Estimate]:
     """Return the gains and the edges of the dead zone outward and inward, where they are told."""
-    free, values = fit.problem.free, fit.values
-    index = {name: k for k, name in enumerate(free)}
+    values = fit.values
     result: dict[str, Estimate] = {}
-
-    def spread(**weights: float) -> float:
-        w = np.zeros(len(free))
-        for name, weight in weights.items():
-            if name in index:
-                w[index[name]] = weight
-        return math.sqrt(max(float(w @ fit.covariance @ w), 0.0))
 
     def known(*names: str) -> bool:
         return all(found[name].value is not None for name in names)
@@ -116,13 +114,16 @@ def by_direction(fit: VoltageFit, found: dict[str, Estimate], unit: str) -> dict
     if known("K1", "asymmetry"):
         drive = drive_of(values)
         for name, value, sign in (("K1_out", drive.K_out, 0.5), ("K1_in", drive.K_in, -0.5)):
-            std = value * spread(K1=1.0, asymmetry=sign)
-            result[name] = estimated(value, std, f"{unit}/s/V", df=fit.df, logarithmic=True)
+            result[name] = _along(
+                fit, value, value, f"{unit}/s/V", logarithmic=True, K1=1.0, asymmetry=sign
+            )
     if known("dead_zone", "load_voltage"):
         for name, sign in (("threshold_out", 1.0), ("threshold_in", -1.0)):
             value = sign * values["load_voltage"] + values["dead_zone"]
-            std = fit.problem.top * spread(dead_zone=1.0, load_voltage=sign)
-            result[name] = estimated(value, std, "V", df=fit.df)
+            result[name] = _along(
+                fit, value, fit.problem.top, "V", logarithmic=False,
+                dead_zone=1.0, load_voltage=sign,
+            )  # fmt: skip
     return result
 
 

@@ -19,6 +19,7 @@ __all__ = ["FIRST", "LOGARITHMIC", "Problem", "Whitener", "drive_of"]
 
 Array = NDArray[np.float64]
 
+_IDLE, _TURNS = 0.02, 0.1  # of the largest voltage: none; another one
 LOGARITHMIC = ("K1", "T1", "asymmetry", "rate")
 FIRST = {"K1": 1e-3, "T1": 0.1, "dead_zone": 0.0, "load_voltage": 0.0, "asymmetry": 1.0}
 
@@ -45,7 +46,8 @@ class Whitener:
 
     matrix: of the autoregression, block by block; one: the whitened column of the unknown start,
     of length 1 in each block; gain: that of a gain of the block's own, orthogonal to it, likewise;
-    size: its length before; keep: what is left of the residual along it; block: of each sample.
+    size: its length before, less where a block holds several moves, whose gains average; keep: what
+    is left of the residual along it; block: of each sample.
     """
 
     matrix: csr_array
@@ -71,8 +73,9 @@ class Problem:
     """Benches cut into blocks, and the parameters that are free.
 
     Parameters are turned as numbers near 1: logarithms for what is positive, voltages in units of
-    the largest. block: the block of each sample; early: whether it comes
-    too soon after an unknown start; used: whether it is neither that nor an outlier.
+    the largest. block: the block of each sample; strokes: how many moves each block holds; early:
+    whether a sample comes too soon after an unknown start; used: whether it is neither that nor an
+    outlier.
     """
 
     def __init__(
@@ -90,6 +93,7 @@ class Problem:
         self.at = np.concatenate([starts[b.log] + b.samples for b in blocks])
         self.block = np.repeat(np.arange(len(blocks)), [len(b.samples) for b in blocks])
         self.position = np.concatenate([b.position for b in benches])[self.at]
+        self.strokes = np.array([self._strokes(b) for b in blocks])
         self.used = np.ones(len(self.at), bool)
         self.early = np.zeros(len(self.at), bool)
         self.whiten: Whitener | None = None
@@ -125,6 +129,14 @@ class Problem:
         least, most = np.array(both).reshape(-1, 2).T
         return least, most
 
+    def _strokes(self, block: Block) -> float:
+        """Return how many moves a block holds: stretches of a voltage of one sign and size."""
+        u = _voltage(self.benches[block.log])[block.samples]
+        turned = np.abs(np.diff(u)) > _TURNS * self.top
+        turned |= np.sign(u[1:]) != np.sign(u[:-1])
+        number = np.append(0, np.cumsum(turned))
+        return float(max(len(np.unique(number[np.abs(u) > _IDLE * self.top])), 1))
+
     def travels(self, q: Array) -> Array:
         """Return the predicted travel of every sample [m], from an unknown start in each run."""
         drive = drive_of(self.values(q))
@@ -148,6 +160,19 @@ class Problem:
         count = np.bincount(self.block, self.used, minlength=len(self.blocks))
         total = np.bincount(self.block, residual * self.used, minlength=len(self.blocks))
         return residual - (total / np.maximum(count, 1.0))[self.block]
+
+    def without_own_gains(self, q: Array, residual: Array) -> Array:
+        """Return centred residuals less what a gain of each block's own explains of them.
+
+        That is left in as far as the whitener takes it for noise.
+        """
+        travel = self.centred(self.travels(q))
+        count = len(self.blocks)
+        size = np.bincount(self.block, travel**2 * self.used, minlength=count)
+        along = np.bincount(self.block, travel * residual * self.used, minlength=count)
+        kept = np.ones(count) if self.whiten is None else self.whiten.keep
+        own = (1.0 - kept**2) * along / np.maximum(size, 1e-300)
+        return residual - travel * own[self.block]
 
     def by_median(self, residual: Array) -> Array:
         """Return residuals less the median of their block."""
@@ -175,8 +200,9 @@ class Problem:
         one /= np.sqrt(np.maximum(inner(one, one), 1e-300))[block]
         gain: Array = matrix @ (travel - first[block])
         gain = gain - one * inner(one, gain)[block]
-        size = np.sqrt(inner(gain, gain))
-        gain = gain / np.maximum(size, 1e-300)[block]
+        length = np.sqrt(inner(gain, gain))
+        gain = gain / np.maximum(length, 1e-300)[block]
+        size = length / np.sqrt(self.strokes)
         ratio = spread / sigma if sigma > 0.0 else 0.0
         keep = 1.0 / np.sqrt(1.0 + (ratio * size) ** 2)
         self.whiten = Whitener(matrix, one, gain, size, keep, block)

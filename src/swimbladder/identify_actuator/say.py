@@ -30,6 +30,7 @@ ASSUMPTIONS: Mapping[Driven, tuple[str, ...]] = {
     ),
 }
 
+_WIDE = 1.5  # times, by which an interval is wider
 _SEVERAL = 0.02  # differences, trends and shares that are worth a sentence
 
 
@@ -56,23 +57,7 @@ def of_voltage(
                 "depend on what was before, are left out.",
             )
         )
-    if fit.repeats < 1:
-        found.append(
-            Finding(
-                "repeat",
-                "No step was repeated: that the gain is the same each time is assumed, not seen. "
-                "Apply every voltage twice or more.",
-            )
-        )
-    if fit.spread > 0.0:
-        found.append(
-            Finding(
-                "gains differ",
-                f"The gain differs by {100.0 * fit.spread:.2g} % (1 sigma) from one move to the "
-                "next by more than noise; the intervals take it into account.",
-                "warning" if fit.spread > _SEVERAL else "note",
-            )
-        )
+    found += _of_gains(fit)
     T1, step = parameters["T1"], min(b.step for b in benches)
     if T1.value is not None and T1.origin == "data" and T1.value < step:
         found.append(
@@ -84,6 +69,32 @@ def of_voltage(
             )
         )
     return found
+
+
+def _of_gains(fit: VoltageFit) -> list[Finding]:
+    """Return what is to be said of gains that differ, or may, from one move to the next."""
+    if fit.spread.told:
+        share = fit.spread.likely
+        return [
+            Finding(
+                "gains differ",
+                f"The gain differs by {100.0 * share:.2g} % (1 sigma) from one move to the next by "
+                "more than noise; the intervals take it into account.",
+                "warning" if share > _SEVERAL else "note",
+            )
+        ]
+    if fit.widened < _WIDE:
+        return []
+    few = "No step was" if fit.repeats < 1 else "Few steps were"
+    return [
+        Finding(
+            "repeat",
+            f"{few} repeated, so gains that differ from step to step are hardly seen: the "
+            f"intervals allow for {100.0 * fit.spread.typical:.2g} % (1 sigma), and that of K1 is "
+            f"{fit.widened:.2g} times as wide as if the gain were the same each time. Apply every "
+            "voltage three times or more.",
+        )
+    ]
 
 
 def of_moves(fits: Sequence[MovesFit]) -> list[Finding]:

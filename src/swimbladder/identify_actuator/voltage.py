@@ -1,10 +1,10 @@
 """K1, T1, dead zone, asymmetry and rate from voltage steps: output error, maximum likelihood.
 
 What is made small is measured less simulated position, the simulation being exact (`response`).
-Each block has its own unknown start and, as far as the log shows such differences, a gain of its
-own about the common one; what is left over is an autoregression. Gross outliers are left out. The
-standard deviations are those of the whitened problem, the interval of T1 comes from its profile
-likelihood, and what the sensitivities cannot tell apart is not told.
+Each block has its own unknown start and a gain of its own about the common one, by as much as may
+be after seeing the log (`gains`); what is left over is an autoregression. Gross outliers are left
+out. The standard deviations are those of the whitened problem, the interval of T1 comes from its
+profile likelihood, and what the sensitivities cannot tell apart is not told.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from swimbladder.identify_actuator.begin import (
 )
 from swimbladder.identify_actuator.bench import Bench
 from swimbladder.identify_actuator.blocks import Block, cut
-from swimbladder.identify_actuator.gains import gains, slope
+from swimbladder.identify_actuator.gains import Spread, gains, slope
 from swimbladder.identify_actuator.model import Problem
-from swimbladder.identify_actuator.noise import WHITE, autoregression, scale, spikes
+from swimbladder.identify_actuator.noise import WHITE, Autoregression, autoregression, scale, spikes
 
 __all__ = ["VoltageFit", "fit_voltage", "named", "solve"]
 
@@ -47,24 +47,40 @@ _LEVEL = 0.6  # of the steepest gain: the speeds level off
 class VoltageFit:
     """The fit at its best.
 
-    q: free parameters as they are turned; covariance: of q; blind: directions of q that the logs
-    do not tell, in columns; spread: of the gains of the blocks, a share; df: for the gains.
+    q: free parameters as they are turned; covariance: of q; told, blind: directions of q that the
+    logs tell and do not, in columns; spread: what is known of how the gains of the blocks differ.
     residual: measured less fitted of every sample in a block [m], its start taken off.
     """
 
     problem: Problem
     q: Array
     covariance: Array
+    told: Array
     blind: Array
     sigma: float  # m, of the innovations
-    spread: float
-    df: float
+    spread: Spread
     residual: Array
 
     @property
     def values(self) -> dict[str, float]:
         """All parameters in SI."""
         return self.problem.values(self.q)
+
+    def spread_along(self, direction: Array) -> tuple[float, float]:
+        """Return standard deviation and half the 95 % interval along a direction of q."""
+        std = math.sqrt(max(float(direction @ self.covariance @ direction), 0.0))
+        if not self.told.size or std == 0.0:
+            return std, 1.96 * std
+        return std, self.spread.reach(self.spread.variances(self.told, direction))
+
+    @property
+    def widened(self) -> float:
+        """By how much gains that may differ widen the interval of the gain: 1, not at all."""
+        if "K1" not in self.problem.free or not self.told.size:
+            return 1.0
+        K1 = np.array([float(name == "K1") for name in self.problem.free])
+        variances = self.spread.variances(self.told, K1)
+        return self.spread.reach(variances) / (1.96 * math.sqrt(max(float(variances[0]), 1e-300)))
 
     @property
     def repeats(self) -> int:
@@ -163,18 +179,15 @@ def _at_rest(problem: Problem, q: Array) -> None:
 
 def _refine(problem: Problem, q: Array) -> VoltageFit:
     """Return the fit with outliers left out, and noise and differing gains as they show."""
-    sigma = spread = 0.0
-    df = math.inf
+    noise = WHITE
     for round_ in range(_ROUNDS):
         _leave_out(problem, q)
-        problem.whitened_with(q, WHITE, 0.0, 0.0)
         if round_ > 0:
             left, used = problem.centred(problem.residual(q)), problem.used
+            left = problem.without_own_gains(q, left)
             ends = np.flatnonzero(np.diff(problem.block[used])) + 1
             noise = autoregression(np.split(left[used], ends))
-            problem.whitened_with(q, noise, 0.0, 0.0)
-            spread, sigma, df = gains(problem, q)
-            problem.whitened_with(q, noise, spread, sigma)
+        spread = _whiten(problem, q, noise)
         before, q = q, solve(problem, q)
         if round_ > 1 and np.abs(q - before).max(initial=0.0) < 1e-5:
             break
@@ -182,17 +195,26 @@ def _refine(problem: Problem, q: Array) -> VoltageFit:
     lost = len(q) + len(np.unique(problem.block[problem.used]))
     sigma = math.sqrt(float(residual @ residual) / max(len(residual) - lost, 1))
     sigma = max(sigma, 1e-6 * tolerance(problem.benches))
-    covariance, blind = _covariance(jacobian, sigma, problem.free)
+    covariance, told, blind = _covariance(jacobian, sigma, problem.free)
     return VoltageFit(
         problem=problem,
         q=q,
         covariance=covariance,
+        told=told,
         blind=blind,
         sigma=sigma,
         spread=spread,
-        df=df,
         residual=problem.centred(problem.residual(q)),
     )
+
+
+def _whiten(problem: Problem, q: Array, noise: Autoregression) -> Spread:
+    """Choose the whitener of a noise, and of gains that differ as far as can be known."""
+    problem.whitened_with(q, noise, 0.0, 0.0)
+    spread = gains(problem, q)
+    sigma = float(spread.sigmas @ spread.weights)
+    problem.whitened_with(q, noise, spread.typical, sigma)
+    return spread
 
 
 def solve(problem: Problem, q: Array) -> Array:
@@ -230,8 +252,8 @@ def _leave_out(problem: Problem, q: Array) -> None:
             problem.used[own] &= ~problem.early[own]
 
 
-def _covariance(jacobian: Array, sigma: float, free: Sequence[str]) -> tuple[Array, Array]:
-    """Return the covariance of what is told, and the directions that are not, in columns.
+def _covariance(jacobian: Array, sigma: float, free: Sequence[str]) -> tuple[Array, Array, Array]:
+    """Return the covariance of what is told, and the directions that are and are not, in columns.
 
     A direction is not told where its standard deviation exceeds a seventh of what is turned, or
     for the time constant a half: there the quadratic picture ends.
@@ -242,7 +264,7 @@ def _covariance(jacobian: Array, sigma: float, free: Sequence[str]) -> tuple[Arr
         std = np.where(singular > 1e-12 * singular[0], sigma / singular, np.inf)
     told = std < 1.0
     kept = directions[told] * std[told, None] * limit
-    return kept.T @ kept, directions[~told].T
+    return kept.T @ kept, (directions[told] * limit).T, directions[~told].T
 
 
 def _with_limit(fit: VoltageFit) -> VoltageFit | None:
