@@ -28,6 +28,15 @@ def test_a_rehearsal_ends_good_enough_and_its_logs_give_the_same_numbers(capsys,
     assert followed["parameters"] == told["parameters"]
 
 
+def test_the_verdict_is_told_once(capsys, tmp_path):
+    main(["pool", "feup-em", "--simulate", "--most", "1", "--out", str(tmp_path)])
+    interim = capsys.readouterr().out
+    assert interim.count("At least 3 more") == 2  # at the end from all sides
+    code = main(["pool", "feup-em", "--simulate", "--out", str(tmp_path)])
+    assert code == 0
+    assert capsys.readouterr().out.count("Good enough to stop") == 1
+
+
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pool")
@@ -48,6 +57,13 @@ def log(tmp_path_factory):
         (["--simulate", "--travel", "1 cm"], "--travel"),
         (["--simulate", "--drag", "cubic"], "cubic"),
         (["--simulate", "--truth", "ntnu-bv"], "--truth"),
+        (["--simulate", "--target-std", "2 cm"], "--target-std"),
+        (["--simulate", "--target-std", "1 %", "--target", "K2=2%"], "--target-std"),
+        (["--simulate", "--target", "K2=-5 1/m2/s"], "--target K2"),
+        (["--simulate", "--pool-depth", "0.5"], "--pool-depth"),
+        (["--simulate", "--column", "depth_m=z"], "--column"),
+        (["--follow", "there-is-no.csv", "--truth", "feup-em"], "--truth"),
+        (["--follow", "there-is-no.csv", "--timeout", "0 s"], "--timeout"),
         (["--follow", "there-is-no.csv", "--no-wait"], "there-is-no.csv"),
     ],
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -84,8 +84,9 @@ def pool(
         ),
     ] = None,
     target_std: Annotated[
-        str, typer.Option(metavar="SHARE", help="How well each parameter but psi is to be known.")
-    ] = "2 %",
+        str | None,
+        typer.Option(metavar="SHARE", help="How well each but psi is to be known (2 %)."),
+    ] = None,
     target: Annotated[
         str | None,
         typer.Option(metavar="NAME=STD,...", help='Or each by itself, as in "K2=2%,T2=3%".'),
@@ -126,6 +127,15 @@ def pool(
             "a guided run is either simulated or follows a log", field="--simulate, --follow",
             remedy="Give --simulate to rehearse, or --follow LOG at the pool",
         )  # fmt: skip
+    if simulate:
+        _refuse(
+            "it is for a log that is followed", {"--column": column, "--log-format": log_format}
+        )
+    else:
+        _refuse(
+            "it is for a rehearsal",
+            {"--truth": truth, "--speed": speed, "--sensor-std": sensor_std},
+        )
     v = load_vehicle(vehicle)
     chosen = _plan(plan, pool_depth)
     bottom = depth(pool_depth, "--pool-depth") if pool_depth else (
@@ -152,7 +162,7 @@ def pool(
         day = PoolDay(
             v, out, rules=rules, tasks=tasks, asked=asked, mode=mode, kept=_begin(out, v, mode)
         )
-        view = View(day, quiet=json)
+        view, begun = View(day, quiet=json), day.found
         files: list[Path] = []
         if simulate:
             files = [out / "pool.csv"]
@@ -163,16 +173,25 @@ def pool(
             _through(view, happening)
             for line in tail.report:
                 console.print(f"note: {line}", markup=False, soft_wrap=True)
+        latest = day.found
         day.settle()
+        told = not view.live and day.found is latest is not begun
     day.save()
     answer = day.answer()
     answer["files"] += [str(path) for path in files]
     if json:
         emit_json(answer)
     else:
-        _print_end(day, files)
+        _print_end(day, files, told=told)
     if not day.verdict.good:
         raise typer.Exit(1)
+
+
+def _refuse(why: str, options: Mapping[str, object]) -> None:
+    """Raise InputError for an option of the other kind of run."""
+    for name, given in options.items():
+        if given not in (None, []):
+            raise InputError(why, field=name, value=given, remedy="Leave it out")
 
 
 def _plan(path: Path | None, pool_depth: str | None) -> Plan | None:
@@ -234,6 +253,11 @@ def _tail(
 
     limit = quantity(timeout, "s", "--timeout")
     assert limit is not None
+    if not limit > 0.0:
+        raise InputError(
+            "it must be above 0", field="--timeout", value=timeout, unit="s",
+            remedy="Give a time, or --no-wait for a log that is finished",
+        )  # fmt: skip
     form = LogFormat() if log_format is None else named(log_format)
     if wait:  # one bad row must not end the day
         form = form.model_copy(update={"bad_rows": "drop"})
@@ -279,10 +303,12 @@ def _begin(out: Path, vehicle: Vehicle, mode: str) -> list[Kept]:
     return []
 
 
-def _print_end(day: PoolDay, files: list[Path]) -> None:
-    output.print(day.verdict.sentence, soft_wrap=True)
-    if day.found is not None:
-        output.print(parameter_table(day))
+def _print_end(day: PoolDay, files: list[Path], *, told: bool) -> None:
+    """Print the verdict where it has not been told already, what is next, and the files."""
+    if not told:
+        output.print(day.verdict.sentence, soft_wrap=True)
+        if day.found is not None:
+            output.print(parameter_table(day))
     if not day.verdict.good:
         output.print(f"Next: {day.next.sentence()}", soft_wrap=True)
     for path in [k.path for k in day.kept] + [day.folder / "pool.json"] + files:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["asked_of", "rules_of"]
 
 _LEAST_CHANGE = 0.008  # of half the stroke
+_STD = 0.02  # of a parameter, to which it is to be known
 
 
 def rules_of(vehicle: Vehicle, bottom: float | None, travel: str, plan: Plan | None) -> Rules:
@@ -49,16 +50,25 @@ def rules_of(vehicle: Vehicle, bottom: float | None, travel: str, plan: Plan | N
             travel=math.inf, turns=True,
             longest=max(one.longest for one in plan.experiments),
         )  # fmt: skip
-    return Rules(
+    rules = Rules(
         change=change, surface=vehicle.hull.emergence_depth + 0.1, travel=far,
         bottom=math.inf if bottom is None else bottom - 0.05,
     )  # fmt: skip
+    # A quarter of the pool's depth is kept clear at either end: see paper_tasks.
+    shallowest = vehicle.hull.emergence_depth + (least + 0.1) / 0.75
+    if bottom is not None and bottom <= shallowest:
+        raise InputError(
+            f"too shallow: an experiment has to go further than {least:g} m",
+            field="--pool-depth", value=bottom, unit="m",
+            remedy=f"Give the depth of the bottom, more than {shallowest:.2g} m",
+        )  # fmt: skip
+    return rules
 
 
 def asked_of(
     vehicle: Vehicle, *, free: tuple[str, ...] | None, fixed: Sequence[str],
     priors: Sequence[str], drag: str | None, neutral_std: str, target: str | None,
-    target_std: str,
+    target_std: str | None,
 ) -> Asked:  # fmt: skip
     """Return what is to be identified, how well, and what is known before.
 
@@ -81,12 +91,17 @@ def asked_of(
     )  # fmt: skip
 
 
-def _targets(text: str | None, each: str, names: Sequence[str]) -> tuple[Target, ...]:
+def _targets(text: str | None, each: str | None, names: Sequence[str]) -> tuple[Target, ...]:
     from swimbladder.guide import Target
     from swimbladder.identify.model import NAMES
 
+    if text is not None and each is not None:
+        raise InputError(
+            "--target says each by itself", field="--target-std", value=each,
+            remedy="Give one of the two",
+        )  # fmt: skip
     if text is None:
-        share = _share(each, "--target-std")
+        share = _STD if each is None else _share(each, "--target-std")
         main = [name for name in ("K2", "T2", "mass") if name in names]
         if "mass" in main or not main:
             main = [name for name in names if name != "psi"]
@@ -104,12 +119,20 @@ def _targets(text: str | None, each: str, names: Sequence[str]) -> tuple[Target,
         except UnitError:
             std = quantity(value, NAMES[name].unit, f"--target {name}")
             assert std is not None
+            if not std > 0.0:
+                raise InputError(
+                    "it must be above 0", field=f"--target {name}", value=value,
+                    unit=NAMES[name].unit, remedy="Give a standard deviation, or a share like 2 %",
+                ) from None  # fmt: skip
             found.append(Target(name, std, relative=False))
     return tuple(found)
 
 
 def _share(text: str, option: str) -> float:
-    number = parse_quantity(text, "")
+    try:
+        number = parse_quantity(text, "")
+    except InputError as error:
+        raise error.at(field=option) from None
     if not 0.0 < number < 1.0:
         raise InputError(
             "it must be a share above 0 and below 1", field=option, value=text,
