@@ -2,6 +2,8 @@
 
 import csv
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from studies.benches import Motor, measured, random_moves, steps, travel
 from swimbladder.cli import main
 from swimbladder.io.config import load_vehicle
+from swimbladder.report import symbols
 
 
 def write(path, **columns):
@@ -51,7 +54,9 @@ def test_the_numbers_and_the_files(capsys, log, tmp_path):
     assert a["parameters"]["rate"]["value"] is None
     assert a["parameters"]["rate"]["ci95"][1] is None
     assert len(a["nine"]) == 9
-    assert {path.name for path in out.iterdir()} == {"steps.csv", "steps.png", "vehicle.toml"}
+    names = {"identify-actuator.html", "steps.csv", "steps.png", "vehicle.toml"}
+    assert {path.name for path in out.iterdir()} == names
+    assert {Path(path).name for path in a["files"]} == names
     assert K1["value"] == load_vehicle(out / "vehicle.toml").actuator.K1
     assert (out / "steps.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     with (out / "steps.csv").open(newline="", encoding="ascii") as file:
@@ -67,10 +72,42 @@ def test_the_report_for_people(capsys, log, tmp_path):
     assert "assumed:" in out
 
 
+def test_the_page_has_everything_and_needs_nothing(capsys, log, tmp_path):
+    out = tmp_path / "out"
+    a = answer(capsys, log, "--vehicle", "feup-em", "--out", out)
+    page = (out / "identify-actuator.html").read_text(encoding="utf-8")
+    assert not re.findall(r'(?:src|href)="(?!data:|steps\.csv|vehicle\.toml)', page)
+    assert "<script" not in page
+    assert page.count('src="data:image/png;base64,') == 3
+    text = re.sub(r"<[^>]+>", "", re.sub(r'src="[^"]*"', "", page))
+    assert f"K1 is {1e3 * a['parameters']['K1']['value']:.3f}" in text
+    assert "mm/s/V" in text
+    for known in a["nine"]:
+        assert known["meaning"] in text
+    for said in (*a["assumptions"], *a["notes"], *(f["sentence"] for f in a["findings"])):
+        assert str(re.sub(r"<[^>]+>", "", symbols(said))) in text
+    assert "Made by " in text
+
+
+def test_the_page_of_several_logs_shows_each(capsys, tmp_path):
+    levels = [3.0, -3.0, 12.0, -12.0]
+    logs = [bench(tmp_path / f"run{k}.csv", levels, seed=k) for k in (1, 2)]
+    answer(capsys, *logs, "--set", "dead_zone=0.5 V", "--out", tmp_path / "out")
+    page = (tmp_path / "out" / "identify-actuator.html").read_text(encoding="utf-8")
+    for name in ("run1.csv", "run2.csv"):
+        assert f"<h3>{name}</h3>" in page
+    assert page.count("By itself") == 2
+    assert page.count("<figure") == 5
+    assert "set</td>" in page
+
+
 def test_what_is_not_told_is_exit_1_with_the_sentence(capsys, tmp_path):
     log = bench(tmp_path / "one.csv", [6.0, -6.0], noise=1e-4)
     shown = run(capsys, log, "--out", tmp_path / "out", code=1)
     assert "not identified: K1 is not told" in shown.out
+    page = (tmp_path / "out" / "identify-actuator.html").read_text(encoding="utf-8")
+    assert "Actuator: not identified from 1 log" in page
+    assert "The logs do not tell what was asked." in page
     shown = run(capsys, log, "--out", tmp_path / "out", "--json", code=1)
     assert json.loads(shown.out)["identified"] is False
     assert "K1 is not told" in shown.err

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -61,13 +63,14 @@ def identify_actuator(
         bool, typer.Option("--json", help="Print one JSON object and nothing else.")
     ] = False,
 ) -> None:
-    """Find K1, T1, dead zone, asymmetry and rate of an actuator.
+    """Find K1, T1, dead zone, asymmetry and rate of an actuator, with a report.
 
     From logs of voltage steps, or of moves at full speed where no voltage was logged. Several logs
     are of one actuator. Exit code 1 says that something asked for is not told by the logs.
     """
     from swimbladder.identify_actuator import PARAMETERS
     from swimbladder.io.config import load_vehicle
+    from swimbladder.io.files import check_place
 
     v = None if vehicle is None else load_vehicle(vehicle)
     fixed = {}
@@ -84,9 +87,19 @@ def identify_actuator(
     with progress("loading the fit"):
         from swimbladder.identify_actuator import identify_actuator as identify
 
+    check_place(out)
+    begun = time.perf_counter()
     with progress("identifying the actuator", 1.0) as advance:
         found = identify(given, v, fixed=fixed, asked=asked, advance=advance)
-    files = _write(found, out, plot=plot)
+    seconds = time.perf_counter() - begun
+    with progress("writing the report", 1.0) as advance:
+        from swimbladder.report.actuator import write_actuator
+
+        files, why = write_actuator(
+            found, out, command=_command(), seconds=seconds, picture=plot, advance=advance
+        )
+    if why:
+        console.print(f"no vehicle is written: {why}", markup=False, soft_wrap=True)
     if json:
         emit_json({**found.to_json(), "files": files})
     else:
@@ -97,28 +110,11 @@ def identify_actuator(
         raise typer.Exit(1)
 
 
-def _write(found: ActuatorIdentification, out: Path, *, plot: bool) -> list[Path]:
-    """Write the steps, and the vehicle where one was given and something of it was identified."""
-    from swimbladder.errors import NoAnswerError
-    from swimbladder.io.files import make_folder, write_atomically
-    from swimbladder.io.tables import write_csv
-    from swimbladder.io.vehicle_file import vehicle_file
+def _command() -> str:
+    """Return the command as it was given, for the report."""
+    import shlex
 
-    folder = make_folder(out)
-    files = [write_csv(folder / "steps.csv", found.columns())]
-    if found.given is not None:
-        try:
-            text = vehicle_file(found.vehicle, head="Identified by swimbladder identify-actuator.")
-        except NoAnswerError as error:
-            console.print(f"no vehicle is written: {error}", markup=False, soft_wrap=True)
-        else:
-            files.append(write_atomically(folder / "vehicle.toml", text))
-    if plot:
-        with progress("drawing steps.png"):
-            from swimbladder.plots.identify_actuator import plot_steps
-
-            files.append(plot_steps(found, folder / "steps.png"))
-    return files
+    return shlex.join(["swimbladder", *sys.argv[1:]])
 
 
 def _row(name: str, e: Estimate) -> tuple[str, ...]:

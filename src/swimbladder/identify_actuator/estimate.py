@@ -11,7 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.units import format_quantity
 
-__all__ = ["Estimate", "Pooled", "bounded", "estimated", "given", "pool", "shown", "untold"]
+__all__ = [
+    "Estimate",
+    "Pooled",
+    "bounded",
+    "estimated",
+    "given",
+    "pool",
+    "shown",
+    "shown_unit",
+    "untold",
+]
 
 Array = NDArray[np.float64]
 
@@ -76,11 +86,16 @@ def bounded(low: float, high: float, unit: str, why: str) -> Estimate:
 _SHOWN = {"m/s/V": "mm/s/V", "m/s": "mm/s", "m3/s/V": "cm3/s/V", "m3/s": "cm3/s"}
 
 
+def shown_unit(unit: str) -> str:
+    """Return the unit in which people read a number that is in `unit`: m/s -> mm/s, else itself."""
+    return _SHOWN.get(unit, unit)
+
+
 def shown(value: float, unit: str, digits: int = 4) -> str:
     """Return a value in SI as people read it: (0.005245, "m/s") -> "5.245 mm/s"."""
     if unit == "-":
         return f"{value:.{digits}g}"
-    return format_quantity(value, unit, _SHOWN.get(unit, unit), digits)
+    return format_quantity(value, unit, shown_unit(unit), digits)
 
 
 def _quantile(df: float) -> float:

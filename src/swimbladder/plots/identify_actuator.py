@@ -27,10 +27,15 @@ def plot_steps(found: ActuatorIdentification, path: str | Path) -> Path:
 
 
 @styled
-def draw_steps(found: ActuatorIdentification) -> Figure:
-    """Return the figure that plot_steps writes; of many steps it shows some, evenly chosen."""
-    count = len(found.steps)
-    shown = np.unique(np.linspace(0, count - 1, min(count, _MOST)).round().astype(int)).tolist()
+def draw_steps(found: ActuatorIdentification, source: str | None = None) -> Figure:
+    """Return the figure that plot_steps writes; of many steps it shows some, evenly chosen.
+
+    source: only the steps of this log, and no title.
+    """
+    own = [k for k, step in enumerate(found.steps) if source in (None, step.source)]
+    count = len(own)
+    some = np.unique(np.linspace(0, count - 1, min(count, _MOST)).round().astype(int))
+    shown = [own[k] for k in some.tolist()]
     columns = min(4, len(shown))
     rows = math.ceil(len(shown) / columns)
     figure = Figure(figsize=(2.6 * columns + 0.6, 2.9 * rows + 0.5))
@@ -57,8 +62,9 @@ def draw_steps(found: ActuatorIdentification) -> Figure:
             lower.set_xlabel("time in the step [s]")
         if place == 0:
             upper.legend(loc="best", fontsize=8.0)
-    some = "" if count == len(shown) else f", {len(shown)} of {count} steps"
-    figure.suptitle(f"{_title(found)}{some}", x=0.01, ha="left", fontsize=10.0)
+    if source is None:
+        part = "" if count == len(shown) else f", {len(shown)} of {count} steps"
+        figure.suptitle(f"{_title(found)}{part}", x=0.01, ha="left", fontsize=10.0)
     figure.align_ylabels()
     return figure
 
