@@ -6,6 +6,9 @@ class of `parameters`, and the kernel's code on disk is found again by the same 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+from types import FunctionType
 from typing import Any
 
 from numba import types
@@ -15,7 +18,7 @@ from swimbladder.control.law import Law
 from swimbladder.engine.cache import inlined
 from swimbladder.errors import InputError
 
-__all__ = ["enroll", "gather", "law_initial", "law_step", "scatter_where"]
+__all__ = ["compilable", "enroll", "gather", "law_initial", "law_step", "scatter_where"]
 
 _INLINE: Any = {"forceinline": True}
 _LAWS: dict[type[Any], Law] = {}
@@ -37,6 +40,26 @@ def enroll(law: Law) -> None:
         )
 
 
+def compilable(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a law's function that calls compiled ones where it calls plain functions."""
+    if not isinstance(function, FunctionType):
+        return function
+    names = dict(function.__globals__)
+    for name in function.__code__.co_names:
+        if isinstance(names.get(name), FunctionType):
+            names[name] = _helper(names[name])
+    answer = FunctionType(
+        function.__code__, names, function.__name__, function.__defaults__, function.__closure__
+    )
+    answer.__module__ = function.__module__
+    return answer
+
+
+@cache
+def _helper(function: FunctionType) -> Any:
+    return inlined(compilable(function))
+
+
 def law_step(parameters: Any, state: Any, measurement: Any, reference: float) -> Any:
     """Return the step of the law that `parameters` belong to."""
     return _LAWS[type(parameters)].step(parameters, state, measurement, reference)
@@ -49,7 +72,7 @@ def law_initial(parameters: Any, measurement: Any, reference: float) -> Any:
 
 @overload(law_step, jit_options=_INLINE)
 def _law_step(parameters, state, measurement, reference):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    step = inlined(_LAWS[parameters.instance_class].step)
+    step = inlined(compilable(_LAWS[parameters.instance_class].step))
     return lambda parameters, state, measurement, reference: step(
         parameters, state, measurement, reference
     )
@@ -57,7 +80,7 @@ def _law_step(parameters, state, measurement, reference):  # type: ignore[no-unt
 
 @overload(law_initial, jit_options=_INLINE)
 def _law_initial(parameters, measurement, reference):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    initial = inlined(_LAWS[parameters.instance_class].initial)
+    initial = inlined(compilable(_LAWS[parameters.instance_class].initial))
     return lambda parameters, measurement, reference: initial(parameters, measurement, reference)
 
 
