@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 from swimbladder.io.logs import Log
 
@@ -147,3 +148,20 @@ def random_moves(random, motor, *, differing=0.0, outliers=0.0):
         quantum=reach * 10.0 ** random.uniform(-3.0, -1.5), outliers=outliers,
     )  # fmt: skip
     return log_of(time, seen)
+
+
+def soft_moves(random, *, ramp, T1=0.0, speed=5e-3, count=6, hold=2.0, rest=1.5, step=0.01,
+               noise=2e-6, quantum=0.0):  # fmt: skip
+    """A log of moves to and fro whose commanded speed rises along a ramp [s]; T1 follows it."""
+    fine = 1e-3
+    begins = np.arange(count) * (hold + rest) + rest + random.uniform(0.0, step, count)
+    time = np.arange(0.0, begins[-1] + hold + rest, fine)
+    asked = np.zeros(len(time))
+    for k, begin in enumerate(begins):
+        since = time - begin
+        asked += (-1.0) ** k * speed * np.clip(since / ramp, 0.0, 1.0) * (since < hold)
+    share = -math.expm1(-fine / T1) if T1 > 0.0 else 1.0
+    going = lfilter([share], [1.0, share - 1.0], asked)
+    kept = np.arange(0.0, time[-1], step)
+    position = np.interp(kept, time, fine * np.cumsum(going))
+    return log_of(kept, measured(position, random, noise=noise, quantum=quantum))

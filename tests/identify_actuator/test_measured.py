@@ -39,6 +39,7 @@ def test_a_motor_on_a_bench(data_dir, name, noted_T1, noted_rate):
     log = motor_log(data_dir, name)
     found = identify_actuator([log])
     assert found.identified
+    assert not any(f.kind == "soft start" for f in found.findings)
     for way in ("out", "in"):
         T1, rate = found.derived[f"T1_{way}"], found.derived[f"rate_{way}"]
         assert T1.ci95[0] < T1.value < T1.ci95[1]

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binomtest
 
 from studies.actuator import score
-from studies.benches import Motor, log_of, measured, random_moves
+from studies.benches import Motor, log_of, measured, random_motor, random_moves, soft_moves
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.identify_actuator import identify_actuator
 from swimbladder.io.config import load_vehicle
@@ -110,3 +110,29 @@ def test_moves_of_logs_that_differ():
     assert "rate_out" in said.sentence
     assert said.severity == "warning"
     assert found.logs[0].parameters["rate_out"].value == pytest.approx(OUT, rel=0.01)
+
+
+def ramps(log):
+    return [f for f in identify_actuator([log]).findings if f.kind == "soft start"]
+
+
+@pytest.mark.parametrize(
+    ("ramp", "T1", "noise"), [(0.3, 0.0, 2e-6), (0.3, 0.03, 2e-6), (0.1, 0.02, 5e-6)]
+)
+def test_a_soft_start_is_said_not_to_be_a_time_constant(ramp, T1, noise):
+    (said,) = ramps(soft_moves(np.random.default_rng(1), ramp=ramp, T1=T1, noise=noise))
+    assert said.severity == "warning"
+    assert "outward and inward start along a straight ramp" in said.sentence
+    assert "T1 is then the ramp's" in said.sentence
+
+
+def test_the_ramp_is_as_long_as_it_is():
+    (said,) = ramps(soft_moves(np.random.default_rng(1), ramp=0.3, noise=1e-7))
+    assert "ramp of 0.3 s" in said.sentence
+
+
+@pytest.mark.slow
+def test_a_motor_alone_is_not_taken_for_a_soft_start():
+    for k in range(25):
+        random = np.random.default_rng([9, k])
+        assert not ramps(random_moves(random, random_motor(random), outliers=0.1 * (k % 2)))

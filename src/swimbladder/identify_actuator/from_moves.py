@@ -31,6 +31,7 @@ class MovesFit:
     steps: tuple[Step, ...]
     trend: float  # 1/s, share of the speed that a move gains in a second, the median
     lasting: float  # s, of a move at full speed, the median
+    ramps: dict[str, float]  # s, by direction: of a soft start, where that is what the moves show
     between: float  # share by which speeds of one direction differ from move to move
     noise: float  # m
     outliers: int
@@ -48,14 +49,17 @@ def fit_moves(bench: Bench) -> MovesFit:
     rates = [rate_of(bench, move, start.T1.value or 0.0) for move in found]
     derived: dict[str, Estimate] = {}
     pooled: dict[int, Pooled] = {}
+    ramps: dict[str, float] = {}
     for way, name in _WAYS.items():
         own = [k for k, move in enumerate(found) if move.direction == way]
         if not own:
             continue
         pooled[way] = pool([rates[k].value for k in own], [rates[k].std for k in own])
         derived[f"rate_{name}"] = pooled[way].estimate(unit)
-        T1 = start_up(bench, [found[k] for k in own]).T1
-        derived[f"T1_{name}"] = T1
+        begun = start_up(bench, [found[k] for k in own])
+        derived[f"T1_{name}"] = begun.T1
+        if begun.ramp is not None:
+            ramps[f"{name}ward"] = begun.ramp
     parameters = {
         "K1": untold(f"{unit}/V", _NO_VOLTAGE),
         "T1": start.T1,
@@ -75,6 +79,7 @@ def fit_moves(bench: Bench) -> MovesFit:
         steps=steps,
         trend=float(np.median([rate.trend for rate in rates])) if rates else 0.0,
         lasting=float(np.median([s.time[-1] - s.time[0] for s in steps])) if steps else 0.0,
+        ramps=ramps,
         between=max((p.between / p.mean for p in pooled.values()), default=0.0),
         noise=float(np.concatenate(kept).std()) if kept else math.nan,
         outliers=int(out.sum()),

@@ -103,6 +103,7 @@ def of_moves(fits: Sequence[MovesFit]) -> list[Finding]:
     out = sum(fit.outliers for fit in fits)
     if out:
         found.append(Finding("outliers", f"{out} samples are outliers, and left out."))
+    found += _of_ramps(fits)
     between = max(fit.between for fit in fits)
     if between > 0.25 * _SEVERAL:
         found.append(
@@ -124,6 +125,25 @@ def of_moves(fits: Sequence[MovesFit]) -> list[Finding]:
             )
         )
     return found
+
+
+def _of_ramps(fits: Sequence[MovesFit]) -> list[Finding]:
+    """Return the sentence on moves that start along a ramp."""
+    ramps = [(way, length) for fit in fits for way, length in fit.ramps.items()]
+    if not ramps:
+        return []
+    ways = " and ".join(sorted({way for way, _ in ramps}, reverse=True))
+    low, high = (shown(end([length for _, length in ramps]), "s", 3) for end in (min, max))
+    length = low if low == high else f"{low} to {high}"
+    return [
+        Finding(
+            "soft start",
+            f"The moves {ways} start along a straight ramp of {length}, not along the exponential "
+            "of a motor: a soft start of the driver, or a limit of its current. T1 is then the "
+            "ramp's, not the motor's: switch the ramp off, or log the voltage that the motor gets.",
+            "warning",
+        )
+    ]
 
 
 def logs_differ(names: Sequence[str], told: Sequence[Mapping[str, Estimate]]) -> list[Finding]:

@@ -4,6 +4,10 @@ A move that is commanded at an unknown instant t0 from rest, at full voltage, fo
 ``x = x0 + r (s - T1 (1 - exp(-s/T1))) + c s^2/2`` with s = t - t0 > 0, r the speed and c how the
 load changes it. For a given T1 all but t0 are linear; the best t0 is searched. T1 is common to the
 moves of a direction, everything else is each move's own.
+
+A driver with a soft start raises the speed along a ramp instead: ``x = x0 + r s^2/(2 R)`` up to
+s = R, from there on ``r (s - R/2)``. That would pass for a T1; so the ramp is fitted as well, and
+where it is by far the likelier of the two that is said.
 """
 
 from __future__ import annotations
@@ -31,6 +35,7 @@ _NOTHING = 0.02  # of the time between samples: a T1 that is none
 _TRIALS = 9  # of T1, and of t0
 _GROSS = 0.01  # of the travel: what no motor's start is off the model, a sample alone
 _TOO_SHORT = "the moves are too short to tell how they come to full speed"
+_RAMP_SEEN = 10.0  # deviance by which a ramp has to be better: very strong evidence
 _CHI2 = 3.841  # of one degree of freedom, 95 %
 _ONE_SIDED = 2.706
 
@@ -50,10 +55,18 @@ class _Window(NamedTuple):
             samples=self.samples[kept], time=self.time[kept], travel=self.travel[kept]
         )
 
-    def columns(self, t0: float, T1: float) -> Array:
-        """Return the columns of x0, r and c for a start at t0 [s], [n, 2 or 3]."""
+    def columns(self, t0: float, T1: float, *, ramp: bool) -> Array:
+        """Return the columns of x0, r and c for a start at t0 [s], [n, 2 or 3].
+
+        T1 is the length of the ramp where it starts along one.
+        """
         s = np.maximum(self.time - t0, 0.0)
-        parts = [np.ones_like(s), s + T1 * np.expm1(-s / T1)]
+        if ramp:
+            on = np.minimum(s, T1)
+            gone = 0.5 * on * on / T1 + (s - on)
+        else:
+            gone = s + T1 * np.expm1(-s / T1)
+        parts = [np.ones_like(s), gone]
         if self.trend:
             parts.append(0.5 * s * s)
         return np.stack(parts, axis=1)
@@ -63,10 +76,12 @@ class _Window(NamedTuple):
 class StartUp:
     """T1 of some moves, and for each move what the fit says it did.
 
+    ramp: length of a ramp [s] that is by far likelier than an exponential, None where it is not.
     fitted: for each move that shows its start (index into the moves, samples, position [m]).
     """
 
     T1: Estimate
+    ramp: float | None
     fitted: tuple[tuple[int, NDArray[np.int64], Array], ...]
 
 
@@ -77,14 +92,23 @@ def start_up(bench: Bench, moves: Sequence[Move]) -> StartUp:
         why = "no move begins from rest within the log"
         if bench.reference is not None:
             why = "what follows a reference is judged at full speed only"
-        return StartUp(T1=untold("s", why), fitted=())
+        return StartUp(T1=untold("s", why), ramp=None, fitted=())
     fit = _Fit([_window(bench, move) for _, move in shown], bench.step, bench.quantum)
     fitted = []
     for (k, move), window, travel in zip(shown, fit.windows, fit.travels(), strict=True):
         assert move.begin is not None
         start = bench.position[move.begin]
         fitted.append((k, window.samples, start + move.direction * travel))
-    return StartUp(T1=fit.estimate(), fitted=tuple(fitted))
+    T1 = fit.estimate()
+    return StartUp(T1=T1, ramp=_ramp(fit) if T1.value is not None else None, fitted=tuple(fitted))
+
+
+def _ramp(fit: _Fit) -> float | None:
+    """Return the length of the ramp [s] along which moves start, None where an exponential does."""
+    other = _Fit(fit.windows, fit.step, math.inf, ramp=True)
+    length = math.exp(float(other.best[0]))
+    likelier = other.deviance < fit.deviance - _RAMP_SEEN
+    return length if likelier and length > 2.0 * fit.step else None
 
 
 def _window(bench: Bench, move: Move) -> _Window:
@@ -105,8 +129,10 @@ def _window(bench: Bench, move: Move) -> _Window:
 class _Fit:
     """ln T1, common, and t0 of each window, at their best; what is linear is projected out."""
 
-    def __init__(self, windows: list[_Window], step: float, quantum: float) -> None:
-        self.windows, self.step = windows, step
+    def __init__(
+        self, windows: list[_Window], step: float, quantum: float, *, ramp: bool = False
+    ) -> None:
+        self.windows, self.step, self.ramp = windows, step, ramp
         self.noise, self.variance = WHITE, 1.0
         self.best = self._solve(self._first())
         self.windows = [
@@ -122,6 +148,13 @@ class _Fit:
             power = sum(float((self.noise.whiten(r[:, None]) ** 2).sum()) for r in left)
             self.variance = max(power / max(total - lost, 1), 1e-300)
         self.best = self._solve(self.best)
+        self.deviance = self._deviance_of(total - lost)
+
+    def _deviance_of(self, free: int) -> float:
+        """Return minus twice the logarithm of the likelihood at the best, but for a constant."""
+        power = self.variance * float(np.sum(self._residual(self.best) ** 2))
+        first = sum(math.log(v) for v in self.noise.variances[:-1])
+        return max(free, 1) * math.log(max(power, 1e-300)) + len(self.windows) * first
 
     def travels(self) -> list[Array]:
         """Return the travel that fits best, for each window [m]."""
@@ -131,7 +164,7 @@ class _Fit:
         found = []
         T1 = math.exp(self.best[0])
         for window, t0 in zip(self.windows, self.best[1:].tolist(), strict=True):
-            columns = window.columns(t0, T1)
+            columns = window.columns(t0, T1, ramp=self.ramp)
             white = self.noise.whiten(np.column_stack([columns, window.travel]))
             linear = np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=None)[0]
             found.append(window.travel - columns @ linear)
@@ -139,9 +172,8 @@ class _Fit:
 
     def _one(self, window: _Window, log_T1: float, t0: float) -> Array:
         """Return what is left over of a window, whitened, in units of its standard deviation."""
-        white = self.noise.whiten(
-            np.column_stack([window.columns(t0, math.exp(log_T1)), window.travel])
-        )
+        columns = window.columns(t0, math.exp(log_T1), ramp=self.ramp)
+        white = self.noise.whiten(np.column_stack([columns, window.travel]))
         basis, _ = np.linalg.qr(white[:, :-1])
         y = white[:, -1] / math.sqrt(self.variance)
         left: Array = y - basis @ (basis.T @ y)
