@@ -40,6 +40,7 @@ class _Timed:
     def __init__(self, actuator: IdentifiedActuator, limit: float, sample_time: float) -> None:
         self._a, self._limit, self._tick = actuator, limit, sample_time
         self._pulse, self._left = 0.0, 0
+        self._depth = math.nan  # m, at the last sample
 
     def stay(self, seen: Measurement) -> None:  # noqa: ARG002 - a spindle stays by itself
         self._left = 0
@@ -54,10 +55,13 @@ class _Timed:
         return self._left <= 0
 
     def command(self, seen: Measurement) -> float:
+        before = seen.depth if math.isnan(self._depth) else self._depth
+        self._depth = seen.depth
         if self._left > 0:
             self._left -= 1
             return self._pulse
-        return self._a.depth_voltage * seen.depth
+        # Held until the next sample: the depth half way there, or the piston creeps as it goes.
+        return self._a.depth_voltage * (seen.depth + 0.5 * (seen.depth - before))
 
 
 class _Servo:
