@@ -1,113 +1,256 @@
 """Whether one may stop when the numbers look good: pool days that end when `pool` says so.
 
-``python -m studies.stopping --days 160`` simulates days of the paper's experiments, each with a
-vehicle of its own (K2, T2 and psi 15 % off what is believed), and ends each when K2 and T2 are told
-to the target. It prints how often the 95 % intervals at that moment hold the truth.
+``python -m studies.stopping --days 400`` draws days of the paper's experiments, each with a vehicle
+of its own (K2, T2 and psi 15 % off what is believed), and ends each when `pool` says to stop, then
+goes on to eight experiments. It prints how often the 95 % intervals held the truth at the stop and
+after fixed numbers of experiments. The truth is that of `studies.truth`, an integrator that shares
+no code with the package; ``--rehearsed`` takes the rehearsal of `pool` instead, loop and all. A run
+that was interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
+import sys
 import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
-from scipy.stats import binom
 
-from swimbladder.guide import Asked, Operator, PoolDay, Rules, Target, paper_tasks, rehearse
+import swimbladder
+from studies.noise import Noise
+from studies.scenarios import K_B, NEUTRAL_STD, POOL
+from studies.summary import binomial_interval
+from studies.truth import Array, Body, Motor, Step, follow
+from swimbladder.guide import Asked, Operator, PoolDay, Rules, Sample, Target, Task, paper_tasks
+from swimbladder.guide.verdict import LEAST, State
+from swimbladder.identify import Identification, identify
 from swimbladder.io.config import load_vehicle
-from swimbladder.parameters import IdentifiedMotion, Sensors, Vehicle
+from swimbladder.io.files import write_atomically
+from swimbladder.parameters import IdentifiedActuator, IdentifiedMotion, Sensors, Vehicle
 
-__all__ = ["Stopped", "acceptable", "run_day", "table"]
+__all__ = ["FIXED", "days", "main", "performer", "run_day", "table"]
 
 NAMES = ("K2", "T2", "psi")
+FIXED = (4, 8)  # experiments, after which it is looked at whatever the intervals are
 _SPREAD = 0.15  # of the logarithm of each parameter
-_POOL = 4.5  # m
 _MOST = 16  # experiments
+_SUPPLY = 12.0  # V
+_TICK = 0.3  # s
+_HELD, _FREE = 75.0, 4.0  # s at rest: by the loop, then with the piston left alone
+_REST_SPEED = 0.2e-3  # m/s, left at the end of a rest
+_JITTER = 1e-6  # m3, of the volume while the loop holds the depth
+_QUANTUM = 0.75e-6  # m3, of the piston's sensor
+_LONGEST = 400.0  # s, of a glide
+_STUDIED = ("guide", "identify")
+
+Perform = Callable[[Task], Array]  # a task to its log: time [s], depth [m], volume [m3]
 
 
-class Stopped(NamedTuple):
-    """A day at its end; errors in standard deviations, held: the interval has the truth."""
+def run_day(
+    number: int, folder: Path, *, target: float = 0.02, rehearsed: bool = False
+) -> dict[str, Any]:
+    """Return the day of this number at its stop and after fixed numbers; `folder` takes its files.
 
-    experiments: int
-    state: str
-    errors: dict[str, float]
-    held: dict[str, bool]
-
-
-def run_day(number: int, *, target: float = 0.02, folder: Path) -> Stopped:
-    """Return how the day of this number ends; `folder` takes its files."""
-    rng = np.random.default_rng([28, number])
+    stop: how many experiments there were, what the verdict was, and of each parameter the truth,
+    the value, its standard deviation and the ends of the interval; "4", "8": the same; "each": as
+    found in between, without the interval by likelihood profiles.
+    """
     believed = load_vehicle("feup-em")
-    truth, values = _truth(believed, rng)
+    rng = np.random.default_rng([28, number])
+    truth = np.exp(_SPREAD * rng.normal(size=3)) * _values(believed)
+    perform = (
+        _rehearsal(believed, truth, rng, number) if rehearsed else performer(believed, truth, rng)
+    )
     day = PoolDay(
-        believed, folder, rules=Rules(bottom=_POOL - 0.05, change=2.8e-6),
-        tasks=paper_tasks(believed, pool_depth=_POOL),
+        believed, folder, rules=Rules(bottom=POOL - 0.05, change=2.8e-6),
+        tasks=paper_tasks(believed, pool_depth=POOL),
         asked=Asked(targets=(Target("K2", target), Target("T2", target))), mode="simulated",
     )  # fmt: skip
-    operator = Operator(believed, truth, pool_depth=_POOL, seed=1000 * number)
-    for _ in rehearse(day, operator, most=_MOST, speed=math.inf, whole=folder / "pool.csv"):
-        pass
-    assert day.found is not None
-    found = {name: day.found.parameters[name] for name in NAMES}
-    return Stopped(
-        len(day.kept), day.verdict.state,
-        {name: (e.value - values[name]) / e.std for name, e in found.items()},
-        {name: e.ci95[0] <= values[name] <= e.ci95[1] for name, e in found.items()},
-    )  # fmt: skip
+    list(day.begin_log("simulated"))
+    found: dict[str, Any] = {"number": number, "each": {}}
+    for performed in range(1, _MOST + 1):
+        for _ in day.feed(Sample(*row) for row in perform(day.next).tolist()):
+            pass
+        if day.found is not None and len(day.kept) >= LEAST:
+            found["each"][str(len(day.kept))] = _told(day.found, truth)
+        over = day.verdict.good or day.verdict.state == State.LIMITED or performed == _MOST
+        if over and "stop" not in found:
+            day.settle()
+            assert day.found is not None
+            found["stop"] = {"state": day.verdict.state, **_told(day.found, truth)}
+            day.asked = replace(day.asked, targets=(Target("K2", 1e-6),))  # goes on
+        for count in FIXED:
+            if len(day.kept) >= count and str(count) not in found:
+                if found.get("stop", {}).get("experiments") == len(day.kept):
+                    found[str(count)] = found["stop"]
+                    continue
+                plain = identify([k.log for k in day.kept], believed, choices=False)
+                found[str(count)] = _told(plain, truth)
+        if "stop" in found and (performed == _MOST or len(day.kept) >= max(FIXED)):
+            break
+    return found
 
 
-def acceptable(days: int, *, doubt: float = 0.01) -> tuple[int, int]:
-    """Return the least and the largest number of hits that 95 % intervals leave believable."""
-    low, high = binom.ppf([doubt / 2.0, 1.0 - doubt / 2.0], days, 0.95)
-    return int(low), int(high)
+def performer(believed: Vehicle, truth: Array, rng: np.random.Generator) -> Perform:
+    """Return what does a task with the vehicle of these K2, T2 and psi, by `studies.truth`.
+
+    The vehicle is held for a minute, with 0.2 mm/s left and the volume taken for the neutral one
+    0.5 cm3 off (1 sigma each); then the piston is left alone, and moved by a voltage.
+    """
+    actuator = believed.actuator
+    assert isinstance(actuator, IdentifiedActuator)
+    body = Body.identified(k_b=K_B, K2=truth[0], T2=truth[1], psi=truth[2])
+    motor = Motor(
+        K1=actuator.K1, T1=actuator.T1, area=actuator.piston_area, load=actuator.depth_voltage
+    )
+    noise = Noise(sigma=2e-3, quantum=float(rng.choice([0.0, 5e-3])))
+    clock, zero = 0.0, 1e-6 * rng.uniform()
+
+    def perform(task: Task) -> Array:
+        nonlocal clock
+        assert task.start is not None
+        dx = task.change / motor.area
+        pulse = max(1, math.ceil(abs(dx) / (motor.K1 * _SUPPLY * _TICK) - 1e-9))
+        depth = task.start + 0.01 * rng.normal()
+        step = Step(
+            sample_time=_TICK, rest=round(_FREE / _TICK), pulse=pulse,
+            voltage=dx / (motor.K1 * pulse * _TICK), start_depth=depth, reference_depth=depth,
+            start_speed=_REST_SPEED * rng.normal(), neutral_error=NEUTRAL_STD * rng.normal(),
+        )  # fmt: skip
+        paths = follow(body, motor, step, round(_LONGEST / _TICK))
+        path, volume = paths[0][0], paths[1][0]
+        inside = (path > task.shallowest - 0.05) & (path < task.deepest + 0.05)
+        end = int(np.argmin(np.append(inside, False)))
+        held = round(_HELD / _TICK)
+        before = depth - step.start_speed * _TICK * np.arange(held, 0, -1)
+        z = np.concatenate([before, path[:end]])
+        V = np.concatenate([_JITTER * rng.normal(size=held), volume[:end]]) + zero
+        time = clock + _TICK * np.arange(len(z))
+        clock = float(time[-1]) + 60.0  # a gap, in which it is brought to where the next begins
+        V = _QUANTUM * np.round(V / _QUANTUM)
+        return np.column_stack([time, noise.draw(rng, z), V])
+
+    return perform
 
 
-def table(stopped: list[Stopped]) -> str:
-    """Return how often the intervals held the truth, and how large the errors were."""
-    n = len(stopped)
-    low, high = acceptable(n)
-    lines = [f"{n} days; {low} to {high} hits are believable", "     hits  mean z  mean z2"]
-    for name in NAMES:
-        z = np.array([s.errors[name] for s in stopped])
-        hits = sum(s.held[name] for s in stopped)
-        lines.append(f"{name:4} {hits:4d}  {z.mean():+6.2f}  {np.mean(z**2):7.2f}")
-    counts = np.bincount([s.experiments for s in stopped])
-    ended = ", ".join(f"{k}: {c}" for k, c in enumerate(counts.tolist()) if c)
-    good = sum(s.state == "good enough" for s in stopped)
-    return "\n".join([*lines, f"experiments when stopped: {ended}", f"good enough: {good}"])
-
-
-def _truth(believed: Vehicle, rng: np.random.Generator) -> tuple[Vehicle, dict[str, float]]:
-    assert isinstance(believed.motion, IdentifiedMotion)
-    factors = np.exp(_SPREAD * rng.normal(size=3)).tolist()
-    K2, T2 = believed.motion.K2 * factors[0], believed.motion.T2 * factors[1]
-    psi = believed.hull.psi * factors[2]
-    quantum = 0.0 if rng.random() < 0.5 else 5e-3
-    truth = believed.model_copy(
+def _rehearsal(believed: Vehicle, truth: Array, rng: np.random.Generator, number: int) -> Perform:
+    K2, T2, psi = truth.tolist()
+    quantum = float(rng.choice([0.0, 5e-3]))
+    water = believed.model_copy(
         update={
             "motion": IdentifiedMotion(K2=K2, T2=T2),
             "hull": believed.hull.model_copy(update={"psi": psi}),
-            "sensors": Sensors(depth_noise=2e-3, depth_quantum=quantum, volume_quantum=0.75e-6),
+            "sensors": Sensors(
+                depth_noise=2e-3, depth_quantum=quantum, volume_quantum=_QUANTUM
+            ),
         }
+    )  # fmt: skip
+    operator = Operator(believed, water, pool_depth=POOL, seed=1000 * number)
+    return lambda task: np.column_stack(operator.perform(task)[:3])
+
+
+def _values(vehicle: Vehicle) -> Array:
+    assert isinstance(vehicle.motion, IdentifiedMotion)
+    return np.array([vehicle.motion.K2, vehicle.motion.T2, vehicle.hull.psi])
+
+
+def _told(found: Identification, truth: Array) -> dict[str, Any]:
+    told: dict[str, Any] = {"experiments": len(found.experiments)}
+    for name, true in zip(NAMES, truth.tolist(), strict=True):
+        e = found.parameters[name]
+        told[name] = {
+            "truth": true, "value": e.value, "std": e.std, "low": e.ci95[0], "high": e.ci95[1]
+        }  # fmt: skip
+    return told
+
+
+def days(count: int, folder: Path, *, target: float, rehearsed: bool) -> Iterator[dict[str, Any]]:
+    """Yield days 0, 1, ...; those that `folder` has are not done again.
+
+    A change of the code that is studied, or of the study, begins a new file.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    kind = "rehearsed" if rehearsed else "independent"
+    path = folder / f"{kind}-{target:g}-{_fingerprint()}.jsonl"
+    done = {found["number"]: found for found in _kept(path)}
+    for number in range(count):
+        if number not in done:
+            with tempfile.TemporaryDirectory() as files:
+                done[number] = run_day(
+                    number, Path(files), target=target, rehearsed=rehearsed
+                )  # fmt: skip
+            with path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(done[number]) + "\n")
+        yield done[number]
+
+
+def _kept(path: Path) -> list[dict[str, Any]]:
+    """Return what an earlier run left; a line that it did not finish is cut off the file."""
+    if not path.exists():
+        return []
+    text = path.read_bytes()
+    whole = text[: text.rfind(b"\n") + 1]
+    if len(whole) < len(text):
+        write_atomically(path, whole)
+    return [json.loads(line) for line in whole.decode("utf-8").splitlines()]
+
+
+def _fingerprint() -> str:
+    here, package = Path(__file__).parent, Path(swimbladder.__file__).parent
+    own = [here / f"{name}.py" for name in ("noise", "stopping", "truth")]
+    used = sorted(f for name in _STUDIED for f in (package / name).rglob("*.py"))
+    digest = sha256()
+    for file in (*own, *used):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:10]
+
+
+def table(found: Sequence[dict[str, Any]]) -> str:
+    """Return how often the intervals held the truth, how large the errors were, when it stopped."""
+    lines = ["when                   parameter  days  covered %     (95 %)  mean z  mean z2"]
+    states = Counter(f["stop"]["state"] for f in found)
+    good = [f["stop"] for f in found if f["stop"]["state"] == State.GOOD]
+    fixed = [(f"after {n}", [f[str(n)] for f in found if str(n) in f]) for n in FIXED]
+    for when, met in [("at the stop", good), *fixed]:
+        for name in NAMES if met else ():
+            p = [m[name] for m in met]
+            z = np.array([(x["value"] - x["truth"]) / x["std"] for x in p])
+            hits = sum(x["low"] <= x["truth"] <= x["high"] for x in p)
+            low, high = (100.0 * share for share in binomial_interval(hits, len(p)))
+            lines.append(
+                f"{when:22} {name:9}  {len(p):4d}  {100.0 * hits / len(p):9.1f}  "
+                f"{low:4.1f}-{high:4.1f}  {z.mean():+6.2f}  {np.mean(z**2):7.2f}"
+            )
+    counts = sorted(Counter(m["experiments"] for m in good).items())
+    lines.append("experiments at the stop: " + ", ".join(f"{k}: {c}" for k, c in counts))
+    lines.append("ended: " + ", ".join(f"{state} {c}" for state, c in states.most_common()))
+    return "\n".join(lines)
+
+
+def main(given: Sequence[str] | None = None) -> int:
+    """Run the study, print its table, and return the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m studies.stopping", description=__doc__)
+    parser.add_argument("--days", type=int, default=400, help="how many (400)")
+    parser.add_argument("--target", type=float, default=0.02, help="of K2 and T2 (0.02)")
+    parser.add_argument("--rehearsed", action="store_true", help="by the rehearsal of `pool`")
+    parser.add_argument("--out", type=Path, default=Path("report/stopping"), metavar="DIR")
+    options = parser.parse_args(given)
+    if options.days < 1 or not 0.0 < options.target < 1.0:
+        parser.error("--days: at least 1; --target: a share above 0 and below 1")
+    found = list(
+        days(options.days, options.out, target=options.target, rehearsed=options.rehearsed)
     )
-    return truth, {"K2": K2, "T2": T2, "psi": psi}
-
-
-def main() -> None:
-    """Run the study."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--days", type=int, default=160)
-    parser.add_argument("--target", type=float, default=0.02)
-    given = parser.parse_args()
-    stopped = []
-    for number in range(given.days):
-        with tempfile.TemporaryDirectory() as folder:
-            stopped.append(run_day(number, target=given.target, folder=Path(folder)))
-    print(table(stopped))
+    print(table(found))
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
