@@ -10,6 +10,8 @@ from studies.actuator import score
 from studies.benches import Motor, log_of, measured, random_bench, random_motor, steps, travel
 from swimbladder.errors import InputError, LogError, NoAnswerError
 from swimbladder.identify_actuator import PARAMETERS, identify_actuator
+from swimbladder.identify_actuator.bench import bench as make_bench
+from swimbladder.identify_actuator.soft import slewed
 
 LEVELS = [3.0, -3.0, 6.0, -6.0, 12.0, -12.0]
 
@@ -187,6 +189,45 @@ def test_a_limit_of_the_speed_is_found_where_there_is_one():
     assert low < Motor().K1 < high
     free = identify_actuator([bench(levels)])
     assert free.parameters["rate"].value is None
+
+
+@pytest.mark.parametrize("ramp", [0.1, 0.3])
+def test_a_soft_start_of_the_driver_is_said(ramp):
+    """The voltage on the motor rises along a ramp; the one logged does not."""
+    motor = Motor()
+    time, voltage = steps(LEVELS, hold=1.0, rest=1.0, step=0.02)
+    fine, asked = steps(LEVELS, hold=1.0, rest=1.0, step=0.005)
+    still = log_of(fine, np.linspace(0.0, 1e-2, len(fine)), voltage=asked)
+    real = slewed(make_bench(still), 12.0 / ramp).voltage
+    position = measured(travel(motor, fine, real)[::4], np.random.default_rng(1), noise=1e-5)
+    found = identify_actuator([log_of(time, position[: len(time)], voltage=voltage)])
+    (said,) = [f for f in found.findings if f.kind == "soft start"]
+    assert said.severity == "warning"
+    assert "T1 is partly the ramp's" in said.sentence
+    assert found.parameters["T1"].value > 1.2 * motor.T1
+
+
+@pytest.mark.slow
+def test_a_motor_alone_is_not_taken_for_a_soft_start():
+    for k in range(30):
+        random = np.random.default_rng([77, k])
+        log = random_bench(
+            random, random_motor(random), differing=0.02 * (k % 2), outliers=0.05 * (k % 3)
+        )
+        assert not any(f.kind == "soft start" for f in identify_actuator([log]).findings), k
+
+
+@pytest.mark.parametrize("rise", [0.0, 0.05])
+def test_slewing_keeps_the_volt_seconds_of_a_ramp(rise):
+    """The mean of each interval is that of the ramp: 10 V at 100 V/s, from 0.09 s on."""
+    time = np.arange(0.0, 0.5, 0.03)
+    voltage = np.where(time >= 0.09, 10.0, rise)
+    log = log_of(time, np.linspace(0.0, 1e-2, len(time)), voltage=voltage)
+    mean = slewed(make_bench(log), 100.0).voltage
+    fine = np.linspace(0.0, time[-1], 480_001)
+    ramp = np.clip(rise + 100.0 * (fine - 0.09), rise, 10.0)
+    gone = np.trapezoid(ramp, fine)
+    assert mean[:-1] @ np.diff(time) == pytest.approx(gone, rel=1e-5)
 
 
 @pytest.mark.parametrize("shape", ["stairs", "sine", "random"])

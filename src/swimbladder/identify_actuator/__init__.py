@@ -2,9 +2,9 @@
 
 `bench` makes a log into positions and what drove them. Where that is a voltage, `blocks` cuts it,
 `response` simulates it exactly, `model`, `begin`, `gains` and `voltage` fit it, `profile` gives
-T1 its interval. Where there is none, `moves` finds motion at full speed, `startup` fits how it
-begins and `plateau` how fast it goes. `nine`
-says where each of the nine parameters of section 2.3 comes from; `run` puts it together.
+T1 its interval, `soft` looks for a soft start. Where there is none, `moves` finds motion at full
+speed, `startup` fits how it begins and `plateau` how fast it goes. `nine` says where each of the
+nine parameters of section 2.3 comes from; `run` puts it together.
 """
 
 from __future__ import annotations

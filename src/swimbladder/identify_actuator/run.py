@@ -24,6 +24,7 @@ from swimbladder.identify_actuator.say import (
     of_voltage,
     untold_of,
 )
+from swimbladder.identify_actuator.soft import soft_start
 from swimbladder.identify_actuator.voltage import fit_voltage
 from swimbladder.io.logs import Log
 from swimbladder.parameters import Positioner, Vehicle
@@ -126,7 +127,8 @@ def _voltage(
         single = LogFit(source=one.source, parameters=parameters)
         alone.append(single if len(benches) == 1 else _alone(one, fixed))
         advance(share)
-    findings = of_voltage(fit, parameters, benches)
+    soft = soft_start(fit) if parameters["T1"].value is not None else None
+    findings = of_voltage(fit, parameters, benches, soft)
     told = [f.parameters for f in alone if f.parameters]
     mean, chance = together(told) if len(told) > 1 else ({}, {})
     apart = [n for n, p in chance.items() if p < _DIFFERENT and parameters[n].origin == "data"]

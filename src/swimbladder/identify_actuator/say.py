@@ -8,6 +8,7 @@ from swimbladder.identify_actuator.bench import Bench, Driven
 from swimbladder.identify_actuator.estimate import Estimate, shown
 from swimbladder.identify_actuator.from_moves import MovesFit
 from swimbladder.identify_actuator.result import Finding
+from swimbladder.identify_actuator.soft import SoftStart
 from swimbladder.identify_actuator.voltage import VoltageFit
 
 __all__ = ["ASSUMPTIONS", "logs_differ", "of_moves", "of_voltage", "untold_of"]
@@ -40,9 +41,12 @@ def untold_of(name: str, estimate: Estimate) -> Finding:
 
 
 def of_voltage(
-    fit: VoltageFit, parameters: Mapping[str, Estimate], benches: Sequence[Bench]
+    fit: VoltageFit,
+    parameters: Mapping[str, Estimate],
+    benches: Sequence[Bench],
+    soft: SoftStart | None,
 ) -> list[Finding]:
-    """Return what is to be said of a fit to voltage steps."""
+    """Return what is to be said of a fit to voltage steps, and of its driver's soft start."""
     found = []
     problem = fit.problem
     out = int((~problem.used & ~problem.early).sum())
@@ -58,6 +62,17 @@ def of_voltage(
             )
         )
     found += _of_gains(fit)
+    if soft is not None:
+        found.append(
+            Finding(
+                "soft start",
+                f"A voltage that rises along a ramp, to {fit.problem.top:.3g} V in about "
+                f"{soft.ramp:.2g} s, explains the logs far better than the logged one: a soft "
+                "start of the driver, or a delay. T1 is partly the ramp's; without it about "
+                f"{soft.T1:.2g} s are left. Switch the ramp off, or log the voltage on the motor.",
+                "warning",
+            )
+        )
     T1, step = parameters["T1"], min(b.step for b in benches)
     if T1.value is not None and T1.origin == "data" and T1.value < step:
         found.append(
