@@ -1,7 +1,8 @@
 """How often the intervals of identify-actuator hold the truth, over many simulated benches.
 
-``python -m studies.actuator [--benches 2000] [--seed 1]`` prints a table: voltage steps, voltage
-steps with outliers, moves at full voltage whose voltage is not logged.
+``python -m studies.actuator [--benches 2000] [--seed 1] [--case CASE ...]`` prints a table: voltage
+steps, voltage steps whose gains differ, or with outliers; moves at full voltage whose voltage is
+not logged.
 """
 
 from __future__ import annotations
@@ -90,13 +91,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Coverage of identify-actuator's intervals.")
     parser.add_argument("--benches", type=int, default=2000, help="of each case")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--case", nargs="+", choices=CASES, default=list(CASES), metavar="CASE")
     chosen = parser.parse_args()
     print(f"{'':30}{'told':>6}{'held':>9}{'pull':>8}{'bias':>8}")
-    for case in CASES:
-        print(case)
+    for case in chosen.case:
+        print(case, flush=True)
         for name, s in score(case, chosen.benches, chosen.seed).items():
             share = 100.0 * s.held / s.told
-            print(f"  {name:28}{s.told:6d}{share:8.1f}%{s.pull:8.2f}{s.bias:8.2f}")
+            print(f"  {name:28}{s.told:6d}{share:8.1f}%{s.pull:8.2f}{s.bias:8.2f}", flush=True)
 
 
 if __name__ == "__main__":
