@@ -16,7 +16,7 @@ import math
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -172,8 +172,10 @@ def _told(found: Identification, truth: Array) -> dict[str, Any]:
     return told
 
 
-def days(count: int, folder: Path, *, target: float, rehearsed: bool) -> Iterator[dict[str, Any]]:
-    """Yield days 0, 1, ...; those that `folder` has are not done again.
+def days(
+    numbers: Iterable[int], folder: Path, *, target: float, rehearsed: bool
+) -> Iterator[dict[str, Any]]:
+    """Yield days by their numbers; those that `folder` has are not done again.
 
     A change of the code that is studied, or of the study, begins a new file.
     """
@@ -181,7 +183,7 @@ def days(count: int, folder: Path, *, target: float, rehearsed: bool) -> Iterato
     kind = "rehearsed" if rehearsed else "independent"
     path = folder / f"{kind}-{target:g}-{_fingerprint()}.jsonl"
     done = {found["number"]: found for found in _kept(path)}
-    for number in range(count):
+    for number in numbers:
         if number not in done:
             with tempfile.TemporaryDirectory() as files:
                 done[number] = run_day(
@@ -239,15 +241,17 @@ def main(given: Sequence[str] | None = None) -> int:
     """Run the study, print its table, and return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m studies.stopping", description=__doc__)
     parser.add_argument("--days", type=int, default=400, help="how many (400)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first (0)")
     parser.add_argument("--target", type=float, default=0.02, help="of K2 and T2 (0.02)")
     parser.add_argument("--rehearsed", action="store_true", help="by the rehearsal of `pool`")
     parser.add_argument("--out", type=Path, default=Path("report/stopping"), metavar="DIR")
     options = parser.parse_args(given)
-    if options.days < 1 or not 0.0 < options.target < 1.0:
-        parser.error("--days: at least 1; --target: a share above 0 and below 1")
-    found = list(
-        days(options.days, options.out, target=options.target, rehearsed=options.rehearsed)
-    )
+    if options.days < 1 or options.first < 0 or not 0.0 < options.target < 1.0:
+        parser.error(
+            "--days: at least 1; --first: at least 0; --target: a share above 0 and below 1"
+        )
+    numbers = range(options.first, options.first + options.days)
+    found = list(days(numbers, options.out, target=options.target, rehearsed=options.rehearsed))
     print(table(found))
     return 0
 

@@ -41,10 +41,10 @@ def test_the_study_goes_on_where_it_stopped(tmp_path, monkeypatch):
 
     monkeypatch.setattr(stopping, "run_day", run_day)
     options = {"target": 0.02, "rehearsed": False}
-    list(stopping.days(3, tmp_path, **options))
+    list(stopping.days(range(3), tmp_path, **options))
     (file,) = tmp_path.iterdir()
     file.write_text(file.read_text()[:-20])  # killed while it wrote the third
-    found = list(stopping.days(4, tmp_path, **options))
+    found = list(stopping.days(range(4), tmp_path, **options))
     assert asked == [0, 1, 2, 2, 3]
     assert [f["number"] for f in found] == [0, 1, 2, 3]
     assert [json.loads(line)["number"] for line in file.read_text().splitlines()] == [0, 1, 2, 3]

@@ -40,10 +40,10 @@ def follow(
         if growth.new:
             yield from day.begin_log(str(tail.path))
             yield News("log", 0.0, f"{tail.path} begins anew: it is taken as another log.")
-        if growth.state == "grown":
-            grown, seen = clock(), True
         yield from day.feed(growth.samples)
         yield None
+        if growth.state == "grown":  # a fit may have taken longer than the log may stand still
+            grown, seen = clock(), True
         if day.verdict.good:
             return
         if clock() - grown > timeout:

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from swimbladder.identify import NAMES, Identification, Prior
 
-__all__ = ["LEAST", "State", "Target", "Verdict", "forecast", "judge"]
+__all__ = ["LEAST", "MARGIN", "State", "Target", "Verdict", "forecast", "judge"]
 
 Array = NDArray[np.float64]
 
 LEAST = 4  # experiments; with fewer no trend with the size of the step can show
+MARGIN = 1.25  # by which a standard deviation has to be below its target; see studies.stopping
 _MOST = 12  # experiments more, beyond which another remedy is worth looking for
 _FAR = 200
 _SINGLE = ("drift", "outliers")  # kinds of finding on single experiments: see remarks.of_fit
@@ -29,8 +30,11 @@ class Target(NamedTuple):
     relative: bool = True
 
     def reached(self, value: float, std: float) -> bool:
-        """Say whether an estimate is that good."""
-        return std <= self.limit(value)
+        """Say whether an estimate is that good, with a margin.
+
+        A day that ends as soon as its numbers look good ends on those that look too good.
+        """
+        return MARGIN * std <= self.limit(value)
 
     def limit(self, value: float) -> float:
         """Return the standard deviation aimed at, in the parameter's unit."""
@@ -139,7 +143,10 @@ def forecast(
     data = total - np.diag(known)
     n = len(found.experiments)
     wanted = [
-        (names.index(t.name), t.limit(found.parameters[t.name].value) / size[names.index(t.name)])
+        (
+            names.index(t.name),
+            t.limit(found.parameters[t.name].value) / MARGIN / size[names.index(t.name)],
+        )
         for t in targets if t.name in names
     ]  # fmt: skip
     for more in range(1, _FAR + 1):
@@ -153,11 +160,11 @@ def _known(found: Identification, targets: Sequence[Target]) -> str:
     parts = []
     for t in targets:
         e = found.parameters[t.name]
-        if t.relative:
-            parts.append(f"{t.name} is known to {100.0 * e.std / abs(e.value):.2g} % "
-                         f"(target {100.0 * t.std:.3g} %)")  # fmt: skip
-        else:
-            parts.append(f"{t.name} is known to {e.std:.2g} {e.unit} (target {t.std:.2g})")
+        size, factor, unit = (abs(e.value), 100.0, "%") if t.relative else (1.0, 1.0, e.unit)
+        aim = f"target {factor * t.std:.3g} {unit}"
+        if e.std <= t.limit(e.value) < MARGIN * e.std:
+            aim += f", which {factor * t.std / MARGIN:.3g} {unit} is taken to reach"
+        parts.append(f"{t.name} is known to {factor * e.std / size:.2g} {unit} ({aim})")
     return ", ".join(parts)
 
 
