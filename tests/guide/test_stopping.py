@@ -17,16 +17,19 @@ def _told(count, value, state="good enough"):
 
 def _day(number, count=4, value=10.5, state="good enough"):
     stop = _told(count, value, state)
-    return {"number": number, "each": {}, "stop": stop, "4": stop, "8": _told(8, 10.0)}
+    each = {"4": _told(4, 10.5), "5": stop}
+    return {"number": number, "each": each, "stop": stop, "4": stop, "8": _told(8, 10.0)}
 
 
 def test_the_table_by_hand():
     found = [_day(0), _day(1, 5, 12.0), _day(2, 16, 9.5, "more experiments"), _day(3)]
-    lines = stopping.table(found).splitlines()
+    lines = stopping.table(found, target=0.05).splitlines()
     assert lines[1].split() == [
         "at", "the", "stop", "K2", "3", "66.7", "9.4-99.2", "+2.00", "6.00"
     ]  # fmt: skip
-    assert lines[7].split()[:5] == ["after", "8", "K2", "4", "100.0"]
+    assert lines[4].split()[:5] == ["without", "a", "margin", "K2", "4"]
+    assert lines[4].split()[-2:] == ["+1.00", "1.00"]  # the first that meets 5 %
+    assert lines[10].split()[:5] == ["after", "8", "K2", "4", "100.0"]
     assert lines[-2] == "experiments at the stop: 4: 2, 5: 1"
     assert lines[-1] == "ended: good enough 3, more experiments 1"
 
