@@ -1,0 +1,227 @@
+"""A law's tree written as C99 in float32: no heap, no recursion, no double, no libm but sqrtf.
+
+Each operation is one rounding in the order of the Python source. C may contract ``a * b + c`` into
+one rounding where a processor can; the file forbids it and refuses to be compiled where the
+arithmetic would not be that of float32.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from swimbladder.firmware.c_flow import fields_read
+from swimbladder.firmware.c_functions import FunctionText, shortened
+from swimbladder.firmware.c_names import c_field, c_float, c_law, c_record, c_type, remarks
+from swimbladder.firmware.tree import Program, Record
+
+__all__ = ["MEASUREMENT_H", "CSource", "write_c99"]
+
+
+class CSource(NamedTuple):
+    """The files of a law: a header and its source, beside ``swb_measurement.h``."""
+
+    header_name: str
+    header: str
+    source_name: str
+    source: str
+
+
+MEASUREMENT_H = """\
+/* What a control law sees at a sample. Written by swimbladder. */
+#ifndef SWB_MEASUREMENT_H
+#define SWB_MEASUREMENT_H
+
+typedef struct {
+    float time;   /* s */
+    float depth;  /* m, of the pressure sensor, positive down */
+    float volume; /* m3, positive: lighter; 0 at mid-stroke */
+} swb_measurement;
+
+#endif
+"""
+
+_ARITHMETIC = """\
+#if defined(__FAST_MATH__)
+#error "the law is to be compiled without -ffast-math or -Ofast: NaN has to stay NaN"
+#endif
+#if defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ != 0 && __FLT_EVAL_METHOD__ != 16
+#error "float has to be calculated in float: on x86 with -msse2 -mfpmath=sse"
+#endif
+/* a * b + c stays two roundings, also where the processor could do it in one. */
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#elif defined(__GNUC__) && !defined(__AVR__)
+#pragma GCC optimize("fp-contract=off")
+#endif
+"""
+
+_HELPERS = {
+    "swb_bits": """\
+static uint32_t swb_bits(float x)
+{
+    uint32_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
+""",
+    "swb_from_bits": """\
+static float swb_from_bits(uint32_t bits)
+{
+    float x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+""",
+    "swb_isfinite": """\
+static bool swb_isfinite(float x)
+{
+    return (swb_bits(x) & 0x7f800000u) != 0x7f800000u;
+}
+""",
+    "swb_abs": """\
+static float swb_abs(float x)
+{
+    return swb_from_bits(swb_bits(x) & 0x7fffffffu);
+}
+""",
+    "swb_copysign": """\
+static float swb_copysign(float x, float sign)
+{
+    return swb_from_bits((swb_bits(x) & 0x7fffffffu) | (swb_bits(sign) & 0x80000000u));
+}
+""",
+    "swb_min": """\
+static float swb_min(float a, float b)
+{
+    return b < a ? b : a;
+}
+""",
+    "swb_max": """\
+static float swb_max(float a, float b)
+{
+    return b > a ? b : a;
+}
+""",
+}
+_NEEDS = {"swb_isfinite": ("swb_bits",), "swb_abs": ("swb_bits", "swb_from_bits"),
+          "swb_copysign": ("swb_bits", "swb_from_bits")}  # fmt: skip
+
+
+def write_c99(program: Program) -> CSource:
+    """Return the C of a law."""
+    stem = f"swb_{c_law(program.name)}"
+    return CSource(f"{stem}.h", _header(program), f"{stem}.c", _source(program))
+
+
+def _header(program: Program) -> str:
+    law = c_law(program.name)
+    guard = f"SWB_{law.upper()}_H"
+    units = dict(program.units)
+    parts = [
+        f"/* The control law {program.name}: {shortened(program.words)}.",
+        " * Written by swimbladder from the law's Python source; all numbers are SI. */",
+        f"#ifndef {guard}", f"#define {guard}", "", '#include "swb_measurement.h"', "",
+        "#ifdef __cplusplus", 'extern "C" {', "#endif", "",
+        _struct(program.name, program.parameters, units), _struct(program.name, program.state, {}),
+        "/* The state to begin with. */",
+        f"void {_initial(law)};", "",
+        f"/* {shortened(program.step.words)}.",
+        " * Writes the new state, and to next_s the time to the next call [s]. */",
+        f"float {_step(law)};", "", "#ifdef __cplusplus", "}", "#endif", "", "#endif", "",
+    ]  # fmt: skip
+    return "\n".join(parts)
+
+
+def _initial(law: str) -> str:
+    return (
+        f"swb_{law}_initial(const swb_{law}_parameters *p, const swb_measurement *m,\n"
+        f"                  float reference, swb_{law}_state *state)"
+    )
+
+
+def _step(law: str) -> str:
+    return (
+        f"swb_{law}_step(const swb_{law}_parameters *p, swb_{law}_state *state,\n"
+        "               const swb_measurement *m, float reference, float *next_s)"
+    )
+
+
+def _struct(
+    law: str, record: Record, units: dict[str, str], read: dict[str, set[str]] | None = None
+) -> str:
+    said = remarks(record.kind)
+    lines = ["typedef struct {"]
+    for name, kind in record.fields:
+        if read is not None and name not in read[record.name]:
+            continue
+        words = said.get(name) or units.get(name) or ""
+        comment = f" /* {words} */" if words else ""
+        lines.append(f"    {c_type(law, kind)} {c_field(name)};{comment}")
+    return "\n".join([*lines, f"}} {c_record(law, record)};", ""])
+
+
+def _source(program: Program) -> str:
+    law = c_law(program.name)
+    types = {c_record(program.name, r) for r in program.records}
+    names = {f: _helper(f"swb_{law}_{f.name}", types) for f in program.helpers}
+    fields = fields_read(program)
+    helpers = {
+        names[f]: FunctionText(program.name, f, names, fields).helper(names[f])
+        for f in program.helpers
+    }
+    initial = FunctionText(program.name, program.initial, names, fields)
+    step = FunctionText(program.name, program.step, names, fields)
+    entries = [initial.initial(f"void {_initial(law)}"), step.step(f"float {_step(law)}")]
+    used = _used("\n".join(entries), helpers)
+    functions = "\n".join([*(helpers[n] for n in helpers if n in used), *entries])
+    own = {program.parameters.name, program.state.name, program.measurement.name}
+    structs = [
+        _struct(program.name, r, {}, fields)
+        for r in program.records
+        if r.name not in own and re.search(rf"\b{c_record(program.name, r)}\b", functions)
+    ]
+    constants = [
+        f"static const float SWB_{c.name} = {c_float(c.value)};\n"
+        for c in program.constants
+        if re.search(rf"\bSWB_{c.name}\b", functions)
+    ]
+    wanted = {n for n in _HELPERS if f"{n}(" in functions}
+    wanted |= {inner for n in wanted for inner in _NEEDS.get(n, ())}
+    arithmetic = [_HELPERS[n] for n in _HELPERS if n in wanted]
+    text = "\n".join([*structs, *arithmetic, functions])
+    includes = {
+        "math.h": re.search(r"\b(sqrtf|INFINITY|NAN)\b", text + "".join(constants)),
+        "stdbool.h": re.search(r"\bbool\b", text),
+        "stdint.h": re.search(r"\buint32_t\b", text),
+        "string.h": re.search(r"\bmemcpy\b", text),
+    }
+    parts = [
+        f"/* The control law {program.name}, translated from its Python source by swimbladder.",
+        " * float32 throughout: the float32 twin of the law gives the same bits. */",
+        f'#include "swb_{law}.h"', "",
+    ]  # fmt: skip
+    listed = [f"#include <{name}>" for name, found in includes.items() if found]
+    parts += [*listed, ""] if listed else []
+    parts += [_ARITHMETIC]
+    parts += ["".join(constants)] if constants else []
+    return "\n".join([*parts, text])
+
+
+def _helper(name: str, types: set[str]) -> str:
+    """Return the name of a helper that is neither a type's nor that of the law's own functions."""
+    taken = name in types or name.rsplit("_", 1)[-1] in ("step", "initial")
+    return f"{name}_value" if taken else name
+
+
+def _used(text: str, helpers: dict[str, str]) -> set[str]:
+    """Return the helpers that a text calls, and those that they call."""
+    found: set[str] = set()
+    texts = [text]
+    while texts:
+        now = texts.pop()
+        for name, body in helpers.items():
+            if name not in found and f"{name}(" in now:
+                found.add(name)
+                texts.append(body)
+    return found

@@ -1,0 +1,265 @@
+"""The expressions of a law's function, read into the tree."""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Callable
+from types import FunctionType, ModuleType
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from swimbladder.firmware.tree import (
+    BOOL,
+    FLOAT,
+    INT,
+    Binary,
+    Builtin,
+    Call,
+    Choice,
+    Compare,
+    Expression,
+    Field,
+    Logic,
+    Make,
+    Minus,
+    Not,
+    Number,
+    Record,
+    Type,
+)
+
+if TYPE_CHECKING:
+    from swimbladder.firmware.statements import Body
+
+__all__ = ["Expressions"]
+
+_Operator = Literal["+", "-", "*", "/"]
+_Comparison = Literal["<", "<=", ">", ">=", "==", "!="]
+_ARITHMETIC: dict[type[ast.AST], _Operator] = {
+    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"
+}  # fmt: skip
+_COMPARISONS: dict[type[ast.AST], _Comparison] = {
+    ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
+}  # fmt: skip
+_Builtin = Literal["min", "max", "abs", "sqrt", "isfinite", "copysign"]
+_BUILTINS: dict[Callable[..., Any], tuple[_Builtin, int, Type]] = {
+    min: ("min", 2, FLOAT), max: ("max", 2, FLOAT), abs: ("abs", 1, FLOAT),
+    math.fabs: ("abs", 1, FLOAT), math.sqrt: ("sqrt", 1, FLOAT),
+    math.isfinite: ("isfinite", 1, BOOL), math.copysign: ("copysign", 2, FLOAT),
+}  # fmt: skip
+_INSTEAD: dict[type[ast.AST], str] = {
+    ast.Pow: "Multiply, or use math.sqrt",
+    ast.Mod: "Count with a loop, or keep what is left in the state",
+    ast.FloorDiv: "Divide with /, and compare",
+}
+
+
+class Expressions:
+    """Expressions at one place of a function, where its names mean what they mean there."""
+
+    def __init__(self, body: Body) -> None:
+        self.body, self.source = body, body.source
+
+    def number(self, node: ast.expr) -> Expression:
+        """Return an expression that is a number."""
+        got = self.read(node)
+        if got.type not in (FLOAT, INT):
+            self.source.refuse(node, "this is no number", "A law calculates with floats only")
+        return got
+
+    def truth(self, node: ast.expr) -> Expression:
+        """Return an expression that is true or false."""
+        got = self.read(node)
+        if got.type != BOOL:
+            self.source.refuse(node, "this is not true or false", "Write a comparison, as x != 0.0")
+        return got
+
+    def turns(self, node: ast.expr) -> int | None:
+        """Return N of ``range(N)``, None where it is anything else."""
+        if not (isinstance(node, ast.Call) and len(node.args) == 1 and not node.keywords):
+            return None
+        count, known = self._outside(node.args[0])
+        if isinstance(node.args[0], ast.Constant):
+            count, known = node.args[0].value, True
+        function, _ = self._outside(node.func)
+        whole = known and isinstance(count, int) and not isinstance(count, bool)
+        return count if function is range and whole else None
+
+    def read(self, node: ast.expr) -> Expression:
+        """Return an expression of any type."""
+        if isinstance(node, ast.Constant):
+            return self._literal(node)
+        if isinstance(node, ast.Name | ast.Attribute):
+            return self._named(node)
+        if isinstance(node, ast.UnaryOp):
+            return self._unary(node)
+        if isinstance(node, ast.BinOp):
+            return self._binary(node)
+        if isinstance(node, ast.Compare):
+            return self._compare(node)
+        if isinstance(node, ast.BoolOp):
+            operator: Literal["and", "or"] = "and" if isinstance(node.op, ast.And) else "or"
+            return Logic(operator, tuple(self.truth(value) for value in node.values))
+        if isinstance(node, ast.IfExp):
+            return self._choice(node)
+        if isinstance(node, ast.Call):
+            return self._call(node)
+        what = type(node).__name__.lower()
+        self.source.refuse(
+            node, f"a law has no expression of the kind {what!r}",
+            "Use arithmetic, comparisons, min, max, abs, math.sqrt and calls of plain functions",
+        )  # fmt: skip
+
+    def _literal(self, node: ast.Constant) -> Expression:
+        if isinstance(node.value, bool) or not isinstance(node.value, int | float):
+            self.source.refuse(node, "a law's literals are numbers", "Write a number")
+        return Number(self._float32(node, float(node.value)))
+
+    def _float32(self, node: ast.expr, value: float) -> float:
+        with np.errstate(over="ignore", under="ignore"):
+            rounded = float(np.float32(value))
+        if (math.isinf(rounded) and not math.isinf(value)) or (rounded == 0.0 and value != 0.0):
+            self.source.refuse(
+                node, f"{value:g} is beyond float32", "Stay within 1e-45 to 3.4e38, or use math.inf"
+            )
+        return value
+
+    def _outside(self, node: ast.expr) -> tuple[Any, bool]:
+        """Return (what a name, or a name in a module, means outside the function, known)."""
+        if isinstance(node, ast.Name) and node.id not in self.body.meaning:
+            if node.id in self.body._stored:
+                return None, False
+            try:
+                return self.source.look_up(node.id), True
+            except KeyError:
+                return None, False
+        if isinstance(node, ast.Attribute):
+            module, known = self._outside(node.value)
+            if known and isinstance(module, ModuleType) and hasattr(module, node.attr):
+                return getattr(module, node.attr), True
+        return None, False
+
+    def _named(self, node: ast.Name | ast.Attribute) -> Expression:
+        if isinstance(node, ast.Name) and node.id in self.body.meaning:
+            return self.body.meaning[node.id]
+        value, known = self._outside(node)
+        if known:
+            if isinstance(value, bool) or not isinstance(value, int | float | np.floating):
+                self.source.refuse(
+                    node,
+                    "this is no constant number",
+                    "Name floats of the module, or its functions",
+                )
+            name = node.id if isinstance(node, ast.Name) else node.attr
+            return self.body.reader.constant(name, self._float32(node, float(value)))
+        if isinstance(node, ast.Name):
+            self.source.refuse(
+                node, "this name has no value here, or not for certain",
+                "Assign it in every branch that leads here",
+            )  # fmt: skip
+        of = self.read(node.value)
+        kind = of.type.type_of(node.attr) if isinstance(of.type, Record) else None
+        if kind is None:
+            self.source.refuse(node, "there is no such field", "Name a field of the NamedTuple")
+        return Field(of, node.attr, kind)
+
+    def _unary(self, node: ast.UnaryOp) -> Expression:
+        if isinstance(node.op, ast.Not):
+            return Not(self.truth(node.operand))
+        if isinstance(node.op, ast.USub):
+            return Minus(self.number(node.operand))
+        if isinstance(node.op, ast.UAdd):
+            return self.number(node.operand)
+        self.source.refuse(node, "a law has no operations on bits", "Use floats")
+
+    def _binary(self, node: ast.BinOp) -> Expression:
+        operator = _ARITHMETIC.get(type(node.op))
+        if operator is None:
+            self.source.refuse(
+                node, "this operation is not the same to the bit on every processor",
+                _INSTEAD.get(type(node.op), "Use + - * /"),
+            )  # fmt: skip
+        return Binary(operator, self.number(node.left), self.number(node.right))
+
+    def _compare(self, node: ast.Compare) -> Expression:
+        operands = [node.left, *node.comparators]
+        pairs: list[Expression] = []
+        for left, kind, right in zip(operands[:-1], node.ops, operands[1:], strict=True):
+            operator = _COMPARISONS.get(type(kind))
+            if operator is None:
+                self.source.refuse(node, "a law compares numbers only", "Use < <= > >= == !=")
+            pairs.append(Compare(operator, self.number(left), self.number(right)))
+        return pairs[0] if len(pairs) == 1 else Logic("and", tuple(pairs))
+
+    def _choice(self, node: ast.IfExp) -> Expression:
+        condition = self.truth(node.test)
+        yes, no = self.read(node.body), self.read(node.orelse)
+        kinds = {FLOAT if value.type == INT else value.type for value in (yes, no)}
+        if len(kinds) != 1:
+            self.source.refuse(node, "the two values differ in type", "Make them the same")
+        return Choice(condition, yes, no, kinds.pop())
+
+    def _call(self, node: ast.Call) -> Expression:
+        function, known = self._outside(node.func)
+        if not known:
+            remedy = "Make a new NamedTuple of all its fields, or call a plain function"
+            self.source.refuse(node, "a law calls no methods and no variables", remedy)
+        if any(isinstance(a, ast.Starred) for a in node.args) or not all(
+            keyword.arg for keyword in node.keywords
+        ):
+            self.source.refuse(node, "a law has no * and ** in calls", "Write each argument")
+        if isinstance(function, type) and hasattr(function, "_fields"):
+            return self._make(node, function)
+        try:
+            builtin = _BUILTINS.get(function)
+        except TypeError:
+            builtin = None
+        if builtin is not None:
+            name, count, kind = builtin
+            if len(node.args) != count or node.keywords:
+                self.source.refuse(node, f"{name} takes {count} numbers here", "Nest the calls")
+            return Builtin(name, tuple(self.number(a) for a in node.args), kind)
+        plain = getattr(function, "py_func", function)
+        if not isinstance(plain, FunctionType):
+            self.source.refuse(
+                node, "this function is not the same to the bit on every processor",
+                "Compute it where the parameters are made; a law has min, max, abs, math.sqrt, "
+                "math.isfinite and math.copysign",
+            )  # fmt: skip
+        names = plain.__code__.co_varnames[: plain.__code__.co_argcount]
+        values = self._arguments(node, names, {})
+        kinds = tuple(FLOAT if value.type == INT else value.type for value in values)
+        called = self.body.reader.call(self.source, node, plain, kinds)
+        return Call(called, values, called.returns)
+
+    def _make(self, node: ast.Call, kind: type[Any]) -> Expression:
+        record = self.body.reader.record(kind, self.source, node)
+        defaults = {
+            name: Number(self._float32(node, float(value)))
+            for name, value in getattr(kind, "_field_defaults", {}).items()
+            if isinstance(value, int | float)
+        }
+        values = self._arguments(node, tuple(n for n, _ in record.fields), defaults)
+        for value, (name, wanted) in zip(values, record.fields, strict=True):
+            if (FLOAT if value.type == INT else value.type) != wanted:
+                self.source.refuse(node, f"the field {name!r} has another type", "Give it its own")
+        return Make(record, values)
+
+    def _arguments(
+        self, node: ast.Call, names: tuple[str, ...], defaults: dict[str, Number]
+    ) -> tuple[Expression, ...]:
+        given: dict[str, Expression] = {}
+        for n, argument in enumerate(node.args):
+            if n < len(names):
+                given[names[n]] = self.read(argument)
+        for keyword in node.keywords:
+            if keyword.arg is not None and keyword.arg not in given:
+                given[keyword.arg] = self.read(keyword.value)
+        whole = defaults | given
+        if set(whole) != set(names) or len(node.args) + len(node.keywords) != len(given):
+            self.source.refuse(
+                node, f"the arguments are not those of ({', '.join(names)})", "Give each one once"
+            )
+        return tuple(whole[name] for name in names)

@@ -1,0 +1,125 @@
+"""Compile a law's C, and call it."""
+
+import ctypes
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swimbladder.control.law import Law
+from swimbladder.firmware.c99 import MEASUREMENT_H, CSource, write_c99
+from swimbladder.firmware.c_names import c_law
+from swimbladder.firmware.subset import read_law
+from tests.firmware.laws import flat, packed
+
+STRICT = (
+    "-std=c99", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion",
+    "-Wshadow", "-Werror",
+)  # fmt: skip
+
+_FRAMES = """\
+#include <stdio.h>
+#include "swb_{law}.h"
+
+int main(void)
+{{
+    struct {{
+        swb_{law}_parameters p;
+        swb_{law}_state state;
+        swb_measurement m;
+        float reference;
+    }} in;
+    while (fread(&in, sizeof in, 1, stdin) == 1) {{
+        swb_{law}_state first;
+        float next_s;
+        swb_{law}_initial(&in.p, &in.m, in.reference, &first);
+        const float command = swb_{law}_step(&in.p, &in.state, &in.m, in.reference, &next_s);
+        fwrite(&first, sizeof first, 1, stdout);
+        fwrite(&command, sizeof command, 1, stdout);
+        fwrite(&in.state, sizeof in.state, 1, stdout);
+        fwrite(&next_s, sizeof next_s, 1, stdout);
+    }}
+    return 0;
+}}
+"""
+
+
+def run(*words: Any, **how: Any) -> subprocess.CompletedProcess[Any]:
+    """Run a program; what it says is in the failure."""
+    done = subprocess.run([str(word) for word in words], capture_output=True, check=False, **how)
+    assert done.returncode == 0, (done.stderr or done.stdout or b"?")[-4000:]
+    return done
+
+
+def write(law: Law, folder: Path) -> CSource:
+    """Write a law's C files into a folder."""
+    source = write_c99(read_law(law))
+    (folder / "swb_measurement.h").write_text(MEASUREMENT_H)
+    (folder / source.header_name).write_text(source.header)
+    (folder / source.source_name).write_text(source.source)
+    return source
+
+
+class Compiled:
+    """A law's C, compiled for this machine and loaded."""
+
+    def __init__(self, law: Law, folder: Path) -> None:
+        source = write(law, folder)
+        made = folder / "law.so"
+        run(
+            "gcc",
+            *STRICT,
+            "-O2",
+            "-shared",
+            "-fPIC",
+            folder / source.source_name,
+            "-o",
+            made,
+            "-lm",
+        )
+        library = ctypes.CDLL(str(made))
+        name = f"swb_{c_law(law.name)}"
+        self._step, self._initial = library[f"{name}_step"], library[f"{name}_initial"]
+        pointer, number = ctypes.c_void_p, ctypes.c_float
+        self._step.argtypes = [pointer, pointer, pointer, number, pointer]
+        self._step.restype = number
+        self._initial.argtypes = [pointer, pointer, number, pointer]
+        self._initial.restype = None
+        self._fields = len(law.state._fields)
+
+    def step(self, parameters: Any, state: Any, measurement: Any, reference: float) -> Any:
+        """Return (command, the state's numbers, next_s)."""
+        p, s, m = (_floats(v) for v in (parameters, state, measurement))
+        next_s = ctypes.c_float()
+        command = self._step(
+            p.ctypes.data, s.ctypes.data, m.ctypes.data, reference, ctypes.addressof(next_s)
+        )
+        return command, tuple(s.tolist()), next_s.value
+
+    def initial(self, parameters: Any, measurement: Any, reference: float) -> Any:
+        """Return the state's numbers."""
+        p, m = _floats(parameters), _floats(measurement)
+        s = np.full(self._fields, 7.0, np.float32)
+        self._initial(p.ctypes.data, m.ctypes.data, reference, s.ctypes.data)
+        return tuple(s.tolist())
+
+
+def _floats(values: Any) -> Any:
+    return np.array(flat(*values), np.float32)
+
+
+class Program:
+    """A law's C as a program that answers frames of calls; compiled with any compiler."""
+
+    def __init__(self, law: Law, folder: Path, compiler: str, *flags: str) -> None:
+        source = write(law, folder)
+        (folder / "frames.c").write_text(_FRAMES.format(law=c_law(law.name)))
+        self._made = folder / "frames"
+        files = [folder / source.source_name, folder / "frames.c"]
+        run(compiler, *flags, "-Wno-double-promotion", *files, "-o", self._made, "-lm")
+
+    def answers(self, frames: list[tuple[Any, ...]]) -> Any:
+        """Return a row of numbers for each (parameters, state, measurement, reference)."""
+        done = run(self._made, input=b"".join(packed(*frame) for frame in frames))
+        return np.frombuffer(done.stdout, "<f4").reshape(len(frames), -1)

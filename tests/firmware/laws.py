@@ -1,0 +1,103 @@
+"""For every law a vehicle that it holds, its parameters there, and an hour's mission with noise."""
+
+import struct
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from swimbladder.closed_loop import simulate
+from swimbladder.control.law import Law, Measurement
+from swimbladder.control.registry import LAWS, bind
+from swimbladder.firmware.twin import twin
+from swimbladder.io.config import load_vehicle
+from swimbladder.parameters import Sensors, Vehicle
+
+NOISE = Sensors(depth_noise="2 mm", depth_quantum="1 mm", volume_noise="0.2 cm3")
+
+
+class Example(NamedTuple):
+    vehicle: Vehicle
+    parameters: Any
+    tick: float
+
+
+def _preset(name: str) -> Example:
+    vehicle = load_vehicle(name)
+    return Example(vehicle, bind(vehicle.controller)[1], vehicle.controller.sample_time)
+
+
+EXAMPLES: dict[str, Callable[[], Example]] = {
+    "cascade": lambda: _preset("feup-em"),
+    "position-pid": lambda: _preset("ntnu-bv"),
+}
+
+
+@cache
+def example(name: str) -> Example:
+    return EXAMPLES[name]()
+
+
+@cache
+def twin_of(name: str) -> Law:
+    return twin(LAWS[name])
+
+
+class Call(NamedTuple):
+    """A call of a law's step: what went in, and what the twin made of it."""
+
+    state: Any
+    measurement: Measurement
+    reference: float
+    command: float
+    after: Any
+    next_s: float
+
+
+@cache
+def hour(name: str) -> tuple[Call, ...]:
+    """Every call of a law's twin in a closed-loop mission of 12,000 ticks with noise."""
+    vehicle, parameters, tick = example(name)
+    law = twin_of(name)
+    calls: list[Call] = []
+
+    def controller(seen: Measurement, reference: float) -> tuple[float, float]:
+        seen = Measurement(*map(np.float32, seen))
+        reference = np.float32(reference)
+        state = calls[-1].after if calls else law.initial(parameters, seen, reference)
+        command, after, next_s = law.step(parameters, state, seen, reference)
+        calls.append(Call(state, seen, reference, command, after, next_s))
+        return float(command), float(next_s)
+
+    depths = [3.0, 1.0, 1.02, 4.0, 3.9, 2.0, 2.0, 0.5, 3.5, 3.5]
+    ran = simulate(
+        vehicle.model_copy(update={"sensors": NOISE}), law=controller, start_depth=1.5,
+        setpoints=[(1200 * n * tick, depth) for n, depth in enumerate(depths)],
+        duration=12_000 * tick, seed=1, sample_time=tick, bottom_depth=30.0,
+    )  # fmt: skip
+    assert len(ran.time) == 12_001, ran.stop
+    return tuple(calls)
+
+
+def flat(*values: Any) -> tuple[Any, ...]:
+    """Return numbers and named tuples of numbers as one tuple of numbers."""
+    found: list[Any] = []
+    for value in values:
+        found += flat(*value) if isinstance(value, tuple) else [value]
+    return tuple(found)
+
+
+def bits(*values: Any) -> tuple[Any, ...]:
+    """Return the bits of each number as a float32; NaN equals NaN."""
+    return tuple("nan" if x != x else struct.pack("<f", x).hex() for x in flat(*values))
+
+
+def packed(*values: Any) -> bytes:
+    """Return numbers and named tuples of numbers as floats of four bytes."""
+    return np.array(flat(*values), "<f4").tobytes()
+
+
+def in_float64(value: Any) -> Any:
+    """Return a named tuple of float32 as one of floats."""
+    return type(value)(*map(float, value))
