@@ -40,6 +40,8 @@ def test_the_hour_asks_the_law_for_something(name):
     calls = hour(name)
     commands = np.array([call.command for call in calls], float)
     assert np.all(np.isfinite(commands))
+    # A controller takes a state for spoilt by a bad measurement where it is not finite.
+    assert np.all(np.isfinite(np.array([flat(call.after) for call in calls], float)))
     assert len(np.unique(commands)) > min(100, len(calls) // 4)
     depths = np.array([call.measurement.depth for call in calls])
     assert depths.max() > 2.5

@@ -1,0 +1,191 @@
+"""An Arduino library of a vehicle's controller: C, examples, a golden trace, and what to do."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from swimbladder.closed_loop.single import choose_law
+from swimbladder.control.law import Law
+from swimbladder.firmware.c99 import MEASUREMENT_H, write_c99
+from swimbladder.firmware.c_names import c_field, c_float, c_law
+from swimbladder.firmware.golden import Golden, command_limits, fly
+from swimbladder.firmware.subset import read_law
+from swimbladder.firmware.twin import twin
+from swimbladder.io.files import check_place, publish
+from swimbladder.parameters import Vehicle
+
+__all__ = ["Library", "make_library", "write_library"]
+
+_ON_BOARD = 100  # rows of the golden trace that a board checks
+
+
+@dataclass(frozen=True, kw_only=True)
+class Library:
+    """The files of a library, and what they were made of."""
+
+    vehicle: Vehicle
+    law: Law
+    parameters: Any
+    tick_s: float
+    limits: tuple[float, float]  # V or m3
+    start_depth: float  # m, of the golden mission
+    target: float  # m
+    golden: Golden
+    files: Mapping[str, str]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what a program wants to know, in SI."""
+        return {
+            "vehicle": self.vehicle.name,
+            "law": self.law.name,
+            "command": self.law.command,
+            "command_limits": list(self.limits),
+            "tick_s": self.tick_s,
+            "parameters": {
+                name: {"value": float(np.float32(value)), "unit": self.law.units[name]}
+                for name, value in self.parameters._asdict().items()
+            },
+            "golden": {
+                "start_depth_m": self.start_depth,
+                "target_depth_m": self.target,
+                "ticks": len(self.golden.depth),
+                "final_depth_m": float(self.golden.depth[-1]),
+                "float32_difference_m": self.golden.difference,
+            },
+        }
+
+
+def make_library(
+    vehicle: Vehicle, *, start_depth: float = 1.5, target: float = 3.0, duration: float = 400.0,
+    seed: int | None = 1, progress: Callable[[int], None] | None = None,
+) -> Library:  # fmt: skip
+    """Return the library of a vehicle's controller; the golden mission is a depth step.
+
+    start_depth, target [m], duration [s], seed: of its sensors' noise (None: ideal sensors).
+    Raises InputError where the vehicle has no controller, and NoAnswerError where the controller
+    does not bring the vehicle through the mission.
+    """
+    law, parameters, tick_s = choose_law(vehicle, None, None, None)
+    program = read_law(law)
+    first = 0.0 if law.command == "voltage" else vehicle.stroke.maximum
+    golden = fly(
+        vehicle, law, twin(law, program), parameters, tick_s=tick_s, start_depth=start_depth,
+        target=target, duration=duration, seed=seed, first=first, progress=progress,
+    )  # fmt: skip
+    source = write_c99(program)
+    facts = _facts(vehicle, law, parameters, tick_s, first) | {
+        "start": f"{start_depth:g}", "goal": f"{target:g}", "target": c_float(target),
+        "ticks": len(golden.depth),
+    }  # fmt: skip
+    rows = [
+        [f"0x{np.float32(x).view(np.uint32):08x}" for x in row]
+        for row in zip(*(column[:_ON_BOARD] for column in golden[:4]), strict=True)
+    ]
+    facts["rows"] = len(rows)
+    avr = facts | {"boards": "an AVR (Uno, Nano, Mega)", "wait": False, "pwm": _PWM}
+    other = facts | {"boards": "an ESP32 or RP2040", "wait": True, "pwm": _PWM_12}
+    files = {
+        "library.properties": _render("library.properties.j2", facts),
+        "README.md": _render("README.md.j2", facts),
+        "src/swb_measurement.h": MEASUREMENT_H,
+        f"src/{source.header_name}": source.header,
+        f"src/{source.source_name}": source.source,
+        "src/swb_controller.h": _render("swb_controller.h.j2", facts),
+        "src/swb_controller.c": _render("swb_controller.c.j2", facts),
+        "examples/FloatAVR/FloatAVR.ino": _render("Float.ino.j2", avr),
+        "examples/FloatESP32RP2040/FloatESP32RP2040.ino": _render("Float.ino.j2", other),
+        "examples/GoldenTrace/GoldenTrace.ino": _render("GoldenTrace.ino.j2", facts),
+        "examples/GoldenTrace/golden.h": _render("golden.h.j2", facts | {"rows": rows}),
+        "extras/golden.csv": _table(golden, tick_s, _COLUMN[law.command]),
+    }
+    return Library(
+        vehicle=vehicle, law=law, parameters=parameters, tick_s=tick_s,
+        limits=command_limits(vehicle), start_depth=start_depth, target=target, golden=golden,
+        files=files,
+    )  # fmt: skip
+
+
+def write_library(library: Library, out: Path) -> list[Path]:
+    """Write the files into the folder `out`, which appears whole; return their paths.
+
+    Raises InputError where that is not possible.
+    """
+
+    def write(folder: Path) -> None:
+        for name, text in library.files.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(text.encode("utf-8"))
+
+    check_place(out)
+    publish(out, write)
+    return [out / name for name in library.files]
+
+
+_COLUMN = {"voltage": "voltage_V", "volume": "reference_volume_m3"}
+_PWM = "analogWrite(PWM_PIN, 255.0f * fabsf(voltage) / BATTERY_VOLTS), and a pin for its sign"
+_PWM_12 = "a duty cycle of fabsf(voltage) / BATTERY_VOLTS, and a pin for its sign"
+
+
+def _facts(
+    vehicle: Vehicle, law: Law, parameters: Any, tick_s: float, first: float
+) -> dict[str, Any]:
+    """Return what the templates are filled with."""
+    plain = re.sub(r"[^\w .-]", "_", vehicle.name, flags=re.ASCII)
+    low, high = command_limits(vehicle)
+    volts = law.command == "voltage"
+    columns = f"time_s,depth_m,volume_m3,{_COLUMN[law.command]},reference_depth_m"
+    release = re.match(r"\d+\.\d+\.\d+", version("swimbladder"))
+    return {
+        "vehicle": plain,
+        "library": f"Swimbladder {plain}",
+        "version": release.group() if release else "0.0.0",
+        "law": law.name,
+        "c_law": c_law(law.name),
+        "command": law.command,
+        "unit": "V" if volts else "m3",
+        "limits": "the supply's voltage" if volts else "the ends of the stroke",
+        "tick": c_float(tick_s),
+        "tick_text": f"{tick_s:.9g}",
+        "tick_us": round(tick_s * 1e6),
+        "low": c_float(low),
+        "high": c_float(high),
+        "low_text": f"{low:.6g}",
+        "high_text": f"{high:.6g}",
+        "first": c_float(first),
+        "digits": 3 if volts else 9,
+        "header": columns,
+        "drive": "put the voltage on the motor, positive: the volume grows" if volts
+        else "send the actuator to the volume [m3]",
+        "bench": "a positive voltage must make it grow." if volts
+        else "the actuator must go where it is sent.",
+        "parameters": [
+            (c_field(name), c_float(value), law.units[name])
+            for name, value in parameters._asdict().items()
+        ],
+    }  # fmt: skip
+
+
+def _render(template: str, facts: Mapping[str, Any]) -> str:
+    environment = Environment(
+        loader=PackageLoader("swimbladder.firmware", "templates"),
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True, autoescape=False,
+    )  # fmt: skip
+    return environment.get_template(template).render(facts)
+
+
+def _table(golden: Golden, tick_s: float, column: str) -> str:
+    """Return the golden trace as CSV, each number with the digits that give its float32 back."""
+    lines = [f"tick,time_s,depth_m,volume_m3,reference_depth_m,{column}"]
+    for n, row in enumerate(zip(*golden[:4], strict=True)):
+        lines.append(",".join([str(n), f"{n * tick_s:.9g}", *map(str, row)]))
+    return "\n".join(lines) + "\n"

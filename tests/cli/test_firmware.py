@@ -1,0 +1,115 @@
+"""``swimbladder firmware``: what is printed, written, refused."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swimbladder.cli import main
+from swimbladder.io.presets import preset_text
+
+QUICK = ["firmware", "feup-em", "--duration", "30 s"]
+
+
+def test_it_writes_a_library_and_says_what_to_do(capsys, tmp_path):
+    assert main([*QUICK, "--out", str(tmp_path / "library")]) == 0
+    printed = capsys.readouterr().out
+    for said in ("law cascade every 0.3 s, command -12 to 12 V", "1.5 to 3 m in 101 ticks",
+                 "fill in the two functions"):  # fmt: skip
+        assert said in printed
+    written = {str(p.relative_to(tmp_path / "library")) for p in tmp_path.rglob("*") if p.is_file()}
+    assert {"library.properties", "README.md", "src/swb_cascade.c", "extras/golden.csv"} <= written
+    for name in written:
+        assert f"wrote {tmp_path / 'library' / name}" in printed
+
+
+def test_json_is_one_object(capsys, tmp_path):
+    code = main(["firmware", "ntnu-bv", "--law", "position-pid", "--start", "50 cm", "--target",
+                 "1.2 m", "--duration", "1 min", "--json", "--out", str(tmp_path)])  # fmt: skip
+    assert code == 0
+    told = json.loads(capsys.readouterr().out)
+    page = Path(__file__).parents[2] / "docs" / "reference" / "files-written.md"
+    section = page.read_text(encoding="utf-8").partition("## firmware\n")[2].partition("\n## ")[0]
+    assert set(told) == set(re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE))
+    (line,) = re.findall(r"^\| `golden` \|.*$", section, re.MULTILINE)
+    assert set(told["golden"]) == set(re.findall(r"`(\w+)`", line)) - {"golden"}
+    assert told["command"] == "volume"
+    assert told["command_limits"] == pytest.approx([-3.2358e-5, 3.2358e-5], rel=1e-4)
+    assert told["parameters"]["K_p"] == {"value": float(np.float32(0.026)), "unit": "m/m"}
+    assert told["golden"]["target_depth_m"] == 1.2
+    assert told["golden"]["ticks"] == 124
+    table = (tmp_path / "extras" / "golden.csv").read_text().splitlines()
+    assert len(table) == 125
+    assert table[0].endswith(",reference_volume_m3")
+
+
+def test_the_library_is_the_same_twice(capsys, tmp_path):
+    for name in ("one", "two"):
+        assert main([*QUICK, "--out", str(tmp_path / name)]) == 0
+    capsys.readouterr()
+    for path in (tmp_path / "one").rglob("*.*"):
+        assert (
+            path.read_bytes()
+            == (tmp_path / "two" / path.relative_to(tmp_path / "one")).read_bytes()
+        )
+
+
+def test_another_seed_is_another_trace(tmp_path, capsys):
+    noisy = tmp_path / "noisy.toml"
+    noisy.write_text(
+        preset_text("feup-em").replace(
+            "[controller]", '[sensors]\ndepth_noise = "2 mm"\n[controller]', 1
+        )
+    )
+    traces = []
+    for seed in ("1", "2"):
+        out = tmp_path / seed
+        assert (
+            main(["firmware", str(noisy), "--duration", "9 s", "--seed", seed, "--out", str(out)])
+            == 0
+        )
+        traces.append((out / "extras" / "golden.csv").read_text())
+    capsys.readouterr()
+    assert traces[0] != traces[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--law", "position-pid"], "is of the law 'cascade'"),
+        (["--law", "cascad"], "Did you mean cascade?"),
+        (["--target", "-1 m"], "--target"),
+        (["--target", "3 s"], "--target"),
+        (["--start", "200 m"], "rated for 100 m"),
+        (["--duration", "0.1 s"], "shorter than one sample"),
+        (["--duration", "0 s"], "must be above 0"),
+    ],
+)
+def test_what_is_refused_names_the_option(capsys, tmp_path, options, said):
+    assert main(["firmware", "feup-em", *options, "--out", str(tmp_path / "out")]) == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_vehicle_without_a_controller_is_refused(capsys, tmp_path):
+    text = preset_text("feup-em")
+    bare = tmp_path / "bare.toml"
+    for line in ("S_p = 0.3 s", "Table 3, in dm3 as printed; eqs (36)-(37)"):
+        place = "sample_time" if line.startswith("S") else "parameters"
+        before = "section 3.2: " if place == "sample_time" else ""
+        text = text.replace(f'"controller.{place}" = "{before}{line}"\n', "")
+    bare.write_text(text[: text.index("# The cascade of Fig. 15")])
+    assert main(["firmware", str(bare), "--out", str(tmp_path / "out")]) == 2
+    assert "has no controller" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_controller_that_loses_the_vehicle_is_exit_code_1(capsys, tmp_path):
+    mad = tmp_path / "mad.toml"
+    mad.write_text(preset_text("feup-em").replace('"1002 V/dm3"', '"-200 V/dm3"'))
+    code = main(["firmware", str(mad), "--start", "3 m", "--target", "1.5 m", "--duration",
+                 "100 min", "--out", str(tmp_path / "out")])  # fmt: skip
+    assert code == 1
+    assert "golden mission" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,39 @@
+// As much of Arduino as the examples use, on a desk: Serial is stdout, time passes when it is asked.
+#ifndef ARDUINO_H
+#define ARDUINO_H
+
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#define F(text) text
+#ifdef __AVR__
+#include <avr/pgmspace.h>
+#else
+#define PROGMEM
+#define memcpy_P memcpy
+#endif
+
+extern uint32_t stub_us;
+inline uint32_t micros() { return stub_us += 4u; }
+inline uint32_t millis() { return stub_us / 1000u; }
+
+struct StubSerial {
+    void begin(unsigned long) {}
+    explicit operator bool() const { return false; }
+    void print(const char *text) { printf("%s", text); }
+    void print(char c) { printf("%c", c); }
+    void print(int n) { printf("%d", n); }
+    void print(unsigned n) { printf("%u", n); }
+    void print(unsigned long n) { printf("%lu", n); }
+    void print(float x, int digits) { printf("%.*f", digits, static_cast<double>(x)); }
+    template <class T> void println(T x) { print(x), printf("\n"); }
+    void println(float x, int digits) { print(x, digits), printf("\n"); }
+};
+extern StubSerial Serial;
+
+void setup();
+void loop();
+
+#endif
