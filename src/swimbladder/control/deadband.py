@@ -1,0 +1,314 @@
+"""A law for floats that must sleep: it acts when depth or speed leaves a band, and then sleeps.
+
+From wake to wake the vehicle is predicted by its model, T2 dw/dt + w = K2 (psi z + b - V), eqs (18)
+and (31), as far as the volume really was, and so is what an error of the neutral volume b would do
+to the depth. How far the depth seen at the next wake is off then tells b and the speed, weighed by
+the noise of the depth (a Kalman filter's step with one unknown): the longer the sleep, the surer.
+
+In the band the motor rests. Outside, the volume is moved once to the one that in two sleeps brings
+the vehicle to rest at the reference (deadbeat, see `deadband_gains`), and so on at each wake until
+it would coast to rest in the inner half of the band. The volume is neutral then, and the sleep as
+long as half of the way to the band's edge takes, from `interval` to `longest`. The two bands, one
+to act and one to rest, keep noise from moving the motor.
+
+A change of the reference is seen at the next wake. Asleep the motor has the voltage that held the
+load when it stopped; a drive that holds by itself has `depth_voltage` 0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from swimbladder.control.law import Law, Measurement
+
+__all__ = [
+    "DEADBAND",
+    "DeadbandGains",
+    "DeadbandParameters",
+    "DeadbandState",
+    "deadband_gains",
+    "initial",
+    "step",
+]
+
+_DEEPEST = 12000.0  # m, beyond it a depth is none
+_LARGEST = 1000.0  # m3, beyond it a volume is none
+_QUICKEST = 20.0  # m/s, beyond it no speed is believed
+_INNER = 0.5  # share of the band in which the vehicle is left to itself
+
+
+class DeadbandGains(NamedTuple):
+    """What follows from the model for a time between wakes."""
+
+    k_z: float  # 1/s
+    k_w: float  # -
+    growth: float  # -
+    longest: float  # s
+
+
+class DeadbandParameters(NamedTuple):
+    """The model, the bands, the times and the motor."""
+
+    K2: float  # 1/m2/s, speed per volume
+    T2: float  # s
+    psi: float  # m3/m, neutral volume per depth
+    depth_noise: float  # m, 1 sigma
+    neutral_step: float  # m3, 1 sigma of what the neutral volume changes from wake to wake
+    band: float  # m, depth errors that are left alone
+    speed_band: float  # m/s, speeds that are left alone
+    fastest: float  # m/s, speed that is asked for at most
+    k_z: float  # 1/s
+    k_w: float  # -
+    growth: float  # -, of a deviation from rest over an interval; 1 where psi is not above 0
+    interval: float  # s, shortest sleep
+    longest: float  # s, longest sleep
+    k_pV: float  # V/m3
+    tolerance: float  # m3, nearer than this the volume counts as reached
+    depth_voltage: float  # V/m, k_z/k_u
+    voltage_limit: float  # V
+    volume_min: float  # m3
+    volume_max: float  # m3
+    S_p: float  # s
+
+
+class DeadbandState(NamedTuple):
+    """What the law remembers between wakes."""
+
+    begun: float  # -, 1 once a depth and a volume have been seen
+    depth: float  # m, as predicted or seen
+    speed: float  # m/s, estimated
+    depth_slope: float  # m/m3, of the depth against the neutral volume since a depth was used
+    speed_slope: float  # m/s/m3, of the speed against it
+    neutral: float  # m3, estimated at depth 0
+    volume: float  # m3, at the wake before
+    acting: float  # -, 1 while the vehicle is brought back
+    moving: float  # s, since the motor was started; 0 while it rests
+    sleep: float  # s, from when the motor started to the next look at the depth
+    waited: float  # s, until the wake to come
+    goal: float  # m, the reference
+    volume_reference: float  # m3
+
+
+class Predicted(NamedTuple):
+    """Where the model says that the vehicle is, and how that depends on the neutral volume."""
+
+    depth: float  # m
+    speed: float  # m/s
+    depth_slope: float  # m/m3
+    speed_slope: float  # m/s/m3
+
+
+class Decision(NamedTuple):
+    """What is done with what a wake has shown."""
+
+    speed: float  # m/s, estimated
+    neutral: float  # m3, estimated at depth 0
+    acting: float  # -, 1 while the vehicle is brought back
+    moves: float  # -, 1 where the volume is to be moved
+    sleep: float  # s, to the next look at the depth
+    volume_reference: float  # m3
+
+
+def deadband_gains(
+    K2: float, T2: float, psi: float, interval: float, pole: float = 0.2
+) -> DeadbandGains:
+    """Return the gains that leave `pole` of an error per interval [s], growth and longest sleep.
+
+    The speed u = k_z (r - z) - k_w w that the volume is to give acts through
+    T2 dw/dt + w = K2 psi (z - r) + u, held for an interval: Ackermann's formula for two poles at
+    `pole`; with 0 the vehicle is at rest after two intervals. A vehicle with psi > 0 runs away
+    e-fold in 1/s, s (T2 s + 1) = K2 psi: it sleeps no longer.
+    """
+    from scipy.linalg import expm
+
+    rates = np.array([[0.0, 1.0, 0.0], [K2 * psi / T2, -1.0 / T2, 1.0 / T2], [0.0, 0.0, 0.0]])
+    held = expm(rates * interval)
+    over, push = held[:2, :2], held[:2, 2]
+    reach = np.column_stack([push, over @ push])
+    left = over - pole * np.eye(2)
+    k_z, k_w = np.linalg.solve(reach.T, [0.0, 1.0]) @ left @ left
+    growth = 1.0
+    longest = 3600.0
+    if psi > 0.0:
+        e_fold = 2.0 * T2 / (math.sqrt(1.0 + 4.0 * K2 * psi * T2) - 1.0)
+        growth = math.exp(interval / e_fold)
+        longest = min(longest, e_fold)
+    return DeadbandGains(float(k_z), float(k_w), growth, max(longest, interval))
+
+
+def limited(x: float, least: float, most: float) -> float:
+    """Return x within its limits."""
+    return min(max(x, least), most)
+
+
+def initial(
+    parameters: DeadbandParameters, measurement: Measurement, reference: float
+) -> DeadbandState:
+    """Start at rest, neutral with the volume as it is."""
+    p = parameters
+    seen = abs(measurement.depth) < _DEEPEST
+    measured = abs(measurement.volume) < _LARGEST
+    depth = measurement.depth if seen else 0.0
+    volume = measurement.volume if measured else 0.0
+    return DeadbandState(
+        begun=1.0 if seen and measured else 0.0,
+        depth=depth,
+        speed=0.0,
+        depth_slope=0.0,
+        speed_slope=0.0,
+        neutral=volume - p.psi * depth,
+        volume=volume,
+        acting=0.0,
+        moving=0.0,
+        sleep=p.interval,
+        waited=0.0,
+        goal=reference if abs(reference) < _DEEPEST else depth,
+        volume_reference=volume,
+    )
+
+
+def predict(p: DeadbandParameters, before: DeadbandState, volume: float) -> Predicted:
+    """Return the prediction for now, with the mean of the volumes before and now.
+
+    1/(1 + x + x^2/2 + x^3/6) stands for exp(-x); psi acts at the depth halfway.
+    """
+    h = before.waited
+    x = h / p.T2
+    E = 1.0 / (1.0 + x * (1.0 + x * (0.5 + x / 6.0)))
+    lag = p.T2 * (1.0 - E)
+    excess = before.neutral - 0.5 * (before.volume + volume)
+    depth = before.depth
+    u = 0.0
+    for _ in range(2):
+        u = p.K2 * (p.psi * 0.5 * (before.depth + depth) + excess)
+        depth = before.depth + u * (h - lag) + before.speed * lag
+    return Predicted(
+        depth=limited(depth, -_DEEPEST, _DEEPEST),
+        speed=u + (before.speed - u) * E,
+        depth_slope=before.depth_slope + p.K2 * (h - lag) + lag * before.speed_slope,
+        speed_slope=p.K2 * (1.0 - E) + E * before.speed_slope,
+    )
+
+
+def decide(
+    p: DeadbandParameters, before: DeadbandState, now: Predicted, seen: Measurement, wanted: float
+) -> Decision:
+    """Return what a depth [m] seen at a wake says, the volume to go to and how long to sleep."""
+    e = seen.depth - now.depth
+    ratio = p.depth_noise / p.neutral_step
+    learnt = now.depth_slope * e / (now.depth_slope * now.depth_slope + ratio * ratio)
+    neutral = limited(before.neutral + learnt, p.volume_min, p.volume_max)
+    speed = limited(now.speed + now.speed_slope * learnt, -_QUICKEST, _QUICKEST)
+    error = wanted - seen.depth
+    rest = seen.depth + p.T2 * speed
+    off = max(abs(error), abs(wanted - rest))
+    rests = off < _INNER * p.band and abs(speed) < p.speed_band
+    if before.acting > 0.0 or off * p.growth > p.band or abs(speed) > p.speed_band:
+        u = (p.k_z - p.K2 * p.psi) * error - p.k_w * speed
+        target = p.psi * seen.depth + neutral - limited(u, -p.fastest, p.fastest) / p.K2
+        if rests:
+            target = p.psi * rest + neutral
+        target = limited(target, p.volume_min, p.volume_max)
+        return Decision(speed, neutral, 0.0 if rests else 1.0, 1.0, p.interval, target)
+    drift = max(abs(speed), abs(p.K2 * (p.psi * seen.depth + neutral - seen.volume)))
+    room = _INNER * (p.band / p.growth - off)
+    sleep = p.longest
+    if drift * p.longest > room:
+        sleep = max(room / drift, p.interval)
+    return Decision(speed, neutral, 0.0, 0.0, sleep, before.volume_reference)
+
+
+def step(
+    parameters: DeadbandParameters,
+    state: DeadbandState,
+    measurement: Measurement,
+    reference: float,
+) -> tuple[float, DeadbandState, float]:
+    """Return the voltage [V] that moves the volume or holds it, and the time to sleep."""
+    p = parameters
+    before = state
+    if state.begun == 0.0:
+        before = initial(p, measurement, reference)
+    wanted = reference if abs(reference) < _DEEPEST else before.goal
+    measured = abs(measurement.volume) < _LARGEST
+    volume = measurement.volume if measured else before.volume
+    now = predict(p, before, volume)
+    depth = now.depth
+    depth_slope = now.depth_slope
+    speed_slope = now.speed_slope
+    decision = Decision(
+        now.speed, before.neutral, before.acting, 0.0, p.interval, before.volume_reference
+    )
+    running = before.moving > 0.0 and before.moving < p.interval
+    if running:
+        decision = Decision(
+            now.speed, before.neutral, before.acting, 1.0, before.sleep, before.volume_reference
+        )
+    elif before.begun > 0.0 and abs(measurement.depth) < _DEEPEST:
+        depth = measurement.depth
+        depth_slope = 0.0
+        speed_slope = 0.0
+        seen = Measurement(measurement.time, measurement.depth, volume)
+        decision = decide(p, before, now, seen, wanted)
+
+    gap = decision.volume_reference - volume
+    deep = measurement.depth if abs(measurement.depth) < _DEEPEST else depth
+    voltage = p.depth_voltage * deep
+    moving = 0.0
+    wait = max(decision.sleep - before.moving, p.S_p) if running else decision.sleep
+    if decision.moves > 0.0 and measured and abs(gap) > p.tolerance:
+        voltage = voltage + p.k_pV * gap
+        moving = before.moving + p.S_p if running else p.S_p
+        wait = p.S_p
+    after = DeadbandState(
+        begun=before.begun,
+        depth=depth,
+        speed=decision.speed,
+        depth_slope=depth_slope,
+        speed_slope=speed_slope,
+        neutral=decision.neutral,
+        volume=volume,
+        acting=decision.acting,
+        moving=moving,
+        sleep=decision.sleep,
+        waited=wait,
+        goal=wanted,
+        volume_reference=decision.volume_reference,
+    )
+    return limited(voltage, -p.voltage_limit, p.voltage_limit), after, wait
+
+
+DEADBAND = Law(
+    name="deadband",
+    summary="sleeps while depth and speed are in a band; else moves the volume once and sleeps",
+    command="voltage",
+    parameters=DeadbandParameters,
+    state=DeadbandState,
+    units={
+        "K2": "1/m2/s",
+        "T2": "s",
+        "psi": "m3/m",
+        "depth_noise": "m",
+        "neutral_step": "m3",
+        "band": "m",
+        "speed_band": "m/s",
+        "fastest": "m/s",
+        "k_z": "1/s",
+        "k_w": "",
+        "growth": "",
+        "interval": "s",
+        "longest": "s",
+        "k_pV": "V/m3",
+        "tolerance": "m3",
+        "depth_voltage": "V/m",
+        "voltage_limit": "V",
+        "volume_min": "m3",
+        "volume_max": "m3",
+        "S_p": "s",
+    },
+    step=step,
+    initial=initial,
+)
