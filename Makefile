@@ -7,7 +7,13 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 INSTALLED := .venv/installed
 PYTHONS ?= python3.13 python3.12 python3.11 python3
 
-.PHONY: help demo test lint format bench calibrate lock python clean
+# What the tests of the firmware run: compilers, an emulator of AVR chips, a checker.
+TOOLS := gcc g++ clang avr-gcc avr-size simavr arm-none-eabi-gcc cppcheck
+HEADERS := /usr/include/simavr/sim_avr.h /usr/lib/avr/include/avr/io.h
+PACKAGES := gcc g++ clang gcc-avr avr-libc simavr libsimavr-dev libelf-dev gcc-arm-none-eabi \
+  libnewlib-arm-none-eabi cppcheck
+
+.PHONY: help demo test lint format bench calibrate lock python tools clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  \1\t\2/p' Makefile | expand -t 12
@@ -50,6 +56,15 @@ python: ## Name the interpreter that .venv will be made with
 	if [ -n "$$found" ]; then echo "$$found cannot make a virtual environment: apt install python3-venv" >&2; \
 	else echo "no Python 3.11 or newer among: $(PYTHONS)" >&2; fi; \
 	exit 1
+
+tools: ## Install what the tests of the firmware run, where it is missing (as root, by apt-get)
+	@missing=; for tool in $(TOOLS); do command -v $$tool >/dev/null || missing="$$missing $$tool"; done; \
+	for header in $(HEADERS); do test -e $$header || missing="$$missing $$header"; done; \
+	if [ -z "$$missing" ]; then exit 0; fi; \
+	if [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null; then \
+	  echo "missing:$$missing; as root: apt-get install $(PACKAGES)" >&2; exit 1; fi; \
+	apt-get update --quiet=2 && DEBIAN_FRONTEND=noninteractive \
+	  apt-get install --quiet=2 --yes --no-install-recommends $(PACKAGES) >/dev/null
 
 clean: ## Remove .venv and everything that was generated
 	rm -rf .venv build dist report .hypothesis .mypy_cache .pytest_cache .ruff_cache .import_linter_cache

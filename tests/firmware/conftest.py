@@ -2,16 +2,17 @@
 
 import os
 import shutil
+from pathlib import Path
 
 import pytest
 
 
 def _need(*programs: str) -> None:
     """Skip where a program is missing, or fail where SWIMBLADDER_REQUIRE asks for it."""
-    missing = [program for program in programs if shutil.which(program) is None]
+    missing = [p for p in programs if not (Path(p).exists() if "/" in p else shutil.which(p))]
     if not missing:
         return
-    reason = f"not installed: {', '.join(missing)} (see CONTRIBUTING.md)"
+    reason = f"not installed: {', '.join(missing)} (make tools)"
     if "avr" in os.environ.get("SWIMBLADDER_REQUIRE", "").split(","):
         pytest.fail(f"{reason}, and SWIMBLADDER_REQUIRE asks for it")
     pytest.skip(reason)
@@ -19,7 +20,7 @@ def _need(*programs: str) -> None:
 
 @pytest.fixture(scope="session")
 def gcc():
-    _need("gcc")
+    _need("gcc", "g++")
 
 
 @pytest.fixture(scope="session")
@@ -34,7 +35,7 @@ def cppcheck():
 
 @pytest.fixture(scope="session")
 def avr():
-    _need("gcc", "avr-gcc", "avr-size", "simavr")
+    _need("gcc", "avr-gcc", "avr-size", "/usr/include/simavr/sim_avr.h")
 
 
 @pytest.fixture(scope="session")

@@ -13,6 +13,7 @@ from swimbladder.control.registry import LAWS, bind
 from swimbladder.firmware.twin import twin
 from swimbladder.io.config import load_vehicle
 from swimbladder.parameters import Sensors, Vehicle
+from tests.control.examples import ADRC_FAST, S_P, SEA, SLEEPER
 
 NOISE = Sensors(depth_noise="2 mm", depth_quantum="1 mm", volume_noise="0.2 cm3")
 
@@ -30,6 +31,9 @@ def _preset(name: str) -> Example:
 
 EXAMPLES: dict[str, Callable[[], Example]] = {
     "cascade": lambda: _preset("feup-em"),
+    "sea-cascade": lambda: Example(load_vehicle("feup-em"), SEA, S_P),
+    "adrc": lambda: Example(load_vehicle("feup-em"), ADRC_FAST, S_P),
+    "deadband": lambda: Example(load_vehicle("feup-em"), SLEEPER, S_P),
     "position-pid": lambda: _preset("ntnu-bv"),
 }
 
@@ -101,3 +105,22 @@ def packed(*values: Any) -> bytes:
 def in_float64(value: Any) -> Any:
     """Return a named tuple of float32 as one of floats."""
     return type(value)(*map(float, value))
+
+
+def random_calls(name: str, count: int) -> list[tuple[Any, ...]]:
+    """Calls at random: a third ordinary, a third with odd numbers, a third of any bits at all."""
+    rng = np.random.default_rng(1)
+    parameters, calls = example(name).parameters, hour(name)
+    odd = np.array([np.nan, np.inf, -np.inf, -0.0, 0.0, 1e-45, 1e-39, 3e38, -3e38, 1.0], "f4")
+    frames = []
+    for n in range(count):
+        call = calls[rng.integers(len(calls))]
+        values = np.array(flat(parameters, call.state, call.measurement, call.reference), "f4")
+        if n % 3 == 1:
+            values *= rng.uniform(0.5, 1.5, len(values)).astype("f4")
+            at = rng.random(len(values)) < 0.1
+            values[at] = rng.choice(odd, at.sum())
+        elif n % 3 == 2:
+            values = rng.integers(0, 2**32, len(values), np.uint32).view("f4")
+        frames.append(tuple(values))
+    return frames

@@ -11,7 +11,16 @@ from hypothesis import strategies as st
 from swimbladder.control.law import Measurement
 from swimbladder.control.registry import LAWS
 from tests.firmware.build import STRICT, Compiled, Program, run, write
-from tests.firmware.laws import EXAMPLES, bits, example, flat, hour, in_float64, twin_of
+from tests.firmware.laws import (
+    EXAMPLES,
+    bits,
+    example,
+    flat,
+    hour,
+    in_float64,
+    random_calls,
+    twin_of,
+)
 
 
 @pytest.fixture(params=LAWS, scope="module")
@@ -95,29 +104,10 @@ def test_random_calls_are_equal_to_the_bit(name, compiled, data):
     assert bits(compiled.initial(p, seen, reference)) == bits(law.initial(p, seen, reference))
 
 
-def _frames(name: str) -> list[tuple]:
-    """Calls at random: a third ordinary, a third with odd numbers, a third of any bits at all."""
-    rng = np.random.default_rng(1)
-    parameters, calls = example(name).parameters, hour(name)
-    odd = np.array([np.nan, np.inf, -np.inf, -0.0, 0.0, 1e-45, 1e-39, 3e38, -3e38, 1.0], "f4")
-    frames = []
-    for n in range(3000):
-        call = calls[rng.integers(len(calls))]
-        values = np.array(flat(parameters, call.state, call.measurement, call.reference), "f4")
-        if n % 3 == 1:
-            values *= rng.uniform(0.5, 1.5, len(values)).astype("f4")
-            at = rng.random(len(values)) < 0.1
-            values[at] = rng.choice(odd, at.sum())
-        elif n % 3 == 2:
-            values = rng.integers(0, 2**32, len(values), np.uint32).view("f4")
-        frames.append(tuple(values))
-    return frames
-
-
 def _same_as_the_twin(name: str, program: Program) -> None:
     law, parameters = twin_of(name), example(name).parameters
     p, s = len(parameters), len(law.state._fields)
-    frames = _frames(name)
+    frames = random_calls(name, 3000)
     for frame, answer in zip(frames, program.answers(frames), strict=True):
         given = type(parameters)(*frame[:p])
         state, seen = law.state(*frame[p : p + s]), Measurement(*frame[p + s : p + s + 3])

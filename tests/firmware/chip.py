@@ -1,0 +1,180 @@
+"""A law on an emulated AVR: compiled by avr-gcc, run by simavr, spoken to over its UART.
+
+``python -m tests.firmware.chip [VEHICLE...]`` prints what each controller takes there, and whether
+its commands over the whole mission are those of the float32 twin to the bit.
+"""
+
+import math
+import re
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from swimbladder.closed_loop import simulate
+from swimbladder.control.law import Law, Measurement
+from swimbladder.firmware.c_names import c_law
+from swimbladder.firmware.clock import ControllerTwin
+from swimbladder.firmware.library import Library, make_library, write_library
+from swimbladder.firmware.twin import twin
+from swimbladder.io.config import load_vehicle
+from tests.firmware.build import run, write
+from tests.firmware.laws import bits, packed
+
+HERE = Path(__file__).parent / "simavr"
+MCUS = ("atmega328p", "atmega2560")
+_FLAGS = (
+    "-std=c99", "-Os", "-Wall", "-Wextra", "-Werror", "-ffunction-sections", "-fdata-sections",
+    "-Wl,--gc-sections",
+)  # fmt: skip
+
+
+class Size(NamedTuple):
+    """Bytes that a program takes."""
+
+    flash: int
+    variables: int
+
+
+class Chip:
+    """A program on an emulated chip; `answer` sends a frame and returns what comes back."""
+
+    def __init__(
+        self, folder: Path, mcu: str, sources: Sequence[Path], *, inputs: int, outputs: int,
+        flags: Sequence[str] = (),
+    ) -> None:  # fmt: skip
+        folder.mkdir(parents=True, exist_ok=True)
+        elf, host = folder / f"{mcu}.elf", folder / "host"
+        includes = [word for source in sources for word in ("-I", source.parent)]
+        run("avr-gcc", *_FLAGS, f"-mmcu={mcu}", *flags, *includes, *sources, "-o", elf, "-lm")
+        if not host.exists():
+            run(
+                "gcc", "-O2", "-Wall", "-Wextra", "-Werror", HERE / "host.c", "-o", host, "-lsimavr"
+            )
+        self.size = _size(elf)
+        words = [host, elf, mcu, 4 * inputs, 4 * outputs, self.size.variables]
+        self._outputs = 4 * outputs
+        self._process = subprocess.Popen(
+            [str(word) for word in words], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )  # fmt: skip
+        self.cycles: list[int] = []
+
+    def answer(self, *values: Any) -> Any:
+        """Return the numbers that the chip answers a frame of numbers with."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(packed(*values))
+        self._process.stdin.flush()
+        got = self._process.stdout.read(self._outputs + 4)
+        assert len(got) == self._outputs + 4, self._process.communicate()[1]
+        self.cycles.append(struct.unpack("<I", got[-4:])[0])
+        return np.frombuffer(got[:-4], "<f4")
+
+    def close(self) -> int:
+        """Stop the chip; return the most bytes that its stack took."""
+        _, said = self._process.communicate()
+        assert self._process.returncode == 0, said
+        return int(said.split()[-1])
+
+
+def _size(elf: Path) -> Size:
+    """Return flash (code, constants, first values) and RAM of variables, as avr-size has them."""
+    text, data, bss = map(int, run("avr-size", elf, text=True).stdout.splitlines()[1].split()[:3])
+    return Size(flash=text + data, variables=data + bss)
+
+
+def controller(made: Library, folder: Path, mcu: str) -> Chip:
+    """Return a chip that runs a library's controller: (depth, volume, reference) -> command."""
+    write_library(made, folder / "library")
+    sources = sorted((folder / "library" / "src").glob("*.c"))
+    first = f"-DFIRST={np.float32(_first(made))!s}f"
+    return Chip(folder, mcu, [*sources, HERE / "controller.c"], inputs=3, outputs=1, flags=[first])
+
+
+def frames(law: Law, folder: Path, mcu: str) -> Chip:
+    """Return a chip that runs a law's functions on any numbers."""
+    source = write(law, folder)
+    name, state = f"swb_{c_law(law.name)}", len(law.state._fields)
+    flags = [
+        f'-DLAW_HEADER="{source.header_name}"', f"-DPARAMETERS={name}_parameters",
+        f"-DSTATE={name}_state", f"-DINITIAL={name}_initial", f"-DSTEP={name}_step",
+    ]  # fmt: skip
+    return Chip(
+        folder, mcu, [folder / source.source_name, HERE / "frames.c"],
+        inputs=len(law.parameters._fields) + state + 4, outputs=2 * state + 2, flags=flags,
+    )  # fmt: skip
+
+
+def _first(made: Library) -> float:
+    return 0.0 if made.law.command == "voltage" else made.vehicle.stroke.maximum
+
+
+def twin_of(made: Library) -> ControllerTwin:
+    """Return the twin of a library's controller."""
+    low, high = made.limits
+    return ControllerTwin(
+        twin(made.law), made.parameters, tick_s=made.tick_s, low=low, high=high, first=_first(made)
+    )
+
+
+class Flight(NamedTuple):
+    """A mission in closed loop with a chip."""
+
+    ticks: int
+    unequal: int  # ticks at which the twin said something else
+    final_depth: float  # m
+    cycles: Sequence[int]  # of the controller, at each tick
+
+
+def fly(made: Library, chip: Chip, *, duration: float = 400.0, blind: range = range(0)) -> Flight:
+    """Fly the golden mission, the plant under the chip's commands; the sensors may go blind."""
+    beside = twin_of(made)
+    unequal = 0
+
+    def law(seen: Measurement, reference: float) -> float:
+        nonlocal unequal
+        hidden = beside.ticks in blind
+        depth, volume = (math.nan, math.nan) if hidden else (seen.depth, seen.volume)
+        (command,) = chip.answer(depth, volume, reference)
+        unequal += bits(command) != bits(beside.tick(depth, volume, reference))
+        return float(command)
+
+    flown = simulate(
+        made.vehicle, law=law, setpoints=[(0.0, made.target)], duration=duration,
+        start_depth=made.start_depth, seed=1, sample_time=made.tick_s,
+    )  # fmt: skip
+    return Flight(len(flown.time), unequal, float(flown.depth[-1]), chip.cycles)
+
+
+def report(vehicles: Sequence[str]) -> str:
+    """Return a table of what each vehicle's controller takes on each chip."""
+    rows = [
+        "| vehicle | law | chip | flash | RAM: variables + stack | cycles per tick, most "
+        "| ms at 16 MHz | ticks equal to the twin |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name in vehicles:
+        made = make_library(load_vehicle(name))
+        for mcu in MCUS:
+            with tempfile.TemporaryDirectory() as folder:
+                chip = controller(made, Path(folder), mcu)
+                flight = fly(made, chip)
+                stack = chip.close()
+            most = max(flight.cycles)
+            model = re.sub("atmega", "ATmega", mcu).replace("8p", "8P")
+            rows.append(
+                f"| {name} | {made.law.name} | {model} | {chip.size.flash} B "
+                f"| {chip.size.variables} + {stack} B | {most} | {most / 16e3:.2f} "
+                f"| {flight.ticks - flight.unequal} of {flight.ticks} |"
+            )
+    return "\n".join(rows)
+
+
+if __name__ == "__main__":
+    print(report(sys.argv[1:] or ["feup-em", "ntnu-bv"]))
