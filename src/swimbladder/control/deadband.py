@@ -5,11 +5,11 @@ and (31), as far as the volume really was, and so is what an error of the neutra
 to the depth. How far the depth seen at the next wake is off then tells b and the speed, weighed by
 the noise of the depth (a Kalman filter's step with one unknown): the longer the sleep, the surer.
 
-In the band the motor rests. Outside, the volume is moved once to the one that in two sleeps brings
-the vehicle to rest at the reference (deadbeat, see `deadband_gains`), and so on at each wake until
-it would coast to rest in the inner half of the band. The volume is neutral then, and the sleep as
-long as half of the way to the band's edge takes, from `interval` to `longest`. The two bands, one
-to act and one to rest, keep noise from moving the motor.
+In the band the motor rests. Outside, the volume is moved once to the one that brings the vehicle to
+the reference in a few sleeps (see `deadband_gains`), and so on at each wake until it would coast to
+rest in the inner half of the band. The volume is neutral then, and the sleep as long as half of the
+way to the band's edge takes, from `interval` to `longest`, at most twice the last one. The two
+bands, one to act and one to rest, keep noise from moving the motor.
 
 A change of the reference is seen at the next wake. Asleep the motor has the voltage that held the
 load when it stopped; a drive that holds by itself has `depth_voltage` 0.
@@ -19,8 +19,6 @@ from __future__ import annotations
 
 import math
 from typing import NamedTuple
-
-import numpy as np
 
 from swimbladder.control.law import Law, Measurement
 
@@ -122,6 +120,7 @@ def deadband_gains(
     `pole`; with 0 the vehicle is at rest after two intervals. A vehicle with psi > 0 runs away
     e-fold in 1/s, s (T2 s + 1) = K2 psi: it sleeps no longer.
     """
+    import numpy as np
     from scipy.linalg import expm
 
     rates = np.array([[0.0, 1.0, 0.0], [K2 * psi / T2, -1.0 / T2, 1.0 / T2], [0.0, 0.0, 0.0]])
@@ -163,7 +162,7 @@ def initial(
         volume=volume,
         acting=0.0,
         moving=0.0,
-        sleep=p.interval,
+        sleep=0.5 * p.interval,
         waited=0.0,
         goal=reference if abs(reference) < _DEEPEST else depth,
         volume_reference=volume,
@@ -215,9 +214,10 @@ def decide(
         return Decision(speed, neutral, 0.0 if rests else 1.0, 1.0, p.interval, target)
     drift = max(abs(speed), abs(p.K2 * (p.psi * seen.depth + neutral - seen.volume)))
     room = _INNER * (p.band / p.growth - off)
-    sleep = p.longest
-    if drift * p.longest > room:
-        sleep = max(room / drift, p.interval)
+    sleep = min(p.longest, 2.0 * before.sleep)
+    if drift * sleep > room:
+        sleep = room / drift
+    sleep = max(sleep, p.interval)
     return Decision(speed, neutral, 0.0, 0.0, sleep, before.volume_reference)
 
 

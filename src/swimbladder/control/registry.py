@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from swimbladder.control.adrc import ADRC
 from swimbladder.control.cascade import CASCADE
+from swimbladder.control.deadband import DEADBAND
 from swimbladder.control.law import Law
 from swimbladder.control.position_pid import POSITION_PID
+from swimbladder.control.sea_cascade import SEA_CASCADE
 from swimbladder.errors import InputError
 from swimbladder.parameters import Controller
 from swimbladder.parameters.schema import did_you_mean
@@ -15,7 +18,9 @@ from swimbladder.units import parse_quantity
 
 __all__ = ["LAWS", "bind", "law_by_name", "law_parameters"]
 
-LAWS: Mapping[str, Law] = {law.name: law for law in (CASCADE, POSITION_PID)}
+LAWS: Mapping[str, Law] = {
+    law.name: law for law in (CASCADE, SEA_CASCADE, ADRC, DEADBAND, POSITION_PID)
+}
 
 
 def law_by_name(name: str) -> Law:
