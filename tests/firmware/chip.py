@@ -1,7 +1,7 @@
 """A law on an emulated AVR: compiled by avr-gcc, run by simavr, spoken to over its UART.
 
-``python -m tests.firmware.chip [VEHICLE...]`` prints what each controller takes there, and whether
-its commands over the whole mission are those of the float32 twin to the bit.
+``python -m tests.firmware.chip [LAW...]`` prints what each law takes there, and whether its
+commands over a whole mission are those of the float32 twin to the bit.
 """
 
 import math
@@ -18,13 +18,13 @@ import numpy as np
 
 from swimbladder.closed_loop import simulate
 from swimbladder.control.law import Law, Measurement
+from swimbladder.control.registry import LAWS
 from swimbladder.firmware.c_names import c_law
 from swimbladder.firmware.clock import ControllerTwin
 from swimbladder.firmware.library import Library, make_library, write_library
 from swimbladder.firmware.twin import twin
-from swimbladder.io.config import load_vehicle
 from tests.firmware.build import run, write
-from tests.firmware.laws import bits, packed
+from tests.firmware.laws import bits, controlled, packed
 
 HERE = Path(__file__).parent / "simavr"
 MCUS = ("atmega328p", "atmega2560")
@@ -152,15 +152,15 @@ def fly(made: Library, chip: Chip, *, duration: float = 400.0, blind: range = ra
     return Flight(len(flown.time), unequal, float(flown.depth[-1]), chip.cycles)
 
 
-def report(vehicles: Sequence[str]) -> str:
-    """Return a table of what each vehicle's controller takes on each chip."""
+def report(laws: Sequence[str]) -> str:
+    """Return a table of what the controller of each law takes on each chip."""
     rows = [
-        "| vehicle | law | chip | flash | RAM: variables + stack | cycles per tick, most "
+        "| law | chip | flash | RAM: variables + stack | cycles per tick, most "
         "| ms at 16 MHz | ticks equal to the twin |",
-        "|---|---|---|---|---|---|---|---|",
+        "|---|---|---|---|---|---|---|",
     ]
-    for name in vehicles:
-        made = make_library(load_vehicle(name))
+    for name in laws:
+        made = make_library(controlled(name))
         for mcu in MCUS:
             with tempfile.TemporaryDirectory() as folder:
                 chip = controller(made, Path(folder), mcu)
@@ -169,7 +169,7 @@ def report(vehicles: Sequence[str]) -> str:
             most = max(flight.cycles)
             model = re.sub("atmega", "ATmega", mcu).replace("8p", "8P")
             rows.append(
-                f"| {name} | {made.law.name} | {model} | {chip.size.flash} B "
+                f"| {name} | {model} | {chip.size.flash} B "
                 f"| {chip.size.variables} + {stack} B | {most} | {most / 16e3:.2f} "
                 f"| {flight.ticks - flight.unequal} of {flight.ticks} |"
             )
@@ -177,4 +177,4 @@ def report(vehicles: Sequence[str]) -> str:
 
 
 if __name__ == "__main__":
-    print(report(sys.argv[1:] or ["feup-em", "ntnu-bv"]))
+    print(report(sys.argv[1:] or list(LAWS)))

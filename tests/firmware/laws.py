@@ -12,8 +12,9 @@ from swimbladder.control.law import Law, Measurement
 from swimbladder.control.registry import LAWS, bind
 from swimbladder.firmware.twin import twin
 from swimbladder.io.config import load_vehicle
-from swimbladder.parameters import Sensors, Vehicle
+from swimbladder.parameters import Controller, Sensors, Vehicle
 from tests.control.examples import ADRC_FAST, S_P, SEA, SLEEPER
+from tests.vehicles import paper
 
 NOISE = Sensors(depth_noise="2 mm", depth_quantum="1 mm", volume_noise="0.2 cm3")
 
@@ -29,18 +30,38 @@ def _preset(name: str) -> Example:
     return Example(vehicle, bind(vehicle.controller)[1], vehicle.controller.sample_time)
 
 
+def _tuned(name: str) -> Example:
+    """The paper's vehicle at 12 V with 2 mm noise, gains as the tuner makes them."""
+    from swimbladder.tune.gains import Knobs, gains, setting_of
+
+    vehicle = paper(sensors=Sensors(depth_noise="2 mm"))
+    setting = setting_of(vehicle, sample_time=0.3, supply=12.0, neutral_range=5e-5)
+    knobs = Knobs(frequency=0.35, damping=0.9, inner=1.2)
+    return Example(vehicle, gains(name, setting, knobs), 0.3)
+
+
 EXAMPLES: dict[str, Callable[[], Example]] = {
     "cascade": lambda: _preset("feup-em"),
     "sea-cascade": lambda: Example(load_vehicle("feup-em"), SEA, S_P),
     "adrc": lambda: Example(load_vehicle("feup-em"), ADRC_FAST, S_P),
     "deadband": lambda: Example(load_vehicle("feup-em"), SLEEPER, S_P),
     "position-pid": lambda: _preset("ntnu-bv"),
+    "observer": lambda: _tuned("observer"),
+    "planned": lambda: _tuned("planned"),
 }
 
 
 @cache
 def example(name: str) -> Example:
     return EXAMPLES[name]()
+
+
+def controlled(name: str) -> Vehicle:
+    """Return a law's vehicle with a controller of that law."""
+    vehicle, parameters, tick = example(name)
+    numbers = {n: x for n, x in parameters._asdict().items() if n != "S_p"}
+    own = Controller(law=name, sample_time=tick, parameters=numbers)
+    return vehicle.model_copy(update={"controller": own})
 
 
 @cache

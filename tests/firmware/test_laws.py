@@ -90,6 +90,7 @@ def _near(value: float) -> st.SearchStrategy[float]:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=400)
 @given(data=st.data())
 def test_random_calls_are_equal_to_the_bit(name, compiled, data):

@@ -17,7 +17,7 @@ from swimbladder.firmware.clock import ControllerTwin, wait_in_ticks
 from swimbladder.firmware.library import Library, make_library, write_library
 from swimbladder.parameters import Controller
 from tests.firmware.build import STRICT, run
-from tests.firmware.laws import EXAMPLES, bits, example, twin_of
+from tests.firmware.laws import EXAMPLES, bits, controlled, example, twin_of
 from tests.vehicles import paper
 
 ARDUINO = Path(__file__).parent / "arduino"
@@ -26,10 +26,7 @@ ARDUINO = Path(__file__).parent / "arduino"
 @cache
 def library(name: str) -> Library:
     """A law's library; its golden mission is short, so that the tests are."""
-    vehicle, parameters, tick = example(name)
-    numbers = {n: x for n, x in parameters._asdict().items() if n != "S_p"}
-    own = Controller(law=name, sample_time=tick, parameters=numbers)
-    return make_library(vehicle.model_copy(update={"controller": own}), duration=300 * tick)
+    return make_library(controlled(name), duration=300 * example(name).tick)
 
 
 @pytest.fixture(params=LAWS, scope="module")

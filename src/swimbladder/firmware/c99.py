@@ -8,6 +8,7 @@ arithmetic would not be that of float32.
 from __future__ import annotations
 
 import re
+import textwrap
 from typing import NamedTuple
 
 from swimbladder.firmware.c_flow import fields_read
@@ -119,18 +120,27 @@ def _header(program: Program) -> str:
     guard = f"SWB_{law.upper()}_H"
     units = dict(program.units)
     parts = [
-        f"/* The control law {program.name}: {shortened(program.words)}.",
-        " * Written by swimbladder from the law's Python source; all numbers are SI. */",
+        _remark(
+            f"The control law {program.name}: {shortened(program.words)}. Written by swimbladder "
+            "from the law's Python source; all numbers are SI."
+        ),
         f"#ifndef {guard}", f"#define {guard}", "", '#include "swb_measurement.h"', "",
         "#ifdef __cplusplus", 'extern "C" {', "#endif", "",
         _struct(program.name, program.parameters, units), _struct(program.name, program.state, {}),
         "/* The state to begin with. */",
         f"void {_initial(law)};", "",
-        f"/* {shortened(program.step.words)}.",
-        " * Writes the new state, and to next_s the time to the next call [s]. */",
+        _remark(
+            f"{shortened(program.step.words)}. Writes the new state, and to next_s the time to the "
+            "next call [s]."
+        ),
         f"float {_step(law)};", "", "#ifdef __cplusplus", "}", "#endif", "", "#endif", "",
     ]  # fmt: skip
     return "\n".join(parts)
+
+
+def _remark(text: str) -> str:
+    """Return a comment of lines that are short enough."""
+    return "/* " + "\n * ".join(textwrap.wrap(text, 94)) + " */"
 
 
 def _initial(law: str) -> str:

@@ -93,15 +93,19 @@ def wrapped(line: str, width: int = 100) -> str:
     indent = line[: len(line) - len(line.lstrip())] + "    "
     done = []
     while len(line) > width:
-        at = max(line.rfind(", ", len(indent), width - 1) + 1, line.rfind("{", len(indent), width))
-        for operator in (" && ", " || ", " + ", " - ", " * ", " ? ", " : "):
-            found = line.rfind(operator, len(indent), width)
-            at = found if found > at else at
-        at = at + 1 if line[at] == "{" else at
-        if at <= len(indent):
-            at = line.find(", ", width) + 1
+        at = _break(line, len(indent), width)
         if at <= len(indent):
             break
         done.append(line[:at].rstrip())
         line = indent + line[at:].lstrip()
     return "\n".join([*done, line])
+
+
+def _break(line: str, start: int, end: int) -> int:
+    """Return where to break a line, preferring the later of the weaker bonds; 0: nowhere."""
+    for marks in ((", ", " && ", " || "), (" ? ", " : ", " + ", " - "), (" * ", " / ")):
+        found = [(line.rfind(mark, start, end - 1), mark) for mark in marks]
+        at, mark = max(found)
+        if at > start:
+            return at + 1 if mark == ", " else at
+    return line.find(", ", end) + 1

@@ -168,6 +168,7 @@ class _Reader:
 
     def constant(self, name: str, value: float) -> Constant:
         """Return a module's constant; one of the same name and another value gets another name."""
+        name = name.strip("_")
         while name in self.constants and not _same(self.constants[name].value, value):
             name += "_"
         return self.constants.setdefault(name, Constant(name, value))
