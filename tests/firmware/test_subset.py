@@ -381,6 +381,28 @@ def test_parameters_that_are_no_floats_are_refused():
         read_law(law)
 
 
+class B(NamedTuple):
+    on: bool
+
+
+def test_truths_in_the_state_are_refused():
+    law = Law(
+        name="wrong", summary="", command="voltage", parameters=Q, state=B, units={}, step=power,
+        initial=start,
+    )  # fmt: skip
+    with pytest.raises(InputError, match="'on' of the state is no float"):
+        read_law(law)
+
+
+def test_one_class_for_parameters_and_state_is_refused():
+    law = Law(
+        name="wrong", summary="", command="voltage", parameters=Q, state=Q, units={}, step=power,
+        initial=start,
+    )  # fmt: skip
+    with pytest.raises(InputError, match="same class"):
+        read_law(law)
+
+
 def test_a_function_without_source_is_refused():
     space = {}
     exec("def step(p, s, m, r):\n    return r, s, 1.0\n", space)

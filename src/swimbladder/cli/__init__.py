@@ -29,6 +29,7 @@ COMMANDS = {
     "identify-actuator": "K1, T1, dead zone, asymmetry and rate from logged steps.",
     "design-experiment": "Which pool experiments to run, and what they tell.",
     "pool": "Guide a day at the pool, simulated or on a growing log.",
+    "tune": "Gains with margins over all that is not known.",
     "firmware": "The controller as an Arduino library in C.",
     "reproduce": "Redo the paper: each figure, table and number, a report.",
     "vehicle": "List, show and write vehicle files.",

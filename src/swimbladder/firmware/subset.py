@@ -39,6 +39,13 @@ def read_law(law: Law) -> Program:
     parameters = reader.record(law.parameters, name="parameters")
     state = reader.record(law.state, name="state")
     measurement = reader.record(Measurement, name="measurement")
+    for record in (parameters, state):
+        for field, kind in record.fields:
+            if kind != FLOAT:
+                raise InputError(
+                    f"the field {field!r} of the {record.name} is no float",
+                    field=f"law {law.name!r}", remedy="Make it a float: 0.0 and 1.0 for no and yes",
+                )  # fmt: skip
     step = reader.function(law.step, (parameters, state, measurement, FLOAT))
     initial = reader.function(law.initial, (parameters, measurement, FLOAT))
     _check_entry(law, "step", step, law.step, (FLOAT, state, FLOAT))

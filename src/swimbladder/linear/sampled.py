@@ -40,7 +40,8 @@ def linearise_law(
 
     state, measurement: named tuples of floats, at rest: the reference is the depth measured; tick:
     time in whole numbers of which the law is called [s]. States that act on nothing, or that
-    nothing moves, are left out. The slopes are those over 0.1 mm and 0.1 cm3, and what they move.
+    no measurement moves, are left out: a path that only the reference moves is no part of the loop,
+    and need not be linear. The slopes are those over 0.1 mm and 0.1 cm3, and what they move.
     """
     for _ in range(3):  # clocks and differences inside the law settle
         measurement = measurement._replace(time=measurement.time + tick)
@@ -69,16 +70,17 @@ def linearise_law(
         above, below = outputs(*_split(at + d, n)), outputs(*_split(at - d, n))
         return above - below, above + below - 2.0 * here
 
-    slopes, smooth = np.empty((n + 1, n + 3)), True
+    slopes, even = np.empty((n + 1, n + 3)), np.empty((n + 1, n + 3), dtype=bool)
     for j, d in enumerate(np.diag(steps)):
         swing, bend = odd_and_even(d)
         third, _ = odd_and_even(d / 3.0)
         slopes[:, j] = swing / (2.0 * steps[j])
         unlike = np.maximum(np.abs(bend), np.abs(swing - 3.0 * third))
         noise = 1e-12 * (np.abs(here) + np.abs(swing))
-        smooth = smooth and bool(np.all(unlike <= 1e-6 * np.abs(swing) + noise))
-    smooth = smooth and bool(np.any(slopes[:, n]))
+        even[:, j] = unlike <= 1e-6 * np.abs(swing) + noise
     keep = _acting(slopes, n)
+    loop = np.ix_([*keep, n], [*keep, n, n + 1])  # the reference is outside
+    smooth = bool(even[loop].all()) and bool(np.any(slopes[[*keep, n], n]))
     A, B = slopes[np.ix_(keep, keep)], slopes[np.ix_(keep, range(n, n + 3))]
     C, D = slopes[np.ix_([n], keep)], slopes[np.ix_([n], range(n, n + 3))]
     names = tuple(type(state)._fields[i] for i in keep)
@@ -94,18 +96,14 @@ def _split(x: Array, n: int) -> tuple[Array, Array]:
 
 
 def _acting(slopes: Array, n: int) -> list[int]:
-    """The states that reach the command and that something reaches."""
-    keep = list(range(n))
-    while True:
-        acting = [
-            i
-            for i in keep
-            if any(slopes[j, i] for j in [*keep, n] if j != i)
-            and any(slopes[i, j] for j in [*keep, n, n + 1, n + 2] if j != i)
-        ]
-        if acting == keep:
-            return keep
-        keep = acting
+    """The states that a measurement reaches and that reach the command."""
+    linked = slopes[:n, :n] != 0.0
+    reached = (slopes[:n, n : n + 2] != 0.0).any(axis=1)
+    acting = slopes[n, :n] != 0.0
+    for _ in range(n):
+        reached |= linked[:, reached].any(axis=1)
+        acting |= linked[acting].any(axis=0)
+    return np.flatnonzero(reached & acting).tolist()
 
 
 def command_slope(law: LinearLaw, input: str) -> float:
@@ -216,10 +214,12 @@ class SampledLoop:
             outputs=("command",), sample_time=h,
         )  # fmt: skip
 
-    def broken_at_depth(self, *, depth_delay: float = 0.0) -> StateSpace:
+    def broken_at_depth(
+        self, *, depth_delay: float = 0.0, command_delay: float = 0.0
+    ) -> StateSpace:
         """Return the loop from the depth that the law sees to minus the depth; V stays fed back."""
-        h = self.law.sample_time
-        p, k = discretise(self.plant, h, depth_delay=depth_delay), self.law.system
+        h, k = self.law.sample_time, self.law.system
+        p = discretise(self.plant, h, depth_delay=depth_delay, command_delay=command_delay)
         depth, volume = k.inputs.index("depth"), k.inputs.index("volume")
         V = p.C[[p.outputs.index("volume")]]
         z = p.C[[p.outputs.index("depth")]]

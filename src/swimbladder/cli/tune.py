@@ -1,0 +1,174 @@
+"""``swimbladder tune``: gains for a vehicle, with margins over what is not known of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from swimbladder.cli.common import (
+    compile_notice,
+    emit_json,
+    json_text,
+    output,
+    progress,
+    quantity,
+)
+from swimbladder.errors import InputError
+
+if TYPE_CHECKING:
+    from swimbladder.parameters import Vehicle
+    from swimbladder.tune import Tuning
+
+__all__ = ["tune"]
+
+
+def tune(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    law: Annotated[
+        str, typer.Option(metavar="LAW", help="planned, observer or cascade.")
+    ] = "planned",
+    goal: Annotated[
+        str,
+        typer.Option(metavar="GOAL", help="fast: soon settled; quiet: little volume moved."),
+    ] = "fast",
+    depth: Annotated[
+        str, typer.Option("--depth", metavar="LEAST:MOST", help="Depths it is for.")
+    ] = "0:10 m",
+    step: Annotated[
+        str | None, typer.Option(metavar="FROM:TO", help="Step of the trials (1.5 m).")
+    ] = None,
+    depth_noise: Annotated[
+        str | None,
+        typer.Option(metavar="DEPTH", help="1 sigma of the depths (the vehicle's sensor)."),
+    ] = None,
+    depth_quantum: Annotated[
+        str | None, typer.Option(metavar="DEPTH", help="Step of the depth sensor (the vehicle's).")
+    ] = None,
+    sample_time: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Between samples (the controller's).")
+    ] = None,
+    delay: Annotated[
+        str, typer.Option(metavar="SHARE", help="From sample to command, of a sample.")
+    ] = "10 %",
+    supply: Annotated[
+        str | None,
+        typer.Option(metavar="VOLTAGE", help="Least supply (nine tenths of the vehicle's)."),
+    ] = None,
+    runs: Annotated[int, typer.Option(metavar="N", help="Runs of every trial.")] = 200,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
+        "swimbladder-tune"
+    ),
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    """Find gains of a law whose margins hold over all that is not known of the vehicle.
+
+    The region is that of the vehicle's [identified] covariance, or 5 % where nothing was
+    identified. vehicle.toml has the controller, for the other commands. Exit code 1 says that no
+    gains do, and what limits them.
+    """
+    from swimbladder.io.config import load_vehicle
+    from swimbladder.io.files import check_place, publish, write_atomically
+    from swimbladder.io.vehicle_file import vehicle_file
+
+    v = _with_sensor(load_vehicle(vehicle), depth_noise, depth_quantum)
+    options: dict[str, Any] = {
+        "law": law,
+        "goal": goal,
+        "depths": _pair(depth, "--depth"),
+        "step": None if step is None else _pair(step, "--step"),
+        "sample_time": quantity(sample_time, "s", "--sample-time"),
+        "delay": quantity(delay, "", "--delay"),
+        "supply": quantity(supply, "V", "--supply"),
+        "runs": runs,
+    }
+    check_place(out)
+    with progress("loading the simulator"):
+        from swimbladder.plots.style import save
+        from swimbladder.plots.tune import draw_tuning
+        from swimbladder.tune import tune as find
+    with compile_notice(), progress("looking for gains", 1.0) as advance:
+        found = find(v, **options, advance=advance)
+    answer = found.to_json()
+    names = ["vehicle.toml", "tune.json", "tune.png"]
+
+    def write(folder: Path) -> None:
+        head = "\n".join([f"Tuned by swimbladder tune, law {law}, goal {goal}.", *found.sentences])
+        write_atomically(folder / names[0], vehicle_file(found.vehicle, head=head))
+        write_atomically(folder / names[1], json_text(answer) + "\n")
+        save(draw_tuning(found), folder / names[2])
+
+    with progress("writing the vehicle"):
+        publish(out, write)
+    files = [out / name for name in names]
+    if json:
+        emit_json({**answer, "files": [str(path) for path in files]})
+    else:
+        _print(found, files)
+
+
+def _with_sensor(vehicle: Vehicle, noise: str | None, quantum: str | None) -> Vehicle:
+    """Return the vehicle with the sensor that was given."""
+    changes = {
+        name: value
+        for name, value in (
+            ("depth_noise", quantity(noise, "m", "--depth-noise")),
+            ("depth_quantum", quantity(quantum, "m", "--depth-quantum")),
+        )
+        if value is not None
+    }
+    for name, value in changes.items():
+        if not 0.0 <= value < 1e3:
+            raise InputError(
+                "must be 0 or more", field=f"--{name.replace('_', '-')}", value=value, unit="m"
+            )
+    return vehicle.model_copy(update={"sensors": vehicle.sensors.model_copy(update=changes)})
+
+
+def _pair(text: str, option: str) -> tuple[float, float]:
+    """Return two depths [m] of LEAST:MOST, with one unit for both or one each."""
+    parts = [part.strip() for part in text.split(":")]
+    if len(parts) != 2 or not all(parts):
+        raise InputError(
+            "two depths are given with a colon between", field=option, value=text, unit="m",
+            remedy='Write it like "0:10 m"',
+        )  # fmt: skip
+    unit = parts[1].lstrip("+-.0123456789eE").strip()
+    if unit and not parts[0].lstrip("+-.0123456789eE").strip():
+        parts[0] = f"{parts[0]} {unit}"
+    first, last = (quantity(part, "m", option) for part in parts)
+    assert first is not None
+    assert last is not None
+    return first, last
+
+
+def _print(found: Tuning, files: list[Path]) -> None:
+    from rich.table import Table
+
+    from swimbladder.units import shown_unit, unit_factor
+
+    output.print(
+        f"{found.vehicle.name}, law {found.law.name}, goal {found.goal}, sampled every "
+        f"{found.sample_time:g} s",
+        soft_wrap=True,
+    )
+    output.print("")
+    for sentence in found.sentences:
+        output.print(sentence, soft_wrap=True)
+    output.print("")
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    for heading in ("parameter", "value", "unit"):
+        table.add_column(heading, justify="right" if heading == "value" else "left")
+    for name, value in found.parameters._asdict().items():
+        unit = found.law.units[name]
+        shown = shown_unit(unit)
+        table.add_row(name, f"{float(value) * unit_factor(unit, shown):.5g}", shown)
+    output.print(table)
+    output.print("")
+    for sentence in found.assumptions:
+        output.print(f"reckoned with: {sentence}", soft_wrap=True)
+    for path in files:
+        output.print(f"wrote {path}", soft_wrap=True)

@@ -1,0 +1,226 @@
+"""A near time-optimal law: a path that the actuator can follow, and feedback that keeps to it.
+
+What limits a step of depth is how fast the volume changes: the depth's third derivative. The path
+is that of the least time for a bound on this jerk, by the feedback law of the triple integrator
+(Athans and Falb, Optimal Control, 1966, chapter 7), integrated in fine steps, so that the set-point
+may change at any moment; a bound on its speed rests on the double integrator's. Depth is a flat
+output of eqs (13)-(15): the volume that the path takes follows from its derivatives without a
+differential equation being solved,
+
+    V = psi z + b - T2/K2 (z'' + z'/T2 + k_dt/m |z'| z').
+
+The jerk is planned a little below what the supply allows, so that feedback on the observer's
+estimates has room.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from swimbladder.control.law import Law, Measurement
+from swimbladder.control.observer import (
+    Estimate,
+    Observed,
+    begin_estimate,
+    estimate,
+    limited,
+    moves,
+)
+
+__all__ = [
+    "FINE",
+    "PLANNED",
+    "Path",
+    "PlannedParameters",
+    "PlannedState",
+    "along",
+    "initial",
+    "step",
+]
+
+FINE = 32  # steps of the path in a sample
+
+_SINGLE = 4e-7  # of the target, that single precision does not tell apart
+
+
+class Path(NamedTuple):
+    """A point of the path."""
+
+    depth: float  # m
+    speed: float  # m/s
+    acceleration: float  # m/s2
+
+
+class PlannedParameters(NamedTuple):
+    """The observer's model and filter, the feedback, the path's bounds, the actuator's limits."""
+
+    f_zz: float  # -
+    f_zw: float  # s
+    f_wz: float  # 1/s
+    f_ww: float  # -
+    g_z0: float  # m/m3
+    g_z1: float  # m/m3
+    g_w0: float  # m/s/m3
+    g_w1: float  # m/s/m3
+    turbulent: float  # 1/m
+    l_z: float  # -
+    l_w: float  # 1/s
+    l_b: float  # m3/m
+    neutral: float  # m3
+    neutral_range: float  # m3
+    psi: float  # m3/m
+    inertia: float  # m3 s2/m, T2/K2 = m/(rho g): volume per acceleration
+    laminar: float  # 1/s, 1/T2
+    quadratic: float  # 1/m, k_dt/m
+    share: float  # -, of the volume's rate at the deeper end of the path that the path takes
+    speed: float  # m/s, bound of the path
+    k_z: float  # m3/m, volume per depth error
+    k_w: float  # m3 s/m, volume per speed error
+    k_V: float  # V/m3, voltage per volume error
+    dead: float  # m3, volume error below which the motor rests once the path has arrived
+    rate: float  # V s/m3, voltage per rate of volume, 1/(K1 A)
+    depth_voltage: float  # V/m, load of the sea
+    limit: float  # V
+    volume_min: float  # m3
+    volume_max: float  # m3
+    S_p: float  # s
+
+
+class PlannedState(NamedTuple):
+    """What the law remembers between samples."""
+
+    depth: float  # m, estimated
+    speed: float  # m/s, estimated
+    neutral: float  # m3, estimated
+    volume: float  # m3, measured at the sample before
+    path_depth: float  # m, where the path is at the sample to come
+    path_speed: float  # m/s
+    path_acceleration: float  # m/s2
+    volume_reference: float  # m3, asked for at the sample before
+    moving: float  # 1: the motor is on its way, 0: it rests
+
+
+def _turn(x: float) -> float:
+    """Return 1, 0 or -1."""
+    if x > 0.0:
+        return 1.0
+    if x < 0.0:
+        return -1.0
+    return 0.0
+
+
+def along(path: Path, target: float, jerk: float, speed: float, time: float) -> Path:
+    """Return where the path is `time` [s] later, on its way to rest at `target` [m].
+
+    jerk [m/s3], speed [m/s]: its bounds.
+    """
+    h = time / FINE
+    z, w, a = path.depth - target, path.speed, path.acceleration
+    for _ in range(FINE):
+        # In units in which the jerk is 1.
+        x1, x2, x3 = z / jerk, w / jerk, a / jerk
+        side = _turn(x2 + 0.5 * x3 * abs(x3))
+        reach = max(side * x2 + 0.5 * x3 * x3, 0.0)
+        push = -_turn(x1 + x3 * x3 * x3 / 3.0 + side * x2 * x3 + side * reach * math.sqrt(reach))
+        top = speed / jerk
+        push = min(push, -_turn(x2 - top + 0.5 * x3 * abs(x3)))
+        push = max(push, -_turn(x2 + top + 0.5 * x3 * abs(x3)))
+        near = (
+            abs(x3) <= 3.0 * h
+            and abs(x2) <= 60.0 * h * h
+            and abs(x1) <= 600.0 * h * h * h + _SINGLE * abs(target) / jerk
+        )
+        if near:
+            z, w, a = 0.0, 0.0, 0.0
+        else:
+            j = push * jerk
+            z = z + h * (w + 0.5 * h * (a + h * j / 3.0))
+            w = w + h * (a + 0.5 * h * j)
+            a = a + h * j
+    return Path(target + z, w, a)
+
+
+def initial(
+    parameters: PlannedParameters, measurement: Measurement, reference: float
+) -> PlannedState:
+    """Start at rest with the volume as it is, the path where the vehicle is."""
+    p = parameters
+    depth = measurement.depth if math.isfinite(measurement.depth) else reference
+    volume = measurement.volume if math.isfinite(measurement.volume) else p.neutral + p.psi * depth
+    e = begin_estimate(p.neutral, p.neutral_range, p.psi, depth, volume)
+    return PlannedState(e.depth, e.speed, e.neutral, volume, depth, 0.0, 0.0, volume, 0.0)
+
+
+def _volume(p: PlannedParameters, path: Path, neutral: float) -> float:
+    drag = p.laminar * path.speed + p.quadratic * path.speed * abs(path.speed)
+    return p.psi * path.depth + neutral - p.inertia * (path.acceleration + drag)
+
+
+def _jerk(p: PlannedParameters, here: float, target: float) -> float:
+    """Return the jerk [m/s3] that the supply allows against the sea at the deeper end.
+
+    Near the depth at which the motor stalls a twentieth of the supply is left to plan with.
+    """
+    spare = p.limit - p.depth_voltage * max(max(here, target), 0.0)
+    return p.share * max(spare, 0.05 * p.limit) / (p.rate * p.inertia)
+
+
+def step(
+    parameters: PlannedParameters,
+    state: PlannedState,
+    measurement: Measurement,
+    reference: float,
+) -> tuple[float, PlannedState, float]:
+    """Return the voltage [V] that takes the volume along the path's, with feedback to the path."""
+    p = parameters
+    volume = measurement.volume if math.isfinite(measurement.volume) else state.volume
+    model = Observed(
+        p.f_zz, p.f_zw, p.f_wz, p.f_ww, p.g_z0, p.g_z1, p.g_w0, p.g_w1, p.turbulent,
+        p.l_z, p.l_w, p.l_b, p.neutral, p.neutral_range, p.psi,
+    )  # fmt: skip
+    e = estimate(
+        model,
+        Estimate(state.depth, state.speed, state.neutral),
+        state.volume,
+        volume,
+        measurement.depth,
+    )
+    here = Path(state.path_depth, state.path_speed, state.path_acceleration)
+    target = reference if math.isfinite(reference) else state.path_depth
+    there = along(here, target, _jerk(p, here.depth, target), p.speed, p.S_p)
+    planned = _volume(p, here, e.neutral)
+    rate = (_volume(p, there, e.neutral) - planned) / p.S_p
+    wanted = planned + p.k_z * (e.depth - here.depth) + p.k_w * (e.speed - here.speed)
+    wanted = limited(wanted, p.volume_min, p.volume_max)
+    under_way = abs(there.speed) > 0.0 or abs(here.speed) > 0.0
+    moving = 1.0 if under_way else moves(wanted - volume, state.moving, p.dead)
+    voltage = p.depth_voltage * e.depth + moving * (p.k_V * (wanted - volume) + p.rate * rate)
+    return (
+        limited(voltage, -p.limit, p.limit),
+        PlannedState(
+            e.depth, e.speed, e.neutral, volume,
+            there.depth, there.speed, there.acceleration, wanted, moving,
+        ),
+        p.S_p,
+    )  # fmt: skip
+
+
+PLANNED = Law(
+    name="planned",
+    summary="near time-optimal: a path of bounded jerk, followed with state feedback",
+    command="voltage",
+    parameters=PlannedParameters,
+    state=PlannedState,
+    units={
+        "f_zz": "", "f_zw": "s", "f_wz": "1/s", "f_ww": "",
+        "g_z0": "m/m3", "g_z1": "m/m3", "g_w0": "m/s/m3", "g_w1": "m/s/m3",
+        "turbulent": "1/m", "l_z": "", "l_w": "1/s", "l_b": "m3/m",
+        "neutral": "m3", "neutral_range": "m3", "psi": "m3/m",
+        "inertia": "m2 s2", "laminar": "1/s", "quadratic": "1/m", "share": "", "speed": "m/s",
+        "k_z": "m3/m", "k_w": "m3 s/m", "k_V": "V/m3", "dead": "m3", "rate": "V s/m3",
+        "depth_voltage": "V/m", "limit": "V", "volume_min": "m3", "volume_max": "m3", "S_p": "s",
+    },
+    step=step,
+    initial=initial,
+)  # fmt: skip

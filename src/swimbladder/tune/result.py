@@ -1,0 +1,125 @@
+"""What tuning found, for a person, for JSON and as a vehicle that the other commands read."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from swimbladder.control.law import Law
+from swimbladder.parameters import Vehicle
+from swimbladder.tune.gains import Knobs
+from swimbladder.tune.margins import Worst
+from swimbladder.tune.trial import Step, Traces, Trial
+
+__all__ = ["Tuning"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tuning:
+    """A law with its gains, the margins that they guarantee, and what trials gave.
+
+    vehicle: the one that was given, with the controller found. margins: the worst over the region,
+    at the command and at the measured depth. nominal and region: trials of the vehicle as it is
+    and of vehicles drawn from the region, with the supply low.
+    """
+
+    vehicle: Vehicle
+    law: Law
+    goal: str
+    knobs: Knobs
+    parameters: Any
+    margins: Worst
+    nominal: Trial
+    region: Trial
+    shown: tuple[Traces, Traces]  # a few runs: nominal, and over the region
+    step: Step
+    sample_time: float  # s
+    delay: float  # s
+    depths: tuple[float, ...]  # m
+    supply: float  # V, the least reckoned with
+    assumptions: tuple[str, ...]
+    points: int  # plants whose margins were computed
+    considered: int  # sets of gains
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What a person wants to know first."""
+        m, r, n = self.margins, self.region, self.nominal
+        settled = (
+            f"The step from {self.step.start:g} to {self.step.target:g} m settles to 2 % in "
+            f"{_seconds(n.settle_median)} (median of {n.runs} runs of the nominal vehicle), "
+            f"{_seconds(r.settle_95)} in 95 % of {r.runs} runs over the region with the supply "
+            f"at {self.supply:.3g} V; overshoot {100.0 * n.overshoot_median:.1f} % and "
+            f"{100.0 * r.overshoot_95:.1f} %."
+        )
+        held = (
+            f"Held at {self.step.target:g} m it stays within {1e3 * r.rms:.2g} mm rms and moves "
+            f"{3.6e6 * r.rate:.2g} L of volume in {3600.0 * r.starts:.0f} starts an hour."
+        )
+        margins = (
+            f"Over {self.points} vehicles of the region: gain {_decibel(m.gain_up)} up and "
+            f"{_decibel(m.gain_down)} down, phase {math.degrees(m.phase):.0f} degrees, "
+            f"{m.delay:.2g} s more delay, peak sensitivity {m.peak_sensitivity:.2f}, balanced "
+            f"disk margin {m.disk:.2f}."
+        )
+        return (settled, held, margins)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in SI units, ready for JSON; None where a run never settles."""
+        m = self.margins
+        return {
+            "vehicle": self.vehicle.name,
+            "law": self.law.name,
+            "goal": self.goal,
+            "sample_time_s": self.sample_time,
+            "computation_delay_s": self.delay,
+            "depths_m": list(self.depths),
+            "supply_V": self.supply,
+            "parameters": {
+                name: {"value": float(value), "unit": self.law.units[name]}
+                for name, value in self.parameters._asdict().items()
+            },
+            "knobs": self.knobs._asdict(),
+            "margins": {
+                "gain_up": m.gain_up,
+                "gain_down": m.gain_down,
+                "phase_rad": m.phase,
+                "delay_s": m.delay,
+                "peak_sensitivity": m.peak_sensitivity,
+                "disk": m.disk,
+                "vehicles": self.points,
+            },
+            "step": self.step._asdict(),
+            "nominal": _trial(self.nominal),
+            "region": _trial(self.region),
+            "assumptions": list(self.assumptions),
+        }
+
+
+def _trial(t: Trial) -> dict[str, Any]:
+    return {
+        "runs": t.runs,
+        "settled": t.settled,
+        "settle2_median_s": _or_none(t.settle_median),
+        "settle2_95_s": _or_none(t.settle_95),
+        "overshoot_median": t.overshoot_median,
+        "overshoot_95": t.overshoot_95,
+        "rms_m": t.rms,
+        "volume_rate_m3_s": t.rate,
+        "starts_1_s": t.starts,
+    }
+
+
+def _or_none(x: float) -> float | None:
+    return x if math.isfinite(x) else None
+
+
+def _seconds(x: float) -> str:
+    return f"{x:.1f} s" if math.isfinite(x) else "more than the time watched"
+
+
+def _decibel(gain: float) -> str:
+    if gain == 0.0 or math.isinf(gain):
+        return "any"
+    return f"{abs(20.0 * math.log10(gain)):.1f} dB"

@@ -1,0 +1,177 @@
+"""`tune`: gains for a vehicle's law, with margins over what is not known of the vehicle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from threadpoolctl import threadpool_limits
+
+from swimbladder.dynamics import plant
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.linear.depths import stall
+from swimbladder.parameters import Controller, Vehicle
+from swimbladder.tune.gains import gains, setting_of, tunable
+from swimbladder.tune.region import region
+from swimbladder.tune.result import Tuning
+from swimbladder.tune.search import search
+from swimbladder.tune.trial import Step, traces
+
+__all__ = ["GOALS", "tune"]
+
+GOALS = ("fast", "quiet")
+
+_LOW = 0.9  # of the supply's voltage, a battery that is nearly empty
+_HELD = 2700.0  # s, that a quiet law is watched for: what counts is the last third
+_SHOWN = (1, 30)  # runs kept as they went: of the nominal vehicle, over the region
+_WATCHED = 10.0  # times the least time of a step
+
+
+def tune(
+    vehicle: Vehicle, *, law: str = "planned", goal: str = "fast",
+    depths: tuple[float, float] = (0.0, 10.0), sample_time: float | None = None,
+    delay: float = 0.1, supply: float | None = None, step: tuple[float, float] | None = None,
+    runs: int = 200, advance: Callable[[float], None] | None = None,
+) -> Tuning:  # fmt: skip
+    """Return the gains of a law for this vehicle and goal, with what they guarantee.
+
+    law: planned, observer or cascade. goal: fast (a step soon settled) or quiet (little volume
+    moved while a depth is held). depths: least and greatest [m]. sample_time [s]: the
+    controller's where not given. delay: from a sample to its command, as a share of the sample
+    time. supply [V]: the least; nine tenths of the vehicle's where not given. step: depths [m] of
+    the trial, 1.5 m within the range where not given. advance: told the share of the work done.
+
+    Raises InputError for what cannot be; NoAnswerError where no gains hold this vehicle, with what
+    limits them.
+    """
+    chosen = tunable(law)
+    _check(vehicle, goal, depths, delay, runs)
+    h = _sample_time(vehicle, sample_time)
+    p = plant(vehicle)
+    least = _LOW * p.supply if supply is None else supply
+    if not 0.0 < least <= p.supply:
+        raise InputError(
+            "the least supply must be above 0 and not above the vehicle's", field="supply",
+            value=least, unit="V", remedy=f"Give up to {p.supply:g} V",
+        )  # fmt: skip
+    _check_reach(vehicle, depths, least)
+    around = region(vehicle)
+    setting = setting_of(
+        vehicle, sample_time=h, supply=least, neutral_range=max(10.0 * around.neutral, 20e-6)
+    )
+    ends = _step(depths, step)
+    long = _HELD if goal == "quiet" else _watched(vehicle, least, abs(ends[1] - ends[0]), h)
+    watched = Step(*ends, long)
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
+        found = search(
+            law, chosen, vehicle, setting, around, goal=goal, depths=sorted({*depths, *ends}),
+            delay=delay * h, step=watched, runs=runs, advance=advance,
+        )  # fmt: skip
+    numbers = gains(law, setting, found.knobs)
+    controller = Controller(
+        law=law, sample_time=h,
+        parameters={n: v for n, v in numbers._asdict().items() if n != "S_p"},
+    )  # fmt: skip
+    shown = (
+        traces(vehicle, chosen, numbers, watched, sample_time=h, region=None, runs=_SHOWN[0],
+               supply=None),
+        traces(vehicle, chosen, numbers, watched, sample_time=h, region=around, runs=_SHOWN[1],
+               supply=least),
+    )  # fmt: skip
+    origin = f"tuned for {goal}, {depths[0]:g} to {depths[1]:g} m"
+    return Tuning(
+        vehicle=vehicle.model_copy(
+            update={
+                "controller": controller,
+                "provenance": {**vehicle.provenance, "controller.parameters": origin},
+            }
+        ),
+        law=chosen, goal=goal, knobs=found.knobs, parameters=numbers, margins=found.margins,
+        nominal=found.nominal, region=found.region, shown=shown, step=watched,
+        sample_time=h, delay=delay * h,
+        depths=depths, supply=least,
+        assumptions=(
+            *around.words,
+            f"the supply falls to {least:.3g} V",
+            f"a command comes {1e3 * delay * h:.3g} ms after its sample",
+        ),
+        points=len(around.plants), considered=found.considered,
+    )  # fmt: skip
+
+
+def _check(
+    vehicle: Vehicle, goal: str, depths: tuple[float, float], delay: float, runs: int
+) -> None:
+    if not vehicle.voltage_driven:
+        raise InputError(
+            "these laws command a voltage, and the vehicle's actuator takes a volume",
+            field="actuator.kind", value=vehicle.actuator.kind,
+            remedy="Choose a vehicle with a motor, or keep the law position-pid",
+        )  # fmt: skip
+    if goal not in GOALS:
+        raise InputError(
+            "no such goal", field="--goal", value=goal, remedy=f"Choose from {', '.join(GOALS)}"
+        )
+    if not (0.0 <= depths[0] < depths[1] < math.inf):
+        raise InputError(
+            "no range of depths", field="--depth", value=f"{depths[0]:g}:{depths[1]:g}", unit="m",
+            remedy="Give the least and the greatest, like 0:100",
+        )  # fmt: skip
+    if not 0.0 <= delay < 1.0:
+        raise InputError(
+            "a delay is given as a share of the sample time", field="--delay", value=delay,
+            remedy="Give 0 or more, below 1",
+        )  # fmt: skip
+    if runs < 20:
+        raise InputError("too few runs to tell", field="--runs", value=runs, remedy="Give 20")
+
+
+def _sample_time(vehicle: Vehicle, given: float | None) -> float:
+    if given is None and vehicle.controller is not None:
+        return vehicle.controller.sample_time
+    if given is None or not 0.0 < given < math.inf:
+        raise InputError(
+            "the sample time must be a finite time above 0", field="--sample-time", value=given,
+            unit="s", remedy='Give it, like --sample-time "0.3 s"',
+        )  # fmt: skip
+    return given
+
+
+def _check_reach(vehicle: Vehicle, depths: tuple[float, float], supply: float) -> None:
+    """Raise NoAnswerError where stroke or supply does not reach the greatest depth."""
+    deepest = depths[1]
+    neutral = vehicle.neutral_volume(deepest)
+    stroke = vehicle.stroke
+    if not stroke.minimum < neutral < stroke.maximum:
+        raise NoAnswerError(
+            f"at {deepest:g} m the vehicle is neutral at {1e6 * neutral:.4g} cm3, outside its "
+            f"stroke of {1e6 * stroke.minimum:g} to {1e6 * stroke.maximum:g} cm3: no law holds it "
+            "there. Trim it otherwise, give it more stroke, or tune for less depth"
+        )
+    p = plant(vehicle)._replace(supply=supply)
+    limit = stall(p, depth=deepest, depth_limit=None).depth
+    if limit is not None and deepest >= limit:
+        raise NoAnswerError(
+            f"with {supply:.3g} V the motor can no longer extend below {limit:.4g} m: no law holds "
+            f"the vehicle at {deepest:g} m. It takes a higher supply, or less depth"
+        )
+
+
+def _step(depths: tuple[float, float], given: tuple[float, float] | None) -> tuple[float, float]:
+    if given is not None:
+        if not (given[0] != given[1] and min(given) >= 0.0 and max(given) < math.inf):
+            raise InputError(
+                "no step of depth", field="--step", value=f"{given[0]:g}:{given[1]:g}", unit="m",
+                remedy="Give two different depths, like 1.5:3",
+            )  # fmt: skip
+        return given
+    shallow = depths[0] + min(1.5, 0.3 * (depths[1] - depths[0]))
+    return shallow, min(shallow + 1.5, depths[1])
+
+
+def _watched(vehicle: Vehicle, supply: float, distance: float, h: float) -> float:
+    """Return how long a step is watched [s]: many times the least that the motor needs."""
+    p = plant(vehicle)
+    jerk = p.gain * supply * p.a_b
+    least = math.cbrt(32.0 * distance / jerk)
+    return max(math.ceil(_WATCHED * least / h), 200) * h

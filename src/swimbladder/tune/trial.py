@@ -1,0 +1,137 @@
+"""What a law does with vehicles of the region: a step of depth, then holding it, with noise."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.closed_loop import simulate_ensemble
+from swimbladder.control.law import Law
+from swimbladder.dynamics import Plant
+from swimbladder.parameters import Vehicle
+from swimbladder.tune.region import Region
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["Step", "Traces", "Trial", "traces", "trial"]
+
+Array = NDArray[np.float64]
+
+_STILL = 1e-8  # m3, that a motor at rest may creep in a sample
+_FIELDS = ("a_b", "a_s", "d_l", "d_b", "d_t", "psi", "gain", "T1")
+
+
+class Step(NamedTuple):
+    """A step of depth and the time it is watched for."""
+
+    start: float  # m
+    target: float  # m
+    duration: float  # s
+
+
+class Trial(NamedTuple):
+    """Percentiles over vehicles and noise; times in s, nan where more than so many never settle."""
+
+    runs: int
+    settled: float  # share of the runs that settled within 2 %
+    settle_median: float  # s
+    settle_95: float  # s
+    overshoot_median: float  # -
+    overshoot_95: float  # -
+    rms: float  # m, of the depth error over the last third
+    rate: float  # m3/s, of volume moved over the last third
+    starts: float  # 1/s, of the motor, over the last third
+
+
+class Traces(NamedTuple):
+    """Some runs, to look at: [samples, runs]."""
+
+    time: Array  # s [samples]
+    depth: Array  # m
+    volume: Array  # m3
+    command: Array  # V
+
+
+def trial(
+    vehicle: Vehicle, law: Law, parameters: Any, step: Step, *, sample_time: float,
+    region: Region | None = None, runs: int = 200, seed: int = 1, supply: float | None = None,
+) -> Trial:  # fmt: skip
+    """Return what comes of `runs` steps, each with noise of its own.
+
+    region: of vehicles drawn evenly from among its plants and neutral volumes; the nominal one
+    where not given. supply [V]: the vehicle's where not given.
+    """
+    data = _runs(
+        vehicle, law, parameters, step, sample_time=sample_time, region=region, runs=runs,
+        seed=seed, supply=supply,
+    )  # fmt: skip
+    settle = data["settle2"].to_numpy()
+    settled = np.isfinite(settle)
+    time = data["time"].to_numpy()
+    depth, volume = data["depth"].to_numpy(), data["volume"].to_numpy()
+    late = time >= time[-1] * 2.0 / 3.0
+    moves = np.abs(np.diff(volume[late], axis=0))
+    moving = moves > _STILL
+    starts = (moving[1:] & ~moving[:-1]).sum(axis=0)
+    seconds = float(time[late][-1] - time[late][0])
+    never = np.where(settled, settle, np.inf)
+    over = np.nan_to_num(data["overshoot"].to_numpy(), nan=0.0) / 100.0
+    return Trial(
+        runs=runs,
+        settled=float(settled.mean()),
+        settle_median=_percentile(never, 50.0),
+        settle_95=_percentile(never, 95.0),
+        overshoot_median=float(np.percentile(over, 50.0)),
+        overshoot_95=float(np.percentile(over, 95.0)),
+        rms=float(np.sqrt(np.mean((depth[late] - step.target) ** 2))),
+        rate=float(moves.sum(axis=0).mean()) / seconds,
+        starts=float(starts.mean()) / seconds,
+    )
+
+
+def traces(
+    vehicle: Vehicle, law: Law, parameters: Any, step: Step, *, sample_time: float,
+    region: Region | None, runs: int, supply: float | None, seed: int = 1,
+) -> Traces:  # fmt: skip
+    """Return the first runs of a trial as they went."""
+    data = _runs(
+        vehicle, law, parameters, step, sample_time=sample_time, region=region, runs=runs,
+        seed=seed, supply=supply,
+    )  # fmt: skip
+    return Traces(*(data[name].to_numpy() for name in ("time", "depth", "volume", "command")))
+
+
+def _runs(
+    vehicle: Vehicle, law: Law, parameters: Any, step: Step, *, sample_time: float,
+    region: Region | None, runs: int, seed: int, supply: float | None,
+) -> xarray.Dataset:  # fmt: skip
+    rng = np.random.default_rng(seed)
+    vary: dict[str, Any] = {}
+    if supply is not None:
+        vary["supply"] = np.full(runs, supply)
+    start_volume = None
+    if region is not None:
+        chosen = rng.integers(0, len(region.plants), runs)
+        inside = np.sqrt(rng.uniform(size=runs))  # from the middle towards the boundary
+        for name in _FIELDS:
+            at = Plant._fields.index(name)
+            nominal = region.plants[0][at]
+            edge = np.array([region.plants[i][at] for i in chosen])
+            vary[name] = nominal + inside * (edge - nominal)
+        nominal_neutral = vehicle.neutral_volume(step.start)
+        vary["V_0"] = region.plants[0].V_0 + rng.uniform(-region.neutral, region.neutral, runs)
+        start_volume = np.full(runs, nominal_neutral)
+    return simulate_ensemble(
+        vehicle, count=runs, setpoints=[(0.0, step.target)], duration=step.duration,
+        start_depth=step.start, start_volume=start_volume, vary=vary, seed=seed, law=law,
+        parameters=parameters, sample_time=sample_time, keep="trajectory",
+    )  # fmt: skip
+
+
+def _percentile(values: Array, share: float) -> float:
+    """Return a percentile of values of which some are infinite, by the value above it."""
+    found = float(np.sort(values)[min(int(np.ceil(share / 100.0 * len(values))), len(values)) - 1])
+    return found if np.isfinite(found) else float("nan")

@@ -1,0 +1,156 @@
+"""The observer: its model against SciPy's motion, its gains against python-control's."""
+
+import math
+from itertools import pairwise
+
+import control
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from swimbladder.control.law import Measurement
+from swimbladder.control.observer import (
+    OBSERVER,
+    Estimate,
+    Observed,
+    estimate,
+    initial,
+    moves,
+    step,
+)
+from swimbladder.dynamics import plant
+from swimbladder.io.config import load_vehicle
+from swimbladder.tune.gains import (
+    Knobs,
+    filter_gains,
+    gains,
+    motion_over_sample,
+    setting_of,
+)
+
+VEHICLE = load_vehicle("feup-em")
+PLANT = plant(VEHICLE)
+H = 0.3
+KNOBS = Knobs(frequency=0.2, damping=0.8, inner=1.2, sharpness=6.0, learning=0.01)
+
+
+def parameters(**changes):
+    s = setting_of(VEHICLE, sample_time=H, supply=12.0, neutral_range=20e-6)
+    return gains("observer", s, KNOBS)._replace(**changes)
+
+
+def sailed(volumes, z, w, neutral):
+    """Return depths and speeds at the samples: SciPy, under volumes straight between them."""
+    a, d, psi = PLANT.a_b, PLANT.d_l, PLANT.psi
+    found = [(z, w)]
+    for before, after in pairwise(volumes):
+
+        def rates(t, x, before=before, after=after):
+            V = before + (after - before) * t / H
+            return [x[1], a * (psi * x[0] + neutral - V) - d * x[1]]
+
+        run = solve_ivp(rates, (0.0, H), found[-1], rtol=1e-11, atol=1e-13)
+        found.append(tuple(run.y[:, -1]))
+    return np.array(found)
+
+
+def test_the_motion_over_a_sample_is_scipys():
+    F, G0, G1 = motion_over_sample(PLANT, H)
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        x = np.array([rng.uniform(0.5, 4.0), rng.normal(0.0, 0.1)])
+        q0, q1 = rng.normal(0.0, 40e-6, 2)
+        path = sailed([q0, q1], *x, neutral=0.0)
+        np.testing.assert_allclose(F @ x + G0 * q0 + G1 * q1, path[1], rtol=0.0, atol=1e-10)
+
+
+def test_the_gains_are_the_settled_kalman_filters():
+    depth, acceleration, walk = 2e-3, 3e-3, 1e-7
+    F, G0, G1 = motion_over_sample(PLANT, H)
+    A = np.eye(3)
+    A[:2, :2], A[:2, 2] = F, -(G0 + G1)
+    scale = np.diag([1e-3, 1e-3, 1e-6])
+    unscale = np.diag([1e3, 1e3, 1e6])
+    Q = np.diag([1e-30, (acceleration * 1e3) ** 2 * H, (walk * 1e6) ** 2 * H])
+    L, _, _ = control.dlqe(
+        unscale @ A @ scale, np.eye(3), np.array([[1.0, 0.0, 0.0]]), Q, (depth * 1e3) ** 2
+    )
+    # python-control's gain is the predictor's, A K; ours corrects at once.
+    expected = scale @ np.linalg.solve(unscale @ A @ scale, L[:, 0]) / 1e-3
+    found = filter_gains(PLANT, H, depth=depth, acceleration=acceleration, neutral_walk=walk)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_the_estimate_finds_a_neutral_volume_that_nobody_knew():
+    s = setting_of(VEHICLE, sample_time=H, supply=12.0, neutral_range=20e-6)
+    p = gains("observer", s, KNOBS._replace(learning=0.3))
+    rng = np.random.default_rng(2)
+    volumes = 6e-6 + 15e-6 * np.sin(np.arange(600) / 25.0) + rng.normal(0.0, 0.5e-6, 600)
+    truth = 3e-6
+    path = sailed(volumes, 1.5, 0.0, truth)
+    model = Observed(*(getattr(p, name) for name in Observed._fields))
+    e = Estimate(1.5, 0.0, 0.0)
+    for k in range(1, 600):
+        e = estimate(model, e, volumes[k - 1], volumes[k], path[k, 0])
+    assert e.depth == pytest.approx(path[-1, 0], abs=1e-5)
+    assert e.speed == pytest.approx(path[-1, 1], abs=1e-5)
+    assert e.neutral == pytest.approx(truth, abs=2e-8)
+
+
+def test_a_sensor_that_fails_for_a_while_leaves_no_trace():
+    p = parameters()
+    path = sailed(np.full(400, 6e-6), 1.5, 0.0, 0.0)
+    state = initial(p, Measurement(0.0, 1.5, 6e-6), 1.5)
+    for k in range(1, 400):
+        gone = 50 <= k < 80
+        depth = (math.nan, math.inf, -math.inf)[k % 3] if gone else path[k, 0]
+        volume = math.nan if 60 <= k < 65 else 6e-6
+        voltage, state, _ = step(p, state, Measurement(k * H, depth, volume), 1.5)
+        assert math.isfinite(voltage)
+        assert all(math.isfinite(x) for x in state)
+    assert state.depth == pytest.approx(path[-1, 0], abs=1e-4)
+
+
+def test_it_begins_at_rest_even_without_a_measurement():
+    p = parameters(neutral=2e-6)
+    state = initial(p, Measurement(0.0, math.nan, math.nan), 2.0)
+    assert state.depth == 2.0
+    assert state.volume == pytest.approx(2e-6 + p.psi * 2.0)
+    afloat = initial(p, Measurement(0.0, 0.0, 300e-6), 2.0)
+    assert afloat.neutral == 2e-6  # a volume that lifts it out of the water is no neutral one
+
+
+def test_the_motor_rests_within_its_dead_zone_and_stops_at_a_quarter_of_it():
+    assert moves(1.1, 0.0, 1.0) == 1.0
+    assert moves(-1.1, 0.0, 1.0) == 1.0
+    assert moves(0.9, 0.0, 1.0) == 0.0
+    assert moves(0.9, 1.0, 1.0) == 1.0
+    assert moves(0.2, 1.0, 1.0) == 0.0
+    p = parameters(dead=5e-6)
+    state = initial(p, Measurement(0.0, 2.0, p.psi * 2.0), 2.0)
+    voltage, _, _ = step(p, state, Measurement(H, 2.001, p.psi * 2.0), 2.0)
+    # At rest the voltage is the one that holds the piston against the sea, eq. (30).
+    assert voltage == pytest.approx(p.depth_voltage * 2.0, rel=1e-2)
+
+
+def test_limits_hold_whatever_is_measured():
+    p = parameters()
+    state = initial(p, Measurement(0.0, 1.5, 0.0), 1.5)
+    for depth in (1e3, -1e3, 1e30):
+        voltage, after, _ = step(p, state, Measurement(H, depth, 0.0), 1.5)
+        assert abs(voltage) <= p.limit
+        assert p.volume_min <= after.volume_reference <= p.volume_max
+        assert abs(after.neutral - p.neutral) <= p.neutral_range
+
+
+def test_the_poles_are_where_the_knobs_put_them():
+    """Inner loop far faster than the depth: the two slow poles are those of the knobs."""
+    k = KNOBS._replace(frequency=0.02, inner=2.0, sharpness=20.0, learning=1e-6)
+    s = setting_of(VEHICLE, sample_time=0.02, supply=12.0, neutral_range=20e-6)
+    p = gains("observer", s, k)
+    a, d = PLANT.a_b, PLANT.d_l
+    # z'' = a (psi z - V) - d z', V = psi z + k_z z + k_w z'
+    poles = np.roots([1.0, d + a * p.k_w, a * p.k_z])
+    assert abs(poles[0]) == pytest.approx(0.02, rel=1e-9)
+    assert -poles[0].real / abs(poles[0]) == pytest.approx(k.damping, rel=1e-9)
+    assert OBSERVER.name == "observer"

@@ -1,0 +1,154 @@
+"""Tuning: margins by python-control, promises by simulation, refusals by their words."""
+
+import json
+import math
+
+import control
+import numpy as np
+import pytest
+
+from swimbladder.analysis import analyse
+from swimbladder.cli import main
+from swimbladder.control.law import Measurement
+from swimbladder.dynamics import plant
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.config import load_vehicle
+from swimbladder.linear.models import linearise
+from swimbladder.linear.sampled import SampledLoop, linearise_law
+from swimbladder.tune import tune
+from swimbladder.tune.gains import Knobs, gains, setting_of, tunable
+from swimbladder.tune.margins import WANTED, exactly, falls_short, roughly, worst
+from swimbladder.tune.region import region
+
+FEUP = load_vehicle("feup-em")
+NOISY = FEUP.model_copy(update={"sensors": FEUP.sensors.model_copy(update={"depth_noise": 2e-3})})
+H = 0.3
+
+
+def loops(name, knobs, *, depth=2.0, delay=0.0):
+    s = setting_of(NOISY, sample_time=H, supply=12.0, neutral_range=20e-6)
+    law, p = tunable(name), gains(name, s, knobs)
+    seen = Measurement(0.0, depth, FEUP.neutral_volume(depth))
+    linear = linearise_law(
+        law.step, parameters=p, state=law.initial(p, seen, depth), measurement=seen,
+        reference=depth, tick=H,
+    )  # fmt: skip
+    assert linear.smooth
+    loop = SampledLoop(plant=linearise(plant(FEUP), depth=depth), law=linear)
+    return loop.broken_at_command(command_delay=delay), loop.broken_at_depth(command_delay=delay)
+
+
+@pytest.mark.parametrize("name", ["planned", "observer", "cascade"])
+@pytest.mark.parametrize("delay", [0.0, 0.03])
+def test_margins_are_python_controls(name, delay):
+    knobs = Knobs(0.15, 0.9, 1.2, sharpness=8.0, learning=0.003)
+    for loop in loops(name, knobs, delay=delay):
+        found = exactly(loop)
+        assert found.stable
+        system = control.ss(loop.A, loop.B, loop.C, loop.D, H)
+        w = np.geomspace(1e-4, math.pi / H, 20_000)
+        L = np.squeeze(system(np.exp(1j * w * H)))
+        assert found.peak_sensitivity == pytest.approx(np.abs(1.0 / (1.0 + L)).max(), rel=1e-3)
+        crossing = np.flatnonzero(np.diff(np.sign(np.abs(L) - 1.0)))
+        phase = np.abs(np.angle(-L))[crossing].min()
+        assert found.phase == pytest.approx(phase, abs=2e-3)
+        rough = roughly(loop)
+        assert rough.peak_sensitivity == pytest.approx(found.peak_sensitivity, rel=0.01)
+        assert rough.phase == pytest.approx(found.phase, abs=0.02)
+        assert rough.gain_up == pytest.approx(found.gain_up, rel=0.05)
+        assert rough.disk == pytest.approx(found.disk, rel=0.02)
+
+
+def test_the_worst_over_a_region_is_no_better_than_any_of_it():
+    s = setting_of(NOISY, sample_time=H, supply=12.0, neutral_range=20e-6)
+    law, p = tunable("observer"), gains("observer", s, Knobs(0.15, 0.9, 1.2, 8.0, 0.003))
+    plants = region(FEUP).plants
+    over = worst(law, p, plants, depths=[1.0], sample_time=H)
+    each = [worst(law, p, [plants[0], q], depths=[1.0], sample_time=H) for q in plants]
+    assert over.gain_up == min(m.gain_up for m in each)
+    assert over.phase == min(m.phase for m in each)
+    assert over.peak_sensitivity == max(m.peak_sensitivity for m in each)
+    assert falls_short(over) == ()
+    assert falls_short(over._replace(phase=0.5)) == ("phase 29 of 45 degrees",)
+
+
+@pytest.mark.slow
+def test_fast_settles_near_the_bound_over_the_whole_region():
+    found = tune(NOISY, goal="fast", depths=(0.0, 5.0), step=(1.5, 3.0), supply=12.0, runs=100)
+    assert found.nominal.settle_median <= 16.5
+    assert found.nominal.overshoot_median < 0.02
+    assert found.region.settle_95 <= 21.6
+    assert found.region.overshoot_95 <= 0.03
+    assert falls_short(found.margins, WANTED) == ()
+    # The vehicle that is written has the law, and the analysis finds its loop stable.
+    answer = analyse(found.vehicle, depth=2.0)
+    assert answer.stable
+    assert answer.closed_loop.at_depth.peak_sensitivity < 1.6
+
+
+@pytest.mark.slow
+def test_quiet_holds_a_depth_and_hardly_moves():
+    coarse = NOISY.sensors.model_copy(update={"depth_quantum": 5e-3})
+    found = tune(
+        NOISY.model_copy(update={"sensors": coarse}), law="observer", goal="quiet",
+        depths=(0.0, 5.0), step=(1.5, 2.0), supply=12.0, runs=20,
+    )  # fmt: skip
+    assert found.region.rms < 0.01
+    assert found.region.rate * 3.6e6 < 0.5  # L an hour
+    assert falls_short(found.margins, WANTED) == ()
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "options", "error", "words"),
+    [
+        (FEUP, {"depths": (0.0, 90.0)}, NoAnswerError, "outside its stroke"),
+        (FEUP, {"depths": (0.0, 60.0), "supply": 4.0}, NoAnswerError, "no longer extend below"),
+        (FEUP, {"sample_time": 3.0}, NoAnswerError, "shorter sample time"),
+        (FEUP, {"law": "pid"}, InputError, "not tuned"),
+        (FEUP, {"goal": "energy"}, InputError, "no such goal"),
+        (FEUP, {"depths": (5.0, 2.0)}, InputError, "no range"),
+        (FEUP, {"delay": 1.5}, InputError, "share of the sample"),
+        (FEUP, {"supply": 20.0}, InputError, "not above the vehicle's"),
+        (FEUP, {"step": (2.0, 2.0)}, InputError, "no step"),
+        (load_vehicle("ntnu-bv"), {}, InputError, "command a voltage"),
+    ],
+)
+def test_what_cannot_be_is_said(vehicle, options, error, words):
+    with pytest.raises(error, match=words):
+        tune(vehicle, **options)
+
+
+@pytest.mark.slow
+def test_the_command_writes_a_vehicle_that_simulates(capsys, tmp_path):
+    out = tmp_path / "tuned"
+    command = ["tune", "feup-em", "--depth-noise", "2 mm", "--depth", "0:5 m", "--step", "1.5:3 m"]
+    assert main([*command, "--runs", "30", "--out", str(out), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["law"] == "planned"
+    assert answer["nominal"]["settle2_median_s"] < 20.0
+    assert sorted(p.name for p in out.iterdir()) == ["tune.json", "tune.png", "vehicle.toml"]
+    assert load_vehicle(out / "vehicle.toml").controller.law == "planned"
+    simulate = ["simulate", str(out / "vehicle.toml"), "--start", "1.5", "--target", "3"]
+    assert (
+        main(
+            [*simulate, "--duration", "60", "--seed", "1", "--json", "--out", str(tmp_path / "run")]
+        )
+        == 0
+    )
+    assert json.loads(capsys.readouterr().out)["settle2_s"] < 20.0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--depth", "5"], "a colon between"),
+        (["--depth", "0:5 kg"], "of another kind"),
+        (["--depth-noise", "-1 mm"], "must be 0 or more"),
+        (["--law", "planed"], "Did you mean planned?"),
+        (["--runs", "3"], "too few"),
+    ],
+)
+def test_bad_options_are_named(capsys, tmp_path, options, words):
+    assert main(["tune", "feup-em", *options, "--out", str(tmp_path / "out")]) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()
