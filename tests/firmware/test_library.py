@@ -2,6 +2,7 @@
 
 import ctypes
 import math
+import subprocess
 from functools import cache
 from pathlib import Path
 
@@ -48,6 +49,8 @@ class Controller_:  # noqa: N801
         self.c.swb_controller_begin.argtypes = [ctypes.c_void_p, number]
         self.c.swb_controller_tick.argtypes = [ctypes.c_void_p, number, number, number]
         self.c.swb_controller_tick.restype = number
+        self.c.swb_controller_sleep.argtypes = [ctypes.c_void_p, ctypes.c_uint32]
+        self.c.swb_controller_sleep.restype = ctypes.c_uint32
         self.c.swb_wait_in_ticks.argtypes = [number]
         self.c.swb_wait_in_ticks.restype = ctypes.c_uint32
 
@@ -57,6 +60,9 @@ class Controller_:  # noqa: N801
 
     def tick(self, depth: float, volume: float, reference: float) -> float:
         return self.c.swb_controller_tick(ctypes.addressof(self.room), depth, volume, reference)
+
+    def sleep(self, ticks: int) -> int:
+        return self.c.swb_controller_sleep(ctypes.addressof(self.room), ticks)
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +109,26 @@ def test_faulty_measurements_are_met_as_by_the_twin(name, controller, seen):
         command = controller.tick(depth, volume, reference)
         assert bits(command) == bits(twin.tick(depth, volume, reference))
         assert np.float32(low) <= command <= np.float32(high)
+
+
+def test_a_board_that_sleeps_gives_the_same_commands(name, controller):
+    """Ticks that are slept over are those at which nothing would have been asked for."""
+    made = library(name)
+    seen = list(zip(*made.golden[:3], strict=True))
+    awake, asleep = _twin(name), _twin(name)
+    commands = [awake.tick(*row) for row in seen]
+    controller.begin(first_command(name))
+    n, called = 0, 0
+    while n < len(seen):
+        called += 1
+        said = asleep.tick(*seen[n])
+        assert bits(controller.tick(*seen[n])) == bits(said) == bits(commands[n])
+        slept = asleep.sleep(10_000)
+        assert controller.sleep(10_000) == slept
+        assert {float(c) for c in commands[n : n + 1 + slept]} == {float(said)}
+        n += 1 + slept
+    assert n == asleep.ticks
+    assert (called < len(seen)) == (name == "deadband")
 
 
 def test_it_holds_while_nothing_is_measured_and_recovers(name):
@@ -207,6 +233,42 @@ class TestExamples:
         assert commands == pytest.approx([first] * len(commands), abs=1e-9)
 
 
+@pytest.mark.usefixtures("gcc")
+def test_the_whole_golden_trace_can_be_checked_with_any_compiler(name, tmp_path):
+    made = library(name)
+    write_library(made, tmp_path)
+    sources = [tmp_path / "extras" / "check.c", *(tmp_path / "src").glob("*.c")]
+    strict = [flag for flag in STRICT if flag != "-ffp-contract=off"]
+    run("gcc", *strict, "-O2", "-I", tmp_path / "src", *sources, "-o", tmp_path / "check", "-lm")
+    printed = run(tmp_path / "check", cwd=tmp_path).stdout.decode()
+    assert printed == "golden trace: equal, 301 of 301 ticks the same\n"
+    golden = tmp_path / "extras" / "golden.csv"
+    rows = golden.read_text().splitlines()
+    tick, *numbers, _ = rows[100].split(",")
+    rows[100] = ",".join([tick, *numbers, "0.125"])
+    golden.write_text("\n".join(rows) + "\n")
+    done = subprocess.run([tmp_path / "check", golden], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stdout.startswith("differs at tick 99: ")
+
+
+@pytest.mark.usefixtures("cppcheck")
+def test_the_library_pleases_cppcheck(name, tmp_path):
+    write_library(library(name), tmp_path)
+    run(
+        "cppcheck", "--quiet", "--enable=warning,style,performance,portability",
+        "--error-exitcode=1", "--std=c99", "--suppress=missingIncludeSystem", tmp_path / "src",
+    )  # fmt: skip
+
+
+@pytest.mark.usefixtures("arm")
+def test_the_library_compiles_for_arm(name, tmp_path):
+    write_library(library(name), tmp_path)
+    for source in (tmp_path / "src").glob("*.c"):
+        flags = [*STRICT, "-mcpu=cortex-m0plus", "-mthumb", "-Os"]
+        run("arm-none-eabi-gcc", *flags, "-c", source, "-o", tmp_path / "object.o")
+
+
 @pytest.mark.usefixtures("avr")
 def test_the_sketches_compile_for_avr(name, tmp_path):
     made = library(name)
@@ -230,7 +292,7 @@ def test_the_files_of_a_library():
         "src/swb_cascade.c", "src/swb_controller.h", "src/swb_controller.c",
         "examples/FloatAVR/FloatAVR.ino", "examples/FloatESP32RP2040/FloatESP32RP2040.ino",
         "examples/GoldenTrace/GoldenTrace.ino", "examples/GoldenTrace/golden.h",
-        "extras/golden.csv",
+        "extras/check.c", "extras/golden.csv",
     }  # fmt: skip
     said = dict(line.split("=", 1) for line in files["library.properties"].splitlines())
     assert said["name"] == "Swimbladder feup-em"

@@ -65,6 +65,13 @@ class ControllerTwin:
         self.ticks += 1
         return self.command
 
+    def sleep(self, ticks: int) -> int:
+        """Pass over ticks in which the command held, `waiting` at most; return how many."""
+        slept = min(ticks, self.waiting)
+        self.waiting -= slept
+        self.ticks += slept
+        return slept
+
     def _call(self, seen: Measurement, reference: Any) -> None:
         self.waiting = 1
         state = self.state

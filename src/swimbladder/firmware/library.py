@@ -104,6 +104,7 @@ def make_library(
         "examples/FloatESP32RP2040/FloatESP32RP2040.ino": _render("Float.ino.j2", other),
         "examples/GoldenTrace/GoldenTrace.ino": _render("GoldenTrace.ino.j2", facts),
         "examples/GoldenTrace/golden.h": _render("golden.h.j2", facts | {"rows": rows}),
+        "extras/check.c": _render("check.c.j2", facts),
         "extras/golden.csv": _table(golden, tick_s, _COLUMN[law.command]),
     }
     return Library(
