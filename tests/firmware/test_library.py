@@ -37,7 +37,7 @@ def name(request) -> str:
     return request.param
 
 
-class Controller_:  # noqa: N801
+class LibraryInC:
     """The library's C, compiled for this machine and loaded."""
 
     def __init__(self, made: Library, folder: Path) -> None:
@@ -66,9 +66,9 @@ class Controller_:  # noqa: N801
 
 
 @pytest.fixture(scope="module")
-def controller(name, request, tmp_path_factory) -> Controller_:
+def controller(name, request, tmp_path_factory) -> LibraryInC:
     request.getfixturevalue("gcc")
-    return Controller_(library(name), tmp_path_factory.mktemp(name))
+    return LibraryInC(library(name), tmp_path_factory.mktemp(name))
 
 
 def first_command(name: str) -> float:
