@@ -20,7 +20,7 @@ K2, T2 = 7935.54, 36.3
 
 SEA = SeaCascadeParameters(
     **sea_cascade_gains(PLANT.a_b, PLANT.d_l, PLANT.gain, 0.35, S_P)._asdict(),
-    target_weight=1.0, smoothing=0.5, leash=0.0, fastest=0.2, jerk=0.007, shortest=5.0,
+    target_weight=1.0, smoothing=0.5, leash=0.0, fastest=0.25, jerk=0.007, shortest=3.0,
     volume_per_speed=PLANT.d_l / PLANT.a_b, volume_per_acceleration=1.0 / PLANT.a_b,
     psi=PLANT.psi, depth_voltage=PLANT.load_drive, rate_per_volt=PLANT.gain, voltage_limit=12.0,
     volume_min=PLANT.V_min, volume_max=PLANT.V_max, dead_zone=0.0, S_p=S_P,
@@ -28,7 +28,7 @@ SEA = SeaCascadeParameters(
 
 ADRC_FAST = AdrcParameters(
     b=PLANT.a_b, drag=PLANT.d_l, psi=PLANT.psi, **adrc_gains(0.2, 1.2, S_P, 0.05)._asdict(),
-    k_pV=SEA.k_pV, leash=0.0, fastest=0.2, jerk=0.007, shortest=5.0,
+    k_pV=SEA.k_pV, leash=0.0, fastest=0.25, jerk=0.007, shortest=3.0,
     depth_voltage=PLANT.load_drive, rate_per_volt=PLANT.gain, voltage_limit=12.0,
     volume_min=PLANT.V_min, volume_max=PLANT.V_max, S_p=S_P,
 )  # fmt: skip

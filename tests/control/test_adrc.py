@@ -89,7 +89,7 @@ def nominal():
 def test_a_step(nominal) -> None:
     found = metrics(nominal)
     assert found.overshoot_pct < 0.5
-    assert found.settle2_s < 21.0
+    assert found.settle2_s < 16.5
     assert np.max(np.abs(nominal.depth[-100:] - 3.0)) < 1e-3
 
 
@@ -116,7 +116,8 @@ def test_as_han_has_it_drag_and_compressibility_are_found_out() -> None:
 
 @pytest.mark.parametrize("factor", [0.7, 1.4])
 def test_b_need_not_be_known_well(factor) -> None:
-    ran = flown(ADRC_FAST._replace(b=ADRC_FAST.b * factor))
+    """A third off, with a jerk that the motor can follow all the same."""
+    ran = flown(ADRC_FAST._replace(b=ADRC_FAST.b * factor, jerk=0.0045))
     assert metrics(ran).overshoot_pct < 10.0
     assert abs(ran.depth[-1] - 3.0) < 0.01
 

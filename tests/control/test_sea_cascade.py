@@ -15,6 +15,7 @@ from swimbladder.control.law import Measurement
 from swimbladder.control.sea_cascade import SEA_CASCADE, SeaCascadeParameters, initial, step
 from swimbladder.dynamics import State, motor_rhs
 from swimbladder.linear import SampledLoop, linearise, linearise_law, loop_margins
+from swimbladder.parameters import IdentifiedMotion, Sensors
 from tests.control.examples import PLANT, S_P, SEA, blind, by_hand
 from tests.oracle import TABLE_3
 from tests.vehicles import paper
@@ -68,7 +69,7 @@ def test_a_step_has_no_overshoot_and_settles_fast(papers, ours) -> None:
     assert before.overshoot_pct == pytest.approx(14.7, abs=0.1)
     assert before.settle2_s > 300.0
     assert after.overshoot_pct < 0.1
-    assert after.settle2_s < 21.0
+    assert after.settle2_s < 16.5
 
 
 def test_the_papers_gains_alone_do_not_overshoot_once_the_set_point_moves(papers) -> None:
@@ -78,7 +79,44 @@ def test_the_papers_gains_alone_do_not_overshoot_once_the_set_point_moves(papers
         parameters=SEA._replace(**{k: v for k, v in TABLE_3.items() if k != "S_p"}, smoothing=1.0),
     )  # fmt: skip
     assert metrics(ran).overshoot_pct < 1.0 < metrics(papers).overshoot_pct - 13.0
-    assert metrics(ran).settle2_s < 25.0
+    assert metrics(ran).settle2_s < 20.0
+
+
+def draws(n, vehicle):
+    """Overshoot [%] and settling [s] of n steps with 2 mm of noise, the vehicle by its number."""
+    found = []
+    for seed in range(n):
+        ran = simulate(
+            vehicle(np.random.default_rng(seed)), law=SEA_CASCADE, parameters=SEA, seed=seed,
+            sample_time=S_P, start_depth=1.5, setpoints=[(0.0, 3.0)], duration=60.0,
+        )  # fmt: skip
+        m = metrics(ran)
+        found.append((m.overshoot_pct, m.settle2_s or 60.0))
+    return np.array(found)
+
+
+def test_in_noise_it_settles_within_15_percent_of_the_bound() -> None:
+    """14.4 s is the least that 12 V allow (a linear program); median of 200 seeds."""
+    noisy = paper(sensors=Sensors(depth_noise="2 mm"))
+    over, settle = np.median(draws(200, lambda _: noisy), axis=0)
+    assert over < 1.0
+    assert settle < 1.15 * 14.4
+
+
+def test_over_the_region_of_the_parameters() -> None:
+    """K2 and T2 off by up to 5 %, 2 cm3 of trim (1 sigma) that nobody told: 95 of 100."""
+
+    def drawn(random):
+        return paper(
+            sensors=Sensors(depth_noise="2 mm"), trim_error=float(random.normal(0.0, 2e-6)),
+            motion=IdentifiedMotion(
+                K2=7935.54 * random.uniform(0.95, 1.05), T2=36.3 * random.uniform(0.95, 1.05)
+            ),
+        )  # fmt: skip
+
+    over, settle = np.quantile(draws(100, drawn), 0.95, axis=0)
+    assert over < 3.0
+    assert settle < 21.6
 
 
 @pytest.mark.parametrize("factor", [0.8, 1.25])
@@ -95,7 +133,7 @@ def test_a_model_that_is_off_by_a_fifth(factor, start, target, settles) -> None:
         start_depth=start, duration=400.0,
     )  # fmt: skip
     found = metrics(ran, start, target)
-    assert found.overshoot_pct < 5.0
+    assert found.overshoot_pct < 10.0
     assert found.settle2_s < settles
 
 
@@ -161,7 +199,7 @@ def test_it_starts_as_the_vehicle_is(z: float, reference: float) -> None:
     u, after, _ = step(SEA, initial(SEA, seen, reference), seen, reference)
     assert after.volume_reference == pytest.approx(4.04e-6 * z, abs=1e-15)
     needed = SEA.volume_per_acceleration * SEA.jerk / SEA.rate_per_volt
-    assert abs(u - PLANT.load_drive * z) <= 1.01 * needed + 1e-9
+    assert abs(u - PLANT.load_drive * z) <= 1.02 * needed + 1e-9
 
 
 def test_a_new_set_point_makes_no_jump(papers, ours) -> None:

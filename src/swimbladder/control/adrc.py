@@ -22,7 +22,7 @@ import math
 from typing import NamedTuple
 
 from swimbladder.control.law import Law, Measurement
-from swimbladder.control.profile import Target, approach, duration
+from swimbladder.control.profile import Target, approach, depart
 
 __all__ = ["ADRC", "AdrcGains", "AdrcParameters", "AdrcState", "adrc_gains", "initial", "step"]
 
@@ -79,6 +79,8 @@ class AdrcState(NamedTuple):
     target_speed: float  # m/s
     target_acceleration: float  # m/s2
     left: float  # s, that the target is still on its way
+    whole: float  # s, that this way takes in all; 0 for one that began in motion
+    jerk: float  # m/s3, of its first quarter
     goal: float  # m, where it goes
     volume_reference: float  # m3
 
@@ -130,8 +132,9 @@ def initial(parameters: AdrcParameters, measurement: Measurement, reference: flo
     volume = measurement.volume if measured else 0.0
     moves = p.fastest > 0.0 or p.jerk > 0.0 or p.shortest > 0.0
     target = depth if moves or abs(reference) >= _DEEPEST else reference
+    begun = 1.0 if seen and measured else 0.0
     return AdrcState(
-        begun=1.0 if seen and measured else 0.0,
+        begun=begun,
         depth=depth,
         speed=0.0,
         disturbance=p.b * (volume - p.psi * depth),
@@ -142,6 +145,8 @@ def initial(parameters: AdrcParameters, measurement: Measurement, reference: flo
         target_speed=0.0,
         target_acceleration=0.0,
         left=p.shortest,
+        whole=0.0,
+        jerk=0.0,
         goal=target,
         volume_reference=volume,
     )
@@ -193,12 +198,18 @@ def step(
 
     begun = before.begun > 0.0
     wanted = reference if begun and abs(reference) < _DEEPEST else before.goal
-    target = Target(wanted, 0.0, 0.0, p.shortest)
+    target = Target(wanted, 0.0, 0.0, p.shortest, 0.0, 0.0)
     if p.fastest > 0.0 or p.jerk > 0.0 or p.shortest > 0.0:
-        target = Target(before.target, before.target_speed, before.target_acceleration, before.left)
+        target = Target(
+            before.target,
+            before.target_speed,
+            before.target_acceleration,
+            before.left,
+            before.whole,
+            before.jerk,
+        )
         if wanted != before.goal:
-            left = duration(target, wanted, p.fastest, p.jerk, p.shortest)
-            target = Target(target.depth, target.speed, target.acceleration, left)
+            target = depart(target, wanted, p.fastest, p.jerk, p.shortest)
     later = approach(target, wanted, p.shortest, p.S_p)
 
     error = target.depth - seen.depth
@@ -226,6 +237,8 @@ def step(
         target_speed=later.speed,
         target_acceleration=later.acceleration,
         left=later.left,
+        whole=later.whole,
+        jerk=later.jerk,
         goal=wanted,
         volume_reference=U,
     )

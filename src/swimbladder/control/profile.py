@@ -1,14 +1,15 @@
 """A target that goes to a new reference smoothly, within a speed and a jerk.
 
-From any depth, speed and acceleration the target follows the polynomial of fifth order that is at
-rest at the reference T seconds later (Flash and Hogan, J. Neuroscience 5, 1985, 1688: of all such
-motions the one of least squared jerk). From rest over a distance d its largest speed is (15/8) d/T
-and its largest jerk 60 d/T^3, so T follows from these limits. The polynomial is solved anew at each
-sample from where the target is: nothing but the time left has to be remembered, and rounding does
-not pile up. The time left ends at a shortest one, so that the last of the way, and every small
-change, is a linear filter with the poles of s^3 + 9 s^2/T + 36 s/T^2 + 60/T^3.
-
 Why the jerk: the motor's rate limits how fast the volume, and with it the acceleration, changes.
+From rest over a distance d the fastest way within a jerk j is +j for a quarter of the time T, -j
+for two and +j for the last, T^3 = 32 d/j; its largest speed is 2 d/T. The last quarter is also the
+polynomial of fifth order that is at rest at the reference when the time is over (of all such
+motions the one of least squared jerk: Flash and Hogan, J. Neuroscience 5, 1985, 1688). That
+polynomial is solved anew at each sample from where the target is, so that it lands whatever
+rounding has left, and it is the way for a target that is not at rest when the reference changes;
+from rest its largest jerk would be 60 d/T^3. The time left ends at a shortest one, so that the last
+of the way, and every small change, is a linear filter with the poles of
+s^3 + 9 s^2/T + 36 s/T^2 + 60/T^3.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-__all__ = ["Target", "approach", "duration"]
+__all__ = ["Target", "approach", "depart"]
 
-_SPEED = 1.875  # largest speed of the polynomial over d/T
-_JERK = 60.0  # largest jerk of it over d/T^3
-_TURNS = 16
+_ROOT_TURNS = 12  # each leaves a quarter of the logarithm's error
+_TURNS = 10  # each leaves a quarter to three quarters of it
+_RESTING = 0.02  # share of the way that a motion may be worth and still count as rest
 
 
 class Target(NamedTuple):
@@ -30,23 +31,49 @@ class Target(NamedTuple):
     speed: float  # m/s
     acceleration: float  # m/s2
     left: float  # s
+    whole: float  # s, that a way from rest takes in all; 0 for one that began in motion
+    jerk: float  # m/s3, of its first quarter, against it in the next two
 
 
-def duration(now: Target, wanted: float, fastest: float, jerk: float, shortest: float) -> float:
-    """Return the time [s] to take to `wanted` [m], at least `shortest` [s].
+def cubic_root(x: float) -> float:
+    """Return r with r^3 = x, for x of at least 0, by r^4 = x r."""
+    r = 1.0
+    for _ in range(_ROOT_TURNS):
+        r = math.sqrt(math.sqrt(x * r))
+    return r
+
+
+def depart(now: Target, wanted: float, fastest: float, jerk: float, shortest: float) -> Target:
+    """Return the target with a new reference `wanted` [m], to be reached in `shortest` [s] or more.
 
     fastest [m/s] and jerk [m/s3] are limits, 0 where there is none. They hold exactly from rest;
     a target on its way is given the time that its speed and acceleration may cost on top.
     """
     gap, speed, acceleration = abs(wanted - now.depth), abs(now.speed), abs(now.acceleration)
-    least = max(shortest, _SPEED * gap / fastest) if fastest > 0.0 else shortest
-    if jerk <= 0.0:
-        return least
-    T = max(least, 1.0)
-    for _ in range(_TURNS):  # T^4 = c T: from rest a turn leaves a quarter of log T's error
-        way = gap + (0.6 * speed + 0.15 * acceleration * T) * T
-        T = math.sqrt(math.sqrt(_JERK * way / jerk * T))
-    return max(T, least)
+    time = shortest
+    if fastest > 0.0:
+        time = max(time, 2.0 * gap / fastest)
+    if jerk > 0.0:
+        time = max(time, cubic_root(32.0 * gap / jerk))
+    if time > 2.0 * shortest and (speed + acceleration * time) * time <= _RESTING * gap:
+        first = 32.0 * (wanted - now.depth) / (time * time * time)
+        return Target(now.depth, now.speed, now.acceleration, time, time, first)
+    if jerk > 0.0:
+        longer = max(1.2331 * time, math.sqrt(36.0 * speed / jerk))
+        longer = max(longer, 9.0 * acceleration / jerk)
+        for _ in range(_TURNS):
+            way = gap + (0.6 * speed + 0.15 * acceleration * longer) * longer
+            longer = math.sqrt(math.sqrt(60.0 * way / jerk * longer))
+        time = max(time, longer)
+    return Target(now.depth, now.speed, now.acceleration, time, 0.0, 0.0)
+
+
+def pushed(now: Target, jerk: float, t: float) -> Target:
+    """Return the target after a time t [s] of a constant jerk [m/s3]."""
+    acceleration = now.acceleration + jerk * t
+    speed = now.speed + t * (now.acceleration + 0.5 * jerk * t)
+    depth = now.depth + t * (now.speed + t * (0.5 * now.acceleration + jerk * t / 6.0))
+    return Target(depth, speed, acceleration, now.left - t, now.whole, now.jerk)
 
 
 def approach(now: Target, wanted: float, shortest: float, S_p: float) -> Target:
@@ -54,14 +81,24 @@ def approach(now: Target, wanted: float, shortest: float, S_p: float) -> Target:
 
     The time left [s] is never less than `shortest`, nor than a sample.
     """
+    last = 0.25 * now.whole
+    start = now
+    rest = S_p
+    if last < now.left <= now.whole:
+        first = min(max(now.left - 0.75 * now.whole, 0.0), S_p)
+        second = min(now.left - last, S_p) - first
+        start = pushed(pushed(now, now.jerk, first), -now.jerk, second)
+        rest = S_p - first - second
+        if rest <= 0.0:
+            return start
     least = max(shortest, S_p)
-    T = max(now.left, least)
-    s = S_p / T
-    e, v, a = now.depth - wanted, now.speed * T, now.acceleration * T * T
+    T = max(start.left, least)
+    s = rest / T
+    e, v, a = start.depth - wanted, start.speed * T, start.acceleration * T * T
     c3 = -0.5 * (20.0 * e + 12.0 * v + 3.0 * a)
     c4 = 0.5 * (30.0 * e + 16.0 * v + 3.0 * a)
     c5 = -0.5 * (12.0 * e + 6.0 * v + a)
     depth = wanted + (e + s * (v + s * (0.5 * a + s * (c3 + s * (c4 + s * c5)))))
     speed = (v + s * (a + s * (3.0 * c3 + s * (4.0 * c4 + s * (5.0 * c5))))) / T
     acceleration = (a + s * (6.0 * c3 + s * (12.0 * c4 + s * (20.0 * c5)))) / (T * T)
-    return Target(depth, speed, acceleration, max(T - S_p, least))
+    return Target(depth, speed, acceleration, max(T - rest, least), 0.0, 0.0)

@@ -20,7 +20,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from swimbladder.control.law import Law, Measurement
-from swimbladder.control.profile import Target, approach, duration
+from swimbladder.control.profile import Target, approach, depart
 
 __all__ = [
     "SEA_CASCADE",
@@ -84,6 +84,8 @@ class SeaCascadeState(NamedTuple):
     speed: float  # m/s, of the target
     acceleration: float  # m/s2, of the target
     left: float  # s, that the target is still on its way
+    whole: float  # s, that this way takes in all; 0 for one that began in motion
+    jerk: float  # m/s3, of its first quarter
     goal: float  # m, where it goes
     need: float  # m3, of volume that its motion took at the sample before
     moving: float  # -, 1 while the volume is brought out of the dead zone
@@ -119,8 +121,9 @@ def initial(
     volume = measurement.volume if measured else 0.0
     moves = p.fastest > 0.0 or p.jerk > 0.0 or p.shortest > 0.0
     target = depth if moves or abs(reference) >= _DEEPEST else reference
+    begun = 1.0 if seen and measured else 0.0
     return SeaCascadeState(
-        begun=1.0 if seen and measured else 0.0,
+        begun=begun,
         integral=volume - p.psi * depth,
         difference=p.target_weight * target - depth,
         slope=0.0,
@@ -130,6 +133,8 @@ def initial(
         speed=0.0,
         acceleration=0.0,
         left=p.shortest,
+        whole=0.0,
+        jerk=0.0,
         goal=target,
         need=0.0,
         moving=0.0,
@@ -141,12 +146,11 @@ def aim(parameters: SeaCascadeParameters, state: SeaCascadeState, wanted: float)
     """Return the target of this sample, on its way to `wanted` [m]."""
     p = parameters
     if not (p.fastest > 0.0 or p.jerk > 0.0 or p.shortest > 0.0):
-        return Target(wanted, 0.0, 0.0, p.shortest)
-    now = Target(state.target, state.speed, state.acceleration, state.left)
+        return Target(wanted, 0.0, 0.0, p.shortest, 0.0, 0.0)
+    now = Target(state.target, state.speed, state.acceleration, state.left, state.whole, state.jerk)
     if wanted == state.goal:
         return now
-    left = duration(now, wanted, p.fastest, p.jerk, p.shortest)
-    return Target(now.depth, now.speed, now.acceleration, left)
+    return depart(now, wanted, p.fastest, p.jerk, p.shortest)
 
 
 def step(
@@ -214,6 +218,8 @@ def step(
         speed=later.speed,
         acceleration=later.acceleration,
         left=later.left,
+        whole=later.whole,
+        jerk=later.jerk,
         goal=wanted,
         need=need,
         moving=moving,
