@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from swimbladder.identify_actuator.begin import tolerance
 from swimbladder.identify_actuator.model import Problem
 
-__all__ = ["Spread", "gains", "slope"]
+__all__ = ["FINEST", "Spread", "gains", "slope"]
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,7 @@ _DIFFER = 2.71  # deviance that differing gains have to gain: 5 % by chance
 _PRIOR, _PRIOR_DF = 0.015, 3.0  # scale and degrees of freedom of Student's half t
 # Six series of ten moves of a measured motor have spreads of 0.2 to 1.7 %
 # (docs/how-to/identify-actuator.md); the prior's median is 1.1 %, and one in twenty is above 4.8 %.
+FINEST = 1e-2  # of the tolerance of a position: less is no noise that a sensor has
 _LEAST, _MOST, _TRIALS = 1e-5, 1.0, 41  # shares that are tried
 
 
@@ -99,15 +100,17 @@ def gains(problem: Problem, q: Array) -> Spread:
     JJ, Jr, rr = J.T @ J, J.T @ r, float(r @ r)
     lost = max(len(r) - p - len(whiten.size), 1)
 
+    # A log without noise, as of a simulation, says nothing of the spread by its last digits.
+    finest = lost * (FINEST * tolerance(problem.benches)) ** 2
+
     def parts(less: Array) -> tuple[float, Array]:
         H = JJ - (A.T * less) @ A + 1e-10 * np.trace(JJ) / p * np.eye(p)
         b = Jr - A.T @ (less * a)
         left = rr - float(less @ a**2) - float(b @ np.linalg.solve(H, b))
-        return max(left, 1e-24 * rr, 1e-300), H
+        return max(left, 0.0) + finest, H
 
     free, _ = parts(np.ones(len(a)))  # any gain for each block
     sigma = math.sqrt(free / max(lost - moved + _gains_of(problem), 1))
-    sigma = max(sigma, 1e-6 * tolerance(problem.benches))
     shares = np.geomspace(_LEAST, _MOST, _TRIALS)
     scores, sigmas, information = [], [], []
     for share in shares.tolist():

@@ -25,7 +25,7 @@ from swimbladder.identify_actuator.begin import (
 )
 from swimbladder.identify_actuator.bench import Bench
 from swimbladder.identify_actuator.blocks import Block, cut
-from swimbladder.identify_actuator.gains import Spread, gains, slope
+from swimbladder.identify_actuator.gains import FINEST, Spread, gains, slope
 from swimbladder.identify_actuator.model import Problem
 from swimbladder.identify_actuator.noise import WHITE, Autoregression, autoregression, scale, spikes
 
@@ -194,7 +194,7 @@ def _refine(problem: Problem, q: Array) -> VoltageFit:
     jacobian, residual = slope(problem, q), problem.white(q)
     lost = len(q) + len(np.unique(problem.block[problem.used]))
     sigma = math.sqrt(float(residual @ residual) / max(len(residual) - lost, 1))
-    sigma = max(sigma, 1e-6 * tolerance(problem.benches))
+    sigma = max(sigma, FINEST * tolerance(problem.benches))
     covariance, told, blind = _covariance(jacobian, sigma, problem.free)
     return VoltageFit(
         problem=problem,
