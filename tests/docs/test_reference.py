@@ -158,7 +158,8 @@ def test_what_identify_actuator_writes(capsys, tmp_path):
     )  # fmt: skip
     check(keys, told)
     assert header(out / "steps.csv") == list(columns)
-    assert {path.name for path in out.iterdir()} == {"steps.csv", "steps.png", "vehicle.toml"}
+    written = {"identify-actuator.html", "steps.csv", "steps.png", "vehicle.toml"}
+    assert {path.name for path in out.iterdir()} == written
 
 
 def test_what_design_experiment_writes(capsys, tmp_path):
