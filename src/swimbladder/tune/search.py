@@ -91,7 +91,10 @@ def search(
     for knobs in every:
         tell(0.3 / len(every))
         parameters = gains(name, setting, knobs)
-        m = worst(law, parameters, region.plants[:1], depths=depths[:1], sample_time=h, delay=delay)
+        m = worst(
+            law, parameters, region.plants[:1], depths=depths[:1], sample_time=h, delay=delay,
+            look=roughly,
+        )  # fmt: skip
         short = falls_short(m, asked)
         if not short:
             kept.append((_preference(goal, knobs), knobs))
@@ -100,7 +103,7 @@ def search(
     kept.sort(key=lambda pair: pair[0])
     if goal == "quiet":
         kept = _spread(kept)
-    tried: list[tuple[Knobs, Any, Worst]] = []
+    tried: list[tuple[Knobs, Any]] = []
     for _, knobs in kept:
         if len(tried) == (_TRIED if goal == "fast" else _TRIED_QUIET):
             break
@@ -108,61 +111,44 @@ def search(
         m = over_all(parameters, asked, roughly)
         short = falls_short(m, asked)
         if not short:
-            m = over_all(parameters, wanted, exactly)
-            short = falls_short(m, wanted)
-        if not short:
-            tried.append((knobs, parameters, m))
-            tell(0.4 / _TRIED)
+            tried.append((knobs, parameters))
+            tell(0.1 / _TRIED)
         elif near is None or len(short) <= near[0]:
             near = (len(short), short)
-    if not tried:
-        assert near is not None  # something was computed
-        raise NoAnswerError(
-            f"no gains of the law {name!r} have the margins over the region at a sample time of "
-            f"{h:g} s: the nearest has {'; '.join(near[1])}. A shorter sample time, a faster motor "
-            "or parameters known better would help"
-        )
-    return _best(
-        name, law, vehicle, setting, region, tried, goal=goal, step=step, runs=runs, tell=tell,
-        considered=len(every),
-    )  # fmt: skip
-
-
-def _best(
-    name: str, law: Law, vehicle: Vehicle, setting: Setting, region: Region,
-    tried: Sequence[tuple[Knobs, Any, Worst]], *, goal: str, step: Step, runs: int,
-    tell: Callable[[float], None], considered: int,
-) -> Found:  # fmt: skip
-    """Return the one that does best in trials over the region."""
-    found: list[tuple[tuple[float, ...], Found]] = []
+    scored: list[tuple[tuple[float, ...], Knobs, Trial]] = []
     options = list(_options(goal, tried, setting))
-    for knobs, m in options:
-        parameters = gains(name, setting, knobs)
+    for knobs in options:
         over = trial(
-            vehicle, law, parameters, step, sample_time=setting.sample_time, region=region,
+            vehicle, law, gains(name, setting, knobs), step, sample_time=h, region=region,
             runs=runs, supply=setting.limit,
         )  # fmt: skip
-        tell(0.25 / len(options))
-        score = _score(goal, over)
-        found.append((score, Found(knobs, parameters, m, over, over, considered)))
-    _, first = min(found, key=lambda pair: pair[0])
-    nominal = trial(
-        vehicle, law, first.parameters, step, sample_time=setting.sample_time, runs=runs
+        scored.append((_score(goal, over), knobs, over))
+        tell(0.45 / len(options))
+    for _, knobs, over in sorted(scored, key=lambda one: one[0]):
+        # The dead zone is none of the loop's around rest: margins are those of its linear part.
+        m = over_all(gains(name, setting, knobs._replace(dead=0.0)), wanted, exactly)
+        tell(0.15 / len(scored))
+        if not falls_short(m, wanted):
+            parameters = gains(name, setting, knobs)
+            nominal = trial(vehicle, law, parameters, step, sample_time=h, runs=runs)
+            return Found(knobs, parameters, m, nominal, over, len(every))
+        near = (len(falls_short(m, wanted)), falls_short(m, wanted))
+    assert near is not None  # something was computed
+    raise NoAnswerError(
+        f"no gains of the law {name!r} have the margins over the region at a sample time of "
+        f"{h:g} s: the nearest has {'; '.join(near[1])}. A shorter sample time, a faster motor "
+        "or parameters known better would help"
     )
-    tell(0.05)
-    return first._replace(nominal=nominal)
 
 
-def _options(
-    goal: str, tried: Sequence[tuple[Knobs, Any, Worst]], setting: Setting
-) -> Iterator[tuple[Knobs, Worst]]:
+def _options(goal: str, tried: Sequence[tuple[Knobs, Any]], setting: Setting) -> Iterator[Knobs]:
     """Yield what is left to choose: how much of the motor a path takes, where the motor rests."""
-    for knobs, parameters, m in tried:
+    for knobs, parameters in tried:
         if "dead" not in type(parameters)._fields:
-            yield knobs, m
+            yield knobs
         elif goal == "fast" and "share" in type(parameters)._fields:
             for share in _SHARES:
-                yield knobs._replace(share=share), m
+                yield knobs._replace(share=share)
         elif goal == "quiet":
             # What the filter's noise makes of the volume asked for.
             p = parameters
@@ -170,9 +156,9 @@ def _options(
                 setting.noise
             )
             for dead in _DEAD:
-                yield knobs._replace(dead=dead * jitter), m
+                yield knobs._replace(dead=dead * jitter)
         else:
-            yield knobs, m
+            yield knobs
 
 
 def _score(goal: str, t: Trial) -> tuple[float, ...]:
