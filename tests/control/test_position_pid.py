@@ -151,3 +151,14 @@ def test_replays_the_firmware_that_it_describes(data_dir, log, gains) -> None:
         previous = row
     assert compared >= len(rows) - 3
     assert worst < 2e-6
+
+
+@pytest.mark.parametrize("lost", [math.nan, math.inf, -math.inf])
+def test_a_depth_that_is_none_is_forgotten(lost: float) -> None:
+    state = initial(GAINS, Measurement(0.0, 1.0, 0.0), 1.2)
+    volume, after, _ = step(GAINS, state, Measurement(0.0, lost, 0.0), 1.2)
+    assert math.isfinite(volume)
+    assert after.depth == state.depth
+    held, _, _ = step(GAINS, after, Measurement(0.0, 1.0, 0.0), 1.2)
+    assert held == pytest.approx(volume, abs=2e-7)  # but for the integral of a sample
+    assert initial(GAINS, Measurement(0.0, lost, 0.0), 1.2).depth == 1.2

@@ -8,6 +8,7 @@ limits. The piston's position counts inward: further in displaces less and the v
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from swimbladder.control.law import Law, Measurement
@@ -47,8 +48,9 @@ def initial(
     """
     p = parameters
     position = (p.volume_at_zero - measurement.volume) / p.piston_area
+    depth = measurement.depth if math.isfinite(measurement.depth) else reference
     return PositionPidState(
-        min(max(position, p.position_min), p.position_max), measurement.depth, measurement.volume
+        min(max(position, p.position_min), p.position_max), depth, measurement.volume
     )
 
 
@@ -60,8 +62,10 @@ def step(
 ) -> tuple[float, PositionPidState, float]:
     """Return the volume to go to [m3]: less while the vehicle is above the reference."""
     p = parameters
-    error = reference - measurement.depth
-    depth = p.smoothing * measurement.depth + (1.0 - p.smoothing) * state.depth
+    # A depth that is no number is taken to be the smoothed one: it would stay in the average.
+    seen = measurement.depth if math.isfinite(measurement.depth) else state.depth
+    error = reference - seen
+    depth = p.smoothing * seen + (1.0 - p.smoothing) * state.depth
     integral = state.integral
     if abs(error) < p.threshold:
         integral = min(max(integral + p.K_i * p.S_p * error, p.position_min), p.position_max)
