@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice, pairwise
@@ -72,7 +73,7 @@ def fit(problem: Problem) -> Fit:
 
 def refine(problem: Problem, x: Array) -> Fit:
     """Return the fit that is reached from x, or a better one if that is poor."""
-    best = _in_stretches(problem, _solve(problem, x), x, clean=_POOR)
+    best = _in_stretches(problem, _solve(problem, x), x, clean=math.inf)
     return finish(problem, _pieced(problem, best, x, clean=_POOR, most=1)[1])
 
 
