@@ -1,5 +1,6 @@
 """What identify() says of pool experiments whose truth SciPy made."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -13,6 +14,7 @@ from swimbladder.identify.fit import fit
 from swimbladder.identify.profiles import profile
 from swimbladder.identify.tell import directions
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.logs import Log
 from tests.identify.pool import FEUP, STEPS, campaign, pool_log, trace
 from tests.identify.test_problem import problem_of
 
@@ -278,3 +280,44 @@ def test_a_posterior_on_request():
     low, median, high = found.posterior.interval("K2")
     e = found.parameters["K2"]
     assert [low, median, high] == pytest.approx([e.ci95[0], e.value, e.ci95[1]], abs=0.7 * e.std)
+
+
+def turned(log, **changes):
+    return dataclasses.replace(log, **changes)
+
+
+@pytest.mark.parametrize("what", ["volume", "depth"])
+def test_a_log_the_wrong_way_round_is_said_to_be(what):
+    logs = [
+        turned(log, **{what: 4.5 - log.depth if what == "depth" else -log.volume})
+        for log in campaign(61)[4:]
+    ]
+    found = identify(logs, FEUP_EM, fixed={"psi": 4.04e-6}, profiles=False)
+    assert not found.identified
+    assert [f.kind for f in found.findings] == ["backwards"]
+    assert "the wrong way round" in found.findings[0].sentence
+
+
+def test_depths_in_the_wrong_unit_give_a_mass_that_cannot_be():
+    for factor, word in ((10.0, "less than the"), (0.1, "times the")):
+        logs = [turned(log, depth=factor * log.depth) for log in campaign(62)[4:]]
+        found = identify(logs, FEUP_EM, fixed={"psi": 0.0}, neutral_std=math.inf, **QUICK)
+        sentences = [f.sentence for f in found.findings if f.kind == "mass"]
+        assert any(word in s and "Check the units" in s for s in sentences)
+
+
+def test_a_simulated_log_without_noise_gives_intervals_that_hold_the_truth():
+    """How the volume goes between two samples is not in a log, and costs more than no noise."""
+    import swimbladder
+
+    run = swimbladder.simulate(FEUP_EM, setpoints=[(0.0, 3.0)], duration=200.0, start_depth=1.5)
+    log = Log(
+        source="run", time=run.time, depth=run.depth, volume=run.volume, volume_absolute=True,
+        line=np.arange(len(run.time)),
+    )  # fmt: skip
+    found = identify([log], FEUP_EM)
+    assert found.identified
+    for name, value in (("K2", 7935.54), ("T2", 36.3), ("psi", 4.04e-6)):
+        low, high = found.parameters[name].ci95
+        assert low < value < high
+        assert high - low < 0.1 * value

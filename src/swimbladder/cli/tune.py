@@ -64,9 +64,9 @@ def tune(
         bool, typer.Option("--json", help="Print one JSON object and nothing else.")
     ] = False,
 ) -> None:
-    """Find gains of a law whose margins hold over all that is not known of the vehicle.
+    r"""Find gains of a law whose margins hold over all that is not known of the vehicle.
 
-    The region is that of the vehicle's [identified] covariance, or 5 % where nothing was
+    The region is that of the covariance that `identify` writes, or 5 % where nothing was
     identified. vehicle.toml has the controller, for the other commands. Exit code 1 says that no
     gains do, and what limits them.
     """

@@ -13,6 +13,7 @@ from swimbladder.engine.advance import follow, may_hide
 from swimbladder.engine.cache import compiled, part
 from swimbladder.engine.chain import COEFFICIENTS, LEVELS, base_steps, build_chain, leap
 from swimbladder.engine.modes import COUNT, Z_BOTTOM, Z_SURFACE, Act, first_mode
+from swimbladder.errors import InputError
 
 __all__ = ["Course"]
 
@@ -104,8 +105,9 @@ class Course:
         """Return the depths [lanes, n] in m of several vehicles along this record.
 
         starts [lanes, 4]: volume rate, volume, depth and speed at the first instant. After an
-        instant at which a vehicle cannot be followed further its depths are NaN. All lanes take
-        the steps of the first, so that the differences between them are smooth.
+        instant at which a vehicle cannot be followed further its depths are NaN, and all are
+        where its drag asks for more steps than can be. All lanes take the steps of the first, so
+        that the differences between them are smooth.
         """
         base = plants[0]
         if self.ramps:  # the speeds that this volume can drive, not those of the whole stroke
@@ -115,8 +117,13 @@ class Course:
             reach = base
         nonlinear = math.isfinite(base.epsilon)
         fastest = float(np.abs(starts[:, 3]).max())
-        steps = np.array([base_steps(reach, h, fastest) for h in self.different.tolist()], np.int64)
         depth = np.full((len(plants), len(self.time)), np.nan)
+        try:
+            steps = np.array(
+                [base_steps(reach, h, fastest) for h in self.different.tolist()], np.int64
+            )
+        except InputError:  # far from any vehicle: a search looks elsewhere
+            return depth
         _bundle(
             np.array(plants), starts, steps[self.place], nonlinear, self.time, self.spans,
             self.place, self.inputs, self.ramps, np.empty((len(self.different), 2, COEFFICIENTS)),

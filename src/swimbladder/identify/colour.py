@@ -91,6 +91,8 @@ def _mended(X: Array, seen: Array, c: Colour, inverse: Array, covariance: Array)
         ]
     )
     wanted = seen + gamma[: order + 1] - mean / n
+    if not np.isfinite(wanted).all():  # slopes beyond all bounds: nothing can be mended
+        return c
     a, left = yule_walker(wanted)
     roots = np.abs(np.roots([1.0, *(-a)]))
     if left <= 0.0 or not math.isfinite(left) or roots.max() > _NEAR:

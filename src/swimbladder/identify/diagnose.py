@@ -12,12 +12,16 @@ from swimbladder.identify.estimates import Estimate, estimate
 from swimbladder.identify.fit import Fit
 from swimbladder.identify.problem import VOLUME, Problem
 from swimbladder.identify.result import ExperimentFit, Finding
+from swimbladder.identify.start import backwards
 
 __all__ = ["diagnose", "drift", "single_gains"]
 
 Array = NDArray[np.float64]
 
 _SURE = 3.0  # standard deviations
+_GRAVITY = 9.80665  # m/s2; to within a percent everywhere
+_LIGHTEST, _HEAVIEST = 0.9, 4.0  # of the water displaced
+_FOLLOWED = 0.05  # of the depths' deviation: what is left over where the model follows
 _MANY = 0.02  # share of the samples
 
 
@@ -84,6 +88,7 @@ def diagnose(
         *_trend(problem, fit),
         *_neutral(problem, fit),
         *_mass(problem, fit, dry_mass),
+        *_backwards(problem, fit),
     ]
 
 
@@ -200,15 +205,42 @@ def _neutral(problem: Problem, fit: Fit) -> list[Finding]:
 
 
 def _mass(problem: Problem, fit: Fit, dry_mass: float | None) -> list[Finding]:
-    if dry_mass is None:
-        return []
     m = problem.model.mass(problem.named(fit.x))
-    if m >= 0.98 * dry_mass:
+    of_water = problem.model.specific_weight / _GRAVITY * problem.model.displaced
+    wrong = ""
+    if dry_mass is not None and m < 0.98 * dry_mass:
+        wrong = f"less than the vehicle's dry mass of {dry_mass:.3g} kg"
+    elif m < _LIGHTEST * of_water:
+        wrong = (
+            f"less than the {of_water:.3g} kg of water that the hull displaces, with which it "
+            "would be neutral"
+        )
+    elif m > _HEAVIEST * of_water:
+        wrong = (
+            f"{m / of_water:.2g} times the {of_water:.3g} kg of water that the hull displaces: "
+            "entrained and added mass hardly come to that"
+        )
+    if not wrong:
         return []
     return [
         Finding(
             "mass", "warning",
-            f"The mass that follows, rho g T2/K2 = {m:.3g} kg, is less than the vehicle's dry mass "
-            f"of {dry_mass:.3g} kg: check the piston's area and the unit of the logged volume.",
+            f"The mass that follows, rho g T2/K2 = {m:.3g} kg, is {wrong}. Check the units of the "
+            "logged volume and depth, and the piston's area.",
+        )
+    ]  # fmt: skip
+
+
+def _backwards(problem: Problem, fit: Fit) -> list[Finding]:
+    total = float(np.std(problem.measured))
+    left = float(np.sqrt(np.mean(fit.residual**2)))
+    if left < _FOLLOWED * total or not backwards(problem.experiments):
+        return []
+    return [
+        Finding(
+            "backwards", "no",
+            "The vehicle sinks as its volume grows: volume or depth is the wrong way round. Set "
+            'piston_positive = "in" or depth_positive = "up" in the [log] table, or turn the '
+            "column's sign.",
         )
     ]  # fmt: skip

@@ -253,6 +253,7 @@ def _objective(problem: Problem, x: Array, residual: Array, noise: Array) -> flo
     return float(cost(residual, _each(problem, noise)).sum() + (prior**2).sum())
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # slopes beyond all bounds
 def finish(problem: Problem, x: Array) -> Fit:
     """Return everything that is known at x."""
     residual = problem.residual(x)

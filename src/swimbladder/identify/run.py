@@ -116,8 +116,10 @@ def _answer(
     each = each_experiment(problem, found)
     findings += judge(listed)
     findings += diagnose(problem, found, each, dry_mass=dry_mass(vehicle))
+    turned = [f for f in findings if f.kind == "backwards"]
+    findings = turned or findings  # what follows from it need not be said
     values_told, fewer = parameters(problem, found, drawn)
-    findings += fewer
+    findings += [] if turned else fewer
     drawn_points = None
     if posterior is not None and not any(f.severity == "no" for f in findings):
         drawn_points = sample(problem, found, seed=posterior, advance=lambda part: tell(2.0 * part))

@@ -8,6 +8,7 @@ fit that starts there does not inherit that.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,12 +19,29 @@ from scipy.optimize import lsq_linear
 from swimbladder.identify.experiment import Experiment, Segment
 from swimbladder.identify.model import Model
 
-__all__ = ["regression"]
+__all__ = ["backwards", "regression"]
 
 Array = NDArray[np.float64]
 
+_CLEARLY = 8.0  # standard deviations
 _WINDOW = 12.0  # s
 _SMOOTH = 1.5  # s, over which speeds are taken
+
+
+def backwards(experiments: Sequence[Experiment]) -> bool:
+    """Return whether the vehicles clearly sink as their volume grows, by the same regression."""
+    A, b = _rows(experiments, psi=None, law="linear", free_neutral=True)
+    if len(b) < 12:
+        return False
+    size = np.maximum(np.abs(A).max(axis=0), 1e-300)
+    X = (A / size)[:, np.abs(A).max(axis=0) > 0.0]
+    found, _, rank, _ = np.linalg.lstsq(X, b, rcond=1e-9)
+    if rank < X.shape[1]:
+        return False
+    left = b - X @ found
+    spread = float(left @ left) / max(len(b) - X.shape[1], 1)
+    std = math.sqrt(max(spread * float(np.linalg.pinv(X.T @ X)[0, 0]), 1e-300))
+    return float(found[0]) < -_CLEARLY * std
 
 
 def regression(
@@ -34,11 +52,28 @@ def regression(
     psi [m3/m]: None where it is sought too. free_neutral: whether the neutral volumes are unknown
     by more than the fit's first steps can mend. None where the data give no sensible values.
     """
+    A, b = _rows(experiments, psi=psi, law=model.law, free_neutral=free_neutral)
+    if len(b) < 6:
+        return None
+    size = np.maximum(np.abs(A).max(axis=0), 1e-300)
+    least = np.full(A.shape[1], -np.inf)
+    least[[0, 2, 3]] = 0.0
+    found = lsq_linear(A / size, b, bounds=(least, np.full(A.shape[1], np.inf))).x / size
+    return _sensible(found, model, psi)
+
+
+def _rows(
+    experiments: Sequence[Experiment], *, psi: float | None, law: str, free_neutral: bool
+) -> tuple[Array, Array]:
+    """Return the regression's matrix [windows, 4 + experiments] and left side [windows].
+
+    None at all where a volume is not known.
+    """
     rows: list[Array] = []
     left: list[float] = []
+    if not all(e.ramps for e in experiments):
+        return np.zeros((0, 4 + len(experiments))), np.zeros(0)
     for j, e in enumerate(experiments):
-        if not e.ramps:
-            return None
         for s in e.segments:
             for values, integral in _windows(e, s):
                 drive, depth, one, laminar, turbulent = values
@@ -47,22 +82,15 @@ def regression(
                     row[0], row[1] = -drive, depth
                 else:
                     row[0] = psi * depth - drive
-                if model.law != "quadratic":
+                if law != "quadratic":
                     row[2] = laminar
-                if model.law != "linear":
+                if law != "linear":
                     row[3] = -turbulent
                 if free_neutral:
                     row[4 + j] = one
                 rows.append(row)
                 left.append(integral)
-    if len(rows) < 6:
-        return None
-    A, b = np.array(rows), np.array(left)
-    size = np.maximum(np.abs(A).max(axis=0), 1e-300)
-    least = np.full(A.shape[1], -np.inf)
-    least[[0, 2, 3]] = 0.0
-    found = lsq_linear(A / size, b, bounds=(least, np.full(A.shape[1], np.inf))).x / size
-    return _sensible(found, model, psi)
+    return np.array(rows).reshape(-1, 4 + len(experiments)), np.array(left)
 
 
 def _sensible(
