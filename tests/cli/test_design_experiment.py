@@ -17,7 +17,7 @@ def test_it_prints_and_writes_a_plan(capsys, tmp_path):
     code = main([*QUICK, "--against", "20,-20 cm3", "--out", str(tmp_path)])
     printed = capsys.readouterr().out
     assert code == 0
-    for said in ("They tell K2 to", "rest at", "95 % interval", "Against steps of 20, -20 cm3",
+    for said in ("They tell K2 to", "rest at", "1 sigma", "Against steps of 20, -20 cm3",
                  "If psi were left out", "assumed: drag law: linear"):  # fmt: skip
         assert said in printed
     names = {"plan.toml", "plan.html", "plan.png", "design.png", "design.json"}

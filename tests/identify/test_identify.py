@@ -66,7 +66,10 @@ def test_each_drag_law_is_recognised():
         found = identify(logs, FEUP_EM, drag=law, profiles=False)
         assert found.choices[0].drag == law
         wrong = identify(logs, FEUP_EM, profiles=False)
-        assert "model" in kinds(wrong, "warning")
+        said = [f for f in wrong.findings if f.kind in ("model", "refused")]
+        assert len(said) == 1
+        assert f"--drag {law}" in said[0].sentence
+        assert wrong.identified == (said[0].kind == "model")
         assert found.result_vehicle.drag.law == law
 
 

@@ -270,10 +270,10 @@ def _parameters(found: Design) -> object:
 
     w = found.chosen
     table = Table(box=None, pad_edge=False, collapse_padding=True)
-    table.add_column("")
+    table.add_column("", no_wrap=True, min_width=max(map(len, w.prediction.parameters)))
     headings = ["taken for", "1 sigma", "95 % interval", "unit", "with drift", "other vehicles"]
     for heading in headings + ([found.rival] if found.gains else []):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(heading, justify="right", overflow="fold")
     for name, e in w.prediction.parameters.items():
         r = row(name, e)
         low, high = w.spread[name]

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 Psi = Literal["free", "prior", "set", "zero"]
 
 _TRACE = 0.02  # of the drag, that a blended one begins with beside a law that was fitted
+_REFUSED = 3.0  # times what another drag law leaves over
 _DECISIVE = 10.0  # difference of the criterion, "very strong" in Kass and Raftery 1995
 
 
@@ -62,7 +63,17 @@ def judge(listed: tuple[Choice, ...]) -> list[Finding]:
     best, reported = listed[0], next(c for c in listed if c.reported)
     found = []
     gap = reported.bic - best.bic
-    if gap > _DECISIVE:
+    if gap > _DECISIVE and reported.rms > _REFUSED * best.rms and reported.drag != best.drag:
+        found.append(
+            Finding(
+                "refused",
+                "no",
+                f"The vehicle does not move as {_words(reported)} has it: {1e3 * reported.rms:.2f} "
+                f"mm rms, where {_words(best)} leaves {1e3 * best.rms:.2f} mm. Numbers of that "
+                f"model would mean nothing. {_remedy(best, reported)}",
+            )
+        )
+    elif gap > _DECISIVE:
         found.append(
             Finding(
                 "model",

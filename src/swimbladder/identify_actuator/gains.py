@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.errors import NoAnswerError
 from swimbladder.identify_actuator.begin import tolerance
 from swimbladder.identify_actuator.model import Problem
 
@@ -96,6 +97,11 @@ def gains(problem: Problem, q: Array) -> Spread:
     a = whiten.along(whiten.gain, r)
     A = np.stack([whiten.along(whiten.gain, column) for column in J.T], axis=1)
     p = len(q)
+    if not J.size or not np.abs(J).max() > 0.0:
+        raise NoAnswerError(
+            "the position does not follow the voltage at all: check which columns are which "
+            "(--column), and whether the motor ran"
+        )
     moved = int((whiten.size > 0.0).sum())
     JJ, Jr, rr = J.T @ J, J.T @ r, float(r @ r)
     lost = max(len(r) - p - len(whiten.size), 1)
@@ -104,7 +110,8 @@ def gains(problem: Problem, q: Array) -> Spread:
     finest = lost * (FINEST * tolerance(problem.benches)) ** 2
 
     def parts(less: Array) -> tuple[float, Array]:
-        H = JJ - (A.T * less) @ A + 1e-10 * np.trace(JJ) / p * np.eye(p)
+        ridge = np.maximum(1e-10 * np.trace(JJ) / p, 1e-12 * np.diag(JJ))
+        H = JJ - (A.T * less) @ A + ridge * np.eye(p)
         b = Jr - A.T @ (less * a)
         left = rr - float(less @ a**2) - float(b @ np.linalg.solve(H, b))
         return max(left, 0.0) + finest, H

@@ -47,6 +47,7 @@ def tune(
     chosen = tunable(law)
     _check(vehicle, goal, depths, delay, runs)
     h = _sample_time(vehicle, sample_time)
+    vehicle, sensor = _with_noise(vehicle)
     p = plant(vehicle)
     least = _LOW * p.supply if supply is None else supply
     if not 0.0 < least <= p.supply:
@@ -92,6 +93,7 @@ def tune(
         depths=depths, supply=least,
         assumptions=(
             *around.words,
+            sensor,
             f"the supply falls to {least:.3g} V",
             f"a command comes {1e3 * delay * h:.3g} ms after its sample",
         ),
@@ -124,6 +126,21 @@ def _check(
         )  # fmt: skip
     if runs < 20:
         raise InputError("too few runs to tell", field="--runs", value=runs, remedy="Give 20")
+
+
+def _with_noise(vehicle: Vehicle) -> tuple[Vehicle, str]:
+    """Return the vehicle with a sensor as noisy as its logs were, and in words how noisy it is."""
+    sensors, known = vehicle.sensors, vehicle.identified
+    if sensors.depth_noise == 0.0 and known is not None and known.depth_noise > 0.0:
+        noisy = sensors.model_copy(update={"depth_noise": known.depth_noise})
+        vehicle = vehicle.model_copy(update={"sensors": noisy})
+        return vehicle, f"depth noise of {1e3 * known.depth_noise:.2g} mm, as in the logs"
+    if sensors.depth_noise == 0.0 and sensors.depth_quantum == 0.0:
+        return vehicle, "a depth sensor without noise: say what yours has (--depth-noise)"
+    words = f"depth noise of {1e3 * sensors.depth_noise:.2g} mm"
+    if sensors.depth_quantum > 0.0:
+        words += f" and a quantum of {1e3 * sensors.depth_quantum:.2g} mm"
+    return vehicle, words
 
 
 def _sample_time(vehicle: Vehicle, given: float | None) -> float:
