@@ -61,7 +61,7 @@ class Bridged(Problem):
         length = longest(whole) / max(2.0, math.log(grown))
         super().__init__(
             [e.tiles(length) for e in whole.experiments], whole.model, whole.names,
-            fixed={n: v for n, v in whole.values.items() if n not in whole.names},
+            fixed=whole.held,
             priors=whole.priors, neutral_std=whole.neutral_std, speed_std=whole.speed_std,
         )  # fmt: skip
         self.gap = 1.0  # m, 1 sigma

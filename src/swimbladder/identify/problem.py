@@ -60,11 +60,16 @@ class Problem:
         self.courses = [[self._course(e, s) for s in e.segments] for e in self.experiments]
         self.measured = np.concatenate([e.record.depth[e.used] for e in self.experiments])
 
+    @property
+    def held(self) -> dict[str, float]:
+        """The values that are not fitted, in SI units."""
+        return {name: v for name, v in self.values.items() if name not in self.names}
+
     def tiled(self, length: float) -> Problem:
         """Return the same problem with the records cut into stretches of about `length` [s]."""
         return Problem(
             [e.tiles(length) for e in self.experiments], self.model, self.names,
-            fixed={n: v for n, v in self.values.items() if n not in self.names},
+            fixed=self.held,
             priors=self.priors, neutral_std=self.neutral_std, speed_std=math.inf,
         )  # fmt: skip
 

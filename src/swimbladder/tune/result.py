@@ -40,7 +40,6 @@ class Tuning:
     supply: float  # V, the least reckoned with
     assumptions: tuple[str, ...]
     points: int  # plants whose margins were computed
-    considered: int  # sets of gains
 
     @property
     def sentences(self) -> tuple[str, ...]:

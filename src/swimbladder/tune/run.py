@@ -11,7 +11,7 @@ from swimbladder.dynamics import plant
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.linear.depths import stall
 from swimbladder.parameters import Controller, Vehicle
-from swimbladder.tune.gains import gains, setting_of, tunable
+from swimbladder.tune.gains import setting_of, tunable
 from swimbladder.tune.region import region
 from swimbladder.tune.result import Tuning
 from swimbladder.tune.search import search
@@ -68,7 +68,7 @@ def tune(
             law, chosen, vehicle, setting, around, goal=goal, depths=sorted({*depths, *ends}),
             delay=delay * h, step=watched, runs=runs, advance=advance,
         )  # fmt: skip
-    numbers = gains(law, setting, found.knobs)
+    numbers = found.parameters
     controller = Controller(
         law=law, sample_time=h,
         parameters={n: v for n, v in numbers._asdict().items() if n != "S_p"},
@@ -97,7 +97,7 @@ def tune(
             f"the supply falls to {least:.3g} V",
             f"a command comes {1e3 * delay * h:.3g} ms after its sample",
         ),
-        points=len(around.plants), considered=found.considered,
+        points=len(around.plants),
     )  # fmt: skip
 
 

@@ -62,7 +62,6 @@ class Found(NamedTuple):
     margins: Worst
     nominal: Trial
     region: Trial
-    considered: int  # knobs whose margins were computed
 
 
 def search(
@@ -128,11 +127,12 @@ def search(
         # The dead zone is none of the loop's around rest: margins are those of its linear part.
         m = over_all(gains(name, setting, knobs._replace(dead=0.0)), wanted, exactly)
         tell(0.15 / len(scored))
-        if not falls_short(m, wanted):
+        short = falls_short(m, wanted)
+        if not short:
             parameters = gains(name, setting, knobs)
             nominal = trial(vehicle, law, parameters, step, sample_time=h, runs=runs)
-            return Found(knobs, parameters, m, nominal, over, len(every))
-        near = (len(falls_short(m, wanted)), falls_short(m, wanted))
+            return Found(knobs, parameters, m, nominal, over)
+        near = (len(short), short)
     assert near is not None  # something was computed
     raise NoAnswerError(
         f"no gains of the law {name!r} have the margins over the region at a sample time of "
@@ -152,9 +152,7 @@ def _options(goal: str, tried: Sequence[tuple[Knobs, Any]], setting: Setting) ->
         elif goal == "quiet":
             # What the filter's noise makes of the volume asked for.
             p = parameters
-            jitter = math.hypot(p.k_z * p.l_z, p.k_w * p.l_w) * setting.noise + p.l_b * (
-                setting.noise
-            )
+            jitter = (math.hypot(p.k_z * p.l_z, p.k_w * p.l_w) + p.l_b) * setting.noise
             for dead in _DEAD:
                 yield knobs._replace(dead=dead * jitter)
         else:
