@@ -8,7 +8,7 @@ the ends of its axes and at points drawn from its boundary, each with the supply
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from scipy.stats import chi2
 from swimbladder.dynamics import Plant, plant
 from swimbladder.parameters import Vehicle
 
-__all__ = ["Region", "region"]
+__all__ = ["Member", "Region", "member", "region", "unit_points", "unknowns"]
 
 Array = NDArray[np.float64]
 
@@ -35,35 +35,62 @@ class Region(NamedTuple):
     words: tuple[str, ...]
 
 
+class Member(NamedTuple):
+    """A vehicle of the region: its plant, and its uncertain numbers over their nominal values."""
+
+    plant: Plant
+    shares: Mapping[str, float]  # -, of what was identified
+
+
+def unknowns(vehicle: Vehicle) -> tuple[tuple[str, ...], bool]:
+    """Return what is uncertain of a vehicle, and whether its region is an ellipsoid, not a box."""
+    if vehicle.identified is None:
+        return ("K2", "T2"), False
+    return tuple(vehicle.identified.names), True
+
+
+def member(vehicle: Vehicle, s: Array, *, level: float = 0.95) -> Member:
+    """Return the vehicle at s [unknowns]: the unit ball, or for a box the unit cube, is the region.
+
+    level: of the probability that the ellipsoid holds.
+    """
+    names, _ = unknowns(vehicle)
+    nominal, known = plant(vehicle), vehicle.identified
+    if known is None:
+        shares = {n: 1.0 + UNKNOWN * float(x) for n, x in zip(names, s, strict=True)}
+        return Member(_changed(nominal, shares, psi=nominal.psi), shares)
+    values, C = np.array(known.values), np.array(known.covariance)
+    found = values + _radius(C, level) @ s
+    psi = float(found[names.index("psi")]) if "psi" in names else nominal.psi
+    shares = {
+        n: float(v / m) if m else math.nan for n, v, m in zip(names, found, values, strict=True)
+    }
+    return Member(_changed(nominal, shares, psi=psi), shares)
+
+
+def unit_points(vehicle: Vehicle, *, drawn: int = _DRAWN, seed: int = 1) -> Array:
+    """Return where the region is looked at [points, unknowns], in the unit ball or cube."""
+    names, ball = unknowns(vehicle)
+    return (_sphere if ball else _box)(len(names), drawn, seed)
+
+
 def region(vehicle: Vehicle, *, level: float = 0.95, drawn: int = _DRAWN, seed: int = 1) -> Region:
     """Return the region of a vehicle's parameters that holds `level` of the probability."""
     known = vehicle.identified
-    nominal = plant(vehicle)
+    names, _ = unknowns(vehicle)
     if known is None:
-        names: Sequence[str] = ("K2", "T2")
-        shares = _box(2, drawn, seed) * UNKNOWN
-        points = [dict(zip(names, 1.0 + s, strict=True)) for s in shares]
         words = [f"K2 and T2 each within {100.0 * UNKNOWN:g} %, as nothing was identified"]
-        psi: list[float] = [nominal.psi] * len(points)
         neutral = NEUTRAL
     else:
-        names = known.names
-        values, C = np.array(known.values), np.array(known.covariance)
-        offsets = _ellipsoid(C, level, drawn, seed)
-        found = values + offsets
-        points = [
-            {n: float(v / m) for n, v, m in zip(names, x, values, strict=True) if n != "psi"}
-            for x in found
-        ]
-        psi = [float(x[names.index("psi")]) if "psi" in names else nominal.psi for x in found]
         words = [
             f"{', '.join(names)} within the {100.0 * level:g} % region of their covariance, from "
             f"{len(known.logs)} logs"
         ]
         neutral = max(NEUTRAL, 2.0 * known.neutral_std)
     words.append(f"neutral volume within {1e6 * neutral:.2g} cm3")
-    plants = [_changed(nominal, p, psi=x) for p, x in zip(points, psi, strict=True)]
-    return Region((nominal, *plants), neutral, tuple(words))
+    points = unit_points(vehicle, drawn=drawn, seed=seed)
+    plants = [member(vehicle, s, level=level).plant for s in points]
+    return Region((plant(vehicle), *plants), neutral, tuple(words))
 
 
 def _box(n: int, drawn: int, seed: int) -> Array:
@@ -74,16 +101,19 @@ def _box(n: int, drawn: int, seed: int) -> Array:
     return np.concatenate([corners, faces, inside])
 
 
-def _ellipsoid(C: Array, level: float, drawn: int, seed: int) -> Array:
-    """Return the ends of the axes of the ellipsoid and points of its boundary."""
-    n = len(C)
+def _sphere(n: int, drawn: int, seed: int) -> Array:
+    """Return the ends of the axes of the unit ball and points of its boundary."""
+    directions = np.random.default_rng(seed).normal(size=(drawn, n))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return np.concatenate([np.eye(n), -np.eye(n), directions])
+
+
+def _radius(C: Array, level: float) -> Array:
+    """Return what takes the unit ball to the ellipsoid of a covariance; its axes to the axes."""
     size = np.sqrt(np.maximum(np.diag(C), 1e-300))
     values, vectors = np.linalg.eigh(C / np.outer(size, size))
     root = vectors * np.sqrt(np.maximum(values, 0.0)) * size[:, None]
-    directions = np.random.default_rng(seed).normal(size=(drawn, n))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    sphere = np.concatenate([np.eye(n), -np.eye(n), directions])
-    result: Array = math.sqrt(float(chi2.ppf(level, n))) * sphere @ root.T
+    result: Array = math.sqrt(float(chi2.ppf(level, len(C)))) * root
     return result
 
 
