@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +25,7 @@ from swimbladder.parameters import Sensors
 __all__ = ["Block", "Schedule", "schedule", "work_space"]
 
 _EVENTS = 2000  # passages kept of each vehicle; more are counted
+_V_0 = Row.PLANT + Plant._fields.index("V_0")
 _CHUNK = 4096  # ticks between calls: progress, interruption, memory of the noise
 
 
@@ -71,16 +73,21 @@ class Block:
     books: NDArray[np.float64]
     log: NDArray[np.float64]
     noted: NDArray[np.int64]
+    depth_error: NDArray[np.float64] | None = None  # [ticks + 1, lanes], m, beyond the noise
+    neutral: NDArray[np.float64] | None = None  # [ticks + 1, lanes], m3, beyond the plant's V_0
 
     @classmethod
     def lay_out(
         cls, *, plants: NDArray[np.float64], law: Law, parameters: Any, clock: Schedule, parts: int,
         depths: NDArray[np.float64], start: NDArray[np.float64], sensors: Sensors,
         seeds: Sequence[Sequence[int]] | None, record: bool, books: bool, events: bool,
+        depth_error: NDArray[np.float64] | None = None,
+        neutral: NDArray[np.float64] | None = None,
     ) -> Block:  # fmt: skip
         """Return a block of plants [len(Plant), lanes] that start at (q, V, z, w) [4, lanes].
 
-        parameters: of the law, each a number or an array [lanes].
+        parameters: of the law, each a number or an array [lanes]. depth_error [m] and neutral [m3],
+        [ticks + 1, lanes]: added to the measured depth, and to the neutral volume from a tick on.
         """
         lanes = plants.shape[1]
         index = Plant._fields.index
@@ -114,6 +121,7 @@ class Block:
             books=np.zeros((lanes, len(Account) if books else 0)),
             log=np.zeros((lanes, _EVENTS if events else 0, 3)),
             noted=np.zeros((lanes, 1), np.int64),
+            depth_error=depth_error, neutral=neutral,
         )  # fmt: skip
 
     def run(
@@ -136,22 +144,55 @@ class Block:
         state = self.law.state(*(0.0 for _ in self.law.state._fields))
         fields = self.law.state._fields
         row = fields.index("volume_reference") if "volume_reference" in fields else -1
+        trim, now = self.work[_V_0].copy(), np.zeros(self.lanes)
+        sigma = self.work[Row.DEPTH_NOISE].copy()
+        if self.depth_error is not None:
+            self.work[Row.DEPTH_NOISE] = 1.0  # of what _amiss returns
+            if self.noise is None:
+                self.work[[Row.DEPTH_QUANTUM, Row.VOLUME_QUANTUM]] = 0.0  # ideal sensors
         start_block(flat, token, self.clock.tick / self.parts, chains, built)
-        end = self.clock.ticks + 1
         kernel = kernel_of(self.law)
-        silent = np.zeros((0, 2, self.lanes))
-        for first in range(0, end, _CHUNK):
-            last = min(first + _CHUNK, end)
-            noise = silent if self.noise is None else self._noise(last - first)
+        for first, last in self._spans():
+            if self.neutral is not None and np.any(self.neutral[first] != now):
+                now = self.neutral[first]
+                self.work[_V_0] = trim + now
+                built[:] = 0
+                start_block(flat, token, self.clock.tick / self.parts, chains, built)
+                self.work[Row.SLOW][self.work[Row.STOPPED] != 0.0] = 1.0  # as the kernel left them
             kernel(
                 flat, token, bend, self.parameters, state, first, last, self.clock.tick, self.parts,
-                self.clock.turn, self.clock.given, self.depths, noise, self.record,
-                row, chains, built, self.books, self.log, self.noted,
+                self.clock.turn, self.clock.given, self.depths, self._amiss(first, last, sigma),
+                self.record, row, chains, built, self.books, self.log, self.noted,
             )  # fmt: skip
             if progress is not None:
                 progress(last)
             if bool(np.all(self.work[Row.STOPPED] != 0.0)):
                 break
+
+    def _spans(self) -> Iterator[tuple[int, int]]:
+        """Yield (first, end) of the ticks between which the neutral volume stays as it is."""
+        end = self.clock.ticks + 1
+        cuts = set(range(0, end, _CHUNK)) | {end}
+        if self.neutral is not None:
+            cuts |= set(
+                (1 + np.flatnonzero(np.any(np.diff(self.neutral, axis=0), axis=1))).tolist()
+            )
+        yield from itertools.pairwise(sorted(cuts))
+
+    def _amiss(self, first: int, last: int, sigma: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what the sensors add to the state over their noise, [ticks, 2, lanes], or nothing.
+
+        sigma [m]: of the depth, by which its noise is multiplied where it has an error as well.
+        """
+        if self.noise is None and self.depth_error is None:
+            return np.zeros((0, 2, self.lanes))
+        if self.noise is None:
+            found = np.zeros((last - first, 2, self.lanes))
+        else:
+            found = self._noise(last - first)
+        if self.depth_error is not None:
+            found[:, 0] = found[:, 0] * sigma + self.depth_error[first:last]
+        return found
 
     def _noise(self, ticks: int) -> NDArray[np.float64]:
         assert self.noise is not None

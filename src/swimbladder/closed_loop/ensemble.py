@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 import threading
@@ -14,12 +13,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from swimbladder.closed_loop.accounts import close_books
 from swimbladder.closed_loop.block import Block, Schedule, schedule, work_space
+from swimbladder.closed_loop.given import check_starts, series, spread, vary_plants
 from swimbladder.closed_loop.rows import Row
 from swimbladder.closed_loop.single import check_counts, check_setpoints, choose_law
 from swimbladder.control.law import Law
 from swimbladder.dynamics import Plant, plant
-from swimbladder.engine.chain import base_steps
+from swimbladder.engine.books import Account
+from swimbladder.engine.chain import base_steps, book_steps
 from swimbladder.errors import InputError
 from swimbladder.parameters import Sensors, Vehicle
 
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["BLOCK", "simulate_ensemble"]
 
+_STATE = slice(int(Row.Q), int(Row.Q) + 4)
 BLOCK = 40  # lanes that run together: few enough for the first-level cache, no power of 2
 
 _SUMMARIES: dict[str, tuple[Row, dict[str, str]]] = {
@@ -63,7 +66,10 @@ def simulate_ensemble(
     law: Law | None = None,
     parameters: Any = None,
     sample_time: float | None = None,
+    depth_error: ArrayLike | None = None,
+    neutral_change: ArrayLike | None = None,
     keep: Literal["summary", "trajectory"] = "summary",
+    books: bool = False,
     workers: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> xarray.Dataset:
@@ -73,8 +79,11 @@ def simulate_ensemble(
     or of the law's parameters (``"k_pz"``). setpoints: (time [s], depth [m] or depths [count]).
     start_depth [m], start_volume [m3] (neutral where not given), start_speed [m/s]: numbers or
     arrays [count]. seed: noise of the vehicle's sensors, a stream of its own for each lane.
-    keep: summaries only, or trajectories as well. workers: threads, one per core where not given.
-    progress: called with the number of lanes done.
+    depth_error [m], [samples, count] or [samples, 1]: what is added to the measured depth, before
+    its quantum. neutral_change [m3], likewise: what the neutral volume differs by, from a sample
+    on to the next. keep: summaries only, or trajectories as well. books: also ``energy``, what
+    `Books` calls the source. workers: threads, one per core where not given. progress: called with
+    the number of lanes done.
 
     ``stop`` holds the code of each lane's StopReason. Overshoot, rise and settling are those of
     the last set-point. Raises InputError for an unknown name, a wrong length or a start that the
@@ -86,33 +95,48 @@ def simulate_ensemble(
             "not a choice", field="keep", value=keep, remedy="Choose summary or trajectory"
         )
     chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time)
-    plants, values = _vary(plant(vehicle, bottom_depth=bottom_depth), numbers, vary or {}, count)
+    plants, values = vary_plants(
+        plant(vehicle, bottom_depth=bottom_depth), numbers, vary or {}, count
+    )
     times, _ = check_setpoints([(t, 0.0) for t, _ in setpoints], duration, tick)
     clock = schedule(times, duration, tick)
-    depths = np.stack([_spread(z, count, "setpoints", "m") for _, z in setpoints])
-    z0 = _spread(start_depth, count, "start_depth", "m")
+    depths = np.stack([spread(z, count, "setpoints", "m") for _, z in setpoints])
+    z0 = spread(start_depth, count, "start_depth", "m")
     row = Plant._fields.index
     neutral = plants[row("psi")] * z0 + plants[row("V_0")]
-    V0 = neutral if start_volume is None else _spread(start_volume, count, "start_volume", "m3")
-    w0 = _spread(start_speed, count, "start_speed", "m/s")
-    _check_starts(plants, z0, V0)
+    V0 = neutral if start_volume is None else spread(start_volume, count, "start_volume", "m3")
+    w0 = spread(start_speed, count, "start_speed", "m/s")
+    check_starts(plants, z0, V0)
     start = np.stack([np.zeros(count), V0, z0, w0])
-    parts = base_steps(_stiffest(plants), tick, float(np.abs(w0).max()))
+    steps = book_steps if books else base_steps
+    parts = steps(_stiffest(plants), tick, float(np.abs(w0).max()))
     run = _Run(
         law=chosen, plants=plants, values=values, clock=clock, parts=parts, depths=depths,
         start=start, sensors=vehicle.sensors, seed=seed, record=keep == "trajectory",
+        depth_error=series(depth_error, clock, count, "depth_error", "m"),
+        neutral=series(neutral_change, clock, count, "neutral_change", "m3"), books=books,
     )  # fmt: skip
     work = np.empty((int(Row.STEP), count))
     record = np.empty((len(_TRAJECTORIES), clock.ticks + 1 if run.record else 0, count))
+    sums = np.empty((count, len(Account) if books else 0))
     firsts = range(0, count, BLOCK)
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        for first, (rows, kept) in zip(firsts, pool.map(run.block, firsts), strict=True):
+        for first, (rows, kept, sum_) in zip(firsts, pool.map(run.block, firsts), strict=True):
             own = slice(first, first + rows.shape[1])
-            work[:, own], record[:, :, own] = rows, kept
+            work[:, own], record[:, :, own], sums[own] = rows, kept, sum_
             if progress is not None:
                 progress(own.stop)
     data = _dataset(vehicle, chosen, clock, work, record)
     data.attrs["steps_per_sample"] = parts
+    if books:
+        closed = [
+            close_books(vehicle, Plant(*plants[:, n]), sums[n], start[:, n], work[_STATE, n])
+            for n in range(count)
+        ]
+        data["energy"] = (
+            "lane", [b.energy["source"] for b in closed],
+            {"units": "J", "long_name": closed[0].basis},
+        )  # fmt: skip
     return data
 
 
@@ -143,10 +167,15 @@ class _Run:
     sensors: Sensors
     seed: int | None
     record: bool
+    depth_error: NDArray[np.float64] | None
+    neutral: NDArray[np.float64] | None
+    books: bool
     room: threading.local = field(default_factory=threading.local)  # of each worker
 
-    def block(self, first: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Run the block that begins at lane `first`; return its rows and its record.
+    def block(
+        self, first: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Run the block that begins at lane `first`; return its rows, its record and its sums.
 
         The last block is filled up with copies of its last lane, so that one kernel serves all.
         """
@@ -157,75 +186,20 @@ class _Run:
             clock=self.clock, parts=self.parts, depths=self.depths[:, lanes],
             start=self.start[:, lanes], sensors=self.sensors,
             seeds=None if self.seed is None else [[self.seed, int(i)] for i in lanes],
-            record=self.record, books=False, events=False,
+            record=self.record, books=self.books, events=False,
+            depth_error=None if self.depth_error is None else self.depth_error[:, lanes],
+            neutral=None if self.neutral is None else self.neutral[:, lanes],
         )  # fmt: skip
         if not hasattr(self.room, "chains"):
             self.room.chains = work_space(BLOCK)
         block.run(chains=self.room.chains)
         own = min(BLOCK, count - first)
         chosen = [row for row, _ in _TRAJECTORIES.values()]
-        return block.work[: Row.STEP, :own].copy(), block.record[chosen][:, :, :own]
-
-
-def _vary(
-    p: Plant, numbers: Any, vary: Mapping[str, ArrayLike], count: int
-) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
-    """Return plants [len(Plant), count] and the law's parameters, each [count]."""
-    plants = np.repeat(np.array(p)[:, None], count, axis=1)
-    values = [np.full(count, float(value)) for value in numbers]
-    for name, given in vary.items():
-        array = _spread(given, count, f"vary[{name!r}]", "")
-        if name in Plant._fields:
-            plants[Plant._fields.index(name)] = array
-        elif name in numbers._fields:
-            values[numbers._fields.index(name)] = array
-        else:
-            known = (*Plant._fields, *numbers._fields)
-            near = difflib.get_close_matches(name, known, n=1)
-            raise InputError(
-                "neither the plant nor the law has such a parameter",
-                field=f"vary[{name!r}]",
-                remedy=(f"Did you mean {near[0]!r}? " if near else "")
-                + f"Known: {', '.join(known)}",
-            )
-    for name in ("T1", "a_b", "a_s"):
-        least = plants[Plant._fields.index(name)].min()
-        if least <= 0.0:
-            raise InputError(
-                "must be above 0 in every lane", field=f"vary[{name!r}]", value=float(least)
-            )
-    return plants, values
-
-
-def _spread(given: ArrayLike, count: int, field: str, unit: str) -> NDArray[np.float64]:
-    array = np.asarray(given, float)
-    if array.shape not in ((), (count,)):
-        raise InputError(
-            f"has the shape {array.shape}, not ({count},)", field=field, unit=unit or None,
-            remedy="Give one number, or one for each lane",
-        )  # fmt: skip
-    if np.isnan(array).any():
-        raise InputError("holds a value that is not a number", field=field, unit=unit or None)
-    return np.broadcast_to(array, (count,)).copy()
-
-
-def _check_starts(
-    plants: NDArray[np.float64], z: NDArray[np.float64], V: NDArray[np.float64]
-) -> None:
-    """Raise InputError for the first lane that cannot start where it should."""
-    row = Plant._fields.index
-    for name, values, bad, why in (
-        ("start_depth", z, z > plants[row("z_bottom")], "is below the bottom"),
-        ("start_depth", z, z <= plants[row("z_air")], "is outside the water"),
-        ("start_volume", V, plants[row("V_max")] < V, "is beyond the stroke's maximum"),
-        ("start_volume", V, plants[row("V_min")] > V, "is beyond the stroke's minimum"),
-    ):
-        if bad.any():
-            lane = int(np.argmax(bad))
-            raise InputError(
-                f"lane {lane} of {len(z)} {why}", field=name, value=float(values[lane]),
-                unit="m" if values is z else "m3", remedy="Start within the water and the stroke",
-            )  # fmt: skip
+        return (
+            block.work[: Row.STEP, :own].copy(),
+            block.record[chosen][:, :, :own],
+            block.books[:own],
+        )
 
 
 def _dataset(
