@@ -16,7 +16,7 @@ from swimbladder.tune.region import Region
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["Step", "Traces", "Trial", "traces", "trial"]
+__all__ = ["Step", "Traces", "Trial", "draw", "motor_starts", "percentile", "traces", "trial"]
 
 Array = NDArray[np.float64]
 
@@ -74,16 +74,15 @@ def trial(
     depth, volume = data["depth"].to_numpy(), data["volume"].to_numpy()
     late = time >= time[-1] * 2.0 / 3.0
     moves = np.abs(np.diff(volume[late], axis=0))
-    moving = moves > _STILL
-    starts = (moving[1:] & ~moving[:-1]).sum(axis=0)
+    starts = motor_starts(volume[late])
     seconds = float(time[late][-1] - time[late][0])
     never = np.where(settled, settle, np.inf)
     over = np.nan_to_num(data["overshoot"].to_numpy(), nan=0.0) / 100.0
     return Trial(
         runs=runs,
         settled=float(settled.mean()),
-        settle_median=_percentile(never, 50.0),
-        settle_95=_percentile(never, 95.0),
+        settle_median=percentile(never, 50.0),
+        settle_95=percentile(never, 95.0),
         overshoot_median=float(np.percentile(over, 50.0)),
         overshoot_95=float(np.percentile(over, 95.0)),
         rms=float(np.sqrt(np.mean((depth[late] - step.target) ** 2))),
@@ -108,22 +107,13 @@ def _runs(
     vehicle: Vehicle, law: Law, parameters: Any, step: Step, *, sample_time: float,
     region: Region | None, runs: int, seed: int, supply: float | None,
 ) -> xarray.Dataset:  # fmt: skip
-    rng = np.random.default_rng(seed)
-    vary: dict[str, Any] = {}
-    if supply is not None:
-        vary["supply"] = np.full(runs, supply)
+    vary: dict[str, Array] = {}
     start_volume = None
     if region is not None:
-        chosen = rng.integers(0, len(region.plants), runs)
-        inside = np.sqrt(rng.uniform(size=runs))  # from the middle towards the boundary
-        for name in _FIELDS:
-            at = Plant._fields.index(name)
-            nominal = region.plants[0][at]
-            edge = np.array([region.plants[i][at] for i in chosen])
-            vary[name] = nominal + inside * (edge - nominal)
-        nominal_neutral = vehicle.neutral_volume(step.start)
-        vary["V_0"] = region.plants[0].V_0 + rng.uniform(-region.neutral, region.neutral, runs)
-        start_volume = np.full(runs, nominal_neutral)
+        vary |= draw(region, runs=runs, seed=seed)
+        start_volume = np.full(runs, vehicle.neutral_volume(step.start))
+    if supply is not None:
+        vary["supply"] = np.full(runs, supply)
     return simulate_ensemble(
         vehicle, count=runs, setpoints=[(0.0, step.target)], duration=step.duration,
         start_depth=step.start, start_volume=start_volume, vary=vary, seed=seed, law=law,
@@ -131,7 +121,35 @@ def _runs(
     )  # fmt: skip
 
 
-def _percentile(values: Array, share: float) -> float:
-    """Return a percentile of values of which some are infinite, by the value above it."""
+def draw(region: Region, *, runs: int, seed: int) -> dict[str, Array]:
+    """Return vehicles drawn evenly from among a region's plants and neutral volumes.
+
+    Fields of `Plant`, each [runs], as `simulate_ensemble` varies them.
+    """
+    rng = np.random.default_rng(seed)
+    chosen = rng.integers(0, len(region.plants), runs)
+    inside = np.sqrt(rng.uniform(size=runs))  # from the middle towards the boundary
+    vary = {}
+    for name in _FIELDS:
+        at = Plant._fields.index(name)
+        nominal = region.plants[0][at]
+        edge = np.array([region.plants[i][at] for i in chosen])
+        vary[name] = nominal + inside * (edge - nominal)
+    vary["V_0"] = region.plants[0].V_0 + rng.uniform(-region.neutral, region.neutral, runs)
+    return vary
+
+
+def motor_starts(volume: Array) -> NDArray[np.int64]:
+    """Return how often the motor began to move the volume [samples, runs] in each run [runs]."""
+    moving = np.abs(np.diff(volume, axis=0)) > _STILL
+    found: NDArray[np.int64] = (moving[1:] & ~moving[:-1]).sum(axis=0)
+    return found
+
+
+def percentile(values: Array, share: float) -> float:
+    """Return a percentile of values of which some are infinite, by the value above it.
+
+    nan where that value is infinite.
+    """
     found = float(np.sort(values)[min(int(np.ceil(share / 100.0 * len(values))), len(values)) - 1])
     return found if np.isfinite(found) else float("nan")
