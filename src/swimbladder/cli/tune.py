@@ -15,10 +15,9 @@ from swimbladder.cli.common import (
     progress,
     quantity,
 )
-from swimbladder.errors import InputError
+from swimbladder.cli.depths import depth_pair, with_sensor
 
 if TYPE_CHECKING:
-    from swimbladder.parameters import Vehicle
     from swimbladder.tune import Tuning
 
 __all__ = ["tune"]
@@ -74,12 +73,12 @@ def tune(
     from swimbladder.io.files import check_place, publish, write_atomically
     from swimbladder.io.vehicle_file import vehicle_file
 
-    v = _with_sensor(load_vehicle(vehicle), depth_noise, depth_quantum)
+    v = with_sensor(load_vehicle(vehicle), depth_noise, depth_quantum)
     options: dict[str, Any] = {
         "law": law,
         "goal": goal,
-        "depths": _pair(depth, "--depth"),
-        "step": None if step is None else _pair(step, "--step"),
+        "depths": depth_pair(depth, "--depth"),
+        "step": None if step is None else depth_pair(step, "--step"),
         "sample_time": quantity(sample_time, "s", "--sample-time"),
         "delay": quantity(delay, "", "--delay"),
         "supply": quantity(supply, "V", "--supply"),
@@ -108,41 +107,6 @@ def tune(
         emit_json({**answer, "files": [str(path) for path in files]})
     else:
         _print(found, files)
-
-
-def _with_sensor(vehicle: Vehicle, noise: str | None, quantum: str | None) -> Vehicle:
-    """Return the vehicle with the sensor that was given."""
-    changes = {
-        name: value
-        for name, value in (
-            ("depth_noise", quantity(noise, "m", "--depth-noise")),
-            ("depth_quantum", quantity(quantum, "m", "--depth-quantum")),
-        )
-        if value is not None
-    }
-    for name, value in changes.items():
-        if not 0.0 <= value < 1e3:
-            raise InputError(
-                "must be 0 or more", field=f"--{name.replace('_', '-')}", value=value, unit="m"
-            )
-    return vehicle.model_copy(update={"sensors": vehicle.sensors.model_copy(update=changes)})
-
-
-def _pair(text: str, option: str) -> tuple[float, float]:
-    """Return two depths [m] of LEAST:MOST, with one unit for both or one each."""
-    parts = [part.strip() for part in text.split(":")]
-    if len(parts) != 2 or not all(parts):
-        raise InputError(
-            "two depths are given with a colon between", field=option, value=text, unit="m",
-            remedy='Write it like "0:10 m"',
-        )  # fmt: skip
-    unit = parts[1].lstrip("+-.0123456789eE").strip()
-    if unit and not parts[0].lstrip("+-.0123456789eE").strip():
-        parts[0] = f"{parts[0]} {unit}"
-    first, last = (quantity(part, "m", option) for part in parts)
-    assert first is not None
-    assert last is not None
-    return first, last
 
 
 def _print(found: Tuning, files: list[Path]) -> None:
