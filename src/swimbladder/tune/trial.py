@@ -16,7 +16,17 @@ from swimbladder.tune.region import Region
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["Step", "Traces", "Trial", "draw", "motor_starts", "percentile", "traces", "trial"]
+__all__ = [
+    "Step",
+    "Traces",
+    "Trial",
+    "draw",
+    "motor_starts",
+    "motor_turns",
+    "percentile",
+    "traces",
+    "trial",
+]
 
 Array = NDArray[np.float64]
 
@@ -143,6 +153,14 @@ def motor_starts(volume: Array) -> NDArray[np.int64]:
     """Return how often the motor began to move the volume [samples, runs] in each run [runs]."""
     moving = np.abs(np.diff(volume, axis=0)) > _STILL
     found: NDArray[np.int64] = (moving[1:] & ~moving[:-1]).sum(axis=0)
+    return found
+
+
+def motor_turns(volume: Array) -> NDArray[np.int64]:
+    """Return how often the motor turned from one direction into the other [runs]."""
+    moves = np.diff(volume, axis=0)
+    moves = np.where(np.abs(moves) > _STILL, moves, 0.0)
+    found: NDArray[np.int64] = (moves[1:] * moves[:-1] < 0.0).sum(axis=0)
     return found
 
 
