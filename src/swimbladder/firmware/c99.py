@@ -109,13 +109,17 @@ _NEEDS = {"swb_isfinite": ("swb_bits",), "swb_abs": ("swb_bits", "swb_from_bits"
           "swb_copysign": ("swb_bits", "swb_from_bits")}  # fmt: skip
 
 
-def write_c99(program: Program) -> CSource:
-    """Return the C of a law."""
+def write_c99(program: Program, *, private: bool = False) -> CSource:
+    """Return the C of a law.
+
+    private: its functions are static, in a header for the one file that calls them.
+    """
     stem = f"swb_{c_law(program.name)}"
-    return CSource(f"{stem}.h", _header(program), f"{stem}.c", _source(program))
+    source_name = f"{stem}_step.h" if private else f"{stem}.c"
+    return CSource(f"{stem}.h", _header(program, private), source_name, _source(program, private))
 
 
-def _header(program: Program) -> str:
+def _header(program: Program, private: bool) -> str:
     law = c_law(program.name)
     guard = f"SWB_{law.upper()}_H"
     units = dict(program.units)
@@ -124,18 +128,25 @@ def _header(program: Program) -> str:
             f"The control law {program.name}: {shortened(program.words)}. Written by swimbladder "
             "from the law's Python source; all numbers are SI."
         ),
-        f"#ifndef {guard}", f"#define {guard}", "", '#include "swb_measurement.h"', "",
-        "#ifdef __cplusplus", 'extern "C" {', "#endif", "",
+        f"#ifndef {guard}", f"#define {guard}", "", *_included(program),
+        "#ifdef __cplusplus", 'extern "C" {', "#endif", "", *_own_measurement(program),
         _struct(program.name, program.parameters, units), _struct(program.name, program.state, {}),
+        *([] if private else _prototypes(program)),
+        "#ifdef __cplusplus", "}", "#endif", "", "#endif", "",
+    ]  # fmt: skip
+    return "\n".join(parts)
+
+
+def _prototypes(program: Program) -> list[str]:
+    return [
         "/* The state to begin with. */",
-        f"void {_initial(law)};", "",
+        f"void {_initial(program)};", "",
         _remark(
             f"{shortened(program.step.words)}. Writes the new state, and to next_s the time to the "
             "next call [s]."
         ),
-        f"float {_step(law)};", "", "#ifdef __cplusplus", "}", "#endif", "", "#endif", "",
+        f"float {_step(program)};", "",
     ]  # fmt: skip
-    return "\n".join(parts)
 
 
 def _remark(text: str) -> str:
@@ -143,17 +154,30 @@ def _remark(text: str) -> str:
     return "/* " + "\n * ".join(textwrap.wrap(text, 94)) + " */"
 
 
-def _initial(law: str) -> str:
+def _included(program: Program) -> list[str]:
+    return ['#include "swb_measurement.h"', ""] if program.measurement.name == "measurement" else []
+
+
+def _own_measurement(program: Program) -> list[str]:
+    """Return what the law sees, where that is not what every law does."""
+    if program.measurement.name == "measurement":
+        return []
+    return [_struct(program.name, program.measurement, {})]
+
+
+def _initial(program: Program) -> str:
+    law, seen = c_law(program.name), c_record(program.name, program.measurement)
     return (
-        f"swb_{law}_initial(const swb_{law}_parameters *p, const swb_measurement *m,\n"
+        f"swb_{law}_initial(const swb_{law}_parameters *p, const {seen} *m,\n"
         f"                  float reference, swb_{law}_state *state)"
     )
 
 
-def _step(law: str) -> str:
+def _step(program: Program) -> str:
+    law, seen = c_law(program.name), c_record(program.name, program.measurement)
     return (
         f"swb_{law}_step(const swb_{law}_parameters *p, swb_{law}_state *state,\n"
-        "               const swb_measurement *m, float reference, float *next_s)"
+        f"               const {seen} *m, float reference, float *next_s)"
     )
 
 
@@ -171,7 +195,7 @@ def _struct(
     return "\n".join([*lines, f"}} {c_record(law, record)};", ""])
 
 
-def _source(program: Program) -> str:
+def _source(program: Program, private: bool) -> str:
     law = c_law(program.name)
     types = {c_record(program.name, r) for r in program.records}
     names = {f: _helper(f"swb_{law}_{f.name}", types) for f in program.helpers}
@@ -182,7 +206,11 @@ def _source(program: Program) -> str:
     }
     initial = FunctionText(program.name, program.initial, names, fields)
     step = FunctionText(program.name, program.step, names, fields)
-    entries = [initial.initial(f"void {_initial(law)}"), step.step(f"float {_step(law)}")]
+    linkage = "static " if private else ""
+    entries = [
+        initial.initial(f"{linkage}void {_initial(program)}"),
+        step.step(f"{linkage}float {_step(program)}"),
+    ]
     used = _used("\n".join(entries), helpers)
     functions = "\n".join([*(helpers[n] for n in helpers if n in used), *entries])
     own = {program.parameters.name, program.state.name, program.measurement.name}
@@ -215,6 +243,9 @@ def _source(program: Program) -> str:
     parts += [*listed, ""] if listed else []
     parts += [_ARITHMETIC]
     parts += ["".join(constants)] if constants else []
+    if private:
+        guard = f"SWB_{law.upper()}_STEP_H"
+        parts, text = [f"#ifndef {guard}", f"#define {guard}", "", *parts], f"{text}\n#endif\n"
     return "\n".join([*parts, text])
 
 

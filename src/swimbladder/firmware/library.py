@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,9 +15,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from swimbladder.closed_loop.single import choose_law
 from swimbladder.control.law import Law
+from swimbladder.control.supervisor import SUPERVISOR, Reason
+from swimbladder.control.supervisor_records import SupervisorParameters, Watched
 from swimbladder.firmware.c99 import MEASUREMENT_H, write_c99
 from swimbladder.firmware.c_names import c_field, c_float, c_law
 from swimbladder.firmware.golden import Golden, command_limits, fly
+from swimbladder.firmware.safety import supervisor_parameters
 from swimbladder.firmware.subset import read_law
 from swimbladder.firmware.twin import twin
 from swimbladder.io.files import check_place, publish
@@ -39,6 +43,7 @@ class Library:
     start_depth: float  # m, of the golden mission
     target: float  # m
     golden: Golden
+    supervisor: SupervisorParameters
     files: Mapping[str, str]
 
     def to_json(self) -> dict[str, Any]:
@@ -53,6 +58,10 @@ class Library:
                 name: {"value": float(np.float32(value)), "unit": self.law.units[name]}
                 for name, value in self.parameters._asdict().items()
             },
+            "supervisor": {
+                name: {"value": _finite(value), "unit": SUPERVISOR.units[name]}
+                for name, value in self.supervisor._asdict().items()
+            },
             "golden": {
                 "start_depth_m": self.start_depth,
                 "target_depth_m": self.target,
@@ -61,6 +70,11 @@ class Library:
                 "float32_difference_m": self.golden.difference,
             },
         }
+
+
+def _finite(value: float) -> float | None:
+    """Return a limit as float32, None where it is off."""
+    return None if math.isinf(value) else float(np.float32(value))
 
 
 def make_library(
@@ -74,6 +88,7 @@ def make_library(
     does not bring the vehicle through the mission.
     """
     law, parameters, tick_s = choose_law(vehicle, None, None, None)
+    limits = supervisor_parameters(vehicle, tick_s)
     program = read_law(law)
     first = 0.0 if law.command == "voltage" else vehicle.stroke.maximum
     golden = fly(
@@ -81,7 +96,9 @@ def make_library(
         target=target, duration=duration, seed=seed, first=first, progress=progress,
     )  # fmt: skip
     source = write_c99(program)
+    supervisor = write_c99(read_law(SUPERVISOR, Watched), private=True)
     facts = _facts(vehicle, law, parameters, tick_s, first) | {
+        "reasons": list(Reason), "limits": _numbers(limits, SUPERVISOR.units),
         "start": f"{start_depth:g}", "goal": f"{target:g}", "target": c_float(target),
         "ticks": len(golden.depth),
     }  # fmt: skip
@@ -100,6 +117,10 @@ def make_library(
         f"src/{source.source_name}": source.source,
         "src/swb_controller.h": _render("swb_controller.h.j2", facts),
         "src/swb_controller.c": _render("swb_controller.c.j2", facts),
+        f"src/{supervisor.header_name}": supervisor.header,
+        f"src/{supervisor.source_name}": supervisor.source,
+        "src/swb_vehicle.h": _render("swb_vehicle.h.j2", facts),
+        "src/swb_vehicle.c": _render("swb_vehicle.c.j2", facts),
         "examples/FloatAVR/FloatAVR.ino": _render("Float.ino.j2", avr),
         "examples/FloatESP32RP2040/FloatESP32RP2040.ino": _render("Float.ino.j2", other),
         "examples/GoldenTrace/GoldenTrace.ino": _render("GoldenTrace.ino.j2", facts),
@@ -110,7 +131,7 @@ def make_library(
     return Library(
         vehicle=vehicle, law=law, parameters=parameters, tick_s=tick_s,
         limits=command_limits(vehicle), start_depth=start_depth, target=target, golden=golden,
-        files=files,
+        supervisor=limits, files=files,
     )  # fmt: skip
 
 
@@ -153,7 +174,7 @@ def _facts(
         "c_law": c_law(law.name),
         "command": law.command,
         "unit": "V" if volts else "m3",
-        "limits": "the supply's voltage" if volts else "the ends of the stroke",
+        "ends": "the supply's voltage" if volts else "the ends of the stroke",
         "tick": c_float(tick_s),
         "tick_text": f"{tick_s:.9g}",
         "tick_us": round(tick_s * 1e6),
@@ -168,11 +189,15 @@ def _facts(
         else "send the actuator to the volume [m3]",
         "bench": "a positive voltage must make it grow." if volts
         else "the actuator must go where it is sent.",
-        "parameters": [
-            (c_field(name), c_float(value), law.units[name])
-            for name, value in parameters._asdict().items()
-        ],
+        "parameters": _numbers(parameters, law.units),
     }  # fmt: skip
+
+
+def _numbers(parameters: Any, units: Mapping[str, str]) -> list[tuple[str, str, str]]:
+    """Return (field, value, unit) of each parameter, as C has them."""
+    return [
+        (c_field(name), c_float(value), units[name]) for name, value in parameters._asdict().items()
+    ]
 
 
 def _render(template: str, facts: Mapping[str, Any]) -> str:

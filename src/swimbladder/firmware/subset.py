@@ -25,8 +25,8 @@ from swimbladder.firmware.tree import BOOL, FLOAT, Constant, Function, Program, 
 __all__ = ["Source", "read_law"]
 
 
-def read_law(law: Law) -> Program:
-    """Return a law as a tree.
+def read_law(law: Law, seen: type[Any] = Measurement) -> Program:
+    """Return a law as a tree; seen: the NamedTuple that it sees at a sample.
 
     Raises InputError with file, line, construct and remedy where it is not in the subset.
     """
@@ -38,7 +38,7 @@ def read_law(law: Law) -> Program:
         )  # fmt: skip
     parameters = reader.record(law.parameters, name="parameters")
     state = reader.record(law.state, name="state")
-    measurement = reader.record(Measurement, name="measurement")
+    measurement = reader.record(seen, name="measurement" if seen is Measurement else "seen")
     for record in (parameters, state):
         for field, kind in record.fields:
             if kind != FLOAT:

@@ -15,6 +15,7 @@ The paper's symbols stand in the fields that were identified (K1, T1, K2, T2, ps
     |-- motion      PhysicalMotion | IdentifiedMotion (eqs 26-29)
     |-- sensors     Sensors          noise and quantum of depth and volume
     |-- controller  Controller       the name of a law, its sample time and gains
+    |-- supervisor  Supervisor       when the firmware brings the vehicle up
     `-- identified  Identified       how sure the identified numbers are
 """
 
@@ -44,7 +45,7 @@ from swimbladder.parameters.body import (
 )
 from swimbladder.parameters.identified import Between, Identified
 from swimbladder.parameters.schema import Parameters, Unit, field_unit, input_error
-from swimbladder.parameters.vehicle import Controller, Sensors, Vehicle
+from swimbladder.parameters.vehicle import Controller, Sensors, Supervisor, Vehicle
 
 __all__ = [
     "Actuator",
@@ -67,6 +68,7 @@ __all__ = [
     "ScrewDrive",
     "Sensors",
     "Stroke",
+    "Supervisor",
     "Supply",
     "UnifiedActuator",
     "Unit",

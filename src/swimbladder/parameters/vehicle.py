@@ -21,7 +21,7 @@ from swimbladder.parameters.identified import Identified
 from swimbladder.parameters.schema import Parameters, Unit, refusal
 from swimbladder.units import parse_quantity
 
-__all__ = ["Controller", "Sensors", "Vehicle"]
+__all__ = ["Controller", "Sensors", "Supervisor", "Vehicle"]
 
 
 def _number_or_text(value: object) -> float | str:
@@ -62,6 +62,54 @@ class Controller(Parameters):
     )
 
 
+class Supervisor(Parameters):
+    """When the firmware's supervisor brings the vehicle up; what is not given follows from the rest.
+
+    How each is derived: docs/explanation/supervisor.md. `swimbladder firmware` prints them all.
+    """
+
+    depth_limit: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
+        None, description="depth at which it does; not given: 0.9 of where full buoyancy, the motor "
+        "at `battery_low` and the hull still do their part, less what is not known of the trim"
+    )  # fmt: skip
+    time_limit: Annotated[float, Unit("s"), Field(gt=0.0, le=3e9)] | None = Field(
+        None, description="time since the start at which it does; not given: never"
+    )
+    battery_low: Annotated[float, Unit("V"), Field(gt=0.0)] | None = Field(
+        None, description="voltage under load that is too low, for 10 s; not given: 0.8 of the "
+        "supply's, or none for a positioner"
+    )  # fmt: skip
+    bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
+        None, description="where the vehicle may lie on the bottom; not given: wherever its depth "
+        "stands still and shows the sensor's noise"
+    )  # fmt: skip
+    neutral_range: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = Field(
+        None, description="how far the neutral volume may be from `trim_error`, drift and layers of "
+        "the water included; not given: a quarter of half the stroke"
+    )  # fmt: skip
+    model_error: Annotated[float, Unit(""), Field(gt=0.0, lt=1.0)] = Field(
+        0.3, description="share of the force on the vehicle, and of psi, that the model may miss"
+    )
+    patience: Annotated[float, Unit("s"), Field(gt=0.0, le=60.0)] = Field(
+        5.0, description="how long a sensor may fail, or the actuator not follow"
+    )
+    late: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+        None, description="age of a depth that is late; not given: two samples, at least 1 s"
+    )
+    frozen: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+        None, description="time in which the very same depth means a frozen sensor; not given: "
+        "what noise and quantum of the sensor make as good as impossible"
+    )  # fmt: skip
+    hold_voltage: Annotated[float, Unit("V"), Field(ge=0.0)] | None = Field(
+        None, description="voltage that keeps the volume at its largest; not given: what the sea's "
+        "load takes at `depth_limit`. 0 for a drive that holds by itself"
+    )  # fmt: skip
+    release_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+        None, description="time of full buoyancy in which it has to rise by 1 m before the drop "
+        "weight is released; not given: twice that of the whole stroke and a minute"
+    )  # fmt: skip
+
+
 class Vehicle(Parameters):
     """A vehicle: everything that the simulator, the analysis and the controller need."""
 
@@ -82,6 +130,9 @@ class Vehicle(Parameters):
     )
     sensors: Sensors = Field(Sensors(), description="what the controller sees")
     controller: Controller | None = Field(None, description="what closes the loop")
+    supervisor: Supervisor = Field(
+        Supervisor(), description="when the firmware brings the vehicle up whatever the law says"
+    )
     identified: Identified | None = Field(
         None, description="how sure the identified numbers are, and the noise of the logs"
     )

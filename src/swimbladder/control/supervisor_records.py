@@ -1,0 +1,162 @@
+"""What the supervisor sees, what it goes by and what it remembers: named tuples of floats."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+__all__ = ["SUPERVISOR_UNITS", "SupervisorParameters", "SupervisorState", "Watched"]
+
+
+class Watched(NamedTuple):
+    """What the supervisor sees at a tick; NaN for what the board has not, or could not measure."""
+
+    depth: float  # m, of the pressure sensor
+    depth_age: float  # s, since it was measured
+    volume: float  # m3
+    battery: float  # V
+    leak: float  # -, 1: water inside
+    lost: float  # ticks that should have come since the last one
+    missed: float  # calls in a row in which the law gave no command
+
+
+class SupervisorParameters(NamedTuple):
+    """Limits, times in whole ticks, and the model that depth and volume are held against.
+
+    A limit that is infinite is off.
+    """
+
+    S_p: float  # s
+    surface_command: float  # V or m3, that makes the vehicle lightest
+    hold_command: float  # V or m3, that keeps it so
+    push: float  # ticks of the surface command at first
+    again: float  # ticks of it after a rest
+    rest: float  # ticks of the hold command in between
+    release: float  # ticks in which it has to rise
+    rise: float  # m, by so much
+    depth_least: float  # m, the least that the sensor can mean
+    depth_most: float  # m, the largest
+    fastest: float  # m, that the depth may change in a tick
+    jump: float  # m, that it may change at once: noise, quantum
+    late_age: float  # s, at which a depth is late
+    blind: float  # ticks without a good depth, or a good volume
+    gap: float  # ticks without a depth after which the model begins anew
+    same: float  # ticks of the very same depth that noise does not allow
+    same_moved: float  # ticks of it that are too many where the volume has changed
+    moved: float  # m3, by so much
+    volume_least: float  # m3, the least that the sensor can mean
+    volume_most: float  # m3, the largest
+    volume_low: float  # m3, below it the actuator may be at its end
+    volume_high: float  # m3, above it as well
+    positioner: float  # -, 1: commands are volumes
+    rate: float  # m3/s/V, K1 A; of a positioner m3/s
+    load_drive: float  # V/m, k_z/k_u while the motor drives
+    load_back: float  # V/m, while the sea drives it back
+    friction: float  # V
+    leakage: float  # m2/s, k_l
+    rate_smoothing: float  # -
+    rate_share: float  # -, of the rate asked for that may be missing
+    rate_least: float  # m3/s, that may be missing anyway
+    following: float  # ticks in which the volume does not follow
+    psi: float  # m3/m
+    psi_range: float  # m3/m, how well psi is known
+    neutral: float  # m3, neutral volume at the surface
+    neutral_range: float  # m3, how well it is known, drift included
+    model_error: float  # -, share of the force on the vehicle that the model may miss
+    a_b: float  # 1/m2/s2, acceleration per volume
+    d_l: float  # 1/s, drag per mass and speed
+    d_b: float  # 1/s, the same above epsilon
+    d_0: float  # m/s2
+    d_t: float  # 1/m
+    epsilon: float  # m/s
+    tau: float  # s, of each low pass
+    smoothing: float  # -, weight of the newest in it
+    settle: float  # ticks that they take
+    wrong: float  # ticks in which depth and volume do not fit
+    surface: float  # m, from there up the vehicle may float
+    aground: float  # m, from there down it may lie on the bottom
+    bottom_anywhere: float  # -, 1: wherever its depth stands still and the noise lives
+    still_distance: float  # m, within which a depth stands still
+    still: float  # ticks that it has to
+    depth_limit: float  # m
+    deepest: float  # m, that it must not pass before it turns round
+    neutral_deepest: float  # m3, largest neutral volume there
+    turn_rate: float  # m3/s, least rate at the depth limit
+    deep: float  # ticks too deep
+    battery_low: float  # V
+    battery: float  # ticks below it
+    leak: float  # ticks of leak
+    missed: float  # calls without a command
+    lost: float  # ticks lost, each that comes takes a quarter away
+    time_blocks: float  # of 4096 ticks
+    time_ticks: float  # beyond them
+
+
+class SupervisorState(NamedTuple):
+    """What the supervisor remembers between ticks."""
+
+    restarted: float  # -, 1: by a watchdog or a brown-out
+    tick: float  # ticks since the start, below 4096
+    block: float  # of 4096 ticks
+    lost: float  # ticks
+    since: float  # ticks since the last good depth
+    depth: float  # m, last good one
+    blind: float  # ticks; at its limit 0 to 2 more for what was wrong first
+    same: float  # ticks in which the depth was the very same
+    same_volume: float  # m3, when it began to be
+    frozen: float  # -, 1
+    volume: float  # m3, last good one
+    measured: float  # -, 1: at the last tick
+    volume_blind: float  # ticks; at its limit 0 or 1 more
+    command: float  # V or m3, given last
+    lag: float  # m3/s, of the volume's rate behind that asked for
+    asked: float  # m3/s
+    following: float  # ticks in which it did not
+    z1: float  # m, depth through a low pass
+    z2: float  # m, through a second
+    n1: float  # m3, volume beyond psi z through a low pass
+    n2: float  # m3, through a second
+    settled: float  # ticks since they began
+    anchor: float  # m, around it the depth stands still
+    still: float  # ticks for which it has
+    wrong: float  # ticks in which depth and volume did not fit
+    deep: float  # ticks
+    battery: float  # ticks
+    leak: float  # ticks
+    missed: float  # calls without a command
+    reason: float  # the first one, 0: none
+    reasons: float  # bits of all so far
+    phase: float  # ticks of the safe action, in its turn of pushes and rests
+    window: float  # ticks in which it has to rise
+    from_depth: float  # m, when they began
+    release: float  # -, 1: drop the weight
+
+
+SUPERVISOR_UNITS = {
+    "surface_command": "V or m3", "hold_command": "V or m3",
+    **dict.fromkeys(("S_p", "late_age", "tau"), "s"),
+    **dict.fromkeys(
+        ("push", "again", "rest", "release", "blind", "gap", "same", "same_moved", "following",
+         "settle", "wrong", "still", "deep", "battery", "leak", "missed", "lost", "time_ticks"),
+        "ticks",
+    ),
+    "time_blocks": "4096 ticks",
+    **dict.fromkeys(
+        ("rise", "depth_least", "depth_most", "fastest", "jump", "surface", "aground",
+         "still_distance", "depth_limit", "deepest"),
+        "m",
+    ),
+    **dict.fromkeys(
+        ("moved", "volume_least", "volume_most", "volume_low", "volume_high", "neutral",
+         "neutral_range", "neutral_deepest"),
+        "m3",
+    ),
+    **dict.fromkeys(
+        ("positioner", "rate_smoothing", "rate_share", "model_error", "smoothing",
+         "bottom_anywhere"),
+        "",
+    ),
+    "rate": "m3/s/V or m3/s", "load_drive": "V/m", "load_back": "V/m", "friction": "V",
+    "leakage": "m2/s", "rate_least": "m3/s", "turn_rate": "m3/s", "psi": "m3/m",
+    "psi_range": "m3/m", "a_b": "1/m2/s2", "d_l": "1/s", "d_b": "1/s", "d_0": "m/s2",
+    "d_t": "1/m", "epsilon": "m/s", "battery_low": "V",
+}  # fmt: skip

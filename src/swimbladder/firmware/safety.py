@@ -1,0 +1,205 @@
+"""The supervisor's numbers, from a vehicle: how deep, how long, how far from the model."""
+
+from __future__ import annotations
+
+import math
+
+from swimbladder.control.supervisor_records import SupervisorParameters
+from swimbladder.dynamics import Plant, drag_per_mass, plant
+from swimbladder.errors import InputError
+from swimbladder.parameters import Vehicle
+
+__all__ = ["supervisor_parameters"]
+
+_COUNTED = 2**24
+_SURE_TO_MOVE = 0.95  # of the depth at which the motor stalls
+_BLOCK = 4096  # ticks, as the supervisor counts time
+_BATTERY_SHARE = 0.8  # of the supply: 9.6 of 12 V, near the knee of lead and of lithium cells
+_BATTERY_S = 10.0  # s, longer than a motor's start makes it sag
+_DEPTH_SHARE = 0.9  # of the deepest
+_NEUTRAL_SHARE = 0.25  # of half the stroke: trim, trapped air, a layer of 3 kg/m3 for `feup-em`
+_SHORT_S = 1.0  # s, for what needs no doubt: leak, depth limit
+_NO_COMMAND_S = 10.0
+_TAU_S = 10.0  # s, of each low pass: above a swell's period over 2 pi
+_SETTLE = 3.0  # of them
+_FOLLOW_S = 2.0  # s, of the low pass on the volume's rate
+_RATE_SHARE, _RATE_LEAST = 0.6, 0.15  # of the rate asked for; of the full rate
+_END_SHARE = 0.05  # of the stroke, next to an end stop
+_WATER_SPEED = 1.0  # m/s, of swell
+_AIR_PRESSURE = 1.0  # m, 100 hPa: more than weather changes the surface's reading
+_AFLOAT = 0.5  # m, below the depth of emergence; weather and waves
+_RARE = 1e-12  # chance that noise gives the same depth all along
+_AT_LEAST_S = 10.0  # s, of the very same depth: a slow sensor repeats itself
+_HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
+_MOVED_SHARE = 0.05  # of half the stroke, with which a depth cannot stay the same...
+_MOVED_S = 30.0  # ...for so long
+_STILL_S = 5.0
+_REST_S, _LEAST_PUSH_S = 60.0, 10.0
+_RISE = 1.0  # m
+_DEEPEST = 12000.0  # m, deeper than any sea
+
+
+def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorParameters:
+    """Return the supervisor's numbers for a vehicle at a sample time [s].
+
+    Raises InputError where full buoyancy would not bring the vehicle up from its depth limit.
+    """
+    p, given, sensors = plant(vehicle), vehicle.supervisor, vehicle.sensors
+    tick = sample_time
+    half = 0.5 * (p.V_max - p.V_min)
+    neutral_range = given.neutral_range
+    if neutral_range is None:
+        neutral_range = min(_NEUTRAL_SHARE * half, 0.5 * (p.V_max - p.V_0))
+    psi_range = given.model_error * abs(p.psi)
+    battery_low = given.battery_low
+    if battery_low is None:
+        battery_low = _BATTERY_SHARE * p.supply if p.positioner == 0.0 else 0.0
+    depth_limit, deepest = _depths(vehicle, p, battery_low, neutral_range, psi_range)
+    bounded = min(depth_limit, _DEEPEST)
+    turn_rate = _rate(p, bounded, battery_low)
+    stroke_s = 2.0 * half / turn_rate
+    voltage = p.positioner == 0.0
+    hold = given.hold_voltage
+    if hold is None:
+        hold = min(p.supply, _held(p, bounded)) if voltage else 0.0
+    full_rate = p.rate if not voltage else p.gain * (p.supply - p.friction)
+    tau, follow = max(_TAU_S, 10.0 * tick), max(_FOLLOW_S, 5.0 * p.T1 if voltage else 0.0, 5 * tick)
+    noise, quantum = sensors.depth_noise, sensors.depth_quantum
+    same = _same_ticks(noise, quantum, tick)
+    if given.frozen is not None:
+        same = ticks(given.frozen, tick)
+    patience = max(3.0, ticks(given.patience, tick))
+    moving = 6.0 * noise + 2.0 * quantum
+    whole = math.inf if given.time_limit is None else math.ceil(given.time_limit / tick - 1e-6)
+    floor = math.inf if given.bottom_depth is None else given.bottom_depth
+    return SupervisorParameters(
+        S_p=tick,
+        surface_command=p.supply if voltage else p.V_max,
+        hold_command=hold if voltage else p.V_max,
+        push=ticks(2.0 * stroke_s, tick), rest=ticks(_REST_S, tick),
+        again=ticks(max(_LEAST_PUSH_S, 0.5 * stroke_s), tick),
+        release=ticks(given.release_time or 2.0 * stroke_s + _REST_S, tick), rise=_RISE,
+        depth_least=p.z_air - _AIR_PRESSURE,
+        depth_most=min(1.5 * deepest + 10.0, _DEEPEST) if deepest < math.inf else _DEEPEST,
+        fastest=(1.5 * _terminal_speed(p, 2.0 * half) + _WATER_SPEED) * tick,
+        jump=moving + 0.05,
+        late_age=given.late or max(2.0 * tick, 1.0), blind=patience, gap=patience,
+        same=same, same_moved=ticks(_MOVED_S, tick), moved=_MOVED_SHARE * half,
+        volume_least=p.V_min - 2.0 * _END_SHARE * half,
+        volume_most=p.V_max + 2.0 * _END_SHARE * half,
+        volume_low=p.V_min + 2.0 * _END_SHARE * half,
+        volume_high=p.V_max - 2.0 * _END_SHARE * half,
+        positioner=p.positioner, rate=p.gain if voltage else p.rate,
+        load_drive=p.load_drive, load_back=p.load_back, friction=p.friction, leakage=p.k_l,
+        rate_smoothing=tick / (follow + tick), rate_share=_RATE_SHARE,
+        rate_least=_RATE_LEAST * full_rate, following=patience,
+        psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range,
+        model_error=given.model_error, a_b=p.a_b, d_l=p.d_l, d_b=p.d_b, d_0=p.d_0, d_t=p.d_t,
+        epsilon=p.epsilon, tau=tau, smoothing=tick / (tau + tick),
+        settle=ticks(_SETTLE * tau, tick), wrong=patience,
+        surface=p.z_surface + _AFLOAT,
+        aground=floor - max(0.1, 0.02 * floor) - moving if floor < math.inf else math.inf,
+        bottom_anywhere=1.0 if floor == math.inf and same < math.inf else 0.0,
+        still_distance=moving + 0.02, still=ticks(_STILL_S, tick),
+        depth_limit=depth_limit, deepest=deepest,
+        neutral_deepest=p.V_0 + neutral_range + p.psi * min(deepest, _DEEPEST),
+        turn_rate=turn_rate, deep=max(2.0, ticks(_SHORT_S, tick)),
+        battery_low=battery_low, battery=ticks(_BATTERY_S, tick),
+        leak=max(2.0, ticks(_SHORT_S, tick)), missed=max(3.0, ticks(_NO_COMMAND_S, tick)),
+        lost=max(3.0, patience),
+        time_blocks=whole // _BLOCK if whole < math.inf else math.inf,
+        time_ticks=whole % _BLOCK if whole < math.inf else 0.0,
+    )  # fmt: skip
+
+
+def ticks(seconds: float, tick: float) -> float:
+    """Return a time in whole ticks, rounded up, one at least.
+
+    Raises InputError where float32 does not count them.
+    """
+    whole = max(1.0, math.ceil(seconds / tick - 1e-6))
+    if whole > _COUNTED:
+        raise InputError(
+            f"{seconds:g} s are {whole:.3g} ticks of {tick:g} s, and float32 counts to {_COUNTED}",
+            field="supervisor", remedy="Give a shorter time, or a longer sample_time",
+        )  # fmt: skip
+    return float(whole)
+
+
+def _depths(
+    vehicle: Vehicle, p: Plant, volts: float, neutral_range: float, psi_range: float
+) -> tuple[float, float]:
+    """Return (depth limit, deepest from which the vehicle can come up) [m]; infinite: none known.
+
+    The hull bears it, full buoyancy is above the neutral volume, the motor moves at `volts`.
+    """
+    given, spare = vehicle.supervisor.depth_limit, p.V_max - p.V_0
+    rated = vehicle.hull.depth_limit or math.inf
+    lifted = spare / p.psi if p.psi > 0.0 else math.inf
+    load = p.gain * p.load_drive + p.k_l
+    free = p.gain * (volts - p.friction)
+    moved = free / load if load > 0.0 else math.inf
+    if p.positioner == 0.0 and free <= 0.0:
+        raise InputError(
+            f"at {volts:g} V the motor does not beat its friction, {p.friction:g} V",
+            field="supervisor.battery_low", value=volts, unit="V", remedy="Give a higher voltage",
+        )  # fmt: skip
+    if neutral_range >= spare:
+        raise InputError(
+            "the neutral volume may then be beyond the stroke, and full buoyancy not lift",
+            field="supervisor.neutral_range", value=neutral_range, unit="m3",
+            remedy=f"Trim the vehicle lighter, or give less than {spare * 1e6:.3g} cm3",
+        )  # fmt: skip
+    deepest, why = min(
+        (rated, "the hull is rated for (hull.depth_limit)"),
+        (lifted, "full buoyancy lifts the vehicle (stroke, psi)"),
+        (_SURE_TO_MOVE * moved, f"the motor moves at {volts:g} V (supervisor.battery_low)"),
+    )
+    if given is not None:
+        if given > deepest:
+            raise InputError(
+                f"deeper than the {deepest:.4g} m to which {why}",
+                field="supervisor.depth_limit", value=given, unit="m",
+                remedy=f"Give at most {deepest:.4g} m, less a margin to turn round in",
+            )  # fmt: skip
+        return given, deepest
+    slope = p.psi + psi_range
+    sure = (spare - neutral_range) / slope if slope > 0.0 else math.inf
+    return min(_DEPTH_SHARE * deepest, sure), deepest
+
+
+def _rate(p: Plant, depth: float, volts: float) -> float:
+    """Return the rate [m3/s] at which the volume grows at a depth [m] and a voltage."""
+    if p.positioner > 0.0:
+        return p.rate
+    return p.gain * (volts - p.load_drive * depth - p.friction) - p.k_l * depth
+
+
+def _held(p: Plant, depth: float) -> float:
+    """Return the voltage that holds the volume against the sea and the leakage at a depth [m]."""
+    return p.load_drive * depth + p.k_l * depth / p.gain
+
+
+def _same_ticks(noise: float, quantum: float, tick: float) -> float:
+    """Return how many samples of the very same depth noise makes as good as impossible.
+
+    White noise leaves a sample in its quantum with a chance of erf(q/(2 sqrt(2) sigma)) at most.
+    """
+    if noise == 0.0:
+        return math.inf
+    chance = math.erf(quantum / (2.0 * math.sqrt(2.0) * noise))
+    if chance >= 1.0:
+        return math.inf
+    samples = math.log(_RARE) / math.log(chance) if chance > 0.0 else 1.0
+    if samples * tick > _HIDDEN_S:
+        return math.inf
+    return max(ticks(_AT_LEAST_S, tick), float(math.ceil(samples)))
+
+
+def _terminal_speed(p: Plant, volume: float) -> float:
+    """Return the speed [m/s] at which the drag balances a volume [m3] beyond the neutral one."""
+    low, high = 0.0, 100.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if drag_per_mass(middle, p) < p.a_b * volume else (low, middle)
+    return high
