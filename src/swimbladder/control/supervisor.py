@@ -74,7 +74,7 @@ class _Rate(NamedTuple):
 
     lag: float  # m3/s
     asked: float  # m3/s
-    count: float  # ticks
+    ticks: float  # in which it did not
 
 
 class _Motion(NamedTuple):
@@ -88,7 +88,7 @@ class _Motion(NamedTuple):
     anchor: float  # m
     still: float  # ticks
     speed: float  # m/s
-    resting: bool  # afloat, or on the bottom where one is known
+    resting: bool  # afloat, or on the bottom
     wrong: float  # ticks
 
 
@@ -148,14 +148,18 @@ def watch_motion(
     """Ask which neutral volume the motion means, eq. (13), and whether the vehicle can have it."""
     n = volume - p.psi * depth
     room = p.neutral_range + p.psi_range * abs(depth)
-    resting = (depth <= p.surface and n >= p.neutral - room) or (
-        depth >= p.aground and n <= p.neutral + room
-    )
     anchor = s.anchor
     still = s.still + 1.0
     if abs(depth - anchor) > p.still_distance:
         anchor = depth
         still = 0.0
+    # Still and not afloat: it may lie on a bottom that nobody knows of, where noise shows.
+    on_bottom = p.bottom_anywhere > 0.0 and still >= p.still and depth > p.surface
+    resting = (
+        (depth <= p.surface and n >= p.neutral - room)
+        or (depth >= p.aground and n <= p.neutral + room)
+        or (on_bottom and n < p.neutral - room)
+    )
     if resting or gap:
         wrong = tally(s.wrong < 0.0, s.wrong, p.wrong)
         return _Motion(depth, depth, n, n, 0.0, anchor, still, 0.0, resting, wrong)
@@ -170,8 +174,6 @@ def watch_motion(
     push = (((depth - z1) / p.tau - speed) / p.tau + drag) / p.a_b
     off = n2 + push - p.neutral
     room = room + p.model_error * abs(push)
-    # Heavy, and it does not sink: it may lie on a bottom that nobody knows of.
-    on_bottom = p.bottom_anywhere > 0.0 and still >= p.still and depth > p.surface
     settled = s.settled + 1.0
     bad = settled >= p.settle and (off > room or (off < -room and not on_bottom))
     wrong = tally(bad, s.wrong, p.wrong)
@@ -237,7 +239,7 @@ def volume_bits(p: SupervisorParameters, blind: float, following: float, wrong: 
 
 
 def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -> SupervisorState:
-    """Return the state at the start; restarted: 1 after a watchdog's reset or a brown-out, else 0."""
+    """Return the state at the start; restarted: 1 after a watchdog's reset or a brown-out."""
     return SupervisorState(
         restarted=restarted, tick=0.0, block=0.0, lost=0.0, since=_LONG_AGO, depth=0.0, blind=0.0,
         same=0.0, same_volume=0.0, frozen=0.0, volume=0.0, measured=0.0, volume_blind=0.0,
@@ -290,11 +292,12 @@ def step(
     if now.good:
         same = watch_sameness(p, s, seen, now.depth)
         deep = watch_deep(p, s, now.depth, motion.speed, volume)
-        if same == 0.0:
-            same_volume = volume
+        if same <= p.same_begun:
+            same_volume = motion.n1
         if same >= p.same:
             frozen = 1.0
-        if same >= p.same_moved and abs(volume - same_volume) > p.moved and not motion.resting:
+        moved = abs(motion.n1 - same_volume) > p.moved and not motion.resting
+        if same >= p.same_moved and moved:
             frozen = 1.0
     battery = tally(seen.battery < p.battery_low, s.battery, p.battery)
     leak = tally(seen.leak > 0.0, s.leak, p.leak)
@@ -306,7 +309,7 @@ def step(
     if leak >= p.leak:
         bits = bits + 2.0
     bits = bits + depth_bits(p, now.blind, frozen, deep)
-    bits = bits + volume_bits(p, volume_blind, rate.count, motion.wrong)
+    bits = bits + volume_bits(p, volume_blind, rate.ticks, motion.wrong)
     if battery >= p.battery:
         bits = bits + 2048.0
     if missed >= p.missed:
@@ -342,7 +345,7 @@ def step(
         since=0.0 if now.good else now.since, depth=now.depth, blind=now.blind,
         same=same, same_volume=same_volume, frozen=frozen,
         volume=volume, measured=1.0 if measured else 0.0, volume_blind=volume_blind,
-        command=command, lag=rate.lag, asked=rate.asked, following=rate.count,
+        command=command, lag=rate.lag, asked=rate.asked, following=rate.ticks,
         z1=motion.z1, z2=motion.z2, n1=motion.n1, n2=motion.n2, settled=motion.settled,
         anchor=motion.anchor, still=motion.still, wrong=motion.wrong,
         deep=deep, battery=battery, leak=leak, missed=missed, reason=reason, reasons=bits,

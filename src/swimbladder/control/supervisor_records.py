@@ -41,7 +41,8 @@ class SupervisorParameters(NamedTuple):
     blind: float  # ticks without a good depth, or a good volume
     gap: float  # ticks without a depth after which the model begins anew
     same: float  # ticks of the very same depth that noise does not allow
-    same_moved: float  # ticks of it that are too many where the volume has changed
+    same_begun: float  # ticks of it after which the volume has to stay as well
+    same_moved: float  # ticks of it that are too many where it does not
     moved: float  # m3, by so much
     volume_least: float  # m3, the least that the sensor can mean
     volume_most: float  # m3, the largest
@@ -102,7 +103,7 @@ class SupervisorState(NamedTuple):
     depth: float  # m, last good one
     blind: float  # ticks; at its limit 0 to 2 more for what was wrong first
     same: float  # ticks in which the depth was the very same
-    same_volume: float  # m3, when it began to be
+    same_volume: float  # m3, n1 when the volume had to stay
     frozen: float  # -, 1
     volume: float  # m3, last good one
     measured: float  # -, 1: at the last tick
@@ -135,7 +136,7 @@ SUPERVISOR_UNITS = {
     "surface_command": "V or m3", "hold_command": "V or m3",
     **dict.fromkeys(("S_p", "late_age", "tau"), "s"),
     **dict.fromkeys(
-        ("push", "again", "rest", "release", "blind", "gap", "same", "same_moved", "following",
+        ("push", "again", "rest", "release", "blind", "gap", "same", "same_begun", "same_moved", "following",
          "settle", "wrong", "still", "deep", "battery", "leak", "missed", "lost", "time_ticks"),
         "ticks",
     ),

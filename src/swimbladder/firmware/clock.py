@@ -1,18 +1,22 @@
-"""The twin of ``swb_controller``: a law called by a counter of ticks, its command limited.
+"""The twins of ``swb_controller`` and ``swb_vehicle``: a law called by a counter of ticks, watched.
 
-The C is ``templates/swb_controller.c.j2``; both hold the last command while none is to be had.
+The C is ``templates/swb_controller.c.j2`` and ``swb_vehicle.c.j2``. A controller limits the law's
+command and holds the last one while none is to be had; a vehicle's supervisor overrides it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from swimbladder.control.law import Law, Measurement
+from swimbladder.control.supervisor import SUPERVISOR, Reason, reasons_in
+from swimbladder.control.supervisor_records import SupervisorParameters, Watched
 
-__all__ = ["ControllerTwin", "wait_in_ticks"]
+__all__ = ["ControllerTwin", "VehicleTwin", "wait_in_ticks"]
 
 _MOST_TICKS = 1_000_000
 
@@ -88,3 +92,53 @@ class ControllerTwin:
         self.missed = 0
         self.command = min(max(command, self.low), self.high)
         self.waiting = wait_in_ticks(next_s, self.tick_s)
+
+
+class VehicleTwin:
+    """A controller under its supervisor, in the arithmetic of the supervisor that it is given.
+
+    limits: the supervisor's parameters; supervisor: its `twin` for the bits of the C, SUPERVISOR
+    itself for double precision. spoil: (tick, what is seen) -> what the board makes of it, to fly
+    with faults. A vehicle is a law that `simulate` flies.
+    """
+
+    def __init__(
+        self, controller: ControllerTwin, limits: SupervisorParameters, *,
+        supervisor: Law = SUPERVISOR, after_reset: bool = False,
+        spoil: Callable[[int, Watched], Watched] = lambda tick, seen: seen,
+    ) -> None:  # fmt: skip
+        self.controller, self.limits, self.supervisor = controller, limits, supervisor
+        self.spoil = spoil
+        nothing = Watched(math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self.state = supervisor.initial(limits, nothing, 1.0 if after_reset else 0.0)
+
+    @property
+    def reason(self) -> Reason | None:
+        """The first reason; None while the law commands."""
+        number = int(self.state.reason)
+        return Reason(number) if number else None
+
+    @property
+    def reasons(self) -> tuple[Reason, ...]:
+        """Every reason so far."""
+        return reasons_in(self.state.reasons)
+
+    @property
+    def release(self) -> bool:
+        """Whether the drop weight is to go."""
+        return bool(self.state.release > 0.0)
+
+    def tick(self, seen: Watched, reference: float) -> Any:
+        """Return the command from this tick on; `missed` of what is seen is the controller's."""
+        wanted = self.controller.tick(seen.depth, seen.volume, reference)
+        seen = seen._replace(missed=float(self.controller.missed))
+        command, self.state, _ = self.supervisor.step(self.limits, self.state, seen, wanted)
+        return command
+
+    def __call__(self, seen: Measurement, reference: float) -> float:
+        """Return the command, as `simulate` asks for it; the board has no battery and leak sensor.
+
+        Depths are as old as 0 s; `spoil` may say otherwise.
+        """
+        watched = Watched(seen.depth, 0.0, seen.volume, math.nan, 0.0, 0.0, 0.0)
+        return float(self.tick(self.spoil(self.controller.ticks, watched), reference))

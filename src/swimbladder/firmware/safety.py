@@ -31,8 +31,7 @@ _AFLOAT = 0.5  # m, below the depth of emergence; weather and waves
 _RARE = 1e-12  # chance that noise gives the same depth all along
 _AT_LEAST_S = 10.0  # s, of the very same depth: a slow sensor repeats itself
 _HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
-_MOVED_SHARE = 0.05  # of half the stroke, with which a depth cannot stay the same...
-_MOVED_S = 30.0  # ...for so long
+_MOVED_SHARE = 0.05  # of half the stroke, with which a depth cannot stay the same
 _STILL_S = 5.0
 _REST_S, _LEAST_PUSH_S = 60.0, 10.0
 _RISE = 1.0  # m
@@ -84,7 +83,8 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         fastest=(1.5 * _terminal_speed(p, 2.0 * half) + _WATER_SPEED) * tick,
         jump=moving + 0.05,
         late_age=given.late or max(2.0 * tick, 1.0), blind=patience, gap=patience,
-        same=same, same_moved=ticks(_MOVED_S, tick), moved=_MOVED_SHARE * half,
+        same=same, same_begun=ticks(2.0 * tau, tick), same_moved=ticks(3.0 * tau, tick),
+        moved=_MOVED_SHARE * half,
         volume_least=p.V_min - 2.0 * _END_SHARE * half,
         volume_most=p.V_max + 2.0 * _END_SHARE * half,
         volume_low=p.V_min + 2.0 * _END_SHARE * half,
@@ -96,7 +96,7 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range,
         model_error=given.model_error, a_b=p.a_b, d_l=p.d_l, d_b=p.d_b, d_0=p.d_0, d_t=p.d_t,
         epsilon=p.epsilon, tau=tau, smoothing=tick / (tau + tick),
-        settle=ticks(_SETTLE * tau, tick), wrong=patience,
+        settle=ticks(_SETTLE * tau, tick), wrong=patience + ticks(_STILL_S, tick),
         surface=p.z_surface + _AFLOAT,
         aground=floor - max(0.1, 0.02 * floor) - moving if floor < math.inf else math.inf,
         bottom_anywhere=1.0 if floor == math.inf and same < math.inf else 0.0,

@@ -63,14 +63,14 @@ class Controller(Parameters):
 
 
 class Supervisor(Parameters):
-    """When the firmware's supervisor brings the vehicle up; what is not given follows from the rest.
+    """When the firmware's supervisor brings the vehicle up; what is not given follows from others.
 
     How each is derived: docs/explanation/supervisor.md. `swimbladder firmware` prints them all.
     """
 
     depth_limit: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
-        None, description="depth at which it does; not given: 0.9 of where full buoyancy, the motor "
-        "at `battery_low` and the hull still do their part, less what is not known of the trim"
+        None, description="depth at which it does; not given: 0.9 of where full buoyancy, hull "
+        "and motor (at `battery_low`) still do their part, less what is not known of the trim"
     )  # fmt: skip
     time_limit: Annotated[float, Unit("s"), Field(gt=0.0, le=3e9)] | None = Field(
         None, description="time since the start at which it does; not given: never"
@@ -84,8 +84,9 @@ class Supervisor(Parameters):
         "stands still and shows the sensor's noise"
     )  # fmt: skip
     neutral_range: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = Field(
-        None, description="how far the neutral volume may be from `trim_error`, drift and layers of "
-        "the water included; not given: a quarter of half the stroke"
+        None, description="how far the neutral volume may be from `trim_error`, drift and layers "
+        "of the water included; not given: a quarter of half the stroke, half of what is left "
+        "above `trim_error` at most"
     )  # fmt: skip
     model_error: Annotated[float, Unit(""), Field(gt=0.0, lt=1.0)] = Field(
         0.3, description="share of the force on the vehicle, and of psi, that the model may miss"
