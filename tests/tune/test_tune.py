@@ -9,16 +9,20 @@ import pytest
 
 from swimbladder.analysis import analyse
 from swimbladder.cli import main
+from swimbladder.closed_loop import simulate
 from swimbladder.control.law import Measurement
+from swimbladder.control.registry import bind
 from swimbladder.dynamics import plant
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.linear.models import linearise
 from swimbladder.linear.sampled import SampledLoop, linearise_law
 from swimbladder.tune import tune
+from swimbladder.tune.energy import electrical_energy, winding
 from swimbladder.tune.gains import Knobs, gains, setting_of, tunable
 from swimbladder.tune.margins import WANTED, exactly, falls_short, roughly, worst
 from swimbladder.tune.region import region
+from swimbladder.tune.trial import trial
 
 FEUP = load_vehicle("feup-em")
 NOISY = FEUP.model_copy(update={"sensors": FEUP.sensors.model_copy(update={"depth_noise": 2e-3})})
@@ -38,10 +42,13 @@ def loops(name, knobs, *, depth=2.0, delay=0.0):
     return loop.broken_at_command(command_delay=delay), loop.broken_at_depth(command_delay=delay)
 
 
-@pytest.mark.parametrize("name", ["planned", "observer", "cascade"])
+LEARNING = {"adrc": 0.25}
+
+
+@pytest.mark.parametrize("name", ["planned", "observer", "cascade", "sea-cascade", "adrc"])
 @pytest.mark.parametrize("delay", [0.0, 0.03])
 def test_margins_are_python_controls(name, delay):
-    knobs = Knobs(0.15, 0.9, 1.2, sharpness=8.0, learning=0.003)
+    knobs = Knobs(0.15, 0.9, 1.2, sharpness=8.0, learning=LEARNING.get(name, 0.003))
     for loop in loops(name, knobs, delay=delay):
         found = exactly(loop)
         assert found.stable
@@ -73,8 +80,12 @@ def test_the_worst_over_a_region_is_no_better_than_any_of_it():
 
 
 @pytest.mark.slow
-def test_fast_settles_near_the_bound_over_the_whole_region():
-    found = tune(NOISY, goal="fast", depths=(0.0, 5.0), step=(1.5, 3.0), supply=12.0, runs=100)
+@pytest.mark.parametrize("law", ["planned", "sea-cascade", "adrc"])
+def test_fast_settles_near_the_bound_over_the_whole_region(law):
+    found = tune(
+        NOISY, law=law, goal="fast", depths=(0.0, 5.0), step=(1.5, 3.0), supply=12.0, runs=100
+    )
+    assert found.margins is not None
     assert found.nominal.settle_median <= 16.5
     assert found.nominal.overshoot_median < 0.02
     assert found.region.settle_95 <= 21.6
@@ -95,7 +106,49 @@ def test_quiet_holds_a_depth_and_hardly_moves():
     )  # fmt: skip
     assert found.region.rms < 0.01
     assert found.region.rate * 3.6e6 < 0.5  # L an hour
+    assert found.region.starts * 3600.0 <= 60.0
     assert falls_short(found.margins, WANTED) == ()
+
+
+@pytest.mark.slow
+def test_energy_is_spent_slowly_and_the_depth_is_held():
+    vehicle = load_vehicle("example-em")
+    noisy = vehicle.sensors.model_copy(update={"depth_noise": 2e-3})
+    vehicle = vehicle.model_copy(update={"sensors": noisy})
+    options = {"law": "sea-cascade", "depths": (0.0, 5.0), "step": (1.5, 3.0), "runs": 20}
+    saving = tune(vehicle, goal="energy", hold=0.03, **options)
+    fast = tune(vehicle, goal="fast", **options)
+    assert saving.region.rms < 0.03
+    assert saving.parameters.voltage_limit < fast.parameters.voltage_limit
+    long = saving.step
+    same = trial(vehicle, fast.law, fast.parameters, long, sample_time=H, runs=20)
+    assert saving.nominal.energy < 0.3 * same.energy
+    assert any("The motor takes" in sentence for sentence in saving.sentences)
+
+
+@pytest.mark.slow
+def test_a_law_that_sleeps_is_judged_by_trials_alone():
+    found = tune(
+        NOISY, law="deadband", goal="quiet", hold=0.05, depths=(0.0, 5.0), step=(1.5, 3.0), runs=20
+    )
+    assert found.margins is None
+    assert found.to_json()["margins"] is None
+    assert found.region.rms < 0.05
+    assert "no margins" in found.sentences[-1]
+
+
+def test_the_energy_of_samples_is_that_of_the_books():
+    vehicle = load_vehicle("example-em")
+    law, gains_ = bind(vehicle.controller)
+    run = simulate(
+        vehicle, law=law, parameters=gains_, setpoints=[(0.0, 3.0)], start_depth=1.5,
+        duration=60.0, sample_time=H,
+    )  # fmt: skip
+    found = electrical_energy(
+        winding(vehicle), plant(vehicle), sample_time=H, command=run.command[:, None],
+        volume=run.volume[:, None], depth=run.depth[:, None],
+    ).sum()  # fmt: skip
+    assert found == pytest.approx(run.books.energy["source"], rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -105,7 +158,11 @@ def test_quiet_holds_a_depth_and_hardly_moves():
         (FEUP, {"depths": (0.0, 60.0), "supply": 4.0}, NoAnswerError, "no longer extend below"),
         (FEUP, {"sample_time": 3.0}, NoAnswerError, "shorter sample time"),
         (FEUP, {"law": "pid"}, InputError, "not tuned"),
-        (FEUP, {"goal": "energy"}, InputError, "no such goal"),
+        (FEUP, {"goal": "soon"}, InputError, "no such goal"),
+        (FEUP, {"goal": "energy"}, NoAnswerError, "resistance R and no torque constant k_T"),
+        (FEUP, {"goal": "fast", "law": "deadband"}, InputError, "not tuned for this"),
+        (FEUP, {"hold": 0.01}, InputError, "for quiet and energy"),
+        (FEUP, {"goal": "quiet", "hold": -0.01}, InputError, "above 0"),
         (FEUP, {"depths": (5.0, 2.0)}, InputError, "no range"),
         (FEUP, {"delay": 1.5}, InputError, "share of the sample"),
         (FEUP, {"supply": 20.0}, InputError, "not above the vehicle's"),

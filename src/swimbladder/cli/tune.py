@@ -26,11 +26,14 @@ __all__ = ["tune"]
 def tune(
     vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
     law: Annotated[
-        str, typer.Option(metavar="LAW", help="planned, observer or cascade.")
+        str,
+        typer.Option(
+            metavar="LAW", help="planned, observer, sea-cascade, adrc, cascade or deadband."
+        ),
     ] = "planned",
     goal: Annotated[
         str,
-        typer.Option(metavar="GOAL", help="fast: soon settled; quiet: little volume moved."),
+        typer.Option(metavar="GOAL", help="fast: soon settled; quiet: little moved; energy."),
     ] = "fast",
     depth: Annotated[
         str, typer.Option("--depth", metavar="LEAST:MOST", help="Depths it is for.")
@@ -54,6 +57,10 @@ def tune(
     supply: Annotated[
         str | None,
         typer.Option(metavar="VOLTAGE", help="Least supply (nine tenths of the vehicle's)."),
+    ] = None,
+    hold: Annotated[
+        str | None,
+        typer.Option(metavar="DEPTH", help="Error allowed, rms (quiet 8 mm, energy 5 cm)."),
     ] = None,
     runs: Annotated[int, typer.Option(metavar="N", help="Runs of every trial.")] = 200,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
@@ -82,6 +89,7 @@ def tune(
         "sample_time": quantity(sample_time, "s", "--sample-time"),
         "delay": quantity(delay, "", "--delay"),
         "supply": quantity(supply, "V", "--supply"),
+        "hold": quantity(hold, "m", "--hold"),
         "runs": runs,
     }
     check_place(out)

@@ -10,6 +10,10 @@ straight between samples.
 
 Inside, the volume follows the one that the state feedback asks for, with the voltage that the load
 of the sea takes fed forward, eq. (30).
+
+Near the set-point the motor may rest: for `pause` seconds the volume stays, the filter goes on, and
+then one move brings the volume to where gains made for holds of that length want it. What that
+costs is the noise of the estimate grown over a pause.
 """
 
 from __future__ import annotations
@@ -81,6 +85,10 @@ class ObserverParameters(NamedTuple):
     k_w: float  # m3 s/m, volume per speed error
     k_V: float  # V/m3, voltage per volume error
     dead: float  # m3, volume error below which the motor rests
+    near: float  # m, depth error within which it moves once a pause
+    pause: float  # s, between two starts of the motor there; 0: none
+    r_z: float  # m3/m, as k_z, for a volume that holds over a pause
+    r_w: float  # m3 s/m, as k_w, likewise
     farthest: float  # m, a depth error beyond which no more volume is asked for
     depth_voltage: float  # V/m, load of the sea
     limit: float  # V
@@ -106,6 +114,7 @@ class ObserverState(NamedTuple):
     volume: float  # m3, measured at the sample before
     volume_reference: float  # m3, asked for at the sample before
     moving: float  # 1: the motor is on its way, 0: it rests
+    rested: float  # s, since the motor was started near the set-point, no more than a pause
 
 
 def limited(x: float, least: float, most: float) -> float:
@@ -163,7 +172,7 @@ def initial(
     depth = measurement.depth if math.isfinite(measurement.depth) else reference
     volume = measurement.volume if math.isfinite(measurement.volume) else p.neutral + p.psi * depth
     e = begin_estimate(p.neutral, p.neutral_range, p.psi, depth, volume)
-    return ObserverState(e.depth, e.speed, e.neutral, volume, volume, 0.0)
+    return ObserverState(e.depth, e.speed, e.neutral, volume, volume, 0.0, p.pause)
 
 
 def step(
@@ -188,13 +197,26 @@ def step(
     )
     # Volume: neutral there, less what sinks the vehicle towards the reference.
     error = limited(reference - e.depth, -p.farthest, p.farthest)
-    wanted = p.psi * (e.depth + error) + e.neutral - p.k_z * error + p.k_w * e.speed
+    resting = p.pause > 0.0 and abs(error) < p.near
+    k_z = p.r_z if resting else p.k_z
+    k_w = p.r_w if resting else p.k_w
+    wanted = p.psi * (e.depth + error) + e.neutral - k_z * error + k_w * e.speed
     wanted = limited(wanted, p.volume_min, p.volume_max)
+    rested = min(state.rested + p.S_p, p.pause)
+    if not resting:
+        rested = p.pause
+    elif rested < p.pause:
+        wanted = state.volume_reference
     moving = moves(wanted - volume, state.moving, p.dead)
+    if resting and moving > 0.0 and state.moving == 0.0:
+        if rested < p.pause:
+            moving = 0.0
+        else:
+            rested = 0.0
     voltage = p.depth_voltage * e.depth + moving * p.k_V * (wanted - volume)
     return (
         limited(voltage, -p.limit, p.limit),
-        ObserverState(e.depth, e.speed, e.neutral, volume, wanted, moving),
+        ObserverState(e.depth, e.speed, e.neutral, volume, wanted, moving, rested),
         p.S_p,
     )
 
@@ -211,7 +233,7 @@ OBSERVER = Law(
         "turbulent": "1/m", "l_z": "", "l_w": "1/s", "l_b": "m3/m",
         "neutral": "m3", "neutral_range": "m3", "psi": "m3/m",
         "k_z": "m3/m", "k_w": "m3 s/m", "k_V": "V/m3", "dead": "m3",
-        "farthest": "m",
+        "near": "m", "pause": "s", "r_z": "m3/m", "r_w": "m3 s/m", "farthest": "m",
         "depth_voltage": "V/m", "limit": "V", "volume_min": "m3", "volume_max": "m3", "S_p": "s",
     },
     step=step,

@@ -1,12 +1,14 @@
 """Gains for a vehicle: margins over what is not known of it, then trials with noise.
 
-`gains` makes a law's parameters of a few knobs, `region` says which vehicles are possible,
-`margins` and `trial` judge, `search` finds, `run` puts them together.
+`knobs` are what is chosen, `motion` and `gains` make a law's parameters of them, `region` says
+which vehicles are possible, `margins` and `trial` (with `energy`) judge, `grids` says what is
+tried, `search` finds, `run` puts them together.
 """
 
 from __future__ import annotations
 
+from swimbladder.tune.grids import GOALS
 from swimbladder.tune.result import Tuning
-from swimbladder.tune.run import GOALS, tune
+from swimbladder.tune.run import tune
 
 __all__ = ["GOALS", "Tuning", "tune"]

@@ -11,102 +11,28 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import expm, solve_discrete_are
-
+from swimbladder.control.adrc import ADRC, AdrcParameters, adrc_gains
 from swimbladder.control.cascade import CASCADE, CascadeParameters
+from swimbladder.control.deadband import DEADBAND, DeadbandParameters, deadband_gains
 from swimbladder.control.law import Law
 from swimbladder.control.observer import OBSERVER, ObserverParameters
 from swimbladder.control.planned import PLANNED, PlannedParameters
-from swimbladder.dynamics import Plant, plant
+from swimbladder.control.sea_cascade import SEA_CASCADE, SeaCascadeParameters, sea_cascade_gains
+from swimbladder.dynamics import Plant
 from swimbladder.errors import InputError
-from swimbladder.parameters import Vehicle
 from swimbladder.parameters.schema import did_you_mean
+from swimbladder.tune.knobs import Knobs, Setting, setting_of
+from swimbladder.tune.motion import filter_gains, hold_gains, motion_over_sample, stiffness
 
-__all__ = [
-    "TUNABLE",
-    "Knobs",
-    "filter_gains",
-    "gains",
-    "motion_over_sample",
-    "stiffness",
-    "tunable",
-]
-
-Array = NDArray[np.float64]
+__all__ = ["TUNABLE", "Knobs", "Recipe", "Setting", "gains", "setting_of", "tunable"]
 
 _STROKE = 0.5  # of the stroke to the nearer end: what a path may take to accelerate
 _CRUISE = 0.25  # the same to keep a speed
 _THIRD = 0.4  # of the natural frequency: the cascade's third pole
-_FINEST = 0.5e-3  # m, noise that a filter reckons with at least
-
-
-class Knobs(NamedTuple):
-    """What a law is tuned with.
-
-    frequency [rad/s] and damping [-] of the depth under feedback; inner [1/s]: rate at which the
-    volume follows; sharpness [-]: bandwidth of the filter over `frequency`; learning [-]: how fast
-    the neutral volume is learnt, as a share of what the filter could; share [-]: of the motor's
-    speed that a path takes; dead [m3]: volume error that the motor rests at.
-    """
-
-    frequency: float
-    damping: float
-    inner: float
-    sharpness: float = 6.0
-    learning: float = 0.01
-    share: float = 0.8
-    dead: float = 0.0
-
-
-class Setting(NamedTuple):
-    """The vehicle as the gains see it: nominal, with the least of the supply."""
-
-    plant: Plant
-    sample_time: float  # s
-    noise: float  # m, of a measured depth, quantum included
-    limit: float  # V, least supply
-    neutral_range: float  # m3, how far the neutral volume may be from what is known
-
-
-def stiffness(p: Plant) -> tuple[float, float]:
-    """Return (drag [1/s], buoyancy [1/m2/s2]): w' = a (psi z - V) - d w about rest."""
-    return (p.d_l if p.epsilon > 0.0 else p.d_b), p.a_b
-
-
-def motion_over_sample(p: Plant, h: float) -> tuple[Array, Array, Array]:
-    """Return F [2, 2], G0 [2] and G1 [2]: (z, w)+ = F (z, w) + G0 q0 + G1 q1.
-
-    q0 and q1: volume less neutral volume at depth 0 at both ends of the sample of h [s], straight
-    between them.
-    """
-    d, a = stiffness(p)
-    A = np.zeros((4, 4))
-    A[0, 1], A[1, 0], A[1, 1], A[1, 2], A[2, 3] = 1.0, a * p.psi, -d, -a, 1.0
-    E = expm(A * h)
-    return E[:2, :2], E[:2, 2] - E[:2, 3] / h, E[:2, 3] / h
-
-
-def filter_gains(
-    p: Plant, h: float, *, depth: float, acceleration: float, neutral_walk: float
-) -> Array:
-    """Return the settled Kalman gains [3] on depth, speed and neutral volume.
-
-    depth [m]: noise of a sample; acceleration [m/s/s^0.5] and neutral_walk [m3/s^0.5]: intensities.
-    """
-    F, G0, G1 = motion_over_sample(p, h)
-    A = np.eye(3)
-    A[:2, :2], A[:2, 2] = F, -(G0 + G1)
-    H = np.array([[1.0, 0.0, 0.0]])
-    # In units in which the three are of one size: cubic centimetres, millimetres.
-    unit = np.array([1e-3, 1e-3, 1e-6])
-    Q = np.diag([0.0, acceleration**2 * h, neutral_walk**2 * h]) / np.outer(unit, unit)
-    A_unit = A * np.outer(1.0 / unit, unit)
-    R = np.array([[(depth / unit[0]) ** 2]])
-    P = solve_discrete_are(A_unit.T, H.T, Q, R)
-    L: Array = (P @ H.T / (H @ P @ H.T + R))[:, 0] * unit / unit[0]
-    return L
+_NEAR = 20.0  # times the noise: depth errors in which the motor pauses
+_SHORTEST = 10.0  # samples, of a target's way
+_FADING = 0.25  # of an error, that deadband leaves in an interval
+_STEP = 10.0  # times the noise: what a change of the neutral volume moves in an interval
 
 
 def tunable(name: str) -> Law:
@@ -116,23 +42,12 @@ def tunable(name: str) -> Law:
             "this law is not tuned", field="--law", value=name,
             remedy=f"{did_you_mean(name, TUNABLE)}Choose from {', '.join(TUNABLE)}",
         )  # fmt: skip
-    return TUNABLE[name][0]
+    return TUNABLE[name].law
 
 
 def gains(name: str, setting: Setting, knobs: Knobs) -> Any:
     """Return the parameters of the law of that name."""
-    return TUNABLE[name][1](setting, knobs)
-
-
-def setting_of(
-    vehicle: Vehicle, *, sample_time: float, supply: float, neutral_range: float
-) -> Setting:
-    """Return what the gains need of a vehicle; supply [V]: the least that it will have."""
-    sensors = vehicle.sensors
-    noise = math.hypot(sensors.depth_noise, sensors.depth_quantum / math.sqrt(12.0))
-    if vehicle.identified is not None:
-        noise = max(noise, vehicle.identified.depth_noise)
-    return Setting(plant(vehicle), sample_time, max(noise, _FINEST), supply, neutral_range)
+    return TUNABLE[name].make(setting, knobs)
 
 
 def _cascade(s: Setting, k: Knobs) -> CascadeParameters:
@@ -164,8 +79,8 @@ def _feedback(s: Setting, k: Knobs) -> dict[str, float]:
         "l_z": L[0], "l_w": L[1], "l_b": L[2],
         "neutral": p.V_0, "neutral_range": s.neutral_range, "psi": p.psi,
         "k_z": k.frequency**2 / a, "k_w": (2.0 * k.damping * k.frequency - d) / a,
-        "k_V": k.inner / p.gain, "dead": k.dead, "depth_voltage": p.load_drive, "limit": s.limit,
-        "volume_min": p.V_min, "volume_max": p.V_max, "S_p": h,
+        "k_V": k.inner / p.gain, "dead": k.dead, "depth_voltage": p.load_drive,
+        "limit": k.volts * s.limit, "volume_min": p.V_min, "volume_max": p.V_max, "S_p": h,
     }  # fmt: skip
 
 
@@ -176,24 +91,87 @@ def _room(p: Plant) -> float:
 
 def _observer(s: Setting, k: Knobs) -> ObserverParameters:
     found = _feedback(s, k)
-    # A depth error that asks for half the room, by k_z.
-    return ObserverParameters(**_floats(found), farthest=_STROKE * _room(s.plant) / found["k_z"])
+    r_z, r_w = hold_gains(s.plant, k.pause) if k.pause > 0.0 else (0.0, 0.0)
+    return ObserverParameters(
+        **_floats(found), near=_NEAR * s.noise if k.pause > 0.0 else 0.0, pause=k.pause, r_z=r_z,
+        r_w=r_w,
+        # A depth error that asks for half the room, by k_z.
+        farthest=_STROKE * _room(s.plant) / found["k_z"],
+    )  # fmt: skip
+
+
+def _jerk(s: Setting, k: Knobs) -> float:
+    """Return the jerk [m/s3] that a share of the motor's speed gives."""
+    return k.share * s.plant.gain * s.limit * k.volts * stiffness(s.plant)[1]
+
+
+def _fastest(p: Plant, jerk: float) -> float:
+    """Return a speed [m/s] for which neither accelerating nor keeping it takes the stroke."""
+    d, a = stiffness(p)
+    room = _room(p)
+    force = _CRUISE * room * a
+    speed = (_STROKE * room * a) ** 2 / jerk
+    if d + p.d_t <= 0.0:
+        return speed
+    return min(speed, 2.0 * force / (d + math.sqrt(d * d + 4.0 * p.d_t * force)))
 
 
 def _planned(s: Setting, k: Knobs) -> PlannedParameters:
     p = s.plant
     d, a = stiffness(p)
-    jerk = k.share * p.gain * s.limit * a
-    room = _room(p)
-    # Fast enough that neither accelerating nor keeping the speed takes the stroke.
-    speed = (_STROKE * room * a) ** 2 / jerk
-    force = _CRUISE * room * a
-    steady = (
-        2.0 * force / (d + math.sqrt(d * d + 4.0 * p.d_t * force)) if d + p.d_t > 0.0 else speed
-    )
     return PlannedParameters(
         **_floats(_feedback(s, k)), inertia=1.0 / a, laminar=d, quadratic=p.d_t, share=k.share,
-        speed=min(speed, steady), rate=1.0 / p.gain,
+        speed=_fastest(p, _jerk(s, k)), rate=1.0 / p.gain,
+    )  # fmt: skip
+
+
+def _target(s: Setting, k: Knobs) -> dict[str, float]:
+    """Return what sea-cascade and adrc have in common: how the target moves, and the limits."""
+    p, jerk = s.plant, _jerk(s, k)
+    return {
+        "leash": 0.0, "fastest": _fastest(p, jerk), "jerk": jerk,
+        "shortest": _SHORTEST * s.sample_time, "psi": p.psi, "depth_voltage": p.load_drive,
+        "rate_per_volt": p.gain, "voltage_limit": k.volts * s.limit, "volume_min": p.V_min,
+        "volume_max": p.V_max, "S_p": s.sample_time,
+    }  # fmt: skip
+
+
+def _sea_cascade(s: Setting, k: Knobs) -> SeaCascadeParameters:
+    p, h = s.plant, s.sample_time
+    d, a = stiffness(p)
+    own = sea_cascade_gains(a, d, p.gain, k.frequency, h)._replace(k_pV=k.inner / p.gain)
+    return SeaCascadeParameters(
+        **own._asdict(), **_target(s, k), target_weight=1.0,
+        smoothing=1.0 - math.exp(-k.sharpness * k.frequency * h), volume_per_speed=d / a,
+        volume_per_acceleration=1.0 / a, dead_zone=k.dead,
+    )  # fmt: skip
+
+
+def _adrc(s: Setting, k: Knobs) -> AdrcParameters:
+    p, w = s.plant, k.frequency
+    d, a = stiffness(p)
+    own = adrc_gains(w, k.sharpness * w, s.sample_time, k.learning * w)
+    return AdrcParameters(**own._asdict(), **_target(s, k), b=a, drag=d, k_pV=k.inner / p.gain)
+
+
+def _deadband(s: Setting, k: Knobs) -> DeadbandParameters:
+    """Wake every `pause`; leave errors of `band` alone, and what they are made of in a pause."""
+    p, h = s.plant, s.sample_time
+    d, a = stiffness(p)
+    if d <= 0.0:
+        raise InputError(
+            "the law deadband reckons with laminar drag, and the vehicle has none",
+            field="motion.drag", remedy="Choose the law observer",
+        )  # fmt: skip
+    interval = max(round(k.pause / h), 2) * h
+    speed = k.band / interval
+    own = deadband_gains(a / d, 1.0 / d, p.psi, interval, _FADING)
+    return DeadbandParameters(
+        **own._asdict(), K2=a / d, T2=1.0 / d, psi=p.psi, depth_noise=s.noise,
+        neutral_step=_STEP * s.noise / (a * interval * interval), band=k.band, speed_band=speed,
+        fastest=max(5.0 * speed, 0.01), interval=interval, k_pV=k.inner / p.gain,
+        tolerance=max(k.dead, s.least_move), depth_voltage=p.load_drive,
+        voltage_limit=k.volts * s.limit, volume_min=p.V_min, volume_max=p.V_max, S_p=h,
     )  # fmt: skip
 
 
@@ -201,8 +179,19 @@ def _floats(found: Mapping[str, Any]) -> dict[str, float]:
     return {name: float(value) for name, value in found.items()}
 
 
-TUNABLE: Mapping[str, tuple[Law, Callable[[Setting, Knobs], Any]]] = {
-    "planned": (PLANNED, _planned),
-    "observer": (OBSERVER, _observer),
-    "cascade": (CASCADE, _cascade),
+class Recipe(NamedTuple):
+    """A law and how its parameters are made; linear: around rest it has margins."""
+
+    law: Law
+    make: Callable[[Setting, Knobs], Any]
+    linear: bool = True
+
+
+TUNABLE: Mapping[str, Recipe] = {
+    "planned": Recipe(PLANNED, _planned),
+    "observer": Recipe(OBSERVER, _observer),
+    "cascade": Recipe(CASCADE, _cascade),
+    "sea-cascade": Recipe(SEA_CASCADE, _sea_cascade),
+    "adrc": Recipe(ADRC, _adrc),
+    "deadband": Recipe(DEADBAND, _deadband, linear=False),
 }

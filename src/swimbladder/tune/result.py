@@ -29,7 +29,7 @@ class Tuning:
     goal: str
     knobs: Knobs
     parameters: Any
-    margins: Worst
+    margins: Worst | None  # None: a law without a linear form around rest
     nominal: Trial
     region: Trial
     shown: tuple[Traces, Traces]  # a few runs: nominal, and over the region
@@ -56,13 +56,24 @@ class Tuning:
             f"Held at {self.step.target:g} m it stays within {1e3 * r.rms:.2g} mm rms and moves "
             f"{3.6e6 * r.rate:.2g} L of volume in {3600.0 * r.starts:.0f} starts an hour."
         )
-        margins = (
-            f"Over {self.points} vehicles of the region: gain {_decibel(m.gain_up)} up and "
-            f"{_decibel(m.gain_down)} down, phase {math.degrees(m.phase):.0f} degrees, "
-            f"{m.delay:.2g} s more delay, peak sensitivity {m.peak_sensitivity:.2f}, balanced "
-            f"disk margin {m.disk:.2f}."
-        )
-        return (settled, held, margins)
+        sentences = [settled, held]
+        if math.isfinite(r.energy):
+            sentences.append(
+                f"The motor takes {r.energy:.3g} J in the {self.step.duration / 60.0:.3g} min of a "
+                f"trial and {1e3 * r.power:.3g} mW while it holds (region, at its terminals)."
+            )
+        if m is None:
+            sentences.append(
+                "The law is not linear around rest and has no margins: only trials judge it."
+            )
+        else:
+            sentences.append(
+                f"Over {self.points} vehicles of the region: gain {_decibel(m.gain_up)} up and "
+                f"{_decibel(m.gain_down)} down, phase {math.degrees(m.phase):.0f} degrees, "
+                f"{m.delay:.2g} s more delay, peak sensitivity {m.peak_sensitivity:.2f}, balanced "
+                f"disk margin {m.disk:.2f}."
+            )
+        return tuple(sentences)
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON; None where a run never settles."""
@@ -80,7 +91,9 @@ class Tuning:
                 for name, value in self.parameters._asdict().items()
             },
             "knobs": self.knobs._asdict(),
-            "margins": {
+            "margins": None
+            if m is None
+            else {
                 "gain_up": m.gain_up,
                 "gain_down": m.gain_down,
                 "phase_rad": m.phase,
@@ -107,6 +120,8 @@ def _trial(t: Trial) -> dict[str, Any]:
         "rms_m": t.rms,
         "volume_rate_m3_s": t.rate,
         "starts_1_s": t.starts,
+        "energy_J": _or_none(t.energy),
+        "power_W": _or_none(t.power),
     }
 
 

@@ -11,7 +11,9 @@ from swimbladder.dynamics import plant
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.linear.depths import stall
 from swimbladder.parameters import Controller, Vehicle
-from swimbladder.tune.gains import setting_of, tunable
+from swimbladder.tune.energy import winding
+from swimbladder.tune.gains import TUNABLE, setting_of, tunable
+from swimbladder.tune.grids import GOALS, HELD, goals_of
 from swimbladder.tune.region import region
 from swimbladder.tune.result import Tuning
 from swimbladder.tune.search import search
@@ -19,10 +21,8 @@ from swimbladder.tune.trial import Step, traces
 
 __all__ = ["GOALS", "tune"]
 
-GOALS = ("fast", "quiet")
-
 _LOW = 0.9  # of the supply's voltage, a battery that is nearly empty
-_HELD = 2700.0  # s, that a quiet law is watched for: what counts is the last third
+_WATCH = 2700.0  # s, that a hold is watched for: what counts is the last third
 _SHOWN = (1, 30)  # runs kept as they went: of the nominal vehicle, over the region
 _WATCHED = 10.0  # times the least time of a step
 
@@ -31,21 +31,25 @@ def tune(
     vehicle: Vehicle, *, law: str = "planned", goal: str = "fast",
     depths: tuple[float, float] = (0.0, 10.0), sample_time: float | None = None,
     delay: float = 0.1, supply: float | None = None, step: tuple[float, float] | None = None,
-    runs: int = 200, advance: Callable[[float], None] | None = None,
+    hold: float | None = None, runs: int = 200,
+    advance: Callable[[float], None] | None = None,
 ) -> Tuning:  # fmt: skip
     """Return the gains of a law for this vehicle and goal, with what they guarantee.
 
-    law: planned, observer or cascade. goal: fast (a step soon settled) or quiet (little volume
-    moved while a depth is held). depths: least and greatest [m]. sample_time [s]: the
-    controller's where not given. delay: from a sample to its command, as a share of the sample
-    time. supply [V]: the least; nine tenths of the vehicle's where not given. step: depths [m] of
-    the trial, 1.5 m within the range where not given. advance: told the share of the work done.
+    law: planned, observer, sea-cascade, adrc, cascade or deadband. goal: fast (a step soon
+    settled), quiet (little volume moved and few starts of the motor while a depth is held) or
+    energy (least electrical energy for a step and holding). depths: least and greatest [m].
+    sample_time [s]: the controller's where not given. delay: from a sample to its command, as a
+    share of the sample time. supply [V]: the least; nine tenths of the vehicle's where not given.
+    step: depths [m] of the trial, 1.5 m within the range where not given. hold [m rms]: error
+    allowed to a quiet law (8 mm) or one that saves energy (5 cm). advance: told the share of the
+    work done.
 
     Raises InputError for what cannot be; NoAnswerError where no gains hold this vehicle, with what
-    limits them.
+    limits them, or where the energy of its motor is not known.
     """
     chosen = tunable(law)
-    _check(vehicle, goal, depths, delay, runs)
+    _check(vehicle, law, goal, depths, delay, runs, hold)
     h = _sample_time(vehicle, sample_time)
     vehicle, sensor = _with_noise(vehicle)
     p = plant(vehicle)
@@ -61,11 +65,12 @@ def tune(
         vehicle, sample_time=h, supply=least, neutral_range=max(10.0 * around.neutral, 20e-6)
     )
     ends = _step(depths, step)
-    long = _HELD if goal == "quiet" else _watched(vehicle, least, abs(ends[1] - ends[0]), h)
+    held = HELD.get(goal, 0.0) if hold is None else hold
+    long = _WATCH if goal != "fast" else _watched(vehicle, least, abs(ends[1] - ends[0]), h)
     watched = Step(*ends, long)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         found = search(
-            law, chosen, vehicle, setting, around, goal=goal, depths=sorted({*depths, *ends}),
+            law, vehicle, setting, around, goal=goal, held=held, depths=sorted({*depths, *ends}),
             delay=delay * h, step=watched, runs=runs, advance=advance,
         )  # fmt: skip
     numbers = found.parameters
@@ -97,13 +102,14 @@ def tune(
             f"the supply falls to {least:.3g} V",
             f"a command comes {1e3 * delay * h:.3g} ms after its sample",
         ),
-        points=len(around.plants),
+        points=len(around.plants) if TUNABLE[law].linear else 0,
     )  # fmt: skip
 
 
 def _check(
-    vehicle: Vehicle, goal: str, depths: tuple[float, float], delay: float, runs: int
-) -> None:
+    vehicle: Vehicle, law: str, goal: str, depths: tuple[float, float], delay: float, runs: int,
+    hold: float | None,
+) -> None:  # fmt: skip
     if not vehicle.voltage_driven:
         raise InputError(
             "these laws command a voltage, and the vehicle's actuator takes a volume",
@@ -113,6 +119,23 @@ def _check(
     if goal not in GOALS:
         raise InputError(
             "no such goal", field="--goal", value=goal, remedy=f"Choose from {', '.join(GOALS)}"
+        )
+    if goal not in goals_of(law):
+        raise InputError(
+            f"the law {law} is not tuned for this", field="--goal", value=goal,
+            remedy=f"Choose from {', '.join(goals_of(law))}, or another law",
+        )  # fmt: skip
+    if hold is not None and (goal == "fast" or not 0.0 < hold < math.inf):
+        raise InputError(
+            "an error that is allowed is above 0, and for quiet and energy", field="--hold",
+            value=hold, unit="m", remedy='Give something like "1 cm" with --goal quiet',
+        )  # fmt: skip
+    if goal == "energy" and winding(vehicle) is None:
+        raise NoAnswerError(
+            f"the energy that {vehicle.name!r} takes is not known: its actuator of the kind "
+            f"{vehicle.actuator.kind!r} has no winding resistance R and no torque constant k_T. "
+            "Give the motor's data (actuator.motor.resistance and torque_constant of an "
+            "electromechanical or electrohydraulic actuator), or tune for quiet, which moves least"
         )
     if not (0.0 <= depths[0] < depths[1] < math.inf):
         raise InputError(

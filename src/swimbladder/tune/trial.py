@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from swimbladder.closed_loop import simulate_ensemble
 from swimbladder.control.law import Law
-from swimbladder.dynamics import Plant
+from swimbladder.dynamics import Plant, plant
 from swimbladder.parameters import Vehicle
+from swimbladder.tune.energy import electrical_energy, winding
 from swimbladder.tune.region import Region
 
 if TYPE_CHECKING:
@@ -54,6 +55,8 @@ class Trial(NamedTuple):
     rms: float  # m, of the depth error over the last third
     rate: float  # m3/s, of volume moved over the last third
     starts: float  # 1/s, of the motor, over the last third
+    energy: float  # J, of the motor in the whole run; nan where its R or k_T is not known
+    power: float  # W, of the motor over the last third, likewise
 
 
 class Traces(NamedTuple):
@@ -83,6 +86,15 @@ def trial(
     time = data["time"].to_numpy()
     depth, volume = data["depth"].to_numpy(), data["volume"].to_numpy()
     late = time >= time[-1] * 2.0 / 3.0
+    motor, energy, power = winding(vehicle), float("nan"), float("nan")
+    if motor is not None:
+        p = plant(vehicle)
+        joules = electrical_energy(
+            motor, p if supply is None else p._replace(supply=supply), sample_time=sample_time,
+            command=data["command"].to_numpy(), volume=volume, depth=depth,
+        )  # fmt: skip
+        energy = float(joules.sum(axis=0).mean())
+        power = float(joules[late[:-1]].mean()) / sample_time
     moves = np.abs(np.diff(volume[late], axis=0))
     starts = motor_starts(volume[late])
     seconds = float(time[late][-1] - time[late][0])
@@ -98,6 +110,8 @@ def trial(
         rms=float(np.sqrt(np.mean((depth[late] - step.target) ** 2))),
         rate=float(moves.sum(axis=0).mean()) / seconds,
         starts=float(starts.mean()) / seconds,
+        energy=energy,
+        power=power,
     )
 
 

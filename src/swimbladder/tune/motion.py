@@ -1,0 +1,82 @@
+"""What the gains are made of: the motion over a sample or a pause, and the filter that settles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm, solve_discrete_are
+
+from swimbladder.dynamics import Plant
+
+__all__ = ["filter_gains", "hold_gains", "motion_over_sample", "runaway", "stiffness"]
+
+Array = NDArray[np.float64]
+
+_LEFT = 0.3  # of an error, after a pause
+
+
+def stiffness(p: Plant) -> tuple[float, float]:
+    """Return (drag [1/s], buoyancy [1/m2/s2]): w' = a (psi z - V) - d w about rest."""
+    return (p.d_l if p.epsilon > 0.0 else p.d_b), p.a_b
+
+
+def motion_over_sample(p: Plant, h: float) -> tuple[Array, Array, Array]:
+    """Return F [2, 2], G0 [2] and G1 [2]: (z, w)+ = F (z, w) + G0 q0 + G1 q1.
+
+    q0 and q1: volume less neutral volume at depth 0 at both ends of the sample of h [s], straight
+    between them.
+    """
+    d, a = stiffness(p)
+    A = np.zeros((4, 4))
+    A[0, 1], A[1, 0], A[1, 1], A[1, 2], A[2, 3] = 1.0, a * p.psi, -d, -a, 1.0
+    E = expm(A * h)
+    return E[:2, :2], E[:2, 2] - E[:2, 3] / h, E[:2, 3] / h
+
+
+def hold_gains(p: Plant, pause: float, *, left: float = _LEFT) -> tuple[float, float]:
+    """Return volumes per depth [m3/m] and per speed [m3 s/m] that hold over a pause [s].
+
+    Ackermann's formula for the motion under a volume that is held: two poles at `left`, the share
+    of an error that a pause leaves.
+    """
+    d, a = stiffness(p)
+    A = np.array([[0.0, 1.0, 0.0], [a * p.psi, -d, -a], [0.0, 0.0, 0.0]])
+    E = expm(A * pause)
+    F, G = E[:2, :2], E[:2, 2]
+    reach = np.column_stack([G, F @ G])
+    rest = F - left * np.eye(2)
+    r_z, r_w = -np.linalg.solve(reach.T, [0.0, 1.0]) @ rest @ rest
+    return float(r_z), float(r_w)
+
+
+def runaway(p: Plant) -> float:
+    """Return the time [s] in which a held volume lets the vehicle run away e-fold.
+
+    s (s + d) = a psi; where that takes longer than three times the drag's time, that is given.
+    """
+    d, a = stiffness(p)
+    root = 0.5 * (math.sqrt(d * d + 4.0 * a * max(p.psi, 0.0)) - d)
+    return 1.0 / max(root, d / 3.0, 1e-9)
+
+
+def filter_gains(
+    p: Plant, h: float, *, depth: float, acceleration: float, neutral_walk: float
+) -> Array:
+    """Return the settled Kalman gains [3] on depth, speed and neutral volume.
+
+    depth [m]: noise of a sample; acceleration [m/s/s^0.5] and neutral_walk [m3/s^0.5]: intensities.
+    """
+    F, G0, G1 = motion_over_sample(p, h)
+    A = np.eye(3)
+    A[:2, :2], A[:2, 2] = F, -(G0 + G1)
+    H = np.array([[1.0, 0.0, 0.0]])
+    # In units in which the three are of one size: cubic centimetres, millimetres.
+    unit = np.array([1e-3, 1e-3, 1e-6])
+    Q = np.diag([0.0, acceleration**2 * h, neutral_walk**2 * h]) / np.outer(unit, unit)
+    A_unit = A * np.outer(1.0 / unit, unit)
+    R = np.array([[(depth / unit[0]) ** 2]])
+    P = solve_discrete_are(A_unit.T, H.T, Q, R)
+    L: Array = (P @ H.T / (H @ P @ H.T + R))[:, 0] * unit / unit[0]
+    return L
