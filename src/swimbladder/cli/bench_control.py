@@ -1,0 +1,174 @@
+"""``swimbladder bench-control``: every law on the same scenarios, as a table and a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from swimbladder.cli.common import compile_notice, emit_json, output, progress, quantity
+from swimbladder.cli.depths import depth_pair, with_sensor
+from swimbladder.errors import InputError
+
+if TYPE_CHECKING:
+    from swimbladder.bench_control import Bench
+    from swimbladder.parameters import Vehicle
+
+__all__ = ["bench_control"]
+
+_NOISE = "2 mm"  # where neither the vehicle file nor the user says what the sensor has
+
+
+def bench_control(
+    vehicle: Annotated[
+        str | None, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
+    ] = None,
+    laws: Annotated[
+        str | None, typer.Option(metavar="LAW,LAW", help="Laws to tune and fly (all that fit).")
+    ] = None,
+    runs: Annotated[int, typer.Option(metavar="N", help="Runs of every scenario.")] = 40,
+    depth: Annotated[
+        str | None,
+        typer.Option(
+            "--depth", metavar="LEAST:MOST", help="Depths (what stroke, supply, rating allow)."
+        ),
+    ] = None,
+    depth_noise: Annotated[
+        str | None,
+        typer.Option(metavar="DEPTH", help="1 sigma of the depths (the vehicle's, else 2 mm)."),
+    ] = None,
+    depth_quantum: Annotated[
+        str | None, typer.Option(metavar="DEPTH", help="Step of the depth sensor (the vehicle's).")
+    ] = None,
+    sample_time: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Of the tuned laws (the controller's).")
+    ] = None,
+    seed: Annotated[int, typer.Option(metavar="N", help="Of noise, waves, drift, draws.")] = 1,
+    list_scenarios: Annotated[
+        bool, typer.Option("--list-scenarios", help="Print what is flown, and nothing else.")
+    ] = False,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
+        "swimbladder-bench-control"
+    ),
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    r"""Fly every law on the same scenarios: soon, still, and at what cost.
+
+    Each law is tuned twice, fast and quiet; the vehicle file's own controller is flown as it is.
+    What is done is kept in the folder's parts/, so that a stopped bench goes on there.
+    """
+    if list_scenarios:
+        _list(vehicle, depth, json)
+        return
+    if vehicle is None:
+        raise InputError("no vehicle", field="VEHICLE", remedy="Name a preset or a TOML file")
+    from swimbladder.io.config import load_vehicle
+    from swimbladder.io.files import check_place
+
+    v, assumed = _sensed(load_vehicle(vehicle), depth_noise, depth_quantum)
+    options: dict[str, Any] = {
+        "laws": None if laws is None else [name.strip() for name in laws.split(",")],
+        "runs": runs,
+        "depths": None if depth is None else depth_pair(depth, "--depth"),
+        "sample_time": quantity(sample_time, "s", "--sample-time"),
+        "seed": seed,
+    }
+    check_place(out)
+    with progress("loading the simulator"):
+        from swimbladder.bench_control import bench
+        from swimbladder.cli.common import json_text
+        from swimbladder.report.bench_control import write_bench
+    with compile_notice(), progress("tuning and flying", 1.0) as advance:
+        found = bench(v, **options, parts=out / "parts", advance=advance)
+    if assumed:
+        found = found.assuming(assumed)
+    with progress("drawing and writing"):
+        files = write_bench(
+            found, out, answer=json_text(found.to_json()), command=_command(vehicle)
+        )
+    if json:
+        emit_json({**found.to_json(), "files": [str(path) for path in files]})
+    else:
+        _print(found, files)
+
+
+def _sensed(vehicle: Vehicle, noise: str | None, quantum: str | None) -> tuple[Vehicle, str]:
+    """Return the vehicle with a depth sensor, and in words what was assumed of it, or nothing."""
+    v, known = with_sensor(vehicle, noise, quantum), vehicle.identified
+    if noise is not None or v.sensors.depth_noise > 0.0 or v.sensors.depth_quantum > 0.0:
+        return v, ""
+    if known is not None and known.depth_noise > 0.0:
+        return with_sensor(v, f"{known.depth_noise} m", None), "depth noise as in the logs"
+    words = f"a depth sensor with {_NOISE} of noise, as none is stated (--depth-noise)"
+    return with_sensor(v, _NOISE, None), words
+
+
+def _command(vehicle: str) -> str:
+    return f"swimbladder bench-control {vehicle}"
+
+
+def _list(vehicle: str | None, depth: str | None, json: bool) -> None:
+    """Print the scenarios, with the depths that a vehicle gives them where one is named."""
+    from swimbladder.bench_control.scenarios import SCENARIOS, place, places
+
+    shown: dict[str, dict[str, Any]] = {one.name: {"words": one.words} for one in SCENARIOS}
+    if vehicle is not None:
+        from swimbladder.io.config import load_vehicle
+
+        v = load_vehicle(vehicle)
+        where = places(v, None if depth is None else depth_pair(depth, "--depth"))
+        for one in SCENARIOS:
+            p = place(one, v, where)
+            shown[one.name] |= {
+                "start_m": p.start, "target_m": p.target, "duration_s": p.duration,
+            }  # fmt: skip
+    if json:
+        emit_json({"scenarios": shown})
+        return
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    for heading in ("scenario", *(("from [m]", "to [m]", "for [s]") if vehicle else ()), "what"):
+        table.add_column(heading, justify="right" if "[" in heading else "left")
+    for name, told in shown.items():
+        numbers = [f"{x:.5g}" for key, x in told.items() if key != "words"]
+        table.add_row(name, *numbers, told["words"])
+    output.print(table)
+
+
+def _print(found: Bench, files: list[Path]) -> None:
+    from rich.table import Table
+
+    from swimbladder.report.bench_words import HEADINGS, SOON, STILL, notes, summary
+
+    output.print(
+        f"{found.vehicle.name}, {len(found.rows)} controllers on {len(found.placed)} scenarios of "
+        f"{found.runs} runs",
+        soft_wrap=True,
+    )
+    output.print("")
+    for sentence in found.sentences:
+        output.print(sentence, soft_wrap=True)
+    output.print("")
+    for shown in (SOON, STILL):
+        table = Table(box=None, pad_edge=False, collapse_padding=True)
+        for heading in shown:
+            law = heading == "law"
+            table.add_column(heading, justify="left" if law else "right", no_wrap=not law)
+        for row in summary(found):
+            cells = dict(zip(HEADINGS, row, strict=True))
+            table.add_row(*(cells[heading] for heading in shown))
+        output.print(table)
+        output.print("")
+    for note in notes(found):
+        output.print(note, soft_wrap=True)
+    output.print("")
+    for one in found.left_out:
+        output.print(f"left out: {one.name}: {one.why}", soft_wrap=True)
+    for words in found.assumptions:
+        output.print(f"reckoned with: {words}", soft_wrap=True)
+    for path in files:
+        output.print(f"wrote {path}", soft_wrap=True)
