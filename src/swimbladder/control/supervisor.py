@@ -153,8 +153,9 @@ def watch_motion(
     if abs(depth - anchor) > p.still_distance:
         anchor = depth
         still = 0.0
-    # Still and not afloat: it may lie on a bottom that nobody knows of, where noise shows.
-    on_bottom = p.bottom_anywhere > 0.0 and still >= p.still and depth > p.surface
+    # It may lie on a bottom that nobody knows of, where noise shows that the sensor lives.
+    stays = still >= p.still
+    on_bottom = p.bottom_anywhere > 0.0 and stays and depth > p.surface
     resting = (
         (depth <= p.surface and n >= p.neutral - room)
         or (depth >= p.aground and n <= p.neutral + room)
@@ -173,9 +174,10 @@ def watch_motion(
         drag = p.d_b * speed + math.copysign(p.d_0 + p.d_t * speed * speed, speed)
     push = (((depth - z1) / p.tau - speed) / p.tau + drag) / p.a_b
     off = n2 + push - p.neutral
+    bad = stays and abs(n - p.neutral) > room
     room = room + p.model_error * abs(push)
     settled = s.settled + 1.0
-    bad = settled >= p.settle and (off > room or (off < -room and not on_bottom))
+    bad = bad or (settled >= p.settle and (off > room or (off < -room and not on_bottom)))
     wrong = tally(bad, s.wrong, p.wrong)
     return _Motion(z1, z2, n1, n2, settled, anchor, still, speed, resting, wrong)
 
@@ -244,7 +246,7 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
         restarted=restarted, tick=0.0, block=0.0, lost=0.0, since=_LONG_AGO, depth=0.0, blind=0.0,
         same=0.0, same_volume=0.0, frozen=0.0, volume=0.0, measured=0.0, volume_blind=0.0,
         command=0.0, lag=0.0, asked=0.0, following=0.0, z1=0.0, z2=0.0, n1=0.0, n2=0.0,
-        settled=0.0, anchor=0.0, still=0.0, wrong=0.0, deep=0.0, battery=0.0, leak=0.0,
+        settled=0.0, anchor=0.0, still=0.0,  wrong=0.0, deep=0.0, battery=0.0, leak=0.0,
         missed=0.0, reason=0.0, reasons=0.0, phase=0.0, window=0.0, from_depth=0.0, release=0.0,
     )  # fmt: skip
 
@@ -279,7 +281,17 @@ def step(
     if measured and s.measured > 0.0 and lost == 0.0:
         rate = watch_rate(p, s, volume)
     motion = _Motion(
-        s.z1, s.z2, s.n1, s.n2, s.settled, s.anchor, s.still, 0.0, now.good and measured, s.wrong
+        s.z1,
+        s.z2,
+        s.n1,
+        s.n2,
+        s.settled,
+        s.anchor,
+        s.still,
+        s.landed,
+        0.0,
+        now.good and measured,
+        s.wrong,
     )
     if now.good and measured:
         gap = now.since > p.gap or s.volume_blind > p.gap
@@ -347,7 +359,7 @@ def step(
         volume=volume, measured=1.0 if measured else 0.0, volume_blind=volume_blind,
         command=command, lag=rate.lag, asked=rate.asked, following=rate.ticks,
         z1=motion.z1, z2=motion.z2, n1=motion.n1, n2=motion.n2, settled=motion.settled,
-        anchor=motion.anchor, still=motion.still, wrong=motion.wrong,
+        anchor=motion.anchor, still=motion.still,  wrong=motion.wrong,
         deep=deep, battery=battery, leak=leak, missed=missed, reason=reason, reasons=bits,
         phase=phase, window=window, from_depth=from_depth, release=release,
     )  # fmt: skip

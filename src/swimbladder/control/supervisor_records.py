@@ -136,8 +136,9 @@ SUPERVISOR_UNITS = {
     "surface_command": "V or m3", "hold_command": "V or m3",
     **dict.fromkeys(("S_p", "late_age", "tau"), "s"),
     **dict.fromkeys(
-        ("push", "again", "rest", "release", "blind", "gap", "same", "same_begun", "same_moved", "following",
-         "settle", "wrong", "still", "deep", "battery", "leak", "missed", "lost", "time_ticks"),
+        ("push", "again", "rest", "release", "blind", "gap", "same", "same_begun", "same_moved",
+         "following", "settle", "wrong", "still", "deep", "battery", "leak", "missed", "lost",
+         "time_ticks"),
         "ticks",
     ),
     "time_blocks": "4096 ticks",

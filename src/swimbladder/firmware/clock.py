@@ -105,7 +105,7 @@ class VehicleTwin:
     def __init__(
         self, controller: ControllerTwin, limits: SupervisorParameters, *,
         supervisor: Law = SUPERVISOR, after_reset: bool = False,
-        spoil: Callable[[int, Watched], Watched] = lambda tick, seen: seen,
+        spoil: Callable[[int, Watched], Watched] = lambda _, seen: seen,
     ) -> None:  # fmt: skip
         self.controller, self.limits, self.supervisor = controller, limits, supervisor
         self.spoil = spoil

@@ -69,6 +69,7 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         same = ticks(given.frozen, tick)
     patience = max(3.0, ticks(given.patience, tick))
     moving = 6.0 * noise + 2.0 * quantum
+    still = ticks(max(_STILL_S, math.sqrt(6.0 * (moving + 0.02) / (p.a_b * neutral_range))), tick)
     whole = math.inf if given.time_limit is None else math.ceil(given.time_limit / tick - 1e-6)
     floor = math.inf if given.bottom_depth is None else given.bottom_depth
     return SupervisorParameters(
@@ -80,7 +81,7 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         release=ticks(given.release_time or 2.0 * stroke_s + _REST_S, tick), rise=_RISE,
         depth_least=p.z_air - _AIR_PRESSURE,
         depth_most=min(1.5 * deepest + 10.0, _DEEPEST) if deepest < math.inf else _DEEPEST,
-        fastest=(1.5 * _terminal_speed(p, 2.0 * half) + _WATER_SPEED) * tick,
+        fastest=(_terminal_speed(p, half + neutral_range) + _WATER_SPEED) * tick,
         jump=moving + 0.05,
         late_age=given.late or max(2.0 * tick, 1.0), blind=patience, gap=patience,
         same=same, same_begun=ticks(2.0 * tau, tick), same_moved=ticks(3.0 * tau, tick),
@@ -96,11 +97,11 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range,
         model_error=given.model_error, a_b=p.a_b, d_l=p.d_l, d_b=p.d_b, d_0=p.d_0, d_t=p.d_t,
         epsilon=p.epsilon, tau=tau, smoothing=tick / (tau + tick),
-        settle=ticks(_SETTLE * tau, tick), wrong=patience + ticks(_STILL_S, tick),
+        settle=ticks(_SETTLE * tau, tick), wrong=patience + still,
         surface=p.z_surface + _AFLOAT,
         aground=floor - max(0.1, 0.02 * floor) - moving if floor < math.inf else math.inf,
         bottom_anywhere=1.0 if floor == math.inf and same < math.inf else 0.0,
-        still_distance=moving + 0.02, still=ticks(_STILL_S, tick),
+        still_distance=moving + 0.02, still=still,
         depth_limit=depth_limit, deepest=deepest,
         neutral_deepest=p.V_0 + neutral_range + p.psi * min(deepest, _DEEPEST),
         turn_rate=turn_rate, deep=max(2.0, ticks(_SHORT_S, tick)),
