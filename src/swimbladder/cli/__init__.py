@@ -31,6 +31,7 @@ COMMANDS = {
     "pool": "Guide a day at the pool, simulated or on a growing log.",
     "tune": "Gains with margins over all that is not known.",
     "bench-control": "Every law on the same scenarios, a table and a picture.",
+    "stability": "Worst eigenvalues, limit cycles, and from where it recovers.",
     "firmware": "The controller as an Arduino library in C.",
     "reproduce": "Redo the paper: each figure, table and number, a report.",
     "vehicle": "List, show and write vehicle files.",

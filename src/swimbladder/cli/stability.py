@@ -1,0 +1,152 @@
+"""``swimbladder stability``: how stable a vehicle is under its law, and from where it recovers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from swimbladder.cli.common import (
+    compile_notice,
+    emit_json,
+    json_text,
+    output,
+    progress,
+    quantity,
+)
+from swimbladder.cli.tune import _pair
+from swimbladder.errors import NoAnswerError
+
+if TYPE_CHECKING:
+    from swimbladder.stability import Stability
+
+__all__ = ["stability"]
+
+
+def stability(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    depth: Annotated[
+        str, typer.Option("--depth", metavar="LEAST:MOST", help="Depths it is for.")
+    ] = "0:10 m",
+    delay: Annotated[
+        str, typer.Option(metavar="SHARE", help="From sample to command, of a sample.")
+    ] = "10 %",
+    within: Annotated[
+        str, typer.Option(metavar="TIME", help="In which a disturbance is to be gone.")
+    ] = "600 s",
+    cells: Annotated[int, typer.Option(metavar="N", help="Of a map, to a side.")] = 21,
+    voltage_quantum: Annotated[
+        str, typer.Option(metavar="VOLTAGE", help="Step of the motor's driver (none).")
+    ] = "0 V",
+    no_maps: Annotated[
+        bool, typer.Option("--no-maps", help="Leave out from where it recovers.")
+    ] = False,
+    robustness: Annotated[
+        bool, typer.Option("--robustness", help="Try gains of 0.5 to 2 and half a sample late.")
+    ] = False,
+    law: Annotated[
+        list[str] | None,
+        typer.Option(metavar="LAW", help="With --robustness: this law too, tuned first."),
+    ] = None,
+    draws: Annotated[int, typer.Option(metavar="N", help="Vehicles of each trial.")] = 200,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
+        "swimbladder-stability"
+    ),
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    r"""Say how stable a vehicle is under its law: small motions, limit cycles, large motions.
+
+    Eigenvalues and margins over all that is not known of the vehicle; limit cycles of dead zones,
+    quanta and limits, foretold and simulated; maps of what it recovers from. Exit code 1 says that
+    it is unstable, and with which parameters and depth. A run that was stopped goes on where it was.
+    """
+    from swimbladder.io.config import load_vehicle
+    from swimbladder.io.files import check_place, publish, write_atomically
+
+    v = load_vehicle(vehicle)
+    options: dict[str, Any] = {
+        "depths": _pair(depth, "--depth"),
+        "delay": quantity(delay, "", "--delay"),
+        "within": quantity(within, "s", "--within"),
+        "cells": cells,
+        "voltage_quantum": quantity(voltage_quantum, "V", "--voltage-quantum"),
+        "maps": not no_maps,
+        "with_robustness": robustness,
+        "laws": tuple(law or ()),
+        "draws": draws,
+    }
+    check_place(out)
+    kept = out.parent / f".{out.name}-parts"
+    with progress("loading the simulator"):
+        from swimbladder.plots.stability import draw_recovery, draw_robustness
+        from swimbladder.plots.style import save
+        from swimbladder.stability import stability as find
+        from swimbladder.stability.parts import Parts
+    with compile_notice(), progress("looking for what is unstable", 1.0) as advance:
+        found = find(v, **options, keep=kept, advance=advance)
+    answer = found.to_json()
+    names = ["stability.json", "stability.txt"]
+
+    def write(folder: Path) -> None:
+        write_atomically(folder / "stability.json", json_text(answer) + "\n")
+        write_atomically(folder / "stability.txt", "\n".join(found.sentences) + "\n")
+        for one in found.maps:
+            write_atomically(folder / f"map-{one.name}.csv", one.csv())
+        if found.maps:
+            save(draw_recovery(found), folder / "maps.png")
+        if found.stood:
+            save(draw_robustness(found), folder / "robustness.png")
+
+    if found.maps:
+        names += [*(f"map-{one.name}.csv" for one in found.maps), "maps.png"]
+    if found.stood:
+        names.append("robustness.png")
+    with progress("writing the pictures"):
+        publish(out, write)
+    Parts(kept).forget()
+    files = [out / name for name in names]
+    if json:
+        emit_json({**answer, "files": [str(path) for path in files]})
+    else:
+        _print(found, files)
+    if not found.stable:
+        raise NoAnswerError("the loop is not stable over the range that was asked for")
+
+
+def _print(found: Stability, files: list[Path]) -> None:
+    from rich.table import Table
+
+    from swimbladder.stability.result import cycle_rows, robustness_rows
+
+    output.print(
+        f"{found.vehicle}, law {found.law}, sampled every {found.sample_time:g} s", soft_wrap=True
+    )
+    output.print("")
+    for sentence in found.sentences:
+        output.print(sentence, soft_wrap=True)
+    tables: list[tuple[tuple[str, ...], list[tuple[str, ...]]]] = []
+    if found.cycles:
+        headings = (
+            "limit cycle from", "kind", "predicted", "every", "simulated", "every", "error",
+        )  # fmt: skip
+        tables.append((headings, cycle_rows(found.cycles)))
+    if found.stood:
+        gains = sorted({s.gain for s in found.stood})
+        headings = ("settle (overshoot)", "late", *(f"gain {g:g}" for g in gains))
+        tables.append((headings, robustness_rows(found.stood)))
+    for headings, rows in tables:
+        output.print("")
+        table = Table(box=None, pad_edge=False, collapse_padding=True)
+        for n, heading in enumerate(headings):
+            table.add_column(heading, justify="left" if n < 2 else "right")
+        for row in rows:
+            table.add_row(*row)
+        output.print(table)
+    output.print("")
+    for sentence in found.words:
+        output.print(f"reckoned with: {sentence}", soft_wrap=True)
+    for path in files:
+        output.print(f"wrote {path}", soft_wrap=True)
