@@ -288,7 +288,6 @@ def step(
         s.settled,
         s.anchor,
         s.still,
-        s.landed,
         0.0,
         now.good and measured,
         s.wrong,
