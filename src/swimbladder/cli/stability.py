@@ -15,7 +15,7 @@ from swimbladder.cli.common import (
     progress,
     quantity,
 )
-from swimbladder.cli.tune import _pair
+from swimbladder.cli.depths import depth_pair
 from swimbladder.errors import NoAnswerError
 
 if TYPE_CHECKING:
@@ -60,15 +60,15 @@ def stability(
     r"""Say how stable a vehicle is under its law: small motions, limit cycles, large motions.
 
     Eigenvalues and margins over all that is not known of the vehicle; limit cycles of dead zones,
-    quanta and limits, foretold and simulated; maps of what it recovers from. Exit code 1 says that
-    it is unstable, and with which parameters and depth. A run that was stopped goes on where it was.
+    quanta and limits, foretold and simulated; maps of what it recovers from. Exit code 1 says
+    that it is unstable, and with which parameters. A run that was killed goes on where it was.
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place, publish, write_atomically
 
     v = load_vehicle(vehicle)
     options: dict[str, Any] = {
-        "depths": _pair(depth, "--depth"),
+        "depths": depth_pair(depth, "--depth"),
         "delay": quantity(delay, "", "--delay"),
         "within": quantity(within, "s", "--within"),
         "cells": cells,
@@ -129,7 +129,7 @@ def _print(found: Stability, files: list[Path]) -> None:
         output.print(sentence, soft_wrap=True)
     tables: list[tuple[tuple[str, ...], list[tuple[str, ...]]]] = []
     if found.cycles:
-        headings = (
+        headings: tuple[str, ...] = (
             "limit cycle from", "kind", "predicted", "every", "simulated", "every", "error",
         )  # fmt: skip
         tables.append((headings, cycle_rows(found.cycles)))

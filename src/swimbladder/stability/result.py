@@ -259,7 +259,7 @@ def _decibel(gain: float) -> str:
 
 def cycle_rows(cycles: Sequence[Confirmed]) -> list[tuple[str, ...]]:
     """Return the table of limit cycles: foretold beside simulated."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for c in cycles:
         p, s = c.predicted, c.seen
         kind, foretold = "none", ("", "")
@@ -280,7 +280,7 @@ def cycle_rows(cycles: Sequence[Confirmed]) -> list[tuple[str, ...]]:
 def robustness_rows(stood: Sequence[Stood]) -> list[tuple[str, ...]]:
     """Return the table of robustness: law, delay, then what share settled with each gain."""
     gains = sorted({s.gain for s in stood})
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for law, delay in dict.fromkeys((s.law, s.delay) for s in stood):
         own = {s.gain: s for s in stood if (s.law, s.delay) == (law, delay)}
         cells = [
