@@ -81,11 +81,22 @@ class Bench:
         costs = [[row.cost(s, field) for _, _, s, field in COSTS] for row in self.rows]
         return tuple(bool(one) for one in front(costs))
 
+    def worst_overshoot(self, at: str) -> tuple[float, ...]:
+        """Return each row's largest 95 % overshoot over the nominal vehicle's steps there [-]."""
+        names = [
+            p.scenario.name
+            for p in self.placed
+            if p.is_step and not p.scenario.drawn and p.scenario.at == at
+        ]
+        return tuple(
+            max((row.cost(name, "overshoot_95") for name in names), default=math.nan)
+            for row in self.rows
+        )
+
     @property
-    def worst_overshoot(self) -> tuple[float, ...]:
-        """The largest 95 % overshoot of each row over all steps of the nominal vehicle [-]."""
-        names = [p.scenario.name for p in self.placed if p.is_step and not p.scenario.drawn]
-        return tuple(max(row.cost(name, "overshoot_95") for name in names) for row in self.rows)
+    def lost(self) -> tuple[float, ...]:
+        """The share of runs that each row lost in its worst scenario [-]."""
+        return tuple(max(r.lost for r in row.results.values()) for row in self.rows)
 
     @property
     def sentences(self) -> tuple[str, ...]:

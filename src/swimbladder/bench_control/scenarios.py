@@ -100,6 +100,8 @@ class Placed(NamedTuple):
 def places(vehicle: Vehicle, given: tuple[float, float] | None = None) -> Places:
     """Return the range of depths: that given [m], or what rating, stroke and supply allow.
 
+    It begins where the hull is under water.
+
     Raises InputError for no range, NoAnswerError where the vehicle does not reach what was given.
     """
     top = max(vehicle.hull.emergence_depth, 0.0)
@@ -114,11 +116,11 @@ def places(vehicle: Vehicle, given: tuple[float, float] | None = None) -> Places
             else f"down to {most:g} m, as nothing ends its range (--depth)"
         )
         return Places(top, most, words)
-    least, most = given
-    if not (top <= least < most < math.inf):
+    least, most = max(given[0], top), given[1]
+    if not (given[0] >= 0.0 and least < most < math.inf):
         raise InputError(
-            "no range of depths below the surface", field="--depth", value=f"{least:g}:{most:g}",
-            unit="m", remedy=f"Give the least, {top:g} or more, and the greatest, like 0:10",
+            "no range of depths under water", field="--depth", value=f"{given[0]:g}:{most:g}",
+            unit="m", remedy="Give the least and the greatest, like 0:10",
         )  # fmt: skip
     if most >= reach:
         raise NoAnswerError(

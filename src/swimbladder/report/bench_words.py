@@ -7,7 +7,6 @@ import io
 import math
 
 from swimbladder.bench_control import Bench
-from swimbladder.bench_control.fly import Result
 from swimbladder.bench_control.result import Row, result_json
 
 __all__ = [
@@ -23,7 +22,7 @@ __all__ = [
     "table_csv",
 ]
 
-SOON = ("law", "settles [s]", "of bound", "95 % [s]", "over [%]")
+SOON = ("law", "settles [s]", "of bound", "95 % [s]", "over [%]", "deep [%]", "lost")
 STILL = ("law", "hold", "swell", "deep", "drift", "L/h", "starts", "turns", "J/h")
 HEADINGS = (*SOON, *STILL[1:])
 STEP_HEADINGS = (
@@ -37,7 +36,9 @@ _NOTES = (
     "*: no other row is nowhere worse and somewhere better in settling, hold, drift, L/h, and "
     "starts with turns.",
     "settles: median of the runs, step of 1.5 m, for good within 2 %; 95 %: of the runs with drawn "
-    "vehicles and a low battery; over: 95 % of the runs, worst step of the nominal vehicle.",
+    "vehicles and a low battery. over, deep: overshoot in 95 % of the runs, worst shallow step and "
+    "step at the greatest depth. lost: runs of the worst scenario that left the water or the rated "
+    "depths, or went below any sea.",
     "hold, swell, deep, drift: depth error, mm rms. L/h, starts, turns, J/h: an hour of holding in "
     "the noise of the sensor. A motor that never rests starts seldom and turns often.",
 )
@@ -59,17 +60,18 @@ def summary(bench: Bench) -> list[tuple[str, ...]]:
             _number(row.cost("step-down", "settle_median"), 1.0, "{:.1f}"),
             _number(row.cost("step-down", "settle_median"), 1.0 / bound, "{:.2f}"),
             _number(row.cost("step-uncertain", "settle_95"), 1.0, "{:.1f}"),
-            _number(over, 100.0, "{:.1f}"),
+            _percent(over), _percent(deep), _share(lost),
             *(
                 _number(row.cost(name, "rms"), 1e3, "{:.1f}")
                 for name in ("hold", "hold-swell", "hold-deep", "hold-drift")
             ),
             *_moved(row, "hold", bench),
         )
-        for row, unbeaten, over in zip(
-            bench.rows, bench.unbeaten, bench.worst_overshoot, strict=True
+        for row, unbeaten, over, deep, lost in zip(
+            bench.rows, bench.unbeaten, bench.worst_overshoot("shallow"),
+            bench.worst_overshoot("deep"), bench.lost, strict=True,
         )
-    ]
+    ]  # fmt: skip
 
 
 def steps(bench: Bench, scenario: str) -> list[tuple[str, ...]]:
@@ -80,9 +82,8 @@ def steps(bench: Bench, scenario: str) -> list[tuple[str, ...]]:
             row.who.name, f"{100.0 * r.settled:.0f} %",
             _number(r.settle_median, 1.0, "{:.1f}"), _number(r.settle_95, 1.0, "{:.1f}"),
             _number(r.settle_median, 1.0 / bound, "{:.2f}"),
-            _number(r.overshoot_median, 100.0, "{:.1f}"),
-            _number(r.overshoot_95, 100.0, "{:.1f}"),
-            _number(r.volume_rate, 3.6e6, "{:.3g}"), _lost(r),
+            _percent(r.overshoot_median), _percent(r.overshoot_95),
+            _number(r.volume_rate, 3.6e6, "{:.3g}"), _share(r.lost),
         )
         for row in bench.rows
         for r in (row.results[scenario],)
@@ -94,7 +95,7 @@ def holds(bench: Bench, scenario: str) -> list[tuple[str, ...]]:
     return [
         (
             row.who.name, _number(r.rms, 1e3, "{:.1f}"), _number(r.farthest, 100.0, "{:.1f}"),
-            *_moved(row, scenario, bench), _lost(r),
+            *_moved(row, scenario, bench), _share(r.lost),
         )
         for row in bench.rows
         for r in (row.results[scenario],)
@@ -111,8 +112,13 @@ def _moved(row: Row, scenario: str, bench: Bench) -> tuple[str, ...]:
     )
 
 
-def _lost(r: Result) -> str:
-    return f"{100.0 * r.lost:.0f} %" if r.lost > 0.0 else ""
+def _share(x: float) -> str:
+    return f"{100.0 * x:.0f} %" if x > 0.0 else ""
+
+
+def _percent(x: float) -> str:
+    """Return an overshoot; of one beyond ten times the step only that it is."""
+    return "> 999" if x > 9.99 else _number(x, 100.0, "{:.1f}")
 
 
 def _number(x: float, factor: float, form: str) -> str:
