@@ -1,0 +1,88 @@
+"""What a mission is made of, as the kernel takes it, and what it gives back: all plain floats."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+__all__ = ["CONDITION", "RESULT", "TRACE", "Condition", "Harm", "Result", "Trace"]
+
+
+class Condition(NamedTuple):
+    """What a mission is flown in."""
+
+    end: float  # ticks of the whole mission
+    tick: float  # s
+    start_depth: float  # m
+    start_volume: float  # m3
+    depth_noise: float  # m, 1 sigma
+    depth_quantum: float  # m
+    volume_noise: float  # m3, 1 sigma
+    volume_quantum: float  # m3
+    battery_noise: float  # 1 sigma, as a share of the voltage
+    ramp: float  # m that the depth asked for goes in a tick towards the set-point
+    drift: float  # m3/s, of the neutral volume
+    swell: float  # m3, amplitude of the volume that would pull as the swell does at the surface
+    swell_omega: float  # rad/s
+    swell_phase: float  # rad
+    gravity: float  # m/s2
+    leak_input: float  # m3 of water in the hull at which the leak input speaks; inf: it has none
+    brown_out: float  # V under which the board stops; 0: it does not depend on this supply
+    boot: float  # ticks from a reset until the first tick
+    band: float  # m under the surface that count as being there
+    rated: float  # m, inf: not stated
+    stay: float  # ticks at the surface after which it has stayed there; inf: to the end
+    quiet_at: float  # tick after which nothing more is asked or fails
+    full_at: float  # tick from which on full buyancy is commanded where that is asked for
+    seed: float  # of the noise, a whole number below 2^32
+
+
+class Harm(NamedTuple):
+    """A fault as the kernel takes it; kind 0: none."""
+
+    kind: float = 0.0
+    first: float = 0.0  # severity
+    second: float = 0.0
+    begin: float = math.inf  # tick
+    end: float = math.inf  # tick
+
+
+class Result(NamedTuple):
+    """How a mission ended."""
+
+    stop: float  # why the plant stopped, see engine.advance; 0: it did not
+    last: float  # tick that it ended at
+    arrived: float  # tick since which it has been at the surface; nan: it is not there
+    beyond: float  # tick at which it passed the depth it is rated for; nan: never
+    bottom: float  # 1: it lies on the bottom at the end
+    depth: float  # m, at the end
+    deepest: float  # m
+    latched: float  # tick at which the supervisor first gave a reason; nan: never
+    reason: float  # code of that reason
+    released: float  # tick at which it asked for the release of a weight; nan: never
+    resets: float  # of the board
+
+
+class Trace(NamedTuple):
+    """A row of a mission's record, at a tick."""
+
+    depth: float  # m
+    speed: float  # m/s
+    volume: float  # m3
+    command: float  # V or m3, of the board
+    applied: float  # V or m3, what the actuator got
+    battery: float  # V, at the board
+    reference: float  # m
+    depth_seen: float  # m
+    depth_age: float  # s
+    volume_seen: float  # m3
+    leak_seen: float  # 1: the leak input speaks
+    lost_ticks: float  # since the last tick of the board
+    board: float  # 0: it ran this tick; 1: it missed it; 2: it was off
+    reason: float  # code, 0: none
+    water: float  # m3 that leaked in
+
+
+CONDITION = Condition(*range(len(Condition._fields)))
+RESULT = Result(*range(len(Result._fields)))
+TRACE = Trace(*range(len(Trace._fields)))
