@@ -21,7 +21,13 @@ from swimbladder.control.observer import (
 from swimbladder.dynamics import plant
 from swimbladder.io.config import load_vehicle
 from swimbladder.tune.gains import Knobs, gains, setting_of
-from swimbladder.tune.motion import filter_gains, hold_gains, motion_over_sample, runaway
+from swimbladder.tune.motion import (
+    filter_gains,
+    held_motion,
+    hold_gains,
+    motion_over_sample,
+    runaway,
+)
 
 VEHICLE = load_vehicle("feup-em")
 PLANT = plant(VEHICLE)
@@ -128,51 +134,63 @@ def test_the_motor_rests_within_its_dead_zone_and_stops_at_a_quarter_of_it():
     assert voltage == pytest.approx(p.depth_voltage * 2.0, rel=1e-2)
 
 
-@pytest.mark.parametrize("pause", [5.0, 45.0])
-def test_a_move_a_pause_leaves_the_share_of_an_error_that_it_should(pause):
-    r_z, r_w = hold_gains(PLANT, pause, left=0.3)
+def held(x, V, time, steps=1):
+    """Return (z, w) after a time [s] under a volume off neutral: SciPy."""
     a, d, psi = PLANT.a_b, PLANT.d_l, PLANT.psi
+    run = solve_ivp(
+        lambda _, y: [y[1], a * (psi * y[0] - V) - d * y[1]], (0.0, time), x, rtol=1e-11,
+        atol=1e-15, t_eval=np.linspace(0.0, time, steps + 1),
+    )  # fmt: skip
+    return run.y[:, 1:]
+
+
+@pytest.mark.parametrize("time", [5.0, 45.0])
+def test_a_move_leaves_the_share_of_an_error_that_it_should(time):
+    r_z, r_w = hold_gains(PLANT, time, left=0.3)
+    F, G = held_motion(PLANT, time)
     x, sizes = np.array([0.02, 1e-4]), []
     for _ in range(12):
-        V = r_z * x[0] + r_w * x[1]  # beyond neutral at the set-point, held
-        run = solve_ivp(
-            lambda _, y, V=V: [y[1], a * (psi * y[0] - V) - d * y[1]], (0.0, pause), x,
-            rtol=1e-11, atol=1e-15,
-        )  # fmt: skip
-        x = run.y[:, -1]
+        V = r_z * x[0] + r_w * x[1]  # beyond neutral at the set-point
+        after = held(x, V, time)[:, -1]
+        np.testing.assert_allclose(F @ x + G * V, after, rtol=0.0, atol=1e-9)
+        x = after
         sizes.append(x[0])
     # Two poles at 0.3: x(n) = (c1 + c2 n) 0.3^n, so that the second difference of x/0.3^n is 0.
     left = np.array(sizes) / 0.3 ** np.arange(12)
     assert np.abs(np.diff(left, 2)).max() < 1e-4 * np.abs(left).max()
-    # Held, it runs away e-fold in that time, once the other mode has gone.
-    free = solve_ivp(
-        lambda _, y: [y[1], a * psi * y[0] - d * y[1]], (0.0, 500.0 + runaway(PLANT)), [1e-3, 0.0],
-        rtol=1e-11, atol=1e-15, t_eval=[500.0, 500.0 + runaway(PLANT)],
-    )  # fmt: skip
-    assert free.y[0, 1] / free.y[0, 0] == pytest.approx(math.e, rel=1e-6)
 
 
-def test_near_the_set_point_the_motor_starts_once_a_pause():
+def test_held_it_runs_away_e_fold_in_that_time():
+    late = held([1e-3, 0.0], 0.0, 10.0 * runaway(PLANT), steps=10)[0]
+    assert late[-1] / late[-2] == pytest.approx(math.e, rel=1e-6)
+
+
+def test_near_the_set_point_the_motor_starts_when_a_prediction_leaves_the_band():
     s = setting_of(VEHICLE, sample_time=H, supply=12.0, neutral_range=20e-6)
-    k = KNOBS._replace(frequency=0.06, damping=0.85, learning=0.1, dead=1e-8, pause=30.0)
+    k = KNOBS._replace(frequency=0.06, damping=0.85, learning=0.4, dead=1e-8, pause=12.0, band=0.03)
     p = gains("observer", s, k)
-    p = p._replace(near=0.05)
     rng = np.random.default_rng(3)
     state = initial(p, Measurement(0.0, 2.0, p.psi * 2.0), 2.0)
-    starts, x, before = [], np.array([2.0, 0.0]), p.psi * 2.0
-    volume = before
+    x, before = np.array([2.0, 0.0]), p.psi * 2.0
+    volume, neutral, starts = before, 0.0, []
     F, G0, G1 = motion_over_sample(PLANT, H)
     for n in range(4000):
         seen = Measurement(n * H, x[0] + rng.normal(0.0, 2e-3), volume)
         rested = state.moving == 0.0
-        voltage, state, _ = step(p, state, seen, 2.0)
-        if rested and state.moving > 0.0:
+        voltage, after, _ = step(p, state, seen, 2.0)
+        if rested and after.moving > 0.0:
             starts.append(n * H)
+            # With the volume as it was it would have left the band: SciPy, 2.4 pauses ahead.
+            off = volume - p.psi * 2.0 - after.neutral
+            ahead = held([after.depth - 2.0, after.speed], off, 2.4 * p.pause)[0, -1]
+            assert abs(ahead) > 0.03
+        state = after
+        neutral += rng.normal(0.0, 1e-6 * math.sqrt(H / 3600.0))
         before, volume = volume, volume + PLANT.gain * (voltage - p.depth_voltage * x[0]) * H
-        x = F @ x + G0 * before + G1 * volume
-        assert abs(x[0] - 2.0) < 0.05
-    assert len(starts) > 10
-    assert np.diff(starts).min() >= 30.0 - 1e-6
+        x = F @ x + G0 * (before - neutral) + G1 * (volume - neutral)
+        assert abs(x[0] - 2.0) < 0.075
+    assert len(starts) > 5
+    assert np.diff(starts).min() >= 12.0 - 1e-6
     # Farther away it does not wait.
     _, after, _ = step(p, state._replace(depth=2.2), Measurement(0.0, 2.2, volume), 2.0)
     assert after.moving == 1.0

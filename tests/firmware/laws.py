@@ -36,8 +36,9 @@ def _tuned(name: str) -> Example:
 
     vehicle = paper(sensors=Sensors(depth_noise="2 mm"))
     setting = setting_of(vehicle, sample_time=0.3, supply=12.0, neutral_range=5e-5)
-    # The observer's law with a pause: both of its ways of moving are in the mission.
-    knobs = Knobs(0.35, 0.9, 1.2, dead=1e-6, pause=12.0 if name == "observer" else 0.0)
+    knobs = Knobs(frequency=0.35, damping=0.9, inner=1.2)
+    if name == "observer":  # with pauses: both of its ways of moving are in the mission
+        knobs = knobs._replace(dead=1e-7, pause=6.0, band=0.02)
     return Example(vehicle, gains(name, setting, knobs), 0.3)
 
 

@@ -106,7 +106,7 @@ def test_quiet_holds_a_depth_and_hardly_moves():
     )  # fmt: skip
     assert found.region.rms < 0.01
     assert found.region.rate * 3.6e6 < 0.5  # L an hour
-    assert found.region.starts * 3600.0 <= 60.0
+    assert found.region.starts * 3600.0 < 110.0
     assert falls_short(found.margins, WANTED) == ()
 
 

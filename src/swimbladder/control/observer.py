@@ -11,9 +11,10 @@ straight between samples.
 Inside, the volume follows the one that the state feedback asks for, with the voltage that the load
 of the sea takes fed forward, eq. (30).
 
-Near the set-point the motor may rest: for `pause` seconds the volume stays, the filter goes on, and
-then one move brings the volume to where gains made for holds of that length want it. What that
-costs is the noise of the estimate grown over a pause.
+Near the set-point the motor may rest: the volume stays and the filter goes on until the depth
+predicted for a time ahead leaves a band; then one move brings the volume to where gains made for
+holds of that length want it. Deciding by events takes fewer of them than by the clock (Astrom and
+Bernhardsson, IEEE CDC 2002, 2011).
 """
 
 from __future__ import annotations
@@ -85,9 +86,13 @@ class ObserverParameters(NamedTuple):
     k_w: float  # m3 s/m, volume per speed error
     k_V: float  # V/m3, voltage per volume error
     dead: float  # m3, volume error below which the motor rests
-    near: float  # m, depth error within which it moves once a pause
-    pause: float  # s, between two starts of the motor there; 0: none
-    r_z: float  # m3/m, as k_z, for a volume that holds over a pause
+    near: float  # m, depth error within which the motor rests; 0: none
+    pause: float  # s, least time between two of its starts there
+    band: float  # m, predicted error that starts it
+    a_z: float  # -, prediction per depth error
+    a_w: float  # s, per speed
+    a_V: float  # m/m3, per volume off neutral
+    r_z: float  # m3/m, as k_z, for a volume that is held
     r_w: float  # m3 s/m, as k_w, likewise
     farthest: float  # m, a depth error beyond which no more volume is asked for
     depth_voltage: float  # V/m, load of the sea
@@ -197,22 +202,26 @@ def step(
     )
     # Volume: neutral there, less what sinks the vehicle towards the reference.
     error = limited(reference - e.depth, -p.farthest, p.farthest)
-    resting = p.pause > 0.0 and abs(error) < p.near
+    resting = abs(error) < p.near
     k_z = p.r_z if resting else p.k_z
     k_w = p.r_w if resting else p.k_w
     wanted = p.psi * (e.depth + error) + e.neutral - k_z * error + k_w * e.speed
     wanted = limited(wanted, p.volume_min, p.volume_max)
-    rested = min(state.rested + p.S_p, p.pause)
-    if not resting:
-        rested = p.pause
-    elif rested < p.pause:
-        wanted = state.volume_reference
-    moving = moves(wanted - volume, state.moving, p.dead)
-    if resting and moving > 0.0 and state.moving == 0.0:
-        if rested < p.pause:
-            moving = 0.0
-        else:
+    rested = p.pause
+    if resting:
+        rested = min(state.rested + p.S_p, p.pause)
+        off = volume - p.psi * (e.depth + error) - e.neutral
+        ahead = p.a_w * e.speed + p.a_V * off - p.a_z * error
+        begins = state.moving == 0.0 and rested >= p.pause and abs(ahead) > p.band
+        if not begins:
+            wanted = state.volume_reference
+        moving = moves(wanted - volume, state.moving, p.dead)
+        if begins:
             rested = 0.0
+        elif state.moving == 0.0:
+            moving = 0.0
+    else:
+        moving = moves(wanted - volume, state.moving, p.dead)
     voltage = p.depth_voltage * e.depth + moving * p.k_V * (wanted - volume)
     return (
         limited(voltage, -p.limit, p.limit),
@@ -233,7 +242,8 @@ OBSERVER = Law(
         "turbulent": "1/m", "l_z": "", "l_w": "1/s", "l_b": "m3/m",
         "neutral": "m3", "neutral_range": "m3", "psi": "m3/m",
         "k_z": "m3/m", "k_w": "m3 s/m", "k_V": "V/m3", "dead": "m3",
-        "near": "m", "pause": "s", "r_z": "m3/m", "r_w": "m3 s/m", "farthest": "m",
+        "near": "m", "pause": "s", "band": "m", "a_z": "", "a_w": "s", "a_V": "m/m3",
+        "r_z": "m3/m", "r_w": "m3 s/m", "farthest": "m",
         "depth_voltage": "V/m", "limit": "V", "volume_min": "m3", "volume_max": "m3", "S_p": "s",
     },
     step=step,

@@ -22,14 +22,22 @@ from swimbladder.dynamics import Plant
 from swimbladder.errors import InputError
 from swimbladder.parameters.schema import did_you_mean
 from swimbladder.tune.knobs import Knobs, Setting, setting_of
-from swimbladder.tune.motion import filter_gains, hold_gains, motion_over_sample, stiffness
+from swimbladder.tune.motion import (
+    filter_gains,
+    held_motion,
+    hold_gains,
+    motion_over_sample,
+    stiffness,
+)
 
 __all__ = ["TUNABLE", "Knobs", "Recipe", "Setting", "gains", "setting_of", "tunable"]
 
 _STROKE = 0.5  # of the stroke to the nearer end: what a path may take to accelerate
 _CRUISE = 0.25  # the same to keep a speed
 _THIRD = 0.4  # of the natural frequency: the cascade's third pole
-_NEAR = 20.0  # times the noise: depth errors in which the motor pauses
+_NEAR = 2.5  # times the band of predicted errors: depth errors in which the motor rests
+_HOLD = 1.6  # pauses, that a volume is made to be held
+_AHEAD = 2.4  # pauses, that an error is predicted ahead
 _SHORTEST = 10.0  # samples, of a target's way
 _FADING = 0.25  # of an error, that deadband leaves in an interval
 _STEP = 10.0  # times the noise: what a change of the neutral volume moves in an interval
@@ -91,10 +99,16 @@ def _room(p: Plant) -> float:
 
 def _observer(s: Setting, k: Knobs) -> ObserverParameters:
     found = _feedback(s, k)
-    r_z, r_w = hold_gains(s.plant, k.pause) if k.pause > 0.0 else (0.0, 0.0)
+    rest = dict.fromkeys(("near", "pause", "band", "a_z", "a_w", "a_V", "r_z", "r_w"), 0.0)
+    if k.pause > 0.0:
+        F, G = held_motion(s.plant, _AHEAD * k.pause)
+        r_z, r_w = hold_gains(s.plant, _HOLD * k.pause)
+        rest = {
+            "near": _NEAR * k.band, "pause": k.pause, "band": k.band, "a_z": float(F[0, 0]),
+            "a_w": float(F[0, 1]), "a_V": float(G[0]), "r_z": r_z, "r_w": r_w,
+        }  # fmt: skip
     return ObserverParameters(
-        **_floats(found), near=_NEAR * s.noise if k.pause > 0.0 else 0.0, pause=k.pause, r_z=r_z,
-        r_w=r_w,
+        **_floats(found), **rest,
         # A depth error that asks for half the room, by k_z.
         farthest=_STROKE * _room(s.plant) / found["k_z"],
     )  # fmt: skip

@@ -18,7 +18,7 @@ from swimbladder.tune.trial import Trial
 __all__ = ["GOALS", "HELD", "goals_of", "grid", "options", "preference", "score"]
 
 GOALS = ("fast", "quiet", "energy")
-HELD = {"quiet": 8e-3, "energy": 5e-2}  # m rms, that a depth is held to where nothing is said
+HELD = {"quiet": 9e-3, "energy": 5e-2}  # m rms, that a depth is held to where nothing is said
 
 
 class Grid(NamedTuple):
@@ -36,8 +36,8 @@ _FAST = Grid(
     (0.003, 0.01),
 )  # fmt: skip
 _QUIET = Grid(
-    (0.3,), (0.03, 0.036, 0.042, 0.046, 0.05, 0.06, 0.08, 0.12), (0.6, 0.7, 0.85, 1.0),
-    (3.0, 4.0, 6.0), (0.2, 0.1, 0.03),
+    (0.3,), (0.042, 0.046, 0.05, 0.06, 0.07, 0.08, 0.12), (0.7, 0.85, 1.0), (3.0, 4.0, 5.0, 6.0),
+    (1.0, 0.7, 0.4, 0.2, 0.1, 0.03),
 )  # fmt: skip
 _PLAIN = Grid((0.3, 0.45), (0.05, 0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23), (0.6, 0.8, 1.0))
 _GRIDS: Mapping[str, tuple[Grid, Grid]] = {  # fast, and quiet or energy
@@ -56,7 +56,8 @@ _GRIDS: Mapping[str, tuple[Grid, Grid]] = {  # fast, and quiet or energy
 _SLEEPERS = ("deadband",)
 _SHARES = (0.85, 0.75)
 _DEAD = (1.0, 2.0, 4.0, 6.0, 9.0)  # of what the noise makes of the volume asked for
-_PAUSES = (0.55, 0.7, 0.85)
+_PAUSES = (0.2, 0.3)
+_PREDICTED = (3.0, 4.0, 5.0)  # times the rms that is allowed
 _SLEEPS = (0.2, 0.3, 0.4, 0.55, 0.7)
 _BANDS = (1.0, 2.0, 3.5)  # of the depth error that is allowed
 _VOLTS = (0.25, 0.5, 1.0)
@@ -97,11 +98,11 @@ def preference(goal: str, knobs: Knobs) -> float:
 
 
 def options(
-    name: str, goal: str, knobs: Knobs, parameters: Any, s: Setting, *, deepest: float
+    name: str, goal: str, knobs: Knobs, parameters: Any, s: Setting, *, held: float, deepest: float
 ) -> Iterator[Knobs]:
     """Yield what is left to choose: how much of the motor a path takes, and when it rests.
 
-    deepest [m]: where the motor still has to move.
+    held [m]: rms that a depth is to be held to; deepest [m]: where the motor still has to move.
     """
     if goal == "fast":
         shares = _SHARES if name in ("planned", "sea-cascade", "adrc") else (knobs.share,)
@@ -111,7 +112,10 @@ def options(
     rests = [knobs]
     if name == "observer":
         dead = 0.5 * s.least_move
-        rests = [knobs._replace(dead=dead, pause=x * runaway(s.plant)) for x in _PAUSES]
+        rests = [
+            knobs._replace(dead=dead, pause=x * runaway(s.plant), band=y * held)
+            for x, y in product(_PAUSES, _PREDICTED)
+        ]
     elif name in ("planned", "sea-cascade"):
         noise = _jitter(name, parameters, s)
         rests = [knobs._replace(dead=max(x * noise, s.least_move)) for x in _DEAD]

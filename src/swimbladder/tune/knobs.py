@@ -21,9 +21,9 @@ class Knobs(NamedTuple):
     volume follows; sharpness [-]: bandwidth of the filter over `frequency`; learning [-]: how fast
     the neutral volume is learnt, as a share of what the filter could (adrc: bandwidth of the
     disturbance's estimate over `frequency`); share [-]: of the motor's speed that a path takes;
-    dead [m3]: volume error that the motor rests at; pause [s]: between two starts of the motor near
-    the set-point; band [m]: depth errors that deadband leaves alone; volts [-]: share of the
-    supply that is used.
+    dead [m3]: volume error that the motor rests at; pause [s]: least time between two starts of the
+    motor near the set-point; band [m]: predicted depth errors that are left alone (deadband: depth
+    errors); volts [-]: share of the supply that is used.
     """
 
     frequency: float

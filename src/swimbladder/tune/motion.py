@@ -10,11 +10,18 @@ from scipy.linalg import expm, solve_discrete_are
 
 from swimbladder.dynamics import Plant
 
-__all__ = ["filter_gains", "hold_gains", "motion_over_sample", "runaway", "stiffness"]
+__all__ = [
+    "filter_gains",
+    "held_motion",
+    "hold_gains",
+    "motion_over_sample",
+    "runaway",
+    "stiffness",
+]
 
 Array = NDArray[np.float64]
 
-_LEFT = 0.3  # of an error, after a pause
+_LEFT = 0.2  # of an error, after a hold
 
 
 def stiffness(p: Plant) -> tuple[float, float]:
@@ -35,16 +42,22 @@ def motion_over_sample(p: Plant, h: float) -> tuple[Array, Array, Array]:
     return E[:2, :2], E[:2, 2] - E[:2, 3] / h, E[:2, 3] / h
 
 
-def hold_gains(p: Plant, pause: float, *, left: float = _LEFT) -> tuple[float, float]:
-    """Return volumes per depth [m3/m] and per speed [m3 s/m] that hold over a pause [s].
+def held_motion(p: Plant, time: float) -> tuple[Array, Array]:
+    """Return F [2, 2] and G [2]: (z, w) after a time [s] = F (z, w) + G V, the volume V held.
 
-    Ackermann's formula for the motion under a volume that is held: two poles at `left`, the share
-    of an error that a pause leaves.
+    Depth and volume count from where the vehicle is neutral.
     """
     d, a = stiffness(p)
-    A = np.array([[0.0, 1.0, 0.0], [a * p.psi, -d, -a], [0.0, 0.0, 0.0]])
-    E = expm(A * pause)
-    F, G = E[:2, :2], E[:2, 2]
+    E = expm(np.array([[0.0, 1.0, 0.0], [a * p.psi, -d, -a], [0.0, 0.0, 0.0]]) * time)
+    return E[:2, :2], E[:2, 2]
+
+
+def hold_gains(p: Plant, time: float, *, left: float = _LEFT) -> tuple[float, float]:
+    """Return volumes per depth [m3/m] and per speed [m3 s/m], to be held for a time [s].
+
+    Ackermann's formula: two poles at `left`, the share of an error that the time leaves.
+    """
+    F, G = held_motion(p, time)
     reach = np.column_stack([G, F @ G])
     rest = F - left * np.eye(2)
     r_z, r_w = -np.linalg.solve(reach.T, [0.0, 1.0]) @ rest @ rest

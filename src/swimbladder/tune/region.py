@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 UNKNOWN = 0.05  # of K2 and T2, or of mass and drag, where nothing was identified
 NEUTRAL = 2e-6  # m3, where nothing is known: either way
+WALK = 1e-6 / 60.0  # m3/s^0.5, likewise: 1 cm3 per root hour
 _DRAWN = 16  # points of the boundary beside the ends of the axes
 
 
@@ -32,6 +33,7 @@ class Region(NamedTuple):
 
     plants: tuple[Plant, ...]
     neutral: float  # m3, farthest that the neutral volume is from what is known
+    walk: float  # m3/s^0.5, intensity of its random walk
     words: tuple[str, ...]
 
 
@@ -80,17 +82,19 @@ def region(vehicle: Vehicle, *, level: float = 0.95, drawn: int = _DRAWN, seed: 
     names, _ = unknowns(vehicle)
     if known is None:
         words = [f"K2 and T2 each within {100.0 * UNKNOWN:g} %, as nothing was identified"]
-        neutral = NEUTRAL
+        neutral, walk = NEUTRAL, WALK
     else:
         words = [
             f"{', '.join(names)} within the {100.0 * level:g} % region of their covariance, from "
             f"{len(known.logs)} logs"
         ]
         neutral = max(NEUTRAL, 2.0 * known.neutral_std)
-    words.append(f"neutral volume within {1e6 * neutral:.2g} cm3")
+        walk = max(WALK, known.neutral_walk)
+    drift = f"{60e6 * walk:.2g} cm3 in a root hour"
+    words.append(f"neutral volume within {1e6 * neutral:.2g} cm3, walking {drift}")
     points = unit_points(vehicle, drawn=drawn, seed=seed)
     plants = [member(vehicle, s, level=level).plant for s in points]
-    return Region((plant(vehicle), *plants), neutral, tuple(words))
+    return Region((plant(vehicle), *plants), neutral, walk, tuple(words))
 
 
 def _box(n: int, drawn: int, seed: int) -> Array:

@@ -113,7 +113,7 @@ def search(
         option
         for knobs in look.candidates(goal, held, most, _tightened(wanted))
         for option in options(
-            name, goal, knobs, gains(name, setting, knobs), setting, deepest=max(depths)
+            name, goal, knobs, gains(name, setting, knobs), setting, held=held, deepest=max(depths)
         )
     ]
 

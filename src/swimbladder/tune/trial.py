@@ -31,6 +31,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+_WALK_EVERY = 10.0  # s, between two steps of a neutral volume that walks
 _STILL = 1e-8  # m3, that a motor at rest may creep in a sample
 _FIELDS = ("a_b", "a_s", "d_l", "d_b", "d_t", "psi", "gain", "T1")
 
@@ -132,8 +133,11 @@ def _runs(
     region: Region | None, runs: int, seed: int, supply: float | None,
 ) -> xarray.Dataset:  # fmt: skip
     vary: dict[str, Array] = {}
-    start_volume = None
+    start_volume = walked = None
     if region is not None:
+        walked = random_walk(
+            region.walk, step.duration, sample_time=sample_time, runs=runs, seed=seed
+        )
         vary |= draw(region, runs=runs, seed=seed)
         start_volume = np.full(runs, vehicle.neutral_volume(step.start))
     if supply is not None:
@@ -141,8 +145,24 @@ def _runs(
     return simulate_ensemble(
         vehicle, count=runs, setpoints=[(0.0, step.target)], duration=step.duration,
         start_depth=step.start, start_volume=start_volume, vary=vary, seed=seed, law=law,
-        parameters=parameters, sample_time=sample_time, keep="trajectory",
+        parameters=parameters, sample_time=sample_time, neutral_change=walked, keep="trajectory",
     )  # fmt: skip
+
+
+def random_walk(
+    intensity: float, duration: float, *, sample_time: float, runs: int, seed: int
+) -> Array:
+    """Return random walks from 0 [samples, runs], in steps every ten seconds.
+
+    intensity [m3/s^0.5], duration [s].
+    """
+    every = max(round(_WALK_EVERY / sample_time), 1)
+    samples = round(duration / sample_time) + 1
+    rng = np.random.default_rng([seed, 1])  # a stream of its own
+    steps = rng.normal(0.0, intensity * np.sqrt(every * sample_time), (samples // every, runs))
+    walk = np.concatenate([np.zeros((1, runs)), np.cumsum(steps, axis=0)])
+    found: Array = walk[np.arange(samples) // every]
+    return found
 
 
 def draw(region: Region, *, runs: int, seed: int) -> dict[str, Array]:
