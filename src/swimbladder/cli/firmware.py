@@ -48,7 +48,8 @@ def firmware(
 ) -> None:
     """Write the vehicle's controller as an Arduino library in C99 and float32.
 
-    The library holds the law and its parameters, sketches with two functions to fill in, and a
+    The library holds the law, a supervisor that brings the vehicle up whatever the law says (see
+    [supervisor] in the vehicle's file), sketches with two functions to fill in, and a
     golden trace: a depth step flown by the law's twin in float32, equal to the C to the last bit.
     Exit code 1 where the controller does not bring the vehicle through that step.
     """
@@ -116,6 +117,8 @@ def _check_law(vehicle: Vehicle, law: str | None) -> None:
 
 
 def _print(made: Library, files: list[Path]) -> None:
+    from swimbladder.firmware.meanings import summary
+
     golden, unit = made.golden, "V" if made.law.command == "voltage" else "m3"
     low, high = made.limits
     for line in (
@@ -123,6 +126,7 @@ def _print(made: Library, files: list[Path]) -> None:
         f"command {low:.6g} to {high:.6g} {unit}",
         f"golden trace: {made.start_depth:g} to {made.target:g} m in {len(golden.depth)} ticks; "
         f"float32 moves the vehicle by at most {golden.difference * 1e3:.2g} mm",
+        summary(made.supervisor),
         "to do: fill in the two functions of an example; README.md says how, and how to check",
     ):
         output.print(line, soft_wrap=True)

@@ -17,9 +17,11 @@ from swimbladder.closed_loop.single import choose_law
 from swimbladder.control.law import Law
 from swimbladder.control.supervisor import SUPERVISOR, Reason
 from swimbladder.control.supervisor_records import SupervisorParameters, Watched
+from swimbladder.errors import InputError
 from swimbladder.firmware.c99 import MEASUREMENT_H, write_c99
 from swimbladder.firmware.c_names import c_field, c_float, c_law
 from swimbladder.firmware.golden import Golden, command_limits, fly
+from swimbladder.firmware.meanings import facts_of
 from swimbladder.firmware.safety import supervisor_parameters
 from swimbladder.firmware.subset import read_law
 from swimbladder.firmware.twin import twin
@@ -99,6 +101,7 @@ def make_library(
     supervisor = write_c99(read_law(SUPERVISOR, Watched), private=True)
     facts = _facts(vehicle, law, parameters, tick_s, first) | {
         "reasons": list(Reason), "limits": _numbers(limits, SUPERVISOR.units),
+        **facts_of(limits),
         "start": f"{start_depth:g}", "goal": f"{target:g}", "target": c_float(target),
         "ticks": len(golden.depth),
     }  # fmt: skip
@@ -107,8 +110,8 @@ def make_library(
         for row in zip(*(column[:_ON_BOARD] for column in golden[:4]), strict=True)
     ]
     facts["rows"] = len(rows)
-    avr = facts | {"boards": "an AVR (Uno, Nano, Mega)", "wait": False, "pwm": _PWM}
-    other = facts | {"boards": "an ESP32 or RP2040", "wait": True, "pwm": _PWM_12}
+    avr = facts | {"boards": "an AVR (Uno, Nano, Mega)", "avr": True, "wait": False, "pwm": _PWM}
+    other = facts | {"boards": "an ESP32 or RP2040", "avr": False, "wait": True, "pwm": _PWM_12}
     files = {
         "library.properties": _render("library.properties.j2", facts),
         "README.md": _render("README.md.j2", facts),
@@ -138,7 +141,8 @@ def make_library(
 def write_library(library: Library, out: Path) -> list[Path]:
     """Write the files into the folder `out`, which appears whole; return their paths.
 
-    Raises InputError where that is not possible.
+    In a folder that exists the sources of an earlier library that this one has not are removed:
+    the Arduino IDE compiles whatever lies in src. Raises InputError where that is not possible.
     """
 
     def write(folder: Path) -> None:
@@ -149,7 +153,20 @@ def write_library(library: Library, out: Path) -> list[Path]:
 
     check_place(out)
     publish(out, write)
+    for old in [*(out / "src").glob("swb_*.c"), *(out / "src").glob("swb_*.h")]:
+        if f"src/{old.name}" not in library.files:
+            _remove(old)
     return [out / name for name in library.files]
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink()
+    except OSError as error:
+        raise InputError(
+            f"cannot remove a source of another law: {error.strerror or error}", file=path,
+            field="--out", remedy="Remove it by hand, or choose an empty folder",
+        ) from error  # fmt: skip
 
 
 _COLUMN = {"voltage": "voltage_V", "volume": "reference_volume_m3"}

@@ -15,6 +15,13 @@
 #define memcpy_P memcpy
 #endif
 
+#define LED_BUILTIN 13
+#define OUTPUT 1
+#define HIGH 1
+#define LOW 0
+inline void pinMode(int, int) {}
+inline void digitalWrite(int, int) {}
+
 extern uint32_t stub_us;
 inline uint32_t micros() { return stub_us += 4u; }
 inline uint32_t millis() { return stub_us / 1000u; }
