@@ -30,9 +30,11 @@ COMMANDS = {
     "design-experiment": "Which pool experiments to run, and what they tell.",
     "pool": "Guide a day at the pool, simulated or on a growing log.",
     "tune": "Gains with margins over all that is not known.",
+    "plan": "The best step of depth there is, computed beforehand.",
     "bench-control": "Every law on the same scenarios, a table and a picture.",
     "stability": "Worst eigenvalues, limit cycles, and from where it recovers.",
     "firmware": "The controller as an Arduino library in C.",
+    "faults": "Missions in which things fail, with the vehicle's own C on board.",
     "reproduce": "Redo the paper: each figure, table and number, a report.",
     "vehicle": "List, show and write vehicle files.",
 }

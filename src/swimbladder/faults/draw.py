@@ -29,11 +29,12 @@ STEP = 10.0  # m, largest change of a set-point
 RAMP = 0.1  # m/s, at which the depth asked for goes to a set-point; a fifth of the speed at most
 UP = -1.0  # m from where the hull emerges: the set-point that ends a mission
 DEEP = 0.75  # of the missions begin anywhere in the range, the others rather at its top
-TOGETHER = 0.25  # of the missions have two faults
-SECOND_WITHIN = 120.0  # s after the first
+TOGETHER = 0.5  # of the missions have two faults
+SECOND_WITHIN = 30.0  # s after the first
 RECOVERY = 60.0  # s from the first onset to the full buoyancy that tells what is recoverable
 SLACK = 180.0  # s, for coming up
 SETTLE = 30.0  # s before anything may fail
+LATEST = 0.75 * DURATION  # s, of the first onset
 BOOT = 2.0  # s that the board needs from a reset to its first tick
 SWELL = 0.005  # of the stroke, the least; ten times as much the most
 BAND = 1.0  # m under the surface: a hull bobs in the swell
@@ -157,7 +158,7 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
     if not healthy:
         kinds = kinds_of(vehicle)
         faults = (kinds[number % len(kinds)],)
-        onset = random.uniform(SETTLE, DURATION)
+        onset = random.uniform(SETTLE, LATEST)
         times = [onset]
         if random.random() < TOGETHER:
             others = [k for k in kinds if k != faults[0]]
@@ -175,7 +176,7 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
     rest = p["psi"] * targets[0] + p["V_0"]
     condition = _condition(
         course, random, tick=tick, start=targets[0], V=rest,
-        onset=onset, stay=math.inf if leaks else STAY,
+        stay=math.inf if leaks else STAY,
         quiet=max([DURATION, *times]),
     )  # fmt: skip
     return Mission(
@@ -229,7 +230,7 @@ def _rise_speed(p: Plant, depth: float) -> float:
 
 def _condition(
     course: Course, random: np.random.Generator, *, tick: float, start: float,
-    V: float, onset: float,
+    V: float,
     stay: float, quiet: float,
 ) -> Condition:  # fmt: skip
     vehicle = course.vehicle
@@ -253,12 +254,13 @@ def _condition(
         start_volume=min(max(V, vehicle.stroke.minimum), vehicle.stroke.maximum),
         depth_noise=noise, depth_quantum=quantum, volume_noise=volume_noise,
         volume_quantum=sensors.volume_quantum,
-        battery_noise=0.005, ramp=course.ramp * tick, drift=random.uniform(-1.0, 1.0) * course.neutral / 1000.0,
+        battery_noise=0.005, ramp=course.ramp * tick,
+        drift=random.uniform(-1.0, 1.0) * course.neutral / 1000.0,
         swell=swell if rough else 0.0, swell_omega=2.0 * math.pi / period, swell_phase=phase,
         gravity=vehicle.water.gravity, leak_input=threshold if has_input else math.inf,
         brown_out=BROWN_OUT * supply if vehicle.voltage_driven else 0.0,
         boot=math.ceil(BOOT / tick), band=BAND, rated=math.inf if limit is None else limit,
         stay=stay / tick, quiet_at=math.ceil(quiet / tick),
-        full_at=math.ceil((onset + RECOVERY) / tick) if math.isfinite(onset) else math.inf,
+full_after=math.ceil(RECOVERY / tick),
         seed=float(random.integers(2**32)),
     )  # fmt: skip

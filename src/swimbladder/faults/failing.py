@@ -25,7 +25,17 @@ from swimbladder.engine.modes import (
 )
 from swimbladder.faults.kinds import Fault
 
-__all__ = ["ROOM", "board_misses", "changes", "driven", "emf", "see_depth", "see_volume", "suffer"]
+__all__ = [
+    "ROOM",
+    "acts",
+    "board_misses",
+    "changes",
+    "driven",
+    "emf",
+    "see_depth",
+    "see_volume",
+    "suffer",
+]
 
 _KIND, _FIRST, _SECOND, _BEGIN, _END = range(5)
 ROOM = 5  # numbers that the sensors keep: see below
@@ -123,6 +133,29 @@ def changes(harms, k):  # type: ignore[no-untyped-def]
     """Return whether a fault begins or ends at this tick."""
     for n in range(harms.shape[0]):  # noqa: SIM110
         if harms[n, _BEGIN] == k or harms[n, _END] == k:
+            return True
+    return False
+
+
+@part
+def acts(base, p, harms, k, engine_volume):  # type: ignore[no-untyped-def]
+    """Return whether a fault acts at tick k: a block only once the actuator has come to it.
+
+    engine_volume [m3]: the volume as the limits in p count it, see `flight`.
+    """
+    for n in range(harms.shape[0]):
+        harm = harms[n]
+        if not _on(harm, k):
+            continue
+        kind = int(harm[_KIND])
+        narrow = p[V_MAX] - p[V_MIN] < (1.0 - 1e-9) * (base[V_MAX] - base[V_MIN])
+        if kind == BLOCKED_OUT:
+            if narrow and engine_volume >= p[V_MAX]:
+                return True
+        elif kind == BLOCKED_IN:
+            if narrow and engine_volume <= p[V_MIN]:
+                return True
+        else:
             return True
     return False
 

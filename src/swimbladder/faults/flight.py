@@ -32,6 +32,7 @@ from swimbladder.faults.failing import (
     LEAK_LARGE,
     LEAK_SMALL,
     ROOM,
+    acts,
     board_misses,
     changes,
     driven,
@@ -44,16 +45,20 @@ from swimbladder.faults.rows import CONDITION, RESULT
 
 __all__ = ["FULL", "OWN", "fly"]
 
-OWN, FULL = 0, 1  # the board decides; from `full_at` on full buoyancy is commanded instead
+OWN, FULL = (
+    0,
+    1,
+)  # the board decides; from `full_after` the first fault on full buoyancy is commanded instead
 _RAN, _MISSED, _OFF = 0.0, 1.0, 2.0
 
 (
     END, TICK, START_DEPTH, START_VOLUME, DEPTH_NOISE, DEPTH_QUANTUM, VOLUME_NOISE,
     VOLUME_QUANTUM, BATTERY_NOISE, RAMP, DRIFT, SWELL, SWELL_OMEGA, SWELL_PHASE, GRAVITY,
-    LEAK_INPUT, BROWN_OUT, BOOT, BAND, RATED, STAY, QUIET_AT, FULL_AT, SEED,
+    LEAK_INPUT, BROWN_OUT, BOOT, BAND, RATED, STAY, QUIET_AT, FULL_AFTER, SEED,
 ) = CONDITION  # fmt: skip
 (
-    STOP, LAST, ARRIVED, BEYOND, ON_BOTTOM, DEPTH, DEEPEST, LATCHED, REASON, RELEASED, RESETS_,
+    STOP, LAST, ARRIVED, BEYOND, ON_BOTTOM, DEPTH, DEEPEST, LATCHED, REASON, RELEASED,
+    RESETS_, ACTING,
 ) = RESULT  # fmt: skip
 
 
@@ -121,7 +126,7 @@ def _fly(  # type: ignore[no-untyped-def]
     must_begin, restarted = True, 0
     u_board, u, turn = 0.0, c[START_VOLUME] if positioner else 0.0, 0
     asked = depths[0]
-    deepest = c[START_DEPTH]
+    deepest, full_at = c[START_DEPTH], math.inf
     for k in range(end + 1):
         t = k * tick
         # what makes the vehicle heavier
@@ -148,7 +153,7 @@ def _fly(  # type: ignore[no-untyped-def]
         else:
             result[ARRIVED] = np.nan
         result[LAST] = k
-        quiet = k >= c[FULL_AT] if how == FULL else k >= c[QUIET_AT] or k > result[LATCHED]
+        quiet = k >= full_at if how == FULL else k >= c[QUIET_AT] or k > result[LATCHED]
         if quiet and k - result[ARRIVED] >= c[STAY]:
             break
         # the battery
@@ -157,6 +162,9 @@ def _fly(  # type: ignore[no-untyped-def]
             built[:] = 0
             if positioner and x[0] != 0.0:
                 x[0] = math.copysign(p[RATE], x[0])
+        if math.isnan(result[ACTING]) and acts(base, p, harms, k, x[1]):
+            result[ACTING] = k
+            full_at = k + c[FULL_AFTER]
         if positioner:
             battery = np.nan
         else:
@@ -178,7 +186,7 @@ def _fly(  # type: ignore[no-untyped-def]
             turn += 1
         asked += max(-c[RAMP], min(c[RAMP], depths[turn] - asked))
         missed, reset, hangs = board_misses(harms, k, tick)
-        if how == FULL and k >= c[FULL_AT]:
+        if how == FULL and k >= full_at:
             missed, reset, hangs, hung_until = False, False, 0, -1
         board = _RAN
         if k == hung_until or reset or (battery < c[BROWN_OUT]):
@@ -197,7 +205,7 @@ def _fly(  # type: ignore[no-untyped-def]
         elif missed:
             board = _MISSED
             lost += 1
-        elif how == FULL and k >= c[FULL_AT]:
+        elif how == FULL and k >= full_at:
             u_board = base[V_MAX] if positioner else base[SUPPLY]
         else:
             if must_begin:

@@ -82,7 +82,7 @@ class Kind:
     words: str
     first: Range | None = None
     second: Range | None = None
-    may_end: bool = True  # one in four lasts for 5 to 300 s only
+    may_end: bool = True  # one in seven lasts for 5 to 300 s only
     motor: bool = False  # there is none such where the actuator takes a volume
 
 
@@ -202,8 +202,8 @@ KINDS: Mapping[Fault, Kind] = {
     ),
     Fault.PAUSE: Kind(
         name="pause", family="timing", may_end=False,
-        words="the board does nothing for so long; the command holds",
-        first=Range(least=5.0, most=600.0, unit="s"),
+        words="the board does nothing for so long (its watchdog would end more)",
+        first=Range(least=5.0, most=60.0, unit="s"),
     ),
     Fault.RESETS: Kind(
         name="board resets", family="timing",
@@ -225,7 +225,7 @@ KINDS: Mapping[Fault, Kind] = {
     ),
 }  # fmt: skip
 
-_ENDS, _LASTS = 0.25, Range(least=5.0, most=300.0, unit="s")
+_ENDS, _LASTS = 0.15, Range(least=5.0, most=300.0, unit="s")
 
 
 def kinds_of(vehicle: Vehicle) -> tuple[Fault, ...]:

@@ -33,7 +33,7 @@ class Condition(NamedTuple):
     rated: float  # m, inf: not stated
     stay: float  # ticks at the surface after which it has stayed there; inf: to the end
     quiet_at: float  # tick after which nothing more is asked or fails
-    full_at: float  # tick from which on full buyancy is commanded where that is asked for
+    full_after: float  # ticks from the first fault on to full buoyancy, where that is asked for
     seed: float  # of the noise, a whole number below 2^32
 
 
@@ -61,6 +61,7 @@ class Result(NamedTuple):
     reason: float  # code of that reason
     released: float  # tick at which it asked for the release of a weight; nan: never
     resets: float  # of the board
+    acting: float  # tick at which the first fault began to act; nan: none did
 
 
 class Trace(NamedTuple):
@@ -85,4 +86,4 @@ class Trace(NamedTuple):
 
 CONDITION = Condition(*range(len(Condition._fields)))
 RESULT = Result(*range(len(Result._fields)))
-TRACE = Trace(*range(len(Trace._fields)))
+TRACE = {name: index for index, name in enumerate(Trace._fields)}

@@ -21,11 +21,20 @@ from swimbladder.faults.verdict import FACTS, HARMS, WIDTH, Campaign
 from swimbladder.io.files import make_folder, write_through
 from swimbladder.parameters import Vehicle
 
-__all__ = ["board_of", "run_missions"]
+__all__ = ["board_of", "check_controller", "run_missions"]
 
 Array = NDArray[np.float64]
 
 CHUNK = 200
+
+
+def check_controller(vehicle: Vehicle) -> None:
+    """Raise InputError where a vehicle has no controller."""
+    if vehicle.controller is None:
+        raise InputError(
+            f"the vehicle {vehicle.name!r} has no controller", field="controller",
+            remedy="Add a [controller] table to the vehicle: swimbladder tune writes one",
+        )  # fmt: skip
 
 
 def board_of(course: Course) -> Board:
@@ -45,11 +54,7 @@ def run_missions(
     Raises InputError for a vehicle without a controller, for depths that it cannot hold, and where
     there is no C compiler.
     """
-    if vehicle.controller is None:
-        raise InputError(
-            f"the vehicle {vehicle.name!r} has no controller", field="controller",
-            remedy="Add a [controller] table to the vehicle: swimbladder tune writes one",
-        )  # fmt: skip
+    check_controller(vehicle)
     if healthy is None:
         healthy = max(missions // 10, 1)
     for field, count in (("--missions", missions), ("--healthy", healthy)):

@@ -153,8 +153,8 @@ class Campaign:
 
     @cached_property
     def latch(self) -> Array:
-        """Time from the first onset to the supervisor's reason [s]; nan: it had none."""
-        late: Array = self.result(0, "latched") * self.tick - self.faulty[:, 1]
+        """Time from when the first fault acts to the supervisor's reason [s]; nan: it had none."""
+        late: Array = (self.result(0, "latched") - self.result(0, "acting")) * self.tick
         return late
 
     @property
@@ -162,6 +162,11 @@ class Campaign:
         """Share of the recoverable vehicles that are lost without the supervisor."""
         alone = self.recoverable & (self.outcome(1) != Outcome.SURFACED)
         return float(np.sum(alone) / max(1, np.sum(self.recoverable)))
+
+    @property
+    def all_lost_alone(self) -> float:
+        """Share of all vehicles with faults that are lost without the supervisor."""
+        return float(np.mean(self.outcome(1) != Outcome.SURFACED))
 
     @property
     def false_alarms(self) -> NDArray[np.intp]:
@@ -245,6 +250,7 @@ class Campaign:
             "recoverable": int(self.recoverable.sum()),
             "lost": self.lost,
             "lost_share_alone": self.lost_alone,
+            "lost_share_alone_of_all": self.all_lost_alone,
             "kinds": [line._asdict() for line in self.lines()],
             "healthy": {
                 "missions": trials,

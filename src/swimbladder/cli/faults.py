@@ -1,0 +1,191 @@
+"""``swimbladder faults``: missions in which something fails, with the vehicle's own C on board."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from swimbladder.cli.common import (
+    compile_notice,
+    emit_json,
+    output,
+    progress,
+)
+from swimbladder.errors import InputError, NoAnswerError
+
+if TYPE_CHECKING:
+    from swimbladder.faults import Campaign
+    from swimbladder.parameters import Vehicle
+
+__all__ = ["faults"]
+
+_SHOWN = 20  # lost vehicles that are named; all are in the files
+
+
+def faults(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    missions: Annotated[
+        int, typer.Option(metavar="N", help="Missions in which something fails.")
+    ] = 100_000,
+    healthy: Annotated[
+        int | None, typer.Option(metavar="N", help="Missions without a fault (a tenth as many).")
+    ] = None,
+    depth: Annotated[
+        str | None,
+        typer.Option("--depth", metavar="LEAST:MOST", help="Depths that they are flown at."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1,
+    mission: Annotated[
+        str | None,
+        typer.Option(metavar="N", help="Fly this one again, with its trajectory; hN: healthy."),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
+        "swimbladder-faults"
+    ),
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    """Fly the vehicle's own C through missions in which sensors, actuator or battery fail.
+
+    The controller and its supervisor are compiled on this machine and flown against the plant.
+    Exit code 1 where a vehicle is lost that full buoyancy 60 s after the fault would have saved,
+    or where a healthy mission raises an alarm. A run that is killed goes on where it was.
+    """
+    from swimbladder.cli.depths import depth_pair
+    from swimbladder.io.config import load_vehicle
+    from swimbladder.io.files import check_place
+
+    v = load_vehicle(vehicle)
+    depths = None if depth is None else depth_pair(depth, "--depth")
+    check_place(out)
+    if mission is not None:
+        _one(v, mission, depths, seed, out, json)
+        return
+    with progress("loading the simulator"):
+        from swimbladder.cli.faults_files import write_campaign
+        from swimbladder.faults import run_missions
+    keep = out.parent / f".{out.name}-unfinished"
+    with compile_notice(), progress("flying missions", 1.0) as advance:
+        flown = run_missions(
+            v, missions=missions, healthy=healthy, seed=seed, depths=depths, keep=keep,
+            advance=advance,
+        )  # fmt: skip
+    with progress("writing the missions"):
+        files = write_campaign(flown, out, keep)
+    if json:
+        emit_json({**flown.to_json(), "files": [str(path) for path in files]})
+    else:
+        _print(flown, files)
+    if not flown.passed:
+        raise NoAnswerError(_verdict(flown, vehicle, seed))
+
+
+def _one(
+    vehicle: Vehicle, mission: str, depths: tuple[float, float] | None, seed: int, out: Path,
+    json: bool,
+) -> None:  # fmt: skip
+    """Fly one mission again and write its trajectories."""
+    number = mission.removeprefix("h")
+    if not (number.isascii() and number.isdigit() and len(number) < 9):
+        raise InputError(
+            "a mission is a number, or one with an h before it", field="--mission", value=mission,
+            remedy="Write it like 17, or h17 for a healthy one",
+        )  # fmt: skip
+    with progress("loading the simulator"):
+        from swimbladder.cli.faults_files import write_one
+        from swimbladder.faults.one import fly_one
+    with compile_notice(), progress("flying the mission"):
+        flown = fly_one(
+            vehicle, int(number), healthy=mission.startswith("h"), seed=seed, depths=depths
+        )
+        files = write_one(flown, out)
+    if json:
+        emit_json({**flown.to_json(), "files": [str(path) for path in files]})
+        return
+    for line in flown.lines():
+        output.print(line, soft_wrap=True)
+    for path in files:
+        output.print(f"wrote {path}", soft_wrap=True)
+
+
+def _print(flown: Campaign, files: list[Path]) -> None:
+    from rich.table import Table
+
+    from swimbladder.faults.verdict import rule_of_three
+
+    course = flown.course
+    assert course.vehicle.controller is not None
+    output.print(
+        f"{course.vehicle.name}, law {course.vehicle.controller.law}: {len(flown.faulty)} missions "
+        f"with faults between {course.depths.least:.3g} and {course.depths.most:.3g} m "
+        f"({course.depths.limit}), time limit {course.time_limit:.0f} s",
+        soft_wrap=True,
+    )
+    output.print("")
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    for heading in (
+        "what fails", "missions", "could be saved", "saved", "lost", "lost alone", "seen [s]",
+        "95 % [s]", "deepest [m]",
+    ):  # fmt: skip
+        first = heading == "what fails"
+        table.add_column(heading, justify="left" if first else "right", no_wrap=first)
+    for line in flown.lines():
+        table.add_row(
+            line.name, str(line.missions), str(line.recoverable), str(line.saved),
+            str(line.recoverable - line.saved), str(line.lost_alone), _seconds(line.latch_median),
+            _seconds(line.latch_95), f"{line.deepest:.1f}",
+        )  # fmt: skip
+    output.print(table)
+    output.print("")
+    able, total = int(flown.recoverable.sum()), len(flown.faulty)
+    gone = flown.lines()[-1]
+    output.print(
+        f"{able} of {total} could be saved: full buoyancy 60 s after the first onset brings them "
+        f"up. With the supervisor {gone.saved} of them came up, without it "
+        f"{100.0 * flown.lost_alone:.0f} % were lost. Of the other "
+        f"{total - able} it brought up {gone.unrecoverable_saved}.",
+        soft_wrap=True,
+    )
+    if flown.lost_alone < 0.3:
+        output.print(
+            f"the faults are mild for this law: without the supervisor less than 30 % were lost "
+            f"({100.0 * flown.all_lost_alone:.0f} % of all missions)",
+            soft_wrap=True,
+        )
+    alarms, trials = len(flown.false_alarms), len(flown.healthy)
+    output.print(
+        f"healthy: {alarms} false alarms in {trials} missions, at most "
+        f"{rule_of_three(alarms, trials):.2g} of them (95 %); {len(flown.healthy_lost)} did not "
+        "come up",
+        soft_wrap=True,
+    )
+    for path in files:
+        output.print(f"wrote {path}", soft_wrap=True)
+
+
+def _seconds(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.0f}"
+
+
+def _verdict(flown: Campaign, vehicle: str, seed: int) -> str:
+    """Return what is wrong and what to do, the missions by number."""
+    parts, lost, alarms = [], flown.lost, flown.false_alarms
+    if len(lost):
+        parts.append(f"{len(lost)} of {int(flown.recoverable.sum())} vehicles that could be saved "
+                     "were lost:")  # fmt: skip
+        parts += [f"  {flown.told(int(n))}" for n in lost[:_SHOWN]]
+        if len(lost) > _SHOWN:
+            parts.append(f"  and {len(lost) - _SHOWN} more: supervised in missions.csv")
+    if len(alarms):
+        shown = ", ".join(f"h{n}" for n in alarms[:_SHOWN])
+        parts.append(f"{len(alarms)} healthy missions raised an alarm: {shown}")
+    again = f"{lost[0]}" if len(lost) else f"h{alarms[0]}"
+    parts.append(
+        f"Look at one: swimbladder faults {vehicle} --seed {seed} --mission {again}. "
+        "Then change the [supervisor] table (depth_limit, neutral_range, patience), or the mission"
+    )
+    return "\n".join(parts)
