@@ -19,9 +19,12 @@ import numpy as np
 from swimbladder.closed_loop import simulate
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.registry import LAWS
+from swimbladder.control.supervisor import SUPERVISOR
+from swimbladder.control.supervisor_records import Watched
 from swimbladder.firmware.c_names import c_law
-from swimbladder.firmware.clock import ControllerTwin
+from swimbladder.firmware.clock import ControllerTwin, VehicleTwin
 from swimbladder.firmware.library import Library, make_library, write_library
+from swimbladder.firmware.subset import read_law
 from swimbladder.firmware.twin import twin
 from tests.firmware.build import run, write
 from tests.firmware.laws import bits, controlled, packed
@@ -97,6 +100,20 @@ def controller(made: Library, folder: Path, mcu: str) -> Chip:
     return Chip(folder, mcu, [*sources, HERE / "controller.c"], inputs=3, outputs=1, flags=[first])
 
 
+def vehicle(made: Library, folder: Path, mcu: str) -> Chip:
+    """Return a chip that runs law and supervisor: what is seen and a reference -> command, bits."""
+    write_library(made, folder / "library")
+    sources = sorted((folder / "library" / "src").glob("*.c"))
+    return Chip(folder, mcu, [*sources, HERE / "vehicle.c"], inputs=7, outputs=2)
+
+
+def vehicle_twin(made: Library, spoil: Any = None) -> VehicleTwin:
+    """Return the twin of a library's vehicle, in float32."""
+    more = {} if spoil is None else {"spoil": spoil}
+    own = twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
+    return VehicleTwin(twin_of(made), made.supervisor, supervisor=own, **more)
+
+
 def frames(law: Law, folder: Path, mcu: str) -> Chip:
     """Return a chip that runs a law's functions on any numbers."""
     source = write(law, folder)
@@ -152,6 +169,30 @@ def fly(made: Library, chip: Chip, *, duration: float = 400.0, blind: range = ra
     return Flight(len(flown.time), unequal, float(flown.depth[-1]), chip.cycles)
 
 
+def fly_supervised(
+    made: Library, chip: Chip, *, duration: float = 400.0, spoil: Any = lambda _, seen: seen
+) -> tuple[Flight, VehicleTwin]:
+    """Fly the golden mission under the chip's supervised commands, its sensors spoilt."""
+    beside = vehicle_twin(made)
+    unequal = 0
+
+    def law(seen: Measurement, reference: float) -> float:
+        nonlocal unequal
+        board = Watched(seen.depth, 0.1, seen.volume, 12.0, 0.0, 0.0, 0.0)
+        board = spoil(beside.controller.ticks, board)
+        command, said = chip.answer(*board[:6], reference)
+        expected = beside.tick(board, reference)
+        unequal += bits(command, said) != bits(expected, beside.state.reasons)
+        return float(command)
+
+    flown = simulate(
+        made.vehicle, law=law, setpoints=[(0.0, made.target)], duration=duration,
+        start_depth=made.start_depth, seed=1, sample_time=made.tick_s,
+    )  # fmt: skip
+    flight = Flight(len(flown.time), unequal, float(flown.depth[-1]), chip.cycles)
+    return flight, beside
+
+
 def report(laws: Sequence[str]) -> str:
     """Return a table of what the controller of each law takes on each chip."""
     rows = [
@@ -162,17 +203,19 @@ def report(laws: Sequence[str]) -> str:
     for name in laws:
         made = make_library(controlled(name))
         for mcu in MCUS:
-            with tempfile.TemporaryDirectory() as folder:
-                chip = controller(made, Path(folder), mcu)
-                flight = fly(made, chip)
-                stack = chip.close()
-            most = max(flight.cycles)
-            model = re.sub("atmega", "ATmega", mcu).replace("8p", "8P")
-            rows.append(
-                f"| {name} | {model} | {chip.size.flash} B "
-                f"| {chip.size.variables} + {stack} B | {most} | {most / 16e3:.2f} "
-                f"| {flight.ticks - flight.unequal} of {flight.ticks} |"
-            )
+            for supervised in (False, True):
+                with tempfile.TemporaryDirectory() as folder:
+                    make = vehicle if supervised else controller
+                    chip = make(made, Path(folder), mcu)
+                    flight = fly_supervised(made, chip)[0] if supervised else fly(made, chip)
+                    stack = chip.close()
+                most = max(flight.cycles)
+                model = re.sub("atmega", "ATmega", mcu).replace("8p", "8P")
+                rows.append(
+                    f"| {name}{' + supervisor' if supervised else ''} | {model} "
+                    f"| {chip.size.flash} B | {chip.size.variables} + {stack} B | {most} "
+                    f"| {most / 16e3:.2f} | {flight.ticks - flight.unequal} of {flight.ticks} |"
+                )
     return "\n".join(rows)
 
 

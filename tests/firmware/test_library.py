@@ -209,7 +209,10 @@ class TestExamples:
         made = library(name)
         text = made.files[f"examples/{board}/{board}.ino"]
         assert text.count("FILL IN") == 3
-        filled = text.replace("*depth_m = NAN;", "*depth_m = controller.ticks == 2u ? NAN : 2.5f;")
+        filled = text.replace(
+            "*depth_m = NAN;",
+            "*depth_m = vehicle.controller.ticks == 2u ? NAN : 2.5f;",
+        )
         filled = filled.replace("*volume_m3 = NAN;", "*volume_m3 = -1.2345e-5f;")
         printed = _sketch(made, tmp_path, board, filled)
         (tmp_path / "log.csv").write_text(printed)
@@ -219,18 +222,29 @@ class TestExamples:
         assert log.time[-1] > 4.0
         assert np.all(log.depth == 2.5)
         np.testing.assert_allclose(log.volume, -1.2345e-5, atol=1e-9)
+        assert printed.startswith(
+            "# age of depth: NOT watched\n# battery: NOT watched\n# leak: NOT"
+        )
         low, high = made.limits
         last = float(printed.splitlines()[-1].split(",")[3])
         assert low - 1e-9 <= last <= high + 1e-9
 
-    def test_as_it_is_shipped_it_drives_nothing(self, name, tmp_path):
+    def test_as_it_is_shipped_it_sees_nothing_and_brings_the_vehicle_up(self, name, tmp_path):
         made = library(name)
         text = made.files["examples/FloatAVR/FloatAVR.ino"]
-        lines = _sketch(made, tmp_path, "FloatAVR", text).splitlines()
-        assert {line.split(",")[1].lower() for line in lines[1:]} == {"nan"}
-        first = first_command(name)
-        commands = [float(line.split(",")[3]) for line in lines[1:]]
-        assert commands == pytest.approx([first] * len(commands), abs=1e-9)
+        said = _sketch(made, tmp_path, "FloatAVR", text).splitlines()
+        lines = [line.split(",") for line in said if line[0] not in "#t"]
+        assert {line[1].lower() for line in lines} == {"nan"}
+        first, p = first_command(name), made.supervisor
+        (row,) = [n for n, line in enumerate(said) if line.startswith("# full")]
+        assert said[row] == "# full buoyancy: depth missing"
+        assert row - 4 == p.blind - 1  # three remarks and the header stand above
+        assert {float(line[3]) for line in lines[: row - 4]} == {pytest.approx(first, abs=1e-9)}
+        assert {float(line[3]) for line in lines[row - 4 :]} == {
+            pytest.approx(p.surface_command, abs=1e-9)
+        }
+        assert lines[0][-1] == "0"
+        assert lines[-1][-1] == "4"
 
 
 @pytest.mark.usefixtures("gcc")
@@ -290,6 +304,8 @@ def test_the_files_of_a_library():
     assert set(files) == {
         "library.properties", "README.md", "src/swb_measurement.h", "src/swb_cascade.h",
         "src/swb_cascade.c", "src/swb_controller.h", "src/swb_controller.c",
+        "src/swb_supervisor.h", "src/swb_supervisor_step.h", "src/swb_vehicle.h",
+        "src/swb_vehicle.c",
         "examples/FloatAVR/FloatAVR.ino", "examples/FloatESP32RP2040/FloatESP32RP2040.ino",
         "examples/GoldenTrace/GoldenTrace.ino", "examples/GoldenTrace/golden.h",
         "extras/check.c", "extras/golden.csv",
@@ -300,6 +316,15 @@ def test_the_files_of_a_library():
     assert said["includes"] == "swb_controller.h"
     assert "#define SWB_TICK_US 300000ul" in files["src/swb_controller.h"]
     assert ".k_pV = 1.002e+06f" in files["src/swb_controller.c"]
+
+
+def test_the_sources_of_an_earlier_law_go_and_what_is_not_ours_stays(tmp_path):
+    write_library(library("cascade"), tmp_path)
+    (tmp_path / "src" / "mine.c").write_text("")
+    write_library(library("position-pid"), tmp_path)
+    sources = {path.name for path in (tmp_path / "src").iterdir()}
+    made = {Path(name).name for name in library("position-pid").files if name.startswith("src/")}
+    assert sources == made | {"mine.c"}
 
 
 def test_a_name_of_any_letters_stays_a_name_of_a_library():
