@@ -57,7 +57,7 @@ class Flown:
         """Return how a flight ended."""
         found = outcomes(
             np.array([self.results[flight]]), tick=self.tick,
-            stay=self.mission.condition.stay * self.tick, end=self.course.end,
+            stay=self.mission.condition.stay * self.tick,
         )  # fmt: skip
         return Outcome(int(found[0]))
 

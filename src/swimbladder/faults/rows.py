@@ -31,7 +31,7 @@ class Condition(NamedTuple):
     boot: float  # ticks from a reset until the first tick
     band: float  # m under the surface that count as being there
     rated: float  # m, inf: not stated
-    stay: float  # ticks at the surface after which it has stayed there; inf: to the end
+    stay: float  # ticks at the surface after which it has stayed there
     quiet_at: float  # tick after which nothing more is asked or fails
     full_after: float  # ticks from the first fault on to full buoyancy, where that is asked for
     seed: float  # of the noise, a whole number below 2^32

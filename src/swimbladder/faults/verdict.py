@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swimbladder.control.supervisor import Reason
 from swimbladder.engine.advance import DONE, LEFT_WATER
-from swimbladder.faults.draw import Course
+from swimbladder.faults.draw import STAY, STAY_LEAKING, Course
 from swimbladder.faults.kinds import KINDS, Fault
 from swimbladder.faults.rows import Harm, Result
 
@@ -55,16 +55,13 @@ class Outcome(IntEnum):
         )[self]  # fmt: skip
 
 
-def outcomes(results: Array, *, tick: float, stay: Array | float, end: float) -> Array:
-    """Return the Outcome of each result [n, len(Result)]; stay [s], end [s] of the mission.
+def outcomes(results: Array, *, tick: float, stay: Array | float) -> Array:
+    """Return the Outcome of each result [n, len(Result)]; stay [s] at the surface that is asked for.
 
-    A vehicle surfaced that has been there for `stay`, or to the end where that is infinite; one
-    that leaps out of the water did too.
+    A vehicle that leaps out of the water surfaced too.
     """
     r = Result(*results.T)
-    there = (r.last - r.arrived) * tick
-    last = r.last * tick >= end - tick
-    up = (there >= np.where(np.isfinite(stay), stay, 0.0)) & (np.isfinite(stay) | last)
+    up = (r.last - r.arrived) * tick >= np.floor(stay / tick) * tick
     found = np.full(len(results), float(Outcome.NOT_UP))
     found[up] = Outcome.SURFACED
     found[(r.stop != DONE) & (r.stop != LEFT_WATER)] = Outcome.STOPPED
@@ -83,6 +80,7 @@ class Line(NamedTuple):
     recoverable: int
     saved: int  # of them, with the supervisor
     lost_alone: int  # of them, without
+    rescued: int  # of them, with the supervisor and not without
     unrecoverable_saved: int  # surfaced although they were not counted on
     latched: int
     latch_median: float  # s from onset to the reason; nan: never
@@ -135,10 +133,7 @@ class Campaign:
         return self._outcomes(self.faulty[:, at : at + len(Result._fields)], leaking)
 
     def _outcomes(self, results: Array, leaking: NDArray[np.bool_]) -> Array:
-        from swimbladder.faults.draw import STAY
-
-        stay = np.where(leaking, math.inf, STAY)
-        return outcomes(results, tick=self.tick, stay=stay, end=self.course.end)
+        return outcomes(results, tick=self.tick, stay=np.where(leaking, STAY_LEAKING, STAY))
 
     @cached_property
     def recoverable(self) -> NDArray[np.bool_]:
@@ -208,6 +203,7 @@ class Campaign:
         return Line(
             name=name, family=family, missions=int(chosen.sum()), recoverable=int(able.sum()),
             saved=int((able & saved).sum()), lost_alone=int((able & ~alone).sum()),
+            rescued=int((able & saved & ~alone).sum()),
             unrecoverable_saved=int((chosen & ~able & saved).sum()), latched=len(latch),
             latch_median=float(np.median(latch)) if len(latch) else math.nan,
             latch_95=float(np.quantile(latch, 0.95)) if len(latch) else math.nan,

@@ -38,8 +38,8 @@ def draw_campaign(flown: Campaign) -> Figure:
     total = np.array([line.missions for line in lines], float)
     parts = (
         ("saved, and not lost without the supervisor",
-         [line.saved - min(line.lost_alone, line.saved) for line in lines], SKY),
-        ("saved by the supervisor", [min(line.lost_alone, line.saved) for line in lines], BLUE),
+         [line.saved - line.rescued for line in lines], SKY),
+        ("saved by the supervisor", [line.rescued for line in lines], BLUE),
         ("lost, though it could be saved",
          [line.recoverable - line.saved for line in lines], VERMILION),
         ("could not be counted on, came up all the same",
