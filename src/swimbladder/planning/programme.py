@@ -52,9 +52,10 @@ class Answer(NamedTuple):
 
     states: Array
     commands: Array
-    objective: float  # slack in units of the scale, or volume moved [m3]
+    objective: float  # slack in units of the scale, volume moved [m3], or energy [J]
     gap: float  # of primal and dual objective, over 1 + their size
     infeasibility: float  # largest residual of the scaled rows
+    proven: bool = True  # no motion is better; else: none near by
 
 
 class Rows:

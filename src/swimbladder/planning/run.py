@@ -1,0 +1,201 @@
+"""`plan`: a step of depth in the least time, with the least volume moved or the least energy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from swimbladder.closed_loop import drive
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.linear.models import Array
+from swimbladder.parameters import Vehicle
+from swimbladder.planning.course import Course, settle_course, stretched
+from swimbladder.planning.energy import least_energy, winding
+from swimbladder.planning.least import LeastTime, search_least
+from swimbladder.planning.motion import Steps
+from swimbladder.planning.programme import Answer, Goal, scale_of, solve
+from swimbladder.planning.result import Plan
+from swimbladder.planning.task import Task, task_of
+
+__all__ = ["ARRIVALS", "GOALS", "plan"]
+
+GOALS = ("time", "effort", "energy")
+ARRIVALS = ("band", "rest")
+
+_UNHURRIED = 2.0  # times the least time, where a goal other than time is given none
+_AT_LIMIT = 1e-6  # of a limit, to be at it
+
+
+def plan(
+    vehicle: Vehicle, start: float, target: float, *, goal: str = "time", arrive: str | None = None,
+    duration: float | None = None, sample_time: float | None = None, supply: float | None = None,
+    band: float = 0.02, margin: float = 0.0, speed_limit: float | None = None,
+    bottom_depth: float = math.inf, advance: Callable[[float], None] | None = None,
+) -> Plan:  # fmt: skip
+    """Return the best motion from rest at `start` to rest at `target` [m].
+
+    goal: time (the least until it has arrived; of the plans that do, one that moves least volume),
+    effort (least volume moved) or energy (least electrical energy into the motor), both at rest
+    after `duration` [s], twice the least time where not given. arrive: what arrival is for the goal
+    time: band (within `band` [-] of the step for good) or rest. The others are those of `task_of`.
+    advance: told of every program that was solved.
+
+    Raises InputError for what cannot be meant, NoAnswerError, with the limit in the way, for what
+    cannot be done.
+    """
+    arrive = _check(goal, arrive, duration)
+    task = task_of(
+        vehicle, start, target, sample_time=sample_time, supply=supply, band=band, margin=margin,
+        speed_limit=speed_limit, bottom_depth=bottom_depth,
+    )  # fmt: skip
+    if goal == "energy":
+        winding(task)
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
+        least, end, course = search_least(task, rest=arrive == "rest", advance=advance)
+        near = least.samples if arrive == "band" else None
+        if goal != "time":
+            end, near = _samples(task, least, duration), None
+        answer = _best(task, goal, near, end, course)
+        if answer is None:
+            raise _impossible(task, end, least, course)
+    return _plan_of(task, goal, arrive, answer, least, near if near is not None else end)
+
+
+def _check(goal: str, arrive: str | None, duration: float | None) -> str:
+    if goal not in GOALS:
+        raise InputError(
+            "no such goal", field="--goal", value=goal, remedy=f"Choose from {', '.join(GOALS)}"
+        )
+    if arrive is not None and arrive not in ARRIVALS:
+        raise InputError(
+            "no such arrival", field="--arrive", value=arrive,
+            remedy=f"Choose from {', '.join(ARRIVALS)}",
+        )  # fmt: skip
+    if goal == "time":
+        if duration is not None:
+            raise InputError(
+                "the goal time looks for the duration itself", field="--duration", value=duration,
+                unit="s", remedy="Leave it out, or choose the goal effort or energy",
+            )  # fmt: skip
+        return arrive or "band"
+    if arrive == "band":
+        raise InputError(
+            f"the goal {goal} is for plans that end at rest", field="--arrive", value=arrive,
+            remedy="Leave it out",
+        )  # fmt: skip
+    if duration is not None and not 0.0 < duration < math.inf:
+        raise InputError("must be above 0", field="--duration", value=duration, unit="s")
+    return "rest"
+
+
+def _samples(task: Task, least: LeastTime, duration: float | None) -> int:
+    """Return the samples of a plan that takes `duration` [s]; raises where it is too short."""
+    if duration is None:
+        return math.ceil(_UNHURRIED * least.samples)
+    return max(math.floor(duration / task.sample_time + 1e-9), 1)
+
+
+def _best(task: Task, goal: str, near: int | None, end: int, course: Course) -> Answer | None:
+    def program(steps: Steps, around: tuple[Array, float] | None) -> Answer | None:
+        if goal == "energy":
+            return least_energy(task, steps, end, around)
+        return solve(task, steps, Goal(near=near, rest=end), around=around)
+
+    return settle_course(task, program, stretched(course, end))[0]
+
+
+def _impossible(task: Task, end: int, least: LeastTime, course: Course) -> NoAnswerError:
+    """Return what is in the way, and how much more of each limit alone would do."""
+    sizes = scale_of(task)
+    unit = ("cm3/s", 1e6) if task.plant.positioner else ("V", 1.0)
+    ways = [
+        ("command", "the piston's speed" if task.plant.positioner else "the voltage",
+         task.command[1], sizes.command, *unit),
+        ("volume", "the stroke", 0.5 * (task.volume[1] - task.volume[0]), sizes.state[1],
+         "cm3 to either side", 1e6),
+        ("speed", "the speed limit", task.speed[1], sizes.state[3], "m/s", 1.0),
+    ]  # fmt: skip
+    found = []
+    for name, words, limit, size, shown, factor in ways:
+        if not math.isfinite(limit):
+            continue
+
+        def program(
+            steps: Steps, around: tuple[Array, float] | None, name: str = name
+        ) -> Answer | None:
+            return solve(task, steps, Goal(near=None, rest=end, relaxed=name), around=around)
+
+        answer, _ = settle_course(task, program, stretched(course, end))
+        if answer is not None:
+            need = limit + answer.objective * size
+            found.append(f"{words} {factor * need:.3g} {shown} instead of {factor * limit:.3g}")
+    wider = f"; or, one of them alone: {', or '.join(found)}" if found else ""
+    return NoAnswerError(
+        f"the duration: at rest at {task.target:g} m in {end * task.sample_time:g} s is beyond "
+        f"this vehicle's limits. It takes {least.time:.4g} s at least{wider}"
+    )
+
+
+def _plan_of(
+    task: Task, goal: str, arrive: str, answer: Answer, least: LeastTime, arrival: int
+) -> Plan:
+    h, n = task.sample_time, len(answer.commands)
+    time: Array = np.arange(n + 1, dtype=np.float64) * h
+    _, volume, depth, speed = answer.states.T
+    held = task.plant.load_drive * task.target
+    if task.plant.positioner:
+        command = np.append(volume[1:], volume[-1])
+        run = drive(
+            task.vehicle, time=time, volume=volume, start_depth=task.start,
+            bottom_depth=task.plant.z_bottom,
+        )  # fmt: skip
+    else:
+        command = np.append(answer.commands, held)
+        run = drive(
+            task.vehicle, time=time, voltage=command, start_depth=task.start,
+            bottom_depth=task.plant.z_bottom,
+        )  # fmt: skip
+    same = len(run.depth) == n + 1
+    residual = float(np.abs(run.depth - depth).max()) if same else math.inf
+    return Plan(
+        task=task, goal=goal, arrive=arrive, time=time, depth=depth, speed=speed, volume=volume,
+        command=command, arrival=arrival * h, least=least,
+        moved=float(np.abs(np.diff(volume)).sum()), energy=_energy(task, answer),
+        gap=answer.gap, proven=answer.proven, residual=residual, at_limit=_at_limit(task, answer),
+    )  # fmt: skip
+
+
+def _energy(task: Task, answer: Answer) -> float:
+    """Return the electrical energy into the motor [J], nan where not known."""
+    try:
+        R, kappa = winding(task)
+    except NoAnswerError:
+        return math.nan
+    h, u = task.sample_time, answer.commands
+    _, V, z, _ = answer.states.T
+    driven = np.diff(V) + 0.5 * task.plant.k_l * h * (z[1:] + z[:-1])
+    return float(np.sum(u * (u * h - kappa * driven)) / R)
+
+
+def _at_limit(task: Task, answer: Answer) -> dict[str, float]:
+    """Return the share of the samples at each limit."""
+    _, V, z, w = answer.states.T
+    command = "piston speed" if task.plant.positioner else "voltage"
+    series: list[tuple[str, Any, tuple[float, float]]] = [
+        (command, answer.commands, task.command), ("stroke", V[1:], task.volume),
+        ("speed", w[1:], task.speed), ("depth", z[1:], task.depth),
+    ]  # fmt: skip
+    sizes = scale_of(task)
+    size = dict(
+        zip((command, "stroke", "depth", "speed"), (sizes.command, *sizes.state[1:]), strict=True)
+    )
+    return {
+        name: float(
+            np.mean((x <= low + _AT_LIMIT * size[name]) | (x >= high - _AT_LIMIT * size[name]))
+        )
+        for name, x, (low, high) in series
+    }
