@@ -17,6 +17,8 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.linear.models import linearise
 from swimbladder.linear.sampled import SampledLoop, linearise_law
+from swimbladder.plots.tune import draw_sensitivity
+from swimbladder.report.tune import write_tuning
 from swimbladder.tune import tune
 from swimbladder.tune.energy import electrical_energy, winding
 from swimbladder.tune.gains import Knobs, gains, setting_of, tunable
@@ -110,6 +112,13 @@ def test_quiet_holds_a_depth_and_hardly_moves():
     assert falls_short(found.margins, WANTED) == ()
 
 
+def test_the_sensitivity_that_is_drawn_is_that_of_the_margins():
+    found = tune(NOISY, law="observer", depths=(0.0, 5.0), step=(1.5, 3.0), runs=20)
+    figure = draw_sensitivity(found)
+    peaks = [max(line.get_ydata().max() for line in axes.lines[:-1]) for axes in figure.axes]
+    assert max(peaks) == pytest.approx(found.margins.peak_sensitivity, rel=2e-3)
+
+
 @pytest.mark.slow
 def test_energy_is_spent_slowly_and_the_depth_is_held():
     vehicle = load_vehicle("example-em")
@@ -127,7 +136,7 @@ def test_energy_is_spent_slowly_and_the_depth_is_held():
 
 
 @pytest.mark.slow
-def test_a_law_that_sleeps_is_judged_by_trials_alone():
+def test_a_law_that_sleeps_is_judged_by_trials_alone(tmp_path):
     found = tune(
         NOISY, law="deadband", goal="quiet", hold=0.05, depths=(0.0, 5.0), step=(1.5, 3.0), runs=20
     )
@@ -135,6 +144,9 @@ def test_a_law_that_sleeps_is_judged_by_trials_alone():
     assert found.to_json()["margins"] is None
     assert found.region.rms < 0.05
     assert "no margins" in found.sentences[-1]
+    files = write_tuning(found, tmp_path / "out", answer="{}", command="swimbladder tune")
+    assert "sensitivity.png" not in [path.name for path in files]
+    assert "no margin is claimed" in (tmp_path / "out" / "tune.html").read_text()
 
 
 def test_the_energy_of_samples_is_that_of_the_books():
@@ -183,7 +195,13 @@ def test_the_command_writes_a_vehicle_that_simulates(capsys, tmp_path):
     answer = json.loads(capsys.readouterr().out)
     assert answer["law"] == "planned"
     assert answer["nominal"]["settle2_median_s"] < 20.0
-    assert sorted(p.name for p in out.iterdir()) == ["tune.json", "tune.png", "vehicle.toml"]
+    assert sorted(p.name for p in out.iterdir()) == [
+        "sensitivity.png", "tune.html", "tune.json", "tune.png", "vehicle.toml",
+    ]  # fmt: skip
+    page = (out / "tune.html").read_text()
+    assert "at 0, 1.5, 3, 5 m" in page
+    assert f'<td class="n">{answer["margins"]["peak_sensitivity"]:.2f}</td>' in page
+    assert "http" not in page.replace("http://www.w3.org", "")
     assert load_vehicle(out / "vehicle.toml").controller.law == "planned"
     simulate = ["simulate", str(out / "vehicle.toml"), "--start", "1.5", "--target", "3"]
     assert (

@@ -27,6 +27,7 @@ __all__ = [
     "progress",
     "quantity",
     "run",
+    "typed_command",
 ]
 
 # Notes, progress and errors.
@@ -149,3 +150,10 @@ def compile_notice() -> Iterator[None]:
 
     with on_compile(notice):
         yield
+
+
+def typed_command() -> str:
+    """Return the command line as it was typed, for a page that says how it was made."""
+    import shlex
+
+    return shlex.join(["swimbladder", *sys.argv[1:]])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +16,7 @@ from swimbladder.cli.common import (
     output,
     progress,
     quantity,
+    typed_command,
 )
 from swimbladder.cli.logs import names
 from swimbladder.cli.settings import held, priors
@@ -159,7 +159,7 @@ def design_experiment(
     answer = found.to_json()
     with progress("writing the plan", 1.0) as advance:
         files = write_design(
-            found, out, answer=json_text(answer), command=_command(), advance=advance
+            found, out, answer=json_text(answer), command=typed_command(), advance=advance
         )
     if json:
         emit_json({**answer, "files": [str(path) for path in files]})
@@ -170,13 +170,6 @@ def design_experiment(
             for sentence in (f.sentence for f in found.findings if f.severity == "no"):
                 console.print(sentence, markup=False, soft_wrap=True)
         raise typer.Exit(1)
-
-
-def _command() -> str:
-    """Return the command as it was given, for the page."""
-    import shlex
-
-    return shlex.join(["swimbladder", *sys.argv[1:]])
 
 
 def _against(text: str) -> tuple[float, ...] | None:

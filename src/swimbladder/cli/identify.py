@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +15,7 @@ from swimbladder.cli.common import (
     json_text,
     output,
     progress,
+    typed_command,
 )
 from swimbladder.cli.logs import chosen, depth, names, pair, read
 from swimbladder.cli.settings import deviation, held, priors
@@ -153,7 +153,7 @@ def identify(
     answer = {**found.to_json(), "paper": None if beside is None else beside.to_json()}
     with progress("writing the report", 1.0) as advance:
         files = write_identification(
-            found, out, answer=json_text(answer), command=_command(), seconds=seconds,
+            found, out, answer=json_text(answer), command=typed_command(), seconds=seconds,
             paper=beside, advance=advance,
         )  # fmt: skip
     if json:
@@ -169,13 +169,6 @@ def identify(
 
 def _doing(count: int) -> str:
     return "identifying from one log" if count == 1 else f"identifying from {count} logs"
-
-
-def _command() -> str:
-    """Return the command as it was given, for the report."""
-    import shlex
-
-    return shlex.join(["swimbladder", *sys.argv[1:]])
 
 
 def _drive(text: str | None) -> str | None:

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import console, emit_json, output, progress, quantity
+from swimbladder.cli.common import (
+    console,
+    emit_json,
+    output,
+    progress,
+    quantity,
+    typed_command,
+)
 from swimbladder.cli.logs import chosen, pair, read
 
 if TYPE_CHECKING:
@@ -96,7 +102,7 @@ def identify_actuator(
         from swimbladder.report.actuator import write_actuator
 
         files, why = write_actuator(
-            found, out, command=_command(), seconds=seconds, picture=plot, advance=advance
+            found, out, command=typed_command(), seconds=seconds, picture=plot, advance=advance
         )
     if why:
         console.print(f"no vehicle is written: {why}", markup=False, soft_wrap=True)
@@ -108,13 +114,6 @@ def identify_actuator(
         if json:
             console.print(found.refusal, markup=False, soft_wrap=True)
         raise typer.Exit(1)
-
-
-def _command() -> str:
-    """Return the command as it was given, for the report."""
-    import shlex
-
-    return shlex.join(["swimbladder", *sys.argv[1:]])
 
 
 def _row(name: str, e: Estimate) -> tuple[str, ...]:

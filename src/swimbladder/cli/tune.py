@@ -14,6 +14,7 @@ from swimbladder.cli.common import (
     output,
     progress,
     quantity,
+    typed_command,
 )
 from swimbladder.cli.depths import depth_pair, with_sensor
 
@@ -77,8 +78,7 @@ def tune(
     gains do, and what limits them.
     """
     from swimbladder.io.config import load_vehicle
-    from swimbladder.io.files import check_place, publish, write_atomically
-    from swimbladder.io.vehicle_file import vehicle_file
+    from swimbladder.io.files import check_place
 
     v = with_sensor(load_vehicle(vehicle), depth_noise, depth_quantum)
     options: dict[str, Any] = {
@@ -94,23 +94,13 @@ def tune(
     }
     check_place(out)
     with progress("loading the simulator"):
-        from swimbladder.plots.style import save
-        from swimbladder.plots.tune import draw_tuning
+        from swimbladder.report.tune import write_tuning
         from swimbladder.tune import tune as find
     with compile_notice(), progress("looking for gains", 1.0) as advance:
         found = find(v, **options, advance=advance)
     answer = found.to_json()
-    names = ["vehicle.toml", "tune.json", "tune.png"]
-
-    def write(folder: Path) -> None:
-        head = "\n".join([f"Tuned by swimbladder tune, law {law}, goal {goal}.", *found.sentences])
-        write_atomically(folder / names[0], vehicle_file(found.vehicle, head=head))
-        write_atomically(folder / names[1], json_text(answer) + "\n")
-        save(draw_tuning(found), folder / names[2])
-
-    with progress("writing the vehicle"):
-        publish(out, write)
-    files = [out / name for name in names]
+    with progress("writing the report"):
+        files = write_tuning(found, out, answer=json_text(answer), command=typed_command())
     if json:
         emit_json({**answer, "files": [str(path) for path in files]})
     else:

@@ -1,13 +1,16 @@
-"""A tuning as a picture: the step of its trials, nominal and over the region."""
+"""A tuning as pictures: the step of its trials, and the sensitivity, over the region."""
 
 from __future__ import annotations
 
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from swimbladder.plots.style import BLACK, BLUE, GREY, SKY, VERMILION, label_panels, styled
+from swimbladder.linear.margins import frequency_response
+from swimbladder.plots.style import BLACK, BLUE, GREY, ORANGE, VERMILION, label_panels, styled
 from swimbladder.tune import Tuning
+from swimbladder.tune.margins import WANTED
 
-__all__ = ["draw_tuning"]
+__all__ = ["draw_sensitivity", "draw_tuning"]
 
 _LONG = 4.0  # times the median settling, that is shown
 
@@ -21,7 +24,7 @@ def draw_tuning(tuning: Tuning) -> Figure:
     settle = tuning.nominal.settle_median
     end = min(step.duration, _LONG * settle) if settle > 0.0 else step.duration
     for traces, colour, width, alpha, label in (
-        (tuning.shown[1], SKY, 0.7, 0.6, "over the region, supply low"),
+        (tuning.shown[1], ORANGE, 0.8, 0.7, "over the region, supply low"),
         (tuning.shown[0], BLUE, 1.8, 1.0, "as it is"),
     ):
         kept = traces.time <= end
@@ -51,4 +54,34 @@ def draw_tuning(tuning: Tuning) -> Figure:
         f"{tuning.vehicle.name}, {tuning.law.name} tuned for {tuning.goal}", fontsize=10.0
     )
     label_panels([depth, volume, voltage])
+    return figure
+
+
+@styled
+def draw_sensitivity(tuning: Tuning) -> Figure:
+    """Return |S| = |1/(1 + L)| of all vehicles of the region, broken at voltage and depth."""
+    figure = Figure(figsize=(7.5, 3.8))
+    panels = figure.subplots(1, 2, sharey=True)
+    loops = sorted(tuning.loops(), key=lambda loop: -loop.number)  # the nominal one on top
+    for axes, place in zip(panels, ("voltage", "measured depth"), strict=True):
+        for loop in loops:
+            broken = loop.at_command if place == "voltage" else loop.at_depth
+            w, values = frequency_response(broken)
+            axes.loglog(
+                w, 1.0 / abs(1.0 + values), color=BLUE if loop.number == 0 else ORANGE,
+                lw=1.6 if loop.number == 0 else 0.7, alpha=1.0 if loop.number == 0 else 0.7,
+            )  # fmt: skip
+        axes.axhline(WANTED.peak_sensitivity, color=VERMILION, lw=1.0, ls="--")
+        axes.set_xlabel("frequency [rad/s]")
+        axes.set_title(f"broken at the {place}", fontsize=10.0)
+        axes.set_xlim(left=1e-3)
+        axes.set_ylim(0.05, 3.0)
+    panels[0].set_ylabel("sensitivity |S| [-]")
+    lines = [
+        Line2D([], [], color=BLUE, lw=1.6, label="as it is"),
+        Line2D([], [], color=ORANGE, lw=0.8, label="over the region"),
+        Line2D([], [], color=VERMILION, lw=1.0, ls="--", label="most that is allowed"),
+    ]
+    panels[0].legend(handles=lines, loc="lower right")
+    label_panels(list(panels))
     return figure

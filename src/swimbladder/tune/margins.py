@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,17 @@ from swimbladder.linear.margins import loop_margins, spectral_radius
 from swimbladder.linear.models import StateSpace, linearise
 from swimbladder.linear.sampled import LinearLaw, SampledLoop, linearise_law
 
-__all__ = ["WANTED", "Worst", "at_rest", "exactly", "falls_short", "roughly", "worst"]
+__all__ = [
+    "WANTED",
+    "Loop",
+    "Worst",
+    "at_rest",
+    "exactly",
+    "falls_short",
+    "loops",
+    "roughly",
+    "worst",
+]
 
 Array = NDArray[np.float64]
 
@@ -62,20 +72,38 @@ def worst(
     """
     judge = look or exactly
     found: Worst | None = None
-    for depth in depths:
-        linear = at_rest(law, parameters, plants[0], depth=depth, sample_time=sample_time)
-        for p in plants:
-            loop = SampledLoop(plant=linearise(p, depth=depth), law=linear)
-            for broken in (
-                loop.broken_at_command(command_delay=delay),
-                loop.broken_at_depth(command_delay=delay),
-            ):
-                here = judge(broken)
-                found = here if found is None else _least(found, here)
-                if not found.stable or (wanted is not None and falls_short(found, wanted)):
-                    return found
+    for loop in loops(law, parameters, plants, depths=depths, sample_time=sample_time, delay=delay):
+        for broken in (loop.at_command, loop.at_depth):
+            here = judge(broken)
+            found = here if found is None else _least(found, here)
+            if not found.stable or (wanted is not None and falls_short(found, wanted)):
+                return found
     assert found is not None  # there is a plant and a depth
     return found
+
+
+class Loop(NamedTuple):
+    """A loop that is broken at two places; number: of its plant."""
+
+    number: int
+    depth: float  # m
+    at_command: StateSpace
+    at_depth: StateSpace
+
+
+def loops(
+    law: Law, parameters: Any, plants: Sequence[Plant], *, depths: Sequence[float],
+    sample_time: float, delay: float,
+) -> Iterator[Loop]:  # fmt: skip
+    """Yield the loops of a law, linear at rest with the first plant, with every plant and depth."""
+    for depth in depths:
+        linear = at_rest(law, parameters, plants[0], depth=depth, sample_time=sample_time)
+        for number, p in enumerate(plants):
+            loop = SampledLoop(plant=linearise(p, depth=depth), law=linear)
+            yield Loop(
+                number, depth, loop.broken_at_command(command_delay=delay),
+                loop.broken_at_depth(command_delay=delay),
+            )  # fmt: skip
 
 
 def exactly(loop: StateSpace) -> Worst:

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from swimbladder.control.law import Law
+from swimbladder.dynamics import Plant
 from swimbladder.parameters import Vehicle
-from swimbladder.tune.gains import Knobs
-from swimbladder.tune.margins import Worst
+from swimbladder.tune.gains import gains
+from swimbladder.tune.knobs import Knobs, Setting
+from swimbladder.tune.margins import Loop, Worst, loops
 from swimbladder.tune.trial import Step, Traces, Trial
 
 __all__ = ["Tuning"]
@@ -27,6 +29,7 @@ class Tuning:
     vehicle: Vehicle
     law: Law
     goal: str
+    setting: Setting  # what the gains were made from
     knobs: Knobs
     parameters: Any
     margins: Worst | None  # None: a law without a linear form around rest
@@ -36,10 +39,23 @@ class Tuning:
     step: Step
     sample_time: float  # s
     delay: float  # s
-    depths: tuple[float, ...]  # m
+    depths: tuple[float, ...]  # m, that it is for
+    judged: tuple[float, ...]  # m, where margins were computed
     supply: float  # V, the least reckoned with
     assumptions: tuple[str, ...]
-    points: int  # plants whose margins were computed
+    plants: tuple[Plant, ...]  # of the region, the nominal one first
+
+    def loops(self) -> tuple[Loop, ...]:
+        """Return the linear loops that the margins are of: none where there are no margins."""
+        if self.margins is None:
+            return ()
+        linear = gains(self.law.name, self.setting, self.knobs._replace(dead=0.0, pause=0.0))
+        return tuple(
+            loops(
+                self.law, linear, self.plants, depths=self.judged, sample_time=self.sample_time,
+                delay=self.delay,
+            )
+        )  # fmt: skip
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -68,8 +84,8 @@ class Tuning:
             )
         else:
             sentences.append(
-                f"Over {self.points} vehicles of the region: gain {_decibel(m.gain_up)} up and "
-                f"{_decibel(m.gain_down)} down, phase {math.degrees(m.phase):.0f} degrees, "
+                f"Over {len(self.plants)} vehicles of the region: gain {_decibel(m.gain_up)} up "
+                f"and {_decibel(m.gain_down)} down, phase {math.degrees(m.phase):.0f} degrees, "
                 f"{m.delay:.2g} s more delay, peak sensitivity {m.peak_sensitivity:.2f}, balanced "
                 f"disk margin {m.disk:.2f}."
             )
@@ -100,7 +116,7 @@ class Tuning:
                 "delay_s": m.delay,
                 "peak_sensitivity": m.peak_sensitivity,
                 "disk": m.disk,
-                "vehicles": self.points,
+                "vehicles": len(self.plants),
             },
             "step": self.step._asdict(),
             "nominal": _trial(self.nominal),

@@ -12,7 +12,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.linear.depths import stall
 from swimbladder.parameters import Controller, Vehicle
 from swimbladder.tune.energy import winding
-from swimbladder.tune.gains import TUNABLE, setting_of, tunable
+from swimbladder.tune.gains import setting_of, tunable
 from swimbladder.tune.grids import GOALS, HELD, goals_of
 from swimbladder.tune.region import region
 from swimbladder.tune.result import Tuning
@@ -65,12 +65,13 @@ def tune(
         vehicle, sample_time=h, supply=least, neutral_range=max(10.0 * around.neutral, 20e-6)
     )
     ends = _step(depths, step)
+    judged = tuple(sorted({*depths, *ends}))
     held = HELD.get(goal, 0.0) if hold is None else hold
     long = _WATCH if goal != "fast" else _watched(vehicle, least, abs(ends[1] - ends[0]), h)
     watched = Step(*ends, long)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         found = search(
-            law, vehicle, setting, around, goal=goal, held=held, depths=sorted({*depths, *ends}),
+            law, vehicle, setting, around, goal=goal, held=held, depths=judged,
             delay=delay * h, step=watched, runs=runs, advance=advance,
         )  # fmt: skip
     numbers = found.parameters
@@ -92,17 +93,16 @@ def tune(
                 "provenance": {**vehicle.provenance, "controller.parameters": origin},
             }
         ),
-        law=chosen, goal=goal, knobs=found.knobs, parameters=numbers, margins=found.margins,
-        nominal=found.nominal, region=found.region, shown=shown, step=watched,
-        sample_time=h, delay=delay * h,
-        depths=depths, supply=least,
+        law=chosen, goal=goal, setting=setting, knobs=found.knobs, parameters=numbers,
+        margins=found.margins, nominal=found.nominal, region=found.region, shown=shown,
+        step=watched, sample_time=h, delay=delay * h, depths=depths, judged=judged, supply=least,
         assumptions=(
             *around.words,
             sensor,
             f"the supply falls to {least:.3g} V",
             f"a command comes {1e3 * delay * h:.3g} ms after its sample",
         ),
-        points=len(around.plants) if TUNABLE[law].linear else 0,
+        plants=around.plants,
     )  # fmt: skip
 
 
