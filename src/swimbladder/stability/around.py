@@ -126,14 +126,14 @@ def look_around(
     vehicle: Vehicle, law: Law, parameters: Any, *, depths: Sequence[float], sample_time: float,
     delay: float, advance: Callable[[float], None] = lambda _: None,
 ) -> Around | None:  # fmt: skip
-    """Return the worst over region and depths [m]; None for a law that is not linear around rest.
+    """Return the worst over region and depths [m]; None for a law not linear at rest, or asleep.
 
     parameters: without the law's own dead zone. delay [s]: from a sample to its command.
     """
     nominal = plant(vehicle)
     laws = {z: at_rest(law, parameters, nominal, depth=z, sample_time=sample_time) for z in depths}
-    if not all(linear.smooth for linear in laws.values()):
-        return None
+    if not all(x.smooth and x.sample_time == sample_time for x in laws.values()):
+        return None  # within its bands, or while it sleeps, a law that does nothing looks linear
     one_way = nominal.load_back == nominal.load_drive
     pieces = [(z, back) for z in depths for back in ((False,) if one_way else (False, True))]
     names, ball = unknowns(vehicle)

@@ -28,6 +28,7 @@ __all__ = ["Map", "Verdict", "recovery_maps"]
 Array = NDArray[np.float64]
 
 _CHUNK = 160  # runs between two looks at the clock; whole blocks of lanes
+_HOLDABLE = 0.95  # of the depth that the stroke balances: deepest set-point of a map of errors
 _WATCHED = 3.0  # times the time in which it should be back
 
 
@@ -114,7 +115,9 @@ def recovery_maps(
             hopeless=np.maximum(goal, Z) >= held,
         )
     ]  # fmt: skip
-    for n, reference in enumerate((low + 0.2 * (high - low), 0.5 * (low + high), high)):
+    deepest = min(high, _HOLDABLE * held)
+    for n, share_of in enumerate((0.2, 0.5, 1.0)):
+        reference = low + share_of * (deepest - low)
         volume = float(np.clip(p.psi * reference + p.V_0, p.V_min, p.V_max))
         error = np.linspace(low - reference, high - low, cells)
         fastest = _speeds(p, reference, volume)

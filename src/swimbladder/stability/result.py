@@ -118,6 +118,7 @@ class Stability:
         for law in dict.fromkeys(s.law for s in self.stood):
             own = [s for s in self.stood if s.law == law]
             bad = [s for s in own if s.settled < 1.0]
+            grows = [s for s in own if s.radius >= 1.0]
             what = (
                 f"{law}: all {own[0].draws} draws settle with every gain from "
                 f"{min(s.gain for s in own):g} to {max(s.gain for s in own):g}, without and with "
@@ -125,11 +126,17 @@ class Stability:
             )
             if bad:
                 cases = ", ".join(
-                    f"{100.0 * s.settled:.0f} % at gain {s.gain:g}"
-                    + (f" and {s.delay:g} s late" if s.delay else "")
-                    for s in bad
+                    f"{100.0 * s.settled:.0f} % at gain {s.gain:g}{_late(s)}" for s in bad
                 )
                 what = f"{law}: not all of {own[0].draws} draws settle: {cases}."
+            if grows:
+                moved = max(3.6e6 * s.moved_95 for s in grows)
+                what += (
+                    " Linearly it is unstable over the region with "
+                    + ", ".join(f"gain {s.gain:g}{_late(s)}" for s in grows)
+                    + f": the motor then goes to and fro without end (up to {moved:.3g} L an hour),"
+                    " whatever the depth does."
+                )
             said.append(what)
         return tuple(said)
 
@@ -241,6 +248,10 @@ def _cycle_words(c: Confirmed) -> str:
     )
 
 
+def _late(s: Stood) -> str:
+    return f" and {s.delay:g} s late" if s.delay else ""
+
+
 def _length(x: float) -> str:
     return f"{x:.3g} m" if x >= 1.0 else f"{1e3 * x:.3g} mm"
 
@@ -284,7 +295,10 @@ def robustness_rows(stood: Sequence[Stood]) -> list[tuple[str, ...]]:
     for law, delay in dict.fromkeys((s.law, s.delay) for s in stood):
         own = {s.gain: s for s in stood if (s.law, s.delay) == (law, delay)}
         cells = [
-            f"{100 * own[g].settled:.0f} % ({100 * own[g].overshoot_95:.0f} %)" if g in own else ""
+            f"{100 * own[g].settled:.0f}{'!' if own[g].radius >= 1.0 else ''} "
+            f"({100 * own[g].overshoot_95:.1f})"
+            if g in own
+            else ""
             for g in gains
         ]
         rows.append((law, f"{delay:g} s", *cells))

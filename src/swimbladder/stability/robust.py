@@ -11,9 +11,14 @@ import numpy as np
 
 from swimbladder.control.law import Law
 from swimbladder.dynamics import plant
+from swimbladder.linear.margins import spectral_radius
+from swimbladder.linear.models import linearise
+from swimbladder.linear.sampled import SampledLoop
 from swimbladder.parameters import Vehicle
 from swimbladder.stability.parts import Parts
+from swimbladder.stability.predict import without_rest
 from swimbladder.stability.wrapped import wrapped
+from swimbladder.tune.margins import at_rest
 from swimbladder.tune.region import Region
 from swimbladder.tune.trial import Step, traces
 
@@ -32,6 +37,8 @@ class Stood(NamedTuple):
     settled: float  # share of the draws that are in the band over the last third
     overshoot_95: float  # -, of the step
     farthest_95: float  # m, from the set-point over the last third
+    moved_95: float  # m3/s, volume moved to and fro over the last third
+    radius: float  # -, worst eigenvalue over the region with this gain and delay; nan: not linear
     draws: int
 
 
@@ -65,20 +72,42 @@ def robustness(
             step, sample_time=form.tick(sample_time, late=late), region=region, runs=draws,
             supply=supply,
         )  # fmt: skip
-        last = np.abs(seen.depth[seen.time >= seen.time[-1] * 2.0 / 3.0] - step.target)
+        late_on = seen.time >= seen.time[-1] * 2.0 / 3.0
+        last = np.abs(seen.depth[late_on] - step.target)
+        moved = np.abs(np.diff(seen.volume[late_on], axis=0)).sum(axis=0)
+        seconds = float(np.ptp(seen.time[late_on]))
         farthest = np.where(np.isfinite(last).all(axis=0), last.max(axis=0), math.inf)
         over = np.maximum(np.nanmax((seen.depth - step.start) / span, axis=0) - 1.0, 0.0)
         return [
             float(np.mean(farthest <= band)), float(np.percentile(over, 95.0)),
             float(np.percentile(farthest, 95.0, method="higher")),
+            float(np.nanpercentile(moved / seconds, 95.0)),
         ]  # fmt: skip
 
     found = []
     for late in (False, True):
         for gain in gains:
             asked = ("robustness", law.name, tuple(parameters), gain, late, step, draws, supply)
-            settled, over, farthest = parts.get(asked, partial(run, gain, late))
+            settled, over, farthest, moved = parts.get(asked, partial(run, gain, late))
             delay = 0.5 * sample_time if late else 0.0
-            found.append(Stood(law.name, gain, delay, settled, over, farthest, draws))
+            radius = _radius(law, parameters, region, step.target, sample_time, gain, delay)
+            found.append(
+                Stood(law.name, gain, delay, settled, over, farthest, moved, radius, draws)
+            )
             advance(0.5 / len(gains))
     return tuple(found)
+
+
+def _radius(
+    law: Law, parameters: Any, region: Region, depth: float, h: float, gain: float, delay: float
+) -> float:
+    """Return the largest eigenvalue's modulus over the region, the command times a gain [-]."""
+    linear = at_rest(law, without_rest(parameters), region.plants[0], depth=depth, sample_time=h)
+    if not linear.smooth or linear.sample_time != h:
+        return math.nan
+    worst = 0.0
+    for p in region.plants:
+        loop = SampledLoop(plant=linearise(p, depth=depth), law=linear)
+        broken = loop.broken_at_command(command_delay=delay)
+        worst = max(worst, spectral_radius(broken.A - gain * broken.B @ broken.C))
+    return worst

@@ -27,6 +27,7 @@ from swimbladder.stability.robust import Stood, robustness
 from swimbladder.stability.wrapped import wrapped
 from swimbladder.tune import tune
 from swimbladder.tune.gains import TUNABLE
+from swimbladder.tune.grids import goals_of
 from swimbladder.tune.margins import at_rest
 from swimbladder.tune.region import region
 from swimbladder.tune.trial import Step
@@ -216,5 +217,5 @@ def _robustness(
 
 
 def _tuned(vehicle: Vehicle, name: str, depths: tuple[float, float]) -> list[float]:
-    found = tune(vehicle, law=name, depths=depths, runs=_TUNED)
+    found = tune(vehicle, law=name, goal=goals_of(name)[0], depths=depths, runs=_TUNED)
     return [float(np.asarray(x)) for x in found.parameters]
