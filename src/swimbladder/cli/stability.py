@@ -135,7 +135,7 @@ def _print(found: Stability, files: list[Path]) -> None:
         tables.append((headings, cycle_rows(found.cycles)))
     if found.stood:
         gains = sorted({s.gain for s in found.stood})
-        headings = ("settle (overshoot)", "late", *(f"gain {g:g}" for g in gains))
+        headings = ("settle (over) [%]", "late", *(f"gain {g:g}" for g in gains))
         tables.append((headings, robustness_rows(found.stood)))
     for headings, rows in tables:
         output.print("")
