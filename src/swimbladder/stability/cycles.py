@@ -34,7 +34,7 @@ __all__ = ["BELIEVED", "Cycle", "balance"]
 
 Array = NDArray[np.float64]
 
-BELIEVED = (
+BELIEVED = 0.15  # expected error of amplitude or period up to which it is called a prediction
     0.25  # expected error of amplitude or period up to which a balance is called a prediction
 )
 _AMPLITUDES, _FREQUENCIES = 1200, 600

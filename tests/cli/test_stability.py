@@ -1,0 +1,93 @@
+"""`swimbladder stability`: what it says, writes and refuses."""
+
+import json
+
+import pytest
+
+from swimbladder.cli import main
+from swimbladder.io.config import load_vehicle
+from swimbladder.io.vehicle_file import vehicle_file
+
+QUICK = ["--cells", "5", "--within", "200 s"]
+
+
+def test_it_says_what_is_stable_and_writes_it(capsys, tmp_path):
+    out = tmp_path / "out"
+    assert main(["stability", "feup-em", "--depth", "0:5 m", *QUICK, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert said.index("Small disturbances decay") < said.index("limit cycle from")
+    assert "With a whole sample of delay" in said
+    assert "unstable." in said
+    assert {p.name for p in out.iterdir()} == {
+        "stability.json", "stability.txt", "maps.png", "map-steps.csv", "map-errors-1.csv",
+        "map-errors-2.csv", "map-errors-3.csv",
+    }  # fmt: skip
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]  # nothing left of its parts
+
+
+def test_robustness_is_a_table_of_gain_and_delay(capsys, tmp_path):
+    out = tmp_path / "out"
+    command = ["stability", "feup-em", "--no-maps", "--robustness", "--draws", "20"]
+    assert main([*command, "--within", "500 s", "--out", str(out), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    stood = answer["robustness"]
+    assert [(s["gain"], s["delay"]) for s in stood] == [
+        (gain, delay) for delay in (0.0, 0.15) for gain in (0.5, 0.7, 1.0, 1.4, 2.0)
+    ]
+    assert answer["maps"] == []
+    assert answer["stable"]
+    assert (out / "robustness.png").exists()
+    # Of the same loop: half a sample of delay takes stability away.
+    radii = {(s["gain"], s["delay"]): s["radius"] for s in stood}
+    assert radii[2.0, 0.15] > radii[2.0, 0.0]
+
+
+def test_an_unstable_loop_is_exit_code_1_with_where_and_what_would_help(capsys, tmp_path):
+    v = load_vehicle("feup-em")
+    gains = v.controller.parameters | {"k_pV": "5010 V/dm3"}
+    wild = v.model_copy(
+        update={"controller": v.controller.model_copy(update={"parameters": gains})}
+    )
+    path = tmp_path / "wild.toml"
+    path.write_text(vehicle_file(wild, head="too much"), encoding="utf-8")
+    out = tmp_path / "out"
+    assert main(["stability", str(path), "--no-maps", "--out", str(out)]) == 1
+    said = capsys.readouterr()
+    assert "UNSTABLE: with K2" in said.out
+    assert "shorter sample time" in said.out
+    assert "not stable" in said.err
+    assert json.loads((out / "stability.json").read_text(encoding="utf-8"))["stable"] is False
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--depth", "5:1 m"], "no range of depths"),
+        (["--delay", "150 %"], "out of range"),
+        (["--cells", "2"], "out of range"),
+        (["--within", "0 s"], "out of range"),
+        (["--draws", "3"], "out of range"),
+        (["--voltage-quantum", "1 m"], "of another kind"),
+        (["--law", "plannd"], "Did you mean planned?"),
+    ],
+)
+def test_bad_options_are_named(capsys, tmp_path, options, words):
+    assert main(["stability", "feup-em", *options, "--out", str(tmp_path / "out")]) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_vehicle_without_a_controller_is_refused(capsys, tmp_path):
+    v = load_vehicle("feup-em").model_copy(update={"controller": None})
+    path = tmp_path / "bare.toml"
+    path.write_text(vehicle_file(v, head="bare"), encoding="utf-8")
+    assert main(["stability", str(path), "--out", str(tmp_path / "out")]) == 2
+    assert "has no controller" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_positioner_has_eigenvalues_and_maps_but_no_describing_function(capsys, tmp_path):
+    command = ["stability", "ntnu-bv", "--depth", "0.2:1.5 m", *QUICK, "--out", str(tmp_path / "o")]
+    code = main(command)
+    said = capsys.readouterr().out
+    assert code in (0, 1)
+    assert "The actuator takes a volume" in said or "UNSTABLE" in said
