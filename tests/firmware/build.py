@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.control.law import Law
+from swimbladder.control.law import Law, Measurement
 from swimbladder.firmware.c99 import MEASUREMENT_H, CSource, write_c99
 from swimbladder.firmware.c_names import c_law
 from swimbladder.firmware.subset import read_law
@@ -27,7 +27,7 @@ int main(void)
     struct {{
         swb_{law}_parameters p;
         swb_{law}_state state;
-        swb_measurement m;
+        {seen} m;
         float reference;
     }} in;
     while (fread(&in, sizeof in, 1, stdin) == 1) {{
@@ -52,9 +52,9 @@ def run(*words: Any, **how: Any) -> subprocess.CompletedProcess[Any]:
     return done
 
 
-def write(law: Law, folder: Path) -> CSource:
-    """Write a law's C files into a folder."""
-    source = write_c99(read_law(law))
+def write(law: Law, folder: Path, seen: type[Any] = Measurement) -> CSource:
+    """Write a law's C files into a folder; seen: what the law sees."""
+    source = write_c99(read_law(law, seen))
     (folder / "swb_measurement.h").write_text(MEASUREMENT_H)
     (folder / source.header_name).write_text(source.header)
     (folder / source.source_name).write_text(source.source)
@@ -112,9 +112,12 @@ def _floats(values: Any) -> Any:
 class Program:
     """A law's C as a program that answers frames of calls; compiled with any compiler."""
 
-    def __init__(self, law: Law, folder: Path, compiler: str, *flags: str) -> None:
-        source = write(law, folder)
-        (folder / "frames.c").write_text(_FRAMES.format(law=c_law(law.name)))
+    def __init__(
+        self, law: Law, folder: Path, compiler: str, *flags: str, seen: type[Any] = Measurement
+    ) -> None:  # fmt: skip
+        source = write(law, folder, seen)
+        name = "swb_measurement" if seen is Measurement else f"swb_{c_law(law.name)}_seen"
+        (folder / "frames.c").write_text(_FRAMES.format(law=c_law(law.name), seen=name))
         self._made = folder / "frames"
         files = [folder / source.source_name, folder / "frames.c"]
         run(compiler, *flags, "-Wno-double-promotion", *files, "-o", self._made, "-lm")

@@ -351,18 +351,17 @@ def step(
                 release = 1.0
             window = 0.0
             from_depth = now.depth
-    after = SupervisorState(
+    return command, SupervisorState(
         restarted=s.restarted, tick=tick + 1.0, block=block, lost=ticks_lost,
         since=0.0 if now.good else now.since, depth=now.depth, blind=now.blind,
         same=same, same_volume=same_volume, frozen=frozen,
         volume=volume, measured=1.0 if measured else 0.0, volume_blind=volume_blind,
         command=command, lag=rate.lag, asked=rate.asked, following=rate.ticks,
         z1=motion.z1, z2=motion.z2, n1=motion.n1, n2=motion.n2, settled=motion.settled,
-        anchor=motion.anchor, still=motion.still,  wrong=motion.wrong,
+        anchor=motion.anchor, still=motion.still, wrong=motion.wrong,
         deep=deep, battery=battery, leak=leak, missed=missed, reason=reason, reasons=bits,
         phase=phase, window=window, from_depth=from_depth, release=release,
-    )  # fmt: skip
-    return command, after, p.S_p
+    ), p.S_p  # fmt: skip
 
 
 SUPERVISOR = Law(
