@@ -56,7 +56,7 @@ class Outcome(IntEnum):
 
 
 def outcomes(results: Array, *, tick: float, stay: Array | float) -> Array:
-    """Return the Outcome of each result [n, len(Result)]; stay [s] at the surface that is asked for.
+    """Return the Outcome of each result [n, len(Result)]; stay [s] at the surface: what is asked.
 
     A vehicle that leaps out of the water surfaced too.
     """

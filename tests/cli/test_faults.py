@@ -1,0 +1,79 @@
+"""``swimbladder faults``: what is printed, written, refused."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from swimbladder.cli import main
+from tests.firmware.conftest import gcc
+
+__all__ = ["gcc"]
+
+FEW = ["faults", "feup-em", "--missions", "62", "--healthy", "20"]
+
+
+@pytest.mark.usefixtures("gcc")
+def test_a_campaign_and_one_of_its_missions(capsys, tmp_path):
+    code = main([*FEW, "--json", "--out", str(tmp_path / "out")])
+    told = json.loads(capsys.readouterr().out)
+    assert code == (0 if told["passed"] else 1)
+    assert told["passed"] == (not told["lost"] and not told["healthy"]["false_alarms"])
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "faults.json", "missions.csv", "faults.png",
+    }  # fmt: skip
+    assert list(tmp_path.iterdir()) == [tmp_path / "out"]
+    assert told["missions"] == 62
+    assert told["kinds"][-1]["missions"] == 62
+    table = (tmp_path / "out" / "missions.csv").read_text(encoding="utf-8").splitlines()
+    number = 7
+    head, row = table[0].split(","), table[1 + number].split(",")
+    given = dict(zip(head, row, strict=True))
+    assert (
+        main(["faults", "feup-em", "--mission", "7", "--json", "--out", str(tmp_path / "one")]) == 0
+    )
+    one = json.loads(capsys.readouterr().out)
+    assert one["outcomes"]["supervised"] == given["supervised"]
+    assert one["outcomes"]["alone"] == given["alone"]
+    assert one["reason"] == given["reason"]
+    assert one["faults"][0]["kind"] == given["fault_1"]
+    assert {p.name for p in (tmp_path / "one").iterdir()} == {
+        "mission-7-supervised.csv", "mission-7-alone.csv", "mission-7-told.csv", "mission-7.png",
+    }  # fmt: skip
+
+
+@pytest.mark.usefixtures("gcc")
+def test_the_table_is_printed(capsys, tmp_path):
+    code = main([*FEW, "--out", str(tmp_path)])
+    said = capsys.readouterr()
+    for words in ("what fails", "depth NaN", "two faults at once", "could be saved", "healthy: 0"):
+        assert words in said.out
+    if code == 1:
+        assert "--mission" in said.err
+
+
+def test_without_a_compiler_one_line_says_what_to_install(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    assert main([*FEW, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "no C compiler" in said
+    assert "Install gcc or clang" in said
+    assert not (tmp_path / "out").exists()
+    monkeypatch.setenv("CC", "no-such-cc")
+    assert main([*FEW, "--out", str(tmp_path / "out")]) == 2
+    assert "no-such-cc" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--mission", "x"], "--mission"),
+        (["--depth", "5"], "--depth"),
+        (["--missions", "0"], "--missions"),
+    ],
+)
+def test_what_is_refused_names_the_option(capsys, tmp_path, options, said):
+    assert main([*FEW, *options, "--out", str(tmp_path / "out")]) == 2
+    assert said in capsys.readouterr().err
