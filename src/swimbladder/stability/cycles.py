@@ -34,9 +34,7 @@ __all__ = ["BELIEVED", "Cycle", "balance"]
 
 Array = NDArray[np.float64]
 
-BELIEVED = 0.15  # expected error of amplitude or period up to which it is called a prediction
-    0.25  # expected error of amplitude or period up to which a balance is called a prediction
-)
+BELIEVED = 0.15  # expected error of amplitude or period up to which it is a prediction
 _AMPLITUDES, _FREQUENCIES = 1200, 600
 _DECADES = 4.5  # of frequency, below the Nyquist frequency
 _SMALL = 1e-5  # of ln A and ln w, for derivatives
