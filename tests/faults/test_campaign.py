@@ -68,51 +68,55 @@ def test_missions_stay_where_they_may():
     assert max(max(m.depths) for m in drawn) > 0.95 * most
 
 
-@pytest.mark.usefixtures("gcc")
-class TestFlown:
-    @pytest.fixture(scope="class")
-    def flown(self, gcc):  # noqa: ARG002
-        return run_missions(FEUP, missions=310, healthy=60, seed=5)
+@pytest.fixture(scope="module")
+def flown(request):
+    request.getfixturevalue("gcc")
+    return run_missions(FEUP, missions=310, healthy=60, seed=5)
 
-    def test_without_the_supervisor_many_are_lost_and_with_it_fewer(self, flown):
-        assert flown.all_lost_alone > 0.3
-        last = flown.lines()[-1]
-        assert last.missions == 310
-        assert last.saved > 0.9 * last.recoverable
-        assert last.recoverable - last.saved < 0.4 * last.lost_alone
 
-    def test_healthy_missions_raise_no_alarm(self, flown):
-        assert len(flown.false_alarms) == 0
-        assert len(flown.healthy_lost) == 0
+def test_without_the_supervisor_many_are_lost_and_with_it_fewer(flown):
+    assert flown.all_lost_alone > 0.3
+    last = flown.lines()[-1]
+    assert last.missions == 310
+    assert last.saved > 0.9 * last.recoverable
+    assert last.recoverable - last.saved < 0.4 * last.lost_alone
 
-    def test_what_nothing_can_save_is_not_counted_on(self, flown):
-        reversed_ = (flown.harm(0, "kind") == Fault.REVERSED) & (flown.harm(1, "kind") == 0.0)
-        for_good = np.isinf(flown.harm(0, "end"))
-        assert not flown.recoverable[reversed_ & for_good].any()
 
-    def test_a_run_that_was_killed_goes_on_to_the_same_end(self, flown, tmp_path):
-        class KilledError(Exception):
-            pass
+def test_healthy_missions_raise_no_alarm(flown):
+    assert len(flown.false_alarms) == 0
+    assert len(flown.healthy_lost) == 0
 
-        def kill(_):
-            raise KilledError
 
-        with pytest.raises(KilledError):
-            run_missions(FEUP, missions=310, healthy=60, seed=5, keep=tmp_path, advance=kill)
-        (folder,) = tmp_path.iterdir()
-        kept = {path.name: path.stat().st_mtime_ns for path in folder.glob("*.npy")}
-        assert kept
-        again = run_missions(FEUP, missions=310, healthy=60, seed=5, keep=tmp_path)
-        assert same(again.faulty, flown.faulty)
-        assert same(again.healthy, flown.healthy)
-        for name, written in kept.items():
-            assert (folder / name).stat().st_mtime_ns == written
+def test_what_nothing_can_save_is_not_counted_on(flown):
+    reversed_ = (flown.harm(0, "kind") == Fault.REVERSED) & (flown.harm(1, "kind") == 0.0)
+    for_good = np.isinf(flown.harm(0, "end"))
+    assert not flown.recoverable[reversed_ & for_good].any()
 
-    def test_the_table_has_a_row_for_each(self, flown):
-        lines = missions_csv(flown).splitlines()
-        assert lines[0].split(",") == list(MISSION_COLUMNS)
-        assert len(lines) == 311
-        assert all(line.count(",") == len(MISSION_COLUMNS) - 1 for line in lines)
+
+def test_a_run_that_was_killed_goes_on_to_the_same_end(flown, tmp_path):
+    class KilledError(Exception):
+        pass
+
+    def kill(_):
+        raise KilledError
+
+    with pytest.raises(KilledError):
+        run_missions(FEUP, missions=310, healthy=60, seed=5, keep=tmp_path, advance=kill)
+    (folder,) = tmp_path.iterdir()
+    kept = {path.name: path.stat().st_mtime_ns for path in folder.glob("*.npy")}
+    assert kept
+    again = run_missions(FEUP, missions=310, healthy=60, seed=5, keep=tmp_path)
+    assert same(again.faulty, flown.faulty)
+    assert same(again.healthy, flown.healthy)
+    for name, written in kept.items():
+        assert (folder / name).stat().st_mtime_ns == written
+
+
+def test_the_table_has_a_row_for_each(flown):
+    lines = missions_csv(flown).splitlines()
+    assert lines[0].split(",") == list(MISSION_COLUMNS)
+    assert len(lines) == 311
+    assert all(line.count(",") == len(MISSION_COLUMNS) - 1 for line in lines)
 
 
 def test_outcomes_of_rows_made_by_hand():
@@ -136,7 +140,7 @@ def test_outcomes_of_rows_made_by_hand():
 
 def test_the_bound_on_what_was_never_seen_is_the_rule_of_three():
     assert rule_of_three(0, 1000) == pytest.approx(1.0 - 0.05 ** (1 / 1000))
-    assert rule_of_three(0, 1000) == pytest.approx(3e-3, rel=2e-3)
+    assert rule_of_three(0, 1000) == pytest.approx(3e-3, rel=5e-3)
     assert rule_of_three(5, 5) == 1.0
     # P(at most 2 of 50) = 5 % at the upper end
     p = rule_of_three(2, 50)
