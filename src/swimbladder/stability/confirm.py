@@ -25,6 +25,7 @@ _PERIODS = 60.0  # that a cycle is given to settle
 _LOOKED = 0.3  # share of the run that is looked at
 _ROUNDS = 7  # of halving, each between 40 lanes
 _LANES = 40
+_KICK = 0.03  # 1/s, speed over disturbance: at rest a law with a dead zone would stay where it is
 _STEADY = 0.05  # deviation of amplitude within what is looked at, up to which it is a cycle
 
 
@@ -85,7 +86,7 @@ def hold(
     """
     time, depths = _fly(
         vehicle, law, parameters, [disturbance], sample_time=sample_time, depth=depth,
-        duration=_PERIODS * period, quantised=quantised, vary=vary or {},
+        duration=_PERIODS * period, quantised=quantised, vary=vary or {}, kick=_KICK,
     )  # fmt: skip
     late = time >= (1.0 - _LOOKED) * time[-1]
     return measure(time[late], depths[late, 0], depth)
@@ -93,13 +94,14 @@ def hold(
 
 def _fly(
     vehicle: Vehicle, law: Law, parameters: Any, disturbances: Any, *, sample_time: float,
-    depth: float, duration: float, quantised: bool, vary: Mapping[str, float],
+    depth: float, duration: float, quantised: bool, vary: Mapping[str, float], kick: float = 0.0,
 ) -> tuple[Array, Array]:  # fmt: skip
     quiet = vehicle.sensors.model_copy(update={"depth_noise": 0.0, "volume_noise": 0.0})
     off = np.asarray(disturbances, float)
     data = simulate_ensemble(
         vehicle.model_copy(update={"sensors": quiet}), count=len(off),
         setpoints=[(0.0, depth)], duration=duration, start_depth=depth + off,
+        start_speed=kick * off,
         vary={name: np.full(len(off), value) for name, value in vary.items()},
         seed=0 if quantised else None, law=law, parameters=parameters, sample_time=sample_time,
         keep="trajectory",

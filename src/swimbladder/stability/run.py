@@ -199,7 +199,7 @@ def _robustness(
     h = vehicle.controller.sample_time
     low = max(depths[0], vehicle.hull.emergence_depth)
     start = low + min(_STEP, 0.3 * (depths[1] - low))
-    step = Step(start, min(start + _STEP, depths[1]), within)
+    step = Step(start, min(start + _STEP, depths[1]), math.ceil(within / h) * h)
     around = region(vehicle)
     chosen = [(law, numbers)]
     for name in dict.fromkeys(laws):
