@@ -305,7 +305,7 @@ class TestNumbers:
         rate = 3.33e-6 * (9.6 - 0.07707 * p.depth_limit)
         assert p.turn_rate == pytest.approx(rate)
         assert p.push == math.ceil(2.0 * 700e-6 / rate / 0.3)
-        assert p.hold_command == pytest.approx(0.07707 * p.depth_limit)
+        assert p.hold_command == pytest.approx(0.07707 * p.deepest)
         assert p.same == math.ceil(10.0 / 0.3)  # noise without a quantum never repeats
 
     @pytest.mark.parametrize(("noise", "quantum"), [(0.002, 0.005), (0.002, 0.008), (0.001, 0.002)])

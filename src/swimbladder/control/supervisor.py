@@ -87,7 +87,6 @@ class _Motion(NamedTuple):
     settled: float  # ticks
     anchor: float  # m
     still: float  # ticks
-    speed: float  # m/s
     resting: bool  # afloat, or on the bottom
     wrong: float  # ticks
 
@@ -163,7 +162,7 @@ def watch_motion(
     )
     if resting or gap:
         wrong = tally(s.wrong < 0.0, s.wrong, p.wrong)
-        return _Motion(depth, depth, n, n, 0.0, anchor, still, 0.0, resting, wrong)
+        return _Motion(depth, depth, n, n, 0.0, anchor, still, resting, wrong)
     z1 = s.z1 + p.smoothing * (depth - s.z1)
     z2 = s.z2 + p.smoothing * (z1 - s.z2)
     n1 = s.n1 + p.smoothing * (n - s.n1)
@@ -179,7 +178,7 @@ def watch_motion(
     settled = s.settled + 1.0
     bad = bad or (settled >= p.settle and (off > room or (off < -room and not on_bottom)))
     wrong = tally(bad, s.wrong, p.wrong)
-    return _Motion(z1, z2, n1, n2, settled, anchor, still, speed, resting, wrong)
+    return _Motion(z1, z2, n1, n2, settled, anchor, still, resting, wrong)
 
 
 def watch_sameness(
@@ -197,7 +196,7 @@ def watch_deep(
     p: SupervisorParameters, s: SupervisorState, depth: float, speed: float, volume: float
 ) -> float:
     """Return the ticks in which the vehicle was too deep, or was to be before it can turn round."""
-    turn = max(p.neutral_deepest - volume, 0.0) / p.turn_rate
+    turn = max(p.neutral_deepest - volume, 0.0) / p.turn_rate + p.coast
     ahead = depth + max(speed, 0.0) * turn
     return tally(depth > p.depth_limit or ahead > p.deepest, s.deep, p.deep)
 
@@ -288,13 +287,14 @@ def step(
         s.settled,
         s.anchor,
         s.still,
-        0.0,
         now.good and measured,
         s.wrong,
     )
+    speed = 0.0
     if now.good and measured:
         gap = now.since > p.gap or s.volume_blind > p.gap
         motion = watch_motion(p, s, now.depth, volume, gap)
+        speed = (now.depth - motion.z1) / p.tau
 
     same = s.same
     same_volume = s.same_volume
@@ -302,7 +302,7 @@ def step(
     deep = s.deep
     if now.good:
         same = watch_sameness(p, s, seen, now.depth)
-        deep = watch_deep(p, s, now.depth, motion.speed, volume)
+        deep = watch_deep(p, s, now.depth, speed, volume)
         if same <= p.same_begun:
             same_volume = motion.n1
         if same >= p.same:

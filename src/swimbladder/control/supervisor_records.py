@@ -82,6 +82,7 @@ class SupervisorParameters(NamedTuple):
     deepest: float  # m, that it must not pass before it turns round
     neutral_deepest: float  # m3, largest neutral volume there
     turn_rate: float  # m3/s, least rate at the depth limit
+    coast: float  # s, in which drag takes speed away
     deep: float  # ticks too deep
     battery_low: float  # V
     battery: float  # ticks below it
@@ -134,7 +135,7 @@ class SupervisorState(NamedTuple):
 
 SUPERVISOR_UNITS = {
     "surface_command": "V or m3", "hold_command": "V or m3",
-    **dict.fromkeys(("S_p", "late_age", "tau"), "s"),
+    **dict.fromkeys(("S_p", "late_age", "tau", "coast"), "s"),
     **dict.fromkeys(
         ("push", "again", "rest", "release", "blind", "gap", "same", "same_begun", "same_moved",
          "following", "settle", "wrong", "still", "deep", "battery", "leak", "missed", "lost",

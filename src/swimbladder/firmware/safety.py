@@ -35,6 +35,7 @@ _MOVED_SHARE = 0.05  # of half the stroke, with which a depth cannot stay the sa
 _STILL_S = 5.0
 _REST_S, _LEAST_PUSH_S = 60.0, 10.0
 _RISE = 1.0  # m
+_COAST_S = 60.0  # s, where there is hardly any drag
 _DEEPEST = 12000.0  # m, deeper than any sea
 
 
@@ -60,7 +61,7 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
     voltage = p.positioner == 0.0
     hold = given.hold_voltage
     if hold is None:
-        hold = min(p.supply, _held(p, bounded)) if voltage else 0.0
+        hold = min(p.supply, _held(p, min(deepest, _DEEPEST))) if voltage else 0.0
     full_rate = p.rate if not voltage else p.gain * (p.supply - p.friction)
     tau, follow = max(_TAU_S, 10.0 * tick), max(_FOLLOW_S, 5.0 * p.T1 if voltage else 0.0, 5 * tick)
     noise, quantum = sensors.depth_noise, sensors.depth_quantum
@@ -104,7 +105,8 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         still_distance=moving + 0.02, still=still,
         depth_limit=depth_limit, deepest=deepest,
         neutral_deepest=p.V_0 + neutral_range + p.psi * min(deepest, _DEEPEST),
-        turn_rate=turn_rate, deep=max(2.0, ticks(_SHORT_S, tick)),
+        turn_rate=turn_rate, coast=min(1.0 / drag_per_mass(1.0, p), _COAST_S),
+        deep=max(2.0, ticks(_SHORT_S, tick)),
         battery_low=battery_low, battery=ticks(_BATTERY_S, tick),
         leak=max(2.0, ticks(_SHORT_S, tick)), missed=max(3.0, ticks(_NO_COMMAND_S, tick)),
         lost=max(3.0, patience),

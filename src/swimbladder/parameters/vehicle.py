@@ -103,7 +103,7 @@ class Supervisor(Parameters):
     )  # fmt: skip
     hold_voltage: Annotated[float, Unit("V"), Field(ge=0.0)] | None = Field(
         None, description="voltage that keeps the volume at its largest; not given: what the sea's "
-        "load takes at `depth_limit`. 0 for a drive that holds by itself"
+        "load takes where it can just come up. 0 for a drive that holds by itself"
     )  # fmt: skip
     release_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
         None, description="time of full buoyancy in which it has to rise by 1 m before the drop "
