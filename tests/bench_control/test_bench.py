@@ -6,6 +6,7 @@ import pytest
 
 from swimbladder.bench_control import SCENARIOS, bench
 from swimbladder.bench_control import run as running
+from swimbladder.bench_control.bounds import Asked, least_times
 from swimbladder.bench_control.contenders import LeftOut
 from swimbladder.bench_control.store import Store
 from swimbladder.errors import InputError, NoAnswerError
@@ -52,7 +53,7 @@ def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
         return fly(*args, **settings)
 
     monkeypatch.setattr(running, "fly", counted)
-    monkeypatch.setattr(running, "least_time", lambda *_, **__: pytest.fail("done already"))
+    monkeypatch.setattr(running, "least_times", lambda *_, **__: pytest.fail("done already"))
     again = benched(FEUP, laws=["position-pid"], parts=tmp_path)
     assert len(calls) == 2
     # nan differs from nan: compare as text
@@ -60,6 +61,16 @@ def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == kept
     benched(FEUP, laws=["position-pid"], parts=tmp_path, seed=5)
     assert len(calls) == 2 + len(FEW)  # another seed is another question
+
+
+def test_least_times_are_the_planners_and_late_ones_are_said():
+    steps = [Asked(1.5, 2.0, 12.0), Asked(1.5, 90.0, 12.0)]
+    one, two = least_times(FEUP, steps, limit=120.0)
+    assert one == {"time": least_time(FEUP, 1.5, 2.0, supply=12.0).time}
+    assert "stroke" in two["why"]
+    late = least_times(FEUP, steps, limit=1e-3)
+    assert [answer["late"] for answer in late] == [True, True]
+    assert "took longer than 0.001 s" in late[0]["why"]
 
 
 def test_a_part_is_that_of_the_vehicle_asked_for(tmp_path):

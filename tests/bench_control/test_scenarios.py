@@ -47,7 +47,8 @@ def test_what_ends_the_range_is_named_and_true():
     free = FEUP.hull.model_copy(update={"depth_limit": None, "psi": 0.0})
     driven = FEUP.actuator.model_copy(update={"depth_voltage": 0.0})
     endless = places(FEUP.model_copy(update={"hull": free, "actuator": driven}))
-    assert (endless.most, "nothing ends" in endless.words) == (10.0, True)
+    assert (endless.most, "no rating" in endless.words) == (10.0, True)
+    assert places(load_vehicle("ntnu-bv")).most == 10.0
 
 
 def test_a_range_that_cannot_be_is_refused():
@@ -58,7 +59,7 @@ def test_a_range_that_cannot_be_is_refused():
             places(FEUP, given)
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", ["feup-em", "ntnu-bv"])
 def test_a_step_is_watched_for_many_times_the_least_it_needs(name):
     vehicle = load_vehicle(name)
     where = places(vehicle, (0.0, 5.0))

@@ -9,6 +9,7 @@ from swimbladder.bench_control import SCENARIOS
 from swimbladder.cli import main
 from swimbladder.control.registry import bind
 from swimbladder.io.config import load_vehicle
+from tests.docs.test_reference import check, rows
 
 
 def test_the_page_the_table_and_the_pictures(capsys, tmp_path):
@@ -27,6 +28,7 @@ def test_the_page_the_table_and_the_pictures(capsys, tmp_path):
         "bench.csv", "bench.html", "bench.json", "pareto.png", "steps.png",
         "vehicles/cascade-the-papers.toml",
     ]  # fmt: skip
+    check(rows("files-written.md", "bench-control")[0], answer)
     kept = json.loads((out / "bench.json").read_text(encoding="utf-8"))
     assert kept == {k: v for k, v in answer.items() if k != "files"}
     assert sorted(answer["files"]) == sorted(str(out / f) for f in written)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from swimbladder.bench_control.bounds import Asked, least_times
 from swimbladder.bench_control.contenders import (
     GOALS,
     Contender,
@@ -28,14 +29,14 @@ from swimbladder.bench_control.scenarios import (
     places,
 )
 from swimbladder.bench_control.store import Store
-from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.parameters import Vehicle
-from swimbladder.planning import least_time
 from swimbladder.tune.region import Region, region
 
 __all__ = ["bench"]
 
-_TUNING, _FLYING, _BOUNDS = 0.6, 0.3, 0.1  # shares of the work
+_TUNING, _FLYING = 0.7, 0.3  # shares of the work
+_PATIENCE = 180.0  # s, with the linear programs of the least times
 _FEWEST = 2
 
 
@@ -71,24 +72,26 @@ def bench(
     shallow = place(SCENARIOS[0], vehicle, where)
     contenders: list[Contender] = own(vehicle)
     jobs = [(name, goal) for name in names for goal in tune_for]
-    for name, goal in jobs:
-        found = tuned(
-            vehicle, name, goal, where=where, step=(shallow.start, shallow.target),
-            sample_time=sample_time, store=store,
-            advance=lambda share: tell(_TUNING * share / len(jobs)),
+    with ThreadPoolExecutor(1) as aside:  # they have a process of their own
+        bounding = aside.submit(_bounds, vehicle, placed, store)
+        for name, goal in jobs:
+            found = tuned(
+                vehicle, name, goal, where=where, step=(shallow.start, shallow.target),
+                sample_time=sample_time, store=store,
+                advance=lambda share: tell(_TUNING * share / len(jobs)),
+            )  # fmt: skip
+            if isinstance(found, LeftOut):
+                left_out.append(found)
+            else:
+                contenders.append(found)
+        if not contenders:
+            why = "; ".join(f"{one.name}: {one.why}" for one in left_out)
+            raise NoAnswerError(f"there is no controller to bench. {why}")
+        rows = _fly_all(
+            vehicle, contenders, placed, store, around=around, runs=runs, seed=seed,
+            advance=lambda share: tell(share * (_FLYING if jobs else _FLYING + _TUNING)),
         )  # fmt: skip
-        if isinstance(found, LeftOut):
-            left_out.append(found)
-        else:
-            contenders.append(found)
-    if not contenders:
-        why = "; ".join(f"{one.name}: {one.why}" for one in left_out)
-        raise NoAnswerError(f"there is no controller to bench. {why}")
-    bounds, missing = _bounds(vehicle, placed, store, tell)
-    rows = _fly_all(
-        vehicle, contenders, placed, store, around=around, runs=runs, seed=seed,
-        advance=lambda share: tell(share * (_FLYING if jobs else _FLYING + _TUNING)),
-    )  # fmt: skip
+        bounds, missing = bounding.result()
     return Bench(
         vehicle=vehicle, where=where, placed=placed, rows=rows, left_out=left_out, bounds=bounds,
         no_bound=missing, no_energy=no_energy(vehicle), runs=runs, seed=seed,
@@ -97,35 +100,35 @@ def bench(
 
 
 def _bounds(
-    vehicle: Vehicle, placed: Sequence[Placed], store: Store, tell: Callable[[float], None]
+    vehicle: Vehicle, placed: Sequence[Placed], store: Store
 ) -> tuple[dict[str, float], dict[str, str]]:
     """Return the least time of each step of the nominal vehicle [s], or why there is none."""
-    bounds, missing = {}, {}
     steps = [p for p in placed if p.is_step]
-    for p in steps:
-        s = p.scenario
-        tell(_BOUNDS / len(steps))
-        if s.drawn:
-            missing[s.name] = "each vehicle drawn has its own"
-            continue
-        if vehicle.controller is None:
-            missing[s.name] = "the vehicle has no controller, so no sample time"
-            continue
-        supply = None if vehicle.supply is None else s.supply * vehicle.supply.voltage
-        inputs = ("least-time", vehicle, p.start, p.target, supply)
-        kept = store.read(*inputs)
-        if kept is None:
-            try:
-                found = least_time(vehicle, p.start, p.target, supply=supply)
-                kept = {"time": found.time}
-            except SwimbladderError as error:
-                kept = {"why": str(error)}
-            store.write(kept, *inputs)
-        if "time" in kept:
-            bounds[s.name] = float(kept["time"])
-        else:
-            missing[s.name] = str(kept["why"])
-    return bounds, missing
+    missing = {p.scenario.name: "each vehicle drawn has its own" for p in steps if p.scenario.drawn}
+    steps = [p for p in steps if not p.scenario.drawn]
+    if vehicle.controller is None:
+        why = "the vehicle has no controller, so no sample time"
+        return {}, missing | {p.scenario.name: why for p in steps}
+    supply = None if vehicle.supply is None else vehicle.supply.voltage
+    asked = {
+        p.scenario.name: Asked(
+            p.start, p.target, None if supply is None else p.scenario.supply * supply
+        )
+        for p in steps
+    }
+    kept = {name: store.read("least-time", vehicle, one) for name, one in asked.items()}
+    wanted = [name for name in asked if kept[name] is None]
+    if wanted:
+        found = least_times(vehicle, [asked[name] for name in wanted], limit=_PATIENCE)
+        for name, answer in zip(wanted, found, strict=True):
+            kept[name] = answer
+            if "late" not in answer:
+                store.write(answer, "least-time", vehicle, asked[name])
+    answers = {name: answer for name, answer in kept.items() if answer is not None}
+    bounds = {name: float(one["time"]) for name, one in answers.items() if "time" in one}
+    return bounds, missing | {
+        name: str(one["why"]) for name, one in answers.items() if "time" not in one
+    }
 
 
 def _fly_all(

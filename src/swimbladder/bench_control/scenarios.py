@@ -14,7 +14,7 @@ __all__ = ["LOW_SUPPLY", "SCENARIOS", "Placed", "Places", "Scenario", "Swell", "
 
 LOW_SUPPLY = 0.9  # of the supply's voltage: what `tune` takes for a battery that is nearly empty
 _REACH = 0.8  # of the depth at which stroke or supply end: where a vehicle is still to be steered
-_UNSTATED = 10.0  # m, where neither rating nor stroke nor supply end before
+_UNSTATED = 10.0  # m, that a vehicle of no stated rating is taken to
 _NEAR = (1.5, 0.3)  # m below the least depth, and at most this share of the range: as `tune` steps
 _WATCHED = 20.0  # times the least time of a step, that it is watched at least
 _HOUR = 3600.0
@@ -107,14 +107,15 @@ def places(vehicle: Vehicle, given: tuple[float, float] | None = None) -> Places
     top = max(vehicle.hull.emergence_depth, 0.0)
     reach, why = _reach(vehicle)
     if given is None:
-        most = _REACH * reach if math.isfinite(reach) else top + _UNSTATED
+        most, words = (
+            _REACH * reach,
+            f"down to {100.0 * _REACH:.0f} % of {reach:.3g} m, where {why}",
+        )
+        if vehicle.hull.depth_limit is None and most > top + _UNSTATED:
+            most = top + _UNSTATED
+            words = f"down to {most:g} m, as the vehicle states no rating (--depth)"
         if most <= top:
             raise NoAnswerError(f"there is no depth to bench: {why} at {reach:.3g} m")
-        words = (
-            f"down to {100.0 * _REACH:.0f} % of {reach:.3g} m, where {why}"
-            if math.isfinite(reach)
-            else f"down to {most:g} m, as nothing ends its range (--depth)"
-        )
         return Places(top, most, words)
     least, most = max(given[0], top), given[1]
     if not (given[0] >= 0.0 and least < most < math.inf):

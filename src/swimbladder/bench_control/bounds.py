@@ -1,0 +1,64 @@
+"""The least time of each step, found in a process of its own: some programs take very long.
+
+Run as a module it reads a vehicle and steps from its input and prints an answer per line.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from swimbladder.errors import SwimbladderError
+from swimbladder.parameters import Vehicle
+from swimbladder.planning import least_time
+
+__all__ = ["Asked", "least_times"]
+
+
+class Asked(NamedTuple):
+    """A step [m] with the supply's voltage [V], None for a positioner."""
+
+    start: float
+    target: float
+    supply: float | None
+
+
+def least_times(vehicle: Vehicle, steps: Sequence[Asked], *, limit: float) -> list[dict[str, Any]]:
+    """Return for each step its least time [s] as ``time``, or in words ``why`` there is none.
+
+    limit [s]: after which no more are waited for; ``late`` says that one was not.
+    """
+    asked = json.dumps({"vehicle": vehicle.model_dump_json(), "steps": [list(s) for s in steps]})
+    try:
+        ran = subprocess.run(
+            [sys.executable, "-m", __name__], input=asked.encode(), stdout=subprocess.PIPE,
+            timeout=limit, check=False,
+        )  # fmt: skip
+        printed = ran.stdout
+    except subprocess.TimeoutExpired as expired:
+        printed = expired.stdout or b""
+    whole = printed[: printed.rfind(b"\n") + 1].decode()
+    found: list[dict[str, Any]] = [json.loads(line) for line in whole.splitlines()]
+    why = f"the linear programs took longer than {limit:g} s (swimbladder plan has no limit)"
+    return found + [{"why": why, "late": True}] * (len(steps) - len(found))
+
+
+def _answer(vehicle: Vehicle, step: Asked) -> dict[str, Any]:
+    try:
+        return {"time": least_time(vehicle, step.start, step.target, supply=step.supply).time}
+    except SwimbladderError as error:
+        return {"why": str(error)}
+
+
+def _main() -> None:
+    given = json.loads(sys.stdin.read())
+    vehicle = Vehicle.model_validate_json(given["vehicle"])
+    for step in given["steps"]:
+        print(json.dumps(_answer(vehicle, Asked(*step))), flush=True)
+
+
+if __name__ == "__main__":
+    _main()
