@@ -238,7 +238,7 @@ def _cycle_words(c: Confirmed) -> str:
             f"amplitude and {100 * p.cycle.period_error:.0f} % of period by the third harmonic"
         )
     if s is None:
-        return f"{said}; the simulation found no such edge."
+        return f"{said}; the simulation, begun at rest, found no such edge."
     if not s.cycles:
         return f"{said}; the simulation shows no steady cycle (within {_length(s.farthest)})."
     a, t = c.errors
