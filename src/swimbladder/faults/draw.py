@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swimbladder.dynamics import Plant, plant
 from swimbladder.errors import InputError
-from swimbladder.faults.kinds import KINDS, Fault, draw_fault, kinds_of
+from swimbladder.faults.kinds import Fault, draw_fault, kinds_of
 from swimbladder.faults.rows import Condition, Harm
 from swimbladder.firmware.safety import supervisor_parameters
 from swimbladder.parameters import Vehicle
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 SHALLOWEST = 1.0  # m under the surface
 RESERVE = 0.9  # of the depth at which the supervisor turns the vehicle round
 DURATION = 600.0  # s until it is told to come up
-STAY, STAY_LEAKING = 60.0, 300.0  # s at the surface; with a leak long enough to be found
+STAY = 60.0  # s at the surface
 STEP = 10.0  # m, largest change of a set-point
 RAMP = 0.1  # m/s, at which the depth asked for goes to a set-point; a fifth of the speed at most
 UP = -1.0  # m from where the hull emerges: the set-point that ends a mission
@@ -172,11 +172,10 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
                 if math.isfinite(lasts)
                 else Harm(float(fault), first, second, begin)
             )
-    leaks = any(KINDS[fault].family == "leak" for fault in faults)
     rest = p["psi"] * targets[0] + p["V_0"]
     condition = _condition(
         course, random, tick=tick, start=targets[0], V=rest,
-        stay=STAY_LEAKING if leaks else STAY,
+        stay=STAY,
         quiet=max([DURATION, *times]),
     )  # fmt: skip
     return Mission(

@@ -187,7 +187,7 @@ def _fly(  # type: ignore[no-untyped-def]
         asked += max(-c[RAMP], min(c[RAMP], depths[turn] - asked))
         missed, reset, hangs = board_misses(harms, k, tick)
         if how == FULL and k >= full_at:
-            missed, reset, hangs, hung_until = False, False, 0, -1
+            missed, hangs, hung_until = False, 0, -1  # a reset takes the motor's voltage
         board = _RAN
         if k == hung_until or reset or (battery < c[BROWN_OUT]):
             if k > 0:

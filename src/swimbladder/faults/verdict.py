@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swimbladder.control.supervisor import Reason
 from swimbladder.engine.advance import DONE, LEFT_WATER
-from swimbladder.faults.draw import STAY, STAY_LEAKING, Course
+from swimbladder.faults.draw import STAY, Course
 from swimbladder.faults.kinds import KINDS, Fault
 from swimbladder.faults.rows import Harm, Result
 
@@ -55,13 +55,13 @@ class Outcome(IntEnum):
         )[self]  # fmt: skip
 
 
-def outcomes(results: Array, *, tick: float, stay: Array | float) -> Array:
+def outcomes(results: Array, *, tick: float, stay: float) -> Array:
     """Return the Outcome of each result [n, len(Result)]; stay [s] at the surface: what is asked.
 
     A vehicle that leaps out of the water surfaced too.
     """
     r = Result(*results.T)
-    up = (r.last - r.arrived) * tick >= np.floor(stay / tick) * tick
+    up = (r.last - r.arrived) * tick >= math.floor(stay / tick) * tick
     found = np.full(len(results), float(Outcome.NOT_UP))
     found[up] = Outcome.SURFACED
     found[(r.stop != DONE) & (r.stop != LEFT_WATER)] = Outcome.STOPPED
@@ -127,13 +127,11 @@ class Campaign:
 
     def outcome(self, flight: int) -> Array:
         """Return the Outcome of a flight of each mission with faults."""
-        at = FACTS + HARMS + flight * len(Result._fields)
-        leaks = [float(f) for f, kind in KINDS.items() if kind.family == "leak"]
-        leaking = np.isin(self.harm(0, "kind"), leaks) | np.isin(self.harm(1, "kind"), leaks)
-        return self._outcomes(self.faulty[:, at : at + len(Result._fields)], leaking)
+        return self._outcomes(self.faulty, flight)
 
-    def _outcomes(self, results: Array, leaking: NDArray[np.bool_]) -> Array:
-        return outcomes(results, tick=self.tick, stay=np.where(leaking, STAY_LEAKING, STAY))
+    def _outcomes(self, table: Array, flight: int) -> Array:
+        at = FACTS + HARMS + flight * len(Result._fields)
+        return outcomes(table[:, at : at + len(Result._fields)], tick=self.tick, stay=STAY)
 
     @cached_property
     def recoverable(self) -> NDArray[np.bool_]:
@@ -172,9 +170,7 @@ class Campaign:
     @property
     def healthy_lost(self) -> NDArray[np.intp]:
         """Numbers of the healthy missions that did not end at the surface."""
-        at = FACTS + HARMS
-        results = self.healthy[:, at : at + len(Result._fields)]
-        found = self._outcomes(results, np.zeros(len(results), bool))
+        found = self._outcomes(self.healthy, 0)
         return np.flatnonzero(found != Outcome.SURFACED)
 
     @property
