@@ -63,6 +63,11 @@ def _draw(axes: Axes, one: Map) -> None:
     if np.isfinite(one.edge).any() and float(np.min(one.edge)) < high:
         axes.plot(one.x, one.edge, color=BLACK, lw=1.8, label="beyond it no controller comes back")
     axes.set_ylim(low, high)
+    if one.name != "steps":  # speeds are spaced by their cube
+        axes.set_yscale("function", functions=(np.cbrt, lambda x: x**3))
+        sizes = [size for size in (0.01, 0.1, 0.5, 1.0, 2.0, 5.0, 10.0) if size < high]
+        axes.set_yticks([-size for size in reversed(sizes)] + [0.0, *sizes])
+        axes.yaxis.set_major_formatter("{x:g}")
     axes.grid(visible=False)
     axes.set_xlabel(one.x_label)
     axes.set_ylabel(one.y_label)

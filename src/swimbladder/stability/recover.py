@@ -121,7 +121,7 @@ def recovery_maps(
         volume = float(np.clip(p.psi * reference + p.V_0, p.V_min, p.V_max))
         error = np.linspace(low - reference, high - low, cells)
         fastest = _speeds(p, reference, volume)
-        speed = np.linspace(-fastest, fastest, 2 * (cells // 2) + 1)
+        speed = fastest * np.linspace(-1.0, 1.0, 2 * (cells // 2) + 1) ** 3  # finer near rest
         E, S = np.meshgrid(error, speed)
         start = np.full_like(E, volume)
         verdicts, seconds = made.run(
