@@ -195,6 +195,22 @@ def test_what_pool_writes(capsys, tmp_path):
     assert all(f"`{name}`" in text for name in one)
 
 
+def test_what_stability_writes(capsys, tmp_path):
+    (keys,) = rows("files-written.md", "stability")
+    told = answer(
+        capsys, "stability", "feup-em", "--cells", "5", "--within", "100 s", "--out", str(tmp_path)
+    )
+    check(keys, told)
+    for name in ("linear", "cycles", "maps"):
+        inner = told[name] if name == "linear" else told[name][0]
+        said = re.findall(r"`([^`]+)`", keys[name][0])
+        assert set(inner) <= {*said, "margins"}
+    text = (FOLDER / "files-written.md").read_text(encoding="utf-8")
+    for path in tmp_path.iterdir():
+        assert f"`{path.name}`" in text or path.name == "map-errors-2.csv"
+    assert header(tmp_path / "map-steps.csv")[2:] == ["verdict", "recovered_s", "hopeless"]
+
+
 @pytest.mark.slow
 def test_what_reproduce_writes(capsys, tmp_path):
     (keys,) = rows("files-written.md", "reproduce")
