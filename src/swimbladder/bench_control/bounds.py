@@ -1,7 +1,4 @@
-"""The least time of each step, found in a process of its own: some programs take very long.
-
-Run as a module it reads a vehicle and steps from its input and prints an answer per line.
-"""
+"""The least time of each step, found in a process of its own: some programs take very long."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ from swimbladder.errors import SwimbladderError
 from swimbladder.parameters import Vehicle
 from swimbladder.planning import least_time
 
-__all__ = ["Asked", "least_times"]
+__all__ = ["Asked", "answer", "least_times"]
 
 
 class Asked(NamedTuple):
@@ -34,7 +31,7 @@ def least_times(vehicle: Vehicle, steps: Sequence[Asked], *, limit: float) -> li
     asked = json.dumps({"vehicle": vehicle.model_dump_json(), "steps": [list(s) for s in steps]})
     try:
         ran = subprocess.run(
-            [sys.executable, "-m", __name__], input=asked.encode(), stdout=subprocess.PIPE,
+            [sys.executable, "-c", f"from {__name__} import answer; answer()"], input=asked.encode(), stdout=subprocess.PIPE,
             timeout=limit, check=False,
         )  # fmt: skip
         printed = ran.stdout
@@ -46,19 +43,16 @@ def least_times(vehicle: Vehicle, steps: Sequence[Asked], *, limit: float) -> li
     return found + [{"why": why, "late": True}] * (len(steps) - len(found))
 
 
-def _answer(vehicle: Vehicle, step: Asked) -> dict[str, Any]:
+def _one(vehicle: Vehicle, step: Asked) -> dict[str, Any]:
     try:
         return {"time": least_time(vehicle, step.start, step.target, supply=step.supply).time}
     except SwimbladderError as error:
         return {"why": str(error)}
 
 
-def _main() -> None:
+def answer() -> None:
+    """Read a vehicle and steps from the input, print a line of JSON for each: the process itself."""
     given = json.loads(sys.stdin.read())
     vehicle = Vehicle.model_validate_json(given["vehicle"])
     for step in given["steps"]:
-        print(json.dumps(_answer(vehicle, Asked(*step))), flush=True)
-
-
-if __name__ == "__main__":
-    _main()
+        print(json.dumps(_one(vehicle, Asked(*step))), flush=True)
