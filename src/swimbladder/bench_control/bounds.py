@@ -31,8 +31,8 @@ def least_times(vehicle: Vehicle, steps: Sequence[Asked], *, limit: float) -> li
     asked = json.dumps({"vehicle": vehicle.model_dump_json(), "steps": [list(s) for s in steps]})
     try:
         ran = subprocess.run(
-            [sys.executable, "-c", f"from {__name__} import answer; answer()"], input=asked.encode(), stdout=subprocess.PIPE,
-            timeout=limit, check=False,
+            [sys.executable, "-c", f"from {__name__} import answer; answer()"],
+            input=asked.encode(), stdout=subprocess.PIPE, timeout=limit, check=False,
         )  # fmt: skip
         printed = ran.stdout
     except subprocess.TimeoutExpired as expired:
@@ -51,7 +51,7 @@ def _one(vehicle: Vehicle, step: Asked) -> dict[str, Any]:
 
 
 def answer() -> None:
-    """Read a vehicle and steps from the input, print a line of JSON for each: the process itself."""
+    """Read a vehicle and steps from stdin, print a line of JSON for each: the process itself."""
     given = json.loads(sys.stdin.read())
     vehicle = Vehicle.model_validate_json(given["vehicle"])
     for step in given["steps"]:
