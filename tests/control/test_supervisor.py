@@ -131,6 +131,25 @@ class TestFaults:
         assert flown.after < 60.0
         assert flown.ran.depth[-1] < 0.5
 
+    @pytest.mark.parametrize("name", ["sea-cascade", "adrc", "observer", "planned"])
+    def test_a_clogged_port_of_a_living_sensor(self, name):
+        """The depth stands still with its noise, the law goes for half a metre more."""
+        kept: dict[str, float] = {}
+        rng = np.random.default_rng(3)
+
+        def clogged(_, s):
+            return s._replace(depth=held(kept, "depth", s.depth) + rng.normal(0.0, 0.002))
+
+        flown = fly(name, fault=clogged, setpoints=[(0.0, 3.0), (320.0, 3.5)])
+        assert flown.reason is Reason.NOT_MOVING_AS_MODELLED
+        assert flown.ran.depth[-1] < 0.5
+
+    def test_a_bottom_that_was_not_told_of(self):
+        """It looks like a sensor that has stopped; the vehicle comes up."""
+        flown = fly(setpoints=[(0.0, 6.0)], bottom_depth=4.5, onset=0.0)
+        assert flown.reason is Reason.NOT_MOVING_AS_MODELLED
+        assert flown.ran.depth[-1] < 0.5
+
     def test_a_depth_that_drifts_deeper(self):
         """The law lifts the vehicle; ψ says that its volume belongs elsewhere."""
         flown = fly(fault=lambda t, s: s._replace(depth=s.depth + 0.05 * t))
@@ -200,8 +219,8 @@ class TestHealthy:
 
     @pytest.mark.parametrize("sensors", [NOISY, CLEAN], ids=["noisy", "clean"])
     def test_the_bottom(self, name, sensors):
-        """Without noise to see, a vehicle that may lie on the bottom has to say where that is."""
-        known = {} if sensors is NOISY else {"bottom_depth": "4.5 m"}
+        """Where it may lie has to be said."""
+        known = {"bottom_depth": "4.5 m"}
         flown = fly(
             name, setpoints=[(0.0, 6.0), (900.0, 2.0), (1800.0, 8.0)], duration=2700.0,
             bottom_depth=4.5, sensors=sensors, supervisor=known,

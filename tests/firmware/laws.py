@@ -42,12 +42,23 @@ def _tuned(name: str) -> Example:
     return Example(vehicle, gains(name, setting, knobs), 0.3)
 
 
+def _stepper() -> Example:
+    """The float with a stepper, gains as the study of the tank makes them."""
+    from studies.tank_law import FITTING, position_observer_gains
+
+    vehicle = load_vehicle("ntnu-bv")
+    return Example(
+        vehicle, position_observer_gains(vehicle, **FITTING), vehicle.controller.sample_time
+    )
+
+
 EXAMPLES: dict[str, Callable[[], Example]] = {
     "cascade": lambda: _preset("feup-em"),
     "sea-cascade": lambda: Example(load_vehicle("feup-em"), SEA, S_P),
     "adrc": lambda: Example(load_vehicle("feup-em"), ADRC_FAST, S_P),
     "deadband": lambda: Example(load_vehicle("feup-em"), SLEEPER, S_P),
     "position-pid": lambda: _preset("ntnu-bv"),
+    "position-observer": _stepper,
     "observer": lambda: _tuned("observer"),
     "planned": lambda: _tuned("planned"),
 }

@@ -152,13 +152,9 @@ def watch_motion(
     if abs(depth - anchor) > p.still_distance:
         anchor = depth
         still = 0.0
-    # It may lie on a bottom that nobody knows of, where noise shows that the sensor lives.
     stays = still >= p.still
-    on_bottom = p.bottom_anywhere > 0.0 and stays and depth > p.surface
-    resting = (
-        (depth <= p.surface and n >= p.neutral - room)
-        or (depth >= p.aground and n <= p.neutral + room)
-        or (on_bottom and n < p.neutral - room)
+    resting = (depth <= p.surface and n >= p.neutral - room) or (
+        depth >= p.aground and n <= p.neutral + room
     )
     if resting or gap:
         wrong = tally(s.wrong < 0.0, s.wrong, p.wrong)
@@ -176,7 +172,7 @@ def watch_motion(
     bad = stays and abs(n - p.neutral) > room
     room = room + p.model_error * abs(push)
     settled = s.settled + 1.0
-    bad = bad or (settled >= p.settle and (off > room or (off < -room and not on_bottom)))
+    bad = bad or (settled >= p.settle and abs(off) > room)
     wrong = tally(bad, s.wrong, p.wrong)
     return _Motion(z1, z2, n1, n2, settled, anchor, still, resting, wrong)
 

@@ -75,7 +75,6 @@ class SupervisorParameters(NamedTuple):
     wrong: float  # ticks in which depth and volume do not fit
     surface: float  # m, from there up the vehicle may float
     aground: float  # m, from there down it may lie on the bottom
-    bottom_anywhere: float  # -, 1: wherever its depth stands still and the noise lives
     still_distance: float  # m, within which a depth stands still
     still: float  # ticks that it has to
     depth_limit: float  # m
@@ -154,8 +153,7 @@ SUPERVISOR_UNITS = {
         "m3",
     ),
     **dict.fromkeys(
-        ("positioner", "rate_smoothing", "rate_share", "model_error", "smoothing",
-         "bottom_anywhere"),
+        ("positioner", "rate_smoothing", "rate_share", "model_error", "smoothing"),
         "",
     ),
     "rate": "m3/s/V or m3/s", "load_drive": "V/m", "load_back": "V/m", "friction": "V",

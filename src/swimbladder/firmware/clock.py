@@ -109,6 +109,7 @@ class VehicleTwin:
     ) -> None:  # fmt: skip
         self.controller, self.limits, self.supervisor = controller, limits, supervisor
         self.spoil = spoil
+        self.ticks = 0
         nothing = Watched(math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self.state = supervisor.initial(limits, nothing, 1.0 if after_reset else 0.0)
 
@@ -130,7 +131,10 @@ class VehicleTwin:
 
     def tick(self, seen: Watched, reference: float) -> Any:
         """Return the command from this tick on; `missed` of what is seen is the controller's."""
-        wanted = self.controller.tick(seen.depth, seen.volume, reference)
+        wanted = self.controller.command
+        if self.state.reason == 0.0 and self.state.restarted == 0.0:  # else left alone: it may hang
+            wanted = self.controller.tick(seen.depth, seen.volume, reference)
+        self.ticks += 1
         seen = seen._replace(missed=float(self.controller.missed))
         command, self.state, _ = self.supervisor.step(self.limits, self.state, seen, wanted)
         return command
@@ -141,4 +145,4 @@ class VehicleTwin:
         Depths are as old as 0 s; `spoil` may say otherwise.
         """
         watched = Watched(seen.depth, 0.0, seen.volume, math.nan, 0.0, 0.0, 0.0)
-        return float(self.tick(self.spoil(self.controller.ticks, watched), reference))
+        return float(self.tick(self.spoil(self.ticks, watched), reference))

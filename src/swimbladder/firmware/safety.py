@@ -101,7 +101,6 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         settle=ticks(_SETTLE * tau, tick), wrong=patience + still,
         surface=p.z_surface + _AFLOAT,
         aground=floor - max(0.1, 0.02 * floor) - moving if floor < math.inf else math.inf,
-        bottom_anywhere=1.0 if floor == math.inf and same < math.inf else 0.0,
         still_distance=moving + 0.02, still=still,
         depth_limit=depth_limit, deepest=deepest,
         neutral_deepest=p.V_0 + neutral_range + p.psi * min(deepest, _DEEPEST),

@@ -127,6 +127,7 @@ class _Reader:
         self.records: dict[str, Record] = {}
         self.constants: dict[str, Constant] = {}
         self.called: set[str] = set()
+        self._names: set[str] = set()
         self._reading: list[Any] = []
 
     def record(
@@ -201,10 +202,10 @@ class _Reader:
                 remedy="Write the law's functions with def, at the top of a module",
             )  # fmt: skip
         source = Source(plain)
-        taken = {f.name for f in self.functions.values()}
         name = plain.__name__.strip("_")
-        while name in taken:
+        while name in self._names:
             name += "_"
+        self._names.add(name)
         self._reading.append(plain)
         read = Body(self, source, name, types).read()
         self._reading.pop()

@@ -80,8 +80,8 @@ class Supervisor(Parameters):
         "supply's, or none for a positioner"
     )  # fmt: skip
     bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
-        None, description="where the vehicle may lie on the bottom; not given: wherever its depth "
-        "stands still and shows the sensor's noise"
+        None, description="where the vehicle may lie on the bottom; not given: nowhere, since a "
+        "vehicle that lies there looks like one whose depth sensor has stopped"
     )  # fmt: skip
     neutral_range: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = Field(
         None, description="how far the neutral volume may be from `trim_error`, drift and layers "
