@@ -11,6 +11,7 @@ from swimbladder.control.deadband import DEADBAND
 from swimbladder.control.law import Law
 from swimbladder.control.observer import OBSERVER
 from swimbladder.control.planned import PLANNED
+from swimbladder.control.position_observer import POSITION_OBSERVER
 from swimbladder.control.position_pid import POSITION_PID
 from swimbladder.control.sea_cascade import SEA_CASCADE
 from swimbladder.errors import InputError
@@ -21,7 +22,17 @@ from swimbladder.units import parse_quantity
 __all__ = ["LAWS", "bind", "law_by_name", "law_parameters"]
 
 LAWS: Mapping[str, Law] = {
-    law.name: law for law in (CASCADE, SEA_CASCADE, ADRC, DEADBAND, OBSERVER, PLANNED, POSITION_PID)
+    law.name: law
+    for law in (
+        CASCADE,
+        SEA_CASCADE,
+        ADRC,
+        DEADBAND,
+        OBSERVER,
+        PLANNED,
+        POSITION_PID,
+        POSITION_OBSERVER,
+    )
 }
 
 
