@@ -10,33 +10,41 @@ from hypothesis import strategies as st
 from swimbladder.control import cascade, protocol
 from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.law import Measurement
-from swimbladder.control.protocol import Does, PoolParameters, Window
+from swimbladder.control.protocol import EMPTY, POOL, Does, Window
+from swimbladder.control.protocol_records import procedure_for
+from swimbladder.firmware.twin import twin
 
 LOOP = CascadeParameters(k_pV=1.002e6, k_pz=-1.043e-4, k_iz=-7.486e-7, k_dz=-2.341e-3, S_p=0.3)
 dV = 30e-6
 
 
 def parameters(**changes):
-    given = dict(
-        phases=protocol.pool_phases(pool_depth=4.5, clearance=0.75, dV=dV), loop=LOOP,
-        K1=4.44e-4, piston_area=75e-4, limit=12.0, load_voltage=0.07707, minute=60.0,
-        rest_speed=5e-4, rest_distance=0.02, halt=0.6, patience=1200.0,
+    p = procedure_for(
+        LOOP, rate_per_volt=4.44e-4 * 75e-4, limit=12.0, load_voltage=0.07707, pool_depth=4.5,
+        clearance=0.75, change=dV,
     )  # fmt: skip
-    return PoolParameters(**{**given, **changes})
+    return p._replace(**changes)
+
+
+def window_of(depths, volumes=None, target=0.0):
+    window = EMPTY
+    for z, V in zip(depths, [0.0] * len(depths) if volumes is None else volumes, strict=True):
+        window = protocol.extend(window, z - target, V)
+    return window
 
 
 class Machine:
     """Feeds the machine and notes what it says."""
 
     def __init__(self, p):
-        self.p, self.k, self.state, self.notes = p, 0, None, []
+        self.p, self.k, self.state, self.notes, self.go = p, 0, None, [], 1.0
 
     def see(self, depth, volume, times=1):
         for _ in range(times):
             seen = Measurement(self.k * LOOP.S_p, depth, volume)
             if self.state is None:
-                self.state = protocol.begin(self.p, seen)
-            u, self.state, wait = protocol.step(self.p, self.state, seen)
+                self.state = protocol.initial(self.p, seen, self.go)
+            u, self.state, wait = protocol.step(self.p, self.state, seen, self.go)
             self.notes.append((self.phase, u))
             assert wait == LOOP.S_p
             self.k += 1
@@ -44,7 +52,7 @@ class Machine:
 
     @property
     def phase(self):
-        return self.p.phases[self.state.phase]
+        return self.p.phases[int(self.state.phase)]
 
     def until(self, does, depth, volume, at_most=1000):
         for n in range(at_most):
@@ -95,7 +103,7 @@ def test_holding_is_the_cascade():
         if state is None:
             state = cascade.initial(LOOP, seen, 3.75)
         expected, state, _ = cascade.step(LOOP, state, seen, 3.75)
-        assert m.see(z, V) == expected
+        assert m.see(z, V) == min(max(expected, -12.0), 12.0)
 
 
 def test_a_new_hold_starts_its_integral_from_the_volume_it_finds():
@@ -109,7 +117,7 @@ def test_a_new_hold_starts_its_integral_from_the_volume_it_finds():
         Measurement(0.0, 0.0, 47e-6),
         0.75,
     )
-    assert m.notes[-1][1] == expected
+    assert m.notes[-1][1] == min(max(expected, -12.0), 12.0)
 
 
 @pytest.mark.parametrize(
@@ -124,27 +132,21 @@ def test_a_new_hold_starts_its_integral_from_the_volume_it_finds():
     ],
 )
 def test_rest_is_judged_over_the_minute(depths, rests):
-    p = parameters()
-    window = Window()
-    for k in range(200):
-        window = protocol.extend(window, Measurement(500.0 + 0.3 * k, depths(0.3 * k), 0.0))
-    assert protocol.at_rest(p, window, 3.75) is rests
+    window = window_of([depths(0.3 * k) for k in range(200)], target=3.75)
+    assert protocol.at_rest(parameters(), window) is rests
 
 
 @given(
     st.lists(st.tuples(st.floats(-5.0, 5.0), st.floats(-3e-4, 3e-4)), min_size=3, max_size=60),
-    st.floats(0.0, 1e5),
+    st.floats(-5.0, 5.0),
 )
-def test_a_window_is_a_straight_line_through_the_samples(samples, start):
-    window = Window()
-    times = start + 0.3 * np.arange(len(samples))
-    for t, (z, V) in zip(times, samples, strict=True):
-        window = protocol.extend(window, Measurement(float(t), z, V))
+def test_a_window_is_a_straight_line_through_the_samples(samples, target):
     depths, volumes = np.array(samples).T
-    slope = np.polyfit(times - times[0], depths, 1)[0]
-    assert window.speed == pytest.approx(slope, rel=1e-6, abs=1e-9)
-    assert window.depth == pytest.approx(depths.mean(), abs=1e-12)
-    assert window.volume == pytest.approx(volumes.mean(), abs=1e-16)
+    window = window_of(depths, volumes, target)
+    expected = np.polyfit(0.3 * np.arange(len(samples)), depths, 1)[0]
+    assert protocol.slope(window, 0.3) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    assert target + window.z / window.samples == pytest.approx(depths.mean(), abs=1e-12)
+    assert window.V / window.samples == pytest.approx(volumes.mean(), abs=1e-16)
 
 
 def test_a_minute_without_rest_is_followed_by_another():
@@ -234,6 +236,121 @@ def test_patience_ends(depth):
 def test_a_step_is_pure():
     p = parameters()
     seen = Measurement(0.0, 3.6, 1e-5)
-    state = protocol.begin(p, seen)
-    assert protocol.step(p, state, seen) == protocol.step(p, state, seen)
-    assert state == protocol.begin(p, seen)
+    state = protocol.initial(p, seen, 1.0)
+    assert protocol.step(p, state, seen, 1.0) == protocol.step(p, state, seen, 1.0)
+    assert state == protocol.initial(p, seen, 1.0)
+
+
+class TestWhatABoardNeeds:
+    """Waiting, rounds, measurements that are none, an end by order, and coming up afterwards."""
+
+    def test_it_waits_for_a_word_and_a_measurement(self):
+        m = Machine(parameters())
+        m.go = 0.0
+        assert m.see(0.1, 9e-5, times=50) == pytest.approx(0.1 * 0.07707)
+        assert m.state.phase == -1.0
+        m.go = 1.0
+        m.see(math.nan, 9e-5)
+        assert m.state.phase == -1.0
+        m.see(0.1, 9e-5)
+        assert m.phase.does is Does.HOLD
+        first = Measurement(0.0, 0.1, 9e-5)
+        expected, *_ = cascade.step(LOOP, cascade.initial(LOOP, first, 3.75), first, 3.75)
+        assert m.notes[-1][1] == min(max(expected, -12.0), 12.0)
+
+    def test_rounds_change_the_volume_from_a_first_to_a_last(self):
+        m = Machine(parameters(rounds=3.0, change=20e-6, more=10e-6))
+        asked = []
+        for n in range(3):
+            m.until(Does.PULSE, 3.75, 15e-6)
+            asked.append(m.state.pulse * (m.state.pulses + 1) * 0.3 * 4.44e-4 * 75e-4)
+            m.until(Does.GLIDE, 3.75, 15e-6)
+            m.see(0.0, 15e-6)
+            m.until(Does.PULSE, 0.75, 15e-6)
+            asked.append(m.state.pulse * (m.state.pulses + 1) * 0.3 * 4.44e-4 * 75e-4)
+            m.until(Does.GLIDE, 0.75, 15e-6)
+            m.see(4.5, 15e-6)
+            assert m.state.completed == n + 1
+        expected = [sign * dV for dV in (20e-6, 30e-6, 40e-6) for sign in (1.0, -1.0)]
+        assert asked == pytest.approx(expected, rel=1e-9)
+        assert m.phase.does is Does.DONE
+
+    @pytest.mark.parametrize(
+        ("depth", "volume"),
+        [(math.nan, 1e-5), (3.75, math.nan), (math.inf, 1e-5), (7.0, 1e-5), (3.75, 5e-4)],
+    )
+    def test_what_can_not_be_holds_the_piston_and_begins_the_minute_anew(self, depth, volume):
+        p = parameters(depth_most=6.0, depth_least=-1.0, volume_most=4e-4, volume_least=-4e-4)
+        m = Machine(p)
+        m.see(3.75, 15e-6, times=150)
+        loop = m.state[5:8]
+        assert m.see(depth, volume) == pytest.approx(3.75 * 0.07707)
+        assert m.state.samples == 0.0
+        assert m.state[5:8] == loop  # the loop goes on where it was
+        assert m.until(Does.HALT, 3.75, 15e-6)[0] == 201
+
+    def test_without_a_measurement_it_gives_up_after_a_while(self):
+        m = Machine(parameters(blind=5.0))
+        m.see(3.75, 15e-6, times=10)
+        m.see(math.nan, 15e-6, times=16)
+        assert m.phase.does is Does.HOLD
+        m.see(math.nan, 15e-6)
+        assert m.phase.does is Does.GAVE_UP
+        assert m.state.gave_up_in == 0.0
+        m.see(3.75, 15e-6, times=500)
+        assert m.phase.does is Does.GAVE_UP
+
+    def test_a_timed_voltage_asks_no_sensor(self):
+        m = Machine(parameters(change=60e-6))
+        m.until(Does.PULSE, 3.75, 15e-6)
+        u, left = m.state.pulse, int(m.state.pulses)
+        assert left > 2
+        for _ in range(left):
+            assert m.see(math.nan, math.nan) == u
+        assert m.see(math.nan, math.nan) == pytest.approx(3.75 * 0.07707)
+        assert m.phase.does is Does.GLIDE
+
+    @pytest.mark.parametrize("at", [1, 150, 203, 400])
+    def test_it_ends_when_told_to(self, at):
+        m = Machine(parameters())
+        m.see(3.75, 15e-6, times=at)
+        m.go = -1.0
+        m.see(3.75, 15e-6)
+        assert m.phase.does is Does.GAVE_UP
+
+    def test_afterwards_it_comes_up_where_it_is_to(self):
+        m = Machine(parameters(end_volume=3e-4))
+        m.see(3.75, 15e-6)
+        m.go = -1.0
+        assert m.see(3.75, 15e-6) == 12.0
+        near = m.see(0.0, 3e-4 - 1e-6)
+        assert near == pytest.approx(1.002)  # the cascade's gain on a cubic centimetre
+        assert m.see(0.0, math.nan) == 0.0
+
+    def test_phases_have_words(self):
+        words = [phase.words for phase in parameters().phases]
+        assert words[:4] == ["(a) hold", "(b) halt", "(b) pulse", "(b) glide"]
+        assert words[-2:] == ["done", "gave up"]
+
+
+@pytest.mark.parametrize("samples", [2, 200, 600, 6000])
+def test_float32_is_enough_for_a_minute(samples):
+    """Means to 0.01 cm3 and 0.02 mm, the speed to a hundredth of what counts as rest."""
+    law, S_p = twin(POOL), 60.0 / samples
+    p = parameters(S_p=S_p)
+    random = np.random.default_rng(3)
+    seconds = S_p * np.arange(samples)
+    depths = (3.75 + 0.019 + 4e-4 * (seconds - 30.0) + 0.005 * random.normal(size=samples)).astype(
+        np.float32
+    )
+    volumes = (3.4e-4 + 6e-6 * random.normal(size=samples)).astype(np.float32)
+    state = law.initial(p, Measurement(0.0, depths[0], np.float32(3.3e-4)), 1.0)
+    for z, V in zip(depths, volumes, strict=True):
+        _, state, _ = law.step(p, state, Measurement(0.0, z, V), 1.0)
+    assert state.samples == samples
+    window = Window(*map(float, (state.samples, state.z, state.kz, state.V)))
+    exact = depths.astype(float), volumes.astype(float)
+    assert float(state.neutral) + window.V / samples == pytest.approx(exact[1].mean(), abs=1e-8)
+    assert 3.75 + window.z / samples == pytest.approx(exact[0].mean(), abs=2e-5)
+    speed = np.polyfit(seconds, exact[0], 1)[0]
+    assert protocol.slope(window, S_p) == pytest.approx(speed, abs=5e-6)

@@ -1,4 +1,4 @@
-"""The pool procedure (a)-(d) of section 3.1 as a state machine: phases are data, a step is pure.
+"""The pool procedure (a)-(d) of section 3.1 as a state machine: a step is pure.
 
 Hold the vehicle still near the bottom (a), displace more and record how it rises (b), hold it still
 near the surface (c), displace less and record how it sinks (d). The paper's (b) says that it then
@@ -11,231 +11,242 @@ The voltage is chosen so that dt is a whole number of samples. What the paper le
 done here: before it the motor stops for `halt` seconds, and after it the voltage is the one that
 holds the piston against the sea (`load_voltage` times depth). With 0 V the model's piston, which
 nothing locks, would be pushed in.
+
+`step` and `initial` have the form of a law's, so that they are translated as laws are: the board
+does what the simulated pool does. In place of a depth asked for they take whether to go on: above 0
+to do the procedure, 0 to wait at its beginning, below 0 to end it. A measurement that is missing,
+or cannot be, holds the piston and begins the minute of rest anew; a timed voltage goes on, as it
+asks no sensor. Times are counted in samples, to the nearest.
 """
 
 from __future__ import annotations
 
 import math
-from enum import Enum
-from typing import NamedTuple
 
 from swimbladder.control import cascade
 from swimbladder.control.cascade import CascadeParameters, CascadeState
-from swimbladder.control.law import Measurement
+from swimbladder.control.law import Law, Measurement
+from swimbladder.control.protocol_records import (
+    POOL_UNITS,
+    Does,
+    Phase,
+    PoolParameters,
+    PoolState,
+    Window,
+)
 
 __all__ = [
+    "EMPTY",
+    "POOL",
     "Does",
     "Phase",
     "PoolParameters",
     "PoolState",
     "Window",
     "at_rest",
-    "begin",
     "extend",
-    "pool_phases",
+    "initial",
+    "slope",
     "step",
     "timed_voltage",
 ]
 
+_WAITS = -1.0
+_HOLD = 0.0
+_HALT = 1.0
+_PULSE = 2.0
+_GLIDE = 3.0
+_HALF = 4.0  # phases of a way up, and of a way down
+_LAST = 7.0
+_DONE = 8.0
+_GAVE_UP = 9.0
+_BITS = 24
+_HIGHEST = 8388608.0  # 2^23
+_HAIR = 1e-9  # of a sample, by which rounding may be off in double precision
 
-class Does(Enum):
-    """What the machine does in a phase, and when the phase is over."""
-
-    HOLD = "Close the loop on a depth until the vehicle has been at rest there for a minute."
-    HALT = "Hold the piston until the motor stands still."
-    PULSE = "Apply a voltage for a time, to change the volume."
-    GLIDE = "Hold the piston and wait for the surface or the bottom."
-    DONE = "Hold the piston: the procedure is over."
-    GAVE_UP = "Hold the piston: the vehicle did not come to rest, or did not arrive, in time."
-
-
-class Phase(NamedTuple):
-    """A phase: the step of section 3.1 that it belongs to, what it does, and with what number."""
-
-    step: str  # "a" to "d"; "" at the end
-    does: Does
-    target: float = 0.0  # HOLD: depth [m]; PULSE: volume [m3]; GLIDE: last depth [m]
+EMPTY = Window(0.0, 0.0, 0.0, 0.0)
 
 
-class PoolParameters(NamedTuple):
-    """The procedure and what it knows of the actuator."""
-
-    phases: tuple[Phase, ...]
-    loop: CascadeParameters  # may be tuned coarsely
-    K1: float  # m/s/V, piston speed per volt in steady state
-    piston_area: float  # m2
-    limit: float  # V, largest voltage of a pulse
-    load_voltage: float  # V/m, that holds the piston against a metre of water; 0: none is applied
-    minute: float  # s, over which rest is judged and the volume averaged
-    rest_speed: float  # m/s, mean speed over the minute that counts as none
-    rest_distance: float  # m, of the mean depth from its target that counts as there
-    halt: float  # s, for the motor to stop
-    patience: float  # s, longest that a phase may take
+def whole_up(x: float) -> float:
+    """Return the least whole number that is not below x, for 0 to 2^24."""
+    rest = x
+    whole = 0.0
+    bit = _HIGHEST
+    for _ in range(_BITS):
+        if rest >= bit:
+            rest = rest - bit
+            whole = whole + bit
+        bit = bit * 0.5
+    return whole + 1.0 if rest > 0.0 else whole
 
 
-class Window(NamedTuple):
-    """Sums over a stretch of samples, from which come means and a slope."""
+def timed(change: float, rate: float, limit: float, S_p: float) -> tuple[float, float]:
+    """Return (u [V], samples): the voltage that makes a change in whole samples of S_p [s].
 
-    samples: int = 0
-    t: float = 0.0  # s, since the first sample
-    tt: float = 0.0  # s2
-    z: float = 0.0  # m
-    tz: float = 0.0  # m s
-    V: float = 0.0  # m3
-    start: float = 0.0  # s
-
-    @property
-    def depth(self) -> float:
-        """Mean depth [m]."""
-        return self.z / self.samples
-
-    @property
-    def volume(self) -> float:
-        """Mean volume [m3]."""
-        return self.V / self.samples
-
-    @property
-    def speed(self) -> float:
-        """Slope of the straight line through the depths [m/s]."""
-        n = self.samples
-        return (n * self.tz - self.t * self.z) / (n * self.tt - self.t * self.t)
-
-
-class PoolState(NamedTuple):
-    """What the procedure remembers between samples."""
-
-    phase: int  # index into PoolParameters.phases
-    began: float  # s, when the phase did
-    loop: CascadeState
-    window: Window
-    neutral: float  # m3, mean volume of the last minute at rest
-    pulse: float  # V
-    pulses: int  # samples of it that are left
-
-
-def pool_phases(
-    *, pool_depth: float, clearance: float, dV: float, margin: float = 0.05
-) -> tuple[Phase, ...]:
-    """Return steps (a) to (d) for a change of volume dV [m3], positive.
-
-    pool_depth: where the vehicle stands on the bottom [m]; clearance: Delta_z [m], from bottom and
-    surface to the depths of rest; margin: distance from either that counts as arrived [m].
+    dt = dx/(K1 u), section 3.1, with the largest u up to `limit` [V] that makes dt a multiple of
+    the sample time; rate: of what changes, per volt.
     """
-    return (
-        Phase("a", Does.HOLD, pool_depth - clearance),
-        Phase("b", Does.HALT),
-        Phase("b", Does.PULSE, dV),
-        Phase("b", Does.GLIDE, margin),
-        Phase("c", Does.HOLD, clearance),
-        Phase("d", Does.HALT),
-        Phase("d", Does.PULSE, -dV),
-        Phase("d", Does.GLIDE, pool_depth - margin),
-        Phase("", Does.DONE),
-        Phase("", Does.GAVE_UP),
-    )
+    samples = max(1.0, whole_up(abs(change) / (rate * limit * S_p) - _HAIR))
+    return change / (rate * samples * S_p), samples
 
 
 def timed_voltage(dx: float, *, K1: float, limit: float, sample_time: float) -> tuple[float, int]:
-    """Return (u [V], samples): the voltage that moves the piston by dx [m] in whole samples.
-
-    dt = dx/(K1 u), section 3.1, with the largest u up to `limit` [V] that makes dt a multiple of
-    the sample time [s]. K1 [m/s/V].
-    """
-    samples = max(1, math.ceil(abs(dx) / (K1 * limit * sample_time) - 1e-9))
-    return dx / (K1 * samples * sample_time), samples
+    """Return (u [V], samples) that move the piston by dx [m]; K1 [m/s/V], sample_time [s]."""
+    voltage, samples = timed(dx, K1, limit, sample_time)
+    return voltage, int(samples)
 
 
-def extend(window: Window, measurement: Measurement) -> Window:
-    """Return the window with one more measurement in it."""
-    start = window.start if window.samples else measurement.time
-    t = measurement.time - start
-    return Window(
-        window.samples + 1,
-        window.t + t,
-        window.tt + t * t,
-        window.z + measurement.depth,
-        window.tz + t * measurement.depth,
-        window.V + measurement.volume,
-        start,
-    )
+def extend(window: Window, z: float, V: float) -> Window:
+    """Return the window with one more sample in it: depth [m] and volume [m3] from their zeros."""
+    return Window(window.samples + 1.0, window.z + z, window.kz + window.samples * z, window.V + V)
 
 
-def at_rest(parameters: PoolParameters, window: Window, target: float) -> bool:
-    """Say whether a full window shows nearly no speed, near the target depth [m]."""
+def slope(window: Window, S_p: float) -> float:
+    """Return the slope [m/s] of the straight line through the depths of two samples or more."""
+    n = window.samples
+    return 12.0 * (window.kz - 0.5 * (n - 1.0) * window.z) / (n * (n * n - 1.0)) / S_p
+
+
+def at_rest(p: PoolParameters, window: Window) -> bool:
+    """Say whether a full window shows nearly no speed, near the depth that it counts from."""
     return (
-        abs(window.speed) <= parameters.rest_speed
-        and abs(window.depth - target) <= parameters.rest_distance
+        abs(slope(window, p.S_p)) <= p.rest_speed
+        and abs(window.z / window.samples) <= p.rest_distance
     )
 
 
-def begin(parameters: PoolParameters, measurement: Measurement) -> PoolState:
-    """Return the state at the start of the first phase."""
-    first = parameters.phases[0]
+def full(p: PoolParameters, window: Window) -> bool:
+    """Say whether a window is a minute long."""
+    return window.samples * p.S_p > p.minute - 0.5 * p.S_p
+
+
+def can_be(p: PoolParameters, seen: Measurement) -> bool:
+    """Say whether a measurement is one, and neither depth nor volume is impossible."""
+    return (
+        math.isfinite(seen.depth)
+        and math.isfinite(seen.volume)
+        and p.depth_least <= seen.depth <= p.depth_most
+        and p.volume_least <= seen.volume <= p.volume_most
+    )
+
+
+def next_phase(
+    p: PoolParameters, s: PoolState, window: Window, depth: float, good: bool, go: float
+) -> float:
+    """Return the phase that a measurement belongs to; a good one only begins another."""
+    if s.phase >= _DONE:
+        return s.phase
+    missing = 0.0 if good else (s.blind + 1.0) * p.S_p
+    if go < 0.0 or (s.phase >= _HOLD and missing > p.blind):
+        return _GAVE_UP
+    if s.phase < _HOLD:
+        return _HOLD if good and go > 0.0 else s.phase
+    up = s.phase < _HALF
+    does = s.phase if up else s.phase - _HALF
+    late = s.ticks * p.S_p > p.patience
+    if does == _HOLD:
+        over = good and full(p, window) and at_rest(p, window)
+        late = late and full(p, window)
+    elif does == _HALT:
+        over = good and s.ticks * p.S_p > p.halt - 0.5 * p.S_p
+    elif does == _PULSE:
+        over = s.pulses <= 0.0
+    else:
+        over = good and (depth <= p.surface if up else depth >= p.bottom)
+    if not over:
+        return _GAVE_UP if late else s.phase
+    if s.phase == _LAST:
+        return _HOLD if s.completed + 1.0 < p.rounds else _DONE
+    return s.phase + 1.0
+
+
+def initial(parameters: PoolParameters, measurement: Measurement, go: float) -> PoolState:
+    """Return the state at the start of the first phase, or of waiting for it."""
+    p = parameters
+    good = can_be(p, measurement)
+    loop = CascadeState(0.0, 0.0, 0.0)
+    if good:
+        loop = cascade.initial(
+            CascadeParameters(p.k_pV, p.k_pz, p.k_iz, p.k_dz, p.S_p), measurement, p.deep
+        )
     return PoolState(
-        phase=0,
-        began=measurement.time,
-        loop=cascade.initial(parameters.loop, measurement, first.target),
-        window=Window(),
-        neutral=measurement.volume,
-        pulse=0.0,
-        pulses=0,
-    )
+        phase=_HOLD if good and go > 0.0 else _WAITS, completed=0.0, ticks=0.0, blind=0.0,
+        depth=measurement.depth if good else 0.0,
+        integral=loop.integral, error=loop.error, volume_reference=loop.volume_reference,
+        samples=0.0, z=0.0, kz=0.0, V=0.0, neutral=measurement.volume if good else 0.0,
+        pulse=0.0, pulses=0.0, gave_up_in=_WAITS,
+    )  # fmt: skip
 
 
 def step(
-    parameters: PoolParameters, state: PoolState, measurement: Measurement
+    parameters: PoolParameters, state: PoolState, measurement: Measurement, go: float
 ) -> tuple[float, PoolState, float]:
     """Return the voltage [V], the state, and the time to the next sample [s]."""
-    p, S_p = parameters, parameters.loop.S_p
-    state = _move_on(p, state, measurement)
-    phase = p.phases[state.phase]
-    if phase.does is Does.HOLD:
-        u, loop, _ = cascade.step(p.loop, state.loop, measurement, phase.target)
-        state = state._replace(loop=loop, window=extend(state.window, measurement))
-        return u, state, S_p
-    if phase.does is Does.PULSE:
-        return state.pulse, state._replace(pulses=state.pulses - 1), S_p
-    return p.load_voltage * measurement.depth, state, S_p
+    p = parameters
+    s = state
+    seen = measurement
+    gains = CascadeParameters(p.k_pV, p.k_pz, p.k_iz, p.k_dz, p.S_p)
+    loop = CascadeState(s.integral, s.error, s.volume_reference)
+    window = Window(s.samples, s.z, s.kz, s.V)
+    good = can_be(p, seen)
+    phase = next_phase(p, s, window, seen.depth, good, go)
+    up = phase < _HALF
+    does = phase if up else phase - _HALF
+    target = p.deep if up else p.shallow
+
+    ticks = s.ticks
+    completed = s.completed
+    neutral = s.neutral
+    pulse = s.pulse
+    pulses = s.pulses
+    gave_up_in = s.gave_up_in
+    if phase != s.phase:
+        ticks = 0.0
+        if phase == _GAVE_UP:
+            gave_up_in = s.phase
+        elif does == _HOLD:
+            loop = cascade.initial(gains, seen, target)
+            if s.phase == _LAST:
+                completed = s.completed + 1.0
+        elif does == _HALT:
+            neutral = s.neutral + window.V / window.samples
+        elif does == _PULSE:
+            change = p.change + p.more * s.completed
+            asked = neutral + (change if up else -change) - seen.volume
+            pulse, pulses = timed(asked, p.rate_per_volt, p.limit, p.S_p)
+        elif phase == _DONE:
+            completed = s.completed + 1.0
+    if phase != s.phase or not good or full(p, window):
+        window = Window(0.0, 0.0, 0.0, 0.0)
+
+    depth = seen.depth if good else s.depth
+    command = p.load_voltage * depth
+    if phase >= _DONE:
+        if good and math.isfinite(p.end_volume):
+            command = command + p.k_pV * (p.end_volume - seen.volume)
+    elif phase >= _HOLD and does == _HOLD:
+        if good:
+            command, loop, _ = cascade.step(gains, loop, seen, target)
+            window = extend(window, seen.depth - target, seen.volume - neutral)
+    elif does == _PULSE:
+        command = pulse
+        pulses = pulses - 1.0
+    command = max(-p.limit, min(p.limit, command))  # upward, should it be no number
+    return command, PoolState(
+        phase=phase, completed=completed, ticks=ticks + 1.0, blind=0.0 if good else s.blind + 1.0,
+        depth=depth, integral=loop.integral, error=loop.error,
+        volume_reference=loop.volume_reference, samples=window.samples, z=window.z, kz=window.kz,
+        V=window.V, neutral=neutral, pulse=pulse, pulses=pulses, gave_up_in=gave_up_in,
+    ), p.S_p  # fmt: skip
 
 
-def _move_on(p: PoolParameters, state: PoolState, seen: Measurement) -> PoolState:
-    """Return the state in the phase that this measurement belongs to."""
-    phase = p.phases[state.phase]
-    late = seen.time - state.began > p.patience
-    if phase.does is Does.HOLD:
-        if state.window.samples * p.loop.S_p < p.minute - 1e-9:
-            return state
-        if at_rest(p, state.window, phase.target):
-            return _enter(p, state._replace(neutral=state.window.volume), seen)
-        return _give_up(p, state, seen) if late else state._replace(window=Window())
-    if phase.does is Does.HALT:
-        over = seen.time - state.began >= p.halt - 1e-9
-    elif phase.does is Does.PULSE:
-        over = state.pulses <= 0
-    elif phase.does is Does.GLIDE:
-        rising = p.phases[state.phase - 1].target > 0.0
-        over = seen.depth <= phase.target if rising else seen.depth >= phase.target
-        if late and not over:
-            return _give_up(p, state, seen)
-    else:
-        return state
-    return _enter(p, state, seen) if over else state
-
-
-def _enter(p: PoolParameters, state: PoolState, seen: Measurement) -> PoolState:
-    """Return the state at the start of the next phase."""
-    phase = p.phases[state.phase + 1]
-    state = state._replace(phase=state.phase + 1, began=seen.time)
-    if phase.does is Does.HOLD:
-        loop = cascade.initial(p.loop, seen, phase.target)
-        return state._replace(loop=loop, window=Window())
-    if phase.does is Does.PULSE:
-        dx = (state.neutral + phase.target - seen.volume) / p.piston_area
-        u, samples = timed_voltage(dx, K1=p.K1, limit=p.limit, sample_time=p.loop.S_p)
-        return state._replace(pulse=u, pulses=samples)
-    return state
-
-
-def _give_up(p: PoolParameters, state: PoolState, seen: Measurement) -> PoolState:
-    last = next(i for i, phase in enumerate(p.phases) if phase.does is Does.GAVE_UP)
-    return state._replace(phase=last, began=seen.time)
+POOL = Law(
+    name="pool",
+    summary="the pool procedure (a)-(d) of section 3.1, with a cascade that holds the depth",
+    command="voltage",
+    parameters=PoolParameters,
+    state=PoolState,
+    units=POOL_UNITS,
+    step=step,
+    initial=initial,
+)

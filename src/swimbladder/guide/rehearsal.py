@@ -128,7 +128,8 @@ class _Work:
         self._rules = Rules()
         self._does: Does = "hold"
         self._state: Any = None
-        self._window = protocol.Window()
+        self._window = protocol.EMPTY
+        self._tick = vehicle.controller.sample_time
         self._began = self._neutral = self._released = 0.0
         self._seen: list[float] = []
         self._deepest, self._shallowest = -math.inf, math.inf  # since the last change of volume
@@ -148,7 +149,7 @@ class _Work:
             self._does = "over"
         if self._does == "hold":
             command, self._state, _ = self._step(self._parameters, self._state, seen, self._start)
-            self._window = protocol.extend(self._window, seen)
+            self._window = protocol.extend(self._window, seen.depth - self._start, seen.volume)
             return float(command), "hold"
         return self._hands.command(seen), self._does
 
@@ -157,16 +158,17 @@ class _Work:
         if self._state is None:
             self._state = self._initial(self._parameters, seen, self._start)
         w, r = self._window, self._rules
-        if not w.samples or seen.time - w.start < r.minute - 1e-9:
+        if w.samples * self._tick < r.minute - 1e-9:
             return
-        if abs(w.speed) <= r.rest_speed and abs(w.depth - self._start) <= r.rest_distance:
-            self._neutral, self._began, self._does = w.volume, seen.time, "halt"
+        still = abs(protocol.slope(w, self._tick)) <= r.rest_speed
+        if still and abs(w.z / w.samples) <= r.rest_distance:
+            self._neutral, self._began, self._does = w.V / w.samples, seen.time, "halt"
             self._hands.stay(seen)
         elif seen.time > _PATIENCE:
             self._does = "gave up"
             self._hands.stay(seen)
         else:
-            self._window = protocol.Window()
+            self._window = protocol.EMPTY
 
     def _move(self, seen: Measurement) -> None:
         self._hands.go(self._neutral + self._turns.pop(0).volume, seen)

@@ -13,6 +13,7 @@ from swimbladder.control import protocol
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.law import Measurement
 from swimbladder.control.protocol import Does, PoolParameters, PoolState
+from swimbladder.control.protocol_records import procedure_for
 from swimbladder.control.registry import bind
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.parameters import IdentifiedActuator, Vehicle
@@ -78,11 +79,10 @@ def pool_parameters(
             "the pool procedure holds the depth with the cascade", field="controller.law",
             value=None if law is None else law.name, remedy="Give the vehicle that controller",
         )  # fmt: skip
-    return PoolParameters(
-        phases=protocol.pool_phases(pool_depth=pool_depth, clearance=clearance, dV=dV),
-        loop=loop, K1=a.K1, piston_area=a.piston_area, limit=supply.voltage,
-        load_voltage=a.depth_voltage if hold else 0.0,
-        minute=60.0, rest_speed=5e-4, rest_distance=0.02, halt=0.6, patience=1200.0,
+    return procedure_for(
+        loop, rate_per_volt=a.K1 * a.piston_area, limit=supply.voltage,
+        load_voltage=a.depth_voltage if hold else 0.0, pool_depth=pool_depth, clearance=clearance,
+        change=dV,
     )  # fmt: skip
 
 
@@ -115,39 +115,37 @@ def run_procedure(
     phase takes longer than the procedure has patience for, or all of it longer than `duration` [s].
     """
     notes: list[tuple[Measurement, PoolState, float]] = []
+    named = parameters.phases
 
     def law(seen: Measurement, _: float) -> tuple[float, float]:
-        before = notes[-1][1] if notes else protocol.begin(parameters, seen)
-        u, state, next_s = protocol.step(parameters, before, seen)
+        before = notes[-1][1] if notes else protocol.initial(parameters, seen, 1.0)
+        u, state, next_s = protocol.step(parameters, before, seen, 1.0)
         notes.append((seen, state, u))
         return u, next_s
 
     s = simulate(
         vehicle, setpoints=[(0.0, pool_depth)], duration=duration, start_depth=pool_depth,
         start_volume=vehicle.neutral_volume(pool_depth) - sink, bottom_depth=pool_depth, seed=seed,
-        law=law, sample_time=parameters.loop.S_p,
+        law=law, sample_time=parameters.S_p,
     )  # fmt: skip
-    index = np.array([state.phase for _, state, _ in notes])
+    index = np.array([int(state.phase) for _, state, _ in notes])
     began = {int(i): int(np.argmax(index == i)) for i in np.unique(index)}
-    phases = tuple(
-        (float(s.time[k]), parameters.phases[i].step, parameters.phases[i].does)
-        for i, k in began.items()
-    )
+    phases = tuple((float(s.time[k]), named[i].step, named[i].does) for i, k in began.items())
     _check_over(s, phases)
     seen_depth = np.array([seen.depth for seen, _, _ in notes])
     seen_volume = np.array([seen.volume for seen, _, _ in notes])
     experiments = []
-    for i in (i for i, phase in enumerate(parameters.phases) if phase.does is Does.PULSE):
+    for i in (i for i, phase in enumerate(named) if phase.does is Does.PULSE):
         halted, first, glide, last = (began[i + j] for j in (-1, 0, 1, 2))
         neutral = notes[first][1].neutral
         start = float(np.mean(seen_depth[halted : first + 1]))
         beyond = np.abs(seen_depth[first:last] - start) > travel
         part = slice(first, first + int(np.argmax(np.append(beyond, True))))
-        stands = min(glide + math.ceil(1.0 / parameters.loop.S_p), last)
+        stands = min(glide + math.ceil(1.0 / parameters.S_p), last)
         experiments.append(
             Experiment(
-                step=parameters.phases[i].step,
-                dV=parameters.phases[i].target,
+                step=named[i].step,
+                dV=named[i].target,
                 achieved=float(s.volume[stands]) - neutral,
                 pulse=notes[first][2],
                 pulse_time=float(s.time[glide] - s.time[first]),
@@ -162,9 +160,8 @@ def run_procedure(
             )
         )  # fmt: skip
     return PoolRun(
-        dV=next(p.target for p in parameters.phases if p.does is Does.PULSE),
-        parameters=parameters, solution=s, seen_depth=seen_depth, seen_volume=seen_volume,
-        phases=phases, experiments=tuple(experiments),
+        dV=parameters.change, parameters=parameters, solution=s, seen_depth=seen_depth,
+        seen_volume=seen_volume, phases=phases, experiments=tuple(experiments),
     )  # fmt: skip
 
 
