@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
+from pathlib import Path
 
 import pytest
 
 from swimbladder.cli import main
+from swimbladder.faults.table import MISSION_COLUMNS, TRACE_COLUMNS
 from tests.firmware.conftest import gcc
 
 __all__ = ["gcc"]
@@ -77,3 +80,20 @@ def test_without_a_compiler_one_line_says_what_to_install(capsys, tmp_path, monk
 def test_what_is_refused_names_the_option(capsys, tmp_path, options, said):
     assert main([*FEW, *options, "--out", str(tmp_path / "out")]) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("gcc")
+def test_the_reference_names_what_is_written(capsys, tmp_path):
+    page = Path(__file__).parents[2] / "docs" / "reference" / "files-written.md"
+    section = page.read_text(encoding="utf-8").partition("## faults\n")[2].partition("\n## ")[0]
+    tables = [
+        re.findall(r"^\| `(\w+)` \|", block, re.MULTILINE)
+        for block in re.findall(r"(?:^\|.*\n)+", section, re.MULTILINE)
+    ]
+    assert tables[0] == list(MISSION_COLUMNS)
+    assert tables[1] == list(TRACE_COLUMNS)
+    main([*FEW, "--json", "--out", str(tmp_path)])
+    told = json.loads(capsys.readouterr().out)
+    assert tables[2] == list(told)
+    for inner in (*told["kinds"][0], *told["healthy"]):
+        assert f"`{inner}`" in section
