@@ -103,11 +103,14 @@ class Bench:
         """What a person wants to know first: the soonest, the stillest, the thriftiest."""
         said = []
         bound = self.bounds.get("step-down")
+        alone = len(self.rows) == 1
         for words, scenario, field, shown in (
-            ("settles soonest after a step", "step-down", "settle_median", _seconds),
-            ("holds best while the trim drifts", "hold-drift", "rms", _millimetres),
-            ("moves least while holding", "hold", "volume_rate", _litres),
-        ):
+            (f"settles{'' if alone else ' soonest'} after a step", "step-down", "settle_median",
+             _seconds),
+            (f"holds{'' if alone else ' best'} while the trim drifts", "hold-drift", "rms",
+             _millimetres),
+            (f"moves{'' if alone else ' least'} while holding", "hold", "volume_rate", _litres),
+        ):  # fmt: skip
             ranked = sorted(
                 (row for row in self.rows if math.isfinite(row.cost(scenario, field))),
                 key=lambda row: row.cost(scenario, field),

@@ -94,10 +94,20 @@ def _pareto(
             0.99, 0.02, "not settled: " + "; ".join(missing) if bound else "; ".join(missing),
             transform=axes.transAxes, ha="right", va="bottom", fontsize=8.0, color=GREY,
         )  # fmt: skip
+    if there.any():
+        axes.set_xlim(*_limits([*x[there], *([] if bound is None else [bound])]))
+        axes.set_ylim(*_limits(y[there].tolist()))
     for side, label in ((axes.xaxis, across[3]), (axes.yaxis, up[3])):
         side.set_label_text(label)
         side.set_major_formatter(lambda value, _: f"{value:g}")
         side.set_minor_formatter(lambda value, _: f"{value:g}" if _leading(value) in (2, 5) else "")
+
+
+def _limits(values: list[float]) -> tuple[float, float]:
+    """Return limits of a logarithmic axis, a factor of 10 apart at least."""
+    least, most = min(values) / 1.3, max(values) * 1.3
+    room = max(math.sqrt(10.0 * least / most), 1.0)
+    return least / room, most * room
 
 
 def _leading(value: float) -> int:
