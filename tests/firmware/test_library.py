@@ -239,10 +239,11 @@ class TestExamples:
         (row,) = [n for n, line in enumerate(said) if line.startswith("# full")]
         assert said[row] == "# full buoyancy: depth missing"
         assert row - 4 == p.blind - 1  # three remarks and the header stand above
-        assert {float(line[3]) for line in lines[: row - 4]} == {pytest.approx(first, abs=1e-9)}
-        assert {float(line[3]) for line in lines[row - 4 :]} == {
-            pytest.approx(p.surface_command, abs=1e-9)
-        }
+        commands = [float(line[3]) for line in lines]
+        ticks = row - 4
+        assert commands[:ticks] == pytest.approx([first] * ticks, abs=1e-9)
+        safe = [p.surface_command] * (len(commands) - ticks)
+        assert commands[ticks:] == pytest.approx(safe, abs=1e-9)
         assert lines[0][-1] == "0"
         assert lines[-1][-1] == "4"
 
