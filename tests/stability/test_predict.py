@@ -63,7 +63,7 @@ def test_the_voltage_limit_makes_an_edge_where_the_balance_says_how_sure_it_is()
     for factor, decays in ((0.97, True), (1.03, False)):
         end = hold(
             FEUP, LAW, NUMBERS, sample_time=H, depth=DEPTH, disturbance=factor * disturbance,
-            period=60.0, quantised=False, vary=free,
+            period=60.0, quantised=False, vary=free, at_rest=True,
         )  # fmt: skip
         assert (end.farthest < 0.05) is decays
 

@@ -78,15 +78,17 @@ def _size(time: Array, x: Array, w: float) -> float:
 def hold(
     vehicle: Vehicle, law: Law, parameters: Any, *, sample_time: float, depth: float,
     disturbance: float, period: float, quantised: bool, vary: Mapping[str, float] | None = None,
+    at_rest: bool = False,
 ) -> Seen:  # fmt: skip
     """Return what remains of a vehicle held at `depth` [m] that starts `disturbance` [m] off.
 
     period [s]: expected, which decides how long is simulated. quantised: whether the sensors round.
-    vary: fields of the plant that differ.
+    vary: fields of the plant that differ. at_rest: whether it starts without speed.
     """
     time, depths = _fly(
         vehicle, law, parameters, [disturbance], sample_time=sample_time, depth=depth,
-        duration=_PERIODS * period, quantised=quantised, vary=vary or {}, kick=_KICK,
+        duration=_PERIODS * period, quantised=quantised, vary=vary or {},
+        kick=0.0 if at_rest else _KICK,
     )  # fmt: skip
     late = time >= (1.0 - _LOOKED) * time[-1]
     return measure(time[late], depths[late, 0], depth)
