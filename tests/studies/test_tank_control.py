@@ -34,7 +34,7 @@ def test_a_mission_without_gains_has_no_controller():
 @pytest.mark.data
 @pytest.mark.slow
 def test_a_logged_loop_is_replayed(data_dir):
-    """Thresholds well above what the study printed for this mission, 21 mm."""
+    """Thresholds well above what the study printed for this mission: 21 mm, 6 s and 4 cm."""
     folder = data_dir / "ntnu_bv"
     vehicle, _ = train(load(folder, (35, 43, 49, 51, 63)), load_vehicle("ntnu-bv"))
     with (folder / "missions_meta.csv").open(newline="", encoding="utf-8") as file:
@@ -43,4 +43,5 @@ def test_a_logged_loop_is_replayed(data_dir):
     logged, simulated, apart = replay(mission)
     assert apart < 0.06
     assert simulated.settled == pytest.approx(logged.settled, abs=30.0)
-    assert simulated.overshoot == pytest.approx(logged.overshoot, abs=0.1)
+    # Of 52 cm; with five missions as teachers the drag is less sure than with the study's eight.
+    assert simulated.overshoot == pytest.approx(logged.overshoot, abs=0.15)
