@@ -115,7 +115,7 @@ def _one(
 def _print(flown: Campaign, files: list[Path]) -> None:
     from rich.table import Table
 
-    from swimbladder.faults.verdict import rule_of_three
+    from swimbladder.faults.verdict import MILD, rule_of_three
 
     course = flown.course
     assert course.vehicle.controller is not None
@@ -128,8 +128,8 @@ def _print(flown: Campaign, files: list[Path]) -> None:
     output.print("")
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for heading in (
-        "what fails", "missions", "could be saved", "saved", "lost", "lost alone", "seen [s]",
-        "95 % [s]", "deepest [m]",
+        "what fails", "flown", "savable", "saved", "lost", "lost alone", "seen [s]", "95 % [s]",
+        "deepest [m]",
     ):  # fmt: skip
         first = heading == "what fails"
         table.add_column(heading, justify="left" if first else "right", no_wrap=first)
@@ -146,14 +146,14 @@ def _print(flown: Campaign, files: list[Path]) -> None:
     output.print(
         f"{able} of {total} could be saved: full buoyancy 60 s after the first onset brings them "
         f"up. With the supervisor {gone.saved} of them came up, without it "
-        f"{100.0 * flown.lost_alone:.0f} % were lost. Of the other "
-        f"{total - able} it brought up {gone.unrecoverable_saved}.",
+        f"{100.0 * flown.lost_alone:.0f} % were lost ({100.0 * flown.all_lost_alone:.0f} % of all). "
+        f"Of the other {total - able} it brought up {gone.unrecoverable_saved}.",
         soft_wrap=True,
     )
-    if flown.lost_alone < 0.3:
+    if flown.all_lost_alone < MILD:
         output.print(
-            f"the faults are mild for this law: without the supervisor less than 30 % were lost "
-            f"({100.0 * flown.all_lost_alone:.0f} % of all missions)",
+            f"the faults are mild for this law: without the supervisor less than {MILD:.0%} of all "
+            "vehicles were lost",
             soft_wrap=True,
         )
     alarms, trials = len(flown.false_alarms), len(flown.healthy)

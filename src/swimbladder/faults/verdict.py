@@ -20,6 +20,7 @@ from swimbladder.faults.rows import Harm, Result
 __all__ = [
     "FACTS",
     "HARMS",
+    "MILD",
     "WIDTH",
     "Campaign",
     "Line",
@@ -34,7 +35,7 @@ FACTS = 6  # number, onset, start, deepest set-point, bottom, supply
 HARMS = 2 * len(Harm._fields)
 WIDTH = FACTS + HARMS + 3 * len(Result._fields)
 TOGETHER = "two faults at once"
-MILD = 0.3  # of the recoverable that have to be lost without a supervisor
+MILD = 0.3  # of all vehicles; where fewer are lost without a supervisor, little is asked of it
 
 
 class Outcome(IntEnum):
