@@ -146,8 +146,9 @@ def _print(flown: Campaign, files: list[Path]) -> None:
     output.print(
         f"{able} of {total} could be saved: full buoyancy 60 s after the first onset brings them "
         f"up. With the supervisor {gone.saved} of them came up, without it "
-        f"{100.0 * flown.lost_alone:.0f} % were lost ({100.0 * flown.all_lost_alone:.0f} % of all). "
-        f"Of the other {total - able} it brought up {gone.unrecoverable_saved}.",
+        f"{100.0 * flown.lost_alone:.0f} % were lost "
+        f"({100.0 * flown.all_lost_alone:.0f} % of all). Of the "
+        f"other {total - able} it brought up {gone.unrecoverable_saved}.",
         soft_wrap=True,
     )
     if flown.all_lost_alone < MILD:
