@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,7 @@ from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.firmware.library import Library
+    from swimbladder.firmware.pool import PoolOptions
     from swimbladder.parameters import Vehicle
 
 __all__ = ["firmware"]
@@ -39,6 +41,21 @@ def firmware(
         str | None, typer.Option(metavar="TIME", help=f"Golden trace: how long ({_DURATION:g} s)")
     ] = None,
     seed: Annotated[int, typer.Option(help="Golden trace: seed of the sensors' noise.", min=0)] = 1,
+    pool: Annotated[
+        str | None,
+        typer.Option(metavar="DEPTH", help="Add the pool procedure, for a pool this deep."),
+    ] = None,
+    pool_clearance: Annotated[
+        str | None,
+        typer.Option(metavar="DEPTH", help="Of its rests from bottom and surface (0.75 m)."),
+    ] = None,
+    pool_volumes: Annotated[
+        str | None,
+        typer.Option(metavar="FIRST:LAST", help="Its changes of volume (20:75 cm3)."),
+    ] = None,
+    pool_rounds: Annotated[
+        int | None, typer.Option(metavar="N", help="How many rounds it has (4).")
+    ] = None,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder of the library.")
     ] = Path("swimbladder-firmware"),
@@ -51,7 +68,9 @@ def firmware(
     The library holds the law, a supervisor that brings the vehicle up whatever the law says (see
     [supervisor] in the vehicle's file), sketches with two functions to fill in, and a
     golden trace: a depth step flown by the law's twin in float32, equal to the C to the last bit.
-    Exit code 1 where the controller does not bring the vehicle through that step.
+    With --pool it also holds the pool procedure (a)-(d), which identify and pool --follow read.
+    Exit code 1 where the controller does not bring the vehicle through that step, or the procedure
+    does not come to its end on the vehicle's model.
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
@@ -59,6 +78,7 @@ def firmware(
 
     v = load_vehicle(vehicle)
     _check_law(v, law)
+    options = _pool(pool, pool_clearance, pool_volumes, pool_rounds)
     depth, goal, time = (
         default if (given := quantity(text, unit, option)) is None else given
         for text, unit, option, default in (
@@ -90,13 +110,48 @@ def firmware(
             done = flown
 
         made = make_library(
-            v, start_depth=depth, target=goal, duration=time, seed=seed, progress=report
-        )
+            v, start_depth=depth, target=goal, duration=time, seed=seed, pool=options,
+            progress=report,
+        )  # fmt: skip
     files = write_library(made, out)
     if json:
         emit_json({**made.to_json(), "files": [str(path) for path in files]})
     else:
         _print(made, files)
+
+
+def _pool(
+    depth: str | None, clearance: str | None, volumes: str | None, rounds: int | None
+) -> PoolOptions | None:
+    """Return what is said of the pool, None where nothing is."""
+    from swimbladder.firmware.pool import PoolOptions
+
+    others = {"--pool-clearance": clearance, "--pool-volumes": volumes, "--pool-rounds": rounds}
+    metres = quantity(depth, "m", "--pool")
+    if metres is None:
+        for option, given in others.items():
+            if given is not None:
+                raise InputError(
+                    "it says how the pool procedure goes, and there is none",
+                    field=option, value=given, remedy='Give --pool, like --pool "4.5 m"',
+                )  # fmt: skip
+        return None
+    options = PoolOptions(metres)
+    apart = quantity(clearance, "m", "--pool-clearance")
+    if apart is not None:
+        options = options._replace(clearance=apart)
+    if volumes is not None:
+        first, colon, last = volumes.partition(":")
+        if re.fullmatch(r"[\d.eE+\s-]+", first):  # "20:75 cm3": both in cm3
+            first += " " + re.sub(r"^[\d.eE+\s-]+", "", last)
+        least = quantity(first, "m3", "--pool-volumes")
+        most = quantity(last, "m3", "--pool-volumes") if colon else least
+        assert least is not None
+        assert most is not None
+        options = options._replace(first=least, last=most)
+    if rounds is not None:
+        options = options._replace(rounds=rounds)
+    return options
 
 
 def _check_law(vehicle: Vehicle, law: str | None) -> None:
@@ -118,6 +173,7 @@ def _check_law(vehicle: Vehicle, law: str | None) -> None:
 
 def _print(made: Library, files: list[Path]) -> None:
     from swimbladder.firmware.meanings import summary
+    from swimbladder.firmware.pool import pool_summary
 
     golden, unit = made.golden, "V" if made.law.command == "voltage" else "m3"
     low, high = made.limits
@@ -127,6 +183,7 @@ def _print(made: Library, files: list[Path]) -> None:
         f"golden trace: {made.start_depth:g} to {made.target:g} m in {len(golden.depth)} ticks; "
         f"float32 moves the vehicle by at most {golden.difference * 1e3:.2g} mm",
         summary(made.supervisor),
+        *([] if made.pool is None else [pool_summary(made.pool)]),
         "to do: fill in the two functions of an example; README.md says how, and how to check",
     ):
         output.print(line, soft_wrap=True)

@@ -15,6 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from swimbladder.closed_loop.single import choose_law
 from swimbladder.control.law import Law
+from swimbladder.control.protocol import POOL
 from swimbladder.control.supervisor import SUPERVISOR, Reason
 from swimbladder.control.supervisor_records import SupervisorParameters, Watched
 from swimbladder.errors import InputError
@@ -22,6 +23,12 @@ from swimbladder.firmware.c99 import MEASUREMENT_H, write_c99
 from swimbladder.firmware.c_names import c_field, c_float, c_law
 from swimbladder.firmware.golden import Golden, command_limits, fly
 from swimbladder.firmware.meanings import facts_of
+from swimbladder.firmware.pool import (
+    PoolDay,
+    PoolOptions,
+    plan_pool_day,
+    pool_facts,
+)
 from swimbladder.firmware.safety import supervisor_parameters
 from swimbladder.firmware.subset import read_law
 from swimbladder.firmware.twin import twin
@@ -46,6 +53,7 @@ class Library:
     target: float  # m
     golden: Golden
     supervisor: SupervisorParameters
+    pool: PoolDay | None
     files: Mapping[str, str]
 
     def to_json(self) -> dict[str, Any]:
@@ -71,6 +79,7 @@ class Library:
                 "final_depth_m": float(self.golden.depth[-1]),
                 "float32_difference_m": self.golden.difference,
             },
+            "pool": None if self.pool is None else self.pool.to_json(),
         }
 
 
@@ -81,13 +90,15 @@ def _finite(value: float) -> float | None:
 
 def make_library(
     vehicle: Vehicle, *, start_depth: float = 1.5, target: float = 3.0, duration: float = 400.0,
-    seed: int | None = 1, progress: Callable[[int], None] | None = None,
+    seed: int | None = 1, pool: PoolOptions | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> Library:  # fmt: skip
     """Return the library of a vehicle's controller; the golden mission is a depth step.
 
-    start_depth, target [m], duration [s], seed: of its sensors' noise (None: ideal sensors).
-    Raises InputError where the vehicle has no controller, and NoAnswerError where the controller
-    does not bring the vehicle through the mission.
+    start_depth, target [m], duration [s], seed: of its sensors' noise (None: ideal sensors); pool:
+    the pool that its pool procedure is made for (None: it has none).
+    Raises InputError where the vehicle has no controller or does not fit the pool, and
+    NoAnswerError where it does not come through the mission, or through the pool day.
     """
     law, parameters, tick_s = choose_law(vehicle, None, None, None)
     limits = supervisor_parameters(vehicle, tick_s)
@@ -97,14 +108,17 @@ def make_library(
         vehicle, law, twin(law, program), parameters, tick_s=tick_s, start_depth=start_depth,
         target=target, duration=duration, seed=seed, first=first, progress=progress,
     )  # fmt: skip
+    day = None if pool is None else plan_pool_day(vehicle, pool, limits, seed=seed)
     source = write_c99(program)
     supervisor = write_c99(read_law(SUPERVISOR, Watched), private=True)
     facts = _facts(vehicle, law, parameters, tick_s, first) | {
         "reasons": list(Reason), "limits": _numbers(limits, SUPERVISOR.units),
         **facts_of(limits),
         "start": f"{start_depth:g}", "goal": f"{target:g}", "target": c_float(target),
-        "ticks": len(golden.depth),
+        "ticks": len(golden.depth), "pool": day is not None, "day": False,
     }  # fmt: skip
+    if day is not None:
+        facts |= pool_facts(day) | {"pool_numbers": _numbers(day.parameters, POOL.units)}
     rows = [
         [f"0x{np.float32(x).view(np.uint32):08x}" for x in row]
         for row in zip(*(column[:_ON_BOARD] for column in golden[:4]), strict=True)
@@ -131,10 +145,22 @@ def make_library(
         "extras/check.c": _render("check.c.j2", facts),
         "extras/golden.csv": _table(golden, tick_s, _COLUMN[law.command]),
     }
+    if day is not None:
+        procedure = write_c99(read_law(POOL))
+        files |= {
+            f"src/{procedure.header_name}": procedure.header,
+            f"src/{procedure.source_name}": procedure.source,
+            "src/swb_pool_day.h": _render("swb_pool_day.h.j2", facts),
+            "src/swb_pool_day.c": _render("swb_pool_day.c.j2", facts),
+            "examples/PoolDayAVR/PoolDayAVR.ino": _render("Float.ino.j2", avr | {"day": True}),
+            "examples/PoolDayESP32RP2040/PoolDayESP32RP2040.ino": _render(
+                "Float.ino.j2", other | {"day": True}
+            ),
+        }
     return Library(
         vehicle=vehicle, law=law, parameters=parameters, tick_s=tick_s,
         limits=command_limits(vehicle), start_depth=start_depth, target=target, golden=golden,
-        supervisor=limits, files=files,
+        supervisor=limits, pool=day, files=files,
     )  # fmt: skip
 
 
