@@ -1,13 +1,17 @@
 // Runs a sketch for a number of turns of its loop.
 #include "Arduino.h"
 
+#ifndef TURNS
+#define TURNS 1500000L
+#endif
+
 uint32_t stub_us = 0xfff00000u; // the clock goes over its end soon
 StubSerial Serial;
 
 int main()
 {
     setup();
-    for (long n = 0; n < 1500000L; ++n) {
+    for (long n = 0; n < TURNS; ++n) {
         loop();
     }
     return 0;
