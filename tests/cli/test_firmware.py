@@ -85,6 +85,16 @@ def test_another_seed_is_another_trace(tmp_path, capsys):
         (["--start", "200 m"], "rated for 100 m"),
         (["--duration", "0.1 s"], "shorter than one sample"),
         (["--duration", "0 s"], "must be above 0"),
+        (["--pool", "4.5 s"], "--pool"),
+        (["--pool-rounds", "2"], "Give --pool"),
+        (["--pool", "1 m"], "between the depths of rest"),
+        (["--pool", "4.5 m", "--pool-volumes", "10:400 cm3"], "got 400.0, expected unit cm3"),
+        (["--pool", "4.5 m", "--pool-volumes", "10 cm3:500 mL"], "got 500.0, expected unit cm3"),
+        (["--pool", "4.5 m", "--pool-volumes", "0 m3"], "has to be above 0"),
+        (["--pool", "4.5 m", "--pool-volumes", "10:"], "--pool-volumes"),
+        (["--pool", "4.5 m", "--pool-volumes", "10:20 m"], "--pool-volumes"),
+        (["--pool", "4.5 m", "--pool-clearance", "2.2 m"], "smaller --pool-clearance"),
+        (["--pool", "4.5 m", "--pool-rounds", "0"], "one at least"),
     ],
 )
 def test_what_is_refused_names_the_option(capsys, tmp_path, options, said):

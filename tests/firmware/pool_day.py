@@ -3,6 +3,7 @@
 import ctypes
 import math
 import subprocess
+import tempfile
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +19,7 @@ from swimbladder.firmware.pool_twin import PoolTwin, float32_twin, rehearse
 from swimbladder.firmware.twin import twin
 from swimbladder.parameters import Sensors
 from tests.firmware.build import STRICT, run
-from tests.firmware.chip import HERE, Chip
+from tests.firmware.chip import HERE, MCUS, Chip
 from tests.firmware.laws import bits
 from tests.vehicles import paper
 
@@ -206,3 +207,25 @@ class SketchInWater:
                 seed=seed, fly=fly,
             )  # fmt: skip
         return self.log
+
+
+def report() -> str:
+    """Return rows of a table of what a pool day takes on each chip, as chip.report has them."""
+    rows = []
+    for mcu in MCUS:
+        with tempfile.TemporaryDirectory() as folder:
+            chip = pool_chip(library(), Path(folder), mcu)
+            ticks, unequal = fly_on_chip(library(), chip)
+            stack = chip.close()
+        most = max(chip.cycles)
+        model = mcu.replace("atmega", "ATmega").replace("8p", "8P")
+        rows.append(
+            f"| pool day + supervisor | {model} | {chip.size.flash} B "
+            f"| {chip.size.variables} + {stack} B | {most} | {most / 16e3:.2f} "
+            f"| {ticks - unequal} of {ticks} |"
+        )
+    return "\n".join(rows)
+
+
+if __name__ == "__main__":
+    print(report())
