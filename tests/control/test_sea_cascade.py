@@ -285,7 +285,7 @@ def test_it_recovers_when_the_sensor_does(value, field, first) -> None:
     )  # fmt: skip
     assert len(ran.time) == 501
     assert np.all(np.isfinite(np.array(calls.states)))
-    assert np.max(ran.depth) < 3.2
+    assert np.max(ran.depth) < 3.35  # three seconds of the fastest part are lost
     assert abs(ran.depth[-1] - 3.0) < 0.02
 
 

@@ -21,8 +21,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from swimbladder.control.ability import BEHIND, learn_ability, usable
 from swimbladder.control.law import Law, Measurement
-from swimbladder.control.profile import Target, approach, depart
+from swimbladder.control.profile import Means, Target, approach, depart, means_between
 
 __all__ = ["ADRC", "AdrcGains", "AdrcParameters", "AdrcState", "adrc_gains", "initial", "step"]
 
@@ -82,6 +83,8 @@ class AdrcState(NamedTuple):
     whole: float  # s, that this way takes in all; 0 for one that began in motion
     jerk: float  # m/s3, of its first quarter
     goal: float  # m, where it goes
+    driven: float  # V, beyond the load of the sea, at the sample before the last
+    ability: float  # -, share of its rate that the motor was seen to have
     volume_reference: float  # m3
 
 
@@ -148,6 +151,8 @@ def initial(parameters: AdrcParameters, measurement: Measurement, reference: flo
         whole=0.0,
         jerk=0.0,
         goal=target,
+        driven=0.0,
+        ability=1.0,
         volume_reference=volume,
     )
 
@@ -195,6 +200,14 @@ def step(
             volume = measurement.volume
         seen = observe(p, before, volume, measurement.depth)
     missed = 0.0 if abs(measurement.depth) < _DEEPEST else 1.0
+    drive = before.voltage - p.depth_voltage * before.depth
+    ability = before.ability
+    lost = False
+    if p.rate_per_volt > 0.0 and started and abs(measurement.volume) < _LARGEST:
+        moved = (volume - before.volume) / (p.S_p * p.rate_per_volt)
+        ability = learn_ability(before.ability, drive, before.driven, moved, p.voltage_limit)
+        behind = BEHIND * p.S_p * p.rate_per_volt * p.voltage_limit
+        lost = abs(before.volume_reference - volume) > behind
 
     begun = before.begun > 0.0
     wanted = reference if begun and abs(reference) < _DEEPEST else before.goal
@@ -208,8 +221,23 @@ def step(
             before.whole,
             before.jerk,
         )
-        if wanted != before.goal:
-            target = depart(target, wanted, p.fastest, p.jerk, p.shortest)
+        if lost:
+            heavy = seen.disturbance + p.b * (p.psi * seen.depth - volume) - p.drag * seen.speed
+            target = Target(seen.depth, seen.speed, heavy, 0.0, 0.0, 0.0)
+        if wanted != before.goal or lost:
+            deeper = max(seen.depth, wanted)
+            higher = min(seen.depth, wanted)
+            means = means_between(
+                Means(p.fastest, p.jerk),
+                target.depth,
+                wanted,
+                1.0 - p.depth_voltage * deeper / p.voltage_limit,
+                min(p.volume_max - p.psi * deeper, p.psi * higher - p.volume_min),
+                p.drag / p.b,
+                1.0 / p.b,
+            )
+            jerk = usable(ability) * means.jerk
+            target = depart(target, wanted, means.fastest, jerk, p.shortest)
     later = approach(target, wanted, p.shortest, p.S_p)
 
     error = target.depth - seen.depth
@@ -240,6 +268,8 @@ def step(
         whole=later.whole,
         jerk=later.jerk,
         goal=wanted,
+        driven=drive,
+        ability=ability,
         volume_reference=U,
     )
     return voltage, after, p.S_p

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from swimbladder.control.ability import BEHIND, learn_ability, usable
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.observer import (
     Estimate,
@@ -99,6 +100,9 @@ class PlannedState(NamedTuple):
     path_acceleration: float  # m/s2
     volume_reference: float  # m3, asked for at the sample before
     moving: float  # 1: the motor is on its way, 0: it rests
+    drive: float  # V, beyond the load of the sea, at the sample before
+    driven: float  # V, at the one before that
+    ability: float  # -, share of its rate that the motor was seen to have
 
 
 def _turn(x: float) -> float:
@@ -149,12 +153,20 @@ def initial(
     depth = measurement.depth if math.isfinite(measurement.depth) else reference
     volume = measurement.volume if math.isfinite(measurement.volume) else p.neutral + p.psi * depth
     e = begin_estimate(p.neutral, p.neutral_range, p.psi, depth, volume)
-    return PlannedState(e.depth, e.speed, e.neutral, volume, depth, 0.0, 0.0, volume, 0.0)
+    return PlannedState(
+        e.depth, e.speed, e.neutral, volume, depth, 0.0, 0.0, volume, 0.0, 0.0, 0.0, 1.0
+    )  # fmt: skip
 
 
 def _volume(p: PlannedParameters, path: Path, neutral: float) -> float:
     drag = p.laminar * path.speed + p.quadratic * path.speed * abs(path.speed)
     return p.psi * path.depth + neutral - p.inertia * (path.acceleration + drag)
+
+
+def _where(p: PlannedParameters, e: Estimate, volume: float) -> Path:
+    """Return the path's state that is the vehicle's: one that cannot follow begins anew there."""
+    drag = p.laminar * e.speed + p.quadratic * e.speed * abs(e.speed)
+    return Path(e.depth, e.speed, (p.psi * e.depth + e.neutral - volume) / p.inertia - drag)
 
 
 def _jerk(p: PlannedParameters, here: float, target: float) -> float:
@@ -188,19 +200,28 @@ def step(
     )
     here = Path(state.path_depth, state.path_speed, state.path_acceleration)
     target = reference if math.isfinite(reference) else state.path_depth
-    there = along(here, target, _jerk(p, here.depth, target), p.speed, p.S_p)
+    if abs(state.volume_reference - volume) > BEHIND * p.S_p * p.limit / p.rate:
+        here = _where(p, e, volume)
+    ability = state.ability
+    if math.isfinite(measurement.volume):
+        moved = (volume - state.volume) / p.S_p * p.rate
+        ability = learn_ability(state.ability, state.drive, state.driven, moved, p.limit)
+    jerk = usable(ability) * _jerk(p, here.depth, target)
+    there = along(here, target, jerk, p.speed, p.S_p)
     planned = _volume(p, here, e.neutral)
     rate = (_volume(p, there, e.neutral) - planned) / p.S_p
     wanted = planned + p.k_z * (e.depth - here.depth) + p.k_w * (e.speed - here.speed)
     wanted = limited(wanted, p.volume_min, p.volume_max)
     under_way = abs(there.speed) > 0.0 or abs(here.speed) > 0.0
     moving = 1.0 if under_way else moves(wanted - volume, state.moving, p.dead)
-    voltage = p.depth_voltage * e.depth + moving * (p.k_V * (wanted - volume) + p.rate * rate)
+    load = p.depth_voltage * e.depth
+    voltage = load + moving * (p.k_V * (wanted - volume) + p.rate * rate)
+    voltage = limited(voltage, -p.limit, p.limit)
     return (
-        limited(voltage, -p.limit, p.limit),
+        voltage,
         PlannedState(
-            e.depth, e.speed, e.neutral, volume,
-            there.depth, there.speed, there.acceleration, wanted, moving,
+            e.depth, e.speed, e.neutral, volume, there.depth, there.speed, there.acceleration,
+            wanted, moving, voltage - load, state.drive, ability,
         ),
         p.S_p,
     )  # fmt: skip

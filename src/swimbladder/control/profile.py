@@ -17,10 +17,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-__all__ = ["Target", "approach", "depart"]
+__all__ = ["Means", "Target", "approach", "depart", "means_between"]
 
 _ROOT_TURNS = 12  # each leaves a quarter of the logarithm's error
 _TURNS = 10  # each leaves a quarter to three quarters of it
+_LEAST_SHARE = 0.05  # of speed and jerk, that remains whatever is left
 _RESTING = 0.02  # share of the way that a motion may be worth and still count as rest
 
 
@@ -41,6 +42,42 @@ def cubic_root(x: float) -> float:
     for _ in range(_ROOT_TURNS):
         r = math.sqrt(math.sqrt(x * r))
     return r
+
+
+class Means(NamedTuple):
+    """What a motion may use; 0: no limit."""
+
+    fastest: float  # m/s
+    jerk: float  # m/s3
+
+
+def means_between(
+    given: Means,
+    depth: float,
+    wanted: float,
+    voltage: float,
+    room: float,
+    damping: float,
+    inertia: float,
+) -> Means:
+    """Return what of speed and jerk is there for a way between two depths [m].
+
+    Deep down the sea's load takes some of the voltage, and the compression of the hull some of the
+    stroke. voltage [-]: share that is left at the deeper end; room [m3]: from neutral to the nearer
+    end of the stroke; damping [m3 s/m] and inertia [m3 s2/m]: volume per speed and per
+    acceleration, 0 where not known. To keep the speed takes a quarter of the room at most; a way d
+    from rest has an acceleration of j T/4, T^3 = 32 d/j, which takes half of it.
+    """
+    jerk = given.jerk * min(max(voltage, _LEAST_SHARE), 1.0)
+    fastest = given.fastest
+    left = max(room, 0.0)
+    if damping > 0.0 and fastest > 0.0:
+        fastest = max(min(fastest, 0.25 * left / damping), _LEAST_SHARE * fastest)
+    gap = abs(wanted - depth)
+    if inertia > 0.0 and gap > 0.0:
+        quarter = 2.0 * left / inertia
+        jerk = max(min(jerk, quarter * math.sqrt(quarter / (32.0 * gap))), _LEAST_SHARE * jerk)
+    return Means(fastest, jerk)
 
 
 def depart(now: Target, wanted: float, fastest: float, jerk: float, shortest: float) -> Target:

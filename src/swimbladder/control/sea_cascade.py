@@ -19,8 +19,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from swimbladder.control.ability import BEHIND, learn_ability, usable
 from swimbladder.control.law import Law, Measurement
-from swimbladder.control.profile import Target, approach, depart
+from swimbladder.control.profile import Means, Target, approach, depart, means_between
 
 __all__ = [
     "SEA_CASCADE",
@@ -89,6 +90,10 @@ class SeaCascadeState(NamedTuple):
     goal: float  # m, where it goes
     need: float  # m3, of volume that its motion took at the sample before
     moving: float  # -, 1 while the volume is brought out of the dead zone
+    volume: float  # m3, last one seen
+    drive: float  # V, beyond the load of the sea, at the sample before
+    driven: float  # V, at the one before that
+    ability: float  # -, share of its rate that the motor was seen to have
     volume_reference: float  # m3
 
 
@@ -119,8 +124,7 @@ def initial(
     measured = abs(measurement.volume) < _LARGEST
     depth = measurement.depth if seen else 0.0
     volume = measurement.volume if measured else 0.0
-    moves = p.fastest > 0.0 or p.jerk > 0.0 or p.shortest > 0.0
-    target = depth if moves or abs(reference) >= _DEEPEST else reference
+    target = depth if moves_target(p) or abs(reference) >= _DEEPEST else reference
     begun = 1.0 if seen and measured else 0.0
     return SeaCascadeState(
         begun=begun,
@@ -138,19 +142,54 @@ def initial(
         goal=target,
         need=0.0,
         moving=0.0,
+        volume=volume,
+        drive=0.0,
+        driven=0.0,
+        ability=1.0,
         volume_reference=volume,
     )
 
 
-def aim(parameters: SeaCascadeParameters, state: SeaCascadeState, wanted: float) -> Target:
-    """Return the target of this sample, on its way to `wanted` [m]."""
-    p = parameters
-    if not (p.fastest > 0.0 or p.jerk > 0.0 or p.shortest > 0.0):
-        return Target(wanted, 0.0, 0.0, p.shortest, 0.0, 0.0)
-    now = Target(state.target, state.speed, state.acceleration, state.left, state.whole, state.jerk)
-    if wanted == state.goal:
-        return now
-    return depart(now, wanted, p.fastest, p.jerk, p.shortest)
+def moves_target(p: SeaCascadeParameters) -> bool:
+    """Say whether the target moves, and does not jump."""
+    return p.fastest > 0.0 or p.jerk > 0.0 or p.shortest > 0.0
+
+
+def is_behind(p: SeaCascadeParameters, state: SeaCascadeState, volume: float) -> bool:
+    """Say whether the volume [m3] is too far behind for the target to be followed."""
+    asked = min(max(state.volume_reference, p.volume_min), p.volume_max)
+    most = BEHIND * p.S_p * p.rate_per_volt * p.voltage_limit
+    return moves_target(p) and p.rate_per_volt > 0.0 and abs(asked - volume) > most
+
+
+def vehicle_as_target(
+    p: SeaCascadeParameters, state: SeaCascadeState, volume: float, depth: float
+) -> Target:
+    """Return the target that the vehicle itself is, with the speed of the smoothed difference."""
+    speed = p.target_weight * state.speed - state.slope / p.S_p
+    acceleration = 0.0
+    if p.volume_per_acceleration > 0.0:
+        heavy = state.integral + p.psi * depth - volume - p.volume_per_speed * speed
+        acceleration = heavy / p.volume_per_acceleration
+    return Target(depth, speed, acceleration, 0.0, 0.0, 0.0)
+
+
+def aim(
+    p: SeaCascadeParameters, now: Target, wanted: float, depth: float, ability: float
+) -> Target:
+    """Return the target `now`, set on its way to `wanted` [m]."""
+    deeper = max(depth, wanted)
+    higher = min(depth, wanted)
+    means = means_between(
+        Means(p.fastest, p.jerk),
+        now.depth,
+        wanted,
+        1.0 - p.depth_voltage * deeper / p.voltage_limit,
+        min(p.volume_max - p.psi * deeper, p.psi * higher - p.volume_min),
+        p.volume_per_speed,
+        p.volume_per_acceleration,
+    )
+    return depart(now, wanted, means.fastest, usable(ability) * means.jerk, p.shortest)
 
 
 def step(
@@ -166,7 +205,32 @@ def step(
         before = initial(p, measurement, reference)
     begun = before.begun > 0.0
     wanted = reference if begun and abs(reference) < _DEEPEST else before.goal
-    target = aim(p, before, wanted)
+    volume = before.volume
+    ability = before.ability
+    measured = abs(measurement.volume) < _LARGEST
+    if measured:
+        if p.rate_per_volt > 0.0:
+            moved = (measurement.volume - before.volume) / (p.S_p * p.rate_per_volt)
+            ability = learn_ability(
+                before.ability, before.drive, before.driven, moved, p.voltage_limit
+            )
+        volume = measurement.volume
+    target = Target(wanted, 0.0, 0.0, p.shortest, 0.0, 0.0)
+    behind = begun and measured and abs(measurement.depth) < _DEEPEST
+    behind = behind and is_behind(p, before, volume)
+    if behind:
+        target = vehicle_as_target(p, before, volume, measurement.depth)
+    elif moves_target(p):
+        target = Target(
+            before.target,
+            before.speed,
+            before.acceleration,
+            before.left,
+            before.whole,
+            before.jerk,
+        )
+    if behind or (moves_target(p) and wanted != before.goal):
+        target = aim(p, target, wanted, before.depth, ability)
     later = approach(target, wanted, p.shortest, p.S_p)
     need = p.volume_per_speed * target.speed + p.volume_per_acceleration * target.acceleration
     need_later = p.volume_per_speed * later.speed + p.volume_per_acceleration * later.acceleration
@@ -182,6 +246,8 @@ def step(
         difference = p.target_weight * target.depth - depth
         newest = (difference - before.difference) / missed
         slope = p.smoothing * newest + (1.0 - p.smoothing) * slope
+        if behind:  # the target has jumped, the vehicle has not
+            slope = (p.target_weight - 1.0) * target.speed * p.S_p
         missed = 0.0
         error = target.depth - depth
         if p.leash > 0.0:
@@ -192,7 +258,7 @@ def step(
     within = min(max(U, p.volume_min), p.volume_max)
     voltage = p.depth_voltage * depth
     moving = 0.0
-    if abs(measurement.volume) < _LARGEST:
+    if measured:
         gap = within - measurement.volume
         if abs(gap) >= p.dead_zone * (_BROUGHT if before.moving > 0.0 else 1.0):
             moving = 1.0
@@ -223,6 +289,10 @@ def step(
         goal=wanted,
         need=need,
         moving=moving,
+        volume=volume,
+        drive=limited - p.depth_voltage * depth,
+        driven=before.drive,
+        ability=ability,
         volume_reference=U,
     )
     return limited, after, p.S_p

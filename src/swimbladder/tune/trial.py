@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.closed_loop import simulate_ensemble
+from swimbladder.closed_loop.block import schedule
 from swimbladder.control.law import Law
 from swimbladder.dynamics import Plant, plant
 from swimbladder.parameters import Vehicle
@@ -157,7 +158,7 @@ def random_walk(
     intensity [m3/s^0.5], duration [s].
     """
     every = max(round(_WALK_EVERY / sample_time), 1)
-    samples = round(duration / sample_time) + 1
+    samples = schedule([0.0], duration, sample_time).ticks + 1
     rng = np.random.default_rng([seed, 1])  # a stream of its own
     steps = rng.normal(0.0, intensity * np.sqrt(every * sample_time), (samples // every, runs))
     walk = np.concatenate([np.zeros((1, runs)), np.cumsum(steps, axis=0)])

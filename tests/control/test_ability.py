@@ -1,0 +1,56 @@
+"""What a motor can do, learnt: by hand, and in large steps of vehicles whose motor does less."""
+
+import numpy as np
+import pytest
+
+from swimbladder.control.ability import learn_ability, usable
+from swimbladder.control.registry import LAWS
+from swimbladder.io.config import load_vehicle
+from swimbladder.stability.wrapped import wrapped
+from swimbladder.tune.gains import Knobs, gains, setting_of
+from swimbladder.tune.region import region
+from swimbladder.tune.trial import Step, traces
+
+H = 0.3
+KNOBS = {
+    "planned": Knobs(0.18, 0.8, 1.0, sharpness=8.0, learning=0.01, share=0.8),
+    "sea-cascade": Knobs(0.35, 1.0, 1.6, sharpness=6.5, share=0.8),
+    "adrc": Knobs(0.2, 1.0, 1.6, sharpness=6.0, learning=0.25, share=0.8),
+}
+
+
+def test_it_comes_to_the_share_that_is_seen_and_only_where_the_drive_is_hard_and_steady():
+    ability = 1.0
+    for _ in range(30):
+        ability = learn_ability(ability, 10.0, 10.0, 6.0, 12.0)
+    assert ability == pytest.approx(0.6, abs=1e-4)
+    assert learn_ability(0.6, 5.0, 10.0, 0.0, 12.0) == 0.6  # not hard
+    assert learn_ability(0.6, 10.0, -10.0, 0.0, 12.0) == 0.6  # turned round
+    assert learn_ability(0.6, -10.0, -10.0, -10.0, 12.0) == pytest.approx(0.72)
+    for moved in (-20.0, 20.0):  # nothing is believed beyond what a motor can be
+        for _ in range(60):
+            ability = learn_ability(ability, 10.0, 10.0, moved, 12.0)
+        assert 0.1 <= ability <= 1.0
+    assert usable(1.0) == 1.0
+    assert usable(0.95) == 1.0
+    assert usable(0.5) == pytest.approx(0.55)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(KNOBS))
+def test_large_steps_settle_with_half_to_twice_the_gain_and_half_a_sample_late(name):
+    """The command is multiplied after its limit: with 0.5 the battery has half of its voltage."""
+    vehicle = load_vehicle("feup-em")
+    noisy = vehicle.sensors.model_copy(update={"depth_noise": 2e-3})
+    vehicle = vehicle.model_copy(update={"sensors": noisy})
+    setting = setting_of(vehicle, sample_time=H, supply=10.8, neutral_range=20e-6)
+    numbers, form = gains(name, setting, KNOBS[name]), wrapped(LAWS[name])
+    for gain, late in ((0.5, False), (0.7, False), (0.7, True), (1.0, True), (2.0, False)):
+        seen = traces(
+            vehicle, form.law,
+            form.parameters(numbers, sample_time=H, gain=gain, late=late, rest=0.1),
+            Step(1.5, 3.0, 300.0), sample_time=form.tick(H, late=late), region=region(vehicle),
+            runs=40, supply=10.8,
+        )  # fmt: skip
+        last = np.abs(seen.depth[seen.time > 200.0] - 3.0).max(axis=0)
+        assert (last < 0.03).mean() >= 0.97, (gain, late, last)
