@@ -202,12 +202,12 @@ def step(
     missed = 0.0 if abs(measurement.depth) < _DEEPEST else 1.0
     drive = before.voltage - p.depth_voltage * before.depth
     ability = before.ability
-    lost = False
-    if p.rate_per_volt > 0.0 and started and abs(measurement.volume) < _LARGEST:
+    known = p.rate_per_volt > 0.0 and started and abs(measurement.volume) < _LARGEST
+    behind = BEHIND * p.S_p * p.rate_per_volt * p.voltage_limit
+    lost = known and abs(before.volume_reference - volume) > behind
+    if known:
         moved = (volume - before.volume) / (p.S_p * p.rate_per_volt)
         ability = learn_ability(before.ability, drive, before.driven, moved, p.voltage_limit)
-        behind = BEHIND * p.S_p * p.rate_per_volt * p.voltage_limit
-        lost = abs(before.volume_reference - volume) > behind
 
     begun = before.begun > 0.0
     wanted = reference if begun and abs(reference) < _DEEPEST else before.goal
