@@ -31,9 +31,9 @@ from tests.firmware.laws import bits, controlled, packed
 
 HERE = Path(__file__).parent / "simavr"
 MCUS = ("atmega328p", "atmega2560")
-_FLAGS = (
-    "-std=c99", "-Os", "-Wall", "-Wextra", "-Werror", "-ffunction-sections", "-fdata-sections",
-    "-Wl,--gc-sections",
+_FLAGS = (  # -Os to --gc-sections: as the Arduino core for AVR builds a sketch
+    "-std=c99", "-Wall", "-Wextra", "-Werror", "-Os", "-flto", "-ffunction-sections",
+    "-fdata-sections", "-fuse-linker-plugin", "-Wl,--gc-sections",
 )  # fmt: skip
 
 

@@ -154,8 +154,20 @@ def sine(p, s, m, r):
     return math.sin(r), s, 1.0
 
 
-def replaced(p, s, m, r):
-    return r, s._replace(x=1.0), 1.0
+def method(p, s, m, r):
+    return s.count(r), s, 1.0
+
+
+def replaced_field(p, s, m, r):
+    return r, s._replace(z=1.0), 1.0
+
+
+def replaced_type(p, s, m, r):
+    return r, s._replace(x=r > 1.0), 1.0
+
+
+def replaced_nothing(p, s, m, r):
+    return r, S(r)._replace(x=1.0), 1.0
 
 
 def while_(p, s, m, r):
@@ -320,7 +332,10 @@ def walrus(p, s, m, r):
     [
         (power, "Multiply", "p.a**2"),
         (sine, "where the parameters are made", "math.sin"),
-        (replaced, "calls no methods", "_replace"),
+        (method, "calls no methods", "s.count(r)"),
+        (replaced_field, "not its fields", "_replace(z=1.0)"),
+        (replaced_type, "has another type", "_replace(x=r > 1.0)"),
+        (replaced_nothing, "no name of a NamedTuple", "S(r)._replace"),
         (while_, "'while' statement", "while r"),
         (listed, "where the parameters are made", "sum([r, r])"),
         (indexed, "'subscript'", "s[0]"),

@@ -5,14 +5,15 @@ it takes the law's command, and gives it on until it has a reason; from then on 
 that makes the vehicle lightest, by its own count of ticks: no sensor is asked, since any may lie.
 What each detector does and why: docs/explanation/supervisor.md.
 
-Counters are whole numbers in floats, exact up to 2^24. Time is counted in two of them.
+Counters are whole numbers in floats, exact up to 2^24. Time is counted in two of them. Each watch
+changes the state where it stands. What a vehicle's numbers switch off is asked for by a comparison
+of numbers alone, so that a compiler that knows them leaves it out.
 """
 
 from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import NamedTuple
 
 from swimbladder.control.law import Law
 from swimbladder.control.supervisor_records import (
@@ -60,141 +61,203 @@ def reasons_in(bits: float) -> tuple[Reason, ...]:
     return tuple(reason for reason in Reason if int(bits) >> (reason - 1) & 1)
 
 
-class _Depth(NamedTuple):
-    """What is known of the depth after a tick."""
-
-    good: bool
-    depth: float  # m, of now or the last good one
-    since: float  # ticks since the good one before
-    blind: float  # ticks
-
-
-class _Rate(NamedTuple):
-    """How the volume follows its commands."""
-
-    lag: float  # m3/s
-    asked: float  # m3/s
-    ticks: float  # in which it did not
-
-
-class _Motion(NamedTuple):
-    """Two low passes of the depth and of the volume beyond psi z, and what they say."""
-
-    z1: float  # m
-    z2: float  # m
-    n1: float  # m3
-    n2: float  # m3
-    settled: float  # ticks
-    anchor: float  # m
-    still: float  # ticks
-    resting: bool  # afloat, or on the bottom
-    wrong: float  # ticks
-
-
 def tally(bad: bool, n: float, most: float) -> float:
     """Return the count of bad ticks; a good one takes two away, `most` stays for good."""
     if n >= most:
         return n
     if bad:
         return n + 1.0
-    return max(n - 2.0, 0.0)
+    return n - 2.0 if n > 2.0 else 0.0
 
 
-def watch_depth(p: SupervisorParameters, s: SupervisorState, seen: Watched, lost: float) -> _Depth:
-    """Tell a depth that can be from one that is missing, impossible or late."""
-    since = min(s.since + 1.0 + lost, _LONG_AGO)
-    late = seen.depth_age > p.late_age
-    possible = p.depth_least <= seen.depth <= p.depth_most
-    good = possible and abs(seen.depth - s.depth) <= p.fastest * since + p.jump and not late
-    blind = tally(not good, s.blind, p.blind)
-    if blind >= p.blind and s.blind < p.blind:
-        if late:
-            blind = blind + 2.0
-        elif math.isfinite(seen.depth):
-            blind = blind + 1.0
-    return _Depth(good, seen.depth if good else s.depth, since, blind)
+def smoothed(old: float, new: float, weight: float) -> float:
+    """Return a low pass after its next sample."""
+    return old + weight * (new - old)
+
+
+def count_time(p: SupervisorParameters, s: SupervisorState, lost: float) -> SupervisorState:
+    """Count the ticks that were lost; `step` counts its own when it is through."""
+    tick = s.tick
+    block = s.block
+    gone = s.lost
+    if lost > 0.0:
+        tick = tick + lost
+        gone = gone + lost if gone < p.lost else gone
+    elif gone < p.lost:
+        gone = gone - 0.25 if gone > 0.25 else 0.0
+    if tick >= _BLOCK:
+        tick = tick - _BLOCK
+        block = block + 1.0
+    return s._replace(tick=tick, block=block, lost=gone)
 
 
 def expected_rate(p: SupervisorParameters, s: SupervisorState) -> float:
     """Return the volume rate [m3/s] that the last command should give at the last depth."""
     if p.positioner > 0.0:
-        return min(max((s.command - s.volume) / p.S_p, -p.rate), p.rate)
-    forward = s.command - p.load_drive * s.depth - p.friction
-    backward = s.command - p.load_back * s.depth + p.friction
-    push = 0.0
-    if forward > 0.0:
-        push = forward
-    elif backward < 0.0:
-        push = backward
-    return p.rate * push - p.leakage * s.depth
+        return min(max((s.command - s.volume) * p.per_tick, -p.rate), p.rate)
+    push = s.command - p.load_drive * s.depth - p.friction
+    if push <= 0.0:
+        push = min(s.command - p.load_back * s.depth + p.friction, 0.0)
+    rate = p.rate * push
+    if p.leakage > 0.0:
+        rate = rate - p.leakage * s.depth
+    return rate
 
 
-def watch_rate(p: SupervisorParameters, s: SupervisorState, volume: float) -> _Rate:
+def watch_rate(p: SupervisorParameters, s: SupervisorState, volume: float) -> SupervisorState:
     """Compare the volume's rate with what the command should give, both smoothed alike."""
-    rate = (volume - s.volume) / p.S_p
+    rate = (volume - s.volume) * p.per_tick
     asked = expected_rate(p, s)
     if (asked > 0.0 and volume > p.volume_high) or (asked < 0.0 and volume < p.volume_low):
         asked = rate  # at its end, or nearly: it may stop
-    lag = s.lag + p.rate_smoothing * (asked - rate - s.lag)
-    asked = s.asked + p.rate_smoothing * (asked - s.asked)
+    lag = smoothed(s.lag, asked - rate, p.rate_smoothing)
+    asked = smoothed(s.asked, asked, p.rate_smoothing)
     wrong = abs(lag) > p.rate_share * abs(asked) + p.rate_least
-    return _Rate(lag, asked, tally(wrong, s.following, p.following))
+    return s._replace(lag=lag, asked=asked, following=tally(wrong, s.following, p.following))
+
+
+def believable(p: SupervisorParameters, s: SupervisorState, seen: Watched, since: float) -> bool:
+    """Return whether a depth can be: new, in the sensor's range, near the last good one."""
+    possible = p.depth_least <= seen.depth <= p.depth_most
+    near = abs(seen.depth - s.depth) <= p.fastest * since + p.jump
+    late = seen.depth_age > p.late_age
+    return possible and near and not late
+
+
+def count_blind(
+    p: SupervisorParameters, s: SupervisorState, seen: Watched, good: bool, measured: bool
+) -> SupervisorState:
+    """Count the ticks without a good depth and without a good volume, and tell why at the limit."""
+    blind = tally(not good, s.blind, p.blind)
+    if blind >= p.blind and s.blind < p.blind:
+        if seen.depth_age > p.late_age:
+            blind = blind + 2.0
+        elif math.isfinite(seen.depth):
+            blind = blind + 1.0
+    volume_blind = tally(not measured, s.volume_blind, p.blind)
+    if volume_blind >= p.blind and s.volume_blind < p.blind and math.isfinite(seen.volume):
+        volume_blind = volume_blind + 1.0
+    return s._replace(blind=blind, volume_blind=volume_blind)
+
+
+def rests(p: SupervisorParameters, depth: float, n: float, room: float) -> bool:
+    """Return whether the vehicle may be afloat, or lie on the bottom."""
+    afloat = depth <= p.surface and n >= p.neutral - room
+    return afloat or (p.aground < math.inf and depth >= p.aground and n <= p.neutral + room)
+
+
+def watch_still(p: SupervisorParameters, s: SupervisorState, depth: float) -> SupervisorState:
+    """Count the ticks in which the depth stayed where it was."""
+    if abs(depth - s.anchor) > p.still_distance:
+        return s._replace(anchor=depth, still=0.0)
+    return s._replace(still=s.still + 1.0)
+
+
+def smooth_motion(
+    p: SupervisorParameters, s: SupervisorState, depth: float, n: float
+) -> SupervisorState:
+    """Put depth and volume through two low passes each."""
+    z1 = smoothed(s.z1, depth, p.smoothing)
+    n1 = smoothed(s.n1, n, p.smoothing)
+    z2 = smoothed(s.z2, z1, p.smoothing)
+    n2 = smoothed(s.n2, n1, p.smoothing)
+    return s._replace(z1=z1, z2=z2, n1=n1, n2=n2, settled=s.settled + 1.0)
+
+
+def needed(p: SupervisorParameters, s: SupervisorState, depth: float) -> float:
+    """Return the volume beyond the neutral one [m3] that the motion takes, eq. (13)."""
+    speed = (s.z1 - s.z2) * p.per_tau
+    drag = p.d_l * speed
+    if p.epsilon < math.inf and abs(speed) > p.epsilon:
+        drag = p.d_b * speed + math.copysign(p.d_0 + p.d_t * speed * speed, speed)
+    return (((depth - s.z1) * p.per_tau - speed) * p.per_tau + drag) * p.per_a_b
 
 
 def watch_motion(
-    p: SupervisorParameters, s: SupervisorState, depth: float, volume: float, gap: bool
-) -> _Motion:
-    """Ask which neutral volume the motion means, eq. (13), and whether the vehicle can have it."""
-    n = volume - p.psi * depth
-    room = p.neutral_range + p.psi_range * abs(depth)
-    anchor = s.anchor
-    still = s.still + 1.0
-    if abs(depth - anchor) > p.still_distance:
-        anchor = depth
-        still = 0.0
-    stays = still >= p.still
-    resting = (depth <= p.surface and n >= p.neutral - room) or (
-        depth >= p.aground and n <= p.neutral + room
-    )
-    if resting or gap:
-        wrong = tally(s.wrong < 0.0, s.wrong, p.wrong)
-        return _Motion(depth, depth, n, n, 0.0, anchor, still, resting, wrong)
-    z1 = s.z1 + p.smoothing * (depth - s.z1)
-    z2 = s.z2 + p.smoothing * (z1 - s.z2)
-    n1 = s.n1 + p.smoothing * (n - s.n1)
-    n2 = s.n2 + p.smoothing * (n1 - s.n2)
-    speed = (z1 - z2) / p.tau
-    drag = p.d_l * speed
-    if abs(speed) > p.epsilon:
-        drag = p.d_b * speed + math.copysign(p.d_0 + p.d_t * speed * speed, speed)
-    push = (((depth - z1) / p.tau - speed) / p.tau + drag) / p.a_b
-    off = n2 + push - p.neutral
-    bad = stays and abs(n - p.neutral) > room
-    room = room + p.model_error * abs(push)
-    settled = s.settled + 1.0
-    bad = bad or (settled >= p.settle and abs(off) > room)
-    wrong = tally(bad, s.wrong, p.wrong)
-    return _Motion(z1, z2, n1, n2, settled, anchor, still, resting, wrong)
+    p: SupervisorParameters, s: SupervisorState, depth: float, n: float, room: float, anew: bool
+) -> SupervisorState:
+    """Ask which neutral volume the motion means, and whether the vehicle can have it."""
+    bad = not anew
+    if anew:
+        s = s._replace(z1=depth, z2=depth, n1=n, n2=n, settled=0.0)
+    else:
+        s = smooth_motion(p, s, depth, n)
+        bad = s.still >= p.still and abs(n - p.neutral) > room
+    if not bad and s.settled >= p.settle:
+        push = needed(p, s, depth)
+        bad = abs(s.n2 + push - p.neutral) > room + p.model_error * abs(push)
+    return s._replace(wrong=tally(bad, s.wrong, p.wrong))
 
 
 def watch_sameness(
-    p: SupervisorParameters, s: SupervisorState, seen: Watched, depth: float
-) -> float:
-    """Return for how many ticks the depth was the very same; a sample that is not new says none."""
-    if seen.depth_age >= p.S_p:
-        return s.same
-    if depth != s.depth:
-        return 0.0
-    return s.same + 1.0
+    p: SupervisorParameters, s: SupervisorState, seen: Watched, depth: float, resting: bool
+) -> SupervisorState:
+    """Count the ticks of the very same depth; a sample that is not new says nothing."""
+    same = s.same
+    old = seen.depth_age >= p.S_p
+    if not old:
+        same = same + 1.0 if depth == s.depth else 0.0
+    same_volume = s.same_volume
+    if same <= p.same_begun:
+        same_volume = s.n1
+    frozen = s.frozen
+    if p.same < math.inf and same >= p.same:
+        frozen = 1.0
+    if same >= p.same_moved and not resting and abs(s.n1 - same_volume) > p.moved:
+        frozen = 1.0
+    return s._replace(same=same, same_volume=same_volume, frozen=frozen)
 
 
 def watch_deep(
     p: SupervisorParameters, s: SupervisorState, depth: float, speed: float, volume: float
-) -> float:
-    """Return the ticks in which the vehicle was too deep, or was to be before it can turn round."""
-    turn = max(p.neutral_deepest - volume, 0.0) / p.turn_rate + p.coast
-    ahead = depth + max(speed, 0.0) * turn
-    return tally(depth > p.depth_limit or ahead > p.deepest, s.deep, p.deep)
+) -> SupervisorState:
+    """Count the ticks in which the vehicle was too deep, or was to be before it can turn round."""
+    wrong = depth > p.depth_limit
+    if speed > 0.0 and not wrong:  # times turn_rate, to divide nowhere
+        turn = max(p.neutral_deepest - volume, 0.0) + p.coast * p.turn_rate
+        wrong = speed * turn > (p.deepest - depth) * p.turn_rate
+    return s._replace(deep=tally(wrong, s.deep, p.deep))
+
+
+def watch_board(p: SupervisorParameters, s: SupervisorState, seen: Watched) -> SupervisorState:
+    """Count the ticks of a low battery, of a leak, and the calls without a command."""
+    low = p.battery_low > 0.0 and seen.battery < p.battery_low
+    battery = tally(low, s.battery, p.battery)
+    leak = tally(seen.leak > 0.0, s.leak, p.leak)
+    missed = s.missed
+    if missed < p.missed:
+        missed = min(seen.missed, p.missed) if seen.missed > 0.0 else 0.0
+    return s._replace(battery=battery, leak=leak, missed=missed)
+
+
+def reasons_of(p: SupervisorParameters, s: SupervisorState) -> float:
+    """Return the bits of the reasons that there are."""
+    bits = s.restarted
+    if s.leak >= p.leak:
+        bits = bits + 2.0
+    if s.deep >= p.deep:
+        bits = bits + 4.0
+    if s.blind >= p.blind:
+        kind = s.blind - p.blind
+        bits = bits + (8.0 if kind == 0.0 else (16.0 if kind == 1.0 else 32.0))
+    if s.frozen > 0.0:
+        bits = bits + 64.0
+    if s.volume_blind >= p.blind:
+        bits = bits + (128.0 if s.volume_blind == p.blind else 256.0)
+    if s.following >= p.following:
+        bits = bits + 512.0
+    if s.wrong >= p.wrong:
+        bits = bits + 1024.0
+    if s.battery >= p.battery:
+        bits = bits + 2048.0
+    if s.missed >= p.missed:
+        bits = bits + 4096.0
+    if s.lost >= p.lost:
+        bits = bits + 8192.0
+    if p.time_blocks < math.inf and s.block >= p.time_blocks:
+        over = s.block > p.time_blocks or s.tick >= p.time_ticks
+        bits = bits + (16384.0 if over else 0.0)
+    return bits
 
 
 def first_of(bits: float) -> float:
@@ -210,29 +273,21 @@ def first_of(bits: float) -> float:
     return number
 
 
-def depth_bits(p: SupervisorParameters, blind: float, frozen: float, deep: float) -> float:
-    """Return the bits of the reasons that the depth gives."""
-    bits = 0.0
-    if deep >= p.deep:
-        bits = bits + 4.0
-    if blind >= p.blind:
-        kind = blind - p.blind
-        bits = bits + (8.0 if kind == 0.0 else (16.0 if kind == 1.0 else 32.0))
-    if frozen > 0.0:
-        bits = bits + 64.0
-    return bits
-
-
-def volume_bits(p: SupervisorParameters, blind: float, following: float, wrong: float) -> float:
-    """Return the bits of the reasons that the volume gives."""
-    bits = 0.0
-    if blind >= p.blind:
-        bits = bits + (128.0 if blind == p.blind else 256.0)
-    if following >= p.following:
-        bits = bits + 512.0
-    if wrong >= p.wrong:
-        bits = bits + 1024.0
-    return bits
+def bring_up(p: SupervisorParameters, s: SupervisorState, good: bool) -> SupervisorState:
+    """Command full buoyancy in pushes and rests; ask for the drop weight where it does not rise."""
+    if s.reason == 0.0:
+        s = s._replace(reason=first_of(s.reasons), from_depth=s.depth)
+    command = p.surface_command if s.phase < p.push else p.hold_command
+    phase = s.phase + 1.0
+    if phase >= p.push + p.rest:
+        phase = p.push - p.again
+    s = s._replace(command=command, phase=phase, window=s.window + 1.0)
+    if s.window >= p.release:
+        risen = good and (s.depth <= p.surface or s.depth <= s.from_depth - p.rise)
+        if not risen:
+            s = s._replace(release=1.0)
+        s = s._replace(window=0.0, from_depth=s.depth)
+    return s
 
 
 def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -> SupervisorState:
@@ -251,113 +306,43 @@ def step(
 ) -> tuple[float, SupervisorState, float]:
     """Return the command [V or m3]: `wanted`, the law's, or full buoyancy for a reason."""
     p = parameters
-    s = state
     lost = 0.0
+    since = state.since + 1.0
     if seen.lost > 0.0:
         lost = min(seen.lost, _BLOCK - 1.0)
-    tick = s.tick + lost
-    block = s.block
-    if tick >= _BLOCK:
-        tick = tick - _BLOCK
-        block = block + 1.0
-    overtime = block > p.time_blocks or (block == p.time_blocks and tick >= p.time_ticks)
-    ticks_lost = s.lost
-    if ticks_lost < p.lost:
-        ticks_lost = max(ticks_lost - 0.25, 0.0) if lost == 0.0 else ticks_lost + lost
-
-    now = watch_depth(p, s, seen, lost)
+        since = since + lost
+    since = min(since, _LONG_AGO)
+    good = believable(p, state, seen, since)
+    depth = seen.depth if good else state.depth
     measured = p.volume_least <= seen.volume <= p.volume_most
-    volume = seen.volume if measured else s.volume
-    volume_blind = tally(not measured, s.volume_blind, p.blind)
-    if volume_blind >= p.blind and s.volume_blind < p.blind and math.isfinite(seen.volume):
-        volume_blind = volume_blind + 1.0
+    volume = seen.volume if measured else state.volume
+    gap = since > p.gap or state.volume_blind > p.gap
 
-    rate = _Rate(s.lag, s.asked, s.following)
+    s = count_time(p, state, lost)
     if measured and s.measured > 0.0 and lost == 0.0:
-        rate = watch_rate(p, s, volume)
-    motion = _Motion(
-        s.z1,
-        s.z2,
-        s.n1,
-        s.n2,
-        s.settled,
-        s.anchor,
-        s.still,
-        now.good and measured,
-        s.wrong,
-    )
+        s = watch_rate(p, s, volume)
+    s = count_blind(p, s, seen, good, measured)
+    known = good and measured
+    n = volume - p.psi * depth
+    room = p.neutral_range + p.psi_range * abs(depth)
+    resting = known and rests(p, depth, n, room)
     speed = 0.0
-    if now.good and measured:
-        gap = now.since > p.gap or s.volume_blind > p.gap
-        motion = watch_motion(p, s, now.depth, volume, gap)
-        speed = (now.depth - motion.z1) / p.tau
-
-    same = s.same
-    same_volume = s.same_volume
-    frozen = s.frozen
-    deep = s.deep
-    if now.good:
-        same = watch_sameness(p, s, seen, now.depth)
-        deep = watch_deep(p, s, now.depth, speed, volume)
-        if same <= p.same_begun:
-            same_volume = motion.n1
-        if same >= p.same:
-            frozen = 1.0
-        moved = abs(motion.n1 - same_volume) > p.moved and not motion.resting
-        if same >= p.same_moved and moved:
-            frozen = 1.0
-    battery = tally(seen.battery < p.battery_low, s.battery, p.battery)
-    leak = tally(seen.leak > 0.0, s.leak, p.leak)
-    missed = s.missed
-    if missed < p.missed:
-        missed = min(seen.missed, p.missed) if seen.missed > 0.0 else 0.0
-
-    bits = s.restarted
-    if leak >= p.leak:
-        bits = bits + 2.0
-    bits = bits + depth_bits(p, now.blind, frozen, deep)
-    bits = bits + volume_bits(p, volume_blind, rate.ticks, motion.wrong)
-    if battery >= p.battery:
-        bits = bits + 2048.0
-    if missed >= p.missed:
-        bits = bits + 4096.0
-    if ticks_lost >= p.lost:
-        bits = bits + 8192.0
-    if overtime:
-        bits = bits + 16384.0
-
-    reason = s.reason
-    phase = s.phase
-    window = s.window
-    from_depth = s.from_depth
-    release = s.release
-    command = wanted
-    if bits > 0.0:
-        if reason == 0.0:
-            reason = first_of(bits)
-            from_depth = now.depth
-        command = p.surface_command if phase < p.push else p.hold_command
-        phase = phase + 1.0
-        if phase >= p.push + p.rest:
-            phase = p.push - p.again
-        window = window + 1.0
-        if window >= p.release:
-            risen = now.good and (now.depth <= p.surface or now.depth <= from_depth - p.rise)
-            if not risen:
-                release = 1.0
-            window = 0.0
-            from_depth = now.depth
-    return command, SupervisorState(
-        restarted=s.restarted, tick=tick + 1.0, block=block, lost=ticks_lost,
-        since=0.0 if now.good else now.since, depth=now.depth, blind=now.blind,
-        same=same, same_volume=same_volume, frozen=frozen,
-        volume=volume, measured=1.0 if measured else 0.0, volume_blind=volume_blind,
-        command=command, lag=rate.lag, asked=rate.asked, following=rate.ticks,
-        z1=motion.z1, z2=motion.z2, n1=motion.n1, n2=motion.n2, settled=motion.settled,
-        anchor=motion.anchor, still=motion.still, wrong=motion.wrong,
-        deep=deep, battery=battery, leak=leak, missed=missed, reason=reason, reasons=bits,
-        phase=phase, window=window, from_depth=from_depth, release=release,
-    ), p.S_p  # fmt: skip
+    if known:
+        s = watch_still(p, s, depth)
+        s = watch_motion(p, s, depth, n, room, resting or gap)
+        speed = (depth - s.z1) * p.per_tau
+    if good:
+        s = watch_sameness(p, s, seen, depth, resting)
+        s = watch_deep(p, s, depth, speed, volume)
+        since = 0.0
+    s = watch_board(p, s, seen)
+    s = s._replace(
+        since=since, depth=depth, volume=volume, measured=1.0 if measured else 0.0, command=wanted,
+        reasons=reasons_of(p, s), tick=s.tick + 1.0,
+    )  # fmt: skip
+    if s.reasons > 0.0:
+        s = bring_up(p, s, good)
+    return s.command, s, p.S_p
 
 
 SUPERVISOR = Law(

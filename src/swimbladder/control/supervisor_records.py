@@ -26,6 +26,7 @@ class SupervisorParameters(NamedTuple):
     """
 
     S_p: float  # s
+    per_tick: float  # 1/s, 1/S_p
     surface_command: float  # V or m3, that makes the vehicle lightest
     hold_command: float  # V or m3, that keeps it so
     push: float  # ticks of the surface command at first
@@ -63,13 +64,13 @@ class SupervisorParameters(NamedTuple):
     neutral: float  # m3, neutral volume at the surface
     neutral_range: float  # m3, how well it is known, drift included
     model_error: float  # -, share of the force on the vehicle that the model may miss
-    a_b: float  # 1/m2/s2, acceleration per volume
+    per_a_b: float  # m2 s2, volume per acceleration
     d_l: float  # 1/s, drag per mass and speed
     d_b: float  # 1/s, the same above epsilon
     d_0: float  # m/s2
     d_t: float  # 1/m
     epsilon: float  # m/s
-    tau: float  # s, of each low pass
+    per_tau: float  # 1/s, 1 / the time of each low pass
     smoothing: float  # -, weight of the newest in it
     settle: float  # ticks that they take
     wrong: float  # ticks in which depth and volume do not fit
@@ -134,7 +135,7 @@ class SupervisorState(NamedTuple):
 
 SUPERVISOR_UNITS = {
     "surface_command": "V or m3", "hold_command": "V or m3",
-    **dict.fromkeys(("S_p", "late_age", "tau", "coast"), "s"),
+    **dict.fromkeys(("S_p", "late_age", "coast"), "s"),
     **dict.fromkeys(
         ("push", "again", "rest", "release", "blind", "gap", "same", "same_begun", "same_moved",
          "following", "settle", "wrong", "still", "deep", "battery", "leak", "missed", "lost",
@@ -158,6 +159,7 @@ SUPERVISOR_UNITS = {
     ),
     "rate": "m3/s/V or m3/s", "load_drive": "V/m", "load_back": "V/m", "friction": "V",
     "leakage": "m2/s", "rate_least": "m3/s", "turn_rate": "m3/s", "psi": "m3/m",
-    "psi_range": "m3/m", "a_b": "1/m2/s2", "d_l": "1/s", "d_b": "1/s", "d_0": "m/s2",
+    "psi_range": "m3/m", "per_tick": "1/s", "per_tau": "1/s", "per_a_b": "m2 s2",
+    "d_l": "1/s", "d_b": "1/s", "d_0": "m/s2",
     "d_t": "1/m", "epsilon": "m/s", "battery_low": "V",
 }  # fmt: skip

@@ -11,10 +11,11 @@ import re
 import textwrap
 from typing import NamedTuple
 
-from swimbladder.firmware.c_flow import fields_read
+from swimbladder.firmware.c_flow import calls_of, fields_read
 from swimbladder.firmware.c_functions import FunctionText, shortened
 from swimbladder.firmware.c_names import c_field, c_float, c_law, c_record, c_type, remarks
-from swimbladder.firmware.tree import Program, Record
+from swimbladder.firmware.c_places import Home, home_of, in_place
+from swimbladder.firmware.tree import Function, Program, Record
 
 __all__ = ["MEASUREMENT_H", "CSource", "write_c99"]
 
@@ -54,6 +55,15 @@ _ARITHMETIC = """\
 #pragma STDC FP_CONTRACT OFF
 #elif defined(__GNUC__) && !defined(__AVR__)
 #pragma GCC optimize("fp-contract=off")
+#endif
+"""
+
+_CALLED = """\
+/* On an AVR copies of a function take more flash, and more stack, than calls of it. */
+#if defined(__AVR__)
+#define SWB_CALLED __attribute__((noinline))
+#else
+#define SWB_CALLED
 #endif
 """
 
@@ -200,12 +210,20 @@ def _source(program: Program, private: bool) -> str:
     types = {c_record(program.name, r) for r in program.records}
     names = {f: _helper(f"swb_{law}_{f.name}", types) for f in program.helpers}
     fields = fields_read(program)
+    placed, state = in_place(program), program.state
+
+    def text_of(f: Function, home: Home | None = None) -> FunctionText:
+        return FunctionText(program.name, f, names, fields, home)
+
+    calls = calls_of(program)
     helpers = {
-        names[f]: FunctionText(program.name, f, names, fields).helper(names[f])
+        names[f]: text_of(f, home_of(f, state, placed) if f in placed else None).helper(
+            names[f], calls[f]
+        )
         for f in program.helpers
     }
-    initial = FunctionText(program.name, program.initial, names, fields)
-    step = FunctionText(program.name, program.step, names, fields)
+    initial = text_of(program.initial)
+    step = text_of(program.step, home_of(program.step, state, placed))
     linkage = "static " if private else ""
     entries = [
         initial.initial(f"{linkage}void {_initial(program)}"),
@@ -232,7 +250,7 @@ def _source(program: Program, private: bool) -> str:
         "math.h": re.search(r"\b(sqrtf|INFINITY|NAN)\b", text + "".join(constants)),
         "stdbool.h": re.search(r"\bbool\b", text),
         "stdint.h": re.search(r"\buint32_t\b", text),
-        "string.h": re.search(r"\bmemcpy\b", text),
+        "string.h": re.search(r"\bmem(cpy|set)\b", text),
     }
     parts = [
         f"/* The control law {program.name}, translated from its Python source by swimbladder.",
@@ -241,7 +259,7 @@ def _source(program: Program, private: bool) -> str:
     ]  # fmt: skip
     listed = [f"#include <{name}>" for name, found in includes.items() if found]
     parts += [*listed, ""] if listed else []
-    parts += [_ARITHMETIC]
+    parts += [_ARITHMETIC, *([_CALLED] if "SWB_CALLED" in text else [])]
     parts += ["".join(constants)] if constants else []
     if private:
         guard = f"SWB_{law.upper()}_STEP_H"

@@ -3,34 +3,61 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Iterator
 
-from swimbladder.firmware.tree import Assign, Field, For, Function, If, Name, Program, Statement
+from swimbladder.firmware.tree import (
+    Assign,
+    Call,
+    Field,
+    For,
+    Function,
+    If,
+    Name,
+    Program,
+    Statement,
+)
 
-__all__ = ["alive", "assigned", "fields_read", "inner_home", "mentioned", "names_read"]
+__all__ = [
+    "alive",
+    "assigned",
+    "calls_of",
+    "fields_read",
+    "inner_home",
+    "mentioned",
+    "names_read",
+    "parts",
+]
 
 
-def _parts(node: object) -> Iterator[object]:
+def parts(node: object) -> Iterator[object]:
     """Yield a statement or expression and all that is in it, but no function that it calls."""
     if isinstance(node, tuple):
         for part in node:
-            yield from _parts(part)
+            yield from parts(part)
     elif dataclasses.is_dataclass(node) and not isinstance(node, Function):
         yield node
         for f in dataclasses.fields(node):
             if f.name != "type":
-                yield from _parts(getattr(node, f.name))
+                yield from parts(getattr(node, f.name))
 
 
 def names_read(node: object) -> set[str]:
     """Return the variables that statements or expressions read."""
-    return {part.name for part in _parts(node) if isinstance(part, Name)}
+    return {part.name for part in parts(node) if isinstance(part, Name)}
+
+
+def calls_of(program: Program) -> Counter[Function]:
+    """Return at how many places each function of a law is called."""
+    functions = {*program.helpers, program.step, program.initial}
+    found = [part for f in functions for part in parts(alive(f.body)) if isinstance(part, Call)]
+    return Counter(call.function for call in found)
 
 
 def assigned(node: object) -> dict[str, int]:
     """Return how often each variable is assigned."""
     found: dict[str, int] = {}
-    for part in _parts(node):
+    for part in parts(node):
         if isinstance(part, Assign):
             found[part.name] = found.get(part.name, 0) + 1
     return found
@@ -82,7 +109,7 @@ def fields_read(program: Program) -> dict[str, set[str]]:
     """Return the fields of each record that are needed: all of the law's own, else those read."""
     read: dict[str, set[str]] = {record.name: set() for record in program.records}
     for function in (*program.helpers, program.step, program.initial):
-        for part in _parts(alive(function.body)):
+        for part in parts(alive(function.body)):
             if isinstance(part, Field):
                 read[part.of.type.name].add(part.name)
     own = {program.parameters.name, program.state.name, program.measurement.name}

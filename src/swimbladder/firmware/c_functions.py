@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 from swimbladder.firmware.c_expressions import ExpressionText
-from swimbladder.firmware.c_flow import alive, assigned, inner_home, mentioned, names_read
+from swimbladder.firmware.c_flow import alive, assigned, inner_home, mentioned, parts
 from swimbladder.firmware.c_names import c_field, c_local, c_type, wrapped
+from swimbladder.firmware.c_places import Home
 from swimbladder.firmware.tree import (
     Assign,
+    Call,
     Expression,
     Field,
     For,
@@ -23,6 +26,9 @@ from swimbladder.firmware.tree import (
 
 __all__ = ["FunctionText", "shortened"]
 
+_COPIES = 4  # of a function of numbers; calls of it take less than more of them
+_ZEROS = 4  # fields; from more than these on memset is shorter
+
 
 def shortened(words: str) -> str:
     """Return a docstring's sentence as the text of a comment."""
@@ -34,30 +40,37 @@ class FunctionText:
 
     def __init__(
         self, law: str, function: Function, names: dict[Function, str],
-        fields: dict[str, set[str]],
+        fields: dict[str, set[str]], home: Home | None = None,
     ) -> None:  # fmt: skip
         self.law, self.function = law, function
+        self.home = {name for name in home or () if name is not None}
         self.body = alive(function.body)
         self.taken: set[str] = set()
         self.names: dict[str, str] = {}
-        self.pointers: set[str] = set()
+        self.pointers: set[str] = set(self.home)
         self.expressions = ExpressionText(law, names, self.names, self.pointers, fields, self._keep)
         self.lines: list[str] = []
         self.indent = "    "
         self._counts = assigned(self.body)
         self._ends = "value"
 
-    def helper(self, name: str) -> str:
-        """Return the text of a function that others of the law call."""
+    def helper(self, name: str, calls: int) -> str:
+        """Return the text of a function that others of the law call, so many times."""
         given = []
         for python, kind in self.function.parameters:
             c = self._name(python)
             if isinstance(kind, Record):
                 self.pointers.add(python)
-                given.append(f"const {c_type(self.law, kind)} *{c}")
+                constant = "" if python in self.home else "const "
+                given.append(f"{constant}{c_type(self.law, kind)} *{c}")
             else:
                 given.append(f"{c_type(self.law, kind)} {c}")
-        head = f"static {c_type(self.law, self.function.returns)} {name}({', '.join(given)})"
+        returns = c_type(self.law, self.function.returns)
+        if self.home:
+            self._ends, returns = "place", "void"
+        plain = not any(isinstance(kind, Record) for _, kind in self.function.parameters)
+        called = "SWB_CALLED " if plain and calls > _COPIES else ""
+        head = f"static {called}{returns} {name}({', '.join(given)})"
         return self._written(head, [self.names[p] for p, _ in self.function.parameters])
 
     def step(self, head: str) -> str:
@@ -86,12 +99,15 @@ class FunctionText:
 
     def _written(self, head: str, parameters: list[str]) -> str:
         given = dict(self.function.parameters)
+        for own in self.home - set(given):  # it lives where the state stands
+            self.names[own] = next(self.names[n] for n in self.home & set(given))
         variables = [n for n, _ in self.function.variables if n in self._counts and n not in given]
+        variables = [n for n in variables if n not in self.home]
         self._block(self.body, variables)
         written = "\n".join(self.lines)
         unused = [f"    (void){c};" for c in parameters if not _mentions(written, c)]
         words = f"/* {shortened(self.function.words)}. */\n" if self.function.words else ""
-        if self._ends != "value":
+        if self._ends in ("step", "initial"):
             words = ""
         text = "\n".join(
             [*map(wrapped, head.splitlines()), "{", *unused, *map(wrapped, self.lines), "}", ""]
@@ -142,6 +158,9 @@ class FunctionText:
         self.indent = self.indent[:-4]
 
     def _assign(self, s: Assign, *, declare: bool) -> None:
+        if s.name in self.home:
+            self._change(s.value)
+            return
         if isinstance(s.value, Make) and declare:  # an initialiser needs no name of the type
             value = self.expressions.braces(s.value)
         else:
@@ -151,6 +170,13 @@ class FunctionText:
             constant = "const " if self._counts[s.name] == 1 else ""
             name = f"{constant}{self._type_of(s.name)} {name}"
         self._line(f"{name} = {value};")
+
+    def _change(self, value: Expression) -> None:
+        """Change the state where it stands."""
+        if isinstance(value, Make):
+            self._write_state(value)
+        elif not isinstance(value, Name):
+            self._line(f"{self.expressions.value(value)};")
 
     def _if(self, s: If, variables: list[str], word: str = "if") -> None:
         yes = [name for name in variables if inner_home(s, name) is s.yes]
@@ -179,6 +205,10 @@ class FunctionText:
     def _return(self, value: Expression) -> None:
         if self._ends == "value":
             self._line(f"return {self.expressions.value(value)};")
+        elif self._ends == "place":
+            self._change(value)
+            if len(self.indent) > 4:
+                self._line("return;")
         elif self._ends == "initial":
             self._write_state(value)
             if len(self.indent) > 4:
@@ -215,23 +245,55 @@ class FunctionText:
             if text != "*state":
                 self._line(f"*state = {text};")
             return
-        old = self.function.parameters[1][0] if self._ends == "step" else None
-        pairs = []
-        for (name, _), e in zip(value.type.fields, value.values, strict=True):
-            if isinstance(e, Field) and isinstance(e.of, Name) and e.of.name == old:
-                if e.name == name:
-                    continue
-                reads = True
-            else:
-                reads = old is not None and old in names_read(e)
+        if self._ends == "initial" and sum(map(_is_zero, value.values)) > _ZEROS:
+            self._line("memset(state, 0, sizeof *state);")
+            kept = tuple((n, e) for n, e in self._new(value) if not _is_zero(e))
+        else:
+            kept = self._new(value)
+        pairs: list[tuple[str, str]] = []
+        for name, e in kept:
             text = self.expressions.value(e)
-            if reads and len(value.values) > 1:
-                kept = c_local(f"new_{name}", self.taken)
-                self._line(f"const float {kept} = {text};")
-                text = kept
+            if self._reads(e) & {before for before, _ in pairs}:
+                after = c_local(f"new_{name}", self.taken)
+                self._line(f"const float {after} = {text};")
+                text = after
             pairs.append((name, text))
+        at = self._state()
         for name, text in pairs:
-            self._line(f"state->{c_field(name)} = {text};")
+            self._line(f"{at}->{c_field(name)} = {text};")
+
+    def _state(self) -> str:
+        return next((self.names[name] for name in self.home), "state")
+
+    def _old(self) -> set[str]:
+        """Return the names of the state as it was."""
+        own = {self.function.parameters[1][0]} if self._ends == "step" else set()
+        return self.home | own
+
+    def _new(self, value: Make) -> tuple[tuple[str, Expression], ...]:
+        """Return the fields that change, and their values."""
+        old, pairs = self._old(), zip(value.type.fields, value.values, strict=True)
+        return tuple(
+            (name, e) for (name, _), e in pairs
+            if not (
+                isinstance(e, Field) and isinstance(e.of, Name) and e.of.name in old
+                and e.name == name
+            )
+        )  # fmt: skip
+
+    def _reads(self, e: Expression) -> set[str]:
+        """Return the fields of the old state that an expression reads."""
+        old, found = self._old(), list(parts(e))
+        read = {f.name for f in found if isinstance(f, Field)}
+        whole = [a for c in found if isinstance(c, Call) for a in c.arguments]
+        for a in whole:
+            if isinstance(a, Name) and a.name in old and isinstance(a.type, Record):
+                read |= {name for name, _ in a.type.fields}
+        return read
+
+
+def _is_zero(e: Expression) -> bool:
+    return isinstance(e, Number) and e.value == 0.0 and math.copysign(1.0, e.value) > 0.0
 
 
 def _mentions(text: str, name: str) -> bool:

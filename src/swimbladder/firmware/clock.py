@@ -27,9 +27,9 @@ def wait_in_ticks(next_s: Any, tick_s: Any) -> int:
     next_s, tick_s: float32 [s]. A thousandth of a tick is rounding.
     """
     with np.errstate(all="ignore"):
+        if not np.float32(next_s) > np.float32(1.001) * np.float32(tick_s):
+            return 1
         ticks = np.float32(next_s) / np.float32(tick_s)
-    if not ticks > np.float32(1.001):
-        return 1
     if ticks >= np.float32(_MOST_TICKS):
         return _MOST_TICKS
     whole = int(ticks)

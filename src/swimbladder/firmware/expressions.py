@@ -24,6 +24,7 @@ from swimbladder.firmware.tree import (
     Logic,
     Make,
     Minus,
+    Name,
     Not,
     Number,
     Record,
@@ -202,9 +203,11 @@ class Expressions:
         return Choice(condition, yes, no, kinds.pop())
 
     def _call(self, node: ast.Call) -> Expression:
+        if isinstance(node.func, ast.Attribute) and node.func.attr == "_replace":
+            return self._replaced(node, node.func.value)
         function, known = self._outside(node.func)
         if not known:
-            remedy = "Make a new NamedTuple of all its fields, or call a plain function"
+            remedy = "Call a plain function, or `_replace` of a NamedTuple"
             self.source.refuse(node, "a law calls no methods and no variables", remedy)
         if any(isinstance(a, ast.Starred) for a in node.args) or not all(
             keyword.arg for keyword in node.keywords
@@ -246,6 +249,21 @@ class Expressions:
             if (FLOAT if value.type == INT else value.type) != wanted:
                 self.source.refuse(node, f"the field {name!r} has another type", "Give it its own")
         return Make(record, values)
+
+    def _replaced(self, node: ast.Call, of_node: ast.expr) -> Expression:
+        """Return a copy of a named tuple with some of its fields changed."""
+        of = self.read(of_node)
+        fields = [keyword.arg for keyword in node.keywords]
+        if not (isinstance(of, Name) and isinstance(of.type, Record)):
+            self.source.refuse(node, "this is no name of a NamedTuple", "Give it a name first")
+        if node.args or not all(field and of.type.type_of(field) for field in fields):
+            self.source.refuse(node, "the arguments are not its fields", "Write field=value")
+        given = {k.arg: self.read(k.value) for k in node.keywords}
+        for name, value in given.items():
+            if (FLOAT if value.type == INT else value.type) != of.type.type_of(name or ""):
+                self.source.refuse(node, f"the field {name!r} has another type", "Give it its own")
+        same = {name: Field(of, name, kind) for name, kind in of.type.fields}
+        return Make(of.type, tuple(given.get(name, same[name]) for name in same))
 
     def _arguments(
         self, node: ast.Call, names: tuple[str, ...], defaults: dict[str, Number]

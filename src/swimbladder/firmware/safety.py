@@ -74,7 +74,7 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
     whole = math.inf if given.time_limit is None else math.ceil(given.time_limit / tick - 1e-6)
     floor = math.inf if given.bottom_depth is None else given.bottom_depth
     return SupervisorParameters(
-        S_p=tick,
+        S_p=tick, per_tick=1.0 / tick,
         surface_command=p.supply if voltage else p.V_max,
         hold_command=hold if voltage else p.V_max,
         push=ticks(2.0 * stroke_s, tick), rest=ticks(_REST_S, tick),
@@ -96,8 +96,9 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         rate_smoothing=tick / (follow + tick), rate_share=_RATE_SHARE,
         rate_least=_RATE_LEAST * full_rate, following=patience,
         psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range,
-        model_error=given.model_error, a_b=p.a_b, d_l=p.d_l, d_b=p.d_b, d_0=p.d_0, d_t=p.d_t,
-        epsilon=p.epsilon, tau=tau, smoothing=tick / (tau + tick),
+        model_error=given.model_error, per_a_b=1.0 / p.a_b,
+        d_l=p.d_l, d_b=p.d_b, d_0=p.d_0, d_t=p.d_t,
+        epsilon=p.epsilon, per_tau=1.0 / tau, smoothing=tick / (tau + tick),
         settle=ticks(_SETTLE * tau, tick), wrong=patience + still,
         surface=p.z_surface + _AFLOAT,
         aground=floor - max(0.1, 0.02 * floor) - moving if floor < math.inf else math.inf,
