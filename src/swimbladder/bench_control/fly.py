@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swimbladder.actuator import reduced
 from swimbladder.bench_control.contenders import Contender
 from swimbladder.bench_control.scenarios import Placed
 from swimbladder.bench_control.swell import depth_error
@@ -16,14 +15,14 @@ from swimbladder.closed_loop import simulate_ensemble
 from swimbladder.closed_loop.block import schedule
 from swimbladder.dynamics import plant
 from swimbladder.parameters import Positioner, Vehicle
+from swimbladder.tune.energy import winding
 from swimbladder.tune.region import Region
-from swimbladder.tune.trial import draw, motor_starts, motor_turns, percentile
+from swimbladder.tune.trial import draw, motor_starts, motor_turns, percentile, random_walk
 
 __all__ = ["Flown", "Result", "fly", "measure", "no_energy", "summarise"]
 
 Array = NDArray[np.float64]
 
-_WALK_EVERY = 10.0  # s, between two steps of a neutral volume that walks
 _SHOWN = 900.0  # s of the first run that are kept to be looked at
 
 
@@ -66,12 +65,11 @@ class Result(NamedTuple):
 
 def no_energy(vehicle: Vehicle) -> str | None:
     """Return why the electrical energy is not known; None where it is."""
+    if winding(vehicle) is not None:
+        return None
     if isinstance(vehicle.actuator, Positioner):
         return "nothing is known of the motor behind the positioner"
-    electric = reduced(vehicle.actuator, vehicle.water)
-    if electric.resistance is None or electric.kappa is None:
-        return "R and k_T of the motor are not known"
-    return None
+    return "the motor's resistance and torque constant are not known"
 
 
 def fly(
@@ -115,7 +113,7 @@ def _flown(
             s.swell, vehicle, time, depth=placed.target, runs=runs, seed=seed
         )  # fmt: skip
     if s.walk > 0.0:
-        walk = _walk(s.walk, time, h, runs=runs, seed=seed)
+        walk = random_walk(s.walk, placed.duration, sample_time=h, runs=runs, seed=seed)
     data = simulate_ensemble(
         vehicle, count=runs, setpoints=[(0.0, placed.target)], duration=placed.duration,
         start_depth=placed.start, start_volume=vehicle.neutral_volume(placed.start), vary=vary,
@@ -123,16 +121,6 @@ def _flown(
         neutral_change=walk, keep="trajectory", books=no_energy(vehicle) is None, workers=1,
     )  # fmt: skip
     return data, time
-
-
-def _walk(intensity: float, time: Array, h: float, *, runs: int, seed: int) -> Array:
-    """Return a random walk [samples, runs], in steps every ten seconds."""
-    every = max(round(_WALK_EVERY / h), 1)
-    rng = np.random.default_rng([seed, 1])
-    steps = rng.normal(size=((len(time) - 1) // every, runs)) * intensity * math.sqrt(every * h)
-    walk = np.concatenate([np.zeros((1, runs)), np.cumsum(steps, axis=0)])
-    found: Array = walk[np.arange(len(time)) // every]
-    return found
 
 
 def measure(

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.common import compile_notice, emit_json, output, progress, quantity
+from swimbladder.cli.common import (
+    compile_notice,
+    emit_json,
+    output,
+    progress,
+    quantity,
+    typed_command,
+)
 from swimbladder.cli.depths import depth_pair, with_sensor
 from swimbladder.errors import InputError
 
@@ -86,9 +93,7 @@ def bench_control(
     if assumed:
         found = found.assuming(assumed)
     with progress("drawing and writing"):
-        files = write_bench(
-            found, out, answer=json_text(found.to_json()), command=_command(vehicle)
-        )
+        files = write_bench(found, out, answer=json_text(found.to_json()), command=typed_command())
     if json:
         emit_json({**found.to_json(), "files": [str(path) for path in files]})
     else:
@@ -104,10 +109,6 @@ def _sensed(vehicle: Vehicle, noise: str | None, quantum: str | None) -> tuple[V
         return with_sensor(v, f"{known.depth_noise} m", None), "depth noise as in the logs"
     words = f"a depth sensor with {_NOISE} of noise, as none is stated (--depth-noise)"
     return with_sensor(v, _NOISE, None), words
-
-
-def _command(vehicle: str) -> str:
-    return f"swimbladder bench-control {vehicle}"
 
 
 def _list(vehicle: str | None, depth: str | None, json: bool) -> None:
