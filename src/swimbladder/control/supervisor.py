@@ -70,17 +70,28 @@ def tally(bad: bool, n: float, most: float) -> float:
     return n - 2.0 if n > 2.0 else 0.0
 
 
+def share(bad: bool, n: float, most: float) -> float:
+    """Return the count of bad ticks; a good one takes a quarter away, `most` stays for good."""
+    if n >= most:
+        return n
+    if bad:
+        return min(n + 1.0, most)
+    return n - 0.25 if n > 0.25 else 0.0
+
+
 def smoothed(old: float, new: float, weight: float) -> float:
     """Return a low pass after its next sample."""
     return old + weight * (new - old)
 
 
-def count_time(p: SupervisorParameters, s: SupervisorState, lost: float) -> SupervisorState:
+def count_time(
+    p: SupervisorParameters, s: SupervisorState, any_lost: bool, lost: float
+) -> SupervisorState:
     """Count the ticks that were lost; `step` counts its own when it is through."""
     tick = s.tick
     block = s.block
     gone = s.lost
-    if lost > 0.0:
+    if any_lost:
         tick = tick + lost
         gone = gone + lost if gone < p.lost else gone
     elif gone < p.lost:
@@ -128,7 +139,7 @@ def count_blind(
     p: SupervisorParameters, s: SupervisorState, seen: Watched, good: bool, measured: bool
 ) -> SupervisorState:
     """Count the ticks without a good depth and without a good volume, and tell why at the limit."""
-    blind = tally(not good, s.blind, p.blind)
+    blind = share(not good, s.blind, p.blind)
     if blind >= p.blind and s.blind < p.blind:
         if seen.depth_age > p.late_age:
             blind = blind + 2.0
@@ -166,11 +177,26 @@ def smooth_motion(
 
 def needed(p: SupervisorParameters, s: SupervisorState, depth: float) -> float:
     """Return the volume beyond the neutral one [m3] that the motion takes, eq. (13)."""
-    speed = (s.z1 - s.z2) * p.per_tau
+    later = s.z1 - s.z2
+    speed = later * p.per_tau
     drag = p.d_l * speed
     if p.epsilon < math.inf and abs(speed) > p.epsilon:
         drag = p.d_b * speed + math.copysign(p.d_0 + p.d_t * speed * speed, speed)
-    return (((depth - s.z1) * p.per_tau - speed) * p.per_tau + drag) * p.per_a_b
+    gain = (depth - s.z1 - later) * (p.per_tau * p.per_tau)
+    return (gain + drag) * p.per_a_b
+
+
+def learn(
+    p: SupervisorParameters, s: SupervisorState, depth: float, n: float, room: float
+) -> SupervisorState:
+    """Learn which neutral volume this dive has, within what is known of it before."""
+    known = min(s.known + 1.0, _LONG_AGO)
+    weight = p.forgetting
+    if weight * known < 1.0:
+        weight = 1.0 / known
+    own = smoothed(s.own, n, weight)
+    own = min(max(own, p.neutral - room), p.neutral + room)
+    return s._replace(known=known, own=own, own_depth=smoothed(s.own_depth, depth, weight))
 
 
 def watch_motion(
@@ -178,30 +204,53 @@ def watch_motion(
 ) -> SupervisorState:
     """Ask which neutral volume the motion means, and whether the vehicle can have it."""
     bad = not anew
+    wrong = s.wrong
     if anew:
         s = s._replace(z1=depth, z2=depth, n1=n, n2=n, settled=0.0)
     else:
         s = smooth_motion(p, s, depth, n)
-        bad = s.still >= p.still and abs(n - p.neutral) > room
-    if not bad and s.settled >= p.settle:
-        push = needed(p, s, depth)
-        bad = abs(s.n2 + push - p.neutral) > room + p.model_error * abs(push)
-    return s._replace(wrong=tally(bad, s.wrong, p.wrong))
+        own = room
+        center = p.neutral
+        if s.known >= p.known:
+            own = p.neutral_change + p.psi_range * abs(depth - s.own_depth)
+            center = s.own
+        bad = s.still >= p.still and abs(n - center) > own
+        if s.settled >= p.settle:
+            push = needed(p, s, depth)
+            missed = p.model_error * abs(push)
+            off = abs(s.n2 + push - center)
+            own = own + missed
+            bad = bad or off > own
+            if off > 2.0 * own:  # beyond doubt: it counts three times
+                wrong = min(wrong + 2.0, p.wrong)
+            if missed < p.calm:
+                s = learn(p, s, depth, s.n2 + push, room)
+    return s._replace(wrong=tally(bad, wrong, p.wrong))
 
 
 def watch_sameness(
     p: SupervisorParameters, s: SupervisorState, seen: Watched, depth: float, resting: bool
 ) -> SupervisorState:
-    """Count the ticks of the very same depth; a sample that is not new says nothing."""
+    """Count the ticks of the very same depth; a sample that is not new says nothing.
+
+    Noise that turns the depth more often than on the edge between two quanta is seen for good.
+    """
     same = s.same
     old = seen.depth_age >= p.S_p
     if not old:
-        same = same + 1.0 if depth == s.depth else 0.0
+        change = depth - s.depth
+        same = same + 1.0 if change == 0.0 else 0.0
+        if s.noisy < p.noisy:
+            fro = 1.0 if change * s.change < 0.0 else 0.0
+            s = s._replace(noisy=smoothed(s.noisy, fro, p.noisy_weight))
+        s = s._replace(change=change)
     same_volume = s.same_volume
     if same <= p.same_begun:
         same_volume = s.n1
     frozen = s.frozen
     if p.same < math.inf and same >= p.same:
+        frozen = 1.0
+    if same >= p.same_noisy and s.noisy >= p.noisy:
         frozen = 1.0
     if same >= p.same_moved and not resting and abs(s.n1 - same_volume) > p.moved:
         frozen = 1.0
@@ -273,14 +322,46 @@ def first_of(bits: float) -> float:
     return number
 
 
-def bring_up(p: SupervisorParameters, s: SupervisorState, good: bool) -> SupervisorState:
+def watch_push(p: SupervisorParameters, s: SupervisorState, fresh: bool) -> SupervisorState:
+    """Turn the push round where the volume goes away from where it is sent, and once back.
+
+    At the inner end nothing is lost by trying; the other way round it has to grow, or is no more.
+    """
+    astray = 0.0
+    turns = s.turns
+    inside = s.volume < p.volume_high
+    if turns == 1.0 and s.measured == 0.0 and inside:
+        turns = 2.0
+    if fresh and inside and (turns == 1.0 or (turns == 0.0 and s.phase < p.push)):
+        least = p.rate_least
+        if turns == 0.0 and s.volume > p.volume_low:
+            least = -p.rate_away
+        if s.asked - s.lag < least:
+            astray = s.astray + 1.0
+    if astray >= p.astray:
+        return s._replace(astray=0.0, turns=turns + 1.0, lag=0.0, asked=0.0)
+    return s._replace(astray=astray, turns=turns)
+
+
+def bring_up(
+    p: SupervisorParameters, s: SupervisorState, good: bool, fresh: bool
+) -> SupervisorState:
     """Command full buoyancy in pushes and rests; ask for the drop weight where it does not rise."""
     if s.reason == 0.0:
-        s = s._replace(reason=first_of(s.reasons), from_depth=s.depth)
+        s = s._replace(reason=first_of(s.reasons), from_depth=s.depth, pushed=s.volume)
+    s = watch_push(p, s, fresh)
     command = p.surface_command if s.phase < p.push else p.hold_command
+    if s.turns == 1.0:
+        command = p.away_command
     phase = s.phase + 1.0
+    if phase == p.push:
+        inside = s.measured > 0.0 and s.volume < p.volume_high
+        if inside and s.volume - s.pushed > p.grown:
+            phase = p.push - p.again
+        s = s._replace(pushed=s.volume)
     if phase >= p.push + p.rest:
         phase = p.push - p.again
+        s = s._replace(pushed=s.volume)
     s = s._replace(command=command, phase=phase, window=s.window + 1.0)
     if s.window >= p.release:
         risen = good and (s.depth <= p.surface or s.depth <= s.from_depth - p.rise)
@@ -294,10 +375,13 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
     """Return the state at the start; restarted: 1 after a watchdog's reset or a brown-out."""
     return SupervisorState(
         restarted=restarted, tick=0.0, block=0.0, lost=0.0, since=_LONG_AGO, depth=0.0, blind=0.0,
-        same=0.0, same_volume=0.0, frozen=0.0, volume=0.0, measured=0.0, volume_blind=0.0,
+        same=0.0, change=0.0, noisy=0.0, same_volume=0.0, frozen=0.0, volume=0.0, measured=0.0,
+        volume_blind=0.0,
         command=0.0, lag=0.0, asked=0.0, following=0.0, z1=0.0, z2=0.0, n1=0.0, n2=0.0,
-        settled=0.0, anchor=0.0, still=0.0,  wrong=0.0, deep=0.0, battery=0.0, leak=0.0,
+        settled=0.0, anchor=0.0, still=0.0, wrong=0.0, own=0.0, own_depth=0.0, known=0.0, deep=0.0,
+        battery=0.0, leak=0.0,
         missed=0.0, reason=0.0, reasons=0.0, phase=0.0, window=0.0, from_depth=0.0, release=0.0,
+        pushed=0.0, astray=0.0, turns=0.0,
     )  # fmt: skip
 
 
@@ -308,7 +392,8 @@ def step(
     p = parameters
     lost = 0.0
     since = state.since + 1.0
-    if seen.lost > 0.0:
+    any_lost = seen.lost > 0.0
+    if any_lost:
         lost = min(seen.lost, _BLOCK - 1.0)
         since = since + lost
     since = min(since, _LONG_AGO)
@@ -318,8 +403,9 @@ def step(
     volume = seen.volume if measured else state.volume
     gap = since > p.gap or state.volume_blind > p.gap
 
-    s = count_time(p, state, lost)
-    if measured and s.measured > 0.0 and lost == 0.0:
+    s = count_time(p, state, any_lost, lost)
+    fresh = measured and s.measured > 0.0 and not any_lost
+    if fresh:
         s = watch_rate(p, s, volume)
     s = count_blind(p, s, seen, good, measured)
     known = good and measured
@@ -341,7 +427,7 @@ def step(
         reasons=reasons_of(p, s), tick=s.tick + 1.0,
     )  # fmt: skip
     if s.reasons > 0.0:
-        s = bring_up(p, s, good)
+        s = bring_up(p, s, good, fresh)
     return s.command, s, p.S_p
 
 

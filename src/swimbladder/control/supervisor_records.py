@@ -29,9 +29,12 @@ class SupervisorParameters(NamedTuple):
     per_tick: float  # 1/s, 1/S_p
     surface_command: float  # V or m3, that makes the vehicle lightest
     hold_command: float  # V or m3, that keeps it so
+    away_command: float  # V or m3, that makes it heaviest; lightest with the wires swapped
     push: float  # ticks of the surface command at first
     again: float  # ticks of it after a rest
     rest: float  # ticks of the hold command in between
+    grown: float  # m3, by which the volume grows in a push that is not followed by a rest
+    astray: float  # ticks in which it goes the wrong way
     release: float  # ticks in which it has to rise
     rise: float  # m, by so much
     depth_least: float  # m, the least that the sensor can mean
@@ -45,6 +48,9 @@ class SupervisorParameters(NamedTuple):
     same_begun: float  # ticks of it after which the volume has to stay as well
     same_moved: float  # ticks of it that are too many where it does not
     moved: float  # m3, by so much
+    same_noisy: float  # ticks of the very same depth where the sensor has shown its noise
+    noisy: float  # -, share of ticks in which the depth turns, where it has
+    noisy_weight: float  # -, of the newest in it
     volume_least: float  # m3, the least that the sensor can mean
     volume_most: float  # m3, the largest
     volume_low: float  # m3, below it the actuator may be at its end
@@ -58,11 +64,16 @@ class SupervisorParameters(NamedTuple):
     rate_smoothing: float  # -
     rate_share: float  # -, of the rate asked for that may be missing
     rate_least: float  # m3/s, that may be missing anyway
+    rate_away: float  # m3/s, with which wires that are swapped drive it away
     following: float  # ticks in which the volume does not follow
     psi: float  # m3/m
     psi_range: float  # m3/m, how well psi is known
     neutral: float  # m3, neutral volume at the surface
     neutral_range: float  # m3, how well it is known, drift included
+    neutral_change: float  # m3, how far it may walk from what the dive has shown
+    known: float  # ticks in which the dive has to show it
+    forgetting: float  # -, least weight of the newest in it
+    calm: float  # m3, by which the model may miss where it is learnt
     model_error: float  # -, share of the force on the vehicle that the model may miss
     per_a_b: float  # m2 s2, volume per acceleration
     d_l: float  # 1/s, drag per mass and speed
@@ -104,6 +115,8 @@ class SupervisorState(NamedTuple):
     depth: float  # m, last good one
     blind: float  # ticks; at its limit 0 to 2 more for what was wrong first
     same: float  # ticks in which the depth was the very same
+    change: float  # m, of the depth at the last tick
+    noisy: float  # -, share of ticks in which the depth turned; it stays where it is enough
     same_volume: float  # m3, n1 when the volume had to stay
     frozen: float  # -, 1
     volume: float  # m3, last good one
@@ -121,6 +134,9 @@ class SupervisorState(NamedTuple):
     anchor: float  # m, around it the depth stands still
     still: float  # ticks for which it has
     wrong: float  # ticks in which depth and volume did not fit
+    own: float  # m3, neutral volume at the surface as the dive has shown it
+    own_depth: float  # m, where it did, on average
+    known: float  # ticks in which it did
     deep: float  # ticks
     battery: float  # ticks
     leak: float  # ticks
@@ -131,15 +147,18 @@ class SupervisorState(NamedTuple):
     window: float  # ticks in which it has to rise
     from_depth: float  # m, when they began
     release: float  # -, 1: drop the weight
+    pushed: float  # m3, volume when the push began
+    astray: float  # ticks in which a push drove it away
+    turns: float  # 1: wires taken for swapped, 2: no more
 
 
 SUPERVISOR_UNITS = {
-    "surface_command": "V or m3", "hold_command": "V or m3",
+    **dict.fromkeys(("surface_command", "hold_command", "away_command"), "V or m3"),
     **dict.fromkeys(("S_p", "late_age", "coast"), "s"),
     **dict.fromkeys(
         ("push", "again", "rest", "release", "blind", "gap", "same", "same_begun", "same_moved",
          "following", "settle", "wrong", "still", "deep", "battery", "leak", "missed", "lost",
-         "time_ticks"),
+         "known", "same_noisy", "astray", "time_ticks"),
         "ticks",
     ),
     "time_blocks": "4096 ticks",
@@ -150,15 +169,17 @@ SUPERVISOR_UNITS = {
     ),
     **dict.fromkeys(
         ("moved", "volume_least", "volume_most", "volume_low", "volume_high", "neutral",
-         "neutral_range", "neutral_deepest"),
+         "neutral_range", "neutral_deepest", "neutral_change", "calm", "grown"),
         "m3",
     ),
     **dict.fromkeys(
-        ("positioner", "rate_smoothing", "rate_share", "model_error", "smoothing"),
+        ("positioner", "rate_smoothing", "rate_share", "model_error", "smoothing", "forgetting",
+         "noisy", "noisy_weight"),
         "",
     ),
     "rate": "m3/s/V or m3/s", "load_drive": "V/m", "load_back": "V/m", "friction": "V",
-    "leakage": "m2/s", "rate_least": "m3/s", "turn_rate": "m3/s", "psi": "m3/m",
+    "leakage": "m2/s", "rate_least": "m3/s", "rate_away": "m3/s",
+    "turn_rate": "m3/s", "psi": "m3/m",
     "psi_range": "m3/m", "per_tick": "1/s", "per_tau": "1/s", "per_a_b": "m2 s2",
     "d_l": "1/s", "d_b": "1/s", "d_0": "m/s2",
     "d_t": "1/m", "epsilon": "m/s", "battery_low": "V",

@@ -38,8 +38,9 @@ __all__ = [
 ]
 
 _KIND, _FIRST, _SECOND, _BEGIN, _END = range(5)
-ROOM = 5  # numbers that the sensors keep: see below
-_HELD, _HELD_AT, _VOLUME, _LOOSE, _STUCK = range(ROOM)
+ROOM = 6  # numbers that the sensors keep: see below
+_HELD, _HELD_AT, _VOLUME, _LOOSE, _STUCK, _BLOCKED = range(ROOM)
+_HELD_BACK = 1.0  # s on end, that a block stops the actuator before it counts as acting
 
 (
     DEPTH_NAN, DEPTH_DROPOUTS, DEPTH_STUCK, DEPTH_RANGE, DEPTH_LATE, DEPTH_OLD, DEPTH_JUMP,
@@ -138,11 +139,14 @@ def changes(harms, k):  # type: ignore[no-untyped-def]
 
 
 @part
-def acts(base, p, harms, k, engine_volume):  # type: ignore[no-untyped-def]
-    """Return whether a fault acts at tick k: a block only once the actuator has come to it.
+def acts(base, p, harms, k, tick, engine_volume, kept):  # type: ignore[no-untyped-def]
+    """Return whether a fault acts at tick k: a block once it has stopped the actuator.
+
+    Noise alone makes a piston touch a block, for a tick, that it is not held back by.
 
     engine_volume [m3]: the volume as the limits in p count it, see `flight`.
     """
+    stopped = False
     for n in range(harms.shape[0]):
         harm = harms[n]
         if not _on(harm, k):
@@ -150,14 +154,13 @@ def acts(base, p, harms, k, engine_volume):  # type: ignore[no-untyped-def]
         kind = int(harm[_KIND])
         narrow = p[V_MAX] - p[V_MIN] < (1.0 - 1e-9) * (base[V_MAX] - base[V_MIN])
         if kind == BLOCKED_OUT:
-            if narrow and engine_volume >= p[V_MAX]:
-                return True
+            stopped = stopped or (narrow and engine_volume >= p[V_MAX])
         elif kind == BLOCKED_IN:
-            if narrow and engine_volume <= p[V_MIN]:
-                return True
+            stopped = stopped or (narrow and engine_volume <= p[V_MIN])
         else:
             return True
-    return False
+    kept[_BLOCKED] = kept[_BLOCKED] + 1.0 if stopped else 0.0
+    return kept[_BLOCKED] * tick >= _HELD_BACK
 
 
 @part

@@ -125,7 +125,7 @@ def _fly(  # type: ignore[no-untyped-def]
     off_until, hung_until, resets = -1, -1, 0
     must_begin, restarted = True, 0
     u_board, u, turn = 0.0, c[START_VOLUME] if positioner else 0.0, 0
-    asked = depths[0]
+    asked, told = depths[0], False
     deepest, full_at = c[START_DEPTH], math.inf
     for k in range(end + 1):
         t = k * tick
@@ -153,7 +153,7 @@ def _fly(  # type: ignore[no-untyped-def]
         else:
             result[ARRIVED] = np.nan
         result[LAST] = k
-        quiet = k >= full_at if how == FULL else k >= c[QUIET_AT] or k > result[LATCHED]
+        quiet = told or k >= c[QUIET_AT] or k > result[LATCHED]
         if quiet and k - result[ARRIVED] >= c[STAY]:
             break
         # the battery
@@ -162,7 +162,7 @@ def _fly(  # type: ignore[no-untyped-def]
             built[:] = 0
             if positioner and x[0] != 0.0:
                 x[0] = math.copysign(p[RATE], x[0])
-        if math.isnan(result[ACTING]) and acts(base, p, harms, k, x[1]):
+        if math.isnan(result[ACTING]) and acts(base, p, harms, k, tick, x[1], kept):
             result[ACTING] = k
             full_at = k + c[FULL_AFTER]
         if positioner:
@@ -187,7 +187,7 @@ def _fly(  # type: ignore[no-untyped-def]
         asked += max(-c[RAMP], min(c[RAMP], depths[turn] - asked))
         missed, reset, hangs = board_misses(harms, k, tick)
         if how == FULL and k >= full_at:
-            missed, hangs, hung_until = False, 0, -1  # a reset takes the motor's voltage
+            hangs, hung_until = 0, -1  # what misses ticks or is reset does so here as well
         board = _RAN
         if k == hung_until or reset or (battery < c[BROWN_OUT]):
             if k > 0:
@@ -206,7 +206,7 @@ def _fly(  # type: ignore[no-untyped-def]
             board = _MISSED
             lost += 1
         elif how == FULL and k >= full_at:
-            u_board = base[V_MAX] if positioner else base[SUPPLY]
+            u_board, told = base[V_MAX] if positioner else base[SUPPLY], True
         else:
             if must_begin:
                 memory[:] = 0xA5 if restarted else 0

@@ -20,10 +20,17 @@ _DEPTH_SHARE = 0.9  # of the deepest
 _NEUTRAL_SHARE = 0.25  # of half the stroke: trim, trapped air, a layer of 3 kg/m3 for `feup-em`
 _SHORT_S = 1.0  # s, for what needs no doubt: leak, depth limit
 _NO_COMMAND_S = 10.0
-_TAU_S = 10.0  # s, of each low pass: above a swell's period over 2 pi
+_TAU_S = 7.0  # s, of each low pass: above a swell's period over 2 pi
 _SETTLE = 3.0  # of them
+_CHANGE_SHARE = 0.2  # of neutral_range, that the neutral volume may change in a dive
+_CALM_SHARE = 0.25  # of that change, by which the model may miss where it is learnt
+_KNOWN_S = 10.0  # s, in which it is learnt, after the low passes have settled
+_FORGET_S = 1800.0  # s, in which it may walk off
 _FOLLOW_S = 2.0  # s, of the low pass on the volume's rate
-_RATE_SHARE, _RATE_LEAST = 0.6, 0.15  # of the rate asked for; of the full rate
+_RATE_SHARE = 0.6  # of the rate asked for
+_RATE_LEAST = 0.05  # of the full rate: friction and load that are not known take a twentieth
+_RATE_LEAST_POSITIONER = 0.15  # a position that is read off by as much as its drift asks for that
+_RATE_AWAY = 0.4  # of the full rate: a motor that runs backwards has the sea's help
 _END_SHARE = 0.05  # of the stroke, next to an end stop
 _WATER_SPEED = 1.0  # m/s, of swell
 _AIR_PRESSURE = 1.0  # m, 100 hPa: more than weather changes the surface's reading
@@ -32,6 +39,11 @@ _RARE = 1e-12  # chance that noise gives the same depth all along
 _AT_LEAST_S = 10.0  # s, of the very same depth: a slow sensor repeats itself
 _HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
 _MOVED_SHARE = 0.05  # of half the stroke, with which a depth cannot stay the same
+# On the edge between two quanta noise turns the depth in a quarter of the ticks at most, and the
+# mean of 200 is within 0.1 of that. 0.35 means sigma above 0.7 quanta: a sample is then the same
+# with a chance of 0.53 at most, and 44 of them with one of 1e-12.
+_NOISY, _NOISY_WEIGHT, _SAME_NOISY = 0.35, 0.005, 44.0
+_GROWN_SHARE = 2e-3  # of half the stroke
 _STILL_S = 5.0
 _REST_S, _LEAST_PUSH_S = 60.0, 10.0
 _RISE = 1.0  # m
@@ -50,6 +62,9 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
     neutral_range = given.neutral_range
     if neutral_range is None:
         neutral_range = min(_NEUTRAL_SHARE * half, 0.5 * (p.V_max - p.V_0))
+    change = given.neutral_change
+    if change is None:
+        change = _CHANGE_SHARE * neutral_range
     psi_range = given.model_error * abs(p.psi)
     battery_low = given.battery_low
     if battery_low is None:
@@ -70,15 +85,17 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         same = ticks(given.frozen, tick)
     patience = max(3.0, ticks(given.patience, tick))
     moving = 6.0 * noise + 2.0 * quantum
-    still = ticks(max(_STILL_S, math.sqrt(6.0 * (moving + 0.02) / (p.a_b * neutral_range))), tick)
+    still = ticks(max(_STILL_S, math.sqrt(6.0 * (moving + 0.02) / (p.a_b * change))), tick)
     whole = math.inf if given.time_limit is None else math.ceil(given.time_limit / tick - 1e-6)
     floor = math.inf if given.bottom_depth is None else given.bottom_depth
     return SupervisorParameters(
         S_p=tick, per_tick=1.0 / tick,
         surface_command=p.supply if voltage else p.V_max,
         hold_command=hold if voltage else p.V_max,
+        away_command=-p.supply if voltage else p.V_min,
         push=ticks(2.0 * stroke_s, tick), rest=ticks(_REST_S, tick),
         again=ticks(max(_LEAST_PUSH_S, 0.5 * stroke_s), tick),
+        grown=_GROWN_SHARE * half, astray=ticks(follow, tick),
         release=ticks(given.release_time or 2.0 * stroke_s + _REST_S, tick), rise=_RISE,
         depth_least=p.z_air - _AIR_PRESSURE,
         depth_most=min(1.5 * deepest + 10.0, _DEEPEST) if deepest < math.inf else _DEEPEST,
@@ -87,6 +104,8 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         late_age=given.late or max(2.0 * tick, 1.0), blind=patience, gap=patience,
         same=same, same_begun=ticks(2.0 * tau, tick), same_moved=ticks(3.0 * tau, tick),
         moved=_MOVED_SHARE * half,
+        same_noisy=max(ticks(_AT_LEAST_S, tick), _SAME_NOISY), noisy=_NOISY,
+        noisy_weight=_NOISY_WEIGHT,
         volume_least=p.V_min - 2.0 * _END_SHARE * half,
         volume_most=p.V_max + 2.0 * _END_SHARE * half,
         volume_low=p.V_min + 2.0 * _END_SHARE * half,
@@ -94,8 +113,11 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         positioner=p.positioner, rate=p.gain if voltage else p.rate,
         load_drive=p.load_drive, load_back=p.load_back, friction=p.friction, leakage=p.k_l,
         rate_smoothing=tick / (follow + tick), rate_share=_RATE_SHARE,
-        rate_least=_RATE_LEAST * full_rate, following=patience,
+        rate_least=(_RATE_LEAST if voltage else _RATE_LEAST_POSITIONER) * full_rate,
+        rate_away=_RATE_AWAY * full_rate, following=patience,
         psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range,
+        neutral_change=change, known=ticks(_KNOWN_S, tick), forgetting=tick / (_FORGET_S + tick),
+        calm=_CALM_SHARE * change,
         model_error=given.model_error, per_a_b=1.0 / p.a_b,
         d_l=p.d_l, d_b=p.d_b, d_0=p.d_0, d_t=p.d_t,
         epsilon=p.epsilon, per_tau=1.0 / tau, smoothing=tick / (tau + tick),

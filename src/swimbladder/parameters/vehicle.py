@@ -88,6 +88,10 @@ class Supervisor(Parameters):
         "of the water included; not given: a quarter of half the stroke, half of what is left "
         "above `trim_error` at most"
     )  # fmt: skip
+    neutral_change: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = Field(
+        None, description="how far the neutral volume may change in a dive from what its first "
+        "minute showed, layers of the water included; not given: a fifth of `neutral_range`"
+    )  # fmt: skip
     model_error: Annotated[float, Unit(""), Field(gt=0.0, lt=1.0)] = Field(
         0.3, description="share of the force on the vehicle, and of psi, that the model may miss"
     )
