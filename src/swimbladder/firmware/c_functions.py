@@ -26,7 +26,7 @@ from swimbladder.firmware.tree import (
 
 __all__ = ["FunctionText", "shortened"]
 
-_COPIES = 4  # of a function of numbers; calls of it take less than more of them
+_COPIES = 6  # of a function of numbers; calls of it take less than more of them
 _ZEROS = 4  # fields; from more than these on memset is shorter
 
 
