@@ -18,8 +18,14 @@ def meanings(p: SupervisorParameters) -> list[tuple[int, str, str, str]]:
         return f"{count * p.S_p:.3g} s" if math.isfinite(count) else "never"
 
     age = f"a depth older than {p.late_age:.3g} s"
-    same = f"{seconds(p.same)} of the same, or {seconds(p.same_moved)} while the volume changes"
-    model = f"{p.neutral_range * 1e6:.3g} cm3 and {p.model_error:.0%} of the force"
+    same = (
+        f"{seconds(p.same)} of the same ({seconds(p.same_noisy)} where its noise has shown), or "
+        f"{seconds(p.same_moved)} while the volume changes"
+    )
+    model = (
+        f"{p.neutral_range * 1e6:.3g} cm3 ({p.neutral_change * 1e6:.3g} cm3 from what the dive has "
+        f"shown) and {p.model_error:.0%} of the force"
+    )
     said = {
         Reason.RESTARTED: ("a watchdog or a brown-out began the program anew", "at once"),
         Reason.LEAK: ("`water_inside` said so", seconds(p.leak)),
@@ -43,7 +49,7 @@ def meanings(p: SupervisorParameters) -> list[tuple[int, str, str, str]]:
         Reason.NOT_MOVING_AS_MODELLED: (
             f"depth and volume do not fit, by more than {model}: a sensor is wrong, or the vehicle "
             "is caught, aground, flooded or badly trimmed",
-            seconds(p.wrong),
+            f"{seconds(p.wrong)}, a third of it where it is beyond doubt",
         ),
         Reason.BATTERY_LOW: (f"below {p.battery_low:.3g} V", seconds(p.battery)),
         Reason.NO_COMMAND: ("the law gave no command", seconds(p.missed)),
