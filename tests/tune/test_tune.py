@@ -17,7 +17,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.linear.models import linearise
 from swimbladder.linear.sampled import SampledLoop, linearise_law
-from swimbladder.plots.tune import draw_sensitivity
+from swimbladder.plots.tune import draw_sensitivity, draw_tuning
 from swimbladder.report.tune import write_tuning
 from swimbladder.tune import tune
 from swimbladder.tune.energy import electrical_energy, winding
@@ -112,6 +112,19 @@ def test_quiet_holds_a_depth_and_hardly_moves():
     assert falls_short(found.margins, WANTED) == ()
 
 
+@pytest.mark.slow
+def test_a_positioner_is_tuned_too():
+    found = tune(
+        load_vehicle("ntnu-bv"), law="position-observer", depths=(0.0, 1.4), step=(0.4, 1.0),
+        runs=20,
+    )  # fmt: skip
+    assert falls_short(found.margins, WANTED) == ()
+    assert found.nominal.settle_median < 35.0  # the float's own PID takes 70 s
+    assert found.to_json()["supply_V"] is None
+    assert found.vehicle.controller.law == "position-observer"
+    assert [axes.get_ylabel() for axes in draw_tuning(found).axes][-1] == "volume asked for [cm³]"
+
+
 def test_the_sensitivity_that_is_drawn_is_that_of_the_margins():
     found = tune(NOISY, law="observer", depths=(0.0, 5.0), step=(1.5, 3.0), runs=20)
     figure = draw_sensitivity(found)
@@ -179,7 +192,14 @@ def test_the_energy_of_samples_is_that_of_the_books():
         (FEUP, {"delay": 1.5}, InputError, "share of the sample"),
         (FEUP, {"supply": 20.0}, InputError, "not above the vehicle's"),
         (FEUP, {"step": (2.0, 2.0)}, InputError, "no step"),
-        (load_vehicle("ntnu-bv"), {}, InputError, "command a voltage"),
+        (load_vehicle("ntnu-bv"), {}, InputError, "Choose from position-observer"),
+        (FEUP, {"law": "position-observer"}, InputError, "commands a volume"),
+        (
+            load_vehicle("ntnu-bv"),
+            {"law": "position-observer", "supply": 12.0},
+            InputError,
+            "supply of its own",
+        ),
     ],
 )
 def test_what_cannot_be_is_said(vehicle, options, error, words):

@@ -29,7 +29,8 @@ def tune(
     law: Annotated[
         str,
         typer.Option(
-            metavar="LAW", help="planned, observer, sea-cascade, adrc, cascade or deadband."
+            metavar="LAW",
+            help="planned, observer, sea-cascade, adrc, cascade, deadband or position-observer.",
         ),
     ] = "planned",
     goal: Annotated[

@@ -22,14 +22,16 @@ def draw_tuning(tuning: Tuning) -> Figure:
     depth, volume, voltage = figure.subplots(3, 1, sharex=True)
     step = tuning.step
     settle = tuning.nominal.settle_median
+    volts = tuning.law.command == "voltage"
     end = min(step.duration, _LONG * settle) if settle > 0.0 else step.duration
     for traces, colour, width, alpha, label in (
-        (tuning.shown[1], ORANGE, 0.8, 0.7, "over the region, supply low"),
+        (tuning.shown[1], ORANGE, 0.8, 0.7, f"over the region{', supply low' if volts else ''}"),
         (tuning.shown[0], BLUE, 1.8, 1.0, "as it is"),
     ):
         kept = traces.time <= end
         for axes, values in (
-            (depth, traces.depth), (volume, 1e6 * traces.volume), (voltage, traces.command),
+            (depth, traces.depth), (volume, 1e6 * traces.volume),
+            (voltage, traces.command * (1.0 if volts else 1e6)),
         ):  # fmt: skip
             lines = axes.plot(traces.time[kept], values[kept], color=colour, lw=width, alpha=alpha)
             lines[0].set_label(label)
@@ -46,10 +48,11 @@ def draw_tuning(tuning: Tuning) -> Figure:
     depth.invert_yaxis()
     depth.set_ylabel("depth [m]")
     volume.set_ylabel("volume [cm³]")
-    voltage.set_ylabel("voltage [V]")
+    voltage.set_ylabel("voltage [V]" if volts else "volume asked for [cm³]")
     voltage.set_xlabel("time since the set-point changed [s]")
     depth.legend(loc="best")
-    voltage.legend(handles=voltage.get_legend_handles_labels()[0][-1:], loc="lower right")
+    if limit is not None:
+        voltage.legend(handles=voltage.get_legend_handles_labels()[0][-1:], loc="lower right")
     depth.set_title(
         f"{tuning.vehicle.name}, {tuning.law.name} tuned for {tuning.goal}", fontsize=10.0
     )
@@ -63,9 +66,9 @@ def draw_sensitivity(tuning: Tuning) -> Figure:
     figure = Figure(figsize=(7.5, 3.8))
     panels = figure.subplots(1, 2, sharey=True)
     loops = sorted(tuning.loops(), key=lambda loop: -loop.number)  # the nominal one on top
-    for axes, place in zip(panels, ("voltage", "measured depth"), strict=True):
+    for axes, place in zip(panels, (tuning.law.command, "measured depth"), strict=True):
         for loop in loops:
-            broken = loop.at_command if place == "voltage" else loop.at_depth
+            broken = loop.at_command if place != "measured depth" else loop.at_depth
             w, values = frequency_response(broken)
             axes.loglog(
                 w, 1.0 / abs(1.0 + values), color=BLUE if loop.number == 0 else ORANGE,

@@ -17,6 +17,10 @@ from swimbladder.control.deadband import DEADBAND, DeadbandParameters, deadband_
 from swimbladder.control.law import Law
 from swimbladder.control.observer import OBSERVER, ObserverParameters
 from swimbladder.control.planned import PLANNED, PlannedParameters
+from swimbladder.control.position_observer import (
+    POSITION_OBSERVER,
+    PositionObserverParameters,
+)
 from swimbladder.control.sea_cascade import SEA_CASCADE, SeaCascadeParameters, sea_cascade_gains
 from swimbladder.dynamics import Plant
 from swimbladder.errors import InputError
@@ -87,8 +91,9 @@ def _feedback(s: Setting, k: Knobs) -> dict[str, float]:
         "l_z": L[0], "l_w": L[1], "l_b": L[2],
         "neutral": p.V_0, "neutral_range": s.neutral_range, "psi": p.psi,
         "k_z": k.frequency**2 / a, "k_w": (2.0 * k.damping * k.frequency - d) / a,
-        "k_V": k.inner / p.gain, "dead": k.dead, "depth_voltage": p.load_drive,
-        "limit": k.volts * s.limit, "volume_min": p.V_min, "volume_max": p.V_max, "S_p": h,
+        "k_V": k.inner / p.gain if p.gain > 0.0 else 0.0, "dead": k.dead,
+        "depth_voltage": p.load_drive, "limit": k.volts * s.limit,
+        "volume_min": p.V_min, "volume_max": p.V_max, "S_p": h,
     }  # fmt: skip
 
 
@@ -112,6 +117,15 @@ def _observer(s: Setting, k: Knobs) -> ObserverParameters:
         # A depth error that asks for half the room, by k_z.
         farthest=_STROKE * _room(s.plant) / found["k_z"],
     )  # fmt: skip
+
+
+def _position_observer(s: Setting, k: Knobs) -> PositionObserverParameters:
+    found = _floats(_feedback(s, k))
+    for name in ("k_V", "depth_voltage", "limit"):  # a positioner has its own
+        del found[name]
+    return PositionObserverParameters(
+        **found, rate=s.plant.rate, farthest=_STROKE * _room(s.plant) / found["k_z"]
+    )
 
 
 def _jerk(s: Setting, k: Knobs) -> float:
@@ -207,5 +221,6 @@ TUNABLE: Mapping[str, Recipe] = {
     "cascade": Recipe(CASCADE, _cascade),
     "sea-cascade": Recipe(SEA_CASCADE, _sea_cascade),
     "adrc": Recipe(ADRC, _adrc),
+    "position-observer": Recipe(POSITION_OBSERVER, _position_observer),
     "deadband": Recipe(DEADBAND, _deadband, linear=False),
 }

@@ -43,6 +43,7 @@ _PLAIN = Grid((0.3, 0.45), (0.05, 0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23), (0.6
 _GRIDS: Mapping[str, tuple[Grid, Grid]] = {  # fast, and quiet or energy
     "planned": (_FAST, _QUIET),
     "observer": (_FAST, _QUIET),
+    "position-observer": (_FAST, _QUIET),
     "cascade": (_PLAIN, _PLAIN._replace(inner=(0.3,), frequency=_QUIET.frequency)),
     "sea-cascade": (
         Grid((0.4, 0.5), (0.13, 0.16, 0.19, 0.21, 0.23), (1.0,), (4.0, 6.5, 10.0)),
@@ -116,7 +117,7 @@ def options(
             knobs._replace(dead=dead, pause=x * runaway(s.plant), band=y * held)
             for x, y in product(_PAUSES, _PREDICTED)
         ]
-    elif name in ("planned", "sea-cascade"):
+    elif name in ("planned", "sea-cascade", "position-observer"):
         noise = _jitter(name, parameters, s)
         rests = [knobs._replace(dead=max(x * noise, s.least_move)) for x in _DEAD]
     volts = _VOLTS if goal == "energy" and name != "cascade" else (1.0,)

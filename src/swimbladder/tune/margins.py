@@ -53,9 +53,15 @@ _LOST = Worst(False, 1.0, 1.0, 0.0, 0.0, math.inf, 0.0)
 def at_rest(law: Law, parameters: Any, p: Plant, *, depth: float, sample_time: float) -> LinearLaw:
     """Return the linear form of a law that holds a plant at `depth` [m]."""
     seen = Measurement(0.0, depth, p.psi * depth + p.V_0)
+
+    def step(numbers: Any, state: Any, seen: Measurement, reference: float) -> Any:
+        # A positioner's volume is no output of the linear plant: it is where it was sent.
+        return law.step(numbers, state, seen._replace(volume=math.nan), reference)
+
     return linearise_law(
-        law.step, parameters=parameters, state=law.initial(parameters, seen, depth),
-        measurement=seen, reference=depth, tick=sample_time,
+        law.step if law.command == "voltage" else step, parameters=parameters,
+        state=law.initial(parameters, seen, depth), measurement=seen, reference=depth,
+        tick=sample_time,
     )  # fmt: skip
 
 

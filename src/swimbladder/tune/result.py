@@ -58,14 +58,19 @@ class Tuning:
         )  # fmt: skip
 
     @property
+    def _low(self) -> str:
+        low = f" with the supply at {self.supply:.3g} V"
+        return low if math.isfinite(self.supply) else ""
+
+    @property
     def sentences(self) -> tuple[str, ...]:
         """What a person wants to know first."""
         m, r, n = self.margins, self.region, self.nominal
         settled = (
             f"The step from {self.step.start:g} to {self.step.target:g} m settles to 2 % in "
             f"{_seconds(n.settle_median)} (median of {n.runs} runs of the nominal vehicle), "
-            f"{_seconds(r.settle_95)} in 95 % of {r.runs} runs over the region with the supply "
-            f"at {self.supply:.3g} V; overshoot {100.0 * n.overshoot_median:.1f} % and "
+            f"{_seconds(r.settle_95)} in 95 % of {r.runs} runs over the region{self._low}; "
+            f"overshoot {100.0 * n.overshoot_median:.1f} % and "
             f"{100.0 * r.overshoot_95:.1f} %."
         )
         held = (
@@ -101,7 +106,7 @@ class Tuning:
             "sample_time_s": self.sample_time,
             "computation_delay_s": self.delay,
             "depths_m": list(self.depths),
-            "supply_V": self.supply,
+            "supply_V": _or_none(self.supply),
             "parameters": {
                 name: {"value": float(value), "unit": self.law.units[name]}
                 for name, value in self.parameters._asdict().items()

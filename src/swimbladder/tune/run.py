@@ -12,7 +12,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.linear.depths import stall
 from swimbladder.parameters import Controller, Vehicle
 from swimbladder.tune.energy import winding
-from swimbladder.tune.gains import setting_of, tunable
+from swimbladder.tune.gains import TUNABLE, setting_of, tunable
 from swimbladder.tune.grids import GOALS, HELD, goals_of
 from swimbladder.tune.region import region
 from swimbladder.tune.result import Tuning
@@ -53,6 +53,11 @@ def tune(
     h = _sample_time(vehicle, sample_time)
     vehicle, sensor = _with_noise(vehicle)
     p = plant(vehicle)
+    if supply is not None and not vehicle.voltage_driven:
+        raise InputError(
+            "a positioner has a supply of its own", field="supply", value=supply, unit="V",
+            remedy="Leave it out",
+        )  # fmt: skip
     least = _LOW * p.supply if supply is None else supply
     if not 0.0 < least <= p.supply:
         raise InputError(
@@ -99,7 +104,9 @@ def tune(
         assumptions=(
             *around.words,
             sensor,
-            f"the supply falls to {least:.3g} V",
+            f"the supply falls to {least:.3g} V"
+            if math.isfinite(least)
+            else f"the positioner moves {1e6 * p.rate:.3g} cm3/s",
             f"a command comes {1e3 * delay * h:.3g} ms after its sample",
         ),
         plants=around.plants,
@@ -110,11 +117,12 @@ def _check(
     vehicle: Vehicle, law: str, goal: str, depths: tuple[float, float], delay: float, runs: int,
     hold: float | None,
 ) -> None:  # fmt: skip
-    if not vehicle.voltage_driven:
+    if (tunable(law).command == "voltage") != vehicle.voltage_driven:
+        fitting = [n for n, r in TUNABLE.items() if r.law.command != tunable(law).command]
         raise InputError(
-            "these laws command a voltage, and the vehicle's actuator takes a volume",
-            field="actuator.kind", value=vehicle.actuator.kind,
-            remedy="Choose a vehicle with a motor, or keep the law position-pid",
+            f"the law {law} commands a {tunable(law).command}, and the vehicle's actuator takes a "
+            f"{'voltage' if vehicle.voltage_driven else 'volume'}",
+            field="--law", value=law, remedy=f"Choose from {', '.join(fitting)}",
         )  # fmt: skip
     if goal not in GOALS:
         raise InputError(
@@ -188,6 +196,8 @@ def _check_reach(vehicle: Vehicle, depths: tuple[float, float], supply: float) -
             f"stroke of {1e6 * stroke.minimum:g} to {1e6 * stroke.maximum:g} cm3: no law holds it "
             "there. Trim it otherwise, give it more stroke, or tune for less depth"
         )
+    if not vehicle.voltage_driven:
+        return
     p = plant(vehicle)._replace(supply=supply)
     limit = stall(p, depth=deepest, depth_limit=None).depth
     if limit is not None and deepest >= limit:
@@ -212,6 +222,6 @@ def _step(depths: tuple[float, float], given: tuple[float, float] | None) -> tup
 def _watched(vehicle: Vehicle, supply: float, distance: float, h: float) -> float:
     """Return how long a step is watched [s]: many times the least that the motor needs."""
     p = plant(vehicle)
-    jerk = p.gain * supply * p.a_b
+    jerk = (p.gain * supply if vehicle.voltage_driven else p.rate) * p.a_b
     least = math.cbrt(32.0 * distance / jerk)
     return max(math.ceil(_WATCHED * least / h), 200) * h

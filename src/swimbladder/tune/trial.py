@@ -141,7 +141,7 @@ def _runs(
         )
         vary |= draw(region, runs=runs, seed=seed)
         start_volume = np.full(runs, vehicle.neutral_volume(step.start))
-    if supply is not None:
+    if supply is not None and np.isfinite(supply):
         vary["supply"] = np.full(runs, supply)
     return simulate_ensemble(
         vehicle, count=runs, setpoints=[(0.0, step.target)], duration=step.duration,
