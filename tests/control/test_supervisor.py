@@ -77,7 +77,7 @@ FAULTS = {
     "beyond": (lambda: lambda _, s: s._replace(depth=1e6), Reason.DEPTH_IMPOSSIBLE, 5.2),
     "late": (lambda: lambda t, s: s._replace(depth_age=t), Reason.DEPTH_LATE, 6.3),
     "frozen": (lambda: frozen("depth"), Reason.DEPTH_FROZEN, 36.0),
-    "at 0": (lambda: lambda _, s: s._replace(depth=0.0), Reason.NOT_MOVING_AS_MODELLED, 18.0),
+    "at 0": (lambda: lambda _, s: s._replace(depth=0.0), Reason.DEPTH_FROZEN, 23.0),
     "no volume": (lambda: lambda _, s: s._replace(volume=math.inf), Reason.VOLUME_MISSING, 5.2),
     "odd volume": (lambda: lambda _, s: s._replace(volume=1e-3), Reason.VOLUME_IMPOSSIBLE, 5.2),
     "stuck": (lambda: frozen("volume"), Reason.NOT_FOLLOWING, 40.0),
@@ -263,6 +263,38 @@ class TestHealthy:
         assert flown.reason is None
 
 
+class TestShown:
+    """What the dive itself shows: its neutral volume, the sensor's noise, wires swapped."""
+
+    def test_a_leak_that_nothing_reports(self):
+        """60 mL/min, seen as a volume that reads too large: 17.5 cm3 of change take 18 s."""
+        change = supervisor_parameters(example("cascade")[0], 0.3).neutral_change
+        flown = fly(fault=lambda t, s: s._replace(volume=s.volume + 1e-6 * t))
+        assert flown.reason is Reason.NOT_MOVING_AS_MODELLED
+        assert change / 1e-6 < flown.after < change / 1e-6 + 50.0  # and psi, low passes, counting
+        slower = fly(fault=lambda t, s: s._replace(volume=s.volume + 1e-6 * t),
+                     supervisor={"neutral_change": "70 cm3"})  # fmt: skip
+        assert slower.after > flown.after + 30.0
+
+    @pytest.mark.parametrize(("sigma", "quantum", "seen"), [(1.0, 1.0, True), (0.4, 1.0, False)])
+    def test_noise_that_shows_arms_the_watch_on_the_very_same_depth(self, sigma, quantum, seen):
+        """Not where it only turns the depth on the edge between two quanta, at worst."""
+        p = supervisor_parameters(example("cascade")[0].model_copy(update={"sensors": CLEAN}), 0.3)
+        assert p.same == math.inf
+        rng, s = np.random.default_rng(2), SUPERVISOR.initial(p, CALM, 0.0)
+        for n in range(6000):
+            step = 0.5 + rng.normal(0.0, sigma) if n < 5900 else 0.0
+            depth = 2.0 + 0.002 * quantum * math.floor(step + 0.5)
+            _, s, _ = SUPERVISOR.step(p, s, CALM._replace(depth=depth, volume=8.08e-6), 0.0)
+        assert (Reason.DEPTH_FROZEN in reasons_in(s.reasons)) is seen
+
+    def test_a_depth_that_fails_a_third_of_the_time_is_none(self):
+        rng = np.random.default_rng(4)
+        flown = fly(fault=lambda _, s: s._replace(
+            depth=math.nan if rng.random() < 0.35 else s.depth))  # fmt: skip
+        assert flown.reason is Reason.DEPTH_MISSING
+
+
 class TestSafeAction:
     limits = supervisor_parameters(example("cascade")[0], 0.3)
 
@@ -283,6 +315,52 @@ class TestSafeAction:
         expected = [p.surface_command] * push + turn * 10
         assert commands == expected[:1500]
         assert self.after(1500)[0] == commands
+
+    def driven(self, drive: Any, volume: float, seconds: float = 60.0) -> list[tuple[float, float]]:
+        """Return (command, volume) of a leaking vehicle; drive: (time, command) -> m3/s."""
+        p, n = self.limits, round(seconds / 0.3)
+        s = SUPERVISOR.initial(p, WET, 1.0)
+        rows = []
+        for k in range(n):
+            seen = WET._replace(volume=volume)
+            command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+            rows.append((command, volume))
+            volume = min(max(volume + 0.3 * drive(0.3 * k, command), -3.5e-4), 3.5e-4)
+        return rows
+
+    def test_wires_that_are_swapped_are_found_and_the_vehicle_lightened(self):
+        p = self.limits
+        rows = self.driven(lambda _, u: -p.rate * u, 0.0)
+        assert rows[0][0] == p.surface_command
+        assert min(volume for _, volume in rows) > -2.5e-4
+        assert rows[-1] == (p.away_command, pytest.approx(3.5e-4))
+        at_the_end = self.driven(lambda _, u: -p.rate * u, -3.5e-4)
+        assert at_the_end[-1][1] == pytest.approx(3.5e-4)
+
+    def test_wires_that_are_mended_are_found_too(self):
+        p = self.limits
+        rows = self.driven(lambda t, u: (-1.0 if t < 20.0 else 1.0) * p.rate * u, 0.0)
+        assert rows[-1] == (p.surface_command, pytest.approx(3.5e-4))
+
+    def test_a_volume_that_lies_costs_one_try(self):
+        """It reads inwards whatever is commanded: the push is turned round once, and back."""
+        p = self.limits
+        s, volume, commands = SUPERVISOR.initial(p, WET, 1.0), 3e-4, []
+        for _ in range(150):
+            command, s, _ = SUPERVISOR.step(p, s, WET._replace(volume=volume), 0.0)
+            commands.append(command)
+            volume = max(volume - 0.3 * 0.5 * p.rate * 12.0, -3.5e-4)
+        tried = commands.count(p.away_command) * 0.3
+        assert 0.0 < tried < 5.0
+        assert commands[-1] == p.surface_command
+
+    def test_a_slow_actuator_is_pushed_without_rests(self):
+        """0.4 % of its speed; one that stands still rests."""
+        p = self.limits
+        slow = self.driven(lambda _, u: 0.004 * p.rate * u, 0.0, 600.0)
+        assert {command for command, _ in slow} == {p.surface_command}
+        stalled = self.driven(lambda *_: 0.0, 0.0, 600.0)
+        assert {command for command, _ in stalled} == {p.surface_command, p.hold_command}
 
     def test_the_first_cause_stays_and_the_others_are_gathered(self):
         p = self.limits

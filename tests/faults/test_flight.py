@@ -131,7 +131,8 @@ def test_what_the_actuator_does(rig):
     most = blocked["volume"][10] + 0.01 * stroke
     assert blocked["volume"].max() == pytest.approx(most, abs=1e-12)
     contact = int(np.argmax(blocked["volume"] >= most - 1e-12))
-    assert result[RESULT.acting] == contact > 10
+    assert result[RESULT.acting] == contact + 3  # the fourth tick: held back for a second on end
+    assert contact > 10
     _, slow = rig.fly((Fault.SLOW, 0.1, 0, 0, ALWAYS), target=25.0, ticks=40)
     _, quick = rig.fly(target=25.0, ticks=40)
     load = plant(rig.vehicle).load_drive * 20.0

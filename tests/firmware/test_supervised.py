@@ -149,7 +149,8 @@ def test_any_faults_are_met_as_by_the_twin_and_the_state_stays_finite(
             latched = got[1] > 0
             p = made.supervisor
             if latched:
-                assert got[0] in (np.float32(p.surface_command), np.float32(p.hold_command))
+                turned = np.float32(p.away_command)
+                assert got[0] in (np.float32(p.surface_command), np.float32(p.hold_command), turned)
     assert latched or not anew
 
 

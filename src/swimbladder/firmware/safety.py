@@ -39,10 +39,10 @@ _RARE = 1e-12  # chance that noise gives the same depth all along
 _AT_LEAST_S = 10.0  # s, of the very same depth: a slow sensor repeats itself
 _HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
 _MOVED_SHARE = 0.05  # of half the stroke, with which a depth cannot stay the same
-# On the edge between two quanta noise turns the depth in a quarter of the ticks at most, and the
-# mean of 200 is within 0.1 of that. 0.35 means sigma above 0.7 quanta: a sample is then the same
-# with a chance of 0.53 at most, and 44 of them with one of 1e-12.
-_NOISY, _NOISY_WEIGHT, _SAME_NOISY = 0.35, 0.005, 44.0
+# On the edge between two quanta noise turns the depth in a quarter of the ticks; the mean of 200 is
+# within 0.16 of that. 0.42 means sigma above the quantum: a sample is then the same with a chance
+# of 0.38. The number is for 0.53, that of 0.7 quanta: 44 samples, 1e-12.
+_NOISY, _NOISY_WEIGHT, _SAME_NOISY = 0.42, 0.005, 44.0
 _GROWN_SHARE = 2e-3  # of half the stroke
 _STILL_S = 5.0
 _REST_S, _LEAST_PUSH_S = 60.0, 10.0
