@@ -100,6 +100,7 @@ def make_library(
     Raises InputError where the vehicle has no controller or does not fit the pool, and
     NoAnswerError where it does not come through the mission, or through the pool day.
     """
+    vehicle = vehicle if pool is None else _in_pool(vehicle, pool)
     law, parameters, tick_s = choose_law(vehicle, None, None, None)
     limits = supervisor_parameters(vehicle, tick_s)
     program = read_law(law)
@@ -162,6 +163,14 @@ def make_library(
         limits=command_limits(vehicle), start_depth=start_depth, target=target, golden=golden,
         supervisor=limits, pool=day, files=files,
     )  # fmt: skip
+
+
+def _in_pool(vehicle: Vehicle, pool: PoolOptions) -> Vehicle:
+    """Return the vehicle whose supervisor knows that it may lie on the pool's bottom."""
+    if vehicle.supervisor.bottom_depth is not None:
+        return vehicle
+    knows = vehicle.supervisor.model_copy(update={"bottom_depth": pool.depth})
+    return vehicle.model_copy(update={"supervisor": knows})
 
 
 def write_library(library: Library, out: Path) -> list[Path]:
