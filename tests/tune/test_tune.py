@@ -113,6 +113,13 @@ def test_quiet_holds_a_depth_and_hardly_moves():
 
 
 @pytest.mark.slow
+def test_a_sensor_too_bad_for_a_fast_law_is_said():
+    sensors = FEUP.sensors.model_copy(update={"depth_noise": 0.05})
+    with pytest.raises(NoAnswerError, match="depth noise of 50 mm"):
+        tune(FEUP.model_copy(update={"sensors": sensors}), depths=(0.0, 5.0), runs=20)
+
+
+@pytest.mark.slow
 def test_a_positioner_is_tuned_too():
     found = tune(
         load_vehicle("ntnu-bv"), law="position-observer", depths=(0.0, 1.4), step=(0.4, 1.0),
@@ -181,6 +188,7 @@ def test_the_energy_of_samples_is_that_of_the_books():
     [
         (FEUP, {"depths": (0.0, 90.0)}, NoAnswerError, "outside its stroke"),
         (FEUP, {"depths": (0.0, 60.0), "supply": 4.0}, NoAnswerError, "no longer extend below"),
+        (FEUP, {"depths": (0.0, 150.0)}, NoAnswerError, "rated for 100 m"),
         (FEUP, {"sample_time": 3.0}, NoAnswerError, "shorter sample time"),
         (FEUP, {"law": "pid"}, InputError, "not tuned"),
         (FEUP, {"goal": "soon"}, InputError, "no such goal"),

@@ -103,6 +103,13 @@ def make_library(
     vehicle = vehicle if pool is None else _in_pool(vehicle, pool)
     law, parameters, tick_s = choose_law(vehicle, None, None, None)
     limits = supervisor_parameters(vehicle, tick_s)
+    for name, depth in (("start", start_depth), ("target", target)):
+        if depth > limits.depth_limit:
+            raise InputError(
+                "deeper than the supervisor allows", field=f"--{name}", value=depth, unit="m",
+                remedy=f"Give up to {limits.depth_limit:.4g} m, or say more of the vehicle in its "
+                "[supervisor] table",
+            )  # fmt: skip
     program = read_law(law)
     first = 0.0 if law.command == "voltage" else vehicle.stroke.maximum
     golden = fly(

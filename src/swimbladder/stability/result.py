@@ -49,6 +49,7 @@ class Stability:
     band: float  # m
     stood: tuple[Stood, ...]
     unmet: tuple[str, ...]  # what could not be looked at, and why
+    beyond: str = ""  # why part of the depths asked for is out of reach, whatever the law
 
     @property
     def stable(self) -> bool:
@@ -61,6 +62,7 @@ class Stability:
     def sentences(self) -> tuple[str, ...]:
         """What a person wants to know, in order."""
         return (
+            *((self.beyond,) if self.beyond else ()),
             *self._small(), *map(_cycle_words, self.cycles), *map(self._map_words, self.maps),
             *self._stood_words(), *self.unmet,
         )  # fmt: skip

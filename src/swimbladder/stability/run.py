@@ -100,7 +100,24 @@ def stability(
         vehicle=vehicle.name, law=law.name, sample_time=h, depths=depths, depth=at,
         words=region(vehicle).words, around=around, cycles=cycles, maps=found, within=within,
         band=max(_BAND, getattr(numbers, "band", 0.0)), stood=stood, unmet=tuple(unmet),
+        beyond=_beyond(vehicle, depths[1]),
     )  # fmt: skip
+
+
+def _beyond(vehicle: Vehicle, deepest: float) -> str:
+    """Return why the deepest of what was asked for is out of reach; empty where it is not."""
+    p, rating = plant(vehicle), vehicle.hull.depth_limit
+    if p.psi != 0.0:
+        end = (p.V_max if p.psi > 0.0 else p.V_min) - p.V_0
+        neutral = end / p.psi
+        if neutral < deepest:
+            return (
+                f"Below {neutral:.4g} m the stroke no longer makes the vehicle neutral: no law "
+                "holds it there, and what is said of small disturbances ends there."
+            )
+    if rating is not None and rating < deepest:
+        return f"The hull is rated for {rating:g} m only; the depths asked for go beyond."
+    return ""
 
 
 def _check(

@@ -187,7 +187,12 @@ def _sample_time(vehicle: Vehicle, given: float | None) -> float:
 
 def _check_reach(vehicle: Vehicle, depths: tuple[float, float], supply: float) -> None:
     """Raise NoAnswerError where stroke or supply does not reach the greatest depth."""
-    deepest = depths[1]
+    deepest, rating = depths[1], vehicle.hull.depth_limit
+    if rating is not None and deepest > rating:
+        raise NoAnswerError(
+            f"the hull is rated for {rating:g} m, and {deepest:g} m are asked for: no law changes "
+            "that. Tune for less depth"
+        )
     neutral = vehicle.neutral_volume(deepest)
     stroke = vehicle.stroke
     if not stroke.minimum < neutral < stroke.maximum:

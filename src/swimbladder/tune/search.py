@@ -27,6 +27,7 @@ _TRIED_QUIET = 8
 _TRIED_ENERGY = 5
 _FEW = {"fast": 100, "quiet": 40, "energy": 40}  # runs while they are compared
 _SLACK = 0.97  # of the margins: the linear form is that of differences
+_AWAY = 0.3  # of a step, off which its end counts as not brought there
 _LOST = 2.0  # times the error allowed, that is no holding any more
 
 
@@ -134,6 +135,14 @@ def search(
             f"no gains of the law {name!r} that were tried hold a depth to {1e3 * held:.3g} mm rms "
             f"over the region: the best has {1e3 * scored[0][2].rms:.3g} mm. A greater error "
             "allowed, a better depth sensor, parameters known better or the law observer would help"
+        )
+    span = abs(step.target - step.start)
+    if goal == "fast" and scored and not scored[0][2].rms <= _AWAY * span:
+        raise NoAnswerError(
+            f"no gains of the law {name!r} that were tried bring the vehicle through the step over "
+            f"the region: at its end the best is off by {scored[0][2].rms:.3g} m rms, with a depth "
+            f"noise of {1e3 * setting.noise:.3g} mm reckoned with. A better depth sensor, a goal "
+            "of quiet, a larger supply or parameters known better would help"
         )
     for _, knobs, few in scored:
         m = look.over(knobs, wanted, exactly, nominal=False) if recipe.linear else None
