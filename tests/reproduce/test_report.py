@@ -292,7 +292,7 @@ def test_nothing_half_written_where_it_fails(tmp_path):
         (folder / "index.html").write_text("half")
         raise OSError(28, "No space left on device")
 
-    with pytest.raises(InputError, match=r"cannot write the report: No space left"):
+    with pytest.raises(InputError, match=r"cannot write the files: No space left"):
         publish(tmp_path / "paper", broken)
     assert list(tmp_path.iterdir()) == []
 

@@ -76,10 +76,10 @@ def make_folder(path: str | Path) -> Path:
 
 
 def check_place(out: Path) -> None:
-    """Raise InputError where the report's folder could not be made."""
+    """Raise InputError where the folder could not be made."""
     if out.exists() and not out.is_dir():
         raise InputError(
-            "there is a file of that name, where the report's folder should be",
+            "there is a file of that name, where the folder should be",
             file=out, field="--out", remedy="Choose another folder with --out",
         )  # fmt: skip
     make_folder(out.parent)
@@ -118,6 +118,6 @@ def publish(out: Path, write: Callable[[Path], None]) -> None:
 
 def _refused(out: Path, error: OSError) -> InputError:
     return InputError(
-        f"cannot write the report: {error.strerror or error}", file=out, field="--out",
+        f"cannot write the files: {error.strerror or error}", file=out, field="--out",
         remedy="Choose a folder that can be written with --out",
     )  # fmt: skip
