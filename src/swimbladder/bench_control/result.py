@@ -105,8 +105,8 @@ class Bench:
         bound = self.bounds.get("step-down")
         alone = len(self.rows) == 1
         for words, scenario, field, shown in (
-            (f"settles{'' if alone else ' soonest'} after a step", "step-down", "settle_median",
-             _seconds),
+            (f"settles{'' if alone else ' soonest'} after a step, in 95 % of the runs",
+             "step-down", "settle_95", _seconds),
             (f"holds{'' if alone else ' best'} while the trim drifts", "hold-drift", "rms",
              _millimetres),
             (f"moves{'' if alone else ' least'} while holding", "hold", "volume_rate", _litres),
@@ -119,7 +119,7 @@ class Bench:
                 continue
             best, reference = ranked[0], self.reference
             text = f"{best.who.name} {words}: {shown(best.cost(scenario, field))}"
-            if field == "settle_median" and bound:
+            if field == "settle_95" and bound:
                 ratio = best.cost(scenario, field) / bound
                 text += f", {ratio:.2f} of the least that any controller needs ({bound:.1f} s)"
             if reference is not best:

@@ -27,7 +27,7 @@ GOALS = ("time", "effort", "energy")
 ARRIVALS = ("band", "rest")
 
 _UNHURRIED = 2.0  # times the least time, where a goal other than time is given none
-_AT_LIMIT = 1e-6  # of a limit, to be at it
+_AT_LIMIT = 2e-3  # of what is large, that counts as at a limit: tangents stop a little short of it
 
 
 def plan(
