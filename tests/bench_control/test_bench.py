@@ -23,7 +23,9 @@ def benched(vehicle=TANK, **given):
 
 def test_a_positioner_flies_what_its_file_has_and_the_rest_is_left_out():
     b = benched()
-    assert [row.who.name for row in b.rows] == ["position-pid, as in the file"]
+    # 3 runs of a float that was not identified: no quiet law holds it to 9 mm.
+    names = ["position-pid, as in the file", "position-observer, fast"]
+    assert [row.who.name for row in b.rows] == names
     assert b.reference is b.rows[0]
     assert {one.name: one.why for one in b.left_out}["planned"].startswith("it commands a voltage")
     assert "tuned" in {one.name: one.why for one in b.left_out}["position-pid"]

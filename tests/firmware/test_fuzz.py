@@ -47,8 +47,8 @@ def test_without_libfuzzer_random_inputs_do(tmp_path):
             "v->reason = seen->leak ? 2u : 0u;", "a reason is among the reasons",
         ),
         (
-            "swb_controller.c", "if (!(ticks > 1.001f)) {",
-            "if (ticks <= 1.001f && ticks > -1e3f) {",
+            "swb_controller.c", "if (!(next_s > 1.001f * SWB_TICK_S)) {",
+            "if (next_s <= 1.001f * SWB_TICK_S && next_s > -1e3f) {",
             "is outside the range of representable values of type",
         ),
     ],

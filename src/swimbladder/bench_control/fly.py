@@ -69,7 +69,7 @@ def no_energy(vehicle: Vehicle) -> str | None:
         return None
     if isinstance(vehicle.actuator, Positioner):
         return "nothing is known of the motor behind the positioner"
-    return "the motor's resistance and torque constant are not known"
+    return "R and k_T of the motor are not known"
 
 
 def fly(

@@ -32,9 +32,9 @@ COMMANDS = {
     "tune": "Gains with margins over all that is not known.",
     "plan": "The best step of depth there is, computed beforehand.",
     "bench-control": "Every law on the same scenarios, a table and a picture.",
-    "stability": "Worst eigenvalues, limit cycles, and from where it recovers.",
+    "stability": "Eigenvalues, limit cycles, from where it recovers.",
     "firmware": "The controller as an Arduino library in C.",
-    "faults": "Missions in which things fail, with the vehicle's own C on board.",
+    "faults": "Missions in which things fail, flown by the vehicle's C.",
     "reproduce": "Redo the paper: each figure, table and number, a report.",
     "vehicle": "List, show and write vehicle files.",
 }
