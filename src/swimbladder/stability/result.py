@@ -12,7 +12,7 @@ from swimbladder.stability.confirm import Seen
 from swimbladder.stability.predict import Predicted
 from swimbladder.stability.recover import Map, Verdict
 from swimbladder.stability.robust import Stood
-from swimbladder.tune.margins import falls_short
+from swimbladder.tune.margins import decibels, falls_short
 
 __all__ = ["Confirmed", "Stability", "cycle_rows", "robustness_rows"]
 
@@ -96,7 +96,7 @@ class Stability:
             f"The slowest mode decays e-fold in {_time(mode)} ({spot.words}); the least damped "
             f"oscillates every {_period(damped)} with a damping of {damped.damping:.2f} "
             f"({where.words}).",
-            f"Worst margins: gain {_decibel(m.gain_up)} up and {_decibel(m.gain_down)} down, phase "
+            f"Worst margins: gain {decibels(m.gain_up)} up and {decibels(m.gain_down)} down, phase "
             f"{math.degrees(m.phase):.0f} degrees, {m.delay:.2g} s more delay, peak sensitivity "
             f"{m.peak_sensitivity:.2f}, balanced disk margin {m.disk:.2f}"
             + (f"; less than is wanted: {', '.join(short)}." if short else ", as is wanted."),
@@ -264,10 +264,6 @@ def _time(mode: Mode) -> str:
 
 def _period(mode: Mode) -> str:
     return f"{2.0 * math.pi / mode.frequency:.3g} s" if mode.frequency > 0.0 else "never"
-
-
-def _decibel(gain: float) -> str:
-    return "any" if gain == 0.0 or math.isinf(gain) else f"{abs(20 * math.log10(gain)):.1f} dB"
 
 
 def cycle_rows(cycles: Sequence[Confirmed]) -> list[tuple[str, ...]]:

@@ -20,6 +20,7 @@ __all__ = [
     "Loop",
     "Worst",
     "at_rest",
+    "decibels",
     "exactly",
     "falls_short",
     "loops",
@@ -187,3 +188,10 @@ def falls_short(m: Worst, wanted: Worst = WANTED) -> tuple[str, ...]:
         (m.disk < wanted.disk, f"disk margin {m.disk:.2f} of {wanted.disk:.2f}"),
     )
     return tuple(words for short, words in checks if short)
+
+
+def decibels(gain: float) -> str:
+    """Return how far a gain [-] is from 1 in decibels, for a person; "any" where nothing limits."""
+    if gain == 0.0 or math.isinf(gain):
+        return "any"
+    return f"{abs(20.0 * math.log10(gain)):.1f} dB"

@@ -11,7 +11,7 @@ from swimbladder.dynamics import Plant
 from swimbladder.parameters import Vehicle
 from swimbladder.tune.gains import gains
 from swimbladder.tune.knobs import Knobs, Setting
-from swimbladder.tune.margins import Loop, Worst, loops
+from swimbladder.tune.margins import Loop, Worst, decibels, loops
 from swimbladder.tune.trial import Step, Traces, Trial
 
 __all__ = ["Tuning"]
@@ -89,8 +89,8 @@ class Tuning:
             )
         else:
             sentences.append(
-                f"Over {len(self.plants)} vehicles of the region: gain {_decibel(m.gain_up)} up "
-                f"and {_decibel(m.gain_down)} down, phase {math.degrees(m.phase):.0f} degrees, "
+                f"Over {len(self.plants)} vehicles of the region: gain {decibels(m.gain_up)} up "
+                f"and {decibels(m.gain_down)} down, phase {math.degrees(m.phase):.0f} degrees, "
                 f"{m.delay:.2g} s more delay, peak sensitivity {m.peak_sensitivity:.2f}, balanced "
                 f"disk margin {m.disk:.2f}."
             )
@@ -152,9 +152,3 @@ def _or_none(x: float) -> float | None:
 
 def _seconds(x: float) -> str:
     return f"{x:.1f} s" if math.isfinite(x) else "more than the time watched"
-
-
-def _decibel(gain: float) -> str:
-    if gain == 0.0 or math.isinf(gain):
-        return "any"
-    return f"{abs(20.0 * math.log10(gain)):.1f} dB"
