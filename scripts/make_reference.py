@@ -17,7 +17,7 @@ from pydantic.fields import FieldInfo
 from swimbladder.control.registry import LAWS
 from swimbladder.io.files import write_atomically
 from swimbladder.io.log_format import LogColumns, LogFormat
-from swimbladder.io.mission import Mission, Setpoint
+from swimbladder.io.mission import Mission, Phase, Safety, Setpoint
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.parameters import Vehicle, field_unit
 from swimbladder.parameters.schema import dotted, models_in, tags_of
@@ -31,6 +31,7 @@ _KINDS = {
     "s": "time", "Hz": "frequency", "A": "current", "V": "voltage", "ohm": "resistance",
     "H": "inductance", "N": "force", "Pa": "pressure", "W": "power", "J": "energy",
     "rad": "angle", "rpm": "speed of rotation",
+    "S": "conductance", "K": "temperature difference", "degC": "temperature",
 }  # fmt: skip
 
 
@@ -170,9 +171,12 @@ def laws() -> Iterator[str]:
 def mission() -> Iterator[str]:
     """Yield the whole mission file."""
     yield from ("", "### At the top of the file")
-    yield from fields(Mission, skip=("setpoints",))
-    yield from ("", "### [[setpoints]]", "", inspect.cleandoc(Setpoint.__doc__ or ""))
-    yield from fields(Setpoint)
+    yield from fields(Mission, skip=("setpoints", "phases"))
+    for heading, model in (
+        ("[[setpoints]]", Setpoint), ("[[phases]]", Phase), ("[safety]", Safety),
+    ):  # fmt: skip
+        yield from ("", f"### {heading}", "", inspect.cleandoc(model.__doc__ or ""))
+        yield from fields(model)
 
 
 def plan() -> Iterator[str]:

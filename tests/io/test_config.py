@@ -210,7 +210,7 @@ def test_what_is_wrong_in_a_mission(tmp_path, old, new, field, line, words):
 
 def test_a_mission_without_set_points(tmp_path):
     head = MISSION[: MISSION.index("[[")]
-    assert "Add a table [[setpoints]]" in str(refused(tmp_path, head, load_mission))
+    assert "Write [[setpoints]]" in str(refused(tmp_path, head, load_mission))
     assert refused(tmp_path, head + "setpoints = []", load_mission).field == "setpoints"
     assert "not a list" in str(refused(tmp_path, head + "setpoints = 3", load_mission))
 

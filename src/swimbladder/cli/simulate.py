@@ -153,7 +153,7 @@ def _run(vehicle: Any, task: Mission, seed: int | None) -> Solution:
     with progress("loading the simulator"):
         from swimbladder.closed_loop import simulate as simulate_closed_loop
 
-    samples = task.duration / vehicle.controller.sample_time
+    samples = task.span / vehicle.controller.sample_time
     with compile_notice(), progress("simulating", samples) as advance, _no_search_for_blas():
         done = 0
 
@@ -165,7 +165,7 @@ def _run(vehicle: Any, task: Mission, seed: int | None) -> Solution:
         return simulate_closed_loop(
             vehicle,
             setpoints=task.pairs,
-            duration=task.duration,
+            duration=task.span,
             start_depth=task.start_depth,
             bottom_depth=task.bottom,
             seed=seed,
@@ -231,7 +231,7 @@ def _steps(s: Solution, task: Mission) -> list[dict[str, Any]]:
     from swimbladder.closed_loop import step_metrics
 
     steps = []
-    ends = [point.time for point in task.setpoints[1:]] + [task.duration]
+    ends = [point.time for point in task.setpoints[1:]] + [task.span]
     before = task.start_depth
     for point, end in zip(task.setpoints, ends, strict=True):
         first, last = np.searchsorted(s.time, [point.time, end], side="left")

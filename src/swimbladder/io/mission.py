@@ -14,7 +14,7 @@ from swimbladder.errors import InputError
 from swimbladder.parameters import Parameters, Unit, Vehicle
 from swimbladder.parameters.schema import refusal
 
-__all__ = ["MOST_SAMPLES", "Mission", "Setpoint", "check_mission"]
+__all__ = ["MOST_SAMPLES", "Mission", "Phase", "Safety", "Setpoint", "check_mission"]
 
 MOST_SAMPLES = 100_000_000
 
@@ -28,22 +28,113 @@ class Setpoint(Parameters):
     depth: Annotated[float, Unit("m")] = Field(description="depth to go to")
 
 
+class Phase(Parameters):
+    """A part of a cycle, one after the other.
+
+    descend and profile go to a depth, down or up, and end there. park and hold stay at one: park
+    corrects seldom and lasts from its begin, hold lasts from its arrival. surface comes up, floats
+    and stays there.
+    """
+
+    kind: Literal["descend", "park", "profile", "hold", "surface"] = Field(
+        description="what is done"
+    )
+    name: str = Field("", description="what results call it; not given: its kind")
+    depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
+        None, description="depth to go to or to stay at; surface has none"
+    )
+    tolerance: Annotated[float, Unit("m"), Field(gt=0.0)] = Field(
+        10.0, description="how far from its depth it counts as there, and is left alone"
+    )
+    speed: Annotated[float, Unit("m/s"), Field(gt=0.0, le=5.0)] = Field(
+        0.1, description="vertical speed on the way"
+    )
+    duration: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+        None, description="how long park, hold and surface last; the others end at their depth"
+    )
+    timeout: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+        None, description="time to arrive in, after which the next phase begins (after surface the "
+        "mission ends); not given: twice the way at that speed, and an hour"
+    )  # fmt: skip
+    check_interval: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+        None, description="between two looks at depth and speed; not given: 60 s, park: 10 min"
+    )
+
+    @property
+    def title(self) -> str:
+        """What the phase is called."""
+        return self.name or self.kind
+
+    @property
+    def interval(self) -> float:
+        """Time between two looks at depth and speed [s]."""
+        if self.check_interval is not None:
+            return self.check_interval
+        return 600.0 if self.kind == "park" else 60.0
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        stays = self.kind in ("park", "hold", "surface")
+        for name, wanted in (("depth", self.kind != "surface"), ("duration", stays)):
+            given = getattr(self, name) is not None
+            if wanted and not given:
+                raise refusal(f"a phase {self.kind!r} needs it", f"Add a line {name} = ...", name)
+            if given and not wanted:
+                raise refusal(f"a phase {self.kind!r} has none", "Leave the line out", name)
+        if self.depth is not None and self.tolerance >= self.depth:
+            raise refusal(
+                f"it reaches the surface from {self.depth:g} m",
+                "Give less than the phase's depth", "tolerance",
+            )  # fmt: skip
+        return self
+
+
+class Safety(Parameters):
+    """What a mission must not come near."""
+
+    deepest: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
+        None, description="depth below which everything is pumped out and the mission ends; "
+        "not given: the vehicle's depth limit, where it has one"
+    )  # fmt: skip
+    stroke: Annotated[float, Unit(""), Field(ge=0.0, lt=1.0)] = Field(
+        0.05, description="share of the stroke that has to be left at either end"
+    )
+    battery: Annotated[float, Unit(""), Field(ge=0.0, lt=1.0)] = Field(
+        0.1, description="share of the battery with which no new cycle begins"
+    )
+
+
 class Mission(Parameters):
-    """What a vehicle is asked to do: a list of set-points, from rest at a depth."""
+    """What a vehicle is asked to do: set-points (`simulate`), or phases in cycles (`mission`)."""
 
     schema_version: Literal[1] = Field(1, description="version of this file's format")
     name: str = Field("", description="what the mission is called")
     description: str = Field("", description="one sentence on the mission")
     start_depth: Annotated[float, Unit("m")] = Field(
-        description="depth at which the vehicle rests, neutral, at the start"
-    )
+        0.0, description="depth at which the vehicle rests, neutral, at the start; needed with "
+        "set-points. With phases 0 is afloat, all volume out"
+    )  # fmt: skip
     bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
         None, description="depth of the bottom; not given: none"
     )
-    duration: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(description="how long it lasts")
-    setpoints: Annotated[tuple[Setpoint, ...], Field(min_length=1)] = Field(
-        description="depths to go to, in the order of time; the first at 0"
+    duration: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+        None, description="how long it lasts; needed with set-points. With phases no new cycle "
+        "begins after it"
+    )  # fmt: skip
+    latitude: Annotated[float, Unit("deg"), Field(ge=-90.0, le=90.0)] | None = Field(
+        None, description="north positive, of a cast that does not say it"
     )
+    cycles: Annotated[int, Field(ge=1, le=1_000_000)] | None = Field(
+        None, description="how often the phases are repeated; not given: once, or for `duration`"
+    )
+    speed_time: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
+        15.0, description="time between the two depths from which a speed is taken, with phases"
+    )
+    setpoints: tuple[Setpoint, ...] = Field(
+        (), description="depths to go to, in the order of time; the first at 0"
+    )
+    phases: tuple[Phase, ...] = Field((), description="what a cycle is made of, in order")
+    safety: Safety = Field(Safety(), description="what a mission must not come near")
 
     @property
     def bottom(self) -> float:
@@ -55,7 +146,52 @@ class Mission(Parameters):
         """The set-points as (time [s], depth [m])."""
         return [(point.time, point.depth) for point in self.setpoints]
 
+    @property
+    def span(self) -> float:
+        """How long it lasts at most [s]; infinite where that is not given."""
+        return math.inf if self.duration is None else self.duration
+
     @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        if bool(self.setpoints) == bool(self.phases):
+            raise refusal(
+                "a mission has either set-points or phases, "
+                + ("and this one has both" if self.phases else "and this one has neither"),
+                "Write [[setpoints]] for `simulate`, or [[phases]] for `mission`",
+                "setpoints" if self.phases else "phases",
+            )
+        if self.phases:
+            return self._in_cycles()
+        for name in ("start_depth", "duration"):
+            if name not in self.model_fields_set or getattr(self, name) is None:
+                unit = "m" if name == "start_depth" else "s"
+                raise refusal(
+                    "a mission with set-points needs it", f'Add a line {name} = "... {unit}"', name
+                )
+        for name in ("cycles", "latitude", "speed_time", "safety"):
+            if name in self.model_fields_set:
+                raise refusal("it belongs to a mission with phases", "Leave it out", name)
+        return self._in_order()
+
+    def _in_cycles(self) -> Self:
+        if self.start_depth < 0.0:
+            raise refusal(
+                "the depth is above the surface", "Depths are positive downwards", "start_depth"
+            )
+        for index, phase in enumerate(self.phases):
+            if phase.interval <= self.speed_time:
+                raise refusal(
+                    f"it is not longer than the {self.speed_time:g} s (speed_time) in which a "
+                    "speed is measured", "Look less often, or shorten speed_time",
+                    "phases", index, "check_interval",
+                )  # fmt: skip
+            if phase.depth is not None and phase.depth > self.bottom:
+                raise refusal(
+                    f"the depth is below the bottom at {self.bottom:g} m", "Check both depths",
+                    "phases", index, "depth",
+                )  # fmt: skip
+        return self
+
     def _in_order(self) -> Self:
         times = [point.time for point in self.setpoints]
         if times[0] != 0.0:
@@ -75,9 +211,9 @@ class Mission(Parameters):
                     index,
                     "time",
                 )
-        if times[-1] >= self.duration:
+        if times[-1] >= self.span:
             raise refusal(
-                f"the set-point at {times[-1]:g} s is not before the end at {self.duration:g} s",
+                f"the set-point at {times[-1]:g} s is not before the end at {self.span:g} s",
                 "Lengthen the duration or leave the set-point out",
                 "setpoints",
                 len(times) - 1,
@@ -101,6 +237,11 @@ def check_mission(
     rating, where the stroke does not reach the neutral volume there, and where the duration is
     shorter than a sample or absurdly long.
     """
+    if not mission.setpoints:
+        raise InputError(
+            "the mission has phases, and this command takes set-points", field="phases",
+            remedy="Fly it with `swimbladder mission`, or write [[setpoints]]",
+        )  # fmt: skip
     called = dict(names or {})
     _check_duration(vehicle, mission, called.get("duration", "duration"), sample_time)
     places = [("start_depth", mission.start_depth)]
@@ -122,8 +263,8 @@ def _check_duration(
                 remedy="Add a table [controller] with law, sample_time and parameters",
             )
         sample_time = vehicle.controller.sample_time
-    samples = mission.duration / sample_time
-    problem = partial(InputError, field=field, value=mission.duration, unit="s")
+    samples = mission.span / sample_time
+    problem = partial(InputError, field=field, value=mission.span, unit="s")
     if samples < 1.0:
         raise problem(
             f"the duration is shorter than one sample of {sample_time:g} s",
