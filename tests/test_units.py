@@ -24,7 +24,7 @@ PINT_NAMES = {
     "%": "percent", "cc": "cm**3", "t": "tonne", "rev": "turn", "d": "day", "Ω": "ohm",
     "mohm": "milliohm", "kohm": "kiloohm", "uL": "microliter", "um": "micrometer",
     "us": "microsecond", "uH": "microhenry", "L": "liter", "l": "liter", "ml": "milliliter",
-    "rpm": "revolutions_per_minute",
+    "rpm": "revolutions_per_minute", "degC": "delta_degC",
 }  # fmt: skip
 SI_BASES = ["m", "kg", "s", "A", "rad"]
 

@@ -37,7 +37,14 @@ OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "no
 
 _config: Any = numba.config
 _PACKAGE = Path(__file__).resolve().parent.parent
-_SOURCES = ("dynamics.py", "engine/*.py", "control/*.py", "closed_loop/*.py", "kalman/*.py")
+_SOURCES = (
+    "dynamics.py",
+    "seawater/*.py",
+    "engine/*.py",
+    "control/*.py",
+    "closed_loop/*.py",
+    "kalman/*.py",
+)
 
 
 @cache

@@ -132,6 +132,9 @@ _INSTEAD: dict[str, str] = {
     "actuator.resistance": '"1.5 ohm"',
     "actuator.emf_constant": '"30 mV s/rad"',
     "supply.voltage": '"12 V"',
+    "hull.parts.name": '"tube"',
+    "hull.parts.volume": '"27.5 L"',
+    "hull.parts.compressibility": '"1.5e-9 1/Pa"',
     "supervisor.depth_limit": '"20 m"',
     "supervisor.time_limit": '"21600 s"',
     "supervisor.battery_low": '"9.6 V"',
@@ -184,7 +187,7 @@ def _table(
     """Append the fields of a table, then its sub-tables; `off` comments the fields out."""
     later = []
     for name, info in model.model_fields.items():
-        if models_in(info.annotation) or get_origin(info.annotation) is dict:
+        if _tables(info) or get_origin(info.annotation) is dict:
             later.append((name, info))
             continue
         place = dotted((*path, name))
@@ -199,14 +202,15 @@ def _subtable(
     lines: list[str], info: FieldInfo, given: _Table | None, path: tuple[str, ...], *, off: bool
 ) -> None:
     """Append one sub-table with its heading."""
-    models = models_in(info.annotation)
+    models, several = _tables(info), not models_in(info.annotation)
     if len(models) > 1:
         kind = (given or {})["kind"]
         models = [model for model in models if kind in tags_of(model)]
-    off = off or (given is None and info.default is None)
+    off = off or (given is None and info.default in (None, ()))
     words = inspect.cleandoc(models[0].__doc__ or "") if models else str(info.description)
     lines += ["", *(f"# {line}".rstrip() for line in words.splitlines() if line)]
-    lines += [f"{'#' if off else ''}[{dotted(path)}]"]
+    heading = f"[[{dotted(path)}]]" if models and several else f"[{dotted(path)}]"
+    lines += [f"{'#' if off else ''}{heading}"]
     if models:
         _table(lines, models[0], given or {}, path, off=off)
         return
@@ -216,6 +220,12 @@ def _subtable(
             lines += [f"# [{units[key] or '-'}]", f"{key} = {_toml(value)}"]
     if path == ("provenance",):
         lines.append('#"hull.psi" = "pressure test of 2024-05-02"')
+
+
+def _tables(info: FieldInfo) -> list[type[BaseModel]]:
+    """Return the parameter classes of a field: a table's own, or that of a list of tables."""
+    inner = get_args(info.annotation) if get_origin(info.annotation) is tuple else ()
+    return models_in(info.annotation) or [m for part in inner for m in models_in(part)]
 
 
 def _meaning(model: type[BaseModel], name: str, info: FieldInfo) -> str:

@@ -12,6 +12,7 @@ The paper's symbols stand in the fields that were identified (K1, T1, K2, T2, ps
     |-- supply      Supply           battery voltage and internal resistance
     |-- stroke      Stroke           smallest and largest volume, 0 is mid-stroke
     |-- hull        Hull             displaced volume, compressibility, where it emerges
+    |               HullPart         a component of it
     |-- motion      PhysicalMotion | IdentifiedMotion (eqs 26-29)
     |-- sensors     Sensors          noise and quantum of depth and volume
     |-- controller  Controller       the name of a law, its sample time and gains
@@ -36,6 +37,7 @@ from swimbladder.parameters.actuators import (
 from swimbladder.parameters.body import (
     Drag,
     Hull,
+    HullPart,
     IdentifiedMotion,
     Motion,
     PhysicalMotion,
@@ -55,6 +57,7 @@ __all__ = [
     "ElectrohydraulicActuator",
     "ElectromechanicalActuator",
     "Hull",
+    "HullPart",
     "HydraulicDrive",
     "Identified",
     "IdentifiedActuator",

@@ -11,6 +11,7 @@ from swimbladder.parameters.schema import Parameters, Unit, refusal
 __all__ = [
     "Drag",
     "Hull",
+    "HullPart",
     "IdentifiedMotion",
     "Motion",
     "PhysicalMotion",
@@ -18,6 +19,8 @@ __all__ = [
     "Supply",
     "Water",
 ]
+
+_ROUNDING = 1e-4  # share of the displaced volume by which its parts may miss it: rounded numbers
 
 
 class Water(Parameters):
@@ -28,6 +31,14 @@ class Water(Parameters):
     )
     gravity: Annotated[float, Unit("m/s2"), Field(ge=9.7, le=9.9)] = Field(
         9.80665, description="gravity g"
+    )
+    compressibility: Annotated[float, Unit("1/Pa"), Field(ge=0.0, le=1e-9)] = Field(
+        4.4e-10,
+        description="compressibility of this water, which the constant density leaves out and "
+        "psi counts beyond; that of sea water near the surface (TEOS-10), fresh water has 4.7e-10",
+    )
+    temperature: Annotated[float, Unit("degC"), Field(ge=-5.0, le=60.0)] = Field(
+        15.0, description="temperature in which trim_error holds"
     )
 
     @property
@@ -63,6 +74,21 @@ class Stroke(Parameters):
         return self
 
 
+class HullPart(Parameters):
+    """A component that displaces water: a tube, a dome, foam, the oil outside it."""
+
+    name: str = Field(min_length=1, description="what the part is called")
+    volume: Annotated[float, Unit("m3"), Field(gt=0.0)] = Field(
+        description="water that it displaces at the surface, at reference_temperature"
+    )
+    compressibility: Annotated[float, Unit("1/Pa"), Field(ge=0.0, le=1e-7)] = Field(
+        description="share of that volume it loses per pressure"
+    )
+    thermal_expansion: Annotated[float, Unit("1/K"), Field(ge=-1e-3, le=1e-2)] = Field(
+        0.0, description="share of that volume it gains per kelvin (three times the linear one)"
+    )
+
+
 class Hull(Parameters):
     """The body: how much it displaces, how it compresses, where it emerges."""
 
@@ -85,6 +111,39 @@ class Hull(Parameters):
     depth_limit: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
         None, description="depth the vehicle is rated for; not given: not stated"
     )
+    trapped_air: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
+        0.0, description="air caught outside the hull, within displaced_volume, as it is at the "
+        "surface; pressed together by Boyle's law, which psi leaves out"
+    )  # fmt: skip
+    reference_temperature: Annotated[float, Unit("degC"), Field(ge=-5.0, le=60.0)] = Field(
+        15.0, description="temperature of the hull at which it displaces displaced_volume"
+    )
+    parts: tuple[HullPart, ...] = Field(
+        (), description="the components of displaced_volume; none: one that psi tells of"
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.trapped_air >= self.displaced_volume:
+            raise refusal(
+                f"it is not less than the displaced volume, {self.displaced_volume * 1e6:g} cm3",
+                "Give the air that is caught outside the pressure hull",
+                "trapped_air",
+            )
+        names = [part.name for part in self.parts]
+        if twice := [n for k, n in enumerate(names) if n in names[:k]]:
+            raise refusal(
+                f"two parts have the name {twice[0]!r}", "Give each a name of its own", "parts"
+            )
+        total = sum(part.volume for part in self.parts) + self.trapped_air
+        if self.parts and abs(total - self.displaced_volume) > _ROUNDING * self.displaced_volume:
+            raise refusal(
+                f"the parts displace {total * 1e6:.8g} cm3, trapped air included, and not the "
+                f"displaced volume of {self.displaced_volume * 1e6:.8g} cm3",
+                "List every part that displaces water, or correct displaced_volume",
+                "parts",
+            )
+        return self
 
 
 class Drag(Parameters):

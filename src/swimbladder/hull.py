@@ -1,0 +1,134 @@
+"""What a vehicle displaces, and the volume at which it rests: hull, heat, trapped air, water.
+
+The paper's eq. (31) has one number for all of it: psi, the volume lost per metre beyond what the
+water does. Here each has its own law, and their sum, linearised at a depth, is psi again
+(`linear_psi`); in the paper's water of constant density, `seawater.uniform_column`, a vehicle
+without parts and trapped air rests at exactly psi z + trim_error.
+
+With p above the atmosphere and V(p, T) what is displaced without the volume of the drive::
+
+    V(p, T) = sum_i V_i (1 - beta_i p + alpha_i (T - T_ref)) + V_air p_a/(p_a + p) T/T_ref
+    V_neutral = weight_mass/rho - V(p, T)
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swimbladder.parameters import HullPart, Vehicle
+from swimbladder.seawater import Column
+from swimbladder.seawater.column import ATMOSPHERE
+from swimbladder.seawater.lookup import slopes
+
+__all__ = [
+    "PsiTerms",
+    "displaced_volume",
+    "hull_parts",
+    "linear_psi",
+    "neutral_volume",
+    "psi_terms",
+    "weight_mass",
+]
+
+Array = NDArray[np.float64]
+_ZERO_CELSIUS = 273.15  # K
+
+
+class PsiTerms(NamedTuple):
+    """dV_neutral/dz at a depth [m3/m], by cause; the sum is the paper's psi."""
+
+    hull: float  # the parts give way
+    heat: float  # the parts shrink in the cold
+    air: float  # trapped air is pressed together, and cools
+    water: float  # the water gets denser: by pressure, cold and salt
+
+    @property
+    def psi(self) -> float:
+        """The sum [m3/m]."""
+        return self.hull + self.heat + self.air + self.water
+
+
+def hull_parts(vehicle: Vehicle) -> tuple[HullPart, ...]:
+    """Return the parts of the hull; where none are given, the one that psi tells of.
+
+    It loses psi [m3/m], and as much as the displaced water does besides, per metre of [water]; its
+    heat expansion is not known and taken as 0.
+    """
+    hull, water = vehicle.hull, vehicle.water
+    if hull.parts:
+        return hull.parts
+    volume = hull.displaced_volume - hull.trapped_air
+    displaced = hull.displaced_volume + vehicle.trim_error
+    loss = hull.psi / water.specific_weight + displaced * water.compressibility
+    return (HullPart.model_construct(
+        name="hull", volume=volume, compressibility=loss / volume, thermal_expansion=0.0
+    ),)  # fmt: skip
+
+
+def displaced_volume(vehicle: Vehicle, pressure: ArrayLike, temperature: ArrayLike) -> Array:
+    """Return the volume displaced without that of the drive, V(p, T) [m3] [n].
+
+    pressure: above the atmosphere [Pa]; temperature: of hull and trapped air [degC].
+    """
+    p, T = np.asarray(pressure, dtype=np.float64), np.asarray(temperature, dtype=np.float64)
+    reference = vehicle.hull.reference_temperature
+    warmth = (T + _ZERO_CELSIUS) / (reference + _ZERO_CELSIUS)
+    air = vehicle.hull.trapped_air * ATMOSPHERE / (ATMOSPHERE + p) * warmth
+    solid = sum(
+        part.volume
+        * (1.0 - part.compressibility * p + part.thermal_expansion * (T - reference))
+        for part in hull_parts(vehicle)
+    )  # fmt: skip
+    return np.asarray(solid + air)
+
+
+def weight_mass(vehicle: Vehicle) -> float:
+    """Return the mass that the displaced water has to carry [kg].
+
+    It follows from trim_error: with that volume the vehicle is neutral at the surface of its own
+    [water]. Free-flooded water weighs nothing in water and does not count.
+    """
+    at_surface = float(displaced_volume(vehicle, 0.0, vehicle.water.temperature))
+    return vehicle.water.density * (at_surface + vehicle.trim_error)
+
+
+def neutral_volume(vehicle: Vehicle, column: Column, *, mass: float | None = None) -> Array:
+    """Return the volume of the drive at which the vehicle rests at each depth [m3] [n].
+
+    mass: what weighs [kg], `weight_mass` where it is not given. Water of constant density shrinks
+    by its `Column.compressibility`.
+    """
+    weight = weight_mass(vehicle) if mass is None else mass
+    water = weight / column.density * (1.0 - column.compressibility * column.pressure)
+    return np.asarray(water - displaced_volume(vehicle, column.pressure, column.temperature))
+
+
+def psi_terms(vehicle: Vehicle, column: Column, depth: float) -> PsiTerms:
+    """Return dV_neutral/dz at a depth [m], by cause."""
+    p, rho, T = (
+        float(np.interp(depth, column.depth, v))
+        for v in (column.pressure, column.density, column.temperature)
+    )
+    dp, drho, dT = (
+        float(np.interp(depth, column.depth, slopes(v, column.step)))
+        for v in (column.pressure, column.density, column.temperature)
+    )
+    hull, parts = vehicle.hull, hull_parts(vehicle)
+    kelvin = hull.reference_temperature + _ZERO_CELSIUS
+    boyle = hull.trapped_air * ATMOSPHERE / (ATMOSPHERE + p) / kelvin
+    weight = weight_mass(vehicle)
+    thinner = 1.0 - column.compressibility * p
+    return PsiTerms(
+        hull=sum(part.volume * part.compressibility for part in parts) * dp,
+        heat=-sum(part.volume * part.thermal_expansion for part in parts) * dT,
+        air=boyle * ((T + _ZERO_CELSIUS) / (ATMOSPHERE + p) * dp - dT),
+        water=-weight / rho * (drho / rho * thinner + column.compressibility * dp),
+    )
+
+
+def linear_psi(vehicle: Vehicle, column: Column, depth: float) -> float:
+    """Return dV_neutral/dz [m3/m] at a depth [m]: psi of eq. (31), of hull, heat, air and water."""
+    return psi_terms(vehicle, column, depth).psi
