@@ -5,7 +5,8 @@ A law is one pure function, so that the simulator, the tuner and the firmware ca
     step(parameters, state, measurement, reference) -> (command, state, next_sample_s)
 
 `parameters`, `state` and `measurement` are named tuples of floats, `reference` is the depth
-asked for [m]. The command is a voltage [V] or, for a positioner, a volume [m3]. `next_sample_s`
+asked for [m]. The command is a voltage [V] or, for a positioner, a volume [m3], or, for pump and
+valve, a change of it [m3]. `next_sample_s`
 says how long until the law wants to be called again [s]; the clock of the vehicle has whole ticks
 (the controller's sample time), and the time is rounded up to them. The function uses arithmetic,
 comparisons, ``min``, ``max``, ``abs`` and the `math` module only, so that it compiles.
@@ -39,7 +40,7 @@ class Law:
 
     name: str
     summary: str
-    command: Literal["voltage", "volume"]
+    command: Literal["voltage", "volume", "volume change"]
     parameters: type[Any]
     state: type[Any]
     units: Mapping[str, str]

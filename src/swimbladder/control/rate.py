@@ -1,0 +1,218 @@
+"""The law of profiling floats that pump and bleed: a change of volume for a change of speed.
+
+A vehicle that sinks steadily at speed w is heavier than the water by k_dt w|w| / (rho g) in volume,
+its drag turned round. To sink at another speed it has to change its volume by
+
+    dV = c (w_to |w_to| - w_from |w_from|) with the opposite sign,  c = k_dt / (rho g)
+
+whatever its neutral volume is, which therefore need not be known. So the float measures its
+speed, asks which speed fits the way that is left, and where the two differ by more than a band
+it pumps or bleeds once and sleeps. The speeds asked for fall in steps: far from the target, near
+it, and nearer still; within the tolerance it is 0.
+
+Read from the logs of a float of the MERMAID kind (OSEAN, firmware 452.012.300 V2.x, 2020): its
+settings `far`, `near`, `rate`, `ascent`, `dead` and `coeff`, and what it did at each of 2,982
+decisions (`docs/explanation/deep-dives.md` has the tables). Speeds are whole mbar/s there and
+volumes whole 2 mL, and both steps decide what it does: a speed below half a step is rest.
+
+- Beyond the tolerance it acts where it is too slow by the band or more; too fast by the band or
+  more only within `far`: far from the target haste is welcome.
+- Within the tolerance it acts where it moves away from the target at all, or towards it by more
+  than the band.
+- Rising to the surface it acts where it is too slow by the band or more, or too fast at all.
+
+`decide` and `ascend` are homogeneous: depths may be pressures [Pa] and speeds their rates [Pa/s]
+where the coefficient is per (Pa/s)2. The drive may give less than is asked, as one whose longest
+run is shorter; the next decision sees that.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from swimbladder.control.law import Law, Measurement
+
+__all__ = [
+    "RATE",
+    "Decision",
+    "RateParameters",
+    "RateState",
+    "approach_speed",
+    "ascend",
+    "decide",
+    "initial",
+    "step",
+    "volume_change",
+]
+
+
+class RateParameters(NamedTuple):
+    """Zones, speeds, steps and times."""
+
+    coefficient: float  # m3 s2/m2, volume per speed squared, k_dt/(rho g)
+    tolerance: float  # m, of the band around the target in which it is to rest
+    near: float  # m from the target, beyond which `near_speed` is asked for
+    far: float  # m from the target, beyond which `far_speed` is asked for
+    slow_speed: float  # m/s, nearer than both
+    near_speed: float  # m/s
+    far_speed: float  # m/s
+    ascent_speed: float  # m/s, to the surface
+    speed_band: float  # m/s, a difference of speed that calls for an action
+    speed_step: float  # m/s, speeds are rounded to; 0: not rounded
+    volume_step: float  # m3, changes are rounded to; 0: not rounded
+    dead: float  # s, from a decision to the next look
+    run: float  # s, over which a speed is measured
+    window: float  # s, over which it is measured while the vehicle rests in the band
+
+
+class RateState(NamedTuple):
+    """What the law remembers between looks: where the vehicle was at two times before."""
+
+    looking: float  # -, 1 while a speed is being measured
+    resting: float  # -, 1 in the band after a look that called for nothing
+    old_time: float  # s
+    old_depth: float  # m
+    new_time: float  # s, later
+    new_depth: float  # m
+    speed: float  # m/s, as measured last
+
+
+class Decision(NamedTuple):
+    """What is to be done."""
+
+    speed: float  # m/s that is asked for; the measured one where nothing is to be done
+    change: float  # m3, positive makes the vehicle lighter; 0: nothing
+
+
+def whole(number: float) -> float:
+    """Return the nearest whole number, halves away from 0; up to 65,535."""
+    size = abs(number) + 0.5
+    found, power = 0.0, 32768.0
+    for _ in range(16):
+        if size - found >= power:
+            found = found + power
+        power = 0.5 * power
+    return math.copysign(found, number)
+
+
+def rounded(number: float, step: float) -> float:
+    """Return the nearest multiple of `step`; the number itself where the step is 0."""
+    if step <= 0.0:
+        return number
+    return whole(number / step) * step
+
+
+def volume_change(parameters: RateParameters, speed: float, wanted: float) -> float:
+    """Return the change of volume that takes the vehicle from a speed to another [m3]."""
+    excess = speed * abs(speed) - wanted * abs(wanted)
+    return rounded(parameters.coefficient * excess, parameters.volume_step)
+
+
+def approach_speed(parameters: RateParameters, distance: float) -> float:
+    """Return the speed asked for at a distance from the target [m/s], not negative."""
+    p = parameters
+    if distance > p.far:
+        return p.far_speed
+    if distance > p.near:
+        return p.near_speed
+    return p.slow_speed
+
+
+def decide(parameters: RateParameters, depth: float, speed: float, target: float) -> Decision:
+    """Return what is to be done on the way to a target or at it.
+
+    depth [m], speed [m/s, positive down] as measured, target [m].
+    """
+    p = parameters
+    distance = abs(target - depth)
+    down = 1.0 if target >= depth else -1.0
+    seen = rounded(speed, p.speed_step)
+    towards = down * seen
+    # A whole number of steps is no sum of its parts in binary: half a step settles comparisons.
+    band = p.speed_band - 0.5 * p.speed_step
+    if distance <= p.tolerance:
+        wanted, acts = 0.0, towards < 0.0 or towards > p.speed_band + 0.5 * p.speed_step
+    else:
+        wanted = approach_speed(p, distance)
+        acts = towards <= wanted - band or (distance <= p.far and towards >= wanted + band)
+    if not acts:
+        return Decision(speed, 0.0)
+    return Decision(down * wanted, volume_change(p, seen, down * wanted))
+
+
+def ascend(parameters: RateParameters, speed: float) -> Decision:
+    """Return what is to be done on the way to the surface at a measured speed [m/s]."""
+    p = parameters
+    seen = rounded(speed, p.speed_step)
+    band = p.speed_band - 0.5 * p.speed_step
+    if -seen <= p.ascent_speed - band or -seen > p.ascent_speed + 0.5 * p.speed_step:
+        return Decision(-p.ascent_speed, volume_change(p, seen, -p.ascent_speed))
+    return Decision(speed, 0.0)
+
+
+def initial(parameters: RateParameters, measurement: Measurement, reference: float) -> RateState:
+    """Start asleep where the vehicle is; the first look begins a measurement of the speed."""
+    depth = measurement.depth if math.isfinite(measurement.depth) else reference
+    time = measurement.time
+    return RateState(0.0, 0.0, time, depth, time, depth, 0.0)
+
+
+def step(
+    parameters: RateParameters,
+    state: RateState,
+    measurement: Measurement,
+    reference: float,
+) -> tuple[float, RateState, float]:
+    """Return the change of volume [m3], the state and the time to the next look [s].
+
+    A speed takes two looks, `run` apart, save at rest in the band, where one is enough: the speed
+    is then that over the last `window` or half of it. A reference of 0 or less is the surface.
+    """
+    p, now = parameters, measurement.time
+    if not math.isfinite(measurement.depth):
+        return 0.0, state._replace(looking=0.0, resting=0.0), p.dead
+    depth = measurement.depth
+    inside = abs(reference - depth) <= p.tolerance and reference > 0.0
+    if state.looking == 0.0 and (state.resting == 0.0 or not inside):
+        fresh = RateState(1.0, 0.0, now, depth, now, depth, state.speed)
+        return 0.0, fresh, p.run
+    speed = state.speed
+    if now > state.old_time:
+        speed = (depth - state.old_depth) / (now - state.old_time)
+    decision = ascend(p, speed) if reference <= 0.0 else decide(p, depth, speed, reference)
+    if decision.change != 0.0 or not inside:
+        return decision.change, RateState(0.0, 0.0, now, depth, now, depth, speed), p.dead
+    after = RateState(
+        0.0, 1.0, state.old_time, state.old_depth, state.new_time, state.new_depth, speed
+    )
+    if now - state.new_time >= 0.5 * p.window:
+        after = RateState(0.0, 1.0, state.new_time, state.new_depth, now, depth, speed)
+    return 0.0, after, p.dead
+
+
+RATE = Law(
+    name="rate",
+    summary="pumps or bleeds once for a change of speed, k_dt w|w|/(rho g), and sleeps",
+    command="volume change",
+    parameters=RateParameters,
+    state=RateState,
+    units={
+        "coefficient": "m3 s2/m2",
+        "tolerance": "m",
+        "near": "m",
+        "far": "m",
+        "slow_speed": "m/s",
+        "near_speed": "m/s",
+        "far_speed": "m/s",
+        "ascent_speed": "m/s",
+        "speed_band": "m/s",
+        "speed_step": "m/s",
+        "volume_step": "m3",
+        "dead": "s",
+        "run": "s",
+        "window": "s",
+    },
+    step=step,
+    initial=initial,
+)
