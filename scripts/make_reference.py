@@ -20,7 +20,7 @@ from swimbladder.io.log_format import LogColumns, LogFormat
 from swimbladder.io.mission import Mission, Phase, Safety, Setpoint
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.parameters import Vehicle, field_unit
-from swimbladder.parameters.schema import dotted, models_in, tags_of
+from swimbladder.parameters.schema import dotted, listed_model, models_in, tags_of
 from swimbladder.units import _TABLE
 
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"
@@ -39,7 +39,8 @@ def fields(model: type[BaseModel], skip: tuple[str, ...] = ()) -> Iterator[str]:
     """Yield a table of the plain fields of a model, nothing where it has none."""
     rows = []
     for name, info in model.model_fields.items():
-        if name in skip or models_in(info.annotation) or get_origin(info.annotation) is dict:
+        tables = models_in(info.annotation) or listed_model(info.annotation)
+        if name in skip or tables or get_origin(info.annotation) is dict:
             continue
         unit = field_unit(model, name)
         rows.append(
@@ -113,6 +114,12 @@ def tables(
         place = (*path, name)
         if get_origin(info.annotation) is dict:
             yield from ("", f"### [{dotted(place)}]", "", sentence(str(info.description)))
+        listed = listed_model(info.annotation)
+        if listed is not None and listed not in seen:
+            seen.add(listed)
+            yield from ("", f"### [[{dotted(place)}]]", "", inspect.cleandoc(listed.__doc__ or ""))
+            yield from ("", "One such table for each; there may be none.")
+            yield from fields(listed)
         members = models_in(info.annotation)
         for member in members:
             if member in seen:

@@ -245,7 +245,7 @@ def test_every_field_says_what_it_is_and_its_unit_can_be_parsed(model):
 def test_every_actuator_has_its_own_kind():
     union = get_args(get_args(Actuator)[0])
     kinds = [member.model_fields["kind"].default for member in union]
-    assert len(set(kinds)) == len(kinds) == 5
+    assert len(set(kinds)) == len(kinds) == 6
     assert all(issubclass(member, BaseModel) for member in union)
 
 

@@ -23,6 +23,7 @@ from swimbladder.parameters import (
     ElectromechanicalActuator,
     IdentifiedActuator,
     Positioner,
+    PumpAndValve,
     UnifiedActuator,
     Water,
 )
@@ -37,6 +38,7 @@ __all__ = [
     "leakage_volume_rate",
     "pump_leakage_flow",
     "reduced",
+    "refuse_pump_and_valve",
     "screw_load_coefficient",
     "screw_volume_per_angle",
     "speed_loss_coefficient",
@@ -159,12 +161,13 @@ def unified(actuator: Actuator, water: Water) -> UnifiedActuator:
         k_q = hydraulic_volume_per_angle(D_p=D_p, n_h=n_h)
         k_z = hydraulic_load_coefficient(rho=rho, g=g, D_p=D_p, eta_p=eta, n_h=n_h)
         k_l = leakage_coefficient(k_pl=hydraulic.pump_leakage, rho=rho, g=g, n_h=n_h)
+        back = None
     elif isinstance(actuator, ElectromechanicalActuator):
         screw = actuator.drive
         A, alpha, eta = screw.piston_area, screw.transmission_pitch, screw.efficiency
         k_q = screw_volume_per_angle(A=A, alpha=alpha)
         k_z = screw_load_coefficient(rho=rho, g=g, A=A, alpha=alpha, eta_e=eta)
-        k_l = 0.0
+        k_l, back = 0.0, screw.back_efficiency
     else:
         raise _not_known(actuator)
     motor, drive = actuator.motor, actuator.drive
@@ -182,6 +185,7 @@ def unified(actuator: Actuator, water: Water) -> UnifiedActuator:
         k_z=k_z,
         k_l=k_l,
         efficiency=eta,
+        back_efficiency=back,
         friction_torque=motor.friction_torque,
         resistance=motor.resistance,
         emf_constant=motor.k_emf,
@@ -189,7 +193,21 @@ def unified(actuator: Actuator, water: Water) -> UnifiedActuator:
     )
 
 
-def _not_known(actuator: IdentifiedActuator | Positioner) -> InputError:
+def refuse_pump_and_valve(actuator: Actuator) -> None:
+    """Raise InputError for a pump and valve, which no voltage and no position drives."""
+    if isinstance(actuator, PumpAndValve):
+        raise InputError(
+            "a pump that runs or not and a valve have no loop of voltages or positions, which this "
+            "command is about",
+            field="actuator.kind",
+            value=actuator.kind,
+            remedy="Use `mission`, `energy` or `ballast`, or describe the actuator as kind "
+            "electrohydraulic",
+        )
+
+
+def _not_known(actuator: IdentifiedActuator | Positioner | PumpAndValve) -> InputError:
+    refuse_pump_and_valve(actuator)
     if isinstance(actuator, Positioner):
         what = "a positioner has no motor constants: lambda, k_u, k_v, k_q and k_z are not known"
         remedy = "Its speed and piston area are all there is: use them, or describe its motor"
@@ -214,13 +232,10 @@ def reduced(actuator: Actuator, water: Water) -> ReducedActuator:
     if isinstance(actuator, IdentifiedActuator):
         load, k_l = actuator.depth_voltage, actuator.k_l
         gain = actuator.K1 * actuator.piston_area
-        return ReducedActuator(actuator.T1, gain, load, load, 0.0, k_l, None, None)
+        friction = actuator.dead_zone
+        return ReducedActuator(actuator.T1, gain, load, load, friction, k_l, None, None)
     a = unified(actuator, water)
-    drive = back = a.k_z
-    if a.efficiency is not None:
-        back = back_driving_load(
-            T_ideal=a.k_z * a.efficiency, eta=a.efficiency, literal=a.literal_efficiency
-        )
+    drive, back = a.k_z, a.k_z_back
     return ReducedActuator(
         T1=a.inertia / a.k_v,
         gain=a.k_q * a.k_u / a.k_v,

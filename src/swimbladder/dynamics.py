@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from swimbladder.actuator import ReducedActuator, reduced
+from swimbladder.actuator import ReducedActuator, reduced, refuse_pump_and_valve
 from swimbladder.errors import InputError
 from swimbladder.parameters import Drag, Positioner, Supply, Vehicle
 
@@ -74,8 +74,10 @@ class Plant(NamedTuple):
 def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
     """Return the Plant of a vehicle over a bottom at `bottom_depth` [m].
 
-    Raises InputError where the supply's internal resistance does not fit the motor's.
+    Raises InputError where the supply's internal resistance does not fit the motor's, and for a
+    pump and valve, which have no voltage: `mission` takes them.
     """
+    refuse_pump_and_valve(vehicle.actuator)
     hull, stroke, m = vehicle.hull, vehicle.stroke, vehicle.mass
     k_b = vehicle.water.specific_weight
     d_l, d_b, d_0, d_t, epsilon = _drag_terms(vehicle.drag, m)

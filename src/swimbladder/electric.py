@@ -156,8 +156,7 @@ def steady_drive(
     R, k_emf = _winding(actuator)
     a, u, z = actuator, np.asarray(voltage, float), np.asarray(depth, float)
     k_T, B = a.k_u * R, a.k_v - k_emf * a.k_u
-    eta = 1.0 if a.literal_efficiency or a.efficiency is None else a.efficiency
-    T_drive, T_back = a.k_z * z, a.k_z * eta**2 * z
+    T_drive, T_back = a.k_z * z, a.k_z_back * z
     forward = np.maximum(a.k_u * u - T_drive - a.friction_torque, 0.0)
     backward = np.minimum(a.k_u * u - T_back + a.friction_torque, 0.0)
     omega = (forward + backward) / a.k_v

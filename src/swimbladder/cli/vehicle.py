@@ -161,7 +161,7 @@ def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:
 def _derived(v: Vehicle) -> dict[str, tuple[float | None, str, str]]:
     """Return what follows from a vehicle's numbers, as {name: (value, unit, meaning)}."""
     from swimbladder.actuator import reduced
-    from swimbladder.parameters import Positioner
+    from swimbladder.parameters import Positioner, PumpAndValve
 
     stroke, psi = v.stroke, v.hull.psi
     found: dict[str, tuple[float | None, str, str]] = {
@@ -170,6 +170,11 @@ def _derived(v: Vehicle) -> dict[str, tuple[float | None, str, str]]:
     if isinstance(v.actuator, Positioner):
         rate = v.actuator.speed * v.actuator.piston_area
         found["volume_rate_m3_s"] = (rate, "m3/s", "volume rate of the positioner")
+    elif isinstance(v.actuator, PumpAndValve):
+        from swimbladder.buoyancy_engine import drive_map
+
+        rate = float(drive_map(v, 0.0).rate_out[0])
+        found["volume_rate_m3_s"] = (rate, "m3/s", "volume rate of the pump at the surface")
     else:
         a = reduced(v.actuator, v.water)
         found["K1A_m3_s_V"] = (a.gain, "m3/s/V", "volume rate per volt, K1 A")

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from swimbladder.parameters import Vehicle, field_unit
-from swimbladder.parameters.schema import dotted
+from swimbladder.parameters.schema import dotted, listed_model
 
 __all__ = ["vehicle_file"]
 
@@ -34,12 +34,17 @@ def _table(lines: list[str], model: BaseModel, path: tuple[str, ...]) -> None:
         value = getattr(model, name)
         if value is None or (value == info.get_default() and name not in _ALWAYS):
             continue
-        if isinstance(value, (BaseModel, dict)):
+        if isinstance(value, (BaseModel, dict)) or listed_model(info.annotation) is not None:
             later.append((name, value))
             continue
         unit = field_unit(type(model), name)
         lines.append(f"{name} = {_toml(value)}" + (f" # {unit}" if unit else ""))
     for name, value in later:
+        if isinstance(value, tuple):
+            for item in value:
+                lines += ["", f"[[{dotted((*path, name))}]]"]
+                _table(lines, item, (*path, name))
+            continue
         lines += ["", f"[{dotted((*path, name))}]"]
         if isinstance(value, BaseModel):
             _table(lines, value, (*path, name))

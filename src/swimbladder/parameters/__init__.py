@@ -9,7 +9,10 @@ The paper's symbols stand in the fields that were identified (K1, T1, K2, T2, ps
     |-- water       Water
     |-- actuator    ElectrohydraulicActuator | ElectromechanicalActuator    from datasheets
     |               UnifiedActuator (Table 1) | IdentifiedActuator (eq. 33) | Positioner (stepper)
-    |-- supply      Supply           battery voltage and internal resistance
+    |               PumpAndValve     an electrohydraulic drive as built, for missions
+    |-- supply      Supply           battery: voltage, internal resistance, capacity
+    |-- driver      Driver           what is lost between battery and motor
+    |-- loads       Load, ...        what else draws from the battery
     |-- stroke      Stroke           smallest and largest volume, 0 is mid-stroke
     |-- hull        Hull             displaced volume, compressibility, where it emerges
     |               HullPart         a component of it
@@ -23,7 +26,6 @@ The paper's symbols stand in the fields that were identified (K1, T1, K2, T2, ps
 from __future__ import annotations
 
 from swimbladder.parameters.actuators import (
-    Actuator,
     ElectrohydraulicActuator,
     ElectromechanicalActuator,
     HydraulicDrive,
@@ -42,18 +44,21 @@ from swimbladder.parameters.body import (
     Motion,
     PhysicalMotion,
     Stroke,
-    Supply,
     Water,
 )
+from swimbladder.parameters.electricity import Driver, Load, Phase, Supply
+from swimbladder.parameters.hydraulics import DatasheetPump, PowerLawPump, PumpAndValve, Valve
 from swimbladder.parameters.identified import Between, Identified
 from swimbladder.parameters.schema import Parameters, Unit, field_unit, input_error
-from swimbladder.parameters.vehicle import Controller, Sensors, Supervisor, Vehicle
+from swimbladder.parameters.vehicle import Actuator, Controller, Sensors, Supervisor, Vehicle
 
 __all__ = [
     "Actuator",
     "Between",
     "Controller",
+    "DatasheetPump",
     "Drag",
+    "Driver",
     "ElectrohydraulicActuator",
     "ElectromechanicalActuator",
     "Hull",
@@ -62,12 +67,16 @@ __all__ = [
     "Identified",
     "IdentifiedActuator",
     "IdentifiedMotion",
+    "Load",
     "Motion",
     "Motor",
     "Oil",
     "Parameters",
+    "Phase",
     "PhysicalMotion",
     "Positioner",
+    "PowerLawPump",
+    "PumpAndValve",
     "ScrewDrive",
     "Sensors",
     "Stroke",
@@ -75,6 +84,7 @@ __all__ = [
     "Supply",
     "UnifiedActuator",
     "Unit",
+    "Valve",
     "Vehicle",
     "Water",
     "field_unit",

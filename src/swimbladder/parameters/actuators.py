@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, StrictBool
+from pydantic import Field, StrictBool, model_validator
 
-from swimbladder.parameters.schema import Parameters, Unit
+from swimbladder.parameters.schema import Parameters, Unit, refusal
 
 __all__ = [
-    "Actuator",
     "ElectrohydraulicActuator",
     "ElectromechanicalActuator",
     "HydraulicDrive",
@@ -100,6 +99,10 @@ class ScrewDrive(Parameters):
         1.0, description="turns of the motor per turn of the spindle"
     )
     efficiency: _Efficiency = Field(description="efficiency of gearbox and spindle eta_e")
+    back_efficiency: Annotated[float, Unit(""), Field(ge=-1.0, le=1.0)] | None = Field(
+        None, description="share of the load that turns the motor back; 0 or below: self-locking, "
+        "and the motor has to push the piston in; not given: the efficiency, as in the paper"
+    )  # fmt: skip
     piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)] = Field(
         description="area of the piston in contact with the water A"
     )
@@ -166,6 +169,10 @@ class UnifiedActuator(Parameters):
         description="efficiency of the transmission, by which back-driving multiplies the load; "
         "not given: unknown",
     )
+    back_efficiency: Annotated[float, Unit(""), Field(ge=-1.0, le=1.0)] | None = Field(
+        None, description="share of the load that turns the motor back, 0 or below: self-locking; "
+        "needs `efficiency`; not given: the same"
+    )  # fmt: skip
     friction_torque: Annotated[float, Unit("N m"), Field(ge=0.0)] = Field(
         0.0, description="dry friction at the motor shaft T_b"
     )
@@ -178,6 +185,30 @@ class UnifiedActuator(Parameters):
     literal_efficiency: StrictBool = Field(
         False, description="divide the load by the efficiency in both directions, as printed"
     )
+
+    @property
+    def k_z_back(self) -> float:
+        """Load torque per depth [N m/m] with which the sea turns the motor back.
+
+        The lossless torque k_z eta times `back_efficiency`, or times eta where that is not given.
+        A screw of efficiency eta has about 2 - 1/eta (tan(lead - friction angle)/tan(lead angle)):
+        negative below a half, it locks and the motor has to turn it back. The same as while driving
+        where no efficiency is known.
+        """
+        if self.efficiency is None or self.literal_efficiency:
+            return self.k_z
+        back = self.efficiency if self.back_efficiency is None else self.back_efficiency
+        return self.k_z * self.efficiency * back
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        if self.back_efficiency is not None and self.efficiency is None:
+            raise refusal(
+                "what turns the motor back cannot be told without the efficiency of the drive",
+                "Give both, or neither",
+                "back_efficiency",
+            )
+        return self
 
 
 class IdentifiedActuator(Parameters):
@@ -196,6 +227,9 @@ class IdentifiedActuator(Parameters):
     depth_voltage: Annotated[float, Unit("V/m"), Field(ge=0.0)] = Field(
         0.0, description="voltage that holds the piston against a metre of water k_z/k_u"
     )
+    dead_zone: Annotated[float, Unit("V"), Field(ge=0.0)] = Field(
+        0.0, description="voltage below which the motor does not start, from dry friction T_b/k_u"
+    )
     k_l: Annotated[float, Unit("m2/s"), Field(ge=0.0)] = Field(
         0.0, description="volume leaked per time and depth k_l"
     )
@@ -209,13 +243,9 @@ class Positioner(Parameters):
     piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)] = Field(
         description="area of the piston in contact with the water A"
     )
-
-
-Actuator = Annotated[
-    ElectrohydraulicActuator
-    | ElectromechanicalActuator
-    | UnifiedActuator
-    | IdentifiedActuator
-    | Positioner,
-    Field(discriminator="kind"),
-]
+    moving_power: Annotated[float, Unit("W"), Field(ge=0.0)] | None = Field(
+        None, description="electrical power while the piston moves; not given: not known"
+    )
+    holding_power: Annotated[float, Unit("W"), Field(ge=0.0)] = Field(
+        0.0, description="electrical power while the piston is held"
+    )

@@ -1,4 +1,4 @@
-"""The body that the actuator moves, the water around it and the battery inside."""
+"""The body that the actuator moves and the water around it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ __all__ = [
     "Motion",
     "PhysicalMotion",
     "Stroke",
-    "Supply",
     "Water",
 ]
 
@@ -45,15 +44,6 @@ class Water(Parameters):
     def specific_weight(self) -> float:
         """Weight of a volume of water, k_b = rho g [N/m3]."""
         return self.density * self.gravity
-
-
-class Supply(Parameters):
-    """The battery: the voltage that limits the motor."""
-
-    voltage: Annotated[float, Unit("V"), Field(gt=0.0)] = Field(description="open-circuit voltage")
-    internal_resistance: Annotated[float, Unit("ohm"), Field(ge=0.0)] = Field(
-        0.0, description="resistance of battery and leads"
-    )
 
 
 class Stroke(Parameters):

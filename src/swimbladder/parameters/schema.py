@@ -30,6 +30,7 @@ __all__ = [
     "dotted",
     "field_unit",
     "input_error",
+    "listed_model",
     "models_in",
     "refusal",
     "tags_of",
@@ -213,7 +214,7 @@ def _how_to_add(path: list[str | int], annotation: Any, unit: str | None) -> str
 
 
 def _of_tables(annotation: Any) -> bool:
-    return any(models_in(argument) for argument in get_args(annotation))
+    return listed_model(annotation) is not None
 
 
 def _walk(
@@ -260,6 +261,15 @@ def models_in(annotation: Any) -> list[type[BaseModel]]:
     if get_origin(annotation) is Union or type(annotation).__name__ == "UnionType":
         return [model for argument in get_args(annotation) for model in models_in(argument)]
     return []
+
+
+def listed_model(annotation: Any) -> type[BaseModel] | None:
+    """Return the parameter class that a list of tables holds, None where there is no such list."""
+    if get_origin(annotation) is Annotated:
+        return listed_model(get_args(annotation)[0])
+    if get_origin(annotation) not in (tuple, list):
+        return None
+    return next((model for argument in get_args(annotation) for model in models_in(argument)), None)
 
 
 def tags_of(model: type[BaseModel]) -> tuple[str, ...]:

@@ -7,21 +7,39 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from swimbladder.errors import InputError
-from swimbladder.parameters.actuators import Actuator, Positioner
+from swimbladder.parameters.actuators import (
+    ElectrohydraulicActuator,
+    ElectromechanicalActuator,
+    IdentifiedActuator,
+    Positioner,
+    UnifiedActuator,
+)
 from swimbladder.parameters.body import (
     Drag,
     Hull,
     IdentifiedMotion,
     Motion,
     Stroke,
-    Supply,
     Water,
 )
+from swimbladder.parameters.electricity import Driver, Load, Supply
+from swimbladder.parameters.hydraulics import DatasheetPump, PumpAndValve
 from swimbladder.parameters.identified import Identified
 from swimbladder.parameters.schema import Parameters, Unit, refusal
 from swimbladder.units import parse_quantity
 
-__all__ = ["Controller", "Sensors", "Supervisor", "Vehicle"]
+__all__ = ["Actuator", "Controller", "Sensors", "Supervisor", "Vehicle"]
+
+
+Actuator = Annotated[
+    ElectrohydraulicActuator
+    | ElectromechanicalActuator
+    | UnifiedActuator
+    | IdentifiedActuator
+    | Positioner
+    | PumpAndValve,
+    Field(discriminator="kind"),
+]
 
 
 def _number_or_text(value: object) -> float | str:
@@ -127,6 +145,10 @@ class Vehicle(Parameters):
     water: Water = Field(Water(), description="the water around the vehicle")
     actuator: Actuator = Field(description="what changes the volume")
     supply: Supply | None = Field(None, description="the battery; a positioner does without")
+    driver: Driver | None = Field(
+        None, description="the motor's driver; without it the driver loses nothing"
+    )
+    loads: tuple[Load, ...] = Field((), description="what else draws from the battery")
     stroke: Stroke = Field(description="end stops of the volume, counted from mid-stroke")
     hull: Hull = Field(description="the body")
     motion: Motion = Field(description="mass and drag")
@@ -157,9 +179,16 @@ class Vehicle(Parameters):
         return self.motion.drag
 
     @property
+    def command(self) -> Literal["voltage", "volume", "volume change"]:
+        """What a control law commands: a positioner's volume, a change for pump and valve."""
+        if isinstance(self.actuator, PumpAndValve):
+            return "volume change"
+        return "volume" if isinstance(self.actuator, Positioner) else "voltage"
+
+    @property
     def voltage_driven(self) -> bool:
-        """Whether a command is a voltage; a positioner's is a volume."""
-        return not isinstance(self.actuator, Positioner)
+        """Whether a command is a voltage."""
+        return self.command == "voltage"
 
     def neutral_volume(self, depth: float) -> float:
         """Return the volume at which the vehicle rests at `depth` [m], psi z + trim error [m3]."""
@@ -173,6 +202,7 @@ class Vehicle(Parameters):
                 "Add a table [supply] with the battery's voltage",
                 "supply",
             )
+        self._electricity_fits()
         neutral = self.neutral_volume(max(self.hull.emergence_depth, 0.0))
         if not self.stroke.minimum < neutral < self.stroke.maximum:
             raise refusal(
@@ -183,3 +213,23 @@ class Vehicle(Parameters):
                 "trim_error",
             )
         return self
+
+    def _electricity_fits(self) -> None:
+        """Refuse pumps without a supply and loads of the same name."""
+        pump = self.actuator.pump if isinstance(self.actuator, PumpAndValve) else None
+        if isinstance(pump, DatasheetPump) and self.supply is None:
+            raise refusal(
+                "a pump from datasheets needs a supply",
+                "Add a table [supply] with the battery's voltage",
+                "supply",
+            )
+        names = [load.name for load in self.loads]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise refusal(
+                    "two loads have the same name",
+                    "Give each load its own name",
+                    "loads",
+                    i,
+                    "name",
+                )

@@ -1,0 +1,263 @@
+"""Any actuator as a mission sees it: rates and powers over pressure, steady, at full voltage.
+
+A motor reaches its speed in seconds and a mission takes hours, so that rates follow from the
+balance of eqs (11)-(12) at rest. Pressures are above the atmosphere, as a depth sensor's.
+
+What holds the volume while nothing runs: the check valve of a pump and valve; a screw or a pump
+without one stays where dry friction or self-locking hold it, otherwise its motor holds it with the
+voltage k_z,back z/k_u - T_b/k_u, at the cost of R i^2.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swimbladder.actuator import reduced, unified
+from swimbladder.electric import largest_voltage, steady_drive, supply_current
+from swimbladder.errors import NoAnswerError
+from swimbladder.oil import ATMOSPHERIC_PRESSURE
+from swimbladder.parameters import (
+    DatasheetPump,
+    Driver,
+    ElectrohydraulicActuator,
+    IdentifiedActuator,
+    Positioner,
+    PowerLawPump,
+    PumpAndValve,
+    Supply,
+    UnifiedActuator,
+    Valve,
+    Vehicle,
+    Water,
+)
+
+__all__ = [
+    "DriveMap",
+    "PumpRun",
+    "battery_power",
+    "check_power_known",
+    "drive_map",
+    "pump_run",
+    "valve_flow",
+]
+
+Array = NDArray[np.float64]
+
+
+class DriveMap(NamedTuple):
+    """What an actuator can do at each pressure, and what it draws; powers are the battery's.
+
+    The driver's and the internal resistance's losses are in them, standby power and hotel loads
+    are not. A negative power charges the battery. NaN: not known, or more than the battery can.
+    """
+
+    pressure: Array  # Pa above the atmosphere [n]
+    rate_out: Array  # m3/s, volume pressed out; 0 where the motor or pump stalls
+    power_out: Array  # W while it does
+    rate_in: Array  # m3/s let or drawn in, positive
+    power_in: Array  # W while it does
+    leakage: Array  # m3/s inwards at rest
+    holding_power: Array  # W at rest
+    bypass_in: Array  # m3/s let in through the bypass, 0 without one
+    power_bypass: Array  # W while it does
+
+
+class PumpRun(NamedTuple):
+    """A pump while it runs, steadily; the power is that at the supply's terminals."""
+
+    rate: Array  # m3/s into the water
+    power: Array  # W
+
+
+def drive_map(vehicle: Vehicle, pressure: ArrayLike, *, power: bool = True) -> DriveMap:
+    """Return the rates and powers of a vehicle's actuator at each `pressure` [Pa] [n].
+
+    power: False leaves out (NaN) powers that are not known. Raises NoAnswerError where a power is
+    wanted that R and k_T, or a power law, do not tell, naming the fields.
+    """
+    if power:
+        check_power_known(vehicle)
+    p = np.atleast_1d(np.asarray(pressure, float))
+    a = vehicle.actuator
+    if isinstance(a, PumpAndValve):
+        return _pump_and_valve(vehicle, a, p)
+    if isinstance(a, Positioner):
+        return _positioner(a, p)
+    if isinstance(a, IdentifiedActuator):
+        return _rates_only(vehicle, p)
+    found = unified(a, vehicle.water)
+    if found.resistance is None or found.emf_constant is None:
+        return _rates_only(vehicle, p)
+    return _voltage_driven(vehicle, found, p)
+
+
+def check_power_known(vehicle: Vehicle) -> None:
+    """Raise NoAnswerError, naming the fields, where the actuator's electrical power is not known.
+
+    A motor needs its resistance R and k_T (k_emf), a pump and valve has a power law or a motor, a
+    positioner needs its power while moving.
+    """
+    a = vehicle.actuator
+    missing = ""
+    if isinstance(a, Positioner) and a.moving_power is None:
+        missing = (
+            "what the positioner's motor draws is not given (actuator.moving_power, and "
+            "actuator.holding_power). Measure its current while it moves and while it holds"
+        )
+    elif isinstance(a, IdentifiedActuator):
+        missing = (
+            "the motor's resistance R and torque constant k_T are not given, and an identified K1 "
+            "does not tell them apart. Describe the actuator as kind electromechanical or "
+            "electrohydraulic (actuator.motor.resistance, actuator.motor.torque_constant), as "
+            "unified (actuator.resistance, actuator.emf_constant), or as pump-valve with a power "
+            "law (actuator.pump.idle_power, actuator.pump.power_per_pressure)"
+        )
+    elif isinstance(a, UnifiedActuator):
+        fields = {"resistance": a.resistance, "emf_constant": a.emf_constant}
+        lacking = [f"actuator.{name}" for name, value in fields.items() if value is None]
+        if lacking:
+            missing = (
+                f"{' and '.join(lacking)} {'are' if len(lacking) > 1 else 'is'} not given. Take "
+                "them from the motor's datasheet"
+            )
+    if missing:
+        raise NoAnswerError(f"the electrical power is not known: {missing}")
+
+
+def valve_flow(valve: Valve, head: Array) -> Array:
+    """Return the flow through a valve C (dp)^0.5 [m3/s] at each pressure difference [Pa] [n].
+
+    None where the pressure inside is the greater one: the oil would have to be sucked out.
+    """
+    return np.asarray(valve.flow * np.sqrt(np.maximum(head, 0.0)))
+
+
+def pump_run(
+    pump: PowerLawPump | DatasheetPump,
+    head: Array,
+    *,
+    water: Water,
+    supply: Supply | None = None,
+    driver: Driver | None = None,
+) -> PumpRun:
+    """Return what a pump delivers and draws against each pressure difference `head` [Pa] [n].
+
+    water: only its weight counts, to turn a head into the depth that eqs (7)-(8) are written in.
+    Slip beyond the delivery stops at the check valve: no flow inwards.
+    """
+    if isinstance(pump, PowerLawPump):
+        rate = np.maximum(pump.delivery - pump.slip * head, 0.0)
+        drawn = pump.idle_power + pump.power_per_pressure * np.maximum(head, 0.0)
+        if pump.stall_pressure is not None:
+            rate = np.where(head >= pump.stall_pressure, 0.0, rate)
+            most = pump.idle_power + pump.power_per_pressure * pump.stall_pressure
+            drawn = np.minimum(drawn, most)
+        return PumpRun(rate, drawn)
+    assert supply is not None  # Vehicle checks it
+    a = unified(ElectrohydraulicActuator(motor=pump.motor, drive=pump.drive), water)
+    depth = np.maximum(head, 0.0) / water.specific_weight
+    u = _full_voltage(a, supply, a.k_z * depth + a.friction_torque)
+    if pump.speed is not None:
+        needed = (a.k_v * pump.speed + a.k_z * depth + a.friction_torque) / a.k_u
+        u = np.minimum(u, needed)
+    d = steady_drive(a, water, voltage=u, depth=depth)
+    drawn = _terminals(np.asarray(d.supply), driver)
+    return PumpRun(np.maximum(d.volume_rate, 0.0), drawn)
+
+
+def battery_power(power: Array, supply: Supply | None) -> Array:
+    """Return what leaves the battery's cells [W] for a `power` at its terminals [W] [n].
+
+    Its internal resistance takes R_b i^2 more; NaN where that is beyond the battery.
+    """
+    if supply is None or supply.internal_resistance == 0.0:
+        return np.asarray(power, float)
+    E, R_b = supply.voltage, supply.internal_resistance
+    return np.asarray(E * supply_current(P=np.asarray(power, float), E=E, R_b=R_b))
+
+
+def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array) -> DriveMap:
+    head = p + ATMOSPHERIC_PRESSURE - a.internal_pressure
+    supply, nothing = vehicle.supply, np.zeros(p.shape)
+    run = pump_run(a.pump, head, water=vehicle.water, supply=supply, driver=vehicle.driver)
+    power_in = battery_power(np.full(p.shape, a.valve.power), supply)
+    bypass_in = power_bypass = nothing
+    if a.bypass is not None:
+        bypass_in = valve_flow(a.bypass, head)
+        power_bypass = battery_power(np.full(p.shape, a.bypass.power), supply)
+    return DriveMap(
+        pressure=p,
+        rate_out=run.rate,
+        power_out=battery_power(run.power, supply),
+        rate_in=valve_flow(a.valve, head),
+        power_in=power_in,
+        leakage=a.leakage * np.maximum(head, 0.0),
+        holding_power=nothing,
+        bypass_in=bypass_in,
+        power_bypass=power_bypass,
+    )
+
+
+def _positioner(a: Positioner, p: Array) -> DriveMap:
+    moving = np.full(p.shape, np.nan if a.moving_power is None else a.moving_power)
+    held = np.full(p.shape, np.nan if a.moving_power is None else a.holding_power)
+    rate, nothing = np.full(p.shape, a.speed * a.piston_area), np.zeros(p.shape)
+    return DriveMap(p, rate, moving, rate, moving, nothing, held, nothing, nothing)
+
+
+def _rates_only(vehicle: Vehicle, p: Array) -> DriveMap:
+    """Return the rates of an actuator whose R is not known; its battery cannot sag either."""
+    assert vehicle.supply is not None  # Vehicle checks it
+    a, E = reduced(vehicle.actuator, vehicle.water), vehicle.supply.voltage
+    z = p / vehicle.water.specific_weight
+    leak = a.k_l * z
+    pressed = np.maximum(a.gain * (E - a.load_drive * z - a.friction), 0.0)
+    drawn = np.maximum(a.gain * (E + a.load_back * z - a.friction), 0.0)
+    unknown, nothing = np.full(p.shape, np.nan), np.zeros(p.shape)
+    out = np.maximum(pressed - leak, 0.0)
+    return DriveMap(p, out, unknown, drawn + leak, unknown, leak, unknown, nothing, nothing)
+
+
+def _voltage_driven(vehicle: Vehicle, a: UnifiedActuator, p: Array) -> DriveMap:
+    supply, water = vehicle.supply, vehicle.water
+    assert supply is not None  # Vehicle checks it
+    z = p / water.specific_weight
+
+    def drawn(voltage: Array) -> tuple[Array, Array]:
+        d = steady_drive(a, water, voltage=voltage, depth=z)
+        power = battery_power(_terminals(np.asarray(d.supply), vehicle.driver), supply)
+        return np.asarray(d.volume_rate), power
+
+    rate_out, power_out = drawn(_full_voltage(a, supply, a.k_z * z + a.friction_torque))
+    rate_in, power_in = drawn(-_full_voltage(a, supply, a.friction_torque - a.k_z_back * z))
+    hold = np.maximum(a.k_z_back * z - a.friction_torque, 0.0) / a.k_u
+    _, holding = drawn(hold)
+    leak, nothing = np.asarray(a.k_l * z), np.zeros(p.shape)
+    rate_out = np.maximum(rate_out, 0.0)
+    rate_in = np.maximum(-rate_in, 0.0)
+    return DriveMap(p, rate_out, power_out, rate_in, power_in, leak, holding, nothing, nothing)
+
+
+def _full_voltage(a: UnifiedActuator, supply: Supply, load: Array) -> Array:
+    """Return the largest |u| [V] that the supply holds at steady speed under a load [N m] [n].
+
+    With k_v omega = k_u u - load and u = (E + (R_b/R) k_emf omega)/(1 + R_b/R), see
+    electric.largest_voltage; E where the sea turns the motor faster than E does.
+    """
+    assert a.resistance is not None
+    assert a.emf_constant is not None
+    E, sag, k_emf = supply.voltage, supply.internal_resistance / a.resistance, a.emf_constant
+    omega = (a.k_u * E / (1.0 + sag) - load) / (a.k_v - a.k_u * sag * k_emf / (1.0 + sag))
+    full: Any = largest_voltage(E=E, sag=sag, emf=k_emf * np.maximum(omega, 0.0))
+    return np.asarray(full)
+
+
+def _terminals(motor: Array, driver: Driver | None) -> Array:
+    """Return the power at the battery's terminals [W] for that at the motor's [n]."""
+    if driver is None:
+        return motor
+    back = driver.efficiency if driver.regenerates else 0.0
+    return np.where(motor > 0.0, motor / driver.efficiency, motor * back)
