@@ -67,10 +67,9 @@ def choose_laws(vehicle: Vehicle, wanted: Sequence[str] | None) -> tuple[list[st
     command = "voltage" if vehicle.voltage_driven else "volume"
     kept, out = [], []
     for name in dict.fromkeys(names):
-        if LAWS[name].command != command:
-            why = (
-                f"it commands a {LAWS[name].command}, and the vehicle's actuator takes a {command}"
-            )
+        law = law_by_name(name)
+        if law.command != command:
+            why = f"it commands a {law.command}, and the vehicle's actuator takes a {command}"
             out.append(LeftOut(name=name, why=why))
         elif name not in TUNABLE:
             why = "it is not tuned; the vehicle file's own gains, if any, are benched"

@@ -13,13 +13,14 @@ from swimbladder.control.observer import OBSERVER
 from swimbladder.control.planned import PLANNED
 from swimbladder.control.position_observer import POSITION_OBSERVER
 from swimbladder.control.position_pid import POSITION_PID
+from swimbladder.control.rate import RATE
 from swimbladder.control.sea_cascade import SEA_CASCADE
 from swimbladder.errors import InputError
 from swimbladder.parameters import Controller
 from swimbladder.parameters.schema import did_you_mean
 from swimbladder.units import parse_quantity
 
-__all__ = ["LAWS", "bind", "law_by_name", "law_parameters"]
+__all__ = ["LAWS", "MISSION_LAWS", "bind", "law_by_name", "law_parameters"]
 
 LAWS: Mapping[str, Law] = {
     law.name: law
@@ -34,18 +35,23 @@ LAWS: Mapping[str, Law] = {
         POSITION_OBSERVER,
     )
 }
+"""The laws that are called at each sample: simulated, tuned and translated."""
+
+MISSION_LAWS: Mapping[str, Law] = {RATE.name: RATE}
+"""The laws that are called when they ask to be, of vehicles that `swimbladder mission` flies."""
 
 
 def law_by_name(name: str) -> Law:
     """Return the law of that name; raises InputError where there is none."""
-    if name not in LAWS:
+    known = {**LAWS, **MISSION_LAWS}
+    if name not in known:
         raise InputError(
             "unknown control law",
             field="controller.law",
             value=name,
-            remedy=f"{did_you_mean(name, LAWS)}Laws: {', '.join(LAWS)}",
+            remedy=f"{did_you_mean(name, known)}Laws: {', '.join(known)}",
         )
-    return LAWS[name]
+    return known[name]
 
 
 def law_parameters(law: Law, values: Mapping[str, float | str], *, sample_time: float) -> Any:
