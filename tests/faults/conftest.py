@@ -34,13 +34,18 @@ class Rig:
         how=0,
         depth=20.0,
         target=None,
+        turns=None,
         ticks=1000,
         bottom=math.inf,
         volume=None,
         supply=None,
         **changes,
     ):
-        """Return (result, columns by name); harms: (fault, first, second, begin, end)."""
+        """Return (result, columns by name); harms: (fault, first, second, begin, end).
+
+        turns: (tick, depth asked for [m]), in place of `target`.
+        """
+        turns = turns or ((0.0, depth if target is None else target),)
         p = plant(self.vehicle, bottom_depth=bottom)
         if supply is not None:
             p = p._replace(supply=supply)
@@ -58,8 +63,8 @@ class Rig:
             plant=np.array(p),
             condition=quiet,
             harms=np.array([Harm(*map(float, h)) for h in harms]).reshape(-1, len(Harm._fields)),
-            turns=np.array([0.0]),
-            depths=np.array([depth if target is None else target]),
+            turns=np.array([tick for tick, _ in turns]),
+            depths=np.array([asked for _, asked in turns]),
             onset=math.inf,
         )
         assert len(p) == len(Plant._fields)

@@ -173,11 +173,27 @@ def test_a_law_that_hangs_is_reset_by_the_watchdog_again_and_again(rig):
     assert len(set(flown["command"][100:120])) == 1
 
 
-def test_lost_ticks_are_counted_for_the_board(rig):
-    _, flown = rig.fly((Fault.PAUSE, 9.0, 0, 100, ALWAYS), ticks=200)
-    assert np.all(flown["board"][100:130] == 1.0)
-    assert flown["board"][130] == 0.0
-    assert len(set(flown["command"][99:130])) == 1
+def test_a_board_that_pauses_does_so_again_and_again(rig):
+    _, flown = rig.fly((Fault.PAUSE, 9.0, 6.0, 100, ALWAYS), ticks=200)
+    for begin in (100, 150):
+        assert np.all(flown["board"][begin : begin + 30] == 1.0)
+        assert np.all(flown["board"][begin + 30 : begin + 50] == 0.0)
+        assert len(set(flown["command"][begin - 1 : begin + 30])) == 1
+    assert np.array_equal(np.flatnonzero(flown["lost_ticks"] == 30.0), [129, 179])
+
+
+def test_a_board_that_is_reset_begins_its_mission_anew(rig):
+    turns = ((0.0, 20.0), (40.0, 21.0), (80.0, 22.0))
+    _, well = rig.fly(turns=turns, ticks=200)
+    assert well["reference"][[39, 40, 80]] == pytest.approx([20.0, 21.0, 22.0])
+    # reset at 50 and 150, off for 7 ticks: its first is 57, the next set-point falls due at 97
+    _, flown = rig.fly((Fault.RESETS, 30.0, 0, 50, 250), turns=turns, ticks=200)
+    assert np.array_equal(np.flatnonzero(np.diff(flown["board"] == 2.0)), [49, 56, 149, 156])
+    assert flown["reference"][49] == 21.0
+    assert np.all(flown["reference"][57:97] == 20.0)
+    assert np.all(flown["reference"][97:137] == 21.0)
+    assert np.all(flown["reference"][137:150] == 22.0)
+    assert np.all(flown["reference"][157:197] == 20.0)
 
 
 def test_told_to_come_up_it_does_so_at_full_voltage(rig):

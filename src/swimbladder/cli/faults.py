@@ -151,10 +151,10 @@ def _print(flown: Campaign, files: list[Path]) -> None:
         f"other {total - able} it brought up {gone.unrecoverable_saved}.",
         soft_wrap=True,
     )
-    if flown.all_lost_alone < MILD:
+    if flown.lost_alone < MILD:
         output.print(
-            f"the faults are mild for this law: without the supervisor less than {MILD:.0%} of all "
-            "vehicles were lost",
+            f"the faults are mild for this law: without the supervisor less than {MILD:.0%} of "
+            "those that could be saved were lost",
             soft_wrap=True,
         )
     alarms, trials = len(flown.false_alarms), len(flown.healthy)

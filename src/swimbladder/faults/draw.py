@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 SHALLOWEST = 1.0  # m under the surface
 RESERVE = 0.9  # of the depth at which the supervisor turns the vehicle round
-DURATION = 600.0  # s until it is told to come up
+DURATION = 1200.0  # s until it is told to come up
 STAY = 60.0  # s at the surface
 STEP = 10.0  # m, largest change of a set-point
 RAMP = 0.1  # m/s, at which the depth asked for goes to a set-point; a fifth of the speed at most
@@ -34,7 +34,7 @@ SECOND_WITHIN = 30.0  # s after the first
 RECOVERY = 60.0  # s from the first onset to the full buoyancy that tells what is recoverable
 SLACK = 180.0  # s, for coming up
 SETTLE = 30.0  # s before anything may fail
-LATEST = 0.5 * DURATION  # s, of the first onset: it has at least as long to act
+LATEST = 0.25 * DURATION  # s, of the first onset: it has three times as long to act
 BOOT = 2.0  # s that the board needs from a reset to its first tick
 SWELL = 0.005  # of the stroke, the least; ten times as much the most
 BAND = 1.0  # m under the surface: a hull bobs in the swell

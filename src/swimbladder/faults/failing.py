@@ -252,7 +252,7 @@ def board_misses(harms, k, tick):  # type: ignore[no-untyped-def]
         if kind == TICKS_LOST:
             lost = lost or np.random.random() < harm[_FIRST]  # noqa: NPY002
         elif kind == PAUSE:
-            lost = lost or since * tick < harm[_FIRST]
+            lost = lost or (since * tick) % (harm[_FIRST] + harm[_SECOND]) < harm[_FIRST]
         elif kind == RESETS:
             reset = reset or since % max(1.0, math.floor(harm[_FIRST] / tick)) == 0.0
         elif kind == HANG:

@@ -123,7 +123,7 @@ def _fly(  # type: ignore[no-untyped-def]
     stroke = base[V_MAX] - base[V_MIN]
     lost, water, shift = 0, 0.0, 0.0
     off_until, hung_until, resets = -1, -1, 0
-    must_begin, restarted = True, 0
+    must_begin, restarted, begun = True, 0, 0
     u_board, u, turn = 0.0, c[START_VOLUME] if positioner else 0.0, 0
     asked, told = depths[0], False
     deepest, full_at = c[START_DEPTH], math.inf
@@ -182,7 +182,7 @@ def _fly(  # type: ignore[no-untyped-def]
             stroke, kept,
         )  # fmt: skip
         # the board
-        while turn + 1 < turns.shape[0] and turns[turn + 1] <= k:
+        while turn + 1 < turns.shape[0] and turns[turn + 1] <= k - begun:
             turn += 1
         asked += max(-c[RAMP], min(c[RAMP], depths[turn] - asked))
         missed, reset, hangs = board_misses(harms, k, tick)
@@ -198,6 +198,7 @@ def _fly(  # type: ignore[no-untyped-def]
             if not must_begin:
                 resets += 1
             must_begin, restarted = True, 1
+            begun, turn = k + 1, 0  # its clock begins anew, and what it is to do with it
             lost = 0
             u_board = volume if positioner else 0.0
         elif k < hung_until:

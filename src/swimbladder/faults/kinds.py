@@ -201,9 +201,10 @@ KINDS: Mapping[Fault, Kind] = {
         name="ticks lost", family="timing", words="this share of ticks is lost", first=_SHARE,
     ),
     Fault.PAUSE: Kind(
-        name="pause", family="timing", may_end=False,
-        words="the board does nothing for so long (its watchdog would end more)",
+        name="pauses", family="timing",
+        words="the board does nothing for so long (its watchdog would end more), again and again",
         first=Range(least=5.0, most=60.0, unit="s"),
+        second=Range(least=5.0, most=600.0, unit="s"),
     ),
     Fault.RESETS: Kind(
         name="board resets", family="timing",

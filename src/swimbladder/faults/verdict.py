@@ -35,7 +35,7 @@ FACTS = 6  # number, onset, start, deepest set-point, bottom, supply
 HARMS = 2 * len(Harm._fields)
 WIDTH = FACTS + HARMS + 3 * len(Result._fields)
 TOGETHER = "two faults at once"
-MILD = 0.3  # of all vehicles; where fewer are lost without a supervisor, little is asked of it
+MILD = 0.3  # of those that could be saved; fewer lost without a supervisor ask little of it
 
 
 class Outcome(IntEnum):
