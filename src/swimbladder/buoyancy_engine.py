@@ -35,16 +35,19 @@ from swimbladder.parameters import (
 )
 
 __all__ = [
+    "REFERENCE_TEMPERATURE",
     "DriveMap",
     "PumpRun",
     "battery_power",
     "check_power_known",
+    "delivered",
     "drive_map",
     "pump_run",
     "valve_flow",
 ]
 
 Array = NDArray[np.float64]
+REFERENCE_TEMPERATURE = 15.0  # degC at which the power of a pump is stated
 
 
 class DriveMap(NamedTuple):
@@ -72,10 +75,16 @@ class PumpRun(NamedTuple):
     power: Array  # W
 
 
-def drive_map(vehicle: Vehicle, pressure: ArrayLike, *, power: bool = True) -> DriveMap:
+def drive_map(
+    vehicle: Vehicle,
+    pressure: ArrayLike,
+    *,
+    temperature: ArrayLike = REFERENCE_TEMPERATURE,
+    power: bool = True,
+) -> DriveMap:
     """Return the rates and powers of a vehicle's actuator at each `pressure` [Pa] [n].
 
-    power: False leaves out (NaN) powers that are not known. Raises NoAnswerError where a power is
+    temperature: of the water [degC] [n] or one, for a pump whose power depends on it. power: False leaves out (NaN) powers that are not known. Raises NoAnswerError where a power is
     wanted that R and k_T, or a power law, do not tell, naming the fields.
     """
     if power:
@@ -83,7 +92,7 @@ def drive_map(vehicle: Vehicle, pressure: ArrayLike, *, power: bool = True) -> D
     p = np.atleast_1d(np.asarray(pressure, float))
     a = vehicle.actuator
     if isinstance(a, PumpAndValve):
-        return _pump_and_valve(vehicle, a, p)
+        return _pump_and_valve(vehicle, a, p, np.asarray(temperature, float))
     if isinstance(a, Positioner):
         return _positioner(a, p)
     if isinstance(a, IdentifiedActuator):
@@ -127,10 +136,18 @@ def check_power_known(vehicle: Vehicle) -> None:
         raise NoAnswerError(f"the electrical power is not known: {missing}")
 
 
+def delivered(rate: Any, duration: Any, start_volume: float = 0.0) -> Any:
+    """Return the volume that one run of a pump presses out [m3]; arrays too.
+
+    rate [m3/s], duration [s]; start_volume: what each start falls short of their product [m3].
+    """
+    return np.maximum(np.asarray(rate) * duration - start_volume, 0.0)[()]
+
+
 def valve_flow(valve: Valve, head: Array) -> Array:
     """Return the flow through a valve C (dp)^0.5 [m3/s] at each pressure difference [Pa] [n].
 
-    None where the pressure inside is the greater one: the oil would have to be sucked out.
+    0 where the pressure inside is the greater one: the oil would have to be sucked out.
     """
     return np.asarray(valve.flow * np.sqrt(np.maximum(head, 0.0)))
 
@@ -142,20 +159,22 @@ def pump_run(
     water: Water,
     supply: Supply | None = None,
     driver: Driver | None = None,
+    temperature: ArrayLike = REFERENCE_TEMPERATURE,
 ) -> PumpRun:
     """Return what a pump delivers and draws against each pressure difference `head` [Pa] [n].
 
     water: only its weight counts, to turn a head into the depth that eqs (7)-(8) are written in.
-    Slip beyond the delivery stops at the check valve: no flow inwards.
+    temperature: [degC] [n] or one. Slip beyond the delivery stops at the check valve: no flow inwards.
     """
     if isinstance(pump, PowerLawPump):
         rate = np.maximum(pump.delivery - pump.slip * head, 0.0)
-        drawn = pump.idle_power + pump.power_per_pressure * np.maximum(head, 0.0)
+        beaten = np.maximum(head, 0.0)
         if pump.stall_pressure is not None:
             rate = np.where(head >= pump.stall_pressure, 0.0, rate)
-            most = pump.idle_power + pump.power_per_pressure * pump.stall_pressure
-            drawn = np.minimum(drawn, most)
-        return PumpRun(rate, drawn)
+            beaten = np.minimum(beaten, pump.stall_pressure)
+        warmer = np.asarray(temperature, float) - REFERENCE_TEMPERATURE
+        drawn = pump.idle_power + pump.power_per_pressure * beaten
+        return PumpRun(rate, np.maximum(drawn + pump.power_per_temperature * warmer, 0.0))
     assert supply is not None  # Vehicle checks it
     a = unified(ElectrohydraulicActuator(motor=pump.motor, drive=pump.drive), water)
     depth = np.maximum(head, 0.0) / water.specific_weight
@@ -179,10 +198,12 @@ def battery_power(power: Array, supply: Supply | None) -> Array:
     return np.asarray(E * supply_current(P=np.asarray(power, float), E=E, R_b=R_b))
 
 
-def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array) -> DriveMap:
+def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> DriveMap:
     head = p + ATMOSPHERIC_PRESSURE - a.internal_pressure
     supply, nothing = vehicle.supply, np.zeros(p.shape)
-    run = pump_run(a.pump, head, water=vehicle.water, supply=supply, driver=vehicle.driver)
+    run = pump_run(
+        a.pump, head, water=vehicle.water, supply=supply, driver=vehicle.driver, temperature=T
+    )
     power_in = battery_power(np.full(p.shape, a.valve.power), supply)
     bypass_in = power_bypass = nothing
     if a.bypass is not None:

@@ -28,7 +28,7 @@ def test_a_template_loads_as_it_is(tmp_path, kind):
     vehicle = loaded(tmp_path, vehicle_template(kind, name="first"))
     assert vehicle.actuator.kind == kind
     assert vehicle.name == "first"
-    assert (vehicle.controller is None) == (kind == "pump-valve")
+    assert vehicle.controller is not None
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -47,8 +47,6 @@ def fields(model, given):
     """Every field that a table of the chosen kinds can have, as nested names."""
     found = set()
     for name, info in model.model_fields.items():
-        if name == "controller" and given["actuator"]["kind"] == "pump-valve":
-            continue  # no law of the registry commands pump and valve
         found.add(name)
         members = models_in(info.annotation)
         if len(members) > 1:

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from swimbladder.control.registry import LAWS, bind
+from swimbladder.control.registry import LAWS, MISSION_LAWS, bind
 from swimbladder.dynamics import plant
 from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission
@@ -56,12 +56,13 @@ def _check_parts_fit(vehicle: Vehicle) -> None:
         return
     law, _ = bind(vehicle.controller)
     if law.command != command:
-        fitting = [name for name, other in LAWS.items() if other.command == command]
+        known = {**LAWS, **MISSION_LAWS}
+        fitting = [name for name, other in known.items() if other.command == command]
         raise InputError(
             f"this law commands a {law.command}, but the actuator takes a {command}",
             field="controller.law",
             value=law.name,
-            remedy=f"Choose one of: {', '.join(fitting)}" if fitting else "Leave the law out",
+            remedy=f"Choose one of: {', '.join(fitting)}",
         )
 
 

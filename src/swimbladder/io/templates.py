@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from swimbladder.control.registry import LAWS
+from swimbladder.control.registry import LAWS, MISSION_LAWS
 from swimbladder.parameters import Vehicle, field_unit
 from swimbladder.parameters.schema import dotted, listed_model, models_in, tags_of
 
@@ -114,7 +114,27 @@ _EXAMPLES: dict[str, _Table] = {
             "valve": {"flow": "2.5 mL/s/bar^0.5", "power": "4 W"},
         },
         "supply": {"voltage": "15 V", "capacity": "1000 Wh"},
-        "motion": _PHYSICAL,
+        "motion": _PHYSICAL | {"drag": {"law": "quadratic", "k_dt": "16 N s2/m2"}},
+        "controller": {
+            "law": "rate",
+            "sample_time": "1 s",
+            "parameters": {
+                "coefficient": "1600 cm3 s2/m2",
+                "tolerance": "5 m",
+                "near": "5 m",
+                "far": "50 m",
+                "slow_speed": "2 cm/s",
+                "near_speed": "3 cm/s",
+                "far_speed": "8 cm/s",
+                "ascent_speed": "9 cm/s",
+                "speed_band": "2 cm/s",
+                "speed_step": "1 cm/s",
+                "volume_step": "2 cm3",
+                "dead": "60 s",
+                "run": "10 s",
+                "window": "60 s",
+            },
+        },
     },
     "positioner": {
         "actuator": {"kind": "positioner", "speed": "2 mm/s", "piston_area": "75 cm2"},
@@ -210,8 +230,6 @@ def _table(
     """Append the fields of a table, then its sub-tables; `off` comments the fields out."""
     later = []
     for name, info in model.model_fields.items():
-        if (*path, name) == ("controller",) and name not in given:  # no law fits this kind yet
-            continue
         if _tables(info) or get_origin(info.annotation) is dict:
             later.append((name, info))
             continue
@@ -240,7 +258,8 @@ def _subtable(
         _table(lines, models[0], given or {}, path, off=off)
         return
     if path == ("controller", "parameters"):
-        units = next(law.units for law in LAWS.values() if set(given or {}) <= set(law.units))
+        laws = (*LAWS.values(), *MISSION_LAWS.values())
+        units = next(law.units for law in laws if set(given or {}) <= set(law.units))
         for key, value in (given or {}).items():
             lines += [f"# [{units[key] or '-'}]", f"{key} = {_toml(value)}"]
     if path == ("provenance",):

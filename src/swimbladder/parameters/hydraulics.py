@@ -32,6 +32,10 @@ class PowerLawPump(Parameters):
     power_per_pressure: Annotated[float, Unit("W/Pa"), Field(ge=0.0)] = Field(
         description="what the electrical power grows by per pressure"
     )
+    power_per_temperature: Annotated[float, Unit("W/K"), Field(le=0.0, ge=-10.0)] = Field(
+        0.0, description="what the electrical power grows by per kelvin above 15 degC, by which "
+        "warm oil is thinner; 0 or negative"
+    )  # fmt: skip
     stall_pressure: Annotated[float, Unit("Pa"), Field(gt=0.0)] | None = Field(
         None, description="pressure at which the motor stops or a relief valve opens; not given: "
         "where the slip takes all of the delivery"
@@ -90,6 +94,10 @@ class PumpAndValve(Parameters):
     quantum: Annotated[float, Unit("s"), Field(ge=0.0)] = Field(
         0.0, description="step of the time that pump and valve are on; also the shortest one"
     )
+    start_volume: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
+        0.0, description="volume that each start of the pump falls short of its delivery: running "
+        "up, dead space to fill and air in the oil to press together"
+    )  # fmt: skip
     longest_run: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
         None, description="longest time the pump is on in one action; not given: no limit"
     )
