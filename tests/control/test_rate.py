@@ -200,8 +200,7 @@ def test_a_look_in_the_band_takes_one_measurement() -> None:
 
 
 def rows(path: Path) -> list[dict[str, str]]:
-    opened = gzip.open(path, "rt") if path.suffix == ".gz" else path.open()
-    with opened as text:
+    with gzip.open(path, "rt") if path.suffix == ".gz" else path.open() as text:
         return list(csv.DictReader(text))
 
 

@@ -1,0 +1,101 @@
+"""What a float's log tells: where it was, what it decided, how long pump and valve ran, on what.
+
+Pressures are above what the float's sensor reads at the surface [Pa]; times count from the log's
+first line [s], which is at `start`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["DEVICES", "Action", "Device", "FloatLog", "Reading", "Stage", "Wish"]
+
+Device = Literal["pump", "valve", "bypass"]
+DEVICES: tuple[Device, ...] = ("pump", "valve", "bypass")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """What the float's controller wanted: a speed, and the volume that it reckoned with."""
+
+    time: float  # s
+    speed_from: float  # Pa/s, positive down
+    speed_to: float  # Pa/s
+    change: float  # m3, positive: lighter
+    seconds: float  # s, that the device was reckoned to need
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """Battery voltage [V] and current [A] at a time [s]."""
+
+    time: float
+    voltage: float
+    current: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Action:
+    """A run of the pump, or an opening of valve or bypass.
+
+    asked [s]: how long; seconds [s]: how long it was, less where it was broken off. pressure [Pa]:
+    as the log says beside it, the last one measured; NaN where it says none.
+    """
+
+    device: Device
+    time: float  # s, the beginning
+    asked: float
+    seconds: float
+    pressure: float = np.nan
+    before: Reading | None = None
+    after: Reading | None = None
+    wish: Wish | None = None
+    stage: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """A part of the float's mission: to hold a pressure, or to come up (pressure 0)."""
+
+    number: int
+    pressure: float  # Pa
+    tolerance: float  # Pa
+    duration: float  # s
+
+
+@dataclass(frozen=True, kw_only=True)
+class FloatLog:
+    """A float's log, in SI units.
+
+    stage: number of the mission's stage at each sample; -1 while it leaves the surface, -2 where
+    no stage is under way. settings: the controller's, as texts. report: what was not understood.
+    """
+
+    source: str
+    name: str = ""
+    firmware: str = ""
+    start: str = ""  # ISO 8601
+    time: NDArray[np.float64]  # s [n]
+    pressure: NDArray[np.float64]  # Pa [n]
+    temperature: NDArray[np.float64]  # degC [n], NaN where it is not logged
+    stage: NDArray[np.int64]  # - [n]
+    actions: tuple[Action, ...]
+    stages: tuple[Stage, ...] = ()
+    settings: Mapping[str, str] = field(default_factory=dict)
+    position: tuple[float, float] | None = None  # latitude, longitude [deg]
+    internal_pressure: float = np.nan  # Pa, absolute, as logged last
+    battery_voltage: float = np.nan  # V, after the dive
+    battery_least: float = np.nan  # V, during it
+    report: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def of(self, *devices: Device) -> tuple[Action, ...]:
+        """Return the actions of these devices, in order."""
+        return tuple(action for action in self.actions if action.device in devices)

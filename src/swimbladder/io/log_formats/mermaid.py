@@ -1,0 +1,250 @@
+"""The text logs of floats of the MERMAID kind: one line an event, a time before each.
+
+::
+
+    2020-06-25T11:23:12:[PRESS ,0038]P +35463mbar,T+14277mdegC
+    2020-06-25T11:23:36:[BUOY  ,0087]from +5mbar/s to +2mbar/s
+    2020-06-25T11:23:37:[BUOY  ,0089]need to transfer +34mL (pump during 40924ms)
+    2020-06-25T11:23:45:[PUMP  ,0016]pump during 40924ms
+    2020-06-25T11:24:25:[PUMP  ,0212]battery 13633mV,  601216uA (steady state), P +35593mbar
+
+Read off logs of firmware V2.12 to V2.20 (2020), older and newer wordings of pump and valve alike.
+Lines of other parts of the float (positions apart) are left out; what is wrong in those that are
+read is reported.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swimbladder.errors import LogError
+from swimbladder.io.float_log import Action, Device, FloatLog, Reading, Stage, Wish
+
+__all__ = ["is_mermaid", "read_mermaid"]
+
+_LINE = re.compile(r"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d):(?:<\w+>)?\[(\w+) *,(\d+)\](.*)")
+_SETTING = re.compile(r" +(\w+) (.+?)(?: \(.*)?$")
+_HIGHEST = 2.5e7  # Pa; a higher pressure crushes such a float and is a misprint
+_LONGEST = 3.0 * 86400.0  # s, between two lines; more is a clock that was wrong
+
+
+def is_mermaid(text: str) -> bool:
+    """Return whether a text is such a log: its first line that has a time has a known part."""
+    for line in text.splitlines()[:20]:
+        if match := _LINE.match(line):
+            return match[2] in ("MAIN", "SURF", "PRESS", "STAGE", "BUOY", "PUMP", "DIVING")
+    return False
+
+
+def read_mermaid(path: str | Path) -> FloatLog:
+    """Return the log of one dive; raises LogError where there is none in the file."""
+    try:
+        text = Path(path).read_bytes().decode("latin-1")
+    except OSError as error:
+        raise LogError(
+            f"it cannot be read: {error.strerror}", file=path, remedy="Check the path"
+        ) from None
+    reader = _Reader()
+    for number, line in enumerate(text.splitlines(), start=1):
+        if match := _LINE.match(line):
+            reader.line(number, *match.groups())
+    if not reader.pressures:
+        raise LogError(
+            "no line with a pressure", file=path, field="[PRESS ,0038]",
+            remedy="Give a log of a dive; for other logs leave out --log-format mermaid",
+        )  # fmt: skip
+    return reader.log(str(path))
+
+
+def _pressure(text: str) -> float:
+    """Return the pressure that a text ends in [Pa], NaN where it has none."""
+    found = re.search(r"P *([+-] *\d+)mbar", text)
+    return float(found[1].replace(" ", "")) * 100.0 if found else np.nan
+
+
+class _Reader:
+    """The state of the float as its lines tell it."""
+
+    def __init__(self) -> None:
+        self.first: datetime | None = None
+        self.now = 0.0
+        self.pressures: list[tuple[float, float, float, int]] = []
+        self.actions: list[dict[str, Any]] = []
+        self.known: dict[str, Any] = {}
+        self.settings: dict[str, str] = {}
+        self.stages: dict[int, Stage] = {}
+        self.stage = -2
+        self.speeds: tuple[float, float] | None = None
+        self.wish: Wish | None = None
+        self.before: Reading | None = None
+        self.oddities: dict[str, list[int]] = {}
+
+    def line(self, number: int, time: str, part: str, _code: str, text: str) -> None:
+        """Take a line's news."""
+        stamp = datetime.fromisoformat(time)
+        if self.first is None:
+            self.first = stamp
+        now = (stamp - self.first).total_seconds()
+        if now < self.now - 1.0 or now > self.now + _LONGEST:
+            self.odd("lines whose time does not follow", number)
+            return
+        self.now = max(now, self.now)
+        told = _PARTS.get(part)
+        if told is not None and not told(self, text.rstrip()):
+            self.odd(f"lines of {part} that say what no float says", number)
+
+    def odd(self, what: str, number: int) -> None:
+        """Remember that a line was not used."""
+        self.oddities.setdefault(what, []).append(number)
+
+    def sample(self, text: str) -> bool:
+        found = re.match(r"P *([+-] *\d+)mbar,T *([+-] *\d+)mdegC", text)
+        if not found:
+            return True
+        pressure, temperature = (float(x.replace(" ", "")) for x in found.groups())
+        if abs(pressure) * 100.0 > _HIGHEST:
+            return False
+        self.pressures.append((self.now, pressure * 100.0, temperature / 1000.0, self.stage))
+        return True
+
+    def decided(self, text: str) -> bool:
+        if found := re.match(r"from ([+-]\d+)mbar/s to ([+-]\d+)mbar/s", text):
+            a, b = (float(x) * 100.0 for x in found.groups())
+            self.speeds = (a, b)
+            return max(abs(a), abs(b)) < 1e5
+        if found := re.match(r"need to transfer ([+-]\d+)mL \((\w+) during (\d+)ms\)", text):
+            speeds = self.speeds or (np.nan, np.nan)
+            self.wish = Wish(
+                time=self.now, speed_from=speeds[0], speed_to=speeds[1],
+                change=float(found[1]) * 1e-6, seconds=float(found[3]) / 1000.0,
+            )  # fmt: skip
+            self.speeds = None
+        return True
+
+    def begun(self, device: Device, milliseconds: str) -> None:
+        wish = self.wish if self.wish and self.now - self.wish.time < 30.0 else None
+        self.actions.append(
+            {
+                "device": device, "time": self.now, "asked": float(milliseconds) / 1000.0,
+                "wish": wish, "before": self.before, "stage": self.stage,
+            }
+        )  # fmt: skip
+        self.wish = self.before = None
+
+    def worked(self, text: str) -> bool:
+        if found := re.match(r"pump during (\d+)ms", text):
+            self.begun("pump", found[1])
+        elif found := re.match(r"(valve|bypass) opening (\d+)ms", text):
+            self.begun("valve" if found[1] == "valve" else "bypass", found[2])
+        elif found := re.search(r"(\d+)mV[,/] *(\d+)uA", text):
+            reading = Reading(
+                time=self.now, voltage=float(found[1]) / 1e3, current=float(found[2]) / 1e6
+            )
+            if "warmup" in text:
+                self.before = reading
+            elif self.actions and "opening" in text:
+                self.actions[-1]["before"] = reading
+            elif self.actions:
+                self.actions[-1]["after"] = reading
+                self.actions[-1]["pressure"] = _pressure(text)
+        return True
+
+    def surfaced(self, text: str) -> bool:
+        if "bladder full" in text and self.actions and self.actions[-1]["device"] == "pump":
+            self.actions[-1]["until"] = self.now
+        return True
+
+    def staged(self, text: str) -> bool:
+        if found := re.match(r"Stage \[(\d+)\] (\d+)mbar \(\+/-(\d+)mbar\) (\d+)s", text):
+            n, pressure, tolerance, seconds = (int(x) for x in found.groups())
+            self.stages[n] = Stage(
+                number=n, pressure=pressure * 100.0, tolerance=tolerance * 100.0, duration=seconds
+            )
+        elif found := re.match(r"Stage \[(\d+)\] surfacing (\d+)s", text):
+            n = int(found[1])
+            self.stages[n] = Stage(number=n, pressure=0.0, tolerance=0.0, duration=int(found[2]))
+        return True
+
+    def went(self, text: str) -> bool:
+        if found := re.match(r"stage\[(\d+)\]$", text):
+            self.stage = int(found[1])
+        elif found := re.match(r"(surfacing|surface)\b", text):
+            self.stage = -2
+        elif found := re.match(r"buoy (\S+)", text):
+            self.known["name"] = found[1]
+        elif found := re.match(r"soft pilotage (\S+)", text):
+            self.known["firmware"] = found[1]
+        elif found := re.match(r"internal pressure (\d+)Pa", text):
+            self.known["internal_pressure"] = float(found[1])
+        elif found := re.match(r"Vbat (\d+)mV \(min (\d+)mV\)", text):
+            self.known["battery_voltage"] = float(found[1]) / 1e3
+            self.known["battery_least"] = float(found[2]) / 1e3
+        return True
+
+    def dived(self, text: str) -> bool:
+        if text.startswith("diving from"):
+            self.stage = -1
+        return True
+
+    def set(self, text: str) -> bool:
+        if found := _SETTING.match(text):
+            self.settings[found[1]] = found[2]
+        return True
+
+    def placed(self, text: str) -> bool:
+        found = re.match(
+            r"Latitude : ([NS])(\d+)deg([\d.]+)mn, Longitude :([EW])(\d+)deg([\d.]+)mn", text
+        )
+        if found:
+            ns, a, b, ew, c, d = found.groups()
+            latitude = (float(a) + float(b) / 60.0) * (1.0 if ns == "N" else -1.0)
+            longitude = (float(c) + float(d) / 60.0) * (1.0 if ew == "E" else -1.0)
+            self.known.setdefault("positions", []).append((latitude, longitude))
+        return True
+
+    def log(self, source: str) -> FloatLog:
+        """Return what the lines told."""
+        columns = np.array([row[:3] for row in self.pressures]).T
+        positions = self.known.pop("positions", None)
+        said = [
+            f"{len(lines)} {what}, the first in line {lines[0]}"
+            for what, lines in self.oddities.items()
+        ]
+        return FloatLog(
+            source=source, start=self.first.isoformat() if self.first else "",
+            time=columns[0], pressure=columns[1], temperature=columns[2],
+            stage=np.array([row[3] for row in self.pressures], dtype=np.int64),
+            actions=tuple(_action(found) for found in self.actions),
+            stages=tuple(self.stages[n] for n in sorted(self.stages)), settings=self.settings,
+            position=positions[-1] if positions else None, report=tuple(said), **self.known,
+        )  # fmt: skip
+
+
+def _action(found: dict[str, Any]) -> Action:
+    """Return an action; one that the full bladder ended lasted until then."""
+    until = found.pop("until", None)
+    asked: float = found["asked"]
+    stage: int = found.pop("stage")
+    seconds = asked if until is None else min(asked, until - found["time"])
+    return Action(**found, seconds=seconds, stage=None if stage == -2 else stage)
+
+
+_PARTS: dict[str, Callable[[_Reader, str], bool]] = {
+    "PRESS": _Reader.sample,
+    "BUOY": _Reader.decided,
+    "PUMP": _Reader.worked,
+    "VALVE": _Reader.worked,
+    "BYPASS": _Reader.worked,
+    "SURFIN": _Reader.surfaced,
+    "STAGE": _Reader.staged,
+    "MAIN": _Reader.went,
+    "DIVING": _Reader.dived,
+    "BYCMD": _Reader.set,
+    "SURF": _Reader.placed,
+}

@@ -1,0 +1,171 @@
+"""Logs of floats: a made-up one line by line, real ones against what others took from them."""
+
+import math
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from swimbladder.errors import LogError
+from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
+
+# Made up in the manner of such a float: a dive to 30 bar, with the mishaps that logs have.
+MADE_UP = """\
+2031-03-01T10:00:00:[MAIN  ,0007]buoy 999.001-X-0001
+2031-03-01T10:00:00:[MAIN  ,0055]soft pilotage 999.001.100_V2.20-20310101
+2031-03-01T10:00:20:[SURF  ,0082]Latitude : S12deg30.000mn, Longitude :W045deg15.000mn
+2031-03-01T10:01:00:[BYCMD ,0125]    near 1000mbar 3mbar/s (15000mbar 3mbar/s stored)
+2031-03-01T10:01:00:[BYCMD ,0129]    coeff 16/10 (16/10 stored)
+2031-03-01T10:01:01:[STAGE ,0080]Stage [0] 30000mbar (+/-500mbar) 3600s (<3600s)
+2031-03-01T10:01:01:[STAGE ,0091]Stage [1] surfacing 1800s (<5400s) SBE41
+2031-03-01T10:01:02:[SBE41 ,0282]SBE41 parameters :
+      addtimingdelays=0 (n(0)/y(1))
+2031-03-01T10:01:10:[PRESS ,0038]P    -12mbar,T+21000mdegC
+2031-03-01T10:02:00:[DIVING,0141]diving from -12mbar, +0mbar/s
+2031-03-01T10:02:00:[BYPASS,0035]bypass opening 20000ms
+2031-03-01T10:02:05:[BYPASS,0104]battery 14700mV,  300000uA (bypass opening), P    -12mbar
+2031-03-01T10:02:25:[BYPASS,0106]battery 14600mV,  390000uA (bypass closing), P    -12mbar
+2031-03-01T10:04:00:[MAIN  ,0056]stage[0]
+2031-03-01T10:05:00:[PRESS ,0038]P   +600mbar,T+20500mdegC
+2031-03-01T10:05:30:[BUOY  ,0087]from +2mbar/s to +4mbar/s
+2031-03-01T10:05:30:[BUOY  ,0090]need to transfer -20mL (valve during 9000ms)
+2031-03-01T10:05:30:[VALVE ,0034]valve opening 9000ms
+2031-03-01T10:05:40:[VALVE ,0234]battery 14400mV,  610000uA, P   +650mbar
+2031-03-01T10:50:00:[PRESS ,0038]P +29800mbar,T+13500mdegC
+2031-03-01T10:50:00:<WARN>[BUOY  ,0094]stage[0] should DESCENT, stuck at 29800mbar for the #1 time
+2031-03-01T10:50:10:[BUOY  ,0087]from +9mbar/s to +0mbar/s
+2031-03-01T10:50:10:[BUOY  ,0089]need to transfer +130mL (pump during 158600ms)
+2031-03-01T10:50:18:[PUMP  ,0207]battery 15000mV,   40000uA (warmup), P +29900mbar
+2031-03-01T10:50:18:[PUMP  ,0016]pump during 60000ms
+2031-03-01T10:51:17:[PUMP  ,0212]battery 14300mV,  600000uA (steady state), P +29900mbar
+2031-03-01T10:52:00:[PRESS ,0038]P+999999mbar,T+13500mdegC
+2031-03-01T09:00:00:[PRESS ,0038]P +29000mbar,T+13500mdegC
+2031-03-01T10:53:00:[BUOY  ,0087]from +15397mbar/s to +15397mbar/s
+2031-03-01T11:30:00:[MAIN  ,0065]surfacing
+2031-03-01T11:30:10:[PUMP  ,0207]pump warmup 15010mV/41000uA
+2031-03-01T11:30:10:[PUMP  ,0016]pump during 300000ms
+2031-03-01T11:32:00:[PUMP  ,0212]pump stopped, 14100mV/1490000uA
+2031-03-01T11:32:02:[SURFIN,0019]external bladder full
+2031-03-01T11:33:00:[PRESS ,0038]P   +180mbar,T+21000mdegC
+2031-03-01T11:33:30:[MAIN  ,0272]Vbat 14700mV (min 14650mV)
+2031-03-01T11:33:31:[MAIN  ,0024]internal pressure 80000Pa
+"""
+
+
+@pytest.fixture
+def made_up(tmp_path: Path) -> Path:
+    path = tmp_path / "20310301__0001.LOG"
+    path.write_bytes(MADE_UP.replace("\n", "\r\n").encode())
+    return path
+
+
+def test_a_made_up_dive(made_up: Path) -> None:
+    log = read_mermaid(made_up)
+    assert (log.name, log.firmware) == ("999.001-X-0001", "999.001.100_V2.20-20310101")
+    assert log.start == "2031-03-01T10:00:00"
+    assert log.position == (-12.5, -45.25)
+    assert log.settings == {"near": "1000mbar 3mbar/s", "coeff": "16/10"}
+    assert [(s.number, s.pressure, s.tolerance, s.duration) for s in log.stages] == [
+        (0, 3e6, 5e4, 3600.0), (1, 0.0, 0.0, 1800.0),
+    ]  # fmt: skip
+    assert log.time.tolist() == [70.0, 300.0, 3000.0, 5580.0]
+    assert log.pressure.tolist() == [-1200.0, 6e4, 2.98e6, 1.8e4]
+    assert log.temperature.tolist() == [21.0, 20.5, 13.5, 21.0]
+    assert log.stage.tolist() == [-2, 0, 0, -2]
+    assert (log.battery_voltage, log.battery_least) == (14.7, 14.65)
+    assert log.internal_pressure == 8e4
+    assert log.report == (
+        "1 lines of PRESS that say what no float says, the first in line 28",
+        "1 lines whose time does not follow, the first in line 29",
+        "1 lines of BUOY that say what no float says, the first in line 30",
+    )
+
+
+def test_what_its_pump_and_valves_did(made_up: Path) -> None:
+    bypass, valve, pump, fill = read_mermaid(made_up).actions
+    assert (bypass.device, bypass.time, bypass.asked, bypass.stage) == ("bypass", 120.0, 20.0, -1)
+    assert bypass.before is not None
+    assert bypass.after is not None
+    assert (bypass.before.current, bypass.after.current) == (0.3, 0.39)
+    assert bypass.wish is None
+    assert (valve.device, valve.seconds, valve.pressure) == ("valve", 9.0, 6.5e4)
+    assert valve.wish is not None
+    assert (valve.wish.speed_from, valve.wish.speed_to) == (200.0, 400.0)
+    assert (valve.wish.change, valve.wish.seconds) == pytest.approx((-20e-6, 9.0))
+    assert (pump.device, pump.asked, pump.seconds, pump.stage) == ("pump", 60.0, 60.0, 0)
+    assert pump.wish is not None
+    assert pump.before is not None
+    assert pump.after is not None
+    assert pump.wish.change == pytest.approx(130e-6)
+    assert (pump.before.current, pump.after.voltage, pump.after.current) == (0.04, 14.3, 0.6)
+    assert (fill.asked, fill.seconds, fill.stage, fill.wish) == (300.0, 112.0, None, None)
+    assert math.isnan(fill.pressure)
+
+
+def test_what_is_no_such_log(tmp_path: Path, made_up: Path) -> None:
+    assert is_mermaid(made_up.read_text())
+    assert not is_mermaid("time_s,depth_m\n0,1\n")
+    assert not is_mermaid("2031-03-01T10:00:00:[OTHER ,0001]x\n")
+    other = tmp_path / "other.csv"
+    other.write_text("time_s,depth_m\n0,1\n")
+    with pytest.raises(LogError, match="no line with a pressure"):
+        read_mermaid(other)
+    with pytest.raises(LogError, match="cannot be read"):
+        read_mermaid(tmp_path / "none.LOG")
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("key", ["5E44C314", "5ED0CB15", "5EF46586", "5F033FD8"])
+def test_raw_logs_give_what_others_took_from_them(data_dir: Path, key: str) -> None:
+    folder = data_dir / "mermaid_p0051"
+    (path,) = folder.glob(f"raw_logs/*_{key}.LOG")
+    log = read_mermaid(path)
+    start = datetime.fromisoformat(log.start)
+    samples, actions = (_of(folder / f"{name}.csv.gz", key) for name in ("pressure", "actions"))
+    dive = _of(folder / "dives.csv", key).iloc[0]
+    assert log.report == ()
+
+    def seconds(times: pd.Series) -> np.ndarray:
+        return (pd.to_datetime(times) - start).dt.total_seconds().to_numpy()
+
+    assert np.array_equal(log.time, seconds(samples["time"]))
+    assert log.pressure == pytest.approx(100.0 * samples["P_mbar"].to_numpy(), abs=1e-6)
+    assert log.temperature == pytest.approx(samples["T_mdegC"].to_numpy() / 1000.0, abs=1e-9)
+    # There: 99 while it comes up, nothing before a dive.
+    stage = samples["stage"].fillna(99.0).to_numpy()
+    assert np.array_equal(log.stage, np.where(stage == 99.0, -2, stage))
+
+    assert [a.device for a in log.actions] == actions["device"].tolist()
+    assert np.array_equal([a.time for a in log.actions], seconds(actions["time"]))
+    asked = [1000.0 * a.asked for a in log.actions]
+    assert asked == pytest.approx(actions["cmd_ms"].to_numpy())
+    for name, found in (
+        ("want_mL", [a.wish and 1e6 * a.wish.change for a in log.actions]),
+        ("want_ms", [a.wish and 1e3 * a.wish.seconds for a in log.actions]),
+        ("v_from_mbar_s", [a.wish and a.wish.speed_from / 100.0 for a in log.actions]),
+        ("v_to_mbar_s", [a.wish and a.wish.speed_to / 100.0 for a in log.actions]),
+        ("end_mV", [a.after and 1e3 * a.after.voltage for a in log.actions]),
+        ("end_uA", [a.after and 1e6 * a.after.current for a in log.actions]),
+    ):
+        expected = actions[name].to_numpy(dtype=float)
+        got = np.array(found, dtype=float)
+        assert got == pytest.approx(expected, rel=1e-9, abs=1e-6, nan_ok=True), name
+    full = actions["full_time"].notna().to_numpy()
+    until = [a.time + a.seconds for a in np.array(log.actions, dtype=object)[full]]
+    assert np.array_equal(
+        np.minimum(until, seconds(actions["full_time"][full])), until
+    )  # the bladder was full
+    assert 1000.0 * log.battery_voltage == pytest.approx(dive["vbat_mV"])
+    assert log.firmware == dive["firmware"]
+    for name in ("near", "far", "dead", "coeff"):
+        assert log.settings[name] == dive[f"cmd_{name}"]
+    stage0 = log.stages[0]
+    said = f"{stage0.pressure / 100:.0f}+/-{stage0.tolerance / 100:.0f}mbar {stage0.duration:.0f}s"
+    assert said == dive["stage0"]
+
+
+def _of(path: Path, key: str) -> pd.DataFrame:
+    frame = pd.read_csv(path)
+    return frame[frame["log"].str.endswith(key)]
