@@ -288,7 +288,7 @@ def column_factor(column: LogColumn, unit: str) -> float | None:
     None where it states no unit: it is taken to be in `unit`. Raises UnitError where the unit is
     unknown or of another kind.
     """
-    stated = column.unit or bracketed(column.name)
+    stated = column.unit if column.unit is not None else bracketed(column.name)
     return None if stated is None else unit_factor(stated, unit)
 
 

@@ -35,7 +35,10 @@ class ColumnReader:
         columns: Mapping[str, Column],
         line: NDArray[np.int64],
         report: list[str],
+        units: Mapping[str, str] = COLUMNS,
     ) -> None:
+        """Keep the texts; `units`: of each column that may be read."""
+        self.units = units
         self.path, self.form, self.columns, self.line = path, form, columns, line
         self.report, self.conversions = report, list[str]()
         self._missing = frozenset(_MISSING | {text.strip().lower() for text in form.missing})
@@ -62,10 +65,11 @@ class ColumnReader:
                 values, column, self.form, self.line, self.path, self.report
             )
         factor = factor if factor is not None else self._factor(name, column)
-        unit = COLUMNS[name]
+        unit = self.units[name]
         if column.name != name:
             stated = f"taken to be in {unit}" if factor is None else f"times {factor:g} for {unit}"
             stated = f"in {unit}" if factor == 1.0 else stated
+            stated = stated if unit else "a number without unit"
             self.conversions.append(f"{name} read from {column.name!r}, {stated}")
         values = values if factor is None else _scaled(values, factor)
         wild = np.flatnonzero(np.abs(values) > _LARGEST)
@@ -148,7 +152,7 @@ class ColumnReader:
 
     def _factor(self, name: str, column: LogColumn) -> float | None:
         try:
-            return column_factor(column, COLUMNS[name])
+            return column_factor(column, self.units[name])
         except InputError as error:
             remedy = error.remedy or ""
             if name != "time_s" and column.unit in ("iso", "clock", "tick"):
@@ -162,7 +166,7 @@ class ColumnReader:
                 file=self.path,
                 field=name,
                 value=column.unit or column.name,
-                unit=COLUMNS[name],
+                unit=self.units[name],
                 remedy=remedy,
             ) from None
 

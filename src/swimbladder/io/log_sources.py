@@ -10,7 +10,7 @@ from swimbladder.io.log_depth import depth_source
 from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat
 from swimbladder.parameters.schema import did_you_mean
 
-__all__ = ["column_sources", "mapped_columns", "wanted_names"]
+__all__ = ["column_readings", "column_sources", "listed", "mapped_columns", "wanted_names"]
 
 
 def mapped_columns(
@@ -34,7 +34,7 @@ def mapped_columns(
 
 def wanted_names(mapped: Mapping[str, LogColumn | str], needed: Sequence[str]) -> list[set[str]]:
     """Return sets of names, of each of which the header has to have one."""
-    wanted = [set(_readings(given)) for given in mapped.values()]
+    wanted = [set(column_readings(given)) for given in mapped.values()]
     dates = [given.date for given in mapped.values() if isinstance(given, LogColumn)]
     wanted += [{date} for date in dates if date is not None]
     for name in needed:
@@ -45,7 +45,7 @@ def wanted_names(mapped: Mapping[str, LogColumn | str], needed: Sequence[str]) -
     return wanted
 
 
-def _readings(given: LogColumn | str) -> dict[str, LogColumn]:
+def column_readings(given: LogColumn | str) -> dict[str, LogColumn]:
     """Return what ``NAME``, ``NAME@UNIT`` or ``DATE+NAME@UNIT`` may mean, by the column's name."""
     if isinstance(given, LogColumn) and (given.unit is not None or given.date is not None):
         return {given.name: given}
@@ -75,7 +75,7 @@ def column_sources(
             if name in header:
                 sources[name] = _one(name, LogColumn(name=name), header, path)
             continue
-        readings = _readings(given)
+        readings = column_readings(given)
         fitting = [column for reading, column in readings.items() if reading in header]
         meant = list(readings.values())[:2][-1]  # without what is after the @, for the refusal
         given = fitting[0] if fitting else meant
@@ -91,7 +91,7 @@ def column_sources(
                 file=path,
                 field=name,
                 remedy=f"Say which one it is with --column {name}=NAME or in a [log] table"
-                f"{or_pressure}; columns of the file: {_listed(header)}",
+                f"{or_pressure}; columns of the file: {listed(header)}",
             )
     return sources
 
@@ -106,11 +106,12 @@ def _one(name: str, column: LogColumn, header: list[str], path: str | Path) -> L
                 field=name,
                 value=wanted,
                 remedy=f"{did_you_mean(wanted[:60], [n[:60] for n in header[:200]])}"
-                f"Columns of the file: {_listed(header)}",
+                f"Columns of the file: {listed(header)}",
             )
     return column
 
 
-def _listed(header: list[str], limit: int = 30) -> str:
+def listed(header: list[str], limit: int = 30) -> str:
+    """Return the names of a header, the first of a long one."""
     more = f" and {len(header) - limit} more" if len(header) > limit else ""
     return ", ".join(name[:40] for name in header[:limit]) + more

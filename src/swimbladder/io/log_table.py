@@ -50,15 +50,18 @@ def read_table(
     where: Mapping[str, str | float],
     choose: Choose,
     wanted: Sequence[Collection[str]],
+    units: Mapping[str, str] = COLUMNS,
 ) -> Table:
     """Return the columns that `choose` names for the header, of the rows that hold `where`.
 
-    wanted: of each of these sets the header has a name. Raises LogError with file, line, column and
+    wanted: of each of these sets the header has a name. units: of each column that may be named,
+    those of a log unless others are given. Raises LogError with file, line, column and
     value.
     """
     sheet = _sheet(path, form, [*wanted, *({name} for name in where)])
     sources = {
-        name: _with_unit(name, column, sheet, path) for name, column in choose(sheet.header).items()
+        name: _with_unit(name, column, sheet, units, path)
+        for name, column in choose(sheet.header).items()
     }
     tests = [RowTest(path, sheet.header, name, value, form) for name, value in where.items()]
     dates = {column.date for column in sources.values() if column.date is not None}
@@ -78,7 +81,7 @@ def read_table(
         report.append(f"{int(chosen.sum())} of {len(line)} rows chosen")
         line = line[chosen]
         columns = {name: _only(column, chosen) for name, column in columns.items()}
-    reader = ColumnReader(path, form, columns, line, report)
+    reader = ColumnReader(path, form, columns, line, report, units)
     written = {name: reader.read(name, column) for name, column in sources.items()}
     reader.refuse_bad()  # first: it may be why the rest makes no sense
     values = {name: reader.in_unit(name, sources[name], written[name]) for name in sources}
@@ -99,14 +102,16 @@ def _sheet(path: str | Path, form: LogFormat, wanted: Sequence[Collection[str]])
     return Rows(data, form, path, wanted)
 
 
-def _with_unit(name: str, column: LogColumn, sheet: Sheet, path: str | Path) -> LogColumn:
+def _with_unit(
+    name: str, column: LogColumn, sheet: Sheet, units: Mapping[str, str], path: str | Path
+) -> LogColumn:
     """Return a column with the unit of its mapping, else of the row of units, else of its name."""
     row = sheet.units.get(column.name)
     own = bracketed(column.name)
     if column.unit is not None or row is None:
         return column
     if (own is not None and own != row) or column.name == name:
-        said = COLUMNS[name] if column.name == name else own
+        said = units[name] if column.name == name else own
         if row == said:
             return column
         raise LogError(

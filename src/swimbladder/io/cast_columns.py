@@ -1,0 +1,168 @@
+"""What the columns and variables of a cast are called, and the units they come in."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from swimbladder.errors import InputError, LogError
+from swimbladder.io.log_format import LogColumn, bracketed
+from swimbladder.io.log_sources import column_readings, listed
+from swimbladder.parameters.schema import did_you_mean
+from swimbladder.units import unit_factor
+
+__all__ = ["CAST_COLUMNS", "NAMES", "cast_sources", "cast_unit", "kind_of"]
+
+CAST_COLUMNS = {
+    "pressure_dbar": "dbar",
+    "depth_m": "m",
+    "temperature_degC": "degC",
+    "salinity": "",
+    "conductivity_S_m": "S/m",
+    "latitude": "",
+    "longitude": "",
+}
+"""The columns of a cast and their units; salinity is practical salinity, PSS-78."""
+
+# Plain names that leave no doubt, in small letters; CF standard names among them.
+NAMES = {
+    "pressure_dbar": {"pressure", "pres", "press", "prdm", "sea_water_pressure"},
+    "depth_m": {"depth", "depsm"},
+    "temperature_degC": {"temperature", "temp", "t090c", "sea_water_temperature"},
+    "salinity": {
+        "salinity", "sal", "psal", "sal00", "sp", "practical_salinity",
+        "sea_water_practical_salinity", "sea_water_salinity",
+    },
+    "conductivity_S_m": {"conductivity", "cond", "cndc", "sea_water_electrical_conductivity"},
+    "latitude": {"latitude", "lat"},
+    "longitude": {"longitude", "lon"},
+}  # fmt: skip
+_ENDINGS = {
+    "dbar": "dbar", "db": "dbar", "decibar": "dbar", "bar": "bar", "mbar": "mbar", "pa": "Pa",
+    "kpa": "kPa", "mpa": "MPa", "hpa": "hPa", "psi": "psi", "m": "m", "cm": "cm", "degc": "degC",
+    "c": "degC", "psu": "", "s_m": "S/m", "ms_cm": "mS/cm", "us_cm": "uS/cm", "deg": "",
+}  # fmt: skip
+_UNITS = {
+    "": "", "1": "", "psu": "", "pss-78": "", "pss": "", "ppt": "", "1e-3": "", "0.001": "",
+    "decibar": "dbar", "decibars": "dbar", "db": "dbar", "meter": "m", "meters": "m",
+    "metre": "m", "metres": "m", "c": "degC", "celsius": "degC", "deg c": "degC", "deg_c": "degC",
+    "degree_c": "degC", "degrees_c": "degC", "degree_celsius": "degC", "degrees_celsius": "degC",
+    "degrees celsius": "degC", "its-90, deg c": "degC", "s m-1": "S/m", "s.m-1": "S/m",
+    "siemens/meter": "S/m", "ms cm-1": "mS/cm", "mhos/m": "S/m", "kelvin": "K", "kpascal": "kPa",
+    "degree_north": "", "degrees_north": "", "degree_east": "", "degrees_east": "", "deg": "",
+}  # fmt: skip
+
+
+def cast_unit(text: str) -> str:
+    """Return a unit as it stands in files of oceanographers in the grammar of `units`."""
+    return _UNITS.get(text.strip().lower(), text.strip())
+
+
+def kind_of(name: str) -> tuple[str, str | None] | None:
+    """Return which column of a cast a name means, and its unit where the name says one.
+
+    ``Pressure [bar]`` -> ("pressure_dbar", "bar"); None where it means none, or may mean several.
+    """
+    if name in CAST_COLUMNS:
+        return name, CAST_COLUMNS[name]
+    unit = bracketed(name)
+    bare = name if unit is None else re.split(r"[\[(]", name)[0]
+    word = re.sub(r"[ .-]+", "_", bare.strip().lower()).removeprefix("ctd_")
+    word = word.removeprefix("sci_water_")
+    for ending, meant in sorted(_ENDINGS.items(), key=lambda item: -len(item[0])):
+        if unit is None and word.endswith(f"_{ending}"):
+            word, unit = word.removesuffix(f"_{ending}"), meant
+            break
+    for column, names in NAMES.items():
+        if word in names and _fits(column, unit):
+            return column, None if unit is None else cast_unit(unit)
+    return None
+
+
+def _fits(column: str, unit: str | None) -> bool:
+    try:
+        return unit is None or bool(unit_factor(cast_unit(unit), CAST_COLUMNS[column]))
+    except InputError:
+        return True  # the name is right; that the unit is not is said where it is read
+
+
+def cast_sources(
+    mapped: Mapping[str, str | LogColumn],
+    header: Sequence[str],
+    path: str | Path,
+    *,
+    salted: bool = False,
+) -> dict[str, LogColumn]:
+    """Return which column of a file each column of a cast is read from.
+
+    mapped: as for logs; what is not mapped is taken where one column, and one only, has its name.
+    salted: whether the salinity is stated elsewhere.
+    Raises LogError where a name is unknown, or what a cast needs is missing.
+    """
+    for name in mapped:
+        if name not in CAST_COLUMNS:
+            raise LogError(
+                "no such column of a cast", file=path, field=name,
+                remedy=f"{did_you_mean(name, CAST_COLUMNS)}Columns: {', '.join(CAST_COLUMNS)}",
+            )  # fmt: skip
+    sources = {name: _given(name, given, header, path) for name, given in mapped.items()}
+    for name in CAST_COLUMNS:
+        found = list(_meaning(name, header))
+        if name in sources or not found:
+            continue
+        if len(found) > 1 and name in header:
+            found = [column for column in found if column.name == name]
+        if len(found) > 1:
+            names = ", ".join(column.name for column in found)
+            raise LogError(
+                f"several columns may be the {name.split('_')[0]}", file=path, field=name,
+                value=names, remedy=f'Choose one with --column "{name}=NAME"',
+            )  # fmt: skip
+        sources[name] = found[0]
+    _need(sources, path, listed(list(header)), salted=salted)
+    return sources
+
+
+def _meaning(name: str, header: Collection[str]) -> Iterator[LogColumn]:
+    for column in header:
+        kind = kind_of(column)
+        if kind is not None and kind[0] == name:
+            yield LogColumn(name=column, unit=kind[1])
+
+
+def _given(name: str, given: str | LogColumn, header: Sequence[str], path: str | Path) -> LogColumn:
+    readings = column_readings(given)
+    fitting = [column for reading, column in readings.items() if reading in header]
+    if not fitting:
+        asked = given if isinstance(given, str) else given.name
+        raise LogError(
+            "no such column", file=path, field=name, value=asked,
+            remedy=f"{did_you_mean(asked[:60], header)}Columns of the file: {listed(list(header))}",
+        )  # fmt: skip
+    column = fitting[0]
+    unit = column.unit if column.unit is not None else bracketed(column.name)
+    if unit is None:
+        kind = kind_of(column.name)
+        unit = kind[1] if kind is not None and kind[0] == name else None
+    return column if unit is None else LogColumn(name=column.name, unit=cast_unit(unit))
+
+
+def _need(
+    sources: Mapping[str, LogColumn], path: str | Path, columns: str, *, salted: bool
+) -> None:
+    """Raise LogError where pressure and depth, temperature, or all that gives salt is missing."""
+    for names, what in (
+        (("pressure_dbar", "depth_m"), "neither pressure nor depth"),
+        (("temperature_degC",), "no temperature"),
+        (("salinity", "conductivity_S_m"), "neither salinity nor conductivity"),
+    ):
+        if not any(name in sources for name in names) and not (salted and "salinity" in names):
+            more = ""
+            if "salinity" in names:
+                more = "; for a lake state --salinity, 0 in fresh water"
+            raise LogError(
+                f"the cast has {what}", file=path, field=names[0],
+                remedy=f'Say which column it is with --column "{names[0]}=NAME"{more}; columns of '
+                f"the file: {columns}",
+            )  # fmt: skip

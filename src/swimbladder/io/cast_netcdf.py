@@ -1,0 +1,244 @@
+"""A cast in a netCDF file: CF and OG1 by standard name, and Argo's profile files.
+
+Of an Argo file the values adjusted in delayed mode are taken where there are any, and of each
+sample only what its quality flags call good (Argo user's manual, reference table 2: 1 good,
+2 probably good, 5 changed, 8 interpolated).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError, LogError
+from swimbladder.io.cast_columns import CAST_COLUMNS, NAMES, cast_unit, kind_of
+from swimbladder.io.cast_raw import RawCast
+from swimbladder.io.log_text import counted
+from swimbladder.io.netcdf_in import Variable, read_variables
+from swimbladder.units import unit_factor
+
+__all__ = ["is_profiles", "netcdf_cast"]
+
+Array = NDArray[np.float64]
+_GOOD = set("1258")
+_UNJUDGED = set("09")  # no quality control, and missing: NaN tells of the second
+_ARGO = {"pressure_dbar": "PRES", "temperature_degC": "TEMP", "salinity": "PSAL"}
+_FEWEST = 2
+
+
+def netcdf_cast(
+    data: bytes, path: Path, columns: Mapping[str, str], profile: int | None
+) -> tuple[RawCast, int | None]:
+    """Return the cast of a netCDF file as it stands there, and which of its ways is still asked
+    for: None where `profile` has been used up by choosing a profile of the file.
+
+    columns: as for texts, variable for column. Raises LogError.
+    """
+    variables = read_variables(data, path)
+    if is_profiles(variables):
+        return _argo(variables, path, profile), None
+    return _plain(variables, path, columns), profile
+
+
+def is_profiles(variables: Mapping[str, Variable]) -> bool:
+    """Say whether these are the variables of an Argo profile file."""
+    return all(name in variables for name in ("PRES", "TEMP")) and (
+        variables["PRES"].values.ndim == 2
+    )
+
+
+def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, str]) -> RawCast:
+    """Return the cast of a file whose variables have standard names, or names that say it."""
+    report: list[str] = []
+    for name in columns:
+        if name not in CAST_COLUMNS:
+            raise LogError(
+                "no such column of a cast", file=path, field=name,
+                remedy=f"Columns: {', '.join(CAST_COLUMNS)}",
+            )  # fmt: skip
+    chosen = {name: _chosen(name, variables, columns, path) for name in CAST_COLUMNS}
+    values: dict[str, Array] = {}
+    for name, found in chosen.items():
+        if found is None:
+            continue
+        variable, unit = found
+        values[name] = _in_unit(name, variable, variables[variable], path, report, unit)
+        _by_flags(variable, variables, values[name], report)
+    length = max((v.size for n, v in values.items() if n not in ("latitude", "longitude")),
+                 default=0)  # fmt: skip
+    rows = {n: np.ravel(v) for n, v in values.items() if v.size == length}
+    missing = [
+        what
+        for names, what in (
+            (("pressure_dbar", "depth_m"), "sea_water_pressure or depth"),
+            (("temperature_degC",), "sea_water_temperature"),
+        )
+        if not any(name in rows for name in names)
+    ]
+    if missing or length < _FEWEST:
+        raise LogError(
+            f"no variable has the standard name {' or '.join(missing) or 'of a profile'}, one "
+            "value per sample",
+            file=path, field="variables",
+            remedy='Say which it is with --column "pressure_dbar=NAME"; variables of the file: '
+            f"{', '.join(list(variables)[:30])}",
+        )  # fmt: skip
+    place = {n: float(np.nanmean(v)) for n, v in values.items()
+             if n in ("latitude", "longitude") and np.isfinite(v).any()}  # fmt: skip
+    return _raw(rows, path, report, latitude=place.get("latitude"),
+                longitude=place.get("longitude"))  # fmt: skip
+
+
+def _chosen(
+    name: str, variables: Mapping[str, Variable], columns: Mapping[str, str], path: Path
+) -> tuple[str, str | None] | None:
+    """Return the variable of a column, and its unit where that is stated.
+
+    As mapped, else by standard name, else by its own name.
+    """
+    if name in columns:
+        asked, at, unit = columns[name], "", ""
+        if asked not in variables:
+            asked, at, unit = asked.rpartition("@")
+            asked = asked or columns[name]
+        if asked in variables:
+            return asked, unit if at else None
+        raise LogError(
+            "no such variable", file=path, field=name, value=asked,
+            remedy=f"Variables of the file: {', '.join(list(variables)[:30])}",
+        )  # fmt: skip
+    numeric = {n: v for n, v in variables.items() if v.numeric}
+    named = [n for n, v in numeric.items() if v.attributes.get("standard_name") in NAMES[name]]
+    named = named or [n for n in numeric if (kind_of(n) or ("",))[0] == name]
+    if len(named) <= 1 or name in ("latitude", "longitude"):
+        return (named[0], None) if named else None
+    plain = [n for n in named if n.lower() in NAMES[name]]
+    if len(plain) == 1:
+        return plain[0], None
+    raise LogError(
+        f"several variables may be the {name.split('_')[0]}", file=path, field=name,
+        value=", ".join(named), remedy=f'Choose one with --column "{name}=NAME"',
+    )  # fmt: skip
+
+
+def _in_unit(
+    name: str, found: str, variable: Variable, path: Path, report: list[str],
+    stated: str | None = None,
+) -> Array:  # fmt: skip
+    """Return the numbers of a variable in the unit of the column; `stated` is over its own."""
+    if not variable.numeric:
+        raise LogError(
+            "no numbers but texts", file=path, field=found,
+            remedy=f'Choose another variable with --column "{name}=NAME"',
+        )  # fmt: skip
+    values = np.asarray(variable.values, dtype=np.float64)
+    said = variable.attributes.get("units", "") if stated is None else stated
+    unit, wanted = cast_unit(said), CAST_COLUMNS[name]
+    if unit == "K" and wanted == "degC":
+        report.append(f"{found} is in kelvin; 273.15 subtracted")
+        return values - 273.15
+    if not said:
+        report.append(f"{name} read from {found}, which has no unit: taken to be {wanted or 'one'}")
+        return values
+    try:
+        factor = unit_factor(unit, wanted)
+    except InputError as error:
+        raise LogError(
+            error.what, file=path, field=found, value=said, unit=wanted or "none",
+            remedy="Correct the variable's attribute `units`",
+        ) from None  # fmt: skip
+    report.append(f"{name} read from {found}" + ("" if factor == 1.0 else f", times {factor:g}"))
+    return values * factor
+
+
+def _by_flags(
+    found: str, variables: Mapping[str, Variable], values: Array, report: list[str]
+) -> None:
+    """Blank the values that their quality flags do not call good."""
+    flags = variables.get(f"{found}_QC")
+    if flags is None:
+        return
+    texts = _flag_texts(flags, values.shape)
+    if texts is None:
+        return
+    bad = np.isfinite(values) & ~np.isin(texts, list(_GOOD | _UNJUDGED))
+    if bad.any():
+        report.append(f"{counted(int(bad.sum()), 'value')} of {found} flagged as bad left out")
+        values[bad] = np.nan
+
+
+def _flag_texts(flags: Variable, shape: tuple[int, ...]) -> NDArray[np.str_] | None:
+    """Return a flag for each value: numbers as digits, strings of flags taken apart."""
+    if flags.numeric:
+        digits = np.nan_to_num(flags.values, nan=9.0).astype(int).astype(np.str_)
+        return digits if digits.shape == shape else None
+    letters = np.array([list(str(row).ljust(shape[-1])[: shape[-1]]) for row in
+                        np.ravel(flags.values)], dtype=np.str_)  # fmt: skip
+    return letters.reshape(shape) if letters.size == np.prod(shape) else None
+
+
+def _argo(variables: Mapping[str, Variable], path: Path, profile: int | None) -> RawCast:
+    """Return one profile of an Argo file: the primary one, or that asked for."""
+    count = variables["PRES"].values.shape[0]
+    if profile is not None and profile > count:
+        raise LogError(
+            f"there are {counted(count, 'profile')} in the file", file=path, field="--profile",
+            value=profile, remedy=f"Choose from 1 to {count}",
+        )  # fmt: skip
+    report: list[str] = []
+    n = (profile or 1) - 1
+    if profile is None and count > 1:
+        n = _primary(variables)
+        report.append(f"profile {n + 1} of {count} taken, the primary sampling")
+    rows: dict[str, Array] = {}
+    for name, plain in _ARGO.items():
+        if plain not in variables:
+            continue
+        found = plain
+        adjusted = variables.get(f"{plain}_ADJUSTED")
+        if adjusted is not None and np.isfinite(np.asarray(adjusted.values[n], float)).any():
+            found = f"{plain}_ADJUSTED"
+        values = _in_unit(name, found, variables[found], path, report)
+        _by_flags(found, variables, values, report)
+        rows[name] = values[n]
+    where = {}
+    for name, variable in (("latitude", "LATITUDE"), ("longitude", "LONGITUDE")):
+        if variable in variables:
+            where[name] = float(np.ravel(variables[variable].values)[n])
+    known = {name: value if np.isfinite(value) else None for name, value in where.items()}
+    return _raw(rows, path, report, name=_platform(variables, n), **known)
+
+
+def _primary(variables: Mapping[str, Variable]) -> int:
+    """Return the profile that Argo calls the primary sampling, else the first."""
+    schemes = variables.get("VERTICAL_SAMPLING_SCHEME")
+    if schemes is None or schemes.numeric:
+        return 0
+    texts = [str(text).lower() for text in np.ravel(schemes.values)]
+    return next((k for k, text in enumerate(texts) if text.startswith("primary")), 0)
+
+
+def _platform(variables: Mapping[str, Variable], n: int) -> str:
+    number, cycle = variables.get("PLATFORM_NUMBER"), variables.get("CYCLE_NUMBER")
+    parts = []
+    if number is not None and not number.numeric:
+        parts.append(f"float {str(np.ravel(number.values)[n]).strip(chr(0) + ' ')}")
+    if cycle is not None and cycle.numeric and np.isfinite(np.ravel(cycle.values)[n]):
+        parts.append(f"cycle {int(np.ravel(cycle.values)[n])}")
+    return " ".join(parts)
+
+
+def _raw(
+    rows: Mapping[str, Array], path: Path, report: list[str], *, latitude: float | None = None,
+    longitude: float | None = None, name: str = "",
+) -> RawCast:  # fmt: skip
+    count = len(rows["temperature_degC"])
+    return RawCast(
+        path=path, pressure=rows.get("pressure_dbar"), depth=rows.get("depth_m"),
+        temperature=rows["temperature_degC"], salinity=rows.get("salinity"),
+        conductivity=rows.get("conductivity_S_m"), row=np.arange(1, count + 1),
+        row_name="sample", latitude=latitude, longitude=longitude, name=name, report=report,
+    )  # fmt: skip

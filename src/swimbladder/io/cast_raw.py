@@ -1,0 +1,60 @@
+"""A cast as it stands in a file: arrays in the units of `CAST_COLUMNS`, rows in its order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import LogError
+
+__all__ = ["RawCast"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RawCast:
+    """Rows of a file [n]; of pressure and depth, and of salinity and conductivity, one at least."""
+
+    path: Path
+    temperature: Array  # degC, in situ
+    pressure: Array | None = None  # dbar
+    depth: Array | None = None  # m
+    salinity: Array | None = None  # practical
+    conductivity: Array | None = None  # S/m
+    row: NDArray[np.int64]  # line of a text, else the number of the sample
+    row_name: str = "line"
+    latitude: float | None = None
+    longitude: float | None = None
+    time: str = ""
+    name: str = ""
+    report: list[str] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def at(self, k: int) -> str:
+        """Return where row k stands: "line 12"."""
+        return f"{self.row_name} {self.row[k]}"
+
+    def only(self, kept: NDArray[np.bool_] | NDArray[np.int64]) -> RawCast:
+        """Return the cast with the rows `kept`, a mask or an order."""
+        names = ("temperature", "pressure", "depth", "salinity", "conductivity")
+        values = {name: getattr(self, name) for name in names}
+        chosen = {name: None if v is None else v[kept] for name, v in values.items()}
+        return replace(self, row=self.row[kept], **chosen)
+
+    def refused(
+        self, what: str, *, field: str, k: int | None = None, value: object = None,
+        unit: str | None = None, remedy: str,
+    ) -> LogError:  # fmt: skip
+        """Return the error about row k, or about the whole."""
+        line = int(self.row[k]) if k is not None and self.row_name == "line" else None
+        if k is not None and line is None:
+            what = f"{self.at(k)}: {what}"
+        return LogError(
+            what, file=self.path, line=line, field=field, value=value, unit=unit, remedy=remedy
+        )

@@ -1,0 +1,181 @@
+"""Whether the numbers of a cast can be in the units they are said to be in, by the physics.
+
+Depth tells of pressure, and so does conductivity where salinity stands beside it; the deepest
+trench, and what sea water can be, bound the rest. A cast in the wrong unit is refused with the unit
+that fits: it would otherwise sink a vehicle that its maker thinks afloat.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.io.cast_raw import RawCast
+from swimbladder.units import unit_factor
+
+__all__ = ["DEEPEST", "MOST_SALT", "WARMEST", "check_units"]
+
+Array = NDArray[np.float64]
+
+DEEPEST = 11_500.0  # dbar: Challenger Deep has 11 250
+COLDEST, WARMEST = -3.0, 45.0  # degC; freezing at 34 and 1000 dbar is -2.6
+MOST_SALT = 42.0  # practical salinity: where PSS-78 ends, above the northern Red Sea's 41
+_PRESSURES = ("bar", "mbar", "kPa", "MPa", "Pa", "psi")
+_FITS = 0.05  # of the pressure: fresh, salt and gauge with one density differ by less
+_ATMOSPHERE = (9.6, 10.7)  # dbar, with weather
+_SALT_FITS, _SALT_WRONG = 0.02, 0.1
+_SURE = 10.0  # m or dbar that a cast has to go over, for its unit to be told
+
+
+def check_units(raw: RawCast) -> RawCast:
+    """Return the cast; where its pressures hold the atmosphere too, without that.
+
+    Raises LogError where numbers cannot be in their units, with the one that fits.
+    """
+    _temperature(raw)
+    raw = _pressure(raw)
+    _salt(raw)
+    return raw
+
+
+def _temperature(raw: RawCast) -> None:
+    middle = float(np.median(raw.temperature))
+    if COLDEST <= middle <= WARMEST:
+        return
+    what = f"a temperature of {middle:.4g} degC is none that water has in the sea"
+    remedy = "Check which column is the temperature"
+    if COLDEST <= middle - 273.15 <= WARMEST:
+        remedy = f"Taken as kelvin it is {middle - 273.15:.4g} degC: subtract 273.15 in the file"
+    elif COLDEST <= (middle - 32.0) / 1.8 <= WARMEST:
+        remedy = f"As Fahrenheit it is {(middle - 32.0) / 1.8:.4g} degC: convert it in the file"
+    raise raw.refused(
+        what, field="temperature_degC", value=round(middle, 3), unit="degC", remedy=remedy
+    )
+
+
+def _pressure(raw: RawCast) -> RawCast:
+    p = raw.pressure
+    if p is None:
+        deepest = float(np.max(raw.depth)) if raw.depth is not None else 0.0
+        if deepest > DEEPEST:
+            raise raw.refused(
+                "deeper than any sea", field="depth_m", value=deepest, unit="m",
+                remedy="Check the unit: a depth in cm is mapped as NAME@cm",
+            )  # fmt: skip
+        return raw
+    if raw.depth is not None and np.ptp(raw.depth) > _SURE:
+        return _by_depth(raw, p, raw.depth)
+    if raw.conductivity is not None and raw.salinity is not None:
+        _by_salt(raw, p, raw.conductivity, raw.salinity)
+    most = float(np.max(p))
+    if most > DEEPEST:
+        sizes = {unit: most * unit_factor(unit, "dbar") for unit in _PRESSURES}
+        fitting = [f"{u} ({v:.5g} dbar)" for u, v in sizes.items() if _SURE <= v <= DEEPEST]
+        raise raw.refused(
+            f"{most:.6g} dbar is deeper than any sea", field="pressure_dbar", value=most,
+            unit="dbar", k=int(np.argmax(p)),
+            remedy=f"It may be in {' or '.join(fitting) or 'no unit of pressure'}: say so with "
+            '--column "pressure_dbar=NAME@UNIT"',
+        )  # fmt: skip
+    return raw
+
+
+def _by_depth(raw: RawCast, p: Array, depth: Array) -> RawCast:
+    """Hold pressures against the depths beside them."""
+    import gsw
+
+    below = np.abs(depth) > 0.2 * float(np.max(np.abs(depth)))
+    if float(np.median(depth[below])) < 0.0:
+        raise raw.refused(
+            "the depths are negative", field="depth_m", value=float(np.min(depth)), unit="m",
+            remedy="Count them downward in the file, or leave the column out: pressure will do",
+        )  # fmt: skip
+    due = np.asarray(gsw.p_from_z(-depth[below], raw.latitude or 45.0))
+    offset = p[below] - due
+    if _ATMOSPHERE[0] <= float(np.median(offset)) <= _ATMOSPHERE[1] and float(
+        np.std(offset)
+    ) < _FITS * float(np.max(due)):
+        raw.report.append(
+            f"the pressures are {np.median(offset):.2f} dbar above what the depths have: they "
+            "hold the atmosphere, which is subtracted (10.1325 dbar)"
+        )
+        return replace(raw, pressure=p - 10.1325)
+    ratio = float(np.median(due / np.where(p[below] == 0.0, np.nan, p[below])))
+    if abs(ratio - 1.0) <= _FITS:
+        return raw
+    fitting = [u for u in _PRESSURES if abs(ratio / unit_factor(u, "dbar") - 1.0) <= _FITS]
+    k = int(np.argmax(depth))
+    what = f"{p[k]:.6g} dbar at a depth of {depth[k]:.6g} m, where about {due.max():.5g} are due"
+    raise raw.refused(
+        what, field="pressure_dbar", value=float(p[k]), unit="dbar", k=k,
+        remedy=f'In {fitting[0]} it fits: map it with --column "pressure_dbar=NAME@{fitting[0]}"'
+        if fitting
+        else "No unit of pressure fits: check which columns are pressure and depth",
+    )  # fmt: skip
+
+
+def _by_salt(raw: RawCast, p: Array, C: Array, SP: Array) -> None:
+    """Hold pressures against salinity and conductivity: in the deep the two differ by pressure."""
+    import gsw
+
+    def miss(factor: float) -> float:
+        salt = gsw.SP_from_C(10.0 * C, raw.temperature, np.clip(p * factor, 0.0, DEEPEST))
+        return float(np.nanmedian(np.abs(salt - SP)))
+
+    if not miss(1.0) > _SALT_WRONG:
+        return
+    sizes = {unit: miss(unit_factor(unit, "dbar")) for unit in _PRESSURES}
+    best = min(sizes, key=lambda unit: sizes[unit])
+    if sizes[best] < _SALT_FITS:
+        raise raw.refused(
+            f"at {np.max(p):.5g} dbar the conductivity would mean a salinity "
+            f"{miss(1.0):.2g} off the one beside it",
+            field="pressure_dbar", value=float(np.max(p)), unit="dbar",
+            remedy=f'In {best} they agree: map it with --column "pressure_dbar=NAME@{best}"',
+        )  # fmt: skip
+
+
+def _salt(raw: RawCast) -> None:
+    if raw.salinity is not None:
+        middle = float(np.median(raw.salinity))
+        if 0.0 <= middle <= MOST_SALT:
+            return
+        raise raw.refused(
+            f"a salinity of {middle:.4g} is that of no sea", field="salinity",
+            value=round(middle, 4),
+            remedy="A conductivity is mapped as conductivity_S_m=NAME@mS/cm, in its unit",
+        )  # fmt: skip
+    if raw.conductivity is None:
+        return
+    import gsw
+
+    p = np.zeros(len(raw)) if raw.pressure is None else raw.pressure
+    C = raw.conductivity
+
+    def median_salt(factor: float) -> float:
+        return float(np.nanmedian(gsw.SP_from_C(10.0 * factor * C, raw.temperature, p)))
+
+    _refuse_salt(raw, C, median_salt)
+
+
+def _refuse_salt(raw: RawCast, C: Array, median_salt: Callable[[float], float]) -> None:
+    """Raise LogError where conductivities are those of no water, with the unit that fits."""
+    found = median_salt(1.0)
+    if 0.0 < found <= MOST_SALT:
+        return
+    fitting = [
+        unit
+        for unit in ("mS/cm", "uS/cm", "S/m")
+        if 2.0 < median_salt(unit_factor(unit, "S/m")) <= MOST_SALT
+    ]
+    raise raw.refused(
+        f"a conductivity of {np.median(C):.4g} S/m is that of no sea",
+        field="conductivity_S_m", value=float(np.median(C)), unit="S/m",
+        remedy=f'In {fitting[0]} it fits: map it with --column "conductivity_S_m=NAME@'
+        f'{fitting[0]}"'
+        if fitting
+        else "Check which column is the conductivity",
+    )  # fmt: skip

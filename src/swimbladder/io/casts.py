@@ -1,0 +1,205 @@
+"""Casts from files: CSV and Parquet like logs, netCDF (CF, OG1), Argo profiles; plain or gzipped.
+
+Nothing is guessed in silence and nothing bad goes through: a wrong unit is told by the physics, a
+density inversion that is more than noise is refused, and what was averaged, sorted or left out
+stands in `Cast.report`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError, LogError
+from swimbladder.io.cast_columns import CAST_COLUMNS, cast_sources
+from swimbladder.io.cast_netcdf import netcdf_cast
+from swimbladder.io.cast_raw import RawCast
+from swimbladder.io.cast_rows import averaged, one_leg, without_spikes
+from swimbladder.io.cast_stable import Inversions, stable
+from swimbladder.io.cast_units import MOST_SALT, check_units
+from swimbladder.io.log_format import LogFormat, log_format
+from swimbladder.io.log_table import read_table
+from swimbladder.io.log_text import read_bytes
+from swimbladder.io.netcdf_in import is_netcdf
+from swimbladder.seawater import Cast
+from swimbladder.seawater.cast import pressure_of_depth
+
+__all__ = ["read_cast"]
+
+Array = NDArray[np.float64]
+_LATITUDE = 45.0  # where gravity is the mean of pole and equator, to 1 part in 10 000
+
+
+def read_cast(
+    path: str | Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    where: Mapping[str, str | float] | None = None,
+    form: LogFormat | str | Path | None = None,
+    profile: int | None = None,
+    latitude: float | None = None,
+    longitude: float | None = None,
+    salinity: float | None = None,
+    inversions: Inversions = "refuse",
+) -> Cast:
+    """Return the cast in a file.
+
+    columns: {"pressure_dbar": "Pressure@bar"}, names of `CAST_COLUMNS`. where: {"dive": 7} keeps
+    the rows that hold it. form: how a text is to be read, as for logs. profile: which way down or
+    up, or which profile of an Argo file, from 1. latitude, longitude [degrees]: over those of the
+    file. salinity: practical, for a cast that measured none. inversions: what to do with those
+    above 0.03 kg/m3.
+    Raises LogError, an InputError, with file, line, column, value and remedy.
+    """
+    if salinity is not None and not 0.0 <= salinity <= MOST_SALT:
+        raise InputError(
+            "no practical salinity of a sea", field="salinity", value=salinity,
+            remedy="Give it in PSS-78: 0 in fresh water, 35 in the ocean",
+        )  # fmt: skip
+    file = Path(path)
+    data = read_bytes(file)
+    if is_netcdf(data):
+        if where or form is not None:
+            raise LogError(
+                "rows and formats of texts are no matter of netCDF", file=file,
+                field="where" if where else "log_format",
+                remedy="Choose a profile with --profile N, variables with --column",
+            )  # fmt: skip
+        raw, profile = netcdf_cast(data, file, columns or {}, profile)
+    else:
+        raw = _text_cast(file, columns or {}, where or {}, form, salinity)
+    raw = replace(
+        raw,
+        latitude=raw.latitude if latitude is None else latitude,
+        longitude=raw.longitude if longitude is None else longitude,
+    )
+    return _cast(_whole(_salted(raw, salinity)), profile, inversions)
+
+
+def _text_cast(
+    path: Path, columns: Mapping[str, str], where: Mapping[str, str | float],
+    given: LogFormat | str | Path | None, salinity: float | None,
+) -> RawCast:  # fmt: skip
+    """Return the cast of a text or a Parquet file, read as logs are."""
+    form = given if isinstance(given, LogFormat) else log_format(given) if given else LogFormat()
+    table = read_table(
+        path, form, {**form.where, **where},
+        lambda header: cast_sources(columns, header, path, salted=salinity is not None),
+        [], CAST_COLUMNS,
+    )  # fmt: skip
+    values = table.values
+    place = {}
+    for name in ("latitude", "longitude"):
+        known = values[name][np.isfinite(values[name])] if name in values else np.zeros(0)
+        place[name] = float(np.mean(known)) if len(known) else None
+    return RawCast(
+        path=path, temperature=values["temperature_degC"], pressure=values.get("pressure_dbar"),
+        depth=values.get("depth_m"), salinity=values.get("salinity"),
+        conductivity=values.get("conductivity_S_m"), row=table.line,
+        latitude=place["latitude"], longitude=place["longitude"],
+        name=", ".join(f"{name}={value}" for name, value in where.items()),
+        report=list(table.report),
+    )  # fmt: skip
+
+
+def _salted(raw: RawCast, salinity: float | None) -> RawCast:
+    """Return the cast with the salinity that was stated for it."""
+    if salinity is not None:
+        raw.report.append(f"a salinity of {salinity:g} is taken all the way down, as stated")
+        return replace(raw, salinity=np.full(len(raw), salinity), conductivity=None)
+    if raw.salinity is None and raw.conductivity is None:
+        raise raw.refused(
+            "the cast has neither salinity nor conductivity", field="salinity",
+            remedy='Say which column it is with --column "salinity=NAME"; for a lake state '
+            "--salinity, 0 in fresh water",
+        )  # fmt: skip
+    return raw
+
+
+def _whole(raw: RawCast) -> RawCast:
+    """Return the rows that hold all that is needed; raises LogError where they are too few."""
+    needed = {
+        "pressure_dbar": raw.pressure if raw.pressure is not None else raw.depth,
+        "temperature_degC": raw.temperature,
+        "salinity": raw.salinity if raw.salinity is not None else raw.conductivity,
+    }
+    known = {name: np.isfinite(v) for name, v in needed.items() if v is not None}
+    kept = np.logical_and.reduce(list(known.values()))
+    if kept.sum() < 2:
+        worst = min(known, key=lambda name: int(known[name].sum()))
+        raise raw.refused(
+            f"of {len(kept)} rows {int(kept.sum())} hold pressure, temperature and salinity, "
+            f"{int(known[worst].sum())} a {worst.split('_')[0]}",
+            field=worst, remedy="Check that the right columns are mapped and that the sensor ran",
+        )  # fmt: skip
+    if not kept.all():
+        raw.report.append(f"{int((~kept).sum())} of {len(kept)} rows with gaps left out")
+    return raw.only(kept)
+
+
+def _cast(raw: RawCast, profile: int | None, inversions: Inversions) -> Cast:
+    """Return the profile: units checked, one leg, salinity, spikes, averages, inversions."""
+    import gsw
+
+    raw = check_units(raw)
+    guide = raw.pressure if raw.pressure is not None else raw.depth
+    assert guide is not None
+    raw = raw.only(one_leg(raw, guide, profile))
+    latitude = _LATITUDE if raw.latitude is None else raw.latitude
+    if raw.latitude is None:
+        raw.report.append(
+            f"the latitude is not known and taken as {_LATITUDE:g} degrees: pressure at a depth "
+            "may be off by 0.3 %"
+        )
+    pressure = _pressure(raw, latitude)
+    if raw.salinity is None:
+        assert raw.conductivity is not None
+        raw = replace(raw, salinity=gsw.SP_from_C(10.0 * raw.conductivity, raw.temperature,
+                                                  np.maximum(pressure, 0.0)))  # fmt: skip
+    kept = without_spikes(raw, pressure)
+    raw, pressure = averaged(raw.only(kept), pressure[kept])
+    assert raw.salinity is not None
+    SA = _absolute(raw, raw.salinity, pressure)
+    CT = np.asarray(gsw.CT_from_t(SA, raw.temperature, pressure))
+    if len(pressure) < 2:
+        raise raw.refused("there is one pressure only", field="pressure_dbar",
+                          remedy="Give a cast that goes down")  # fmt: skip
+    SA, CT = stable(raw, pressure, SA, CT, inversions)
+    return Cast(
+        pressure=pressure, SA=SA, CT=CT, latitude=latitude, longitude=raw.longitude, time=raw.time,
+        name=f"{raw.path.name} {raw.name}".strip(), report=tuple(raw.report),
+    )  # fmt: skip
+
+
+def _pressure(raw: RawCast, latitude: float) -> Array:
+    """Return the pressures, or those that the depths have in water as it was measured."""
+    import gsw
+
+    if raw.pressure is not None:
+        return raw.pressure
+    assert raw.depth is not None
+    salt = raw.salinity
+    if salt is None:
+        assert raw.conductivity is not None
+        near = np.asarray(gsw.p_from_z(-raw.depth, latitude))
+        salt = np.asarray(gsw.SP_from_C(10.0 * raw.conductivity, raw.temperature, near))
+    raw.report.append("pressure follows from depth, by the density of the cast")
+    return pressure_of_depth(raw.depth, salt, raw.temperature, latitude)
+
+
+def _absolute(raw: RawCast, SP: Array, pressure: Array) -> Array:
+    """Return Absolute Salinity [g/kg], with the anomaly of the place where that is known."""
+    import gsw
+
+    if raw.longitude is None or raw.latitude is None:
+        raw.report.append(
+            "the place is not known: Absolute Salinity is the Reference Salinity, by up to "
+            "0.02 kg/m3 too light in the open ocean and 0.07 in the Baltic"
+        )
+        return np.asarray(gsw.SR_from_SP(SP))
+    SA = np.asarray(gsw.SA_from_SP(SP, pressure, raw.longitude, raw.latitude))
+    return np.where(np.isfinite(SA), SA, gsw.SR_from_SP(SP))
