@@ -33,6 +33,7 @@ from swimbladder.parameters import (
     Vehicle,
     Water,
 )
+from swimbladder.pump_start import pump_start
 
 __all__ = [
     "REFERENCE_TEMPERATURE",
@@ -66,6 +67,7 @@ class DriveMap(NamedTuple):
     holding_power: Array  # W at rest
     bypass_in: Array  # m3/s let in through the bypass, 0 without one
     power_bypass: Array  # W while it does
+    start_volume: Array  # m3 that each start of the pump falls short of rate_out times its run
 
 
 class PumpRun(NamedTuple):
@@ -84,8 +86,9 @@ def drive_map(
 ) -> DriveMap:
     """Return the rates and powers of a vehicle's actuator at each `pressure` [Pa] [n].
 
-    temperature: of the water [degC] [n] or one, for a pump whose power depends on it. power: False leaves out (NaN) powers that are not known. Raises NoAnswerError where a power is
-    wanted that R and k_T, or a power law, do not tell, naming the fields.
+    temperature: of the water [degC] [n] or one, for a pump whose power depends on it. power: False
+    leaves out (NaN) powers that are not known. Raises NoAnswerError where a power is wanted that R
+    and k_T, or a power law, do not tell, naming the fields.
     """
     if power:
         check_power_known(vehicle)
@@ -164,7 +167,8 @@ def pump_run(
     """Return what a pump delivers and draws against each pressure difference `head` [Pa] [n].
 
     water: only its weight counts, to turn a head into the depth that eqs (7)-(8) are written in.
-    temperature: [degC] [n] or one. Slip beyond the delivery stops at the check valve: no flow inwards.
+    temperature: [degC] [n] or one. Slip beyond the delivery stops at the check valve: nothing flows
+    inwards.
     """
     if isinstance(pump, PowerLawPump):
         rate = np.maximum(pump.delivery - pump.slip * head, 0.0)
@@ -204,6 +208,17 @@ def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> Dr
     run = pump_run(
         a.pump, head, water=vehicle.water, supply=supply, driver=vehicle.driver, temperature=T
     )
+    short = np.full(p.shape, a.start_volume)
+    if a.line is not None:
+        start = pump_start(
+            a.line,
+            lambda dp: (
+                pump_run(a.pump, dp, water=vehicle.water, supply=supply, driver=vehicle.driver).rate
+            ),
+            p + ATMOSPHERIC_PRESSURE,
+            reservoir=a.internal_pressure,
+        )
+        short = short + start.shortfall
     power_in = battery_power(np.full(p.shape, a.valve.power), supply)
     bypass_in = power_bypass = nothing
     if a.bypass is not None:
@@ -219,6 +234,7 @@ def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> Dr
         holding_power=nothing,
         bypass_in=bypass_in,
         power_bypass=power_bypass,
+        start_volume=short,
     )
 
 
@@ -226,7 +242,7 @@ def _positioner(a: Positioner, p: Array) -> DriveMap:
     moving = np.full(p.shape, np.nan if a.moving_power is None else a.moving_power)
     held = np.full(p.shape, np.nan if a.moving_power is None else a.holding_power)
     rate, nothing = np.full(p.shape, a.speed * a.piston_area), np.zeros(p.shape)
-    return DriveMap(p, rate, moving, rate, moving, nothing, held, nothing, nothing)
+    return DriveMap(p, rate, moving, rate, moving, nothing, held, nothing, nothing, nothing)
 
 
 def _rates_only(vehicle: Vehicle, p: Array) -> DriveMap:
@@ -239,7 +255,9 @@ def _rates_only(vehicle: Vehicle, p: Array) -> DriveMap:
     drawn = np.maximum(a.gain * (E + a.load_back * z - a.friction), 0.0)
     unknown, nothing = np.full(p.shape, np.nan), np.zeros(p.shape)
     out = np.maximum(pressed - leak, 0.0)
-    return DriveMap(p, out, unknown, drawn + leak, unknown, leak, unknown, nothing, nothing)
+    return DriveMap(
+        p, out, unknown, drawn + leak, unknown, leak, unknown, nothing, nothing, nothing
+    )
 
 
 def _voltage_driven(vehicle: Vehicle, a: UnifiedActuator, p: Array) -> DriveMap:
@@ -259,7 +277,9 @@ def _voltage_driven(vehicle: Vehicle, a: UnifiedActuator, p: Array) -> DriveMap:
     leak, nothing = np.asarray(a.k_l * z), np.zeros(p.shape)
     rate_out = np.maximum(rate_out, 0.0)
     rate_in = np.maximum(-rate_in, 0.0)
-    return DriveMap(p, rate_out, power_out, rate_in, power_in, leak, holding, nothing, nothing)
+    return DriveMap(
+        p, rate_out, power_out, rate_in, power_in, leak, holding, nothing, nothing, nothing
+    )
 
 
 def _full_voltage(a: UnifiedActuator, supply: Supply, load: Array) -> Array:

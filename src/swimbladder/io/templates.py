@@ -167,6 +167,7 @@ _INSTEAD: dict[str, str] = {
     "actuator.efficiency": '"60 %"',
     "actuator.back_efficiency": "0.3",
     "actuator.moving_power": '"3 W"',
+    "actuator.line.volume": '"20 mL"',
     "actuator.longest_run": '"60 s"',
     "actuator.pump.stall_pressure": '"30 MPa"',
     "actuator.bypass.flow": '"60 mL/s/bar^0.5"',

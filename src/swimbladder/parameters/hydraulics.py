@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from swimbladder.parameters.actuators import HydraulicDrive, Motor
+from swimbladder.parameters.actuators import HydraulicDrive, Motor, Oil
 from swimbladder.parameters.schema import Parameters, Unit, refusal
 
 __all__ = ["DatasheetPump", "PowerLawPump", "Pump", "PumpAndValve", "Valve"]
@@ -85,6 +85,10 @@ class PumpAndValve(Parameters):
     bypass: Valve | None = Field(
         None, description="a wide valve that empties the bladder at the surface"
     )
+    line: Oil | None = Field(
+        None, description="the oil between pump and check valve, which each start has to press to "
+        "the sea's pressure first"
+    )  # fmt: skip
     internal_pressure: Annotated[float, Unit("Pa"), Field(ge=0.0, le=2e5)] = Field(
         101325.0, description="absolute pressure of the gas around the oil reservoir in the hull"
     )
@@ -95,8 +99,8 @@ class PumpAndValve(Parameters):
         0.0, description="step of the time that pump and valve are on; also the shortest one"
     )
     start_volume: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
-        0.0, description="volume that each start of the pump falls short of its delivery: running "
-        "up, dead space to fill and air in the oil to press together"
+        0.0, description="volume that each start of the pump falls short of its delivery, beside "
+        "what `line` takes: running up, valves that close late"
     )  # fmt: skip
     longest_run: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
         None, description="longest time the pump is on in one action; not given: no limit"
