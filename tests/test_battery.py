@@ -79,8 +79,8 @@ def test_loads_count_in_their_phases_and_at_surfacings():
 
 
 def test_a_battery_that_is_not_stated_is_named():
-    with pytest.raises(NoAnswerError, match="supply.capacity"):
+    with pytest.raises(NoAnswerError, match=r"supply\.capacity"):
         battery.capacity(load_vehicle("feup-em"))
-    with pytest.raises(NoAnswerError, match="supply.capacity"):
+    with pytest.raises(NoAnswerError, match=r"supply\.capacity"):
         battery.endurance(Supply(voltage=12.0), 1.0)
     assert battery.capacity(load_vehicle("example-float")) == 1500.0 * 3600.0

@@ -1,4 +1,4 @@
-"""Every actuator as a mission sees it: the paper's model in its limit, circuits, orifices, locks."""
+"""Every actuator as a mission sees it: the paper's model in its limit, orifices, locks."""
 
 import math
 

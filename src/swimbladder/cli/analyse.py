@@ -63,7 +63,7 @@ def _analysis(vehicle: str, depth: float) -> Analysis:
     from swimbladder.linear.analyse import check_depth
 
     check_depth(depth, field="--depth")
-    loaded = load_vehicle(vehicle)
+    loaded = load_vehicle(vehicle, sampled=True)
     try:
         return analyse_vehicle(loaded, depth=depth)
     except InputError as error:

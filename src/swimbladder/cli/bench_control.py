@@ -75,7 +75,7 @@ def bench_control(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
-    v, assumed = _sensed(load_vehicle(vehicle), depth_noise, depth_quantum)
+    v, assumed = _sensed(load_vehicle(vehicle, sampled=True), depth_noise, depth_quantum)
     options: dict[str, Any] = {
         "laws": None if laws is None else [name.strip() for name in laws.split(",")],
         "runs": runs,
@@ -119,7 +119,7 @@ def _list(vehicle: str | None, depth: str | None, json: bool) -> None:
     if vehicle is not None:
         from swimbladder.io.config import load_vehicle
 
-        v = load_vehicle(vehicle)
+        v = load_vehicle(vehicle, sampled=True)
         where = places(v, None if depth is None else depth_pair(depth, "--depth"))
         for one in SCENARIOS:
             p = place(one, v, where)

@@ -92,7 +92,7 @@ def compare(
     """
     from swimbladder.io.config import load_vehicle
 
-    v = load_vehicle(vehicle)
+    v = load_vehicle(vehicle, sampled=True)
     options = {
         "drive": _drive(drive),
         "fit": names(fit),

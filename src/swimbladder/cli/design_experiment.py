@@ -124,7 +124,7 @@ def design_experiment(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
-    v = load_vehicle(vehicle)
+    v = load_vehicle(vehicle, sampled=True)
     options: dict[str, Any] = {
         "pool_depth": quantity(pool_depth, "m", "--pool-depth"),
         "sensor_std": quantity(sensor_std, "m", "--sensor-std"),

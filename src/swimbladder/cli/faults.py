@@ -59,7 +59,7 @@ def faults(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
-    v = load_vehicle(vehicle)
+    v = load_vehicle(vehicle, sampled=True)
     depths = None if depth is None else depth_pair(depth, "--depth")
     check_place(out)
     if mission is not None:

@@ -76,7 +76,7 @@ def firmware(
     from swimbladder.io.files import check_place
     from swimbladder.io.mission import Mission, Setpoint, check_mission
 
-    v = load_vehicle(vehicle)
+    v = load_vehicle(vehicle, sampled=True)
     _check_law(v, law)
     options = _pool(pool, pool_clearance, pool_volumes, pool_rounds)
     depth, goal, time = (

@@ -78,7 +78,7 @@ def identify_actuator(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
-    v = None if vehicle is None else load_vehicle(vehicle)
+    v = None if vehicle is None else load_vehicle(vehicle, sampled=True)
     fixed = {}
     for name, text in (pair(text, "--set") for text in set_ or []):
         number = quantity(text, PARAMETERS.get(name, ""), f"--set {name}")

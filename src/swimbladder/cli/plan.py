@@ -74,7 +74,7 @@ def plan(
     from swimbladder.io.files import check_place, publish, write_atomically
     from swimbladder.io.tables import write_csv
 
-    v = load_vehicle(vehicle)
+    v = load_vehicle(vehicle, sampled=True)
     start, target = depth_pair(step, "--step")
     deepest = quantity(bottom, "m", "--bottom")
     share, kept = quantity(band, "", "--band"), quantity(margin, "", "--margin")

@@ -136,7 +136,7 @@ def pool(
             "it is for a rehearsal",
             {"--truth": truth, "--speed": speed, "--sensor-std": sensor_std},
         )
-    v = load_vehicle(vehicle)
+    v = load_vehicle(vehicle, sampled=True)
     chosen = _plan(plan, pool_depth)
     bottom = depth(pool_depth, "--pool-depth") if pool_depth else (
         chosen.pool_depth if chosen else _POOL if simulate else None
@@ -217,7 +217,7 @@ def _operator(
             "it must be above 0", field="--speed", value=speed,
             remedy="Give simulated seconds a second, or leave it out",
         )  # fmt: skip
-    water = _with_noise(vehicle if truth is None else load_vehicle(truth), sensor_std)
+    water = _with_noise(vehicle if truth is None else load_vehicle(truth, sampled=True), sensor_std)
     return Operator(vehicle, water, pool_depth=bottom, seed=seed)
 
 

@@ -73,7 +73,7 @@ def simulate(
     from swimbladder.io.files import make_folder
     from swimbladder.io.mission import check_mission
 
-    v = load_vehicle(vehicle)
+    v = load_vehicle(vehicle, sampled=True)
     task = _mission(mission, start=start, target=target, duration=duration, bottom=bottom)
     if mission is None:
         check_mission(v, task, names=_OPTIONS)

@@ -66,7 +66,7 @@ def stability(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place, publish, write_atomically
 
-    v = load_vehicle(vehicle)
+    v = load_vehicle(vehicle, sampled=True)
     options: dict[str, Any] = {
         "depths": depth_pair(depth, "--depth"),
         "delay": quantity(delay, "", "--delay"),

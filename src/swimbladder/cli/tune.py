@@ -81,7 +81,7 @@ def tune(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
-    v = with_sensor(load_vehicle(vehicle), depth_noise, depth_quantum)
+    v = with_sensor(load_vehicle(vehicle, sampled=True), depth_noise, depth_quantum)
     options: dict[str, Any] = {
         "law": law,
         "goal": goal,

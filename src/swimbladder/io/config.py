@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from swimbladder.actuator import refuse_pump_and_valve
 from swimbladder.control.registry import LAWS, MISSION_LAWS, bind
 from swimbladder.dynamics import plant
 from swimbladder.errors import InputError
@@ -31,16 +32,18 @@ _SCHEMA_REMEDY = f"Write schema_version = {SCHEMA_VERSION} on the first line"
 _Model = TypeVar("_Model", bound=Parameters)
 
 
-def load_vehicle(name_or_path: str | Path) -> Vehicle:
+def load_vehicle(name_or_path: str | Path, *, sampled: bool = False) -> Vehicle:
     """Return the vehicle of a preset's name or of a TOML file.
 
-    Raises InputError with file, line, field, value, unit and remedy.
+    sampled: refuse one whose drive has no loop of voltages or positions, a pump and valve. Raises InputError with file, line, field, value, unit and remedy.
     """
     preset = _preset(name_or_path)
     file = name_or_path if preset is None else f"preset {preset}"
     text = vehicle_text(name_or_path)
     vehicle = read_model(Vehicle, text, file)
     try:
+        if sampled:
+            refuse_pump_and_valve(vehicle.actuator)
         _check_parts_fit(vehicle)
     except InputError as error:
         raise _at(error, text, file) from None

@@ -1,0 +1,36 @@
+"""Commands about loops of voltages and positions refuse a pump and valve in one sentence."""
+
+import pytest
+
+from swimbladder.cli import main
+
+COMMANDS = {
+    "simulate": [],
+    "analyse": [],
+    "compare": ["LOG", "--vehicle"],
+    "identify": ["LOG", "--vehicle"],
+    "identify-actuator": ["LOG", "--vehicle"],
+    "design-experiment": ["--pool-depth", "4 m"],
+    "tune": [],
+    "plan": ["--step", "1:3"],
+    "bench-control": [],
+    "stability": [],
+    "firmware": [],
+    "faults": [],
+    "pool": ["--simulate"],
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_pump_and_valve_is_refused_and_told_where_to_go(command, tmp_path, capsys):
+    log = tmp_path / "log.csv"
+    rows = [f"{t / 2},{1 + t % 3 / 100},{t % 5 * 1e-6},{t % 7}" for t in range(60)]
+    log.write_text("time_s,depth_m,volume_m3,voltage_V\n" + "\n".join(rows) + "\n")
+    words = [str(log) if word == "LOG" else word for word in COMMANDS[command]]
+    vehicle = ["example-float"]
+    given = [*words, *vehicle] if "--vehicle" in words else [*vehicle, *words]
+    assert main([command, *given]) == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert "actuator.kind: a pump that runs or not and a valve have no loop of voltages" in told
+    assert "`mission`" in told
+    assert told.count("error:") == 1
