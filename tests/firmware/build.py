@@ -11,7 +11,7 @@ from swimbladder.control.law import Law, Measurement
 from swimbladder.firmware.c99 import MEASUREMENT_H, CSource, write_c99
 from swimbladder.firmware.c_names import c_law
 from swimbladder.firmware.subset import read_law
-from tests.firmware.laws import flat, packed
+from tests.firmware.laws import flat, laid_out, layout
 
 STRICT = (
     "-std=c99", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion",
@@ -86,27 +86,28 @@ class Compiled:
         self._step.restype = number
         self._initial.argtypes = [pointer, pointer, number, pointer]
         self._initial.restype = None
-        self._fields = len(law.state._fields)
+        self._forms = layout(law.parameters), layout(law.state), layout(Measurement)
 
     def step(self, parameters: Any, state: Any, measurement: Any, reference: float) -> Any:
         """Return (command, the state's numbers, next_s)."""
-        p, s, m = (_floats(v) for v in (parameters, state, measurement))
+        given = zip(self._forms, (parameters, state, measurement), strict=True)
+        p, s, m = (_placed(form, v) for form, v in given)
         next_s = ctypes.c_float()
         command = self._step(
             p.ctypes.data, s.ctypes.data, m.ctypes.data, reference, ctypes.addressof(next_s)
         )
-        return command, tuple(s.tolist()), next_s.value
+        return command, s.view(self._forms[1])[0].tolist(), next_s.value
 
     def initial(self, parameters: Any, measurement: Any, reference: float) -> Any:
         """Return the state's numbers."""
-        p, m = _floats(parameters), _floats(measurement)
-        s = np.full(self._fields, 7.0, np.float32)
+        p, m = _placed(self._forms[0], parameters), _placed(self._forms[2], measurement)
+        s = np.full(self._forms[1].itemsize, 7, np.uint8)
         self._initial(p.ctypes.data, m.ctypes.data, reference, s.ctypes.data)
-        return tuple(s.tolist())
+        return s.view(self._forms[1])[0].tolist()
 
 
-def _floats(values: Any) -> Any:
-    return np.array(flat(*values), np.float32)
+def _placed(form: np.dtype[Any], values: Any) -> Any:
+    return np.frombuffer(bytearray(laid_out(form, *values)), np.uint8)
 
 
 class Program:
@@ -118,11 +119,18 @@ class Program:
         source = write(law, folder, seen)
         name = "swb_measurement" if seen is Measurement else f"swb_{c_law(law.name)}_seen"
         (folder / "frames.c").write_text(_FRAMES.format(law=c_law(law.name), seen=name))
+        parameters, state, given = layout(law.parameters), layout(law.state), layout(seen)
+        self._takes = np.dtype(
+            [("p", parameters), ("state", state), ("m", given), ("reference", "<f4")], align=True
+        )
+        self._gives = np.dtype(
+            [("first", state), ("command", "<f4"), ("state", state), ("next_s", "<f4")]
+        )
         self._made = folder / "frames"
         files = [folder / source.source_name, folder / "frames.c"]
         run(compiler, *flags, "-Wno-double-promotion", *files, "-o", self._made, "-lm")
 
     def answers(self, frames: list[tuple[Any, ...]]) -> Any:
-        """Return a row of numbers for each (parameters, state, measurement, reference)."""
-        done = run(self._made, input=b"".join(packed(*frame) for frame in frames))
-        return np.frombuffer(done.stdout, "<f4").reshape(len(frames), -1)
+        """Return a tuple of numbers for each (parameters, state, measurement, reference)."""
+        done = run(self._made, input=b"".join(laid_out(self._takes, *frame) for frame in frames))
+        return [flat(*row) for row in np.frombuffer(done.stdout, self._gives).tolist()]

@@ -27,7 +27,7 @@ from swimbladder.firmware.library import Library, make_library, write_library
 from swimbladder.firmware.subset import read_law
 from swimbladder.firmware.twin import twin
 from tests.firmware.build import run, write
-from tests.firmware.laws import bits, controlled, packed
+from tests.firmware.laws import bits, controlled, laid_out, layout
 
 HERE = Path(__file__).parent / "simavr"
 MCUS = ("atmega328p", "atmega2560")
@@ -45,12 +45,16 @@ class Size(NamedTuple):
 
 
 class Chip:
-    """A program on an emulated chip; `answer` sends a frame and returns what comes back."""
+    """A program on an emulated chip; `answer` sends a frame and returns what comes back.
+
+    inputs, outputs: the types of their numbers as numpy has them, or how many floats.
+    """
 
     def __init__(
-        self, folder: Path, mcu: str, sources: Sequence[Path], *, inputs: int, outputs: int,
-        flags: Sequence[str] = (),
+        self, folder: Path, mcu: str, sources: Sequence[Path], *, inputs: Sequence[str] | int,
+        outputs: Sequence[str] | int, flags: Sequence[str] = (),
     ) -> None:  # fmt: skip
+        self._takes, self._gives = _packed(inputs), _packed(outputs)
         folder.mkdir(parents=True, exist_ok=True)
         elf, host = folder / f"{mcu}.elf", folder / "host"
         includes = [word for source in sources for word in ("-I", source.parent)]
@@ -60,8 +64,7 @@ class Chip:
                 "gcc", "-O2", "-Wall", "-Wextra", "-Werror", HERE / "host.c", "-o", host, "-lsimavr"
             )
         self.size = _size(elf)
-        words = [host, elf, mcu, 4 * inputs, 4 * outputs, self.size.variables]
-        self._outputs = 4 * outputs
+        words = [host, elf, mcu, self._takes.itemsize, self._gives.itemsize, self.size.variables]
         self._process = subprocess.Popen(
             [str(word) for word in words], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -72,18 +75,23 @@ class Chip:
         """Return the numbers that the chip answers a frame of numbers with."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        self._process.stdin.write(packed(*values))
+        self._process.stdin.write(laid_out(self._takes, *values))
         self._process.stdin.flush()
-        got = self._process.stdout.read(self._outputs + 4)
-        assert len(got) == self._outputs + 4, self._process.communicate()[1]
+        got = self._process.stdout.read(self._gives.itemsize + 4)
+        assert len(got) == self._gives.itemsize + 4, self._process.communicate()[1]
         self.cycles.append(struct.unpack("<I", got[-4:])[0])
-        return np.frombuffer(got[:-4], "<f4")
+        return np.frombuffer(got[:-4], self._gives)[0].tolist()
 
     def close(self) -> int:
         """Stop the chip; return the most bytes that its stack took."""
         _, said = self._process.communicate()
         assert self._process.returncode == 0, said
         return int(said.split()[-1])
+
+
+def _packed(scalars: Sequence[str] | int) -> np.dtype[Any]:
+    kinds = ["<f4"] * scalars if isinstance(scalars, int) else scalars
+    return np.dtype([(f"x{n}", kind) for n, kind in enumerate(kinds)])
 
 
 def _size(elf: Path) -> Size:
@@ -117,14 +125,17 @@ def vehicle_twin(made: Library, spoil: Any = None) -> VehicleTwin:
 def frames(law: Law, folder: Path, mcu: str) -> Chip:
     """Return a chip that runs a law's functions on any numbers."""
     source = write(law, folder)
-    name, state = f"swb_{c_law(law.name)}", len(law.state._fields)
+    name = f"swb_{c_law(law.name)}"
+    parameters, state = ([kind for kind, _ in layout(record, align=False).fields.values()]
+                         for record in (law.parameters, law.state))  # fmt: skip
     flags = [
         f'-DLAW_HEADER="{source.header_name}"', f"-DPARAMETERS={name}_parameters",
         f"-DSTATE={name}_state", f"-DINITIAL={name}_initial", f"-DSTEP={name}_step",
     ]  # fmt: skip
     return Chip(
         folder, mcu, [folder / source.source_name, HERE / "frames.c"],
-        inputs=len(law.parameters._fields) + state + 4, outputs=2 * state + 2, flags=flags,
+        inputs=[*parameters, *state, *["<f4"] * 4], outputs=[*state, "<f4", *state, "<f4"],
+        flags=flags,
     )  # fmt: skip
 
 
@@ -178,7 +189,7 @@ def fly_supervised(
 
     def law(seen: Measurement, reference: float) -> float:
         nonlocal unequal
-        board = Watched(seen.depth, 0.1, seen.volume, 12.0, 0.0, 0.0, 0.0)
+        board = Watched(seen.depth, 0.1, seen.volume, 12.0, False, 0, 0)
         board = spoil(beside.controller.ticks, board)
         command, said = chip.answer(*board[:6], reference)
         expected = beside.tick(board, reference)

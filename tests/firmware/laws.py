@@ -3,12 +3,12 @@
 import struct
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
 from swimbladder.closed_loop import simulate
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import Count, Law, Measurement
 from swimbladder.control.registry import LAWS, bind
 from swimbladder.firmware.twin import twin
 from swimbladder.io.config import load_vehicle
@@ -131,9 +131,22 @@ def bits(*values: Any) -> tuple[Any, ...]:
     return tuple("nan" if x != x else struct.pack("<f", x).hex() for x in flat(*values))
 
 
-def packed(*values: Any) -> bytes:
-    """Return numbers and named tuples of numbers as floats of four bytes."""
-    return np.array(flat(*values), "<f4").tobytes()
+def layout(kind: type[Any], *, align: bool = True) -> np.dtype[Any]:
+    """Return how C lays out a NamedTuple of numbers, counts and truths."""
+    hints = get_type_hints(kind, include_extras=True)
+    scalars = [(float, "<f4"), (Count, "<u2"), (bool, "?")]
+    fields = [(n, next(s for hint, s in scalars if hint == hints[n])) for n in kind._fields]
+    return np.dtype(fields, align=align)
+
+
+def laid_out(form: np.dtype[Any], *values: Any) -> bytes:
+    """Return numbers and named tuples of numbers as the bytes of a layout, which may be nested."""
+
+    def filled(part: np.dtype[Any]) -> Any:
+        return next(given) if part.names is None else tuple(filled(part[n]) for n in part.names)
+
+    given = iter(flat(*values))
+    return np.array(filled(form), form).tobytes()
 
 
 def in_float64(value: Any) -> Any:

@@ -1,14 +1,15 @@
 """A law that controls nothing and uses every construct that a law may be made of."""
 
-# ruff: noqa: ARG001, N801, RUF021, RUF059
+# ruff: noqa: N801, RUF021, RUF059
 import math
 from typing import NamedTuple
 
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import Count, Law, Measurement, less, more
 
 double = 0.5  # a word of C
 FAR = math.inf
 TURNS = 3
+FEW = 2
 BELOW = -0.25
 
 
@@ -17,12 +18,15 @@ class OddParameters(NamedTuple):
     register: float  # a word of C
     B1: float  # a macro of Arduino
     S_p: float  # s
+    most: Count  # -
 
 
 class OddState(NamedTuple):
     sum: float  # m
     m: float  # m, the name of an argument in C
     best: float  # m
+    int: Count  # -, a word of C
+    on: bool
 
 
 class pair(NamedTuple):
@@ -58,9 +62,9 @@ def chosen(a: pair, b: pair, first: bool) -> pair:
 
 
 def grown(state: OddState, by: float) -> OddState:
-    state = OddState(state.sum + by, state.m, state.best)
+    state = OddState(state.sum + by, state.m, state.best, state.int, state.on)
     if by > 2.0:
-        state = OddState(state.sum, state.m + by, best=state.best)
+        state = OddState(state.sum, state.m + by, best=state.best, int=7, on=False)
     return state
 
 
@@ -75,10 +79,29 @@ def counted(x: float) -> float:
     return total
 
 
+def ticked(n: Count, most: Count, bad: bool) -> Count:
+    if n >= most:
+        return 3 if n & 1 > 0 else n
+    if bad:
+        n = more(n, 1)
+    elif 4 <= n < 4096 or n == FEW:
+        return less(n, 2)
+    return max(n, min(most, 40000)) | 16
+
+
+def total(n: Count) -> float:
+    reached: Count = 0
+    for i in range(TURNS):
+        if reached == 0 and (n & more(i, 1)) == 1:
+            reached = i
+    return float(more(reached, n)) + float(less(n, 9))
+
+
 def initial(parameters: OddParameters, measurement: Measurement, reference: float) -> OddState:
     if not math.isfinite(measurement.depth):
-        return OddState(0.0, 0.0, FAR)
-    return OddState(reference - measurement.depth, 0, min(FAR, 64.0))
+        return OddState(0.0, 0.0, FAR, 0, True)
+    n = ticked(3, parameters.most, False)
+    return OddState(reference - measurement.depth, 0, min(FAR, 64.0), n, reference > 0.5)
 
 
 def step(parameters, state, measurement, reference):
@@ -105,7 +128,10 @@ def step(parameters, state, measurement, reference):
     state = grown(state, p.register)
     best = min(state.best, math.fabs(command))
     float_ = +p.B1
-    after = OddState(sum=state.sum + y * float_, m=state.sum, best=best)
+    n = ticked(state.int, p.most, state.on or above)
+    best = best + total(n)
+    on = not state.on if n > 6 else p.most == state.int
+    after = OddState(sum=state.sum + y * float_, m=state.sum, best=best, int=n, on=on)
     if command > 64.0:
         return command, state, p.S_p
     if command < -64.0:

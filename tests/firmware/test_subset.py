@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import NEVER, Law, Measurement
 from swimbladder.errors import InputError
 from swimbladder.firmware.c99 import write_c99
 from swimbladder.firmware.c_names import c_float
@@ -25,6 +25,7 @@ from tests.firmware.odd import ODD, OddParameters, OddState
 TWIN = twin(ODD)
 # Eighths of small numbers: sums and products are exact in float32 as in Python's own floats.
 EIGHTHS = st.integers(-32, 32).map(lambda n: n / 8)
+COUNTS = st.one_of(st.integers(0, 9), st.integers(0, NEVER), st.integers(NEVER - 9, NEVER))
 
 
 @pytest.fixture(scope="module")
@@ -35,8 +36,8 @@ def compiled(request, tmp_path_factory):
 
 @settings(max_examples=500)
 @given(
-    parameters=st.builds(OddParameters, EIGHTHS, EIGHTHS, EIGHTHS, EIGHTHS),
-    state=st.builds(OddState, EIGHTHS, EIGHTHS, EIGHTHS),
+    parameters=st.builds(OddParameters, EIGHTHS, EIGHTHS, EIGHTHS, EIGHTHS, COUNTS),
+    state=st.builds(OddState, EIGHTHS, EIGHTHS, EIGHTHS, COUNTS, st.booleans()),
     seen=st.builds(Measurement, EIGHTHS, EIGHTHS, EIGHTHS),
     reference=st.one_of(EIGHTHS, st.just(math.inf)),
 )
@@ -48,9 +49,13 @@ def test_every_construct_means_what_it_means_in_python(parameters, state, seen, 
 
 
 @settings(max_examples=1000)
-@given(numbers=st.lists(st.one_of(EIGHTHS, st.floats(width=32)), min_size=11, max_size=11))
-def test_every_construct_is_the_same_to_the_bit_in_c(compiled, numbers):
-    p, s, m = OddParameters(*numbers[:4]), OddState(*numbers[4:7]), Measurement(*numbers[7:10])
+@given(
+    numbers=st.lists(st.one_of(EIGHTHS, st.floats(width=32)), min_size=11, max_size=11),
+    most=COUNTS, n=COUNTS, on=st.booleans(),
+)  # fmt: skip
+def test_every_construct_is_the_same_to_the_bit_in_c(compiled, numbers, most, n, on):
+    p, s = OddParameters(*numbers[:4], most), OddState(*numbers[4:7], n, on)
+    m = Measurement(*numbers[7:10])
     reference = numbers[10]
     assert bits(compiled.step(p, s, m, reference)) == bits(TWIN.step(p, s, m, reference))
     assert bits(compiled.initial(p, m, reference)) == bits(TWIN.initial(p, m, reference))
@@ -397,15 +402,15 @@ def test_parameters_that_are_no_floats_are_refused():
 
 
 class B(NamedTuple):
-    on: bool
+    within: S
 
 
-def test_truths_in_the_state_are_refused():
+def test_records_in_the_state_are_refused():
     law = Law(
         name="wrong", summary="", command="voltage", parameters=Q, state=B, units={}, step=power,
         initial=start,
     )  # fmt: skip
-    with pytest.raises(InputError, match="'on' of the state is no float"):
+    with pytest.raises(InputError, match="'within' of the state is a NamedTuple"):
         read_law(law)
 
 

@@ -10,15 +10,31 @@ valve, a change of it [m3]. `next_sample_s`
 says how long until the law wants to be called again [s]; the clock of the vehicle has whole ticks
 (the controller's sample time), and the time is rounded up to them. The function uses arithmetic,
 comparisons, ``min``, ``max``, ``abs`` and the `math` module only, so that it compiles.
+
+What is counted may be a `Count`, a whole number that takes 16 bits where the law is compiled: it
+grows and shrinks by `more` and `less`, which stay within them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
-__all__ = ["Law", "Measurement"]
+__all__ = ["NEVER", "Count", "Law", "Measurement", "less", "more"]
+
+NEVER = 65535  # the largest count
+Count = Annotated[int, "0 to 65535"]
+
+
+def more(n: Count, by: Count) -> Count:
+    """Return n + by, 65535 at most."""
+    return min(n + by, NEVER)
+
+
+def less(n: Count, by: Count) -> Count:
+    """Return n - by, 0 at least."""
+    return n - by if n > by else 0
 
 
 class Measurement(NamedTuple):
@@ -33,9 +49,9 @@ class Measurement(NamedTuple):
 class Law:
     """A law: its step, its first state and what its numbers mean.
 
-    parameters, state: NamedTuple classes whose fields are floats, the state of at least one
-    field. units: the unit of each parameter. initial: (parameters, measurement, reference)
-    -> state, also pure. A state field called `volume_reference` [m3] is recorded.
+    parameters, state: NamedTuple classes whose fields are floats, counts or truths, the state of
+    at least one field. units: the unit of each parameter. initial: (parameters, measurement,
+    reference) -> state, also pure. A state field called `volume_reference` [m3] is recorded.
     """
 
     name: str

@@ -5,9 +5,9 @@ it takes the law's command, and gives it on until it has a reason; from then on 
 that makes the vehicle lightest, by its own count of ticks: no sensor is asked, since any may lie.
 What each detector does and why: docs/explanation/supervisor.md.
 
-Counters are whole numbers in floats, exact up to 2^24. Time is counted in two of them. Each watch
-changes the state where it stands. What a vehicle's numbers switch off is asked for by a comparison
-of numbers alone, so that a compiler that knows them leaves it out.
+Ticks are counted in whole numbers of 16 bits, which stay at their ends; the time of a dive in two
+of them. Each watch changes the state where it stands. What a vehicle's numbers switch off is asked
+for by a comparison of numbers alone, so that a compiler that knows them leaves it out.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from enum import IntEnum
 
-from swimbladder.control.law import Law
+from swimbladder.control.law import NEVER, Count, Law, less, more
 from swimbladder.control.supervisor_records import (
     SUPERVISOR_UNITS,
     SupervisorParameters,
@@ -25,10 +25,9 @@ from swimbladder.control.supervisor_records import (
 
 __all__ = ["SUPERVISOR", "Reason", "initial", "reasons_in", "step"]
 
-_BLOCK = 4096.0  # ticks that the fine count of time holds
-_LONG_AGO = 1.0e6  # ticks
-_COUNT = 15
-_HIGHEST = 16384.0  # bit of the last reason
+_BLOCK = 4096  # ticks that the fine count of time holds
+_MOST_LOST = _BLOCK - 1  # ticks that are counted at once
+_REASONS = 15
 
 
 class Reason(IntEnum):
@@ -56,27 +55,27 @@ class Reason(IntEnum):
         return self.name.lower().replace("_", " ")
 
 
-def reasons_in(bits: float) -> tuple[Reason, ...]:
+def reasons_in(bits: Count) -> tuple[Reason, ...]:
     """Return the reasons whose bits are set: bit n - 1 of reason n."""
     return tuple(reason for reason in Reason if int(bits) >> (reason - 1) & 1)
 
 
-def tally(bad: bool, n: float, most: float) -> float:
+def tally(bad: bool, n: Count, most: Count) -> Count:
     """Return the count of bad ticks; a good one takes two away, `most` stays for good."""
     if n >= most:
         return n
     if bad:
-        return n + 1.0
-    return n - 2.0 if n > 2.0 else 0.0
+        return more(n, 1)
+    return less(n, 2)
 
 
-def share(bad: bool, n: float, most: float) -> float:
-    """Return the count of bad ticks; a good one takes a quarter away, `most` stays for good."""
+def share(bad: Count, n: Count, most: Count) -> Count:
+    """Return the count of quarters of bad ticks; none takes one away, `most` stays for good."""
     if n >= most:
         return n
-    if bad:
-        return min(n + 1.0, most)
-    return n - 0.25 if n > 0.25 else 0.0
+    if bad > 0:
+        return min(more(n, bad), most)
+    return less(n, 1)
 
 
 def smoothed(old: float, new: float, weight: float) -> float:
@@ -84,22 +83,15 @@ def smoothed(old: float, new: float, weight: float) -> float:
     return old + weight * (new - old)
 
 
-def count_time(
-    p: SupervisorParameters, s: SupervisorState, any_lost: bool, lost: float
-) -> SupervisorState:
+def count_time(p: SupervisorParameters, s: SupervisorState, lost: Count) -> SupervisorState:
     """Count the ticks that were lost; `step` counts its own when it is through."""
-    tick = s.tick
+    tick = more(s.tick, lost)
     block = s.block
-    gone = s.lost
-    if any_lost:
-        tick = tick + lost
-        gone = gone + lost if gone < p.lost else gone
-    elif gone < p.lost:
-        gone = gone - 0.25 if gone > 0.25 else 0.0
     if tick >= _BLOCK:
-        tick = tick - _BLOCK
-        block = block + 1.0
-    return s._replace(tick=tick, block=block, lost=gone)
+        tick = less(tick, _BLOCK)
+        block = more(block, 1)
+    half = more(lost, lost)
+    return s._replace(tick=tick, block=block, lost=share(more(half, half), s.lost, p.lost_quarters))
 
 
 def expected_rate(p: SupervisorParameters, s: SupervisorState) -> float:
@@ -127,10 +119,10 @@ def watch_rate(p: SupervisorParameters, s: SupervisorState, volume: float) -> Su
     return s._replace(lag=lag, asked=asked, following=tally(wrong, s.following, p.following))
 
 
-def believable(p: SupervisorParameters, s: SupervisorState, seen: Watched, since: float) -> bool:
+def believable(p: SupervisorParameters, s: SupervisorState, seen: Watched, since: Count) -> bool:
     """Return whether a depth can be: new, in the sensor's range, near the last good one."""
     possible = p.depth_least <= seen.depth <= p.depth_most
-    near = abs(seen.depth - s.depth) <= p.fastest * since + p.jump
+    near = since == NEVER or abs(seen.depth - s.depth) <= p.fastest * float(since) + p.jump
     late = seen.depth_age > p.late_age
     return possible and near and not late
 
@@ -139,15 +131,15 @@ def count_blind(
     p: SupervisorParameters, s: SupervisorState, seen: Watched, good: bool, measured: bool
 ) -> SupervisorState:
     """Count the ticks without a good depth and without a good volume, and tell why at the limit."""
-    blind = share(not good, s.blind, p.blind)
-    if blind >= p.blind and s.blind < p.blind:
+    blind = share(0 if good else 4, s.blind, p.blind_quarters)
+    if blind >= p.blind_quarters and s.blind < p.blind_quarters:
         if seen.depth_age > p.late_age:
-            blind = blind + 2.0
+            blind = more(blind, 2)
         elif math.isfinite(seen.depth):
-            blind = blind + 1.0
+            blind = more(blind, 1)
     volume_blind = tally(not measured, s.volume_blind, p.blind)
     if volume_blind >= p.blind and s.volume_blind < p.blind and math.isfinite(seen.volume):
-        volume_blind = volume_blind + 1.0
+        volume_blind = more(volume_blind, 1)
     return s._replace(blind=blind, volume_blind=volume_blind)
 
 
@@ -160,8 +152,8 @@ def rests(p: SupervisorParameters, depth: float, n: float, room: float) -> bool:
 def watch_still(p: SupervisorParameters, s: SupervisorState, depth: float) -> SupervisorState:
     """Count the ticks in which the depth stayed where it was."""
     if abs(depth - s.anchor) > p.still_distance:
-        return s._replace(anchor=depth, still=0.0)
-    return s._replace(still=s.still + 1.0)
+        return s._replace(anchor=depth, still=0)
+    return s._replace(still=more(s.still, 1))
 
 
 def smooth_motion(
@@ -172,7 +164,7 @@ def smooth_motion(
     n1 = smoothed(s.n1, n, p.smoothing)
     z2 = smoothed(s.z2, z1, p.smoothing)
     n2 = smoothed(s.n2, n1, p.smoothing)
-    return s._replace(z1=z1, z2=z2, n1=n1, n2=n2, settled=s.settled + 1.0)
+    return s._replace(z1=z1, z2=z2, n1=n1, n2=n2, settled=more(s.settled, 1))
 
 
 def needed(p: SupervisorParameters, s: SupervisorState, depth: float) -> float:
@@ -190,10 +182,10 @@ def learn(
     p: SupervisorParameters, s: SupervisorState, depth: float, n: float, room: float
 ) -> SupervisorState:
     """Learn which neutral volume this dive has, within what is known of it before."""
-    known = min(s.known + 1.0, _LONG_AGO)
+    known = more(s.known, 1)
     weight = p.forgetting
-    if weight * known < 1.0:
-        weight = 1.0 / known
+    if weight * float(known) < 1.0:
+        weight = 1.0 / float(known)
     own = smoothed(s.own, n, weight)
     own = min(max(own, p.neutral - room), p.neutral + room)
     return s._replace(known=known, own=own, own_depth=smoothed(s.own_depth, depth, weight))
@@ -206,7 +198,7 @@ def watch_motion(
     bad = not anew
     wrong = s.wrong
     if anew:
-        s = s._replace(z1=depth, z2=depth, n1=n, n2=n, settled=0.0)
+        s = s._replace(z1=depth, z2=depth, n1=n, n2=n, settled=0)
     else:
         s = smooth_motion(p, s, depth, n)
         own = room
@@ -222,7 +214,7 @@ def watch_motion(
             own = own + missed
             bad = bad or off > own
             if off > 2.0 * own:  # beyond doubt: it counts three times
-                wrong = min(wrong + 2.0, p.wrong)
+                wrong = min(more(wrong, 2), p.wrong)
             if missed < p.calm:
                 s = learn(p, s, depth, s.n2 + push, room)
     return s._replace(wrong=tally(bad, wrong, p.wrong))
@@ -239,7 +231,7 @@ def watch_sameness(
     old = seen.depth_age >= p.S_p
     if not old:
         change = depth - s.depth
-        same = same + 1.0 if change == 0.0 else 0.0
+        same = more(same, 1) if change == 0.0 else 0
         if s.noisy < p.noisy:
             fro = 1.0 if change * s.change < 0.0 else 0.0
             s = s._replace(noisy=smoothed(s.noisy, fro, p.noisy_weight))
@@ -247,14 +239,10 @@ def watch_sameness(
     same_volume = s.same_volume
     if same <= p.same_begun:
         same_volume = s.n1
-    frozen = s.frozen
-    if p.same < math.inf and same >= p.same:
-        frozen = 1.0
-    if same >= p.same_noisy and s.noisy >= p.noisy:
-        frozen = 1.0
-    if same >= p.same_moved and not resting and abs(s.n1 - same_volume) > p.moved:
-        frozen = 1.0
-    return s._replace(same=same, same_volume=same_volume, frozen=frozen)
+    frozen = s.frozen or (p.same < NEVER and same >= p.same)
+    frozen = frozen or (same >= p.same_noisy and s.noisy >= p.noisy)
+    away = same >= p.same_moved and not resting and abs(s.n1 - same_volume) > p.moved
+    return s._replace(same=same, same_volume=same_volume, frozen=frozen or away)
 
 
 def watch_deep(
@@ -272,53 +260,51 @@ def watch_board(p: SupervisorParameters, s: SupervisorState, seen: Watched) -> S
     """Count the ticks of a low battery, of a leak, and the calls without a command."""
     low = p.battery_low > 0.0 and seen.battery < p.battery_low
     battery = tally(low, s.battery, p.battery)
-    leak = tally(seen.leak > 0.0, s.leak, p.leak)
+    leak = tally(seen.leak, s.leak, p.leak)
     missed = s.missed
     if missed < p.missed:
-        missed = min(seen.missed, p.missed) if seen.missed > 0.0 else 0.0
+        missed = min(seen.missed, p.missed)
     return s._replace(battery=battery, leak=leak, missed=missed)
 
 
-def reasons_of(p: SupervisorParameters, s: SupervisorState) -> float:
+def reasons_of(p: SupervisorParameters, s: SupervisorState) -> Count:
     """Return the bits of the reasons that there are."""
-    bits = s.restarted
+    bits: Count = 1 if s.restarted else 0
     if s.leak >= p.leak:
-        bits = bits + 2.0
+        bits = bits | 2
     if s.deep >= p.deep:
-        bits = bits + 4.0
-    if s.blind >= p.blind:
-        kind = s.blind - p.blind
-        bits = bits + (8.0 if kind == 0.0 else (16.0 if kind == 1.0 else 32.0))
-    if s.frozen > 0.0:
-        bits = bits + 64.0
+        bits = bits | 4
+    if s.blind >= p.blind_quarters:
+        kind = less(s.blind, p.blind_quarters)
+        bits = bits | (8 if kind == 0 else (16 if kind == 1 else 32))
+    if s.frozen:
+        bits = bits | 64
     if s.volume_blind >= p.blind:
-        bits = bits + (128.0 if s.volume_blind == p.blind else 256.0)
+        bits = bits | (128 if s.volume_blind == p.blind else 256)
     if s.following >= p.following:
-        bits = bits + 512.0
+        bits = bits | 512
     if s.wrong >= p.wrong:
-        bits = bits + 1024.0
+        bits = bits | 1024
     if s.battery >= p.battery:
-        bits = bits + 2048.0
+        bits = bits | 2048
     if s.missed >= p.missed:
-        bits = bits + 4096.0
-    if s.lost >= p.lost:
-        bits = bits + 8192.0
-    if p.time_blocks < math.inf and s.block >= p.time_blocks:
+        bits = bits | 4096
+    if s.lost >= p.lost_quarters:
+        bits = bits | 8192
+    if p.time_blocks < NEVER and s.block >= p.time_blocks:
         over = s.block > p.time_blocks or s.tick >= p.time_ticks
-        bits = bits + (16384.0 if over else 0.0)
+        bits = bits | (16384 if over else 0)
     return bits
 
 
-def first_of(bits: float) -> float:
+def first_of(bits: Count) -> Count:
     """Return the number of the lowest bit, 1 for that of 1; 0 where there is none."""
-    number = 0.0
-    rest = bits
-    bit = _HIGHEST
-    for i in range(_COUNT):
-        if rest >= bit:
-            rest = rest - bit
-            number = _COUNT - i
-        bit = bit * 0.5
+    number: Count = 0
+    bit: Count = 1
+    for i in range(_REASONS):
+        if number == 0 and bits & bit > 0:
+            number = more(i, 1)
+        bit = more(bit, bit)
     return number
 
 
@@ -327,19 +313,19 @@ def watch_push(p: SupervisorParameters, s: SupervisorState, fresh: bool) -> Supe
 
     At the inner end nothing is lost by trying; the other way round it has to grow, or is no more.
     """
-    astray = 0.0
+    astray: Count = 0
     turns = s.turns
     inside = s.volume < p.volume_high
-    if turns == 1.0 and s.measured == 0.0 and inside:
-        turns = 2.0
-    if fresh and inside and (turns == 1.0 or (turns == 0.0 and s.phase < p.push)):
+    if turns == 1 and not s.measured and inside:
+        turns = 2
+    if fresh and inside and (turns == 1 or (turns == 0 and s.phase < p.push)):
         least = p.rate_least
-        if turns == 0.0 and s.volume > p.volume_low:
+        if turns == 0 and s.volume > p.volume_low:
             least = -p.rate_away
         if s.asked - s.lag < least:
-            astray = s.astray + 1.0
+            astray = more(s.astray, 1)
     if astray >= p.astray:
-        return s._replace(astray=0.0, turns=turns + 1.0, lag=0.0, asked=0.0)
+        return s._replace(astray=0, turns=more(turns, 1), lag=0.0, asked=0.0)
     return s._replace(astray=astray, turns=turns)
 
 
@@ -347,41 +333,39 @@ def bring_up(
     p: SupervisorParameters, s: SupervisorState, good: bool, fresh: bool
 ) -> SupervisorState:
     """Command full buoyancy in pushes and rests; ask for the drop weight where it does not rise."""
-    if s.reason == 0.0:
+    if s.reason == 0:
         s = s._replace(reason=first_of(s.reasons), from_depth=s.depth, pushed=s.volume)
     s = watch_push(p, s, fresh)
     command = p.surface_command if s.phase < p.push else p.hold_command
-    if s.turns == 1.0:
+    if s.turns == 1:
         command = p.away_command
-    phase = s.phase + 1.0
+    phase = more(s.phase, 1)
     if phase == p.push:
-        inside = s.measured > 0.0 and s.volume < p.volume_high
+        inside = s.measured and s.volume < p.volume_high
         if inside and s.volume - s.pushed > p.grown:
-            phase = p.push - p.again
+            phase = less(p.push, p.again)
         s = s._replace(pushed=s.volume)
-    if phase >= p.push + p.rest:
-        phase = p.push - p.again
+    if phase >= more(p.push, p.rest):
+        phase = less(p.push, p.again)
         s = s._replace(pushed=s.volume)
-    s = s._replace(command=command, phase=phase, window=s.window + 1.0)
+    s = s._replace(command=command, phase=phase, window=more(s.window, 1))
     if s.window >= p.release:
         risen = good and (s.depth <= p.surface or s.depth <= s.from_depth - p.rise)
         if not risen:
-            s = s._replace(release=1.0)
-        s = s._replace(window=0.0, from_depth=s.depth)
+            s = s._replace(release=True)
+        s = s._replace(window=0, from_depth=s.depth)
     return s
 
 
 def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -> SupervisorState:
-    """Return the state at the start; restarted: 1 after a watchdog's reset or a brown-out."""
+    """Return the state at the start; restarted: 1.0 after a watchdog's reset or a brown-out."""
     return SupervisorState(
-        restarted=restarted, tick=0.0, block=0.0, lost=0.0, since=_LONG_AGO, depth=0.0, blind=0.0,
-        same=0.0, change=0.0, noisy=0.0, same_volume=0.0, frozen=0.0, volume=0.0, measured=0.0,
-        volume_blind=0.0,
-        command=0.0, lag=0.0, asked=0.0, following=0.0, z1=0.0, z2=0.0, n1=0.0, n2=0.0,
-        settled=0.0, anchor=0.0, still=0.0, wrong=0.0, own=0.0, own_depth=0.0, known=0.0, deep=0.0,
-        battery=0.0, leak=0.0,
-        missed=0.0, reason=0.0, reasons=0.0, phase=0.0, window=0.0, from_depth=0.0, release=0.0,
-        pushed=0.0, astray=0.0, turns=0.0,
+        restarted=restarted > 0.0, tick=0, block=0, lost=0, since=NEVER, depth=0.0, blind=0,
+        same=0, change=0.0, noisy=0.0, same_volume=0.0, frozen=False, volume=0.0, measured=False,
+        volume_blind=0, command=0.0, lag=0.0, asked=0.0, following=0, z1=0.0, z2=0.0, n1=0.0,
+        n2=0.0, settled=0, anchor=0.0, still=0, wrong=0, own=0.0, own_depth=0.0, known=0, deep=0,
+        battery=0, leak=0, missed=0, reason=0, reasons=0, phase=0, window=0, from_depth=0.0,
+        release=False, pushed=0.0, astray=0, turns=0,
     )  # fmt: skip
 
 
@@ -390,21 +374,16 @@ def step(
 ) -> tuple[float, SupervisorState, float]:
     """Return the command [V or m3]: `wanted`, the law's, or full buoyancy for a reason."""
     p = parameters
-    lost = 0.0
-    since = state.since + 1.0
-    any_lost = seen.lost > 0.0
-    if any_lost:
-        lost = min(seen.lost, _BLOCK - 1.0)
-        since = since + lost
-    since = min(since, _LONG_AGO)
+    lost = min(seen.lost, _MOST_LOST)
+    since = more(more(state.since, 1), lost)
     good = believable(p, state, seen, since)
     depth = seen.depth if good else state.depth
     measured = p.volume_least <= seen.volume <= p.volume_most
     volume = seen.volume if measured else state.volume
     gap = since > p.gap or state.volume_blind > p.gap
 
-    s = count_time(p, state, any_lost, lost)
-    fresh = measured and s.measured > 0.0 and not any_lost
+    s = count_time(p, state, lost)
+    fresh = measured and s.measured and lost == 0
     if fresh:
         s = watch_rate(p, s, volume)
     s = count_blind(p, s, seen, good, measured)
@@ -420,13 +399,13 @@ def step(
     if good:
         s = watch_sameness(p, s, seen, depth, resting)
         s = watch_deep(p, s, depth, speed, volume)
-        since = 0.0
+        since = 0
     s = watch_board(p, s, seen)
     s = s._replace(
-        since=since, depth=depth, volume=volume, measured=1.0 if measured else 0.0, command=wanted,
-        reasons=reasons_of(p, s), tick=s.tick + 1.0,
+        since=since, depth=depth, volume=volume, measured=measured, command=wanted,
+        reasons=reasons_of(p, s), tick=more(s.tick, 1),
     )  # fmt: skip
-    if s.reasons > 0.0:
+    if s.reasons > 0:
         s = bring_up(p, s, good, fresh)
     return s.command, s, p.S_p
 

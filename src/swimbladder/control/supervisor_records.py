@@ -1,8 +1,10 @@
-"""What the supervisor sees, what it goes by and what it remembers: named tuples of floats."""
+"""What the supervisor sees, what it goes by and what it remembers: named tuples."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
+
+from swimbladder.control.law import Count
 
 __all__ = ["SUPERVISOR_UNITS", "SupervisorParameters", "SupervisorState", "Watched"]
 
@@ -14,15 +16,15 @@ class Watched(NamedTuple):
     depth_age: float  # s, since it was measured
     volume: float  # m3
     battery: float  # V
-    leak: float  # -, 1: water inside
-    lost: float  # ticks that should have come since the last one
-    missed: float  # calls in a row in which the law gave no command
+    leak: bool  # water inside
+    lost: Count  # ticks that should have come since the last one
+    missed: Count  # calls in a row in which the law gave no command
 
 
 class SupervisorParameters(NamedTuple):
     """Limits, times in whole ticks, and the model that depth and volume are held against.
 
-    A limit that is infinite is off.
+    A limit that is infinite, or in ticks NEVER, is off.
     """
 
     S_p: float  # s
@@ -30,25 +32,26 @@ class SupervisorParameters(NamedTuple):
     surface_command: float  # V or m3, that makes the vehicle lightest
     hold_command: float  # V or m3, that keeps it so
     away_command: float  # V or m3, that makes it heaviest; lightest with the wires swapped
-    push: float  # ticks of the surface command at first
-    again: float  # ticks of it after a rest
-    rest: float  # ticks of the hold command in between
+    push: Count  # ticks of the surface command at first
+    again: Count  # ticks of it after a rest
+    rest: Count  # ticks of the hold command in between
     grown: float  # m3, by which the volume grows in a push that is not followed by a rest
-    astray: float  # ticks in which it goes the wrong way
-    release: float  # ticks in which it has to rise
+    astray: Count  # ticks in which it goes the wrong way
+    release: Count  # ticks in which it has to rise
     rise: float  # m, by so much
     depth_least: float  # m, the least that the sensor can mean
     depth_most: float  # m, the largest
     fastest: float  # m, that the depth may change in a tick
     jump: float  # m, that it may change at once: noise, quantum
     late_age: float  # s, at which a depth is late
-    blind: float  # ticks without a good depth, or a good volume
-    gap: float  # ticks without a depth after which the model begins anew
-    same: float  # ticks of the very same depth that noise does not allow
-    same_begun: float  # ticks of it after which the volume has to stay as well
-    same_moved: float  # ticks of it that are too many where it does not
+    blind: Count  # ticks without a good volume
+    blind_quarters: Count  # quarters of ticks without a good depth, each good one takes one away
+    gap: Count  # ticks without a depth after which the model begins anew
+    same: Count  # ticks of the very same depth that noise does not allow
+    same_begun: Count  # ticks of it after which the volume has to stay as well
+    same_moved: Count  # ticks of it that are too many where it does not
     moved: float  # m3, by so much
-    same_noisy: float  # ticks of the very same depth where the sensor has shown its noise
+    same_noisy: Count  # ticks of the very same depth where the sensor has shown its noise
     noisy: float  # -, share of ticks in which the depth turns, where it has
     noisy_weight: float  # -, of the newest in it
     volume_least: float  # m3, the least that the sensor can mean
@@ -65,13 +68,13 @@ class SupervisorParameters(NamedTuple):
     rate_share: float  # -, of the rate asked for that may be missing
     rate_least: float  # m3/s, that may be missing anyway
     rate_away: float  # m3/s, with which wires that are swapped drive it away
-    following: float  # ticks in which the volume does not follow
+    following: Count  # ticks in which the volume does not follow
     psi: float  # m3/m
     psi_range: float  # m3/m, how well psi is known
     neutral: float  # m3, neutral volume at the surface
     neutral_range: float  # m3, how well it is known, drift included
     neutral_change: float  # m3, how far it may walk from what the dive has shown
-    known: float  # ticks in which the dive has to show it
+    known: Count  # ticks in which the dive has to show it
     forgetting: float  # -, least weight of the newest in it
     calm: float  # m3, by which the model may miss where it is learnt
     model_error: float  # -, share of the force on the vehicle that the model may miss
@@ -83,73 +86,73 @@ class SupervisorParameters(NamedTuple):
     epsilon: float  # m/s
     per_tau: float  # 1/s, 1 / the time of each low pass
     smoothing: float  # -, weight of the newest in it
-    settle: float  # ticks that they take
-    wrong: float  # ticks in which depth and volume do not fit
+    settle: Count  # ticks that they take
+    wrong: Count  # ticks in which depth and volume do not fit
     surface: float  # m, from there up the vehicle may float
     aground: float  # m, from there down it may lie on the bottom
     still_distance: float  # m, within which a depth stands still
-    still: float  # ticks that it has to
+    still: Count  # ticks that it has to
     depth_limit: float  # m
     deepest: float  # m, that it must not pass before it turns round
     neutral_deepest: float  # m3, largest neutral volume there
     turn_rate: float  # m3/s, least rate at the depth limit
     coast: float  # s, in which drag takes speed away
-    deep: float  # ticks too deep
+    deep: Count  # ticks too deep
     battery_low: float  # V
-    battery: float  # ticks below it
-    leak: float  # ticks of leak
-    missed: float  # calls without a command
-    lost: float  # ticks lost, each that comes takes a quarter away
-    time_blocks: float  # of 4096 ticks
-    time_ticks: float  # beyond them
+    battery: Count  # ticks below it
+    leak: Count  # ticks of leak
+    missed: Count  # calls without a command
+    lost_quarters: Count  # quarters of ticks lost, each that comes takes one away
+    time_blocks: Count  # of 4096 ticks
+    time_ticks: Count  # beyond them
 
 
 class SupervisorState(NamedTuple):
     """What the supervisor remembers between ticks."""
 
-    restarted: float  # -, 1: by a watchdog or a brown-out
-    tick: float  # ticks since the start, below 4096
-    block: float  # of 4096 ticks
-    lost: float  # ticks
-    since: float  # ticks since the last good depth
+    restarted: bool  # by a watchdog or a brown-out
+    tick: Count  # ticks since the start, below 4096
+    block: Count  # of 4096 ticks
+    lost: Count  # quarters of ticks
+    since: Count  # ticks since the last good depth; NEVER: any depth may be
     depth: float  # m, last good one
-    blind: float  # ticks; at its limit 0 to 2 more for what was wrong first
-    same: float  # ticks in which the depth was the very same
+    blind: Count  # quarters of ticks; at its limit 0 to 2 more for what was wrong first
+    same: Count  # ticks in which the depth was the very same
     change: float  # m, of the depth at the last tick
     noisy: float  # -, share of ticks in which the depth turned; it stays where it is enough
     same_volume: float  # m3, n1 when the volume had to stay
-    frozen: float  # -, 1
+    frozen: bool
     volume: float  # m3, last good one
-    measured: float  # -, 1: at the last tick
-    volume_blind: float  # ticks; at its limit 0 or 1 more
+    measured: bool  # at the last tick
+    volume_blind: Count  # ticks; at its limit 0 or 1 more
     command: float  # V or m3, given last
     lag: float  # m3/s, of the volume's rate behind that asked for
     asked: float  # m3/s
-    following: float  # ticks in which it did not
+    following: Count  # ticks in which it did not
     z1: float  # m, depth through a low pass
     z2: float  # m, through a second
     n1: float  # m3, volume beyond psi z through a low pass
     n2: float  # m3, through a second
-    settled: float  # ticks since they began
+    settled: Count  # ticks since they began
     anchor: float  # m, around it the depth stands still
-    still: float  # ticks for which it has
-    wrong: float  # ticks in which depth and volume did not fit
+    still: Count  # ticks for which it has
+    wrong: Count  # ticks in which depth and volume did not fit
     own: float  # m3, neutral volume at the surface as the dive has shown it
     own_depth: float  # m, where it did, on average
-    known: float  # ticks in which it did
-    deep: float  # ticks
-    battery: float  # ticks
-    leak: float  # ticks
-    missed: float  # calls without a command
-    reason: float  # the first one, 0: none
-    reasons: float  # bits of all so far
-    phase: float  # ticks of the safe action, in its turn of pushes and rests
-    window: float  # ticks in which it has to rise
+    known: Count  # ticks in which it did
+    deep: Count  # ticks
+    battery: Count  # ticks
+    leak: Count  # ticks
+    missed: Count  # calls without a command
+    reason: Count  # the first one, 0: none
+    reasons: Count  # bits of all so far
+    phase: Count  # ticks of the safe action, in its turn of pushes and rests
+    window: Count  # ticks in which it has to rise
     from_depth: float  # m, when they began
-    release: float  # -, 1: drop the weight
+    release: bool  # drop the weight
     pushed: float  # m3, volume when the push began
-    astray: float  # ticks in which a push drove it away
-    turns: float  # 1: wires taken for swapped, 2: no more
+    astray: Count  # ticks in which a push drove it away
+    turns: Count  # 1: wires taken for swapped, 2: no more
 
 
 SUPERVISOR_UNITS = {
@@ -157,11 +160,12 @@ SUPERVISOR_UNITS = {
     **dict.fromkeys(("S_p", "late_age", "coast"), "s"),
     **dict.fromkeys(
         ("push", "again", "rest", "release", "blind", "gap", "same", "same_begun", "same_moved",
-         "following", "settle", "wrong", "still", "deep", "battery", "leak", "missed", "lost",
+         "following", "settle", "wrong", "still", "deep", "battery", "leak", "missed",
          "known", "same_noisy", "astray", "time_ticks"),
         "ticks",
     ),
     "time_blocks": "4096 ticks",
+    **dict.fromkeys(("blind_quarters", "lost_quarters"), "ticks/4"),
     **dict.fromkeys(
         ("rise", "depth_least", "depth_most", "fastest", "jump", "surface", "aground",
          "still_distance", "depth_limit", "deepest"),

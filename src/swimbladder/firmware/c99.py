@@ -1,5 +1,6 @@
 """A law's tree written as C99 in float32: no heap, no recursion, no double, no libm but sqrtf.
 
+Counts are uint16_t, and helpers keep every sum and difference of them within it.
 Each operation is one rounding in the order of the Python source. C may contract ``a * b + c`` into
 one rounding where a processor can; the file forbids it and refuses to be compiled where the
 arithmetic would not be that of float32.
@@ -15,7 +16,7 @@ from swimbladder.firmware.c_flow import calls_of, fields_read
 from swimbladder.firmware.c_functions import FunctionText, shortened
 from swimbladder.firmware.c_names import c_field, c_float, c_law, c_record, c_type, remarks
 from swimbladder.firmware.c_places import Home, home_of, in_place
-from swimbladder.firmware.tree import Function, Program, Record
+from swimbladder.firmware.tree import BOOL, COUNT, Function, Program, Record
 
 __all__ = ["MEASUREMENT_H", "CSource", "write_c99"]
 
@@ -114,6 +115,31 @@ static float swb_max(float a, float b)
     return b > a ? b : a;
 }
 """,
+    "swb_more": """\
+static uint16_t swb_more(uint16_t n, uint16_t by)
+{
+    const uint16_t sum = (uint16_t)(n + by);
+    return sum < n ? 65535u : sum;
+}
+""",
+    "swb_less": """\
+static uint16_t swb_less(uint16_t n, uint16_t by)
+{
+    return n > by ? (uint16_t)(n - by) : 0u;
+}
+""",
+    "swb_lesser": """\
+static uint16_t swb_lesser(uint16_t a, uint16_t b)
+{
+    return b < a ? b : a;
+}
+""",
+    "swb_greater": """\
+static uint16_t swb_greater(uint16_t a, uint16_t b)
+{
+    return b > a ? b : a;
+}
+""",
 }
 _NEEDS = {"swb_isfinite": ("swb_bits",), "swb_abs": ("swb_bits", "swb_from_bits"),
           "swb_copysign": ("swb_bits", "swb_from_bits")}  # fmt: skip
@@ -138,7 +164,7 @@ def _header(program: Program, private: bool) -> str:
             f"The control law {program.name}: {shortened(program.words)}. Written by swimbladder "
             "from the law's Python source; all numbers are SI."
         ),
-        f"#ifndef {guard}", f"#define {guard}", "", *_included(program),
+        f"#ifndef {guard}", f"#define {guard}", "", *_included(program), *_standard(program),
         "#ifdef __cplusplus", 'extern "C" {', "#endif", "", *_own_measurement(program),
         _struct(program.name, program.parameters, units), _struct(program.name, program.state, {}),
         *([] if private else _prototypes(program)),
@@ -166,6 +192,15 @@ def _remark(text: str) -> str:
 
 def _included(program: Program) -> list[str]:
     return ['#include "swb_measurement.h"', ""] if program.measurement.name == "measurement" else []
+
+
+def _standard(program: Program) -> list[str]:
+    """Return the headers of the types that the law's own records have."""
+    own = (program.parameters, program.state, program.measurement)
+    kinds = {kind for record in own for _, kind in record.fields}
+    wanted = {BOOL: "#include <stdbool.h>", COUNT: "#include <stdint.h>"}
+    found = [line for kind, line in wanted.items() if kind in kinds]
+    return [*found, ""] if found else []
 
 
 def _own_measurement(program: Program) -> list[str]:
@@ -249,7 +284,7 @@ def _source(program: Program, private: bool) -> str:
     includes = {
         "math.h": re.search(r"\b(sqrtf|INFINITY|NAN)\b", text + "".join(constants)),
         "stdbool.h": re.search(r"\bbool\b", text),
-        "stdint.h": re.search(r"\buint32_t\b", text),
+        "stdint.h": re.search(r"\buint(16|32)_t\b", text),
         "string.h": re.search(r"\bmem(cpy|set)\b", text),
     }
     parts = [

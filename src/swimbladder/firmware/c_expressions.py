@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from swimbladder.firmware.c_names import c_field, c_float, c_record
+from swimbladder.firmware.c_names import c_field, c_number, c_record
 from swimbladder.firmware.tree import (
+    COUNT,
     INT,
     Binary,
     Builtin,
@@ -33,6 +34,7 @@ _FUNCTIONS = {
     "min": "swb_min", "max": "swb_max", "abs": "swb_abs", "sqrt": "sqrtf",
     "isfinite": "swb_isfinite", "copysign": "swb_copysign",
 }  # fmt: skip
+_ON_COUNTS = {"min": "swb_lesser", "max": "swb_greater", "more": "swb_more", "less": "swb_less"}
 
 
 class ExpressionText:
@@ -77,7 +79,7 @@ class ExpressionText:
     def _text(self, e: Expression) -> tuple[str, int]:
         """Return (text, how strongly it binds)."""
         if isinstance(e, Number):
-            return c_float(e.value), _ATOM if e.value >= 0.0 else _UNARY
+            return c_number(e.value, e.type), _ATOM if e.value >= 0.0 else _UNARY
         if isinstance(e, Constant):
             return f"SWB_{e.name}", _ATOM
         if isinstance(e, Name):
@@ -91,6 +93,9 @@ class ExpressionText:
             return f"{self._at(e.of, _ATOM)}.{c_field(e.name)}", _ATOM
         if isinstance(e, Minus):
             return f"-{self._at(e.of, _ATOM)}", _UNARY
+        if isinstance(e, Binary) and e.type == COUNT:
+            bits = f"{self._at(e.left, _ATOM)} {e.operator} {self._at(e.right, _ATOM)}"
+            return f"(uint16_t)({bits})", _UNARY
         if isinstance(e, Binary):
             level = _LEVEL[e.operator]
             return f"{self._at(e.left, level)} {e.operator} {self._at(e.right, level + 1)}", level
@@ -105,6 +110,14 @@ class ExpressionText:
             parts = [self._at(x, _LOGIC if x is e.condition else _SUM)
                      for x in (e.condition, e.yes, e.no)]  # fmt: skip
             return f"{parts[0]} ? {parts[1]} : {parts[2]}", _CHOICE
+        if isinstance(e, Builtin) and e.name == "float":
+            return f"(float){self._at(e.arguments[0], _UNARY)}", _UNARY
+        if isinstance(e, Builtin) and e.name == "count":
+            (counter,) = e.arguments
+            assert isinstance(counter, Name)
+            return f"(uint16_t){self.names[counter.name]}", _UNARY
+        if isinstance(e, Builtin) and e.type == COUNT:
+            return f"{_ON_COUNTS[e.name]}({', '.join(map(self.value, e.arguments))})", _ATOM
         if isinstance(e, Builtin):
             return f"{_FUNCTIONS[e.name]}({', '.join(map(self.value, e.arguments))})", _ATOM
         if isinstance(e, Call):

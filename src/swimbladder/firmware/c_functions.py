@@ -235,7 +235,7 @@ class FunctionText:
         if isinstance(value, Number | Name):
             return text
         kept = c_local(name, self.taken)
-        self._line(f"const float {kept} = {text};")
+        self._line(f"const {c_type(self.law, value.type)} {kept} = {text};")
         return kept
 
     def _write_state(self, value: Expression) -> None:
@@ -255,7 +255,7 @@ class FunctionText:
             text = self.expressions.value(e)
             if self._reads(e) & {before for before, _ in pairs}:
                 after = c_local(f"new_{name}", self.taken)
-                self._line(f"const float {after} = {text};")
+                self._line(f"const {c_type(self.law, e.type)} {after} = {text};")
                 text = after
             pairs.append((name, text))
         at = self._state()

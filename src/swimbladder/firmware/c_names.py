@@ -8,13 +8,14 @@ import re
 
 import numpy as np
 
-from swimbladder.firmware.tree import Record, Type
+from swimbladder.firmware.tree import BOOL, COUNT, Record, Type
 
 __all__ = [
     "c_field",
     "c_float",
     "c_law",
     "c_local",
+    "c_number",
     "c_record",
     "c_type",
     "remarks",
@@ -66,7 +67,18 @@ def c_record(law: str, record: Record) -> str:
 
 def c_type(law: str, kind: Type) -> str:
     """Return a type."""
-    return c_record(law, kind) if isinstance(kind, Record) else kind.name
+    if isinstance(kind, Record):
+        return c_record(law, kind)
+    return "uint16_t" if kind == COUNT else kind.name
+
+
+def c_number(value: float, kind: Type) -> str:
+    """Return the literal of a number, a count or a truth."""
+    if kind == COUNT:
+        return f"{int(value)}u"
+    if kind == BOOL:
+        return "true" if value else "false"
+    return c_float(value)
 
 
 def c_float(value: float) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import NEVER, Law, Measurement
 from swimbladder.control.supervisor import SUPERVISOR, Reason, reasons_in
 from swimbladder.control.supervisor_records import SupervisorParameters, Watched
 
@@ -110,7 +110,7 @@ class VehicleTwin:
         self.controller, self.limits, self.supervisor = controller, limits, supervisor
         self.spoil = spoil
         self.ticks = 0
-        nothing = Watched(math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
         self.state = supervisor.initial(limits, nothing, 1.0 if after_reset else 0.0)
 
     @property
@@ -127,15 +127,15 @@ class VehicleTwin:
     @property
     def release(self) -> bool:
         """Whether the drop weight is to go."""
-        return bool(self.state.release > 0.0)
+        return bool(self.state.release)
 
     def tick(self, seen: Watched, reference: float) -> Any:
         """Return the command from this tick on; `missed` of what is seen is the controller's."""
         wanted = self.controller.command
-        if self.state.reason == 0.0 and self.state.restarted == 0.0:  # else left alone: it may hang
+        if self.state.reason == 0 and not self.state.restarted:  # else left alone: it may hang
             wanted = self.controller.tick(seen.depth, seen.volume, reference)
         self.ticks += 1
-        seen = seen._replace(missed=float(self.controller.missed))
+        seen = seen._replace(missed=min(self.controller.missed, NEVER))
         command, self.state, _ = self.supervisor.step(self.limits, self.state, seen, wanted)
         return command
 
@@ -144,5 +144,5 @@ class VehicleTwin:
 
         Depths are as old as 0 s; `spoil` may say otherwise.
         """
-        watched = Watched(seen.depth, 0.0, seen.volume, math.nan, 0.0, 0.0, 0.0)
+        watched = Watched(seen.depth, 0.0, seen.volume, math.nan, False, 0, 0)
         return float(self.tick(self.spoil(self.ticks, watched), reference))

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Mapping
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from swimbladder.control.law import NEVER, Count, less, more
 from swimbladder.firmware.tree import (
     BOOL,
+    COUNT,
     FLOAT,
     INT,
     Binary,
@@ -34,9 +36,9 @@ from swimbladder.firmware.tree import (
 if TYPE_CHECKING:
     from swimbladder.firmware.statements import Body
 
-__all__ = ["Expressions"]
+__all__ = ["Expressions", "is_count"]
 
-_Operator = Literal["+", "-", "*", "/"]
+_Operator = Literal["+", "-", "*", "/", "&", "|"]
 _Comparison = Literal["<", "<=", ">", ">=", "==", "!="]
 _ARITHMETIC: dict[type[ast.AST], _Operator] = {
     ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"
@@ -44,7 +46,11 @@ _ARITHMETIC: dict[type[ast.AST], _Operator] = {
 _COMPARISONS: dict[type[ast.AST], _Comparison] = {
     ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
 }  # fmt: skip
+_BITS: dict[type[ast.AST], _Operator] = {ast.BitAnd: "&", ast.BitOr: "|"}
 _Builtin = Literal["min", "max", "abs", "sqrt", "isfinite", "copysign"]
+_ON_COUNTS: dict[Callable[..., Any], Literal["min", "max", "more", "less"]] = {
+    min: "min", max: "max", more: "more", less: "less"
+}  # fmt: skip
 _BUILTINS: dict[Callable[..., Any], tuple[_Builtin, int, Type]] = {
     min: ("min", 2, FLOAT), max: ("max", 2, FLOAT), abs: ("abs", 1, FLOAT),
     math.fabs: ("abs", 1, FLOAT), math.sqrt: ("sqrt", 1, FLOAT),
@@ -57,6 +63,13 @@ _INSTEAD: dict[type[ast.AST], str] = {
 }
 
 
+def is_count(function: Callable[..., Any], written: Any) -> bool:
+    """Return whether an annotation of a function, or in it, means a count."""
+    if isinstance(written, str):
+        written = getattr(function, "__globals__", {}).get(written, written)
+    return bool(written == Count)
+
+
 class Expressions:
     """Expressions at one place of a function, where its names mean what they mean there."""
 
@@ -66,9 +79,40 @@ class Expressions:
     def number(self, node: ast.expr) -> Expression:
         """Return an expression that is a number."""
         got = self.read(node)
+        if got.type == COUNT:
+            self.source.refuse(
+                node, "this is a count", "Write float(n) for its number, more(n, by) or less(n, by)"
+            )
         if got.type not in (FLOAT, INT):
-            self.source.refuse(node, "this is no number", "A law calculates with floats only")
+            self.source.refuse(node, "this is no number", "A law calculates with floats and counts")
         return got
+
+    def count(self, node: ast.expr) -> Expression:
+        """Return an expression that is a count, which a whole literal can be."""
+        if isinstance(node, ast.IfExp):
+            yes, no = self.count(node.body), self.count(node.orelse)
+            return Choice(self.truth(node.test), yes, no, COUNT)
+        value, known = self._outside(node)
+        if isinstance(node, ast.Constant):
+            value, known = node.value, True
+        if known and isinstance(value, int) and not isinstance(value, bool):
+            if not 0 <= value <= NEVER:
+                self.source.refuse(node, f"not 0 to {NEVER}", "A count stays within 16 bits")
+            return Number(float(value), COUNT)
+        got = self.read(node)
+        if got.type == INT:
+            return Builtin("count", (got,), COUNT)
+        if got.type != COUNT:
+            self.source.refuse(node, "this is no count", "A count is a whole number, 0 to 65535")
+        return got
+
+    def of_type(self, node: ast.expr, wanted: Type | None) -> Expression:
+        """Return an expression, a count where one is wanted."""
+        return self.count(node) if wanted == COUNT else self.read(node)
+
+    def _counts(self, nodes: list[ast.expr]) -> bool:
+        """Return whether there is a count among them, so that all have to be counts."""
+        return any(self.read(node).type == COUNT for node in nodes)
 
     def truth(self, node: ast.expr) -> Expression:
         """Return an expression that is true or false."""
@@ -114,7 +158,9 @@ class Expressions:
         )  # fmt: skip
 
     def _literal(self, node: ast.Constant) -> Expression:
-        if isinstance(node.value, bool) or not isinstance(node.value, int | float):
+        if isinstance(node.value, bool):
+            return Number(float(node.value), BOOL)
+        if not isinstance(node.value, int | float):
             self.source.refuse(node, "a law's literals are numbers", "Write a number")
         return Number(self._float32(node, float(node.value)))
 
@@ -173,9 +219,13 @@ class Expressions:
             return Minus(self.number(node.operand))
         if isinstance(node.op, ast.UAdd):
             return self.number(node.operand)
-        self.source.refuse(node, "a law has no operations on bits", "Use floats")
+        self.source.refuse(node, "a law does not turn bits round", "Use & and | of counts")
 
     def _binary(self, node: ast.BinOp) -> Expression:
+        if type(node.op) in _BITS:
+            return Binary(
+                _BITS[type(node.op)], self.count(node.left), self.count(node.right), COUNT
+            )
         operator = _ARITHMETIC.get(type(node.op))
         if operator is None:
             self.source.refuse(
@@ -191,10 +241,13 @@ class Expressions:
             operator = _COMPARISONS.get(type(kind))
             if operator is None:
                 self.source.refuse(node, "a law compares numbers only", "Use < <= > >= == !=")
-            pairs.append(Compare(operator, self.number(left), self.number(right)))
+            take = self.count if self._counts([left, right]) else self.number
+            pairs.append(Compare(operator, take(left), take(right)))
         return pairs[0] if len(pairs) == 1 else Logic("and", tuple(pairs))
 
     def _choice(self, node: ast.IfExp) -> Expression:
+        if self._counts([node.body, node.orelse]):
+            return self.count(node)
         condition = self.truth(node.test)
         yes, no = self.read(node.body), self.read(node.orelse)
         kinds = {FLOAT if value.type == INT else value.type for value in (yes, no)}
@@ -215,15 +268,10 @@ class Expressions:
             self.source.refuse(node, "a law has no * and ** in calls", "Write each argument")
         if isinstance(function, type) and hasattr(function, "_fields"):
             return self._make(node, function)
-        try:
-            builtin = _BUILTINS.get(function)
-        except TypeError:
-            builtin = None
-        if builtin is not None:
-            name, count, kind = builtin
-            if len(node.args) != count or node.keywords:
-                self.source.refuse(node, f"{name} takes {count} numbers here", "Nest the calls")
-            return Builtin(name, tuple(self.number(a) for a in node.args), kind)
+        if isinstance(function, Hashable):
+            builtin = self._builtin(node, function)
+            if builtin is not None:
+                return builtin
         plain = getattr(function, "py_func", function)
         if not isinstance(plain, FunctionType):
             self.source.refuse(
@@ -232,19 +280,40 @@ class Expressions:
                 "math.isfinite and math.copysign",
             )  # fmt: skip
         names = plain.__code__.co_varnames[: plain.__code__.co_argcount]
-        values = self._arguments(node, names, {})
+        written = {n for n in names if is_count(plain, plain.__annotations__.get(n))}
+        values = self._arguments(node, names, {}, dict.fromkeys(written, COUNT))
         kinds = tuple(FLOAT if value.type == INT else value.type for value in values)
         called = self.body.reader.call(self.source, node, plain, kinds)
         return Call(called, values, called.returns)
 
+    def _builtin(self, node: ast.Call, function: Hashable) -> Expression | None:
+        """Return a call of what C and the twin have as well, None where it is something else."""
+        if function in (more, less) or (function in (min, max) and self._counts(node.args)):
+            name: Any = _ON_COUNTS[function]
+            self._check_arguments(node, name, 2)
+            return Builtin(name, tuple(map(self.count, node.args)), COUNT)
+        if function is float:
+            self._check_arguments(node, "float", 1)
+            return Builtin("float", (self.count(node.args[0]),), FLOAT)
+        if function not in _BUILTINS:
+            return None
+        known, count, kind = _BUILTINS[function]
+        self._check_arguments(node, known, count)
+        return Builtin(known, tuple(map(self.number, node.args)), kind)
+
+    def _check_arguments(self, node: ast.Call, name: str, count: int) -> None:
+        if len(node.args) != count or node.keywords:
+            self.source.refuse(node, f"{name} takes {count} numbers here", "Nest the calls")
+
     def _make(self, node: ast.Call, kind: type[Any]) -> Expression:
         record = self.body.reader.record(kind, self.source, node)
+        kinds = dict(record.fields)
         defaults = {
-            name: Number(self._float32(node, float(value)))
+            name: Number(self._float32(node, float(value)), kinds[name])
             for name, value in getattr(kind, "_field_defaults", {}).items()
             if isinstance(value, int | float)
         }
-        values = self._arguments(node, tuple(n for n, _ in record.fields), defaults)
+        values = self._arguments(node, tuple(kinds), defaults, kinds)
         for value, (name, wanted) in zip(values, record.fields, strict=True):
             if (FLOAT if value.type == INT else value.type) != wanted:
                 self.source.refuse(node, f"the field {name!r} has another type", "Give it its own")
@@ -258,7 +327,8 @@ class Expressions:
             self.source.refuse(node, "this is no name of a NamedTuple", "Give it a name first")
         if node.args or not all(field and of.type.type_of(field) for field in fields):
             self.source.refuse(node, "the arguments are not its fields", "Write field=value")
-        given = {k.arg: self.read(k.value) for k in node.keywords}
+        kinds = dict(of.type.fields)
+        given = {k.arg: self.of_type(k.value, kinds[k.arg or ""]) for k in node.keywords}
         for name, value in given.items():
             if (FLOAT if value.type == INT else value.type) != of.type.type_of(name or ""):
                 self.source.refuse(node, f"the field {name!r} has another type", "Give it its own")
@@ -266,15 +336,16 @@ class Expressions:
         return Make(of.type, tuple(given.get(name, same[name]) for name in same))
 
     def _arguments(
-        self, node: ast.Call, names: tuple[str, ...], defaults: dict[str, Number]
-    ) -> tuple[Expression, ...]:
+        self, node: ast.Call, names: tuple[str, ...], defaults: dict[str, Number],
+        kinds: Mapping[str, Type],
+    ) -> tuple[Expression, ...]:  # fmt: skip
         given: dict[str, Expression] = {}
         for n, argument in enumerate(node.args):
             if n < len(names):
-                given[names[n]] = self.read(argument)
+                given[names[n]] = self.of_type(argument, kinds.get(names[n]))
         for keyword in node.keywords:
             if keyword.arg is not None and keyword.arg not in given:
-                given[keyword.arg] = self.read(keyword.value)
+                given[keyword.arg] = self.of_type(keyword.value, kinds.get(keyword.arg))
         whole = defaults | given
         if set(whole) != set(names) or len(node.args) + len(node.keywords) != len(given):
             self.source.refuse(

@@ -14,13 +14,13 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from swimbladder.closed_loop.single import choose_law
-from swimbladder.control.law import Law
+from swimbladder.control.law import NEVER, Law
 from swimbladder.control.protocol import POOL
 from swimbladder.control.supervisor import SUPERVISOR, Reason
 from swimbladder.control.supervisor_records import SupervisorParameters, Watched
 from swimbladder.errors import InputError
 from swimbladder.firmware.c99 import MEASUREMENT_H, write_c99
-from swimbladder.firmware.c_names import c_field, c_float, c_law
+from swimbladder.firmware.c_names import c_field, c_float, c_law, c_number
 from swimbladder.firmware.golden import Golden, command_limits, fly
 from swimbladder.firmware.meanings import facts_of
 from swimbladder.firmware.pool import (
@@ -31,6 +31,7 @@ from swimbladder.firmware.pool import (
 )
 from swimbladder.firmware.safety import supervisor_parameters
 from swimbladder.firmware.subset import read_law
+from swimbladder.firmware.tree import COUNT, FLOAT
 from swimbladder.firmware.twin import twin
 from swimbladder.io.files import check_place, publish
 from swimbladder.parameters import Vehicle
@@ -84,7 +85,9 @@ class Library:
 
 
 def _finite(value: float) -> float | None:
-    """Return a limit as float32, None where it is off."""
+    """Return a limit as float32, or as the count it is; None where it is off."""
+    if isinstance(value, int):
+        return None if value == NEVER else value
     return None if math.isinf(value) else float(np.float32(value))
 
 
@@ -255,7 +258,8 @@ def _facts(
 def _numbers(parameters: Any, units: Mapping[str, str]) -> list[tuple[str, str, str]]:
     """Return (field, value, unit) of each parameter, as C has them."""
     return [
-        (c_field(name), c_float(value), units[name]) for name, value in parameters._asdict().items()
+        (c_field(name), c_number(value, COUNT if isinstance(value, int) else FLOAT), units[name])
+        for name, value in parameters._asdict().items()
     ]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from swimbladder.control.law import NEVER, Count
 from swimbladder.control.supervisor import Reason
 from swimbladder.control.supervisor_records import SupervisorParameters
 
@@ -14,8 +15,8 @@ __all__ = ["facts_of", "meanings", "summary"]
 def meanings(p: SupervisorParameters) -> list[tuple[int, str, str, str]]:
     """Return (number, name, what happened, after how long) for each reason."""
 
-    def seconds(count: float) -> str:
-        return f"{count * p.S_p:.3g} s" if math.isfinite(count) else "never"
+    def seconds(count: Count) -> str:
+        return f"{count * p.S_p:.3g} s" if count < NEVER else "never"
 
     age = f"a depth older than {p.late_age:.3g} s"
     same = (
@@ -55,7 +56,7 @@ def meanings(p: SupervisorParameters) -> list[tuple[int, str, str, str]]:
         Reason.NO_COMMAND: ("the law gave no command", seconds(p.missed)),
         Reason.TICKS_LOST: (
             "the loop took too long: more than a fifth of the ticks never came",
-            f"{p.lost:g} ticks",
+            f"{p.lost_quarters // 4} ticks",
         ),
         Reason.TIME_LIMIT: ("the dive took as long as it may", _time(p) or "never"),
     }
@@ -83,7 +84,7 @@ def summary(p: SupervisorParameters) -> str:
     battery = f"below {p.battery_low:.3g} V" if p.battery_low > 0.0 else "not watched"
     depth = f"{p.depth_limit:.4g} m" if math.isfinite(p.depth_limit) else "none"
     frozen = f"after {p.same * p.S_p:.3g} s"
-    if math.isinf(p.same):
+    if p.same == NEVER:
         frozen = "by the model only, as the noise of the sensor is not known or hidden"
     return (
         f"supervisor: depth limit {depth}, time limit {_time(p) or 'none'}, battery {battery}, "
@@ -93,5 +94,5 @@ def summary(p: SupervisorParameters) -> str:
 
 def _time(p: SupervisorParameters) -> str:
     """Return the time limit, empty where there is none."""
-    time = (p.time_blocks * 4096.0 + p.time_ticks) * p.S_p
-    return f"{time:.6g} s" if math.isfinite(time) else ""
+    time = (p.time_blocks * 4096 + p.time_ticks) * p.S_p
+    return f"{time:.6g} s" if p.time_blocks < NEVER else ""

@@ -53,7 +53,7 @@ class PoolTwin:
     ) -> None:  # fmt: skip
         self.parameters, self.limits = parameters, limits
         self.procedure, self.supervisor = procedure, supervisor
-        unseen = Watched(math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        unseen = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
         self.watch = supervisor.initial(limits, unseen, 1.0 if after_reset else 0.0)
         self.state = procedure.initial(parameters, Measurement(0.0, math.nan, math.nan), 0.0)
 
@@ -72,10 +72,10 @@ class PoolTwin:
 
     def tick(self, seen: Watched, *, may_begin: bool) -> Any:
         """Return the command [V] from this tick on; once the supervisor has a reason it is over."""
-        go = -1.0 if self.watch.reason > 0.0 else 1.0 if may_begin else 0.0
+        go = -1.0 if self.watch.reason > 0 else 1.0 if may_begin else 0.0
         measured = Measurement(0.0, seen.depth, seen.volume)
         wanted, self.state, _ = self.procedure.step(self.parameters, self.state, measured, go)
-        seen = seen._replace(missed=0.0)
+        seen = seen._replace(missed=0)
         command, self.watch, _ = self.supervisor.step(self.limits, self.watch, seen, wanted)
         return command
 
@@ -104,7 +104,7 @@ def rehearse(
 
     def every_tick(seen: Measurement, _: float) -> tuple[float, float]:
         may_begin = len(rows) * tick >= _AFLOAT
-        watched = Watched(seen.depth, 0.0, seen.volume, math.nan, 0.0, 0.0, 0.0)
+        watched = Watched(seen.depth, 0.0, seen.volume, math.nan, False, 0, 0)
         command = beside.tick(watched, may_begin=may_begin)
         given = command if fly is None else fly(watched, may_begin)
         phase = int(beside.state.phase)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from swimbladder.control.law import NEVER
 from swimbladder.control.supervisor_records import SupervisorParameters
 from swimbladder.dynamics import Plant, drag_per_mass, plant
 from swimbladder.errors import InputError
@@ -11,7 +12,7 @@ from swimbladder.parameters import Vehicle
 
 __all__ = ["supervisor_parameters"]
 
-_COUNTED = 2**24
+_COUNTED = NEVER - 1  # ticks
 _SURE_TO_MOVE = 0.95  # of the depth at which the motor stalls
 _BLOCK = 4096  # ticks, as the supervisor counts time
 _BATTERY_SHARE = 0.8  # of the supply: 9.6 of 12 V, near the knee of lead and of lithium cells
@@ -42,7 +43,7 @@ _MOVED_SHARE = 0.05  # of half the stroke, with which a depth cannot stay the sa
 # On the edge between two quanta noise turns the depth in a quarter of the ticks; the mean of 200 is
 # within 0.16 of that. 0.42 means sigma above the quantum: a sample is then the same with a chance
 # of 0.38. The number is for 0.53, that of 0.7 quanta: 44 samples, 1e-12.
-_NOISY, _NOISY_WEIGHT, _SAME_NOISY = 0.42, 0.005, 44.0
+_NOISY, _NOISY_WEIGHT, _SAME_NOISY = 0.42, 0.005, 44
 _GROWN_SHARE = 2e-3  # of half the stroke
 _STILL_S = 5.0
 _REST_S, _LEAST_PUSH_S = 60.0, 10.0
@@ -83,10 +84,10 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
     same = _same_ticks(noise, quantum, tick)
     if given.frozen is not None:
         same = ticks(given.frozen, tick)
-    patience = max(3.0, ticks(given.patience, tick))
+    patience = max(3, ticks(given.patience, tick))
     moving = 6.0 * noise + 2.0 * quantum
     still = ticks(max(_STILL_S, math.sqrt(6.0 * (moving + 0.02) / (p.a_b * change))), tick)
-    whole = math.inf if given.time_limit is None else math.ceil(given.time_limit / tick - 1e-6)
+    whole = None if given.time_limit is None else math.ceil(given.time_limit / tick - 1e-6)
     floor = math.inf if given.bottom_depth is None else given.bottom_depth
     return SupervisorParameters(
         S_p=tick, per_tick=1.0 / tick,
@@ -101,7 +102,8 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         depth_most=min(1.5 * deepest + 10.0, _DEEPEST) if deepest < math.inf else _DEEPEST,
         fastest=(_terminal_speed(p, half + neutral_range) + _WATER_SPEED) * tick,
         jump=moving + 0.05,
-        late_age=given.late or max(2.0 * tick, 1.0), blind=patience, gap=patience,
+        late_age=given.late or max(2.0 * tick, 1.0), blind=patience,
+        blind_quarters=_quarters(patience), gap=patience,
         same=same, same_begun=ticks(2.0 * tau, tick), same_moved=ticks(3.0 * tau, tick),
         moved=_MOVED_SHARE * half,
         same_noisy=max(ticks(_AT_LEAST_S, tick), _SAME_NOISY), noisy=_NOISY,
@@ -128,27 +130,42 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         depth_limit=depth_limit, deepest=deepest,
         neutral_deepest=p.V_0 + neutral_range + p.psi * min(deepest, _DEEPEST),
         turn_rate=turn_rate, coast=min(1.0 / drag_per_mass(1.0, p), _COAST_S),
-        deep=max(2.0, ticks(_SHORT_S, tick)),
+        deep=max(2, ticks(_SHORT_S, tick)),
         battery_low=battery_low, battery=ticks(_BATTERY_S, tick),
-        leak=max(2.0, ticks(_SHORT_S, tick)), missed=max(3.0, ticks(_NO_COMMAND_S, tick)),
-        lost=max(3.0, patience),
-        time_blocks=whole // _BLOCK if whole < math.inf else math.inf,
-        time_ticks=whole % _BLOCK if whole < math.inf else 0.0,
+        leak=max(2, ticks(_SHORT_S, tick)), missed=max(3, ticks(_NO_COMMAND_S, tick)),
+        lost_quarters=_quarters(patience),
+        time_blocks=NEVER if whole is None else whole // _BLOCK,
+        time_ticks=0 if whole is None else whole % _BLOCK,
     )  # fmt: skip
 
 
-def ticks(seconds: float, tick: float) -> float:
+def ticks(seconds: float, tick: float) -> int:
     """Return a time in whole ticks, rounded up, one at least.
 
-    Raises InputError where float32 does not count them.
+    Raises InputError where 16 bits do not count them.
     """
-    whole = max(1.0, math.ceil(seconds / tick - 1e-6))
+    whole = max(1, math.ceil(seconds / tick - 1e-6))
     if whole > _COUNTED:
         raise InputError(
-            f"{seconds:g} s are {whole:.3g} ticks of {tick:g} s, and float32 counts to {_COUNTED}",
+            f"{seconds:g} s are {whole:.3g} ticks of {tick:g} s, and the supervisor counts to "
+            f"{_COUNTED}",
             field="supervisor", remedy="Give a shorter time, or a longer sample_time",
         )  # fmt: skip
-    return float(whole)
+    return whole
+
+
+def _quarters(whole: int) -> int:
+    """Return ticks in quarters of ticks, with room for what is added at the limit.
+
+    Raises InputError where 16 bits do not count them.
+    """
+    if 4 * whole > _COUNTED - 2:
+        raise InputError(
+            f"that many quarters of ticks are more than the supervisor counts to, {_COUNTED}",
+            field="supervisor.patience", value=whole, unit="ticks",
+            remedy="Give a shorter patience, or a longer sample_time",
+        )  # fmt: skip
+    return 4 * whole
 
 
 def _depths(
@@ -205,20 +222,20 @@ def _held(p: Plant, depth: float) -> float:
     return p.load_drive * depth + p.k_l * depth / p.gain
 
 
-def _same_ticks(noise: float, quantum: float, tick: float) -> float:
+def _same_ticks(noise: float, quantum: float, tick: float) -> int:
     """Return how many samples of the very same depth noise makes as good as impossible.
 
     White noise leaves a sample in its quantum with a chance of erf(q/(2 sqrt(2) sigma)) at most.
     """
     if noise == 0.0:
-        return math.inf
+        return NEVER
     chance = math.erf(quantum / (2.0 * math.sqrt(2.0) * noise))
     if chance >= 1.0:
-        return math.inf
+        return NEVER
     samples = math.log(_RARE) / math.log(chance) if chance > 0.0 else 1.0
-    if samples * tick > _HIDDEN_S:
-        return math.inf
-    return max(ticks(_AT_LEAST_S, tick), float(math.ceil(samples)))
+    if samples * tick > _HIDDEN_S or samples > _COUNTED:
+        return NEVER
+    return max(ticks(_AT_LEAST_S, tick), math.ceil(samples))
 
 
 def _terminal_speed(p: Plant, volume: float) -> float:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import ast
 from typing import TYPE_CHECKING, Protocol
 
-from swimbladder.firmware.expressions import Expressions
+from swimbladder.firmware.expressions import Expressions, is_count
 from swimbladder.firmware.tree import (
+    COUNT,
     FLOAT,
     INT,
     Assign,
@@ -75,6 +76,8 @@ class Body:
         self.variables: dict[str, Type] = {}
         self.meaning: dict[str, Expression] = {n: Name(n, t) for n, t in self.parameters}
         self.returns: Type | None = None
+        if is_count(source.function, source.function.__annotations__.get("return")):
+            self.returns = COUNT
         self._stored = _stores(definition)
         self._loaded = {
             n.id for n in ast.walk(definition)
@@ -122,15 +125,19 @@ class Body:
             target = node.targets[0]
             if isinstance(target, ast.Tuple):
                 return self._unpack(node, target, node.value)
-            return self._assign(node, self._target(target), evaluate.read(node.value))
+            name = self._target(target)
+            wanted = self.variables.get(name) or dict(self.parameters).get(name)
+            return self._assign(node, name, evaluate.of_type(node.value, wanted))
         if isinstance(node, ast.AnnAssign) and node.value is not None:
-            return self._assign(node, self._target(node.target), evaluate.read(node.value))
+            kind = COUNT if is_count(self.source.function, ast.unparse(node.annotation)) else None
+            value = evaluate.of_type(node.value, kind)
+            return self._assign(node, self._target(node.target), value)
         if isinstance(node, ast.AugAssign) and type(node.op) in _OPERATORS:
             name = self._target(node.target)
             before = evaluate.number(ast.copy_location(ast.Name(name, ast.Load()), node.target))
             operator: Any = _OPERATORS[type(node.op)]
-            value = Binary(operator, before, evaluate.number(node.value))
-            return self._assign(node, name, value)
+            changed = Binary(operator, before, evaluate.number(node.value))
+            return self._assign(node, name, changed)
         if isinstance(node, ast.If):
             return self._if(node)
         if isinstance(node, ast.For):
@@ -255,7 +262,7 @@ class Body:
             kinds = tuple(FLOAT if v.type == INT else v.type for v in values)
             got = Make(self.reader.result(kinds), values)
         else:
-            got = evaluate.read(value)
+            got = evaluate.of_type(value, self.returns)
         kind: Type = FLOAT if got.type == INT else got.type
         if self.returns is None:
             self.returns = kind

@@ -17,10 +17,19 @@ from collections.abc import Callable, Mapping
 from types import FunctionType
 from typing import Any, NoReturn
 
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import Count, Law, Measurement
 from swimbladder.errors import InputError
 from swimbladder.firmware.statements import Body
-from swimbladder.firmware.tree import BOOL, FLOAT, Constant, Function, Program, Record, Type
+from swimbladder.firmware.tree import (
+    BOOL,
+    COUNT,
+    FLOAT,
+    Constant,
+    Function,
+    Program,
+    Record,
+    Type,
+)
 
 __all__ = ["Source", "read_law"]
 
@@ -41,10 +50,10 @@ def read_law(law: Law, seen: type[Any] = Measurement) -> Program:
     measurement = reader.record(seen, name="measurement" if seen is Measurement else "seen")
     for record in (parameters, state):
         for field, kind in record.fields:
-            if kind != FLOAT:
+            if isinstance(kind, Record):
                 raise InputError(
-                    f"the field {field!r} of the {record.name} is no float",
-                    field=f"law {law.name!r}", remedy="Make it a float: 0.0 and 1.0 for no and yes",
+                    f"the field {field!r} of the {record.name} is a NamedTuple",
+                    field=f"law {law.name!r}", remedy="Give each of its numbers a field",
                 )  # fmt: skip
     step = reader.function(law.step, (parameters, state, measurement, FLOAT))
     initial = reader.function(law.initial, (parameters, measurement, FLOAT))
@@ -133,10 +142,10 @@ class _Reader:
     def record(
         self, kind: type[Any], source: Source | None = None, at: Any = None, name: str = ""
     ) -> Record:
-        """Return the record of a NamedTuple class whose fields are floats or such records."""
+        """Return the record of a NamedTuple class: of floats, counts, truths or such records."""
 
         def refuse(what: str) -> NoReturn:
-            remedy = "Make it a NamedTuple whose fields are floats or other such NamedTuples"
+            remedy = "Make it a float, a Count, a bool, or a NamedTuple of such"
             if source is not None:
                 source.refuse(at, what, remedy)
             raise InputError(what, field=kind.__qualname__, remedy=remedy)
@@ -155,6 +164,8 @@ class _Reader:
                 fields.append((field, FLOAT))
             elif written in (bool, "bool"):
                 fields.append((field, BOOL))
+            elif written == Count:
+                fields.append((field, COUNT))
             elif isinstance(written, type) and hasattr(written, "_fields"):
                 fields.append((field, self.record(written, source, at)))
             else:

@@ -1,7 +1,8 @@
 """The small typed tree that a control law is translated into, and that C and the twin are made of.
 
-Three types: a number, a truth and a record (a named tuple, or what a function returns several of).
-Numbers are float32 where the tree is executed; every operation on them is one rounding.
+Four types: a number, a count, a truth and a record (a named tuple, or what a function returns
+several of). Numbers are float32 where the tree is executed; every operation on them is one
+rounding. Counts are whole numbers of 16 bits; no operation on them leaves 0 to 65535.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import Any, Literal
 
 __all__ = [
     "BOOL",
+    "COUNT",
     "FLOAT",
     "INT",
     "Assign",
@@ -42,12 +44,12 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Scalar:
-    """A number, a truth, or the counter of a loop, which counts as a number where it is used."""
+    """A number, a count, a truth, or the counter of a loop, which is either of the first two."""
 
-    name: Literal["float", "bool", "int"]
+    name: Literal["float", "count", "bool", "int"]
 
 
-FLOAT, BOOL, INT = Scalar("float"), Scalar("bool"), Scalar("int")
+FLOAT, COUNT, BOOL, INT = Scalar("float"), Scalar("count"), Scalar("bool"), Scalar("int")
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ Type = Scalar | Record
 
 @dataclass(frozen=True)
 class Number:
-    """A literal."""
+    """A literal; as a truth 0 or 1."""
 
     value: float
     type: Type = FLOAT
@@ -110,9 +112,9 @@ class Minus:
 
 @dataclass(frozen=True)
 class Binary:
-    """A sum, difference, product or quotient: one rounding."""
+    """A sum, difference, product or quotient: one rounding; bits of two counts."""
 
-    operator: Literal["+", "-", "*", "/"]
+    operator: Literal["+", "-", "*", "/", "&", "|"]
     left: Expression
     right: Expression
     type: Type = FLOAT
@@ -157,9 +159,11 @@ class Choice:
 
 @dataclass(frozen=True)
 class Builtin:
-    """A function that C and the twin both have to the bit."""
+    """A function that C and the twin both have to the bit; `count` takes a loop's counter."""
 
-    name: Literal["min", "max", "abs", "sqrt", "isfinite", "copysign"]
+    name: Literal[
+        "min", "max", "abs", "sqrt", "isfinite", "copysign", "more", "less", "float", "count"
+    ]
     arguments: tuple[Expression, ...]
     type: Type
 

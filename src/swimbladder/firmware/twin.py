@@ -13,9 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.control.law import Law
+from swimbladder.control.law import NEVER, Law, less, more
 from swimbladder.firmware.subset import read_law
 from swimbladder.firmware.tree import (
+    BOOL,
+    COUNT,
+    FLOAT,
     INT,
     Assign,
     Binary,
@@ -75,11 +78,13 @@ def twin(law: Law, program: Program | None = None) -> Law:
 
 
 def rounded(kind: Type, value: Any) -> Any:
-    """Return a number, or a named tuple of numbers, as float32; truths stay as they are."""
+    """Return a number, or a named tuple of numbers, as float32, or as the count or truth it is."""
     if isinstance(kind, Record):
         make: Callable[..., Any] = kind.kind or tuple
         return make(*(rounded(k, v) for (_, k), v in zip(kind.fields, value, strict=True)))
-    return np.float32(value) if kind.name == "float" else bool(value)
+    if kind == COUNT:
+        return min(max(int(value), 0), NEVER)
+    return bool(value) if kind == BOOL else np.float32(value)
 
 
 def _least(a: Any, b: Any) -> Any:
@@ -91,7 +96,8 @@ def _most(a: Any, b: Any) -> Any:
 
 
 _FUNCTIONS = {"min": "least_", "max": "most_", "abs": "abs", "sqrt": "sqrt_",
-              "isfinite": "isfinite_", "copysign": "copysign_"}  # fmt: skip
+              "isfinite": "isfinite_", "copysign": "copysign_", "more": "more_", "less": "less_",
+              "float": "float32_"}  # fmt: skip
 
 
 class _Text:
@@ -100,7 +106,7 @@ class _Text:
     def __init__(self, program: Program) -> None:
         self.space: dict[str, Any] = {
             "least_": _least, "most_": _most, "sqrt_": np.sqrt, "isfinite_": np.isfinite,
-            "copysign_": np.copysign, "float32_": np.float32,
+            "copysign_": np.copysign, "float32_": np.float32, "more_": more, "less_": less,
         }  # fmt: skip
         self._numbers: dict[str, str] = {}
         for record in program.records:
@@ -143,6 +149,8 @@ class _Text:
     def _value(self, e: Expression) -> str:
         """Return an expression, in brackets wherever one might ask."""
         of = self._value
+        if isinstance(e, Number) and e.type != FLOAT:
+            return str(int(e.value) if e.type == COUNT else bool(e.value))
         if isinstance(e, Number | Constant):
             return self._number(e.value)
         if isinstance(e, Name):
@@ -159,6 +167,10 @@ class _Text:
             return f"(not {of(e.of)})"
         if isinstance(e, Choice):
             return f"({of(e.yes)} if {of(e.condition)} else {of(e.no)})"
+        if isinstance(e, Builtin) and e.name == "count":
+            (counter,) = e.arguments
+            assert isinstance(counter, Name)
+            return counter.name
         if isinstance(e, Builtin):
             return f"{_FUNCTIONS[e.name]}({', '.join(map(of, e.arguments))})"
         if isinstance(e, Call):
