@@ -29,6 +29,7 @@ COMMANDS = {
     "identify-actuator": "K1, T1, dead zone, asymmetry and rate from logged steps.",
     "design-experiment": "Which pool experiments to run, and what they tell.",
     "pool": "Guide a day at the pool, simulated or on a growing log.",
+    "ballast": "Neutral volume, ballast and stroke in the sea of a cast.",
     "tune": "Gains with margins over all that is not known.",
     "plan": "The best step of depth there is, computed beforehand.",
     "bench-control": "Every law on the same scenarios, a table and a picture.",

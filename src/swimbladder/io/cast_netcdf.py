@@ -185,7 +185,7 @@ def _argo(variables: Mapping[str, Variable], path: Path, profile: int | None) ->
     count = variables["PRES"].values.shape[0]
     if profile is not None and profile > count:
         raise LogError(
-            f"there are {counted(count, 'profile')} in the file", file=path, field="--profile",
+            f"the file has {counted(count, 'profile')}", file=path, field="--profile",
             value=profile, remedy=f"Choose from 1 to {count}",
         )  # fmt: skip
     report: list[str] = []

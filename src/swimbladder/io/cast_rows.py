@@ -64,13 +64,18 @@ def one_leg(raw: RawCast, pressure: Array, profile: int | None) -> NDArray[np.in
     """
     rows = np.arange(len(pressure))
     steps = np.abs(np.diff(pressure))
+    if not steps.any():
+        raise raw.refused(
+            "all rows are of one pressure", field="pressure_dbar", value=float(pressure[0]),
+            unit="dbar", remedy="Give a cast that goes down",
+        )  # fmt: skip
     if steps.mean() > _SHUFFLED * float(np.ptp(pressure)) and len(pressure) > 5:
         raw.report.append("the rows are in no order and were sorted by pressure")
         return rows[np.argsort(pressure, kind="stable")]
     found = legs(pressure)
     if profile is not None and profile > len(found):
         raise raw.refused(
-            f"there are {counted(len(found), 'profile')} in the file", field="--profile",
+            f"the file has {counted(len(found), 'profile')}", field="--profile",
             value=profile, remedy=f"Choose from 1 to {len(found)}",
         )  # fmt: skip
     if profile is None and len(found) > 2:
@@ -105,7 +110,7 @@ def without_spikes(raw: RawCast, pressure: Array) -> Mask:
     sane = (raw.temperature >= COLDEST) & (raw.temperature <= WARMEST)
     sane &= (raw.salinity >= 0.0) & (raw.salinity <= MOST_SALT)
     middle = float(np.median(raw.salinity))
-    sane &= (raw.salinity > 0.1 * middle) | (pressure > 5.0)  # the sensor still in air
+    sane &= (raw.salinity >= 0.1 * middle) | (pressure > 5.0)  # the sensor still in air
     _say(raw, good & ~sane, "with salinity or temperature of no sea (sensor in air?)")
     good &= sane
     if good.sum() * 2 < len(good):
@@ -156,12 +161,7 @@ def _running_median(values: Array) -> Array:
 
 def averaged(raw: RawCast, pressure: Array) -> tuple[RawCast, Array]:
     """Return the means over bins of 1 dbar, finer in a shallow cast; rows are each bin's first."""
-    width = min(_BIN, float(np.ptp(pressure)) / _BINS)
-    if width <= 0.0:
-        raise raw.refused(
-            "all rows are of one pressure", field="pressure_dbar", value=float(pressure[0]),
-            unit="dbar", remedy="Give a cast that goes down",
-        )  # fmt: skip
+    width = min(_BIN, float(np.ptp(pressure)) / _BINS) or _BIN
     place = np.floor(pressure / width).astype(np.int64)
     _, first, back, count = np.unique(
         place, return_index=True, return_inverse=True, return_counts=True

@@ -1,0 +1,232 @@
+"""``swimbladder ballast``: what to add, and whether the stroke does, in the sea of a cast."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from swimbladder.cli.casts import degrees, inversion_choice, pairs, read_casts, share
+from swimbladder.cli.common import emit_json, json_text, output, progress, quantity
+from swimbladder.errors import InputError
+
+if TYPE_CHECKING:
+    from swimbladder.ballast import Ballasting
+    from swimbladder.parameters import Vehicle
+    from swimbladder.seawater import Cast, Column
+
+__all__ = ["ballast"]
+
+
+def ballast(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    cast: Annotated[
+        list[Path] | None,
+        typer.Option("--cast", metavar="CTD", help="Cast: CSV, netCDF, Argo; several: all count."),
+    ] = None,
+    neutral_depth: Annotated[
+        str | None, typer.Option(metavar="DEPTH", help="Find the mass to be neutral there.")
+    ] = None,
+    at_volume: Annotated[
+        str, typer.Option(metavar="VOLUME", help="Volume of the drive to be neutral with.")
+    ] = "0 cm3",
+    freeboard: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="Hull out of the water, at full volume.")
+    ] = None,
+    deepest: Annotated[
+        str | None, typer.Option(metavar="DEPTH", help="To go to (the rating, or the cast's end).")
+    ] = None,
+    speed: Annotated[
+        str, typer.Option(metavar="SPEED", help="To sink and rise with, everywhere.")
+    ] = "0 m/s",
+    probability: Annotated[
+        str, typer.Option(metavar="SHARE", help="With which the stroke has to do.")
+    ] = "95 %",
+    material: Annotated[
+        str,
+        typer.Option("--ballast", metavar="WHAT", help="lead, steel, ..., a density, or inside."),
+    ] = "lead",
+    mass_std: Annotated[
+        str | None, typer.Option(metavar="MASS", help="1 sigma of the mass.")
+    ] = None,
+    volume_std: Annotated[
+        str | None, typer.Option(metavar="VOLUME", help="1 sigma of the hull's volume.")
+    ] = None,
+    trim_std: Annotated[
+        str | None, typer.Option(metavar="VOLUME", help="1 sigma of the neutral volume.")
+    ] = None,
+    psi_std: Annotated[
+        str | None, typer.Option(metavar="PSI", help="1 sigma of psi, the hull's compression.")
+    ] = None,
+    heat_std: Annotated[
+        str | None, typer.Option(metavar="1/K", help="1 sigma of the thermal expansion.")
+    ] = None,
+    air_std: Annotated[
+        str | None, typer.Option(metavar="VOLUME", help="1 sigma of the trapped air.")
+    ] = None,
+    density_std: Annotated[
+        str | None, typer.Option(metavar="DENSITY", help="1 sigma of the sea's density.")
+    ] = None,
+    column: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=COLUMN", help="As for logs, NAME@UNIT too.")
+    ] = None,
+    where: Annotated[
+        list[str] | None, typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast's file.")
+    ] = None,
+    log_format: Annotated[
+        str | None, typer.Option(metavar="FORMAT", help="TOML file with a [log] table.")
+    ] = None,
+    profile: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Which profile of the file.")
+    ] = None,
+    latitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
+    longitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
+    salinity: Annotated[
+        float | None, typer.Option(metavar="PSU", help="Where the cast has none; 0: fresh.")
+    ] = None,
+    inversions: Annotated[
+        str, typer.Option(metavar="WHAT", help="Large ones: refuse, average or keep.")
+    ] = "refuse",
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
+        "swimbladder-ballast"
+    ),
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    r"""Find the ballast of a vehicle in a real sea, and whether its stroke is enough.
+
+    Without --cast the water is that of the vehicle's file, of constant density. Exit code 1 says
+    that the stroke does not cover it with that probability, what is short and by how much.
+    """
+    from swimbladder.io.config import load_vehicle
+    from swimbladder.io.files import check_place
+
+    v = load_vehicle(vehicle)
+    stds = {
+        "mass": quantity(mass_std, "kg", "--mass-std"),
+        "volume": quantity(volume_std, "m3", "--volume-std"),
+        "trim": quantity(trim_std, "m3", "--trim-std"),
+        "psi": quantity(psi_std, "m3/m", "--psi-std"),
+        "heat": quantity(heat_std, "1/K", "--heat-std"),
+        "air": quantity(air_std, "m3", "--air-std"),
+        "density": quantity(density_std, "kg/m3", "--density-std"),
+    }
+    wish = {
+        "neutral_depth": quantity(neutral_depth, "m", "--neutral-depth"),
+        "volume": quantity(at_volume, "m3", "--at-volume"),
+        "freeboard": quantity(freeboard, "m", "--freeboard"),
+    }
+    asked = quantity(deepest, "m", "--deepest")
+    wanted, moving = share(probability, "--probability"), quantity(speed, "m/s", "--speed")
+    density, named = _material(material)
+    check_place(out)
+    casts = read_casts(
+        cast or [], columns=pairs(column or [], "--column"), where=pairs(where or [], "--where"),
+        log_format=log_format, profile=profile, latitude=degrees(latitude, "--latitude", 90.0),
+        longitude=degrees(longitude, "--longitude", 360.0), salinity=salinity,
+        inversions=inversion_choice(inversions),
+    )  # fmt: skip
+
+    from swimbladder.ballast import Wish, unknown_of
+    from swimbladder.ballast import ballast as find
+    from swimbladder.report.ballast import write_ballasting
+
+    columns, said = _columns(v, casts, asked)
+    unknown = unknown_of(v, stds)
+    with progress("drawing vehicles", 1.0) as advance:
+        found = find(
+            v, columns, wish=Wish(**wish), unknown=unknown,  # type: ignore[arg-type]
+            probability=wanted, speed=moving or 0.0, density=density, material=named,
+            assumptions=(*said, *_hull_words(v), *unknown.said), advance=advance,
+        )  # fmt: skip
+    answer = found.to_json()
+    with progress("drawing the picture"):
+        files = write_ballasting(found, out, answer=json_text(answer))
+    if json:
+        emit_json({**answer, "files": [str(path) for path in files]})
+    else:
+        _print(found, files)
+    if not found.covered:
+        raise typer.Exit(1)
+
+
+def _material(text: str) -> tuple[float, str]:
+    """Return density [kg/m3] and name of ballast; infinite for what stands inside the hull."""
+    from swimbladder.ballast.run import MATERIALS
+
+    if text == "inside":
+        return math.inf, text
+    if text in MATERIALS:
+        return MATERIALS[text], text
+    try:
+        density = quantity(text, "kg/m3", "--ballast")
+    except InputError:
+        raise InputError(
+            "no such ballast", field="--ballast", value=text,
+            remedy=f'Give one of {", ".join(MATERIALS)}, a density like "19 g/cm3", or inside',
+        ) from None  # fmt: skip
+    assert density is not None
+    return density, f"{density:g} kg/m3"
+
+
+def _columns(
+    vehicle: Vehicle, casts: list[Cast], asked: float | None
+) -> tuple[list[Column], list[str]]:
+    """Return the columns down to where the vehicle is to go, and what was assumed of that."""
+    from swimbladder.seawater import cast_column, uniform_column
+
+    limit = vehicle.hull.depth_limit
+    if asked is not None and limit is not None and asked > limit:
+        raise InputError(
+            f"deeper than the vehicle is rated for, {limit:g} m", field="--deepest", value=asked,
+            unit="m", remedy="Give a lesser depth, or correct hull.depth_limit",
+        )  # fmt: skip
+    if not casts:
+        if asked is None and limit is None:
+            raise InputError(
+                "neither a cast, nor a depth, nor the vehicle's file says how deep it goes",
+                field="--deepest", remedy="Give --deepest or --cast",
+            )  # fmt: skip
+        down = asked or limit or 0.0
+        column = uniform_column(vehicle.water, down, step=down / 1000.0)
+        return [column], [f"no cast: {column.source}, as in the vehicle's file"]
+    ends = [cast_column(cast) for cast in casts]
+    said: list[str] = []
+    if asked is None:
+        shallowest = min(column.deepest for column in ends)
+        down = min(shallowest, limit) if limit is not None else shallowest
+        why = "its rating" if down == limit else "where the cast ends; --deepest"
+        said.append(f"it goes down to {down:g} m ({why})")
+    else:
+        down = asked
+    columns = [cast_column(cast, down) for cast in casts]
+    return columns, [*said, *dict.fromkeys(s for column in columns for s in column.report)]
+
+
+def _hull_words(vehicle: Vehicle) -> list[str]:
+    """Return what is reckoned with of the hull."""
+    if vehicle.hull.parts:
+        return [f"the hull is {', '.join(part.name for part in vehicle.hull.parts)}"]
+    return [
+        "the hull is one part whose compression is that of psi, and its thermal expansion is not "
+        "known and taken as 0; [[hull.parts]] would tell"
+    ]
+
+
+def _print(found: Ballasting, files: list[Path]) -> None:
+    output.print(f"{found.vehicle.name} in {found.columns[0].source}", soft_wrap=True)
+    output.print("")
+    for sentence in found.sentences:
+        output.print(sentence, soft_wrap=True)
+    output.print("")
+    spread: dict[str, Any] = {k: v for k, v in found.spread.items() if v > 0.0}
+    if spread:
+        parts = ", ".join(f"{name} {1e6 * value:.2g}" for name, value in spread.items())
+        output.print(f"1 sigma of the neutral volume at the deepest, cm3: {parts}", soft_wrap=True)
+    for sentence in found.assumptions:
+        output.print(f"reckoned with: {sentence}", soft_wrap=True)
+    for path in files:
+        output.print(f"wrote {path}", soft_wrap=True)

@@ -1,0 +1,86 @@
+"""What the commands that take a cast share: its options, and a column down to where it is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from swimbladder.cli.common import progress, quantity
+from swimbladder.cli.logs import pair
+from swimbladder.errors import InputError
+
+if TYPE_CHECKING:
+    from swimbladder.seawater import Cast
+
+__all__ = ["degrees", "inversion_choice", "pairs", "read_casts", "share"]
+
+
+def read_casts(
+    paths: Sequence[Path],
+    *,
+    columns: Mapping[str, str],
+    where: Mapping[str, str],
+    log_format: str | None,
+    profile: int | None,
+    latitude: float | None,
+    longitude: float | None,
+    salinity: float | None,
+    inversions: Literal["refuse", "average", "keep"],
+) -> list[Cast]:
+    """Return the casts of files, all read alike; what was done to them is in their report.
+
+    Raises LogError, an InputError, with file, line, column, value and remedy.
+    """
+    from swimbladder.io.casts import read_cast
+
+    found = []
+    for path in paths:
+        with progress(f"reading {path.name}"):
+            found.append(read_cast(
+                path, columns=columns, where=where, form=log_format, profile=profile,
+                latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
+            ))  # fmt: skip
+    return found
+
+
+def pairs(texts: list[str], option: str) -> dict[str, str]:
+    """Return the pairs NAME=VALUE of an option; raises InputError where a name stands twice."""
+    found: dict[str, str] = {}
+    for text in texts:
+        name, value = pair(text, option)
+        if name in found:
+            raise InputError("given twice", field=option, value=name, remedy="Give it once")
+        found[name] = value
+    return found
+
+
+def degrees(text: str | None, option: str, most: float) -> float | None:
+    """Return an angle on the globe [degrees]; raises InputError beyond `most`."""
+    if text is None:
+        return None
+    number = quantity(text.removesuffix("deg").strip(), "", option)
+    assert number is not None
+    if abs(number) > most:
+        raise InputError(
+            f"not between -{most:g} and {most:g}", field=option, value=text, unit="degrees",
+            remedy="Give degrees with decimals, south and west negative",
+        )  # fmt: skip
+    return number
+
+
+def share(text: str, option: str) -> float:
+    """Return a probability given as a share or in percent."""
+    number = quantity(text, "", option)
+    assert number is not None
+    return number
+
+
+def inversion_choice(text: str) -> Literal["refuse", "average", "keep"]:
+    """Return what to do with density inversions; raises InputError for another word."""
+    if text == "refuse" or text == "average" or text == "keep":
+        return text
+    raise InputError(
+        "not one of the choices", field="--inversions", value=text,
+        remedy="Choose refuse, average or keep",
+    )  # fmt: skip
