@@ -25,7 +25,9 @@ __all__ = [
     "Plant",
     "State",
     "acceleration",
+    "drag_force",
     "drag_per_mass",
+    "drag_terms",
     "motor_rhs",
     "plant",
     "positioner_rhs",
@@ -80,7 +82,7 @@ def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
     refuse_pump_and_valve(vehicle.actuator)
     hull, stroke, m = vehicle.hull, vehicle.stroke, vehicle.mass
     k_b = vehicle.water.specific_weight
-    d_l, d_b, d_0, d_t, epsilon = _drag_terms(vehicle.drag, m)
+    d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
     if isinstance(vehicle.actuator, Positioner):
         driven = dict(
             positioner=1.0, T1=1.0, gain=0.0, load_drive=0.0, load_back=0.0, friction=0.0, k_l=0.0,
@@ -136,7 +138,7 @@ def _sag(supply: Supply, actuator: ReducedActuator) -> float:
     return sag
 
 
-def _drag_terms(drag: Drag, m: float) -> tuple[float, float, float, float, float]:
+def drag_terms(drag: Drag, m: float) -> tuple[float, float, float, float, float]:
     """Return (d_l, d_b, d_0, d_t, epsilon): see drag_per_mass."""
     k_dl, k_dt, eps = drag.k_dl, drag.k_dt, drag.epsilon
     if drag.law == "linear":
@@ -154,6 +156,14 @@ def drag_per_mass(w: float, p: Plant) -> float:
     if abs(w) <= p.epsilon and p.epsilon > 0.0:
         return p.d_l * w
     return p.d_b * w + math.copysign(p.d_0 + p.d_t * w * w, w) if w != 0.0 else 0.0
+
+
+def drag_force(drag: Drag, w: float) -> float:
+    """Drag F_d(w) [N] at a speed w [m/s], eq. (16), symmetric in speed."""
+    d_l, d_b, d_0, d_t, epsilon = drag_terms(drag, 1.0)
+    if abs(w) <= epsilon and epsilon > 0.0:
+        return d_l * w
+    return d_b * w + math.copysign(d_0 + d_t * w * w, w) if w != 0.0 else 0.0
 
 
 def acceleration(V: float, z: float, w: float, p: Plant) -> float:

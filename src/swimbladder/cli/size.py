@@ -1,0 +1,128 @@
+"""``swimbladder size``: which pump or screw, motor, stroke and battery do a dive."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from swimbladder.cli.common import emit_json, output, progress, quantity
+
+__all__ = ["size"]
+
+
+def size(
+    body: Annotated[
+        str,
+        typer.Argument(metavar="[BODY]", help="Preset or TOML file with hull, mass and drag."),
+    ] = "example-eh",
+    depth: Annotated[str, typer.Option(metavar="DEPTH", help="How deep it has to go.")] = "1000 m",
+    cast: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="CTD cast (the body's own water).")
+    ] = None,
+    parts: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="List of parts (a typical one).")
+    ] = None,
+    least: Annotated[
+        str, typer.Option(metavar="WHAT", help="mass (drive and battery) or energy (per cycle).")
+    ] = "mass",
+    speed: Annotated[str, typer.Option(metavar="SPEED", help="Down and up.")] = "0.1 m/s",
+    turn_time: Annotated[
+        str, typer.Option(metavar="TIME", help="From sinking to rising at the depth, at most.")
+    ] = "10 min",
+    trim: Annotated[
+        str, typer.Option(metavar="VOLUME", help="Neutral volume that is not known, 1 sigma.")
+    ] = "20 cm3",
+    probability: Annotated[
+        str, typer.Option(metavar="SHARE", help="With which the stroke covers the trim.")
+    ] = "95 %",
+    freeboard: Annotated[
+        str, typer.Option(metavar="VOLUME", help="That lifts the antenna at the surface.")
+    ] = "0 cm3",
+    reserve: Annotated[
+        str, typer.Option(metavar="SHARE", help="Of the stroke, kept besides.")
+    ] = "10 %",
+    cycles: Annotated[int, typer.Option(metavar="N", help="Dives on one battery.")] = 200,
+    park: Annotated[str, typer.Option(metavar="TIME", help="At the depth, in each cycle.")] = "0 s",
+    hotel: Annotated[
+        str, typer.Option(metavar="POWER", help="Of everything but the drive, all the time.")
+    ] = "20 mW",
+    surfacing: Annotated[
+        str, typer.Option(metavar="ENERGY", help="For fix and telemetry, in each cycle.")
+    ] = "0 J",
+    longest_travel: Annotated[
+        str, typer.Option(metavar="LENGTH", help="Of a piston that there is room for.")
+    ] = "0.6 m",
+    largest_mass: Annotated[
+        str | None, typer.Option(metavar="MASS", help="Of drive and battery (no limit).")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
+        "swimbladder-size"
+    ),
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    """Search all combinations of parts for the drive and battery that do a dive.
+
+    vehicle.toml is the body with that drive, for `energy`, `ballast` and `mission`. Exit code 1
+    says that no combination will do, which requirement is in the way, and by how much.
+    """
+    import math
+
+    from swimbladder.errors import InputError
+    from swimbladder.io.config import load_vehicle
+    from swimbladder.io.files import check_place
+
+    vehicle = load_vehicle(body)
+    if least not in ("mass", "energy"):
+        raise InputError(
+            "not something to be least", field="--least", value=least,
+            remedy="Allowed: mass, energy",
+        )  # fmt: skip
+    numbers = {
+        "depth": (depth, "m"), "speed": (speed, "m/s"), "turn_time": (turn_time, "s"),
+        "trim": (trim, "m3"), "probability": (probability, ""), "freeboard": (freeboard, "m3"),
+        "reserve": (reserve, ""), "park_time": (park, "s"), "hotel": (hotel, "W"),
+        "surface_energy": (surfacing, "J"),
+    }  # fmt: skip
+    options = {"park_time": "--park", "surface_energy": "--surfacing"}
+    named = {name: options.get(name, "--" + name.replace("_", "-")) for name in numbers}
+    wished = {n: quantity(text, unit, named[n]) or 0.0 for n, (text, unit) in numbers.items()}
+    travel = quantity(longest_travel, "m", "--longest-travel") or 0.0
+    mass = quantity(largest_mass, "kg", "--largest-mass")
+    check_place(out)
+    with progress("loading"):
+        from swimbladder.cli.size_files import write_sizing
+        from swimbladder.sizing import Dive, load_parts, sentences, to_json
+        from swimbladder.sizing import size as find
+    column = None
+    if cast is not None:
+        from swimbladder.io.casts import read_cast
+        from swimbladder.seawater import cast_column
+
+        column = cast_column(read_cast(cast), None)
+    listed = load_parts(parts)
+    try:
+        with progress("weighing drives", total=6.0) as advance:
+            found = find(
+                vehicle, Dive(cycles=cycles, **wished), column=column, parts=listed,
+                longest_travel=travel, largest_mass=math.inf if mass is None else mass,
+                least="mass" if least == "mass" else "energy", advance=advance,
+            )  # fmt: skip
+    except InputError as error:
+        name = str(error.field)
+        raise InputError(
+            error.what, field=named.get(name, "--" + name.replace("_", "-")), value=error.value,
+            unit=error.unit, remedy=error.remedy,
+        ) from None  # fmt: skip
+    files = write_sizing(found, out)
+    if json:
+        emit_json({**to_json(found), "files": [str(path) for path in files]})
+        return
+    for sentence in sentences(found):
+        output.print(sentence, soft_wrap=True)
+    output.print("")
+    for path in files:
+        output.print(f"wrote {path}", soft_wrap=True)

@@ -1,0 +1,42 @@
+"""The files of ``swimbladder size``."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+from swimbladder.cli.common import json_text
+from swimbladder.io.files import publish, write_atomically
+from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.plots.size import draw_candidates, draw_parts, draw_wishes
+from swimbladder.plots.style import save
+from swimbladder.sizing import Sizing, columns, sized_vehicle, to_json
+
+__all__ = ["write_sizing"]
+
+
+def write_sizing(found: Sizing, out: Path) -> list[Path]:
+    """Write the vehicle, every drive that does the dive, the whole answer and three pictures."""
+    names = ["vehicle.toml", "drives.csv", "size.json", "drives.png", "parts.png", "wishes.png"]
+    head = f"Written by swimbladder size: {found.body.name} to {found.asked.dive.depth:g} m."
+
+    def write(folder: Path) -> None:
+        write_atomically(folder / names[0], vehicle_file(sized_vehicle(found), head=head))
+        write_atomically(folder / names[1], _drives_csv(found))
+        write_atomically(folder / names[2], json_text(to_json(found)) + "\n")
+        save(draw_candidates(found), folder / names[3])
+        save(draw_parts(found), folder / names[4])
+        save(draw_wishes(found), folder / names[5])
+
+    publish(out, write)
+    return [out / name for name in names]
+
+
+def _drives_csv(found: Sizing) -> str:
+    table = columns(found)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table)
+    writer.writerows(zip(*table.values(), strict=True))
+    return text.getvalue()

@@ -1,0 +1,167 @@
+"""What is asked of a buoyancy engine: volume, rate, pressure, energy, from the dive it is for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.dynamics import drag_force
+from swimbladder.errors import InputError
+from swimbladder.hull import neutral_volume
+from swimbladder.parameters import Vehicle
+from swimbladder.seawater import Column
+
+__all__ = ["Dive", "Needs", "needs"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dive:
+    """The dive that is asked for, and how well the vehicle is known.
+
+    Depth [m], speed down and up [m/s], turn_time: from sinking to rising at depth [s], trim: 1
+    sigma of the neutral volume [m3], probability that the stroke covers it [-], freeboard: volume
+    that lifts the antenna [m3], reserve of the stroke [-], cycles, park_time per cycle [s], hotel
+    load [W], surface_energy per cycle [J]. battery_low: share of the voltage at which it still has
+    to work [-]; stall_reserve: how much deeper than `depth` the motor has to hold, as a share [-].
+    Raises InputError where a number cannot be.
+    """
+
+    depth: float
+    speed: float = 0.1
+    turn_time: float = 600.0
+    trim: float = 20e-6
+    probability: float = 0.95
+    freeboard: float = 0.0
+    reserve: float = 0.1
+    cycles: int = 200
+    park_time: float = 0.0
+    hotel: float = 0.02
+    surface_energy: float = 0.0
+    battery_low: float = 0.8
+    stall_reserve: float = 0.25
+
+    def __post_init__(self) -> None:
+        for name, unit in _POSITIVE.items():
+            value = getattr(self, name)
+            if not value > 0.0 or not math.isfinite(value):
+                raise InputError(
+                    "it has to be above 0", field=name, value=value, unit=unit,
+                    remedy="Check the number and its unit",
+                )  # fmt: skip
+        for name, unit in _NOT_NEGATIVE.items():
+            value = getattr(self, name)
+            if not value >= 0.0 or not math.isfinite(value):
+                raise InputError(
+                    "it cannot be negative", field=name, value=value, unit=unit,
+                    remedy="Check the number and its unit",
+                )  # fmt: skip
+        for name in ("probability", "battery_low"):
+            value = getattr(self, name)
+            if not 0.0 < value <= 1.0 or (name == "probability" and value == 1.0):
+                raise InputError(
+                    "a share above 0 and below 1 is needed", field=name, value=value,
+                    remedy='Write a share like "95 %"',
+                )  # fmt: skip
+
+    @property
+    def cycle_time(self) -> float:
+        """Time of a cycle: down, parked and up [s]."""
+        return 2.0 * self.depth / self.speed + self.park_time
+
+
+_POSITIVE = {"depth": "m", "speed": "m/s", "turn_time": "s", "cycles": ""}
+_PLACES = 41  # depths at which the energy of a cycle is summed up
+_NOT_NEGATIVE = {
+    "trim": "m3", "freeboard": "m3", "reserve": "", "park_time": "s", "hotel": "W",
+    "surface_energy": "J", "stall_reserve": "",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Needs:
+    """What a dive asks of the drive.
+
+    depth [m], pressure [Pa] and moved [m3]: where in a cycle how much volume has to be pressed
+    out, all [n]. neutral: the change of the neutral volume from the surface down [m3] [n]. drive:
+    volume that keeps the speed [m3], trim: half-width that is covered [m3], stroke: from stop to
+    stop [m3], lowest: where the inner stop is, counted from neutral at the surface [m3], rate:
+    while pressing out at `depth` [m3/s].
+    """
+
+    dive: Dive
+    depth: NDArray[np.float64]
+    pressure: NDArray[np.float64]
+    moved: NDArray[np.float64]
+    neutral: NDArray[np.float64]
+    drive: float
+    trim: float
+    stroke: float
+    lowest: float
+    rate: float
+
+    @property
+    def bottom_pressure(self) -> float:
+        """Pressure at the depth asked for [Pa above the atmosphere]."""
+        return float(self.pressure[-1])
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """What the stroke is made of [m3]."""
+        spread = float(np.ptp(self.neutral))
+        total = spread + 2.0 * self.drive + 2.0 * self.trim
+        freeboard = self.stroke / (1.0 + self.dive.reserve) - total
+        return {
+            "water and hull": spread,
+            "speed down and up": 2.0 * self.drive,
+            "trim not known": 2.0 * self.trim,
+            "freeboard": max(freeboard, 0.0),
+            "reserve": self.stroke * (1.0 - 1.0 / (1.0 + self.dive.reserve)),
+        }
+
+
+def needs(body: Vehicle, column: Column, dive: Dive) -> Needs:
+    """Return what a dive of a body through a column of water asks of its drive.
+
+    The stroke covers: the neutral volume from the surface to the depth; the volume that drives the
+    body down and up at the wanted speed, F_d(w)/(rho g), eq. (16); the trim that is not known, with
+    the wanted probability (it is normal and known by its deviation); the freeboard. In a cycle, 2
+    drive volumes are pressed out at the depth (one to stop, one to rise), then what the neutral
+    volume grows by on the way up, and the freeboard at the surface. Raises InputError where the
+    column ends above the depth.
+    """
+    if column.depth[-1] < dive.depth * (1.0 - 1e-9):
+        raise InputError(
+            f"the water is known down to {column.depth[-1]:.6g} m only",
+            field="depth", value=dive.depth, unit="m",
+            remedy="Give a cast that reaches the depth, or a smaller depth",
+        )  # fmt: skip
+    grid = np.linspace(0.0, dive.depth, _PLACES)
+    at = np.interp(grid, column.depth, neutral_volume(body, column))
+    neutral = at - at[0]
+    pressure = np.interp(grid, column.depth, column.pressure)
+    density = np.interp(grid, column.depth, column.density)
+    drive = drag_force(body.drag, dive.speed) / (float(density.min()) * column.gravity)
+    trim = NormalDist().inv_cdf(0.5 + 0.5 * dive.probability) * dive.trim
+    lowest = float(neutral.min()) - drive - trim
+    highest = max(float(neutral.max()) + drive, dive.freeboard) + trim
+    stroke = (highest - lowest) * (1.0 + dive.reserve)
+    moved = np.zeros_like(grid)
+    moved[-1] = 2.0 * drive
+    moved[:-1] += np.maximum(neutral[:-1] - neutral[1:], 0.0)
+    moved[0] += max(dive.freeboard - drive, 0.0)
+    return Needs(
+        dive=dive,
+        depth=grid,
+        pressure=pressure,
+        moved=moved,
+        neutral=neutral,
+        drive=drive,
+        trim=trim,
+        stroke=stroke,
+        lowest=lowest - (highest - lowest) * dive.reserve / 2.0,
+        rate=2.0 * drive / dive.turn_time,
+    )

@@ -1,0 +1,209 @@
+"""A sized drive for people and programs: sentences, tables, JSON and a vehicle."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from swimbladder.oil import ATMOSPHERIC_PRESSURE
+from swimbladder.parameters import (
+    DatasheetPump,
+    ElectromechanicalActuator,
+    PumpAndValve,
+    Stroke,
+    Supply,
+    Valve,
+    Vehicle,
+)
+from swimbladder.sizing.run import Sizing
+from swimbladder.sizing.weigh import REQUIREMENTS
+
+_DEEPEST = 11_000.0  # m, there is no deeper water
+
+_EVACUATED = 2e4  # Pa
+__all__ = ["columns", "sentences", "sized_vehicle", "to_json"]
+
+
+def sentences(found: Sizing) -> list[str]:
+    """Return the answer: the drive, the stroke, what it takes, what limits it."""
+    w, b, asked, dive = found.weighed, found.best, found.asked, found.asked.dive
+    c = found.chosen
+    parts = ", ".join(f"{what} {name}" for what, name in c.choices.items() if what != "kind")
+    feasible = int(np.count_nonzero(w.feasible))
+    tight = min(w.margins, key=lambda name: w.margins[name][b])
+    shares = ", ".join(
+        f"{name} {volume * 1e6:.0f}" for name, volume in asked.shares.items() if volume > 0.0
+    )
+    lines = [
+        f"{feasible:,} of {len(found.batch.of):,} drives do {dive.depth:g} m; least {found.least}: "
+        f"{c.kind}, {parts}.",
+        f"Stroke {asked.stroke * 1e6:.0f} cm3 ({shares} cm3), neutral at the surface "
+        f"{-asked.lowest * 1e6:.0f} cm3 above the inner stop.",
+        f"At {dive.depth:g} m ({asked.bottom_pressure / 1e5:.0f} bar) it presses out "
+        f"{w.rate[b] * 1e6 * 60.0:.1f} mL/min with {w.voltage[b]:.1f} V and {w.current[b]:.2f} A, "
+        f"{w.energy_per_volume[b] * 1e-6:.1f} J/mL; at the voltage of a low battery it turns from "
+        f"sinking to rising in {w.turn_time[b] / 60.0:.1f} min and {_stall(w.stall[b])}.",
+        f"A cycle takes {w.cycle_energy[b]:.0f} J for the drive and {_hotel(found):.0f} J for the "
+        f"rest; {dive.cycles} cycles need {w.battery_energy[b] / 3600.0:.0f} Wh of "
+        f"{c.battery.name}, {w.battery_mass[b]:.1f} kg. Drive and battery weigh "
+        f"{w.mass[b]:.1f} kg.",
+        f"Tightest: {REQUIREMENTS[tight]}, {100.0 * (w.margins[tight][b] - 1.0):.0f} % to spare.",
+    ]
+    if w.holding_power[b] > 0.0 and dive.park_time > 0.0:
+        lines.append(
+            f"The screw can be driven back: holding it at {dive.depth:g} m takes "
+            f"{w.holding_power[b]:.2f} W, which is in the energy of a cycle."
+        )
+    return lines
+
+
+def _stall(depth: float) -> str:
+    return f"stalls at {depth:.0f} m" if depth < _DEEPEST else "stalls nowhere in the sea"
+
+
+def _hotel(found: Sizing) -> float:
+    dive = found.asked.dive
+    return dive.hotel * dive.cycle_time + dive.surface_energy
+
+
+def sized_vehicle(found: Sizing) -> Vehicle:
+    """Return the body with the chosen drive, stroke and battery, ballasted for mid-stroke at 0.
+
+    It has no controller: gains of another drive would not fit.
+    """
+    asked, c, body = found.asked, found.chosen, found.body
+    half = 0.5 * asked.stroke
+    source = f"sized: least {found.least} of {len(found.batch.of):,} combinations"
+    kept = {
+        key: text for key, text in body.provenance.items()
+        if key.split(".")[0] not in ("actuator", "supply", "stroke", "trim_error", "controller",
+                                     "identified", "sensors")
+    }  # fmt: skip
+    kept |= {
+        "actuator": f"{source}; {', '.join(c.choices.values())}",
+        "supply": f"{source}; {c.battery.name}, {found.weighed.battery_mass[found.best]:.1f} kg",
+        "stroke": "sized: " + ", ".join(
+            f"{name} {volume * 1e6:.0f} cm3" for name, volume in asked.shares.items()
+        ),
+        "trim_error": "sized: ballasted so that the stops lie evenly about 0",
+    }  # fmt: skip
+    return Vehicle.model_validate(
+        body.model_dump(
+            exclude={"actuator", "supply", "stroke", "trim_error", "controller", "identified",
+                     "provenance", "name", "description"},
+            exclude_unset=True,
+        )
+        | {
+            "schema_version": 1,
+            "name": f"{body.name}-{asked.dive.depth:g}m",
+            "description": f"{body.name} with a drive sized for {asked.dive.depth:g} m",
+            "provenance": kept,
+            "actuator": _as_built(found),
+            "supply": Supply(
+                voltage=c.supply, internal_resistance=c.supply * c.battery.resistance,
+                capacity=float(found.weighed.battery_energy[found.best]) * c.battery.usable,
+            ),
+            "stroke": Stroke(minimum=-half, maximum=half),
+            "trim_error": -(asked.lowest + half),
+        }
+    )  # fmt: skip
+
+
+def _as_built(found: Sizing) -> PumpAndValve | ElectromechanicalActuator:
+    """Return the drive as a vehicle has it: a pump held at the wanted speed, behind a check valve.
+
+    The hull is evacuated to 0.2 bar below the atmosphere, and the valve lets in the volume of a
+    turn in the turn time under that alone: at the surface, where the sea does not help.
+    """
+    c, asked = found.chosen, found.asked
+    actuator = c.actuator
+    if isinstance(actuator, ElectromechanicalActuator):
+        return actuator
+    assert c.pump is not None
+    n_h = actuator.drive.area_ratio
+    return PumpAndValve(
+        pump=DatasheetPump(
+            motor=actuator.motor, drive=actuator.drive, speed=float(found.weighed.speed[found.best])
+        ),
+        valve=Valve(flow=asked.rate / math.sqrt(_EVACUATED)),
+        internal_pressure=ATMOSPHERIC_PRESSURE - _EVACUATED,
+        leakage=min(c.pump.at_rest, c.pump.leakage) / n_h**2,
+    )
+
+
+def columns(found: Sizing) -> dict[str, list[Any]]:
+    """Return every drive that does the dive, lightest first, as columns of a table [n]."""
+    w = found.weighed
+    order = [int(i) for i in np.argsort(w.mass, kind="stable") if w.feasible[i]]
+    names = [found.batch.of[index].choices for index in order]
+    table: dict[str, list[Any]] = {key: [row.get(key, "") for row in names] for key in _PARTS}
+    numbers = {
+        "mass_kg": w.mass, "battery_mass_kg": w.battery_mass, "battery_energy_J": w.battery_energy,
+        "cycle_energy_J": w.cycle_energy, "energy_per_volume_J_per_m3": w.energy_per_volume,
+        "rate_m3_per_s": w.rate, "motor_speed_rad_per_s": w.speed, "voltage_V": w.voltage,
+        "current_A": w.current,
+        "holding_power_W": w.holding_power, "stall_depth_m": w.stall, "turn_time_s": w.turn_time,
+        "piston_travel_m": np.where(w.travel > 0.0, w.travel, np.nan),
+    }  # fmt: skip
+    numbers |= {f"margin_{name.replace(' ', '_')}": margin for name, margin in w.margins.items()}
+    return table | {name: values[order].tolist() for name, values in numbers.items()}
+
+
+_PARTS = (
+    "kind", "motor", "winding", "supply", "battery", "pump", "amplifier", "gear", "screw", "piston",
+)  # fmt: skip
+
+
+def to_json(found: Sizing) -> dict[str, Any]:
+    """Return the whole answer in SI units."""
+    w, asked = found.weighed, found.asked
+    return {
+        "body": found.body.name,
+        "water": found.column.source,
+        "least": found.least,
+        "dive": dataclasses.asdict(asked.dive),
+        "stroke": asked.stroke,
+        "stroke_shares": asked.shares,
+        "neutral_above_inner_stop": -asked.lowest,
+        "pressure": asked.bottom_pressure,
+        "least_rate": asked.rate,
+        "combinations": len(found.batch.of),
+        "feasible": int(np.count_nonzero(w.feasible)),
+        "chosen": _one(found, found.best),
+        "pareto": [_one(found, index) for index in found.pareto],
+        "choices": [
+            {
+                "what": choice.what, "name": choice.name,
+                "mass": float(w.mass[choice.index]) if choice.index >= 0 else math.nan,
+                "cycle_energy":
+                    float(w.cycle_energy[choice.index]) if choice.index >= 0 else math.nan,
+                "missing": choice.missing or None,
+                "margin": None if choice.index >= 0 else choice.margin,
+            }
+            for choice in found.choices
+        ],
+        "sweeps": [dataclasses.asdict(sweep) for sweep in found.sweeps],
+        "sentences": sentences(found),
+    }  # fmt: skip
+
+
+def _one(found: Sizing, index: int) -> dict[str, Any]:
+    w = found.weighed
+    return {
+        "parts": found.batch.of[index].choices,
+        "mass": float(w.mass[index]),
+        "battery_mass": float(w.battery_mass[index]),
+        "battery_energy": float(w.battery_energy[index]),
+        "cycle_energy": float(w.cycle_energy[index]),
+        "energy_per_volume": float(w.energy_per_volume[index]),
+        "rate": float(w.rate[index]),
+        "voltage": float(w.voltage[index]),
+        "current": float(w.current[index]),
+        "holding_power": float(w.holding_power[index]),
+        "stall_depth": float(w.stall[index]),
+        "turn_time": float(w.turn_time[index]),
+        "margins": {name: float(margin[index]) for name, margin in w.margins.items()},
+    }

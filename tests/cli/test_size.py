@@ -1,0 +1,82 @@
+"""The command `size`: its files, its JSON and its refusals."""
+
+import csv
+import json
+
+import pytest
+
+from swimbladder.cli import main
+from swimbladder.io.config import load_vehicle
+from tests.docs.test_reference import rows
+
+PARTS = """
+schema_version = 1
+supplies = ["24 V"]
+[[motors]]
+name = "motor"
+voltage = "24 V"
+resistance = "0.61 ohm"
+torque_constant = "25.9 mN m/A"
+rotor_inertia = "34 g cm2"
+rated_torque = "85 mN m"
+largest_speed = "10000 rpm"
+mass = "240 g"
+[[pumps]]
+name = "pump"
+displacement = "0.02 cc/rev"
+efficiency = "76 %"
+largest_pressure = "400 bar"
+largest_speed = "5000 rpm"
+mass = "300 g"
+[[batteries]]
+name = "cells"
+specific_energy = "170 Wh/kg"
+usable = "80 %"
+"""
+
+
+@pytest.fixture
+def parts(tmp_path):
+    file = tmp_path / "parts.toml"
+    file.write_text(PARTS)
+    return str(file)
+
+
+def test_it_writes_a_vehicle_the_drives_and_pictures(capsys, tmp_path, parts):
+    out = tmp_path / "sized"
+    words = ["size", "example-eh", "--depth", "800 m", "--parts", parts, "--out", str(out)]
+    assert main([*words, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    columns, keys = rows("files-written.md", "size")
+    assert set(told) == set(keys)
+    assert told["combinations"] == told["feasible"] == 1
+    names = ["drives.csv", "drives.png", "parts.png", "size.json", "vehicle.toml", "wishes.png"]
+    assert sorted(p.name for p in out.iterdir()) == names
+    with (out / "drives.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert set(table[0]) == set(columns)
+    assert float(table[0]["mass_kg"]) == pytest.approx(told["chosen"]["mass"])
+    vehicle = load_vehicle(out / "vehicle.toml")
+    assert vehicle.stroke.maximum - vehicle.stroke.minimum == pytest.approx(told["stroke"])
+    assert json.loads((out / "size.json").read_text()).keys() == told.keys() - {"files"}
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (["--depth", "-3 m"], 2, "--depth"),
+        (["--depth", "1200 m"], 2, "rated for 1000 m"),
+        (["--least", "cost"], 2, "Allowed: mass, energy"),
+        (["--speed", "3 kg"], 2, "--speed"),
+        (["--hotel", "-1 W"], 2, "--hotel"),
+        (["--park", "-1 s"], 2, "--park"),
+        (["--largest-mass", "1 kg"], 1, "% of the mass that drive and battery"),
+    ],
+)
+def test_refusals_name_what_is_wrong_and_write_nothing(
+    capsys, tmp_path, parts, options, code, words
+):
+    out = tmp_path / "out"
+    assert main(["size", "--parts", parts, *options, "--out", str(out)]) == code
+    assert words in " ".join(capsys.readouterr().err.split())
+    assert not out.exists()
