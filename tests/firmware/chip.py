@@ -112,7 +112,8 @@ def vehicle(made: Library, folder: Path, mcu: str) -> Chip:
     """Return a chip that runs law and supervisor: what is seen and a reference -> command, bits."""
     write_library(made, folder / "library")
     sources = sorted((folder / "library" / "src").glob("*.c"))
-    return Chip(folder, mcu, [*sources, HERE / "vehicle.c"], inputs=7, outputs=2)
+    inputs = [*["<f4"] * 4, "?", "<u4", "<f4"]
+    return Chip(folder, mcu, [*sources, HERE / "vehicle.c"], inputs=inputs, outputs=["<f4", "<u4"])
 
 
 def vehicle_twin(made: Library, spoil: Any = None) -> VehicleTwin:

@@ -311,7 +311,7 @@ class TestNumbers:
         assert p.depth_limit == pytest.approx((350.0 - 87.5) / (4.04 * 1.3))
         # there the motor at 9.6 V moves 3.33 cm3/s/V (9.6 V - 0.07707 V/m z)
         rate = 3.33e-6 * (9.6 - 0.07707 * p.depth_limit)
-        assert p.turn_rate == pytest.approx(rate)
+        assert p.per_turn_rate == pytest.approx(1.0 / rate)
         assert p.push == math.ceil(2.0 * 700e-6 / rate / 0.3)
         assert p.hold_command == pytest.approx(0.07707 * p.deepest)
         assert p.same == math.ceil(10.0 / 0.3)  # noise without a quantum never repeats

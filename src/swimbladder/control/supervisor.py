@@ -122,7 +122,8 @@ def watch_rate(p: SupervisorParameters, s: SupervisorState, volume: float) -> Su
 def believable(p: SupervisorParameters, s: SupervisorState, seen: Watched, since: Count) -> bool:
     """Return whether a depth can be: new, in the sensor's range, near the last good one."""
     possible = p.depth_least <= seen.depth <= p.depth_most
-    near = since == NEVER or abs(seen.depth - s.depth) <= p.fastest * float(since) + p.jump
+    change = abs(seen.depth - s.depth)
+    near = change <= p.step or since == NEVER or change <= p.fastest * float(since) + p.jump
     late = seen.depth_age > p.late_age
     return possible and near and not late
 
@@ -170,12 +171,13 @@ def smooth_motion(
 def needed(p: SupervisorParameters, s: SupervisorState, depth: float) -> float:
     """Return the volume beyond the neutral one [m3] that the motion takes, eq. (13)."""
     later = s.z1 - s.z2
-    speed = later * p.per_tau
-    drag = p.d_l * speed
-    if p.epsilon < math.inf and abs(speed) > p.epsilon:
-        drag = p.d_b * speed + math.copysign(p.d_0 + p.d_t * speed * speed, speed)
-    gain = (depth - s.z1 - later) * (p.per_tau * p.per_tau)
-    return (gain + drag) * p.per_a_b
+    drag = later * p.drag_linear
+    if p.epsilon < math.inf:
+        speed = later * p.per_tau
+        if abs(speed) > p.epsilon:
+            blunt = math.copysign(p.drag_0 + p.drag_square * speed * speed, speed)
+            drag = p.drag_blunt * speed + blunt
+    return (depth - s.z1 - later) * p.inertia + drag
 
 
 def learn(
@@ -184,7 +186,7 @@ def learn(
     """Learn which neutral volume this dive has, within what is known of it before."""
     known = more(s.known, 1)
     weight = p.forgetting
-    if weight * float(known) < 1.0:
+    if known < p.remembered:
         weight = 1.0 / float(known)
     own = smoothed(s.own, n, weight)
     own = min(max(own, p.neutral - room), p.neutral + room)
@@ -230,12 +232,13 @@ def watch_sameness(
     same = s.same
     old = seen.depth_age >= p.S_p
     if not old:
-        change = depth - s.depth
-        same = more(same, 1) if change == 0.0 else 0
+        rose = depth < s.depth
+        sank = depth > s.depth
+        same = 0 if rose or sank else more(same, 1)
         if s.noisy < p.noisy:
-            fro = 1.0 if change * s.change < 0.0 else 0.0
+            fro = 1.0 if (rose and s.sank) or (sank and s.rose) else 0.0
             s = s._replace(noisy=smoothed(s.noisy, fro, p.noisy_weight))
-        s = s._replace(change=change)
+        s = s._replace(rose=rose, sank=sank)
     same_volume = s.same_volume
     if same <= p.same_begun:
         same_volume = s.n1
@@ -250,9 +253,9 @@ def watch_deep(
 ) -> SupervisorState:
     """Count the ticks in which the vehicle was too deep, or was to be before it can turn round."""
     wrong = depth > p.depth_limit
-    if speed > 0.0 and not wrong:  # times turn_rate, to divide nowhere
-        turn = max(p.neutral_deepest - volume, 0.0) + p.coast * p.turn_rate
-        wrong = speed * turn > (p.deepest - depth) * p.turn_rate
+    if speed > 0.0 and not wrong:
+        turn = max(p.neutral_deepest - volume, 0.0) * p.per_turn_rate + p.coast
+        wrong = speed * turn > p.deepest - depth
     return s._replace(deep=tally(wrong, s.deep, p.deep))
 
 
@@ -361,11 +364,11 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
     """Return the state at the start; restarted: 1.0 after a watchdog's reset or a brown-out."""
     return SupervisorState(
         restarted=restarted > 0.0, tick=0, block=0, lost=0, since=NEVER, depth=0.0, blind=0,
-        same=0, change=0.0, noisy=0.0, same_volume=0.0, frozen=False, volume=0.0, measured=False,
-        volume_blind=0, command=0.0, lag=0.0, asked=0.0, following=0, z1=0.0, z2=0.0, n1=0.0,
-        n2=0.0, settled=0, anchor=0.0, still=0, wrong=0, own=0.0, own_depth=0.0, known=0, deep=0,
-        battery=0, leak=0, missed=0, reason=0, reasons=0, phase=0, window=0, from_depth=0.0,
-        release=False, pushed=0.0, astray=0, turns=0,
+        same=0, rose=False, sank=False, noisy=0.0, same_volume=0.0, frozen=False, volume=0.0,
+        measured=False, volume_blind=0, command=0.0, lag=0.0, asked=0.0, following=0, z1=0.0,
+        z2=0.0, n1=0.0, n2=0.0, settled=0, anchor=0.0, still=0, wrong=0, own=0.0, own_depth=0.0,
+        known=0, deep=0, battery=0, leak=0, missed=0, reason=0, reasons=0, phase=0, window=0,
+        from_depth=0.0, release=False, pushed=0.0, astray=0, turns=0,
     )  # fmt: skip
 
 

@@ -43,6 +43,7 @@ class SupervisorParameters(NamedTuple):
     depth_most: float  # m, the largest
     fastest: float  # m, that the depth may change in a tick
     jump: float  # m, that it may change at once: noise, quantum
+    step: float  # m, both: that it may change from a tick to the next
     late_age: float  # s, at which a depth is late
     blind: Count  # ticks without a good volume
     blind_quarters: Count  # quarters of ticks without a good depth, each good one takes one away
@@ -76,14 +77,15 @@ class SupervisorParameters(NamedTuple):
     neutral_change: float  # m3, how far it may walk from what the dive has shown
     known: Count  # ticks in which the dive has to show it
     forgetting: float  # -, least weight of the newest in it
+    remembered: Count  # ticks from which on it has that weight
     calm: float  # m3, by which the model may miss where it is learnt
     model_error: float  # -, share of the force on the vehicle that the model may miss
-    per_a_b: float  # m2 s2, volume per acceleration
-    d_l: float  # 1/s, drag per mass and speed
-    d_b: float  # 1/s, the same above epsilon
-    d_0: float  # m/s2
-    d_t: float  # 1/m
-    epsilon: float  # m/s
+    inertia: float  # m2, volume that the motion takes per second difference of the low passes
+    drag_linear: float  # m2, and per first difference
+    epsilon: float  # m/s, above which drag is not linear
+    drag_blunt: float  # m2 s, volume that drag takes there: per speed
+    drag_0: float  # m3
+    drag_square: float  # m s2, per speed squared
     per_tau: float  # 1/s, 1 / the time of each low pass
     smoothing: float  # -, weight of the newest in it
     settle: Count  # ticks that they take
@@ -95,7 +97,7 @@ class SupervisorParameters(NamedTuple):
     depth_limit: float  # m
     deepest: float  # m, that it must not pass before it turns round
     neutral_deepest: float  # m3, largest neutral volume there
-    turn_rate: float  # m3/s, least rate at the depth limit
+    per_turn_rate: float  # s/m3, 1 / the least rate at the depth limit
     coast: float  # s, in which drag takes speed away
     deep: Count  # ticks too deep
     battery_low: float  # V
@@ -118,7 +120,8 @@ class SupervisorState(NamedTuple):
     depth: float  # m, last good one
     blind: Count  # quarters of ticks; at its limit 0 to 2 more for what was wrong first
     same: Count  # ticks in which the depth was the very same
-    change: float  # m, of the depth at the last tick
+    rose: bool  # at the last new depth
+    sank: bool
     noisy: float  # -, share of ticks in which the depth turned; it stays where it is enough
     same_volume: float  # m3, n1 when the volume had to stay
     frozen: bool
@@ -160,14 +163,14 @@ SUPERVISOR_UNITS = {
     **dict.fromkeys(("S_p", "late_age", "coast"), "s"),
     **dict.fromkeys(
         ("push", "again", "rest", "release", "blind", "gap", "same", "same_begun", "same_moved",
-         "following", "settle", "wrong", "still", "deep", "battery", "leak", "missed",
+         "following", "settle", "wrong", "remembered", "still", "deep", "battery", "leak", "missed",
          "known", "same_noisy", "astray", "time_ticks"),
         "ticks",
     ),
     "time_blocks": "4096 ticks",
     **dict.fromkeys(("blind_quarters", "lost_quarters"), "ticks/4"),
     **dict.fromkeys(
-        ("rise", "depth_least", "depth_most", "fastest", "jump", "surface", "aground",
+        ("rise", "depth_least", "depth_most", "fastest", "jump", "step", "surface", "aground",
          "still_distance", "depth_limit", "deepest"),
         "m",
     ),
@@ -183,8 +186,8 @@ SUPERVISOR_UNITS = {
     ),
     "rate": "m3/s/V or m3/s", "load_drive": "V/m", "load_back": "V/m", "friction": "V",
     "leakage": "m2/s", "rate_least": "m3/s", "rate_away": "m3/s",
-    "turn_rate": "m3/s", "psi": "m3/m",
-    "psi_range": "m3/m", "per_tick": "1/s", "per_tau": "1/s", "per_a_b": "m2 s2",
-    "d_l": "1/s", "d_b": "1/s", "d_0": "m/s2",
-    "d_t": "1/m", "epsilon": "m/s", "battery_low": "V",
+    "per_turn_rate": "s/m3", "psi": "m3/m",
+    "psi_range": "m3/m", "per_tick": "1/s", "per_tau": "1/s", "inertia": "m2",
+    "drag_linear": "m2", "drag_blunt": "m2 s", "drag_0": "m3",
+    "drag_square": "m s2", "epsilon": "m/s", "battery_low": "V",
 }  # fmt: skip

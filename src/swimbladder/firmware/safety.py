@@ -85,6 +85,7 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
     if given.frozen is not None:
         same = ticks(given.frozen, tick)
     patience = max(3, ticks(given.patience, tick))
+    fastest = (_terminal_speed(p, half + neutral_range) + _WATER_SPEED) * tick
     moving = 6.0 * noise + 2.0 * quantum
     still = ticks(max(_STILL_S, math.sqrt(6.0 * (moving + 0.02) / (p.a_b * change))), tick)
     whole = None if given.time_limit is None else math.ceil(given.time_limit / tick - 1e-6)
@@ -100,8 +101,7 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         release=ticks(given.release_time or 2.0 * stroke_s + _REST_S, tick), rise=_RISE,
         depth_least=p.z_air - _AIR_PRESSURE,
         depth_most=min(1.5 * deepest + 10.0, _DEEPEST) if deepest < math.inf else _DEEPEST,
-        fastest=(_terminal_speed(p, half + neutral_range) + _WATER_SPEED) * tick,
-        jump=moving + 0.05,
+        fastest=fastest, jump=moving + 0.05, step=fastest + moving + 0.05,
         late_age=given.late or max(2.0 * tick, 1.0), blind=patience,
         blind_quarters=_quarters(patience), gap=patience,
         same=same, same_begun=ticks(2.0 * tau, tick), same_moved=ticks(3.0 * tau, tick),
@@ -119,17 +119,19 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         rate_away=_RATE_AWAY * full_rate, following=patience,
         psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range,
         neutral_change=change, known=ticks(_KNOWN_S, tick), forgetting=tick / (_FORGET_S + tick),
+        remembered=min(round(_FORGET_S / tick) + 1, NEVER),
         calm=_CALM_SHARE * change,
-        model_error=given.model_error, per_a_b=1.0 / p.a_b,
-        d_l=p.d_l, d_b=p.d_b, d_0=p.d_0, d_t=p.d_t,
-        epsilon=p.epsilon, per_tau=1.0 / tau, smoothing=tick / (tau + tick),
+        model_error=given.model_error, inertia=1.0 / (p.a_b * tau * tau),
+        drag_linear=p.d_l / (p.a_b * tau), drag_blunt=p.d_b / p.a_b, drag_0=p.d_0 / p.a_b,
+        drag_square=p.d_t / p.a_b, epsilon=p.epsilon, per_tau=1.0 / tau,
+        smoothing=tick / (tau + tick),
         settle=ticks(_SETTLE * tau, tick), wrong=patience + still,
         surface=p.z_surface + _AFLOAT,
         aground=floor - max(0.1, 0.02 * floor) - moving if floor < math.inf else math.inf,
         still_distance=moving + 0.02, still=still,
         depth_limit=depth_limit, deepest=deepest,
         neutral_deepest=p.V_0 + neutral_range + p.psi * min(deepest, _DEEPEST),
-        turn_rate=turn_rate, coast=min(1.0 / drag_per_mass(1.0, p), _COAST_S),
+        per_turn_rate=1.0 / turn_rate, coast=min(1.0 / drag_per_mass(1.0, p), _COAST_S),
         deep=max(2, ticks(_SHORT_S, tick)),
         battery_low=battery_low, battery=ticks(_BATTERY_S, tick),
         leak=max(2, ticks(_SHORT_S, tick)), missed=max(3, ticks(_NO_COMMAND_S, tick)),
