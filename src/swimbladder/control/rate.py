@@ -171,7 +171,10 @@ def step(
     """
     p, now = parameters, measurement.time
     if not math.isfinite(measurement.depth):
-        return 0.0, state._replace(looking=0.0, resting=0.0), p.dead
+        asleep = RateState(
+            0.0, 0.0, state.old_time, state.old_depth, state.new_time, state.new_depth, state.speed
+        )
+        return 0.0, asleep, p.dead
     depth = measurement.depth
     inside = abs(reference - depth) <= p.tolerance and reference > 0.0
     if state.looking == 0.0 and (state.resting == 0.0 or not inside):

@@ -43,12 +43,14 @@ class Phase(Parameters):
     depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
         None, description="depth to go to or to stay at; surface has none"
     )
-    tolerance: Annotated[float, Unit("m"), Field(gt=0.0)] = Field(
-        10.0, description="how far from its depth it counts as there, and is left alone"
-    )
-    speed: Annotated[float, Unit("m/s"), Field(gt=0.0, le=5.0)] = Field(
-        0.1, description="vertical speed on the way"
-    )
+    tolerance: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
+        None, description="how far from its depth it counts as there, and is left alone; not "
+        "given: as in the vehicle's law `rate`, 10 m where it has another"
+    )  # fmt: skip
+    speed: Annotated[float, Unit("m/s"), Field(gt=0.0, le=5.0)] | None = Field(
+        None, description="vertical speed on the way; not given: as in the vehicle's law `rate`, "
+        "10 cm/s where it has another"
+    )  # fmt: skip
     duration: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
         None, description="how long park, hold and surface last; the others end at their depth"
     )
@@ -57,20 +59,14 @@ class Phase(Parameters):
         "mission ends); not given: twice the way at that speed, and an hour"
     )  # fmt: skip
     check_interval: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
-        None, description="between two looks at depth and speed; not given: 60 s, park: 10 min"
-    )
+        None, description="between two looks at depth and speed; not given: park 10 min, the "
+        "others as in the vehicle's law `rate`, 60 s where it has another"
+    )  # fmt: skip
 
     @property
     def title(self) -> str:
         """What the phase is called."""
         return self.name or self.kind
-
-    @property
-    def interval(self) -> float:
-        """Time between two looks at depth and speed [s]."""
-        if self.check_interval is not None:
-            return self.check_interval
-        return 600.0 if self.kind == "park" else 60.0
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -81,7 +77,7 @@ class Phase(Parameters):
                 raise refusal(f"a phase {self.kind!r} needs it", f"Add a line {name} = ...", name)
             if given and not wanted:
                 raise refusal(f"a phase {self.kind!r} has none", "Leave the line out", name)
-        if self.depth is not None and self.tolerance >= self.depth:
+        if self.depth is not None and (self.tolerance or 0.0) >= self.depth:
             raise refusal(
                 f"it reaches the surface from {self.depth:g} m",
                 "Give less than the phase's depth", "tolerance",
@@ -127,9 +123,6 @@ class Mission(Parameters):
     cycles: Annotated[int, Field(ge=1, le=1_000_000)] | None = Field(
         None, description="how often the phases are repeated; not given: once, or for `duration`"
     )
-    speed_time: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
-        15.0, description="time between the two depths from which a speed is taken, with phases"
-    )
     setpoints: tuple[Setpoint, ...] = Field(
         (), description="depths to go to, in the order of time; the first at 0"
     )
@@ -168,7 +161,7 @@ class Mission(Parameters):
                 raise refusal(
                     "a mission with set-points needs it", f'Add a line {name} = "... {unit}"', name
                 )
-        for name in ("cycles", "latitude", "speed_time", "safety"):
+        for name in ("cycles", "latitude", "safety"):
             if name in self.model_fields_set:
                 raise refusal("it belongs to a mission with phases", "Leave it out", name)
         return self._in_order()
@@ -179,12 +172,6 @@ class Mission(Parameters):
                 "the depth is above the surface", "Depths are positive downwards", "start_depth"
             )
         for index, phase in enumerate(self.phases):
-            if phase.interval <= self.speed_time:
-                raise refusal(
-                    f"it is not longer than the {self.speed_time:g} s (speed_time) in which a "
-                    "speed is measured", "Look less often, or shorten speed_time",
-                    "phases", index, "check_interval",
-                )  # fmt: skip
             if phase.depth is not None and phase.depth > self.bottom:
                 raise refusal(
                     f"the depth is below the bottom at {self.bottom:g} m", "Check both depths",

@@ -1,0 +1,231 @@
+"""The right-hand side and one Rosenbrock step, on scalars.
+
+::
+
+    dz/dt = w + u(z, t)                                 u: vertical speed of the water
+    m dw/dt = p'(z) (V_neutral(z) - V) - F_d(w) + rho g A_w (z_surface - z)+
+    dV/dt = rate of what the drive does, over depth
+
+w is relative to the water. Water that moves carries the vehicle along: its acceleration acts on the
+displaced and the added mass, so that the relative motion sees none of it (Batchelor, *An
+Introduction to Fluid Dynamics*, 1967, section 6.8, for a body as heavy as the water).
+
+The step is RODAS of Hairer and Wanner, *Solving Ordinary Differential Equations II*, 2nd ed. 1996,
+section VI.4: L-stable, six stages, order 4 with an embedded 3, and a cubic for what lies between.
+"""
+
+from __future__ import annotations
+
+import math
+
+from swimbladder.engine.cache import inlined, part
+from swimbladder.mission.core.names import Doing, Given, Table
+from swimbladder.seawater.motion import moved
+
+__all__ = ["drag", "inside", "rate_of", "rosenbrock", "slope_of_force", "terms", "value"]
+
+_moved = inlined(moved)
+
+PRESSURE, NEUTRAL = int(Table.PRESSURE), int(Table.NEUTRAL)
+RATE_OUT, RATE_IN = int(Table.RATE_OUT), int(Table.RATE_IN)
+BYPASS, LEAKAGE = int(Table.BYPASS), int(Table.LEAKAGE)
+STEP, MASS, TRIM, GIVE = int(Given.STEP), int(Given.MASS), int(Given.TRIM), int(Given.GIVE)
+D_L, D_B, D_0, D_T = int(Given.D_L), int(Given.D_B), int(Given.D_0), int(Given.D_T)
+EPSILON, A_S, Z_SURFACE = int(Given.EPSILON), int(Given.A_S), int(Given.Z_SURFACE)
+V_MIN = int(Given.V_MIN)
+PUMPING, LETTING_IN = int(Doing.PUMPING), int(Doing.LETTING_IN)
+BYPASSING, PRIMING = int(Doing.BYPASSING), int(Doing.PRIMING)
+
+GAMMA = 0.25
+A21, A31, A32 = 1.544, 0.9466785280815826, 0.2557011698983284
+A41, A42, A43 = 3.314825187068521, 2.896124015972201, 0.9986419139977817
+A51, A52, A53, A54 = 1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950
+C21, C31, C32 = -5.6688, -2.430093356833875, -0.2063599157091915
+C41, C42, C43 = -0.1073529058151375, -9.594562251023355, -20.47028614809616
+C51, C52, C53, C54 = 7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160
+C61, C62, C63 = 8.083246795921522, -7.981132988064893, -31.52159432874371
+C64, C65 = 16.31930543123136, -6.058818238834054
+T2, T3, T4 = 0.386, 0.21, 0.63
+D1, D2, D3, D4 = 0.25, -0.1043, 0.1035, -0.0362
+H21, H22, H23 = 10.12623508344586, -7.487995877610167, -34.80091861555747
+H24, H25 = -7.992771707568823, 1.025137723295662
+H31, H32, H33 = -0.6762803392801253, 6.087714651680015, 16.43084320892478
+H34, H35 = 24.76722511418386, -6.594389125716872
+
+
+@part
+def value(table, step, what, z):  # type: ignore[no-untyped-def]
+    """Return value, slope and curvature of a column of the table at depth z [m]; straight beyond.
+
+    The cubic of `swimbladder.seawater.look_up`, with the curvature that a Jacobian takes.
+    """
+    last = table.shape[0] - 2
+    s = z / step
+    k = min(max(int(s), 0), last)
+    s = s - k
+    a, b = table[k, what], table[k + 1, what]
+    da, db = table[k, what + 1] * step, table[k + 1, what + 1] * step
+    if s < 0.0:
+        return a + da * s, da / step, 0.0
+    if s > 1.0:
+        return b + db * (s - 1.0), db / step, 0.0
+    c2 = 3.0 * (b - a) - 2.0 * da - db
+    c3 = 2.0 * (a - b) + da + db
+    return (
+        a + s * (da + s * (c2 + s * c3)),
+        (da + s * (2.0 * c2 + 3.0 * s * c3)) / step,
+        (2.0 * c2 + 6.0 * s * c3) / (step * step),
+    )
+
+
+@part
+def drag(p, w):  # type: ignore[no-untyped-def]
+    """Return drag over mass [m/s2] and its derivative [1/s], eq. (16)."""
+    size = abs(w)
+    if size <= p[EPSILON] and p[EPSILON] > 0.0:
+        return p[D_L] * w, p[D_L]
+    return p[D_B] * w + math.copysign(p[D_0] + p[D_T] * size * size, w), p[D_B] + 2.0 * p[
+        D_T
+    ] * size
+
+
+@part
+def rate_of(p, table, doing, z, V):  # type: ignore[no-untyped-def]
+    """Return dV/dt [m3/s] and its slope over depth [m2/s]."""
+    if doing == PUMPING:
+        return _positive(table, p[STEP], RATE_OUT, z, 1.0)
+    if doing == LETTING_IN:
+        return _positive(table, p[STEP], RATE_IN, z, -1.0)
+    if doing == BYPASSING:
+        return _positive(table, p[STEP], BYPASS, z, -1.0)
+    if doing == PRIMING or p[V_MIN] >= V:
+        return 0.0, 0.0
+    return _positive(table, p[STEP], LEAKAGE, z, -1.0)
+
+
+@part
+def _positive(table, step, what, z, sign):  # type: ignore[no-untyped-def]
+    r, dr, _ = value(table, step, what, max(z, 0.0))
+    if r <= 0.0:
+        return 0.0, 0.0
+    return sign * r, (sign * dr if z > 0.0 else 0.0)
+
+
+@part
+def terms(p, table, waves, doing, emerging, t, z, w, V):  # type: ignore[no-untyped-def]
+    """Return dz/dt, dw/dt, dV/dt."""
+    _weight, slope, _ = value(table, p[STEP], PRESSURE, z)
+    neutral, _, _ = value(table, p[STEP], NEUTRAL, z)
+    neutral += p[TRIM] + p[GIVE] * z
+    pull = slope * (neutral - V) / p[MASS] - drag(p, w)[0]
+    if emerging:
+        pull += p[A_S] * (p[Z_SURFACE] - z)
+    u = 0.0
+    if waves.shape[0] > 0:
+        u = _moved(waves, z, t)[1]
+    return w + u, pull, rate_of(p, table, doing, z, V)[0]
+
+
+@part
+def slope_of_force(p, table, emerging, z, V):  # type: ignore[no-untyped-def]
+    """Return the derivative of dw/dt by depth [1/s2] and by volume [1/m3 m/s2]."""
+    _, slope, bend = value(table, p[STEP], PRESSURE, z)
+    neutral, dn, _ = value(table, p[STEP], NEUTRAL, z)
+    neutral += p[TRIM] + p[GIVE] * z
+    j = (bend * (neutral - V) + slope * (dn + p[GIVE])) / p[MASS]
+    return (j - p[A_S] if emerging else j), -slope / p[MASS]
+
+
+@part
+def rosenbrock(p, table, waves, doing, emerging, t, z, w, V, h, y, e, k1, k2):  # type: ignore[no-untyped-def]
+    """Fill y with the state [3] after a step h [s], e with its error, k1, k2 with the cubic's part.
+
+    Between, at the share s of the step: x (1 - s) + s (y + (1 - s) (k1 + s k2)).
+    """
+    g = 1.0 / (GAMMA * h)
+    jz, jV = slope_of_force(p, table, emerging, z, V)
+    jw = -drag(p, w)[1]
+    r = rate_of(p, table, doing, z, V)[1]
+    uz, ut = 0.0, 0.0
+    if waves.shape[0] > 0:
+        uz, ut = _change(waves, z, t)
+    # (g - J) U = b, from the bottom up: V by z, w by z
+    below = (g - jw) * (g - uz) - jz - jV * r / g
+
+    f0, f1, f2 = terms(p, table, waves, doing, emerging, t, z, w, V)
+    b0, b1, b2 = f0 + h * D1 * ut, f1, f2
+    a0 = (b1 + (g - jw) * b0 + jV * b2 / g) / below
+    a1, a2 = (g - uz) * a0 - b0, (b2 + r * a0) / g
+
+    f0, f1, f2 = terms(p, table, waves, doing, emerging, t + T2 * h, z + A21 * a0, w + A21 * a1,
+                       V + A21 * a2)  # fmt: skip
+    b0, b1, b2 = f0 + C21 * a0 / h + h * D2 * ut, f1 + C21 * a1 / h, f2 + C21 * a2 / h
+    c0 = (b1 + (g - jw) * b0 + jV * b2 / g) / below
+    c1, c2 = (g - uz) * c0 - b0, (b2 + r * c0) / g
+
+    f0, f1, f2 = terms(p, table, waves, doing, emerging, t + T3 * h, z + A31 * a0 + A32 * c0,
+                       w + A31 * a1 + A32 * c1, V + A31 * a2 + A32 * c2)  # fmt: skip
+    b0 = f0 + (C31 * a0 + C32 * c0) / h + h * D3 * ut
+    b1, b2 = f1 + (C31 * a1 + C32 * c1) / h, f2 + (C31 * a2 + C32 * c2) / h
+    d0 = (b1 + (g - jw) * b0 + jV * b2 / g) / below
+    d1, d2 = (g - uz) * d0 - b0, (b2 + r * d0) / g
+
+    f0, f1, f2 = terms(p, table, waves, doing, emerging, t + T4 * h,
+                       z + A41 * a0 + A42 * c0 + A43 * d0, w + A41 * a1 + A42 * c1 + A43 * d1,
+                       V + A41 * a2 + A42 * c2 + A43 * d2)  # fmt: skip
+    b0 = f0 + (C41 * a0 + C42 * c0 + C43 * d0) / h + h * D4 * ut
+    b1 = f1 + (C41 * a1 + C42 * c1 + C43 * d1) / h
+    b2 = f2 + (C41 * a2 + C42 * c2 + C43 * d2) / h
+    e0 = (b1 + (g - jw) * b0 + jV * b2 / g) / below
+    e1, e2 = (g - uz) * e0 - b0, (b2 + r * e0) / g
+
+    z5 = z + A51 * a0 + A52 * c0 + A53 * d0 + A54 * e0
+    w5 = w + A51 * a1 + A52 * c1 + A53 * d1 + A54 * e1
+    V5 = V + A51 * a2 + A52 * c2 + A53 * d2 + A54 * e2
+    f0, f1, f2 = terms(p, table, waves, doing, emerging, t + h, z5, w5, V5)
+    b0 = f0 + (C51 * a0 + C52 * c0 + C53 * d0 + C54 * e0) / h
+    b1 = f1 + (C51 * a1 + C52 * c1 + C53 * d1 + C54 * e1) / h
+    b2 = f2 + (C51 * a2 + C52 * c2 + C53 * d2 + C54 * e2) / h
+    g0 = (b1 + (g - jw) * b0 + jV * b2 / g) / below
+    g1, g2 = (g - uz) * g0 - b0, (b2 + r * g0) / g
+
+    z5, w5, V5 = z5 + g0, w5 + g1, V5 + g2
+    f0, f1, f2 = terms(p, table, waves, doing, emerging, t + h, z5, w5, V5)
+    b0 = f0 + (C61 * a0 + C62 * c0 + C63 * d0 + C64 * e0 + C65 * g0) / h
+    b1 = f1 + (C61 * a1 + C62 * c1 + C63 * d1 + C64 * e1 + C65 * g1) / h
+    b2 = f2 + (C61 * a2 + C62 * c2 + C63 * d2 + C64 * e2 + C65 * g2) / h
+    e[0] = (b1 + (g - jw) * b0 + jV * b2 / g) / below
+    e[1], e[2] = (g - uz) * e[0] - b0, (b2 + r * e[0]) / g
+    y[0], y[1], y[2] = z5 + e[0], w5 + e[1], V5 + e[2]
+    k1[0] = H21 * a0 + H22 * c0 + H23 * d0 + H24 * e0 + H25 * g0
+    k1[1] = H21 * a1 + H22 * c1 + H23 * d1 + H24 * e1 + H25 * g1
+    k1[2] = H21 * a2 + H22 * c2 + H23 * d2 + H24 * e2 + H25 * g2
+    k2[0] = H31 * a0 + H32 * c0 + H33 * d0 + H34 * e0 + H35 * g0
+    k2[1] = H31 * a1 + H32 * c1 + H33 * d1 + H34 * e1 + H35 * g1
+    k2[2] = H31 * a2 + H32 * c2 + H33 * d2 + H34 * e2 + H35 * g2
+
+
+@part
+def inside(x, y, k1, k2, s):  # type: ignore[no-untyped-def]
+    """Return a component at the share s of a step from x to y."""
+    return x * (1.0 - s) + s * (y + (1.0 - s) * (k1 + s * k2))
+
+
+@part
+def _change(waves, z, t):  # type: ignore[no-untyped-def]
+    """Return the derivatives of the water's speed by depth [1/s] and by time [m/s2]."""
+    by_depth, by_time = 0.0, 0.0
+    for k in range(waves.shape[0]):
+        if z >= waves[k, 5]:
+            continue
+        mode, decay = waves[k, 3], waves[k, 4]
+        if decay > 0.0:
+            shape = waves[k, 0] * math.exp(-decay * max(z, 0.0))
+            bend = -decay * shape if z > 0.0 else 0.0
+        else:
+            shape = waves[k, 0] * math.sin(mode * max(z, 0.0))
+            bend = waves[k, 0] * mode * math.cos(mode * z) if z > 0.0 else 0.0
+        angle = waves[k, 1] * t + waves[k, 2]
+        by_depth += bend * waves[k, 1] * math.cos(angle)
+        by_time -= shape * waves[k, 1] * waves[k, 1] * math.sin(angle)
+    return by_depth, by_time

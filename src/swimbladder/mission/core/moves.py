@@ -1,0 +1,223 @@
+"""What the vehicle's processor does: it looks, and lets the drive run for a bounded time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from swimbladder.closed_loop.dispatch import compilable
+from swimbladder.control import rate
+from swimbladder.control.law import Measurement
+from swimbladder.engine.cache import inlined, part
+from swimbladder.mission.core.motion import value
+from swimbladder.mission.core.names import (
+    Account,
+    At,
+    Doing,
+    Drive,
+    Given,
+    Kind,
+    Note,
+    Now,
+    Stage,
+    Table,
+)
+
+__all__ = ["end_run", "look", "measured", "note", "start_run"]
+
+RateParameters, RateState = rate.RateParameters, rate.RateState
+_law_step = inlined(compilable(rate.step))
+_law_initial = inlined(compilable(rate.initial))
+
+T, Z, V, H = int(Now.T), int(Now.Z), int(Now.V), int(Now.H)
+T_LOOK, T_MOVE, V_MOVE = int(Now.T_LOOK), int(Now.T_MOVE), int(Now.V_MOVE)
+T_PRIMED, T_PHASE = int(Now.T_PRIMED), int(Now.T_PHASE)
+T_BEGIN, Z_LOOK, LAW = int(Now.T_BEGIN), int(Now.Z_LOOK), int(Now.LAW)
+T_END = int(Now.T_END)
+DOING, RESTS, NEW_LAW = int(At.DOING), int(At.RESTS), int(At.NEW_LAW)
+DRAWS, SEED, PHASE, LOOKS = int(At.DRAWS), int(At.SEED), int(At.PHASE), int(At.LOOKS)
+ARRIVED = int(At.ARRIVED)
+STEP, V_MIN, V_MAX = int(Given.STEP), int(Given.V_MIN), int(Given.V_MAX)
+START_VOLUME = int(Given.START_VOLUME)
+BY_VOLUME, QUANTUM, LONGEST = int(Given.BY_VOLUME), int(Given.QUANTUM), int(Given.LONGEST)
+DELIVERY, NOISE, RESOLUTION = int(Given.DELIVERY), int(Given.NOISE), int(Given.RESOLUTION)
+NEUTRAL_TOP, SHALLOW = int(Given.NEUTRAL_TOP), int(Given.SHALLOW)
+KIND, DEPTH, SPEED, STAGE_LAW = int(Stage.KIND), int(Stage.DEPTH), int(Stage.SPEED), int(Stage.LAW)
+SURFACE = int(Kind.SURFACE)
+NOTHING, PUMPING, PRIMING = int(Doing.NOTHING), int(Doing.PUMPING), int(Doing.PRIMING)
+LETTING_IN, BYPASSING = int(Doing.LETTING_IN), int(Doing.BYPASSING)
+RATE_OUT, RATE_IN, BYPASS = int(Table.RATE_OUT), int(Table.RATE_IN), int(Table.BYPASS)
+PUMP_RUNS, VALVE_RUNS = int(Account.PUMP_RUNS), int(Account.VALVE_RUNS)
+PUMP_NOTE, VALVE_NOTE = int(Note.PUMP), int(Note.VALVE)
+BYPASS_NOTE, RUN_OVER = int(Note.BYPASS), int(Note.RUN_OVER)
+N_T, N_WHAT, N_Z = int(Drive.T), int(Drive.WHAT), int(Drive.Z)
+N_V, N_NUMBER = int(Drive.V), int(Drive.NUMBER)
+
+_FRESH = 2.0  # s, of the first step after the drive has started or stopped
+_SINKS = 0.05  # m; deeper by less since the last look, it still floats
+
+
+@part
+def note(notes, counts, x, what, number):  # type: ignore[no-untyped-def]
+    """Note something with its time; without room nothing is kept."""
+    n = counts[1]
+    if n < notes.shape[0]:
+        notes[n, N_T] = x[T]
+        notes[n, N_WHAT] = what
+        notes[n, N_Z] = x[Z]
+        notes[n, N_V] = x[V]
+        notes[n, N_NUMBER] = number
+        counts[1] = n + 1
+
+
+@part
+def _random(seed, draw):  # type: ignore[no-untyped-def]
+    """Return a number in (0, 1) that depends on seed and count only (splitmix64, Steele 2014)."""
+    s = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(draw) * np.uint64(
+        0xD1B54A32D192ED03
+    )
+    for _ in range(2):
+        s += np.uint64(0x9E3779B97F4A7C15)
+        s = (s ^ (s >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        s = (s ^ (s >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        s = s ^ (s >> np.uint64(31))
+    return (float(s >> np.uint64(11)) + 0.5) * 2.0**-53
+
+
+@part
+def measured(p, x, at):  # type: ignore[no-untyped-def]
+    """Return the depth as the sensor gives it: with white noise and quantum where seeded."""
+    if at[SEED] < 0:
+        return x[Z]
+    a, b = _random(at[SEED], at[DRAWS]), _random(at[SEED], at[DRAWS] + 1)
+    at[DRAWS] += 2
+    z = x[Z] + p[NOISE] * math.sqrt(-2.0 * math.log(a)) * math.cos(2.0 * math.pi * b)
+    if p[RESOLUTION] > 0.0:
+        z = p[RESOLUTION] * math.floor(z / p[RESOLUTION] + 0.5)
+    return z
+
+
+@part
+def start_run(p, table, x, at, accounts, notes, counts, doing, wanted, volume, longest):  # type: ignore[no-untyped-def]
+    """Start the drive: until a `volume` [m3] is reached, for `longest` [s] at most.
+
+    wanted: what was asked for [m3], to be noted.
+    """
+    if doing == PUMPING and x[V] >= p[V_MAX]:
+        return
+    if doing != PUMPING and x[V] <= p[V_MIN]:
+        return
+    at[DOING] = doing
+    at[RESTS] = 0
+    if doing == PUMPING and p[START_VOLUME] > 0.0:
+        delivery = value(table, p[STEP], RATE_OUT, max(x[Z], 0.0))[0]
+        if delivery > 0.0:
+            at[DOING] = PRIMING
+            x[T_PRIMED] = x[T] + p[START_VOLUME] / delivery
+    x[V_MOVE] = volume
+    x[H] = min(x[H], _FRESH)
+    x[T_BEGIN] = x[T]
+    x[T_MOVE] = x[T] + longest
+    accounts[PUMP_RUNS if doing == PUMPING else VALVE_RUNS] += 1.0
+    what = PUMP_NOTE if doing == PUMPING else (VALVE_NOTE if doing == LETTING_IN else BYPASS_NOTE)
+    note(notes, counts, x, what, wanted)
+
+
+@part
+def end_run(x, at, notes, counts):  # type: ignore[no-untyped-def]
+    """Stop the drive."""
+    at[DOING] = NOTHING
+    note(notes, counts, x, RUN_OVER, x[T] - x[T_BEGIN])
+    x[T_MOVE] = math.inf
+    x[V_MOVE] = math.nan
+    x[H] = min(x[H], _FRESH)
+
+
+@part
+def _change(p, table, x, at, accounts, notes, counts, wanted, longest):  # type: ignore[no-untyped-def]
+    """Start the run that a wanted change of volume [m3] takes, for `longest` [s] at most."""
+    doing = PUMPING if wanted > 0.0 else LETTING_IN
+    if p[BY_VOLUME] > 0.0:
+        start_run(p, table, x, at, accounts, notes, counts, doing, wanted, x[V] + wanted, longest)
+        return
+    rate_now = value(table, p[STEP], RATE_OUT if wanted > 0.0 else RATE_IN, max(x[Z], 0.0))[0]
+    if wanted > 0.0:
+        rate_now = rate_now / p[DELIVERY]
+    length = longest
+    if rate_now > 0.0:
+        lost = p[START_VOLUME] if wanted > 0.0 else 0.0
+        length = min((abs(wanted) + lost) / rate_now, longest)
+    if p[QUANTUM] > 0.0:
+        length = p[QUANTUM] * math.floor(length / p[QUANTUM] + 0.5)
+    if length > 0.0:
+        end = math.inf if wanted > 0.0 else -math.inf
+        start_run(p, table, x, at, accounts, notes, counts, doing, wanted, end, length)
+
+
+@part
+def _dive(p, table, stage, x, at, accounts, notes, counts, seen, longest):  # type: ignore[no-untyped-def]
+    """Take in volume at the surface, run by run, until it sinks."""
+    bypass = value(table, p[STEP], BYPASS, 0.0)[0] > 0.0
+    doing = BYPASSING if bypass else LETTING_IN
+    slack = stage[STAGE_LAW] * stage[SPEED] * stage[SPEED]
+    if p[BY_VOLUME] > 0.0:
+        goal = p[NEUTRAL_TOP] - slack
+        if x[V] <= goal and seen - x[Z_LOOK] < _SINKS:
+            goal = x[V] - slack
+        if x[V] > goal:
+            start_run(p, table, x, at, accounts, notes, counts, doing, goal - x[V], goal, longest)
+    elif seen - x[Z_LOOK] < _SINKS:
+        wanted = slack
+        if x[T] == x[T_PHASE]:  # it floats with all volume out, and knows how much that is
+            wanted += p[V_MAX] - p[NEUTRAL_TOP]
+        flow = value(table, p[STEP], BYPASS if bypass else RATE_IN, 0.0)[0]
+        if flow > 0.0:
+            longest = min(longest, wanted / flow)
+        start_run(p, table, x, at, accounts, notes, counts, doing, -wanted, -math.inf, longest)
+    x[Z_LOOK] = seen
+
+
+@part
+def look(p, table, stage, x, at, accounts, notes, counts):  # type: ignore[no-untyped-def]
+    """Measure the depth, let the law `rate` decide, and start what it asks for."""
+    at[LOOKS] += 1
+    seen = measured(p, x, at)
+    law = RateParameters(
+        stage[STAGE_LAW], stage[STAGE_LAW + 1], stage[STAGE_LAW + 2], stage[STAGE_LAW + 3],
+        stage[STAGE_LAW + 4], stage[STAGE_LAW + 5], stage[STAGE_LAW + 6], stage[STAGE_LAW + 7],
+        stage[STAGE_LAW + 8], stage[STAGE_LAW + 9], stage[STAGE_LAW + 10], stage[STAGE_LAW + 11],
+        stage[STAGE_LAW + 12], stage[STAGE_LAW + 13],
+    )  # fmt: skip
+    longest = min(p[LONGEST], law.dead)  # a run is over by the next look
+    surface = stage[KIND] == SURFACE
+    if surface and seen <= p[SHALLOW]:
+        start_run(
+            p, table, x, at, accounts, notes, counts, PUMPING, p[V_MAX] - x[V], p[V_MAX], math.inf
+        )
+        x[T_LOOK] = x[T] + law.dead
+        return
+    if not surface and seen <= p[SHALLOW] and stage[DEPTH] > p[SHALLOW]:
+        _dive(p, table, stage, x, at, accounts, notes, counts, seen, longest)
+        x[T_LOOK] = x[T] + law.dead
+        if at[DOING] != NOTHING:
+            x[T_LOOK] = max(x[T_LOOK], x[T_MOVE])
+        at[NEW_LAW] = 1
+        return
+    now = Measurement(x[T], seen, x[V])
+    reference = 0.0 if surface else stage[DEPTH]
+    if at[NEW_LAW] == 1:
+        state = _law_initial(law, now, reference)
+        at[NEW_LAW] = 0
+    else:
+        state = RateState(
+            x[LAW], x[LAW + 1], x[LAW + 2], x[LAW + 3], x[LAW + 4], x[LAW + 5], x[LAW + 6]
+        )
+    wanted, state, pause = _law_step(law, state, now, reference)
+    x[LAW], x[LAW + 1], x[LAW + 2], x[LAW + 3] = state[0], state[1], state[2], state[3]
+    x[LAW + 4], x[LAW + 5], x[LAW + 6] = state[4], state[5], state[6]
+    if wanted != 0.0:
+        _change(p, table, x, at, accounts, notes, counts, wanted, longest)
+    x[T_LOOK] = x[T] + pause
+    if at[DOING] != NOTHING:
+        x[T_LOOK] = max(x[T_LOOK], x[T_MOVE])

@@ -1,0 +1,280 @@
+"""From a vehicle, a mission and the water to the arrays that the kernel flies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.battery import hotel_power, surfacing_energy, usable_charge
+from swimbladder.buoyancy_engine import drive_map
+from swimbladder.control.rate import RATE, RateParameters
+from swimbladder.control.registry import bind
+from swimbladder.dynamics import drag_force, drag_terms
+from swimbladder.engine.modes import DEEPEST
+from swimbladder.errors import NoAnswerError
+from swimbladder.hull import neutral_volume
+from swimbladder.io.mission import Mission, Phase
+from swimbladder.mission.core.names import Account, At, Given, Kind, Now, Stage, Table
+from swimbladder.parameters import PumpAndValve, Vehicle
+from swimbladder.seawater import Column
+from swimbladder.seawater.lookup import slopes
+
+__all__ = ["Accuracy", "Plan", "drag_coefficient", "first_state", "make_plan", "make_table"]
+
+Array = NDArray[np.float64]
+
+# What a phase does where neither it nor the vehicle says so.
+_SPEED = 0.1  # m/s, that of Argo floats
+_TOLERANCE = 10.0  # m
+_LOOKS, _PARKED = 60.0, 600.0  # s between two looks on the way, and parked
+_RUN = 15.0  # s in which a speed is measured
+SHALLOW = 5.0  # m; a float of the MERMAID kind counts as diving from 0.5 bar on
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accuracy:
+    """Tolerances of a step, and what counts as rest.
+
+    relative [-]; depth [m], speed [m/s], volume [m3]; rest_deep, rest_afloat: amplitudes of an
+    oscillation [m] that is too small to be followed.
+    """
+
+    relative: float = 1e-4
+    depth: float = 1e-3
+    speed: float = 1e-5
+    volume: float = 1e-10
+    rest_deep: float = 1e-2
+    rest_afloat: float = 5e-2
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What the kernel takes that does not change: see `mission.core.names`."""
+
+    given: Array
+    table: Array
+    waves: Array
+    stages: Array
+    energy_known: str  # why no electrical energy is known; "" where it is
+
+
+def make_plan(
+    vehicle: Vehicle, mission: Mission, column: Column, *, waves: Array | None = None,
+    cycles: float | None = None, span: float | None = None, accuracy: Accuracy | None = None,
+) -> Plan:  # fmt: skip
+    """Return a mission as the kernel takes it.
+
+    waves: of `seawater.motion.motion_table`. cycles, span [s]: in the place of the mission's.
+    """
+    table, why = make_table(vehicle, column)
+    moving = np.zeros((0, 6)) if waves is None else waves
+    return Plan(
+        _given(vehicle, mission, column, accuracy or Accuracy(), cycles, span), table, moving,
+        _stages(vehicle, mission), why,
+    )  # fmt: skip
+
+
+def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
+    """Return the table over depth [n, Table.WIDTH], and why no energy is known ("": it is)."""
+    why = ""
+    try:
+        drive = drive_map(vehicle, column.pressure, temperature=column.temperature)
+    except NoAnswerError as error:
+        why = str(error)
+        drive = drive_map(vehicle, column.pressure, temperature=column.temperature, power=False)
+    columns = {
+        Table.PRESSURE: column.pressure,
+        Table.NEUTRAL: neutral_volume(vehicle, column),
+        Table.RATE_OUT: drive.rate_out,
+        Table.POWER_OUT: drive.power_out,
+        Table.RATE_IN: drive.rate_in,
+        Table.POWER_IN: drive.power_in,
+        Table.BYPASS: drive.bypass_in,
+        Table.POWER_BYPASS: drive.power_bypass,
+        Table.LEAKAGE: drive.leakage,
+        Table.HOLDING: drive.holding_power,
+    }
+    table = np.zeros((len(column.depth), int(Table.WIDTH)))
+    for place, values in columns.items():
+        # NaN: not known, or a load beyond the battery, at which nothing is moved
+        table[:, place] = np.nan_to_num(values, nan=0.0)
+        table[:, place + 1] = slopes(table[:, place], column.step)
+    return np.ascontiguousarray(table), why
+
+
+def drag_coefficient(vehicle: Vehicle, speed: float) -> float:
+    """Return F_d(w)/(rho g w^2) [m3 s2/m2] at a speed [m/s]: what the law `rate` reckons with."""
+    return drag_force(vehicle.drag, speed) / (vehicle.water.specific_weight * speed * speed)
+
+
+def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
+    """Return the depth above which the vehicle is about to dive, or has come up [m]."""
+    laws = ((phase, law_parameters(vehicle, phase)) for phase in mission.phases)
+    depths = [phase.depth - law.tolerance for phase, law in laws if phase.depth is not None]
+    top = vehicle.hull.emergence_depth
+    return max(min(SHALLOW, 0.5 * min(depths, default=0.0)), top + 0.1 * vehicle.hull.height)
+
+
+def _given(
+    vehicle: Vehicle, mission: Mission, column: Column, accuracy: Accuracy,
+    cycles: float | None, span: float | None,
+) -> Array:  # fmt: skip
+    hull, stroke, m = vehicle.hull, vehicle.stroke, vehicle.mass
+    d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
+    a = vehicle.actuator
+    by_time = isinstance(a, PumpAndValve)
+    deepest = mission.safety.deepest or hull.depth_limit or math.inf
+    empty, reserve, charge = _battery(vehicle, mission, column)
+    last_time = mission.span if span is None else span
+    last_cycle: float = mission.cycles or (math.inf if math.isfinite(last_time) else 1.0)
+    surface_weight = float(column.density[0]) * column.gravity
+    values = {
+        Given.STEP: column.step,
+        Given.MASS: m,
+        Given.D_L: d_l,
+        Given.D_B: d_b,
+        Given.D_0: d_0,
+        Given.D_T: d_t,
+        Given.EPSILON: epsilon,
+        Given.A_S: surface_weight * hull.waterplane_area / m,
+        Given.Z_SURFACE: hull.emergence_depth,
+        Given.Z_AIR: hull.emergence_depth - hull.height,
+        Given.Z_BOTTOM: mission.bottom,
+        Given.V_MIN: stroke.minimum,
+        Given.V_MAX: stroke.maximum,
+        Given.TRIM: 0.0,
+        Given.GIVE: 0.0,
+        Given.BY_VOLUME: 0.0 if by_time else 1.0,
+        Given.QUANTUM: a.quantum if isinstance(a, PumpAndValve) else 0.0,
+        Given.LONGEST: (a.longest_run or math.inf) if isinstance(a, PumpAndValve) else math.inf,
+        Given.START_VOLUME: a.start_volume if isinstance(a, PumpAndValve) else 0.0,
+        Given.DELIVERY: 1.0,
+        Given.NOISE: vehicle.sensors.depth_noise,
+        Given.RESOLUTION: vehicle.sensors.depth_quantum,
+        Given.DEEPEST: deepest,
+        Given.NEUTRAL_TOP: vehicle.trim_error,
+        Given.SHALLOW: shallow_depth(vehicle, mission),
+        Given.EMPTY: empty,
+        Given.RESERVE: reserve,
+        Given.LAST_TIME: last_time,
+        Given.LAST_CYCLE: last_cycle if cycles is None else cycles,
+        Given.SURFACING: surfacing_energy(vehicle),
+        Given.SELF_DISCHARGE: vehicle.supply.self_discharge if vehicle.supply else 0.0,
+        Given.RTOL: accuracy.relative,
+        Given.ATOL_Z: accuracy.depth,
+        Given.ATOL_W: accuracy.speed,
+        Given.ATOL_V: accuracy.volume,
+        Given.REST_DEEP: accuracy.rest_deep,
+        Given.REST_AFLOAT: accuracy.rest_afloat,
+        Given.LONGEST_STEP: math.inf,
+        Given.Z_LOST: DEEPEST,
+        Given.CHARGE: charge,
+    }
+    return np.array([values[key] for key in list(Given)[: int(Given.COUNT)]])
+
+
+def _battery(vehicle: Vehicle, mission: Mission, column: Column) -> tuple[float, float, float]:
+    """Return the charges [J] at which the battery is empty, at which its reserve begins, and full.
+
+    Empty is what the coldest water of the mission holds back; infinite where nothing is known.
+    """
+    supply = vehicle.supply
+    if supply is None or supply.capacity is None:
+        return -math.inf, -math.inf, 0.0
+    full = supply.capacity
+    usable = float(usable_charge(supply, full, coldest(mission, column)))
+    return full - usable, full - usable * (1.0 - mission.safety.battery), full
+
+
+def coldest(mission: Mission, column: Column) -> float:
+    """Return the lowest temperature on the way of a mission [degC]."""
+    depths = [phase.depth for phase in mission.phases if phase.depth is not None]
+    within = column.depth <= max([*depths, mission.start_depth])
+    return float(np.min(column.temperature[within]))
+
+
+def law_parameters(vehicle: Vehicle, phase: Phase) -> RateParameters:
+    """Return the parameters of the law `rate` in a phase.
+
+    Those of the vehicle's controller where it is of this law, with the phase's own in their place;
+    else ones that follow from the phase's speed and tolerance as those of floats of the MERMAID
+    kind do: half and a quarter of the speed near the target, a fifth as the band.
+    """
+    speed = phase.speed or _SPEED
+    tolerance = phase.tolerance or _TOLERANCE
+    interval = phase.check_interval or (_PARKED if phase.kind == "park" else None)
+    if vehicle.controller is not None and vehicle.controller.law == RATE.name:
+        base: RateParameters = bind(vehicle.controller)[1]
+        tolerance = phase.tolerance or base.tolerance
+        given = base._replace(
+            tolerance=tolerance, near=max(base.near, tolerance), far=max(base.far, tolerance),
+            dead=base.dead if interval is None else max(interval - base.run, base.run),
+        )  # fmt: skip
+        if phase.speed is None:
+            return given
+        return given._replace(
+            far_speed=speed, ascent_speed=speed, near_speed=min(base.near_speed, speed),
+            slow_speed=min(base.slow_speed, speed), speed_band=min(base.speed_band, 0.5 * speed),
+        )  # fmt: skip
+    pause = max((interval or _LOOKS) - _RUN, _RUN)
+    return RateParameters(
+        coefficient=drag_coefficient(vehicle, speed), tolerance=tolerance, near=tolerance,
+        far=3.0 * tolerance, slow_speed=0.25 * speed, near_speed=0.5 * speed, far_speed=speed,
+        ascent_speed=speed, speed_band=0.2 * speed, speed_step=0.1 * speed, volume_step=0.0,
+        dead=pause, run=_RUN, window=2.0 * pause,
+    )  # fmt: skip
+
+
+def _stages(vehicle: Vehicle, mission: Mission) -> Array:
+    stages = np.zeros((len(mission.phases), int(Stage.COUNT)))
+    before = mission.start_depth
+    for stage, phase in zip(stages, mission.phases, strict=True):
+        law = law_parameters(vehicle, phase)
+        depth = 0.0 if phase.depth is None else phase.depth
+        way = abs(depth - before)
+        stage[Stage.KIND] = Kind[phase.kind.upper()]
+        stage[Stage.DEPTH] = depth
+        stage[Stage.TOLERANCE] = law.tolerance
+        stage[Stage.SPEED] = law.far_speed
+        stage[Stage.DURATION] = phase.duration or 0.0
+        stage[Stage.TIMEOUT] = phase.timeout or 2.0 * way / law.far_speed + 3600.0
+        stage[Stage.LOADS] = hotel_power(vehicle, phase.kind)
+        stage[Stage.LAW :] = law
+        before = depth
+    return stages
+
+
+def first_state(
+    plan: Plan, mission: Mission, *, seed: int | None = None
+) -> tuple[Array, NDArray[np.int64], Array]:
+    """Return the state before the start: numbers, whole numbers and accounts.
+
+    At the depth of 0 it floats with all volume out; elsewhere it rests, neutral.
+    """
+    from swimbladder.seawater import look_up
+
+    g, t = plan.given, plan.table
+    x, at = np.zeros(int(Now.COUNT)), np.zeros(int(At.COUNT), dtype=np.int64)
+    accounts = np.zeros(int(Account.COUNT))
+    step, z = float(g[Given.STEP]), mission.start_depth
+    x[Now.H], x[Now.CHARGE] = 1.0, g[Given.CHARGE]
+    at[At.SEED] = -1 if seed is None else seed
+    at[At.NEW_PHASE] = 1
+    if z == 0.0:
+        top = float(g[Given.Z_SURFACE])
+        volume = float(g[Given.V_MAX])
+        force = look_up(t, step, Table.PRESSURE, top)[1] / g[Given.MASS]
+        light = volume - look_up(t, step, Table.NEUTRAL, top)[0] - g[Given.TRIM]
+        z = top - max(force * light / g[Given.A_S], 0.0)
+        at[At.PLACE] = 1
+    else:
+        volume = look_up(t, step, Table.NEUTRAL, z)[0] + g[Given.TRIM] + g[Given.GIVE] * z
+        at[At.PLACE] = 1 if z < g[Given.Z_SURFACE] else 0
+    x[Now.Z], x[Now.V], x[Now.Z_MOST] = z, volume, z
+    x[Now.V_LEAST], x[Now.V_MOST] = volume, -math.inf
+    x[Now.T_LOOK], x[Now.T_MOVE], x[Now.V_MOVE] = 0.0, math.inf, math.nan
+    x[Now.T_ARRIVAL], x[Now.T_AFLOAT] = math.nan, math.nan
+    return x, at, accounts
