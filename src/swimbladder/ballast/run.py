@@ -119,14 +119,28 @@ def ballasted(vehicle: Vehicle, added: float, density: float, column: Column) ->
 
 
 def _with_ballast(hull: Hull, volume: float) -> tuple[HullPart, ...]:
-    """Return the parts with ballast among them; what is taken away is taken from the first."""
+    """Return the parts with ballast among them; what is taken away is taken from the first.
+
+    Ballast is stiff: the first part then loses and gains as much volume as before.
+    """
     if volume > 0.0:
         return (
             *hull.parts,
             HullPart(name="added ballast", volume=volume, compressibility=0.0),
         )
     first = hull.parts[0]
-    return (first.model_copy(update={"volume": first.volume + volume}), *hull.parts[1:])
+    left = first.volume + volume
+    if left <= 0.0:
+        raise NoAnswerError(
+            f"{rounded(-1e3 * volume, 3)} L of ballast would have to be taken away, more than "
+            f"{first.name} displaces: check the mass and the water of the cast"
+        )
+    changes = {
+        "volume": left,
+        "compressibility": first.compressibility * first.volume / left,
+        "thermal_expansion": first.thermal_expansion * first.volume / left,
+    }
+    return (first.model_copy(update=changes), *hull.parts[1:])
 
 
 def _check(

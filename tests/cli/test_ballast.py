@@ -1,0 +1,152 @@
+"""`swimbladder ballast`: what it says, writes and refuses."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from swimbladder.cli import main
+from swimbladder.hull import neutral_volume, weight_mass
+from swimbladder.io.casts import read_cast
+from swimbladder.io.config import load_vehicle
+from swimbladder.seawater import cast_column
+
+
+@pytest.fixture
+def cast(tmp_path):
+    lines = ["pressure_dbar,temperature_degC,salinity"]
+    lines += [f"{p},{4.0 + 12.0 * np.exp(-p / 150.0):.4f},35.0" for p in range(0, 1100, 5)]
+    path = tmp_path / "cast.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def run(cast, out, *options):
+    place = ("--latitude", "43 deg", "--longitude", "8")
+    return main(["ballast", "example-eh", "--cast", str(cast), *place, *options, "--out", str(out)])
+
+
+def test_a_neutral_depth_in_words_and_files(capsys, tmp_path, cast):
+    out = tmp_path / "out"
+    assert run(cast, out, "--neutral-depth", "500 m") == 0
+    said = capsys.readouterr().out
+    assert "To be neutral at 500 m with a volume of 0 cm3: add " in said
+    assert "The stroke covers it with a probability of more than 99" in said
+    assert "it goes down to 1000 m (its rating)" in said
+    assert {p.name for p in out.iterdir()} == {
+        "ballast.png", "ballast.csv", "ballast.json", "vehicle.toml",
+    }  # fmt: skip
+    with (out / "ballast.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 1001
+    at = float(rows[500]["neutral_volume_m3"])
+    assert at == pytest.approx(0.0, abs=1e-12)
+    assert (
+        float(rows[500]["neutral_volume_low_m3"]) < at < float(rows[500]["neutral_volume_high_m3"])
+    )
+
+
+def test_the_vehicle_that_is_written_is_the_one_that_was_ballasted(capsys, tmp_path, cast):
+    out = tmp_path / "out"
+    assert run(cast, out, "--neutral-depth", "500 m", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    made, given = load_vehicle(out / "vehicle.toml"), load_vehicle("example-eh")
+    assert weight_mass(made) - weight_mass(given) == pytest.approx(answer["added_kg"])
+    assert made.trim_error == pytest.approx(answer["trim_error_m3"])
+    column = cast_column(read_cast(cast, latitude=43.0, longitude=8.0), 1000.0)
+    assert neutral_volume(made, column)[500] == pytest.approx(0.0, abs=1e-10)
+    assert answer["covered"] is True
+    assert answer == json.loads((out / "ballast.json").read_text()) | {"files": answer["files"]}
+
+
+def test_a_stroke_that_is_short_is_exit_1_with_the_numbers(capsys, tmp_path, cast):
+    out = tmp_path / "out"
+    code = run(cast, out, "--neutral-depth", "500 m", "--at-volume=-240 cm3")
+    assert code == 1
+    said = capsys.readouterr().out
+    assert "The stroke does NOT cover it" in said
+    assert "cm3 at the retracted end (95 %): too light to sink past 1000 m." in said
+    assert "With the best trim (add" in said
+    assert (out / "ballast.json").exists()
+
+
+def test_without_a_cast_it_is_the_papers_water(capsys, tmp_path):
+    options = ["--json", "--out", str(tmp_path / "out")]
+    assert main(["ballast", "example-eh", *options]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    (need,) = answer["casts"]
+    assert need["least_m3"] == pytest.approx(-78e-6, abs=1e-9)  # psi z of the file
+    assert answer["psi"]["psi_m3_m"] == pytest.approx(-7.8e-8)
+    assert answer["added_kg"] == 0.0
+
+
+def test_uncertainty_is_taken_from_the_options(capsys, tmp_path, cast):
+    options = ("--neutral-depth", "500 m", "--json")
+    assert run(cast, tmp_path / "a", *options) == 0
+    sure = json.loads(capsys.readouterr().out)
+    more = ("--mass-std", "30 g", "--volume-std", "20 cm3", "--heat-std", "1e-5 1/K",
+            "--psi-std", "0.02 cm3/m", "--density-std", "0.5 kg/m3", "--air-std",
+            "1 cm3")  # fmt: skip
+    assert run(cast, tmp_path / "b", *options, *more) == 0
+    unsure = json.loads(capsys.readouterr().out)
+    assert unsure["unknown"]["mass"] == 0.03
+    assert unsure["unknown"]["trim"] == 0.0
+    assert unsure["margin_m3"] < sure["margin_m3"] - 20e-6
+    assert unsure["spread_m3"]["volume"] == pytest.approx(20e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--deepest", "2000 m"], "deeper than the vehicle is rated for, 1000 m"),
+        (["--neutral-depth", "500 dbar"], "--neutral-depth"),
+        (["--ballast", "cork"], "no such ballast"),
+        (["--ballast", "900 kg/m3"], "not denser than the water"),
+        (["--probability", "99"], "--probability"),
+        (["--inversions", "ignore"], "--inversions"),
+        (["--psi-std", "-1 cm3/m"], "--psi-std"),
+        (["--profile", "4"], "1 profile"),
+        (["--column", "pressure=p"], "no such column of a cast"),
+        (["--column", "salinity=a", "--column", "salinity=b"], "given twice"),
+        (["--where", "dive=1"], "no such column to choose rows by"),
+    ],
+)
+def test_bad_input_is_exit_2_and_nothing_is_written(capsys, tmp_path, cast, options, words):
+    out = tmp_path / "out"
+    assert run(cast, out, *options) == 2
+    said = capsys.readouterr().err.replace("\n", " ")
+    assert words in said
+    assert "Traceback" not in said
+    assert not out.exists()
+
+
+def test_a_cast_that_ends_above_the_target(capsys, tmp_path, cast):
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join(cast.read_text().splitlines()[:100]) + "\n")
+    code = main(["ballast", "example-eh", "--cast", str(short), "--deepest", "1000 m",
+                 "--out", str(tmp_path / "out")])  # fmt: skip
+    assert code == 2
+    assert "above 1000 m" in capsys.readouterr().err.replace("\n", " ")
+
+
+def test_a_latitude_beyond_the_pole(capsys, tmp_path, cast):
+    code = main(["ballast", "example-eh", "--cast", str(cast), "--latitude", "143",
+                 "--out", str(tmp_path / "out")])  # fmt: skip
+    assert code == 2
+    assert "not between -90 and 90" in capsys.readouterr().err.replace("\n", " ")
+
+
+@pytest.mark.data
+def test_a_float_in_the_ligurian_sea(capsys, tmp_path, data_dir):
+    path = data_dir / "mermaid_p0051" / "ctd_profiles.csv.gz"
+    code = main(["ballast", "example-eh", "--cast", str(path), "--where",
+                 "profile_time=2020-07-03 21:54:40", "--neutral-depth", "500 m", "--json",
+                 "--out", str(tmp_path / "out")])  # fmt: skip
+    assert code == 0
+    answer = json.loads(capsys.readouterr().out)
+    # From the surface to 1000 m the float's sea gets 7 kg/m3 denser: 0.68 % of 44 L is 300 cm3,
+    # of which the hull gives back V_p beta p = 116 cm3.
+    (need,) = answer["casts"]
+    assert need["most_m3"] - need["least_m3"] == pytest.approx(183e-6, abs=15e-6)
+    assert answer["covered"]
