@@ -35,9 +35,11 @@ ADRC_FAST = AdrcParameters(
 
 SLEEPER = DeadbandParameters(
     K2=K2, T2=T2, psi=PLANT.psi, depth_noise=0.003, neutral_step=1e-7, band=0.2, speed_band=0.01,
-    fastest=0.05, **deadband_gains(K2, T2, PLANT.psi, 20.0)._asdict(), interval=20.0,
-    k_pV=SEA.k_pV, tolerance=5e-8, depth_voltage=PLANT.load_drive, voltage_limit=12.0,
-    volume_min=PLANT.V_min, volume_max=PLANT.V_max, S_p=S_P,
+    fastest=0.05,
+    **deadband_gains(K2, T2, PLANT.psi, 15.0, creep=PLANT.gain * PLANT.load_drive)._asdict(),
+    interval=15.0, k_pV=SEA.k_pV, tolerance=5e-8, depth_voltage=PLANT.load_drive,
+    rate_per_volt=PLANT.gain, voltage_limit=12.0, volume_min=PLANT.V_min,
+    volume_max=PLANT.V_max, S_p=S_P,
 )  # fmt: skip
 
 

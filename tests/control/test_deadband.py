@@ -13,15 +13,18 @@ from swimbladder.control.deadband import (
     DEADBAND,
     deadband_gains,
     initial,
+    learn_share,
     predict,
     step,
 )
 from swimbladder.control.law import Measurement
 from swimbladder.parameters import Hull, IdentifiedActuator, Sensors
+from swimbladder.stability.wrapped import wrapped
 from tests.control.examples import K2, S_P, SLEEPER, T2, blind, by_hand
 from tests.vehicles import paper
 
 PSI = SLEEPER.psi
+CREEP = SLEEPER.rate_per_volt * SLEEPER.depth_voltage  # m2/s
 NOISE = Sensors(depth_noise="2 mm", depth_quantum="5 mm")
 
 
@@ -42,6 +45,15 @@ def stiff(psi: float):
 def motion(excess: float, psi: float):
     """T2 dw/dt + w = K2 (psi z - excess), with z counted from where psi is counted."""
     return lambda _, y: [y[1], (K2 * (psi * y[0] - excess) - y[1]) / T2]
+
+
+def asleep(psi: float, creep: float, held: float):
+    """The same with the volume that gives way to depths beyond the one it was held at."""
+
+    def rates(_, y):
+        return [y[1], (K2 * (psi * y[0] - y[2]) - y[1]) / T2, -creep * (y[0] - held)]
+
+    return rates
 
 
 @given(
@@ -78,23 +90,36 @@ def test_its_slopes_are_those_of_the_prediction(h, more) -> None:
 @pytest.mark.parametrize("psi", [PSI, 0.0, -2e-6, -2e-5])
 @pytest.mark.parametrize("interval", [5.0, 20.0, 60.0])
 @pytest.mark.parametrize("pole", [0.0, 0.5])
-def test_the_gains_place_the_poles(psi, interval, pole) -> None:
+@pytest.mark.parametrize("creep", [0.0, CREEP])
+def test_the_gains_place_the_poles(psi, interval, pole, creep) -> None:
     """SciPy, the volume held for each interval: after n the error is that of a double pole."""
-    gains = deadband_gains(K2, T2, psi, interval, pole)
+    gains = deadband_gains(K2, T2, psi, interval, pole, creep=creep)
     y, run = np.array([0.1, 0.004]), []
     for _ in range(6):
         run.append(y)
         u = -gains.k_z * y[0] - gains.k_w * y[1]
-        y = solve_ivp(motion(-u / K2, psi), (0.0, interval), y, rtol=1e-11, atol=1e-15).y[:, -1]
+        y = solve_ivp(
+            asleep(psi, creep, y[0]), (0.0, interval), [*y, -u / K2], rtol=1e-11, atol=1e-15
+        ).y[:2, -1]
+    scale = max(1.0, float(np.max(np.abs(run))))
     for a, b, c in zip(run, run[1:], run[2:], strict=False):
-        np.testing.assert_allclose(c, 2 * pole * b - pole**2 * a, atol=1e-7)
+        np.testing.assert_allclose(c, 2 * pole * b - pole**2 * a, atol=1e-7 * scale)
 
 
-def test_growth_and_longest_sleep_are_those_of_the_unstable_pole() -> None:
-    gains = deadband_gains(K2, T2, PSI, 20.0)
-    pole = max(np.roots([T2, 1.0, -K2 * PSI]))
-    assert gains.longest == pytest.approx(1.0 / pole, rel=1e-12)
-    assert gains.growth == pytest.approx(math.exp(20.0 * pole), rel=1e-12)
+@pytest.mark.parametrize(("psi", "creep"), [(PSI, 0.0), (PSI, CREEP), (-PSI, CREEP)])
+def test_growth_and_longest_sleep_are_those_of_the_unstable_mode(psi, creep) -> None:
+    """SciPy: long asleep, what is off grows by `growth` in an interval, whatever it began with."""
+    gains = deadband_gains(K2, T2, psi, 20.0, creep=creep)
+    ran = solve_ivp(
+        asleep(psi, creep, 0.0), (0.0, 720.0), [1e-6, 0.0, 0.0], t_eval=[700.0, 720.0],
+        rtol=1e-11, atol=1e-15,
+    ).y[0]  # fmt: skip
+    assert gains.growth == pytest.approx(ran[1] / ran[0], rel=1e-5)
+    e_fold = 20.0 / math.log(gains.growth)
+    assert gains.longest == pytest.approx(max(0.6 * e_fold, 20.0), rel=1e-12)
+
+
+def test_what_does_not_run_away_may_sleep_an_hour() -> None:
     assert deadband_gains(K2, T2, -PSI, 20.0)[2:] == (1.0, 3600.0)
 
 
@@ -144,7 +169,7 @@ def test_it_goes_to_a_new_depth(target) -> None:
 def test_a_stable_vehicle_sleeps_by_the_hour_and_noise_does_not_wake_the_motor() -> None:
     psi = -2e-6
     gains = deadband_gains(K2, T2, psi, 20.0)
-    p = SLEEPER._replace(psi=psi, depth_voltage=0.0, **gains._asdict())
+    p = SLEEPER._replace(psi=psi, depth_voltage=0.0, interval=20.0, **gains._asdict())
     ran, calls = by_hand(
         DEADBAND, p, as_seen, vehicle=stiff(psi).model_copy(update={"sensors": NOISE}),
         setpoints=[(0.0, 2.0)], start_depth=2.0, duration=6 * 3600.0, seed=1,
@@ -163,6 +188,59 @@ def test_it_learns_the_neutral_volume() -> None:
     )  # fmt: skip
     assert calls.states[0].neutral == pytest.approx(2e-6, rel=1e-9)
     assert abs(calls.states[-1].neutral) < 0.2e-6
+
+
+@given(
+    share=st.floats(0.45, 2.2), z=st.floats(0.5, 50.0), way=st.floats(-0.3, 0.3),
+    h=st.floats(5.0, 30.0), known=st.floats(0.5, 2.0),
+)  # fmt: skip
+def test_a_sleep_tells_what_a_voltage_does(share, z, way, h, known) -> None:
+    """SciPy: dV/dt = K1 A (share u - c z) while the depth goes a straight way."""
+    p = SLEEPER
+    u = p.depth_voltage * z / known
+    crept = solve_ivp(
+        lambda t, _: [p.rate_per_volt * (share * u - p.depth_voltage * (z + way * t / h))],
+        (0.0, h), [0.0], rtol=1e-10, atol=1e-15,
+    ).y[0, -1]  # fmt: skip
+    before = initial(p, Measurement(0.0, z, 0.0), z)._replace(voltage=u, share=known, waited=h)
+    seen = Measurement(h, z + way, crept)
+    found = learn_share(p, before, seen)
+    if abs(crept) <= p.tolerance:
+        assert found == known
+    elif 0.42 < share < 2.4:
+        noise = (p.tolerance / (p.rate_per_volt * u * h)) ** 2
+        assert found == pytest.approx(share, abs=1e-6 + abs(share - known) * noise)
+    # A motor that turns has no part of its rest; nor has a volume that stayed where it was.
+    assert learn_share(p, before._replace(moving=p.S_p), seen) == known
+    assert learn_share(p, before, seen._replace(volume=0.0)) == known
+
+
+class Wrong:
+    """The law with a command that is wrong by a factor and comes half a sample late."""
+
+    def __init__(self, gain: float) -> None:
+        form = wrapped(DEADBAND)
+        self.step, self.first, self.state = form.law.step, form.law.initial, None
+        rest = SLEEPER.depth_voltage * 1.5
+        self.numbers = form.parameters(SLEEPER, sample_time=S_P, gain=gain, late=True, rest=rest)
+
+    def __call__(self, seen, reference):
+        if self.state is None:
+            self.state = self.first(self.numbers, seen, reference)
+        u, self.state, wait = self.step(self.numbers, self.state, seen, reference)
+        return u, wait
+
+
+@pytest.mark.parametrize("gain", [0.5, 0.7, 1.4, 2.0])
+def test_it_holds_with_a_command_that_is_wrong_and_late(gain) -> None:
+    """A step of 1.5 m, as `stability --robustness` makes it; what is learnt is the gain itself."""
+    law = Wrong(gain)
+    ran = simulate(
+        paper(sensors=NOISE), law=law, sample_time=0.5 * S_P, start_depth=1.5, duration=600.0,
+        setpoints=[(0.0, 3.0)], start_volume=PSI * 1.5 + 1e-6, seed=4,
+    )  # fmt: skip
+    assert np.max(np.abs(ran.depth[ran.time > 400.0] - 3.0)) < SLEEPER.band
+    assert law.state.share == pytest.approx(gain, rel=0.05)
 
 
 def test_in_the_bands_nothing_moves_and_out_of_one_it_does() -> None:

@@ -11,8 +11,11 @@ rest in the inner half of the band. The volume is neutral then, and the sleep as
 way to the band's edge takes, from `interval` to `longest`, at most twice the last one. The two
 bands, one to act and one to rest, keep noise from moving the motor.
 
-A change of the reference is seen at the next wake. Asleep the motor has the voltage that held the
-load when it stopped; a drive that holds by itself has `depth_voltage` 0.
+A change of the reference is seen at the next wake. Asleep the motor has the voltage that holds the
+load, and how far the volume creeps meanwhile tells what a voltage does: a driver that gives half or
+twice of what it is told, a load other than reckoned with. A move that does not get there, or past
+what a late command may add, ends after half an interval. A drive that holds by itself has
+`depth_voltage` 0.
 """
 
 from __future__ import annotations
@@ -35,6 +38,11 @@ __all__ = [
 _DEEPEST = 12000.0  # m, beyond it a depth is none
 _LARGEST = 1000.0  # m3, beyond it a volume is none
 _QUICKEST = 20.0  # m/s, beyond it no speed is believed
+_HOUR = 3600.0  # s, longest sleep of a vehicle that does not run away
+_ASLEEP = 0.6  # e-folds of running away that may pass unseen
+_SAMPLES = 10.0  # that a move has, at least, until it is given up
+_LEAST = 0.4  # share of what a voltage should do that is believed
+_MOST = 2.5  # likewise
 _INNER = 0.5  # share of the band in which the vehicle is left to itself
 
 
@@ -66,6 +74,7 @@ class DeadbandParameters(NamedTuple):
     k_pV: float  # V/m3
     tolerance: float  # m3, nearer than this the volume counts as reached
     depth_voltage: float  # V/m, k_z/k_u
+    rate_per_volt: float  # m3/s/V, of the volume, K1 A
     voltage_limit: float  # V
     volume_min: float  # m3
     volume_max: float  # m3
@@ -82,6 +91,8 @@ class DeadbandState(NamedTuple):
     speed_slope: float  # m/s/m3, of the speed against it
     neutral: float  # m3, estimated at depth 0
     volume: float  # m3, at the wake before
+    voltage: float  # V, since then
+    share: float  # -, what a voltage was seen to do of what it should
     acting: float  # -, 1 while the vehicle is brought back
     moving: float  # s, since the motor was started; 0 while it rests
     sleep: float  # s, from when the motor started to the next look at the depth
@@ -111,30 +122,33 @@ class Decision(NamedTuple):
 
 
 def deadband_gains(
-    K2: float, T2: float, psi: float, interval: float, pole: float = 0.2
+    K2: float, T2: float, psi: float, interval: float, pole: float = 0.2, *, creep: float = 0.0
 ) -> DeadbandGains:
     """Return the gains that leave `pole` of an error per interval [s], growth and longest sleep.
 
     The speed u = k_z (r - z) - k_w w that the volume is to give acts through
-    T2 dw/dt + w = K2 psi (z - r) + u, held for an interval: Ackermann's formula for two poles at
-    `pole`; with 0 the vehicle is at rest after two intervals. A vehicle with psi > 0 runs away
-    e-fold in 1/s, s (T2 s + 1) = K2 psi: it sleeps no longer.
+    T2 dw/dt + w = K2 psi (z - r) + u for an interval: Ackermann's formula for two poles at `pole`;
+    with 0 the vehicle is at rest after two intervals. A piston that only a voltage holds gives way
+    as it gets deeper, dV/dt = -creep (z - z asleep) with creep = K1 A k_z/k_u [m2/s]: then
+    du/dt = K2 creep (z - z asleep) as well. One that runs away, s (T2 s + 1) = K2 psi +
+    K2 creep/s, sleeps 0.6 of the time of an e-fold at most.
     """
     import numpy as np
     from scipy.linalg import expm
 
-    rates = np.array([[0.0, 1.0, 0.0], [K2 * psi / T2, -1.0 / T2, 1.0 / T2], [0.0, 0.0, 0.0]])
+    # depth off, speed, what the volume gives, depth off when it fell asleep
+    rates = np.zeros((4, 4))
+    rates[0, 1] = 1.0
+    rates[1, :3] = K2 * psi / T2, -1.0 / T2, 1.0 / T2
+    rates[2, [0, 3]] = K2 * creep, -K2 * creep
     held = expm(rates * interval)
-    over, push = held[:2, :2], held[:2, 2]
+    over, push = held[:2, :2] + np.outer(held[:2, 3], [1.0, 0.0]), held[:2, 2]
     reach = np.column_stack([push, over @ push])
     left = over - pole * np.eye(2)
     k_z, k_w = np.linalg.solve(reach.T, [0.0, 1.0]) @ left @ left
-    growth = 1.0
-    longest = 3600.0
-    if psi > 0.0:
-        e_fold = 2.0 * T2 / (math.sqrt(1.0 + 4.0 * K2 * psi * T2) - 1.0)
-        growth = math.exp(interval / e_fold)
-        longest = min(longest, e_fold)
+    fastest = max(root.real for root in np.roots([T2, 1.0, -K2 * psi, -K2 * creep]))
+    growth = math.exp(interval * max(fastest, 0.0))
+    longest = min(_HOUR, _ASLEEP / max(fastest, 1e-9))
     return DeadbandGains(float(k_z), float(k_w), growth, max(longest, interval))
 
 
@@ -160,6 +174,8 @@ def initial(
         speed_slope=0.0,
         neutral=volume - p.psi * depth,
         volume=volume,
+        voltage=0.0,
+        share=1.0,
         acting=0.0,
         moving=0.0,
         sleep=0.5 * p.interval,
@@ -192,6 +208,26 @@ def predict(p: DeadbandParameters, before: DeadbandState, volume: float) -> Pred
     )
 
 
+def learn_share(p: DeadbandParameters, before: DeadbandState, seen: Measurement) -> float:
+    """Return what a voltage does of what it should [-], from how far the volume crept in a sleep.
+
+    dV = K1 A (share u - c z) h; one step of normalised least mean squares. A volume that stayed
+    says nothing, as dry friction may have held it; nor does one that no such share explains.
+    """
+    crept = seen.volume - before.volume
+    if before.moving > 0.0 or abs(crept) <= p.tolerance:
+        return before.share
+    per_volt = p.rate_per_volt * before.waited
+    pushed = per_volt * before.voltage
+    needed = crept + per_volt * p.depth_voltage * 0.5 * (before.depth + seen.depth)
+    if abs(pushed) <= p.tolerance or needed * pushed < _LEAST * pushed * pushed:
+        return before.share
+    if needed * pushed > _MOST * pushed * pushed:
+        return before.share
+    trust = pushed / (pushed * pushed + p.tolerance * p.tolerance)
+    return before.share + trust * (needed - before.share * pushed)
+
+
 def decide(
     p: DeadbandParameters, before: DeadbandState, now: Predicted, seen: Measurement, wanted: float
 ) -> Decision:
@@ -204,8 +240,9 @@ def decide(
     error = wanted - seen.depth
     rest = seen.depth + p.T2 * speed
     off = max(abs(error), abs(wanted - rest))
-    rests = off < _INNER * p.band and abs(speed) < p.speed_band
-    if before.acting > 0.0 or off * p.growth > p.band or abs(speed) > p.speed_band:
+    edge = p.band / p.growth - min(3.0 * p.depth_noise, 0.5 * p.band / p.growth)
+    rests = off < _INNER * edge and abs(speed) < p.speed_band
+    if before.acting > 0.0 or off > edge or abs(speed) > p.speed_band:
         u = (p.k_z - p.K2 * p.psi) * error - p.k_w * speed
         target = p.psi * seen.depth + neutral - limited(u, -p.fastest, p.fastest) / p.K2
         if rests:
@@ -213,7 +250,7 @@ def decide(
         target = limited(target, p.volume_min, p.volume_max)
         return Decision(speed, neutral, 0.0 if rests else 1.0, 1.0, p.interval, target)
     drift = max(abs(speed), abs(p.K2 * (p.psi * seen.depth + neutral - seen.volume)))
-    room = _INNER * (p.band / p.growth - off)
+    room = _INNER * (edge - off)
     sleep = min(p.longest, 2.0 * before.sleep)
     if drift * sleep > room:
         sleep = room / drift
@@ -256,13 +293,23 @@ def step(
 
     gap = decision.volume_reference - volume
     deep = measurement.depth if abs(measurement.depth) < _DEEPEST else depth
-    voltage = p.depth_voltage * deep
+    share = before.share
+    if measured and abs(measurement.depth) < _DEEPEST:
+        share = learn_share(p, before, measurement)
+    voltage = p.depth_voltage * deep / share
     moving = 0.0
     wait = max(decision.sleep - before.moving, p.S_p) if running else decision.sleep
-    if decision.moves > 0.0 and measured and abs(gap) > p.tolerance:
+    off = abs(gap)
+    if running:
+        off = max(off, abs(decision.volume_reference - before.volume))  # what may still come
+        late = before.moving >= max(0.5 * p.interval, _SAMPLES * p.S_p)
+        if late and p.k_pV * abs(gap) < p.voltage_limit:
+            off = 0.0  # it should be there; asleep it will be seen what held it off
+    if decision.moves > 0.0 and measured and off > p.tolerance:
         voltage = voltage + p.k_pV * gap
         moving = before.moving + p.S_p if running else p.S_p
         wait = p.S_p
+    voltage = limited(voltage, -p.voltage_limit, p.voltage_limit)
     after = DeadbandState(
         begun=before.begun,
         depth=depth,
@@ -271,6 +318,8 @@ def step(
         speed_slope=speed_slope,
         neutral=decision.neutral,
         volume=volume,
+        voltage=voltage,
+        share=share,
         acting=decision.acting,
         moving=moving,
         sleep=decision.sleep,
@@ -278,7 +327,7 @@ def step(
         goal=wanted,
         volume_reference=decision.volume_reference,
     )
-    return limited(voltage, -p.voltage_limit, p.voltage_limit), after, wait
+    return voltage, after, wait
 
 
 DEADBAND = Law(
@@ -304,6 +353,7 @@ DEADBAND = Law(
         "k_pV": "V/m3",
         "tolerance": "m3",
         "depth_voltage": "V/m",
+        "rate_per_volt": "m3/s/V",
         "voltage_limit": "V",
         "volume_min": "m3",
         "volume_max": "m3",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
@@ -15,6 +13,7 @@ __all__ = [
     "held_motion",
     "hold_gains",
     "motion_over_sample",
+    "off_in",
     "runaway",
     "stiffness",
 ]
@@ -64,14 +63,25 @@ def hold_gains(p: Plant, time: float, *, left: float = _LEFT) -> tuple[float, fl
     return float(r_z), float(r_w)
 
 
-def runaway(p: Plant) -> float:
+def runaway(p: Plant, *, asleep: bool = False) -> float:
     """Return the time [s] in which a held volume lets the vehicle run away e-fold.
 
     s (s + d) = a psi; where that takes longer than three times the drag's time, that is given.
+    asleep: it is a voltage that is held, and the piston gives way, s (s + d) = a psi + a K1 A c/s.
     """
     d, a = stiffness(p)
-    root = 0.5 * (math.sqrt(d * d + 4.0 * a * max(p.psi, 0.0)) - d)
-    return 1.0 / max(root, d / 3.0, 1e-9)
+    creep = p.gain * p.load_drive if asleep else 0.0
+    root = max(r.real for r in np.roots([1.0, d, -a * p.psi, -a * creep]))
+    return 1.0 / max(float(root), d / 3.0, 1e-9)
+
+
+def off_in(p: Plant, distance: float, walk: float) -> float:
+    """Return the time [s] in which a neutral volume that walks takes a vehicle off.
+
+    distance [m]: sqrt(20) times as far as it is then off, 1 sigma, without drag and psi: the walk
+    [m3/s^0.5], integrated twice, has the variance (a walk)^2 t^5/20.
+    """
+    return float((distance / (stiffness(p)[1] * walk)) ** 0.4)
 
 
 def filter_gains(
