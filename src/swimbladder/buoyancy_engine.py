@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.actuator import reduced, unified
-from swimbladder.electric import largest_voltage, steady_drive, supply_current
+from swimbladder.electric import SteadyDrive, largest_voltage, steady_drive, supply_current
 from swimbladder.errors import NoAnswerError
 from swimbladder.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.parameters import (
@@ -39,11 +39,13 @@ __all__ = [
     "REFERENCE_TEMPERATURE",
     "DriveMap",
     "PumpRun",
+    "SteadyPoint",
     "battery_power",
     "check_power_known",
     "delivered",
     "drive_map",
     "pump_run",
+    "steady_point",
     "valve_flow",
 ]
 
@@ -75,6 +77,15 @@ class PumpRun(NamedTuple):
 
     rate: Array  # m3/s into the water
     power: Array  # W
+
+
+class SteadyPoint(NamedTuple):
+    """A motor that presses out at steady speed: where its power goes."""
+
+    voltage: Array  # V
+    drive: SteadyDrive  # of motor and transmission, without driver and battery
+    terminals: Array  # W, at the battery's terminals
+    cells: Array  # W, from the battery's cells
 
 
 def drive_map(
@@ -180,15 +191,57 @@ def pump_run(
         drawn = pump.idle_power + pump.power_per_pressure * beaten
         return PumpRun(rate, np.maximum(drawn + pump.power_per_temperature * warmer, 0.0))
     assert supply is not None  # Vehicle checks it
+    at = _datasheet_point(pump, np.maximum(head, 0.0), water, supply, driver)
+    return PumpRun(np.maximum(at.drive.volume_rate, 0.0), at.terminals)
+
+
+def steady_point(
+    vehicle: Vehicle, pressure: ArrayLike, *, share: float = 1.0
+) -> SteadyPoint | None:
+    """Return a motor that presses out at a `share` of the full voltage, at each pressure [Pa] [n].
+
+    None where there is no motor with known R and k_emf: a power law, a positioner.
+    """
+    a, supply = vehicle.actuator, vehicle.supply
+    p = np.atleast_1d(np.asarray(pressure, float))
+    if supply is None or isinstance(a, Positioner | IdentifiedActuator):
+        return None
+    if isinstance(a, PumpAndValve):
+        if not isinstance(a.pump, DatasheetPump):
+            return None
+        head = np.maximum(p + ATMOSPHERIC_PRESSURE - a.internal_pressure, 0.0)
+        return _datasheet_point(a.pump, head, vehicle.water, supply, vehicle.driver, share)
+    found = unified(a, vehicle.water)
+    if found.resistance is None or found.emf_constant is None:
+        return None
+    z = p / vehicle.water.specific_weight
+    u = share * _full_voltage(found, supply, found.k_z * z + found.friction_torque)
+    return _point(found, vehicle.water, u, z, supply, vehicle.driver)
+
+
+def _datasheet_point(
+    pump: DatasheetPump,
+    head: Array,
+    water: Water,
+    supply: Supply,
+    driver: Driver | None,
+    share: float = 1.0,
+) -> SteadyPoint:
     a = unified(ElectrohydraulicActuator(motor=pump.motor, drive=pump.drive), water)
-    depth = np.maximum(head, 0.0) / water.specific_weight
-    u = _full_voltage(a, supply, a.k_z * depth + a.friction_torque)
+    z = head / water.specific_weight
+    load = a.k_z * z + a.friction_torque
+    u = _full_voltage(a, supply, load)
     if pump.speed is not None:
-        needed = (a.k_v * pump.speed + a.k_z * depth + a.friction_torque) / a.k_u
-        u = np.minimum(u, needed)
-    d = steady_drive(a, water, voltage=u, depth=depth)
-    drawn = _terminals(np.asarray(d.supply), driver)
-    return PumpRun(np.maximum(d.volume_rate, 0.0), drawn)
+        u = np.minimum(u, (a.k_v * pump.speed + load) / a.k_u)
+    return _point(a, water, share * u, z, supply, driver)
+
+
+def _point(
+    a: UnifiedActuator, water: Water, u: Array, z: Array, supply: Supply, driver: Driver | None
+) -> SteadyPoint:
+    d = steady_drive(a, water, voltage=u, depth=z)
+    terminals = _terminals(np.asarray(d.supply), driver)
+    return SteadyPoint(u, d, terminals, battery_power(terminals, supply))
 
 
 def battery_power(power: Array, supply: Supply | None) -> Array:
@@ -266,9 +319,8 @@ def _voltage_driven(vehicle: Vehicle, a: UnifiedActuator, p: Array) -> DriveMap:
     z = p / water.specific_weight
 
     def drawn(voltage: Array) -> tuple[Array, Array]:
-        d = steady_drive(a, water, voltage=voltage, depth=z)
-        power = battery_power(_terminals(np.asarray(d.supply), vehicle.driver), supply)
-        return np.asarray(d.volume_rate), power
+        at = _point(a, water, voltage, z, supply, vehicle.driver)
+        return np.asarray(at.drive.volume_rate), at.cells
 
     rate_out, power_out = drawn(_full_voltage(a, supply, a.k_z * z + a.friction_torque))
     rate_in, power_in = drawn(-_full_voltage(a, supply, a.friction_torque - a.k_z_back * z))

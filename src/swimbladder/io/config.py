@@ -35,7 +35,8 @@ _Model = TypeVar("_Model", bound=Parameters)
 def load_vehicle(name_or_path: str | Path, *, sampled: bool = False) -> Vehicle:
     """Return the vehicle of a preset's name or of a TOML file.
 
-    sampled: refuse one whose drive has no loop of voltages or positions, a pump and valve. Raises InputError with file, line, field, value, unit and remedy.
+    sampled: refuse one whose drive has no loop of voltages or positions, a pump and valve.
+    Raises InputError with file, line, field, value, unit and remedy.
     """
     preset = _preset(name_or_path)
     file = name_or_path if preset is None else f"preset {preset}"

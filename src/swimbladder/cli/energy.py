@@ -1,0 +1,283 @@
+"""``swimbladder energy``: joules per millilitre over depth, against a thruster, from runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from swimbladder.cli.common import emit_json, json_text, output, progress, quantity
+
+if TYPE_CHECKING:
+    from swimbladder.energy import DriveEnergy, PumpFit
+    from swimbladder.parameters import Vehicle
+    from swimbladder.seawater import Column
+
+__all__ = ["energy"]
+
+_DEEP = 100.0  # m, where neither an option nor the vehicle's rating says how deep
+_SHORT = {
+    "battery": "batt", "driver": "driver", "motor": "motor", "transmission": "drive",
+    "leakage": "leak", "reservoir": "tank",
+}  # fmt: skip
+_LINES = 11  # depths in the printed table
+
+
+def energy(
+    vehicle: Annotated[
+        str | None, typer.Argument(metavar="[VEHICLE]", help="Preset or TOML file.")
+    ] = None,
+    cast: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="CTD cast (the vehicle's own water).")
+    ] = None,
+    depth: Annotated[
+        str | None, typer.Option(metavar="DEPTH", help="How deep (the vehicle's rating).")
+    ] = None,
+    weight_error: Annotated[
+        str, typer.Option(metavar="VOLUME", help="Too heavy by this while hovering.")
+    ] = "10 cm3",
+    speed: Annotated[str, typer.Option(metavar="SPEED", help="Of dives.")] = "0.1 m/s",
+    thruster_diameter: Annotated[
+        str, typer.Option(metavar="LENGTH", help="Of the propeller (assumed).")
+    ] = "76 mm",
+    thruster_efficiency: Annotated[
+        str, typer.Option(metavar="SHARE", help="Of an ideal disc's, driver included (assumed).")
+    ] = "35 %",
+    thruster_number: Annotated[
+        int, typer.Option(metavar="N", help="How many thrusters share the work.")
+    ] = 1,
+    thruster_idle: Annotated[
+        str, typer.Option(metavar="POWER", help="Of each while it turns, pushing or not.")
+    ] = "0 W",
+    fit: Annotated[
+        Path | None, typer.Option(metavar="RUNS", help="CSV of logged runs: find the pump in it.")
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=COLUMN", help="--fit: which column is what, COLUMN@UNIT."),
+    ] = None,
+    where: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="--fit: only these rows.")
+    ] = None,
+    power_at: Annotated[
+        str, typer.Option(metavar="WHEN", help="--fit: mean (over the run) or end (of it).")
+    ] = "mean",
+    shortest: Annotated[
+        str, typer.Option(metavar="TIME", help="--fit: leave shorter runs out.")
+    ] = "0 s",
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
+        "swimbladder-energy"
+    ),
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    r"""Say what changing the volume costs at each depth, and what a thruster would take.
+
+    With --fit RUNS: find a pump's power law and delivery, and how sure they are, in logged runs;
+    with a VEHICLE of kind pump-valve vehicle.toml has that pump. Exit code 1 says that the
+    electrical power is not known, and which fields tell it.
+    """
+    from swimbladder.errors import InputError
+    from swimbladder.io.config import load_vehicle
+    from swimbladder.io.files import check_place
+
+    v = None if vehicle is None else load_vehicle(vehicle)
+    check_place(out)
+    if fit is not None:
+        _fit(fit, v, column or [], where or [], power_at, shortest, out, json)
+        return
+    if v is None:
+        raise InputError(
+            "there is neither a vehicle nor a table of runs", field="VEHICLE",
+            remedy="Give a vehicle, or --fit RUNS.csv",
+        )  # fmt: skip
+    _only_with_fit(column, where, power_at, shortest)
+    numbers = {
+        name: quantity(text, unit, option) or 0.0
+        for name, text, unit, option in (
+            ("weight_error", weight_error, "m3", "--weight-error"),
+            ("speed", speed, "m/s", "--speed"),
+            ("diameter", thruster_diameter, "m", "--thruster-diameter"),
+            ("efficiency", thruster_efficiency, "", "--thruster-efficiency"),
+            ("idle_power", thruster_idle, "W", "--thruster-idle"),
+        )
+    }
+    wanted = quantity(depth, "m", "--depth")
+    with progress("reckoning"):
+        from swimbladder.energy import Thruster, drive_energy, hovering, profiling
+        from swimbladder.energy.sentences import assumptions, drive_sentences, versus_sentences
+        from swimbladder.report.energy import energy_json, write_energy
+
+        water = _water(v, cast, wanted)
+        found = drive_energy(v, water)
+        thruster = Thruster(
+            diameter=numbers["diameter"], efficiency=numbers["efficiency"],
+            number=thruster_number, idle_power=numbers["idle_power"],
+        )  # fmt: skip
+        hover = hovering(found, thruster, weight_error=numbers["weight_error"])
+        dive = profiling(found, thruster, speed=numbers["speed"])
+        said = [*drive_sentences(found), *versus_sentences(hover, dive, found)]
+        rests = assumptions(found, thruster)
+        answer = {
+            **energy_json(found, hover, dive),
+            "thruster": thruster._asdict(),
+            "sentences": said,
+            "assumptions": rests,
+        }
+        files = write_energy(found, hover, dive, out, answer=json_text(answer))
+    if json:
+        emit_json({**answer, "files": [str(path) for path in files]})
+        return
+    _print(found, said, rests)
+    for path in files:
+        output.print(f"wrote {path}", soft_wrap=True)
+
+
+def _only_with_fit(
+    column: list[str] | None, where: list[str] | None, power_at: str, shortest: str
+) -> None:
+    """Raise InputError for an option that only a fit reads."""
+    from swimbladder.errors import InputError
+
+    for option, given in (
+        ("--column", bool(column)), ("--where", bool(where)), ("--power-at", power_at != "mean"),
+        ("--shortest", shortest != "0 s"),
+    ):  # fmt: skip
+        if given:
+            raise InputError(
+                "this says how a table of runs is read, and there is none", field=option,
+                remedy="Give --fit RUNS.csv too",
+            )  # fmt: skip
+
+
+def _water(v: Vehicle, cast: Path | None, wanted: float | None) -> Column:
+    """Return the water down to the wanted depth, the vehicle's rating or the cast's end."""
+    from swimbladder.seawater import cast_column, uniform_column
+
+    rating = v.hull.depth_limit
+    deepest = wanted if wanted is not None else rating
+    if cast is None:
+        deepest = _DEEP if deepest is None else deepest
+        return uniform_column(v.water, deepest, step=min(1.0, deepest / 100.0))
+    from swimbladder.io.casts import read_cast
+
+    read = read_cast(cast)
+    if wanted is None:
+        whole = cast_column(read, None)
+        if deepest is None or whole.deepest <= deepest:
+            return whole
+    return cast_column(read, deepest)
+
+
+def _fit(
+    path: Path,
+    v: Vehicle | None,
+    column: list[str],
+    where: list[str],
+    power_at: str,
+    shortest: str,
+    out: Path,
+    json: bool,
+) -> None:
+    from swimbladder.cli.logs import pair
+    from swimbladder.errors import InputError
+    from swimbladder.parameters import PowerLawPump, PumpAndValve
+
+    if power_at not in ("mean", "end"):
+        raise InputError(
+            "a power is not read then", field="--power-at", value=power_at,
+            remedy="Allowed: mean (over the run), end (of it)",
+        )  # fmt: skip
+    if v is not None and not isinstance(v.actuator, PumpAndValve):
+        raise InputError(
+            "a pump that runs or not is no part of this actuator", field="actuator.kind",
+            value=v.actuator.kind, remedy="Give a vehicle of kind pump-valve, or none",
+        )  # fmt: skip
+    least = quantity(shortest, "s", "--shortest") or 0.0
+    at: Literal["mean", "end"] = "end" if power_at == "end" else "mean"
+    with progress("reading and fitting"):
+        from swimbladder.energy import PumpRuns, fit_pump, fitted_vehicle
+        from swimbladder.energy.sentences import fit_sentences
+        from swimbladder.io.pump_runs import read_pump_runs
+        from swimbladder.report.energy import fit_json, write_fit
+
+        table = read_pump_runs(
+            path,
+            columns=dict(pair(text, "--column") for text in column),
+            where=dict(pair(text, "--where") for text in where),
+        )
+        found = fit_pump(PumpRuns(**table._asdict()), power_at=at, shortest=least)
+        fitted = None
+        if v is not None and isinstance(v.actuator, PumpAndValve):
+            if "delivery" not in found.parameters and not isinstance(v.actuator.pump, PowerLawPump):
+                raise InputError(
+                    "without measured volumes the pump of the vehicle keeps its delivery, and one "
+                    "from datasheets has none to keep", field="volume_m3",
+                    remedy="Log the volume of each run, give the vehicle's pump as kind power-law, "
+                    "or leave the vehicle out",
+                )  # fmt: skip
+            fitted = fitted_vehicle(v, found)
+        answer = {**fit_json(found), "sentences": fit_sentences(found), "report": table.report}
+        files = write_fit(found, fitted, out, answer=json_text(answer))
+    if json:
+        emit_json({**answer, "files": [str(path) for path in files]})
+        return
+    _print_fit(found, fit_sentences(found))
+    for line in table.report:
+        output.print(line, soft_wrap=True)
+    for written in files:
+        output.print(f"wrote {written}", soft_wrap=True)
+
+
+def _print(found: DriveEnergy, said: list[str], rests: tuple[str, ...]) -> None:
+    import numpy as np
+    from rich.table import Table
+
+    v, m = found.vehicle, found.map
+    output.print(f"{v.name}, {v.actuator.kind}", soft_wrap=True)
+    output.print("")
+    for sentence in said:
+        output.print(sentence, soft_wrap=True)
+    output.print("")
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    stages = [_SHORT[name] for name in found.stages]
+    names = ["depth", "out", "power", "energy", "whole", *stages, "in", "hold"]
+    units = ["m", "mL/s", "W", "J/mL", "%", *["%" for _ in found.stages], "mL/s", "W"]
+    for name, unit in zip(names, units, strict=True):
+        table.add_column(f"{name}\n{unit}", justify="right")
+    last = found.column.depth.size - 1
+    for i in np.unique(np.linspace(0, last, min(_LINES, last + 1)).round().astype(int)):
+        values: list[Any] = [
+            found.column.depth[i], m.rate_out[i] * 1e6, m.power_out[i], found.per_volume[i] * 1e-6,
+            found.efficiency[i] * 100.0, *(stage[i] * 100.0 for stage in found.stages.values()),
+            m.rate_in[i] * 1e6, m.holding_power[i],
+        ]  # fmt: skip
+        table.add_row(*(f"{x:.3g}" if np.isfinite(x) and abs(x) < 999.5 else
+                        f"{x:.0f}" if np.isfinite(x) else "-" for x in values))  # fmt: skip
+    output.print(table)
+    output.print("")
+    for sentence in rests:
+        output.print(f"reckoned with: {sentence}", soft_wrap=True)
+
+
+def _print_fit(found: PumpFit, said: tuple[str, ...]) -> None:
+    from rich.table import Table
+
+    for sentence in said:
+        output.print(sentence, soft_wrap=True)
+    output.print("")
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    for heading in ("parameter", "value", "95 % from", "to", "unit"):
+        table.add_column(heading, justify="left" if heading in ("parameter", "unit") else "right")
+    shown = {
+        "W/Pa": ("mW/dbar", 1e7), "m3/s": ("mL/s", 1e6), "m3/s/Pa": ("mL/s/MPa", 1e12),
+        "m3": ("mL", 1e6),
+    }  # fmt: skip
+    for name, e in found.parameters.items():
+        unit, factor = shown.get(e.unit, (e.unit, 1.0))
+        numbers = (e.value, *e.ci95)
+        table.add_row(name, *(f"{x * factor:.4g}" for x in numbers), unit)
+    output.print(table)
+    output.print("")

@@ -1,0 +1,27 @@
+"""What changing the volume costs: over depth, against a thruster, and from logged runs of a pump.
+
+chain: joules per volume, rate, power and efficiencies over depth. thruster, versus: the same task
+by a thruster, after the question of Carneiro et al. (IEEE J. Oceanic Eng., 2020). fit: a pump's
+power law and delivery, with uncertainty, from runs that a vehicle logged.
+"""
+
+from __future__ import annotations
+
+from swimbladder.energy.chain import DriveEnergy, drive_energy
+from swimbladder.energy.fit import PumpFit, PumpRuns, fit_pump, fitted_vehicle
+from swimbladder.energy.thruster import Thruster
+from swimbladder.energy.versus import Hovering, Profiling, hovering, profiling
+
+__all__ = [
+    "DriveEnergy",
+    "Hovering",
+    "Profiling",
+    "PumpFit",
+    "PumpRuns",
+    "Thruster",
+    "drive_energy",
+    "fit_pump",
+    "fitted_vehicle",
+    "hovering",
+    "profiling",
+]

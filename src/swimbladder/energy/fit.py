@@ -1,0 +1,306 @@
+"""A pump's power law and delivery from runs that a vehicle logged, and how sure they are.
+
+Each run of the pump against a pressure p over a time t, at a temperature T, has::
+
+    mean power     P = idle + per_pressure p + per_kelvin (T - 15 degC) - lost_energy/t
+    volume         V = (delivery - slip p) t - start_volume
+
+Both are linear in what is not known, and solved by least squares. What is lost at the start is in
+them where runs of several lengths tell it; a power that was read at the end of a run has none.
+Powers weigh by their time, so that the energy fits; volumes weigh alike, as a meter's error does.
+
+How sure: runs of one dive share what no column says (the battery, the oil, the weather), and long
+runs err otherwise than short ones. So whole dives are left out one by one, and the numbers that
+then come out tell the covariance (the jackknife over clusters, CR3: R. M. Bell and D. F. McCaffrey,
+Survey Methodology 28, 2002, 169), with the quantiles of Student's t for one degree of freedom less
+than dives. It holds for any correlation within dives and any spread of the errors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from swimbladder.buoyancy_engine import REFERENCE_TEMPERATURE
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.oil import ATMOSPHERIC_PRESSURE
+from swimbladder.parameters import PowerLawPump, PumpAndValve, Vehicle
+
+__all__ = ["Estimate", "PumpFit", "PumpRuns", "fit_pump", "fitted_vehicle"]
+
+Array = NDArray[np.float64]
+_FEWEST = 3  # dives, or runs where no dives are told apart: fewer leave no spread to be known
+_UNITS = {
+    "idle_power": "W", "power_per_pressure": "W/Pa", "power_per_temperature": "W/K",
+    "lost_energy": "J", "delivery": "m3/s", "slip": "m3/s/Pa", "start_volume": "m3",
+}  # fmt: skip
+_WARM = 0.5  # K, standard deviation of the temperatures that tell a dependence on them
+_LENGTHS = 0.1  # relative standard deviation of the durations that tell what a start loses
+
+
+@dataclass(frozen=True, kw_only=True)
+class PumpRuns:
+    """Runs of a pump, one a row [n]; NaN in what was not logged."""
+
+    duration: Array  # s
+    pressure: Array  # Pa above the atmosphere
+    power: Array  # W, mean over the run or read at its end
+    volume: Array | None = None  # m3 pressed out
+    temperature: Array | None = None  # degC
+    dive: Array | None = None  # number of the dive
+    report: tuple[str, ...] = ()
+
+
+class Estimate(NamedTuple):
+    """A number and how sure it is."""
+
+    value: float
+    std: float
+    ci95: tuple[float, float]
+    unit: str
+
+
+class Predicted(NamedTuple):
+    """A dive as it was, and as the other dives say it should have been."""
+
+    dive: float
+    runs: int
+    deepest: float  # Pa, greatest pressure
+    energy: float  # J
+    predicted: float  # J
+    volume: float  # m3, NaN where it was not measured
+    predicted_volume: float  # m3
+
+
+@dataclass(frozen=True, kw_only=True)
+class PumpFit:
+    """What runs of a pump tell."""
+
+    runs: PumpRuns
+    kept: NDArray[np.bool_]  # the runs that count
+    parameters: dict[str, Estimate]
+    power_rms: float  # W, of the powers
+    volume_rms: float  # m3, of the volumes; NaN without
+    clusters: int  # dives, or runs where no dives are told apart
+    dives: tuple[Predicted, ...] = field(default=())  # each from all the others
+
+    def value(self, name: str) -> float:
+        """Return a number, 0 where it was not among the unknown ones."""
+        found = self.parameters.get(name)
+        return 0.0 if found is None else found.value
+
+
+def fit_pump(
+    runs: PumpRuns,
+    *,
+    power_at: Literal["mean", "end"] = "mean",
+    shortest: float = 0.0,
+    start: bool = True,
+    temperature: bool = True,
+) -> PumpFit:
+    """Return power law and delivery of a pump from its runs.
+
+    power_at: whether a run's power is its mean or was read at its end. shortest: runs shorter than
+    this [s] are left out. start, temperature: whether these terms may be fitted, where the runs can
+    tell them. Raises NoAnswerError where the runs cannot tell what is asked, naming what lacks.
+    """
+    finite = np.isfinite(runs.duration) & np.isfinite(runs.pressure) & np.isfinite(runs.power)
+    kept = finite & (runs.duration > 0.0) & (runs.duration >= shortest)
+    dive = np.arange(kept.size, dtype=float) if runs.dive is None else runs.dive
+    kept &= np.isfinite(dive)
+    warm = _warm(runs, kept) if temperature else None
+    if warm is not None:
+        kept &= np.isfinite(warm)
+    design = _Design(runs, warm, power_at, start and _lengths_differ(runs.duration[kept]))
+    groups = np.unique(dive[kept])
+    _check(runs, kept, groups)
+    powers = _Least.of(*design.power(kept), dive[kept])
+    parameters = _estimates(design.power_names, powers)
+    power_rms = float(np.sqrt(np.mean(powers.residual**2)))
+    volume_rms, volumes = float("nan"), None
+    measured = np.zeros(kept.size, bool)
+    if runs.volume is not None:
+        measured = kept & np.isfinite(runs.volume)
+        if len(np.unique(dive[measured])) >= _FEWEST:
+            volumes = _Least.of(*design.volume(measured), dive[measured])
+            parameters |= _estimates(design.volume_names, volumes)
+            volume_rms = float(np.sqrt(np.mean(volumes.residual**2)))
+    dives = () if runs.dive is None else tuple(
+        _predicted(runs, design, kept, measured, dive, number, powers, volumes)
+        for number in groups
+    )  # fmt: skip
+    return PumpFit(
+        runs=runs, kept=kept, parameters=parameters, power_rms=power_rms, volume_rms=volume_rms,
+        clusters=len(groups), dives=dives,
+    )  # fmt: skip
+
+
+def fitted_vehicle(vehicle: Vehicle, fit: PumpFit) -> Vehicle:
+    """Return a pump-and-valve vehicle with the pump that runs told.
+
+    A slip, start loss or warmth below 0 is not distinguishable from none, and taken as 0. Without
+    measured volumes delivery, slip and start loss stay, where the vehicle has a power law.
+    Logged pressures are the sea's above the atmosphere, and the pump beats besides what the
+    reservoir's gas lacks of an atmosphere.
+    """
+    a = vehicle.actuator
+    assert isinstance(a, PumpAndValve)
+    old = a.pump if isinstance(a.pump, PowerLawPump) else None
+    told = "delivery" in fit.parameters
+    assert told or old is not None
+    lack = ATMOSPHERIC_PRESSURE - a.internal_pressure
+    slip, per_pressure = max(fit.value("slip"), 0.0), max(fit.value("power_per_pressure"), 0.0)
+    pump = PowerLawPump(
+        delivery=fit.value("delivery") + slip * lack if told or old is None else old.delivery,
+        slip=slip if told or old is None else old.slip,
+        idle_power=fit.value("idle_power") - per_pressure * lack,
+        power_per_pressure=per_pressure,
+        power_per_temperature=min(fit.value("power_per_temperature"), 0.0),
+        stall_pressure=None if old is None else old.stall_pressure,
+    )
+    start = max(fit.value("start_volume"), 0.0) if told else a.start_volume
+    actuator = a.model_copy(update={"pump": pump, "start_volume": start})
+    return vehicle.model_copy(update={"actuator": actuator})
+
+
+class _Design:
+    """The rows of the two linear problems."""
+
+    def __init__(self, runs: PumpRuns, warm: Array | None, power_at: str, start: bool) -> None:
+        self.runs, self.warm, self.end = runs, warm, power_at == "end"
+        self.lost = start and not self.end
+        self.start = start
+        self.power_names = ["idle_power", "power_per_pressure"]
+        self.power_names += ["power_per_temperature"] if warm is not None else []
+        self.power_names += ["lost_energy"] if self.lost else []
+        self.volume_names = ["delivery", "slip"] + (["start_volume"] if start else [])
+
+    def power(self, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """Return matrix, powers [W] and weights of the powers of some rows."""
+        r = self.runs
+        columns = [np.ones(int(rows.sum())), r.pressure[rows]]
+        columns += [] if self.warm is None else [self.warm[rows] - REFERENCE_TEMPERATURE]
+        columns += [-1.0 / r.duration[rows]] if self.lost else []
+        weight = np.ones(int(rows.sum())) if self.end else r.duration[rows]
+        return np.column_stack(columns), r.power[rows], weight
+
+    def volume(self, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """Return matrix, volumes [m3] and weights of the volumes of some rows."""
+        r = self.runs
+        assert r.volume is not None
+        t = r.duration[rows]
+        columns = [t, -r.pressure[rows] * t] + ([-np.ones(t.size)] if self.start else [])
+        return np.column_stack(columns), r.volume[rows], np.ones(t.size)
+
+
+class _Least(NamedTuple):
+    """A weighted least-squares solution, and those without each cluster."""
+
+    solution: Array
+    covariance: Array
+    residual: Array
+    without: dict[float, Array]
+
+    @classmethod
+    def of(cls, A: Array, y: Array, weight: Array, cluster: Array) -> _Least:
+        root = np.sqrt(weight / weight.mean())
+        scale = np.abs(A).max(axis=0)
+        B, b = A / scale * root[:, None], y * root
+        if np.linalg.matrix_rank(B) < B.shape[1]:
+            raise NoAnswerError(
+                "the runs do not tell power and delivery apart from pressure and duration: log "
+                "runs at several depths and of several lengths"
+            )
+        solution = np.linalg.lstsq(B, b, rcond=None)[0]
+        without = {}
+        for number in np.unique(cluster):
+            others = cluster != number
+            if np.linalg.matrix_rank(B[others]) < B.shape[1]:
+                raise NoAnswerError(
+                    f"only dive {number:g} tells how the numbers depend on pressure: without "
+                    "another one at its depth nothing says how sure they are. Log a second one"
+                )
+            without[float(number)] = np.linalg.lstsq(B[others], b[others], rcond=None)[0]
+        apart = np.array(list(without.values())) - solution
+        G = len(without)
+        covariance = (G - 1.0) / G * apart.T @ apart
+        back = {number: x / scale for number, x in without.items()}
+        return cls(
+            solution / scale, covariance / np.outer(scale, scale), y - A @ (solution / scale), back
+        )
+
+
+def _estimates(names: list[str], found: _Least) -> dict[str, Estimate]:
+    factor = float(student.ppf(0.975, len(found.without) - 1))
+    std = np.sqrt(np.diag(found.covariance))
+    return {
+        name: Estimate(float(x), float(s), (float(x - factor * s), float(x + factor * s)),
+                       _UNITS[name])
+        for name, x, s in zip(names, found.solution, std, strict=True)
+    }  # fmt: skip
+
+
+def _predicted(
+    runs: PumpRuns,
+    design: _Design,
+    kept: NDArray[np.bool_],
+    measured: NDArray[np.bool_],
+    dive: Array,
+    number: float,
+    powers: _Least,
+    volumes: _Least | None,
+) -> Predicted:
+    rows = kept & (dive == number)
+    A, power, _ = design.power(rows)
+    t = runs.duration[rows]
+    energy = float((np.maximum(A @ powers.without[float(number)], 0.0) * t).sum())
+    volume = predicted = float("nan")
+    own = measured & rows
+    if volumes is not None and runs.volume is not None and own.any():
+        B, pressed, _ = design.volume(own)
+        volume = float(pressed.sum())
+        predicted = float(np.maximum(B @ volumes.without[float(number)], 0.0).sum())
+    return Predicted(
+        float(number), int(rows.sum()), float(runs.pressure[rows].max()),
+        float((power * t).sum()), energy, volume, predicted,
+    )  # fmt: skip
+
+
+def _warm(runs: PumpRuns, kept: NDArray[np.bool_]) -> Array | None:
+    """Return the temperatures [degC] where they tell a dependence, None otherwise."""
+    T = runs.temperature
+    if T is None:
+        return None
+    known = kept & np.isfinite(T)
+    if known.sum() < 0.8 * kept.sum() or np.std(T[known]) < _WARM:
+        return None
+    return T
+
+
+def _lengths_differ(duration: Array) -> bool:
+    return bool(duration.size and np.std(duration) > _LENGTHS * np.mean(duration))
+
+
+def _check(runs: PumpRuns, kept: NDArray[np.bool_], groups: Array) -> None:
+    what = "runs" if runs.dive is None else "dives"
+    if len(groups) < _FEWEST:
+        raise NoAnswerError(
+            f"{len(groups)} {what} with duration, pressure and power are too few to tell how sure "
+            f"a power law is: log {_FEWEST} or more"
+        )
+    span = float(np.ptp(runs.pressure[kept]))
+    if span < 1e4:
+        raise NoAnswerError(
+            f"all runs are within {span / 1e4:.2g} dbar: nothing tells how power and delivery "
+            "depend on pressure. Log runs at several depths"
+        )
+    if np.any(runs.pressure[kept] < -2e5) or np.any(runs.pressure[kept] > 1.2e8):
+        raise InputError(
+            "no pressure of a sea", field="pressure_Pa", unit="Pa",
+            value=float(runs.pressure[kept][np.argmax(np.abs(runs.pressure[kept]))]),
+            remedy='State its unit: --column "pressure_Pa=NAME@dbar"',
+        )  # fmt: skip

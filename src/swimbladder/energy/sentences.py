@@ -1,0 +1,134 @@
+"""The answers of `energy` in words."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from swimbladder.energy.chain import DriveEnergy
+from swimbladder.energy.fit import PumpFit
+from swimbladder.energy.thruster import Thruster
+from swimbladder.energy.versus import Hovering, Profiling
+from swimbladder.units import rounded
+
+__all__ = ["assumptions", "drive_sentences", "fit_sentences", "versus_sentences"]
+
+_DAY, _HOUR, _MINUTE = 86400.0, 3600.0, 60.0
+
+
+def drive_sentences(found: DriveEnergy) -> tuple[str, ...]:
+    """Return what pressing out costs at the deepest depth, and where the drive stalls."""
+    z, m = found.column.deepest, found.map
+    said = []
+    if m.rate_out[-1] > 0.0:
+        said.append(
+            f"Pressing out at {z:g} m takes {found.per_volume[-1] * 1e-6:.3g} J/mL: "
+            f"{m.rate_out[-1] * 1e6:.3g} mL/s with {m.power_out[-1]:.3g} W, "
+            f"{found.efficiency[-1]:.0%} of which reach the water."
+        )
+    else:
+        said.append(f"Nothing is pressed out at {z:g} m: the drive has stalled.")
+    if math.isinf(found.stall):
+        said.append("It presses against the pressure of any sea.")
+    else:
+        said.append(
+            f"It stalls at {rounded(found.stall_depth)} m ({rounded(found.stall / 1e5)} bar)."
+        )
+    if m.holding_power[-1] > 0.0:
+        said.append(f"Holding the volume there takes {m.holding_power[-1]:.3g} W all the time.")
+    if m.start_volume[-1] > 0.0:
+        said.append(
+            f"Each start of the pump there falls short by {m.start_volume[-1] * 1e6:.3g} mL."
+        )
+    return tuple(said)
+
+
+def versus_sentences(hover: Hovering, dive: Profiling, found: DriveEnergy) -> tuple[str, ...]:
+    """Return who takes less, and from where on."""
+    z = found.column.deepest
+    said = []
+    once, power = hover.engine_energy[-1], hover.thruster_power[-1]
+    what = f"Hovering at {z:g} m with {hover.weight_error * 1e6:.3g} mL too heavy"
+    if math.isinf(hover.break_even[-1]):
+        said.append(f"{what}: the thruster takes less, {power:.3g} W, however long it lasts.")
+    else:
+        said.append(
+            f"{what}: the engine takes {rounded(once, 3)} J once"
+            + (f" and {hover.engine_power[-1]:.2g} W" if hover.engine_power[-1] > 0.0 else "")
+            + f", a thruster {power:.3g} W; after {_time(hover.break_even[-1])} the engine "
+            "has taken less."
+        )
+    what = f"Down to {z:g} m and back at {dive.speed:g} m/s"
+    if math.isnan(dive.engine[-1]):
+        why = (
+            f"the stroke suffices to {rounded(max(dive.stroke_depth, 0.0))} m only"
+            if dive.stroke_depth < z
+            else "the drive stalls on the way"
+        )
+        said.append(
+            f"{what}: not by this engine, {why}; a thruster takes {rounded(dive.thruster[-1])} J."
+        )
+        return tuple(said)
+    said.append(
+        f"{what}: the engine takes {rounded(dive.engine[-1])} J, a thruster "
+        f"{rounded(dive.thruster[-1])} J; the drag alone is {rounded(dive.drag[-1])} J."
+    )
+    if dive.break_even == 0.0:
+        said.append("The engine takes less on dives to any depth.")
+    elif math.isinf(dive.break_even):
+        said.append("The thruster takes less on dives to any depth down to there.")
+    else:
+        said.append(f"The engine takes less on dives to {rounded(dive.break_even, 3)} m or deeper.")
+    return tuple(said)
+
+
+def assumptions(found: DriveEnergy, thruster: Thruster) -> tuple[str, ...]:
+    """Return what the answers rest on."""
+    said = [
+        f"the water: {found.column.source}, {found.column.deepest:g} m deep",
+        f"{thruster.number} thruster{'s' if thruster.number > 1 else ''} of "
+        f"{thruster.diameter * 1e3:.3g} mm with {thruster.efficiency:.0%} of an ideal disc's "
+        f"efficiency and {thruster.idle_power:g} W of idle power each (--thruster-diameter, "
+        "--thruster-efficiency, --thruster-number, --thruster-idle)",
+        "steady speeds at full voltage; processor, sensors and driver's standby not counted",
+    ]
+    return (*said, *found.column.report)
+
+
+def fit_sentences(fit: PumpFit) -> tuple[str, ...]:
+    """Return what the runs tell, and how well dives are told by the others."""
+    said = [
+        f"{int(fit.kept.sum())} runs"
+        + (f" of {fit.clusters} dives" if fit.dives else "")
+        + f": power within {fit.power_rms:.2g} W rms"
+        + ("" if math.isnan(fit.volume_rms) else f", volumes within {fit.volume_rms * 1e6:.2g} mL")
+        + "."
+    ]
+    if fit.dives:
+        error = np.array([d.predicted / d.energy - 1.0 for d in fit.dives if d.energy > 0.0])
+        said.append(
+            f"Each dive's energy told by the others: within {np.median(np.abs(error)):.1%} "
+            f"(median), {np.max(np.abs(error)):.1%} at worst."
+        )
+        volume = np.array(
+            [d.predicted_volume / d.volume - 1.0 for d in fit.dives if d.volume > 0.0]
+        )
+        if volume.size:
+            said.append(
+                f"Each dive's volume: within {np.median(np.abs(volume)):.1%} (median), "
+                f"{np.max(np.abs(volume)):.1%} at worst."
+            )
+    left = int((~fit.kept).sum())
+    if left:
+        said.append(f"{left} runs were left out: too short, or without pressure or power.")
+    if "delivery" not in fit.parameters:
+        said.append("No volumes were measured: the delivery is not told.")
+    return tuple(said)
+
+
+def _time(seconds: float) -> str:
+    for size, name in ((_DAY, "d"), (_HOUR, "h"), (_MINUTE, "min")):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.3g} {name}"
+    return f"{seconds:.3g} s"

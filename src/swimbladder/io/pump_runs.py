@@ -1,0 +1,142 @@
+"""Runs of a pump from a table: one row a run, columns named and mapped as those of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import LogError
+from swimbladder.io.log_format import LogColumn, LogFormat, log_format
+from swimbladder.io.log_sources import column_readings, listed
+from swimbladder.io.log_table import read_table
+from swimbladder.parameters.schema import did_you_mean
+
+__all__ = ["RUN_COLUMNS", "RunTable", "read_pump_runs"]
+
+Array = NDArray[np.float64]
+RUN_COLUMNS = {
+    "duration_s": "s",
+    "pressure_Pa": "Pa",
+    "power_W": "W",
+    "voltage_V": "V",
+    "current_A": "A",
+    "volume_m3": "m3",
+    "temperature_degC": "degC",
+    "dive": "",
+}
+"""The columns of a table of runs and their units; power, or voltage and current."""
+_LONGEST = 86400.0  # s: a run of more than a day is a duration in the wrong unit
+
+
+class RunTable(NamedTuple):
+    """The columns of a table of runs [n]; None where there is none, NaN where a cell is empty."""
+
+    duration: Array  # s
+    pressure: Array  # Pa above the atmosphere
+    power: Array  # W
+    volume: Array | None  # m3
+    temperature: Array | None  # degC
+    dive: Array | None  # -
+    report: tuple[str, ...]
+
+
+def read_pump_runs(
+    path: str | Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    where: Mapping[str, str | float] | None = None,
+    form: LogFormat | str | Path | None = None,
+) -> RunTable:
+    """Return the runs in a CSV or Parquet file.
+
+    columns: {"pressure_Pa": "P@dbar"}, names of RUN_COLUMNS. where: {"device": "pump"} keeps the
+    rows that hold it. form: how the text is to be read, as for logs.
+    Raises LogError, an InputError, with file, line, column, value and remedy.
+    """
+    mapped = dict(columns or {})
+    for name in mapped:
+        if name not in RUN_COLUMNS:
+            raise LogError(
+                "no such column of a table of runs", file=path, field=name,
+                remedy=f"{did_you_mean(name, RUN_COLUMNS)}Columns: {', '.join(RUN_COLUMNS)}",
+            )  # fmt: skip
+
+    def choose(header: list[str]) -> dict[str, LogColumn]:
+        return _sources(mapped, header, path)
+
+    wanted = [set(column_readings(given)) for given in mapped.values()]
+    wanted += [{name} for name in ("duration_s", "pressure_Pa") if name not in mapped]
+    text = (
+        form if isinstance(form, LogFormat) else LogFormat() if form is None else log_format(form)
+    )
+    found = read_table(path, text, where or {}, choose, wanted, RUN_COLUMNS)
+    values = found.values
+    power = values.get("power_W")
+    if power is None:
+        power = values["voltage_V"] * values["current_A"]
+    _check(values, found.line, path)
+    return RunTable(
+        values["duration_s"], values["pressure_Pa"], power, values.get("volume_m3"),
+        values.get("temperature_degC"), values.get("dive"), found.report,
+    )  # fmt: skip
+
+
+def _sources(
+    mapped: Mapping[str, str], header: list[str], path: str | Path
+) -> dict[str, LogColumn]:
+    """Return which column of the file each column of the table is read from."""
+    sources = {name: LogColumn(name=name) for name in RUN_COLUMNS if name in header}
+    for name, given in mapped.items():
+        readings = column_readings(given)
+        fitting = [column for reading, column in readings.items() if reading in header]
+        if not fitting:
+            raise LogError(
+                "the file has no such column", file=path, field=name, value=given,
+                remedy=f"Columns of the file: {listed(header)}",
+            )  # fmt: skip
+        sources[name] = fitting[0]
+    if "power_W" in sources:
+        sources.pop("voltage_V", None)
+        sources.pop("current_A", None)
+    needed = ["duration_s", "pressure_Pa"]
+    needed += [] if "power_W" in sources else ["voltage_V", "current_A"]
+    for name in needed:
+        if name not in sources:
+            or_both = ", or power_W" if name in ("voltage_V", "current_A") else ""
+            raise LogError(
+                f"the table has no column {name}{or_both}", file=path, field=name,
+                remedy=f'Say which one it is with --column "{name}=NAME@UNIT"; columns of the '
+                f"file: {listed(header)}",
+            )  # fmt: skip
+    return sources
+
+
+def _check(values: Mapping[str, Array], line: NDArray[np.int64], path: str | Path) -> None:
+    """Raise LogError for numbers that no run of a pump has."""
+    for name, low, high, unit, remedy in (
+        ("duration_s", 0.0, _LONGEST, "s", "duration_s=NAME@ms"),
+        ("pressure_Pa", -2e5, 1.2e8, "Pa", "pressure_Pa=NAME@dbar"),
+        ("temperature_degC", -5.0, 60.0, "degC", "temperature_degC=NAME@degC"),
+        ("volume_m3", -0.1, 0.1, "m3", "volume_m3=NAME@mL"),
+    ):
+        v = values.get(name)
+        if v is None:
+            continue
+        bad = np.flatnonzero((v < low) | (v > high))
+        if bad.size:
+            raise LogError(
+                "no run of a pump has this", file=path, line=int(line[bad[0]]), field=name,
+                value=float(v[bad[0]]), unit=unit, remedy=f'State its unit: --column "{remedy}"',
+            )  # fmt: skip
+    pressure = values["pressure_Pa"]
+    known = pressure[np.isfinite(pressure)]
+    if known.size and float(np.max(known)) < 2.5e4:
+        raise LogError(
+            f"the greatest pressure is {float(np.max(known)):.4g} Pa, that of 2.5 m of water at "
+            "most: it is likely in dbar or bar", file=path, field="pressure_Pa",
+            remedy='State its unit: --column "pressure_Pa=NAME@dbar"',
+        )  # fmt: skip

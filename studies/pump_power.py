@@ -1,0 +1,255 @@
+"""How well a power law tells what pumps drew: a float and gliders, each dive from the others.
+
+``python -m studies.pump_power DATA`` prints the tables. DATA is the folder that has
+``mermaid_p0051`` (an electrohydraulic float) and ``seaglider``; either may be missing. Numbers are
+identified with `energy.fit_pump` on all dives but one, and tell that one's energy from the log's
+run times, pressures and temperatures alone.
+"""
+
+from __future__ import annotations
+
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from swimbladder.energy import PumpFit, PumpRuns, fit_pump
+
+__all__ = ["Vehicle", "float_runs", "float_table", "glider_runs", "glider_tables", "main"]
+
+Array = NDArray[np.float64]
+_NEAR = 120.0  # s between a run and the nearest pressure, where the run itself has none
+_LONG = 20.0  # s, of a run whose power has settled: the float's own logs settle in 10 s
+_STEADY = 8.0  # s, of a glider's run long enough to tell its rate of delivery
+_SPLIT = 0.5  # share of the spread of rates that two pumps leave at most, where there are two
+_PUMPS = 0.05  # A, less is no motor: a valve opened
+
+
+class Vehicle(NamedTuple):
+    """A vehicle's runs, and the pressure above which a second pump takes over."""
+
+    name: str
+    runs: PumpRuns
+    split: float | None  # Pa
+
+
+def _seconds(times: pd.Series[pd.Timestamp]) -> Array:
+    return np.asarray(times.to_numpy().astype("datetime64[ms]").astype("int64") / 1e3)
+
+
+def float_runs(folder: Path) -> PumpRuns:
+    """Return the controlled runs of the float: a mission stage, a power read at the end.
+
+    Surfacing and filling the bladder (stage 99 or none) pump against a full bladder, not the sea.
+    """
+    actions = pd.read_csv(folder / "actions.csv.gz", parse_dates=["time"])
+    track = pd.read_csv(folder / "pressure.csv.gz", parse_dates=["time"]).sort_values("time")
+    runs = actions[
+        (actions.device == "pump") & actions.stage.notna() & (actions.stage != 99)
+        & actions.end_mV.notna()
+    ]  # fmt: skip
+    now, times = _seconds(runs.time), _seconds(track.time)
+    after = np.clip(np.searchsorted(times, now), 1, len(times) - 1)
+    gap = np.minimum(np.abs(times[after] - now), np.abs(now - times[after - 1]))
+    along = np.interp(now, times, track.P_mbar * 100.0)
+    pressure = np.where(runs.end_P_mbar.notna(), runs.end_P_mbar * 100.0, along)
+    pressure = np.where(runs.end_P_mbar.notna() | (gap < _NEAR), pressure, np.nan)
+    felt = track.T_mdegC.notna().to_numpy()
+    temperature = np.interp(now, times[felt], track.T_mdegC[felt] * 1e-3)
+    dive, _ = pd.factorize(runs.dive, sort=True)
+    return PumpRuns(
+        duration=runs.cmd_ms.to_numpy() * 1e-3,
+        pressure=pressure,
+        power=runs.end_mV.to_numpy() * 1e-3 * runs.end_uA.to_numpy() * 1e-6,
+        temperature=temperature,
+        dive=dive.astype(float),
+    )
+
+
+def float_table(runs: PumpRuns) -> tuple[PumpFit, pd.DataFrame]:
+    """Return the fit to the long runs and, dive by dive, measured and predicted energy [J].
+
+    All controlled runs of a dive count in its energy, short ones too.
+    """
+    fitted = fit_pump(runs, power_at="end", shortest=_LONG)
+    assert runs.dive is not None
+    assert runs.temperature is not None
+    rows = []
+    usable = np.isfinite(runs.pressure) & np.isfinite(runs.power) & np.isfinite(runs.temperature)
+    for number in np.unique(runs.dive[usable]):
+        own = usable & (runs.dive == number)
+        others = _only(runs, runs.dive != number)
+        found = fit_pump(others, power_at="end", shortest=_LONG)
+        power = (
+            found.value("idle_power")
+            + found.value("power_per_pressure") * runs.pressure[own]
+            + found.value("power_per_temperature") * (runs.temperature[own] - 15.0)
+        )
+        t = runs.duration[own]
+        rows.append(
+            (int(number), int(own.sum()), runs.pressure[own].max() / 1e4,
+             float((runs.power[own] * t).sum()), float((power * t).sum()))
+        )  # fmt: skip
+    table = pd.DataFrame(rows, columns=["dive", "runs", "deepest_dbar", "measured_J", "told_J"])
+    return fitted, table.assign(error=table.told_J / table.measured_J - 1.0)
+
+
+def _only(runs: PumpRuns, rows: NDArray[np.bool_]) -> PumpRuns:
+    def part(values: Array | None) -> Array | None:
+        return None if values is None else values[rows]
+
+    return PumpRuns(
+        duration=runs.duration[rows], pressure=runs.pressure[rows], power=runs.power[rows],
+        volume=part(runs.volume), temperature=part(runs.temperature), dive=part(runs.dive),
+    )  # fmt: skip
+
+
+def glider_runs(folder: Path) -> list[Vehicle]:
+    """Return the pump's runs of every glider: mean power, volume by the two potentiometers."""
+    import gsw
+
+    events = pd.read_parquet(folder / "gc_events.parquet")
+    dives = pd.read_csv(folder / "dives.csv")
+    columns = ["dive", "platform", "log_VBD_CNV", "avg_latitude"]
+    e = events.merge(dives[columns], on="dive")
+    moved = (
+        e.gc_vbd_pot1_ad + e.gc_vbd_pot2_ad - e.gc_vbd_pot1_ad_start - e.gc_vbd_pot2_ad_start
+    ) / 2.0
+    e = e.assign(volume=moved * e.log_VBD_CNV * 1e-6)
+    e = e[(e.gc_vbd_secs > 0.0) & (e.volume > 0.0) & (e.gc_vbd_i > _PUMPS)]
+    found = []
+    for name, own in e.groupby("platform"):
+        runs = PumpRuns(
+            duration=own.gc_vbd_secs.to_numpy(),
+            pressure=1e4 * np.asarray(gsw.p_from_z(-own.gc_depth, own.avg_latitude)),
+            power=(own.gc_vbd_volts * own.gc_vbd_i).to_numpy(),
+            volume=own.volume.to_numpy(),
+            dive=own.dive.to_numpy(float),
+        )
+        found.append(Vehicle(str(name), runs, _split(runs)))
+    return found
+
+
+def _split(runs: PumpRuns) -> float | None:
+    """Return the pressure [Pa] at which a booster leaves off and a second pump takes over.
+
+    Where two rates, one on either side, leave less than half of the spread of a straight line.
+    """
+    assert runs.volume is not None
+    long = runs.duration > _STEADY
+    order = np.argsort(runs.pressure[long])
+    p, rate = runs.pressure[long][order], (runs.volume / runs.duration)[long][order]
+    line = rate - np.polyval(np.polyfit(p, rate, 1), p)
+    spread = [
+        (float(np.sum((rate[:k] - rate[:k].mean()) ** 2 ))
+         + float(np.sum((rate[k:] - rate[k:].mean()) ** 2)), k)
+        for k in range(4, len(p) - 4)
+    ]  # fmt: skip
+    if not spread or min(spread)[0] > _SPLIT * float(line @ line):
+        return None
+    k = min(spread)[1]
+    return float(0.5 * (p[k - 1] + p[k]))
+
+
+def glider_tables(vehicle: Vehicle) -> tuple[list[PumpFit], pd.DataFrame, pd.DataFrame]:
+    """Return the fits (one for each pump), the dives, and efficiency over depth.
+
+    dives: measured and told energy [J] and volume [mL]. efficiency: p dV over electrical energy of
+    the runs of more than 8 s, and that of the power law at their mean pressure.
+    """
+    runs = vehicle.runs
+    assert runs.dive is not None
+    assert runs.volume is not None
+    sides = [np.ones(runs.power.size, bool)]
+    if vehicle.split is not None:
+        sides = [runs.pressure < vehicle.split, runs.pressure >= vehicle.split]
+    fits = [fit_pump(_only(runs, side)) for side in sides]
+    dives: dict[float, list[float]] = {}
+    for fit in fits:
+        for d in fit.dives:
+            row = dives.setdefault(d.dive, [0.0] * 6)
+            row[0] += d.runs
+            row[1] = max(row[1], d.deepest / 1e4)
+            for i, x in enumerate(
+                (d.energy, d.predicted, d.volume * 1e6, d.predicted_volume * 1e6)
+            ):
+                row[2 + i] += x
+    table = pd.DataFrame(
+        [(int(number), *row) for number, row in sorted(dives.items())],
+        columns=["dive", "runs", "deepest_dbar", "measured_J", "told_J", "measured_mL", "told_mL"],
+    )
+    table = table.assign(
+        error=table.told_J / table.measured_J - 1.0,
+        volume_error=table.told_mL / table.measured_mL - 1.0,
+    )
+    long = runs.duration > _STEADY
+    work = runs.pressure * runs.volume / (runs.power * runs.duration)
+    rows = []
+    edges = np.array([0.0, 60.0, 120.0, 220.0, 400.0, 650.0, 900.0, 1100.0]) * 1e4
+    for low, high in pairwise(edges):
+        own = long & (runs.pressure >= low) & (runs.pressure < high)
+        if own.sum() < 2:
+            continue
+        p = float(runs.pressure[own].mean())
+        t = float(runs.duration[own].mean())
+        fit = fits[-1] if vehicle.split is None or p >= vehicle.split else fits[0]
+        power = fit.value("idle_power") + fit.value("power_per_pressure") * p
+        power -= fit.value("lost_energy") / t
+        rate = fit.value("delivery") - fit.value("slip") * p - fit.value("start_volume") / t
+        rows.append(
+            (p / 1e4, int(own.sum()), float(work[own].mean()), float(work[own].std()),
+             p * rate / power)
+        )  # fmt: skip
+    names = ["dbar", "runs", "efficiency", "spread", "told"]
+    return fits, table, pd.DataFrame(rows, columns=names)
+
+
+def _numbers(fit: PumpFit) -> str:
+    shown = {
+        "idle_power": ("W", 1.0), "power_per_pressure": ("mW/dbar", 1e7),
+        "power_per_temperature": ("W/K", 1.0), "lost_energy": ("J", 1.0),
+        "delivery": ("mL/s", 1e6), "slip": ("mL/s/kdbar", 1e13), "start_volume": ("mL", 1e6),
+    }  # fmt: skip
+    return ", ".join(
+        f"{name} {e.value * k:.4g} ({e.ci95[0] * k:.4g} to {e.ci95[1] * k:.4g}) {unit}"
+        for name, e in fit.parameters.items()
+        for unit, k in (shown[name],)
+    )
+
+
+def main(arguments: list[str]) -> int:
+    """Print the tables of a folder of measured data; return the exit code."""
+    if len(arguments) != 1:
+        print(__doc__)
+        return 2
+    data = Path(arguments[0])
+    pd.set_option("display.width", 160)
+    if (data / "mermaid_p0051").is_dir():
+        fit, table = float_table(float_runs(data / "mermaid_p0051"))
+        print(f"mermaid_p0051: {int(fit.kept.sum())} runs over {_LONG:g} s, rms "
+              f"{fit.power_rms:.3f} W; {_numbers(fit)}")  # fmt: skip
+        worst = table.reindex(table.error.abs().sort_values(ascending=False).index)
+        print(f"{len(table)} dives, each told by the others: median error "
+              f"{table.error.abs().median():.1%}, worst {table.error.abs().max():.1%}, "
+              f"{int((table.error.abs() <= 0.1).sum())} within 10 %")  # fmt: skip
+        print(worst.head(6).to_string(index=False, float_format=lambda x: f"{x:.4g}"))
+        print(table[table.deepest_dbar > 100.0].to_string(
+            index=False, float_format=lambda x: f"{x:.4g}"))  # fmt: skip
+    if (data / "seaglider").is_dir():
+        for vehicle in glider_runs(data / "seaglider"):
+            fits, dives, efficiency = glider_tables(vehicle)
+            print(f"\n{vehicle.name}")
+            for fit in fits:
+                print(f"{int(fit.kept.sum())} runs, rms {fit.power_rms:.2f} W and "
+                      f"{fit.volume_rms * 1e6:.1f} mL; {_numbers(fit)}")  # fmt: skip
+            for part in (dives, efficiency):
+                print(part.to_string(index=False, float_format=lambda x: f"{x:.4g}"))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
