@@ -70,7 +70,7 @@ def log(tmp_path_factory):
 def test_what_is_refused(given, said, capsys, tmp_path):
     assert main(["pool", "feup-em", *given, "--out", str(tmp_path / "out"), "--json"]) == 2
     told = capsys.readouterr()
-    assert told.out == ""
+    assert json.loads(told.out)["exit_code"] == 2
     assert said in told.err
 
 

@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     completing = "_SWIMBLADDER_COMPLETE" in os.environ
     named = next((word for word in given if not word.startswith("-")), None)
     app = _app(set(COMMANDS) if completing else {named} & set(COMMANDS))
-    return run(lambda: app(args=given, prog_name="swimbladder"))
+    return run(lambda: app(args=given, prog_name="swimbladder"), json="--json" in given)
 
 
 def _app(wanted: set[str | None]) -> typer.Typer:

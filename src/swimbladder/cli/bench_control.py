@@ -10,6 +10,7 @@ import typer
 from swimbladder.cli.common import (
     compile_notice,
     emit_json,
+    kept,
     output,
     progress,
     quantity,
@@ -88,7 +89,7 @@ def bench_control(
         from swimbladder.bench_control import bench
         from swimbladder.cli.common import json_text
         from swimbladder.report.bench_control import write_bench
-    with compile_notice(), progress("tuning and flying", 1.0) as advance:
+    with kept(out / "parts"), compile_notice(), progress("tuning and flying", 1.0) as advance:
         found = bench(v, **options, parts=out / "parts", advance=advance)
     if assumed:
         found = found.assuming(assumed)

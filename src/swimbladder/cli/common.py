@@ -7,10 +7,11 @@ import dataclasses
 import enum
 import json
 import math
+import shutil
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 
 from rich.console import Console
@@ -23,6 +24,7 @@ __all__ = [
     "console",
     "emit_json",
     "json_text",
+    "kept",
     "output",
     "progress",
     "quantity",
@@ -36,24 +38,62 @@ console = Console(stderr=True, highlight=False)
 output = Console(highlight=False, markup=False, emoji=False)
 
 
-def run(function: Callable[[], object]) -> int:
+_INTERRUPTED = 130
+
+
+def run(function: Callable[[], object], *, json: bool = False) -> int:
     """Call `function` and return the exit code.
 
     A SwimbladderError becomes one paragraph on stderr and its own code, an interruption 130; any
-    other exception is a defect and keeps its traceback.
+    other exception is a defect and keeps its traceback. json: where `function` ends so and has not
+    printed a JSON object, print one that says why.
     """
+    _printed.clear()
     try:
         function()
     except SwimbladderError as error:
         console.print("error: ", style="bold red", end="")
         console.print(str(error), markup=False, soft_wrap=True)
+        if json and not _printed:
+            place = {name: getattr(error, name, None) for name in ("file", "field")}
+            emit_json({"error": str(error), "exit_code": error.exit_code, **place})
         return error.exit_code
     except KeyboardInterrupt:
-        console.print("interrupted")
-        return 130
+        return _interrupted(json)
     except SystemExit as stop:
+        if stop.code == _INTERRUPTED:  # what typer makes of an interruption
+            return _interrupted(json)
         return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
     return 0
+
+
+def _interrupted(json: bool) -> int:
+    console.print("interrupted")
+    if json and not _printed:
+        emit_json(
+            {"error": "interrupted", "exit_code": _INTERRUPTED, "file": None, "field": None}
+        )
+    return _INTERRUPTED
+
+
+@contextlib.contextmanager
+def kept(folder: Path) -> Iterator[None]:
+    """Say, where the block does not come to its end, what of its work is kept in `folder`.
+
+    A folder in which nothing is goes away.
+    """
+    try:
+        yield
+    except BaseException:
+        if any(path.is_file() for path in folder.rglob("*")):
+            console.print(
+                f"what is done so far is kept in {folder}: the same command again goes on there; "
+                "remove that folder to begin anew",
+                markup=False, soft_wrap=True,
+            )  # fmt: skip
+        else:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
 
 
 def quantity(text: str | None, unit: str, option: str) -> float | None:
@@ -69,8 +109,12 @@ def quantity(text: str | None, unit: str, option: str) -> float | None:
         raise error.at(field=option) from None
 
 
+_printed: list[bool] = []  # whether the command has printed its JSON object
+
+
 def emit_json(answer: Mapping[str, Any]) -> None:
     """Print one JSON object on stdout; NaN and infinities become null."""
+    _printed.append(True)
     print(json_text(answer), file=sys.stdout)
 
 

@@ -11,6 +11,7 @@ import typer
 from swimbladder.cli.common import (
     compile_notice,
     emit_json,
+    kept,
     output,
     progress,
 )
@@ -69,7 +70,7 @@ def faults(
         from swimbladder.cli.faults_files import write_campaign
         from swimbladder.faults import run_missions
     keep = out.parent / f".{out.name}-unfinished"
-    with compile_notice(), progress("flying missions", 1.0) as advance:
+    with kept(keep), compile_notice(), progress("flying missions", 1.0) as advance:
         flown = run_missions(
             v, missions=missions, healthy=healthy, seed=seed, depths=depths, keep=keep,
             advance=advance,

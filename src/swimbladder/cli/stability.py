@@ -11,6 +11,7 @@ from swimbladder.cli.common import (
     compile_notice,
     emit_json,
     json_text,
+    kept,
     output,
     progress,
     quantity,
@@ -79,14 +80,15 @@ def stability(
         "draws": draws,
     }
     check_place(out)
-    kept = out.parent / f".{out.name}-parts"
+    keep = out.parent / f".{out.name}-parts"
     with progress("loading the simulator"):
         from swimbladder.plots.stability import draw_recovery, draw_robustness
         from swimbladder.plots.style import save
         from swimbladder.stability import stability as find
         from swimbladder.stability.parts import Parts
-    with compile_notice(), progress("looking for what is unstable", 1.0) as advance:
-        found = find(v, **options, keep=kept, advance=advance)
+    doing = "looking for what is unstable"
+    with kept(keep), compile_notice(), progress(doing, 1.0) as advance:
+        found = find(v, **options, keep=keep, advance=advance)
     answer = found.to_json()
     names = ["stability.json", "stability.txt"]
 
@@ -106,7 +108,7 @@ def stability(
         names.append("robustness.png")
     with progress("writing the pictures"):
         publish(out, write)
-    Parts(kept).forget()
+    Parts(keep).forget()
     files = [out / name for name in names]
     if json:
         emit_json({**answer, "files": [str(path) for path in files]})

@@ -64,8 +64,8 @@ def run_missions(
             )
     course = course_of(vehicle, depths)
     files = sources(course)
-    kept = None if keep is None else make_folder(keep / _key(course, seed, files))
     with Board(files, (ALONE, SUPERVISED)) as board:
+        kept = None if keep is None else make_folder(keep / _key(course, seed, files))
         squadron = Squadron(course, board)
         total = missions + healthy
         tables = [
