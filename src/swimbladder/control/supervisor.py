@@ -146,8 +146,8 @@ def count_blind(
 
 def rests(p: SupervisorParameters, depth: float, n: float, room: float) -> bool:
     """Return whether the vehicle may be afloat, or lie on the bottom."""
-    afloat = depth <= p.surface and n >= p.neutral - room
-    return afloat or (p.aground < math.inf and depth >= p.aground and n <= p.neutral + room)
+    afloat = depth <= p.surface and n >= -room
+    return afloat or (p.aground < math.inf and depth >= p.aground and n <= room)
 
 
 def watch_still(p: SupervisorParameters, s: SupervisorState, depth: float) -> SupervisorState:
@@ -188,8 +188,7 @@ def learn(
     weight = p.forgetting
     if known < p.remembered:
         weight = 1.0 / float(known)
-    own = smoothed(s.own, n, weight)
-    own = min(max(own, p.neutral - room), p.neutral + room)
+    own = min(max(smoothed(s.own, n, weight), -room), room)
     return s._replace(known=known, own=own, own_depth=smoothed(s.own_depth, depth, weight))
 
 
@@ -204,7 +203,7 @@ def watch_motion(
     else:
         s = smooth_motion(p, s, depth, n)
         own = room
-        center = p.neutral
+        center = 0.0
         if s.known >= p.known:
             own = p.neutral_change + p.psi_range * abs(depth - s.own_depth)
             center = s.own
@@ -391,7 +390,7 @@ def step(
         s = watch_rate(p, s, volume)
     s = count_blind(p, s, seen, good, measured)
     known = good and measured
-    n = volume - p.psi * depth
+    n = volume - p.psi * depth - p.neutral
     room = p.neutral_range + p.psi_range * abs(depth)
     resting = known and rests(p, depth, n, room)
     speed = 0.0

@@ -134,13 +134,13 @@ class SupervisorState(NamedTuple):
     following: Count  # ticks in which it did not
     z1: float  # m, depth through a low pass
     z2: float  # m, through a second
-    n1: float  # m3, volume beyond psi z through a low pass
+    n1: float  # m3, volume beyond psi z and the neutral one through a low pass
     n2: float  # m3, through a second
     settled: Count  # ticks since they began
     anchor: float  # m, around it the depth stands still
     still: Count  # ticks for which it has
     wrong: Count  # ticks in which depth and volume did not fit
-    own: float  # m3, neutral volume at the surface as the dive has shown it
+    own: float  # m3, by which the neutral volume is larger as the dive has shown it
     own_depth: float  # m, where it did, on average
     known: Count  # ticks in which it did
     deep: Count  # ticks
