@@ -11,6 +11,7 @@ from swimbladder.hull import neutral_volume, weight_mass
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
 from swimbladder.seawater import cast_column
+from tests.docs.test_reference import rows
 
 
 @pytest.fixture
@@ -57,6 +58,10 @@ def test_the_vehicle_that_is_written_is_the_one_that_was_ballasted(capsys, tmp_p
     column = cast_column(read_cast(cast, latitude=43.0, longitude=8.0), 1000.0)
     assert neutral_volume(made, column)[500] == pytest.approx(0.0, abs=1e-10)
     assert answer["covered"] is True
+    columns, keys = rows("files-written.md", "ballast")
+    assert answer.keys() == keys.keys()
+    with (out / "ballast.csv").open() as file:
+        assert next(csv.reader(file)) == list(columns)
     assert answer == json.loads((out / "ballast.json").read_text()) | {"files": answer["files"]}
 
 

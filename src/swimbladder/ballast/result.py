@@ -217,7 +217,7 @@ class Ballasting:
         )  # fmt: skip
         return (
             f"psi in this sea at {self.psi_depth:g} m: {_small(t.psi)} cm3/m ({terms}); the "
-            f"vehicle's file has {_small(self.vehicle.hull.psi)}."
+            f"vehicle's file has {_small(self.given.hull.psi)}."
         )
 
     def to_json(self) -> dict[str, Any]:
