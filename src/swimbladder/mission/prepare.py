@@ -96,6 +96,7 @@ def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
         Table.POWER_BYPASS: drive.power_bypass,
         Table.LEAKAGE: drive.leakage,
         Table.HOLDING: drive.holding_power,
+        Table.START: drive.start_volume,
     }
     table = np.zeros((len(column.depth), int(Table.WIDTH)))
     for place, values in columns.items():
@@ -150,7 +151,6 @@ def _given(
         Given.BY_VOLUME: 0.0 if by_time else 1.0,
         Given.QUANTUM: a.quantum if isinstance(a, PumpAndValve) else 0.0,
         Given.LONGEST: (a.longest_run or math.inf) if isinstance(a, PumpAndValve) else math.inf,
-        Given.START_VOLUME: a.start_volume if isinstance(a, PumpAndValve) else 0.0,
         Given.DELIVERY: 1.0,
         Given.NOISE: vehicle.sensors.depth_noise,
         Given.RESOLUTION: vehicle.sensors.depth_quantum,

@@ -307,6 +307,9 @@ def stay(p, table, x, at, accounts, loads, until):  # type: ignore[no-untyped-de
         accounts[STALLED] += h
     enter_energy(p, x, accounts, energy, loads, h)
     x[T] = until if ended == 0 else x[T] + h
+    if at[PLACE] == 1:
+        by_depth, by_volume = slope_of_force(p, table, True, x[Z], x[V])
+        x[Z] -= change * by_volume / by_depth
     x[V] += change
     x[V_LEAST] = min(x[V_LEAST], x[V])
     if at[PLACE] != 1:
@@ -326,8 +329,8 @@ def settle(p, table, waves, x, at, accounts):  # type: ignore[no-untyped-def]
     """Take a vehicle for resting where what is left of its oscillation is too small to count."""
     if at[DOING] != NOTHING or at[PLACE] == 2 or waves.shape[0] > 0:
         return
-    if rate_of(p, table, NOTHING, x[Z], x[V])[0] != 0.0:
-        return
+    if at[PLACE] != 1 and rate_of(p, table, NOTHING, x[Z], x[V])[0] != 0.0:
+        return  # it drifts with what leaks; afloat the hull gives way by next to nothing
     stiffness = -slope_of_force(p, table, at[PLACE] == 1, x[Z], x[V])[0]
     if stiffness <= 0.0:
         return

@@ -39,7 +39,7 @@ DOING, RESTS, NEW_LAW = int(At.DOING), int(At.RESTS), int(At.NEW_LAW)
 DRAWS, SEED, PHASE, LOOKS = int(At.DRAWS), int(At.SEED), int(At.PHASE), int(At.LOOKS)
 ARRIVED = int(At.ARRIVED)
 STEP, V_MIN, V_MAX = int(Given.STEP), int(Given.V_MIN), int(Given.V_MAX)
-START_VOLUME = int(Given.START_VOLUME)
+START = int(Table.START)
 BY_VOLUME, QUANTUM, LONGEST = int(Given.BY_VOLUME), int(Given.QUANTUM), int(Given.LONGEST)
 DELIVERY, NOISE, RESOLUTION = int(Given.DELIVERY), int(Given.NOISE), int(Given.RESOLUTION)
 NEUTRAL_TOP, SHALLOW = int(Given.NEUTRAL_TOP), int(Given.SHALLOW)
@@ -110,11 +110,11 @@ def start_run(p, table, x, at, accounts, notes, counts, doing, wanted, volume, l
         return
     at[DOING] = doing
     at[RESTS] = 0
-    if doing == PUMPING and p[START_VOLUME] > 0.0:
-        delivery = value(table, p[STEP], RATE_OUT, max(x[Z], 0.0))[0]
-        if delivery > 0.0:
-            at[DOING] = PRIMING
-            x[T_PRIMED] = x[T] + p[START_VOLUME] / delivery
+    short = value(table, p[STEP], START, max(x[Z], 0.0))[0]
+    delivery = value(table, p[STEP], RATE_OUT, max(x[Z], 0.0))[0]
+    if doing == PUMPING and short > 0.0 and delivery > 0.0:
+        at[DOING] = PRIMING
+        x[T_PRIMED] = x[T] + short / delivery
     x[V_MOVE] = volume
     x[H] = min(x[H], _FRESH)
     x[T_BEGIN] = x[T]
@@ -146,7 +146,7 @@ def _change(p, table, x, at, accounts, notes, counts, wanted, longest):  # type:
         rate_now = rate_now / p[DELIVERY]
     length = longest
     if rate_now > 0.0:
-        lost = p[START_VOLUME] if wanted > 0.0 else 0.0
+        lost = value(table, p[STEP], START, max(x[Z], 0.0))[0] if wanted > 0.0 else 0.0
         length = min((abs(wanted) + lost) / rate_now, longest)
     if p[QUANTUM] > 0.0:
         length = p[QUANTUM] * math.floor(length / p[QUANTUM] + 0.5)

@@ -34,7 +34,8 @@ class Table(IntEnum):
     POWER_BYPASS = 14  # W
     LEAKAGE = 16  # m3/s
     HOLDING = 18  # W
-    WIDTH = 20
+    START = 20  # m3 that each start of the pump falls short
+    WIDTH = 22
 
 
 class Given(IntEnum):
@@ -59,28 +60,27 @@ class Given(IntEnum):
     QUANTUM = 16  # s, step of the time of a run
     LONGEST = 17  # s, of a run
     DELIVERY = 18  # -, what is pumped over what the processor reckons with
-    START_VOLUME = 19  # m3 that each start of the pump falls short
-    NOISE = 20  # m, of a measured depth, 1 sigma
-    RESOLUTION = 21  # m, its quantum
-    DEEPEST = 22  # m, below which everything is pumped out
-    NEUTRAL_TOP = 23  # m3, neutral volume at the surface as the processor knows it
-    SHALLOW = 24  # m, above which it is about to dive, or has come up
-    EMPTY = 25  # J of charge at which nothing more can be drawn; -inf: not known
-    RESERVE = 26  # J of charge with which no new cycle begins
-    LAST_TIME = 27  # s, after which no new cycle begins
-    LAST_CYCLE = 28  # how many cycles at most
-    SURFACING = 29  # J at each surfacing
-    SELF_DISCHARGE = 30  # 1/s
-    RTOL = 31  # -
-    ATOL_Z = 32  # m
-    ATOL_W = 33  # m/s
-    ATOL_V = 34  # m3
-    REST_DEEP = 35  # m, an oscillation smaller than this counts as rest
-    REST_AFLOAT = 36  # m, the same of the bobbing at the surface
-    LONGEST_STEP = 37  # s
-    Z_LOST = 38  # m, below which nothing is known of the water
-    CHARGE = 39  # J in the battery at the start
-    COUNT = 40
+    NOISE = 19  # m, of a measured depth, 1 sigma
+    RESOLUTION = 20  # m, its quantum
+    DEEPEST = 21  # m, below which everything is pumped out
+    NEUTRAL_TOP = 22  # m3, neutral volume at the surface as the processor knows it
+    SHALLOW = 23  # m, above which it is about to dive, or has come up
+    EMPTY = 24  # J of charge at which nothing more can be drawn; -inf: not known
+    RESERVE = 25  # J of charge with which no new cycle begins
+    LAST_TIME = 26  # s, after which no new cycle begins
+    LAST_CYCLE = 27  # how many cycles at most
+    SURFACING = 28  # J at each surfacing
+    SELF_DISCHARGE = 29  # 1/s
+    RTOL = 30  # -
+    ATOL_Z = 31  # m
+    ATOL_W = 32  # m/s
+    ATOL_V = 33  # m3
+    REST_DEEP = 34  # m, an oscillation smaller than this counts as rest
+    REST_AFLOAT = 35  # m, the same of the bobbing at the surface
+    LONGEST_STEP = 36  # s
+    Z_LOST = 37  # m, below which nothing is known of the water
+    CHARGE = 38  # J in the battery at the start
+    COUNT = 39
 
 
 class Stage(IntEnum):

@@ -1,0 +1,253 @@
+"""``swimbladder mission``: phases in repeated cycles, in the water of a cast."""
+
+from __future__ import annotations
+
+import datetime
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from swimbladder.cli.casts import degrees, inversion_choice, pairs, read_casts
+from swimbladder.cli.common import (
+    compile_notice,
+    emit_json,
+    json_text,
+    kept,
+    output,
+    progress,
+    quantity,
+)
+from swimbladder.errors import InputError
+
+if TYPE_CHECKING:
+    from swimbladder.io.mission import Mission
+    from swimbladder.mission.result import MissionResult
+    from swimbladder.parameters import Vehicle
+    from swimbladder.seawater import Cast, Column
+
+__all__ = ["mission"]
+
+_MARGIN = 1.1  # of the deepest phase: how far down the vehicle's own water is tabulated, and
+_BELOW = 50.0  # m more
+_BEGIN = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)  # where the user does not say
+
+
+def mission(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    mission: Annotated[
+        Path, typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
+    ],
+    cast: Annotated[
+        Path | None,
+        typer.Option("--cast", metavar="CTD", help="The water: CSV, netCDF, Argo profile."),
+    ] = None,
+    cycles: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Cycles (as in the mission).")
+    ] = None,
+    duration: Annotated[
+        str | None, typer.Option(metavar="TIME", help="After it no cycle begins.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Of the depth sensor's noise (no noise).")
+    ] = None,
+    begin: Annotated[
+        str | None, typer.Option(metavar="TIME", help="ISO 8601, for the netCDF (2000-01-01).")
+    ] = None,
+    column: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=COLUMN", help="As for logs, NAME@UNIT too.")
+    ] = None,
+    where: Annotated[
+        list[str] | None, typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast's file.")
+    ] = None,
+    log_format: Annotated[
+        str | None, typer.Option(metavar="FORMAT", help="TOML file with a [log] table.")
+    ] = None,
+    profile: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Which profile of the file.")
+    ] = None,
+    latitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
+    longitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
+    salinity: Annotated[
+        float | None, typer.Option(metavar="PSU", help="Where the cast has none; 0: fresh.")
+    ] = None,
+    inversions: Annotated[
+        str, typer.Option(metavar="WHAT", help="Large ones: refuse, average or keep.")
+    ] = "refuse",
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
+        "swimbladder-mission"
+    ),
+    netcdf: Annotated[bool, typer.Option("--netcdf", help="Also write mission.nc (OG1).")] = False,
+    plot: Annotated[bool, typer.Option("--plot", help="Also write mission.png.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    """Fly a mission of phases and cycles: depth, time, pump, battery.
+
+    Without --cast the water is that of the vehicle's file, of constant density. What cannot be met
+    is said before flying. Exit code 1 where the mission is not met. A run that is killed goes on
+    where it was.
+    """
+    from swimbladder.io.config import load_mission, load_vehicle
+    from swimbladder.io.files import check_place
+
+    v, task = load_vehicle(vehicle), load_mission(mission)
+    _check(task, mission)
+    span = quantity(duration, "s", "--duration")
+    if span is not None and span <= 0.0:
+        raise InputError("it must be above 0", field="--duration", value=duration, unit="s",
+                         remedy="Check the number and its unit")  # fmt: skip
+    start = _moment(begin)
+    check_place(out)
+    read = None
+    if cast is not None:
+        given = degrees(latitude, "--latitude", 90.0)
+        read = read_casts(
+            [cast], columns=pairs(column or [], "--column"), where=pairs(where or [], "--where"),
+            log_format=log_format, profile=profile,
+            latitude=task.latitude if given is None else given,
+            longitude=degrees(longitude, "--longitude", 180.0), salinity=salinity,
+            inversions=inversion_choice(inversions),
+        )[0]  # fmt: skip
+    found = _fly(v, task, _water(v, task, read), cycles, span, seed, out)
+    answer = found.to_json()
+    with progress("writing the files"):
+        files = _write(found, out, answer, read, start, netcdf=netcdf, plot=plot)
+    shutil.rmtree(_unfinished(out), ignore_errors=True)
+    if json:
+        emit_json({**answer, "files": [str(path) for path in files]})
+    else:
+        _print(found, read, files)
+    if not found.completed:
+        raise typer.Exit(1)
+
+
+def _check(task: Mission, path: Path) -> None:
+    if not task.phases:
+        raise InputError(
+            "the mission has set-points, and this command takes phases", file=path,
+            field="setpoints", remedy="Fly it with `swimbladder simulate`, or write [[phases]]",
+        )  # fmt: skip
+
+
+def _moment(text: str | None) -> datetime.datetime | None:
+    if text is None:
+        return None
+    try:
+        found = datetime.datetime.fromisoformat(text)
+    except ValueError:
+        raise InputError(
+            "this is no time", field="--begin", value=text, remedy="Write 2026-03-01T12:00:00Z"
+        ) from None
+    return found if found.tzinfo else found.replace(tzinfo=datetime.UTC)
+
+
+def _water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
+    from swimbladder.mission.reach import check_column
+    from swimbladder.seawater import cast_column, uniform_column
+
+    if cast is None:
+        deepest = max([task.start_depth, *(p.depth for p in task.phases if p.depth is not None)])
+        return uniform_column(vehicle.water, _MARGIN * deepest + _BELOW)
+    with progress("tabulating the water"):
+        column = cast_column(cast)
+    check_column(task, column)
+    return column
+
+
+def _unfinished(out: Path) -> Path:
+    return out.parent / f".{out.name}-unfinished"
+
+
+def _fly(
+    vehicle: Vehicle, task: Mission, column: Column, cycles: int | None, span: float | None,
+    seed: int | None, out: Path,
+) -> MissionResult:  # fmt: skip
+    with progress("loading the simulator"):
+        from swimbladder.mission.flight import fly_mission
+        from swimbladder.mission.prepare import make_plan
+        from swimbladder.mission.reach import check_reach
+        from swimbladder.mission.result import MissionResult
+
+    reach = check_reach(vehicle, task, make_plan(vehicle, task, column))
+    with kept(_unfinished(out)), compile_notice(), progress("flying", 1.0) as advance:
+        flown = fly_mission(
+            vehicle, task, column, cycles=cycles, span=span, seed=seed, keep=_unfinished(out),
+            advance=advance,
+        )  # fmt: skip
+    return MissionResult(flown, reach)
+
+
+def _write(
+    found: MissionResult, out: Path, answer: dict[str, Any], cast: Cast | None,
+    begin: datetime.datetime | None, *, netcdf: bool, plot: bool,
+) -> list[Path]:  # fmt: skip
+    """Write the files and return their paths."""
+    from swimbladder.io.files import publish, write_atomically
+    from swimbladder.io.tables import write_csv
+    from swimbladder.mission.export import float_configuration, og1_dataset, write_og1
+    from swimbladder.mission.tables import cycle_columns, events_csv, speeds, trajectory_columns
+
+    names = ["mission.json", "trajectory.csv", "events.csv", "cycles.csv", "vertical-speed.csv"]
+    names += ["float.json"] + ["mission.nc"] * netcdf + ["mission.png"] * plot
+
+    def write(folder: Path) -> None:
+        write_atomically(folder / "mission.json", json_text(answer) + "\n")
+        write_csv(folder / "trajectory.csv", trajectory_columns(found))
+        write_atomically(folder / "events.csv", events_csv(found.flight))
+        write_csv(folder / "cycles.csv", cycle_columns(found))
+        write_csv(folder / "vertical-speed.csv", speeds(found.flight))
+        write_atomically(folder / "float.json", json_text(float_configuration(found)) + "\n")
+        if netcdf:
+            data = og1_dataset(
+                found, begin=begin or _BEGIN,
+                latitude=None if cast is None else cast.latitude,
+                longitude=None if cast is None else cast.longitude,
+            )  # fmt: skip
+            write_og1(data, folder / "mission.nc")
+        if plot:
+            from swimbladder.plots.mission import draw_mission
+            from swimbladder.plots.style import save
+
+            save(draw_mission(found), folder / "mission.png")
+
+    publish(out, write)
+    return [out / name for name in names]
+
+
+def _print(found: MissionResult, cast: Cast | None, files: list[Path]) -> None:
+    from rich.table import Table
+
+    from swimbladder.mission.result import span_words
+    from swimbladder.mission.tables import cycle_words
+
+    flight = found.flight
+    output.print(
+        f"{flight.vehicle.name} in {flight.column.source or 'the given water'}: "
+        f"{len(flight.cycles)} cycles, {span_words(flight.duration)}",
+        soft_wrap=True,
+    )
+    for remark in () if cast is None else flight.column.report:
+        output.print(f"cast: {remark}", soft_wrap=True)
+    output.print("")
+    output.print(found.sentence, soft_wrap=True)
+    for reason in found.reasons:
+        output.print(reason, soft_wrap=True)
+    output.print("")
+    heading, *lines = cycle_words(found)
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    for name in heading:
+        table.add_column(name, justify="right")
+    for line in lines:
+        table.add_row(*line)
+    output.print(table)
+    if found.energy_known:
+        output.print("")
+        total = found.books.drawn
+        for name, energy in sorted(found.books.battery.items(), key=lambda pair: -pair[1]):
+            share = 100.0 * energy / total if total > 0.0 else 0.0
+            output.print(f"{name}: {energy / 1e3:.4g} kJ, {share:.0f} %", soft_wrap=True)
+    for path in files:
+        output.print(f"wrote {path}", soft_wrap=True)

@@ -1,0 +1,208 @@
+"""A mission flown, as numbers and sentences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.hull import linear_psi
+from swimbladder.mission.books import MissionBooks, close_books
+from swimbladder.mission.core.names import Account, At, Cycle, Given, Now, Row, Stop
+from swimbladder.mission.flight import Flight
+from swimbladder.mission.reach import Reach
+
+__all__ = ["REASONS", "MissionResult", "span_words"]
+
+Array = NDArray[np.float64]
+
+REASONS = {
+    Stop.FINISHED: "the mission came to its end",
+    Stop.RESERVE: "the battery came to its reserve (safety.battery)",
+    Stop.DID_NOT_SURFACE: "it did not come to the surface in the time that the phase has",
+    Stop.PASSED_DEPTH: "it sank below the depth it may go to, pressed all volume out and came up",
+    Stop.LOST: "it sank and did not come up again: it is lost",
+    Stop.BATTERY_EMPTY: "the battery ran empty: it is lost",
+    Stop.LEFT_WATER: "the hull left the water: check mass, waterplane area and height",
+    Stop.STUCK: "it changed its mode 200 times in no time: a fault of the model, please report it",
+}
+
+
+@dataclass(frozen=True)
+class MissionResult:
+    """A flight, what it took of the stroke, and what follows."""
+
+    flight: Flight
+    reach: Reach
+
+    @cached_property
+    def books(self) -> MissionBooks:
+        """Volume and energy, and what does not add up."""
+        return close_books(self.flight)
+
+    @property
+    def completed(self) -> bool:
+        """Whether it came to its end, or to the battery's reserve, with every phase done."""
+        return self.flight.stop in (Stop.FINISHED, Stop.RESERVE) and not self.missed
+
+    @property
+    def cycles(self) -> int:
+        """Whole cycles flown."""
+        return int(self.flight.whole[At.CYCLE])
+
+    @property
+    def missed(self) -> dict[str, int]:
+        """How often each phase ran out of time, by its title."""
+        bits = self.flight.cycles[:, Cycle.MISSED].astype(np.int64)
+        counts = {
+            phase.title: int(np.sum(bits >> n & 1))
+            for n, phase in enumerate(self.flight.mission.phases)
+        }
+        return {name: count for name, count in counts.items() if count}
+
+    @property
+    def energy_known(self) -> bool:
+        """Whether the drive's electrical energy is known."""
+        return not self.flight.plan.energy_known
+
+    @property
+    def arrival(self) -> float | None:
+        """Time to the first phase's depth, of the first cycle [s]; None: never, or none."""
+        first = float(self.flight.cycles[0, Cycle.ARRIVAL])
+        return None if np.isnan(first) else first
+
+    def per_cycle(self, *accounts: Account) -> Array:
+        """Return the sum of some accounts in each cycle [n]."""
+        table = self.flight.cycles[:, Cycle.ACCOUNTS :]
+        return np.diff(sum(table[:, int(a)] for a in accounts), prepend=0.0)
+
+    @property
+    def drive_per_cycle(self) -> float:
+        """Energy of pump, valve and holding in a cycle, mean [J]."""
+        energy = self.per_cycle(Account.PUMP_ENERGY, Account.VALVE_ENERGY, Account.HOLDING_ENERGY)
+        return float(np.mean(energy[: max(self.cycles, 1)]))
+
+    @property
+    def battery_cycles(self) -> int | None:
+        """Cycles that a full battery lasts, its reserve kept; None where that is not known."""
+        g = self.flight.plan.given
+        usable = float(g[Given.CHARGE] - g[Given.RESERVE])
+        if not np.isfinite(usable) or usable <= 0.0 or self.cycles == 0 or not self.energy_known:
+            return None
+        drawn = float(g[Given.CHARGE] - self.flight.end[Now.CHARGE])
+        return int(usable / (drawn / self.cycles)) if drawn > 0.0 else None
+
+    @property
+    def sentence(self) -> str:
+        """The answer in a sentence."""
+        first = self.flight.mission.phases[0]
+        parts = []
+        if first.depth is not None:
+            parts.append(
+                f"reaches {first.depth:g} m in {span_words(self.arrival)}"
+                if self.arrival is not None
+                else f"does not reach {first.depth:g} m"
+            )
+        if self.energy_known and self.cycles:
+            parts.append(f"{_joules(self.drive_per_cycle)} per cycle for the drive")
+        if self.battery_cycles is not None:
+            parts.append(f"{self.battery_cycles} cycles on this battery")
+        answer = ", ".join(parts)
+        return f"{answer}{'; ' if answer else ''}stroke margin {100.0 * self.reach.margin:.0f} %"
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why the mission ended, and what was not met on the way."""
+        found = [f"{REASONS[self.flight.stop]}, after {span_words(self.flight.duration)}"]
+        found += [
+            f"the phase {name!r} ran out of time in {count} of {len(self.flight.cycles)} cycles"
+            for name, count in self.missed.items()
+        ]
+        deepest = float(np.max(self.flight.cycles[:, Cycle.DEEPEST]))
+        if deepest > self.flight.column.deepest:
+            found.append(
+                f"it went down to {deepest:.0f} m, where the water is not known: below "
+                f"{self.flight.column.deepest:.0f} m it goes on as it ends there"
+            )
+        if not self.energy_known:
+            found.append(self.flight.plan.energy_known)
+        return found
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the answer as plain values, SI."""
+        f, books = self.flight, self.books
+        a = f.accounts
+        deepest = float(np.max(f.cycles[:, Cycle.DEEPEST]))
+        at = min(deepest, f.column.deepest)
+        return {
+            "vehicle": f.vehicle.name,
+            "mission": f.mission.name,
+            "water": f.column.source,
+            "sentence": self.sentence,
+            "completed": self.completed,
+            "stop": f.stop.name.lower().replace("_", "-"),
+            "reasons": self.reasons,
+            "cycles": self.cycles,
+            "duration_s": f.duration,
+            "deepest_m": deepest,
+            "arrival_s": self.arrival,
+            "missed": self.missed,
+            "stroke_margin": self.reach.margin,
+            "least_volume": vars(self.reach.least),
+            "most_volume": vars(self.reach.most),
+            "psi_m3_m": linear_psi(f.vehicle, f.column, at),
+            "pump_runs": int(a[Account.PUMP_RUNS]),
+            "valve_runs": int(a[Account.VALVE_RUNS]),
+            "pump_time_s": float(a[Account.PUMP_TIME]),
+            "valve_time_s": float(a[Account.VALVE_TIME]),
+            "stalled_s": float(a[Account.STALLED]),
+            "energy_unknown": f.plan.energy_known or None,
+            "battery_J": books.battery if self.energy_known else None,
+            "drawn_J": books.drawn if self.energy_known else None,
+            "drive_per_cycle_J": self.drive_per_cycle if self.energy_known else None,
+            "battery_cycles": self.battery_cycles,
+            "battery_left": self._left,
+            "sinks_J": books.sinks,
+            "energy_residue": books.relative_residue,
+            "volume_m3": books.volume,
+            "steps": int(f.whole[At.STEPS]),
+        }
+
+    @property
+    def _left(self) -> float | None:
+        full = float(self.flight.plan.given[Given.CHARGE])
+        if full <= 0.0 or not self.energy_known:
+            return None
+        return float(self.flight.end[Now.CHARGE]) / full
+
+    def charge(self) -> Array:
+        """Return the share of the full battery that is left at each row [n]; nan: not known."""
+        full = float(self.flight.plan.given[Given.CHARGE])
+        rows = self.flight.rows
+        if full <= 0.0 or not self.energy_known:
+            return np.full(len(rows), np.nan)
+        return np.asarray(1.0 - rows[:, Row.TOTAL_ENERGY] / full)
+
+
+def _joules(energy: float) -> str:
+    """Return an energy with its unit: "36 J", "12.7 kJ"."""
+    return f"{energy / 1e3:.3g} kJ" if abs(energy) >= 1e3 else f"{energy:.3g} J"
+
+
+def span_words(seconds: float | None) -> str:
+    """Return a time in the two largest units that it takes: "3 h 10 min"."""
+    if seconds is None:
+        return "never"
+    if seconds < 60.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    days, rest = divmod(minutes, 1440)
+    hours, minutes = divmod(rest, 60)
+    if days >= 10:
+        return f"{days} d"
+    if days:
+        return f"{days} d {hours} h"
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min"

@@ -1,0 +1,136 @@
+"""A mission as a picture: depth, volume, power by consumer, battery."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from swimbladder.hull import neutral_volume
+from swimbladder.mission.core.names import Drive, Note, Now, Row
+from swimbladder.mission.result import MissionResult
+from swimbladder.mission.tables import cycle_columns, speeds
+from swimbladder.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    depth_axis,
+    label_panels,
+    styled,
+)
+
+__all__ = ["draw_mission"]
+
+Array = NDArray[np.float64]
+_MINUTE, _HOUR, _DAY = 60.0, 3600.0, 86400.0
+
+
+@styled
+def draw_mission(result: MissionResult) -> Figure:
+    """Return the figure of a mission: the first cycle in depth and volume, then all cycles."""
+    figure = Figure(figsize=(9.5, 8.0))
+    axes = figure.subplots(3, 2)
+    first = result.flight.rows[result.flight.rows[:, Row.CYCLE] == 0.0]
+    unit, words = _unit(float(first[-1, Row.T]))
+    _depth(result, first, unit, words, axes[0, 0])
+    _speed(result, axes[0, 1])
+    _volume(result, first, unit, words, axes[1, 0])
+    _neutral(result, first, axes[1, 1])
+    _energy(result, axes[2, 0])
+    _battery(result, axes[2, 1])
+    label_panels(list(axes.flat))
+    return figure
+
+
+def _unit(seconds: float) -> tuple[float, str]:
+    for unit, words, most in ((_MINUTE, "min", 3 * _HOUR), (_HOUR, "h", 3 * _DAY)):
+        if seconds <= most:
+            return unit, words
+    return _DAY, "d"
+
+
+def _depth(result: MissionResult, first: Array, unit: float, words: str, axes: Axes) -> None:
+    axes.plot(first[:, Row.T] / unit, first[:, Row.Z], color=BLUE, label="depth")
+    notes = result.flight.notes
+    notes = notes[notes[:, Drive.T] <= first[-1, Row.T]]
+    for what, colour, marker, name in (
+        (Note.PUMP, VERMILION, "^", "pump starts"), (Note.VALVE, GREEN, "v", "valve opens"),
+    ):  # fmt: skip
+        some = notes[notes[:, Drive.WHAT] == what]
+        if len(some):
+            axes.plot(some[:, Drive.T] / unit, some[:, Drive.Z], marker, color=colour, ms=4,
+                      mew=0.0, label=name)  # fmt: skip
+    depth_axis(axes)
+    axes.set_xlabel(f"time in the first cycle [{words}]")
+    axes.legend(loc="upper center", ncols=3, fontsize=8, bbox_to_anchor=(0.5, 1.2))
+
+
+def _speed(result: MissionResult, axes: Axes) -> None:
+    table = speeds(result.flight)
+    for name, colour, words in (
+        ("sinking_m_s", BLUE, "sinking"), ("rising_m_s", VERMILION, "rising"),
+    ):  # fmt: skip
+        if np.isfinite(table[name]).any():
+            axes.plot(100.0 * table[name], table["depth_m"], color=colour, label=words)
+    axes.set_xlim(left=0.0)
+    depth_axis(axes)
+    axes.set_xlabel("mean vertical speed [cm/s]")
+    axes.legend(loc="best")
+
+
+def _volume(result: MissionResult, first: Array, unit: float, words: str, axes: Axes) -> None:
+    axes.plot(first[:, Row.T] / unit, 1e6 * first[:, Row.V], color=BLUE)
+    for stop in (result.flight.vehicle.stroke.minimum, result.flight.vehicle.stroke.maximum):
+        axes.axhline(1e6 * stop, color=GREY, ls=":", lw=1.2)
+    axes.set_ylabel("volume [cm³]\n(dotted: end stops)")
+    axes.set_xlabel(f"time in the first cycle [{words}]")
+
+
+def _neutral(result: MissionResult, first: Array, axes: Axes) -> None:
+    flight = result.flight
+    within = flight.column.depth <= float(np.max(first[:, Row.Z])) * 1.02
+    neutral = neutral_volume(flight.vehicle, flight.column)
+    axes.plot(1e6 * first[:, Row.V], first[:, Row.Z], color=BLUE, lw=1.0, label="volume")
+    axes.plot(1e6 * neutral[within], flight.column.depth[within], color=ORANGE, ls="--",
+              label="neutral")  # fmt: skip
+    depth_axis(axes)
+    axes.set_xlabel("volume [cm³]")
+    axes.legend(loc="best")
+
+
+def _energy(result: MissionResult, axes: Axes) -> None:
+    columns = cycle_columns(result)
+    axes.set_xlabel("cycle")
+    if not result.energy_known:
+        axes.bar(columns["cycle"], 1e6 * columns["pumped_m3"], color=BLUE)
+        axes.set_ylabel("pumped [cm³]")
+        return
+    below = np.zeros(len(columns["cycle"]))
+    for key, colour, words in (
+        ("pump_J", VERMILION, "pump"), ("valve_J", GREEN, "valve"),
+        ("holding_J", PURPLE, "holding"), ("loads_J", GREY, "standby and loads"),
+    ):  # fmt: skip
+        values = columns[key] / 1e3
+        if np.any(values != 0.0):
+            axes.bar(columns["cycle"], values, bottom=below, color=colour, label=words, width=0.9)
+            below = below + values
+    axes.set_ylabel("energy per cycle [kJ]")
+    axes.margins(y=0.25)
+    axes.legend(loc="upper right", ncols=2, fontsize=8)
+
+
+def _battery(result: MissionResult, axes: Axes) -> None:
+    rows, charge = result.flight.rows, result.charge()
+    unit, words = _unit(float(result.flight.end[Now.T]))
+    if np.isnan(charge).all():
+        axes.plot(rows[:, Row.T] / unit, rows[:, Row.TOTAL_ENERGY] / 1e3, color=BLUE)
+        axes.set_ylabel("energy drawn [kJ]")
+    else:
+        axes.plot(rows[:, Row.T] / unit, 100.0 * charge, color=BLUE)
+        axes.set_ylim(min(0.0, 100.0 * float(charge.min())), 102.0)
+        axes.set_ylabel("battery left [%]")
+    axes.set_xlabel(f"time [{words}]")
