@@ -11,6 +11,7 @@ from swimbladder.hull import (
     linear_psi,
     neutral_volume,
     psi_terms,
+    weighing,
     weight_mass,
 )
 from swimbladder.io.config import load_vehicle
@@ -58,6 +59,16 @@ def test_it_weighs_what_it_displaces_at_the_surface_of_its_own_water():
     assert weight_mass(vehicle) == pytest.approx(1025.0 * 43.98e-3)
     lighter = vehicle.model_copy(update={"trim_error": 50e-6})
     assert weight_mass(lighter) - weight_mass(vehicle) == pytest.approx(1025.0 * 50e-6)
+
+
+@pytest.mark.parametrize("changes", [{}, {"parts": (TUBE, FOAM), "displaced_volume": 43.5e-3}])
+def test_a_mass_on_the_scale_changes_the_trim_and_nothing_else(changes):
+    vehicle = with_hull(**changes)
+    heavier = weighing(vehicle, weight_mass(vehicle) + 0.2)
+    assert weight_mass(heavier) == pytest.approx(weight_mass(vehicle) + 0.2, rel=1e-12)
+    column = cast()
+    due = neutral_volume(vehicle, column, mass=weight_mass(vehicle) + 0.2)
+    np.testing.assert_allclose(neutral_volume(heavier, column), due, rtol=0, atol=1e-12)
 
 
 def test_the_water_carries_the_weight_wherever_it_rests():

@@ -47,6 +47,14 @@ def test_every_unit_agrees_with_pint(registry, name):
     assert ours == expected  # pint counts angles as numbers
 
 
+def test_a_temperature_is_no_difference_of_temperatures():
+    assert parse_quantity("20 °C", "degC") == 20.0
+    with pytest.raises(UnitError, match="of another kind"):
+        parse_quantity("288 K", "degC")
+    with pytest.raises(UnitError, match="of another kind"):
+        parse_quantity("1e-5 1/degC", "1/K")
+
+
 @pytest.mark.parametrize(
     ("given_unit", "pint_unit", "wanted", "pint_wanted"),
     [
@@ -62,6 +70,8 @@ def test_every_unit_agrees_with_pint(registry, name):
         ("N*m/(rad*s^-1)", "N*m/(rad/s)", "N m s/rad", "N*m*s/rad"),
         ("V/dm3", "V/dm**3", "V/m3", "V/m**3"),
         ("/s", "1/s", "Hz", "1/s"),
+        ("mS/cm", "mS/cm", "S/m", "S/m"),
+        ("S/m", "S/m", "1/ohm/m", "1/ohm/m"),
         ("cm3/h^0.5", "cm**3/hour**0.5", "m3/s^0.5", "m**3/second**0.5"),
         ("mm s^-0.5", "mm*s**-0.5", "m/s^0.5", "m/second**0.5"),
     ],

@@ -30,6 +30,7 @@ __all__ = [
     "linear_psi",
     "neutral_volume",
     "psi_terms",
+    "weighing",
     "weight_mass",
 ]
 
@@ -93,6 +94,19 @@ def weight_mass(vehicle: Vehicle) -> float:
     """
     at_surface = float(displaced_volume(vehicle, 0.0, vehicle.water.temperature))
     return vehicle.water.density * (at_surface + vehicle.trim_error)
+
+
+def weighing(vehicle: Vehicle, mass: float) -> Vehicle:
+    """Return the vehicle with the trim_error of a mass [kg] in its own [water]."""
+    at_surface = float(displaced_volume(vehicle, 0.0, vehicle.water.temperature))
+    trim = mass / vehicle.water.density - at_surface
+    # a compression that psi tells of is counted with the water that is displaced
+    psi = vehicle.hull.psi
+    if not vehicle.hull.parts:
+        grown = (trim - vehicle.trim_error) * vehicle.water.compressibility
+        psi -= grown * vehicle.water.specific_weight
+    hull = vehicle.hull.model_copy(update={"psi": psi})
+    return vehicle.model_copy(update={"hull": hull, "trim_error": trim})
 
 
 def neutral_volume(vehicle: Vehicle, column: Column, *, mass: float | None = None) -> Array:

@@ -101,11 +101,26 @@ def test_uncertainty_is_taken_from_the_options(capsys, tmp_path, cast):
     assert unsure["spread_m3"]["volume"] == pytest.approx(20e-6)
 
 
+def test_a_mass_on_the_scale_takes_the_place_of_the_trim(capsys, tmp_path, cast):
+    assert run(cast, tmp_path / "a", "--neutral-depth", "500 m", "--json") == 0
+    trimmed = json.loads(capsys.readouterr().out)
+    heavier = weight_mass(load_vehicle("example-eh")) + 0.1
+    options = ("--mass", f"{heavier} kg", "--mass-std", "2 g", "--volume-std", "5 cm3")
+    assert run(cast, tmp_path / "b", "--neutral-depth", "500 m", "--json", *options) == 0
+    weighed = json.loads(capsys.readouterr().out)
+    # 100 g less of weight have to be added, in lead: by what lead weighs in water
+    rho = 1029.9  # kg/m3 at 500 m
+    less = trimmed["added_kg"] - weighed["added_kg"]
+    assert less == pytest.approx(0.1 / (1.0 - rho / 11340.0), rel=1e-3)
+    assert any("as given" in line for line in weighed["assumptions"])
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         (["--deepest", "2000 m"], "deeper than the vehicle is rated for, 1000 m"),
         (["--neutral-depth", "500 dbar"], "--neutral-depth"),
+        (["--mass", "45 g"], "does not weigh this"),
         (["--ballast", "cork"], "no such ballast"),
         (["--ballast", "900 kg/m3"], "not denser than the water"),
         (["--probability", "99"], "--probability"),

@@ -396,7 +396,7 @@ def test_netcdf_may_be_gzipped_and_mapped(tmp_path):
     shallow = read_cast(path, columns={"pressure_dbar": "PRES@kPa"})
     np.testing.assert_allclose(shallow.pressure[-1], 50.0)
     assert "no such variable" in str(refused(path, columns={"salinity": "SALT"}))
-    assert "no matter of netCDF" in str(refused(path, where={"N": 1}))
+    assert "CSV and Parquet only" in str(refused(path, where={"N": 1}))
 
 
 def test_a_netcdf_without_a_profile(tmp_path):
@@ -455,6 +455,70 @@ def test_an_argo_profile_adjusted_primary_and_flagged(tmp_path):
 def test_an_argo_profile_in_real_time_has_no_adjusted_values(tmp_path):
     cast = read_cast(argo_file(tmp_path / "R.nc", adjusted=False))
     assert np.median(cast.SA) == pytest.approx(np.median(sea()[2]) + 0.5 + 0.18, abs=0.1)
+
+
+# Sea-Bird
+
+
+def cnv_file(path, *, temperature="t090C", flags=(), binary=False):
+    p, t, s = sea()
+    head = ["* Sea-Bird SBE 9 Data File:", "* NMEA Latitude = 43 00.00 N",
+            "* NMEA Longitude = 008 00.00 E", "# nquan = 5",
+            "# name 0 = scan: Scan Count", "# name 1 = prDM: Pressure, Digiquartz [db]",
+            f"# name 2 = {temperature}: Temperature [ITS-90, deg C]",
+            "# name 3 = c0mS/cm: Conductivity [mS/cm]", "# name 4 = flag: flag",
+            "# bad_flag = -9.990e-29", f"# file_type = {'binary' if binary else 'ascii'}",
+            "*END*"]  # fmt: skip
+    C = gsw.C_from_SP(s, t, p)
+    rows = [
+        f"{k:11d}{a:11.3f}{b:11.5f}{c:11.6f} {'-9.990e-29' if k in flags else '0.0000e+00'}"
+        for k, (a, b, c) in enumerate(zip(p, t, C, strict=True))
+    ]
+    path.write_text("\n".join([*head, *rows]) + "\n")
+    return path
+
+
+def test_a_cnv_file_of_sea_bird(tmp_path):
+    cast, due = read_cast(cnv_file(tmp_path / "cast.cnv")), read_cast(plain(tmp_path), **PLACE)
+    np.testing.assert_allclose(cast.SA, due.SA, atol=2e-4)
+    np.testing.assert_allclose(cast.CT, due.CT, atol=2e-5)
+    assert (cast.latitude, cast.longitude) == (43.0, 8.0)
+    flagged = read_cast(cnv_file(tmp_path / "cast.cnv", flags=(10, 11)))
+    assert len(flagged.pressure) == len(due.pressure) - 2
+    assert any("2 rows flagged as bad" in line for line in flagged.report)
+
+
+def test_temperatures_on_the_scale_of_1968(tmp_path):
+    old = read_cast(cnv_file(tmp_path / "old.cnv", temperature="t068C"))
+    new = read_cast(cnv_file(tmp_path / "new.cnv"))
+    # by definition T68 = 1.00024 T90: 5 mK at 20 degC
+    np.testing.assert_allclose(new.CT - old.CT, 0.00024 * new.CT, atol=2e-4)
+    assert any("scale of 1968" in line for line in old.report)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda text: text.replace("*END*", "*"), "no end"),
+        (lambda text: text.replace("file_type = ascii", "file_type = binary"), "binary"),
+        (lambda text: text.replace("prDM: Pressure", "oxML: Oxygen"), "pressure or depth"),
+        (lambda text: text.replace("[db]", "[ml/l]"), "of another kind"),
+        (lambda text: text.rsplit("\n", 40)[0] + "\n 1 2 x\n", "not the 5 numbers"),
+        (lambda text: text.split("*END*")[0] + "*END*\n", "no rows"),
+    ],
+)
+def test_a_cnv_file_that_cannot_be_read(tmp_path, change, words):
+    path = cnv_file(tmp_path / "cast.cnv")
+    path.write_text(change(path.read_text()))
+    assert words in str(refused(path))
+
+
+def test_columns_of_a_cnv_file_may_be_chosen(tmp_path):
+    path = cnv_file(tmp_path / "cast.cnv")
+    assert "no such column of a cast" in str(refused(path, columns={"pres": "prDM"}))
+    assert "scan, prDM" in refused(path, columns={"pressure_dbar": "pr"}).remedy
+    chosen = read_cast(path, columns={"pressure_dbar": "prDM@kPa"})
+    assert chosen.pressure[-1] == pytest.approx(50.0)
 
 
 # Measured casts

@@ -48,6 +48,9 @@ def ballast(
         str,
         typer.Option("--ballast", metavar="WHAT", help="lead, steel, ..., a density, or inside."),
     ] = "lead",
+    mass: Annotated[
+        str | None, typer.Option(metavar="MASS", help="On the scale (that of trim_error).")
+    ] = None,
     mass_std: Annotated[
         str | None, typer.Option(metavar="MASS", help="1 sigma of the mass.")
     ] = None,
@@ -105,6 +108,7 @@ def ballast(
     from swimbladder.io.files import check_place
 
     v = load_vehicle(vehicle)
+    weighed = quantity(mass, "kg", "--mass")
     stds = {
         "mass": quantity(mass_std, "kg", "--mass-std"),
         "volume": quantity(volume_std, "m3", "--volume-std"),
@@ -135,12 +139,13 @@ def ballast(
     from swimbladder.report.ballast import write_ballasting
 
     columns, said = _columns(v, casts, asked)
+    v, told = _weighed(v, weighed)
     unknown = unknown_of(v, stds)
     with progress("drawing vehicles", 1.0) as advance:
         found = find(
             v, columns, wish=Wish(**wish), unknown=unknown,  # type: ignore[arg-type]
             probability=wanted, speed=moving or 0.0, density=density, material=named,
-            assumptions=(*said, *_hull_words(v), *unknown.said), advance=advance,
+            assumptions=(*said, told, *_hull_words(v), *unknown.said), advance=advance,
         )  # fmt: skip
     answer = found.to_json()
     with progress("drawing the picture"):
@@ -204,6 +209,29 @@ def _columns(
         down = asked
     columns = [cast_column(cast, down) for cast in casts]
     return columns, [*said, *dict.fromkeys(s for column in columns for s in column.report)]
+
+
+def _weighed(vehicle: Vehicle, mass: float | None) -> tuple[Vehicle, str]:
+    """Return the vehicle with the mass on the scale, and what is reckoned with; raises InputError.
+
+    A mass that the hull could not carry by far is a wrong unit or a wrong volume.
+    """
+    from swimbladder.hull import weighing, weight_mass
+    from swimbladder.parameters import PhysicalMotion
+
+    by_trim = weight_mass(vehicle)
+    if mass is None:
+        told = f"it weighs {by_trim:.6g} kg, by trim_error in the water of the vehicle's file"
+        if isinstance(vehicle.motion, PhysicalMotion):
+            told += f" (its dry mass there is {vehicle.motion.dry_mass:.6g} kg)"
+        return vehicle, told
+    if not 0.5 * by_trim < mass < 2.0 * by_trim:
+        raise InputError(
+            f"a vehicle that displaces {by_trim / vehicle.water.density * 1e3:.4g} L does not "
+            "weigh this", field="--mass", value=mass, unit="kg",
+            remedy="Check the mass, and hull.displaced_volume in the vehicle's file",
+        )  # fmt: skip
+    return weighing(vehicle, mass), f"it weighs {mass:.6g} kg, as given (by trim {by_trim:.6g} kg)"
 
 
 def _hull_words(vehicle: Vehicle) -> list[str]:

@@ -12,7 +12,7 @@ from swimbladder.io.log_sources import column_readings, listed
 from swimbladder.parameters.schema import did_you_mean
 from swimbladder.units import unit_factor
 
-__all__ = ["CAST_COLUMNS", "NAMES", "cast_sources", "cast_unit", "kind_of"]
+__all__ = ["CAST_COLUMNS", "NAMES", "cast_sources", "cast_unit", "check_names", "kind_of"]
 
 CAST_COLUMNS = {
     "pressure_dbar": "dbar",
@@ -50,6 +50,7 @@ _UNITS = {
     "degree_c": "degC", "degrees_c": "degC", "degree_celsius": "degC", "degrees_celsius": "degC",
     "degrees celsius": "degC", "its-90, deg c": "degC", "s m-1": "S/m", "s.m-1": "S/m",
     "siemens/meter": "S/m", "ms cm-1": "mS/cm", "mhos/m": "S/m", "kelvin": "K", "kpascal": "kPa",
+    "microsiemens per centimeter": "uS/cm", "practical salinity scale": "", "salt water, m": "m",
     "degree_north": "", "degrees_north": "", "degree_east": "", "degrees_east": "", "deg": "",
 }  # fmt: skip
 
@@ -87,6 +88,16 @@ def _fits(column: str, unit: str | None) -> bool:
         return True  # the name is right; that the unit is not is said where it is read
 
 
+def check_names(names: Collection[str], path: str | Path) -> None:
+    """Raise LogError for a name that is no column of a cast."""
+    for name in names:
+        if name not in CAST_COLUMNS:
+            raise LogError(
+                "no such column of a cast", file=path, field=name,
+                remedy=f"{did_you_mean(name, CAST_COLUMNS)}Columns: {', '.join(CAST_COLUMNS)}",
+            )  # fmt: skip
+
+
 def cast_sources(
     mapped: Mapping[str, str | LogColumn],
     header: Sequence[str],
@@ -100,12 +111,7 @@ def cast_sources(
     salted: whether the salinity is stated elsewhere.
     Raises LogError where a name is unknown, or what a cast needs is missing.
     """
-    for name in mapped:
-        if name not in CAST_COLUMNS:
-            raise LogError(
-                "no such column of a cast", file=path, field=name,
-                remedy=f"{did_you_mean(name, CAST_COLUMNS)}Columns: {', '.join(CAST_COLUMNS)}",
-            )  # fmt: skip
+    check_names(mapped, path)
     sources = {name: _given(name, given, header, path) for name, given in mapped.items()}
     for name in CAST_COLUMNS:
         found = list(_meaning(name, header))

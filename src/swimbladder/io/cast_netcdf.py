@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.io.cast_columns import CAST_COLUMNS, NAMES, cast_unit, kind_of
+from swimbladder.io.cast_columns import CAST_COLUMNS, NAMES, cast_unit, check_names, kind_of
 from swimbladder.io.cast_raw import RawCast
 from swimbladder.io.log_text import counted
 from swimbladder.io.netcdf_in import Variable, read_variables
@@ -53,12 +53,7 @@ def is_profiles(variables: Mapping[str, Variable]) -> bool:
 def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, str]) -> RawCast:
     """Return the cast of a file whose variables have standard names, or names that say it."""
     report: list[str] = []
-    for name in columns:
-        if name not in CAST_COLUMNS:
-            raise LogError(
-                "no such column of a cast", file=path, field=name,
-                remedy=f"Columns: {', '.join(CAST_COLUMNS)}",
-            )  # fmt: skip
+    check_names(columns, path)
     chosen = {name: _chosen(name, variables, columns, path) for name in CAST_COLUMNS}
     values: dict[str, Array] = {}
     for name, found in chosen.items():

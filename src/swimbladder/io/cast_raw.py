@@ -29,7 +29,6 @@ class RawCast:
     row_name: str = "line"
     latitude: float | None = None
     longitude: float | None = None
-    time: str = ""
     name: str = ""
     report: list[str] = field(default_factory=list)
 

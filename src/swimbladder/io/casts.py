@@ -1,4 +1,4 @@
-"""Casts from files: CSV and Parquet like logs, netCDF (CF, OG1), Argo profiles; plain or gzipped.
+"""Casts from files: CSV and Parquet like logs, netCDF (CF, OG1), Argo, Sea-Bird; also gzipped.
 
 Nothing is guessed in silence and nothing bad goes through: a wrong unit is told by the physics, a
 density inversion that is more than noise is refused, and what was averaged, sorted or left out
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError
+from swimbladder.io.cast_cnv import cnv_cast, is_cnv
 from swimbladder.io.cast_columns import CAST_COLUMNS, cast_sources
 from swimbladder.io.cast_netcdf import netcdf_cast
 from swimbladder.io.cast_raw import RawCast
@@ -62,14 +63,17 @@ def read_cast(
         )  # fmt: skip
     file = Path(path)
     data = read_bytes(file)
-    if is_netcdf(data):
+    if is_netcdf(data) or is_cnv(data):
         if where or form is not None:
             raise LogError(
-                "rows and formats of texts are no matter of netCDF", file=file,
+                "rows and formats are chosen in CSV and Parquet only", file=file,
                 field="where" if where else "log_format",
                 remedy="Choose a profile with --profile N, variables with --column",
             )  # fmt: skip
-        raw, profile = netcdf_cast(data, file, columns or {}, profile)
+        if is_netcdf(data):
+            raw, profile = netcdf_cast(data, file, columns or {}, profile)
+        else:
+            raw = cnv_cast(data, file, columns or {})
     else:
         raw = _text_cast(file, columns or {}, where or {}, form, salinity)
     raw = replace(
@@ -170,7 +174,7 @@ def _cast(raw: RawCast, profile: int | None, inversions: Inversions) -> Cast:
                           remedy="Give a cast that goes down")  # fmt: skip
     SA, CT = stable(raw, pressure, SA, CT, inversions)
     return Cast(
-        pressure=pressure, SA=SA, CT=CT, latitude=latitude, longitude=raw.longitude, time=raw.time,
+        pressure=pressure, SA=SA, CT=CT, latitude=latitude, longitude=raw.longitude,
         name=f"{raw.path.name} {raw.name}".strip(), report=tuple(raw.report),
     )  # fmt: skip
 

@@ -35,7 +35,6 @@ class Cast:
     CT: Array  # degC
     latitude: float = 45.0
     longitude: float | None = None
-    time: str = ""  # ISO 8601, "" where not known
     name: str = ""
     report: tuple[str, ...] = ()
 

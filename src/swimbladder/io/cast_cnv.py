@@ -1,0 +1,189 @@
+"""A cast as Sea-Bird's software writes it: a .cnv file, its header naming columns and units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError, LogError
+from swimbladder.io.cast_columns import CAST_COLUMNS, cast_unit, check_names
+from swimbladder.io.cast_raw import RawCast
+from swimbladder.io.log_text import counted
+from swimbladder.units import unit_factor
+
+__all__ = ["cnv_cast", "is_cnv"]
+
+Array = NDArray[np.float64]
+
+_NAME = re.compile(r"# name (\d+) = ([^:]+):\s*(.*)")
+_PLACE = re.compile(
+    r"\*\s*NMEA (Latitude|Longitude) = (\d+)\s+(\d+(?:\.\d+)?)\s*([NSEW])", re.IGNORECASE
+)
+_SAID = re.compile(r"# (bad_flag|file_type) = (-?\d+\.?\d*(?:[eE][-+]?\d+)?|ascii|binary)\s*$")
+# How the short names of the variables begin (SBE Data Processing, appendix on variable names); the
+# first column that begins so is the primary sensor's.
+_SHORT = {
+    "pressure_dbar": ("pr",),
+    "depth_m": ("dep",),
+    "temperature_degC": ("t090", "tv290", "t068", "tv268", "t190"),
+    "salinity": ("sal",),
+    "conductivity_S_m": ("c0", "c1"),
+    "latitude": ("latitude",),
+    "longitude": ("longitude",),
+}
+_IPTS68 = 1.00024  # T68 over T90 (Saunders 1990, WOCE Newsletter 10)
+
+
+def is_cnv(data: bytes) -> bool:
+    """Say whether bytes are those of a .cnv file."""
+    return data.startswith(b"* Sea-Bird") or (
+        data.startswith(b"*") and b"\n# name 0 = " in data[:100_000]
+    )
+
+
+def cnv_cast(data: bytes, path: Path, columns: Mapping[str, str]) -> RawCast:
+    """Return the cast of a .cnv file as it stands there.
+
+    columns: as for other casts, by the short names of the header ("prDM"). Raises LogError.
+    """
+    check_names(columns, path)
+    lines = data.decode("latin-1").splitlines()
+    end = next((k for k, line in enumerate(lines) if line.startswith("*END*")), None)
+    if end is None:
+        raise LogError(
+            "the header has no end", file=path, field="*END*",
+            remedy="Give the whole .cnv file, as Sea-Bird's software writes it",
+        )  # fmt: skip
+    names: dict[int, tuple[str, str]] = {}
+    said: dict[str, str] = {}
+    place: dict[str, float] = {}
+    for line in lines[:end]:
+        if (found := _NAME.match(line)) is not None:
+            names[int(found[1])] = (found[2].strip(), found[3])
+        elif (found := _SAID.match(line)) is not None:
+            said[found[1]] = found[2]
+        elif (found := _PLACE.match(line)) is not None:
+            sign = -1.0 if found[4].upper() in "SW" else 1.0
+            place[found[1].lower()] = sign * (float(found[2]) + float(found[3]) / 60.0)
+    if said.get("file_type") == "binary":
+        raise LogError(
+            "the data are binary", file=path, field="file_type", value="binary",
+            remedy="Write it as ASCII with Sea-Bird's Translate",
+        )  # fmt: skip
+    report: list[str] = []
+    table, row = _numbers(lines, end, len(names), path)
+    table, row = _unflagged(table, row, names, float(said.get("bad_flag", "-9.99e-29")), report)
+    values = {
+        column: _column(column, table, names, columns, path, report)
+        for column in CAST_COLUMNS
+    }  # fmt: skip
+    for name in ("latitude", "longitude"):
+        measured = values[name]
+        if name not in place and measured is not None and np.isfinite(measured).any():
+            place[name] = float(np.nanmean(measured))
+    temperature = values["temperature_degC"]
+    if temperature is None or (values["pressure_dbar"] is None and values["depth_m"] is None):
+        what = "temperature" if temperature is None else "pressure or depth"
+        raise LogError(
+            f"the cast has no {what}", file=path, field="name",
+            remedy=f"Columns of the file: {', '.join(short for short, _ in names.values())}",
+        )  # fmt: skip
+    return RawCast(
+        path=path, temperature=temperature, pressure=values["pressure_dbar"],
+        depth=values["depth_m"], salinity=values["salinity"],
+        conductivity=values["conductivity_S_m"], row=row,
+        latitude=place.get("latitude"), longitude=place.get("longitude"), report=report,
+    )  # fmt: skip
+
+
+def _numbers(lines: list[str], end: int, count: int, path: Path) -> tuple[Array, NDArray[np.int64]]:
+    """Return the rows of numbers [n, count] and their lines; raises LogError for any other row."""
+    rows, at = [], []
+    for k, line in enumerate(lines[end + 1 :], start=end + 2):
+        fields = line.split()
+        if not fields:
+            continue
+        try:
+            numbers = [float(field) for field in fields]
+        except ValueError:
+            numbers = []
+        if len(numbers) != count:
+            raise LogError(
+                f"not the {count} numbers that the header names", file=path, line=k, field="row",
+                value=line.strip()[:60], remedy="Give the file as Sea-Bird's software writes it",
+            )  # fmt: skip
+        rows.append(numbers)
+        at.append(k)
+    if not rows:
+        raise LogError(
+            "the header and no rows", file=path, field="rows",
+            remedy="Give a .cnv file with its data",
+        )  # fmt: skip
+    return np.array(rows), np.array(at, dtype=np.int64)
+
+
+def _unflagged(
+    table: Array,
+    row: NDArray[np.int64],
+    names: Mapping[int, tuple[str, str]],
+    bad: float,
+    report: list[str],
+) -> tuple[Array, NDArray[np.int64]]:
+    """Return the rows that Loop Edit and Wild Edit did not flag; bad numbers become NaN."""
+    flag = next((k for k, (short, _) in names.items() if short == "flag"), None)
+    kept = np.ones(len(row), dtype=bool)
+    if flag is not None:
+        kept = table[:, flag] != bad
+        if not kept.all():
+            report.append(f"{counted(int((~kept).sum()), 'row')} flagged as bad left out")
+    table = table[kept]
+    return np.where(table == bad, np.nan, table), row[kept]
+
+
+def _column(
+    column: str,
+    table: Array,
+    names: Mapping[int, tuple[str, str]],
+    columns: Mapping[str, str],
+    path: Path,
+    report: list[str],
+) -> Array | None:
+    """Return a column of the cast in its unit, None where the file has none."""
+    asked, _, stated = columns.get(column, "").partition("@")
+    starts = _SHORT[column]
+    found = [
+        k for start in starts for k, (short, _) in names.items() if short.lower().startswith(start)
+    ]
+    if asked:
+        found = [k for k, (short, _) in names.items() if short == asked]
+        if not found:
+            raise LogError(
+                "no such column", file=path, field=column, value=asked,
+                remedy=f"Columns of the file: {', '.join(short for short, _ in names.values())}",
+            )  # fmt: skip
+    if not found:
+        return None
+    short, words = names[found[0]]
+    said = re.findall(r"\[([^\]]*)\]", words)
+    unit = stated or cast_unit(said[-1].split(",")[-1] if said else "")
+    values = table[:, found[0]]
+    if unit == "":
+        unit = CAST_COLUMNS[column]
+    try:
+        factor = unit_factor(unit, CAST_COLUMNS[column])
+    except InputError as error:
+        raise LogError(
+            error.what, file=path, field=short, value=unit, unit=CAST_COLUMNS[column],
+            remedy=f'State the unit: --column "{column}={short}@UNIT"',
+        ) from None  # fmt: skip
+    if "68" in short and column == "temperature_degC":
+        report.append(f"{short} is on the scale of 1968 and was turned into that of 1990")
+        factor /= _IPTS68
+    report.append(
+        f"{column} read from {short!r}" + ("" if factor == 1.0 else f", times {factor:g}")
+    )
+    return values * factor
