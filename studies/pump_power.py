@@ -82,12 +82,12 @@ def float_table(runs: PumpRuns) -> tuple[PumpFit, pd.DataFrame]:
     usable = np.isfinite(runs.pressure) & np.isfinite(runs.power) & np.isfinite(runs.temperature)
     for number in np.unique(runs.dive[usable]):
         own = usable & (runs.dive == number)
-        others = _only(runs, runs.dive != number)
-        found = fit_pump(others, power_at="end", shortest=_LONG)
+        all_of_them = {name: e.value for name, e in fitted.parameters.items()}
+        found = fitted.without.get(float(number), all_of_them)  # a dive without long runs told none
         power = (
-            found.value("idle_power")
-            + found.value("power_per_pressure") * runs.pressure[own]
-            + found.value("power_per_temperature") * (runs.temperature[own] - 15.0)
+            found["idle_power"]
+            + found["power_per_pressure"] * runs.pressure[own]
+            + found["power_per_temperature"] * (runs.temperature[own] - 15.0)
         )
         t = runs.duration[own]
         rows.append(

@@ -9,11 +9,7 @@ Both are linear in what is not known, and solved by least squares. What is lost 
 them where runs of several lengths tell it; a power that was read at the end of a run has none.
 Powers weigh by their time, so that the energy fits; volumes weigh alike, as a meter's error does.
 
-How sure: runs of one dive share what no column says (the battery, the oil, the weather), and long
-runs err otherwise than short ones. So whole dives are left out one by one, and the numbers that
-then come out tell the covariance (the jackknife over clusters, CR3: R. M. Bell and D. F. McCaffrey,
-Survey Methodology 28, 2002, 169), with the quantiles of Student's t for one degree of freedom less
-than dives. It holds for any correlation within dives and any spread of the errors.
+How sure they are: see `least`; what dives share is reckoned with.
 """
 
 from __future__ import annotations
@@ -26,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from swimbladder.buoyancy_engine import REFERENCE_TEMPERATURE
+from swimbladder.energy.least import Least
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.parameters import PowerLawPump, PumpAndValve, Vehicle
@@ -34,6 +31,7 @@ __all__ = ["Estimate", "PumpFit", "PumpRuns", "fit_pump", "fitted_vehicle"]
 
 Array = NDArray[np.float64]
 _FEWEST = 3  # dives, or runs where no dives are told apart: fewer leave no spread to be known
+_BLOCKS = 300  # groups of runs where no dives are told apart, at most
 _UNITS = {
     "idle_power": "W", "power_per_pressure": "W/Pa", "power_per_temperature": "W/K",
     "lost_energy": "J", "delivery": "m3/s", "slip": "m3/s/Pa", "start_volume": "m3",
@@ -87,6 +85,7 @@ class PumpFit:
     volume_rms: float  # m3, of the volumes; NaN without
     clusters: int  # dives, or runs where no dives are told apart
     dives: tuple[Predicted, ...] = field(default=())  # each from all the others
+    without: dict[float, dict[str, float]] = field(default_factory=dict)  # numbers without a dive
 
     def value(self, name: str) -> float:
         """Return a number, 0 where it was not among the unknown ones."""
@@ -110,7 +109,7 @@ def fit_pump(
     """
     finite = np.isfinite(runs.duration) & np.isfinite(runs.pressure) & np.isfinite(runs.power)
     kept = finite & (runs.duration > 0.0) & (runs.duration >= shortest)
-    dive = np.arange(kept.size, dtype=float) if runs.dive is None else runs.dive
+    dive = _blocks(kept.size) if runs.dive is None else runs.dive
     kept &= np.isfinite(dive)
     warm = _warm(runs, kept) if temperature else None
     if warm is not None:
@@ -118,7 +117,7 @@ def fit_pump(
     design = _Design(runs, warm, power_at, start and _lengths_differ(runs.duration[kept]))
     groups = np.unique(dive[kept])
     _check(runs, kept, groups)
-    powers = _Least.of(*design.power(kept), dive[kept])
+    powers = Least.of(*design.power(kept), dive[kept])
     parameters = _estimates(design.power_names, powers)
     power_rms = float(np.sqrt(np.mean(powers.residual**2)))
     volume_rms, volumes = float("nan"), None
@@ -126,16 +125,22 @@ def fit_pump(
     if runs.volume is not None:
         measured = kept & np.isfinite(runs.volume)
         if len(np.unique(dive[measured])) >= _FEWEST:
-            volumes = _Least.of(*design.volume(measured), dive[measured])
+            volumes = Least.of(*design.volume(measured), dive[measured])
             parameters |= _estimates(design.volume_names, volumes)
             volume_rms = float(np.sqrt(np.mean(volumes.residual**2)))
+    without = {
+        number: dict(zip(design.power_names, map(float, x), strict=True))
+        for number, x in powers.without.items()
+    }
+    for number, x in ({} if volumes is None else volumes.without).items():
+        without[number] |= dict(zip(design.volume_names, map(float, x), strict=True))
     dives = () if runs.dive is None else tuple(
         _predicted(runs, design, kept, measured, dive, number, powers, volumes)
         for number in groups
     )  # fmt: skip
     return PumpFit(
         runs=runs, kept=kept, parameters=parameters, power_rms=power_rms, volume_rms=volume_rms,
-        clusters=len(groups), dives=dives,
+        clusters=len(groups), dives=dives, without=without,
     )  # fmt: skip
 
 
@@ -197,50 +202,12 @@ class _Design:
         return np.column_stack(columns), r.volume[rows], np.ones(t.size)
 
 
-class _Least(NamedTuple):
-    """A weighted least-squares solution, and those without each cluster."""
-
-    solution: Array
-    covariance: Array
-    residual: Array
-    without: dict[float, Array]
-
-    @classmethod
-    def of(cls, A: Array, y: Array, weight: Array, cluster: Array) -> _Least:
-        root = np.sqrt(weight / weight.mean())
-        scale = np.abs(A).max(axis=0)
-        B, b = A / scale * root[:, None], y * root
-        if np.linalg.matrix_rank(B) < B.shape[1]:
-            raise NoAnswerError(
-                "the runs do not tell power and delivery apart from pressure and duration: log "
-                "runs at several depths and of several lengths"
-            )
-        solution = np.linalg.lstsq(B, b, rcond=None)[0]
-        without = {}
-        for number in np.unique(cluster):
-            others = cluster != number
-            if np.linalg.matrix_rank(B[others]) < B.shape[1]:
-                raise NoAnswerError(
-                    f"only dive {number:g} tells how the numbers depend on pressure: without "
-                    "another one at its depth nothing says how sure they are. Log a second one"
-                )
-            without[float(number)] = np.linalg.lstsq(B[others], b[others], rcond=None)[0]
-        apart = np.array(list(without.values())) - solution
-        G = len(without)
-        covariance = (G - 1.0) / G * apart.T @ apart
-        back = {number: x / scale for number, x in without.items()}
-        return cls(
-            solution / scale, covariance / np.outer(scale, scale), y - A @ (solution / scale), back
-        )
-
-
-def _estimates(names: list[str], found: _Least) -> dict[str, Estimate]:
-    factor = float(student.ppf(0.975, len(found.without) - 1))
-    std = np.sqrt(np.diag(found.covariance))
+def _estimates(names: list[str], found: Least) -> dict[str, Estimate]:
+    factors = np.asarray(student.ppf(0.975, found.freedom), dtype=np.float64)
     return {
         name: Estimate(float(x), float(s), (float(x - factor * s), float(x + factor * s)),
                        _UNITS[name])
-        for name, x, s in zip(names, found.solution, std, strict=True)
+        for name, x, s, factor in zip(names, found.solution, found.std, factors, strict=True)
     }  # fmt: skip
 
 
@@ -251,8 +218,8 @@ def _predicted(
     measured: NDArray[np.bool_],
     dive: Array,
     number: float,
-    powers: _Least,
-    volumes: _Least | None,
+    powers: Least,
+    volumes: Least | None,
 ) -> Predicted:
     rows = kept & (dive == number)
     A, power, _ = design.power(rows)
@@ -268,6 +235,11 @@ def _predicted(
         float(number), int(rows.sum()), float(runs.pressure[rows].max()),
         float((power * t).sum()), energy, volume, predicted,
     )  # fmt: skip
+
+
+def _blocks(count: int) -> Array:
+    """Return runs that no column groups as groups of one; of neighbours where they are many."""
+    return np.asarray(np.floor(np.arange(count) * min(1.0, _BLOCKS / max(count, 1))))
 
 
 def _warm(runs: PumpRuns, kept: NDArray[np.bool_]) -> Array | None:

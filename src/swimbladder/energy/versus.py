@@ -90,7 +90,9 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
     )
     force = drag_force(vehicle.drag, speed)
     extra = force / (density * column.gravity)  # m3, by which it is heavier or lighter
-    out, into = (np.interp(z, column.depth, v) for v in (found.per_volume, found.per_volume_in))
+    out = np.interp(z, column.depth, found.per_volume)
+    flows = np.isfinite(found.per_volume_in)  # at the very surface nothing presses the oil in
+    into = np.interp(z, column.depth[flows], found.per_volume_in[flows])
     m = found.map
     idle = m.holding_power + np.where(m.leakage > 0.0, m.leakage * found.per_volume, 0.0)
     rest = np.interp(z, column.depth, idle)

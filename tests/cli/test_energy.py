@@ -1,0 +1,158 @@
+"""`swimbladder energy`: its answer, its files, what it refuses."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from swimbladder.cli import main
+from swimbladder.energy import Thruster, drive_energy, hovering, profiling
+from swimbladder.io.config import load_vehicle
+from swimbladder.seawater import uniform_column
+
+
+def answer(capsys, *words):
+    assert main(["energy", *words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_the_answer_and_the_table_agree(capsys, tmp_path):
+    told = answer(capsys, "example-float", "--out", str(tmp_path / "out"))
+    assert told["vehicle"] == "example-float"
+    with (tmp_path / "out" / "energy.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[-1]["depth_m"]) == 2000.0
+    last = float(rows[-1]["energy_per_volume_J_m3"])
+    assert last == pytest.approx(told["depths"]["energy_per_volume_J_m3"][-1], rel=1e-8)
+    assert f"takes {last * 1e-6:.3g} J/mL" in told["sentences"][0]
+    assert len(told["efficiency_map"]["efficiency"]) == len(told["efficiency_map"]["voltage_share"])
+    assert {*map(str, tmp_path.joinpath("out").iterdir())} == set(told["files"])
+    assert json.loads((tmp_path / "out" / "energy.json").read_text())["depths"] == told["depths"]
+
+
+def test_words_for_people(capsys, tmp_path):
+    assert main(["energy", "example-em", "--depth", "50 m", "--out", str(tmp_path / "o")]) == 0
+    said = capsys.readouterr().out
+    assert "Pressing out at 50 m takes" in said
+    assert "It stalls at 155.8 m" in said
+    assert "Holding the volume there takes" in said
+    assert "assumed" not in said
+    assert "--thruster-diameter" in said
+
+
+def test_every_option_reaches_the_answer(capsys, tmp_path):
+    told = answer(
+        capsys, "example-float", "--thruster-diameter", "0.2 m", "--thruster-efficiency", "70 %",
+        "--thruster-idle", "2 W", "--thruster-number", "3", "--weight-error", "50 cm3",
+        "--speed", "0.3 m/s", "--depth", "800 m", "--out", str(tmp_path / "o"),
+    )  # fmt: skip
+    vehicle = load_vehicle("example-float")
+    thruster = Thruster(diameter=0.2, efficiency=0.7, number=3, idle_power=2.0)
+    assert told["thruster"] == thruster._asdict()
+    found = drive_energy(vehicle, uniform_column(vehicle.water, 800.0))
+    hover = hovering(found, thruster, weight_error=5e-5)
+    dive = profiling(found, thruster, speed=0.3)
+    assert told["hovering"]["break_even_s"] == pytest.approx(hover.break_even[-1], rel=1e-9)
+    assert told["hovering"]["depth_m"] == 800.0
+    assert told["profiling"]["engine_J"][1:] == pytest.approx(list(dive.engine[1:]), rel=1e-9)
+    assert told["profiling"]["thruster_J"] == pytest.approx(list(dive.thruster), rel=1e-9)
+
+
+def test_a_cast_is_the_water(capsys, tmp_path):
+    cast = tmp_path / "cast.csv"
+    rows = [f"{p},{4.0 + 16.0 * np.exp(-p / 300.0)},35.0,10,-30" for p in range(0, 1501, 10)]
+    head = "pressure_dbar,temperature_degC,salinity,latitude,longitude\n"
+    cast.write_text(head + "\n".join(rows) + "\n")
+    out = ["--out", str(tmp_path / "o")]
+    told = answer(capsys, "example-float", "--cast", str(cast), "--depth", "1000 m", *out)
+    uniform = answer(capsys, "example-float", "--depth", "1000 m", *out)
+    assert told["hovering"]["depth_m"] == uniform["hovering"]["depth_m"] == 1000.0
+    assert any("cast" in line for line in told["assumptions"])
+    assert told["profiling"]["engine_J"][-1] != uniform["profiling"]["engine_J"][-1]
+    deeper = main(["energy", "example-float", "--cast", str(cast), "--depth", "1900 m", *out])
+    assert deeper in (1, 2)
+    assert "error:" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "field"),
+    [("feup-em", "actuator.motor.resistance"), ("ntnu-bv", "actuator.moving_power")],
+)
+def test_without_r_and_k_t_it_says_so(name, field, capsys, tmp_path):
+    assert main(["energy", name, "--out", str(tmp_path / "o")]) == 1
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "the electrical power is not known" in said.err
+    assert field in said.err
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ([], "VEHICLE"),
+        (["example-float", "--speed", "0 m/s"], "--speed"),
+        (["example-float", "--weight-error", "-1 cm3"], "--weight-error"),
+        (["example-float", "--thruster-efficiency", "120 %"], "--thruster-efficiency"),
+        (["example-float", "--depth", "0 m"], "deepest"),
+        (["example-float", "--where", "a=b"], "--where"),
+        (["example-float", "--power-at", "end"], "--power-at"),
+        (["example-eh", "--fit", "RUNS"], "actuator.kind"),
+        (["--fit", "RUNS", "--power-at", "noon"], "--power-at"),
+    ],
+)
+def test_bad_input_exits_2_and_names_it(words, named, capsys, tmp_path):
+    runs = tmp_path / "runs.csv"
+    runs.write_text(RUNS)
+    given = [str(runs) if word == "RUNS" else word for word in words]
+    assert main(["energy", *given, "--out", str(tmp_path / "o")]) == 2
+    assert named in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
+
+
+def _runs():
+    random = np.random.default_rng(7)
+    rows = ["duration_s,pressure_dbar,power_W,volume_mL,dive"]
+    for dive in range(8):
+        for p in random.choice([20.0, 300.0, 1000.0, 1900.0], 6):
+            t = random.uniform(10.0, 90.0)
+            power = 8.0 + 0.009 * p + random.normal(0.0, 0.2)
+            volume = (1.1 - 1e-4 * p) * t - 3.0 + random.normal(0.0, 0.5)
+            rows.append(f"{t:.3f},{p},{power:.4f},{volume:.4f},{dive}")
+    return "\n".join(rows) + "\n"
+
+
+RUNS = _runs()
+COLUMNS = ["--column", "pressure_Pa=pressure_dbar@dbar", "--column", "volume_m3=volume_mL@mL"]
+
+
+def test_a_pump_is_found_in_logged_runs(capsys, tmp_path):
+    (tmp_path / "runs.csv").write_text(RUNS)
+    runs, out = str(tmp_path / "runs.csv"), tmp_path / "found"
+    told = answer(capsys, "example-float", "--fit", runs, *COLUMNS, "--out", str(out))
+    for name, true in (
+        ("idle_power", 8.0), ("power_per_pressure", 9e-7), ("delivery", 1.1e-6), ("slip", 1e-14),
+        ("start_volume", 3e-6),
+    ):  # fmt: skip
+        low, high = told["parameters"][name]["ci95"]
+        assert low < true < high
+    assert len(told["dives"]) == told["clusters"] == 8
+    vehicle = load_vehicle(out / "vehicle.toml")
+    assert vehicle.actuator.pump.kind == "power-law"
+    assert vehicle.actuator.start_volume == told["parameters"]["start_volume"]["value"]
+    assert main(["energy", str(out / "vehicle.toml"), "--out", str(tmp_path / "again")]) == 0
+    capsys.readouterr()
+    assert main(["energy", "--fit", runs, *COLUMNS, "--out", str(tmp_path / "alone")]) == 0
+    assert "power_per_pressure" in capsys.readouterr().out
+    assert not (tmp_path / "alone" / "vehicle.toml").exists()
+
+
+def test_a_fit_without_volumes_keeps_the_vehicles_delivery_or_says_why_not(capsys, tmp_path):
+    (tmp_path / "runs.csv").write_text(RUNS.replace("volume_mL", "unused"))
+    runs, out = str(tmp_path / "runs.csv"), str(tmp_path / "o")
+    words = ["--fit", runs, *COLUMNS[:2], "--shortest", "12 s", "--out", out]
+    assert main(["energy", "example-float", *words]) == 2
+    assert "volume_m3" in capsys.readouterr().err
+    assert main(["energy", *words]) == 0
+    assert "the delivery is not told" in capsys.readouterr().out
