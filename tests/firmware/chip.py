@@ -113,7 +113,7 @@ def vehicle(made: Library, folder: Path, mcu: str) -> Chip:
     write_library(made, folder / "library")
     sources = sorted((folder / "library" / "src").glob("*.c"))
     inputs = [*["<f4"] * 4, "?", "<u4", "<f4"]
-    return Chip(folder, mcu, [*sources, HERE / "vehicle.c"], inputs=inputs, outputs=["<f4", "<u4"])
+    return Chip(folder, mcu, [*sources, HERE / "vehicle.c"], inputs=inputs, outputs=["<f4", "<u2"])
 
 
 def vehicle_twin(made: Library, spoil: Any = None) -> VehicleTwin:

@@ -84,14 +84,16 @@ def smoothed(old: float, new: float, weight: float) -> float:
 
 
 def count_time(p: SupervisorParameters, s: SupervisorState, lost: Count) -> SupervisorState:
-    """Count the ticks that were lost; `step` counts its own when it is through."""
+    """Count the ticks that were lost, and this one."""
+    half = more(lost, lost)
+    s = s._replace(lost=share(more(half, half), s.lost, p.lost_quarters))
+    if p.time_blocks == NEVER:
+        return s
     tick = more(s.tick, lost)
-    block = s.block
     if tick >= _BLOCK:
         tick = less(tick, _BLOCK)
-        block = more(block, 1)
-    half = more(lost, lost)
-    return s._replace(tick=tick, block=block, lost=share(more(half, half), s.lost, p.lost_quarters))
+        s = s._replace(block=more(s.block, 1))
+    return s._replace(tick=more(tick, 1))
 
 
 def expected_rate(p: SupervisorParameters, s: SupervisorState) -> float:
@@ -161,11 +163,11 @@ def smooth_motion(
     p: SupervisorParameters, s: SupervisorState, depth: float, n: float
 ) -> SupervisorState:
     """Put depth and volume through two low passes each."""
-    z1 = smoothed(s.z1, depth, p.smoothing)
-    n1 = smoothed(s.n1, n, p.smoothing)
-    z2 = smoothed(s.z2, z1, p.smoothing)
-    n2 = smoothed(s.n2, n1, p.smoothing)
-    return s._replace(z1=z1, z2=z2, n1=n1, n2=n2, settled=more(s.settled, 1))
+    s = s._replace(z1=smoothed(s.z1, depth, p.smoothing))
+    s = s._replace(z2=smoothed(s.z2, s.z1, p.smoothing))
+    s = s._replace(n1=smoothed(s.n1, n, p.smoothing))
+    s = s._replace(n2=smoothed(s.n2, s.n1, p.smoothing))
+    return s._replace(settled=more(s.settled, 1))
 
 
 def needed(p: SupervisorParameters, s: SupervisorState, depth: float) -> float:
@@ -188,8 +190,8 @@ def learn(
     weight = p.forgetting
     if known < p.remembered:
         weight = 1.0 / float(known)
-    own = min(max(smoothed(s.own, n, weight), -room), room)
-    return s._replace(known=known, own=own, own_depth=smoothed(s.own_depth, depth, weight))
+    s = s._replace(known=known, own_depth=smoothed(s.own_depth, depth, weight))
+    return s._replace(own=min(max(smoothed(s.own, n, weight), -room), room))
 
 
 def watch_motion(
@@ -294,7 +296,7 @@ def reasons_of(p: SupervisorParameters, s: SupervisorState) -> Count:
     if s.lost >= p.lost_quarters:
         bits = bits | 8192
     if p.time_blocks < NEVER and s.block >= p.time_blocks:
-        over = s.block > p.time_blocks or s.tick >= p.time_ticks
+        over = s.block > p.time_blocks or s.tick > p.time_ticks
         bits = bits | (16384 if over else 0)
     return bits
 
@@ -405,7 +407,7 @@ def step(
     s = watch_board(p, s, seen)
     s = s._replace(
         since=since, depth=depth, volume=volume, measured=measured, command=wanted,
-        reasons=reasons_of(p, s), tick=more(s.tick, 1),
+        reasons=reasons_of(p, s),
     )  # fmt: skip
     if s.reasons > 0:
         s = bring_up(p, s, good, fresh)

@@ -113,7 +113,7 @@ class SupervisorState(NamedTuple):
     """What the supervisor remembers between ticks."""
 
     restarted: bool  # by a watchdog or a brown-out
-    tick: Count  # ticks since the start, below 4096
+    tick: Count  # ticks since the start, up to 4096; without a time limit they are not counted
     block: Count  # of 4096 ticks
     lost: Count  # quarters of ticks
     since: Count  # ticks since the last good depth; NEVER: any depth may be

@@ -12,7 +12,7 @@ static struct {
 
 static struct {
     float command;
-    uint32_t reasons;
+    uint16_t reasons;
 } out;
 
 int main(void)
