@@ -75,7 +75,7 @@ def test_without_a_place_it_says_what_that_costs(tmp_path):
         ("conductivity_uS_cm", ("conductivity_S_m", "uS/cm")), ("SP", ("salinity", None)),
         ("Temp. (deg C)", None), ("Temperature (deg C)", ("temperature_degC", "degC")),
         ("salinity_psu", ("salinity", "")), ("depth (m)", ("depth_m", "m")), ("oxygen", None),
-        ("density_kg_m3", None), ("ctd_pressure", ("pressure_dbar", None)),
+        ("density_kg_m3", ("density_kg_m3", "kg/m3")), ("ctd_pressure", ("pressure_dbar", None)),
     ],
 )  # fmt: skip
 def test_names_that_are_known(name, meant):
@@ -178,6 +178,18 @@ def test_conductivity_beside_salinity_tells_of_the_unit_of_pressure(tmp_path, un
         {"pressure": factor * p, "temp": t, "psal": s, "cond_mS_cm": gsw.C_from_SP(s, t, p)},
     )
     assert f"In {unit} they agree" in refused(path).remedy
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("bar", 0.1), ("MPa", 0.01)])
+def test_density_in_situ_tells_of_the_unit_of_pressure(tmp_path, unit, factor):
+    p, t, s = sea(2000.0)
+    SA = gsw.SR_from_SP(s)
+    columns = {"pressure": factor * p, "temp": t, "psal": s}
+    density = {"density": gsw.rho(SA, gsw.CT_from_t(SA, t, p), p)}
+    assert f"In {unit} they agree" in refused(csv(tmp_path, columns | density)).remedy
+    potential = {"density": gsw.rho(SA, gsw.CT_from_t(SA, t, p), 0.0)}
+    cast = read_cast(csv(tmp_path, {**columns, "pressure": p} | potential))
+    assert any("is it that in situ?" in line for line in cast.report)
 
 
 def test_pressures_with_the_atmosphere_in_them(tmp_path):

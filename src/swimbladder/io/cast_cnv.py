@@ -32,6 +32,7 @@ _SHORT = {
     "temperature_degC": ("t090", "tv290", "t068", "tv268", "t190"),
     "salinity": ("sal",),
     "conductivity_S_m": ("c0", "c1"),
+    "density_kg_m3": ("density",),
     "latitude": ("latitude",),
     "longitude": ("longitude",),
 }
@@ -95,7 +96,7 @@ def cnv_cast(data: bytes, path: Path, columns: Mapping[str, str]) -> RawCast:
     return RawCast(
         path=path, temperature=temperature, pressure=values["pressure_dbar"],
         depth=values["depth_m"], salinity=values["salinity"],
-        conductivity=values["conductivity_S_m"], row=row,
+        conductivity=values["conductivity_S_m"], density=values["density_kg_m3"], row=row,
         latitude=place.get("latitude"), longitude=place.get("longitude"), report=report,
     )  # fmt: skip
 

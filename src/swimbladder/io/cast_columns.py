@@ -20,10 +20,14 @@ CAST_COLUMNS = {
     "temperature_degC": "degC",
     "salinity": "",
     "conductivity_S_m": "S/m",
+    "density_kg_m3": "kg/m3",
     "latitude": "",
     "longitude": "",
 }
-"""The columns of a cast and their units; salinity is practical salinity, PSS-78."""
+"""The columns of a cast and their units; salinity is practical salinity, PSS-78.
+
+density_kg_m3 is that in situ; it is only held against the others.
+"""
 
 # Plain names that leave no doubt, in small letters; CF standard names among them.
 NAMES = {
@@ -35,6 +39,7 @@ NAMES = {
         "sea_water_practical_salinity", "sea_water_salinity",
     },
     "conductivity_S_m": {"conductivity", "cond", "cndc", "sea_water_electrical_conductivity"},
+    "density_kg_m3": {"density", "rho", "sea_water_density"},
     "latitude": {"latitude", "lat"},
     "longitude": {"longitude", "lon"},
 }  # fmt: skip
@@ -42,6 +47,7 @@ _ENDINGS = {
     "dbar": "dbar", "db": "dbar", "decibar": "dbar", "bar": "bar", "mbar": "mbar", "pa": "Pa",
     "kpa": "kPa", "mpa": "MPa", "hpa": "hPa", "psi": "psi", "m": "m", "cm": "cm", "degc": "degC",
     "c": "degC", "psu": "", "s_m": "S/m", "ms_cm": "mS/cm", "us_cm": "uS/cm", "deg": "",
+    "kg_m3": "kg/m3",
 }  # fmt: skip
 _UNITS = {
     "": "", "1": "", "psu": "", "pss-78": "", "pss": "", "ppt": "", "1e-3": "", "0.001": "",
@@ -49,7 +55,8 @@ _UNITS = {
     "metre": "m", "metres": "m", "c": "degC", "celsius": "degC", "deg c": "degC", "deg_c": "degC",
     "degree_c": "degC", "degrees_c": "degC", "degree_celsius": "degC", "degrees_celsius": "degC",
     "degrees celsius": "degC", "its-90, deg c": "degC", "s m-1": "S/m", "s.m-1": "S/m",
-    "siemens/meter": "S/m", "ms cm-1": "mS/cm", "mhos/m": "S/m", "kelvin": "K", "kpascal": "kPa",
+    "siemens/meter": "S/m", "ms cm-1": "mS/cm", "mhos/m": "S/m", "kelvin": "K",
+    "kg m-3": "kg/m3", "kpascal": "kPa",
     "microsiemens per centimeter": "uS/cm", "practical salinity scale": "", "salt water, m": "m",
     "degree_north": "", "degrees_north": "", "degree_east": "", "degrees_east": "", "deg": "",
 }  # fmt: skip

@@ -234,6 +234,7 @@ def _raw(
     return RawCast(
         path=path, pressure=rows.get("pressure_dbar"), depth=rows.get("depth_m"),
         temperature=rows["temperature_degC"], salinity=rows.get("salinity"),
-        conductivity=rows.get("conductivity_S_m"), row=np.arange(1, count + 1),
-        row_name="sample", latitude=latitude, longitude=longitude, name=name, report=report,
+        conductivity=rows.get("conductivity_S_m"), density=rows.get("density_kg_m3"),
+        row=np.arange(1, count + 1), row_name="sample", latitude=latitude,
+        longitude=longitude, name=name, report=report,
     )  # fmt: skip

@@ -25,6 +25,7 @@ class RawCast:
     depth: Array | None = None  # m
     salinity: Array | None = None  # practical
     conductivity: Array | None = None  # S/m
+    density: Array | None = None  # kg/m3 in situ, only held against the others
     row: NDArray[np.int64]  # line of a text, else the number of the sample
     row_name: str = "line"
     latitude: float | None = None
@@ -41,7 +42,7 @@ class RawCast:
 
     def only(self, kept: NDArray[np.bool_] | NDArray[np.int64]) -> RawCast:
         """Return the cast with the rows `kept`, a mask or an order."""
-        names = ("temperature", "pressure", "depth", "salinity", "conductivity")
+        names = ("temperature", "pressure", "depth", "salinity", "conductivity", "density")
         values = {name: getattr(self, name) for name in names}
         chosen = {name: None if v is None else v[kept] for name, v in values.items()}
         return replace(self, row=self.row[kept], **chosen)

@@ -177,6 +177,6 @@ def averaged(raw: RawCast, pressure: Array) -> tuple[RawCast, Array]:
     assert raw.salinity is not None
     binned = replace(
         raw.only(first), temperature=mean(raw.temperature), salinity=mean(raw.salinity),
-        pressure=mean(pressure), depth=None, conductivity=None,
+        pressure=mean(pressure), depth=None, conductivity=None, density=None,
     )  # fmt: skip
     return binned, mean(pressure)

@@ -39,8 +39,8 @@ def stable(
             f"the water at {pressure[worst + 1]:.1f} dbar is {size:.2g} kg/m3 lighter than that at "
             f"{pressure[worst]:.1f} dbar above it, more than noise makes ({INVERSION:g})",
             field="density", k=worst + 1, value=round(size, 4), unit="kg/m3",
-            remedy="Take out what is no water there (a spike, the bottom), or mix the neighbours "
-            "with --inversions average",
+            remedy="Take out what is no water there (a spike, a lagging sensor, the bottom), or "
+            "mix the neighbours with --inversions average",
         )  # fmt: skip
     if inversions == "keep":
         raw.report.append(f"{count} kept, {where}")

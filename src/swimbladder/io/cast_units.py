@@ -1,8 +1,8 @@
 """Whether the numbers of a cast can be in the units they are said to be in, by the physics.
 
-Depth tells of pressure, and so does conductivity where salinity stands beside it; the deepest
-trench, and what sea water can be, bound the rest. A cast in the wrong unit is refused with the unit
-that fits: it would otherwise sink a vehicle that its maker thinks afloat.
+Depth tells of pressure, and so do density in situ, and conductivity where salinity stands beside
+it; the deepest trench, and what sea water can be, bound the rest. A cast in the wrong unit is
+refused with the unit that fits: it would otherwise sink a vehicle that its maker thinks afloat.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ _PRESSURES = ("bar", "mbar", "kPa", "MPa", "Pa", "psi")
 _FITS = 0.05  # of the pressure: fresh, salt and gauge with one density differ by less
 _ATMOSPHERE = (9.6, 10.7)  # dbar, with weather
 _SALT_FITS, _SALT_WRONG = 0.02, 0.1
+_DENSITY_FITS, _DENSITY_WRONG = 0.05, 0.2  # kg/m3; EOS-80 and TEOS-10 differ by up to 0.02
 _SURE = 10.0  # m or dbar that a cast has to go over, for its unit to be told
 
 
@@ -68,6 +69,8 @@ def _pressure(raw: RawCast) -> RawCast:
         return raw
     if raw.depth is not None and np.ptp(raw.depth) > _SURE:
         return _by_depth(raw, p, raw.depth)
+    if raw.density is not None and raw.salinity is not None:
+        _by_density(raw, p, raw.density, raw.salinity)
     if raw.conductivity is not None and raw.salinity is not None:
         _by_salt(raw, p, raw.conductivity, raw.salinity)
     most = float(np.max(p))
@@ -115,6 +118,35 @@ def _by_depth(raw: RawCast, p: Array, depth: Array) -> RawCast:
         if fitting
         else "No unit of pressure fits: check which columns are pressure and depth",
     )  # fmt: skip
+
+
+def _by_density(raw: RawCast, p: Array, density: Array, SP: Array) -> None:
+    """Hold pressures against in-situ densities: 100 dbar make 0.45 kg/m3."""
+    import gsw
+
+    SA = gsw.SR_from_SP(SP)
+
+    def miss(factor: float) -> float:
+        deep = np.clip(p * factor, 0.0, DEEPEST)
+        CT = gsw.CT_from_t(SA, raw.temperature, deep)
+        return float(np.nanmedian(np.abs(gsw.rho(SA, CT, deep) - density)))
+
+    off = miss(1.0)
+    if not off > _DENSITY_WRONG:
+        return
+    sizes = {unit: miss(unit_factor(unit, "dbar")) for unit in _PRESSURES}
+    best = min(sizes, key=lambda unit: sizes[unit])
+    if sizes[best] < _DENSITY_FITS and miss(0.0) > _DENSITY_WRONG:  # else it is potential density
+        raise raw.refused(
+            f"at {np.max(p):.5g} dbar the density in situ would be {off:.2g} kg/m3 off the one "
+            "beside it",
+            field="pressure_dbar", value=float(np.max(p)), unit="dbar",
+            remedy=f'In {best} they agree: map it with --column "pressure_dbar=NAME@{best}"',
+        )  # fmt: skip
+    raw.report.append(
+        f"the density beside is {off:.2g} kg/m3 off that of pressure, temperature and salinity: "
+        "is it that in situ? It is not used"
+    )
 
 
 def _by_salt(raw: RawCast, p: Array, C: Array, SP: Array) -> None:

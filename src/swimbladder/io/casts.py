@@ -103,8 +103,8 @@ def _text_cast(
     return RawCast(
         path=path, temperature=values["temperature_degC"], pressure=values.get("pressure_dbar"),
         depth=values.get("depth_m"), salinity=values.get("salinity"),
-        conductivity=values.get("conductivity_S_m"), row=table.line,
-        latitude=place["latitude"], longitude=place["longitude"],
+        conductivity=values.get("conductivity_S_m"), density=values.get("density_kg_m3"),
+        row=table.line, latitude=place["latitude"], longitude=place["longitude"],
         name=", ".join(f"{name}={value}" for name, value in where.items()),
         report=list(table.report),
     )  # fmt: skip
