@@ -1,0 +1,251 @@
+"""Deep dives of a real float: pump and valve runs replayed through the model, with its own CTD.
+
+::
+
+    python -m studies.deep_dives DATA
+
+DATA is the folder of measured data; its `mermaid_p0051` is read. One set of parameters for all
+deep dives closes the book of volumes; then each dive is predicted with the parameters of the
+others: its pressure at each run of pump or valve and its times of arrival, from 50 dbar down to the
+surface, in one go. Of the dive itself only the first two hours are used, for the volume it began
+with. Beside it a float of constant speeds, likewise from the other dives. What came out:
+`docs/explanation/deep-dives.md`.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from studies.deep_data import dives_of
+from swimbladder.identify.deep_dive import DeepDive
+from swimbladder.identify.deep_fit import DeepFit, balance, fit_deep, start_volume
+from swimbladder.identify.deep_model import DEEP, DEFAULT, Body, body_of, priors_of
+from swimbladder.identify.deep_replay import Replay, replay
+from swimbladder.io.config import load_vehicle
+from swimbladder.parameters import Vehicle
+from swimbladder.units import shown_unit, unit_factor
+
+__all__ = ["Prediction", "constant_speeds", "predict", "study"]
+
+Array = NDArray[np.float64]
+BEGIN = 5e5  # Pa: above it the sea is not what it was when the cast was taken
+FIRST = 7200.0  # s, in which the volume that a dive began with shows
+ARRIVED = 0.97  # of the greatest pressure
+FOLLOWS = 600.0  # s, between two runs of the pump that belong together
+LOOKS = 12  # that tell the volume before an action
+STEPS = 2.5e6  # Pa, between two pressures whose times of arrival are told
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """A dive as measured and as told from its beginning: at each action, and times of arrival."""
+
+    dive: DeepDive
+    told: Replay
+    action: Array  # Pa [m], measured at each action
+    action_told: Array  # Pa [m]
+    action_constant: Array  # Pa [m], of constant speeds
+    next_action: Array  # Pa [j], measured at an action 10 min or more after the one before
+    next_told: Array  # Pa [j], from the action before
+    next_constant: Array  # Pa [j]
+    arrival: Array  # s [k], measured, since the beginning
+    arrival_told: Array  # s [k]
+    arrival_constant: Array  # s [k]
+
+
+def float_vehicle() -> Vehicle:
+    """Return the float as its log speaks of it."""
+    return load_vehicle(Path(__file__).with_name("deep_float.toml"))
+
+
+def constant_speeds(dives: Sequence[DeepDive]) -> tuple[float, float]:
+    """Return the mean speeds of sinking and rising, as changes of pressure [Pa/s]."""
+    found: list[list[float]] = [[], []]
+    for dive in dives:
+        begin, bottom, leave = _marks(dive)
+        left = float(np.interp(leave, dive.time, dive.pressure))
+        found[0].append(
+            (dive.pressure[bottom] - dive.pressure[begin]) / (dive.time[bottom] - dive.time[begin])
+        )
+        found[1].append((left - dive.pressure[-1]) / (dive.time[-1] - leave))
+    return float(np.mean(found[0])), float(np.mean(found[1]))
+
+
+def _marks(dive: DeepDive) -> tuple[int, int, float]:
+    """Return the samples where it is below `BEGIN` and has arrived, and when it leaves [s].
+
+    It leaves with the last runs of the pump at its target that follow each other.
+    """
+    p = dive.pressure
+    begin = int(np.argmax(p > BEGIN))
+    arrived = int(np.argmax(p > ARRIVED * p.max()))
+    pumps = dive.action_time[
+        dive.action_pumps & (dive.action_pressure > 0.9 * p.max())
+        & (dive.action_time > dive.time[arrived])
+    ]  # fmt: skip
+    leave = float(pumps[-1])
+    for time in pumps[::-1]:
+        if leave - time < FOLLOWS:
+            leave = float(time)
+    return begin, arrived, leave
+
+
+def predict(body: Body, fit: DeepFit, dive: DeepDive, speeds: tuple[float, float]) -> Prediction:
+    """Return a dive as told with parameters and speeds that others gave."""
+    begin, _, t_leave = _marks(dive)
+    t0 = float(dive.time[begin])
+    start = start_volume(body, fit.values, dive, until=t0 - float(dive.time[0]) + FIRST)
+    told = replay(body, fit.values, start, dive, begin=t0)
+    # The target is part of the mission, and so is the time at which it leaves.
+    target = float(np.median(dive.pressure[dive.pressure > ARRIVED * dive.pressure.max()]))
+
+    def constant(t: Array) -> Array:
+        down = np.minimum(dive.pressure[begin] + speeds[0] * (t - t0), target)
+        hold = min(float(dive.pressure[begin] + speeds[0] * (t_leave - t0)), target)
+        return np.where(t < t_leave, down, np.maximum(hold - speeds[1] * (t - t_leave), 0.0))
+
+    runs = dive.action_time[(dive.action_time > t0) & (dive.action_time < dive.time[-1])]
+    measured = Replay(time=dive.time, pressure=dive.pressure, speed=np.zeros(len(dive.time)))
+    fine = np.arange(t0, dive.time[-1], 10.0)
+    simple = Replay(time=fine, pressure=constant(fine), speed=np.zeros(len(fine)))
+    marks = np.arange(STEPS, ARRIVED * float(dive.pressure.max()), STEPS)
+    ways = [(p, t0) for p in marks] + [(p, t_leave) for p in marks[::-1]]
+    arrivals = [
+        np.array([way.arrival(p, after=after) - after for p, after in ways])
+        for way in (measured, told, simple)
+    ]
+    ahead = np.array(_ahead(body, fit, dive, speeds, t_leave, target)).reshape(-1, 3).T
+    return Prediction(
+        next_action=ahead[0], next_told=ahead[1], next_constant=ahead[2],
+        dive=dive, told=told, action=measured.at(runs), action_told=told.at(runs),
+        action_constant=constant(runs), arrival=arrivals[0], arrival_told=arrivals[1],
+        arrival_constant=arrivals[2],
+    )  # fmt: skip
+
+
+def _ahead(
+    body: Body, fit: DeepFit, dive: DeepDive, speeds: tuple[float, float], leave: float,
+    target: float,
+) -> list[tuple[float, float, float]]:  # fmt: skip
+    """Return the pressure at each action: measured, told from the one before, at constant speed.
+
+    The volume is what closed the book over the last looks before that.
+    """
+    found = []
+    measured = Replay(time=dive.time, pressure=dive.pressure, speed=np.zeros(len(dive.time)))
+    book = balance(body, fit.values, 0.0, dive)
+    for t0, t1 in pairwise(dive.action_time):
+        known = np.flatnonzero(dive.pieces.time < t0)[-LOOKS:]
+        if t1 - t0 < FOLLOWS or len(known) < LOOKS:
+            continue
+        p0, p1 = measured.at(np.array([t0, t1]))
+        told = replay(
+            body, fit.values, float(np.median(book[known])), dive, begin=t0, end=t1
+        ).pressure[-1]
+        way = speeds[0] if t0 < leave else -speeds[1]
+        constant = max(p0 + way * (t1 - t0), 0.0)
+        if way > 0.0:
+            constant = min(constant, max(target, p0))
+        found.append((float(p1), float(told), float(constant)))
+    return found
+
+
+def study(folder: Path) -> tuple[DeepFit, list[DeepDive], list[Prediction], Body]:
+    """Return the fit to all deep dives, and each predicted from the others."""
+    vehicle = float_vehicle()
+    body, priors = body_of(vehicle), priors_of(vehicle, {})
+    dives = dives_of(folder, vehicle)
+    fit = fit_deep(body, dives, priors, free=DEFAULT)
+    predictions = []
+    for k, dive in enumerate(dives):
+        others = [*dives[:k], *dives[k + 1 :]]
+        found = fit_deep(body, others, priors, free=DEFAULT)
+        predictions.append(predict(body, found, dive, constant_speeds(others)))
+    return fit, dives, predictions, body
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.nanmean(np.square(x))))
+
+
+def _skill(error: Array, base: Array) -> float:
+    return 1.0 - _rms(error) / _rms(base)
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser.add_argument("data", type=Path, help="folder of measured data")
+    fit, dives, predictions, body = study(parser.parse_args().data / "mermaid_p0051")
+    print("| parameter | value | 1 sigma | unit | from |\n|---|---:|---:|---|---|")
+    for name in fit.names:
+        unit = DEEP[name].unit
+        shown = shown_unit(unit) if unit else ""
+        factor = unit_factor(unit, shown) if unit else 1.0
+        told = "the dives" if fit.told(name) else "its prior"
+        print(
+            f"| {name} | {factor * fit.values[name]:.4g} | {factor * fit.std(name):.2g} "
+            f"| {shown} | {told} |"
+        )
+    books = [
+        1e6 * balance(body, fit.values, float(start), dive)
+        for start, dive in zip(fit.starts, dives, strict=True)
+    ]
+    print("\n| dive | deepest, dbar | hours | looks | book off by, mL rms | pumped, mL |")
+    print("|---|---:|---:|---:|---:|---:|")
+    for book, dive in zip(books, dives, strict=True):
+        pumped = 1e6 * fit.values["pump_delivery"] * float(dive.pieces.pumped[-1])
+        print(
+            f"| {dive.name} | {dive.pressure.max() / 1e4:.0f} "
+            f"| {(dive.time[-1] - dive.time[0]) / 3600:.1f} | {len(book)} | {_rms(book):.2f} "
+            f"| {pumped:.0f} |"
+        )
+    print(f"| all | | | {sum(map(len, books))} | {_rms(np.concatenate(books)):.2f} | |")
+    _print_predictions(predictions)
+
+
+def _print_predictions(predictions: list[Prediction]) -> None:
+    print(
+        "\n| dive, predicted from the others | actions | pressure at an action off by, dbar rms "
+        "| at constant speed | skill | arrivals off by, min rms | at constant speed | skill |"
+    )
+    print("|---|---:|---:|---:|---:|---:|---:|---:|")
+    sums: list[list[Array]] = [[], [], [], []]
+    for p in predictions:
+        errors = [
+            (p.action_told - p.action) / 1e4, (p.action_constant - p.action) / 1e4,
+            (p.arrival_told - p.arrival) / 60.0, (p.arrival_constant - p.arrival) / 60.0,
+        ]  # fmt: skip
+        for total, error in zip(sums, errors, strict=True):
+            total.append(error)
+        print(_row(p.dive.name, errors))
+    print(_row("all", [np.concatenate(total) for total in sums]))
+    print(
+        "\n| dive, from action to action | actions | pressure at the next off by, dbar rms "
+        "| at constant speed | skill |\n|---|---:|---:|---:|---:|"
+    )
+    steps: list[list[Array]] = [[], []]
+    for p in predictions:
+        errors = [(p.next_told - p.next_action) / 1e4, (p.next_constant - p.next_action) / 1e4]
+        for total, error in zip(steps, errors, strict=True):
+            total.append(error)
+        print(_row(p.dive.name, errors))
+    print(_row("all", [np.concatenate(total) for total in steps]))
+
+
+def _row(name: str, errors: list[Array]) -> str:
+    cells = []
+    for told, constant in zip(errors[::2], errors[1::2], strict=True):
+        cells += [f"{_rms(told):.1f}", f"{_rms(constant):.1f}", f"{_skill(told, constant):.2f}"]
+    return f"| {name} | {len(errors[0])} | {' | '.join(cells)} |"
+
+
+if __name__ == "__main__":
+    main()
