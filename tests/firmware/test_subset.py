@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from swimbladder.control.law import NEVER, Law, Measurement
+from swimbladder.control.law import NEVER, Count, Law, Measurement, less, more
 from swimbladder.errors import InputError
 from swimbladder.firmware.c99 import write_c99
 from swimbladder.firmware.c_names import c_float
@@ -101,6 +101,12 @@ def test_a_literal_is_the_float32_it_stands_for(x):
             assert abs(exact - Fraction(x)) < abs(exact - Fraction(other))
 
 
+@given(n=COUNTS, by=COUNTS)
+def test_counts_stay_within_16_bits(n, by):
+    assert more(n, by) == sorted((0, n + by, 2**16 - 1))[1]
+    assert less(n, by) == sorted((0, n - by, 2**16 - 1))[1]
+
+
 def test_special_literals():
     assert [c_float(x) for x in (math.nan, math.inf, -math.inf, 0.1, 1.0)] == [
         "NAN", "INFINITY", "-INFINITY", "0.1f", "1.0f",
@@ -118,6 +124,7 @@ class Q(NamedTuple):
 
 class S(NamedTuple):
     x: float
+    n: Count = 0
 
 
 class T(NamedTuple):
@@ -332,9 +339,44 @@ def walrus(p, s, m, r):
     return (y := r) + y, s, 1.0
 
 
+def count_added(p, s, m, r):
+    return r, s._replace(n=s.n + 1), 1.0
+
+
+def count_compared(p, s, m, r):
+    return r, s._replace(n=less(s.n, 1) if s.n > r else 0), 1.0
+
+
+def count_beyond(p, s, m, r):
+    return r, s._replace(n=more(s.n, 65536)), 1.0
+
+
+def count_below(p, s, m, r):
+    return r, s._replace(n=more(s.n, -1)), 1.0
+
+
+def count_halved(p, s, m, r):
+    return r, s._replace(n=s.n if r > 0.0 else 0.5), 1.0
+
+
+def count_turned(p, s, m, r):
+    return r, s._replace(n=~s.n), 1.0
+
+
+def bits_of_floats(p, s, m, r):
+    return r, s._replace(n=r | 1), 1.0
+
+
 @pytest.mark.parametrize(
     ("step", "says", "line"),
     [
+        (count_added, "Write float(n)", "n=s.n + 1"),
+        (count_compared, "this is no count", "s.n > r"),
+        (count_beyond, "not 0 to 65535", "65536"),
+        (count_below, "this is no count", "more(s.n, -1)"),
+        (count_halved, "this is no count", "0.5"),
+        (count_turned, "Use & and |", "~s.n"),
+        (bits_of_floats, "this is no count", "r | 1"),
         (power, "Multiply", "p.a**2"),
         (sine, "where the parameters are made", "math.sin"),
         (method, "calls no methods", "s.count(r)"),

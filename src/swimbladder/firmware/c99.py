@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from swimbladder.firmware.c_flow import calls_of, fields_read
 from swimbladder.firmware.c_functions import FunctionText, shortened
+from swimbladder.firmware.c_helpers import ARITHMETIC, CALLED, HELPERS, NEEDS
 from swimbladder.firmware.c_names import c_field, c_float, c_law, c_record, c_type, remarks
 from swimbladder.firmware.c_places import Home, home_of, in_place
 from swimbladder.firmware.tree import BOOL, COUNT, Function, Program, Record
@@ -43,106 +44,6 @@ typedef struct {
 
 #endif
 """
-
-_ARITHMETIC = """\
-#if defined(__FAST_MATH__)
-#error "the law is to be compiled without -ffast-math or -Ofast: NaN has to stay NaN"
-#endif
-#if defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ != 0 && __FLT_EVAL_METHOD__ != 16
-#error "float has to be calculated in float: on x86 with -msse2 -mfpmath=sse"
-#endif
-/* a * b + c stays two roundings, also where the processor could do it in one. */
-#if defined(__clang__)
-#pragma STDC FP_CONTRACT OFF
-#elif defined(__GNUC__) && !defined(__AVR__)
-#pragma GCC optimize("fp-contract=off")
-#endif
-"""
-
-_CALLED = """\
-/* On an AVR copies of a function take more flash, and more stack, than calls of it. */
-#if defined(__AVR__)
-#define SWB_CALLED __attribute__((noinline))
-#else
-#define SWB_CALLED
-#endif
-"""
-
-_HELPERS = {
-    "swb_bits": """\
-static uint32_t swb_bits(float x)
-{
-    uint32_t bits;
-    memcpy(&bits, &x, sizeof bits);
-    return bits;
-}
-""",
-    "swb_from_bits": """\
-static float swb_from_bits(uint32_t bits)
-{
-    float x;
-    memcpy(&x, &bits, sizeof x);
-    return x;
-}
-""",
-    "swb_isfinite": """\
-static bool swb_isfinite(float x)
-{
-    return (swb_bits(x) & 0x7f800000u) != 0x7f800000u;
-}
-""",
-    "swb_abs": """\
-static float swb_abs(float x)
-{
-    return swb_from_bits(swb_bits(x) & 0x7fffffffu);
-}
-""",
-    "swb_copysign": """\
-static float swb_copysign(float x, float sign)
-{
-    return swb_from_bits((swb_bits(x) & 0x7fffffffu) | (swb_bits(sign) & 0x80000000u));
-}
-""",
-    "swb_min": """\
-static float swb_min(float a, float b)
-{
-    return b < a ? b : a;
-}
-""",
-    "swb_max": """\
-static float swb_max(float a, float b)
-{
-    return b > a ? b : a;
-}
-""",
-    "swb_more": """\
-static uint16_t swb_more(uint16_t n, uint16_t by)
-{
-    const uint16_t sum = (uint16_t)(n + by);
-    return sum < n ? 65535u : sum;
-}
-""",
-    "swb_less": """\
-static uint16_t swb_less(uint16_t n, uint16_t by)
-{
-    return n > by ? (uint16_t)(n - by) : 0u;
-}
-""",
-    "swb_lesser": """\
-static uint16_t swb_lesser(uint16_t a, uint16_t b)
-{
-    return b < a ? b : a;
-}
-""",
-    "swb_greater": """\
-static uint16_t swb_greater(uint16_t a, uint16_t b)
-{
-    return b > a ? b : a;
-}
-""",
-}
-_NEEDS = {"swb_isfinite": ("swb_bits",), "swb_abs": ("swb_bits", "swb_from_bits"),
-          "swb_copysign": ("swb_bits", "swb_from_bits")}  # fmt: skip
 
 
 def write_c99(program: Program, *, private: bool = False) -> CSource:
@@ -277,9 +178,9 @@ def _source(program: Program, private: bool) -> str:
         for c in program.constants
         if re.search(rf"\bSWB_{c.name}\b", functions)
     ]
-    wanted = {n for n in _HELPERS if f"{n}(" in functions}
-    wanted |= {inner for n in wanted for inner in _NEEDS.get(n, ())}
-    arithmetic = [_HELPERS[n] for n in _HELPERS if n in wanted]
+    wanted = {n for n in HELPERS if f"{n}(" in functions}
+    wanted |= {inner for n in wanted for inner in NEEDS.get(n, ())}
+    arithmetic = [HELPERS[n] for n in HELPERS if n in wanted]
     text = "\n".join([*structs, *arithmetic, functions])
     includes = {
         "math.h": re.search(r"\b(sqrtf|INFINITY|NAN)\b", text + "".join(constants)),
@@ -294,7 +195,7 @@ def _source(program: Program, private: bool) -> str:
     ]  # fmt: skip
     listed = [f"#include <{name}>" for name, found in includes.items() if found]
     parts += [*listed, ""] if listed else []
-    parts += [_ARITHMETIC, *([_CALLED] if "SWB_CALLED" in text else [])]
+    parts += [ARITHMETIC, *([CALLED] if "SWB_CALLED" in text else [])]
     parts += ["".join(constants)] if constants else []
     if private:
         guard = f"SWB_{law.upper()}_STEP_H"

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Hashable, Mapping
-from types import FunctionType, ModuleType
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from swimbladder.control.law import NEVER, Count, less, more
+from swimbladder.control.law import NEVER
+from swimbladder.firmware.calls import Calls
 from swimbladder.firmware.tree import (
     BOOL,
     COUNT,
@@ -18,15 +18,12 @@ from swimbladder.firmware.tree import (
     INT,
     Binary,
     Builtin,
-    Call,
     Choice,
     Compare,
     Expression,
     Field,
     Logic,
-    Make,
     Minus,
-    Name,
     Not,
     Number,
     Record,
@@ -36,7 +33,7 @@ from swimbladder.firmware.tree import (
 if TYPE_CHECKING:
     from swimbladder.firmware.statements import Body
 
-__all__ = ["Expressions", "is_count"]
+__all__ = ["Expressions"]
 
 _Operator = Literal["+", "-", "*", "/", "&", "|"]
 _Comparison = Literal["<", "<=", ">", ">=", "==", "!="]
@@ -47,27 +44,11 @@ _COMPARISONS: dict[type[ast.AST], _Comparison] = {
     ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
 }  # fmt: skip
 _BITS: dict[type[ast.AST], _Operator] = {ast.BitAnd: "&", ast.BitOr: "|"}
-_Builtin = Literal["min", "max", "abs", "sqrt", "isfinite", "copysign"]
-_ON_COUNTS: dict[Callable[..., Any], Literal["min", "max", "more", "less"]] = {
-    min: "min", max: "max", more: "more", less: "less"
-}  # fmt: skip
-_BUILTINS: dict[Callable[..., Any], tuple[_Builtin, int, Type]] = {
-    min: ("min", 2, FLOAT), max: ("max", 2, FLOAT), abs: ("abs", 1, FLOAT),
-    math.fabs: ("abs", 1, FLOAT), math.sqrt: ("sqrt", 1, FLOAT),
-    math.isfinite: ("isfinite", 1, BOOL), math.copysign: ("copysign", 2, FLOAT),
-}  # fmt: skip
 _INSTEAD: dict[type[ast.AST], str] = {
     ast.Pow: "Multiply, or use math.sqrt",
     ast.Mod: "Count with a loop, or keep what is left in the state",
     ast.FloorDiv: "Divide with /, and compare",
 }
-
-
-def is_count(function: Callable[..., Any], written: Any) -> bool:
-    """Return whether an annotation of a function, or in it, means a count."""
-    if isinstance(written, str):
-        written = getattr(function, "__globals__", {}).get(written, written)
-    return bool(written == Count)
 
 
 class Expressions:
@@ -92,7 +73,7 @@ class Expressions:
         if isinstance(node, ast.IfExp):
             yes, no = self.count(node.body), self.count(node.orelse)
             return Choice(self.truth(node.test), yes, no, COUNT)
-        value, known = self._outside(node)
+        value, known = self.outside(node)
         if isinstance(node, ast.Constant):
             value, known = node.value, True
         if known and isinstance(value, int) and not isinstance(value, bool):
@@ -110,7 +91,7 @@ class Expressions:
         """Return an expression, a count where one is wanted."""
         return self.count(node) if wanted == COUNT else self.read(node)
 
-    def _counts(self, nodes: list[ast.expr]) -> bool:
+    def counts(self, nodes: list[ast.expr]) -> bool:
         """Return whether there is a count among them, so that all have to be counts."""
         return any(self.read(node).type == COUNT for node in nodes)
 
@@ -125,10 +106,10 @@ class Expressions:
         """Return N of ``range(N)``, None where it is anything else."""
         if not (isinstance(node, ast.Call) and len(node.args) == 1 and not node.keywords):
             return None
-        count, known = self._outside(node.args[0])
+        count, known = self.outside(node.args[0])
         if isinstance(node.args[0], ast.Constant):
             count, known = node.args[0].value, True
-        function, _ = self._outside(node.func)
+        function, _ = self.outside(node.func)
         whole = known and isinstance(count, int) and not isinstance(count, bool)
         return count if function is range and whole else None
 
@@ -150,7 +131,7 @@ class Expressions:
         if isinstance(node, ast.IfExp):
             return self._choice(node)
         if isinstance(node, ast.Call):
-            return self._call(node)
+            return Calls(self).read(node)
         what = type(node).__name__.lower()
         self.source.refuse(
             node, f"a law has no expression of the kind {what!r}",
@@ -162,9 +143,10 @@ class Expressions:
             return Number(float(node.value), BOOL)
         if not isinstance(node.value, int | float):
             self.source.refuse(node, "a law's literals are numbers", "Write a number")
-        return Number(self._float32(node, float(node.value)))
+        return Number(self.float32(node, float(node.value)))
 
-    def _float32(self, node: ast.expr, value: float) -> float:
+    def float32(self, node: ast.expr, value: float) -> float:
+        """Return a value that float32 can hold, nearly; refuse any other."""
         with np.errstate(over="ignore", under="ignore"):
             rounded = float(np.float32(value))
         if (math.isinf(rounded) and not math.isinf(value)) or (rounded == 0.0 and value != 0.0):
@@ -173,7 +155,7 @@ class Expressions:
             )
         return value
 
-    def _outside(self, node: ast.expr) -> tuple[Any, bool]:
+    def outside(self, node: ast.expr) -> tuple[Any, bool]:
         """Return (what a name, or a name in a module, means outside the function, known)."""
         if isinstance(node, ast.Name) and node.id not in self.body.meaning:
             if node.id in self.body._stored:
@@ -183,7 +165,7 @@ class Expressions:
             except KeyError:
                 return None, False
         if isinstance(node, ast.Attribute):
-            module, known = self._outside(node.value)
+            module, known = self.outside(node.value)
             if known and isinstance(module, ModuleType) and hasattr(module, node.attr):
                 return getattr(module, node.attr), True
         return None, False
@@ -191,7 +173,7 @@ class Expressions:
     def _named(self, node: ast.Name | ast.Attribute) -> Expression:
         if isinstance(node, ast.Name) and node.id in self.body.meaning:
             return self.body.meaning[node.id]
-        value, known = self._outside(node)
+        value, known = self.outside(node)
         if known:
             if isinstance(value, bool) or not isinstance(value, int | float | np.floating):
                 self.source.refuse(
@@ -200,7 +182,7 @@ class Expressions:
                     "Name floats of the module, or its functions",
                 )
             name = node.id if isinstance(node, ast.Name) else node.attr
-            return self.body.reader.constant(name, self._float32(node, float(value)))
+            return self.body.reader.constant(name, self.float32(node, float(value)))
         if isinstance(node, ast.Name):
             self.source.refuse(
                 node, "this name has no value here, or not for certain",
@@ -241,12 +223,12 @@ class Expressions:
             operator = _COMPARISONS.get(type(kind))
             if operator is None:
                 self.source.refuse(node, "a law compares numbers only", "Use < <= > >= == !=")
-            take = self.count if self._counts([left, right]) else self.number
+            take = self.count if self.counts([left, right]) else self.number
             pairs.append(Compare(operator, take(left), take(right)))
         return pairs[0] if len(pairs) == 1 else Logic("and", tuple(pairs))
 
     def _choice(self, node: ast.IfExp) -> Expression:
-        if self._counts([node.body, node.orelse]):
+        if self.counts([node.body, node.orelse]):
             return self.count(node)
         condition = self.truth(node.test)
         yes, no = self.read(node.body), self.read(node.orelse)
@@ -254,101 +236,3 @@ class Expressions:
         if len(kinds) != 1:
             self.source.refuse(node, "the two values differ in type", "Make them the same")
         return Choice(condition, yes, no, kinds.pop())
-
-    def _call(self, node: ast.Call) -> Expression:
-        if isinstance(node.func, ast.Attribute) and node.func.attr == "_replace":
-            return self._replaced(node, node.func.value)
-        function, known = self._outside(node.func)
-        if not known:
-            remedy = "Call a plain function, or `_replace` of a NamedTuple"
-            self.source.refuse(node, "a law calls no methods and no variables", remedy)
-        if any(isinstance(a, ast.Starred) for a in node.args) or not all(
-            keyword.arg for keyword in node.keywords
-        ):
-            self.source.refuse(node, "a law has no * and ** in calls", "Write each argument")
-        if isinstance(function, type) and hasattr(function, "_fields"):
-            return self._make(node, function)
-        if isinstance(function, Hashable):
-            builtin = self._builtin(node, function)
-            if builtin is not None:
-                return builtin
-        plain = getattr(function, "py_func", function)
-        if not isinstance(plain, FunctionType):
-            self.source.refuse(
-                node, "this function is not the same to the bit on every processor",
-                "Compute it where the parameters are made; a law has min, max, abs, math.sqrt, "
-                "math.isfinite and math.copysign",
-            )  # fmt: skip
-        names = plain.__code__.co_varnames[: plain.__code__.co_argcount]
-        written = {n for n in names if is_count(plain, plain.__annotations__.get(n))}
-        values = self._arguments(node, names, {}, dict.fromkeys(written, COUNT))
-        kinds = tuple(FLOAT if value.type == INT else value.type for value in values)
-        called = self.body.reader.call(self.source, node, plain, kinds)
-        return Call(called, values, called.returns)
-
-    def _builtin(self, node: ast.Call, function: Hashable) -> Expression | None:
-        """Return a call of what C and the twin have as well, None where it is something else."""
-        if function in (more, less) or (function in (min, max) and self._counts(node.args)):
-            name: Any = _ON_COUNTS[function]
-            self._check_arguments(node, name, 2)
-            return Builtin(name, tuple(map(self.count, node.args)), COUNT)
-        if function is float:
-            self._check_arguments(node, "float", 1)
-            return Builtin("float", (self.count(node.args[0]),), FLOAT)
-        if function not in _BUILTINS:
-            return None
-        known, count, kind = _BUILTINS[function]
-        self._check_arguments(node, known, count)
-        return Builtin(known, tuple(map(self.number, node.args)), kind)
-
-    def _check_arguments(self, node: ast.Call, name: str, count: int) -> None:
-        if len(node.args) != count or node.keywords:
-            self.source.refuse(node, f"{name} takes {count} numbers here", "Nest the calls")
-
-    def _make(self, node: ast.Call, kind: type[Any]) -> Expression:
-        record = self.body.reader.record(kind, self.source, node)
-        kinds = dict(record.fields)
-        defaults = {
-            name: Number(self._float32(node, float(value)), kinds[name])
-            for name, value in getattr(kind, "_field_defaults", {}).items()
-            if isinstance(value, int | float)
-        }
-        values = self._arguments(node, tuple(kinds), defaults, kinds)
-        for value, (name, wanted) in zip(values, record.fields, strict=True):
-            if (FLOAT if value.type == INT else value.type) != wanted:
-                self.source.refuse(node, f"the field {name!r} has another type", "Give it its own")
-        return Make(record, values)
-
-    def _replaced(self, node: ast.Call, of_node: ast.expr) -> Expression:
-        """Return a copy of a named tuple with some of its fields changed."""
-        of = self.read(of_node)
-        fields = [keyword.arg for keyword in node.keywords]
-        if not (isinstance(of, Name) and isinstance(of.type, Record)):
-            self.source.refuse(node, "this is no name of a NamedTuple", "Give it a name first")
-        if node.args or not all(field and of.type.type_of(field) for field in fields):
-            self.source.refuse(node, "the arguments are not its fields", "Write field=value")
-        kinds = dict(of.type.fields)
-        given = {k.arg: self.of_type(k.value, kinds[k.arg or ""]) for k in node.keywords}
-        for name, value in given.items():
-            if (FLOAT if value.type == INT else value.type) != of.type.type_of(name or ""):
-                self.source.refuse(node, f"the field {name!r} has another type", "Give it its own")
-        same = {name: Field(of, name, kind) for name, kind in of.type.fields}
-        return Make(of.type, tuple(given.get(name, same[name]) for name in same))
-
-    def _arguments(
-        self, node: ast.Call, names: tuple[str, ...], defaults: dict[str, Number],
-        kinds: Mapping[str, Type],
-    ) -> tuple[Expression, ...]:  # fmt: skip
-        given: dict[str, Expression] = {}
-        for n, argument in enumerate(node.args):
-            if n < len(names):
-                given[names[n]] = self.of_type(argument, kinds.get(names[n]))
-        for keyword in node.keywords:
-            if keyword.arg is not None and keyword.arg not in given:
-                given[keyword.arg] = self.of_type(keyword.value, kinds.get(keyword.arg))
-        whole = defaults | given
-        if set(whole) != set(names) or len(node.args) + len(node.keywords) != len(given):
-            self.source.refuse(
-                node, f"the arguments are not those of ({', '.join(names)})", "Give each one once"
-            )
-        return tuple(whole[name] for name in names)

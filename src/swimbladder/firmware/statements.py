@@ -5,7 +5,8 @@ from __future__ import annotations
 import ast
 from typing import TYPE_CHECKING, Protocol
 
-from swimbladder.firmware.expressions import Expressions, is_count
+from swimbladder.firmware.calls import is_count
+from swimbladder.firmware.expressions import Expressions
 from swimbladder.firmware.tree import (
     COUNT,
     FLOAT,
