@@ -109,16 +109,33 @@ def expected_rate(p: SupervisorParameters, s: SupervisorState) -> float:
     return rate
 
 
+def watch_stops(
+    p: SupervisorParameters, s: SupervisorState, asked: float, rate: float, volume: float
+) -> SupervisorState:
+    """Count the ticks in which a push outward ended where those before it did."""
+    beyond = volume - s.top
+    if beyond > p.grown:
+        s = s._replace(top=volume, stops=0)
+    if asked > p.stop_rate and abs(rate) < p.stop_least:
+        if beyond < -p.grown:
+            s = s._replace(top=volume, stops=0)
+        s = s._replace(stops=more(s.stops, 1))
+    return s
+
+
 def watch_rate(p: SupervisorParameters, s: SupervisorState, volume: float) -> SupervisorState:
     """Compare the volume's rate with what the command should give, both smoothed alike."""
     rate = (volume - s.volume) * p.per_tick
     asked = expected_rate(p, s)
     if (asked > 0.0 and volume > p.volume_high) or (asked < 0.0 and volume < p.volume_low):
         asked = rate  # at its end, or nearly: it may stop
+    if p.stop_rate < math.inf:
+        s = watch_stops(p, s, asked, rate, volume)
     lag = smoothed(s.lag, asked - rate, p.rate_smoothing)
     asked = smoothed(s.asked, asked, p.rate_smoothing)
     wrong = abs(lag) > p.rate_share * abs(asked) + p.rate_least
-    return s._replace(lag=lag, asked=asked, following=tally(wrong, s.following, p.following))
+    following = p.following if s.stops >= p.stops else tally(wrong, s.following, p.following)
+    return s._replace(lag=lag, asked=asked, following=following)
 
 
 def believable(p: SupervisorParameters, s: SupervisorState, seen: Watched, since: Count) -> bool:
@@ -312,46 +329,45 @@ def first_of(bits: Count) -> Count:
     return number
 
 
-def watch_push(p: SupervisorParameters, s: SupervisorState, fresh: bool) -> SupervisorState:
+def watch_push(p: SupervisorParameters, s: SupervisorState, sinks: bool) -> SupervisorState:
     """Turn the push round where the volume goes away from where it is sent, and once back.
 
-    At the inner end nothing is lost by trying; the other way round it has to grow, or is no more.
+    At the inner end, or where it stands for long while the vehicle sinks, little is lost by trying.
+    One that is no more before it grew the other way turns the push back.
     """
-    astray: Count = 0
     turns = s.turns
-    inside = s.volume < p.volume_high
-    if turns == 1 and not s.measured and inside:
-        turns = 2
-    if fresh and inside and (turns == 1 or (turns == 0 and s.phase < p.push)):
-        least = p.rate_least
-        if turns == 0 and s.volume > p.volume_low:
-            least = -p.rate_away
-        if s.asked - s.lag < least:
-            astray = more(s.astray, 1)
-    if astray >= p.astray:
-        return s._replace(astray=0, turns=more(turns, 1), lag=0.0, asked=0.0)
-    return s._replace(astray=astray, turns=turns)
+    if not s.measured:
+        return s._replace(turns=1 if turns == 2 or turns == 3 else turns)
+    gained = s.volume - s.pushed
+    if gained > p.grown:
+        return s._replace(pushed=s.volume, astray=0, turns=4 if turns > 1 else turns)
+    fell = s.phase < p.push and gained < -p.away
+    soon = turns == 2 or s.volume < p.volume_low
+    stands = s.astray >= p.astray if soon else sinks and s.astray >= p.push
+    s = s._replace(pushed=s.volume if fell else s.pushed, astray=more(s.astray, 1))
+    if fell and turns != 1:
+        s = s._replace(astray=0, turns=3 if turns == 0 else 1)
+    elif stands and s.volume < p.volume_high and (turns == 0 or turns == 2):
+        s = s._replace(astray=0, turns=2 if turns == 0 else 1)
+    return s
 
 
-def bring_up(
-    p: SupervisorParameters, s: SupervisorState, good: bool, fresh: bool
-) -> SupervisorState:
+def bring_up(p: SupervisorParameters, s: SupervisorState, good: bool) -> SupervisorState:
     """Command full buoyancy in pushes and rests; ask for the drop weight where it does not rise."""
     if s.reason == 0:
         s = s._replace(reason=first_of(s.reasons), from_depth=s.depth, pushed=s.volume)
-    s = watch_push(p, s, fresh)
+    sinks = good and s.depth > p.surface and s.depth - s.z1 > p.still_distance
+    s = watch_push(p, s, sinks)
     command = p.surface_command if s.phase < p.push else p.hold_command
-    if s.turns == 1:
-        command = p.away_command
     phase = more(s.phase, 1)
-    if phase == p.push:
-        inside = s.measured and s.volume < p.volume_high
-        if inside and s.volume - s.pushed > p.grown:
+    if s.turns > 1:
+        command = p.away_command
+        phase = s.phase
+    if phase >= p.push:
+        grows = phase == p.push and s.astray < p.again and s.volume < p.volume_high
+        if sinks or (grows and s.measured) or phase >= more(p.push, p.rest):
             phase = less(p.push, p.again)
-        s = s._replace(pushed=s.volume)
-    if phase >= more(p.push, p.rest):
-        phase = less(p.push, p.again)
-        s = s._replace(pushed=s.volume)
+            s = s._replace(pushed=s.volume)
     s = s._replace(command=command, phase=phase, window=more(s.window, 1))
     if s.window >= p.release:
         risen = good and (s.depth <= p.surface or s.depth <= s.from_depth - p.rise)
@@ -369,7 +385,7 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
         measured=False, volume_blind=0, command=0.0, lag=0.0, asked=0.0, following=0, z1=0.0,
         z2=0.0, n1=0.0, n2=0.0, settled=0, anchor=0.0, still=0, wrong=0, own=0.0, own_depth=0.0,
         known=0, deep=0, battery=0, leak=0, missed=0, reason=0, reasons=0, phase=0, window=0,
-        from_depth=0.0, release=False, pushed=0.0, astray=0, turns=0,
+        from_depth=0.0, release=False, pushed=0.0, astray=0, turns=0, top=0.0, stops=0,
     )  # fmt: skip
 
 
@@ -410,7 +426,7 @@ def step(
         reasons=reasons_of(p, s),
     )  # fmt: skip
     if s.reasons > 0:
-        s = bring_up(p, s, good, fresh)
+        s = bring_up(p, s, good)
     return s.command, s, p.S_p
 
 

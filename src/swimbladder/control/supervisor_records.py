@@ -35,8 +35,8 @@ class SupervisorParameters(NamedTuple):
     push: Count  # ticks of the surface command at first
     again: Count  # ticks of it after a rest
     rest: Count  # ticks of the hold command in between
-    grown: float  # m3, by which the volume grows in a push that is not followed by a rest
-    astray: Count  # ticks in which it goes the wrong way
+    grown: float  # m3, by which the volume is known to have grown
+    astray: Count  # ticks in which a push moves it nowhere
     release: Count  # ticks in which it has to rise
     rise: float  # m, by so much
     depth_least: float  # m, the least that the sensor can mean
@@ -68,7 +68,10 @@ class SupervisorParameters(NamedTuple):
     rate_smoothing: float  # -
     rate_share: float  # -, of the rate asked for that may be missing
     rate_least: float  # m3/s, that may be missing anyway
-    rate_away: float  # m3/s, with which wires that are swapped drive it away
+    away: float  # m3, by which a push that drives it away is known
+    stop_rate: float  # m3/s, asked for, with which a push that ends where others did is a stop
+    stop_least: float  # m3/s, below which it has ended
+    stops: Count  # ticks of it
     following: Count  # ticks in which the volume does not follow
     psi: float  # m3/m
     psi_range: float  # m3/m, how well psi is known
@@ -153,9 +156,11 @@ class SupervisorState(NamedTuple):
     window: Count  # ticks in which it has to rise
     from_depth: float  # m, when they began
     release: bool  # drop the weight
-    pushed: float  # m3, volume when the push began
-    astray: Count  # ticks in which a push drove it away
-    turns: Count  # 1: wires taken for swapped, 2: no more
+    pushed: float  # m3, volume as far out as the push has brought it
+    astray: Count  # ticks since a push moved it out
+    turns: Count  # of the push: 1 for good the way it was; 2 tried, 3 as it fell, 4 as it grew so
+    top: float  # m3, where pushes outward ended
+    stops: Count  # ticks in which they did
 
 
 SUPERVISOR_UNITS = {
@@ -163,8 +168,8 @@ SUPERVISOR_UNITS = {
     **dict.fromkeys(("S_p", "late_age", "coast"), "s"),
     **dict.fromkeys(
         ("push", "again", "rest", "release", "blind", "gap", "same", "same_begun", "same_moved",
-         "following", "settle", "wrong", "remembered", "still", "deep", "battery", "leak", "missed",
-         "known", "same_noisy", "astray", "time_ticks"),
+         "following", "stops", "settle", "wrong", "remembered", "still", "deep", "battery", "leak",
+         "missed", "known", "same_noisy", "astray", "time_ticks"),
         "ticks",
     ),
     "time_blocks": "4096 ticks",
@@ -185,7 +190,8 @@ SUPERVISOR_UNITS = {
         "",
     ),
     "rate": "m3/s/V or m3/s", "load_drive": "V/m", "load_back": "V/m", "friction": "V",
-    "leakage": "m2/s", "rate_least": "m3/s", "rate_away": "m3/s",
+    **dict.fromkeys(("rate_least", "stop_rate", "stop_least"), "m3/s"),
+    "leakage": "m2/s", "away": "m3",
     "per_turn_rate": "s/m3", "psi": "m3/m",
     "psi_range": "m3/m", "per_tick": "1/s", "per_tau": "1/s", "inertia": "m2",
     "drag_linear": "m2", "drag_blunt": "m2 s", "drag_0": "m3",

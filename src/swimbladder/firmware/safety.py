@@ -31,7 +31,9 @@ _FOLLOW_S = 2.0  # s, of the low pass on the volume's rate
 _RATE_SHARE = 0.6  # of the rate asked for
 _RATE_LEAST = 0.05  # of the full rate: friction and load that are not known take a twentieth
 _RATE_LEAST_POSITIONER = 0.15  # a position that is read off by as much as its drift asks for that
-_RATE_AWAY = 0.4  # of the full rate: a motor that runs backwards has the sea's help
+_STOP_SHARE = 0.15  # of the full rate: what is asked for in a push that a block ends
+_STOPS = 6  # of them; the chance that healthy ones end twice at one place is some percent
+_AWAY = 5.0  # times what is known to have grown
 _END_SHARE = 0.05  # of the stroke, next to an end stop
 _WATER_SPEED = 1.0  # m/s, of swell
 _AIR_PRESSURE = 1.0  # m, 100 hPa: more than weather changes the surface's reading
@@ -90,6 +92,10 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
     still = ticks(max(_STILL_S, math.sqrt(6.0 * (moving + 0.02) / (p.a_b * change))), tick)
     whole = None if given.time_limit is None else math.ceil(given.time_limit / tick - 1e-6)
     floor = math.inf if given.bottom_depth is None else given.bottom_depth
+    grown = max(_GROWN_SHARE * half, 6.0 * sensors.volume_noise + 2.0 * sensors.volume_quantum)
+    stop_rate = max(_STOP_SHARE * full_rate, 3.0 * grown / tick)
+    if voltage and tick <= p.T1:  # the motor's own lag would look like a stop
+        stop_rate = math.inf
     return SupervisorParameters(
         S_p=tick, per_tick=1.0 / tick,
         surface_command=p.supply if voltage else p.V_max,
@@ -97,7 +103,7 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         away_command=-p.supply if voltage else p.V_min,
         push=ticks(2.0 * stroke_s, tick), rest=ticks(_REST_S, tick),
         again=ticks(max(_LEAST_PUSH_S, 0.5 * stroke_s), tick),
-        grown=_GROWN_SHARE * half, astray=ticks(follow, tick),
+        grown=grown, astray=ticks(follow, tick),
         release=ticks(given.release_time or 2.0 * stroke_s + _REST_S, tick), rise=_RISE,
         depth_least=p.z_air - _AIR_PRESSURE,
         depth_most=min(1.5 * deepest + 10.0, _DEEPEST) if deepest < math.inf else _DEEPEST,
@@ -116,7 +122,8 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         load_drive=p.load_drive, load_back=p.load_back, friction=p.friction, leakage=p.k_l,
         rate_smoothing=tick / (follow + tick), rate_share=_RATE_SHARE,
         rate_least=(_RATE_LEAST if voltage else _RATE_LEAST_POSITIONER) * full_rate,
-        rate_away=_RATE_AWAY * full_rate, following=patience,
+        away=_AWAY * grown + (p.T1 * full_rate if voltage else 0.0), following=patience,
+        stop_rate=stop_rate, stop_least=grown / tick, stops=_STOPS,
         psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range,
         neutral_change=change, known=ticks(_KNOWN_S, tick), forgetting=tick / (_FORGET_S + tick),
         remembered=min(round(_FORGET_S / tick) + 1, NEVER),
