@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from swimbladder.errors import LogError
+from swimbladder.io.float_logs import read_float_log
 from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
 
 # Made up in the manner of such a float: a dive to 30 bar, with the mishaps that logs have.
@@ -169,3 +170,65 @@ def test_raw_logs_give_what_others_took_from_them(data_dir: Path, key: str) -> N
 def _of(path: Path, key: str) -> pd.DataFrame:
     frame = pd.read_csv(path)
     return frame[frame["log"].str.endswith(key)]
+
+
+# -- tables ----------------------------------------------------------------------------------------
+
+
+def test_a_table_of_pressures_and_seconds(tmp_path: Path) -> None:
+    path = tmp_path / "dive.csv"
+    path.write_text(
+        "clock,p [dbar],pump,valve_s,T\n100,0.5,,,20\n160,3,,4.5,19\n220,9,0,0,15\n280,,30,,\n"
+        "340,12,,,14\n"
+    )
+    log = read_float_log(
+        path,
+        columns={
+            "time_s": "clock", "pressure_Pa": "p [dbar]", "pump_s": "pump",
+            "temperature_degC": "T@degC",
+        },
+    )  # fmt: skip
+    assert log.time.tolist() == [0.0, 60.0, 120.0, 240.0]
+    assert log.pressure == pytest.approx([5e3, 3e4, 9e4, 1.2e5])
+    assert log.temperature.tolist() == [20.0, 19.0, 15.0, 14.0]
+    assert [(a.device, a.time, a.seconds) for a in log.actions] == [
+        ("valve", 60.0, 4.5), ("pump", 180.0, 30.0),
+    ]  # fmt: skip
+    assert set(log.stage.tolist()) == {-2}
+
+
+def test_the_kind_of_log_is_seen(tmp_path: Path, made_up: Path) -> None:
+    assert read_float_log(made_up).name == "999.001-X-0001"
+    table = tmp_path / "dive.csv"
+    table.write_text("time_s,pressure_Pa,pump_s\n0,0,1\n60,1e5,\n")
+    assert len(read_float_log(table)) == 2
+    with pytest.raises(LogError, match="no line with a pressure"):
+        read_float_log(table, log_format_name="mermaid")
+
+
+@pytest.mark.parametrize(
+    ("text", "says", "field"),
+    [
+        ("time_s,pump_s\n0,1\n60,\n", "no column pressure_Pa", "pressure_Pa"),
+        ("time_s,pressure_Pa\n0,1\n60,2\n", "when pump or valve ran", "pump_s"),
+        ("time_s,pressure_Pa,pump_s\n60,1,1\n0,2,\n", "do not increase", "time_s"),
+        ("time_s,pressure_Pa,pump_s\n0,101325,1\n60,2e5,\n", "looks absolute", "pressure_Pa"),
+        ("time_s,pressure_Pa,pump_s\n0,1,1\n60,,\n", "fewer than two", "pressure_Pa"),
+    ],
+)
+def test_tables_that_are_refused(tmp_path: Path, text: str, says: str, field: str) -> None:
+    path = tmp_path / "dive.csv"
+    path.write_text(text)
+    with pytest.raises(LogError, match=says) as caught:
+        read_float_log(path)
+    assert caught.value.field == field
+    assert caught.value.remedy
+
+
+def test_columns_that_are_not_there(tmp_path: Path) -> None:
+    path = tmp_path / "dive.csv"
+    path.write_text("time_s,pressure_Pa,pump_s\n0,1,1\n60,2,\n")
+    with pytest.raises(LogError, match="no such column of a float's log"):
+        read_float_log(path, columns={"pump_seconds": "pump_s"})
+    with pytest.raises(LogError, match="no such column"):
+        read_float_log(path, columns={"pump_s": "pump"})
