@@ -225,6 +225,32 @@ def test_what_reproduce_writes(capsys, tmp_path):
     assert set(results) == set(told) - {"report"}
 
 
+def test_what_energy_writes(capsys, tmp_path):
+    columns, dives, keys, fitted = rows("files-written.md", "energy")
+    told = answer(capsys, "energy", "example-float", "--out", str(tmp_path / "cost"))
+    names = {name for key in keys for name in key.replace("`", "").split(", ")}
+    assert names == set(told)
+    assert header(tmp_path / "cost" / "energy.csv") == list(columns) == list(told["depths"])
+    assert header(tmp_path / "cost" / "dives.csv") == list(dives)
+    for key in ("efficiency_map", "hovering", "thruster"):
+        assert set(re.findall(r"`([^`]+)`", keys[key][0])) == set(told[key])
+    runs = tmp_path / "runs.csv"
+    lines = [
+        f"{20 + 7 * (k % 5)},{1e5 + 1e6 * (k % 7)},{7 + k % 7 + 0.01 * (k * k % 11)},{k // 7}"
+        for k in range(70)
+    ]
+    runs.write_text("duration_s,pressure_Pa,power_W,dive\n" + "\n".join(lines) + "\n")
+    found = answer(capsys, "energy", "--fit", str(runs), "--out", str(tmp_path / "fit"))
+    names = {name for key in fitted for name in key.replace("`", "").split(", ")}
+    assert names == set(found)
+    assert set(re.findall(r"`([^`]+)`", fitted["dives"][0])) == set(found["dives"][0])
+    said = set(re.findall(r"`([^`]+)`", fitted["parameters"][0]))
+    assert said == set(found["parameters"]["idle_power"])
+    text = (FOLDER / "files-written.md").read_text(encoding="utf-8")
+    for path in (*(tmp_path / "cost").iterdir(), *(tmp_path / "fit").iterdir()):
+        assert f"`{path.name}`" in text
+
+
 def test_what_vehicle_prints(capsys):
     (keys,) = rows("files-written.md", "vehicle")
     check(keys, answer(capsys, "vehicle", "show", "feup-em"))

@@ -55,11 +55,14 @@ def energy(
     ] = None,
     column: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=COLUMN", help="--fit: which column is what, COLUMN@UNIT."),
+        typer.Option(metavar="NAME=COLUMN", help="Of runs or cast: COLUMN or COLUMN@UNIT."),
     ] = None,
     where: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="--fit: only these rows.")
+        list[str] | None,
+        typer.Option(metavar="COLUMN=VALUE", help="Only these rows of runs or cast."),
     ] = None,
+    latitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
+    longitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
     power_at: Annotated[
         str, typer.Option(metavar="WHEN", help="--fit: mean (over the run) or end (of it).")
     ] = "mean",
@@ -86,6 +89,11 @@ def energy(
     v = None if vehicle is None else load_vehicle(vehicle)
     check_place(out)
     if fit is not None:
+        if cast is not None:
+            raise InputError(
+                "runs have their own pressures, and a cast does not count", field="--cast",
+                remedy="Leave out --cast or --fit",
+            )  # fmt: skip
         _fit(fit, v, column or [], where or [], power_at, shortest, out, json)
         return
     if v is None:
@@ -93,7 +101,7 @@ def energy(
             "there is neither a vehicle nor a table of runs", field="VEHICLE",
             remedy="Give a vehicle, or --fit RUNS.csv",
         )  # fmt: skip
-    _only_with_fit(column, where, power_at, shortest)
+    _check_used(cast is not None, column, where, latitude, longitude, power_at, shortest)
     numbers = {
         name: quantity(text, unit, option) or 0.0
         for name, text, unit, option in (
@@ -110,7 +118,7 @@ def energy(
         from swimbladder.energy.sentences import assumptions, drive_sentences, versus_sentences
         from swimbladder.report.energy import energy_json, write_energy
 
-        water = _water(v, cast, wanted)
+        water = _water(v, cast, wanted, column or [], where or [], latitude, longitude)
         found = drive_energy(v, water)
         thruster = Thruster(
             diameter=numbers["diameter"], efficiency=numbers["efficiency"],
@@ -135,39 +143,56 @@ def energy(
         output.print(f"wrote {path}", soft_wrap=True)
 
 
-def _only_with_fit(
-    column: list[str] | None, where: list[str] | None, power_at: str, shortest: str
+def _check_used(
+    cast: bool,
+    column: list[str] | None,
+    where: list[str] | None,
+    latitude: str | None,
+    longitude: str | None,
+    power_at: str,
+    shortest: str,
 ) -> None:
-    """Raise InputError for an option that only a fit reads."""
+    """Raise InputError for an option that nothing reads: without --fit, or without a cast."""
     from swimbladder.errors import InputError
 
-    for option, given in (
-        ("--column", bool(column)), ("--where", bool(where)), ("--power-at", power_at != "mean"),
-        ("--shortest", shortest != "0 s"),
-    ):  # fmt: skip
+    for option, given, remedy in (
+        ("--column", bool(column) and not cast, "Give --cast or --fit too"),
+        ("--where", bool(where) and not cast, "Give --cast or --fit too"),
+        ("--latitude", latitude is not None and not cast, "Give --cast too"),
+        ("--longitude", longitude is not None and not cast, "Give --cast too"),
+        ("--power-at", power_at != "mean", "Give --fit RUNS.csv too"),
+        ("--shortest", shortest != "0 s", "Give --fit RUNS.csv too"),
+    ):
         if given:
-            raise InputError(
-                "this says how a table of runs is read, and there is none", field=option,
-                remedy="Give --fit RUNS.csv too",
-            )  # fmt: skip
+            raise InputError("there is no file that this is about", field=option, remedy=remedy)
 
 
-def _water(v: Vehicle, cast: Path | None, wanted: float | None) -> Column:
+def _water(
+    v: Vehicle,
+    cast: Path | None,
+    wanted: float | None,
+    column: list[str],
+    where: list[str],
+    latitude: str | None,
+    longitude: str | None,
+) -> Column:
     """Return the water down to the wanted depth, the vehicle's rating or the cast's end."""
+    from swimbladder.cli.casts import degrees, pairs, read_casts
     from swimbladder.seawater import cast_column, uniform_column
 
     rating = v.hull.depth_limit
     deepest = wanted if wanted is not None else rating
     if cast is None:
         deepest = _DEEP if deepest is None else deepest
-        return uniform_column(v.water, deepest, step=min(1.0, deepest / 100.0))
-    from swimbladder.io.casts import read_cast
-
-    read = read_cast(cast)
-    if wanted is None:
-        whole = cast_column(read, None)
-        if deepest is None or whole.deepest <= deepest:
-            return whole
+        return uniform_column(v.water, deepest, step=min(1.0, abs(deepest) / 100.0))
+    read = read_casts(
+        [cast], columns=pairs(column, "--column"), where=pairs(where, "--where"), log_format=None,
+        profile=None, latitude=degrees(latitude, "--latitude", 90.0),
+        longitude=degrees(longitude, "--longitude", 360.0), salinity=None, inversions="refuse",
+    )[0]  # fmt: skip
+    whole = cast_column(read, None)
+    if wanted is None and (deepest is None or whole.deepest <= deepest):
+        return whole
     return cast_column(read, deepest)
 
 
@@ -181,7 +206,7 @@ def _fit(
     out: Path,
     json: bool,
 ) -> None:
-    from swimbladder.cli.logs import pair
+    from swimbladder.cli.casts import pairs
     from swimbladder.errors import InputError
     from swimbladder.parameters import PowerLawPump, PumpAndValve
 
@@ -205,8 +230,8 @@ def _fit(
 
         table = read_pump_runs(
             path,
-            columns=dict(pair(text, "--column") for text in column),
-            where=dict(pair(text, "--where") for text in where),
+            columns=pairs(column, "--column"),
+            where=pairs(where, "--where"),
         )
         found = fit_pump(PumpRuns(**table._asdict()), power_at=at, shortest=least)
         fitted = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from swimbladder.energy import DriveEnergy, Hovering, Profiling, PumpFit
 from swimbladder.plots.style import (
@@ -28,54 +29,55 @@ _STAGES = {
     "reservoir": GREY,
 }  # fmt: skip
 
+_DAY_ML = 86400.0 * 1e6  # mL/day per m3/s
+_PLAIN = FuncFormatter(lambda value, _: f"{value:g}")
+
 
 @styled
 def draw_energy(found: DriveEnergy) -> Figure:
-    """Return energy per volume, rate, power and efficiencies over depth, and the map."""
-    figure = Figure(figsize=(9.0, 7.0))
-    mapped = found.efficiencies.size > 0
-    (per, rate), (chain, last) = figure.subplots(2, 2)
+    """Return energy per volume, rates, power and efficiencies over depth, and the map."""
+    figure = Figure(figsize=(11.0, 7.0))
+    (per, rate, power), (chain, last, into) = figure.subplots(2, 3)
     z, m = found.column.depth, found.map
     per.plot(found.per_volume * 1e-6, z, color=BLUE, label="from the battery")
     per.plot(found.column.pressure * 1e-6, z, color=BLACK, ls="--", label="into the water, p dV")
     per.set_xlabel("energy per volume pressed out [J/mL]")
     per.legend()
-    rate.plot(m.rate_out * 1e6, z, color=BLUE, label="pressed out")
-    rate.set_xlabel("volume rate [mL/s]")
-    power = rate.twiny()
-    power.plot(m.power_out, z, color=VERMILION, ls="--", label="power")
-    power.set_xlabel("power from the battery [W]", color=VERMILION)
-    power.grid(visible=False)
-    power.spines["top"].set_visible(True)
-    power.set_xlim(left=0.0)
-    rate.set_xlim(left=0.0)
-    rate.legend(handles=[*rate.get_lines(), *power.get_lines()], loc="center left")
+    rate.plot(m.rate_out * 1e6, z, color=BLUE)
+    rate.set_xlabel("volume rate pressed out [mL/s]")
+    power.plot(m.power_out, z, color=BLUE, label="pressing out")
+    if np.any(m.holding_power > 0.0):
+        power.plot(m.holding_power, z, color=VERMILION, ls="--", label="holding the volume")
+    power.set_xlabel("power from the battery [W]")
+    power.legend()
     chain.plot(found.efficiency, z, color=BLACK, lw=2.2, label="the whole")
     for name, values in found.stages.items():
         chain.plot(values, z, color=_STAGES[name], label=name)
     chain.set_xlim(0.0, 1.02)
     chain.set_xlabel("efficiency [-]")
     figure.legend(handles=chain.get_lines(), loc="outside lower left", ncols=7, fontsize=8.0)
-    if mapped:
+    if found.efficiencies.size:
         best = float(np.nanmax(found.efficiencies, initial=0.01))
         step = 0.02 if best < 0.4 else 0.05
         levels = np.arange(0.0, best + step, step)
         shown = last.contourf(
             100.0 * found.shares, z, found.efficiencies.T, levels=levels, cmap="cividis"
         )
-        figure.colorbar(shown, ax=last, label="efficiency [-], white: nothing comes out")
+        figure.colorbar(shown, ax=last, label="efficiency [-]")
         last.set_xlabel("share of the full voltage [%]")
         last.grid(visible=False)
     else:
-        last.plot(m.rate_in * 1e6, z, color=BLUE, label="let in")
-        last.set_xlabel("volume rate inwards [mL/s]")
-        last.set_xlim(left=0.0)
-        last.legend()
-    for axes in (per, rate, chain, last):
+        last.plot(m.leakage * _DAY_ML, z, color=BLUE)
+        last.set_xlabel("leakage at rest [mL/day]")
+    into.plot(m.rate_in * 1e6, z, color=BLUE)
+    into.set_xlabel("volume rate let in [mL/s]")
+    panels = [per, rate, power, chain, last, into]
+    for axes in panels:
         depth_axis(axes)
         axes.set_ylim(z[-1], 0.0)
-    per.set_xlim(left=0.0)
-    label_panels([per, rate, chain, last])
+        if axes not in (chain, last):
+            axes.set_xlim(left=0.0)
+    label_panels(panels)
     figure.suptitle(f"{found.vehicle.name}, {found.vehicle.actuator.kind}", fontsize=10.0)
     return figure
 
@@ -100,14 +102,18 @@ def draw_versus(hover: Hovering, dive: Profiling, found: DriveEnergy) -> Figure:
     if 0.0 < dive.break_even < np.inf:
         right.axhline(dive.break_even, color=GREY, lw=1.0)
         right.annotate(
-            f"break-even {rounded(dive.break_even, 3)} m", (0.98, dive.break_even),
-            xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=9.0,
+            f"break-even {rounded(dive.break_even, 3)} m", (0.02, dive.break_even),
+            xycoords=("axes fraction", "data"), ha="left", va="bottom", fontsize=9.0,
         )  # fmt: skip
     right.set_xscale("log")
     right.set_xlabel("energy of a dive and back [kJ]")
     right.set_title(f"at {dive.speed:g} m/s", fontsize=9.0, loc="right")
     right.legend()
     for axes, label in ((left, "depth [m]"), (right, "depth of the turn [m]")):
+        decades = np.log10(axes.get_xlim()[1] / axes.get_xlim()[0])
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)))
+        axes.xaxis.set_major_formatter(_PLAIN)
+        axes.xaxis.set_minor_formatter("")
         depth_axis(axes, label)
         axes.set_ylim(z[-1], 0.0)
     label_panels([left, right])

@@ -150,7 +150,7 @@ def _rows(count: int) -> Any:
 
 
 def _text(table: dict[str, Any]) -> str:
-    """Return columns as CSV; a number that is not known or infinite is an empty cell."""
+    """Return columns as CSV; a number that is not known or not finite is nan."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(table)
@@ -160,4 +160,4 @@ def _text(table: dict[str, Any]) -> str:
 
 
 def _cells(row: Sequence[Any]) -> list[str]:
-    return [f"{float(value):.9g}" if np.isfinite(value) else "" for value in row]
+    return [repr(float(value)) if np.isfinite(value) else "nan" for value in row]
