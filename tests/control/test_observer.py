@@ -167,7 +167,7 @@ def test_held_it_runs_away_e_fold_in_that_time():
 
 def test_near_the_set_point_the_motor_starts_when_a_prediction_leaves_the_band():
     s = setting_of(VEHICLE, sample_time=H, supply=12.0, neutral_range=20e-6)
-    k = KNOBS._replace(frequency=0.06, damping=0.85, learning=0.4, dead=1e-8, pause=12.0, band=0.03)
+    k = KNOBS._replace(frequency=0.06, damping=0.85, learning=0.4, dead=1e-8, pause=25.0, band=0.03)
     p = gains("observer", s, k)
     rng = np.random.default_rng(3)
     state = initial(p, Measurement(0.0, 2.0, p.psi * 2.0), 2.0)
@@ -180,9 +180,9 @@ def test_near_the_set_point_the_motor_starts_when_a_prediction_leaves_the_band()
         voltage, after, _ = step(p, state, seen, 2.0)
         if rested and after.moving > 0.0:
             starts.append(n * H)
-            # With the volume as it was it would have left the band: SciPy, 2.4 pauses ahead.
+            # With the volume as it was it would have left the band: SciPy.
             off = volume - p.psi * 2.0 - after.neutral
-            ahead = held([after.depth - 2.0, after.speed], off, 2.4 * p.pause)[0, -1]
+            ahead = held([after.depth - 2.0, after.speed], off, k.pause)[0, -1]
             assert abs(ahead) > 0.03
         state = after
         neutral += rng.normal(0.0, 1e-6 * math.sqrt(H / 3600.0))
@@ -190,10 +190,59 @@ def test_near_the_set_point_the_motor_starts_when_a_prediction_leaves_the_band()
         x = F @ x + G0 * (before - neutral) + G1 * (volume - neutral)
         assert abs(x[0] - 2.0) < 0.075
     assert len(starts) > 5
-    assert np.diff(starts).min() >= 12.0 - 1e-6
+    assert np.diff(starts).min() >= p.pause - 1e-6
     # Farther away it does not wait.
     _, after, _ = step(p, state._replace(depth=2.2), Measurement(0.0, 2.2, volume), 2.0)
     assert after.moving == 1.0
+
+
+def test_near_the_set_point_the_filter_is_the_kalman_filter_of_the_walk():
+    """In simulation its error is the one that the Riccati equation tells, and others' is more."""
+    noise = 2e-3
+    s = setting_of(VEHICLE, sample_time=H, supply=12.0, neutral_range=20e-6)._replace(noise=noise)
+    p = gains("observer", s, KNOBS._replace(pause=25.0, band=0.03))
+    F, G0, G1 = motion_over_sample(PLANT, H)
+    A = np.eye(3)
+    A[:2, :2], A[:2, 2] = F, -(G0 + G1)
+    # The same as a control problem of python-control's, in mm and cm3.
+    scale = np.diag([1e-3, 1e-3, 1e-6])
+    A = np.linalg.solve(scale, A @ scale)
+    Q = np.diag([1e-30, 1e-30, (s.walk * 1e6) ** 2 * H])
+    _, P, _ = control.dlqe(A, np.eye(3), np.array([[1.0, 0.0, 0.0]]), Q, (noise * 1e3) ** 2)
+    expected = P - P[:, :1] @ P[:1] / (P[0, 0] + (noise * 1e3) ** 2)
+
+    def errors(**changes):
+        model = Observed(*(getattr(p, name) for name in Observed._fields))
+        model = model._replace(l_z=p.n_z, l_w=p.n_w, l_b=p.n_b)._replace(**changes)
+        rng = np.random.default_rng(4)
+        found = []
+        x, b, e = np.array([2.0, 0.0]), 0.0, Estimate(2.0, 0.0, 0.0)
+        for n in range(40_000):
+            volume = PLANT.psi * x[0] + b - 2e-5 * (2.0 - x[0]) + 3e-4 * x[1]  # keeps it there
+            x = F @ x + (G0 + G1) * (volume - b)
+            e = estimate(model, e, volume, volume, x[0] + rng.normal(0.0, noise))
+            b += rng.normal(0.0, s.walk * math.sqrt(H))
+            if n > 1000:
+                found.append([e.depth - x[0], e.speed - x[1], e.neutral - b])
+        return np.std(found, axis=0) / [1e-3, 1e-3, 1e-6]
+
+    ours = errors()
+    np.testing.assert_allclose(ours, np.sqrt(np.diag(expected)), rtol=0.06)
+    assert (errors(l_z=p.l_z, l_w=p.l_w, l_b=p.l_b) > ours).all()
+
+
+def test_farther_away_the_filter_is_the_one_that_the_margins_are_of():
+    p = gains(
+        "observer", setting_of(VEHICLE, sample_time=H, supply=12.0, neutral_range=20e-6),
+        KNOBS._replace(pause=25.0, band=0.03),
+    )  # fmt: skip
+    for depth, gain in ((2.0 + 0.5 * p.near, p.n_z), (2.0 + 2.0 * p.near, p.l_z)):
+        state = initial(p, Measurement(0.0, depth, p.psi * depth), 2.0)
+        found = []
+        for innovation in (0.0, 1e-3):
+            seen = Measurement(H, depth + innovation, p.psi * depth)
+            found.append(step(p, state, seen, 2.0)[1].depth)
+        assert found[1] - found[0] == pytest.approx(1e-3 * gain, rel=1e-6)
 
 
 def test_limits_hold_whatever_is_measured():

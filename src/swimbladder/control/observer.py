@@ -11,10 +11,10 @@ straight between samples.
 Inside, the volume follows the one that the state feedback asks for, with the voltage that the load
 of the sea takes fed forward, eq. (30).
 
-Near the set-point the motor may rest: the volume stays and the filter goes on until the depth
-predicted for a time ahead leaves a band; then one move brings the volume to where gains made for
-holds of that length want it. Deciding by events takes fewer of them than by the clock (Astrom and
-Bernhardsson, IEEE CDC 2002, 2011).
+Near the set-point the motor may rest: the volume stays and the filter goes on, with gains of its
+own, until the depth predicted for a time ahead leaves a band; then one move brings the volume to
+where gains made for holds of that length want it. Deciding by events takes fewer of them than by
+the clock (Astrom and Bernhardsson, IEEE CDC 2002, 2011).
 """
 
 from __future__ import annotations
@@ -94,6 +94,9 @@ class ObserverParameters(NamedTuple):
     a_V: float  # m/m3, per volume off neutral
     r_z: float  # m3/m, as k_z, for a volume that is held
     r_w: float  # m3 s/m, as k_w, likewise
+    n_z: float  # -, the filter's gains near the set-point, as l_z
+    n_w: float  # 1/s
+    n_b: float  # m3/m
     farthest: float  # m, a depth error beyond which no more volume is asked for
     depth_voltage: float  # V/m, load of the sea
     limit: float  # V
@@ -189,9 +192,11 @@ def step(
     """Return the voltage [V] that brings the volume to what the estimated state asks for."""
     p = parameters
     volume = measurement.volume if math.isfinite(measurement.volume) else state.volume
+    close = abs(reference - state.depth) < p.near
     model = Observed(
         p.f_zz, p.f_zw, p.f_wz, p.f_ww, p.g_z0, p.g_z1, p.g_w0, p.g_w1, p.turbulent,
-        p.l_z, p.l_w, p.l_b, p.neutral, p.neutral_range, p.psi,
+        p.n_z if close else p.l_z, p.n_w if close else p.l_w, p.n_b if close else p.l_b,
+        p.neutral, p.neutral_range, p.psi,
     )  # fmt: skip
     e = estimate(
         model,
@@ -243,7 +248,7 @@ OBSERVER = Law(
         "neutral": "m3", "neutral_range": "m3", "psi": "m3/m",
         "k_z": "m3/m", "k_w": "m3 s/m", "k_V": "V/m3", "dead": "m3",
         "near": "m", "pause": "s", "band": "m", "a_z": "", "a_w": "s", "a_V": "m/m3",
-        "r_z": "m3/m", "r_w": "m3 s/m", "farthest": "m",
+        "r_z": "m3/m", "r_w": "m3 s/m", "n_z": "", "n_w": "1/s", "n_b": "m3/m", "farthest": "m",
         "depth_voltage": "V/m", "limit": "V", "volume_min": "m3", "volume_max": "m3", "S_p": "s",
     },
     step=step,

@@ -40,8 +40,7 @@ _STROKE = 0.5  # of the stroke to the nearer end: what a path may take to accele
 _CRUISE = 0.25  # the same to keep a speed
 _THIRD = 0.4  # of the natural frequency: the cascade's third pole
 _NEAR = 2.5  # times the band of predicted errors: depth errors in which the motor rests
-_HOLD = 1.6  # pauses, that a volume is made to be held
-_AHEAD = 2.4  # pauses, that an error is predicted ahead
+_REST = 0.2  # of the time that a volume is held for: least time between two starts
 _SHORTEST = 10.0  # samples, of a target's way
 _FADING = 0.25  # of an error, that deadband leaves in an interval
 _STEP = 10.0  # times the noise: what a change of the neutral volume moves in an interval
@@ -104,13 +103,19 @@ def _room(p: Plant) -> float:
 
 def _observer(s: Setting, k: Knobs) -> ObserverParameters:
     found = _feedback(s, k)
-    rest = dict.fromkeys(("near", "pause", "band", "a_z", "a_w", "a_V", "r_z", "r_w"), 0.0)
+    names = "near", "pause", "band", "a_z", "a_w", "a_V", "r_z", "r_w", "n_z", "n_w", "n_b"
+    rest = dict.fromkeys(names, 0.0)
     if k.pause > 0.0:
-        F, G = held_motion(s.plant, _AHEAD * k.pause)
-        r_z, r_w = hold_gains(s.plant, _HOLD * k.pause)
+        F, G = held_motion(s.plant, k.pause)
+        r_z, r_w = hold_gains(s.plant, k.pause)
+        # While nothing moves, the walk of the neutral volume is all that has to be followed.
+        N = filter_gains(
+            s.plant, s.sample_time, depth=s.noise, acceleration=0.0, neutral_walk=s.walk
+        )
         rest = {
-            "near": _NEAR * k.band, "pause": k.pause, "band": k.band, "a_z": float(F[0, 0]),
-            "a_w": float(F[0, 1]), "a_V": float(G[0]), "r_z": r_z, "r_w": r_w,
+            "near": _NEAR * k.band, "pause": _REST * k.pause, "band": k.band,
+            "a_z": float(F[0, 0]), "a_w": float(F[0, 1]), "a_V": float(G[0]), "r_z": r_z,
+            "r_w": r_w, "n_z": float(N[0]), "n_w": float(N[1]), "n_b": float(N[2]),
         }  # fmt: skip
     return ObserverParameters(
         **_floats(found), **rest,
@@ -209,16 +214,20 @@ def _floats(found: Mapping[str, Any]) -> dict[str, float]:
 
 
 class Recipe(NamedTuple):
-    """A law and how its parameters are made; linear: around rest it has margins."""
+    """A law and how its parameters are made.
+
+    linear: around rest it has margins. rests: near the set-point it can leave the motor alone.
+    """
 
     law: Law
     make: Callable[[Setting, Knobs], Any]
     linear: bool = True
+    rests: bool = False
 
 
 TUNABLE: Mapping[str, Recipe] = {
     "planned": Recipe(PLANNED, _planned),
-    "observer": Recipe(OBSERVER, _observer),
+    "observer": Recipe(OBSERVER, _observer, rests=True),
     "cascade": Recipe(CASCADE, _cascade),
     "sea-cascade": Recipe(SEA_CASCADE, _sea_cascade),
     "adrc": Recipe(ADRC, _adrc),

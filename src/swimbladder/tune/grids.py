@@ -145,6 +145,5 @@ def score(goal: str, t: Trial, held: float) -> tuple[float, ...]:
     off = max(t.rms / held, 1.0)
     if goal == "energy":
         return (off, t.energy)
-    # Of those that start the motor as seldom, to a fiftieth, the one that overshoots least.
-    starts = round(50.0 * math.log(max(t.starts, 1e-6)))
-    return (off, max(t.rate / _MOVED, 1.0), starts, t.overshoot_95)
+    # A tenth of overshoot on the way there counts like a tenth more of starts.
+    return (off, max(t.rate / _MOVED, 1.0), t.starts * (1.0 + t.overshoot_95))

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from swimbladder.dynamics import Plant, plant
 from swimbladder.parameters import Vehicle
+from swimbladder.tune.region import neutral_walk
 
 __all__ = ["Knobs", "Setting", "setting_of"]
 
@@ -21,9 +22,9 @@ class Knobs(NamedTuple):
     volume follows; sharpness [-]: bandwidth of the filter over `frequency`; learning [-]: how fast
     the neutral volume is learnt, as a share of what the filter could (adrc: bandwidth of the
     disturbance's estimate over `frequency`); share [-]: of the motor's speed that a path takes;
-    dead [m3]: volume error that the motor rests at; pause [s]: least time between two starts of the
-    motor near the set-point; band [m]: predicted depth errors that are left alone (deadband: depth
-    errors); volts [-]: share of the supply that is used.
+    dead [m3]: volume error that the motor rests at; pause [s]: how long a volume is made to be held
+    and an error is predicted ahead near the set-point (deadband: sleep); band [m]: predicted depth
+    errors that are left alone (deadband: depth errors); volts [-]: share of the supply in use.
     """
 
     frequency: float
@@ -47,6 +48,7 @@ class Setting(NamedTuple):
     limit: float  # V, least supply
     neutral_range: float  # m3, how far the neutral volume may be from what is known
     least_move: float  # m3, below which a volume is not told from noise
+    walk: float  # m3/s^0.5, intensity of the neutral volume's random walk
 
 
 def setting_of(
@@ -60,4 +62,6 @@ def setting_of(
     p = plant(vehicle)
     volume_noise = math.hypot(sensors.volume_noise, sensors.volume_quantum / math.sqrt(12.0))
     least = max(3.0 * volume_noise, _LEAST * (p.V_max - p.V_min))
-    return Setting(p, sample_time, max(noise, _FINEST), supply, neutral_range, least)
+    return Setting(
+        p, sample_time, max(noise, _FINEST), supply, neutral_range, least, neutral_walk(vehicle)
+    )

@@ -18,7 +18,7 @@ from scipy.stats import chi2
 from swimbladder.dynamics import Plant, plant
 from swimbladder.parameters import Vehicle
 
-__all__ = ["Member", "Region", "member", "region", "unit_points", "unknowns"]
+__all__ = ["Member", "Region", "member", "neutral_walk", "region", "unit_points", "unknowns"]
 
 Array = NDArray[np.float64]
 
@@ -49,6 +49,11 @@ def unknowns(vehicle: Vehicle) -> tuple[tuple[str, ...], bool]:
     if vehicle.identified is None:
         return ("K2", "T2"), False
     return tuple(vehicle.identified.names), True
+
+
+def neutral_walk(vehicle: Vehicle) -> float:
+    """Return the intensity [m3/s^0.5] of the random walk that a neutral volume is reckoned with."""
+    return WALK if vehicle.identified is None else max(WALK, vehicle.identified.neutral_walk)
 
 
 def member(vehicle: Vehicle, s: Array, *, level: float = 0.95) -> Member:
@@ -82,14 +87,14 @@ def region(vehicle: Vehicle, *, level: float = 0.95, drawn: int = _DRAWN, seed: 
     names, _ = unknowns(vehicle)
     if known is None:
         words = [f"K2 and T2 each within {100.0 * UNKNOWN:g} %, as nothing was identified"]
-        neutral, walk = NEUTRAL, WALK
+        neutral = NEUTRAL
     else:
         words = [
             f"{', '.join(names)} within the {100.0 * level:g} % region of their covariance, from "
             f"{len(known.logs)} logs"
         ]
         neutral = max(NEUTRAL, 2.0 * known.neutral_std)
-        walk = max(WALK, known.neutral_walk)
+    walk = neutral_walk(vehicle)
     drift = f"{60e6 * walk:.2g} cm3 in a root hour"
     words.append(f"neutral volume within {1e6 * neutral:.2g} cm3, walking {drift}")
     points = unit_points(vehicle, drawn=drawn, seed=seed)

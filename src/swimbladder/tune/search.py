@@ -25,7 +25,10 @@ __all__ = ["Found", "search"]
 _TRIED = 4
 _TRIED_QUIET = 8
 _TRIED_ENERGY = 5
+_TRIED_RESTING = 3  # of a law that rests near the set-point, by gains of its own
 _FEW = {"fast": 100, "quiet": 40, "energy": 40}  # runs while they are compared
+_FINAL = 3  # options of a law that rests, whose band is fitted to the error that is allowed
+_FITTED = 3  # times, each with as many runs as are told of
 _SLACK = 0.97  # of the margins: the linear form is that of differences
 _AWAY = 0.3  # of a step, off which its end counts as not brought there
 _LOST = 2.0  # times the error allowed, that is no holding any more
@@ -110,6 +113,8 @@ def search(
     tell = advance or (lambda _: None)
     look = _Search(name, recipe, setting, region, depths, delay, tell)
     most = {"fast": _TRIED, "quiet": _TRIED_QUIET, "energy": _TRIED_ENERGY}[goal]
+    if recipe.rests and goal != "fast":
+        most = _TRIED_RESTING
     every = [
         option
         for knobs in look.candidates(goal, held, most, _tightened(wanted))
@@ -130,6 +135,16 @@ def search(
         scored.append((score(goal, few, held), knobs, few))
         tell(0.45 / len(every))
     scored.sort(key=lambda one: one[0])
+    if recipe.rests and goal == "quiet":  # neighbours differ by less than few runs tell
+        final = []
+        for _, knobs, few in scored[:_FINAL]:
+            rms = few.rms
+            for _ in range(_FITTED):
+                knobs = knobs._replace(band=knobs.band * max(held / rms, 0.5))
+                over = tried(knobs, runs)
+                rms = over.rms
+                final.append((score(goal, over, held), knobs, over))
+        scored = sorted(final, key=lambda one: one[0]) + scored[_FINAL:]
     if goal != "fast" and scored and not scored[0][2].rms <= _LOST * held:
         raise NoAnswerError(
             f"no gains of the law {name!r} that were tried hold a depth to {1e3 * held:.3g} mm rms "

@@ -56,7 +56,7 @@ class Trial(NamedTuple):
     overshoot_95: float  # -
     rms: float  # m, of the depth error over the last third
     rate: float  # m3/s, of volume moved over the last third
-    starts: float  # 1/s, of the motor, over the last third
+    starts: float  # 1/s, of the motor, from rest or into the other direction, over the last third
     energy: float  # J, of the motor in the whole run; nan where its R or k_T is not known
     power: float  # W, of the motor over the last third, likewise
 
@@ -98,7 +98,7 @@ def trial(
         energy = float(joules.sum(axis=0).mean())
         power = float(joules[late[:-1]].mean()) / sample_time
     moves = np.abs(np.diff(volume[late], axis=0))
-    starts = motor_starts(volume[late])
+    starts = motor_starts(volume[late]) + motor_turns(volume[late])
     seconds = float(time[late][-1] - time[late][0])
     never = np.where(settled, settle, np.inf)
     over = np.nan_to_num(data["overshoot"].to_numpy(), nan=0.0) / 100.0
