@@ -100,6 +100,15 @@ def identify(
     paper: Annotated[
         bool, typer.Option("--paper", help="The paper's fits beside: eqs (26) and (27), averaged.")
     ] = False,
+    cast: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--cast", metavar="CTD", help="Deep dives of a pump and valve, in this water."
+        ),
+    ] = None,
+    cast_where: Annotated[
+        list[str] | None, typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast's file.")
+    ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-identify"
     ),
@@ -117,6 +126,31 @@ def identify(
     from swimbladder.io.files import check_place
 
     v = load_vehicle(vehicle)
+    if cast or v.command == "volume change":
+        from swimbladder.cli.identify_deep import identify_deep, refuse_others
+
+        refuse_others({
+            "--drag": drag, "--drive": drive, "--bottom": bottom, "--walk": walk,
+            "--posterior": posterior, "--paper": paper,
+            "--neutral-std": neutral_std if neutral_std != "0.5 cm3" else None,
+            "--speed-std": speed_std if speed_std != "none" else None,
+            "--surface-margin": surface_margin if surface_margin != "0.1 m" else None,
+            "--no-profiles": None if profiles else "given", "--seed": seed if seed != 1 else None,
+        })  # fmt: skip
+        if not cast:
+            raise InputError(
+                "deep dives need the water that they were made in", field="--cast",
+                remedy="Give a CTD cast as deep as the dives with --cast FILE",
+            )  # fmt: skip
+        return identify_deep(
+            chosen(logs, where or []), v, cast, cast_where=cast_where or (), column=column or (),
+            log_format=log_format, free=names(free), fixed=set_ or (), priors=prior or (),
+            out=out, json=json,
+        )  # fmt: skip
+    if cast_where:
+        raise InputError(
+            "it has no use without --cast", field="--cast-where", remedy="Give --cast FILE"
+        )
     options: dict[str, Any] = {
         "free": names(free),
         "fixed": held(set_),

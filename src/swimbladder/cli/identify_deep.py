@@ -1,0 +1,137 @@
+"""``swimbladder identify --cast``: drag, hull, pump and valve from logs of deep dives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from swimbladder.cli.casts import pairs, read_casts
+from swimbladder.cli.common import console, emit_json, json_text, output, progress
+from swimbladder.cli.logs import Chosen
+from swimbladder.cli.settings import known, once, setting
+from swimbladder.errors import InputError
+
+if TYPE_CHECKING:
+    from swimbladder.identify.deep import DeepIdentification
+    from swimbladder.parameters import Vehicle
+
+__all__ = ["identify_deep", "refuse_others"]
+
+
+def refuse_others(given: Mapping[str, object]) -> None:
+    """Raise InputError for an option that has no use with --cast; given: values by option."""
+    for option, value in given.items():
+        if value:
+            raise InputError(
+                "it has no use with --cast", field=option, value=value,
+                remedy="Leave it out, or identify a shallow vehicle without --cast",
+            )  # fmt: skip
+
+
+def identify_deep(
+    logs: Sequence[Chosen], vehicle: Vehicle, casts: Sequence[Path], *,
+    cast_where: Sequence[str], column: Sequence[str], log_format: str | None,
+    free: tuple[str, ...] | None, fixed: Sequence[str], priors: Sequence[str], out: Path,
+    json: bool,
+) -> None:  # fmt: skip
+    """Identify, write the files, print; exit code 1 where the data do not tell what was asked."""
+    from swimbladder.identify.deep_model import DEEP
+    from swimbladder.io.files import check_place
+    from swimbladder.io.float_logs import read_float_log
+
+    units = {name: about.unit for name, about in DEEP.items()}
+    held = once([setting(text, units) for text in fixed], "--set")
+    before = once([known(text, units) for text in priors], "--prior")
+    check_place(out)
+    mapped = pairs(list(column), "--column")
+    read = []
+    for log in logs:
+        with progress(f"reading {log.label}"):
+            read.append(read_float_log(
+                log.path, log_format_name=log_format, columns=mapped, where=log.where
+            ))  # fmt: skip
+    found_casts = read_casts(
+        casts, columns={}, where=pairs(list(cast_where), "--cast-where"), log_format=None,
+        profile=None, latitude=None, longitude=None, salinity=None, inversions="average",
+    )  # fmt: skip
+
+    from swimbladder.identify.deep import identify_deep as identify
+    from swimbladder.report.deep import write_deep
+    from swimbladder.seawater import cast_column
+
+    columns = [cast_column(cast) for cast in found_casts]
+    with progress("identifying from deep dives", 1.0) as advance:
+        found = identify(
+            read, columns, vehicle, free=free, fixed=held, priors=before, advance=advance
+        )
+    answer = found.to_json()
+    with progress("drawing the picture"):
+        files = write_deep(found, out, answer=json_text(answer))
+    if json:
+        emit_json({**answer, "files": [str(path) for path in files]})
+    else:
+        _print(found, [note for log in read for note in log.report], files)
+    if not found.identified:
+        if json:
+            console.print(found.sentences[0], markup=False, soft_wrap=True)
+        raise typer.Exit(1)
+
+
+def _print(found: DeepIdentification, notes: Sequence[str], files: Sequence[Path]) -> None:
+    for i, sentence in enumerate(found.sentences):
+        output.print(sentence, style="bold" if i == 0 else None, soft_wrap=True)
+    output.print("")
+    output.print(_parameters(found))
+    output.print("")
+    output.print(_dives(found))
+    output.print("")
+    for sentence in found.assumptions:
+        output.print(f"assumed: {sentence}", soft_wrap=True)
+    for note in notes:
+        output.print(f"note: {note}", soft_wrap=True)
+    for path in files:
+        if path.suffix != ".png":
+            output.print(f"wrote {path}", soft_wrap=True)
+
+
+def _table(headings: Sequence[str]) -> Any:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    table.add_column(headings[0], overflow="fold")
+    for heading in headings[1:]:
+        table.add_column(heading, justify="right", no_wrap=True)
+    return table
+
+
+def _parameters(found: DeepIdentification) -> object:
+    from swimbladder.units import shown_unit, unit_factor
+
+    table = _table(("", "value", "1 sigma", "95 % interval", "unit", "from"))
+    words = {"data": "the dives", "prior": "its prior", "set": "set"}
+    for name, e in found.parameters.items():
+        shown = shown_unit(e.unit) if e.unit else ""
+        factor = unit_factor(e.unit, shown) if e.unit else 1.0
+        low, high = (factor * x for x in e.ci95)
+        table.add_row(
+            name, f"{factor * e.value:.4g}", f"{factor * e.std:.2g}", f"{low:.4g} to {high:.4g}",
+            shown or "-", words[e.origin],
+        )  # fmt: skip
+    return table
+
+
+def _dives(found: DeepIdentification) -> object:
+    table = _table(("dive", "looks", "deepest", "book off by", "speed off by", "replay off by"))
+    for told, numbers in zip(found.dives, found.to_json()["dives"], strict=True):
+        table.add_row(
+            told.dive.name,
+            str(numbers["looks"]),
+            f"{numbers['deepest_Pa'] / 1e4:.0f} dbar",
+            f"{1e6 * numbers['book_rms_m3']:.1f} mL",
+            f"{1e3 * numbers['speed_rms_m_s']:.1f} mm/s",
+            f"{numbers['replay_rms_Pa'] / 1e4:.0f} dbar",
+        )
+    return table

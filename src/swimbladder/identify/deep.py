@@ -1,0 +1,219 @@
+"""From logs of deep dives to a vehicle's parameters, and how sure they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError
+from swimbladder.identify.deep_dive import DeepDive, deep_dive
+from swimbladder.identify.deep_fit import DeepFit, balance, fit_deep
+from swimbladder.identify.deep_model import DEEP, DEFAULT, Body, body_of, priors_of
+from swimbladder.identify.deep_replay import Replay, replay
+from swimbladder.identify.estimates import Estimate, Prior, estimate
+from swimbladder.io.float_log import FloatLog
+from swimbladder.parameters import HullPart, PowerLawPump, PumpAndValve, Vehicle
+from swimbladder.seawater import Column
+
+__all__ = ["DeepIdentification", "Told", "identify_deep"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """What one dive says: how far its book of volumes and its replay are off."""
+
+    dive: DeepDive
+    start: Estimate  # m3, the drive's volume when the dive began
+    book: Array  # m3 [n], at each look
+    speed: Array  # m/s [n], measured less modelled
+    replay: Replay
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeepIdentification:
+    """Parameters from deep dives.
+
+    identified: whether all that was asked for is told by the data. sentences: what a user has to
+    know, the answer first.
+    """
+
+    vehicle: Vehicle
+    result_vehicle: Vehicle
+    fit: DeepFit
+    parameters: Mapping[str, Estimate]
+    dives: tuple[Told, ...]
+    identified: bool
+    sentences: tuple[str, ...]
+    assumptions: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in SI units, ready for JSON."""
+        return {
+            "vehicle": self.vehicle.name,
+            "identified": self.identified,
+            "parameters": {name: e.to_json() for name, e in self.parameters.items()},
+            "speed_noise_m_s": self.fit.noise,
+            "dives": [
+                {
+                    "source": told.dive.name,
+                    "looks": len(told.book),
+                    "deepest_Pa": float(told.dive.pressure.max()),
+                    "start_volume": told.start.to_json(),
+                    "book_rms_m3": _rms(told.book),
+                    "speed_rms_m_s": _rms(told.speed),
+                    "replay_rms_Pa": _rms(told.replay.at(told.dive.time) - told.dive.pressure),
+                }
+                for told in self.dives
+            ],
+            "book_rms_m3": _rms(np.concatenate([told.book for told in self.dives])),
+            "priors": {
+                name: {"mean": prior.mean, "std": prior.std}
+                for name, prior in self.fit.priors.items()
+                if name in self.fit.names
+            },
+            "sentences": list(self.sentences),
+            "assumptions": list(self.assumptions),
+        }
+
+
+def identify_deep(
+    logs: Sequence[FloatLog], columns: Sequence[Column], vehicle: Vehicle, *,
+    free: Sequence[str] | None = None, fixed: Mapping[str, float] | None = None,
+    priors: Mapping[str, Prior] | None = None, advance: Callable[[float], None] = lambda _: None,
+) -> DeepIdentification:  # fmt: skip
+    """Return drag, hull, pump and valve as deep dives tell them.
+
+    columns: the water, one for all dives or one each. free: names of `DEEP`, most of them unless
+    given. Raises InputError for a vehicle without pump and valve, for logs without dives and for
+    what cannot be identified.
+    """
+    if not isinstance(vehicle.actuator, PumpAndValve):
+        raise InputError(
+            "deep dives are identified for a pump and a valve", field="actuator.kind",
+            value=vehicle.actuator.kind, remedy="Describe the actuator as kind pump-valve",
+        )  # fmt: skip
+    if len(columns) not in (1, len(logs)):
+        raise InputError(
+            f"{len(columns)} casts for {len(logs)} dives", field="--cast",
+            remedy="Give one cast for all dives, or one for each in their order",
+        )  # fmt: skip
+    each = list(columns) * (len(logs) if len(columns) == 1 else 1)
+    dives = [
+        deep_dive(log, column, vehicle, name=Path(log.source).name)
+        for log, column in zip(logs, each, strict=True)
+    ]
+    body, known = body_of(vehicle), priors_of(vehicle, priors or {})
+    names = tuple(free or [n for n in DEFAULT if n not in (fixed or {})])
+    advance(0.1)
+    fit = fit_deep(body, dives, known, free=names, fixed=fixed)
+    advance(0.8)
+    parameters = {name: _estimate(fit, name, fixed or {}) for name in (*fit.names, *(fixed or {}))}
+    told = tuple(_told(body, fit, k, dive) for k, dive in enumerate(dives))
+    advance(1.0)
+    untold = [name for name in fit.names if not fit.told(name)]
+    asked = [name for name in untold if name in (free or ())]
+    good = not asked and len(untold) < len(fit.names)
+    return DeepIdentification(
+        vehicle=vehicle, result_vehicle=_identified(vehicle, fit) if good else vehicle, fit=fit,
+        parameters=parameters, dives=told, identified=good,
+        sentences=_sentences(fit, told, untold, good), assumptions=_assumptions(vehicle, fit),
+    )  # fmt: skip
+
+
+def _estimate(fit: DeepFit, name: str, fixed: Mapping[str, float]) -> Estimate:
+    origin = "set" if name in fixed else "data" if fit.told(name) else "prior"
+    return estimate(fit.values[name], fit.std(name), DEEP[name].unit, origin=origin)  # type: ignore[arg-type]
+
+
+def _told(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> Told:
+    i = len(fit.names) + k
+    start = float(fit.starts[k])
+    return Told(
+        dive=dive, start=estimate(start, float(np.sqrt(fit.covariance[i, i])), "m3"),
+        book=balance(body, fit.values, start, dive), speed=fit.residuals[k],
+        replay=replay(body, fit.values, start, dive),
+    )  # fmt: skip
+
+
+def _sentences(
+    fit: DeepFit, told: Sequence[Told], untold: Sequence[str], good: bool
+) -> tuple[str, ...]:
+    book = _rms(np.concatenate([one.book for one in told]))
+    count = len(told)
+    found = [
+        f"With one set of parameters the book of volumes of {count} dive{'s' if count > 1 else ''} "
+        f"closes to {1e6 * book:.2g} mL rms, the speeds to "
+        f"{1e3 * _rms(np.concatenate([one.speed for one in told])):.2g} mm/s rms."
+    ]
+    if not good:
+        found.insert(0, "The data do not tell what was asked: " + ", ".join(untold) + ".")
+    elif untold:
+        found.append(f"Hardly told by these dives, and near what was known: {', '.join(untold)}.")
+    anchors = [n for n in ("drag", "pump_delivery", "valve") if n in fit.names]
+    if len(anchors) == 3:
+        found.append(
+            "The absolute size of drag, pump and valve together rests on their priors; how they "
+            "compare is told by the dives."
+        )
+    return tuple(found)
+
+
+def _assumptions(vehicle: Vehicle, fit: DeepFit) -> tuple[str, ...]:
+    said = [
+        f"{name} {prior.mean:.4g} +- {prior.std:.2g} {DEEP[name].unit}".rstrip()
+        for name, prior in fit.priors.items()
+        if name in fit.names
+    ]
+    body = body_of(vehicle)
+    assert isinstance(vehicle.actuator, PumpAndValve)
+    return (
+        f"known before: {'; '.join(said)}",
+        f"the vehicle weighs {body.mass:.6g} kg and displaces {body.volume * 1e3:.6g} L, as in its "
+        "file",
+        "in vehicle.toml drag is that of sinking; drag_up, stiffening and creep have no place there"
+        + ("" if isinstance(vehicle.actuator.pump, PowerLawPump) else ", nor pump_delivery"),
+        "drag balances the excess volume at each look: speeds are steady within a minute",
+        "the water is that of the cast for the whole dive, and moves by some mm/s",
+    )
+
+
+def _identified(vehicle: Vehicle, fit: DeepFit) -> Vehicle:
+    """Return the vehicle with what its file has a place for."""
+    values, hull, actuator = fit.values, vehicle.hull, vehicle.actuator
+    assert isinstance(actuator, PumpAndValve)
+    pump = actuator.pump
+    if isinstance(pump, PowerLawPump):
+        pump = pump.model_copy(update={
+            "delivery": pump.delivery * values["pump_delivery"],
+            "slip": pump.slip * values["pump_delivery"] + pump.delivery * values["pump_slip"],
+        })  # fmt: skip
+    part = HullPart(
+        name="hull", volume=hull.displaced_volume - values["trapped_air"],
+        compressibility=values["compressibility"], thermal_expansion=values["thermal_expansion"],
+    )  # fmt: skip
+    drag = vehicle.drag.model_copy(update={"k_dt": values["drag"]})
+    changed = actuator.model_copy(update={
+        "pump": pump,
+        "valve": actuator.valve.model_copy(
+            update={"flow": actuator.valve.flow * values["valve"]}
+        ),
+        "start_volume": max(actuator.start_volume + values["pump_start"], 0.0),
+    })  # fmt: skip
+    return vehicle.model_copy(update={
+        "actuator": changed,
+        "hull": hull.model_copy(
+            update={"parts": (part,), "trapped_air": values["trapped_air"]}
+        ),
+        "motion": vehicle.motion.model_copy(update={"drag": drag}),
+    })  # fmt: skip
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(x))))
