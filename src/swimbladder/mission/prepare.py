@@ -197,12 +197,19 @@ def coldest(mission: Mission, column: Column) -> float:
 
 
 def law_parameters(vehicle: Vehicle, phase: Phase) -> RateParameters:
-    """Return the parameters of the law `rate` in a phase.
+    """Return the parameters of the law `rate` in a phase; a profile keeps its speed to the end.
 
     Those of the vehicle's controller where it is of this law, with the phase's own in their place;
     else ones that follow from the phase's speed and tolerance as those of floats of the MERMAID
     kind do: half and a quarter of the speed near the target, a fifth as the band.
     """
+    found = _law(vehicle, phase)
+    if phase.kind == "profile":
+        return found._replace(near_speed=found.far_speed, slow_speed=found.far_speed)
+    return found
+
+
+def _law(vehicle: Vehicle, phase: Phase) -> RateParameters:
     speed = phase.speed or _SPEED
     tolerance = phase.tolerance or _TOLERANCE
     interval = phase.check_interval or (_PARKED if phase.kind == "park" else None)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.mission.core.names import Account, Cycle, Doing, Drive, Note, Row
+from swimbladder.mission.core.names import Account, Cycle, Doing, Drive, Given, Note, Row
 from swimbladder.mission.flight import Flight
 from swimbladder.mission.result import MissionResult
 
@@ -45,10 +45,10 @@ def trajectory_columns(result: MissionResult) -> dict[str, Array]:
 
 
 def events_csv(flight: Flight) -> str:
-    """Return what happened as CSV: time, depth, volume, what, and a number that belongs to it."""
+    """Return what happened as CSV: time, what, depth, volume, a number that belongs to it."""
     lines = ["time_s,what,depth_m,volume_m3,number,phase"]
     phase = ""
-    for note in flight.notes:
+    for note in _without_bobbing(flight):
         kind = Note(int(note[Drive.WHAT]))
         if kind is Note.PHASE:
             phase = flight.mission.phases[int(note[Drive.NUMBER])].title
@@ -57,6 +57,22 @@ def events_csv(flight: Flight) -> str:
         named = phase.replace('"', '""')
         lines.append(f'{t!r},{what},{z!r},{v!r},{number!r},"{named}"')
     return "\n".join(lines) + "\n"
+
+
+def _without_bobbing(flight: Flight) -> Array:
+    """Return the notes without the bobbing afloat: the first way up and the last down stay."""
+    notes = flight.notes
+    what = notes[:, Drive.WHAT]
+    passes = (what == Note.EMERGED) | (what == Note.SUBMERGED)
+    deep = notes[:, Drive.Z] > float(flight.plan.given[Given.SHALLOW])
+    keep = ~passes
+    for part in np.split(np.arange(len(notes)), np.flatnonzero(deep)):
+        up, down = (part[what[part] == kind] for kind in (Note.EMERGED, Note.SUBMERGED))
+        if up.size and part[0] > 0:
+            keep[up[0]] = True
+        if down.size and part[-1] < len(notes) - 1:
+            keep[down[-1]] = True
+    return np.asarray(notes[keep])
 
 
 def cycle_columns(result: MissionResult) -> dict[str, Array]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from swimbladder.hull import neutral_volume
@@ -105,6 +106,7 @@ def _neutral(result: MissionResult, first: Array, axes: Axes) -> None:
 def _energy(result: MissionResult, axes: Axes) -> None:
     columns = cycle_columns(result)
     axes.set_xlabel("cycle")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     if not result.energy_known:
         axes.bar(columns["cycle"], 1e6 * columns["pumped_m3"], color=BLUE)
         axes.set_ylabel("pumped [cm³]")
@@ -119,7 +121,7 @@ def _energy(result: MissionResult, axes: Axes) -> None:
             axes.bar(columns["cycle"], values, bottom=below, color=colour, label=words, width=0.9)
             below = below + values
     axes.set_ylabel("energy per cycle [kJ]")
-    axes.margins(y=0.25)
+    axes.set_ylim(0.0, 1.4 * float(below.max()))
     axes.legend(loc="upper right", ncols=2, fontsize=8)
 
 

@@ -1,0 +1,149 @@
+"""`swimbladder mission` from the outside: files, exit codes, JSON, and a kill in the middle."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swimbladder.cli import main
+
+MISSION = """
+schema_version = 1
+name = "a short dive"
+
+[[phases]]
+kind = "descend"
+depth = "60 m"
+tolerance = "5 m"
+
+[[phases]]
+kind = "park"
+depth = "60 m"
+tolerance = "5 m"
+duration = "30 min"
+
+[[phases]]
+kind = "profile"
+depth = "15 m"
+tolerance = "5 m"
+
+[[phases]]
+kind = "surface"
+duration = "10 min"
+"""
+
+
+@pytest.fixture
+def task(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "mission.toml"
+    path.write_text(MISSION)
+    return path
+
+
+def test_files_json_and_sentence(task, capsys):
+    code = main(["mission", "example-float", str(task), "--cycles", "3", "--plot", "--netcdf",
+                 "--out", "flown", "--json"])  # fmt: skip
+    answer = json.loads(capsys.readouterr().out)
+    assert code == 0
+    assert answer["cycles"] == 3
+    assert "cycles on this battery; stroke margin" in answer["sentence"]
+    assert answer["energy_residue"] < 1e-3
+    for path in answer["files"]:
+        assert os.path.getsize(path) > 0
+    with open("flown/cycles.csv") as file:
+        assert len(file.readlines()) == 4
+    energy = np.genfromtxt("flown/trajectory.csv", delimiter=",", names=True)["energy_J"]
+    assert energy[-1] == pytest.approx(answer["drawn_J"], rel=1e-9)
+
+
+def test_og1_and_the_float_for_lagrangian_tools(task, capsys):
+    import xarray
+
+    assert main(["mission", "example-float", str(task), "--netcdf", "--out", "flown",
+                 "--begin", "2026-03-01T12:00:00Z"]) == 0  # fmt: skip
+    capsys.readouterr()
+    with xarray.open_dataset("flown/mission.nc", decode_times=False) as data:
+        assert data.sizes["N_MEASUREMENTS"] == data.TIME.size
+        assert float(data.TIME[0]) == 1772366400.0
+        assert data.attrs["featureType"] == "trajectory"
+        assert "OG-1.0" in data.attrs["Conventions"]
+        assert data.DEPTH.attrs["standard_name"] == "depth"
+        assert data.PHASE.attrs["phase_vocabulary"].endswith("phase.md")
+    with xarray.open_dataset("flown/mission.nc") as data:
+        assert {1, 2, 3, 4} <= set(np.unique(data.PHASE.values[~np.isnan(data.PHASE.values)]))
+        assert str(data.TIME.values[0]).startswith("2026-03-01T12:00")
+    config = json.loads(Path("flown/float.json").read_text())
+    values = {item["name"]: item["value"] for item in config["parameters"]}
+    assert set(values) == {
+        "cycle_duration", "life_expectancy", "parking_depth", "profile_depth", "vertical_speed",
+    }  # fmt: skip
+    assert values["parking_depth"] == 60.0
+    table = np.genfromtxt("flown/vertical-speed.csv", delimiter=",", names=True)
+    assert 0.02 < values["vertical_speed"] < 0.2
+    assert np.nanmin(table["sinking_m_s"]) < values["vertical_speed"] < 0.3
+
+
+def test_what_cannot_be_met_is_said_before_flying(task, capsys):
+    text = MISSION.replace('depth = "60 m"', 'depth = "2500 m"')
+    task.write_text(text)
+    assert main(["mission", "example-float", str(task), "--out", "flown"]) == 1
+    assert "500 m below the 2000 m" in capsys.readouterr().err
+    assert not os.path.exists("flown")
+
+
+def test_set_points_are_for_simulate(task, capsys):
+    task.write_text("""schema_version = 1
+start_depth = 1
+duration = 10
+[[setpoints]]
+time = 0
+depth = 2
+""")
+    assert main(["mission", "example-float", str(task)]) == 2
+    assert "swimbladder simulate" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_phase_out_of_time_is_exit_1_with_files(task, capsys):
+    late = 'kind = "profile"\ntimeout = "470 s"\n'
+    task.write_text(MISSION.replace('kind = "profile"\n', late))
+    code = main(["mission", "example-float", str(task), "--out", "flown", "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    assert code == 1
+    assert answer["missed"] == {"profile": 1}
+    assert any("ran out of time in 1 of 1 cycles" in reason for reason in answer["reasons"])
+    assert os.path.exists("flown/mission.json")
+
+
+def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(task, tmp_path):
+    def command(out):
+        return [sys.executable, "-m", "swimbladder", "mission", "example-float", str(task),
+                "--cycles", "120", "--seed", "3", "--out", str(tmp_path / out)]  # fmt: skip
+
+    def run(out):
+        subprocess.run(command(out), check=True, capture_output=True, cwd=tmp_path)
+
+    run("whole")
+    kept = tmp_path / ".killed-unfinished"
+    process = subprocess.Popen(
+        command("killed"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=tmp_path
+    )
+    while process.poll() is None and len(list(kept.rglob("*.npz"))) < 3:
+        time.sleep(0.002)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert not (tmp_path / "killed").exists(), "it was done before it could be killed"
+    parts = len(list(kept.rglob("*.npz")))
+    assert parts >= 3
+    run("killed")
+    assert not kept.exists()
+    for name in ("trajectory.csv", "events.csv", "cycles.csv", "vertical-speed.csv"):
+        assert (tmp_path / "whole" / name).read_bytes() == (
+            tmp_path / "killed" / name
+        ).read_bytes(), name

@@ -1,0 +1,288 @@
+"""Missions against SciPy, against the paper's model, and against their own books."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import swimbladder as sb
+from swimbladder.hull import neutral_volume
+from swimbladder.io.mission import Mission
+from swimbladder.mission.books import close_books
+from swimbladder.mission.core import kernel
+from swimbladder.mission.core.names import (
+    Account,
+    At,
+    Cycle,
+    Doing,
+    Drive,
+    Given,
+    Note,
+    Now,
+    Row,
+    Stop,
+)
+from swimbladder.mission.flight import fly_mission
+from swimbladder.mission.prepare import Accuracy, first_state, make_plan
+from swimbladder.seawater import uniform_column
+from swimbladder.seawater.motion import Swell, WaterMotion, motion_table, moved
+from tests.mission.conftest import phases
+from tests.mission.oracle import Oracle
+
+TIGHT = Accuracy(
+    relative=1e-9, depth=1e-9, speed=1e-11, volume=1e-15, rest_deep=1e-7, rest_afloat=1e-7
+)
+
+
+def times(flight, kind):
+    return flight.notes[flight.notes[:, Drive.WHAT] == kind][:, Drive.T]
+
+
+@pytest.fixture(scope="module")
+def tight(profiler, sea):
+    return fly_mission(profiler, phases(), sea, accuracy=TIGHT)
+
+
+def test_a_dive_is_that_of_scipy_at_every_event(tight, profiler, sea):
+    oracle = Oracle(profiler, sea)
+    states = oracle.replay(tight)
+    assert tight.stop is Stop.FINISHED
+    assert len(states) > 40
+    assert np.max(np.abs(states[:, 0] - tight.notes[:, Drive.Z])) < 1e-6
+    assert np.max(np.abs(states[:, 2] - tight.notes[:, Drive.V])) < 1e-12
+    # the surface, crossed down and up, and each time it bobs
+    crossed = np.sort(np.concatenate([times(tight, Note.EMERGED), times(tight, Note.SUBMERGED)]))
+    count = min(len(crossed), len(oracle.crossings))
+    assert count >= 2
+    assert np.allclose(crossed[:count], oracle.crossings[:count], rtol=0.0, atol=1e-5)
+
+
+def test_arrival_and_end_stop_stand_on_their_edges(tight, profiler):
+    arrived = tight.notes[tight.notes[:, Drive.WHAT] == Note.ARRIVED]
+    assert arrived[0, Drive.Z] == pytest.approx(145.0, abs=1e-9)  # 150 m less the tolerance
+    assert arrived[2, Drive.Z] == pytest.approx(25.0, abs=1e-9)  # from below
+    full = tight.notes[tight.notes[:, Drive.WHAT] == Note.UPPER_STOP]
+    assert len(full) == 1
+    assert full[0, Drive.V] == profiler.stroke.maximum
+
+
+def test_a_swell_carries_the_vehicle_as_scipy_says(profiler, sea):
+    table = motion_table(
+        WaterMotion(swell=(Swell(amplitude=1.5, period=9.0, phase=0.3),)), sea.gravity
+    )
+    task = Mission(start_depth=20.0, phases=[{"kind": "descend", "depth": 60.0, "tolerance": 2.0}])
+    flown = fly_mission(profiler, task, sea, waves=table, accuracy=TIGHT)
+    oracle = Oracle(profiler, sea, waves=lambda z, t: moved(table, z, t)[1])
+    states = oracle.replay(flown)
+    assert np.max(np.abs(states[:, 0] - flown.notes[:, Drive.Z])) < 1e-6
+    books = close_books(flown)
+    assert books.sinks["moving water"] != 0.0
+    assert books.relative_residue < 1e-6
+
+
+def coast(
+    vehicle, column, *, depth, volume, speed, seconds, accuracy=TIGHT, bottom=math.inf, step=None
+):
+    """Let a vehicle go, with nobody looking; return state and accounts after `seconds`."""
+    task = Mission(
+        start_depth=depth, bottom_depth=None if math.isinf(bottom) else bottom,
+        phases=[{"kind": "park", "depth": depth, "duration": seconds}],
+    )  # fmt: skip
+    plan = make_plan(vehicle, task, column, accuracy=accuracy)
+    x, at, accounts = first_state(plan, task)
+    if step is not None:
+        plan.given[Given.LONGEST_STEP] = x[Now.H] = step
+    x[Now.V], x[Now.W], x[Now.T_LOOK], x[Now.T_END] = volume, speed, math.inf, seconds
+    at[At.NEW_PHASE], at[At.ARRIVED] = 0, 1
+    cycles = np.zeros((1, int(Cycle.ACCOUNTS) + int(Account.COUNT)))
+    kernel.fly_kernel(
+        plan.given, plan.table, plan.waves, plan.stages, x, at, accounts,
+        np.zeros((0, int(Row.COUNT))), np.zeros((0, int(Drive.COUNT))), cycles,
+        np.zeros(3, dtype=np.int64), np.zeros((6, 8)),
+    )  # fmt: skip
+    return x, at, accounts
+
+
+def test_the_order_is_four(profiler):
+    """Slowing down in the paper's water, where all is smooth: errors fall as step^4."""
+    column = uniform_column(profiler.water, 400.0)
+    given = {"depth": 100.0, "volume": neutral_at(profiler, column, 100.0) - 20e-6, "speed": 0.2}
+    right = coast(profiler, column, seconds=128.0, **given)[0]
+    loose = Accuracy(relative=1e9, depth=1e9, speed=1e9, volume=1e9, rest_deep=0.0)
+
+    def error(step):
+        found = coast(profiler, column, seconds=128.0, accuracy=loose, step=step, **given)[0]
+        return abs(found[Now.Z] - right[Now.Z])
+
+    ratios = [error(step) / error(0.5 * step) for step in (4.0, 2.0)]
+    assert all(12.0 < ratio < 22.0 for ratio in ratios), ratios
+
+
+def neutral_at(vehicle, column, depth):
+    return float(np.interp(depth, column.depth, neutral_volume(vehicle, column)))
+
+
+def test_in_the_papers_water_it_is_the_papers_model():
+    """Constant density, linear psi, a drive of constant rate: `drive` with the same volumes."""
+    vehicle = sb.load_vehicle("ntnu-bv")
+    column = uniform_column(vehicle.water, 30.0)
+    task = Mission(
+        start_depth=1.0,
+        phases=[
+            {"kind": "descend", "depth": 3.0, "tolerance": 0.2, "speed": 0.05},
+            {"kind": "hold", "depth": 3.0, "tolerance": 0.2, "speed": 0.05, "duration": 120.0},
+            {"kind": "profile", "depth": 1.0, "tolerance": 0.2, "speed": 0.05},
+        ],
+    )
+    flown = fly_mission(vehicle, task, column, accuracy=TIGHT)
+    rows = flown.rows[np.concatenate(([True], np.diff(flown.rows[:, Row.T]) > 0.0))]
+    assert np.ptp(rows[:, Row.V]) > 1e-6
+    paper = sb.drive(
+        vehicle, time=rows[:, Row.T], volume=rows[:, Row.V], start_depth=1.0,
+    )  # fmt: skip
+    assert np.max(np.abs(paper.depth - rows[:, Row.Z])) < 1e-6
+
+
+def test_books_balance_battery_included(profiler, sea):
+    flown = fly_mission(profiler, phases(cycles=3), sea)
+    books = close_books(flown)
+    assert books.relative_residue < 1e-4
+    assert abs(books.volume_residue) < 1e-15
+    drawn = float(flown.begin[Now.CHARGE] - flown.end[Now.CHARGE])
+    assert books.drawn == pytest.approx(drawn, rel=1e-9)
+    assert books.drawn == pytest.approx(sum(books.sinks.values()), abs=1e-4 * books.throughput)
+    assert {"pump", "valve", "processor", "satellite", "ctd"} <= set(books.battery)
+    # what drives it down and up is what drag takes: no other sink of motion is of that size
+    assert books.sinks["drag"] > 100.0 * abs(books.sinks["oscillations at rest"])
+
+
+def test_books_balance_better_with_smaller_tolerances(profiler, sea, tight):
+    loose = close_books(fly_mission(profiler, phases(), sea)).relative_residue
+    assert close_books(tight).relative_residue < 1e-3 * loose
+
+
+def test_a_parked_vehicle_costs_nothing(profiler, sea):
+    steps = [
+        int(fly_mission(profiler, phases(duration=days * 86400.0), sea).whole[At.STEPS])
+        for days in (2.0, 200.0)
+    ]
+    assert steps[1] - steps[0] <= 2
+
+
+def test_drag_alone_stops_a_vehicle_as_the_formula_says(profiler):
+    """Neutral everywhere and without linear drag, dw/dt = -k w|w|/m: it goes ln(1 + k w0 t/m)."""
+    hull = profiler.hull.model_copy(update={"psi": 0.0, "parts": ()})
+    vehicle = profiler.model_copy(update={"hull": hull})
+    column = uniform_column(vehicle.water, 400.0)
+    volume = neutral_at(vehicle, column, 100.0)
+    x, _, accounts = coast(vehicle, column, depth=100.0, volume=volume, speed=0.2, seconds=600.0)
+    k, m = vehicle.drag.k_dt, vehicle.mass
+    way = m / k * math.log1p(k * 0.2 * 600.0 / m)
+    assert x[Now.Z] - 100.0 == pytest.approx(way, rel=1e-7)
+    assert accounts[Account.DRAG] == pytest.approx(0.5 * m * (0.2**2 - x[Now.W] ** 2), rel=1e-7)
+
+
+def test_the_same_seed_is_the_same_flight(profiler, sea):
+    sensors = profiler.sensors.model_copy(update={"depth_noise": 0.05, "depth_quantum": 0.02})
+    noisy = profiler.model_copy(update={"sensors": sensors})
+    ends = [fly_mission(noisy, phases(), sea, seed=seed).end for seed in (1, 1, 2)]
+    assert np.array_equal(ends[0], ends[1], equal_nan=True)
+    assert not np.array_equal(ends[0], ends[2], equal_nan=True)
+
+
+def test_the_bottom_takes_the_speed_at_the_instant_that_scipy_says(profiler, sea):
+    volume = neutral_at(profiler, sea, 100.0) - 30e-6
+    x, at, accounts = coast(
+        profiler, sea, depth=100.0, volume=volume, speed=0.1, seconds=900.0, bottom=120.0
+    )
+    oracle = Oracle(profiler, sea)
+    found = solve_ivp(
+        oracle.rhs("nothing"), (0.0, 900.0), [100.0, 0.1, volume * 1e6], method="DOP853",
+        rtol=1e-11, atol=1e-12, events=_lands,
+    )  # fmt: skip
+    w = float(found.y_events[0][0, 1])
+    assert at[At.PLACE] == 2
+    assert (x[Now.Z], x[Now.W]) == (120.0, 0.0)
+    assert accounts[Account.BLOWS] == pytest.approx(0.5 * profiler.mass * w**2, rel=1e-6)
+
+
+def _lands(_, y):
+    return y[0] - 120.0
+
+
+_lands.terminal = True
+
+
+def test_it_pumps_itself_off_the_bottom(profiler, sea):
+    """Its target is 20 m above the bottom, where it falls in haste."""
+    task = phases(deep=180.0, tolerance=4.0, bottom_depth=185.0)
+    stages = [phase.model_dump(exclude_none=True) for phase in task.phases]
+    stages[0]["speed"] = 1.0
+    flown = fly_mission(profiler, Mission(phases=stages, bottom_depth=185.0), sea)
+    assert len(times(flown, Note.BOTTOM)) >= 1
+    assert len(times(flown, Note.LEFT_BOTTOM)) >= 1
+    assert np.max(flown.rows[:, Row.Z]) == 185.0
+    assert flown.stop is Stop.FINISHED
+    assert close_books(flown).relative_residue < 1e-4
+
+
+def test_below_its_depth_it_presses_all_out_and_comes_up(profiler, sea):
+    task = phases(deep=150.0, safety={"deepest": 151.0})
+    fast = [{**phase.model_dump(exclude_none=True), "speed": 0.5} for phase in task.phases]
+    flown = fly_mission(profiler, Mission(phases=fast, safety={"deepest": 151.0}), sea)
+    assert flown.stop is Stop.PASSED_DEPTH
+    assert len(times(flown, Note.TOO_DEEP)) == 1
+    assert flown.end[Now.V] == pytest.approx(profiler.stroke.maximum, rel=1e-3)
+    assert flown.end[Now.Z] < profiler.hull.emergence_depth
+
+
+def test_the_battery_ends_the_mission_at_its_reserve(profiler, sea):
+    task = phases()
+    one = close_books(fly_mission(profiler, task, sea)).drawn
+    supply = profiler.supply.model_copy(
+        update={"capacity": 5.0 * one, "cold_share": 1.0, "self_discharge": 0.0}
+    )
+    vehicle = profiler.model_copy(update={"supply": supply})
+    flown = fly_mission(vehicle, task, sea, cycles=100)
+    assert flown.stop is Stop.RESERVE
+    # a tenth is kept back: 4.5 cycles' worth, the fifth is the one that reaches into it
+    assert flown.whole[At.CYCLE] == 5
+
+
+def test_an_empty_battery_loses_the_vehicle(profiler, sea):
+    one = close_books(fly_mission(profiler, phases(), sea)).drawn
+    supply = profiler.supply.model_copy(update={"capacity": 0.5 * one})
+    flown = fly_mission(profiler.model_copy(update={"supply": supply}), phases(), sea)
+    assert flown.stop is Stop.BATTERY_EMPTY
+
+
+def test_a_phase_out_of_time_is_told_and_the_next_begins(profiler, sea):
+    task = phases()
+    slow = [phase.model_dump(exclude_none=True) for phase in task.phases]
+    slow[0]["timeout"] = 600.0
+    flown = fly_mission(profiler, Mission(phases=slow), sea)
+    assert int(flown.cycles[0, Cycle.MISSED]) & 1
+    assert times(flown, Note.OUT_OF_TIME)[0] == 600.0
+    assert flown.stop is Stop.FINISHED
+
+
+def test_a_hold_lasts_from_its_arrival(profiler, sea):
+    task = Mission(
+        start_depth=30.0,
+        phases=[{"kind": "hold", "depth": 100.0, "tolerance": 5.0, "duration": 3000.0}],
+    )
+    flown = fly_mission(profiler, task, sea)
+    assert flown.duration - times(flown, Note.ARRIVED)[0] == pytest.approx(3000.0, abs=1e-6)
+
+
+def test_internal_air_pressure_and_noise_leave_the_pump_its_longest_run(profiler, sea):
+    actuator = profiler.actuator.model_copy(update={"longest_run": 20.0, "quantum": 0.5})
+    flown = fly_mission(profiler.model_copy(update={"actuator": actuator}), phases(), sea)
+    over = flown.notes[flown.notes[:, Drive.WHAT] == Note.RUN_OVER][:, Drive.NUMBER]
+    begun = flown.notes[np.isin(flown.notes[:, Drive.WHAT], [Note.PUMP, Note.VALVE, Note.BYPASS])]
+    controlled = over[: len(over) - 1]  # the last one fills the bladder
+    assert np.all(controlled <= 20.0 + 1e-9)
+    pumped = controlled[begun[: len(controlled), Drive.WHAT] == Note.PUMP]
+    assert np.allclose(pumped / 0.5, np.round(pumped / 0.5), atol=1e-6)
+    assert Doing.PUMPING in flown.rows[:, Row.DOING]
