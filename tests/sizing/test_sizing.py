@@ -12,10 +12,11 @@ from swimbladder.actuator import unified
 from swimbladder.buoyancy_engine import drive_map
 from swimbladder.electric import steady_drive
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.hull import neutral_volume
 from swimbladder.io.config import read_model
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.parameters import Supply, Vehicle
-from swimbladder.seawater import uniform_column
+from swimbladder.seawater import Cast, cast_column, uniform_column
 from swimbladder.sizing import (
     Dive,
     Sizing,
@@ -152,6 +153,22 @@ def test_the_sized_vehicle_is_a_vehicle_that_does_it(found: Sizing) -> None:
     assert vehicle.stroke.minimum < vehicle.trim_error < vehicle.stroke.maximum
     surface = drive_map(vehicle, [0.0])
     assert surface.rate_in[0] == pytest.approx(found.asked.rate, rel=1e-9)
+
+
+def test_the_sized_vehicle_is_ballasted_for_the_sea_it_was_sized_for() -> None:
+    cast = Cast(
+        pressure=np.array([0.0, 100.0, 1100.0]), CT=np.array([25.0, 12.0, 5.0]),
+        SA=np.array([36.0, 35.5, 35.0]), latitude=30.0, longitude=-30.0,
+    )  # fmt: skip
+    sea = cast_column(cast)
+    done = size(BODY, DIVE, column=sea, parts=_few(), sweeps=False)
+    vehicle, asked = sized_vehicle(done), done.asked
+    volume = np.interp(asked.depth, sea.depth, neutral_volume(vehicle, sea))
+    inner = vehicle.stroke.minimum
+    assert volume[0] - inner == pytest.approx(-asked.lowest, abs=0.1e-6)
+    assert np.allclose(volume - volume[0], asked.neutral, atol=0.5e-6)
+    assert volume.min() - asked.drive - asked.trim > vehicle.stroke.minimum
+    assert volume.max() + asked.drive + asked.trim < vehicle.stroke.maximum
 
 
 def test_what_no_drive_does_names_the_requirement() -> None:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from swimbladder.cli.casts import degrees, inversion_choice, pairs, read_casts
 from swimbladder.cli.common import emit_json, output, progress, quantity
 
 __all__ = ["size"]
@@ -57,6 +58,26 @@ def size(
     largest_mass: Annotated[
         str | None, typer.Option(metavar="MASS", help="Of drive and battery (no limit).")
     ] = None,
+    column: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=COLUMN", help="As for logs, NAME@UNIT too.")
+    ] = None,
+    where: Annotated[
+        list[str] | None, typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast's file.")
+    ] = None,
+    log_format: Annotated[
+        str | None, typer.Option(metavar="FORMAT", help="TOML file with a [log] table.")
+    ] = None,
+    profile: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Which profile of the file.")
+    ] = None,
+    latitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
+    longitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
+    salinity: Annotated[
+        float | None, typer.Option(metavar="PSU", help="Where the cast has none; 0: fresh.")
+    ] = None,
+    inversions: Annotated[
+        str, typer.Option(metavar="WHAT", help="Large ones: refuse, average or keep.")
+    ] = "refuse",
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-size"
     ),
@@ -97,17 +118,23 @@ def size(
         from swimbladder.cli.size_files import write_sizing
         from swimbladder.sizing import Dive, load_parts, sentences, to_json
         from swimbladder.sizing import size as find
-    column = None
+    sea = None
     if cast is not None:
-        from swimbladder.io.casts import read_cast
         from swimbladder.seawater import cast_column
 
-        column = cast_column(read_cast(cast), None)
+        (read,) = read_casts(
+            [cast], columns=pairs(column or [], "--column"), where=pairs(where or [], "--where"),
+            log_format=log_format, profile=profile, salinity=salinity,
+            latitude=degrees(latitude, "--latitude", 90.0),
+            longitude=degrees(longitude, "--longitude", 360.0),
+            inversions=inversion_choice(inversions),
+        )  # fmt: skip
+        sea = cast_column(read)
     listed = load_parts(parts)
     try:
         with progress("weighing drives", total=6.0) as advance:
             found = find(
-                vehicle, Dive(cycles=cycles, **wished), column=column, parts=listed,
+                vehicle, Dive(cycles=cycles, **wished), column=sea, parts=listed,
                 longest_travel=travel, largest_mass=math.inf if mass is None else mass,
                 least="mass" if least == "mass" else "energy", advance=advance,
             )  # fmt: skip
@@ -121,6 +148,8 @@ def size(
     if json:
         emit_json({**to_json(found), "files": [str(path) for path in files]})
         return
+    for line in () if sea is None else sea.report:
+        output.print(f"cast: {line}", soft_wrap=True)
     for sentence in sentences(found):
         output.print(sentence, soft_wrap=True)
     output.print("")

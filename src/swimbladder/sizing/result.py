@@ -12,6 +12,7 @@ from swimbladder.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.parameters import (
     DatasheetPump,
     ElectromechanicalActuator,
+    Load,
     PumpAndValve,
     Stroke,
     Supply,
@@ -23,6 +24,10 @@ from swimbladder.sizing.weigh import REQUIREMENTS
 
 _DEEPEST = 11_000.0  # m, there is no deeper water
 
+_REPLACED = {
+    "actuator", "water", "supply", "stroke", "trim_error", "controller", "identified", "sensors",
+    "loads", "driver",
+}  # fmt: skip
 _EVACUATED = 2e4  # Pa
 __all__ = ["columns", "sentences", "sized_vehicle", "to_json"]
 
@@ -70,7 +75,7 @@ def _hotel(found: Sizing) -> float:
 
 
 def sized_vehicle(found: Sizing) -> Vehicle:
-    """Return the body with the chosen drive, stroke and battery, ballasted for mid-stroke at 0.
+    """Return the body with the chosen drive, stroke and battery, ballasted for the sea's surface.
 
     It has no controller: gains of another drive would not fit.
     """
@@ -79,21 +84,21 @@ def sized_vehicle(found: Sizing) -> Vehicle:
     source = f"sized: least {found.least} of {len(found.batch.of):,} combinations"
     kept = {
         key: text for key, text in body.provenance.items()
-        if key.split(".")[0] not in ("actuator", "supply", "stroke", "trim_error", "controller",
-                                     "identified", "sensors")
+        if key.split(".")[0] not in _REPLACED
     }  # fmt: skip
     kept |= {
         "actuator": f"{source}; {', '.join(c.choices.values())}",
         "supply": f"{source}; {c.battery.name}, {found.weighed.battery_mass[found.best]:.1f} kg",
+        "loads": "asked for: --hotel and --surfacing",
         "stroke": "sized: " + ", ".join(
             f"{name} {volume * 1e6:.0f} cm3" for name, volume in asked.shares.items()
         ),
+        "water": f"at the surface: {found.column.source}",
         "trim_error": "sized: ballasted so that the stops lie evenly about 0",
     }  # fmt: skip
     return Vehicle.model_validate(
         body.model_dump(
-            exclude={"actuator", "supply", "stroke", "trim_error", "controller", "identified",
-                     "provenance", "name", "description"},
+            exclude={*_REPLACED, "provenance", "name", "description"},
             exclude_unset=True,
         )
         | {
@@ -101,12 +106,20 @@ def sized_vehicle(found: Sizing) -> Vehicle:
             "name": f"{body.name}-{asked.dive.depth:g}m",
             "description": f"{body.name} with a drive sized for {asked.dive.depth:g} m",
             "provenance": kept,
+            "water": body.water.model_copy(update={
+                "density": float(found.column.density[0]),
+                "temperature": float(found.column.temperature[0]),
+            }),
             "actuator": _as_built(found),
             "supply": Supply(
                 voltage=c.supply, internal_resistance=c.supply * c.battery.resistance,
                 capacity=float(found.weighed.battery_energy[found.best]) * c.battery.usable,
             ),
             "stroke": Stroke(minimum=-half, maximum=half),
+            "loads": (Load(
+                name="all but the drive", power=asked.dive.hotel,
+                energy_per_surfacing=asked.dive.surface_energy,
+            ),),
             "trim_error": -(asked.lowest + half),
         }
     )  # fmt: skip
