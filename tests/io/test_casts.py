@@ -308,6 +308,7 @@ def test_a_winch_that_heaves_makes_one_leg():
     assert first == 0
     assert last > 395
     assert len(legs(np.concatenate([p, p[::-1], p]))) == 3
+    assert legs(np.array([0.9, 0.5, 0.2])) == [(0, 2)]
 
 
 @pytest.mark.parametrize(
@@ -334,14 +335,21 @@ def test_files_that_are_none(tmp_path):
     assert "variable" in str(refused(path)) or "cannot be read" in str(refused(path))
 
 
-@settings(max_examples=40)
-@given(st.integers(0, 2000), st.binary(min_size=1, max_size=20))
-def test_damaged_bytes_end_in_a_cast_or_a_refusal(tmp_path_factory, at, by):
+@settings(max_examples=60)
+@given(st.integers(0, 4000), st.binary(min_size=1, max_size=20), st.sampled_from(range(5)))
+def test_damaged_bytes_end_in_a_cast_or_a_refusal(tmp_path_factory, at, by, kind):
     folder = tmp_path_factory.mktemp("fuzz")
-    data = bytearray(plain(folder, deepest=100.0).read_bytes())
+    makers = (
+        lambda: plain(folder, deepest=100.0),
+        lambda: cf_file(folder / "3.nc", engine="3"),
+        lambda: cf_file(folder / "4.nc", engine="4"),
+        lambda: argo_file(folder / "argo.nc"),
+        lambda: cnv_file(folder / "cast.cnv"),
+    )
+    path = makers[kind]()
+    data = bytearray(path.read_bytes())
     at %= len(data)
     data[at : at + len(by)] = by
-    path = folder / "cast.csv"
     path.write_bytes(bytes(data))
     try:
         cast = read_cast(path)

@@ -50,9 +50,9 @@ def legs(pressure: Array) -> list[tuple[int, int]]:
         elif way < 0:
             high = k
     turns.append(high if way >= 0 else low)
-    pairs = [(a, b) for a, b in pairwise(turns) if b > a]
+    pairs = [(a, b) for a, b in pairwise(turns) if b > a] or [(0, len(pressure) - 1)]
     spans = [abs(float(pressure[b] - pressure[a])) for a, b in pairs]
-    longest = max(spans, default=0.0)
+    longest = max(spans)
     return [pair for pair, span in zip(pairs, spans, strict=True) if span >= _LONG * longest]
 
 

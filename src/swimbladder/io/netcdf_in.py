@@ -1,4 +1,4 @@
-"""Variables of a netCDF file from its bytes: netCDF-3 by SciPy, netCDF-4 by h5netcdf."""
+"""Variables of a netCDF file from its bytes: netCDF-3 by SciPy, netCDF-4 by h5py."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ from swimbladder.errors import LogError
 __all__ = ["Variable", "is_netcdf", "read_variables"]
 
 Array = NDArray[np.float64]
+# What netCDF-4 keeps for itself: references to dimensions, and dimensions that hold no numbers.
+_HDF_ONLY = ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "_Netcdf4Dimid", "_Netcdf4Coordinates")
+_NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +26,6 @@ class Variable:
     """A variable: numbers with NaN where it has none, or texts, and its attributes as texts."""
 
     values: Array | NDArray[np.str_]
-    dimensions: tuple[str, ...]
     attributes: Mapping[str, str]
 
     @property
@@ -56,27 +58,29 @@ def _classic(data: bytes) -> dict[str, Variable]:
 
     with netcdf_file(io.BytesIO(data), "r", mmap=False) as file:
         return {
-            str(name): _variable(np.array(v.data), v.dimensions, dict(v._attributes))
+            str(name): _variable(np.array(v.data), dict(v._attributes))
             for name, v in file.variables.items()
         }
 
 
 def _hdf(data: bytes) -> dict[str, Variable]:
-    import h5netcdf
+    import h5py
 
-    with h5netcdf.File(io.BytesIO(data), "r", decode_vlen_strings=True) as file:
-        return {
-            str(name): _variable(np.asarray(v[...]), v.dimensions, dict(v.attrs))
-            for name, v in file.variables.items()
-        }
+    found = {}
+    with h5py.File(io.BytesIO(data), "r") as file:
+        for name, item in file.items():
+            if not isinstance(item, h5py.Dataset):
+                continue
+            attributes = {k: v for k, v in item.attrs.items() if k not in _HDF_ONLY}
+            if not _text(item.attrs.get("NAME", "")).startswith(_NO_VARIABLE):
+                found[str(name)] = _variable(np.asarray(item[...]), attributes)
+    return found
 
 
-def _variable(
-    raw: NDArray[Any], dimensions: tuple[str, ...], attributes: Mapping[str, Any]
-) -> Variable:
+def _variable(raw: NDArray[Any], attributes: Mapping[str, Any]) -> Variable:
     said = {str(name): _text(value) for name, value in attributes.items()}
     if raw.dtype.kind in "SUO":
-        return Variable(values=_texts(raw), dimensions=dimensions, attributes=said)
+        return Variable(values=_texts(raw), attributes=said)
     values = raw.astype(np.float64)
     for name in ("_FillValue", "missing_value"):
         if name in attributes:
@@ -87,7 +91,7 @@ def _variable(
     if attributes.get("add_offset") is not None:
         values = values + float(np.ravel(attributes["add_offset"])[0])
     values[~np.isfinite(values)] = np.nan
-    return Variable(values=values, dimensions=dimensions, attributes=said)
+    return Variable(values=values, attributes=said)
 
 
 def _text(value: object) -> str:
