@@ -390,7 +390,7 @@ def test_a_datasheet_made_identified_moves_alike_while_driving(actuator, area):
     identified = act.to_identified(actuator, SEA, piston_area=area)
     a, b = act.reduced(actuator, SEA), act.reduced(identified, SEA)
     assert identified.piston_area == area
-    assert (b.T1, b.load_drive, b.k_l) == (a.T1, a.load_drive, a.k_l)
+    assert (b.T1, b.load_drive, b.k_l, b.friction) == (a.T1, a.load_drive, a.k_l, a.friction)
     assert b.gain == pytest.approx(a.gain, rel=1e-14)
 
 

@@ -276,4 +276,5 @@ def to_identified(
         piston_area=piston_area,
         depth_voltage=a.load_drive,
         k_l=a.k_l,
+        dead_zone=a.friction,
     )

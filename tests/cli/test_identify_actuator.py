@@ -57,7 +57,9 @@ def test_the_numbers_and_the_files(capsys, log, tmp_path):
     names = {"identify-actuator.html", "steps.csv", "steps.png", "vehicle.toml"}
     assert {path.name for path in out.iterdir()} == names
     assert {Path(path).name for path in a["files"]} == names
-    assert K1["value"] == load_vehicle(out / "vehicle.toml").actuator.K1
+    found = load_vehicle(out / "vehicle.toml").actuator
+    assert K1["value"] == found.K1
+    assert found.dead_zone == max(a["parameters"]["dead_zone"]["value"], 0.0) > 0.0
     assert (out / "steps.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     with (out / "steps.csv").open(newline="", encoding="ascii") as file:
         rows = list(csv.DictReader(file))

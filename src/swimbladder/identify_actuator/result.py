@@ -143,12 +143,14 @@ class ActuatorIdentification:
             faster = vehicle.actuator.model_copy(update={"speed": told["rate"]})
             return faster, {"rate": "actuator.speed"}
         names = {"K1": "K1", "K1A": "K1", "T1": "T1"}
+        if {"K1", "K1A"} & set(told):
+            names["dead_zone"] = "dead_zone"
         changed = {name: names[name] for name in told if name in names}
         if not changed:
             return vehicle.actuator, {}
         area = piston_area(vehicle) or 1.0  # no piston: K1 is then a volume rate
         plain = to_identified(vehicle.actuator, vehicle.water, piston_area=area)
-        numbers = {field: told[name] for name, field in changed.items()}
+        numbers = {field: max(told[name], 0.0) for name, field in changed.items()}
         places = {name: f"actuator.{field}" for name, field in changed.items()}
         return plain.model_copy(update=numbers), places
 
