@@ -172,3 +172,34 @@ def test_what_the_refusal_offers_is_enough():
         plan(FEUP, 1.5, 3.0, goal="effort", duration=15.0)
     volts = float(str(refused.value).split("the voltage ")[1].split()[0])
     assert plan(FEUP, 1.5, 3.0, goal="effort", duration=15.0, supply=volts * 1.01).arrival == 15.0
+
+
+def test_a_stuck_simplex_method_gives_way_to_an_interior_point_method(monkeypatch):
+    """Without a pivot allowed every program is solved by the other: the same least time."""
+    from swimbladder.planning import programme
+
+    known, methods = least_time(FEUP, 1.5, 3.0), set()
+    solver = programme.linprog
+
+    def watched(*given, method, **more):
+        found = solver(*given, method=method, **more)
+        if found.status in (0, 2):
+            methods.add(method)
+        return found
+
+    monkeypatch.setattr(programme, "linprog", watched)
+    monkeypatch.setattr(programme, "_PIVOTS", 0)
+    found = least_time(FEUP, 1.5, 3.0)
+    assert "highs-ipm" in methods
+    assert found.samples == known.samples
+    assert found.short == pytest.approx(known.short, rel=1e-5)
+
+
+def test_every_program_of_a_plan_is_told():
+    """A plan of least energy solves many for the least time, and its own after them."""
+    told = {}
+    for goal in ("effort", "energy"):
+        ticks: list[float] = []
+        plan(EM, 1.0, 2.0, goal=goal, advance=ticks.append)
+        told[goal] = len(ticks)
+    assert told["energy"] >= told["effort"] > 3

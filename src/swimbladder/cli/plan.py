@@ -91,7 +91,9 @@ def plan(
         from swimbladder.planning import plan as find
         from swimbladder.plots.plan import draw_plan
         from swimbladder.plots.style import save
-    with compile_notice(), progress("solving") as advance:
+    # The energy of a motor is not convex, and drag and friction are taken along a course.
+    doing = "solving, for minutes where drag or friction bend it" if goal == "energy" else "solving"
+    with compile_notice(), progress(doing) as advance:
         found = find(
             v, start, target, goal=goal, arrive=arrive, band=share, margin=kept,
             bottom_depth=math.inf if deepest is None else deepest, advance=advance, **options,

@@ -81,7 +81,8 @@ def settle_course(
         gap = float(np.abs(new.speed - course.speed).max()) / size
         same = bool(((new.rate < 0.0) == (course.rate < 0.0))[_turns(task, new.rate)].all())
         course = new
-        if gap < agree and (same or not _sided(p)):
+        # The side of a motor that has nothing to do is anybody's: it matters where the plan does.
+        if gap < agree and (same or agree > AGREE or not _sided(p)):
             return answer, course
         if turn >= _FREE:
             reach = min(reach * _LEASH, gap * size)

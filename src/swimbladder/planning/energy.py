@@ -36,6 +36,7 @@ __all__ = ["MOST", "least_energy", "winding"]
 
 _CONVEX = 1e-9  # a curvature below minus this share of the largest is no rounding
 _ROUNDS, _SETTLED = 60, 1e-7  # of the concave part's tangents, and the share that ends them
+_AGAIN = 3  # tangents where a plan is given that has most of them behind it
 MOST = 600  # samples: the program is dense
 
 
@@ -62,10 +63,12 @@ def winding(task: Task) -> tuple[float, float]:
 
 
 def least_energy(
-    task: Task, steps: Steps, end: int, around: tuple[Array, float] | None
-) -> Answer | None:
+    task: Task, steps: Steps, end: int, around: tuple[Array, float] | None,
+    near: Answer | None = None,
+) -> Answer | None:  # fmt: skip
     """Return the motion to rest at sample `end` of least energy [J], None where there is none.
 
+    near: a plan for another course, to begin at where the energy is not convex.
     Raises NoAnswerError for more samples than a dense program takes.
     """
     n = len(steps.A)
@@ -140,8 +143,9 @@ def least_energy(
     A = csc_matrix(np.vstack([equal, *left]))
     cones = [clarabel.ZeroConeT(len(equal)), clarabel.NonnegativeConeT(A.shape[0] - len(equal))]
     b = np.concatenate([equal_right, *right])
-    commands, before_it = np.zeros(n), np.inf
-    for _ in range(1 if convex else _ROUNDS):
+    commands, before_it = np.zeros(n) if near is None else near.commands / U, np.inf
+    rounds = _ROUNDS if near is None else _AGAIN
+    for _ in range(1 if convex else rounds):
         found = clarabel.DefaultSolver(
             csc_matrix(np.triu(bent / unit)), (c - sunk @ commands) / unit, A, b, cones, settings
         ).solve()

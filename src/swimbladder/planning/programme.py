@@ -15,15 +15,11 @@ from swimbladder.planning.task import Task
 
 __all__ = ["Answer", "Goal", "Rows", "Scale", "dynamics_rows", "scale_of", "solve", "supply_rows"]
 
-# On scaled rows. Presolving is mostly faster; now and then it leaves the simplex method stuck.
-_ATTEMPTS = tuple(
-    {
-        "primal_feasibility_tolerance": 1e-9,
-        "dual_feasibility_tolerance": 1e-9,
-        "presolve": presolve,
-    }
-    for presolve in (True, False)
-)
+# On scaled rows. The dual simplex method is mostly the fastest, and now and then stuck for minutes:
+# then an interior-point method is, with a crossover to a vertex.
+_ATTEMPTS = (("highs-ds", True), ("highs-ipm", True), ("highs-ds", False))  # method, presolve
+_EXACT = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9}
+_PIVOTS = 5  # for each row, after which the simplex method is held to be stuck
 _NEGLIGIBLE = 1e-12  # coefficients of scaled rows that only spoil the solver's pivots
 
 
@@ -201,10 +197,13 @@ def _run(
     count = len(cost)
     A, b = equal.matrix(count), equal.right
     G, g = (below.matrix(count), below.right) if below.count else (None, None)
-    for options in _ATTEMPTS:
+    for method, presolve in _ATTEMPTS:
+        options = {**_EXACT, "presolve": presolve}
+        if (method, presolve) != _ATTEMPTS[-1] and method == "highs-ds":
+            options["maxiter"] = _PIVOTS * (equal.count + below.count)
         found = linprog(  # type: ignore[call-overload]  # the stubs know the options one by one
             cost, A_ub=G, b_ub=g, A_eq=A, b_eq=b, bounds=np.column_stack([low, high]),
-            method="highs-ds", options=options,
+            method=method, options=options,
         )  # fmt: skip
         if found.status in (0, 2):
             break

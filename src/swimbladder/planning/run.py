@@ -59,7 +59,7 @@ def plan(
         near = least.samples if arrive == "band" else None
         if goal != "time":
             end, near = _samples(task, least, duration), None
-        answer = _best(task, goal, near, end, course)
+        answer = _best(task, goal, near, end, course, advance or (lambda _: None))
         if answer is None:
             raise _impossible(task, end, least, course)
     return _plan_of(task, goal, arrive, answer, least, near if near is not None else end)
@@ -99,10 +99,18 @@ def _samples(task: Task, least: LeastTime, duration: float | None) -> int:
     return max(math.floor(duration / task.sample_time + 1e-9), 1)
 
 
-def _best(task: Task, goal: str, near: int | None, end: int, course: Course) -> Answer | None:
+def _best(
+    task: Task, goal: str, near: int | None, end: int, course: Course,
+    advance: Callable[[float], None],
+) -> Answer | None:  # fmt: skip
+    before: Answer | None = None
+
     def program(steps: Steps, around: tuple[Array, float] | None) -> Answer | None:
+        nonlocal before
+        advance(1.0)
         if goal == "energy":
-            return least_energy(task, steps, end, around)
+            before = least_energy(task, steps, end, around, before)
+            return before
         return solve(task, steps, Goal(near=near, rest=end), around=around)
 
     return settle_course(task, program, stretched(course, end))[0]
