@@ -135,6 +135,15 @@ def _note(log, count, t, old, new):  # type: ignore[no-untyped-def]
 
 
 @part
+def _at_stop(p, mode, x):  # type: ignore[no-untyped-def]
+    """Return whether a mode is one of an end stop at which the volume stands."""
+    act = mode % 10
+    if act == UPPER:
+        return x[1] == p[V_MAX]
+    return act in (LOWER, LOWER_SPINNING) and x[1] == p[V_MIN]
+
+
+@part
 def _put_at_limit(p, mode, x, books):  # type: ignore[no-untyped-def]
     """Put V or z at the end stop or the bottom that was reached: less than a tick of the way."""
     act, _, where = split(mode)
@@ -255,7 +264,10 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
                 continue
             # the event lies within this one tick
             searching, last_look, smallest, cap = False, False, 1, TICKS
-            if reset:
+            # Where the volume stands at the stop already and the motor turns back to it within this
+            # tick, the state before would leave it again, without end: the one after is taken.
+            back = reset and new // 20 == mode // 20 and _at_stop(p, new, x)
+            if reset and not back:
                 transitions += 1
                 if transitions > _TRANSITIONS:
                     return mode, CHATTERS
@@ -270,8 +282,14 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
                 if books.shape[0] > 0:
                     decays(p, mode, span, y[5:])
                     enter(p, mode, x, y, u, span, y[5:], books)
+                    if back:
+                        enter_blow(y[0], q, y[3], y[3], books)
                 x[:] = y[:5]
                 remaining -= size
+                if back:
+                    _note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
+                    x[0], mode = q, new
+                    _put_at_limit(p, mode, x, books)
             break
     return mode, DONE
 
