@@ -524,6 +524,7 @@ def test_temperatures_on_the_scale_of_1968(tmp_path):
         (lambda text: text.replace("prDM: Pressure", "oxML: Oxygen"), "pressure or depth"),
         (lambda text: text.replace("[db]", "[ml/l]"), "of another kind"),
         (lambda text: text.rsplit("\n", 40)[0] + "\n 1 2 x\n", "not the 5 numbers"),
+        (lambda text: text.replace("# name 3", "# name 7"), "not numbered"),
         (lambda text: text.split("*END*")[0] + "*END*\n", "no rows"),
     ],
 )

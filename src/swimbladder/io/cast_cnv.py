@@ -75,6 +75,11 @@ def cnv_cast(data: bytes, path: Path, columns: Mapping[str, str]) -> RawCast:
             "the data are binary", file=path, field="file_type", value="binary",
             remedy="Write it as ASCII with Sea-Bird's Translate",
         )  # fmt: skip
+    if sorted(names) != list(range(len(names))):
+        raise LogError(
+            "the columns are not numbered from 0 on", file=path, field="name",
+            remedy="Give the file as Sea-Bird's software writes it",
+        )  # fmt: skip
     report: list[str] = []
     table, row = _numbers(lines, end, len(names), path)
     table, row = _unflagged(table, row, names, float(said.get("bad_flag", "-9.99e-29")), report)

@@ -197,6 +197,11 @@ def _argo(variables: Mapping[str, Variable], path: Path, profile: int | None) ->
         if adjusted is not None and np.isfinite(np.asarray(adjusted.values[n], float)).any():
             found = f"{plain}_ADJUSTED"
         values = _in_unit(name, found, variables[found], path, report)
+        if values.shape != variables["PRES"].values.shape:
+            raise LogError(
+                "not as many values as pressures", file=path, field=found,
+                remedy="Fetch the file anew: every profile has a value per level",
+            )  # fmt: skip
         _by_flags(found, variables, values, report)
         rows[name] = values[n]
     where = {}
