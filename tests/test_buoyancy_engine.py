@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from swimbladder import buoyancy_engine as be
+from swimbladder import steady_drives as sd
 from swimbladder.actuator import reduced, unified
 from swimbladder.dynamics import State, motor_rhs, plant
 from swimbladder.electric import steady_drive
@@ -130,7 +131,7 @@ def test_efficiencies_over_pressure_are_wilsons():
     vehicle = load_vehicle("example-float")
     pump = vehicle.actuator.pump
     p = np.array([1e6, 5e6, 2e7])
-    run = be.pump_run(pump, p, water=vehicle.water, supply=vehicle.supply)
+    run = sd.pump_run(pump, p, water=vehicle.water, supply=vehicle.supply)
     m, d = pump.motor, pump.drive
     swept = d.pump_displacement / (2.0 * math.pi)
     omega = (run.rate + d.pump_leakage * p) / swept
@@ -196,6 +197,14 @@ def test_driver_and_battery_take_their_share():
     assert half.power_in[-1] == 0.0
 
 
+def test_a_battery_that_cannot_feed_the_pump_is_said():
+    pump = PowerLawPump(delivery=1e-6, idle_power=10.0, power_per_pressure=0.0)
+    vehicle = pump_vehicle(pump)
+    weak = vehicle.supply.model_copy(update={"internal_resistance": 20.0})
+    with pytest.raises(NoAnswerError, match=r"10 W.*2\.59 W.*internal_resistance"):
+        be.drive_map(changed(vehicle, supply=weak), [0.0])
+
+
 def test_a_start_falls_short_by_what_its_line_takes():
     pump = PowerLawPump(delivery=1e-6, idle_power=7.0, power_per_pressure=1e-6)
     line = Oil(volume=2e-5, trapped_air=0.1)
@@ -203,8 +212,8 @@ def test_a_start_falls_short_by_what_its_line_takes():
     assert found.start_volume[0] == pytest.approx(1e-6)
     # At 19 MPa the air is as good as gone, the oil 1.3 % smaller.
     assert found.start_volume[-1] == pytest.approx(1e-6 + 2e-6 + 1.8e-5 * 1.9e7 / 1.5e9, rel=0.05)
-    assert be.delivered(1e-6, 10.0, 4e-6) == pytest.approx(6e-6)
-    assert be.delivered(1e-6, 2.0, 4e-6) == 0.0
+    assert sd.delivered(1e-6, 10.0, 4e-6) == pytest.approx(6e-6)
+    assert sd.delivered(1e-6, 2.0, 4e-6) == 0.0
 
 
 # --- screws ---------------------------------------------------------------------------------------

@@ -10,47 +10,37 @@ voltage k_z,back z/k_u - T_b/k_u, at the cost of R i^2.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.actuator import reduced, unified
-from swimbladder.electric import SteadyDrive, largest_voltage, steady_drive, supply_current
 from swimbladder.errors import NoAnswerError
 from swimbladder.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.parameters import (
     DatasheetPump,
-    Driver,
-    ElectrohydraulicActuator,
     IdentifiedActuator,
     Positioner,
-    PowerLawPump,
     PumpAndValve,
-    Supply,
     UnifiedActuator,
-    Valve,
     Vehicle,
-    Water,
 )
 from swimbladder.pump_start import pump_start
+from swimbladder.steady_drives import (
+    REFERENCE_TEMPERATURE,
+    SteadyPoint,
+    battery_power,
+    datasheet_point,
+    full_voltage,
+    motor_point,
+    pump_run,
+    valve_flow,
+)
 
-__all__ = [
-    "REFERENCE_TEMPERATURE",
-    "DriveMap",
-    "PumpRun",
-    "SteadyPoint",
-    "battery_power",
-    "check_power_known",
-    "delivered",
-    "drive_map",
-    "pump_run",
-    "steady_point",
-    "valve_flow",
-]
+__all__ = ["DriveMap", "check_power_known", "drive_map", "steady_point"]
 
 Array = NDArray[np.float64]
-REFERENCE_TEMPERATURE = 15.0  # degC at which the power of a pump is stated
 
 
 class DriveMap(NamedTuple):
@@ -70,22 +60,6 @@ class DriveMap(NamedTuple):
     bypass_in: Array  # m3/s let in through the bypass, 0 without one
     power_bypass: Array  # W while it does
     start_volume: Array  # m3 that each start of the pump falls short of rate_out times its run
-
-
-class PumpRun(NamedTuple):
-    """A pump while it runs, steadily; the power is that at the supply's terminals."""
-
-    rate: Array  # m3/s into the water
-    power: Array  # W
-
-
-class SteadyPoint(NamedTuple):
-    """A motor that presses out at steady speed: where its power goes."""
-
-    voltage: Array  # V
-    drive: SteadyDrive  # of motor and transmission, without driver and battery
-    terminals: Array  # W, at the battery's terminals
-    cells: Array  # W, from the battery's cells
 
 
 def drive_map(
@@ -150,51 +124,6 @@ def check_power_known(vehicle: Vehicle) -> None:
         raise NoAnswerError(f"the electrical power is not known: {missing}")
 
 
-def delivered(rate: Any, duration: Any, start_volume: float = 0.0) -> Any:
-    """Return the volume that one run of a pump presses out [m3]; arrays too.
-
-    rate [m3/s], duration [s]; start_volume: what each start falls short of their product [m3].
-    """
-    return np.maximum(np.asarray(rate) * duration - start_volume, 0.0)[()]
-
-
-def valve_flow(valve: Valve, head: Array) -> Array:
-    """Return the flow through a valve C (dp)^0.5 [m3/s] at each pressure difference [Pa] [n].
-
-    0 where the pressure inside is the greater one: the oil would have to be sucked out.
-    """
-    return np.asarray(valve.flow * np.sqrt(np.maximum(head, 0.0)))
-
-
-def pump_run(
-    pump: PowerLawPump | DatasheetPump,
-    head: Array,
-    *,
-    water: Water,
-    supply: Supply | None = None,
-    driver: Driver | None = None,
-    temperature: ArrayLike = REFERENCE_TEMPERATURE,
-) -> PumpRun:
-    """Return what a pump delivers and draws against each pressure difference `head` [Pa] [n].
-
-    water: only its weight counts, to turn a head into the depth that eqs (7)-(8) are written in.
-    temperature: [degC] [n] or one. Slip beyond the delivery stops at the check valve: nothing flows
-    inwards.
-    """
-    if isinstance(pump, PowerLawPump):
-        rate = np.maximum(pump.delivery - pump.slip * head, 0.0)
-        beaten = np.maximum(head, 0.0)
-        if pump.stall_pressure is not None:
-            rate = np.where(head >= pump.stall_pressure, 0.0, rate)
-            beaten = np.minimum(beaten, pump.stall_pressure)
-        warmer = np.asarray(temperature, float) - REFERENCE_TEMPERATURE
-        drawn = pump.idle_power + pump.power_per_pressure * beaten
-        return PumpRun(rate, np.maximum(drawn + pump.power_per_temperature * warmer, 0.0))
-    assert supply is not None  # Vehicle checks it
-    at = _datasheet_point(pump, np.maximum(head, 0.0), water, supply, driver)
-    return PumpRun(np.maximum(at.drive.volume_rate, 0.0), at.terminals)
-
-
 def steady_point(
     vehicle: Vehicle, pressure: ArrayLike, *, share: float = 1.0
 ) -> SteadyPoint | None:
@@ -210,49 +139,13 @@ def steady_point(
         if not isinstance(a.pump, DatasheetPump):
             return None
         head = np.maximum(p + ATMOSPHERIC_PRESSURE - a.internal_pressure, 0.0)
-        return _datasheet_point(a.pump, head, vehicle.water, supply, vehicle.driver, share)
+        return datasheet_point(a.pump, head, vehicle.water, supply, vehicle.driver, share)
     found = unified(a, vehicle.water)
     if found.resistance is None or found.emf_constant is None:
         return None
     z = p / vehicle.water.specific_weight
-    u = share * _full_voltage(found, supply, found.k_z * z + found.friction_torque)
-    return _point(found, vehicle.water, u, z, supply, vehicle.driver)
-
-
-def _datasheet_point(
-    pump: DatasheetPump,
-    head: Array,
-    water: Water,
-    supply: Supply,
-    driver: Driver | None,
-    share: float = 1.0,
-) -> SteadyPoint:
-    a = unified(ElectrohydraulicActuator(motor=pump.motor, drive=pump.drive), water)
-    z = head / water.specific_weight
-    load = a.k_z * z + a.friction_torque
-    u = _full_voltage(a, supply, load)
-    if pump.speed is not None:
-        u = np.minimum(u, (a.k_v * pump.speed + load) / a.k_u)
-    return _point(a, water, share * u, z, supply, driver)
-
-
-def _point(
-    a: UnifiedActuator, water: Water, u: Array, z: Array, supply: Supply, driver: Driver | None
-) -> SteadyPoint:
-    d = steady_drive(a, water, voltage=u, depth=z)
-    terminals = _terminals(np.asarray(d.supply), driver)
-    return SteadyPoint(u, d, terminals, battery_power(terminals, supply))
-
-
-def battery_power(power: Array, supply: Supply | None) -> Array:
-    """Return what leaves the battery's cells [W] for a `power` at its terminals [W] [n].
-
-    Its internal resistance takes R_b i^2 more; NaN where that is beyond the battery.
-    """
-    if supply is None or supply.internal_resistance == 0.0:
-        return np.asarray(power, float)
-    E, R_b = supply.voltage, supply.internal_resistance
-    return np.asarray(E * supply_current(P=np.asarray(power, float), E=E, R_b=R_b))
+    u = share * full_voltage(found, supply, found.k_z * z + found.friction_torque)
+    return motor_point(found, vehicle.water, u, z, supply, vehicle.driver)
 
 
 def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> DriveMap:
@@ -272,6 +165,13 @@ def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> Dr
             reservoir=a.internal_pressure,
         )
         short = short + start.shortfall
+    power_out = battery_power(run.power, supply)
+    if supply is not None and np.isnan(power_out).any():
+        most = supply.voltage**2 / (4.0 * supply.internal_resistance)
+        raise NoAnswerError(
+            f"the pump draws up to {np.max(run.power):.3g} W, and the battery gives {most:.3g} W "
+            "at most (supply.voltage, supply.internal_resistance)"
+        )
     power_in = battery_power(np.full(p.shape, a.valve.power), supply)
     bypass_in = power_bypass = nothing
     if a.bypass is not None:
@@ -280,7 +180,7 @@ def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> Dr
     return DriveMap(
         pressure=p,
         rate_out=run.rate,
-        power_out=battery_power(run.power, supply),
+        power_out=power_out,
         rate_in=valve_flow(a.valve, head),
         power_in=power_in,
         leakage=a.leakage * np.maximum(head, 0.0),
@@ -319,11 +219,11 @@ def _voltage_driven(vehicle: Vehicle, a: UnifiedActuator, p: Array) -> DriveMap:
     z = p / water.specific_weight
 
     def drawn(voltage: Array) -> tuple[Array, Array]:
-        at = _point(a, water, voltage, z, supply, vehicle.driver)
+        at = motor_point(a, water, voltage, z, supply, vehicle.driver)
         return np.asarray(at.drive.volume_rate), at.cells
 
-    rate_out, power_out = drawn(_full_voltage(a, supply, a.k_z * z + a.friction_torque))
-    rate_in, power_in = drawn(-_full_voltage(a, supply, a.friction_torque - a.k_z_back * z))
+    rate_out, power_out = drawn(full_voltage(a, supply, a.k_z * z + a.friction_torque))
+    rate_in, power_in = drawn(-full_voltage(a, supply, a.friction_torque - a.k_z_back * z))
     hold = np.maximum(a.k_z_back * z - a.friction_torque, 0.0) / a.k_u
     _, holding = drawn(hold)
     leak, nothing = np.asarray(a.k_l * z), np.zeros(p.shape)
@@ -332,25 +232,3 @@ def _voltage_driven(vehicle: Vehicle, a: UnifiedActuator, p: Array) -> DriveMap:
     return DriveMap(
         p, rate_out, power_out, rate_in, power_in, leak, holding, nothing, nothing, nothing
     )
-
-
-def _full_voltage(a: UnifiedActuator, supply: Supply, load: Array) -> Array:
-    """Return the largest |u| [V] that the supply holds at steady speed under a load [N m] [n].
-
-    With k_v omega = k_u u - load and u = (E + (R_b/R) k_emf omega)/(1 + R_b/R), see
-    electric.largest_voltage; E where the sea turns the motor faster than E does.
-    """
-    assert a.resistance is not None
-    assert a.emf_constant is not None
-    E, sag, k_emf = supply.voltage, supply.internal_resistance / a.resistance, a.emf_constant
-    omega = (a.k_u * E / (1.0 + sag) - load) / (a.k_v - a.k_u * sag * k_emf / (1.0 + sag))
-    full: Any = largest_voltage(E=E, sag=sag, emf=k_emf * np.maximum(omega, 0.0))
-    return np.asarray(full)
-
-
-def _terminals(motor: Array, driver: Driver | None) -> Array:
-    """Return the power at the battery's terminals [W] for that at the motor's [n]."""
-    if driver is None:
-        return motor
-    back = driver.efficiency if driver.regenerates else 0.0
-    return np.where(motor > 0.0, motor / driver.efficiency, motor * back)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.buoyancy_engine import DriveMap, SteadyPoint, drive_map, steady_point
+from swimbladder.buoyancy_engine import DriveMap, drive_map, steady_point
 from swimbladder.parameters import Vehicle
 from swimbladder.seawater import Column
+from swimbladder.steady_drives import SteadyPoint
 
 __all__ = ["SHARES", "DriveEnergy", "drive_energy", "stall_pressure"]
 

@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from swimbladder.buoyancy_engine import REFERENCE_TEMPERATURE
 from swimbladder.energy.least import Least
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.parameters import PowerLawPump, PumpAndValve, Vehicle
+from swimbladder.steady_drives import REFERENCE_TEMPERATURE
 
 __all__ = ["Estimate", "PumpFit", "PumpRuns", "fit_pump", "fitted_vehicle"]
 
