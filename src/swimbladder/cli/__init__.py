@@ -37,6 +37,7 @@ COMMANDS = {
     "stability": "Eigenvalues, limit cycles, from where it recovers.",
     "size": "Which pump or screw, motor, stroke, battery do a dive.",
     "mission": "Dive, park, profile, surface: months, in a real sea.",
+    "campaign": "An array of floats on one mission, each different.",
     "firmware": "The controller as an Arduino library in C.",
     "faults": "Missions in which things fail, flown by the vehicle's C.",
     "reproduce": "Redo the paper: each figure, table and number, a report.",

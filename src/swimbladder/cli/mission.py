@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from swimbladder.parameters import Vehicle
     from swimbladder.seawater import Cast, Column
 
-__all__ = ["mission"]
+__all__ = ["check_phases", "mission", "water"]
 
 _MARGIN = 1.1  # of the deepest phase: how far down the vehicle's own water is tabulated, and
 _BELOW = 50.0  # m more
@@ -94,7 +94,7 @@ def mission(
     from swimbladder.io.files import check_place
 
     v, task = load_vehicle(vehicle), load_mission(mission)
-    _check(task, mission)
+    check_phases(task, mission)
     span = quantity(duration, "s", "--duration")
     if span is not None and span <= 0.0:
         raise InputError("it must be above 0", field="--duration", value=duration, unit="s",
@@ -111,7 +111,7 @@ def mission(
             longitude=degrees(longitude, "--longitude", 180.0), salinity=salinity,
             inversions=inversion_choice(inversions),
         )[0]  # fmt: skip
-    found = _fly(v, task, _water(v, task, read), cycles, span, seed, out)
+    found = _fly(v, task, water(v, task, read), cycles, span, seed, out)
     answer = found.to_json()
     with progress("writing the files"):
         files = _write(found, out, answer, read, start, netcdf=netcdf, plot=plot)
@@ -124,7 +124,8 @@ def mission(
         raise typer.Exit(1)
 
 
-def _check(task: Mission, path: Path) -> None:
+def check_phases(task: Mission, path: Path) -> None:
+    """Raise InputError where a mission has set-points and no phases."""
     if not task.phases:
         raise InputError(
             "the mission has set-points, and this command takes phases", file=path,
@@ -144,7 +145,11 @@ def _moment(text: str | None) -> datetime.datetime | None:
     return found if found.tzinfo else found.replace(tzinfo=datetime.UTC)
 
 
-def _water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
+def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
+    """Return the water of a cast, or the vehicle's own, as deep as a mission goes.
+
+    Raises NoAnswerError where the cast ends above.
+    """
     from swimbladder.mission.reach import check_column
     from swimbladder.seawater import cast_column, uniform_column
 

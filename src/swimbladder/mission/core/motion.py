@@ -32,7 +32,7 @@ BYPASS, LEAKAGE = int(Table.BYPASS), int(Table.LEAKAGE)
 STEP, MASS, TRIM, GIVE = int(Given.STEP), int(Given.MASS), int(Given.TRIM), int(Given.GIVE)
 D_L, D_B, D_0, D_T = int(Given.D_L), int(Given.D_B), int(Given.D_0), int(Given.D_T)
 EPSILON, A_S, Z_SURFACE = int(Given.EPSILON), int(Given.A_S), int(Given.Z_SURFACE)
-V_MIN = int(Given.V_MIN)
+V_MIN, DELIVERY = int(Given.V_MIN), int(Given.DELIVERY)
 PUMPING, LETTING_IN = int(Doing.PUMPING), int(Doing.LETTING_IN)
 BYPASSING, PRIMING = int(Doing.BYPASSING), int(Doing.PRIMING)
 
@@ -93,7 +93,7 @@ def drag(p, w):  # type: ignore[no-untyped-def]
 def rate_of(p, table, doing, z, V):  # type: ignore[no-untyped-def]
     """Return dV/dt [m3/s] and its slope over depth [m2/s]."""
     if doing == PUMPING:
-        return _positive(table, p[STEP], RATE_OUT, z, 1.0)
+        return _positive(table, p[STEP], RATE_OUT, z, p[DELIVERY])
     if doing == LETTING_IN:
         return _positive(table, p[STEP], RATE_IN, z, -1.0)
     if doing == BYPASSING:

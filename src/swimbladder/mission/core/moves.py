@@ -111,7 +111,7 @@ def start_run(p, table, x, at, accounts, notes, counts, doing, wanted, volume, l
     at[DOING] = doing
     at[RESTS] = 0
     short = value(table, p[STEP], START, max(x[Z], 0.0))[0]
-    delivery = value(table, p[STEP], RATE_OUT, max(x[Z], 0.0))[0]
+    delivery = p[DELIVERY] * value(table, p[STEP], RATE_OUT, max(x[Z], 0.0))[0]
     if doing == PUMPING and short > 0.0 and delivery > 0.0:
         at[DOING] = PRIMING
         x[T_PRIMED] = x[T] + short / delivery
@@ -142,8 +142,6 @@ def _change(p, table, x, at, accounts, notes, counts, wanted, longest):  # type:
         start_run(p, table, x, at, accounts, notes, counts, doing, wanted, x[V] + wanted, longest)
         return
     rate_now = value(table, p[STEP], RATE_OUT if wanted > 0.0 else RATE_IN, max(x[Z], 0.0))[0]
-    if wanted > 0.0:
-        rate_now = rate_now / p[DELIVERY]
     length = longest
     if rate_now > 0.0:
         lost = value(table, p[STEP], START, max(x[Z], 0.0))[0] if wanted > 0.0 else 0.0

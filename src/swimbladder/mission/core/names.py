@@ -59,7 +59,7 @@ class Given(IntEnum):
     BY_VOLUME = 15  # 1: a move ends at a volume, which is measured; 0: after a time
     QUANTUM = 16  # s, step of the time of a run
     LONGEST = 17  # s, of a run
-    DELIVERY = 18  # -, what is pumped over what the processor reckons with
+    DELIVERY = 18  # -, what is pumped over what the table says and the processor reckons with
     NOISE = 19  # m, of a measured depth, 1 sigma
     RESOLUTION = 20  # m, its quantum
     DEEPEST = 21  # m, below which everything is pumped out

@@ -1,0 +1,1 @@
+"""Campaigns: a whole array of floats on the same mission, each a little different."""
