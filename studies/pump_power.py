@@ -18,6 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from swimbladder.energy import PumpFit, PumpRuns, fit_pump
+from swimbladder.errors import NoAnswerError
 
 __all__ = ["Vehicle", "float_runs", "float_table", "glider_runs", "glider_tables", "main"]
 
@@ -87,7 +88,7 @@ def float_table(runs: PumpRuns) -> tuple[PumpFit, pd.DataFrame]:
         power = (
             found["idle_power"]
             + found["power_per_pressure"] * runs.pressure[own]
-            + found["power_per_temperature"] * (runs.temperature[own] - 15.0)
+            + found.get("power_per_temperature", 0.0) * (runs.temperature[own] - 15.0)
         )
         t = runs.duration[own]
         rows.append(
@@ -167,7 +168,7 @@ def glider_tables(vehicle: Vehicle) -> tuple[list[PumpFit], pd.DataFrame, pd.Dat
     sides = [np.ones(runs.power.size, bool)]
     if vehicle.split is not None:
         sides = [runs.pressure < vehicle.split, runs.pressure >= vehicle.split]
-    fits = [fit_pump(_only(runs, side)) for side in sides]
+    fits = [_fitted(_only(runs, side)) for side in sides]
     dives: dict[float, list[float]] = {}
     for fit in fits:
         for d in fit.dives:
@@ -208,6 +209,14 @@ def glider_tables(vehicle: Vehicle) -> tuple[list[PumpFit], pd.DataFrame, pd.Dat
     return fits, table, pd.DataFrame(rows, columns=names)
 
 
+def _fitted(runs: PumpRuns) -> PumpFit:
+    """Return the fit, without what a start loses where few runs cannot tell it."""
+    try:
+        return fit_pump(runs)
+    except NoAnswerError:
+        return fit_pump(runs, start=False)
+
+
 def _numbers(fit: PumpFit) -> str:
     shown = {
         "idle_power": ("W", 1.0), "power_per_pressure": ("mW/dbar", 1e7),
@@ -241,8 +250,12 @@ def main(arguments: list[str]) -> int:
             index=False, float_format=lambda x: f"{x:.4g}"))  # fmt: skip
     if (data / "seaglider").is_dir():
         for vehicle in glider_runs(data / "seaglider"):
-            fits, dives, efficiency = glider_tables(vehicle)
             print(f"\n{vehicle.name}")
+            try:
+                fits, dives, efficiency = glider_tables(vehicle)
+            except NoAnswerError as error:
+                print(error)
+                continue
             for fit in fits:
                 print(f"{int(fit.kept.sum())} runs, rms {fit.power_rms:.2f} W and "
                       f"{fit.volume_rms * 1e6:.1f} mL; {_numbers(fit)}")  # fmt: skip

@@ -36,6 +36,7 @@ _UNITS = {
     "idle_power": "W", "power_per_pressure": "W/Pa", "power_per_temperature": "W/K",
     "lost_energy": "J", "delivery": "m3/s", "slip": "m3/s/Pa", "start_volume": "m3",
 }  # fmt: skip
+_ENOUGH = 15  # runs, five for each of three numbers, that may tell what a start loses
 _WARM = 0.5  # K, standard deviation of the temperatures that tell a dependence on them
 _LENGTHS = 0.1  # relative standard deviation of the durations that tell what a start loses
 
@@ -114,7 +115,7 @@ def fit_pump(
     warm = _warm(runs, kept) if temperature else None
     if warm is not None:
         kept &= np.isfinite(warm)
-    design = _Design(runs, warm, power_at, start and _lengths_differ(runs.duration[kept]))
+    design = _Design(runs, warm, power_at, start and _tell_a_start(runs.duration[kept]))
     groups = np.unique(dive[kept])
     _check(runs, kept, groups)
     powers = Least.of(*design.power(kept), dive[kept])
@@ -253,8 +254,9 @@ def _warm(runs: PumpRuns, kept: NDArray[np.bool_]) -> Array | None:
     return T
 
 
-def _lengths_differ(duration: Array) -> bool:
-    return bool(duration.size and np.std(duration) > _LENGTHS * np.mean(duration))
+def _tell_a_start(duration: Array) -> bool:
+    """Return whether runs are enough, and of lengths that differ, to tell what a start loses."""
+    return bool(duration.size >= _ENOUGH and np.std(duration) > _LENGTHS * np.mean(duration))
 
 
 def _check(runs: PumpRuns, kept: NDArray[np.bool_], groups: Array) -> None:
