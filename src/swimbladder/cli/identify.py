@@ -143,9 +143,9 @@ def identify(
                 remedy="Give a CTD cast as deep as the dives with --cast FILE",
             )  # fmt: skip
         return identify_deep(
-            chosen(logs, where or []), v, cast, cast_where=cast_where or (), column=column or (),
-            log_format=log_format, free=names(free), fixed=set_ or (), priors=prior or (),
-            out=out, json=json,
+            chosen(logs, where or []), v, vehicle, cast, cast_where=cast_where or (),
+            column=column or (), log_format=log_format, free=names(free), fixed=set_ or (),
+            priors=prior or (), out=out, json=json,
         )  # fmt: skip
     if cast_where:
         raise InputError(

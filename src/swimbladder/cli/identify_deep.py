@@ -32,20 +32,25 @@ def refuse_others(given: Mapping[str, object]) -> None:
 
 
 def identify_deep(
-    logs: Sequence[Chosen], vehicle: Vehicle, casts: Sequence[Path], *,
+    logs: Sequence[Chosen], vehicle: Vehicle, given: str, casts: Sequence[Path], *,
     cast_where: Sequence[str], column: Sequence[str], log_format: str | None,
     free: tuple[str, ...] | None, fixed: Sequence[str], priors: Sequence[str], out: Path,
     json: bool,
 ) -> None:  # fmt: skip
-    """Identify, write the files, print; exit code 1 where the data do not tell what was asked."""
+    """Identify, write the files, print; exit code 1 where the data do not tell what was asked.
+
+    given: how the vehicle was named.
+    """
     from swimbladder.identify.deep_model import DEEP
     from swimbladder.io.files import check_place
     from swimbladder.io.float_logs import read_float_log
+    from swimbladder.report.identification import check_folder
 
     units = {name: about.unit for name, about in DEEP.items()}
     held = once([setting(text, units) for text in fixed], "--set")
     before = once([known(text, units) for text in priors], "--prior")
     check_place(out)
+    check_folder(out, given)
     mapped = pairs(list(column), "--column")
     read = []
     for log in logs:

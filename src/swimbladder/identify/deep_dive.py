@@ -26,7 +26,7 @@ SHORTEST = 50.0  # s between two samples that tell a speed: 10 mbar of resolutio
 LONGEST = 4000.0  # s, likewise; longer ones hide how it went
 SETTLING = 5.0  # s before and 25 s after, in which an action still shows
 _AFTER = 25.0  # s
-_LEAST = 5e4  # Pa; above it hull and bladder may be out of the water, and the bypass open
+_LEAST = 1e5  # Pa; above it hull and bladder may be out of the water, and the bypass open
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     """Return the part of a log in which the vehicle was under water by itself.
 
     Where the log tells of stages, those of the mission; else all from the first to the last sample
-    below 5 m. Without temperatures the hull is taken to have the water's. Raises InputError where
+    below 10 m. Without temperatures the hull is taken to have the water's. Raises InputError where
     there is no dive, where nothing tells what the drive did, or where the cast ends above it.
     """
     staged = bool(np.any(log.stage >= 0))
@@ -82,7 +82,7 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     deep = np.flatnonzero(used & (log.pressure > _LEAST))
     if len(deep) < 10:
         raise InputError(
-            f"{len(deep)} samples below 5 m are no dive", file=log.source, field="log",
+            f"{len(deep)} samples below 10 m are no dive", file=log.source, field="log",
             remedy="Give the log of a dive",
         )  # fmt: skip
     used[: deep[0]] = False

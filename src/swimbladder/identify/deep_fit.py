@@ -35,7 +35,9 @@ Misfit = Callable[[Array], list[Array]]
 BLOCK = 3600.0  # s, of speeds that may be off together
 _VOLUME = 1e-5  # m3, in which the volumes at the beginning are counted
 _LEAST_NOISE = 5e-4  # m/s; below it the resolution of the pressure counts
-_ROUNDS = 4  # of fit and noise; the noise settles to a percent
+# m/s: noise that is reckoned with first, so that what is known before leads into the right valley.
+_COOLING = (0.1, 0.03)
+_ROUNDS = 3  # of fit and noise; the noise settles to a percent
 _TOLD = 0.8  # of the prior's deviation: a parameter that the data narrow less is from its prior
 
 
@@ -125,10 +127,13 @@ def fit_deep(
 
     first = values_of(np.zeros(len(names)))
     begins = [start_volume(body, first, dive) / _VOLUME for dive in dives]
-    x, noise = np.append(np.zeros(len(names)), begins), 0.005
+    x = np.append(np.zeros(len(names)), begins)
     with threadpool_limits(limits=1):
+        for noise in _COOLING:
+            x, found = _solve(misfit, x, len(names), noise)
         for _ in range(_ROUNDS):
-            x, noise = _solve(misfit, x, len(names), noise)
+            x, found = _solve(misfit, x, len(names), found)
+    noise = found
     residuals = misfit(x)
     starts = x[len(names) :] * _VOLUME
     per = np.append(scale, np.full(len(dives), _VOLUME))

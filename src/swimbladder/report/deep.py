@@ -12,6 +12,7 @@ from swimbladder.io.tables import write_csv
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.plots.deep import draw_deep
 from swimbladder.plots.style import save
+from swimbladder.report.identification import MARK, check_folder
 
 __all__ = ["write_deep"]
 
@@ -19,8 +20,10 @@ __all__ = ["write_deep"]
 def write_deep(found: DeepIdentification, out: Path, *, answer: str) -> list[Path]:
     """Write deep.json, deep.csv, deep.png and, where identified, vehicle.toml; return the paths.
 
-    answer: the text of deep.json. Raises InputError where the folder cannot be written.
+    answer: the text of deep.json. The vehicle of an earlier run is taken away where the dives do
+    not tell. Raises InputError where the folder cannot be written.
     """
+    check_folder(out, "")
     names = ["deep.png", "deep.csv", "deep.json", *(["vehicle.toml"] if found.identified else [])]
 
     def write(folder: Path) -> None:
@@ -39,10 +42,10 @@ def write_deep(found: DeepIdentification, out: Path, *, answer: str) -> list[Pat
         write_atomically(folder / "deep.json", answer + "\n")
         save(draw_deep(found), folder / "deep.png")
         if found.identified:
-            head = "\n".join(
-                ["Identified by swimbladder identify from deep dives.", *found.sentences]
-            )
+            head = "\n".join([f"{MARK} from deep dives.", *found.sentences])
             write_atomically(folder / "vehicle.toml", vehicle_file(found.result_vehicle, head=head))
 
+    if not found.identified:
+        (out / "vehicle.toml").unlink(missing_ok=True)
     publish(out, write)
     return [out / name for name in names]

@@ -27,7 +27,7 @@ __all__ = ["Picture", "check_folder", "pictures", "residuals", "write_identifica
 
 VEHICLE = "vehicle.toml"
 POSTERIOR = "posterior.csv"
-_MARK = "Identified by swimbladder identify"
+MARK = "Identified by swimbladder identify"
 _OURS = re.compile(
     r"(fits|residuals)(-\d+)?\.png|(distribution|ellipses|profiles|neutral|gains)\.png"
 )
@@ -61,7 +61,7 @@ def check_folder(out: Path, vehicle: str | Path) -> None:
 
 
 def _is_ours(path: Path) -> bool:
-    return path.is_file() and file_text(path).startswith(f"# {_MARK} ")
+    return path.is_file() and file_text(path).startswith(f"# {MARK} ")
 
 
 def write_identification(
@@ -127,7 +127,7 @@ def _sweep(out: Path, kept: list[str]) -> None:
 
 def _head(found: Identification) -> str:
     logs = [e.source for e in found.experiments]
-    lines = [f"{_MARK} from {len(logs)} log{'s' if len(logs) > 1 else ''}, 95 % intervals:"]
+    lines = [f"{MARK} from {len(logs)} log{'s' if len(logs) > 1 else ''}, 95 % intervals:"]
     for name in found.names:
         r = row(name, found.parameters[name])
         lines.append(f"  {name} = {r.value} +- {r.std} {r.unit} ({r.ci95})")

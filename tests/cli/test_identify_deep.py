@@ -1,0 +1,120 @@
+"""`swimbladder identify --cast`: deep dives of a pump and valve, from files to files."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from swimbladder.cli import main
+from swimbladder.identify.deep_model import body_of
+from swimbladder.io.config import load_vehicle
+from tests.docs.test_reference import rows
+from tests.identify.deep import dived, made_up_column, made_up_vehicle
+from tests.identify.test_deep import RUNS, TRUTH, begin_of
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A vehicle, a cast and a dive as a table."""
+    vehicle, column = made_up_vehicle(tmp_path), made_up_column()
+    lines = ["pressure_dbar,temperature_degC,salinity"]
+    for p in range(0, 2001, 5):
+        warm = 6.0 + 16.0 / (1.0 + np.exp((p - 120.0) / 40.0))
+        lines.append(f"{p},{warm:.4f},{35.0 + p / 3000.0:.4f}")
+    cast = tmp_path / "cast.csv"
+    cast.write_text("\n".join(lines) + "\n")
+    body = body_of(vehicle)
+    log, _ = dived(
+        vehicle, body, column, TRUTH, np.random.default_rng(5), runs=RUNS, hours=12.0,
+        start=begin_of(body, TRUTH, column, 0.05),
+    )  # fmt: skip
+    lines = ["time_s,pressure_Pa,pump_s,valve_s"]
+    told = [(t, f"{p:.0f},,") for t, p in zip(log.time, log.pressure, strict=True)]
+    told += [
+        (a.time, f",{a.seconds:g}," if a.device == "pump" else f",,{a.seconds:g}")
+        for a in log.actions
+        if a.time < log.time[-1]
+    ]
+    lines += [f"{t:g},{rest}" for t, rest in sorted(told)]
+    dive = tmp_path / "dive.csv"
+    dive.write_text("\n".join(lines) + "\n")
+    return tmp_path / "float.toml", cast, dive
+
+
+def run(files, out, *options):
+    vehicle, cast, dive = files
+    return main(
+        ["identify", str(dive), "--vehicle", str(vehicle), "--cast", str(cast),
+         *options, "--out", str(out)]
+    )  # fmt: skip
+
+
+def test_in_words_and_files(capsys, tmp_path, files):
+    out = tmp_path / "out"
+    assert run(files, out) == 0
+    said = capsys.readouterr().out
+    assert "the book of volumes of 1 dive closes to " in said
+    assert "pump_delivery" in said
+    assert "drag 160 +- 16 N s2/m2" in said
+    assert {p.name for p in out.iterdir()} == {"deep.png", "deep.csv", "deep.json", "vehicle.toml"}
+    after = load_vehicle(out / "vehicle.toml")
+    kept = json.loads((out / "deep.json").read_text())
+    told = kept["parameters"]["pump_delivery"]["value"]
+    assert after.actuator.pump.delivery == pytest.approx(0.8e-6 * told)
+    columns, keys = (rows("files-written.md", "identify --cast")[i] for i in (0, 1))
+    with (out / "deep.csv").open() as text:
+        reader = csv.DictReader(text)
+        assert reader.fieldnames == list(columns)
+        book = [float(row["book_m3"]) for row in reader]
+    assert np.sqrt(np.mean(np.square(book))) == pytest.approx(kept["book_rms_m3"], rel=1e-4)
+    assert set(kept) | {"files"} == set(keys)
+
+
+def test_as_json_with_a_prior_and_a_value(capsys, tmp_path, files):
+    out = tmp_path / "out"
+    options = ("--json", "--prior", "valve=0.9 +- 0.05", "--set", "drag=165 N s2/m2")
+    assert run(files, out, *options) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["identified"]
+    assert answer["parameters"]["drag"] == {
+        "value": 165.0, "std": 0.0, "ci95": [165.0, 165.0], "unit": "N s2/m2", "origin": "set",
+    }  # fmt: skip
+    assert answer["priors"]["valve"] == {"mean": 0.9, "std": pytest.approx(0.05)}
+    valve = answer["parameters"]["valve"]
+    assert valve["ci95"][0] < 0.9 < valve["ci95"][1]
+
+
+def test_the_answer_no(capsys, tmp_path, files):
+    """Hardly anything is known of trapped air from a dive that begins at 10 m."""
+    out = tmp_path / "out"
+    options = ("--free", "trapped_air,valve", "--prior", "trapped_air=0 +- 1e-7 m3")
+    assert run(files, out, *options) == 1
+    said = capsys.readouterr().out
+    assert "The data do not tell what was asked: trapped_air." in said
+    assert not (out / "vehicle.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--walk",), "no use with --cast"),
+        (("--drag", "linear"), "no use with --cast"),
+        (("--free", "K2"), "no such parameter of deep dives"),
+        (("--set", "psi=1e-6 m3/m"), "no such parameter"),
+        (("--column", "pump_s=Pump"), "no such column"),
+        (("--log-format", "mermaid"), "no line with a pressure"),
+    ],
+)
+def test_what_is_refused(capsys, tmp_path, files, options, says):
+    assert run(files, tmp_path / "out", *options) == 2
+    assert says in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_cast_is_needed(capsys, files):
+    vehicle, _, dive = files
+    assert main(["identify", str(dive), "--vehicle", str(vehicle)]) == 2
+    assert "deep dives need the water" in capsys.readouterr().err
+    assert main(["identify", "x.csv", "--vehicle", "feup-em", "--cast-where", "a=1"]) == 2
+    assert "no use without --cast" in capsys.readouterr().err

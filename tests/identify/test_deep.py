@@ -1,0 +1,221 @@
+"""Deep dives: the replay against SciPy, parameters found again, and how sure they are."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from swimbladder.errors import InputError
+from swimbladder.identify.deep import identify_deep
+from swimbladder.identify.deep_dive import deep_dive
+from swimbladder.identify.deep_fit import balance, fit_deep, start_volume
+from swimbladder.identify.deep_model import DEEP, DEFAULT, body_of, hull_volume, priors_of
+from swimbladder.identify.deep_replay import replay
+from swimbladder.identify.estimates import Prior
+from swimbladder.io.config import load_vehicle
+from tests.identify.deep import dived, made_up_column, made_up_log, made_up_vehicle
+
+TRUTH = {
+    "drag": 165.0, "drag_up": 0.8, "compressibility": 3.1e-10, "stiffening": 3e-18,
+    "thermal_expansion": 0.8e-4, "trapped_air": 0.0, "pump_delivery": 0.7, "pump_slip": 0.0,
+    "pump_start": 0.5e-6, "valve": 0.9, "creep": 5e-11,
+}  # fmt: skip
+RUNS = [
+    ("valve", 4000.0, 2.0), ("valve", 9000.0, 1.5), ("valve", 15000.0, 1.2),
+    ("pump", 24000.0, 30.0), ("pump", 27000.0, 15.0), ("valve", 29000.0, 0.6),
+    ("pump", 33000.0, 60.0), ("pump", 33100.0, 60.0), ("pump", 33200.0, 60.0),
+    ("pump", 38000.0, 50.0), ("valve", 41000.0, 2.0), ("pump", 44000.0, 50.0),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    vehicle = made_up_vehicle(tmp_path_factory.mktemp("deep"))
+    return vehicle, body_of(vehicle), made_up_column()
+
+
+def begin_of(body, values, column, speed: float) -> float:
+    """Return the drive's volume with which it sinks at a speed at 100 dbar [m3]."""
+    p, rho = 1e6, float(np.interp(1e6, column.pressure, column.density))
+    warm = float(np.interp(1e6, column.pressure, column.temperature))
+    drag = values["drag"] * speed * speed / (rho * column.gravity)
+    return body.mass / rho - float(hull_volume(body, values, p, warm)) - drag
+
+
+def test_a_replay_is_that_of_scipy(scene) -> None:
+    """m w' = rho g E - k w|w| with the same volumes, hull and water, by Radau at 1e-9."""
+    vehicle, body, column = scene
+    values = TRUTH | {"thermal_expansion": 0.0, "trapped_air": 2e-5}
+    start = begin_of(body, values, column, 0.05)
+    runs = [("pump", 6000.0, 100.0), ("pump", 12000.0, 100.0), ("pump", 20000.0, 100.0)]
+    dive = deep_dive(made_up_log(runs, 8.0), column, vehicle)
+    fine = replay(body, values, start, dive, pressure=5e5, begin=0.0, step=2.0)
+    g = column.gravity
+
+    def motion(t: float, y: np.ndarray) -> list[float]:
+        p, w = y
+        rho = float(np.interp(p, dive.water_pressure, dive.water_density))
+        volume = start - values["creep"] * t
+        for begun, nominal in zip(dive.action_time, dive.action_volume, strict=True):
+            share = min(max((t - begun) / 100.0, 0.0), 1.0)
+            volume += share * (values["pump_delivery"] * nominal - values["pump_start"])
+        solid = 1.0 - values["compressibility"] * p + 0.5 * values["stiffening"] * p * p
+        hull = body.volume * solid + values["trapped_air"] * 101325.0 / (101325.0 + p)
+        heavy = body.mass / rho - hull - volume
+        k = values["drag"] * (1.0 if w >= 0.0 else values["drag_up"])
+        return [rho * g * w, (rho * g * heavy - k * w * abs(w)) / body.inertia]
+
+    def shallow(_: float, y: np.ndarray) -> float:
+        return float(y[0] - 3e5)
+
+    shallow.terminal = True  # type: ignore[attr-defined]
+    exact = solve_ivp(
+        motion, (0.0, fine.time[-1]), [5e5, fine.speed[0]], method="Radau", rtol=1e-9,
+        atol=[1e-3, 1e-9], max_step=200.0, dense_output=True, events=shallow,
+    )  # fmt: skip
+    times = np.linspace(0.0, exact.t[-1], 60)
+    assert exact.y[1].min() < -0.02
+    assert exact.y[1].max() > 0.04
+    assert np.max(np.abs(fine.at(times) - exact.sol(times)[0])) < 2e4
+    coarse = replay(body, values, start, dive, pressure=5e5, begin=0.0)
+    assert np.max(np.abs(coarse.at(times) - exact.sol(times)[0])) < 2e5
+
+
+def test_arrivals(scene) -> None:
+    vehicle, body, column = scene
+    dive = deep_dive(made_up_log([("pump", 100.0, 1.0)], 8.0), column, vehicle)
+    start = begin_of(body, TRUTH, column, 0.05)
+    way = replay(body, TRUTH, start, dive, pressure=5e5, begin=0.0)
+    reached = way.arrival(2e6)
+    assert float(way.at(np.array([reached]))[0]) == pytest.approx(2e6, abs=1.0)
+    assert math.isnan(way.arrival(1e9))
+    assert math.isnan(way.arrival(2e6, after=reached + 100.0))
+
+
+def test_the_truth_closes_the_book(scene) -> None:
+    vehicle, body, column = scene
+    start = begin_of(body, TRUTH, column, 0.05)
+    rng = np.random.default_rng(1)
+    _, dive = dived(vehicle, body, column, TRUTH, rng, runs=RUNS, hours=12.0, start=start, wave=0.0)
+    book = balance(body, TRUTH, start, dive)
+    assert np.median(np.abs(book)) < 0.1e-6
+    assert start_volume(body, TRUTH, dive) == pytest.approx(start, abs=0.2e-6)
+    assert start_volume(body, TRUTH, dive, until=5400.0) == pytest.approx(start, abs=0.5e-6)
+
+
+def test_intervals_hold_as_often_as_they_say(scene) -> None:
+    """Vehicles drawn from what was known before, two dives each in moving water: 95 % intervals."""
+    vehicle, body, column = scene
+    priors = priors_of(vehicle, {
+        "compressibility": Prior(3.1e-10, 0.3e-10), "stiffening": Prior(3e-18, 2e-18),
+        "thermal_expansion": Prior(0.8e-4, 0.3e-4), "pump_delivery": Prior(0.8, 0.1),
+        "valve": Prior(0.9, 0.1), "pump_start": Prior(5e-7, 3e-7), "creep": Prior(0.0, 1e-10),
+        "drag_up": Prior(0.9, 0.1),
+    })  # fmt: skip
+    rng = np.random.default_rng(7)
+    inside, narrowed = [], []
+    for _ in range(16):
+        values = {name: priors[name].mean for name in DEEP}
+        for name in DEFAULT:
+            values[name] += priors[name].std * float(np.clip(rng.normal(), -2.0, 2.0))
+        dives = [
+            dived(
+                vehicle, body, column, values, rng, runs=RUNS, hours=12.0,
+                start=begin_of(body, values, column, speed),
+            )[1]
+            for speed in (0.045, 0.055)
+        ]  # fmt: skip
+        fit = fit_deep(body, dives, priors, free=DEFAULT)
+        for name in DEFAULT:
+            inside.append(abs(fit.values[name] - values[name]) <= 1.96 * fit.std(name))
+            narrowed.append(fit.std(name) / priors[name].std)
+    share = float(np.mean(inside))
+    # 144 intervals of which 9 go together: 95 % give 0.89 or more in 99 of 100 such tests.
+    assert share > 0.88
+    assert np.median(narrowed) < 0.6
+
+
+def test_what_is_told_and_what_is_not(scene) -> None:
+    """Without a rise, the drag while rising is what it was thought to be before."""
+    vehicle, body, column = scene
+    rng = np.random.default_rng(3)
+    down = [run for run in RUNS if run[1] < 20000.0]
+    log, dive = dived(
+        vehicle, body, column, TRUTH, rng, runs=down, hours=6.0,
+        start=begin_of(body, TRUTH, column, 0.05),
+    )  # fmt: skip
+    fit = fit_deep(body, [dive], priors_of(vehicle, {}), free=DEFAULT)
+    assert not fit.told("drag_up")
+    assert fit.std("drag_up") == pytest.approx(0.3, rel=0.05)
+    assert fit.told("compressibility")
+    found = identify_deep([log], [column], vehicle, free=["drag_up", "compressibility"])
+    assert not found.identified
+    assert found.sentences[0] == "The data do not tell what was asked: drag_up."
+    assert found.result_vehicle is vehicle
+    assert found.parameters["drag_up"].origin == "prior"
+
+
+def test_an_identified_vehicle(scene) -> None:
+    vehicle, body, column = scene
+    rng = np.random.default_rng(5)
+    log, _ = dived(
+        vehicle, body, column, TRUTH, rng, runs=RUNS, hours=12.0,
+        start=begin_of(body, TRUTH, column, 0.05),
+    )  # fmt: skip
+    found = identify_deep(
+        [log], [column], vehicle, fixed={"drag": 165.0, "pump_start": 5e-7}
+    )  # fmt: skip
+    assert found.identified
+    told = {name: e.value for name, e in found.parameters.items()}
+    for name in ("pump_delivery", "valve", "compressibility"):
+        assert abs(told[name] - TRUTH[name]) < 3.0 * found.parameters[name].std
+        assert found.parameters[name].std < 0.15 * told[name]
+    assert found.parameters["drag"].origin == "set"
+    after = found.result_vehicle
+    assert after.drag.k_dt == 165.0
+    assert after.actuator.pump.delivery == pytest.approx(0.8e-6 * told["pump_delivery"])
+    assert after.actuator.valve.flow == pytest.approx(vehicle.actuator.valve.flow * told["valve"])
+    assert after.actuator.start_volume == 5e-7
+    assert after.hull.parts[0].compressibility == told["compressibility"]
+
+
+def test_what_cannot_be_identified(scene) -> None:
+    vehicle, _, column = scene
+    log = made_up_log([("pump", 100.0, 1.0)], 8.0)
+    with pytest.raises(InputError, match="for a pump and a valve"):
+        identify_deep([log], [column], load_vehicle("feup-em"))
+    with pytest.raises(InputError, match="2 casts for 1 dives"):
+        identify_deep([log], [column, column], vehicle)
+    with pytest.raises(InputError, match="no such parameter of deep dives"):
+        identify_deep([log], [column], vehicle, free=["drug"])
+    with pytest.raises(InputError, match="nothing is left"):
+        identify_deep([log], [column], vehicle, free=["drag"], fixed={"drag": 1.0})
+    with pytest.raises(InputError, match="no pump or valve"):
+        identify_deep([made_up_log([], 8.0)], [column], vehicle)
+    shallow = replace(log, pressure=np.full(len(log), 1e4))
+    with pytest.raises(InputError, match="no dive"):
+        identify_deep([shallow], [column], vehicle)
+    deep = replace(log, pressure=np.full(len(log), 5e7))
+    with pytest.raises(InputError, match="the cast ends at"):
+        identify_deep([deep], [column], vehicle)
+
+
+@pytest.mark.data
+def test_the_book_of_real_dives_closes(data_dir) -> None:
+    """Six dives to 500, 1000, 1500 and 2000 dbar, one set of parameters: 4 mL rms."""
+    from studies.deep_data import dives_of
+    from studies.deep_dives import float_vehicle
+
+    vehicle = float_vehicle()
+    body = body_of(vehicle)
+    dives = dives_of(data_dir / "mermaid_p0051", vehicle)
+    assert len(dives) == 6
+    fit = fit_deep(body, dives, priors_of(vehicle, {}), free=DEFAULT)
+    books = np.concatenate(
+        [balance(body, fit.values, float(s), d) for s, d in zip(fit.starts, dives, strict=True)]
+    )
+    assert np.sqrt(np.mean(books**2)) < 4.1e-6
+    assert np.sqrt(np.mean(np.concatenate(fit.residuals) ** 2)) < 4e-3
+    assert fit.told("pump_delivery")
