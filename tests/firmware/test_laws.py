@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from swimbladder.control.law import Measurement
 from swimbladder.control.registry import LAWS
+from swimbladder.firmware.subset import read_law
+from swimbladder.firmware.tree import FLOAT
 from tests.firmware.build import STRICT, Compiled, Program, run, write
 from tests.firmware.laws import (
     EXAMPLES,
@@ -177,3 +179,8 @@ def test_fast_math_is_refused(tmp_path):
     source = write(LAWS["cascade"], tmp_path)
     with pytest.raises(AssertionError, match="without -ffast-math"):
         run("gcc", "-Ofast", "-c", tmp_path / source.source_name, "-o", tmp_path / "law.o")
+
+
+def test_the_states_of_laws_are_floats(name):
+    """``swb_controller`` looks for NaN in them, four bytes at a time."""
+    assert {kind for _, kind in read_law(LAWS[name]).state.fields} == {FLOAT}
