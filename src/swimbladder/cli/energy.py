@@ -26,7 +26,7 @@ _LINES = 11  # depths in the printed table
 
 def energy(
     vehicle: Annotated[
-        str | None, typer.Argument(metavar="[VEHICLE]", help="Preset or TOML file.")
+        str | None, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
     ] = None,
     cast: Annotated[
         Path | None, typer.Option(metavar="FILE", help="CTD cast (the vehicle's own water).")
@@ -76,11 +76,12 @@ def energy(
         bool, typer.Option("--json", help="Print one JSON object and nothing else.")
     ] = False,
 ) -> None:
-    r"""Say what changing the volume costs at each depth, and what a thruster would take.
+    r"""Say what changing the volume costs at each depth, and what a thruster would.
 
-    With --fit RUNS: find a pump's power law and delivery, and how sure they are, in logged runs;
-    with a VEHICLE of kind pump-valve vehicle.toml has that pump. Exit code 1 says that the
-    electrical power is not known, and which fields tell it.
+    With --fit RUNS: find a pump's power law and delivery in logged runs, and
+    how sure they are; with a VEHICLE of kind pump-valve vehicle.toml has that
+    pump. Exit code 1 says that the electrical power is not known, and which
+    fields tell it.
     """
     from swimbladder.errors import InputError
     from swimbladder.io.config import load_vehicle
