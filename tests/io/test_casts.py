@@ -249,6 +249,22 @@ def test_small_inversions_are_averaged_and_large_ones_refused(tmp_path):
     )
 
 
+def test_water_that_gets_lighter_little_by_little_is_refused_too(tmp_path):
+    p = sea(1000.0)[0]
+    SP, t = 38.5 - 2e-4 * p, np.full_like(p, 13.0)
+    SA = gsw.SR_from_SP(SP)
+    CT = gsw.CT_from_t(SA, t, p)
+    due = gsw.rho(SA[0], CT[0], 0.0) - gsw.rho(SA.mean(), CT.mean(), 0.0)  # mixed all the way down
+    assert due > 0.05
+    path = csv(tmp_path, {"pressure_dbar": p, "temp": t, "psal": SP})
+    error = refused(path)
+    assert "little from row to row" in str(error)
+    assert error.value == pytest.approx(due, abs=2e-4)
+    mixed = read_cast(path, inversions="average", **PLACE)
+    assert np.ptp(mixed.SA) < 1e-6
+    assert any("density changes by 0.06" in line for line in mixed.report)
+
+
 def test_spikes_are_left_out_and_said(tmp_path):
     p, t, s = sea()
     s, t = s.copy(), t.copy()

@@ -245,7 +245,8 @@ def _hull_words(vehicle: Vehicle) -> list[str]:
 
 
 def _print(found: Ballasting, files: list[Path]) -> None:
-    output.print(f"{found.vehicle.name} in {found.columns[0].source}", soft_wrap=True)
+    seas = ", ".join(column.source for column in found.columns)
+    output.print(f"{found.vehicle.name} in {seas}", soft_wrap=True)
     output.print("")
     for sentence in found.sentences:
         output.print(sentence, soft_wrap=True)

@@ -25,8 +25,11 @@ def stable(
     """Return SA and CT of a water column that is nowhere lighter below.
 
     Where it is, neighbours are mixed until it is not, which keeps salt and heat. Raises LogError
-    for an inversion of more than `INVERSION`, unless `inversions` says to average or keep it.
+    for an inversion of more than `INVERSION` between two rows, or where mixing many would change
+    the density by more than that, unless `inversions` says to average or keep them.
     """
+    import gsw
+
     jumps = _jumps(pressure, SA, CT)
     worst = int(np.argmin(jumps))
     size = -float(jumps[worst])
@@ -45,8 +48,23 @@ def stable(
     if inversions == "keep":
         raw.report.append(f"{count} kept, {where}")
         return SA, CT
-    raw.report.append(f"{count} averaged with the water beside, {where}")
-    return _mixed(pressure, SA, CT)
+    mixed = _mixed(pressure, SA, CT)
+    change = np.abs(gsw.rho(*mixed, pressure) - gsw.rho(SA, CT, pressure))
+    most = int(np.argmax(change))
+    if change[most] > INVERSION and inversions == "refuse":
+        raise raw.refused(
+            f"the water gets lighter downwards around {pressure[most]:.1f} dbar, by little from "
+            f"row to row and by {change[most]:.2g} kg/m3 in all, more than noise makes "
+            f"({INVERSION:g})",
+            field="density", k=most, value=round(float(change[most]), 4), unit="kg/m3",
+            remedy="Check salinity and temperature there (a sensor that drifts?), or mix the water "
+            "with --inversions average",
+        )  # fmt: skip
+    raw.report.append(
+        f"{count} averaged with the water beside, {where}; density changes by "
+        f"{change[most]:.2g} kg/m3 at most"
+    )
+    return mixed
 
 
 def _jumps(p: Array, SA: Array, CT: Array) -> Array:

@@ -56,6 +56,7 @@ def draw_ballasting(found: Ballasting) -> Figure:
     volume.set_ylim(found.columns[0].deepest, 0.0)
     volume.legend(loc="best", fontsize=8.0, frameon=True, facecolor="white", edgecolor="none")
     density.tick_params(axis="x", labelrotation=45)
-    figure.suptitle(f"{found.vehicle.name} in {found.columns[0].source}", fontsize=10.0)
+    sea = f"{len(found.columns)} seas" if several else found.columns[0].source
+    figure.suptitle(f"{found.vehicle.name} in {sea}", fontsize=10.0)
     label_panels([volume, density, temperature])
     return figure

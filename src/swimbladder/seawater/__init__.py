@@ -6,7 +6,8 @@
     Cast             salinity and temperature over pressure, as a CTD measured them
     cast_column      a cast through TEOS-10 (gsw) -> Column: pressure, density, temperature by depth
     water_table      a Column as one array, for look_up: value and slope at a depth, compiled
-    WaterMotion      internal waves and swell; vertical_speed w(z, t), compiled
+    WaterMotion      internal waves and swell
+    motion_table     a WaterMotion as one array, for moved: displacement and speed w(z, t), compiled
 
 gsw is imported where a cast is turned into a column, not before.
 """
@@ -16,5 +17,18 @@ from __future__ import annotations
 from swimbladder.seawater.cast import Cast, cast_column
 from swimbladder.seawater.column import Column, uniform_column
 from swimbladder.seawater.lookup import look_up, water_table
+from swimbladder.seawater.motion import InternalWave, Swell, WaterMotion, motion_table, moved
 
-__all__ = ["Cast", "Column", "cast_column", "look_up", "uniform_column", "water_table"]
+__all__ = [
+    "Cast",
+    "Column",
+    "InternalWave",
+    "Swell",
+    "WaterMotion",
+    "cast_column",
+    "look_up",
+    "motion_table",
+    "moved",
+    "uniform_column",
+    "water_table",
+]
