@@ -70,6 +70,7 @@ def test_the_list_of_scenarios(capsys):
     [
         ([], 2, "no vehicle"),
         (["feup-em", "--laws", "planed"], 2, "Did you mean planned?"),
+        (["feup-em", "--laws", "foo"], 2, "--laws: no such law (got 'foo')"),
         (["feup-em", "--runs", "1"], 2, "too few runs"),
         (["feup-em", "--depth", "5"], 2, "a colon between"),
         (["feup-em", "--depth", "0:90 m"], 1, "leaves the stroke"),

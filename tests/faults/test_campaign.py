@@ -165,3 +165,16 @@ def test_the_bound_on_what_was_never_seen_is_the_rule_of_three():
 def test_what_cannot_be_flown_is_refused(vehicle, options, said):
     with pytest.raises(InputError, match=said):
         run_missions(vehicle, **{"missions": 5, **options})
+
+
+def test_depths_that_no_rating_limits_say_so():
+    """ntnu-bv states none: its stroke and motor give the depth. With a rating there is nothing."""
+    vehicle = load_vehicle("ntnu-bv")
+    assert (
+        "no rating is stated, give hull.depth_limit or --depth"
+        in course_of(vehicle, None).depths.limit
+    )
+    rated = vehicle.model_copy(
+        update={"hull": vehicle.hull.model_copy(update={"depth_limit": 40.0})}
+    )
+    assert "rating" not in course_of(rated, None).depths.limit

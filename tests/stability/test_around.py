@@ -13,6 +13,7 @@ from swimbladder.linear.models import linearise
 from swimbladder.linear.sampled import SampledLoop
 from swimbladder.parameters import Identified
 from swimbladder.stability.around import look_around, modes
+from swimbladder.stability.result import modulus
 from swimbladder.tune.margins import at_rest, exactly
 from swimbladder.tune.region import member
 
@@ -59,6 +60,15 @@ def test_the_papers_cascade_is_unstable_with_a_whole_sample_of_delay():
     assert found.whole_sample_radius > 1.0
     assert math.degrees(found.nominal.phase) == pytest.approx(41.0, abs=0.5)
     assert found.nominal.delay < H
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [(1.0564, "1.056"), (0.99976, "0.99976"), (0.9999871, "0.999987"), (1.00002, "1.000020"),
+     (1.0, "1.000")],
+)  # fmt: skip
+def test_a_modulus_is_said_with_the_digits_that_tell_it_from_one(value, said):
+    assert modulus(value) == said
 
 
 def test_modes_are_python_controls():

@@ -10,9 +10,10 @@ from swimbladder.bench_control.scenarios import LOW_SUPPLY, Places
 from swimbladder.bench_control.store import Store
 from swimbladder.control.law import Law
 from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters
-from swimbladder.errors import SwimbladderError
+from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.io.config import load_vehicle
 from swimbladder.parameters import Controller, Vehicle
+from swimbladder.parameters.schema import did_you_mean
 from swimbladder.tune import tune
 from swimbladder.tune.gains import TUNABLE
 
@@ -63,7 +64,13 @@ def choose_laws(vehicle: Vehicle, wanted: Sequence[str] | None) -> tuple[list[st
 
     wanted: names of laws; all where not given.
     """
-    names = [law_by_name(name).name for name in wanted] if wanted else list(LAWS)
+    for name in wanted or ():
+        if name not in LAWS:
+            raise InputError(
+                "no such law", field="--laws", value=name,
+                remedy=f"{did_you_mean(name, LAWS)}Choose from {', '.join(LAWS)}",
+            )  # fmt: skip
+    names = list(wanted) if wanted else list(LAWS)
     command = "voltage" if vehicle.voltage_driven else "volume"
     kept, out = [], []
     for name in dict.fromkeys(names):

@@ -147,7 +147,9 @@ def _print(found: Bench, files: list[Path]) -> None:
     from swimbladder.report.bench_words import HEADINGS, SOON, STILL, notes, summary
 
     output.print(
-        f"{found.vehicle.name}, {len(found.rows)} controllers on {len(found.placed)} scenarios of "
+        f"{found.vehicle.name}, {len(found.rows)} "
+        f"{'controller' if len(found.rows) == 1 else 'controllers'} on {len(found.placed)} "
+        f"scenarios of "
         f"{found.runs} runs",
         soft_wrap=True,
     )

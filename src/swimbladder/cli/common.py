@@ -49,6 +49,7 @@ def run(function: Callable[[], object], *, json: bool = False) -> int:
     printed a JSON object, print one that says why.
     """
     _printed.clear()
+    _told.clear()
     try:
         function()
     except SwimbladderError as error:
@@ -70,9 +71,7 @@ def run(function: Callable[[], object], *, json: bool = False) -> int:
 def _interrupted(json: bool) -> int:
     console.print("interrupted")
     if json and not _printed:
-        emit_json(
-            {"error": "interrupted", "exit_code": _INTERRUPTED, "file": None, "field": None}
-        )
+        emit_json({"error": "interrupted", "exit_code": _INTERRUPTED, "file": None, "field": None})
     return _INTERRUPTED
 
 
@@ -184,13 +183,22 @@ def progress(
         bar.stop()
 
 
+_told: list[bool] = []  # whether it has been said that something is compiled
+
+
 @contextlib.contextmanager
 def compile_notice() -> Iterator[None]:
     """Say on stderr what is waited for when the simulator has to be compiled."""
     from swimbladder.engine.cache import on_compile
 
     def notice() -> None:
-        console.print("compiling the simulator for this machine, once; about 15 s", highlight=False)
+        if not _told:
+            _told.append(True)
+            console.print(
+                "compiling the simulator for this machine; about 15 s for each law that is new to "
+                "it, then it is kept",
+                highlight=False, soft_wrap=True,
+            )  # fmt: skip
 
     with on_compile(notice):
         yield

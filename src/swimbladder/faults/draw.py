@@ -36,6 +36,7 @@ SLACK = 180.0  # s, for coming up
 SETTLE = 30.0  # s before anything may fail
 LATEST = 0.25 * DURATION  # s, of the first onset: it has three times as long to act
 BOOT = 2.0  # s that the board needs from a reset to its first tick
+DRIFT = 1000.0  # s, in which trim drifts by what is not known of it; half a mission at least
 SWELL = 0.005  # of the stroke, the least; ten times as much the most
 BAND = 1.0  # m under the surface: a hull bobs in the swell
 BROWN_OUT = 0.45  # of the nominal supply; a 5 V regulator under a 12 V battery
@@ -137,7 +138,10 @@ def _range_of(vehicle: Vehicle, least: float, depths: tuple[float, float] | None
             field="supervisor.depth_limit",
             remedy="Check hull.psi, the stroke, the supply and the rated depth",
         )  # fmt: skip
-    return Range(least, RESERVE * limit, f"{RESERVE:.0%} of the supervisor's {limit:.4g} m")
+    words = f"{RESERVE:.0%} of the supervisor's {limit:.4g} m"
+    if vehicle.hull.depth_limit is None and vehicle.supervisor.depth_limit is None:
+        words += ", from stroke and motor: no rating is stated, give hull.depth_limit or --depth"
+    return Range(least, RESERVE * limit, words)
 
 
 def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
@@ -254,7 +258,7 @@ def _condition(
         depth_noise=noise, depth_quantum=quantum, volume_noise=volume_noise,
         volume_quantum=sensors.volume_quantum,
         battery_noise=0.005, ramp=course.ramp * tick,
-        drift=random.uniform(-1.0, 1.0) * course.neutral / 1000.0,
+        drift=random.uniform(-1.0, 1.0) * course.neutral / max(DRIFT, 0.5 * course.time_limit),
         swell=swell if rough else 0.0, swell_omega=2.0 * math.pi / period, swell_phase=phase,
         gravity=vehicle.water.gravity, leak_input=threshold if has_input else math.inf,
         brown_out=BROWN_OUT * supply if vehicle.voltage_driven else 0.0,

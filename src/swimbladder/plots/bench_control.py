@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,6 +33,7 @@ _COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
 _MARKERS = {"fast": "^", "quiet": "o"}
 _STYLES = {"fast": "-", "quiet": "--"}
 _SHOWN = ("step-down", "step-small", "step-large", "step-deep")
+_WIDE = 100  # letters of a line above a panel
 _LONG = 5.0  # times the least time of a step, that is shown
 
 
@@ -90,10 +92,8 @@ def _pareto(
         )  # fmt: skip
     missing = [r.who.name for r, shown in zip(bench.rows, there, strict=True) if not shown]
     if missing:
-        axes.text(
-            0.99, 0.02, "not settled: " + "; ".join(missing) if bound else "; ".join(missing),
-            transform=axes.transAxes, ha="right", va="bottom", fontsize=8.0, color=GREY,
-        )  # fmt: skip
+        words = ("not settled: " if bound else "not shown: ") + "; ".join(missing)
+        axes.set_title(fill(words, _WIDE), loc="right", fontsize=8.0, color=GREY)
     if there.any():
         axes.set_xlim(*_limits([*x[there], *([] if bound is None else [bound])]))
         axes.set_ylim(*_limits(y[there].tolist()))

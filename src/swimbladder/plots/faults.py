@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from swimbladder.faults import Campaign
 from swimbladder.faults.kinds import KINDS
@@ -57,7 +59,7 @@ def draw_campaign(flown: Campaign) -> Figure:
     fate.set_xlim(0.0, 100.0)
     fate.set_xlabel("missions [%]")
     fate.grid(visible=False, axis="y")
-    figure.legend(loc="outside upper center", ncols=2)
+    figure.legend(loc="outside lower center", ncols=2)
     for row, line in zip(rows, lines, strict=True):
         if not math.isnan(line.latch_median):
             low, high = max(line.latch_median, 0.1), max(line.latch_95, 0.1)
@@ -68,6 +70,12 @@ def draw_campaign(flown: Campaign) -> Figure:
     soon.axvline(60.0, color=ORANGE, lw=1.0, ls="--")
     soon.set_xlabel("onset to reason [s]: median (dot), 95 % (bar);\ndashed: 60 s")
     label_panels([fate, soon])
+    law = flown.course.vehicle.controller
+    figure.suptitle(
+        f"{flown.course.vehicle.name}{f', law {law.law}' if law is not None else ''}: "
+        f"{len(flown.faulty)} missions with faults",
+        fontsize=10.5,
+    )  # fmt: skip
     return figure
 
 
@@ -95,14 +103,19 @@ def draw_mission(flown: Flown) -> Figure:
         t = tick * np.arange(len(rows))
         depth.plot(t, rows[:, TRACE["depth"]], color=colour, ls=style, label=label)
         volume.plot(t, 1e6 * rows[:, TRACE["volume"]], color=colour, ls=style)
+    _frame(volume, [1e6 * rows[:, TRACE["volume"]] for rows in flown.rows])
     volume.plot(time, 1e6 * supervised[:, TRACE["volume_seen"]], color=ORANGE, lw=0.8)
-    depth.plot(time, supervised[:, TRACE["reference"]], color=BLACK, lw=0.8, label="asked for")
+    depth.plot(
+        time, supervised[:, TRACE["reference"]], color=BLACK, lw=0.8, ls="-.", label="asked for"
+    )
     deepest = max(float(np.nanmax(rows[:, TRACE["depth"]])) for rows in flown.rows)
     depth.set_ylim(1.15 * deepest + 1.0, -0.1 * deepest - 1.0)
     depth_axis(depth)
     unit = "V" if flown.course.vehicle.voltage_driven else "m³"
     command.plot(time, supervised[:, TRACE["command"]], color=SKY, lw=0.8, label="commanded")
-    command.plot(time, supervised[:, TRACE["applied"]], color=BLUE, lw=0.8, label="at the actuator")
+    command.plot(
+        time, supervised[:, TRACE["applied"]], color=BLACK, lw=0.8, label="at the actuator"
+    )
     battery.plot(time, supervised[:, TRACE["battery"]], color=BLACK, lw=0.8)
     volume.set_ylabel("volume [cm³]")
     command.set_ylabel(f"command [{unit}]")
@@ -129,3 +142,11 @@ def draw_mission(flown: Flown) -> Figure:
         fontsize=9.0,
     )  # fmt: skip
     return figure
+
+
+def _frame(axes: Axes, series: list[NDArray[np.float64]]) -> None:
+    """Let an axis show what was, whatever a sensor that drifts says of it."""
+    low = min(float(np.nanmin(x)) for x in series)
+    high = max(float(np.nanmax(x)) for x in series)
+    room = 0.1 * (high - low) + 1.0
+    axes.set_ylim(low - room, high + room)

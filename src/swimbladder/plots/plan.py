@@ -55,7 +55,7 @@ def draw_plan(plan: Plan) -> Figure:
                 axes.axhline(factor * side, color=VERMILION, lw=0.8, ls=":", label="limit")
         handles, labels = axes.get_legend_handles_labels()
         if handles:
-            axes.legend(handles[:1], labels[:1], loc="best")
+            axes.legend(handles[:1], labels[:1], loc="lower right", bbox_to_anchor=(1.0, 0.98))
     command.set_xlabel("time [s]")
     depth.set_title(f"{task.vehicle.name}, least {plan.goal}", fontsize=10.0)
     label_panels([depth, volume, command])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -12,6 +14,7 @@ from swimbladder.tune.margins import WANTED
 
 __all__ = ["draw_sensitivity", "draw_tuning"]
 
+_LEAST = 0.05  # sensitivity that is shown
 _LONG = 4.0  # times the median settling, that is shown
 
 
@@ -67,9 +70,12 @@ def draw_sensitivity(tuning: Tuning) -> Figure:
     panels = figure.subplots(1, 2, sharey=True)
     loops = sorted(tuning.loops(), key=lambda loop: -loop.number)  # the nominal one on top
     for axes, place in zip(panels, (tuning.law.command, "measured depth"), strict=True):
+        first = math.inf
         for loop in loops:
             broken = loop.at_command if place != "measured depth" else loop.at_depth
             w, values = frequency_response(broken)
+            seen = w[abs(1.0 + values) < 1.0 / _LEAST]
+            first = min(first, float(seen[0]) if len(seen) else math.inf)
             axes.loglog(
                 w, 1.0 / abs(1.0 + values), color=BLUE if loop.number == 0 else ORANGE,
                 lw=1.6 if loop.number == 0 else 0.7, alpha=1.0 if loop.number == 0 else 0.7,
@@ -77,8 +83,8 @@ def draw_sensitivity(tuning: Tuning) -> Figure:
         axes.axhline(WANTED.peak_sensitivity, color=VERMILION, lw=1.0, ls="--")
         axes.set_xlabel("frequency [rad/s]")
         axes.set_title(f"broken at the {place}", fontsize=10.0)
-        axes.set_xlim(left=1e-3)
-        axes.set_ylim(0.05, 3.0)
+        axes.set_xlim(left=max(0.5 * first, 1e-4) if math.isfinite(first) else 1e-3)
+        axes.set_ylim(_LEAST, 3.0)
     panels[0].set_ylabel("sensitivity |S| [-]")
     lines = [
         Line2D([], [], color=BLUE, lw=1.6, label="as it is"),

@@ -14,7 +14,7 @@ from swimbladder.stability.recover import Map, Verdict
 from swimbladder.stability.robust import Stood
 from swimbladder.tune.margins import decibels, falls_short
 
-__all__ = ["Confirmed", "Stability", "cycle_rows", "robustness_rows"]
+__all__ = ["Confirmed", "Stability", "cycle_rows", "modulus", "robustness_rows"]
 
 
 class Confirmed(NamedTuple):
@@ -101,7 +101,7 @@ class Stability:
             f"{m.peak_sensitivity:.2f}, balanced disk margin {m.disk:.2f}"
             + (f"; less than is wanted: {', '.join(short)}." if short else ", as is wanted."),
             f"With a whole sample of delay the nominal loop's largest eigenvalue is "
-            f"{a.whole_sample_radius:.3f}: "
+            f"{modulus(a.whole_sample_radius)}: "
             + ("unstable." if a.whole_sample_radius >= 1.0 else "still stable."),
         )
 
@@ -301,3 +301,10 @@ def robustness_rows(stood: Sequence[Stood]) -> list[tuple[str, ...]]:
         ]
         rows.append((law, f"{delay:g} s", *cells))
     return rows
+
+
+def modulus(value: float) -> str:
+    """Return the modulus of an eigenvalue [-] with the digits that tell it from 1."""
+    off = abs(value - 1.0)
+    digits = 3 if off >= 1e-3 or off == 0.0 else min(1 - math.floor(math.log10(off)), 12)
+    return f"{value:.{digits}f}"
