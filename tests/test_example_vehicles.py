@@ -1,4 +1,4 @@
-"""The two vehicles made up from datasheets: consistent with themselves, and their loops hold."""
+"""The vehicles made up from datasheets: consistent with themselves, and their loops hold."""
 
 import math
 
@@ -8,9 +8,10 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from swimbladder.actuator import unified
+from swimbladder.buoyancy_engine import drive_map
 from swimbladder.closed_loop import simulate, step_metrics
 from swimbladder.control.law import Measurement
-from swimbladder.control.registry import bind
+from swimbladder.control.registry import bind, law_parameters
 from swimbladder.dynamics import State, motor_rhs, plant
 from swimbladder.electric import steady_drive
 from swimbladder.io.config import load_vehicle
@@ -54,6 +55,36 @@ def test_the_float_can_work_at_its_rating():
     assert v.stroke.minimum < v.neutral_volume(v.hull.depth_limit) < v.stroke.maximum
     losses = d.battery + d.copper + d.conversion + d.viscous + d.friction
     assert d.supply == pytest.approx(losses + d.transmission + d.leakage + d.sea, rel=1e-12)
+
+
+def test_the_2000_m_floats_numbers_follow_from_each_other():
+    """What the provenance of example-float says is computed, computed."""
+    v = load_vehicle("example-float")
+    a, hull, supply = v.actuator, v.hull, v.supply
+    motor, drive = a.pump.motor, a.pump.drive
+    r = 0.0825
+    assert supply.voltage / motor.k_emf == pytest.approx(to_si("5500 rpm", "rad/s"), rel=0.01)
+    assert motor.viscous_friction * to_si("5000 rpm", "rad/s") == pytest.approx(0.5e-3, rel=0.05)
+    assert motor.friction_torque == pytest.approx(5e-3 + 0.12 * motor.torque_constant, rel=0.01)
+    assert drive.viscous_friction * to_si("4800 rpm", "rad/s") == pytest.approx(10e-3, rel=0.02)
+    m = drive_map(v, [20e6])
+    assert m.rate_out[0] == pytest.approx(0.7e-6, rel=0.05)
+    slip = drive.pump_leakage * 20e6
+    assert slip / (slip + m.rate_out[0]) == pytest.approx(0.2, abs=0.03)
+    assert 20e6 * m.rate_out[0] / m.power_out[0] == pytest.approx(0.31, abs=0.005)
+    assert m.leakage[0] * 86400.0 == pytest.approx(1e-6, rel=0.02)
+    assert drive.oil.volume > v.stroke.maximum - v.stroke.minimum
+    assert supply.capacity == pytest.approx(32 * 13.0 * 3600.0 * 3.6, rel=0.01)
+    assert supply.self_discharge == pytest.approx(0.02 / (365.25 * 86400.0), rel=1e-12)
+    assert hull.waterplane_area == pytest.approx(math.pi * r**2, rel=1e-3)
+    assert hull.displaced_volume == pytest.approx(math.pi * r**2 * 1.17, rel=2e-3)
+    assert v.motion.dry_mass == pytest.approx(v.water.density * hull.displaced_volume, rel=1e-3)
+    assert v.motion.added_mass == pytest.approx(8.0 / 3.0 * v.water.density * r**3, rel=0.02)
+    assert v.drag.k_dt == pytest.approx(0.5 * v.water.density * hull.waterplane_area, rel=1e-3)
+    coefficient = law_parameters(
+        bind(v.controller)[0], v.controller.parameters, sample_time=v.controller.sample_time
+    ).coefficient
+    assert coefficient == pytest.approx(v.drag.k_dt / v.water.specific_weight, rel=1e-3)
 
 
 def loop(vehicle, depth, direction):
