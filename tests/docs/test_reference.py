@@ -251,6 +251,41 @@ def test_what_energy_writes(capsys, tmp_path):
         assert f"`{path.name}`" in text
 
 
+_DIVE = """schema_version = 1
+[[phases]]
+kind = "descend"
+depth = "40 m"
+[[phases]]
+kind = "surface"
+duration = "60 s"
+"""
+
+
+def test_what_mission_and_campaign_write(capsys, tmp_path):
+    dive = tmp_path / "mission.toml"
+    dive.write_text(_DIVE)
+    columns, cycles, speeds, keys = rows("files-written.md", "mission")
+    out = tmp_path / "flown"
+    told = answer(capsys, "mission", "example-float", str(dive), "--netcdf", "--plot",
+                  "--out", str(out))  # fmt: skip
+    check(keys, told)
+    assert header(out / "trajectory.csv") == list(columns)
+    assert header(out / "cycles.csv") == list(cycles)
+    assert header(out / "vertical-speed.csv") == list(speeds)
+    text = (FOLDER / "files-written.md").read_text(encoding="utf-8")
+    for name in header(out / "events.csv"):
+        assert f"`{name}`" in text
+    happened = {line.split(",")[1] for line in (out / "events.csv").read_text().splitlines()[1:]}
+    assert {"phase", "arrived", "bypass", "afloat"} <= happened
+    assert all(f"`{what}`" in text for what in happened)
+    columns, keys = rows("files-written.md", "campaign")
+    out = tmp_path / "array"
+    told = answer(capsys, "campaign", "example-float", str(dive), "--floats", "3", "--out",
+                  str(out))  # fmt: skip
+    check(keys, told)
+    assert header(out / "floats.csv") == list(columns)
+
+
 def test_what_vehicle_prints(capsys):
     (keys,) = rows("files-written.md", "vehicle")
     check(keys, answer(capsys, "vehicle", "show", "feup-em"))

@@ -72,9 +72,9 @@ def campaign(
 ) -> None:
     """Fly many floats on a mission: how many do it, how long their batteries last.
 
-    Trim, hull, drag and pump differ from float to float, and the water where several casts are
-    given. Exit code 1 where a float does not do every phase. A run that is killed goes on where
-    it was.
+    Trim, hull, drag and pump differ, and the water where several casts are given.
+
+    Exit code 1: a float did not do every phase. A run that is killed goes on where it was.
     """
     from swimbladder.io.config import load_mission, load_vehicle
     from swimbladder.io.files import check_place

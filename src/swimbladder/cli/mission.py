@@ -62,7 +62,7 @@ def mission(
         list[str] | None, typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast's file.")
     ] = None,
     log_format: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help="TOML file with a [log] table.")
+        str | None, typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table.")
     ] = None,
     profile: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Which profile of the file.")
@@ -84,11 +84,13 @@ def mission(
         bool, typer.Option("--json", help="Print one JSON object and nothing else.")
     ] = False,
 ) -> None:
-    """Fly a mission of phases and cycles: depth, time, pump, battery.
+    r"""Fly a mission of phases and cycles: depth, time, pump, battery.
 
-    Without --cast the water is that of the vehicle's file, of constant density. What cannot be met
-    is said before flying. Exit code 1 where the mission is not met. A run that is killed goes on
-    where it was.
+    Without --cast the water is that of the vehicle's file, of constant density.
+
+    Exit code 1: it cannot be met (said before flying where physics tells) or was not.
+
+    A run that is killed goes on where it was.
     """
     from swimbladder.io.config import load_mission, load_vehicle
     from swimbladder.io.files import check_place
@@ -244,7 +246,7 @@ def _print(found: MissionResult, cast: Cast | None, files: list[Path]) -> None:
     heading, *lines = cycle_words(found)
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for name in heading:
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap=True)
     for line in lines:
         table.add_row(*line)
     output.print(table)

@@ -111,7 +111,10 @@ class MissionResult:
         if self.battery_cycles is not None:
             parts.append(f"{self.battery_cycles} cycles on this battery")
         answer = ", ".join(parts)
-        return f"{answer}{'; ' if answer else ''}stroke margin {100.0 * self.reach.margin:.0f} %"
+        stroke = self.flight.vehicle.stroke
+        length = 1e6 * (stroke.maximum - stroke.minimum)
+        margin = f"stroke margin {100.0 * self.reach.margin:.0f} % of {length:.4g} cm3"
+        return f"{answer}; {margin}" if answer else margin
 
     @property
     def reasons(self) -> list[str]:

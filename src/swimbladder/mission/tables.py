@@ -108,9 +108,9 @@ def cycle_columns(result: MissionResult) -> dict[str, Array]:
 def cycle_words(result: MissionResult, shown: int = 12) -> list[tuple[str, ...]]:
     """Return a table of the first cycles and the last as texts, its heading first."""
     columns = cycle_columns(result)
-    heading = ["cycle", "days", "arrives [h]", "deepest [m]", "pump runs", "valve runs"]
+    heading = ["cycle", "days", "arrives [h]", "deepest [m]", "pumps", "valves"]
     keys = ["pump_J", "valve_J", "loads_J"] if result.energy_known else []
-    heading += ["pump [J]", "valve [J]", "loads [J]"] if keys else []
+    heading += ["pump [kJ]", "valve [kJ]", "loads [kJ]"] if keys else []
     count = len(columns["cycle"])
     wanted = list(range(count)) if count <= shown else [*range(shown - 1), count - 1]
     lines: list[tuple[str, ...]] = [tuple(heading)]
@@ -123,7 +123,7 @@ def cycle_words(result: MissionResult, shown: int = 12) -> list[tuple[str, ...]]
             f"{columns['deepest_m'][n]:.1f}", f"{columns['pump_runs'][n]:.0f}",
             f"{columns['valve_runs'][n]:.0f}",
         ]  # fmt: skip
-        lines.append((*words, *(f"{columns[key][n]:.0f}" for key in keys)))
+        lines.append((*words, *(f"{columns[key][n] / 1e3:.4g}" for key in keys)))
     return lines
 
 
@@ -134,7 +134,8 @@ def speeds(flight: Flight) -> dict[str, Array]:
     in which it is crossed, nan where it never is.
     """
     rows = flight.rows
-    edges = np.linspace(0.0, float(np.max(rows[:, Row.Z])), _DEPTHS + 1)
+    top = flight.vehicle.hull.emergence_depth
+    edges = np.linspace(top, max(float(np.max(rows[:, Row.Z])), top + 1e-3), _DEPTHS + 1)
     times = {1: np.zeros(_DEPTHS), -1: np.zeros(_DEPTHS)}
     counts = {1: np.zeros(_DEPTHS), -1: np.zeros(_DEPTHS)}
     for t, z in _ways(flight):
