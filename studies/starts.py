@@ -9,9 +9,9 @@ is what a Kalman filter knows: its error does not depend on what the motor does 
 SIAM J. Control 6, 1968, 312), and the estimate is driven by the innovations. So the estimate is a
 state that is known, a move sets its f to anything at a price, and the least of E z^2 + price times
 starts is found by dynamic programming (impulse control: Bensoussan and Lions, Impulse Control and
-Quasi-Variational Inequalities, 1984). For any price, starts >= (that least - E z^2)/price. Moves
-take no time here, and K2, T2 and psi are known: a real law does no better. The depth's quantum
-counts as noise of its variance.
+Quasi-Variational Inequalities, 1984). For any price, starts >= (that least - E z^2)/price. K2,
+T2 and psi are known, and a move takes no time: it is short against the half minute between two. The
+depth's quantum counts as noise of its variance.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ def tune(
     ] = None,
     hold: Annotated[
         str | None,
-        typer.Option(metavar="DEPTH", help="Error allowed, rms (quiet 9 mm, energy 5 cm)."),
+        typer.Option(metavar="DEPTH", help="Error allowed, rms (quiet 9.5 mm, energy 5 cm)."),
     ] = None,
     runs: Annotated[int, typer.Option(metavar="N", help="Runs of every trial.")] = 200,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(

@@ -42,7 +42,7 @@ def tune(
     sample_time [s]: the controller's where not given. delay: from a sample to its command, as a
     share of the sample time. supply [V]: the least; nine tenths of the vehicle's where not given.
     step: depths [m] of the trial, 1.5 m within the range where not given. hold [m rms]: error
-    allowed to a quiet law (9 mm) or one that saves energy (5 cm). advance: told the share of the
+    allowed to a quiet law (9.5 mm) or one that saves energy (5 cm). advance: told the share of the
     work done.
 
     Raises InputError for what cannot be; NoAnswerError where no gains hold this vehicle, with what
