@@ -20,13 +20,24 @@ from numpy.typing import NDArray
 from swimbladder.energy import PumpFit, PumpRuns, fit_pump
 from swimbladder.errors import NoAnswerError
 
-__all__ = ["Vehicle", "float_runs", "float_table", "glider_runs", "glider_tables", "main"]
+__all__ = [
+    "Bleeding",
+    "Vehicle",
+    "float_runs",
+    "float_table",
+    "glider_runs",
+    "glider_tables",
+    "glider_valves",
+    "main",
+]
 
 Array = NDArray[np.float64]
 _NEAR = 120.0  # s between a run and the nearest pressure, where the run itself has none
 _LONG = 20.0  # s, of a run whose power has settled: the float's own logs settle in 10 s
 _STEADY = 8.0  # s, of a glider's run long enough to tell its rate of delivery
 _SPLIT = 0.5  # share of the spread of rates that two pumps leave at most, where there are two
+_BLED = 3e-6  # m3, less is no bleeding
+_METRES = 1e4  # Pa of difference that tell an orifice
 _PUMPS = 0.05  # A, less is no motor: a valve opened
 
 
@@ -109,8 +120,8 @@ def _only(runs: PumpRuns, rows: NDArray[np.bool_]) -> PumpRuns:
     )  # fmt: skip
 
 
-def glider_runs(folder: Path) -> list[Vehicle]:
-    """Return the pump's runs of every glider: mean power, volume by the two potentiometers."""
+def _events(folder: Path) -> pd.DataFrame:
+    """Return every motor event of the gliders, with the volume by both potentiometers [m3]."""
     import gsw
 
     events = pd.read_parquet(folder / "gc_events.parquet")
@@ -120,18 +131,53 @@ def glider_runs(folder: Path) -> list[Vehicle]:
     moved = (
         e.gc_vbd_pot1_ad + e.gc_vbd_pot2_ad - e.gc_vbd_pot1_ad_start - e.gc_vbd_pot2_ad_start
     ) / 2.0
-    e = e.assign(volume=moved * e.log_VBD_CNV * 1e-6)
+    pressure = 1e4 * np.asarray(gsw.p_from_z(-e.gc_depth, e.avg_latitude))
+    return e.assign(volume=moved * e.log_VBD_CNV * 1e-6, pressure=pressure)
+
+
+def glider_runs(folder: Path) -> list[Vehicle]:
+    """Return the pump's runs of every glider: mean power, volume by the two potentiometers."""
+    e = _events(folder)
     e = e[(e.gc_vbd_secs > 0.0) & (e.volume > 0.0) & (e.gc_vbd_i > _PUMPS)]
     found = []
     for name, own in e.groupby("platform"):
         runs = PumpRuns(
             duration=own.gc_vbd_secs.to_numpy(),
-            pressure=1e4 * np.asarray(gsw.p_from_z(-own.gc_depth, own.avg_latitude)),
+            pressure=own.pressure.to_numpy(),
             power=(own.gc_vbd_volts * own.gc_vbd_i).to_numpy(),
             volume=own.volume.to_numpy(),
             dive=own.dive.to_numpy(float),
         )
         found.append(Vehicle(str(name), runs, _split(runs)))
+    return found
+
+
+class Bleeding(NamedTuple):
+    """What a glider's valve let in, rows in the order of pressure."""
+
+    name: str
+    pressure: Array  # Pa
+    rate: Array  # m3/s
+    flow: float  # m3/s/Pa^0.5, of the orifice
+    head: float  # Pa, at the surface: the reservoir's vacuum, the bladder's skin and depth
+    told: Array  # m3/s, the orifice's
+
+
+def glider_valves(folder: Path) -> list[Bleeding]:
+    """Return what each glider's valve let in at and near the surface, and the orifice in it.
+
+    Rate squared is a straight line over pressure: flow^2 (p + head).
+    """
+    found = []
+    for name, own in _events(folder).groupby("platform"):
+        e = own[(own.volume < -_BLED) & (own.gc_vbd_secs != 0.0)].sort_values("pressure")
+        rate = -(e.volume / e.gc_vbd_secs.abs()).to_numpy()
+        p = e.pressure.to_numpy()
+        if len(p) < 4 or np.ptp(p) < _METRES:
+            continue
+        slope, at_0 = np.polyfit(p, rate**2, 1)
+        told = np.sqrt(np.maximum(at_0 + slope * p, 0.0))
+        found.append(Bleeding(str(name), p, rate, float(np.sqrt(slope)), float(at_0 / slope), told))
     return found
 
 
@@ -261,6 +307,13 @@ def main(arguments: list[str]) -> int:
                       f"{fit.volume_rms * 1e6:.1f} mL; {_numbers(fit)}")  # fmt: skip
             for part in (dives, efficiency):
                 print(part.to_string(index=False, float_format=lambda x: f"{x:.4g}"))
+        print("\nvalves: an orifice, with a difference of pressure at the surface too")
+        for b in glider_valves(data / "seaglider"):
+            error = np.abs(b.told / b.rate - 1.0)
+            print(f"{b.name}: {b.flow * 1e6 * 1e5**0.5:.3g} mL/s/bar^0.5, {b.head / 1e3:.3g} kPa "
+                  f"at the surface, {len(b.rate)} events of {b.rate.min() * 1e6:.3g} to "
+                  f"{b.rate.max() * 1e6:.3g} mL/s told within {np.median(error):.1%} (median), "
+                  f"{error.max():.1%} at worst")  # fmt: skip
     return 0
 
 

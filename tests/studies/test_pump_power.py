@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from studies.pump_power import float_runs, float_table, glider_runs, glider_tables, main
+from studies.pump_power import (
+    float_runs,
+    float_table,
+    glider_runs,
+    glider_tables,
+    glider_valves,
+    main,
+)
 
 pytestmark = pytest.mark.data
 
@@ -51,6 +58,16 @@ def test_a_glider_with_a_booster_is_seen_to_have_two_pumps(data_dir):
     split = {v.name: v.split for v in glider_runs(data_dir / "seaglider")}
     assert split["SG171"] is split["SG180"] is split["SG249"] is None
     assert 1.0e6 < split["SG167"] < 1.25e6
+
+
+def test_the_gliders_valves_are_orifices(data_dir):
+    """Two numbers tell 5 to 15 mL/s within 5 %, where a constant rate would be wrong by half."""
+    valves = glider_valves(data_dir / "seaglider")
+    assert len(valves) >= 3
+    for b in valves:
+        assert np.abs(b.told / b.rate - 1.0).max() < 0.05, b.name
+        assert b.rate.max() > 1.8 * b.rate.min()
+        assert 0.0 < b.head < 5e4
 
 
 def test_the_study_prints_its_tables(data_dir, capsys):
