@@ -150,6 +150,14 @@ def test_a_cast_that_ends_above_the_target(capsys, tmp_path, cast):
     assert "above 1000 m" in capsys.readouterr().err.replace("\n", " ")
 
 
+def test_options_that_would_have_no_effect_are_refused(capsys, tmp_path, cast):
+    out = str(tmp_path / "out")
+    assert main(["ballast", "example-eh", "--salinity", "0", "--out", out]) == 2
+    assert "--salinity: it says how to read a cast" in capsys.readouterr().err.replace("\n", " ")
+    assert run(cast, tmp_path / "out", "--at-volume", "1 cm3") == 2
+    assert "needs the depth" in capsys.readouterr().err.replace("\n", " ")
+
+
 def test_a_latitude_beyond_the_pole(capsys, tmp_path, cast):
     code = main(["ballast", "example-eh", "--cast", str(cast), "--latitude", "143",
                  "--out", str(tmp_path / "out")])  # fmt: skip

@@ -30,8 +30,8 @@ def ballast(
         str | None, typer.Option(metavar="DEPTH", help="Find the mass to be neutral there.")
     ] = None,
     at_volume: Annotated[
-        str, typer.Option(metavar="VOLUME", help="Volume of the drive to be neutral with.")
-    ] = "0 cm3",
+        str | None, typer.Option(metavar="VOLUME", help="Of the drive, to be neutral with (0).")
+    ] = None,
     freeboard: Annotated[
         str | None, typer.Option(metavar="LENGTH", help="Hull out of the water, at full volume.")
     ] = None,
@@ -79,7 +79,7 @@ def ballast(
         list[str] | None, typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast's file.")
     ] = None,
     log_format: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help="TOML file with a [log] table.")
+        str | None, typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table.")
     ] = None,
     profile: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Which profile of the file.")
@@ -90,8 +90,8 @@ def ballast(
         float | None, typer.Option(metavar="PSU", help="Where the cast has none; 0: fresh.")
     ] = None,
     inversions: Annotated[
-        str, typer.Option(metavar="WHAT", help="Large ones: refuse, average or keep.")
-    ] = "refuse",
+        str | None, typer.Option(metavar="WHAT", help="Large ones: average, keep (refuse).")
+    ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-ballast"
     ),
@@ -120,18 +120,27 @@ def ballast(
     }
     wish = {
         "neutral_depth": quantity(neutral_depth, "m", "--neutral-depth"),
-        "volume": quantity(at_volume, "m3", "--at-volume"),
+        "volume": quantity(at_volume, "m3", "--at-volume") or 0.0,
         "freeboard": quantity(freeboard, "m", "--freeboard"),
     }
     asked = quantity(deepest, "m", "--deepest")
     wanted, moving = share(probability, "--probability"), quantity(speed, "m/s", "--speed")
     density, named = _material(material)
+    if at_volume is not None and neutral_depth is None:
+        raise InputError(
+            "a volume to be neutral with needs the depth", field="--at-volume", value=at_volume,
+            remedy="Give --neutral-depth too, or leave --at-volume out",
+        )  # fmt: skip
+    _refuse_without_cast(
+        cast, column=column, where=where, log_format=log_format, profile=profile,
+        latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
+    )  # fmt: skip
     check_place(out)
     casts = read_casts(
         cast or [], columns=pairs(column or [], "--column"), where=pairs(where or [], "--where"),
         log_format=log_format, profile=profile, latitude=degrees(latitude, "--latitude", 90.0),
         longitude=degrees(longitude, "--longitude", 360.0), salinity=salinity,
-        inversions=inversion_choice(inversions),
+        inversions=inversion_choice(inversions or "refuse"),
     )  # fmt: skip
 
     from swimbladder.ballast import Wish, unknown_of
@@ -156,6 +165,16 @@ def ballast(
         _print(found, files)
     if not found.covered:
         raise typer.Exit(1)
+
+
+def _refuse_without_cast(cast: list[Path] | None, **options: object) -> None:
+    """Raise InputError where an option says how to read a cast and there is none."""
+    for name, value in options.items():
+        if not cast and value not in (None, []):
+            raise InputError(
+                "it says how to read a cast, and there is none",
+                field=f"--{name.replace('_', '-')}", value=value, remedy="Give --cast too",
+            )  # fmt: skip
 
 
 def _material(text: str) -> tuple[float, str]:
