@@ -37,7 +37,6 @@ SETTLE = 30.0  # s before anything may fail
 LATEST = 0.25 * DURATION  # s, of the first onset: it has three times as long to act
 BOOT = 2.0  # s that the board needs from a reset to its first tick
 DRIFT = 1000.0  # s, in which trim drifts by what is not known of it; half a mission at least
-DRIFT = 1000.0  # s, in which trim drifts by what is not known of it; half a mission at least
 SWELL = 0.005  # of the stroke, the least; ten times as much the most
 BAND = 1.0  # m under the surface: a hull bobs in the swell
 BROWN_OUT = 0.45  # of the nominal supply; a 5 V regulator under a 12 V battery
