@@ -25,6 +25,12 @@ def test_it_writes_a_library_and_says_what_to_do(capsys, tmp_path):
         assert f"wrote {tmp_path / 'library' / name}" in printed
 
 
+@pytest.mark.parametrize(("duration", "short"), [("5 s", True), ("60 s", False)])
+def test_a_golden_trace_that_does_not_arrive_is_said(capsys, tmp_path, duration, short):
+    assert main(["firmware", "feup-em", "--duration", duration, "--out", str(tmp_path)]) == 0
+    assert ("before the vehicle has arrived" in capsys.readouterr().out) == short
+
+
 def test_json_is_one_object(capsys, tmp_path):
     code = main(["firmware", "ntnu-bv", "--law", "position-pid", "--start", "50 cm", "--target",
                  "1.2 m", "--duration", "1 min", "--json", "--out", str(tmp_path)])  # fmt: skip

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["firmware"]
 
 _START, _TARGET, _DURATION = 1.5, 3.0, 400.0
+_ARRIVED = 0.1  # of the step, within which a golden trace has arrived
 _OPTIONS = {
     "start_depth": "--start",
     "setpoints[0].depth": "--target",
@@ -177,11 +178,19 @@ def _print(made: Library, files: list[Path]) -> None:
 
     golden, unit = made.golden, "V" if made.law.command == "voltage" else "m3"
     low, high = made.limits
+    end = float(golden.depth[-1])
+    late = []
+    if not abs(end - made.target) <= _ARRIVED * abs(made.target - made.start_depth):
+        late.append(
+            f"the golden trace ends at {end:.3g} m, before the vehicle has arrived: it proves less "
+            "of the C than one with a longer --duration"
+        )
     for line in (
         f"{made.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s, "
         f"command {low:.6g} to {high:.6g} {unit}",
         f"golden trace: {made.start_depth:g} to {made.target:g} m in {len(golden.depth)} ticks; "
         f"float32 moves the vehicle by at most {golden.difference * 1e3:.2g} mm",
+        *late,
         summary(made.supervisor),
         *([] if made.pool is None else [pool_summary(made.pool)]),
         "to do: fill in the two functions of an example; README.md says how, and how to check",
