@@ -14,7 +14,7 @@ from swimbladder.io.float_log import Action, Device, FloatLog, Stage, Wish
 from swimbladder.parameters import Vehicle
 from swimbladder.seawater import Cast, Column, cast_column
 
-__all__ = ["dives_of", "logs_of"]
+__all__ = ["columns_of", "dives_of", "logs_of"]
 
 DEEP = 2e6  # Pa: deeper than this is a deep dive
 _SALTS = (37.0, 39.2)  # psu, of this sea; others are spikes of the conductivity cell at the surface
@@ -57,15 +57,24 @@ def logs_of(folder: Path) -> list[FloatLog]:
 def dives_of(folder: str | Path, vehicle: Vehicle) -> list[DeepDive]:
     """Return the deep dives that measured their water, in order."""
     folder = Path(folder)
-    casts = pd.read_csv(folder / "ctd_profiles.csv.gz")
-    spikes = ~casts["salinity_psu"].between(*_SALTS)
-    found = []
-    for log in logs_of(folder):
-        profile = casts[(casts["dive"] == log.source) & ~spikes]
-        if log.pressure.max() < DEEP or len(profile) < 100:
-            continue
-        found.append(deep_dive(log, _column(profile, log.source), vehicle, name=log.source))
-    return found
+    columns = columns_of(folder)
+    return [
+        deep_dive(log, columns[log.source], vehicle, name=log.source)
+        for log in logs_of(folder)
+        if log.source in columns and log.pressure.max() > DEEP
+    ]
+
+
+def columns_of(folder: str | Path) -> dict[str, Column]:
+    """Return the water that each dive of a hundred samples or more measured, by its name."""
+    casts = pd.read_csv(Path(folder) / "ctd_profiles.csv.gz")
+    casts = casts[casts["salinity_psu"].between(*_SALTS)]
+    deep = casts.groupby("dive")["pressure_dbar"].max() * 1e4 > 0.9 * DEEP
+    return {
+        str(name): _column(profile, str(name))
+        for name, profile in casts.groupby("dive")
+        if deep[name] and len(profile) > 100
+    }
 
 
 def _column(profile: pd.DataFrame, name: str) -> Column:

@@ -20,7 +20,7 @@ from swimbladder.io.float_log import FloatLog
 from swimbladder.parameters import HullPart, PowerLawPump, PumpAndValve, Vehicle
 from swimbladder.seawater import Column
 
-__all__ = ["DeepIdentification", "Told", "identify_deep"]
+__all__ = ["DeepIdentification", "Told", "identified_vehicle", "identify_deep"]
 
 Array = NDArray[np.float64]
 
@@ -121,7 +121,7 @@ def identify_deep(
     asked = [name for name in untold if name in (free or ())]
     good = not asked and len(untold) < len(fit.names)
     return DeepIdentification(
-        vehicle=vehicle, result_vehicle=_identified(vehicle, fit) if good else vehicle, fit=fit,
+        vehicle=vehicle, result_vehicle=identified_vehicle(vehicle, fit) if good else vehicle, fit=fit,
         parameters=parameters, dives=told, identified=good,
         sentences=_sentences(fit, told, untold, good), assumptions=_assumptions(vehicle, fit),
     )  # fmt: skip
@@ -184,7 +184,7 @@ def _assumptions(vehicle: Vehicle, fit: DeepFit) -> tuple[str, ...]:
     )
 
 
-def _identified(vehicle: Vehicle, fit: DeepFit) -> Vehicle:
+def identified_vehicle(vehicle: Vehicle, fit: DeepFit) -> Vehicle:
     """Return the vehicle with what its file has a place for."""
     values, hull, actuator = fit.values, vehicle.hull, vehicle.actuator
     assert isinstance(actuator, PumpAndValve)
