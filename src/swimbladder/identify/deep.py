@@ -121,8 +121,9 @@ def identify_deep(
     asked = [name for name in untold if name in (free or ())]
     good = not asked and len(untold) < len(fit.names)
     return DeepIdentification(
-        vehicle=vehicle, result_vehicle=identified_vehicle(vehicle, fit) if good else vehicle, fit=fit,
-        parameters=parameters, dives=told, identified=good,
+        vehicle=vehicle, fit=fit, parameters=parameters,
+        result_vehicle=identified_vehicle(vehicle, fit) if good else vehicle,
+        dives=told, identified=good,
         sentences=_sentences(fit, told, untold, good), assumptions=_assumptions(vehicle, fit),
     )  # fmt: skip
 
