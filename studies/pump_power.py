@@ -309,11 +309,11 @@ def main(arguments: list[str]) -> int:
                 print(part.to_string(index=False, float_format=lambda x: f"{x:.4g}"))
         print("\nvalves: an orifice, with a difference of pressure at the surface too")
         for b in glider_valves(data / "seaglider"):
-            error = np.abs(b.told / b.rate - 1.0)
+            miss = np.abs(b.told / b.rate - 1.0)
             print(f"{b.name}: {b.flow * 1e6 * 1e5**0.5:.3g} mL/s/bar^0.5, {b.head / 1e3:.3g} kPa "
                   f"at the surface, {len(b.rate)} events of {b.rate.min() * 1e6:.3g} to "
-                  f"{b.rate.max() * 1e6:.3g} mL/s told within {np.median(error):.1%} (median), "
-                  f"{error.max():.1%} at worst")  # fmt: skip
+                  f"{b.rate.max() * 1e6:.3g} mL/s told within {np.median(miss):.1%} (median), "
+                  f"{miss.max():.1%} at worst")  # fmt: skip
     return 0
 
 
