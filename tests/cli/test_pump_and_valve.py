@@ -34,3 +34,12 @@ def test_a_pump_and_valve_is_refused_and_told_where_to_go(command, tmp_path, cap
     assert "actuator.kind: a pump that runs or not and a valve have no loop of voltages" in told
     assert "`mission`" in told
     assert told.count("error:") == 1
+
+
+def test_a_new_vehicle_of_the_kind_says_what_takes_it(tmp_path, capsys):
+    path = tmp_path / "float.toml"
+    assert main(["vehicle", "new", str(path), "--kind", "pump-valve"]) == 0
+    told = capsys.readouterr().err
+    assert "swimbladder energy" in told
+    assert main(["energy", str(path), "--out", str(tmp_path / "out")]) == 0
+    assert "J/mL" in capsys.readouterr().out

@@ -122,7 +122,8 @@ def new(
         emit_json({"kind": kind, "files": [target]})
     else:
         console.print(f"wrote {target}: put in your numbers, then")
-        console.print(f"  swimbladder simulate {target}")
+        next_step = "energy" if kind == "pump-valve" else "simulate"
+        console.print(f"  swimbladder {next_step} {target}")
 
 
 def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:
