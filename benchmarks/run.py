@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import year
 from benchmarks.identify import fits, report
 from benchmarks.memory import GOAL as MEMORY_GOAL
 from benchmarks.memory import LANES as MEMORY_LANES
@@ -61,12 +62,18 @@ def main(arguments: list[str] | None = None) -> int:
     result: dict[str, Any] = {"machine": machine()}
     print("; ".join(f"{name} {value}" for name, value in result["machine"].items()), "\n")
     begin = perf_counter()
-    if options.identify or not options.startup:
+    if options.identify or not (options.startup or options.year):
         timings = fits(quick=options.quick, note=_note)
         _note("")
         print(report(timings), "\n")
         result["identify"] = [vars(t) for t in timings]
-    if not (options.startup or options.identify):
+    if options.year or not (options.startup or options.identify):
+        _note("a year of ten-day cycles")
+        years = year.compare(quick=options.quick)
+        _note("")
+        print(year.report(years), "\n")
+        result["year"] = [vars(peer) for peer in years]
+    if not (options.startup or options.identify or options.year):
         result |= _side_by_side(options)
         lanes = 512 if options.quick else MEMORY_LANES
         result["memory"] = {"lanes": lanes, **peak(lanes, 60.0 if options.quick else DURATION)}
@@ -75,7 +82,7 @@ def main(arguments: list[str] | None = None) -> int:
             f"\nMemory of {lanes:,} vehicles that keep summaries: {most:.0f} MB, of which"
             f" {before:.0f} MB before they start; goal {MEMORY_GOAL:.0f} MB\n"
         )
-    if options.startup or not (options.quick or options.identify):
+    if options.startup or not (options.quick or options.identify or options.year):
         result["startup_s"] = startup(5)
         rows = [
             (what, f"{wall:.2f}", f"{cpu:.2f}", number(GOALS.get(what)))
@@ -93,6 +100,7 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--quick", action="store_true", help="a smoke run of some seconds")
     parser.add_argument("--startup", action="store_true", help="only the command line's start-up")
     parser.add_argument("--identify", action="store_true", help="only the fit of experiments")
+    parser.add_argument("--year", action="store_true", help="only the year of ten-day cycles")
     parser.add_argument("--lanes", type=int, default=4096, help="vehicles of the fleet (4096)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the numbers there")
     options = parser.parse_args(arguments)

@@ -1,0 +1,161 @@
+"""A year of ten-day cycles: the package's mission against SciPy's solve_ivp at equal error.
+
+SciPy is given what the processor did and when, so that it looks at nothing, decides nothing and
+keeps no books: it integrates from one run of pump or valve to the next. Its tolerance is the
+loosest decade at which its depths at all those instants are as near to DOP853 at 1e-11 as the
+package's. The float stays below the surface, where bobbing would cost SciPy most of its time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from time import process_time
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from benchmarks.mission import Array
+from benchmarks.table import number, ratio, render
+from swimbladder.io.config import load_vehicle
+from swimbladder.io.mission import Mission
+from swimbladder.mission.core import kernel
+from swimbladder.mission.core.names import Account, At, Cycle, Drive, Given, Note, Now, Row, Table
+from swimbladder.mission.flight import Flight, fly_mission
+from swimbladder.mission.prepare import Plan, first_state
+from swimbladder.seawater import look_up, uniform_column
+
+__all__ = ["Peer", "compare", "report"]
+
+DAY = 86400.0
+GOAL = 0.3  # s of processor time for the package's year
+METHODS = ("LSODA", "RK45", "DOP853", "Radau")
+_ML = 1e6  # volumes are counted in cm3
+_DOING = {Note.VALVE: Table.RATE_IN, Note.BYPASS: Table.BYPASS}
+
+
+@dataclass(frozen=True)
+class Peer:
+    """Processor time of a year [s], and the largest depth error at a run's begin or end [m]."""
+
+    name: str
+    seconds: float
+    error: float
+    tolerance: float | None = None
+
+
+def compare(*, quick: bool) -> list[Peer]:
+    """Return the package's year and SciPy's, the package first."""
+    vehicle = load_vehicle("example-float")
+    column = uniform_column(vehicle.water, 2200.0)
+    parked = 0.5 if quick else 9.4
+    task = Mission(
+        start_depth=10.0,
+        phases=[
+            {"kind": "descend", "depth": 1000.0},
+            {"kind": "park", "depth": 1000.0, "tolerance": 30.0, "duration": parked * DAY},
+            {"kind": "descend", "depth": 1990.0},
+            {"kind": "profile", "depth": 10.0, "tolerance": 5.0},
+        ],
+    )  # fmt: skip
+    flight = fly_mission(vehicle, task, column)
+    cycles = 365.0 * DAY / flight.duration
+    right, _ = _replay(flight, "DOP853", 1e-11)
+    ours = float(np.max(np.abs(flight.notes[:, Drive.Z] - right)))
+    seconds = min(_alone(flight.plan, task) for _ in range(5))
+    found = [Peer("swimbladder", seconds * cycles, ours)]
+    for method in METHODS[:1] if quick else METHODS:
+        for decade in range(2, 11):
+            depths, taken = _replay(flight, method, 10.0**-decade)
+            error = float(np.max(np.abs(depths - right)))
+            if error <= ours:
+                break
+        found.append(Peer(f"SciPy, {method}", taken * cycles, error, 10.0**-decade))
+    return found
+
+
+def report(peers: list[Peer]) -> str:
+    """Return the comparison as a table."""
+    ours = peers[0].seconds
+    lines = [
+        (p.name, number(p.seconds), ratio(p.seconds, ours), number(p.error, 2),
+         "-" if p.tolerance is None else f"{p.tolerance:.0e}")
+        for p in peers
+    ]  # fmt: skip
+    headings = ["A year of ten-day cycles", "s of processor", "to ours", "depth error [m]", "rtol"]
+    return render(headings, lines) + f"\ngoal for the package: {GOAL} s"
+
+
+def _alone(plan: Plan, task: Mission) -> float:
+    """Return the processor time of one cycle as campaigns fly it [s]: books, but no rows."""
+    x, at, accounts = first_state(plan, task)
+    cycle = np.zeros((1, int(Cycle.ACCOUNTS) + int(Account.COUNT)))
+    begin = process_time()
+    while at[At.STOP] == 0:
+        kernel.fly_kernel(
+            plan.given, plan.table, plan.waves, plan.stages, x, at, accounts,
+            np.zeros((0, int(Row.COUNT))), np.zeros((0, int(Drive.COUNT))), cycle,
+            np.zeros(3, dtype=np.int64), np.zeros((6, 8)),
+        )  # fmt: skip
+    return process_time() - begin
+
+
+def _replay(flight: Flight, method: str, tolerance: float) -> tuple[Array, float]:
+    """Return the depths at the notes of a flight [n], by SciPy, and its processor time [s]."""
+    table, step = flight.plan.table, float(flight.plan.given[Given.STEP])
+    y = [float(flight.begin[Now.Z]), float(flight.begin[Now.W]), _ML * float(flight.begin[Now.V])]
+    what: Table | None = Table.LEAKAGE  # None: a pump that runs and does not deliver yet
+    t, primed, depths = 0.0, math.inf, []
+    begin = process_time()
+    for note in flight.notes:
+        when, kind = float(note[Drive.T]), Note(int(note[Drive.WHAT]))
+        if what is None and primed < when:
+            y, t = _advance(flight.plan, y, t, primed, what, method, tolerance), primed
+            what = Table.RATE_OUT
+        y, t = _advance(flight.plan, y, t, when, what, method, tolerance), when
+        depths.append(y[0])
+        if kind is Note.PUMP:
+            short = look_up(table, step, Table.START, y[0])[0]
+            primed = t + short / look_up(table, step, Table.RATE_OUT, y[0])[0]
+            what = None
+        elif kind in _DOING:
+            what = _DOING[kind]
+        elif kind is Note.RUN_OVER:
+            what = Table.LEAKAGE
+    return np.array(depths), process_time() - begin
+
+
+def _advance(
+    plan: Plan, y: list[float], t: float, end: float, what: Table | None, method: Any,
+    tolerance: float,
+) -> list[float]:  # fmt: skip
+    if end <= t:
+        return y
+    table, step = plan.table, float(plan.given[Given.STEP])
+    m, d_t = float(plan.given[Given.MASS]), float(plan.given[Given.D_T])
+    sign = 1.0 if what == Table.RATE_OUT else -1.0
+
+    def rates(_: float, y: Any) -> tuple[float, float, float]:
+        z, w, v = y.tolist()
+        weight = look_up(table, step, Table.PRESSURE, z)[1]
+        pull = weight * (look_up(table, step, Table.NEUTRAL, z)[0] - v / _ML) / m
+        rate = 0.0 if what is None else sign * look_up(table, step, what, z)[0]
+        return w, pull - d_t * w * abs(w), rate * _ML
+
+    found = solve_ivp(
+        rates, (t, end), y, method=method, rtol=tolerance,
+        atol=[tolerance, 0.1 * tolerance, tolerance], t_eval=(end,),
+    )  # fmt: skip
+    if not found.success:
+        raise ArithmeticError(found.message)
+    return [float(value) for value in found.y[:, -1]]
+
+
+def main() -> None:
+    """Print the comparison."""
+    print(report(compare(quick=False)))
+
+
+if __name__ == "__main__":
+    main()
