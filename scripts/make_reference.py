@@ -21,6 +21,7 @@ from swimbladder.io.mission import Mission, Phase, Safety, Setpoint
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.parameters import Vehicle, field_unit
 from swimbladder.parameters.schema import dotted, listed_model, models_in, tags_of
+from swimbladder.seawater import InternalWave, Swell
 from swimbladder.units import _TABLE
 
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"
@@ -178,9 +179,10 @@ def laws() -> Iterator[str]:
 def mission() -> Iterator[str]:
     """Yield the whole mission file."""
     yield from ("", "### At the top of the file")
-    yield from fields(Mission, skip=("setpoints", "phases"))
+    yield from fields(Mission, skip=("setpoints", "phases", "water_motion"))
     for heading, model in (
         ("[[setpoints]]", Setpoint), ("[[phases]]", Phase), ("[safety]", Safety),
+        ("[[water_motion.internal_waves]]", InternalWave), ("[[water_motion.swell]]", Swell),
     ):  # fmt: skip
         yield from ("", f"### {heading}", "", inspect.cleandoc(model.__doc__ or ""))
         yield from fields(model)

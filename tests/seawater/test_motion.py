@@ -2,6 +2,7 @@
 
 import math
 
+import gsw
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +10,16 @@ from hypothesis import strategies as st
 
 from swimbladder.engine.cache import inlined, part
 from swimbladder.errors import InputError
-from swimbladder.seawater.motion import InternalWave, Swell, WaterMotion, motion_table, moved
+from swimbladder.parameters import Water
+from swimbladder.seawater import Cast, cast_column, uniform_column
+from swimbladder.seawater.motion import (
+    InternalWave,
+    Swell,
+    WaterMotion,
+    check_motion,
+    motion_table,
+    moved,
+)
 
 SEA = WaterMotion(
     internal_waves=(
@@ -51,6 +61,25 @@ def test_swell_decays_as_deep_water_waves_do():
     assert at_top == pytest.approx((math.sin(math.pi / 4), math.pi / 4 * math.cos(math.pi / 4)))
     # the textbook's rule: at half a wavelength e^-pi, 4 %, is left
     assert half_a_length_down[1] / at_top[1] == pytest.approx(math.exp(-math.pi))
+
+
+def test_no_internal_wave_is_faster_than_the_buoyancy_frequency():
+    p = np.arange(0.0, 1001.0, 5.0)
+    SA, CT = np.full_like(p, 35.0), 5.0 + 10.0 * np.exp(-p / 100.0)
+    column = cast_column(Cast(pressure=p, SA=SA, CT=CT, latitude=30.0, name="sea"))
+    squared, _ = gsw.Nsquared(SA[::2], CT[::2], p[::2], 30.0)
+    assert column.buoyancy_frequency == pytest.approx(np.sqrt(squared.max()), rel=0.01)
+    period = 2.0 * math.pi / column.buoyancy_frequency
+    # N^2 = g alpha dT/dz, where salt plays no part
+    by_heat = 9.79 * gsw.alpha(35.0, 14.5, 5.0) * 0.1 * math.exp(-0.05)
+    assert period == pytest.approx(2.0 * math.pi / math.sqrt(by_heat), rel=0.02)
+    wave = {"amplitude": 1.0, "water_depth": 2000.0}
+    check_motion(WaterMotion(internal_waves=({"period": 1.01 * period, **wave},)), column)
+    fast = WaterMotion(internal_waves=({"period": 0.99 * period, **wave},))
+    with pytest.raises(InputError, match="no internal wave is that fast") as caught:
+        check_motion(fast, column)
+    assert caught.value.field == "water_motion.internal_waves[0].period"
+    check_motion(fast, uniform_column(Water(), 100.0))  # not known there: no layers
 
 
 def test_water_at_rest():

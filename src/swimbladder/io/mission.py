@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 from swimbladder.errors import InputError
 from swimbladder.parameters import Parameters, Unit, Vehicle
 from swimbladder.parameters.schema import refusal
+from swimbladder.seawater import WaterMotion
 
 __all__ = ["MOST_SAMPLES", "Mission", "Phase", "Safety", "Setpoint", "check_mission"]
 
@@ -128,6 +129,7 @@ class Mission(Parameters):
     )
     phases: tuple[Phase, ...] = Field((), description="what a cycle is made of, in order")
     safety: Safety = Field(Safety(), description="what a mission must not come near")
+    water_motion: WaterMotion = Field(WaterMotion(), description="waves that move the water")
 
     @property
     def bottom(self) -> float:
@@ -161,7 +163,7 @@ class Mission(Parameters):
                 raise refusal(
                     "a mission with set-points needs it", f'Add a line {name} = "... {unit}"', name
                 )
-        for name in ("cycles", "latitude", "safety"):
+        for name in ("cycles", "latitude", "safety", "water_motion"):
             if name in self.model_fields_set:
                 raise refusal("it belongs to a mission with phases", "Leave it out", name)
         return self._in_order()

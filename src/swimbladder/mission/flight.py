@@ -62,7 +62,7 @@ def fly_mission(
 ) -> Flight:  # fmt: skip
     """Fly a mission with phases to its end.
 
-    waves: of `seawater.motion.motion_table`. cycles, span [s]: in the place of the mission's.
+    waves: of `seawater.motion_table`; waves, cycles, span [s]: in the place of the mission's.
     seed: of the depth sensor's noise, None for none. keep: a folder for what is flown, so that a
     flight that was killed goes on there, to the same end bit for bit. advance: called with the
     share of the mission that was flown. Raises NoAnswerError as `buoyancy_engine.drive_map` does.

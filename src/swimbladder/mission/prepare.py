@@ -19,7 +19,7 @@ from swimbladder.hull import neutral_volume
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.mission.core.names import Account, At, Given, Kind, Now, Stage, Table
 from swimbladder.parameters import PumpAndValve, Vehicle
-from swimbladder.seawater import Column
+from swimbladder.seawater import Column, check_motion, motion_table
 from swimbladder.seawater.lookup import slopes
 
 __all__ = ["Accuracy", "Plan", "drag_coefficient", "first_state", "make_plan", "make_table"]
@@ -67,10 +67,14 @@ def make_plan(
 ) -> Plan:  # fmt: skip
     """Return a mission as the kernel takes it.
 
-    waves: of `seawater.motion.motion_table`. cycles, span [s]: in the place of the mission's.
+    waves: of `seawater.motion.motion_table`; waves, cycles, span [s]: in the place of the
+    mission's.
     """
     table, why = make_table(vehicle, column)
-    moving = np.zeros((0, 6)) if waves is None else waves
+    moving = waves
+    if moving is None:
+        check_motion(mission.water_motion, column)
+        moving = motion_table(mission.water_motion, column.gravity)
     return Plan(
         _given(vehicle, mission, column, accuracy or Accuracy(), cycles, span), table, moving,
         _stages(vehicle, mission), why,

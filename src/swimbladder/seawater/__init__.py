@@ -17,7 +17,14 @@ from __future__ import annotations
 from swimbladder.seawater.cast import Cast, cast_column
 from swimbladder.seawater.column import Column, uniform_column
 from swimbladder.seawater.lookup import look_up, water_table
-from swimbladder.seawater.motion import InternalWave, Swell, WaterMotion, motion_table, moved
+from swimbladder.seawater.motion import (
+    InternalWave,
+    Swell,
+    WaterMotion,
+    check_motion,
+    motion_table,
+    moved,
+)
 
 __all__ = [
     "Cast",
@@ -26,6 +33,7 @@ __all__ = [
     "Swell",
     "WaterMotion",
     "cast_column",
+    "check_motion",
     "look_up",
     "motion_table",
     "moved",

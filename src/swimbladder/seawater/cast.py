@@ -18,6 +18,7 @@ __all__ = ["Cast", "cast_column", "depth_of_pressure", "pressure_of_depth"]
 
 Array = NDArray[np.float64]
 _DBAR = 1e4  # Pa
+_LAYER = 10.0  # dbar
 _FINE = 1.0  # dbar between two points of the hydrostatic integral
 _ROUNDS = 4  # of pressure against density; each leaves some 1e-4 of the error before it
 
@@ -100,6 +101,7 @@ def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) 
         density=np.asarray(gsw.rho(SA, CT, pressure)),
         temperature=np.asarray(gsw.t_from_CT(SA, CT, pressure)),
         gravity=_gravity(cast, 0.0),
+        buoyancy_frequency=_buoyancy_frequency(cast, SA, CT, pressure),
         source=cast.name or "cast",
         report=tuple(report),
     )
@@ -112,6 +114,18 @@ def _gravity(cast: Cast, pressure: float) -> float:
     import gsw
 
     return float(gsw.grav(cast.latitude, pressure))
+
+
+def _buoyancy_frequency(cast: Cast, SA: Array, CT: Array, pressure: Array) -> float:
+    """Return the greatest buoyancy frequency N [rad/s] over layers of 10 dbar."""
+    import gsw
+
+    p = np.arange(float(pressure[0]), float(pressure[-1]), _LAYER)
+    if len(p) < 2:
+        p = pressure[[0, -1]]
+    layers = [np.interp(p, pressure, v) for v in (SA, CT)]
+    squared, _ = gsw.Nsquared(*layers, p, cast.latitude)
+    return float(np.sqrt(max(float(np.max(squared)), 0.0)))
 
 
 def depth_of_pressure(cast: Cast, pressure: Array) -> Array:

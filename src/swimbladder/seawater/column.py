@@ -31,6 +31,7 @@ class Column:
     temperature: Array  # degC in situ; constant where the water has none
     gravity: float  # m/s2, at the latitude
     compressibility: float = 0.0
+    buoyancy_frequency: float = 0.0  # rad/s, the greatest over 10 m; 0 where density is constant
     source: str = ""  # the cast, or the vehicle's water
     report: tuple[str, ...] = ()  # what was assumed
 

@@ -15,9 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from swimbladder.errors import InputError
 from swimbladder.parameters import Parameters, Unit
+from swimbladder.seawater.column import Column
 
-__all__ = ["InternalWave", "MovedWater", "Swell", "WaterMotion", "motion_table", "moved"]
+__all__ = [
+    "InternalWave",
+    "MovedWater",
+    "Swell",
+    "WaterMotion",
+    "check_motion",
+    "motion_table",
+    "moved",
+]
 
 Array = NDArray[np.float64]
 
@@ -60,6 +70,22 @@ class WaterMotion(Parameters):
 
     internal_waves: tuple[InternalWave, ...] = Field((), description="internal waves")
     swell: tuple[Swell, ...] = Field((), description="swell")
+
+
+def check_motion(motion: WaterMotion, column: Column) -> None:
+    """Raise InputError for an internal wave that is faster than the water of a cast can swing.
+
+    Nothing swings faster than at the buoyancy frequency (Gill, *Atmosphere-Ocean Dynamics*, 6.4).
+    """
+    fastest = column.buoyancy_frequency
+    for k, wave in enumerate(motion.internal_waves):
+        if fastest > 0.0 and wave.period < 2.0 * math.pi / fastest:
+            raise InputError(
+                f"no internal wave is that fast here: the shortest in {column.source} lasts "
+                f"{2.0 * math.pi / fastest:.0f} s",
+                field=f"water_motion.internal_waves[{k}].period", value=wave.period, unit="s",
+                remedy="Give a longer period; what is faster near the surface is swell",
+            )  # fmt: skip
 
 
 def motion_table(motion: WaterMotion, gravity: float) -> Array:
