@@ -40,7 +40,10 @@ class MovedWater(NamedTuple):
 
 
 class InternalWave(Parameters):
-    """An internal wave: layers go up and down, at rest at the surface and at the bottom."""
+    """An internal wave: layers go up and down, at rest at the surface and at the bottom.
+
+    It carries the vehicle along; the density at a depth stays that of the cast.
+    """
 
     amplitude: Annotated[float, Unit("m"), Field(ge=0.0, le=1000.0)] = Field(
         description="largest displacement of a layer"
