@@ -153,7 +153,7 @@ class Mission(Parameters):
                 "a mission has either set-points or phases, "
                 + ("and this one has both" if self.phases else "and this one has neither"),
                 "Write [[setpoints]] for `simulate`, or [[phases]] for `mission`",
-                "setpoints" if self.phases else "phases",
+                "setpoints" if self.phases or "setpoints" in self.model_fields_set else "phases",
             )
         if self.phases:
             return self._in_cycles()
