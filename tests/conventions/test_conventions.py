@@ -17,7 +17,7 @@ from swimbladder.io.presets import preset_names
 from swimbladder.parameters import Drag, IdentifiedActuator, PhysicalMotion, Sensors
 
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "conventions.md"
-PRESETS = preset_names()
+PRESETS = [n for n in preset_names() if load_vehicle(n).command != "volume change"]  # simulated
 MOTORS = [name for name in PRESETS if load_vehicle(name).voltage_driven]
 CM3 = 1e-6
 

@@ -136,11 +136,14 @@ def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:
 
     found: dict[str, dict[str, Any]] = {}
 
-    def walk(model: BaseModel, path: tuple[str, ...]) -> None:
+    def walk(model: BaseModel, path: tuple[str | int, ...]) -> None:
         for name in type(model).model_fields:
             value = getattr(model, name)
             if isinstance(value, BaseModel):
                 walk(value, (*path, name))
+            elif isinstance(value, tuple) and any(isinstance(x, BaseModel) for x in value):
+                for number, part in enumerate(value):
+                    walk(part, (*path, name, number))
             elif isinstance(value, dict) or value is None or not path:
                 continue
             else:
