@@ -32,7 +32,10 @@ class Supply(Parameters):
 
 
 class Driver(Parameters):
-    """The motor's driver, between battery and motor; without this table it loses nothing."""
+    """The motor's driver, between battery and motor; without this table it loses nothing.
+
+    `energy` and `mission` count it, `simulate` does not.
+    """
 
     efficiency: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)] = Field(
         1.0, description="share of the battery's power that reaches the motor"
@@ -46,7 +49,7 @@ class Driver(Parameters):
 
 
 class Load(Parameters):
-    """Something else that draws from the battery: a processor, a sensor, a radio."""
+    """Something else that draws from the battery, counted by `mission`: a processor, a radio."""
 
     name: str = Field(min_length=1, description="what draws it")
     power: Annotated[float, Unit("W"), Field(ge=0.0)] = Field(
