@@ -14,7 +14,7 @@ from typing import Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from swimbladder.control.registry import LAWS
+from swimbladder.control.registry import LAWS, MISSION_LAWS
 from swimbladder.io.files import write_atomically
 from swimbladder.io.log_format import LogColumns, LogFormat
 from swimbladder.io.mission import Mission, Phase, Safety, Setpoint
@@ -162,8 +162,9 @@ def vehicle() -> Iterator[str]:
 
 def laws() -> Iterator[str]:
     """Yield each law and its parameters."""
-    for law in LAWS.values():
-        command = "V" if law.command == "voltage" else "m3"
+    units = {"voltage": "V", "volume": "m3", "volume change": "a change of volume, m3"}
+    for law in (*LAWS.values(), *MISSION_LAWS.values()):
+        command = units[law.command]
         yield from (
             "",
             f"### {law.name}",
