@@ -69,7 +69,7 @@ def unknown_of(vehicle: Vehicle, given: Mapping[str, float | None]) -> Unknown:
             parts = hull_parts(vehicle)
             loss = sum(part.volume * abs(part.compressibility) for part in parts)
             values["psi"] = _SHARE * loss * vehicle.water.specific_weight
-            origin = f"assumed: {_SHARE:.0%} of the hull's compression; --psi-std"
+            origin = f"assumed: {100.0 * _SHARE:g} % of the hull's compression; --psi-std"
         said.append(f"{_WORDS['psi']}: {_shown('psi', values['psi'])} ({origin})")
     if "trim" not in values and not {"mass", "volume"} & set(values):
         known = found is not None and found.neutral_std > 0.0
