@@ -104,15 +104,15 @@ def test_ballast_added_outside_neither_gives_way_nor_changes_the_rest():
 def test_one_unknown_at_one_depth_has_normal_tails():
     column = uniform_column(FLOAT.water, 1000.0, step=10.0)  # neutral at -78 cm3 at 1000 m
     unknown = Unknown(trim=100e-6)
-    found = ballast(FLOAT, [column], unknown=unknown, probability=0.9, draws=200_000)
+    found = ballast(FLOAT, [column], unknown=unknown, probability=0.9, draws=50_000)
     (need,) = found.needs
     assert (need.least, need.least_depth) == (pytest.approx(-78e-6, abs=1e-8), 1000.0)
     assert (need.most, need.most_depth) == (pytest.approx(0.0, abs=1e-12), 0.0)
     tail = norm.ppf(0.9) * 100e-6
-    assert need.margin_in == pytest.approx(172e-6 - tail, abs=1e-6)
-    assert need.margin_out == pytest.approx(250e-6 - tail, abs=1e-6)
+    assert need.margin_in == pytest.approx(172e-6 - tail, abs=3e-6)
+    assert need.margin_out == pytest.approx(250e-6 - tail, abs=3e-6)
     due = norm.cdf(2.5) - norm.cdf(-1.72)
-    assert need.probability == pytest.approx(due, abs=2e-3)
+    assert need.probability == pytest.approx(due, abs=4e-3)
     assert found.covered == (due >= 0.9)
 
 
