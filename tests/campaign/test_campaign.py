@@ -68,8 +68,7 @@ def test_a_float_that_is_trimmed_otherwise_is_one_with_more_ballast(vehicle, col
     assert g[Given.DELIVERY] == 0.9
 
 
-def test_a_pump_that_delivers_less_runs_as_long_and_gives_less(vehicle, column):
-    """Until it fills the bladder: there it runs until it is full, 1/0.8 times as long."""
+def test_a_pump_that_delivers_less_gives_less_than_the_table(vehicle, column):
     plan = make_plan(vehicle, TASK, column)
     weak = replace(plan, given=plan.given.copy())
     weak.given[Given.DELIVERY] = 0.8

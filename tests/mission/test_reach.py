@@ -7,7 +7,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.hull import neutral_volume
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission, check_mission
-from swimbladder.mission.prepare import drag_coefficient, make_plan
+from swimbladder.mission.prepare import drag_coefficient, law_parameters, make_plan
 from swimbladder.mission.reach import check_column, check_reach
 from swimbladder.seawater import uniform_column
 from tests.mission.conftest import phases
@@ -75,6 +75,18 @@ def test_the_coefficient_is_drag_over_weight_and_speed_squared():
     weight = vehicle.water.specific_weight
     assert drag_coefficient(vehicle, 0.2) == pytest.approx(16.0 / weight)
     assert drag_coefficient(vehicle, 0.02) == pytest.approx(0.8 / 0.02 / weight)
+
+
+def test_a_look_comes_as_often_as_the_phase_says(profiler):
+    """The interval is the time that a speed is measured in, and the pause after it."""
+    for interval, run in ((600.0, 10.0), (8.0, 4.0)):  # 10 s: the vehicle's own
+        phase = Mission(
+            phases=[{"kind": "park", "depth": 50.0, "duration": 1.0, "check_interval": interval}]
+        ).phases[0]
+        law = law_parameters(profiler, phase)
+        assert (law.run, law.run + law.dead) == (run, interval)
+        law = law_parameters(load_vehicle("example-eh"), phase)
+        assert law.run + law.dead == interval
 
 
 def test_a_mission_has_one_of_the_two_tables(profiler):

@@ -220,9 +220,10 @@ def _law(vehicle: Vehicle, phase: Phase) -> RateParameters:
     if vehicle.controller is not None and vehicle.controller.law == RATE.name:
         base: RateParameters = bind(vehicle.controller)[1]
         tolerance = phase.tolerance or base.tolerance
+        run = base.run if interval is None else min(base.run, 0.5 * interval)
         given = base._replace(
             tolerance=tolerance, near=max(base.near, tolerance), far=max(base.far, tolerance),
-            dead=base.dead if interval is None else max(interval - base.run, base.run),
+            run=run, dead=base.dead if interval is None else interval - run,
         )  # fmt: skip
         if phase.speed is None:
             return given
@@ -230,12 +231,13 @@ def _law(vehicle: Vehicle, phase: Phase) -> RateParameters:
             far_speed=speed, ascent_speed=speed, near_speed=min(base.near_speed, speed),
             slow_speed=min(base.slow_speed, speed), speed_band=min(base.speed_band, 0.5 * speed),
         )  # fmt: skip
-    pause = max((interval or _LOOKS) - _RUN, _RUN)
+    looks = interval or _LOOKS
+    run = min(_RUN, 0.5 * looks)
     return RateParameters(
         coefficient=drag_coefficient(vehicle, speed), tolerance=tolerance, near=tolerance,
         far=3.0 * tolerance, slow_speed=0.25 * speed, near_speed=0.5 * speed, far_speed=speed,
         ascent_speed=speed, speed_band=0.2 * speed, speed_step=0.1 * speed, volume_step=0.0,
-        dead=pause, run=_RUN, window=2.0 * pause,
+        dead=looks - run, run=run, window=2.0 * looks,
     )  # fmt: skip
 
 

@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from swimbladder.hull import linear_psi
 from swimbladder.mission.books import MissionBooks, close_books
-from swimbladder.mission.core.names import Account, At, Cycle, Given, Now, Row, Stop
+from swimbladder.mission.core.names import Account, At, Cycle, Given, Now, Row, Stage, Stop
 from swimbladder.mission.flight import Flight
 from swimbladder.mission.reach import Reach
 
-__all__ = ["REASONS", "MissionResult", "span_words"]
+__all__ = ["HELD", "REASONS", "MissionResult", "span_words"]
 
 Array = NDArray[np.float64]
 
+HELD = 0.9  # share of its time that a park or hold has to be within its tolerance
 REASONS = {
     Stop.FINISHED: "the mission came to its end",
     Stop.RESERVE: "the battery came to its reserve (safety.battery)",
@@ -46,7 +47,31 @@ class MissionResult:
     @property
     def completed(self) -> bool:
         """Whether it came to its end, or to the battery's reserve, with every phase done."""
-        return self.flight.stop in (Stop.FINISHED, Stop.RESERVE) and not self.missed
+        ended = self.flight.stop in (Stop.FINISHED, Stop.RESERVE)
+        return ended and not self.missed and all(share >= HELD for share in self.held.values())
+
+    @cached_property
+    def held(self) -> dict[str, float]:
+        """Share of the time since its arrival in which each park and hold was in its tolerance."""
+        rows, found = self.flight.rows, {}
+        for n, phase in enumerate(self.flight.mission.phases):
+            if phase.kind not in ("park", "hold"):
+                continue
+            here = rows[:, Row.PHASE] == n
+            stage = self.flight.plan.stages[n]
+            inside = np.abs(rows[:, Row.Z] - stage[Stage.DEPTH]) <= stage[Stage.TOLERANCE]
+            cycle = rows[:, Row.CYCLE]
+            # since its arrival: some row of this phase in this cycle was inside before
+            arrived = np.zeros(len(rows), dtype=bool)
+            for k in np.unique(cycle[here & inside]):
+                part = np.flatnonzero(here & (cycle == k))
+                arrived[part] = np.cumsum(inside[part]) > 0
+            counted = (arrived[:-1] & here[:-1]) & (here[1:] & (cycle[1:] == cycle[:-1]))
+            dt = np.diff(rows[:, Row.T])[counted]
+            both = 0.5 * (inside[:-1].astype(float) + inside[1:])[counted]
+            if dt.sum() > 0.0:
+                found[phase.title] = float((dt * both).sum() / dt.sum())
+        return found
 
     @property
     def cycles(self) -> int:
@@ -124,6 +149,12 @@ class MissionResult:
             f"the phase {name!r} ran out of time in {count} of {len(self.flight.cycles)} cycles"
             for name, count in self.missed.items()
         ]
+        found += [
+            f"the phase {name!r} was within its tolerance in {100.0 * share:.0f} % of its time "
+            f"since it arrived: less than {100.0 * HELD:.0f} % is no holding"
+            for name, share in self.held.items()
+            if share < HELD
+        ]
         deepest = float(np.max(self.flight.cycles[:, Cycle.DEEPEST]))
         if deepest > self.flight.column.deepest:
             found.append(
@@ -153,6 +184,7 @@ class MissionResult:
             "deepest_m": deepest,
             "arrival_s": self.arrival,
             "missed": self.missed,
+            "held": self.held,
             "stroke_margin": self.reach.margin,
             "least_volume": vars(self.reach.least),
             "most_volume": vars(self.reach.most),
