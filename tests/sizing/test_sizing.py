@@ -71,6 +71,18 @@ def test_the_stroke_is_the_sum_of_what_the_dive_asks() -> None:
     assert asked.moved.sum() == pytest.approx(2 * drive + abs(psi) * 1000.0, rel=1e-9)
 
 
+@pytest.mark.parametrize("psi", [4e-6, -4e-6])
+def test_what_the_neutral_volume_grows_by_is_pressed_out_on_either_way(psi: float) -> None:
+    body = BODY.model_copy(update={"hull": BODY.hull.model_copy(update={"psi": psi})})
+    asked = needs(body, uniform_column(BODY.water, 101.0), Dive(depth=100.0))
+    assert asked.moved.sum() == pytest.approx(2 * asked.drive + 100.0 * abs(psi), rel=1e-9)
+    turn = 2 * asked.drive / 600.0
+    assert asked.rate == pytest.approx(max(turn, psi * 0.1), rel=1e-9)
+    # down: pressed out against half the bottom's pressure in the mean, as on the way up
+    work = np.sum(asked.moved * asked.pressure) - 2 * asked.drive * asked.bottom_pressure
+    assert work == pytest.approx(100.0 * abs(psi) * asked.bottom_pressure / 2.0, rel=0.03)
+
+
 def test_the_trim_is_covered_as_often_as_it_says() -> None:
     dive = dataclasses.replace(DIVE, reserve=0.0, probability=0.9)
     asked = needs(BODY, uniform_column(BODY.water, 1001.0), dive)

@@ -129,8 +129,10 @@ def needs(body: Vehicle, column: Column, dive: Dive) -> Needs:
     The stroke covers: the neutral volume from the surface to the depth; the volume that drives the
     body down and up at the wanted speed, F_d(w)/(rho g), eq. (16); the trim that is not known, with
     the wanted probability (it is normal and known by its deviation); the freeboard. In a cycle, 2
-    drive volumes are pressed out at the depth (one to stop, one to rise), then what the neutral
-    volume grows by on the way up, and the freeboard at the surface. Raises InputError where the
+    drive volumes are pressed out at the depth (one to stop, one to rise), what the neutral volume
+    grows by on the way down and on the way up, where it does, and the freeboard at the surface. The
+    rate is that of the turn, or that of a neutral volume that grows on the way down: a vehicle that
+    does not keep up with it sinks ever faster. Raises InputError where the
     column ends above the depth.
     """
     if column.depth[-1] < dive.depth * (1.0 - 1e-9):
@@ -151,7 +153,9 @@ def needs(body: Vehicle, column: Column, dive: Dive) -> Needs:
     stroke = (highest - lowest) * (1.0 + dive.reserve)
     moved = np.zeros_like(grid)
     moved[-1] = 2.0 * drive
-    moved[:-1] += np.maximum(neutral[:-1] - neutral[1:], 0.0)
+    change = np.diff(neutral)
+    moved[1:] += np.maximum(change, 0.0)  # on the way down: a hull that gives way, trapped air
+    moved[:-1] += np.maximum(-change, 0.0)  # on the way up
     moved[0] += max(dive.freeboard - drive, 0.0)
     return Needs(
         dive=dive,
@@ -163,5 +167,5 @@ def needs(body: Vehicle, column: Column, dive: Dive) -> Needs:
         trim=trim,
         stroke=stroke,
         lowest=lowest - (highest - lowest) * dive.reserve / 2.0,
-        rate=2.0 * drive / dive.turn_time,
+        rate=max(2.0 * drive / dive.turn_time, float(np.max(change / np.diff(grid))) * dive.speed),
     )
