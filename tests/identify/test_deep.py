@@ -219,3 +219,21 @@ def test_the_book_of_real_dives_closes(data_dir) -> None:
     assert np.sqrt(np.mean(books**2)) < 4.1e-6
     assert np.sqrt(np.mean(np.concatenate(fit.residuals) ** 2)) < 4e-3
     assert fit.told("pump_delivery")
+
+
+@pytest.mark.data
+def test_a_real_dive_predicted_from_the_others(data_dir) -> None:
+    """46 hours to 1500 dbar and back in one go: arrivals twice as good as at constant speed."""
+    from studies.deep_data import dives_of
+    from studies.deep_dives import constant_speeds, float_vehicle, predict
+
+    vehicle = float_vehicle()
+    body, dives = body_of(vehicle), dives_of(data_dir / "mermaid_p0051", vehicle)
+    others = [*dives[:4], dives[5]]
+    fit = fit_deep(body, others, priors_of(vehicle, {}), free=DEFAULT)
+    p = predict(body, fit, dives[4], constant_speeds(others))
+    late, constant = p.arrival_told - p.arrival, p.arrival_constant - p.arrival
+    assert len(late) >= 10
+    assert np.sqrt(np.mean(late**2)) < 0.3 * np.sqrt(np.mean(constant**2))
+    off = np.sqrt(np.mean((p.action_told - p.action) ** 2))
+    assert off < 0.5 * np.sqrt(np.mean((p.action_constant - p.action) ** 2))

@@ -1,5 +1,6 @@
 """Logs of floats: a made-up one line by line, real ones against what others took from them."""
 
+import gzip
 import math
 from datetime import datetime
 from pathlib import Path
@@ -78,9 +79,9 @@ def test_a_made_up_dive(made_up: Path) -> None:
     assert (log.battery_voltage, log.battery_least) == (14.7, 14.65)
     assert log.internal_pressure == 8e4
     assert log.report == (
-        "1 lines of PRESS that say what no float says, the first in line 28",
-        "1 lines whose time does not follow, the first in line 29",
-        "1 lines of BUOY that say what no float says, the first in line 30",
+        "1 line of PRESS with numbers that cannot be, the first in line 28",
+        "1 line out of order in time left out, the first in line 29",
+        "1 line of BUOY with numbers that cannot be, the first in line 30",
     )
 
 
@@ -105,6 +106,12 @@ def test_what_its_pump_and_valves_did(made_up: Path) -> None:
     assert math.isnan(fill.pressure)
 
 
+def test_a_compressed_log(made_up: Path, tmp_path: Path) -> None:
+    packed = tmp_path / "dive.LOG.gz"
+    packed.write_bytes(gzip.compress(made_up.read_bytes()))
+    assert read_float_log(packed).name == read_mermaid(made_up).name
+
+
 def test_what_is_no_such_log(tmp_path: Path, made_up: Path) -> None:
     assert is_mermaid(made_up.read_text())
     assert not is_mermaid("time_s,depth_m\n0,1\n")
@@ -113,7 +120,7 @@ def test_what_is_no_such_log(tmp_path: Path, made_up: Path) -> None:
     other.write_text("time_s,depth_m\n0,1\n")
     with pytest.raises(LogError, match="no line with a pressure"):
         read_mermaid(other)
-    with pytest.raises(LogError, match="cannot be read"):
+    with pytest.raises(LogError, match="no such file"):
         read_mermaid(tmp_path / "none.LOG")
 
 

@@ -25,6 +25,7 @@ import numpy as np
 
 from swimbladder.errors import LogError
 from swimbladder.io.float_log import Action, Device, FloatLog, Reading, Stage, Wish
+from swimbladder.io.log_text import counted, read_bytes
 
 __all__ = ["is_mermaid", "read_mermaid"]
 
@@ -44,12 +45,7 @@ def is_mermaid(text: str) -> bool:
 
 def read_mermaid(path: str | Path) -> FloatLog:
     """Return the log of one dive; raises LogError where there is none in the file."""
-    try:
-        text = Path(path).read_bytes().decode("latin-1")
-    except OSError as error:
-        raise LogError(
-            f"it cannot be read: {error.strerror}", file=path, remedy="Check the path"
-        ) from None
+    text = read_bytes(path).decode("latin-1")
     reader = _Reader()
     for number, line in enumerate(text.splitlines(), start=1):
         if match := _LINE.match(line):
@@ -92,12 +88,12 @@ class _Reader:
             self.first = stamp
         now = (stamp - self.first).total_seconds()
         if now < self.now - 1.0 or now > self.now + _LONGEST:
-            self.odd("lines whose time does not follow", number)
+            self.odd("out of order in time left out", number)
             return
         self.now = max(now, self.now)
         told = _PARTS.get(part)
         if told is not None and not told(self, text.rstrip()):
-            self.odd(f"lines of {part} that say what no float says", number)
+            self.odd(f"of {part} with numbers that cannot be", number)
 
     def odd(self, what: str, number: int) -> None:
         """Remember that a line was not used."""
@@ -213,7 +209,7 @@ class _Reader:
         columns = np.array([row[:3] for row in self.pressures]).T
         positions = self.known.pop("positions", None)
         said = [
-            f"{len(lines)} {what}, the first in line {lines[0]}"
+            f"{counted(len(lines), 'line')} {what}, the first in line {lines[0]}"
             for what, lines in self.oddities.items()
         ]
         return FloatLog(
