@@ -119,7 +119,8 @@ def identify(
     """Identify a vehicle's vertical motion from logs, with intervals and a report.
 
     Several logs are several experiments with one vehicle, fitted together; each has its own
-    neutral volume and start. Exit code 1 says that the data do not tell what was asked: then no
+    neutral volume and start. With --cast, deep dives of a vehicle with a pump and a valve: drag,
+    hull, pump and valve from the seconds that these ran. Exit code 1 says that the data do not tell what was asked: then no
     vehicle is written.
     """
     from swimbladder.io.config import load_vehicle
