@@ -120,8 +120,8 @@ def identify(
 
     Several logs are several experiments with one vehicle, fitted together; each has its own
     neutral volume and start. With --cast, deep dives of a vehicle with a pump and a valve: drag,
-    hull, pump and valve from the seconds that these ran. Exit code 1 says that the data do not tell what was asked: then no
-    vehicle is written.
+    hull, pump and valve from the seconds that these ran. Exit code 1 says that the data do not
+    tell what was asked: then no vehicle is written.
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
