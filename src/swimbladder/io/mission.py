@@ -18,6 +18,7 @@ from swimbladder.seawater import WaterMotion
 __all__ = ["MOST_SAMPLES", "Mission", "Phase", "Safety", "Setpoint", "check_mission"]
 
 MOST_SAMPLES = 100_000_000
+_MOST_PHASES = 50  # whether each was missed is kept as a bit of a double's 53
 
 
 class Setpoint(Parameters):
@@ -173,6 +174,11 @@ class Mission(Parameters):
             raise refusal(
                 "the depth is above the surface", "Depths are positive downwards", "start_depth"
             )
+        if len(self.phases) > _MOST_PHASES:
+            raise refusal(
+                f"there are {len(self.phases)} phases, and more than {_MOST_PHASES} are not kept",
+                "Repeat a shorter list by `cycles`", "phases",
+            )  # fmt: skip
         for index, phase in enumerate(self.phases):
             if phase.depth is not None and phase.depth > self.bottom:
                 raise refusal(
