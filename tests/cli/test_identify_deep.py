@@ -118,3 +118,22 @@ def test_a_cast_is_needed(capsys, files):
     assert "deep dives need the water" in capsys.readouterr().err
     assert main(["identify", "x.csv", "--vehicle", "feup-em", "--cast-where", "a=1"]) == 2
     assert "no use without --cast" in capsys.readouterr().err
+
+
+def test_casts_of_one_file(capsys, tmp_path, files):
+    """Two profiles in a file: both are too much, each can be chosen, and one for each log."""
+    vehicle, cast, dive = files
+    lines = cast.read_text().splitlines()
+    both = tmp_path / "both.csv"
+    rows_ = [f"{line},{k}" for k in (1, 2) for line in lines[1:]]
+    both.write_text("\n".join([f"{lines[0]},dive", *rows_]) + "\n")
+    start = ["identify", str(dive), "--vehicle", str(vehicle), "--cast", str(both)]
+    out = ["--out", str(tmp_path / "out")]
+    assert main([*start, *out]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "Choose the rows of one profile with --cast-where COLUMN=VALUE" in said
+    assert main([*start, "--cast-where", "dive=2", *out]) == 0
+    capsys.readouterr()
+    assert main([*start, "--cast-where", "dive=1,2", *out]) == 2
+    assert "2 casts for 1 dives" in capsys.readouterr().err
+    assert main([*start, str(dive), "--cast-where", "dive=1,2", *out]) == 0

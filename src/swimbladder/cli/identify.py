@@ -107,7 +107,8 @@ def identify(
         ),
     ] = None,
     cast_where: Annotated[
-        list[str] | None, typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast's file.")
+        list[str] | None,
+        typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast; VALUE,VALUE: one cast each."),
     ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-identify"
