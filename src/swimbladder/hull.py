@@ -20,13 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.parameters import HullPart, Vehicle
 from swimbladder.seawater import Column
-from swimbladder.seawater.column import ATMOSPHERE
+from swimbladder.seawater.column import ATMOSPHERE, water_compressibility
 from swimbladder.seawater.lookup import slopes
 
 __all__ = [
     "PsiTerms",
     "displaced_volume",
     "hull_parts",
+    "layered_volume",
     "linear_psi",
     "neutral_volume",
     "psi_terms",
@@ -118,6 +119,21 @@ def neutral_volume(vehicle: Vehicle, column: Column, *, mass: float | None = Non
     weight = weight_mass(vehicle) if mass is None else mass
     water = weight / column.density * (1.0 - column.compressibility * column.pressure)
     return np.asarray(water - displaced_volume(vehicle, column.pressure, column.temperature))
+
+
+def layered_volume(vehicle: Vehicle, column: Column) -> Array:
+    """Return neutral_volume less what pressure does to it at each depth [m3] [n].
+
+    What changes over depth is then only the layers of the water, their salt and heat: so much of
+    the neutral volume goes along where a layer is moved. Water shrinks as `water_compressibility`.
+    """
+    p, T = column.pressure, column.temperature
+    between = 0.5 * (T[1:] + T[:-1])
+    hull = displaced_volume(vehicle, p[:-1], between) - displaced_volume(vehicle, p[1:], between)
+    shrinks = weight_mass(vehicle) / column.density * water_compressibility(column)
+    water = 0.5 * (shrinks[1:] + shrinks[:-1]) * np.diff(p)
+    pressed = np.concatenate(([0.0], np.cumsum(hull - water)))
+    return np.asarray(neutral_volume(vehicle, column) - pressed)
 
 
 def psi_terms(vehicle: Vehicle, column: Column, depth: float) -> PsiTerms:

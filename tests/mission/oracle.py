@@ -11,14 +11,14 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from swimbladder.buoyancy_engine import drive_map
 from swimbladder.dynamics import drag_force
-from swimbladder.hull import neutral_volume
+from swimbladder.hull import layered_volume, neutral_volume
 from swimbladder.mission.core.names import Drive, Note
 
 ML = 1e6  # volumes are counted in cm3
 
 
 class Oracle:
-    """One vehicle in one water."""
+    """One vehicle in one water; waves(z, t) [m, m/s] as `seawater.moved`."""
 
     def __init__(self, vehicle, column, waves=None):
         self.vehicle, self.waves = vehicle, waves
@@ -28,6 +28,7 @@ class Oracle:
             for name, values in {
                 "pressure": column.pressure,
                 "neutral": neutral_volume(vehicle, column),
+                "layers": layered_volume(vehicle, column),
                 "out": drive.rate_out, "in": drive.rate_in, "bypass": drive.bypass_in,
                 "leak": drive.leakage, "short": drive.start_volume,
             }.items()
@@ -40,7 +41,7 @@ class Oracle:
         f = self.table[name]
         if z >= 0.0:
             return float(f(z))
-        if name in ("pressure", "neutral"):
+        if name in ("pressure", "neutral", "layers"):
             return float(f(0.0) + f.derivative()(0.0) * z)
         return float(f(0.0))
 
@@ -49,7 +50,10 @@ class Oracle:
 
         def f(t, y):
             z, w, v = y[0], y[1], y[2] / ML
-            push = float(self.slope(max(z, 0.0))) * (self.at("neutral", z) - v)
+            way, u = (0.0, 0.0) if self.waves is None else self.waves(z, t)
+            neutral = self.at("neutral", z)
+            neutral += self.at("layers", max(z - way, min(z, 0.0))) - self.at("layers", z)
+            push = float(self.slope(max(z, 0.0))) * (neutral - v)
             emerged = max(hull.emergence_depth - z, 0.0)
             push += self.surface_weight * hull.waterplane_area * emerged
             if what == "nothing":
@@ -58,9 +62,6 @@ class Oracle:
                 rate = 0.0
             else:
                 rate = self.at(what, z) * (1.0 if what == "out" else -1.0)
-            u = 0.0
-            if self.waves is not None:
-                u = self.waves(z, t)
             return [w + u, (push - drag_force(self.vehicle.drag, w)) / m, rate * ML]
 
         return f

@@ -15,7 +15,7 @@ from swimbladder.control.registry import bind
 from swimbladder.dynamics import drag_force, drag_terms
 from swimbladder.engine.modes import DEEPEST
 from swimbladder.errors import NoAnswerError
-from swimbladder.hull import neutral_volume
+from swimbladder.hull import layered_volume, neutral_volume
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.mission.core.names import Account, At, Given, Kind, Now, Stage, Table
 from swimbladder.parameters import PumpAndValve, Vehicle
@@ -101,6 +101,7 @@ def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
         Table.LEAKAGE: drive.leakage,
         Table.HOLDING: drive.holding_power,
         Table.START: drive.start_volume,
+        Table.LAYERS: layered_volume(vehicle, column),
     }
     table = np.zeros((len(column.depth), int(Table.WIDTH)))
     for place, values in columns.items():

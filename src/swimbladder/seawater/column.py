@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from swimbladder.errors import InputError
 from swimbladder.parameters import Water
 
-__all__ = ["ATMOSPHERE", "Column", "grid", "uniform_column"]
+__all__ = ["ATMOSPHERE", "Column", "grid", "uniform_column", "water_compressibility"]
 
 Array = NDArray[np.float64]
 ATMOSPHERE = 101325.0  # Pa, standard atmosphere
+_SALINITY = 35.0  # g/kg, of sea water, to make a temperature conservative
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +59,23 @@ def grid(deepest: float, step: float) -> Array:
             )
     count = max(math.ceil(deepest / step * (1.0 - 1e-12)), 1)
     return np.asarray(step * np.arange(count + 1.0))
+
+
+def water_compressibility(column: Column) -> Array:
+    """Return by how much the water shrinks that keeps its salt and heat [1/Pa] [n].
+
+    Where the density is in situ that is TEOS-10's for this density, temperature and pressure.
+    """
+    given = np.full_like(column.pressure, column.compressibility)
+    if column.compressibility > 0.0 or np.ptp(column.density) == 0.0:
+        return given
+    import gsw
+
+    p = column.pressure / 1e4  # dbar
+    CT = gsw.CT_from_t(_SALINITY, column.temperature, p)
+    # NaN below the density of fresh water; compressibility hardly depends on the salt
+    SA = np.nan_to_num(gsw.SA_from_rho(column.density, CT, p))
+    return np.asarray(gsw.kappa(SA, CT, p))
 
 
 def uniform_column(water: Water, deepest: float, *, step: float = 1.0) -> Column:

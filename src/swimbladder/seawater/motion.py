@@ -42,7 +42,8 @@ class MovedWater(NamedTuple):
 class InternalWave(Parameters):
     """An internal wave: layers go up and down, at rest at the surface and at the bottom.
 
-    It carries the vehicle along; the density at a depth stays that of the cast.
+    It carries the vehicle along, and the salt and heat of the layers: what is at a depth came from
+    where it rests. Pressure stays that of the water at rest.
     """
 
     amplitude: Annotated[float, Unit("m"), Field(ge=0.0, le=1000.0)] = Field(

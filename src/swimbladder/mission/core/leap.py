@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 
-from swimbladder.engine.cache import part
+from swimbladder.engine.cache import inlined, part
 from swimbladder.mission.core.motion import (
+    displaced,
     drag,
     inside,
     rate_of,
@@ -20,8 +21,11 @@ from swimbladder.mission.core.motion import (
     value,
 )
 from swimbladder.mission.core.names import Account, At, Doing, Given, Now, Table
+from swimbladder.seawater.motion import moved
 
 __all__ = ["GUARDS", "enter_energy", "leap", "lift_volume", "settle", "stay"]
+
+_moved = inlined(moved)
 
 GUARDS = 7
 SURFACE, BOTTOM, AIR, LEVEL, TOO_DEEP, VOLUME, LOST = range(GUARDS)
@@ -224,6 +228,9 @@ def book(p, table, waves, x, at, accounts, loads, h, work):  # type: ignore[no-u
         if waves.shape[0] > 0:
             dz, pull, _ = terms(p, table, waves, doing, at[PLACE] == 1, x[T] + s * h, z, w, v)
             sums[4] += share * p[MASS] * (pull + drag(p, w)[0]) * (dz - w)
+            way = _moved(waves, z, x[T] + s * h)[0]
+            slope = value(table, p[STEP], PRESSURE, z)[1]
+            sums[4] -= share * slope * displaced(p, table, z, way)[0] * dz
     accounts[DRAG] += sums[0]
     accounts[FORCED] += sums[4]
     _enter(accounts, doing, y[2] - x[V], sums[2], sums[1], h)

@@ -3,12 +3,18 @@
 ::
 
     dz/dt = w + u(z, t)                                 u: vertical speed of the water
-    m dw/dt = p'(z) (V_neutral(z) - V) - F_d(w) + rho g A_w (z_surface - z)+
+    m dw/dt = p'(z) (V_neutral(z, t) - V) - F_d(w) + rho g A_w (z_surface - z)+
     dV/dt = rate of what the drive does, over depth
 
 w is relative to the water. Water that moves carries the vehicle along: its acceleration acts on the
 displaced and the added mass, so that the relative motion sees none of it (Batchelor, *An
 Introduction to Fluid Dynamics*, 1967, section 6.8, for a body as heavy as the water).
+
+Layers that have been moved keep their salt and heat: V_neutral is that of the layer which is there,
+from the rest depth z - displacement, under the pressure at z, which is that of water at rest. A
+vehicle as compressible as the water goes along with an internal wave, a rigid one by
+N^2/(N^2 + g^2/c^2) of it, c being the speed of sound (Goodman and Levine, *J. Phys. Oceanogr.* 20,
+1990, 1737).
 
 The step is RODAS of Hairer and Wanner, *Solving Ordinary Differential Equations II*, 2nd ed. 1996,
 section VI.4: L-stable, six stages, order 4 with an embedded 3, and a cubic for what lies between.
@@ -22,13 +28,23 @@ from swimbladder.engine.cache import inlined, part
 from swimbladder.mission.core.names import Doing, Given, Table
 from swimbladder.seawater.motion import moved
 
-__all__ = ["drag", "inside", "rate_of", "rosenbrock", "slope_of_force", "terms", "value"]
+__all__ = [
+    "displaced",
+    "drag",
+    "inside",
+    "rate_of",
+    "rosenbrock",
+    "slope_of_force",
+    "terms",
+    "value",
+]
 
 _moved = inlined(moved)
 
 PRESSURE, NEUTRAL = int(Table.PRESSURE), int(Table.NEUTRAL)
 RATE_OUT, RATE_IN = int(Table.RATE_OUT), int(Table.RATE_IN)
 BYPASS, LEAKAGE = int(Table.BYPASS), int(Table.LEAKAGE)
+LAYERS = int(Table.LAYERS)
 STEP, MASS, TRIM, GIVE = int(Given.STEP), int(Given.MASS), int(Given.TRIM), int(Given.GIVE)
 D_L, D_B, D_0, D_T = int(Given.D_L), int(Given.D_B), int(Given.D_0), int(Given.D_T)
 EPSILON, A_S, Z_SURFACE = int(Given.EPSILON), int(Given.A_S), int(Given.Z_SURFACE)
@@ -122,13 +138,30 @@ def terms(p, table, waves, doing, emerging, t, z, w, V):  # type: ignore[no-unty
         pull += p[A_S] * (p[Z_SURFACE] - z)
     u = 0.0
     if waves.shape[0] > 0:
-        u = _moved(waves, z, t)[1]
+        way, u = _moved(waves, z, t)
+        pull += slope * displaced(p, table, z, way)[0] / p[MASS]
     return w + u, pull, rate_of(p, table, doing, z, V)[0]
 
 
 @part
+def displaced(p, table, z, way):  # type: ignore[no-untyped-def]
+    """Return what displaced layers add to the neutral volume at depth z [m3].
+
+    way: how far the water there has been moved down [m]. Also by depth [m3/m] and by `way` [m3/m],
+    each with the other held. What only the pressure does to water and hull moves with nothing.
+    """
+    here, by_depth, _ = value(table, p[STEP], LAYERS, z)
+    rest = z - way
+    if rest < min(z, 0.0):  # no water has come from above the surface
+        there = value(table, p[STEP], LAYERS, min(z, 0.0))[0]
+        return there - here, (0.0 if z < 0.0 else -by_depth), 0.0
+    there, slope, _ = value(table, p[STEP], LAYERS, rest)
+    return there - here, slope - by_depth, -slope
+
+
+@part
 def slope_of_force(p, table, emerging, z, V):  # type: ignore[no-untyped-def]
-    """Return the derivative of dw/dt by depth [1/s2] and by volume [1/m3 m/s2]."""
+    """Return the derivative of dw/dt by depth [1/s2] and by volume [1/m3 m/s2], in still water."""
     _, slope, bend = value(table, p[STEP], PRESSURE, z)
     neutral, dn, _ = value(table, p[STEP], NEUTRAL, z)
     neutral += p[TRIM] + p[GIVE] * z
@@ -146,27 +179,34 @@ def rosenbrock(p, table, waves, doing, emerging, t, z, w, V, h, y, e, k1, k2):  
     jz, jV = slope_of_force(p, table, emerging, z, V)
     jw = -drag(p, w)[1]
     r = rate_of(p, table, doing, z, V)[1]
-    uz, ut = 0.0, 0.0
+    uz, ut, wt = 0.0, 0.0, 0.0
     if waves.shape[0] > 0:
-        uz, ut = _change(waves, z, t)
+        uz, ut, stretch = _change(waves, z, t)
+        way, u = _moved(waves, z, t)
+        more, by_depth, by_way = displaced(p, table, z, way)
+        _, slope, bend = value(table, p[STEP], PRESSURE, z)
+        jz += (bend * more + slope * (by_depth + by_way * stretch)) / p[MASS]
+        wt = slope * by_way * u / p[MASS]
     # (g - J) U = b, from the bottom up: V by z, w by z
     below = (g - jw) * (g - uz) - jz - jV * r / g
 
     f0, f1, f2 = terms(p, table, waves, doing, emerging, t, z, w, V)
-    b0, b1, b2 = f0 + h * D1 * ut, f1, f2
+    b0, b1, b2 = f0 + h * D1 * ut, f1 + h * D1 * wt, f2
     a0 = (b1 + (g - jw) * b0 + jV * b2 / g) / below
     a1, a2 = (g - uz) * a0 - b0, (b2 + r * a0) / g
 
     f0, f1, f2 = terms(p, table, waves, doing, emerging, t + T2 * h, z + A21 * a0, w + A21 * a1,
                        V + A21 * a2)  # fmt: skip
-    b0, b1, b2 = f0 + C21 * a0 / h + h * D2 * ut, f1 + C21 * a1 / h, f2 + C21 * a2 / h
+    b0, b1 = f0 + C21 * a0 / h + h * D2 * ut, f1 + C21 * a1 / h + h * D2 * wt
+    b2 = f2 + C21 * a2 / h
     c0 = (b1 + (g - jw) * b0 + jV * b2 / g) / below
     c1, c2 = (g - uz) * c0 - b0, (b2 + r * c0) / g
 
     f0, f1, f2 = terms(p, table, waves, doing, emerging, t + T3 * h, z + A31 * a0 + A32 * c0,
                        w + A31 * a1 + A32 * c1, V + A31 * a2 + A32 * c2)  # fmt: skip
     b0 = f0 + (C31 * a0 + C32 * c0) / h + h * D3 * ut
-    b1, b2 = f1 + (C31 * a1 + C32 * c1) / h, f2 + (C31 * a2 + C32 * c2) / h
+    b1 = f1 + (C31 * a1 + C32 * c1) / h + h * D3 * wt
+    b2 = f2 + (C31 * a2 + C32 * c2) / h
     d0 = (b1 + (g - jw) * b0 + jV * b2 / g) / below
     d1, d2 = (g - uz) * d0 - b0, (b2 + r * d0) / g
 
@@ -174,7 +214,7 @@ def rosenbrock(p, table, waves, doing, emerging, t, z, w, V, h, y, e, k1, k2):  
                        z + A41 * a0 + A42 * c0 + A43 * d0, w + A41 * a1 + A42 * c1 + A43 * d1,
                        V + A41 * a2 + A42 * c2 + A43 * d2)  # fmt: skip
     b0 = f0 + (C41 * a0 + C42 * c0 + C43 * d0) / h + h * D4 * ut
-    b1 = f1 + (C41 * a1 + C42 * c1 + C43 * d1) / h
+    b1 = f1 + (C41 * a1 + C42 * c1 + C43 * d1) / h + h * D4 * wt
     b2 = f2 + (C41 * a2 + C42 * c2 + C43 * d2) / h
     e0 = (b1 + (g - jw) * b0 + jV * b2 / g) / below
     e1, e2 = (g - uz) * e0 - b0, (b2 + r * e0) / g
@@ -213,8 +253,8 @@ def inside(x, y, k1, k2, s):  # type: ignore[no-untyped-def]
 
 @part
 def _change(waves, z, t):  # type: ignore[no-untyped-def]
-    """Return the derivatives of the water's speed by depth [1/s] and by time [m/s2]."""
-    by_depth, by_time = 0.0, 0.0
+    """Return the water's speed by depth [1/s] and by time [m/s2], its displacement by depth [-]."""
+    by_depth, by_time, stretch = 0.0, 0.0, 0.0
     for k in range(waves.shape[0]):
         if z >= waves[k, 5]:
             continue
@@ -228,4 +268,5 @@ def _change(waves, z, t):  # type: ignore[no-untyped-def]
         angle = waves[k, 1] * t + waves[k, 2]
         by_depth += bend * waves[k, 1] * math.cos(angle)
         by_time -= shape * waves[k, 1] * waves[k, 1] * math.sin(angle)
-    return by_depth, by_time
+        stretch += bend * math.sin(angle)
+    return by_depth, by_time, stretch

@@ -35,7 +35,8 @@ class Table(IntEnum):
     LEAKAGE = 16  # m3/s
     HOLDING = 18  # W
     START = 20  # m3 that each start of the pump falls short
-    WIDTH = 22
+    LAYERS = 22  # m3, neutral volume less what pressure does to water and hull
+    WIDTH = 24
 
 
 class Given(IntEnum):
