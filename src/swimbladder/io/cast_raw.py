@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +44,10 @@ class RawCast:
     def only(self, kept: NDArray[np.bool_] | NDArray[np.int64]) -> RawCast:
         """Return the cast with the rows `kept`, a mask or an order."""
         names = ("temperature", "pressure", "depth", "salinity", "conductivity", "density")
-        values = {name: getattr(self, name) for name in names}
-        chosen = {name: None if v is None else v[kept] for name, v in values.items()}
+        chosen: dict[str, Any] = {}
+        for name in names:
+            values = getattr(self, name)
+            chosen[name] = None if values is None else values[kept]
         return replace(self, row=self.row[kept], **chosen)
 
     def refused(

@@ -56,6 +56,7 @@ def read_variables(data: bytes, path: str | Path) -> dict[str, Variable]:
 def _classic(data: bytes) -> dict[str, Variable]:
     from scipy.io import netcdf_file
 
+    file: Any  # its variables have attributes that the stubs do not know
     with netcdf_file(io.BytesIO(data), "r", mmap=False) as file:
         return {
             str(name): _variable(np.array(v.data), dict(v._attributes))
@@ -104,7 +105,7 @@ def _texts(raw: NDArray[Any]) -> NDArray[np.str_]:
     """Return texts; single characters, as netCDF-3 has them, joined along the last dimension."""
     flat = [_text(item) if not isinstance(item, bytes) else item.decode("latin-1") for item in
             np.ravel(raw)]  # fmt: skip
-    texts = np.array(flat, dtype=np.str_).reshape(raw.shape)
+    texts: NDArray[np.str_] = np.array(flat, dtype=np.str_).reshape(raw.shape)
     if raw.ndim and raw.dtype.itemsize == 1 and raw.dtype.kind == "S":
         rows = texts.reshape(-1, texts.shape[-1]) if texts.size else texts.reshape(0, 1)
         joined = np.array(["".join(c or "\0" for c in row) for row in rows], dtype=np.str_)
