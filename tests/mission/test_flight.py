@@ -23,7 +23,7 @@ from swimbladder.mission.core.names import (
     Row,
     Stop,
 )
-from swimbladder.mission.flight import fly_mission
+from swimbladder.mission.flight import fly_mission, thinned
 from swimbladder.mission.prepare import Accuracy, first_state, make_plan
 from swimbladder.seawater import uniform_column
 from swimbladder.seawater.motion import Swell, WaterMotion, motion_table, moved
@@ -234,7 +234,7 @@ def test_below_its_depth_it_presses_all_out_and_comes_up(profiler, sea):
     assert flown.stop is Stop.PASSED_DEPTH
     assert len(times(flown, Note.TOO_DEEP)) == 1
     assert flown.end[Now.V] == pytest.approx(profiler.stroke.maximum, rel=1e-3)
-    assert flown.end[Now.Z] < profiler.hull.emergence_depth
+    assert flown.end[Now.Z] < profiler.hull.emergence_depth + 1e-9
 
 
 def test_the_battery_ends_the_mission_at_its_reserve(profiler, sea):
@@ -264,6 +264,9 @@ def test_a_phase_out_of_time_is_told_and_the_next_begins(profiler, sea):
     flown = fly_mission(profiler, Mission(phases=slow), sea)
     assert int(flown.cycles[0, Cycle.MISSED]) & 1
     assert times(flown, Note.OUT_OF_TIME)[0] == 600.0
+    # the profile arrives at its 20 m, from the other side: that is no arrival at 150 m
+    assert len(times(flown, Note.ARRIVED)) >= 2
+    assert math.isnan(flown.cycles[0, Cycle.ARRIVAL])
     assert flown.stop is Stop.FINISHED
 
 
@@ -281,8 +284,40 @@ def test_internal_air_pressure_and_noise_leave_the_pump_its_longest_run(profiler
     flown = fly_mission(profiler.model_copy(update={"actuator": actuator}), phases(), sea)
     over = flown.notes[flown.notes[:, Drive.WHAT] == Note.RUN_OVER][:, Drive.NUMBER]
     begun = flown.notes[np.isin(flown.notes[:, Drive.WHAT], [Note.PUMP, Note.VALVE, Note.BYPASS])]
-    controlled = over[: len(over) - 1]  # the last one fills the bladder
-    assert np.all(controlled <= 20.0 + 1e-9)
-    pumped = controlled[begun[: len(controlled), Drive.WHAT] == Note.PUMP]
+    assert np.all(over <= 20.0 + 1e-9)
+    controlled = (
+        begun[: len(over), Drive.Z] > 5.0
+    )  # those that fill the bladder end when it is full
+    pumped = over[controlled & (begun[: len(over), Drive.WHAT] == Note.PUMP)]
     assert np.allclose(pumped / 0.5, np.round(pumped / 0.5), atol=1e-6)
     assert Doing.PUMPING in flown.rows[:, Row.DOING]
+
+
+def test_rows_are_thinned_between_what_happens(profiler, sea):
+    rows = fly_mission(profiler, phases(), sea).rows
+    few = thinned(rows, 120.0)
+    assert len(few) < 0.5 * len(rows)
+    state = rows[:, [Row.PHASE, Row.DOING, Row.CYCLE]]
+    changes = np.flatnonzero(np.any(state[1:] != state[:-1], axis=1))
+    kept = set(few[:, Row.T])
+    assert {rows[k, Row.T] for k in changes} <= kept
+    assert {rows[k + 1, Row.T] for k in changes} <= kept
+    assert np.array_equal(few[[0, -1]], rows[[0, -1]])
+    assert np.max(np.diff(few[:, Row.T])) <= 240.0 + np.max(np.diff(rows[:, Row.T]))
+    assert np.array_equal(thinned(rows, 0.0), rows)
+
+
+def test_nothing_discharges_by_itself_where_nothing_is_known_of_it(profiler, sea):
+    supply = profiler.supply.model_copy(update={"capacity": None})
+    flown = fly_mission(profiler.model_copy(update={"supply": supply}), phases(), sea)
+    assert flown.accounts[Account.SELF_DISCHARGED] == 0.0
+    assert "self-discharge" not in close_books(flown).battery
+
+
+def test_no_run_is_longer_than_the_pump_stands(profiler, sea):
+    actuator = profiler.actuator.model_copy(update={"longest_run": 60.0})
+    flown = fly_mission(profiler.model_copy(update={"actuator": actuator}), phases(), sea)
+    assert flown.stop is Stop.FINISHED
+    over = flown.notes[flown.notes[:, Drive.WHAT] == Note.RUN_OVER][:, Drive.NUMBER]
+    assert np.max(over) <= 60.0 + 1e-6
+    assert flown.end[Now.V] == pytest.approx(profiler.stroke.maximum, rel=1e-3)

@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 from swimbladder.io.files import make_folder, write_atomically
 from swimbladder.io.mission import Mission
 from swimbladder.mission.core import kernel
-from swimbladder.mission.core.names import Account, At, Cycle, Drive, Given, Now, Row, Stop
+from swimbladder.mission.core.names import Account, At, Cycle, Drive, Given, Now, Row, Stage, Stop
 from swimbladder.mission.prepare import Accuracy, Plan, first_state, make_plan
 from swimbladder.parameters import Vehicle
 from swimbladder.seawater import Column
 
-__all__ = ["Flight", "fly_mission"]
+__all__ = ["Flight", "fly_mission", "thinned"]
 
 Array = NDArray[np.float64]
+_MOST = 1e6  # rows of steps that are kept in all; those where something changes come on top
 _ROWS, _NOTES, _CYCLES = 40_000, 8_000, 8
 _CYCLE_WIDTH = int(Cycle.ACCOUNTS) + int(Account.COUNT)
 
@@ -76,7 +77,7 @@ def fly_mission(
     store = None if keep is None else _Store(make_folder(keep), _key(plan, x, at))
     if store is not None:
         parts = store.read(x, at, accounts)
-    whole, told = _whole(plan), 0.0
+    whole, told, spacing = _whole(plan), 0.0, _length(plan) / _MOST
     work = np.zeros((6, 8))
     while at[At.STOP] == 0:
         rows, notes = np.zeros((_ROWS, int(Row.COUNT))), np.zeros((_NOTES, int(Drive.COUNT)))
@@ -92,7 +93,11 @@ def fly_mission(
             room = counts[0] < _ROWS // 2 and counts[1] < _NOTES // 2 and counts[2] < _CYCLES
             if not room:
                 break
-        part = (rows[: counts[0]].copy(), notes[: counts[1]].copy(), table[: counts[2]].copy())
+        part = (
+            thinned(rows[: counts[0]], spacing),
+            notes[: counts[1]].copy(),
+            table[: counts[2]].copy(),
+        )
         parts.append(part)
         if store is not None:
             store.write(len(parts) - 1, part, x, at, accounts)
@@ -102,6 +107,28 @@ def fly_mission(
         notes=together[1], cycles=together[2], begin=begin, end=x, whole=at, accounts=accounts,
         stop=Stop(int(at[At.STOP])),
     )  # fmt: skip
+
+
+def thinned(rows: Array, spacing: float) -> Array:
+    """Return rows without those that come sooner than `spacing` [s] after another.
+
+    The first and the last stay, and those on both sides of a change of what is done.
+    """
+    if len(rows) < 3 or spacing <= 0.0:
+        return rows.copy()
+    state = rows[:, [Row.PHASE, Row.DOING, Row.CYCLE]]
+    changes = np.any(state[1:] != state[:-1], axis=1)
+    ticks = np.diff(np.floor(rows[:, Row.T] / spacing)) > 0.0
+    keep = np.ones(len(rows), dtype=bool)
+    keep[1:-1] = changes[:-1] | changes[1:] | ticks[:-1]
+    return np.asarray(rows[keep])
+
+
+def _length(plan: Plan) -> float:
+    """Return how long a mission lasts at most [s]."""
+    stages = plan.stages
+    cycle = float(np.sum(stages[:, Stage.DURATION] + stages[:, Stage.TIMEOUT]))
+    return min(float(plan.given[Given.LAST_TIME]), cycle * float(plan.given[Given.LAST_CYCLE]))
 
 
 def _whole(plan: Plan) -> Callable[[Array, NDArray[np.int64]], float]:

@@ -17,7 +17,7 @@ from swimbladder.engine.modes import DEEPEST
 from swimbladder.errors import NoAnswerError
 from swimbladder.hull import layered_volume, neutral_volume
 from swimbladder.io.mission import Mission, Phase
-from swimbladder.mission.core.names import Account, At, Given, Kind, Now, Stage, Table
+from swimbladder.mission.core.names import Account, At, Given, Holding, Kind, Now, Stage, Table
 from swimbladder.parameters import PumpAndValve, Vehicle
 from swimbladder.seawater import Column, check_motion, motion_table
 from swimbladder.seawater.lookup import slopes
@@ -31,6 +31,7 @@ _SPEED = 0.1  # m/s, that of Argo floats
 _TOLERANCE = 10.0  # m
 _LOOKS, _PARKED = 60.0, 600.0  # s between two looks on the way, and parked
 _RUN = 15.0  # s in which a speed is measured
+HELD = 0.9  # share of its time that a park or hold has to be within its tolerance
 SHALLOW = 5.0  # m; a float of the MERMAID kind counts as diving from 0.5 bar on
 
 
@@ -75,10 +76,8 @@ def make_plan(
     if moving is None:
         check_motion(mission.water_motion, column)
         moving = motion_table(mission.water_motion, column.gravity)
-    return Plan(
-        _given(vehicle, mission, column, accuracy or Accuracy(), cycles, span), table, moving,
-        _stages(vehicle, mission), why,
-    )  # fmt: skip
+    given = _given(vehicle, mission, column, table, accuracy or Accuracy(), cycles, span)
+    return Plan(given, table, moving, _stages(vehicle, mission), why)
 
 
 def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
@@ -111,6 +110,19 @@ def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
     return np.ascontiguousarray(table), why
 
 
+def return_depth(vehicle: Vehicle, mission: Mission, table: Array, step: float) -> float:
+    """Return the depth below which a vehicle could not come up [m]; infinite where it always could.
+
+    There its neutral volume is beyond the stroke less what safety.stroke keeps back, or the drive
+    stalls.
+    """
+    stroke = vehicle.stroke
+    most = stroke.maximum - mission.safety.stroke * (stroke.maximum - stroke.minimum)
+    lost = (table[:, Table.NEUTRAL] > most) | (table[:, Table.RATE_OUT] <= 0.0)
+    lost[: int(vehicle.hull.emergence_depth / step) + 1] = False
+    return float(np.argmax(lost)) * step if lost.any() else math.inf
+
+
 def drag_coefficient(vehicle: Vehicle, speed: float) -> float:
     """Return F_d(w)/(rho g w^2) [m3 s2/m2] at a speed [m/s]: what the law `rate` reckons with."""
     return drag_force(vehicle.drag, speed) / (vehicle.water.specific_weight * speed * speed)
@@ -125,14 +137,16 @@ def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
 
 
 def _given(
-    vehicle: Vehicle, mission: Mission, column: Column, accuracy: Accuracy,
+    vehicle: Vehicle, mission: Mission, column: Column, table: Array, accuracy: Accuracy,
     cycles: float | None, span: float | None,
 ) -> Array:  # fmt: skip
     hull, stroke, m = vehicle.hull, vehicle.stroke, vehicle.mass
     d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
     a = vehicle.actuator
     by_time = isinstance(a, PumpAndValve)
-    deepest = mission.safety.deepest or hull.depth_limit or math.inf
+    deepest = mission.safety.deepest or min(
+        hull.depth_limit or math.inf, return_depth(vehicle, mission, table, column.step)
+    )
     empty, reserve, charge = _battery(vehicle, mission, column)
     last_time = mission.span if span is None else span
     last_cycle: float = mission.cycles or (math.inf if math.isfinite(last_time) else 1.0)
@@ -167,7 +181,7 @@ def _given(
         Given.LAST_TIME: last_time,
         Given.LAST_CYCLE: last_cycle if cycles is None else cycles,
         Given.SURFACING: surfacing_energy(vehicle),
-        Given.SELF_DISCHARGE: vehicle.supply.self_discharge if vehicle.supply else 0.0,
+        Given.SELF_DISCHARGE: _self_discharge(vehicle),
         Given.RTOL: accuracy.relative,
         Given.ATOL_Z: accuracy.depth,
         Given.ATOL_W: accuracy.speed,
@@ -177,8 +191,15 @@ def _given(
         Given.LONGEST_STEP: math.inf,
         Given.Z_LOST: DEEPEST,
         Given.CHARGE: charge,
+        Given.HELD: HELD,
     }
     return np.array([values[key] for key in list(Given)[: int(Given.COUNT)]])
+
+
+def _self_discharge(vehicle: Vehicle) -> float:
+    """Return it [1/s]; 0 where what is in the battery is not known."""
+    supply = vehicle.supply
+    return supply.self_discharge if supply is not None and supply.capacity is not None else 0.0
 
 
 def _battery(vehicle: Vehicle, mission: Mission, column: Column) -> tuple[float, float, float]:
@@ -232,7 +253,7 @@ def _law(vehicle: Vehicle, phase: Phase) -> RateParameters:
             far_speed=speed, ascent_speed=speed, near_speed=min(base.near_speed, speed),
             slow_speed=min(base.slow_speed, speed), speed_band=min(base.speed_band, 0.5 * speed),
         )  # fmt: skip
-    looks = interval or _LOOKS
+    looks = phase.check_interval or min(interval or _LOOKS, _needed(vehicle, tolerance, speed))
     run = min(_RUN, 0.5 * looks)
     return RateParameters(
         coefficient=drag_coefficient(vehicle, speed), tolerance=tolerance, near=tolerance,
@@ -240,6 +261,23 @@ def _law(vehicle: Vehicle, phase: Phase) -> RateParameters:
         ascent_speed=speed, speed_band=0.2 * speed, speed_step=0.1 * speed, volume_step=0.0,
         dead=looks - run, run=run, window=2.0 * looks,
     )  # fmt: skip
+
+
+def _needed(vehicle: Vehicle, tolerance: float, speed: float) -> float:
+    """Return the time between looks [s] in which neither way nor hull runs away from the law.
+
+    It goes half the tolerance at the speed, at least two of its own time constants; where the hull
+    gives way more than the water (psi > 0), half the time in which a small error grows e-fold:
+    m s^2 + k s = rho g psi, with k the drag over the speed.
+    """
+    m = vehicle.mass
+    k = drag_force(vehicle.drag, speed) / speed
+    longest = max(0.5 * tolerance / speed, 2.0 * m / k)
+    psi = vehicle.hull.psi
+    if psi > 0.0:
+        pull = vehicle.water.specific_weight * psi
+        longest = min(longest, 0.5 * 2.0 * m / (math.sqrt(k * k + 4.0 * m * pull) - k))
+    return longest
 
 
 def _stages(vehicle: Vehicle, mission: Mission) -> Array:
@@ -272,7 +310,7 @@ def first_state(
 
     g, t = plan.given, plan.table
     x, at = np.zeros(int(Now.COUNT)), np.zeros(int(At.COUNT), dtype=np.int64)
-    accounts = np.zeros(int(Account.COUNT))
+    accounts = np.zeros(int(Account.COUNT) + int(Holding.COUNT) * len(plan.stages))
     step, z = float(g[Given.STEP]), mission.start_depth
     x[Now.H], x[Now.CHARGE] = 1.0, g[Given.CHARGE]
     at[At.SEED] = -1 if seed is None else seed

@@ -26,6 +26,7 @@ from swimbladder.mission.core.names import (
     Cycle,
     Doing,
     Given,
+    Holding,
     Kind,
     Note,
     Now,
@@ -47,6 +48,7 @@ STOP, MISSED, NEW_PHASE = int(At.STOP), int(At.MISSED), int(At.NEW_PHASE)
 MASS, V_MAX, V_MIN, EMPTY = int(Given.MASS), int(Given.V_MAX), int(Given.V_MIN), int(Given.EMPTY)
 RESERVE, LAST_TIME, LAST_CYCLE = int(Given.RESERVE), int(Given.LAST_TIME), int(Given.LAST_CYCLE)
 SURFACING, Z_BOTTOM = int(Given.SURFACING), int(Given.Z_BOTTOM)
+LONGEST = int(Given.LONGEST)
 KIND, DEPTH, TOLERANCE = int(Stage.KIND), int(Stage.DEPTH), int(Stage.TOLERANCE)
 DURATION, TIMEOUT, LOADS = int(Stage.DURATION), int(Stage.TIMEOUT), int(Stage.LOADS)
 DEAD = int(Stage.LAW) + RateParameters._fields.index("dead")
@@ -61,7 +63,12 @@ ACCOUNTS = int(Account.COUNT)
 C_BEGIN, C_END, C_DEEPEST = int(Cycle.T_BEGIN), int(Cycle.T_END), int(Cycle.DEEPEST)
 C_MISSED, C_LEAST, C_MOST = int(Cycle.MISSED), int(Cycle.V_LEAST), int(Cycle.V_MOST)
 C_ARRIVAL, C_SURFACED = int(Cycle.ARRIVAL), int(Cycle.SURFACED)
-C_ACCOUNTS = int(Cycle.ACCOUNTS)
+C_ACCOUNTS, C_NOT_HELD = int(Cycle.ACCOUNTS), int(Cycle.NOT_HELD)
+NOT_HELD, HELD = int(At.NOT_HELD), int(Given.HELD)
+T_INSIDE, T_ARRIVED = int(Now.T_INSIDE), int(Now.T_ARRIVED)
+HOLDINGS, HELD_TIME = int(Holding.COUNT), int(Holding.TIME)
+HELD_INSIDE, HELD_SQUARES = int(Holding.INSIDE), int(Holding.SQUARES)
+HELD_MOST = int(Holding.MOST)
 R_T, R_Z, R_W, R_V = int(Row.T), int(Row.Z), int(Row.W), int(Row.V)
 R_PHASE, R_DOING, R_CYCLE = int(Row.PHASE), int(Row.DOING), int(Row.CYCLE)
 R_DRIVE, R_TOTAL = int(Row.DRIVE_ENERGY), int(Row.TOTAL_ENERGY)
@@ -124,10 +131,35 @@ def _level(stages, x, at):  # type: ignore[no-untyped-def]
 
 
 @part
+def _hold(stages, x, at, accounts, z, h):  # type: ignore[no-untyped-def]
+    """Enter h [s] that led from depth z [m] to here in what tells how the phase holds its depth.
+
+    Between the two the depth counts as straight: exact at rest, and steps are short off it.
+    """
+    stage = stages[at[PHASE]]
+    a, b = z - stage[DEPTH], x[Z] - stage[DEPTH]
+    low, high, tolerance = min(a, b), max(a, b), stage[TOLERANCE]
+    if high - low > 0.0:
+        share = max(min(high, tolerance) - max(low, -tolerance), 0.0) / (high - low)
+    else:
+        share = 1.0 if abs(a) <= tolerance else 0.0
+    x[T_INSIDE] += share * h
+    n = ACCOUNTS + HOLDINGS * at[PHASE]
+    accounts[n + HELD_TIME] += h
+    accounts[n + HELD_INSIDE] += share * h
+    accounts[n + HELD_SQUARES] += h * (a * a + a * b + b * b) / 3.0
+    accounts[n + HELD_MOST] = max(accounts[n + HELD_MOST], high, -low)
+
+
+@part
 def _arrive(stages, x, at, notes, counts):  # type: ignore[no-untyped-def]
     stage = stages[at[PHASE]]
     at[ARRIVED] = 1
-    if math.isnan(x[T_ARRIVAL]) and stage[KIND] != TO_SURFACE:
+    x[T_ARRIVED], x[T_INSIDE] = x[T], 0.0
+    first = stage[KIND] != TO_SURFACE
+    for n in range(at[PHASE]):
+        first = first and stages[n, KIND] == TO_SURFACE
+    if first:
         x[T_ARRIVAL] = x[T] - x[T_CYCLE]
     note(notes, counts, x, NOTE_ARRIVED, float(at[PHASE]))
     if stage[KIND] == HOLD or stage[KIND] == TO_SURFACE:
@@ -161,6 +193,10 @@ def _next_phase(p, stages, x, at, accounts, cycles, notes, counts):  # type: ign
         at[MISSED] |= 1 << at[PHASE]
         if stage[KIND] == TO_SURFACE:
             at[STOP] = NO_SURFACE
+    elif (stage[KIND] == PARK or stage[KIND] == HOLD) and x[T_INSIDE] < p[HELD] * (
+        x[T] - x[T_ARRIVED]
+    ):
+        at[NOT_HELD] |= 1 << at[PHASE]
     at[NEW_PHASE] = 1
     at[PHASE] += 1
     if at[PHASE] < stages.shape[0] and at[STOP] == 0:
@@ -185,9 +221,10 @@ def _close_cycle(x, at, accounts, cycles, counts):  # type: ignore[no-untyped-de
         c[C_BEGIN], c[C_END], c[C_DEEPEST] = x[T_CYCLE], x[T], x[Z_MOST]
         c[C_MISSED], c[C_LEAST], c[C_MOST] = at[MISSED], x[V_LEAST], x[V_MOST]
         c[C_ARRIVAL], c[C_SURFACED] = x[T_ARRIVAL], x[T_AFLOAT]
-        c[C_ACCOUNTS : C_ACCOUNTS + ACCOUNTS] = accounts
+        c[C_NOT_HELD] = at[NOT_HELD]
+        c[C_ACCOUNTS : C_ACCOUNTS + ACCOUNTS] = accounts[:ACCOUNTS]
         counts[2] = n + 1
-    x[T_CYCLE], x[Z_MOST], at[MISSED] = x[T], x[Z], 0
+    x[T_CYCLE], x[Z_MOST], at[MISSED], at[NOT_HELD] = x[T], x[Z], 0, 0
     x[V_LEAST], x[V_MOST] = x[V], -math.inf
     x[T_ARRIVAL], x[T_AFLOAT] = math.nan, math.nan
 
@@ -212,14 +249,20 @@ def _happen(p, table, stages, x, at, accounts, notes, counts, event):  # type: i
         at[ALARM] = 1
         if at[DOING] != NOTHING:
             end_run(x, at, notes, counts)
-        start_run(
-            p, table, x, at, accounts, notes, counts, PUMPING, p[V_MAX] - x[V], p[V_MAX], math.inf
-        )
-        x[T_LOOK], x[T_END] = math.inf, x[T] + _RESCUE
+        _press_out(p, table, x, at, accounts, notes, counts)
+        x[T_END] = x[T] + _RESCUE
     elif event == VOLUME:
         _at_volume(p, x, at, notes, counts)
     elif event == LOST:
         at[STOP] = STOP_LOST
+
+
+@part
+def _press_out(p, table, x, at, accounts, notes, counts):  # type: ignore[no-untyped-def]
+    """Pump out all volume, in runs as long as the pump stands, one after the other."""
+    wanted = p[V_MAX] - x[V]
+    start_run(p, table, x, at, accounts, notes, counts, PUMPING, wanted, p[V_MAX], p[LONGEST])
+    x[T_LOOK] = x[T_MOVE]
 
 
 @part
@@ -243,8 +286,9 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
     """Fly until a cycle is over, a buffer is full, or the mission ends: see `Stop`.
 
     p: of `Given`; table [n, Table.WIDTH]; waves [m, 6] of `motion_table`; stages [k, Stage.COUNT];
-    x: of `Now`, at: of `At`, accounts: of `Account`, all three changed. rows, notes, cycles:
-    buffers, an empty one keeps nothing; counts [3]: how much is in them. work: [6, 8].
+    x: of `Now`, at: of `At`, accounts: of `Account` and k times `Holding`, all three changed.
+    rows, notes, cycles: buffers, an empty one keeps nothing; counts [3]: how much is in them.
+    work: [6, 8].
     """
     passes = 0
     while True:
@@ -263,6 +307,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
                 until = min(until, x[T_PRIMED])
         if until > x[T]:
             kind = int(stages[at[PHASE], KIND])
+            arrived, depth = at[ARRIVED] == 1, x[Z]
             if at[RESTS] == 1 or at[PLACE] == 2:
                 ended = stay(p, table, x, at, accounts, loads, until)
                 if ended == 1:
@@ -283,6 +328,8 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
                     settle(p, table, waves, x, at, accounts)
                 _row(rows, counts, x, at, accounts)
             accounts[T_KIND + kind] += x[T] - before
+            if arrived and at[ALARM] == 0:
+                _hold(stages, x, at, accounts, depth, x[T] - before)
         if at[STOP] == 0:
             _decide(p, table, stages, x, at, accounts, notes, counts)
         over = False
@@ -322,5 +369,7 @@ def _decide(p, table, stages, x, at, accounts, notes, counts):  # type: ignore[n
             x[T_LOOK] = x[T_MOVE]
         elif at[DOING] != NOTHING:
             x[T_LOOK] = x[T] + stages[at[PHASE], DEAD]
+        elif at[ALARM] == 1:
+            _press_out(p, table, x, at, accounts, notes, counts)
         else:
             look(p, table, stages[at[PHASE]], x, at, accounts, notes, counts)

@@ -190,10 +190,11 @@ def look(p, table, stage, x, at, accounts, notes, counts):  # type: ignore[no-un
     longest = min(p[LONGEST], law.dead)  # a run is over by the next look
     surface = stage[KIND] == SURFACE
     if surface and seen <= p[SHALLOW]:
-        start_run(
-            p, table, x, at, accounts, notes, counts, PUMPING, p[V_MAX] - x[V], p[V_MAX], math.inf
-        )
+        full = p[V_MAX]
+        start_run(p, table, x, at, accounts, notes, counts, PUMPING, full - x[V], full, p[LONGEST])
         x[T_LOOK] = x[T] + law.dead
+        if at[DOING] != NOTHING and x[T_MOVE] < math.inf:
+            x[T_LOOK] = max(x[T_LOOK], x[T_MOVE])
         return
     if not surface and seen <= p[SHALLOW] and stage[DEPTH] > p[SHALLOW]:
         _dive(p, table, stage, x, at, accounts, notes, counts, seen, longest)

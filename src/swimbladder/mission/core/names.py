@@ -11,6 +11,7 @@ __all__ = [
     "Doing",
     "Drive",
     "Given",
+    "Holding",
     "Kind",
     "Note",
     "Now",
@@ -81,7 +82,8 @@ class Given(IntEnum):
     LONGEST_STEP = 36  # s
     Z_LOST = 37  # m, below which nothing is known of the water
     CHARGE = 38  # J in the battery at the start
-    COUNT = 39
+    HELD = 39  # -, share of its time that a park or hold has to be in its tolerance
+    COUNT = 40
 
 
 class Stage(IntEnum):
@@ -132,8 +134,10 @@ class Now(IntEnum):
     T_BEGIN = 18  # s, of the run
     Z_LOOK = 19  # m, depth seen last while about to dive
     T_PRIMED = 20  # s, when a pump that has started begins to deliver
-    LAW = 21  # the 7 numbers that the law `rate` remembers, in its order
-    COUNT = 28
+    T_INSIDE = 21  # s within the tolerance since the phase arrived
+    T_ARRIVED = 22  # s, when it did
+    LAW = 23  # the 7 numbers that the law `rate` remembers, in its order
+    COUNT = 30
 
 
 class At(IntEnum):
@@ -155,7 +159,8 @@ class At(IntEnum):
     MISSED = 13  # phases of the cycle that ran out of time
     NEW_PHASE = 14  # 1: a phase is to begin
     LOOKS = 15
-    COUNT = 16
+    NOT_HELD = 16  # parks and holds of the cycle that were out of their tolerance too long
+    COUNT = 17
 
 
 class Doing(IntEnum):
@@ -169,7 +174,7 @@ class Doing(IntEnum):
 
 
 class Account(IntEnum):
-    """Integrals since the start."""
+    """Integrals since the start; those of `Holding` follow for each phase."""
 
     PUMPED = 0  # m3
     LET_IN = 1  # m3
@@ -196,6 +201,16 @@ class Account(IntEnum):
     COUNT = 26
 
 
+class Holding(IntEnum):
+    """Integrals of a phase since its arrivals; behind `Account`, as many times as phases."""
+
+    TIME = 0  # s
+    INSIDE = 1  # s within the tolerance
+    SQUARES = 2  # m2 s, of the distance from the phase's depth
+    MOST = 3  # m, largest distance
+    COUNT = 4
+
+
 class Cycle(IntEnum):
     """Columns of the table of cycles."""
 
@@ -207,7 +222,8 @@ class Cycle(IntEnum):
     V_MOST = 5  # m3, largest volume off the surface
     ARRIVAL = 6  # s, when the first phase of a depth arrived; nan: never
     SURFACED = 7  # s, when it was afloat again; nan: never
-    ACCOUNTS = 8  # all accounts at the end of the cycle
+    NOT_HELD = 8  # parks and holds out of their tolerance too long, a bit each
+    ACCOUNTS = 9  # all accounts at the end of the cycle
 
 
 class Row(IntEnum):
