@@ -52,6 +52,15 @@ def size(
     surfacing: Annotated[
         str, typer.Option(metavar="ENERGY", help="For fix and telemetry, in each cycle.")
     ] = "0 J",
+    corrections: Annotated[
+        str, typer.Option(metavar="SHARE", help="Of way and energy, that decisions add.")
+    ] = "20 %",
+    surface_time: Annotated[
+        str, typer.Option(metavar="TIME", help="Afloat, in each cycle.")
+    ] = "15 min",
+    battery_reserve: Annotated[
+        str, typer.Option(metavar="SHARE", help="Of the battery, that is not flown with.")
+    ] = "10 %",
     longest_travel: Annotated[
         str, typer.Option(metavar="LENGTH", help="Of a piston that there is room for.")
     ] = "0.6 m",
@@ -106,7 +115,8 @@ def size(
         "depth": (depth, "m"), "speed": (speed, "m/s"), "turn_time": (turn_time, "s"),
         "trim": (trim, "m3"), "probability": (probability, ""), "freeboard": (freeboard, "m3"),
         "reserve": (reserve, ""), "park_time": (park, "s"), "hotel": (hotel, "W"),
-        "surface_energy": (surfacing, "J"),
+        "surface_energy": (surfacing, "J"), "corrections": (corrections, ""),
+        "surface_time": (surface_time, "s"), "battery_reserve": (battery_reserve, ""),
     }  # fmt: skip
     options = {"park_time": "--park", "surface_energy": "--surfacing"}
     named = {name: options.get(name, "--" + name.replace("_", "-")) for name in numbers}

@@ -27,6 +27,8 @@ class Dive:
     that lifts the antenna [m3], reserve of the stroke [-], cycles, park_time per cycle [s], hotel
     load [W], surface_energy per cycle [J]. battery_low: share of the voltage at which it still has
     to work [-]; stall_reserve: how much deeper than `depth` the motor has to hold, as a share [-].
+    corrections: share by which a flown dive takes longer and more energy than the straight one [-];
+    surface_time per cycle [s]; battery_reserve: share of the battery that is not flown with [-].
     Raises InputError where a number cannot be.
     """
 
@@ -41,6 +43,9 @@ class Dive:
     park_time: float = 0.0
     hotel: float = 0.02
     surface_energy: float = 0.0
+    corrections: float = 0.2
+    surface_time: float = 900.0
+    battery_reserve: float = 0.1
     battery_low: float = 0.8
     stall_reserve: float = 0.25
 
@@ -59,6 +64,11 @@ class Dive:
                     "it cannot be negative", field=name, value=value, unit=unit,
                     remedy="Check the number and its unit",
                 )  # fmt: skip
+        if self.battery_reserve >= 1.0:
+            raise InputError(
+                "nothing of the battery is left to fly with", field="battery_reserve",
+                value=self.battery_reserve, remedy='Write a share like "10 %"',
+            )  # fmt: skip
         for name in ("probability", "battery_low"):
             value = getattr(self, name)
             if not 0.0 < value <= 1.0 or (name == "probability" and value == 1.0):
@@ -69,15 +79,17 @@ class Dive:
 
     @property
     def cycle_time(self) -> float:
-        """Time of a cycle: down, parked and up [s]."""
-        return 2.0 * self.depth / self.speed + self.park_time
+        """Time of a cycle: down, parked, up and at the surface [s]."""
+        way = 2.0 * self.depth / self.speed * (1.0 + self.corrections)
+        return way + self.park_time + self.surface_time
 
 
 _POSITIVE = {"depth": "m", "speed": "m/s", "turn_time": "s", "cycles": ""}
 _PLACES = 41  # depths at which the energy of a cycle is summed up
 _NOT_NEGATIVE = {
     "trim": "m3", "freeboard": "m3", "reserve": "", "park_time": "s", "hotel": "W",
-    "surface_energy": "J", "stall_reserve": "",
+    "surface_energy": "J", "stall_reserve": "", "corrections": "", "surface_time": "s",
+    "battery_reserve": "",
 }  # fmt: skip
 
 

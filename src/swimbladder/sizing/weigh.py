@@ -163,9 +163,11 @@ def _at_pace(
     holding = _holding(b, z[:, -1])
     resting = np.where(screw, 0.0, b.number("pump", "at_rest"))
     leaked = resting * pressure / np.where(screw, 1.0, amplified**2) * per_volume[:, -1]
-    cycle = np.sum(asked.moved * per_volume, axis=1) + (holding + leaked) * dive.park_time
+    pressed = np.sum(asked.moved * per_volume, axis=1) * (1.0 + dive.corrections)
+    cycle = pressed + (holding + leaked) * dive.park_time
     hotel = dive.hotel * dive.cycle_time + dive.surface_energy
-    carried = dive.cycles * (cycle + hotel) / b.number("battery", "usable")
+    flown = dive.cycles * (cycle + hotel) / (1.0 - dive.battery_reserve)
+    carried = flown / b.number("battery", "usable")
     battery_mass = carried / b.number("battery", "specific_energy")
     mass = b.drive_mass + battery_mass
     with np.errstate(divide="ignore"):
