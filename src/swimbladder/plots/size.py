@@ -86,7 +86,7 @@ def draw_parts(found: Sizing) -> Figure:
         labels.append(_label(choice.what, choice.name))
         if choice.index < 0:
             axes.text(
-                0.02 * lightest, place, f"none: {100.0 * choice.margin:.0f} % of {choice.missing}",
+                0.02 * lightest, place, f"none does: {100.0 * choice.margin:.0f} % of the {choice.missing} needed",
                 va="center", fontsize=8.0, color=GREY,
             )  # fmt: skip
             continue
