@@ -85,8 +85,9 @@ def draw_parts(found: Sizing) -> Figure:
     for place, choice in enumerate(rows):
         labels.append(_label(choice.what, choice.name))
         if choice.index < 0:
+            lacking = f"none does: {100.0 * choice.margin:.0f} % of the {choice.missing} needed"
             axes.text(
-                0.02 * lightest, place, f"none does: {100.0 * choice.margin:.0f} % of the {choice.missing} needed",
+                0.02 * lightest, place, lacking,
                 va="center", fontsize=8.0, color=GREY,
             )  # fmt: skip
             continue
