@@ -110,17 +110,6 @@ depth = 2
     assert "swimbladder simulate" in " ".join(capsys.readouterr().err.split())
 
 
-def test_a_phase_out_of_time_is_exit_1_with_files(task, capsys):
-    late = 'kind = "profile"\ntimeout = "401 s"\n'
-    task.write_text(MISSION.replace('kind = "profile"\n', late))
-    code = main(["mission", "example-float", str(task), "--out", "flown", "--json"])
-    answer = json.loads(capsys.readouterr().out)
-    assert code == 1
-    assert answer["missed"] == {"profile": 1}
-    assert any("ran out of time in 1 of 1 cycles" in reason for reason in answer["reasons"])
-    assert os.path.exists("flown/mission.json")
-
-
 def test_a_hold_that_does_not_hold_is_exit_1(task, capsys):
     """A hull that gives way more than the water runs away between two looks."""
     task.write_text("""schema_version = 1
@@ -135,15 +124,55 @@ duration = "10 min"
     code = main(["mission", "feup-em", str(task), "--out", "flown", "--json"])
     answer = json.loads(capsys.readouterr().out)
     assert code == 1
-    assert answer["held"]["hold"] < 0.9
+    assert answer["held"]["hold"]["share"] < 0.9
     assert any("is no holding" in reason for reason in answer["reasons"])
     assert answer["energy_unknown"]
+    assert answer["sinks_J"] is None
+    assert answer["drawn_J"] is None
     table = np.genfromtxt("flown/trajectory.csv", delimiter=",", names=True)
     inside = np.abs(table["depth_m"] - 3.0) <= 0.2
     first = int(np.argmax(inside))
     dt, middle = np.diff(table["time_s"]), 0.5 * (inside[1:].astype(float) + inside[:-1])
     share = np.sum((dt * middle)[first:]) / np.sum(dt[first:])
-    assert answer["held"]["hold"] == pytest.approx(share, rel=1e-9)
+    assert answer["held"]["hold"]["share"] == pytest.approx(share, abs=0.03)
+    farthest = np.max(np.abs(table["depth_m"] - 3.0)[first:])
+    assert answer["held"]["hold"]["farthest"] == pytest.approx(farthest, rel=1e-6)
+
+
+def test_a_first_depth_that_is_missed_is_not_said_to_be_reached(task, capsys):
+    late = 'depth = "60 m"\ntolerance = "5 m"\ntimeout = "900 s"\n'
+    task.write_text(MISSION.replace('depth = "60 m"\ntolerance = "5 m"\n', late, 1))
+    code = main(["mission", "example-float", str(task), "--out", "flown", "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    assert code == 1
+    assert answer["missed"]["descend"] == 1
+    assert answer["arrival_s"] is None
+    assert answer["sentence"].startswith("does not reach 60 m")
+    assert any("ran out of time in 1 of 1 cycle:" in reason for reason in answer["reasons"])
+    assert os.path.exists("flown/mission.json")
+
+
+def test_a_battery_that_does_not_last_is_exit_1(task, tmp_path, capsys):
+    from swimbladder.io.presets import preset_text
+
+    small = preset_text("example-float").replace('"1500 Wh"', '"12 Wh"')
+    (tmp_path / "small.toml").write_text(small)
+    code = main(["mission", "small.toml", str(task), "--cycles", "50", "--out", "flown", "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    assert (code, answer["stop"]) == (1, "reserve")
+    assert answer["battery_cycles"] == answer["cycles"] < 50
+    assert f"after {answer['cycles']} of 50 cycles" in answer["reasons"][0]
+
+
+def test_options_of_a_cast_need_one(task, capsys):
+    for option in (["--salinity", "3"], ["--profile", "2"], ["--inversions", "keep"]):
+        assert main(["mission", "example-float", str(task), *option]) == 2
+        assert option[0] in capsys.readouterr().err
+        assert main(["campaign", "example-float", str(task), "--latitude", "30"]) == 2
+    capsys.readouterr()
+    task.write_text(MISSION.replace('name = "a short dive"', "latitude = 30"))
+    assert main(["mission", "example-float", str(task)]) == 2
+    assert "it says where a cast was taken" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(task, tmp_path):

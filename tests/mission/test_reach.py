@@ -7,7 +7,13 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.hull import neutral_volume
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission, check_mission
-from swimbladder.mission.prepare import drag_coefficient, law_parameters, make_plan
+from swimbladder.mission.core.names import Given
+from swimbladder.mission.prepare import (
+    drag_coefficient,
+    law_parameters,
+    make_plan,
+    return_depth,
+)
 from swimbladder.mission.reach import check_column, check_reach
 from swimbladder.seawater import uniform_column
 from tests.mission.conftest import phases
@@ -77,6 +83,30 @@ def test_the_coefficient_is_drag_over_weight_and_speed_squared():
     assert drag_coefficient(vehicle, 0.02) == pytest.approx(0.8 / 0.02 / weight)
 
 
+def test_where_it_could_not_come_up_it_may_not_go():
+    """psi z = 315 cm3, the stroke less what is kept back, at 78 m; the hull's rating is 100 m."""
+    vehicle = load_vehicle("feup-em")
+    column = uniform_column(vehicle.water, 150.0, step=0.5)
+    task = phases(deep=50.0, safety={"stroke": 0.05})
+    plan = make_plan(vehicle, task, column)
+    back = (0.95 * 350e-6 - 0.05 * 350e-6 - vehicle.trim_error) / vehicle.hull.psi
+    found = return_depth(vehicle, task, plan.table, column.step)
+    assert back <= found <= back + column.step
+    assert plan.given[Given.DEEPEST] == found
+    with pytest.raises(NoAnswerError, match=r"safety.deepest is 95 m, and below \d+ m the vehicle"):
+        reach(vehicle, phases(deep=50.0, safety={"deepest": 95.0}), column)
+    with pytest.raises(NoAnswerError, match="too short at"):
+        reach(vehicle, phases(deep=85.0), column)
+
+
+def test_a_hull_under_pressure_does_not_dive(profiler, sea):
+    actuator = profiler.actuator.model_copy(update={"internal_pressure": 1.2e5})
+    vehicle = profiler.model_copy(update={"actuator": actuator})
+    with pytest.raises(NoAnswerError, match=r"does not dive: .* is 0.19 bar above"):
+        reach(vehicle, phases(), sea)
+    reach(vehicle, phases(start_depth=30.0), sea)  # under water the sea presses it in
+
+
 def test_a_look_comes_as_often_as_the_phase_says(profiler):
     """The interval is the time that a speed is measured in, and the pause after it."""
     for interval, run in ((600.0, 10.0), (8.0, 4.0)):  # 10 s: the vehicle's own
@@ -102,6 +132,8 @@ def test_a_mission_has_one_of_the_two_tables(profiler):
         Mission(phases=[{"kind": "park", "depth": 3.0}])
     with pytest.raises(InputError, match="reaches the surface"):
         Mission(phases=[{"kind": "descend", "depth": 3.0, "tolerance": 3.0}])
+    with pytest.raises(InputError, match="there are 51 phases"):
+        Mission(phases=[{"kind": "surface", "duration": 60.0}] * 51)
     with pytest.raises(InputError, match="this command takes set-points"):
         check_mission(load_vehicle("feup-em"), phases())
 

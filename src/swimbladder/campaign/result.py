@@ -46,17 +46,16 @@ class Campaign:
 
     @property
     def good(self) -> NDArray[np.bool_]:
-        """Which floats came to the end, or to the battery's reserve, with every phase done."""
+        """Which floats flew every cycle that was asked for, with every phase done."""
         stop = self.table[:, Fact.STOP]
-        ended = (stop == Stop.FINISHED) | (stop == Stop.RESERVE)
-        return np.asarray(ended & (self.table[:, Fact.MISSED] == 0.0))
+        return np.asarray((stop == Stop.FINISHED) & (self.table[:, Fact.MISSED] == 0.0))
 
     def shares(self) -> list[tuple[str, int, float, tuple[float, float]]]:
         """Return (what, floats, share, its 95 % interval) of every way it ended."""
         total, stop = len(self.table), self.table[:, Fact.STOP]
         late = self.table[:, Fact.MISSED] > 0.0
         found = [("every phase of every cycle done", int(np.sum(self.good)))]
-        found.append(("a phase ran out of time", int(np.sum(late))))
+        found.append(("a phase ran out of time, or was not held", int(np.sum(late))))
         found += [
             (REASONS[reason], int(np.sum(stop == reason)))
             for reason in Stop

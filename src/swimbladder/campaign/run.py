@@ -35,7 +35,7 @@ class Fact(IntEnum):
 
     STOP = int(Drawn.COUNT)
     CYCLES = 6
-    MISSED = 7  # phases that ran out of time
+    MISSED = 7  # phases that ran out of time, or did not hold
     ARRIVAL = 8  # s, mean over the cycles that arrived at the first phase's depth; nan: none did
     DEEPEST = 9  # m
     DURATION = 10  # s
@@ -102,7 +102,8 @@ def _one(plans: Sequence[Plan], mission: Mission, spread: Spread, seed: int, num
             counts, work,
         )  # fmt: skip
         if counts[2]:
-            missed += int(cycle[0, Cycle.MISSED]).bit_count()
+            late = int(cycle[0, Cycle.MISSED]) | int(cycle[0, Cycle.NOT_HELD])
+            missed += late.bit_count()
             deepest = max(deepest, float(cycle[0, Cycle.DEEPEST]))
             if not math.isnan(cycle[0, Cycle.ARRIVAL]):
                 arrivals, arrived = arrivals + float(cycle[0, Cycle.ARRIVAL]), arrived + 1

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.casts import degrees, inversion_choice, pairs, read_casts, share
+from swimbladder.cli.casts import (
+    degrees,
+    inversion_choice,
+    pairs,
+    read_casts,
+    refuse_without_cast,
+    share,
+)
 from swimbladder.cli.common import emit_json, json_text, output, progress, quantity
 from swimbladder.errors import InputError
 
@@ -131,7 +138,7 @@ def ballast(
             "a volume to be neutral with needs the depth", field="--at-volume", value=at_volume,
             remedy="Give --neutral-depth too, or leave --at-volume out",
         )  # fmt: skip
-    _refuse_without_cast(
+    refuse_without_cast(
         cast, column=column, where=where, log_format=log_format, profile=profile,
         latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
     )  # fmt: skip
@@ -165,16 +172,6 @@ def ballast(
         _print(found, files)
     if not found.covered:
         raise typer.Exit(1)
-
-
-def _refuse_without_cast(cast: list[Path] | None, **options: object) -> None:
-    """Raise InputError where an option says how to read a cast and there is none."""
-    for name, value in options.items():
-        if not cast and value not in (None, []):
-            raise InputError(
-                "it says how to read a cast, and there is none",
-                field=f"--{name.replace('_', '-')}", value=value, remedy="Give --cast too",
-            )  # fmt: skip
 
 
 def _material(text: str) -> tuple[float, str]:

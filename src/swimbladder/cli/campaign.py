@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.casts import degrees, inversion_choice, pairs, read_casts, share
+from swimbladder.cli.casts import (
+    degrees,
+    inversion_choice,
+    pairs,
+    read_casts,
+    refuse_without_cast,
+    share,
+)
 from swimbladder.cli.common import (
     compile_notice,
     emit_json,
@@ -61,8 +68,8 @@ def campaign(
         float | None, typer.Option(metavar="PSU", help="Where a cast has none; 0: fresh.")
     ] = None,
     inversions: Annotated[
-        str, typer.Option(metavar="WHAT", help="Large ones: refuse, average or keep.")
-    ] = "refuse",
+        str | None, typer.Option(metavar="WHAT", help="Large ones: average, keep (refuse).")
+    ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-campaign"
     ),
@@ -83,11 +90,15 @@ def campaign(
     check_phases(task, mission)
     span = quantity(duration, "s", "--duration")
     trim, psi = quantity(trim_std, "m3", "--trim-std"), quantity(psi_std, "m3/m", "--psi-std")
+    refuse_without_cast(
+        cast, column=column, latitude=latitude, salinity=salinity, inversions=inversions,
+    )  # fmt: skip
     check_place(out)
+    given = degrees(latitude, "--latitude", 90.0)
     casts = read_casts(
         cast or [], columns=pairs(column or [], "--column"), where={}, log_format=None,
-        profile=None, latitude=degrees(latitude, "--latitude", 90.0) or task.latitude,
-        longitude=None, salinity=salinity, inversions=inversion_choice(inversions),
+        profile=None, latitude=task.latitude if given is None else given,
+        longitude=None, salinity=salinity, inversions=inversion_choice(inversions or "refuse"),
     )  # fmt: skip
     columns = [water(v, task, one) for one in casts] or [water(v, task, None)]
     with progress("loading the simulator"):

@@ -13,7 +13,9 @@ from swimbladder.errors import InputError
 if TYPE_CHECKING:
     from swimbladder.seawater import Cast
 
-__all__ = ["degrees", "inversion_choice", "pairs", "read_casts", "share"]
+__all__ = [
+    "degrees", "inversion_choice", "pairs", "read_casts", "refuse_without_cast", "share",
+]  # fmt: skip
 
 
 def read_casts(
@@ -78,9 +80,21 @@ def share(text: str, option: str) -> float:
 
 def inversion_choice(text: str) -> Literal["refuse", "average", "keep"]:
     """Return what to do with density inversions; raises InputError for another word."""
-    if text == "refuse" or text == "average" or text == "keep":
-        return text
+    choices: tuple[Literal["refuse", "average", "keep"], ...] = ("refuse", "average", "keep")
+    for choice in choices:
+        if text == choice:
+            return choice
     raise InputError(
         "not one of the choices", field="--inversions", value=text,
         remedy="Choose refuse, average or keep",
     )  # fmt: skip
+
+
+def refuse_without_cast(cast: object, **options: object) -> None:
+    """Raise InputError where an option says how to read a cast and there is none."""
+    for name, value in options.items():
+        if not cast and value not in (None, []):
+            raise InputError(
+                "it says how to read a cast, and there is none",
+                field=f"--{name.replace('_', '-')}", value=value, remedy="Give --cast too",
+            )  # fmt: skip

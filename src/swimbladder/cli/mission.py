@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.casts import degrees, inversion_choice, pairs, read_casts
+from swimbladder.cli.casts import (
+    degrees,
+    inversion_choice,
+    pairs,
+    read_casts,
+    refuse_without_cast,
+)
 from swimbladder.cli.common import (
     compile_notice,
     emit_json,
@@ -73,8 +79,8 @@ def mission(
         float | None, typer.Option(metavar="PSU", help="Where the cast has none; 0: fresh.")
     ] = None,
     inversions: Annotated[
-        str, typer.Option(metavar="WHAT", help="Large ones: refuse, average or keep.")
-    ] = "refuse",
+        str | None, typer.Option(metavar="WHAT", help="Large ones: average, keep (refuse).")
+    ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-mission"
     ),
@@ -102,6 +108,10 @@ def mission(
         raise InputError("it must be above 0", field="--duration", value=duration, unit="s",
                          remedy="Check the number and its unit")  # fmt: skip
     start = _moment(begin)
+    refuse_without_cast(
+        cast, column=column, where=where, log_format=log_format, profile=profile,
+        latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
+    )  # fmt: skip
     check_place(out)
     read = None
     if cast is not None:
@@ -111,7 +121,7 @@ def mission(
             log_format=log_format, profile=profile,
             latitude=task.latitude if given is None else given,
             longitude=degrees(longitude, "--longitude", 180.0), salinity=salinity,
-            inversions=inversion_choice(inversions),
+            inversions=inversion_choice(inversions or "refuse"),
         )[0]  # fmt: skip
     found = _fly(v, task, water(v, task, read), cycles, span, seed, out)
     answer = found.to_json()
@@ -156,6 +166,11 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
     from swimbladder.seawater import cast_column, uniform_column
 
     if cast is None:
+        if task.latitude is not None:
+            raise InputError(
+                "it says where a cast was taken, and there is none", field="latitude",
+                value=task.latitude, unit="deg", remedy="Give --cast, or leave it out",
+            )  # fmt: skip
         deepest = max([task.start_depth, *(p.depth for p in task.phases if p.depth is not None)])
         return uniform_column(vehicle.water, _MARGIN * deepest + _BELOW)
     with progress("tabulating the water"):
@@ -233,22 +248,23 @@ def _print(found: MissionResult, cast: Cast | None, files: list[Path]) -> None:
     flight = found.flight
     output.print(
         f"{flight.vehicle.name} in {flight.column.source or 'the given water'}: "
-        f"{len(flight.cycles)} cycles, {span_words(flight.duration)}",
+        f"{len(flight.cycles)} cycle{'s' if len(flight.cycles) > 1 else ''}, "
+        f"{span_words(flight.duration)}",
         soft_wrap=True,
     )
     for remark in () if cast is None else flight.column.report:
         output.print(f"cast: {remark}", soft_wrap=True)
     output.print("")
     output.print(found.sentence, soft_wrap=True)
-    for reason in found.reasons:
-        output.print(reason, soft_wrap=True)
+    for line in (*found.holding, *found.reasons):
+        output.print(line, soft_wrap=True)
     output.print("")
     heading, *lines = cycle_words(found)
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for name in heading:
         table.add_column(name, justify="right", no_wrap=True)
-    for line in lines:
-        table.add_row(*line)
+    for row in lines:
+        table.add_row(*row)
     output.print(table)
     if found.energy_known:
         output.print("")

@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.buoyancy_engine import drive_map
 from swimbladder.control.rate import RateParameters
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.mission.core.names import Given, Stage, Table
-from swimbladder.mission.prepare import Plan, law_parameters
-from swimbladder.parameters import Vehicle
-from swimbladder.seawater import Column
+from swimbladder.mission.prepare import Plan, law_parameters, return_depth
+from swimbladder.parameters import PumpAndValve, Vehicle
+from swimbladder.seawater import Column, look_up
+from swimbladder.seawater.column import ATMOSPHERE
 
 __all__ = ["Need", "Reach", "check_column", "check_reach", "reach_of"]
 
@@ -55,9 +57,8 @@ def check_reach(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:
 
     Raises NoAnswerError where it cannot be done: what fails, where, by how much.
     """
-    _check_depths(vehicle, mission, plan)
+    _check_dive(vehicle, mission, plan)
     _check_stall(mission, plan)
-    _check_times(mission, plan)
     found = reach_of(vehicle, mission, plan)
     stroke = vehicle.stroke
     length = stroke.maximum - stroke.minimum
@@ -74,6 +75,8 @@ def check_reach(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:
             f"ends at {end * 1e6:.4g} cm3{reserve}. Trim the vehicle, lengthen its stroke, or go "
             "slower or less deep"
         )
+    _check_depths(vehicle, mission, plan)
+    _check_times(mission, plan)
     return found
 
 
@@ -123,14 +126,48 @@ def _needs(phase: Phase, law: RateParameters, start: float, end: float, plan: Pl
 
 def _check_depths(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
     deepest = float(plan.given[Given.DEEPEST])
+    step = float(plan.given[Given.STEP])
+    back = return_depth(vehicle, mission, plan.table, step)
+    if mission.safety.deepest is not None and mission.safety.deepest > back:
+        raise NoAnswerError(
+            f"safety.deepest is {mission.safety.deepest:g} m, and below {back:.0f} m the vehicle "
+            "could not come up: its neutral volume is beyond the stroke, or the drive stalls. "
+            f"Write {back:.0f} m at most, or leave it out"
+        )
+    limit = vehicle.hull.depth_limit or np.inf
+    why = "below which it could not come up" if back < limit else "hull.depth_limit"
+    if mission.safety.deepest is not None:
+        why = "safety.deepest"
     for phase, stage in zip(mission.phases, plan.stages, strict=True):
         depth = float(stage[Stage.DEPTH])
         if depth > deepest:
-            limit = "safety.deepest" if mission.safety.deepest is not None else "hull.depth_limit"
             raise NoAnswerError(
                 f"the phase {phase.title!r} goes to {depth:g} m, {depth - deepest:.4g} m below "
-                f"the {deepest:g} m that {vehicle.name!r} may go to ({limit}). Ask for less"
+                f"the {deepest:g} m that {vehicle.name!r} may go to ({why}). Ask for less"
             )
+
+
+def _check_dive(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
+    """Raise NoAnswerError where a vehicle that floats can let nothing in."""
+    afloat = mission.start_depth == 0.0 or any(p.kind == "surface" for p in mission.phases[:-1])
+    afloat |= mission.phases[-1].kind == "surface" and plan.given[Given.LAST_CYCLE] > 1.0
+    if not afloat or all(phase.kind == "surface" for phase in mission.phases):
+        return
+    top = max(vehicle.hull.emergence_depth, 0.0)
+    pressure = look_up(plan.table, float(plan.given[Given.STEP]), Table.PRESSURE, top)[0]
+    drive = drive_map(vehicle, pressure, power=False)
+    flows = (float(drive.rate_in[0]), float(drive.bypass_in[0]))
+    if max(flows) > 0.0:
+        return
+    a = vehicle.actuator
+    why = "its drive draws nothing in there"
+    if isinstance(a, PumpAndValve):
+        over = a.internal_pressure - ATMOSPHERE
+        why = (
+            f"the gas in the hull (actuator.internal_pressure) is {over / 1e5:.2g} bar above the "
+            "atmosphere, and nothing presses the oil back. Close the hull at a lower pressure"
+        )
+    raise NoAnswerError(f"the vehicle {vehicle.name!r} floats and does not dive: {why}")
 
 
 def _check_stall(mission: Mission, plan: Plan) -> None:

@@ -11,15 +11,25 @@ from numpy.typing import NDArray
 
 from swimbladder.hull import linear_psi
 from swimbladder.mission.books import MissionBooks, close_books
-from swimbladder.mission.core.names import Account, At, Cycle, Given, Now, Row, Stage, Stop
+from swimbladder.mission.core.names import (
+    Account,
+    At,
+    Cycle,
+    Given,
+    Holding,
+    Now,
+    Row,
+    Stage,
+    Stop,
+)
 from swimbladder.mission.flight import Flight
+from swimbladder.mission.prepare import HELD
 from swimbladder.mission.reach import Reach
 
-__all__ = ["HELD", "REASONS", "MissionResult", "span_words"]
+__all__ = ["REASONS", "MissionResult", "span_words"]
 
 Array = NDArray[np.float64]
 
-HELD = 0.9  # share of its time that a park or hold has to be within its tolerance
 REASONS = {
     Stop.FINISHED: "the mission came to its end",
     Stop.RESERVE: "the battery came to its reserve (safety.battery)",
@@ -46,32 +56,51 @@ class MissionResult:
 
     @property
     def completed(self) -> bool:
-        """Whether it came to its end, or to the battery's reserve, with every phase done."""
-        ended = self.flight.stop in (Stop.FINISHED, Stop.RESERVE)
-        return ended and not self.missed and all(share >= HELD for share in self.held.values())
+        """Whether every cycle that was asked for was flown, with every phase done."""
+        return (
+            self.flight.stop is Stop.FINISHED
+            and not self.missed
+            and all(one["share"] >= HELD for one in self.held.values())
+        )
 
     @cached_property
-    def held(self) -> dict[str, float]:
-        """Share of the time since its arrival in which each park and hold was in its tolerance."""
-        rows, found = self.flight.rows, {}
-        for n, phase in enumerate(self.flight.mission.phases):
-            if phase.kind not in ("park", "hold"):
-                continue
-            here = rows[:, Row.PHASE] == n
-            stage = self.flight.plan.stages[n]
-            inside = np.abs(rows[:, Row.Z] - stage[Stage.DEPTH]) <= stage[Stage.TOLERANCE]
-            cycle = rows[:, Row.CYCLE]
-            # since its arrival: some row of this phase in this cycle was inside before
-            arrived = np.zeros(len(rows), dtype=bool)
-            for k in np.unique(cycle[here & inside]):
-                part = np.flatnonzero(here & (cycle == k))
-                arrived[part] = np.cumsum(inside[part]) > 0
-            counted = (arrived[:-1] & here[:-1]) & (here[1:] & (cycle[1:] == cycle[:-1]))
-            dt = np.diff(rows[:, Row.T])[counted]
-            both = 0.5 * (inside[:-1].astype(float) + inside[1:])[counted]
-            if dt.sum() > 0.0:
-                found[phase.title] = float((dt * both).sum() / dt.sum())
-        return found
+    def held(self) -> dict[str, dict[str, float]]:
+        """How each park and hold went, by its title, over the time since its arrivals.
+
+        share: of that time within its tolerance [-]; rms and farthest [m] from its depth.
+        """
+        kept = self.flight.accounts[int(Account.COUNT) :].reshape(-1, int(Holding.COUNT))
+        return {
+            phase.title: {
+                "share": float(one[Holding.INSIDE] / one[Holding.TIME]),
+                "rms": float(np.sqrt(one[Holding.SQUARES] / one[Holding.TIME])),
+                "farthest": float(one[Holding.MOST]),
+            }
+            for phase, one in zip(self.flight.mission.phases, kept, strict=True)
+            if phase.kind in ("park", "hold") and one[Holding.TIME] > 0.0
+        }
+
+    @property
+    def flown_margin(self) -> float:
+        """Share of the stroke that was left at the nearer end, below where it dives and fills."""
+        stroke = self.flight.vehicle.stroke
+        rows = self.flight.rows
+        deep = rows[rows[:, Row.Z] > self.flight.plan.given[Given.SHALLOW], Row.V]
+        if deep.size == 0:
+            return 1.0
+        left = min(stroke.maximum - float(deep.max()), float(deep.min()) - stroke.minimum)
+        return left / (stroke.maximum - stroke.minimum)
+
+    @property
+    def holding(self) -> list[str]:
+        """How each park and hold went, in sentences."""
+        phases = {p.title: n for n, p in enumerate(self.flight.mission.phases)}
+        return [
+            f"{name}: within {self.flight.plan.stages[phases[name], Stage.TOLERANCE]:g} m for "
+            f"{100.0 * one['share']:.0f} % of the time since it arrived, {one['rms']:.3g} m rms, "
+            f"{one['farthest']:.3g} m at most"
+            for name, one in self.held.items()
+        ]
 
     @property
     def cycles(self) -> int:
@@ -114,6 +143,8 @@ class MissionResult:
     def battery_cycles(self) -> int | None:
         """Cycles that a full battery lasts, its reserve kept; None where that is not known."""
         g = self.flight.plan.given
+        if self.flight.stop is Stop.RESERVE:
+            return self.cycles
         usable = float(g[Given.CHARGE] - g[Given.RESERVE])
         if not np.isfinite(usable) or usable <= 0.0 or self.cycles == 0 or not self.energy_known:
             return None
@@ -128,7 +159,7 @@ class MissionResult:
         if first.depth is not None:
             parts.append(
                 f"reaches {first.depth:g} m in {span_words(self.arrival)}"
-                if self.arrival is not None
+                if self.arrival is not None and self.flight.stop is not Stop.LOST
                 else f"does not reach {first.depth:g} m"
             )
         if self.energy_known and self.cycles:
@@ -138,22 +169,30 @@ class MissionResult:
         answer = ", ".join(parts)
         stroke = self.flight.vehicle.stroke
         length = 1e6 * (stroke.maximum - stroke.minimum)
-        margin = f"stroke margin {100.0 * self.reach.margin:.0f} % of {length:.4g} cm3"
+        planned, flown = 100.0 * self.reach.margin, 100.0 * self.flown_margin
+        margin = (
+            f"stroke margin {planned:.0f} % of {length:.4g} cm3 as planned, {flown:.0f} % flown"
+        )
         return f"{answer}; {margin}" if answer else margin
 
     @property
     def reasons(self) -> list[str]:
         """Why the mission ended, and what was not met on the way."""
-        found = [f"{REASONS[self.flight.stop]}, after {span_words(self.flight.duration)}"]
+        asked = float(self.flight.plan.given[Given.LAST_CYCLE])
+        flown = f"{self.cycles} of {asked:.0f} cycles, " if np.isfinite(asked) else ""
+        flown = "" if self.flight.stop is Stop.FINISHED else flown
+        found = [f"{REASONS[self.flight.stop]}, after {flown}{span_words(self.flight.duration)}"]
         found += [
-            f"the phase {name!r} ran out of time in {count} of {len(self.flight.cycles)} cycles"
+            f"the phase {name!r} ran out of time in {count} of {len(self.flight.cycles)} "
+            f"cycle{'s' if len(self.flight.cycles) > 1 else ''}: give it a longer timeout (a park "
+            "a longer duration), more speed, or a wider tolerance"
             for name, count in self.missed.items()
         ]
         found += [
-            f"the phase {name!r} was within its tolerance in {100.0 * share:.0f} % of its time "
-            f"since it arrived: less than {100.0 * HELD:.0f} % is no holding"
-            for name, share in self.held.items()
-            if share < HELD
+            f"the phase {name!r} was in its tolerance for less than {100.0 * HELD:.0f} % of its "
+            "time: that is no holding. Look more often (check_interval), go slower, or allow more"
+            for name, one in self.held.items()
+            if one["share"] < HELD
         ]
         deepest = float(np.max(self.flight.cycles[:, Cycle.DEEPEST]))
         if deepest > self.flight.column.deepest:
@@ -186,6 +225,7 @@ class MissionResult:
             "missed": self.missed,
             "held": self.held,
             "stroke_margin": self.reach.margin,
+            "stroke_margin_flown": self.flown_margin,
             "least_volume": vars(self.reach.least),
             "most_volume": vars(self.reach.most),
             "psi_m3_m": linear_psi(f.vehicle, f.column, at),
@@ -200,7 +240,7 @@ class MissionResult:
             "drive_per_cycle_J": self.drive_per_cycle if self.energy_known else None,
             "battery_cycles": self.battery_cycles,
             "battery_left": self._left,
-            "sinks_J": books.sinks,
+            "sinks_J": books.sinks if self.energy_known else None,
             "energy_residue": books.relative_residue,
             "volume_m3": books.volume,
             "steps": int(f.whole[At.STEPS]),

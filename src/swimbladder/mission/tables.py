@@ -108,9 +108,9 @@ def cycle_columns(result: MissionResult) -> dict[str, Array]:
 def cycle_words(result: MissionResult, shown: int = 12) -> list[tuple[str, ...]]:
     """Return a table of the first cycles and the last as texts, its heading first."""
     columns = cycle_columns(result)
-    heading = ["cycle", "days", "arrives [h]", "deepest [m]", "pumps", "valves"]
+    heading = ["cycle", "days", "arrives [h]", "deepest [m]", "runs out", "runs in"]
     keys = ["pump_J", "valve_J", "loads_J"] if result.energy_known else []
-    heading += ["pump [kJ]", "valve [kJ]", "loads [kJ]"] if keys else []
+    heading += ["out [kJ]", "in [kJ]", "loads [kJ]"] if keys else []
     count = len(columns["cycle"])
     wanted = list(range(count)) if count <= shown else [*range(shown - 1), count - 1]
     lines: list[tuple[str, ...]] = [tuple(heading)]

@@ -35,6 +35,9 @@ def draw_mission(result: MissionResult) -> Figure:
     """Return the figure of a mission: the first cycle in depth and volume, then all cycles."""
     figure = Figure(figsize=(9.5, 8.0))
     axes = figure.subplots(3, 2)
+    flight = result.flight
+    title = f"{flight.vehicle.name}: {flight.mission.name or 'mission'}, {flight.column.source}"
+    figure.suptitle(title, fontsize=11.0)
     first = result.flight.rows[result.flight.rows[:, Row.CYCLE] == 0.0]
     unit, words = _unit(float(first[-1, Row.T]))
     _depth(result, first, unit, words, axes[0, 0])
