@@ -308,6 +308,62 @@ def test_several_casts_in_a_file_have_to_be_chosen_from(tmp_path):
     np.testing.assert_allclose(read_cast(path, where={"dive": 2}, **PLACE).pressure, p)
 
 
+def test_depths_that_count_upward_are_turned_and_said(tmp_path):
+    p, t, s = sea()
+    depth = -gsw.z_from_p(p, 43.0)
+    table = {"temperature_degC": t, "salinity": s}
+    down = read_cast(csv(tmp_path, {"depth_m": depth, **table}), **PLACE)
+    up = read_cast(csv(tmp_path, {"depth_m": -depth, **table}), **PLACE)
+    np.testing.assert_allclose(up.pressure, down.pressure, atol=1e-9)
+    assert any("depths are negative in the file" in line for line in up.report)
+    assert not any("negative" in line for line in down.report)
+    beside = read_cast(csv(tmp_path, {"pressure_dbar": p, "depth_m": -depth, **table}), **PLACE)
+    np.testing.assert_allclose(beside.pressure, p, atol=1e-9)
+
+
+def test_depths_of_both_signs_are_refused_with_the_line(tmp_path):
+    p, t, s = sea()
+    depth = np.where(p == 400.0, -400.0, p)
+    error = refused(csv(tmp_path, {"depth_m": depth, "temperature_degC": t, "salinity": s}))
+    assert error.line == 202
+    assert "neither downward nor upward" in str(error)
+
+
+def test_salinity_as_a_share_of_mass_is_refused_and_a_soft_lake_is_not_shut_out(tmp_path):
+    error = refused(plain(tmp_path, salinity=sea()[2] / 1000.0))
+    assert "As kg/kg or g/g it is 38.5 g/kg: multiply the column by 1000" in error.remedy
+    assert "--salinity" in error.remedy
+    fresh = plain(tmp_path, salinity=np.zeros(251))
+    assert np.all(read_cast(fresh, **PLACE).SA == 0.0)
+    soft = plain(tmp_path, salinity=np.full(251, 0.06))
+    np.testing.assert_allclose(read_cast(soft, **PLACE).SA, gsw.SR_from_SP(0.06), rtol=0.5)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("mS/cm", 10.0), ("mS/m", 1e3), ("uS/cm", 1e4)])
+@pytest.mark.parametrize("constant", [False, True])
+def test_conductivity_in_another_unit_names_the_option_that_reads_it(
+    tmp_path, unit, factor, constant
+):
+    p, t, s = sea()
+    C = 0.1 * gsw.C_from_SP(s, t, p)  # S/m
+    if constant:  # too much salt for cold water in any unit, and still told by its size
+        C = np.full(len(p), 5.0)
+        t = t - 12.0
+    path = csv(tmp_path, {"pressure_dbar": p, "temperature_degC": t, "cond": C * factor})
+    error = refused(path)
+    assert f'--column "conductivity_S_m=cond@{unit}"' in error.remedy
+    if not constant:
+        again = read_cast(path, columns={"conductivity_S_m": f"cond@{unit}"}, **PLACE)
+        np.testing.assert_allclose(again.SA, gsw.SA_from_SP(s, p, 8.0, 43.0), atol=1e-4)
+
+
+def test_a_single_row_is_told_how_many_are_needed(tmp_path):
+    path = csv(tmp_path, {"pres": [1.0], "temp": [5.0], "psal": [35.0]})
+    error = refused(path)
+    assert "one row is no cast" in str(error)
+    assert "two rows at least" in error.remedy
+
+
 @pytest.mark.parametrize("order", ["up", "shuffled"])
 def test_rows_in_another_order_make_the_same_cast(tmp_path, order):
     p, t, s = sea()

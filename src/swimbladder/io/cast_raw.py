@@ -32,6 +32,7 @@ class RawCast:
     latitude: float | None = None
     longitude: float | None = None
     name: str = ""
+    names: dict[str, str] = field(default_factory=dict)  # of the file's columns, where known
     report: list[str] = field(default_factory=list)
 
     def __len__(self) -> int:

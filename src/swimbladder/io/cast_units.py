@@ -26,8 +26,11 @@ MOST_SALT = 42.0  # practical salinity: where PSS-78 ends, above the northern Re
 _PRESSURES = ("bar", "mbar", "kPa", "MPa", "Pa", "psi")
 _FITS = 0.05  # of the pressure: fresh, salt and gauge with one density differ by less
 _ATMOSPHERE = (9.6, 10.7)  # dbar, with weather
+_SHARES = 0.05  # salinity: the largest of a sea is that as a share of mass, and a soft lake's
 _SALT_FITS, _SALT_WRONG = 0.02, 0.1
+_SEAS = (1.0, 7.5)  # S/m: a brackish sea in winter, and the Red Sea in summer at depth
 _DENSITY_FITS, _DENSITY_WRONG = 0.05, 0.2  # kg/m3; EOS-80 and TEOS-10 differ by up to 0.02
+_ABOVE = 0.2  # of the greatest depth: a sensor in air before a cast in shallow water is less
 _SURE = 10.0  # m or dbar that a cast has to go over, for its unit to be told
 
 
@@ -37,7 +40,7 @@ def check_units(raw: RawCast) -> RawCast:
     Raises LogError where numbers cannot be in their units, with the one that fits.
     """
     _temperature(raw)
-    raw = _pressure(raw)
+    raw = _pressure(_downward(raw))
     _salt(raw)
     return raw
 
@@ -55,6 +58,25 @@ def _temperature(raw: RawCast) -> None:
     raise raw.refused(
         what, field="temperature_degC", value=round(middle, 3), unit="degC", remedy=remedy
     )
+
+
+def _downward(raw: RawCast) -> RawCast:
+    """Return the cast with depths that count downward, whichever way they do in the file."""
+    depth = raw.depth
+    if depth is None or not np.min(depth) < 0.0:
+        return raw
+    if np.max(depth) <= 0.0:
+        raw.report.append("the depths are negative in the file: they are taken as metres downward")
+        return replace(raw, depth=-depth)
+    k = int(np.argmin(depth))
+    if depth[k] < -_ABOVE * float(np.max(np.abs(depth))):
+        raise raw.refused(
+            f"the depths go from {depth[k]:.6g} m to {np.max(depth):.6g} m: they count neither "
+            "downward nor upward",
+            field="depth_m", value=float(depth[k]), unit="m", k=k,
+            remedy="Make them all positive, downward, or all negative; or leave the bad row out",
+        )  # fmt: skip
+    return raw
 
 
 def _pressure(raw: RawCast) -> RawCast:
@@ -81,21 +103,21 @@ def _pressure(raw: RawCast) -> RawCast:
             f"{most:.6g} dbar is deeper than any sea", field="pressure_dbar", value=most,
             unit="dbar", k=int(np.argmax(p)),
             remedy=f"It may be in {' or '.join(fitting) or 'no unit of pressure'}: say so with "
-            '--column "pressure_dbar=NAME@UNIT"',
+            + _map(raw, "UNIT"),
         )  # fmt: skip
     return raw
+
+
+def _map(raw: RawCast, unit: str, column: str = "pressure_dbar") -> str:
+    """Return the option that reads a column in another unit."""
+    return f'--column "{column}={raw.names.get(column, "NAME")}@{unit}"'
 
 
 def _by_depth(raw: RawCast, p: Array, depth: Array) -> RawCast:
     """Hold pressures against the depths beside them."""
     import gsw
 
-    below = np.abs(depth) > 0.2 * float(np.max(np.abs(depth)))
-    if float(np.median(depth[below])) < 0.0:
-        raise raw.refused(
-            "the depths are negative", field="depth_m", value=float(np.min(depth)), unit="m",
-            remedy="Count them downward in the file, or leave the column out: pressure will do",
-        )  # fmt: skip
+    below = np.abs(depth) > _ABOVE * float(np.max(np.abs(depth)))
     due = np.asarray(gsw.p_from_z(-depth[below], raw.latitude or 45.0))
     offset = p[below] - due
     if _ATMOSPHERE[0] <= float(np.median(offset)) <= _ATMOSPHERE[1] and float(
@@ -114,7 +136,7 @@ def _by_depth(raw: RawCast, p: Array, depth: Array) -> RawCast:
     what = f"{p[k]:.6g} dbar at a depth of {depth[k]:.6g} m, where about {due.max():.5g} are due"
     raise raw.refused(
         what, field="pressure_dbar", value=float(p[k]), unit="dbar", k=k,
-        remedy=f'In {fitting[0]} it fits: map it with --column "pressure_dbar=NAME@{fitting[0]}"'
+        remedy=f"In {fitting[0]} it fits: map it with {_map(raw, fitting[0])}"
         if fitting
         else "No unit of pressure fits: check which columns are pressure and depth",
     )  # fmt: skip
@@ -141,7 +163,7 @@ def _by_density(raw: RawCast, p: Array, density: Array, SP: Array) -> None:
             f"at {np.max(p):.5g} dbar the density in situ would be {off:.2g} kg/m3 off the one "
             "beside it",
             field="pressure_dbar", value=float(np.max(p)), unit="dbar",
-            remedy=f'In {best} they agree: map it with --column "pressure_dbar=NAME@{best}"',
+            remedy=f"In {best} they agree: map it with {_map(raw, best)}",
         )  # fmt: skip
     raw.report.append(
         f"the density beside is {off:.2g} kg/m3 off that of pressure, temperature and salinity: "
@@ -166,13 +188,20 @@ def _by_salt(raw: RawCast, p: Array, C: Array, SP: Array) -> None:
             f"at {np.max(p):.5g} dbar the conductivity would mean a salinity "
             f"{miss(1.0):.2g} off the one beside it",
             field="pressure_dbar", value=float(np.max(p)), unit="dbar",
-            remedy=f'In {best} they agree: map it with --column "pressure_dbar=NAME@{best}"',
+            remedy=f"In {best} they agree: map it with {_map(raw, best)}",
         )  # fmt: skip
 
 
 def _salt(raw: RawCast) -> None:
     if raw.salinity is not None:
-        middle = float(np.median(raw.salinity))
+        middle, most = float(np.median(raw.salinity)), float(np.max(raw.salinity))
+        if 0.0 < most < _SHARES and middle >= 0.0:
+            raise raw.refused(
+                f"a salinity of {most:.4g} at most is next to none", field="salinity",
+                value=round(most, 6),
+                remedy=f"As kg/kg or g/g it is {1e3 * most:.4g} g/kg: multiply the column by 1000 "
+                f"in the file; for a lake as fresh as that give --salinity {most:.2g}",
+            )  # fmt: skip
         if 0.0 <= middle <= MOST_SALT:
             return
         raise raw.refused(
@@ -198,16 +227,19 @@ def _refuse_salt(raw: RawCast, C: Array, median_salt: Callable[[float], float]) 
     found = median_salt(1.0)
     if 0.0 < found <= MOST_SALT:
         return
-    fitting = [
-        unit
-        for unit in ("mS/cm", "uS/cm", "S/m")
-        if 2.0 < median_salt(unit_factor(unit, "S/m")) <= MOST_SALT
-    ]
+    middle = float(np.median(C))
+    units = {unit: unit_factor(unit, "S/m") for unit in ("mS/cm", "mS/m", "uS/cm")}
+    signs = {
+        u: (2.0 < median_salt(f) <= MOST_SALT) + (_SEAS[0] <= middle * f <= _SEAS[1])
+        for u, f in units.items()
+    }
+    most = max(signs.values())
+    fitting = [unit for unit, found in signs.items() if found == most > 0]
     raise raw.refused(
-        f"a conductivity of {np.median(C):.4g} S/m is that of no sea",
-        field="conductivity_S_m", value=float(np.median(C)), unit="S/m",
-        remedy=f'In {fitting[0]} it fits: map it with --column "conductivity_S_m=NAME@'
-        f'{fitting[0]}"'
+        f"a conductivity of {middle:.4g} S/m is that of no sea",
+        field="conductivity_S_m", value=middle, unit="S/m",
+        remedy=f"In {' or '.join(fitting)} it fits: map it with "
+        + " or ".join(_map(raw, unit, "conductivity_S_m") for unit in fitting)
         if fitting
         else "Check which column is the conductivity",
     )  # fmt: skip

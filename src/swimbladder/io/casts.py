@@ -7,7 +7,7 @@ stands in `Cast.report`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from swimbladder.io.cast_raw import RawCast
 from swimbladder.io.cast_rows import averaged, one_leg, without_spikes
 from swimbladder.io.cast_stable import Inversions, stable
 from swimbladder.io.cast_units import MOST_SALT, check_units
-from swimbladder.io.log_format import LogFormat, log_format
+from swimbladder.io.log_format import LogColumn, LogFormat, log_format
 from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import read_bytes
 from swimbladder.io.netcdf_in import is_netcdf
@@ -90,11 +90,14 @@ def _text_cast(
 ) -> RawCast:  # fmt: skip
     """Return the cast of a text or a Parquet file, read as logs are."""
     form = given if isinstance(given, LogFormat) else log_format(given) if given else LogFormat()
-    table = read_table(
-        path, form, {**form.where, **where},
-        lambda header: cast_sources(columns, header, path, salted=salinity is not None),
-        [], CAST_COLUMNS,
-    )  # fmt: skip
+    names: dict[str, str] = {}
+
+    def sources(header: Sequence[str]) -> dict[str, LogColumn]:
+        found = cast_sources(columns, header, path, salted=salinity is not None)
+        names.update({name: column.name for name, column in found.items()})
+        return found
+
+    table = read_table(path, form, {**form.where, **where}, sources, [], CAST_COLUMNS)
     values = table.values
     place = {}
     for name in ("latitude", "longitude"):
@@ -106,7 +109,7 @@ def _text_cast(
         conductivity=values.get("conductivity_S_m"), density=values.get("density_kg_m3"),
         row=table.line, latitude=place["latitude"], longitude=place["longitude"],
         name=", ".join(f"{name}={value}" for name, value in where.items()),
-        report=list(table.report),
+        names=names, report=list(table.report),
     )  # fmt: skip
 
 
@@ -133,11 +136,18 @@ def _whole(raw: RawCast) -> RawCast:
     }
     known = {name: np.isfinite(v) for name, v in needed.items() if v is not None}
     kept = np.logical_and.reduce(list(known.values()))
+    if len(kept) < 2:
+        raise raw.refused(
+            f"{'one row is' if len(kept) else 'no row is'} no cast",
+            field="pressure_dbar" if raw.pressure is not None else "depth_m",
+            remedy="Give two rows at least, at different depths, each with pressure, temperature "
+            "and salinity; --where may have chosen too few",
+        )  # fmt: skip
     if kept.sum() < 2:
         worst = min(known, key=lambda name: int(known[name].sum()))
         raise raw.refused(
             f"of {len(kept)} rows {int(kept.sum())} hold pressure, temperature and salinity, "
-            f"{int(known[worst].sum())} a {worst.split('_')[0]}",
+            f"{int(known[worst].sum())} a {worst.split('_')[0]}, and 2 are the least",
             field=worst, remedy="Check that the right columns are mapped and that the sensor ran",
         )  # fmt: skip
     if not kept.all():
