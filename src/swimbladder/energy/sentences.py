@@ -19,13 +19,15 @@ _DAY, _HOUR, _MINUTE = 86400.0, 3600.0, 60.0
 
 def drive_sentences(found: DriveEnergy) -> tuple[str, ...]:
     """Return what pressing out costs at the deepest depth, and where the drive stalls."""
-    z, m = found.column.deepest, found.map
+    z, m, rating = found.column.deepest, found.map, found.vehicle.hull.depth_limit
     said = []
+    if rating is not None and z > rating * (1.0 + 1e-9):
+        said.append(f"{z:g} m is deeper than the vehicle is rated for, {rating:g} m.")
     if m.rate_out[-1] > 0.0:
         said.append(
             f"Pressing out at {z:g} m takes {found.per_volume[-1] * 1e-6:.3g} J/mL: "
             f"{m.rate_out[-1] * 1e6:.3g} mL/s with {m.power_out[-1]:.3g} W, "
-            f"{found.efficiency[-1]:.0%} of which reach the water."
+            f"{100.0 * found.efficiency[-1]:.0f} % of which reach the water."
         )
     else:
         said.append(f"Nothing is pressed out at {z:g} m: the drive has stalled.")
@@ -88,8 +90,8 @@ def assumptions(found: DriveEnergy, thruster: Thruster) -> tuple[str, ...]:
     said = [
         f"the water: {found.column.source}, {found.column.deepest:g} m deep",
         f"{thruster.number} thruster{'s' if thruster.number > 1 else ''} of "
-        f"{thruster.diameter * 1e3:.3g} mm with {thruster.efficiency:.0%} of an ideal disc's "
-        f"efficiency and {thruster.idle_power:g} W of idle power each (--thruster-diameter, "
+        f"{thruster.diameter * 1e3:.3g} mm with {100.0 * thruster.efficiency:.0f} % of an ideal "
+        f"disc's efficiency and {thruster.idle_power:g} W of idle power each (--thruster-diameter, "
         "--thruster-efficiency, --thruster-number, --thruster-idle)",
         "steady speeds at full voltage; processor, sensors and driver's standby not counted",
     ]
@@ -108,16 +110,16 @@ def fit_sentences(fit: PumpFit) -> tuple[str, ...]:
     if fit.dives:
         error = np.array([d.predicted / d.energy - 1.0 for d in fit.dives if d.energy > 0.0])
         said.append(
-            f"Each dive's energy told by the others: within {np.median(np.abs(error)):.1%} "
-            f"(median), {np.max(np.abs(error)):.1%} at worst."
+            f"Each dive's energy told by the others: within {_percent(np.median(np.abs(error)))} "
+            f"(median), {_percent(np.max(np.abs(error)))} at worst."
         )
         volume = np.array(
             [d.predicted_volume / d.volume - 1.0 for d in fit.dives if d.volume > 0.0]
         )
         if volume.size:
             said.append(
-                f"Each dive's volume: within {np.median(np.abs(volume)):.1%} (median), "
-                f"{np.max(np.abs(volume)):.1%} at worst."
+                f"Each dive's volume: within {_percent(np.median(np.abs(volume)))} (median), "
+                f"{_percent(np.max(np.abs(volume)))} at worst."
             )
     left = int((~fit.kept).sum())
     if left:
@@ -125,6 +127,10 @@ def fit_sentences(fit: PumpFit) -> tuple[str, ...]:
     if "delivery" not in fit.parameters:
         said.append("No volumes were measured: the delivery is not told.")
     return tuple(said)
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %"
 
 
 def _time(seconds: float) -> str:
