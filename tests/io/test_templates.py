@@ -5,10 +5,14 @@ import tomllib
 
 import pytest
 
+from swimbladder.buoyancy_engine import drive_map
+from swimbladder.hull import neutral_volume, weight_mass
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.templates import KINDS, vehicle_template
 from swimbladder.parameters import Vehicle
 from swimbladder.parameters.schema import models_in, tags_of
+from swimbladder.seawater import uniform_column
+from swimbladder.units import parse_quantity
 
 
 def loaded(folder, text):
@@ -41,6 +45,28 @@ def test_a_template_loads_with_every_field_taken_in_and_defaults_are_the_default
     # What was commented out as a default changes nothing.
     for part in ("water", "stroke", "motion", "sensors", "trim_error"):
         assert getattr(with_all, part) == getattr(plain, part)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "identified"])
+def test_a_template_is_a_vehicle_that_weighs_what_it_displaces(tmp_path, kind):
+    vehicle = loaded(tmp_path, vehicle_template(kind))
+    assert vehicle.motion.dry_mass == pytest.approx(weight_mass(vehicle), rel=2e-3)
+
+
+def test_the_float_of_the_template_does_its_rating_in_sea_water(tmp_path):
+    vehicle = loaded(tmp_path, vehicle_template("pump-valve"))
+    hull, law = vehicle.hull, vehicle.controller.parameters
+    assert vehicle.water.density == pytest.approx(1025.0)
+    assert hull.waterplane_area * hull.height == pytest.approx(hull.displaced_volume, rel=0.01)
+    coefficient = vehicle.motion.drag.k_dt / (vehicle.water.density * vehicle.water.gravity)
+    told = parse_quantity(law["coefficient"], "m3 s2/m2")
+    assert told == pytest.approx(coefficient, rel=0.01)
+    column = uniform_column(vehicle.water, hull.depth_limit)
+    volumes = neutral_volume(vehicle, column)
+    assert vehicle.stroke.minimum < volumes.min()
+    assert volumes.max() < vehicle.stroke.maximum
+    assert volumes[-1] < volumes[0]  # stiffer than the water: psi below 0
+    assert drive_map(vehicle, column.pressure).rate_out.min() > 0.0
 
 
 def fields(model, given):

@@ -29,10 +29,29 @@ _BODY: _Table = {
 }
 _PHYSICAL: _Table = {
     "kind": "physical",
-    "dry_mass": "33 kg",
-    "entrained_mass": "5 kg",
+    "dry_mass": "27.5 kg",  # neutral in fresh water
+    "entrained_mass": "10.5 kg",
     "added_mass": "7 kg",
     "drag": {"law": "linear", "k_dl": "1.24 N s/m"},
+}
+# A profiling float for 1000 m, its hull the stiffer one and neutral in sea water.
+_FLOAT: _Table = {
+    "water": {"density": "1025 kg/m3"},
+    "stroke": {"minimum": "-300 cm3", "maximum": "300 cm3"},
+    "hull": {
+        "displaced_volume": "27.5 L",
+        "psi": "-0.05 cm3/m",
+        "waterplane_area": "235 cm2",
+        "height": "1.17 m",
+        "depth_limit": "1000 m",
+    },
+    "motion": {
+        "kind": "physical",
+        "dry_mass": "28.19 kg",
+        "entrained_mass": "1 kg",
+        "added_mass": "1.8 kg",
+        "drag": {"law": "quadratic", "k_dt": "12 N s2/m2"},
+    },
 }
 _MOTOR: _Table = {
     "resistance": "1.5 ohm",
@@ -114,12 +133,12 @@ _EXAMPLES: dict[str, _Table] = {
             "valve": {"flow": "2.5 mL/s/bar^0.5", "power": "4 W"},
         },
         "supply": {"voltage": "15 V", "capacity": "1000 Wh"},
-        "motion": _PHYSICAL | {"drag": {"law": "quadratic", "k_dt": "16 N s2/m2"}},
+        **_FLOAT,
         "controller": {
             "law": "rate",
             "sample_time": "1 s",
             "parameters": {
-                "coefficient": "1600 cm3 s2/m2",
+                "coefficient": "1190 cm3 s2/m2",
                 "tolerance": "5 m",
                 "near": "5 m",
                 "far": "50 m",
