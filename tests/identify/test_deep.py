@@ -8,19 +8,21 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from swimbladder.errors import InputError
-from swimbladder.identify.deep import identify_deep
+from swimbladder.hull import neutral_volume, weight_mass
+from swimbladder.identify.deep import identified_vehicle, identify_deep
 from swimbladder.identify.deep_dive import deep_dive
 from swimbladder.identify.deep_fit import balance, fit_deep, start_volume
 from swimbladder.identify.deep_model import DEEP, DEFAULT, body_of, hull_volume, priors_of
 from swimbladder.identify.deep_replay import replay
 from swimbladder.identify.estimates import Prior
 from swimbladder.io.config import load_vehicle
+from swimbladder.parameters import Oil, Valve
 from tests.identify.deep import dived, made_up_column, made_up_log, made_up_vehicle
 
 TRUTH = {
     "drag": 165.0, "drag_up": 0.8, "compressibility": 3.1e-10, "stiffening": 3e-18,
     "thermal_expansion": 0.8e-4, "trapped_air": 0.0, "pump_delivery": 0.7, "pump_slip": 0.0,
-    "pump_start": 0.5e-6, "valve": 0.9, "creep": 5e-11,
+    "pump_start": 0.5e-6, "valve": 0.9, "bypass": 1.0, "creep": 5e-11,
 }  # fmt: skip
 RUNS = [
     ("valve", 4000.0, 2.0), ("valve", 9000.0, 1.5), ("valve", 15000.0, 1.2),
@@ -50,7 +52,8 @@ def test_a_replay_is_that_of_scipy(scene) -> None:
     values = TRUTH | {"thermal_expansion": 0.0, "trapped_air": 2e-5}
     start = begin_of(body, values, column, 0.05)
     runs = [("pump", 6000.0, 100.0), ("pump", 12000.0, 100.0), ("pump", 20000.0, 100.0)]
-    dive = deep_dive(made_up_log(runs, 8.0), column, vehicle)
+    short = with_drive(vehicle, start_volume=2e-6)
+    dive = deep_dive(made_up_log(runs, 8.0), column, short)
     fine = replay(body, values, start, dive, pressure=5e5, begin=0.0, step=2.0)
     g = column.gravity
 
@@ -60,7 +63,7 @@ def test_a_replay_is_that_of_scipy(scene) -> None:
         volume = start - values["creep"] * t
         for begun, nominal in zip(dive.action_time, dive.action_volume, strict=True):
             share = min(max((t - begun) / 100.0, 0.0), 1.0)
-            volume += share * (values["pump_delivery"] * nominal - values["pump_start"])
+            volume += share * (values["pump_delivery"] * nominal - 2e-6 - values["pump_start"])
         solid = 1.0 - values["compressibility"] * p + 0.5 * values["stiffening"] * p * p
         hull = body.volume * solid + values["trapped_air"] * 101325.0 / (101325.0 + p)
         heavy = body.mass / rho - hull - volume
@@ -179,6 +182,134 @@ def test_an_identified_vehicle(scene) -> None:
     assert after.actuator.valve.flow == pytest.approx(vehicle.actuator.valve.flow * told["valve"])
     assert after.actuator.start_volume == 5e-7
     assert after.hull.parts[0].compressibility == told["compressibility"]
+
+
+def with_drive(vehicle, **changes):
+    return vehicle.model_copy(update={"actuator": vehicle.actuator.model_copy(update=changes)})
+
+
+def two_dives(vehicle, column, values, runs=RUNS):
+    """Return logs and dives of two descents, hardly moved by waves."""
+    body, rng = body_of(vehicle), np.random.default_rng(3)
+    found = [
+        dived(
+            vehicle, body, column, values, rng, runs=runs, hours=12.0, wave=0.2,
+            start=begin_of(body, values, column, speed),
+        )
+        for speed in (0.045, 0.055)
+    ]  # fmt: skip
+    return [log for log, _ in found], [dive for _, dive in found]
+
+
+SHORT = 4.5e-6  # m3
+AS_FILED = {"pump_delivery": 1.0, "valve": 1.0, "bypass": 1.0, "pump_start": 0.0, "pump_slip": 0.0}
+
+
+def test_what_starts_fall_short_by_counts_once(scene) -> None:
+    """A vehicle just as its file: each start 4.5 mL short, and the file that comes out says so."""
+    plain, _, column = scene
+    vehicle = with_drive(plain, start_volume=SHORT)
+    truth = TRUTH | AS_FILED
+    logs, dives = two_dives(vehicle, column, truth)
+    for dive in dives:
+        pumps = dive.action_pumps
+        assert dive.action_volume[pumps] == pytest.approx(0.8e-6 * dive.action_seconds[pumps])
+        assert dive.action_short == pytest.approx(np.where(pumps, SHORT, 0.0))
+    # The same dive of a file that does not know, told that it is what starts fall short by beyond.
+    twin = deep_dive(logs[0], column, plain)
+    body, start = body_of(vehicle), 1e-5
+    assert balance(body, truth, start, dives[0]) == pytest.approx(
+        balance(body, truth | {"pump_start": SHORT}, start, twin), abs=1e-12
+    )
+    _, still = dived(
+        vehicle, body, column, truth, np.random.default_rng(1), runs=RUNS, hours=12.0,
+        start=begin_of(body, truth, column, 0.05), wave=0.0,
+    )  # fmt: skip
+    book = balance(body, truth, begin_of(body, truth, column, 0.05), still)
+    assert np.median(np.abs(book)) < 0.1e-6
+    found = identify_deep(logs, [column], vehicle)
+    correction = found.parameters["pump_start"]
+    assert correction.origin == "data"
+    assert correction.std < 0.5e-6
+    assert abs(found.result_vehicle.actuator.start_volume - SHORT) < 1.96 * correction.std
+    fixed = identify_deep(logs, [column], vehicle, fixed={"pump_start": 0.0})
+    assert fixed.result_vehicle.actuator.start_volume == SHORT
+    # With the pump as its file has it, counting it twice does not fit.
+    free = ("compressibility", "drag_up")
+    held = {name: value for name, value in truth.items() if name not in free}
+    once, twice = (
+        fit_deep(
+            body, dives, priors_of(vehicle, {}), free=free, fixed=held | {"pump_start": start}
+        ).noise
+        for start in (0.0, SHORT)
+    )  # fmt: skip
+    assert twice > 2.0 * once
+
+
+def test_a_short_run_gives_nothing_and_the_line_counts(scene) -> None:
+    plain, _, column = scene
+    runs = [("pump", 100.0, 2.0), ("pump", 900.0, 60.0)]
+    dive = deep_dive(made_up_log(runs, 2.0), column, with_drive(plain, start_volume=SHORT))
+    assert dive.action_short == pytest.approx([1.6e-6, SHORT])  # 2 s of 0.8 mL/s
+    oil = Oil(volume=2e-5)
+    lined = deep_dive(made_up_log(runs, 2.0), column, with_drive(plain, line=oil))
+    assert lined.action_short[1] > 0.0
+
+
+def test_the_bypass_has_a_share_of_its_own(scene) -> None:
+    """Every other run is the bypass's, with 0.7 of its flow, while the valve has 1.2."""
+    plain, _, column = scene
+    vehicle = with_drive(plain, bypass=Valve(flow=1.5 * plain.actuator.valve.flow, power=6.0))
+    swapped = iter(("valve", "bypass") * len(RUNS))
+    runs = [
+        (next(swapped), begun, seconds) if device == "valve" else (device, begun, seconds)
+        for device, begun, seconds in RUNS
+    ]
+    truth = TRUTH | {"valve": 1.2, "bypass": 0.7, "drag": 160.0}
+    logs, dives = two_dives(vehicle, column, truth, runs)
+    assert sum(dive.action_bypass.sum() for dive in dives) == 4
+    found = identify_deep(logs, [column], vehicle, fixed={"drag": 160.0})
+    for name in ("valve", "bypass"):
+        told = found.parameters[name]
+        assert told.origin == "data"
+        assert abs(told.value - truth[name]) < 3.0 * told.std
+        assert told.std < 0.1
+        before, after = (getattr(v.actuator, name) for v in (vehicle, found.result_vehicle))
+        assert after.flow == pytest.approx(before.flow * told.value, rel=1e-12)
+    assert not any("the flow of the bypass" in said for said in found.assumptions)
+    with pytest.raises(InputError, match="the vehicle has none"):
+        identify_deep(logs, [column], plain)
+
+
+def test_a_bypass_that_never_runs_stays_as_it_is(scene) -> None:
+    plain, _, column = scene
+    vehicle = with_drive(plain, bypass=Valve(flow=1e-7, power=6.0))
+    logs, _ = two_dives(vehicle, column, TRUTH)
+    found = identify_deep(logs, [column], vehicle)
+    assert "bypass" not in found.parameters
+    assert found.result_vehicle.actuator.bypass == vehicle.actuator.bypass
+    assert any("flow of the bypass is as in the vehicle's file" in x for x in found.assumptions)
+
+
+def test_the_written_vehicle_rests_where_the_fit_does(scene) -> None:
+    """Neutral volumes of `hull`, for all commands, and of the fit, with air and warmth changed."""
+    plain, _, column = scene
+    hull = plain.hull.model_copy(update={"reference_temperature": 5.0})
+    vehicle = plain.model_copy(update={"hull": hull, "trim_error": 2e-5})
+    body = body_of(vehicle)
+    _, dives = two_dives(vehicle, column, TRUTH)
+    held = {"trapped_air": 3e-5, "thermal_expansion": 0.2e-4, "stiffening": 0.0, "drag": 165.0}
+    fit = fit_deep(body, dives, priors_of(vehicle, {}), free=DEFAULT, fixed=held)
+    after = identified_vehicle(vehicle, fit)
+    assert weight_mass(after) == pytest.approx(body.mass, rel=1e-12)
+    # Trapped air grows with its warmth in the hull, and not in the fit: the hull as it was filled.
+    p, T = column.pressure, np.full(len(column.pressure), 5.0)
+    told = body.mass / column.density - hull_volume(body, fit.values, p, T)
+    written = neutral_volume(after, replace(column, temperature=T))
+    assert written == pytest.approx(told, abs=1e-9)
+    # 30 mL of air warmed by 10 K, and 33 L by 10 K less than the file before took them to grow.
+    moved = 3e-5 * 10.0 / 278.15 + 0.033 * (0.2e-4 - 1e-4) * 10.0 + 3e-5
+    assert after.trim_error == pytest.approx(2e-5 - moved, abs=1e-9)
 
 
 def test_what_cannot_be_identified(scene) -> None:

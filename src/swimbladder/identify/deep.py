@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.hull import weighing
 from swimbladder.identify.deep_dive import DeepDive, deep_dive
 from swimbladder.identify.deep_fit import DeepFit, balance, fit_deep
 from swimbladder.identify.deep_model import DEEP, DEFAULT, Body, body_of, priors_of
@@ -110,7 +111,8 @@ def identify_deep(
         for log, column in zip(logs, each, strict=True)
     ]
     body, known = body_of(vehicle), priors_of(vehicle, priors or {})
-    names = tuple(free or [n for n in DEFAULT if n not in (fixed or {})])
+    run = ("bypass",) if any(dive.action_bypass.any() for dive in dives) else ()
+    names = tuple(free or [n for n in (*DEFAULT, *run) if n not in (fixed or {})])
     advance(0.1)
     fit = fit_deep(body, dives, known, free=names, fixed=fixed)
     advance(0.8)
@@ -172,22 +174,32 @@ def _assumptions(vehicle: Vehicle, fit: DeepFit) -> tuple[str, ...]:
         for name, prior in fit.priors.items()
         if name in fit.names
     ]
-    body = body_of(vehicle)
-    assert isinstance(vehicle.actuator, PumpAndValve)
+    body, actuator = body_of(vehicle), vehicle.actuator
+    assert isinstance(actuator, PumpAndValve)
+    bypass: tuple[str, ...] = ()
+    if actuator.bypass is not None and "bypass" not in fit.names:
+        share = fit.values["bypass"]
+        said_of = "as in the vehicle's file" if share == 1.0 else f"{share:.4g} of its file's"
+        bypass = (f"the flow of the bypass is {said_of}: it is not identified",)
     return (
         f"known before: {'; '.join(said)}",
-        f"the vehicle weighs {body.mass:.6g} kg and displaces {body.volume * 1e3:.6g} L, as in its "
-        "file",
+        f"the vehicle weighs {body.mass:.6g} kg and displaces {body.volume * 1e3:.6g} L without "
+        "trapped air, as in its file; trim_error is what makes vehicle.toml weigh that",
+        *bypass,
         "in vehicle.toml drag is that of sinking; drag_up, stiffening and creep have no place there"
-        + ("" if isinstance(vehicle.actuator.pump, PowerLawPump) else ", nor pump_delivery"),
+        + ("" if isinstance(actuator.pump, PowerLawPump) else ", nor pump_delivery"),
         "drag balances the excess volume at each look: speeds are steady within a minute",
         "the water is that of the cast for the whole dive, and moves by some mm/s",
     )
 
 
 def identified_vehicle(vehicle: Vehicle, fit: DeepFit) -> Vehicle:
-    """Return the vehicle with what its file has a place for."""
-    values, hull, actuator = fit.values, vehicle.hull, vehicle.actuator
+    """Return the vehicle with what its file has a place for.
+
+    Mass and hull without trapped air are those of `body_of`, so trim_error moves with trapped air,
+    and with the hull's warmth where [water] is not as warm as reference_temperature.
+    """
+    body, values, hull, actuator = body_of(vehicle), fit.values, vehicle.hull, vehicle.actuator
     assert isinstance(actuator, PumpAndValve)
     pump = actuator.pump
     if isinstance(pump, PowerLawPump):
@@ -196,24 +208,30 @@ def identified_vehicle(vehicle: Vehicle, fit: DeepFit) -> Vehicle:
             "slip": pump.slip * values["pump_delivery"] + pump.delivery * values["pump_slip"],
         })  # fmt: skip
     part = HullPart(
-        name="hull", volume=hull.displaced_volume - values["trapped_air"],
-        compressibility=values["compressibility"], thermal_expansion=values["thermal_expansion"],
+        name="hull", volume=body.volume, compressibility=values["compressibility"],
+        thermal_expansion=values["thermal_expansion"],
     )  # fmt: skip
     drag = vehicle.drag.model_copy(update={"k_dt": values["drag"]})
+    bypass = actuator.bypass
+    if bypass is not None:
+        bypass = bypass.model_copy(update={"flow": bypass.flow * values["bypass"]})
     changed = actuator.model_copy(update={
         "pump": pump,
         "valve": actuator.valve.model_copy(
             update={"flow": actuator.valve.flow * values["valve"]}
         ),
+        "bypass": bypass,
         "start_volume": max(actuator.start_volume + values["pump_start"], 0.0),
     })  # fmt: skip
-    return vehicle.model_copy(update={
+    air = values["trapped_air"]
+    found = vehicle.model_copy(update={
         "actuator": changed,
-        "hull": hull.model_copy(
-            update={"parts": (part,), "trapped_air": values["trapped_air"]}
-        ),
+        "hull": hull.model_copy(update={
+            "displaced_volume": body.volume + air, "parts": (part,), "trapped_air": air,
+        }),
         "motion": vehicle.motion.model_copy(update={"drag": drag}),
     })  # fmt: skip
+    return weighing(found, body.mass)
 
 
 def _rms(x: Array) -> float:

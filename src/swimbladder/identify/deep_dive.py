@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from swimbladder.buoyancy_engine import drive_map
 from swimbladder.errors import InputError
 from swimbladder.io.float_log import FloatLog
-from swimbladder.parameters import Vehicle
+from swimbladder.parameters import PumpAndValve, Vehicle
 from swimbladder.seawater import Column
+from swimbladder.steady_drives import delivered
 
 __all__ = ["DeepDive", "Pieces", "deep_dive"]
 
@@ -40,10 +41,12 @@ class Pieces:
     speed: Array  # m/s, positive down
     density: Array  # kg/m3, of the water
     temperature: Array  # degC, of the hull
-    pumped: Array  # m3, nominal, since the dive began
+    pumped: Array  # m3, nominal, since the dive began, starts as good as the rest
     slipped: Array  # m3 Pa, the same times the pressure that it was pumped against
     starts: Array  # -, of the pump
-    bled: Array  # m3, nominal
+    short: Array  # m3, that these starts fell short by, nominal
+    bled: Array  # m3, nominal, by the valve
+    bypassed: Array  # m3, nominal, by the bypass
     leg: NDArray[np.int64]  # -, between which two actions
 
     def __len__(self) -> int:
@@ -61,7 +64,9 @@ class DeepDive:
     action_time: Array  # s [m], the beginning
     action_seconds: Array  # s [m]
     action_pumps: NDArray[np.bool_]  # [m]
-    action_volume: Array  # m3 [m], nominal, positive
+    action_bypass: NDArray[np.bool_]  # [m]; what is neither is the valve's
+    action_volume: Array  # m3 [m], nominal, positive: rate times seconds
+    action_short: Array  # m3 [m], what the start falls short of it, nominal
     action_pressure: Array  # Pa [m]
     water_pressure: Array  # Pa [k], of the cast, and half as deep again
     water_density: Array  # kg/m3 [k]; below the cast it grows as at its end
@@ -113,23 +118,32 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     at = np.interp(begun, time, pressure)
     map_ = drive_map(vehicle, np.maximum(at, 0.0), power=False)
     bypass = np.array([a.device == "bypass" for a in actions])
+    assert isinstance(vehicle.actuator, PumpAndValve)
+    if bypass.any() and vehicle.actuator.bypass is None:
+        raise InputError(
+            "the log has runs of a bypass, and the vehicle has none", file=log.source,
+            field="actuator.bypass", remedy="Describe the bypass in the vehicle's file",
+        )  # fmt: skip
     rate = np.where(pumps, map_.rate_out, np.where(bypass, map_.bypass_in, map_.rate_in))
     volume = rate * seconds
+    short = np.where(pumps, volume - delivered(rate, seconds, map_.start_volume), 0.0)
     levels, density = _deepened(column)
     return DeepDive(
         name=name or log.source, time=time, pressure=pressure, temperature=temperature,
-        action_time=begun, action_seconds=seconds, action_pumps=pumps, action_volume=volume,
-        action_pressure=at, water_pressure=levels, water_density=density, gravity=column.gravity,
+        action_time=begun, action_seconds=seconds, action_pumps=pumps, action_bypass=bypass,
+        action_volume=volume, action_short=short, action_pressure=at,
+        water_pressure=levels, water_density=density, gravity=column.gravity,
         pieces=_pieces(
-            time, pressure, temperature, begun, seconds, pumps, volume, at, levels, density,
-            column.gravity,
+            time, pressure, temperature, begun, seconds, pumps, bypass, volume, short, at,
+            levels, density, column.gravity,
         ),
     )  # fmt: skip
 
 
 def _pieces(
     time: Array, pressure: Array, temperature: Array, begun: Array, seconds: Array,
-    pumps: NDArray[np.bool_], volume: Array, at: Array, levels: Array, water: Array, gravity: float,
+    pumps: NDArray[np.bool_], bypass: NDArray[np.bool_], volume: Array, short: Array, at: Array,
+    levels: Array, water: Array, gravity: float,
 ) -> Pieces:  # fmt: skip
     """Return the parts between two samples, `SHORTEST` to `LONGEST` long, in which nothing runs."""
     ends = _nodes(time)
@@ -151,7 +165,9 @@ def _pieces(
         pumped=(before * np.where(pumps, volume, 0.0)).sum(axis=1),
         slipped=(before * np.where(pumps, volume * at, 0.0)).sum(axis=1),
         starts=(before & pumps).sum(axis=1).astype(np.float64),
-        bled=(before * np.where(pumps, 0.0, volume)).sum(axis=1),
+        short=(before * short).sum(axis=1),
+        bled=(before * np.where(pumps | bypass, 0.0, volume)).sum(axis=1),
+        bypassed=(before * np.where(bypass, volume, 0.0)).sum(axis=1),
         leg=before.sum(axis=1),
     )  # fmt: skip
 

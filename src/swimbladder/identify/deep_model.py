@@ -4,11 +4,12 @@ Drag and excess volume balance within seconds, and the dive takes hours, so that
 
     k_dt w|w| / (rho g) = E = M/rho - V_hull(p, T) - V          (steady speed w, positive down)
     V_hull = V_0 (1 - beta p + s p^2/2 + alpha (T - T_ref)) + V_air p_a/(p_a + p)
-    V = V_start + d pumped - starts v_s - f bled - l (t - t_start)
+    V = V_start + d pumped - short - starts v_s - f bled - b bypassed - l (t - t_start)
 
-with M, V_0 and the nominal volumes `pumped` and `bled` from the vehicle's file. All volumes could
-be larger by one factor and the speeds be the same, but for M/rho, whose shape the water gives: the
-absolute size is told weakly, and something has to be known before: by default the drag.
+with M, V_0, the nominal volumes and what starts fall `short` by from the vehicle's
+file. All volumes could be larger by one factor and the speeds be the same, but for M/rho, whose
+shape the water gives: the absolute size is told weakly, and something has to be known before: by
+default the drag.
 """
 
 from __future__ import annotations
@@ -64,11 +65,14 @@ DEEP: Mapping[str, DeepName] = {
     "trapped_air": DeepName("m3", "at the surface; Boyle", 0.5, 2e-5),
     "pump_delivery": DeepName("", "what the pump gives, as a share of its datasheet", 0.3, 0.0),
     "pump_slip": DeepName("1/Pa", "what that share loses per pressure", 0.0, 5e-9),
-    "pump_start": DeepName("m3", "what a start of the pump falls short by", 0.0, 2e-6),
+    "pump_start": DeepName(
+        "m3", "what a start falls short by, beyond the vehicle's file", 0.0, 2e-6
+    ),
     "valve": DeepName("", "what the valve lets in, as a share of its datasheet", 0.3, 0.0),
+    "bypass": DeepName("", "what the bypass lets in, as a share of its datasheet", 0.3, 0.0),
     "creep": DeepName("m3/s", "volume lost with time: leaks, creep, cooling", 0.0, 3e-10),
 }
-DEFAULT = tuple(name for name in DEEP if name not in ("trapped_air", "pump_slip"))
+DEFAULT = tuple(name for name in DEEP if name not in ("trapped_air", "pump_slip", "bypass"))
 
 
 class Body(NamedTuple):
@@ -108,6 +112,7 @@ def priors_of(vehicle: Vehicle, given: Mapping[str, Prior]) -> dict[str, Prior]:
         "pump_slip": 0.0,
         "pump_start": 0.0,
         "valve": 1.0,
+        "bypass": 1.0,
         "creep": 0.0,
     }
     if not mean["drag"] > 0.0 and "drag" not in given:
@@ -147,8 +152,9 @@ def excess(body: Body, values: Mapping[str, float], start: float | Array, pieces
     start: the drive's volume when the dive began [m3].
     """
     pumped = values["pump_delivery"] * pieces.pumped - values["pump_slip"] * pieces.slipped
-    drive = start + pumped - values["pump_start"] * pieces.starts
-    drive = drive - values["valve"] * pieces.bled - values["creep"] * pieces.elapsed
+    drive = start + pumped - pieces.short - values["pump_start"] * pieces.starts
+    drive = drive - values["valve"] * pieces.bled - values["bypass"] * pieces.bypassed
+    drive = drive - values["creep"] * pieces.elapsed
     return np.asarray(
         body.mass / pieces.density
         - hull_volume(body, values, pieces.pressure, pieces.temperature)

@@ -117,7 +117,8 @@ def _volume(values: Mapping[str, float], dive: DeepDive, time: Array) -> Array:
             given = nominal * (
                 values["pump_delivery"] - values["pump_slip"] * float(dive.action_pressure[k])
             )
-            total += share * (given - values["pump_start"])
+            total += share * (given - float(dive.action_short[k]) - values["pump_start"])
         else:
-            total -= share * values["valve"] * nominal
+            flow = values["bypass"] if dive.action_bypass[k] else values["valve"]
+            total -= share * flow * nominal
     return total
