@@ -3,6 +3,7 @@
 import csv
 import json
 
+import gsw
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ from swimbladder.cli import main
 from swimbladder.hull import neutral_volume, weight_mass
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.templates import vehicle_template
 from swimbladder.seawater import cast_column
 from tests.docs.test_reference import rows
 
@@ -148,6 +150,62 @@ def test_a_cast_that_ends_above_the_target(capsys, tmp_path, cast):
                  "--out", str(tmp_path / "out")])  # fmt: skip
     assert code == 2
     assert "above 1000 m" in capsys.readouterr().err.replace("\n", " ")
+
+
+def shortened(cast, rows):
+    short = cast.with_name("short.csv")
+    short.write_text("\n".join(cast.read_text().splitlines()[: rows + 1]) + "\n")
+    return short
+
+
+def test_a_cast_that_ends_far_above_the_rating_is_refused_unless_that_is_asked(
+    capsys, tmp_path, cast
+):
+    out = tmp_path / "out"
+    lines = cast.read_text().splitlines()
+    bar = tmp_path / "bar.csv"  # pressure in bar under a name that says no unit
+    rows = [line.split(",") for line in lines[1:]]
+    lines = [f"{float(p) / 10.0},{t},{s}" for p, t, s in rows]
+    bar.write_text("\n".join(["pressure,temperature,salinity", *lines]) + "\n")
+    assert run(bar, out) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "it ends at 108 m, and the vehicle is rated for 1000 m" in said
+    assert "Is its pressure in bar" in said
+    assert not out.exists()
+    assert run(bar, out, "--column", "pressure_dbar=pressure@bar") == 0
+    assert "warning" not in capsys.readouterr().out
+    short = shortened(cast, 60)  # 295 dbar
+    assert run(short, out) == 2
+    end = int(-gsw.z_from_p(295.0, 43.0))  # m
+    assert f'--deepest "{end} m"' in capsys.readouterr().err
+    assert run(short, out, "--deepest", f"{end} m") == 0
+
+
+def test_a_cast_that_ends_somewhat_above_the_rating_is_told_first(capsys, tmp_path, cast):
+    short = shortened(cast, 141)  # 700 dbar
+    assert run(short, tmp_path / "out") == 0
+    said = capsys.readouterr().out.splitlines()
+    end = int(-gsw.z_from_p(700.0, 43.0))  # m
+    ends = f"warning: short.csv ends at {end} m, the vehicle is rated for 1000 m"
+    assert said[1].startswith(ends)
+    assert run(short, tmp_path / "out", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["assumptions"][0] == said[1].removeprefix("warning: ")
+
+
+@pytest.mark.parametrize(("share", "warned"), [(1.01, False), (1.03, True), (0.97, True)])
+def test_a_dry_mass_that_contradicts_the_trim_is_told_first(capsys, tmp_path, share, warned):
+    text = vehicle_template("pump-valve").replace("28.19 kg", f"{28.1875 * share} kg")
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    assert main(["ballast", str(file), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[1].startswith("warning: the vehicle's file says a dry mass of") is warned
+    if warned:
+        assert "wrong by 3 %" in said[1]
+    mass = ["--mass", "28.19 kg", "--mass-std", "10 g", "--volume-std", "10 cm3"]
+    assert main(["ballast", str(file), *mass, "--out", str(tmp_path / "out")]) in (0, 1)
+    assert "warning" not in capsys.readouterr().out
 
 
 def test_options_that_would_have_no_effect_are_refused(capsys, tmp_path, cast):

@@ -41,6 +41,18 @@ def test_words_for_people(capsys, tmp_path):
     assert "--thruster-diameter" in said
 
 
+def test_a_depth_beyond_the_rating_is_said_first_and_percent_has_its_blank(capsys, tmp_path):
+    out = ["--out", str(tmp_path / "o")]
+    assert main(["energy", "example-float", "--depth", "2500 m", *out]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[2] == "2500 m is deeper than the vehicle is rated for, 2000 m."
+    assert main(["energy", "example-float", *out]) == 0
+    said = capsys.readouterr().out
+    assert "rated" not in said
+    assert " % of which reach the water" in said
+    assert "35 % of an ideal disc's" in said
+
+
 def test_every_option_reaches_the_answer(capsys, tmp_path):
     told = answer(
         capsys, "example-float", "--thruster-diameter", "0.2 m", "--thruster-efficiency", "70 %",

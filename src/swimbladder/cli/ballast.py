@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from swimbladder.cli.casts import (
-    degrees,
-    inversion_choice,
-    pairs,
-    read_casts,
-    refuse_without_cast,
+    Columns,
+    Inversions,
+    Latitude,
+    LogFormat,
+    Longitude,
+    Profile,
+    Salinity,
+    Where,
+    asked_casts,
     share,
 )
 from swimbladder.cli.common import emit_json, json_text, output, progress, quantity
@@ -25,6 +29,9 @@ if TYPE_CHECKING:
     from swimbladder.seawater import Cast, Column
 
 __all__ = ["ballast"]
+
+_FAR_ABOVE = 0.5  # of the rating: a cast that ends above it may be in another unit
+_CONTRADICT = 0.02  # of the mass: sea water against fresh is more
 
 
 def ballast(
@@ -79,26 +86,14 @@ def ballast(
     density_std: Annotated[
         str | None, typer.Option(metavar="DENSITY", help="1 sigma of the sea's density.")
     ] = None,
-    column: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=COLUMN", help="As for logs, NAME@UNIT too.")
-    ] = None,
-    where: Annotated[
-        list[str] | None, typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast's file.")
-    ] = None,
-    log_format: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table.")
-    ] = None,
-    profile: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Which profile of the file.")
-    ] = None,
-    latitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
-    longitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
-    salinity: Annotated[
-        float | None, typer.Option(metavar="PSU", help="Where the cast has none; 0: fresh.")
-    ] = None,
-    inversions: Annotated[
-        str | None, typer.Option(metavar="WHAT", help="Large ones: average, keep (refuse).")
-    ] = None,
+    column: Columns = None,
+    where: Where = None,
+    log_format: LogFormat = None,
+    profile: Profile = None,
+    latitude: Latitude = None,
+    longitude: Longitude = None,
+    salinity: Salinity = None,
+    inversions: Inversions = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-ballast"
     ),
@@ -138,30 +133,25 @@ def ballast(
             "a volume to be neutral with needs the depth", field="--at-volume", value=at_volume,
             remedy="Give --neutral-depth too, or leave --at-volume out",
         )  # fmt: skip
-    refuse_without_cast(
-        cast, column=column, where=where, log_format=log_format, profile=profile,
-        latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
-    )  # fmt: skip
     check_place(out)
-    casts = read_casts(
-        cast or [], columns=pairs(column or [], "--column"), where=pairs(where or [], "--where"),
-        log_format=log_format, profile=profile, latitude=degrees(latitude, "--latitude", 90.0),
-        longitude=degrees(longitude, "--longitude", 360.0), salinity=salinity,
-        inversions=inversion_choice(inversions or "refuse"),
+    casts = asked_casts(
+        cast or [], column=column, where=where, log_format=log_format, profile=profile,
+        latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
     )  # fmt: skip
 
     from swimbladder.ballast import Wish, unknown_of
     from swimbladder.ballast import ballast as find
     from swimbladder.report.ballast import write_ballasting
 
-    columns, said = _columns(v, casts, asked)
-    v, told = _weighed(v, weighed)
+    columns, said, warned = _columns(v, casts, asked)
+    v, told, doubt = _weighed(v, weighed)
+    warned += doubt
     unknown = unknown_of(v, stds)
     with progress("drawing vehicles", 1.0) as advance:
         found = find(
             v, columns, wish=Wish(**wish), unknown=unknown,  # type: ignore[arg-type]
             probability=wanted, speed=moving or 0.0, density=density, material=named,
-            assumptions=(*said, told, *_hull_words(v), *unknown.said), advance=advance,
+            assumptions=(*warned, *said, told, *_hull_words(v), *unknown.said), advance=advance,
         )  # fmt: skip
     answer = found.to_json()
     with progress("drawing the picture"):
@@ -169,7 +159,7 @@ def ballast(
     if json:
         emit_json({**answer, "files": [str(path) for path in files]})
     else:
-        _print(found, files)
+        _print(found, warned, files)
     if not found.covered:
         raise typer.Exit(1)
 
@@ -195,8 +185,11 @@ def _material(text: str) -> tuple[float, str]:
 
 def _columns(
     vehicle: Vehicle, casts: list[Cast], asked: float | None
-) -> tuple[list[Column], list[str]]:
-    """Return the columns down to where the vehicle is to go, and what was assumed of that."""
+) -> tuple[list[Column], list[str], list[str]]:
+    """Return the columns down to where the vehicle is to go, what was assumed, what is in doubt.
+
+    Raises InputError where a cast ends so far above the rating that its unit may be wrong.
+    """
     from swimbladder.seawater import cast_column, uniform_column
 
     limit = vehicle.hull.depth_limit
@@ -213,24 +206,45 @@ def _columns(
             )  # fmt: skip
         down = asked or limit or 0.0
         column = uniform_column(vehicle.water, down, step=down / 1000.0)
-        return [column], [f"no cast: {column.source}, as in the vehicle's file"]
-    ends = [cast_column(cast) for cast in casts]
+        return [column], [f"no cast: {column.source}, as in the vehicle's file"], []
     said: list[str] = []
+    warned: list[str] = []
     if asked is None:
-        shallowest = min(column.deepest for column in ends)
+        ends = [cast_column(cast).deepest for cast in casts]
+        shallowest = min(ends)
         down = min(shallowest, limit) if limit is not None else shallowest
         why = "its rating" if down == limit else "where the cast ends; --deepest"
         said.append(f"it goes down to {down:g} m ({why})")
+        if limit is not None and shallowest < limit:
+            warned += _ends(casts[ends.index(shallowest)].name, shallowest, limit)
     else:
         down = asked
     columns = [cast_column(cast, down) for cast in casts]
-    return columns, [*said, *dict.fromkeys(s for column in columns for s in column.report)]
+    return columns, [*said, *dict.fromkeys(s for column in columns for s in column.report)], warned
 
 
-def _weighed(vehicle: Vehicle, mass: float | None) -> tuple[Vehicle, str]:
-    """Return the vehicle with the mass on the scale, and what is reckoned with; raises InputError.
+def _ends(name: str, end: float, limit: float) -> list[str]:
+    """Return what is said of a cast that ends above the rating; raises InputError far above."""
+    if end < _FAR_ABOVE * limit:
+        raise InputError(
+            f"it ends at {end:.0f} m, and the vehicle is rated for {limit:g} m", file=name,
+            field="--cast",
+            remedy="Is its pressure in bar, not dbar? Then map it with --column "
+            f'"pressure_dbar=NAME@bar". If not, say how deep it is to go: --deepest "{end:.0f} m"',
+        )  # fmt: skip
+    # the grid of a cast that was taken down to the rating ends within a metre of it
+    if end >= limit - 1.0:
+        return []
+    return [
+        f"{name} ends at {end:.0f} m, the vehicle is rated for {limit:g} m: nothing is said of "
+        "the water below"
+    ]
 
-    A mass that the hull could not carry by far is a wrong unit or a wrong volume.
+
+def _weighed(vehicle: Vehicle, mass: float | None) -> tuple[Vehicle, str, list[str]]:
+    """Return the vehicle with the mass on the scale, what is reckoned with, what is in doubt.
+
+    Raises InputError for a mass that the hull could not carry by far: a wrong unit or volume.
     """
     from swimbladder.hull import weighing, weight_mass
     from swimbladder.parameters import PhysicalMotion
@@ -239,15 +253,24 @@ def _weighed(vehicle: Vehicle, mass: float | None) -> tuple[Vehicle, str]:
     if mass is None:
         told = f"it weighs {by_trim:.6g} kg, by trim_error in the water of the vehicle's file"
         if isinstance(vehicle.motion, PhysicalMotion):
-            told += f" (its dry mass there is {vehicle.motion.dry_mass:.6g} kg)"
-        return vehicle, told
+            dry = vehicle.motion.dry_mass
+            told += f" (its dry mass there is {dry:.6g} kg)"
+            if abs(dry / by_trim - 1.0) > _CONTRADICT:
+                return vehicle, told, [
+                    f"the vehicle's file says a dry mass of {dry:.6g} kg, and a trim_error by "
+                    f"which it weighs {by_trim:.6g} kg: one of them is wrong by "
+                    f"{100.0 * abs(dry / by_trim - 1.0):.2g} %, and trim_error is taken; weigh it "
+                    "and give --mass"
+                ]  # fmt: skip
+        return vehicle, told, []
     if not 0.5 * by_trim < mass < 2.0 * by_trim:
         raise InputError(
             f"a vehicle that displaces {by_trim / vehicle.water.density * 1e3:.4g} L does not "
             "weigh this", field="--mass", value=mass, unit="kg",
             remedy="Check the mass, and hull.displaced_volume in the vehicle's file",
         )  # fmt: skip
-    return weighing(vehicle, mass), f"it weighs {mass:.6g} kg, as given (by trim {by_trim:.6g} kg)"
+    told = f"it weighs {mass:.6g} kg, as given (by trim {by_trim:.6g} kg)"
+    return weighing(vehicle, mass), told, []
 
 
 def _hull_words(vehicle: Vehicle) -> list[str]:
@@ -260,9 +283,11 @@ def _hull_words(vehicle: Vehicle) -> list[str]:
     ]
 
 
-def _print(found: Ballasting, files: list[Path]) -> None:
+def _print(found: Ballasting, warned: list[str], files: list[Path]) -> None:
     seas = ", ".join(column.source for column in found.columns)
     output.print(f"{found.vehicle.name} in {seas}", soft_wrap=True)
+    for sentence in warned:
+        output.print(f"warning: {sentence}", soft_wrap=True)
     output.print("")
     for sentence in found.sentences:
         output.print(sentence, soft_wrap=True)
@@ -271,7 +296,7 @@ def _print(found: Ballasting, files: list[Path]) -> None:
     if spread:
         parts = ", ".join(f"{name} {1e6 * value:.2g}" for name, value in spread.items())
         output.print(f"1 sigma of the neutral volume at the deepest, cm3: {parts}", soft_wrap=True)
-    for sentence in found.assumptions:
+    for sentence in found.assumptions[len(warned) :]:
         output.print(f"reckoned with: {sentence}", soft_wrap=True)
     for path in files:
         output.print(f"wrote {path}", soft_wrap=True)

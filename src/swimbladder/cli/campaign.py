@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.casts import (
-    degrees,
-    inversion_choice,
-    pairs,
-    read_casts,
-    refuse_without_cast,
+    Columns,
+    Inversions,
+    Latitude,
+    LogFormat,
+    Longitude,
+    Profile,
+    Salinity,
+    Where,
+    asked_casts,
     share,
 )
 from swimbladder.cli.common import (
@@ -60,16 +64,14 @@ def campaign(
     pump_std: Annotated[
         str, typer.Option(metavar="SHARE", help="1 sigma of the pump's delivery.")
     ] = "5 %",
-    column: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=COLUMN", help="As for logs, NAME@UNIT too.")
-    ] = None,
-    latitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the casts.")] = None,
-    salinity: Annotated[
-        float | None, typer.Option(metavar="PSU", help="Where a cast has none; 0: fresh.")
-    ] = None,
-    inversions: Annotated[
-        str | None, typer.Option(metavar="WHAT", help="Large ones: average, keep (refuse).")
-    ] = None,
+    column: Columns = None,
+    where: Where = None,
+    log_format: LogFormat = None,
+    profile: Profile = None,
+    latitude: Latitude = None,
+    longitude: Longitude = None,
+    salinity: Salinity = None,
+    inversions: Inversions = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-campaign"
     ),
@@ -90,15 +92,11 @@ def campaign(
     check_phases(task, mission)
     span = quantity(duration, "s", "--duration")
     trim, psi = quantity(trim_std, "m3", "--trim-std"), quantity(psi_std, "m3/m", "--psi-std")
-    refuse_without_cast(
-        cast, column=column, latitude=latitude, salinity=salinity, inversions=inversions,
-    )  # fmt: skip
     check_place(out)
-    given = degrees(latitude, "--latitude", 90.0)
-    casts = read_casts(
-        cast or [], columns=pairs(column or [], "--column"), where={}, log_format=None,
-        profile=None, latitude=task.latitude if given is None else given,
-        longitude=None, salinity=salinity, inversions=inversion_choice(inversions or "refuse"),
+    casts = asked_casts(
+        cast or [], column=column, where=where, log_format=log_format, profile=profile,
+        latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
+        place=task.latitude,
     )  # fmt: skip
     columns = [water(v, task, one) for one in casts] or [water(v, task, None)]
     with progress("loading the simulator"):

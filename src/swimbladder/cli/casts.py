@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
 
 from swimbladder.cli.common import progress, quantity
 from swimbladder.cli.logs import pair
@@ -14,8 +16,70 @@ if TYPE_CHECKING:
     from swimbladder.seawater import Cast
 
 __all__ = [
-    "degrees", "inversion_choice", "pairs", "read_casts", "refuse_without_cast", "share",
+    "Columns", "Inversions", "Latitude", "LogFormat", "Longitude", "Profile", "Salinity", "Where",
+    "asked_casts", "pairs", "read_casts", "refuse_without_cast", "share",
 ]  # fmt: skip
+
+# The options of every command that takes a cast, so that none of them lacks one.
+Columns = Annotated[
+    list[str] | None,
+    typer.Option("--column", metavar="NAME=COLUMN", help="As for logs, NAME=COLUMN@UNIT too."),
+]
+Where = Annotated[
+    list[str] | None,
+    typer.Option("--where", metavar="COLUMN=VALUE", help="Only these rows of the file."),
+]
+LogFormat = Annotated[
+    str | None,
+    typer.Option("--log-format", metavar="FORMAT", help=r"TOML file with a \[log] table."),
+]
+Profile = Annotated[
+    int | None,
+    typer.Option("--profile", metavar="N", min=1, help="Which profile of the cast's file."),
+]
+Latitude = Annotated[str | None, typer.Option("--latitude", metavar="DEGREES", help="Of the cast.")]
+Longitude = Annotated[
+    str | None, typer.Option("--longitude", metavar="DEGREES", help="Of the cast.")
+]
+Salinity = Annotated[
+    float | None,
+    typer.Option("--salinity", metavar="PSU", help="Where the cast has none; 0: fresh."),
+]
+Inversions = Annotated[
+    str | None,
+    typer.Option("--inversions", metavar="WHAT", help="Large ones: average, keep (refuse)."),
+]
+
+
+def asked_casts(
+    paths: Sequence[Path],
+    *,
+    column: list[str] | None,
+    where: list[str] | None,
+    log_format: str | None,
+    profile: int | None,
+    latitude: str | None,
+    longitude: str | None,
+    salinity: float | None,
+    inversions: str | None,
+    place: float | None = None,
+) -> list[Cast]:
+    """Return the casts of files as the options say.
+
+    place: the latitude [degrees] where no option says one.
+    Raises InputError for an option that is wrong, or that has no cast to be about.
+    """
+    refuse_without_cast(
+        paths, column=column, where=where, log_format=log_format, profile=profile,
+        latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
+    )  # fmt: skip
+    given = _degrees(latitude, "--latitude", 90.0)
+    return read_casts(
+        paths, columns=pairs(column or [], "--column"), where=pairs(where or [], "--where"),
+        log_format=log_format, profile=profile, latitude=place if given is None else given,
+        longitude=_degrees(longitude, "--longitude", 360.0), salinity=salinity,
+        inversions=_inversion_choice(inversions or "refuse"),
+    )  # fmt: skip
 
 
 def read_casts(
@@ -57,7 +121,7 @@ def pairs(texts: list[str], option: str) -> dict[str, str]:
     return found
 
 
-def degrees(text: str | None, option: str, most: float) -> float | None:
+def _degrees(text: str | None, option: str, most: float) -> float | None:
     """Return an angle on the globe [degrees]; raises InputError beyond `most`."""
     if text is None:
         return None
@@ -78,7 +142,7 @@ def share(text: str, option: str) -> float:
     return number
 
 
-def inversion_choice(text: str) -> Literal["refuse", "average", "keep"]:
+def _inversion_choice(text: str) -> Literal["refuse", "average", "keep"]:
     """Return what to do with density inversions; raises InputError for another word."""
     choices: tuple[Literal["refuse", "average", "keep"], ...] = ("refuse", "average", "keep")
     for choice in choices:

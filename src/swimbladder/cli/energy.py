@@ -7,12 +7,25 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from swimbladder.cli.casts import (
+    Columns,
+    Inversions,
+    Latitude,
+    LogFormat,
+    Longitude,
+    Profile,
+    Salinity,
+    Where,
+    asked_casts,
+    pairs,
+    refuse_without_cast,
+)
 from swimbladder.cli.common import emit_json, json_text, output, progress, quantity
 
 if TYPE_CHECKING:
     from swimbladder.energy import DriveEnergy, PumpFit
     from swimbladder.parameters import Vehicle
-    from swimbladder.seawater import Column
+    from swimbladder.seawater import Cast, Column
 
 __all__ = ["energy"]
 
@@ -53,16 +66,14 @@ def energy(
     fit: Annotated[
         Path | None, typer.Option(metavar="RUNS", help="CSV of logged runs: find the pump in it.")
     ] = None,
-    column: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=COLUMN", help="Of runs or cast: COLUMN or COLUMN@UNIT."),
-    ] = None,
-    where: Annotated[
-        list[str] | None,
-        typer.Option(metavar="COLUMN=VALUE", help="Only these rows of runs or cast."),
-    ] = None,
-    latitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
-    longitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
+    column: Columns = None,
+    where: Where = None,
+    log_format: LogFormat = None,
+    profile: Profile = None,
+    latitude: Latitude = None,
+    longitude: Longitude = None,
+    salinity: Salinity = None,
+    inversions: Inversions = None,
     power_at: Annotated[
         str, typer.Option(metavar="WHEN", help="--fit: mean (over the run) or end (of it).")
     ] = "mean",
@@ -95,6 +106,10 @@ def energy(
                 "runs have their own pressures, and a cast does not count", field="--cast",
                 remedy="Leave out --cast or --fit",
             )  # fmt: skip
+        refuse_without_cast(
+            None, log_format=log_format, profile=profile, latitude=latitude, longitude=longitude,
+            salinity=salinity, inversions=inversions,
+        )  # fmt: skip
         _fit(fit, v, column or [], where or [], power_at, shortest, out, json)
         return
     if v is None:
@@ -102,7 +117,12 @@ def energy(
             "there is neither a vehicle nor a table of runs", field="VEHICLE",
             remedy="Give a vehicle, or --fit RUNS.csv",
         )  # fmt: skip
-    _check_used(cast is not None, column, where, latitude, longitude, power_at, shortest)
+    _check_used(power_at, shortest)
+    casts = asked_casts(
+        [] if cast is None else [cast], column=column, where=where, log_format=log_format,
+        profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
+        inversions=inversions,
+    )  # fmt: skip
     numbers = {
         name: quantity(text, unit, option) or 0.0
         for name, text, unit, option in (
@@ -119,7 +139,7 @@ def energy(
         from swimbladder.energy.sentences import assumptions, drive_sentences, versus_sentences
         from swimbladder.report.energy import energy_json, write_energy
 
-        water = _water(v, cast, wanted, column or [], where or [], latitude, longitude)
+        water = _water(v, casts, wanted)
         found = drive_energy(v, water)
         thruster = Thruster(
             diameter=numbers["diameter"], efficiency=numbers["efficiency"],
@@ -144,57 +164,31 @@ def energy(
         output.print(f"wrote {path}", soft_wrap=True)
 
 
-def _check_used(
-    cast: bool,
-    column: list[str] | None,
-    where: list[str] | None,
-    latitude: str | None,
-    longitude: str | None,
-    power_at: str,
-    shortest: str,
-) -> None:
-    """Raise InputError for an option that nothing reads: without --fit, or without a cast."""
+def _check_used(power_at: str, shortest: str) -> None:
+    """Raise InputError for an option of --fit that nothing reads without it."""
     from swimbladder.errors import InputError
 
-    for option, given, remedy in (
-        ("--column", bool(column) and not cast, "Give --cast or --fit too"),
-        ("--where", bool(where) and not cast, "Give --cast or --fit too"),
-        ("--latitude", latitude is not None and not cast, "Give --cast too"),
-        ("--longitude", longitude is not None and not cast, "Give --cast too"),
-        ("--power-at", power_at != "mean", "Give --fit RUNS.csv too"),
-        ("--shortest", shortest != "0 s", "Give --fit RUNS.csv too"),
-    ):
+    for option, given in (("--power-at", power_at != "mean"), ("--shortest", shortest != "0 s")):
         if given:
-            raise InputError("there is no file that this is about", field=option, remedy=remedy)
+            raise InputError(
+                "there is no file that this is about", field=option,
+                remedy="Give --fit RUNS.csv too",
+            )  # fmt: skip
 
 
-def _water(
-    v: Vehicle,
-    cast: Path | None,
-    wanted: float | None,
-    column: list[str],
-    where: list[str],
-    latitude: str | None,
-    longitude: str | None,
-) -> Column:
+def _water(v: Vehicle, casts: list[Cast], wanted: float | None) -> Column:
     """Return the water down to the wanted depth, the vehicle's rating or the cast's end."""
-    from swimbladder.cli.casts import degrees, pairs, read_casts
     from swimbladder.seawater import cast_column, uniform_column
 
     rating = v.hull.depth_limit
     deepest = wanted if wanted is not None else rating
-    if cast is None:
+    if not casts:
         deepest = _DEEP if deepest is None else deepest
         return uniform_column(v.water, deepest, step=min(1.0, abs(deepest) / 100.0))
-    read = read_casts(
-        [cast], columns=pairs(column, "--column"), where=pairs(where, "--where"), log_format=None,
-        profile=None, latitude=degrees(latitude, "--latitude", 90.0),
-        longitude=degrees(longitude, "--longitude", 360.0), salinity=None, inversions="refuse",
-    )[0]  # fmt: skip
-    whole = cast_column(read, None)
+    whole = cast_column(casts[0], None)
     if wanted is None and (deepest is None or whole.deepest <= deepest):
         return whole
-    return cast_column(read, deepest)
+    return cast_column(casts[0], deepest)
 
 
 def _fit(
@@ -207,7 +201,6 @@ def _fit(
     out: Path,
     json: bool,
 ) -> None:
-    from swimbladder.cli.casts import pairs
     from swimbladder.errors import InputError
     from swimbladder.parameters import PowerLawPump, PumpAndValve
 

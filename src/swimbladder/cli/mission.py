@@ -10,11 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from swimbladder.cli.casts import (
-    degrees,
-    inversion_choice,
-    pairs,
-    read_casts,
-    refuse_without_cast,
+    Columns,
+    Inversions,
+    Latitude,
+    LogFormat,
+    Longitude,
+    Profile,
+    Salinity,
+    Where,
+    asked_casts,
 )
 from swimbladder.cli.common import (
     compile_notice,
@@ -61,26 +65,14 @@ def mission(
     begin: Annotated[
         str | None, typer.Option(metavar="TIME", help="ISO 8601, for the netCDF (2000-01-01).")
     ] = None,
-    column: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=COLUMN", help="As for logs, NAME@UNIT too.")
-    ] = None,
-    where: Annotated[
-        list[str] | None, typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast's file.")
-    ] = None,
-    log_format: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table.")
-    ] = None,
-    profile: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Which profile of the file.")
-    ] = None,
-    latitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
-    longitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
-    salinity: Annotated[
-        float | None, typer.Option(metavar="PSU", help="Where the cast has none; 0: fresh.")
-    ] = None,
-    inversions: Annotated[
-        str | None, typer.Option(metavar="WHAT", help="Large ones: average, keep (refuse).")
-    ] = None,
+    column: Columns = None,
+    where: Where = None,
+    log_format: LogFormat = None,
+    profile: Profile = None,
+    latitude: Latitude = None,
+    longitude: Longitude = None,
+    salinity: Salinity = None,
+    inversions: Inversions = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-mission"
     ),
@@ -108,21 +100,13 @@ def mission(
         raise InputError("it must be above 0", field="--duration", value=duration, unit="s",
                          remedy="Check the number and its unit")  # fmt: skip
     start = _moment(begin)
-    refuse_without_cast(
-        cast, column=column, where=where, log_format=log_format, profile=profile,
-        latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
-    )  # fmt: skip
     check_place(out)
-    read = None
-    if cast is not None:
-        given = degrees(latitude, "--latitude", 90.0)
-        read = read_casts(
-            [cast], columns=pairs(column or [], "--column"), where=pairs(where or [], "--where"),
-            log_format=log_format, profile=profile,
-            latitude=task.latitude if given is None else given,
-            longitude=degrees(longitude, "--longitude", 180.0), salinity=salinity,
-            inversions=inversion_choice(inversions or "refuse"),
-        )[0]  # fmt: skip
+    casts = asked_casts(
+        [] if cast is None else [cast], column=column, where=where, log_format=log_format,
+        profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
+        inversions=inversions, place=task.latitude,
+    )  # fmt: skip
+    read = casts[0] if casts else None
     found = _fly(v, task, water(v, task, read), cycles, span, seed, out)
     answer = found.to_json()
     with progress("writing the files"):

@@ -7,7 +7,17 @@ from typing import Annotated
 
 import typer
 
-from swimbladder.cli.casts import degrees, inversion_choice, pairs, read_casts
+from swimbladder.cli.casts import (
+    Columns,
+    Inversions,
+    Latitude,
+    LogFormat,
+    Longitude,
+    Profile,
+    Salinity,
+    Where,
+    asked_casts,
+)
 from swimbladder.cli.common import emit_json, output, progress, quantity
 
 __all__ = ["size"]
@@ -16,7 +26,7 @@ __all__ = ["size"]
 def size(
     body: Annotated[
         str,
-        typer.Argument(metavar="[BODY]", help="Preset or TOML file with hull, mass and drag."),
+        typer.Argument(metavar="BODY", help="Preset or TOML file with hull, mass and drag."),
     ] = "example-eh",
     depth: Annotated[str, typer.Option(metavar="DEPTH", help="How deep it has to go.")] = "1000 m",
     cast: Annotated[
@@ -67,26 +77,14 @@ def size(
     largest_mass: Annotated[
         str | None, typer.Option(metavar="MASS", help="Of drive and battery (no limit).")
     ] = None,
-    column: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=COLUMN", help="As for logs, NAME@UNIT too.")
-    ] = None,
-    where: Annotated[
-        list[str] | None, typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast's file.")
-    ] = None,
-    log_format: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help="TOML file with a [log] table.")
-    ] = None,
-    profile: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Which profile of the file.")
-    ] = None,
-    latitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
-    longitude: Annotated[str | None, typer.Option(metavar="DEGREES", help="Of the cast.")] = None,
-    salinity: Annotated[
-        float | None, typer.Option(metavar="PSU", help="Where the cast has none; 0: fresh.")
-    ] = None,
-    inversions: Annotated[
-        str, typer.Option(metavar="WHAT", help="Large ones: refuse, average or keep.")
-    ] = "refuse",
+    column: Columns = None,
+    where: Where = None,
+    log_format: LogFormat = None,
+    profile: Profile = None,
+    latitude: Latitude = None,
+    longitude: Longitude = None,
+    salinity: Salinity = None,
+    inversions: Inversions = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-size"
     ),
@@ -124,22 +122,20 @@ def size(
     travel = quantity(longest_travel, "m", "--longest-travel") or 0.0
     mass = quantity(largest_mass, "kg", "--largest-mass")
     check_place(out)
+    casts = asked_casts(
+        [] if cast is None else [cast], column=column, where=where, log_format=log_format,
+        profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
+        inversions=inversions,
+    )  # fmt: skip
     with progress("loading"):
         from swimbladder.cli.size_files import write_sizing
         from swimbladder.sizing import Dive, load_parts, sentences, to_json
         from swimbladder.sizing import size as find
     sea = None
-    if cast is not None:
+    if casts:
         from swimbladder.seawater import cast_column
 
-        (read,) = read_casts(
-            [cast], columns=pairs(column or [], "--column"), where=pairs(where or [], "--where"),
-            log_format=log_format, profile=profile, salinity=salinity,
-            latitude=degrees(latitude, "--latitude", 90.0),
-            longitude=degrees(longitude, "--longitude", 360.0),
-            inversions=inversion_choice(inversions),
-        )  # fmt: skip
-        sea = cast_column(read)
+        sea = cast_column(casts[0])
     listed = load_parts(parts)
     try:
         with progress("weighing drives", total=6.0) as advance:
