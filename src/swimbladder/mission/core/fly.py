@@ -19,7 +19,8 @@ from swimbladder.mission.core.leap import (
     settle,
     stay,
 )
-from swimbladder.mission.core.moves import end_run, look, note, start_run
+from swimbladder.mission.core.motion import rate_of
+from swimbladder.mission.core.moves import FULL, end_run, look, note, start_run
 from swimbladder.mission.core.names import (
     Account,
     At,
@@ -84,7 +85,6 @@ STOP_LOST, STOP_EMPTY = int(Stop.LOST), int(Stop.BATTERY_EMPTY)
 LEFT_WATER, STUCK = int(Stop.LEFT_WATER), int(Stop.STUCK)
 
 _ROOM = 8  # rows or notes that one pass of the loop may add
-_FULL = 1e-3  # share of the stroke that may be lacking where all volume counts as out
 _RESCUE = 30.0 * 86400.0  # s to come up in after the alarm; a vehicle that floats deeper is lost
 _PASSES = 200  # without time passing: a fault of the model
 
@@ -169,9 +169,9 @@ def _arrive(stages, x, at, notes, counts):  # type: ignore[no-untyped-def]
 
 
 @part
-def _afloat(p, stages, x, at, accounts, notes, counts):  # type: ignore[no-untyped-def]
+def _afloat(p, table, stages, x, at, accounts, notes, counts):  # type: ignore[no-untyped-def]
     """Say so where the vehicle floats with all its volume out, and what that means."""
-    if at[PLACE] != 1 or x[V] < p[V_MAX] - _FULL * (p[V_MAX] - p[V_MIN]):
+    if at[PLACE] != 1 or x[V] < p[V_MAX] - FULL * (p[V_MAX] - p[V_MIN]):
         return
     if at[ALARM] == 1:
         at[STOP] = PASSED
@@ -182,6 +182,8 @@ def _afloat(p, stages, x, at, accounts, notes, counts):  # type: ignore[no-untyp
         x[CHARGE] -= p[SURFACING]
         _arrive(stages, x, at, notes, counts)
         x[T_LOOK] = math.inf
+        if rate_of(p, table, NOTHING, x[Z], x[V])[0] != 0.0:
+            x[T_LOOK] = x[T] + stages[at[PHASE], DEAD]
 
 
 @part
@@ -315,6 +317,8 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
                 elif ended == 2:
                     at[PLACE] = 0
                     note(notes, counts, x, NOTE_LEFT, 0.0)
+                elif ended == 3:
+                    at[RESTS] = 0
                 if at[PLACE] == 2 and at[DOING] == NOTHING and x[V] >= lift_volume(p, table, x[Z]):
                     at[PLACE] = 0
                 if at[PLACE] == 2 or at[DOING] != NOTHING:
@@ -359,7 +363,7 @@ def _decide(p, table, stages, x, at, accounts, notes, counts):  # type: ignore[n
         at[DOING] = PUMPING
     if at[DOING] != NOTHING and x[T] >= x[T_MOVE]:
         end_run(x, at, notes, counts)
-    _afloat(p, stages, x, at, accounts, notes, counts)
+    _afloat(p, table, stages, x, at, accounts, notes, counts)
     if at[STOP] == 0 and at[ARRIVED] == 0 and at[ALARM] == 0:
         stage = stages[at[PHASE]]
         if stage[KIND] != TO_SURFACE and abs(x[Z] - stage[DEPTH]) <= stage[TOLERANCE]:

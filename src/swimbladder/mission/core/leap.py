@@ -35,7 +35,7 @@ V_MOVE, CHARGE = int(Now.V_MOVE), int(Now.CHARGE)
 Z_MOST, V_LEAST, V_MOST = int(Now.Z_MOST), int(Now.V_LEAST), int(Now.V_MOST)
 DOING, PLACE, RESTS, ALARM = int(At.DOING), int(At.PLACE), int(At.RESTS), int(At.ALARM)
 STEPS, REJECTED = int(At.STEPS), int(At.REJECTED)
-STEP, MASS = int(Given.STEP), int(Given.MASS)
+STEP, MASS, A_S = int(Given.STEP), int(Given.MASS), int(Given.A_S)
 Z_SURFACE, Z_BOTTOM, Z_AIR = int(Given.Z_SURFACE), int(Given.Z_BOTTOM), int(Given.Z_AIR)
 Z_LOST, DEEPEST = int(Given.Z_LOST), int(Given.DEEPEST)
 V_MIN, V_MAX = int(Given.V_MIN), int(Given.V_MAX)
@@ -60,6 +60,7 @@ VALVE_TIME, STALLED = int(Account.VALVE_TIME), int(Account.STALLED)
 
 _SHORTEST = 1e-9  # s; a step that has to be shorter is taken all the same
 _EDGE = 1e-13  # how near a guard's zero is near enough, of its unit (m, m3 times 1e4)
+_AWASH = 1e-3  # m of the hull still out of the water where its rest afloat ends
 _V_SCALE = 1e4  # guards of volumes are counted in tenths of litres, to be of the size of metres
 # Lobatto's rule of four points on [0, 1] (Abramowitz and Stegun 25.4.32), exact to degree 5
 _INNER = 0.5 - 0.1 * math.sqrt(5.0)
@@ -287,8 +288,10 @@ def enter_energy(p, x, accounts, drive, loads, h):  # type: ignore[no-untyped-de
 
 @part
 def stay(p, table, x, at, accounts, loads, until):  # type: ignore[no-untyped-def]
-    """Let time pass at rest or on the bottom, where only the volume may change; return whether it
-    reached the end of its move, an end stop, or what lifts it.
+    """Let time pass at rest or on the bottom, where only the volume may change.
+
+    Return 1 where it reached the end of its move or an end stop, 2 what lifts it off the bottom,
+    3 what sinks it from the surface, else 0.
     """
     rate = rate_of(p, table, at[DOING], x[Z], x[V])[0]
     h, change = until - x[T], 0.0
@@ -301,6 +304,9 @@ def stay(p, table, x, at, accounts, loads, until):  # type: ignore[no-untyped-de
         if rate > 0.0 and x[V] < lift < goal:
             goal = lift
             ended = 2
+        elif at[PLACE] == 1 and rate < 0.0 and sink_volume(p, table) > goal:
+            goal = min(sink_volume(p, table), x[V])
+            ended = 3
         else:
             ended = 1
         if (goal - x[V]) / rate <= h:
@@ -332,11 +338,21 @@ def lift_volume(p, table, z):  # type: ignore[no-untyped-def]
 
 
 @part
+def sink_volume(p, table):  # type: ignore[no-untyped-def]
+    """Return the volume [m3] at which a floating hull is but `_AWASH` out of the water."""
+    top = p[Z_SURFACE]
+    neutral = value(table, p[STEP], NEUTRAL, top)[0] + p[TRIM] + p[GIVE] * top
+    return neutral + _AWASH * p[A_S] * p[MASS] / value(table, p[STEP], PRESSURE, top)[1]
+
+
+@part
 def settle(p, table, waves, x, at, accounts):  # type: ignore[no-untyped-def]
     """Take a vehicle for resting where what is left of its oscillation is too small to count."""
     if at[DOING] != NOTHING or at[PLACE] == 2 or waves.shape[0] > 0:
         return
-    if at[PLACE] != 1 and rate_of(p, table, NOTHING, x[Z], x[V])[0] != 0.0:
+    if rate_of(p, table, NOTHING, x[Z], x[V])[0] != 0.0 and (
+        at[PLACE] != 1 or x[V] <= sink_volume(p, table) + _EDGE
+    ):
         return  # it drifts with what leaks; afloat the hull gives way by next to nothing
     stiffness = -slope_of_force(p, table, at[PLACE] == 1, x[Z], x[V])[0]
     if stiffness <= 0.0:

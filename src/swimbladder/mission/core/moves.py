@@ -24,7 +24,7 @@ from swimbladder.mission.core.names import (
     Table,
 )
 
-__all__ = ["end_run", "look", "measured", "note", "start_run"]
+__all__ = ["FULL", "end_run", "look", "measured", "note", "start_run"]
 
 RateParameters, RateState = rate.RateParameters, rate.RateState
 _law_step = inlined(compilable(rate.step))
@@ -54,6 +54,7 @@ BYPASS_NOTE, RUN_OVER = int(Note.BYPASS), int(Note.RUN_OVER)
 N_T, N_WHAT, N_Z = int(Drive.T), int(Drive.WHAT), int(Drive.Z)
 N_V, N_NUMBER = int(Drive.V), int(Drive.NUMBER)
 
+FULL = 1e-3  # share of the stroke that may be lacking where all volume counts as out
 _FRESH = 2.0  # s, of the first step after the drive has started or stopped
 _SINKS = 0.05  # m; deeper by less since the last look, it still floats
 
@@ -156,8 +157,14 @@ def _change(p, table, x, at, accounts, notes, counts, wanted, longest):  # type:
 @part
 def _dive(p, table, stage, x, at, accounts, notes, counts, seen, longest):  # type: ignore[no-untyped-def]
     """Take in volume at the surface, run by run, until it sinks."""
-    bypass = value(table, p[STEP], BYPASS, 0.0)[0] > 0.0
-    doing = BYPASSING if bypass else LETTING_IN
+    by_valve, by_bypass = (
+        value(table, p[STEP], RATE_IN, 0.0)[0],
+        value(table, p[STEP], BYPASS, 0.0)[0],
+    )
+    if max(by_valve, by_bypass) <= 0.0:  # no head at depth 0: there is some where it floats
+        by_valve = value(table, p[STEP], RATE_IN, max(x[Z], 0.0))[0]
+        by_bypass = value(table, p[STEP], BYPASS, max(x[Z], 0.0))[0]
+    doing, flow = (BYPASSING, by_bypass) if by_bypass > by_valve else (LETTING_IN, by_valve)
     slack = stage[STAGE_LAW] * stage[SPEED] * stage[SPEED]
     if p[BY_VOLUME] > 0.0:
         goal = p[NEUTRAL_TOP] - slack
@@ -169,7 +176,6 @@ def _dive(p, table, stage, x, at, accounts, notes, counts, seen, longest):  # ty
         wanted = slack
         if x[T] == x[T_PHASE]:  # it floats with all volume out, and knows how much that is
             wanted += p[V_MAX] - p[NEUTRAL_TOP]
-        flow = value(table, p[STEP], BYPASS if bypass else RATE_IN, 0.0)[0]
         if flow > 0.0:
             longest = min(longest, wanted / flow)
         start_run(p, table, x, at, accounts, notes, counts, doing, -wanted, -math.inf, longest)
@@ -190,9 +196,11 @@ def look(p, table, stage, x, at, accounts, notes, counts):  # type: ignore[no-un
     longest = min(p[LONGEST], law.dead)  # a run is over by the next look
     surface = stage[KIND] == SURFACE
     if surface and seen <= p[SHALLOW]:
-        full = p[V_MAX]
-        start_run(p, table, x, at, accounts, notes, counts, PUMPING, full - x[V], full, p[LONGEST])
+        full, lacking = p[V_MAX], p[V_MAX] - x[V]
         x[T_LOOK] = x[T] + law.dead
+        if at[ARRIVED] == 1 and lacking <= FULL * (p[V_MAX] - p[V_MIN]):
+            return  # it floats, and what has leaked is not worth a run
+        start_run(p, table, x, at, accounts, notes, counts, PUMPING, lacking, full, p[LONGEST])
         if at[DOING] != NOTHING and x[T_MOVE] < math.inf:
             x[T_LOOK] = max(x[T_LOOK], x[T_MOVE])
         return
