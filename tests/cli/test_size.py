@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 
 import pytest
 
@@ -59,6 +60,19 @@ def test_it_writes_a_vehicle_the_drives_and_pictures(capsys, tmp_path, parts):
     vehicle = load_vehicle(out / "vehicle.toml")
     assert vehicle.stroke.maximum - vehicle.stroke.minimum == pytest.approx(told["stroke"])
     assert json.loads((out / "size.json").read_text()).keys() == told.keys() - {"files"}
+
+
+def test_the_vehicle_and_the_answer_are_for_a_person_to_read(capsys, tmp_path, parts):
+    out = tmp_path / "sized"
+    words = ["size", "example-eh", "--depth", "800 m", "--parts", parts, "--out", str(out)]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "least mass: electrohydraulic, motor, " in said
+    assert "motor motor" not in said
+    text = (out / "vehicle.toml").read_text()
+    digits = [re.sub(r"e.*|[-.]", "", n).lstrip("0") for n in re.findall(r"= (-?[\d.e-]+)", text)]
+    assert len(digits) > 20
+    assert max(len(number) for number in digits) <= 12
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,10 @@ def sentences(found: Sizing) -> list[str]:
     """Return the answer: the drive, the stroke, what it takes, what limits it."""
     w, b, asked, dive = found.weighed, found.best, found.asked, found.asked.dive
     c = found.chosen
-    parts = ", ".join(f"{what} {name}" for what, name in c.choices.items() if what != "kind")
+    parts = ", ".join(
+        name if name.startswith(what) else f"{what} {name}"
+        for what, name in c.choices.items() if what != "kind"
+    )  # fmt: skip
     feasible = int(np.count_nonzero(w.feasible))
     tight = min(w.margins, key=lambda name: w.margins[name][b])
     shares = ", ".join(
