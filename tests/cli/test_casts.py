@@ -1,0 +1,91 @@
+"""The options that say how to read a cast: the same in every command that takes one."""
+
+import inspect
+import typing
+
+import gsw
+import numpy as np
+import pytest
+
+from swimbladder.cli import ballast, campaign, casts, energy, main, mission, size
+
+COMMANDS = {
+    "ballast": ballast.ballast, "campaign": campaign.campaign, "energy": energy.energy,
+    "mission": mission.mission, "size": size.size,
+}  # fmt: skip
+OPTIONS = {
+    "--column": "salinity=S", "--where": "dive=1", "--log-format": "form.toml", "--profile": "2",
+    "--latitude": "0", "--longitude": "0", "--salinity": "0", "--inversions": "keep",
+}  # fmt: skip
+MISSION = """
+schema_version = 1
+name = "once"
+[[phases]]
+kind = "descend"
+depth = "100 m"
+[[phases]]
+kind = "surface"
+duration = "10 min"
+"""
+
+
+def words(command, tmp_path):
+    task = tmp_path / "task.toml"
+    task.write_text(MISSION)
+    flown = [str(task)] if command in ("campaign", "mission") else []
+    return [command, "example-float", *flown, "--out", str(tmp_path / "out")]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_all_of_them_alike(command):
+    kinds = typing.get_type_hints(COMMANDS[command], include_extras=True)
+    taken = inspect.signature(casts.asked_casts).parameters
+    names = [name for name in taken if name not in ("paths", "place")]
+    assert {"--" + name.replace("_", "-") for name in names} == set(OPTIONS)
+    for name in names:
+        assert kinds[name] is getattr(casts, _ALIAS.get(name, name.title().replace("_", "")))
+
+
+_ALIAS = {"column": "Columns"}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("option", OPTIONS)
+def test_none_of_them_is_taken_in_silence_without_a_cast(capsys, tmp_path, command, option):
+    assert main([*words(command, tmp_path), option, OPTIONS[option]]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"{option}: it says how to read a cast, and there is none" in said
+    assert "Give --cast too" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_runs_are_no_cast(capsys, tmp_path):
+    runs = ["energy", "--fit", str(tmp_path / "runs.csv"), "--out", str(tmp_path / "out")]
+    assert main([*runs, "--salinity", "0"]) == 2
+    assert "--salinity: it says how to read a cast" in " ".join(capsys.readouterr().err.split())
+
+
+def asked(path, **options):
+    names = inspect.signature(casts.asked_casts).parameters
+    given = {name: None for name in names if name not in ("paths", "place")} | options
+    return casts.asked_casts([path], **given)[0]
+
+
+def test_the_equator_is_a_latitude_and_stands_over_that_of_the_mission(tmp_path):
+    depth = np.arange(0.0, 500.0, 5.0)
+    file = tmp_path / "cast.csv"
+    rows = [f"{z},{20.0 * np.exp(-z / 200.0):.5f},35" for z in depth]
+    file.write_text("\n".join(["depth_m,temperature_degC,salinity", *rows]) + "\n")
+    assert asked(file, latitude="0", place=60.0).latitude == 0.0
+    assert asked(file, place=60.0).latitude == 60.0
+    at = asked(file, latitude="0 deg", longitude="-30", place=60.0)
+    assert at.pressure[-1] == pytest.approx(gsw.p_from_z(-depth[-1], 0.0), rel=2e-3)
+    assert at.pressure[-1] < asked(file, place=60.0).pressure[-1] * 0.998  # gravity is 0.4 % less
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_shows_the_table_that_a_format_has(capsys, command):
+    assert main([command, "--help"]) == 0
+    said = capsys.readouterr().out
+    assert "[log] table" in said
+    assert "[[" not in said
