@@ -279,7 +279,7 @@ def test_a_hold_lasts_from_its_arrival(profiler, sea):
     assert flown.duration - times(flown, Note.ARRIVED)[0] == pytest.approx(3000.0, abs=1e-6)
 
 
-def test_internal_air_pressure_and_noise_leave_the_pump_its_longest_run(profiler, sea):
+def test_every_run_keeps_the_longest_and_its_quantum(profiler, sea):
     actuator = profiler.actuator.model_copy(update={"longest_run": 20.0, "quantum": 0.5})
     flown = fly_mission(profiler.model_copy(update={"actuator": actuator}), phases(), sea)
     over = flown.notes[flown.notes[:, Drive.WHAT] == Note.RUN_OVER][:, Drive.NUMBER]
