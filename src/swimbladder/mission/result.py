@@ -57,11 +57,20 @@ class MissionResult:
     @property
     def completed(self) -> bool:
         """Whether every cycle that was asked for was flown, with every phase done."""
-        return (
-            self.flight.stop is Stop.FINISHED
-            and not self.missed
-            and all(one["share"] >= HELD for one in self.held.values())
-        )
+        return self.flight.stop is Stop.FINISHED and not self.missed and not self.not_held
+
+    @property
+    def not_held(self) -> dict[str, int]:
+        """In how many cycles each park and hold was in its tolerance for too little time."""
+        return self._counts(Cycle.NOT_HELD)
+
+    def _counts(self, column: Cycle) -> dict[str, int]:
+        bits = self.flight.cycles[:, column].astype(np.int64)
+        counts = {
+            phase.title: int(np.sum(bits >> n & 1))
+            for n, phase in enumerate(self.flight.mission.phases)
+        }
+        return {name: count for name, count in counts.items() if count}
 
     @cached_property
     def held(self) -> dict[str, dict[str, float]]:
@@ -110,12 +119,7 @@ class MissionResult:
     @property
     def missed(self) -> dict[str, int]:
         """How often each phase ran out of time, by its title."""
-        bits = self.flight.cycles[:, Cycle.MISSED].astype(np.int64)
-        counts = {
-            phase.title: int(np.sum(bits >> n & 1))
-            for n, phase in enumerate(self.flight.mission.phases)
-        }
-        return {name: count for name, count in counts.items() if count}
+        return self._counts(Cycle.MISSED)
 
     @property
     def energy_known(self) -> bool:
@@ -190,9 +194,9 @@ class MissionResult:
         ]
         found += [
             f"the phase {name!r} was in its tolerance for less than {100.0 * HELD:.0f} % of its "
-            "time: that is no holding. Look more often (check_interval), go slower, or allow more"
-            for name, one in self.held.items()
-            if one["share"] < HELD
+            f"time in {count} of {len(self.flight.cycles)} cycles: that is no holding. Look more "
+            "often (check_interval), go slower, or allow more"
+            for name, count in self.not_held.items()
         ]
         deepest = float(np.max(self.flight.cycles[:, Cycle.DEEPEST]))
         if deepest > self.flight.column.deepest:
