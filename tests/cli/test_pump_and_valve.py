@@ -8,7 +8,6 @@ COMMANDS = {
     "simulate": [],
     "analyse": [],
     "compare": ["LOG", "--vehicle"],
-    "identify": ["LOG", "--vehicle"],
     "identify-actuator": ["LOG", "--vehicle"],
     "design-experiment": ["--pool-depth", "4 m"],
     "tune": [],
