@@ -53,7 +53,7 @@ class SteadyPoint(NamedTuple):
     cells: Array  # W, from the battery's cells
 
 
-def delivered(rate: Any, duration: Any, start_volume: float = 0.0) -> Any:
+def delivered(rate: Any, duration: Any, start_volume: Any = 0.0) -> Any:
     """Return the volume that one run of a pump presses out [m3]; arrays too.
 
     rate [m3/s], duration [s]; start_volume: what each start falls short of their product [m3].

@@ -96,11 +96,11 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     time = log.time[used]
     rising = np.append(True, np.diff(np.maximum.accumulate(time)) > 0.0)
     time, pressure = time[rising], log.pressure[used][rising]
-    short = float(pressure.max() - column.pressure[-1])
-    if short > 0.02 * float(pressure.max()):
+    missing = float(pressure.max() - column.pressure[-1])
+    if missing > 0.02 * float(pressure.max()):
         raise InputError(
-            f"the cast ends at {column.pressure[-1] / 1e4:.0f} dbar, {short / 1e4:.0f} dbar above "
-            "the dive's deepest sample", file=log.source, field="--cast",
+            f"the cast ends at {column.pressure[-1] / 1e4:.0f} dbar, {missing / 1e4:.0f} dbar "
+            "above the dive's deepest sample", file=log.source, field="--cast",
             remedy="Give a cast that goes as deep",
         )  # fmt: skip
     temperature = log.temperature[used][rising]
