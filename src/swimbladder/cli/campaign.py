@@ -29,7 +29,6 @@ from swimbladder.cli.common import (
     progress,
     quantity,
 )
-from swimbladder.cli.mission import check_phases, water
 
 if TYPE_CHECKING:
     from swimbladder.campaign.result import Campaign
@@ -85,6 +84,7 @@ def campaign(
 
     Exit code 1: a float did not do every phase. A run that is killed goes on where it was.
     """
+    from swimbladder.cli.mission import check_phases, water
     from swimbladder.io.config import load_mission, load_vehicle
     from swimbladder.io.files import check_place
 
