@@ -133,7 +133,7 @@ def test_a_law_that_cannot_be_tuned_is_left_out_with_the_reason(monkeypatch):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"laws": ["pid"]}, "unknown control law"),
+        ({"laws": ["pid"]}, "no such law"),
         ({"runs": 1}, "too few runs"),
         ({"seed": -1}, "0 or more"),
         ({"depths": (3.0, 1.0)}, "no range of depths"),

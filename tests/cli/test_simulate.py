@@ -102,7 +102,7 @@ def test_a_positioner_has_no_voltage(capsys, tmp_path):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "pump-valve"])
 def test_every_template_is_a_vehicle_that_reaches_its_depth(capsys, tmp_path, kind):
     path = vehicle_file(tmp_path, text=vehicle_template(kind))
     a = answer(capsys, path, "--out", str(tmp_path))

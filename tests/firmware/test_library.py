@@ -218,6 +218,9 @@ class TestExamples:
         printed = _sketch(made, tmp_path, board, filled)
         (tmp_path / "log.csv").write_text(printed)
         log = sb.read_log(tmp_path / "log.csv")
+        lines = [line for line in printed.splitlines() if line[0] not in "#t"]
+        times = [float(line.split(",")[0]) for line in lines]  # goes on under a supervisor's alarm
+        np.testing.assert_allclose(np.diff(times), made.tick_s, atol=1.01e-3)
         np.testing.assert_allclose(np.diff(log.time[2:]), made.tick_s, atol=1.01e-3)
         assert log.time[0] == 0.0
         assert log.time[-1] > 4.0

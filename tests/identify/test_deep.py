@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from swimbladder.errors import InputError
 from swimbladder.hull import neutral_volume, weight_mass
-from swimbladder.identify.deep import identified_vehicle, identify_deep
+from swimbladder.identify.deep import contradictions, identified_vehicle, identify_deep
 from swimbladder.identify.deep_dive import deep_dive
 from swimbladder.identify.deep_fit import balance, fit_deep, start_volume
 from swimbladder.identify.deep_model import DEEP, DEFAULT, body_of, hull_volume, priors_of
@@ -158,6 +158,11 @@ def test_what_is_told_and_what_is_not(scene) -> None:
     assert found.sentences[0] == "The data do not tell what was asked: drag_up."
     assert found.result_vehicle is vehicle
     assert found.parameters["drag_up"].origin == "prior"
+    assert not any("one of the two is wrong" in said for said in found.sentences)
+    shifted = {**fit.priors, "compressibility": Prior(1.2 * TRUTH["compressibility"], 3e-12)}
+    far = contradictions(replace(fit, priors=shifted))
+    assert [said.split()[0] for said in far] == ["compressibility"]
+    assert "one of the two is wrong" in far[0]
 
 
 def test_an_identified_vehicle(scene) -> None:

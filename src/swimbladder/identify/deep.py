@@ -21,9 +21,17 @@ from swimbladder.io.float_log import FloatLog
 from swimbladder.parameters import HullPart, PowerLawPump, PumpAndValve, Vehicle
 from swimbladder.seawater import Column
 
-__all__ = ["DeepIdentification", "Told", "identified_vehicle", "identify_deep"]
+__all__ = [
+    "DeepIdentification",
+    "Told",
+    "contradictions",
+    "identified_vehicle",
+    "identify_deep",
+]
 
 Array = NDArray[np.float64]
+
+_FAR = 2.5  # deviations of a prior, one in eighty by chance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,6 +167,7 @@ def _sentences(
         found.insert(0, "The data do not tell what was asked: " + ", ".join(untold) + ".")
     elif untold:
         found.append(f"Hardly told by these dives, and near what was known: {', '.join(untold)}.")
+    found += contradictions(fit)
     anchors = [n for n in ("drag", "pump_delivery", "valve") if n in fit.names]
     if len(anchors) == 3:
         found.append(
@@ -166,6 +175,24 @@ def _sentences(
             "compare is told by the dives."
         )
     return tuple(found)
+
+
+def contradictions(fit: DeepFit) -> list[str]:
+    """Say what came out farther from what was known before than that was known to be."""
+    found = []
+    for name in fit.names:
+        prior, unit = fit.priors[name], DEEP[name].unit
+        off = abs(fit.values[name] - prior.mean) / prior.std
+        if off > _FAR:
+            before = f"{prior.mean:.4g} +- {prior.std:.2g} {unit}".rstrip()
+            found.append(
+                f"{name} comes out {off:.1f} deviations from what was known before ({before}): one "
+                "of the two is wrong. A cast that is off by some grams per cubic metre, or a mass "
+                "or hull that is not as in the file, moves the size of drag, pump and valve "
+                "together, and the intervals do not reckon with that. Believe how they compare; "
+                "hold the size by what you measured, with --set."
+            )
+    return found
 
 
 def _assumptions(vehicle: Vehicle, fit: DeepFit) -> tuple[str, ...]:
