@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from swimbladder.plots.style import BLACK, BLUE, GREY, ORANGE, VERMILION, label_panels, styled
 from swimbladder.sizing import Sizing
+from swimbladder.sizing.candidates import PARTS
 from swimbladder.sizing.run import Sweep
 
 __all__ = ["draw_candidates", "draw_parts", "draw_wishes"]
@@ -76,7 +77,7 @@ def _plain_ticks(axes: Axes) -> None:
 def draw_parts(found: Sizing) -> Figure:
     """Return the best mass with each part in the drive, all others free, and why there is none."""
     w = found.weighed
-    kinds = [k for k in _ORDER if any(c.what == k for c in found.choices)]
+    kinds = [k for k in PARTS if any(c.what == k for c in found.choices)]
     rows = [c for kind in kinds for c in found.choices if c.what == kind]
     figure = Figure(figsize=(8.0, 0.24 * len(rows) + 1.2))
     axes = figure.add_subplot()
@@ -107,11 +108,6 @@ def draw_parts(found: Sizing) -> Figure:
         loc="left",
     )
     return figure
-
-
-_ORDER = (
-    "kind", "motor", "winding", "supply", "battery", "pump", "amplifier", "gear", "screw", "piston",
-)  # fmt: skip
 
 
 def _label(what: str, name: str) -> str:

@@ -31,7 +31,11 @@ from swimbladder.sizing.parts import (
     Screw,
 )
 
-__all__ = ["Batch", "Combination", "combinations"]
+__all__ = ["PARTS", "Batch", "Combination", "combinations"]
+
+PARTS = (  # what a drive is made of, in the order of tables and pictures
+    "kind", "motor", "winding", "supply", "battery", "pump", "amplifier", "gear", "screw", "piston",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

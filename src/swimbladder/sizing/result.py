@@ -19,6 +19,7 @@ from swimbladder.parameters import (
     Valve,
     Vehicle,
 )
+from swimbladder.sizing.candidates import PARTS
 from swimbladder.sizing.run import Sizing
 from swimbladder.sizing.weigh import REQUIREMENTS
 
@@ -155,7 +156,7 @@ def columns(found: Sizing) -> dict[str, list[Any]]:
     w = found.weighed
     order = [int(i) for i in np.argsort(w.mass, kind="stable") if w.feasible[i]]
     names = [found.batch.of[index].choices for index in order]
-    table: dict[str, list[Any]] = {key: [row.get(key, "") for row in names] for key in _PARTS}
+    table: dict[str, list[Any]] = {key: [row.get(key, "") for row in names] for key in PARTS}
     numbers = {
         "mass_kg": w.mass, "battery_mass_kg": w.battery_mass, "battery_energy_J": w.battery_energy,
         "cycle_energy_J": w.cycle_energy, "energy_per_volume_J_per_m3": w.energy_per_volume,
@@ -166,11 +167,6 @@ def columns(found: Sizing) -> dict[str, list[Any]]:
     }  # fmt: skip
     numbers |= {f"margin_{name.replace(' ', '_')}": margin for name, margin in w.margins.items()}
     return table | {name: values[order].tolist() for name, values in numbers.items()}
-
-
-_PARTS = (
-    "kind", "motor", "winding", "supply", "battery", "pump", "amplifier", "gear", "screw", "piston",
-)  # fmt: skip
 
 
 def to_json(found: Sizing) -> dict[str, Any]:

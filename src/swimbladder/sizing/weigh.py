@@ -150,10 +150,8 @@ def _at_pace(
     speed = omega[:, -1]
     shaft = b.k_T[:, 0] * i[:, -1]
     stroke, pressure = asked.stroke, asked.bottom_pressure
-    travel = stroke / np.where(
-        np.isfinite(b.number("piston", "area")), b.number("piston", "area"), np.inf
-    )
     area = b.number("piston", "area")
+    travel = stroke / area
     screw = np.isfinite(area)
     force = pressure * np.where(screw, area, 0.0)
     output = force * np.where(screw, b.number("screw", "lead"), 0.0) / (2.0 * math.pi)
@@ -212,7 +210,7 @@ def _holding(b: Batch, z: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     back = b.efficiency[:, 0] ** 2 * b.k_z[:, 0] * z - b.friction_torque[:, 0]
     current = np.maximum(back, 0.0) / b.k_T[:, 0]
-    screw = np.array([c.pump is None for c in b.of])
+    screw = np.isfinite(b.number("piston", "area"))
     return np.where(screw, current**2 * b.resistance[:, 0], 0.0)
 
 
