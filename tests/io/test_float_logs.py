@@ -1,5 +1,6 @@
 """Logs of floats: a made-up one line by line, real ones against what others took from them."""
 
+import contextlib
 import gzip
 import math
 from datetime import datetime
@@ -83,6 +84,38 @@ def test_a_made_up_dive(made_up: Path) -> None:
         "1 line out of order in time left out, the first in line 29",
         "1 line of BUOY with numbers that cannot be, the first in line 30",
     )
+
+
+def test_a_misprinted_time_costs_its_own_line_only(tmp_path: Path) -> None:
+    lines = [f"2020-06-25T10:{m:02d}:00:[PRESS ,0038]P +{m}00mbar,T+14277mdegC" for m in range(60)]
+    lines[10] = lines[10].replace("06-25", "06-27")  # ahead, by less than a gap in a log may be
+    lines[20] = lines[20].replace("06-25", "06-95")
+    lines[30] = lines[30].replace("T10:30:00", "T10:20:30")  # back, by more than a second
+    lines[40] = lines[40].replace("T10:40:00", "T10:38:59")  # by one: a clock put right
+    path = tmp_path / "odd.LOG"
+    path.write_text("\n".join(["1970-01-01T00:00:07:[MAIN  ,0007]buoy 1", *lines]))
+    log = read_mermaid(path)
+    kept = [m for m in range(60) if m not in (10, 20, 30)]
+    assert (log.pressure / 1e4).round().astype(int).tolist() == kept
+    assert log.start == "2020-06-25T10:00:00"
+    assert log.report == ("4 lines out of order in time left out, the first in line 1",)
+    assert log.time[kept.index(40)] == log.time[kept.index(39)]
+    assert np.all(np.diff(log.time) >= 0.0)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_no_damage_to_a_log_ends_in_anything_but_a_log_or_an_error(
+    made_up: Path, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    whole = made_up.read_bytes()
+    for _ in range(20):
+        data = bytearray(whole)
+        for at in rng.integers(len(data), size=rng.integers(1, 60)):
+            data[at] = rng.integers(256) if seed % 2 else ord("0") + rng.integers(10)
+        made_up.write_bytes(bytes(data[: rng.integers(1, len(data))]))
+        with contextlib.suppress(LogError):
+            assert np.all(np.diff(read_mermaid(made_up).time) >= 0.0)
 
 
 def test_what_its_pump_and_valves_did(made_up: Path) -> None:

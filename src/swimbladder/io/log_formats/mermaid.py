@@ -16,8 +16,9 @@ read is reported.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from datetime import datetime
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ _LINE = re.compile(r"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d):(?:<\w+>)?\[(\w+) *,(\d+)\
 _SETTING = re.compile(r" +(\w+) (.+?)(?: \(.*)?$")
 _HIGHEST = 2.5e7  # Pa; a higher pressure crushes such a float and is a misprint
 _LONGEST = 3.0 * 86400.0  # s, between two lines; more is a clock that was wrong
+_CORRECTED = 1.0  # s, by which a line may go back
 
 
 def is_mermaid(text: str) -> bool:
@@ -47,15 +49,64 @@ def read_mermaid(path: str | Path) -> FloatLog:
     """Return the log of one dive; raises LogError where there is none in the file."""
     text = read_bytes(path).decode("latin-1")
     reader = _Reader()
-    for number, line in enumerate(text.splitlines(), start=1):
-        if match := _LINE.match(line):
-            reader.line(number, *match.groups())
+    lines = [
+        (number, match)
+        for number, line in enumerate(text.splitlines(), start=1)
+        if (match := _LINE.match(line))
+    ]
+    stamps = [_stamp(match[1]) for _, match in lines]
+    for k in range(1, len(stamps)):
+        if 0.0 < stamps[k - 1] - stamps[k] <= _CORRECTED:
+            stamps[k] = stamps[k - 1]  # a clock that is put right loses no line
+    ordered = set(_in_order(stamps))
+    for k, (number, match) in enumerate(lines):
+        if k in ordered:
+            reader.line(number, stamps[k], match[2], match[4])
+        else:
+            reader.odd("out of order in time left out", number)
     if not reader.pressures:
         raise LogError(
             "no line with a pressure", file=path, field="[PRESS ,0038]",
             remedy="Give a log of a dive; for other logs leave out --log-format mermaid",
         )  # fmt: skip
     return reader.log(str(path))
+
+
+def _stamp(text: str) -> float:
+    """Return a time of the log [s], since 1970; NaN where there is no such time."""
+    try:
+        return datetime.fromisoformat(text + "+00:00").timestamp()
+    except ValueError:
+        return np.nan
+
+
+def _in_order(stamps: Sequence[float]) -> list[int]:
+    """Return which lines to believe: the most that do not go back in time, without long gaps.
+
+    A line whose time is a misprint would else take all after it along, and a clock that began in
+    1970 all that was logged once it was set.
+    """
+    tails: list[float] = []  # of the best runs of each length, the time they end at
+    ends: list[int] = []
+    before: dict[int, int | None] = {}
+    for k, stamp in enumerate(stamps):
+        if np.isnan(stamp):
+            continue
+        at = bisect_right(tails, stamp)
+        before[k] = ends[at - 1] if at else None
+        tails[at : at + 1], ends[at : at + 1] = [stamp], [k]
+    kept: list[int] = []
+    last: int | None = ends[-1] if ends else None
+    while last is not None:
+        kept.append(last)
+        last = before[last]
+    kept.reverse()
+    runs: list[list[int]] = [[]]
+    for k in kept:
+        if runs[-1] and stamps[k] - stamps[runs[-1][-1]] > _LONGEST:
+            runs.append([])
+        runs[-1].append(k)
+    return max(runs, key=len)
 
 
 def _pressure(text: str) -> float:
@@ -68,7 +119,7 @@ class _Reader:
     """The state of the float as its lines tell it."""
 
     def __init__(self) -> None:
-        self.first: datetime | None = None
+        self.first: float | None = None
         self.now = 0.0
         self.pressures: list[tuple[float, float, float, int]] = []
         self.actions: list[dict[str, Any]] = []
@@ -81,16 +132,11 @@ class _Reader:
         self.before: Reading | None = None
         self.oddities: dict[str, list[int]] = {}
 
-    def line(self, number: int, time: str, part: str, _code: str, text: str) -> None:
-        """Take a line's news."""
-        stamp = datetime.fromisoformat(time)
+    def line(self, number: int, stamp: float, part: str, text: str) -> None:
+        """Take a line's news; stamp: its time [s], since 1970, never before that of the last."""
         if self.first is None:
             self.first = stamp
-        now = (stamp - self.first).total_seconds()
-        if now < self.now - 1.0 or now > self.now + _LONGEST:
-            self.odd("out of order in time left out", number)
-            return
-        self.now = max(now, self.now)
+        self.now = stamp - self.first
         told = _PARTS.get(part)
         if told is not None and not told(self, text.rstrip()):
             self.odd(f"of {part} with numbers that cannot be", number)
@@ -213,13 +259,19 @@ class _Reader:
             for what, lines in self.oddities.items()
         ]
         return FloatLog(
-            source=source, start=self.first.isoformat() if self.first else "",
+            source=source, start=_written(self.first),
             time=columns[0], pressure=columns[1], temperature=columns[2],
             stage=np.array([row[3] for row in self.pressures], dtype=np.int64),
             actions=tuple(_action(found) for found in self.actions),
             stages=tuple(self.stages[n] for n in sorted(self.stages)), settings=self.settings,
             position=positions[-1] if positions else None, report=tuple(said), **self.known,
         )  # fmt: skip
+
+
+def _written(stamp: float | None) -> str:
+    if stamp is None:
+        return ""
+    return datetime.fromtimestamp(stamp, UTC).replace(tzinfo=None).isoformat()
 
 
 def _action(found: dict[str, Any]) -> Action:
