@@ -11,12 +11,15 @@ from swimbladder.dynamics import (
     Plant,
     State,
     acceleration,
+    drag_force,
     drag_per_mass,
+    even_drag,
     motor_rhs,
     plant,
     positioner_rhs,
 )
 from swimbladder.errors import InputError
+from swimbladder.io.config import load_vehicle, vehicle_text
 from swimbladder.parameters import Drag, Supply
 from tests.oracle import C, Machine, Mode, Oracle
 from tests.vehicles import (
@@ -202,3 +205,31 @@ class TestPlant:
         with pytest.raises(InputError) as caught:
             plant(paper(supply=Supply(voltage=12.0, internal_resistance=0.1)))
         assert caught.value.field == "supply.internal_resistance"
+
+
+@pytest.mark.parametrize("law", ["linear", "quadratic", "switched", "blended"])
+def test_drag_while_rising_is_a_share_of_that_while_sinking(law: str) -> None:
+    given = {
+        "linear": {"k_dl": 3.0}, "quadratic": {"k_dt": 40.0},
+        "switched": {"k_dl": 3.0, "k_dt": 40.0, "epsilon": 0.05},
+        "blended": {"k_dl": 3.0, "k_dt": 40.0},
+    }[law]  # fmt: skip
+    even, uneven = Drag(law=law, **given), Drag(law=law, **given, rising_ratio=0.6)
+    for w in (1e-3, 0.04, 0.3):
+        assert drag_force(uneven, w) == drag_force(even, w)
+        assert drag_force(uneven, -w) == pytest.approx(-0.6 * drag_force(even, w), rel=1e-14)
+
+
+def test_a_drag_that_differs_up_and_down_is_refused_where_loops_are_closed(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    text = vehicle_text("example-eh").replace("[motion.drag]", "[motion.drag]\nrising_ratio = 0.6")
+    file = tmp_path / "uneven.toml"
+    file.write_text(text)
+    with pytest.raises(InputError, match="only `mission`, `ballast`, `energy`") as caught:
+        load_vehicle(file, sampled=True)
+    assert "motion.drag.rising_ratio" in str(caught.value)
+    assert f"line {text[: text.index('rising_ratio')].count(chr(10)) + 1}" in str(caught.value)
+    vehicle = load_vehicle(file)  # a mission takes it
+    assert vehicle.drag.rising_ratio == 0.6
+    with pytest.raises(InputError, match="a drag between the two"):
+        plant(vehicle)
+    assert plant(even_drag(vehicle)) == plant(load_vehicle("example-eh"))

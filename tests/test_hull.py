@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import sympy
+from scipy.integrate import quad
 
 from swimbladder.errors import InputError
 from swimbladder.hull import (
@@ -151,3 +152,33 @@ def test_a_hull_that_cannot_be_is_refused(changes, field, words):
     with pytest.raises(InputError, match=words) as caught:
         Hull(**given)
     assert field in str(caught.value.field)
+
+
+def test_a_part_that_stiffens_gives_way_by_what_its_compressibility_is_there():
+    """dV = -V beta(p) dp with beta(p) = beta - s p down to 0, integrated by SciPy."""
+    beta, s = 3.4e-10, 5.2e-18
+    part = HullPart(name="hull", volume="34 L", compressibility=beta, stiffening=s)
+    vehicle = with_hull(displaced_volume=34e-3, parts=(part,))
+    for pressure in (0.0, 1e7, 2e7, 9e7):  # the last beyond beta/s, 65 MPa
+        lost, _ = quad(lambda p: 34e-3 * max(beta - s * p, 0.0), 0.0, pressure, points=[beta / s])
+        displaced = float(displaced_volume(vehicle, pressure, vehicle.hull.reference_temperature))
+        assert 34e-3 - displaced == pytest.approx(lost, rel=1e-9, abs=1e-15)
+    column = uniform_column(vehicle.water, 9000.0, step=10.0)
+    for z in (0.0, 1000.0, 8000.0):
+        gives = 34e-3 * max(beta - s * vehicle.water.specific_weight * z, 0.0)
+        due = gives * vehicle.water.specific_weight
+        assert psi_terms(vehicle, column, z).hull == pytest.approx(due, rel=1e-9, abs=1e-18)
+    neutral = neutral_volume(vehicle, column)
+    slope = (neutral[101] - neutral[99]) / 20.0
+    assert linear_psi(vehicle, column, 1000.0) == pytest.approx(slope, rel=1e-9)
+
+
+def test_what_stiffens_by_nothing_is_as_before():
+    column = cast()
+    (hull,) = hull_parts(load_vehicle("example-eh"))
+    given = HullPart(
+        name="one", volume=hull.volume, compressibility=hull.compressibility, stiffening=0.0
+    )
+    plain = displaced_volume(load_vehicle("example-eh"), column.pressure, column.temperature)
+    same = displaced_volume(with_hull(parts=(given,)), column.pressure, column.temperature)
+    np.testing.assert_array_equal(same, plain)

@@ -183,7 +183,7 @@ def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> Dr
         power_out=power_out,
         rate_in=valve_flow(a.valve, head),
         power_in=power_in,
-        leakage=a.leakage * np.maximum(head, 0.0),
+        leakage=a.leakage * np.maximum(head, 0.0) + a.creep,
         holding_power=nothing,
         bypass_in=bypass_in,
         power_bypass=power_bypass,

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from swimbladder.actuator import ReducedActuator, reduced, refuse_pump_and_valve
 from swimbladder.errors import InputError
-from swimbladder.parameters import Drag, Positioner, Supply, Vehicle
+from swimbladder.parameters import Drag, IdentifiedMotion, Positioner, Supply, Vehicle
 
 __all__ = [
     "Plant",
@@ -28,6 +28,7 @@ __all__ = [
     "drag_force",
     "drag_per_mass",
     "drag_terms",
+    "even_drag",
     "motor_rhs",
     "plant",
     "positioner_rhs",
@@ -76,10 +77,17 @@ class Plant(NamedTuple):
 def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
     """Return the Plant of a vehicle over a bottom at `bottom_depth` [m].
 
-    Raises InputError where the supply's internal resistance does not fit the motor's, and for a
-    pump and valve, which have no voltage: `mission` takes them.
+    Raises InputError where the supply's internal resistance does not fit the motor's, for a pump
+    and valve, which have no voltage, and for drag that is not the same up and down: `mission`
+    takes both.
     """
     refuse_pump_and_valve(vehicle.actuator)
+    if vehicle.drag.rising_ratio != 1.0:
+        raise InputError(
+            "only `mission`, `ballast`, `energy` and `size` know a drag that differs up and down",
+            field="motion.drag.rising_ratio", value=vehicle.drag.rising_ratio,
+            remedy="Leave the line out here, and give a drag between the two",
+        )  # fmt: skip
     hull, stroke, m = vehicle.hull, vehicle.stroke, vehicle.mass
     k_b = vehicle.water.specific_weight
     d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
@@ -139,7 +147,7 @@ def _sag(supply: Supply, actuator: ReducedActuator) -> float:
 
 
 def drag_terms(drag: Drag, m: float) -> tuple[float, float, float, float, float]:
-    """Return (d_l, d_b, d_0, d_t, epsilon): see drag_per_mass."""
+    """Return (d_l, d_b, d_0, d_t, epsilon) while sinking: see drag_per_mass."""
     k_dl, k_dt, eps = drag.k_dl, drag.k_dt, drag.epsilon
     if drag.law == "linear":
         return k_dl / m, 0.0, 0.0, 0.0, math.inf
@@ -151,6 +159,15 @@ def drag_terms(drag: Drag, m: float) -> tuple[float, float, float, float, float]
     return k_dl / m, 0.0, step, k_dt / m, eps
 
 
+def even_drag(vehicle: Vehicle) -> Vehicle:
+    """Return a vehicle with the drag of sinking both ways."""
+    motion = vehicle.motion
+    if isinstance(motion, IdentifiedMotion) or motion.drag.rising_ratio == 1.0:
+        return vehicle
+    drag = motion.drag.model_copy(update={"rising_ratio": 1.0})
+    return vehicle.model_copy(update={"motion": motion.model_copy(update={"drag": drag})})
+
+
 def drag_per_mass(w: float, p: Plant) -> float:
     """Drag over mass F_d(w)/m [m/s2], eq. (16), symmetric in speed (the paper tests w, not |w|)."""
     if abs(w) <= p.epsilon and p.epsilon > 0.0:
@@ -159,8 +176,9 @@ def drag_per_mass(w: float, p: Plant) -> float:
 
 
 def drag_force(drag: Drag, w: float) -> float:
-    """Drag F_d(w) [N] at a speed w [m/s], eq. (16), symmetric in speed."""
-    d_l, d_b, d_0, d_t, epsilon = drag_terms(drag, 1.0)
+    """Drag F_d(w) [N] at a speed w [m/s], eq. (16), symmetric but for `rising_ratio`."""
+    share = 1.0 if w >= 0.0 else drag.rising_ratio
+    d_l, d_b, d_0, d_t, epsilon = drag_terms(drag, 1.0 / share)
     if abs(w) <= epsilon and epsilon > 0.0:
         return d_l * w
     return d_b * w + math.copysign(d_0 + d_t * w * w, w) if w != 0.0 else 0.0

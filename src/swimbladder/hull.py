@@ -7,8 +7,11 @@ without parts and trapped air rests at exactly psi z + trim_error.
 
 With p above the atmosphere and V(p, T) what is displaced without the volume of the drive::
 
-    V(p, T) = sum_i V_i (1 - beta_i p + alpha_i (T - T_ref)) + V_air p_a/(p_a + p) T/T_ref
+    V(p, T) = sum_i V_i (1 - beta_i p + s_i p^2/2 + alpha_i (T - T_ref))
+              + V_air p_a/(p_a + p) T/T_ref
     V_neutral = weight_mass/rho - V(p, T)
+
+A part that stiffens (s_i > 0) gives way no more from beta_i/s_i on.
 """
 
 from __future__ import annotations
@@ -81,10 +84,21 @@ def displaced_volume(vehicle: Vehicle, pressure: ArrayLike, temperature: ArrayLi
     air = vehicle.hull.trapped_air * ATMOSPHERE / (ATMOSPHERE + p) * warmth
     solid = sum(
         part.volume
-        * (1.0 - part.compressibility * p + part.thermal_expansion * (T - reference))
+        * (1.0 - _pressed(part, p)[0] + part.thermal_expansion * (T - reference))
         for part in hull_parts(vehicle)
     )  # fmt: skip
     return np.asarray(solid + air)
+
+
+def _pressed(part: HullPart, pressure: Array) -> tuple[Array, Array]:
+    """Return the share of its volume that a part has lost under pressure [Pa] [n], and its slope.
+
+    The slope is the compressibility there [1/Pa].
+    """
+    s, p = part.stiffening, pressure
+    if s > 0.0:
+        p = np.minimum(p, part.compressibility / s)
+    return part.compressibility * p - 0.5 * s * p * p, part.compressibility - s * p
 
 
 def weight_mass(vehicle: Vehicle) -> float:
@@ -152,7 +166,7 @@ def psi_terms(vehicle: Vehicle, column: Column, depth: float) -> PsiTerms:
     weight = weight_mass(vehicle)
     thinner = 1.0 - column.compressibility * p
     return PsiTerms(
-        hull=sum(part.volume * part.compressibility for part in parts) * dp,
+        hull=sum(part.volume * float(_pressed(part, np.asarray(p))[1]) for part in parts) * dp,
         heat=-sum(part.volume * part.thermal_expansion for part in parts) * dT,
         air=boyle * ((T + _ZERO_CELSIUS) / (ATMOSPHERE + p) * dp - dT),
         water=-weight / rho * (drho / rho * thinner + column.compressibility * dp),

@@ -202,6 +202,19 @@ def test_a_speed_takes_volume_at_both_ends():
     assert still.margin_out - moving.margin_out == pytest.approx(top, rel=1e-6)
 
 
+def test_rising_takes_the_volume_of_its_own_drag():
+    drag = FLOAT.drag.model_copy(update={"rising_ratio": 0.6})
+    motion = FLOAT.motion.model_copy(update={"drag": drag})
+    light = FLOAT.model_copy(update={"motion": motion})
+    even, uneven = (
+        ballast(v, [SEA], unknown=KNOWN, speed=0.2, draws=1).worst for v in (FLOAT, light)
+    )
+    force = 0.8 * 0.05 + 16.0 * (0.2**2 - 0.05**2)
+    spared = 0.4 * force / (SEA.density[0] * SEA.gravity)
+    assert uneven.margin_in == pytest.approx(even.margin_in, abs=1e-12)
+    assert uneven.margin_out - even.margin_out == pytest.approx(spared, rel=1e-6)
+
+
 def test_a_freeboard_beside_a_neutral_depth_is_asked_of_the_stroke():
     wish = Wish(neutral_depth=700.0, freeboard=0.02)
     found = ballast(FLOAT, [SEA], wish=wish, unknown=KNOWN, draws=1)

@@ -1,6 +1,7 @@
 """Thrusters by momentum theory, hovering and profiling against hand-made sums and SciPy."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -149,3 +150,17 @@ def test_nothing_to_do_is_refused():
         profiling(found, THRUSTER, speed=0.0)
     with pytest.raises(InputError, match="--weight-error"):
         hovering(found, THRUSTER, weight_error=-1e-6)
+
+
+def test_each_way_is_paid_with_its_own_drag():
+    """psi 0: the engine presses out (F_down + F_up)/(rho g); the drag takes (F_down + F_up) z."""
+    even = constant(deepest=1000.0)
+    drag = even.vehicle.drag.model_copy(update={"rising_ratio": 0.6})
+    motion = even.vehicle.motion.model_copy(update={"drag": drag})
+    found = replace(even, vehicle=even.vehicle.model_copy(update={"motion": motion}))
+    dive = profiling(found, THRUSTER, speed=0.2)
+    force = drag.k_dt * 0.2**2
+    np.testing.assert_allclose(dive.drag, 1.6 * force * dive.depth, rtol=1e-12)
+    np.testing.assert_allclose(dive.engine[1:], 1.6 * force / (RHO * G) * 2e7, rtol=1e-6)
+    per_metre = [THRUSTER.power(share * force, RHO, 0.2) / 0.2 for share in (1.0, 0.6)]
+    np.testing.assert_allclose(dive.thruster, sum(per_metre) * dive.depth, rtol=1e-6)

@@ -71,6 +71,18 @@ def test_the_stroke_is_the_sum_of_what_the_dive_asks() -> None:
     assert asked.moved.sum() == pytest.approx(2 * drive + abs(psi) * 1000.0, rel=1e-9)
 
 
+def test_the_stroke_covers_the_drag_of_each_way() -> None:
+    water = uniform_column(BODY.water, 1001.0)
+    even = needs(BODY, water, DIVE)
+    drag = BODY.drag.model_copy(update={"rising_ratio": 0.6})
+    motion = BODY.motion.model_copy(update={"drag": drag})
+    asked = needs(BODY.model_copy(update={"motion": motion}), water, DIVE)
+    # freeboard apart, the upper end comes down by 0.4 of what the drag takes, and the turn with it
+    assert even.stroke - asked.stroke == pytest.approx(0.4 * even.drive * 1.1, rel=1e-9)
+    assert asked.rate == pytest.approx(0.8 * even.rate, rel=1e-9)
+    assert sum(asked.shares.values()) == pytest.approx(asked.stroke, rel=1e-12)
+
+
 @pytest.mark.parametrize("psi", [4e-6, -4e-6])
 def test_what_the_neutral_volume_grows_by_is_pressed_out_on_either_way(psi: float) -> None:
     body = BODY.model_copy(update={"hull": BODY.hull.model_copy(update={"psi": psi})})

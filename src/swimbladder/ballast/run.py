@@ -58,7 +58,8 @@ def ballast(
         thin = _thinned(column, made)
         nominal = neutral_volume(made, thin)
         drawn = drawn_volumes(made, thin, unknown, draws=draws, seed=seed + k)
-        push = drag_force(made.drag, speed) / (thin.density * thin.gravity)
+        weight = thin.density * thin.gravity
+        push = [abs(drag_force(made.drag, w)) / weight for w in (speed, -speed)]
         needs.append(_need(made, thin, nominal, drawn, push, wish, probability))
         tails = np.quantile(drawn, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
         curves.append(Curve(depth=thin.depth, nominal=nominal, low=tails[0], high=tails[1]))
@@ -139,6 +140,7 @@ def _with_ballast(hull: Hull, volume: float) -> tuple[HullPart, ...]:
         "volume": left,
         "compressibility": first.compressibility * first.volume / left,
         "thermal_expansion": first.thermal_expansion * first.volume / left,
+        "stiffening": first.stiffening * first.volume / left,
     }
     return (first.model_copy(update=changes), *hull.parts[1:])
 
@@ -216,17 +218,21 @@ def _thinned(column: Column, vehicle: Vehicle) -> Column:
 
 
 def _need(
-    vehicle: Vehicle, column: Column, nominal: Array, drawn: Array, push: Array, wish: Wish,
+    vehicle: Vehicle, column: Column, nominal: Array, drawn: Array, push: list[Array], wish: Wish,
     probability: float,
 ) -> Need:  # fmt: skip
-    """Return what the stroke has to cover in one column, and how likely it does."""
+    """Return what the stroke has to cover in one column, and how likely it does.
+
+    push: what drives it down and up [m3] [n].
+    """
     stroke = vehicle.stroke
     out = wish.asked_freeboard * vehicle.hull.waterplane_area
-    sink, rise = nominal - push, nominal + push
+    down, up = push
+    sink, rise = nominal - down, nominal + up
     rise[0] = max(rise[0], nominal[0] + out)
     least, most = int(np.argmin(sink)), int(np.argmax(rise))
-    highest = np.maximum((drawn + push).max(axis=1), drawn[:, 0] + out)
-    inward = (drawn - push).min(axis=1) - stroke.minimum
+    highest = np.maximum((drawn + up).max(axis=1), drawn[:, 0] + out)
+    inward = (drawn - down).min(axis=1) - stroke.minimum
     outward = stroke.maximum - highest
     return Need(
         source=column.source, least=float(sink[least]), least_depth=float(column.depth[least]),
@@ -234,5 +240,5 @@ def _need(
         probability=float(np.mean((inward >= 0.0) & (outward >= 0.0))),
         margin_in=float(np.quantile(inward, 1.0 - probability)),
         margin_out=float(np.quantile(outward, 1.0 - probability)),
-        out_for="freeboard" if most == 0 and out > push[0] else "rise",
+        out_for="freeboard" if most == 0 and out > up[0] else "rise",
     )  # fmt: skip

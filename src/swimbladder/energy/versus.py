@@ -52,7 +52,7 @@ class Profiling:
     depth: Array  # m, of the turn
     engine: Array  # J
     thruster: Array  # J
-    drag: Array  # J, done on the water by the drag: 2 F z
+    drag: Array  # J, done on the water by the drag down and up: 2 F z where that is the same
     stroke_depth: float  # m, down to which the stroke suffices
     break_even: float  # m, from where on the engine takes less; inf where never, 0 where always
 
@@ -88,15 +88,15 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
     neutral, density = (
         np.interp(z, column.depth, v) for v in (neutral_volume(vehicle, column), column.density)
     )
-    force = drag_force(vehicle.drag, speed)
-    extra = force / (density * column.gravity)  # m3, by which it is heavier or lighter
+    force, back = drag_force(vehicle.drag, speed), -drag_force(vehicle.drag, -speed)
+    weight = density * column.gravity
     out = np.interp(z, column.depth, found.per_volume)
     flows = np.isfinite(found.per_volume_in)  # at the very surface nothing presses the oil in
     into = np.interp(z, column.depth[flows], found.per_volume_in[flows])
     m = found.map
     idle = m.holding_power + np.where(m.leakage > 0.0, m.leakage * found.per_volume, 0.0)
     rest = np.interp(z, column.depth, idle)
-    sinking, rising = neutral - extra, neutral + extra
+    sinking, rising = neutral - force / weight, neutral + back / weight
     down = _along(sinking, out, into)
     up = _along(rising[::-1], out[::-1], into[::-1])
     up = up[-1] - up[::-1]  # from each depth to the surface
@@ -108,10 +108,12 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
     lowest = np.minimum.accumulate(np.minimum(rising, sinking))
     fits = (highest <= vehicle.stroke.maximum) & (lowest >= vehicle.stroke.minimum)
     engine = np.where(fits, engine, np.nan)
-    pushed = np.array([_pushed(thruster, k, z, neutral, density, column.gravity, force, speed)
-                       for k in range(z.size)])  # fmt: skip
+    pushed = np.array([
+        _pushed(thruster, k, z, neutral, density, column.gravity, (force, back), speed)
+        for k in range(z.size)
+    ])  # fmt: skip
     return Profiling(
-        speed=speed, depth=z, engine=engine, thruster=pushed, drag=2.0 * force * z,
+        speed=speed, depth=z, engine=engine, thruster=pushed, drag=(force + back) * z,
         stroke_depth=float(z[np.argmin(fits) - 1]) if not fits.all() and fits[0]
         else (math.inf if fits.all() else -math.inf),
         break_even=_crossing(z, engine, pushed),
@@ -147,17 +149,21 @@ def _pushed(
     neutral: Array,
     density: Array,
     gravity: float,
-    force: float,
+    force: tuple[float, float],
     speed: float,
 ) -> float:
-    """Return the energy [J] of a thruster for a dive to the k-th depth and back."""
+    """Return the energy [J] of a thruster for a dive to the k-th depth and back.
+
+    force: the drag down and up [N].
+    """
     if k == 0:
         return 0.0
     part = neutral[: k + 1]
     fixed = 0.5 * (part.min() + part.max())
     lift = density[: k + 1] * gravity * (fixed - part)
     power = sum(
-        thruster.power(force + way * lift, density[: k + 1], speed) for way in (1.0, -1.0)
+        thruster.power(one + way * lift, density[: k + 1], speed)
+        for one, way in zip(force, (1.0, -1.0), strict=True)
     )  # fmt: skip
     return float(_summed(np.asarray(power), z[: k + 1])[-1] / speed)
 

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from swimbladder.actuator import refuse_pump_and_valve
 from swimbladder.control.registry import LAWS, MISSION_LAWS, bind
-from swimbladder.dynamics import plant
+from swimbladder.dynamics import even_drag, plant
 from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission
 from swimbladder.io.presets import preset_names, preset_text
@@ -45,7 +45,7 @@ def load_vehicle(name_or_path: str | Path, *, sampled: bool = False) -> Vehicle:
     try:
         if sampled:
             refuse_pump_and_valve(vehicle.actuator)
-        _check_parts_fit(vehicle)
+        _check_parts_fit(vehicle if sampled else even_drag(vehicle))
     except InputError as error:
         raise _at(error, text, file) from None
     return vehicle

@@ -192,6 +192,7 @@ def _given(
         Given.Z_LOST: DEEPEST,
         Given.CHARGE: charge,
         Given.HELD: HELD,
+        Given.RISING: vehicle.drag.rising_ratio,
     }
     return np.array([values[key] for key in list(Given)[: int(Given.COUNT)]])
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.buoyancy_engine import drive_map
-from swimbladder.control.rate import RateParameters
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.mission.core.names import Given, Stage, Table
@@ -85,15 +84,12 @@ def reach_of(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:
     needs: list[Need] = []
     before = mission.start_depth
     for phase in mission.phases:
-        law = law_parameters(vehicle, phase)
         depth = 0.0 if phase.depth is None else phase.depth
-        needs += _needs(phase, law, before, depth, plan)
+        needs += _needs(vehicle, phase, before, depth, plan)
         before = depth
     first = mission.phases[0].depth or 0.0
     if len(mission.phases) > 1:  # the next cycle begins where this one ends
-        needs += _needs(
-            mission.phases[0], law_parameters(vehicle, mission.phases[0]), before, first, plan
-        )
+        needs += _needs(vehicle, mission.phases[0], before, first, plan)
     least = min(needs, key=lambda need: need.volume)
     most = max(needs, key=lambda need: need.volume)
     stroke = vehicle.stroke
@@ -101,15 +97,18 @@ def reach_of(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:
     return Reach(least, most, left / (stroke.maximum - stroke.minimum))
 
 
-def _needs(phase: Phase, law: RateParameters, start: float, end: float, plan: Plan) -> list[Need]:
+def _needs(vehicle: Vehicle, phase: Phase, start: float, end: float, plan: Plan) -> list[Need]:
     """Return the extreme volumes of a way from a depth to another at the law's speed."""
+    law = law_parameters(vehicle, phase)
     step = float(plan.given[Given.STEP])
     grid = step * np.arange(len(plan.table))
     neutral = plan.table[:, Table.NEUTRAL] + float(plan.given[Given.TRIM])
     on_way = (grid >= min(start, end)) & (grid <= max(start, end))
     depths = np.unique(np.concatenate((grid[on_way], [start, end])))
     volumes = np.interp(depths, grid, neutral)
-    slack = law.coefficient * law.far_speed**2
+    # what the law asks for, or what the drag takes on the way up where that is more
+    uneven = 1.0 if end > start else max(vehicle.drag.rising_ratio, 1.0)
+    slack = law.coefficient * uneven * law.far_speed**2
     found = []
     if end > start:
         k = int(np.argmin(volumes))

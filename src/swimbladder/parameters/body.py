@@ -77,6 +77,10 @@ class HullPart(Parameters):
     thermal_expansion: Annotated[float, Unit("1/K"), Field(ge=-1e-3, le=1e-2)] = Field(
         0.0, description="share of that volume it gains per kelvin (three times the linear one)"
     )
+    stiffening: Annotated[float, Unit("1/Pa2"), Field(ge=-1e-14, le=1e-14)] = Field(
+        0.0, description="what the compressibility loses per pressure, down to 0; negative: it "
+        "grows"
+    )  # fmt: skip
 
 
 class Hull(Parameters):
@@ -139,7 +143,7 @@ class Hull(Parameters):
 
 
 class Drag(Parameters):
-    """Hydrodynamic drag, eq. (16), symmetric in speed.
+    """Hydrodynamic drag, eq. (16), symmetric in speed but for `rising_ratio`.
 
     linear: k_dl w. quadratic: k_dt w|w|. switched: laminar up to epsilon, turbulent above,
     continuous there. switched-literal: eq. (16) as printed, which jumps at epsilon.
@@ -158,6 +162,10 @@ class Drag(Parameters):
     epsilon: Annotated[float, Unit("m/s"), Field(ge=0.0)] = Field(
         0.0, description="speed at which drag turns turbulent"
     )
+    rising_ratio: Annotated[float, Unit(""), Field(ge=0.1, le=10.0)] = Field(
+        1.0, description="drag while rising over that while sinking at the same speed, which the "
+        "coefficients tell; for mission, ballast, energy and size, the others refuse it"
+    )  # fmt: skip
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

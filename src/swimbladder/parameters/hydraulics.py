@@ -95,6 +95,10 @@ class PumpAndValve(Parameters):
     leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = Field(
         0.0, description="volume that seeps in per time and pressure while nothing runs"
     )
+    creep: Annotated[float, Unit("m3/s"), Field(ge=0.0, le=1e-6)] = Field(
+        0.0, description="volume lost per time while nothing runs, whatever the pressure: oil that "
+        "seeps back or cools, seals that settle; what is pumped out makes up for it"
+    )  # fmt: skip
     quantum: Annotated[float, Unit("s"), Field(ge=0.0)] = Field(
         0.0, description="step of the time that pump and valve are on; also the shortest one"
     )

@@ -99,9 +99,9 @@ class Needs:
 
     depth [m], pressure [Pa] and moved [m3]: where in a cycle how much volume has to be pressed
     out, all [n]. neutral: the change of the neutral volume from the surface down [m3] [n]. drive:
-    volume that keeps the speed [m3], trim: half-width that is covered [m3], stroke: from stop to
-    stop [m3], lowest: where the inner stop is, counted from neutral at the surface [m3], rate:
-    while pressing out at `depth` [m3/s].
+    volume that keeps the speed, mean of down and up [m3], trim: half-width that is covered [m3],
+    stroke: from stop to stop [m3], lowest: where the inner stop is, counted from neutral at the
+    surface [m3], rate: while pressing out at `depth` [m3/s].
     """
 
     dive: Dive
@@ -158,17 +158,19 @@ def needs(body: Vehicle, column: Column, dive: Dive) -> Needs:
     neutral = at - at[0]
     pressure = np.interp(grid, column.depth, column.pressure)
     density = np.interp(grid, column.depth, column.density)
-    drive = drag_force(body.drag, dive.speed) / (float(density.min()) * column.gravity)
+    light = float(density.min()) * column.gravity
+    down, up = (abs(drag_force(body.drag, w)) / light for w in (dive.speed, -dive.speed))
+    drive = 0.5 * (down + up)
     trim = NormalDist().inv_cdf(0.5 + 0.5 * dive.probability) * dive.trim
-    lowest = float(neutral.min()) - drive - trim
-    highest = max(float(neutral.max()) + drive, dive.freeboard) + trim
+    lowest = float(neutral.min()) - down - trim
+    highest = max(float(neutral.max()) + up, dive.freeboard) + trim
     stroke = (highest - lowest) * (1.0 + dive.reserve)
     moved = np.zeros_like(grid)
     moved[-1] = 2.0 * drive
     change = np.diff(neutral)
     moved[1:] += np.maximum(change, 0.0)  # on the way down: a hull that gives way, trapped air
     moved[:-1] += np.maximum(-change, 0.0)  # on the way up
-    moved[0] += max(dive.freeboard - drive, 0.0)
+    moved[0] += max(dive.freeboard - up, 0.0)
     return Needs(
         dive=dive,
         depth=grid,

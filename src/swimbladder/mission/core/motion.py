@@ -48,7 +48,7 @@ LAYERS = int(Table.LAYERS)
 STEP, MASS, TRIM, GIVE = int(Given.STEP), int(Given.MASS), int(Given.TRIM), int(Given.GIVE)
 D_L, D_B, D_0, D_T = int(Given.D_L), int(Given.D_B), int(Given.D_0), int(Given.D_T)
 EPSILON, A_S, Z_SURFACE = int(Given.EPSILON), int(Given.A_S), int(Given.Z_SURFACE)
-V_MIN, DELIVERY = int(Given.V_MIN), int(Given.DELIVERY)
+V_MIN, DELIVERY, RISING = int(Given.V_MIN), int(Given.DELIVERY), int(Given.RISING)
 PUMPING, LETTING_IN = int(Doing.PUMPING), int(Doing.LETTING_IN)
 BYPASSING, PRIMING = int(Doing.BYPASSING), int(Doing.PRIMING)
 
@@ -96,13 +96,13 @@ def value(table, step, what, z):  # type: ignore[no-untyped-def]
 
 @part
 def drag(p, w):  # type: ignore[no-untyped-def]
-    """Return drag over mass [m/s2] and its derivative [1/s], eq. (16)."""
+    """Return drag over mass [m/s2] and its derivative [1/s], eq. (16), other while rising."""
     size = abs(w)
+    share = p[RISING] if w < 0.0 else 1.0
     if size <= p[EPSILON] and p[EPSILON] > 0.0:
-        return p[D_L] * w, p[D_L]
-    return p[D_B] * w + math.copysign(p[D_0] + p[D_T] * size * size, w), p[D_B] + 2.0 * p[
-        D_T
-    ] * size
+        return share * p[D_L] * w, share * p[D_L]
+    force = p[D_B] * w + math.copysign(p[D_0] + p[D_T] * size * size, w)
+    return share * force, share * (p[D_B] + 2.0 * p[D_T] * size)
 
 
 @part

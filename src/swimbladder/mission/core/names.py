@@ -83,7 +83,8 @@ class Given(IntEnum):
     Z_LOST = 37  # m, below which nothing is known of the water
     CHARGE = 38  # J in the battery at the start
     HELD = 39  # -, share of its time that a park or hold has to be in its tolerance
-    COUNT = 40
+    RISING = 40  # -, drag while rising over that while sinking
+    COUNT = 41
 
 
 class Stage(IntEnum):
