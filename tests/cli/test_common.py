@@ -50,6 +50,31 @@ def test_every_command_with_json_says_on_stdout_what_is_wrong(capsys):
     assert json.loads(said.out)["error"] in " ".join(said.err.split())
 
 
+@pytest.mark.parametrize(
+    ("typed", "field", "what"),
+    [
+        (["mission", "example-float", "m.toml", "--cycles", "0"], "--cycles", "greater than"),
+        (["size", "--cycles", "x"], "--cycles", "integer"),
+        (["ballast", "example-eh", "--bananas"], "--bananas", "No such option"),
+        (["ballast"], "vehicle", "Missing argument"),
+        (["no-such-command"], None, "No such command"),
+        (["simulate", "feup-em", "--duration"], "--duration", "argument"),
+    ],
+)
+def test_a_command_line_that_is_wrong_is_said_as_json(capsys, typed, field, what):
+    assert main([typed[0], "--json", *typed[1:]]) == 2
+    told = json.loads(capsys.readouterr().out)
+    assert what in told["error"]
+    assert (told["exit_code"], told["file"], told["field"]) == (2, None, field)
+    assert main(typed) == 2
+    assert capsys.readouterr().out == ""
+
+
+def test_options_about_completion_stand_in_the_help_of_the_whole(capsys):
+    assert main(["--help"]) == 0
+    assert "--install-completion" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), InputError("no space left")])
 def test_what_is_kept_is_said_and_nothing_is_not_kept(capsys, tmp_path, error):
     folder = tmp_path / ".out-parts"

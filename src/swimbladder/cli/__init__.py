@@ -52,18 +52,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     completing = "_SWIMBLADDER_COMPLETE" in os.environ
     named = next((word for word in given if not word.startswith("-")), None)
-    app = _app(set(COMMANDS) if completing else {named} & set(COMMANDS))
+    # to read typer's own options before the command takes pydantic, given or not
+    before = completing or named not in COMMANDS or given[0] != named
+    app = _app(set(COMMANDS) if completing else {named} & set(COMMANDS), before=before)
     return run(lambda: app(args=given, prog_name="swimbladder"), json="--json" in given)
 
 
-def _app(wanted: set[str | None]) -> typer.Typer:
-    """Return the command line with the `wanted` commands loaded, the others by name only."""
+def _app(wanted: set[str | None], *, before: bool) -> typer.Typer:
+    """Return the command line with the `wanted` commands loaded, the others by name only.
+
+    before: with typer's own options that stand before the command, of help and completion.
+    """
     app = typer.Typer(
         name="swimbladder",
         help="Variable-buoyancy vehicles: from datasheet to model, from pool log to parameters, "
         "from parameters to a depth controller.",
         no_args_is_help=True,
         pretty_exceptions_enable=False,
+        add_completion=before,
+        add_help_option=before,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_root)

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any
 
+import typer
 from rich.console import Console
 
 from swimbladder.errors import InputError, SwimbladderError
@@ -39,6 +40,7 @@ output = Console(highlight=False, markup=False, emoji=False)
 
 
 _INTERRUPTED = 130
+_Usage = typer.BadParameter.__mro__[1]  # UsageError, of click or of typer's own copy of it
 
 
 def run(function: Callable[[], object], *, json: bool = False) -> int:
@@ -64,8 +66,19 @@ def run(function: Callable[[], object], *, json: bool = False) -> int:
     except SystemExit as stop:
         if stop.code == _INTERRUPTED:  # what typer makes of an interruption
             return _interrupted(json)
+        if json and not _printed and isinstance(stop.__context__, _Usage):
+            _emit_usage(stop.__context__, stop.code)
         return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
     return 0
+
+
+def _emit_usage(error: Any, code: object) -> None:
+    """Print as JSON what is wrong with the command line; its box on stderr has been drawn."""
+    param = getattr(error, "param", None)
+    emit_json({
+        "error": error.format_message(), "exit_code": code, "file": None,
+        "field": getattr(error, "option_name", None) if param is None else max(param.opts, key=len),
+    })  # fmt: skip
 
 
 def _interrupted(json: bool) -> int:
