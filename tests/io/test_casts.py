@@ -321,6 +321,19 @@ def test_depths_that_count_upward_are_turned_and_said(tmp_path):
     np.testing.assert_allclose(beside.pressure, p, atol=1e-9)
 
 
+@pytest.mark.parametrize(("above", "taken"), [(3.0, True), (6.0, False), (100.0, False)])
+def test_rows_above_the_surface_are_a_sensor_on_deck_or_an_offset(tmp_path, above, taken):
+    p, t, s = sea()
+    path = csv(tmp_path, {"depth_m": p - above, "temperature_degC": t, "salinity": s})
+    if taken:
+        cast = read_cast(path, **PLACE)
+        assert cast.pressure[0] >= 0.0
+        assert any("above the surface left out" in line for line in cast.report)
+    else:
+        error = refused(path)
+        assert (error.line, error.value) == (2, -above)
+
+
 def test_depths_of_both_signs_are_refused_with_the_line(tmp_path):
     p, t, s = sea()
     depth = np.where(p == 400.0, -400.0, p)

@@ -31,6 +31,7 @@ _SALT_FITS, _SALT_WRONG = 0.02, 0.1
 _SEAS = (1.0, 7.5)  # S/m: a brackish sea in winter, and the Red Sea in summer at depth
 _DENSITY_FITS, _DENSITY_WRONG = 0.05, 0.2  # kg/m3; EOS-80 and TEOS-10 differ by up to 0.02
 _ABOVE = 0.2  # of the greatest depth: a sensor in air before a cast in shallow water is less
+_HIGHEST = 5.0  # m above the surface: a sensor on deck; TEOS-10's routines take no more either
 _SURE = 10.0  # m or dbar that a cast has to go over, for its unit to be told
 
 
@@ -69,7 +70,7 @@ def _downward(raw: RawCast) -> RawCast:
         raw.report.append("the depths are negative in the file: they are taken as metres downward")
         return replace(raw, depth=-depth)
     k = int(np.argmin(depth))
-    if depth[k] < -_ABOVE * float(np.max(np.abs(depth))):
+    if depth[k] < -min(_ABOVE * float(np.max(np.abs(depth))), _HIGHEST):
         raise raw.refused(
             f"the depths go from {depth[k]:.6g} m to {np.max(depth):.6g} m: they count neither "
             "downward nor upward",
