@@ -29,6 +29,16 @@ def test_it_writes_a_log_a_mission_and_a_picture(capsys, tmp_path):
     assert json.loads((out / "plan.json").read_text()).keys() == told.keys() - {"files"}
 
 
+def test_an_interruption_says_how_to_go_on_and_writes_nothing(capsys, tmp_path, monkeypatch):
+    def stopped(*_given, **_more):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("swimbladder.planning.run.search_least", stopped)
+    assert main(["plan", "feup-em", "--step", "1.5:3", "--out", str(tmp_path / "out")]) == 130
+    assert "begins anew" in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [

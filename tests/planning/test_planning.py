@@ -4,13 +4,19 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 
 from swimbladder.closed_loop import drive
 from swimbladder.dynamics import plant
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.parameters import Drag, IdentifiedMotion
-from swimbladder.planning import least_time, plan
+from swimbladder.planning import energy, least_time, plan, programme, solvers
+from swimbladder.planning.course import backward, resting
+from swimbladder.planning.motion import steps_along
+from swimbladder.planning.programme import Goal, Near, posed
+from swimbladder.planning.solvers import interior, vertex
+from swimbladder.planning.task import task_of
 
 FEUP = load_vehicle("feup-em")
 TANK = load_vehicle("ntnu-bv")
@@ -174,25 +180,99 @@ def test_what_the_refusal_offers_is_enough():
     assert plan(FEUP, 1.5, 3.0, goal="effort", duration=15.0, supply=volts * 1.01).arrival == 15.0
 
 
-def test_a_stuck_simplex_method_gives_way_to_an_interior_point_method(monkeypatch):
-    """Without a pivot allowed every program is solved by the other: the same least time."""
-    from swimbladder.planning import programme
+def test_corner_and_interior_are_optima_of_the_same_program():
+    """Two solvers that share no code agree on what a step lacks, and on what cannot be."""
+    task = task_of(FEUP, 1.5, 3.0)
+    course = resting(120)
+    steps = steps_along(task.plant, task.sample_time, course.speed, backward(course))
+    for goal in (Goal(near=None, rest=59, relaxed="rest"), Goal(near=47, rest=120, relaxed="near")):
+        problem = posed(task, steps, goal, None)
+        inside, corner = interior(problem), vertex(problem)
+        assert inside.objective == pytest.approx(corner.objective, rel=1e-8)
+        assert max(inside.gap, corner.gap, inside.infeasibility, corner.infeasibility) < 1e-8
+    impossible = posed(task, steps, Goal(near=None, rest=40), None)
+    assert interior(impossible) is None
+    assert vertex(impossible) is None
 
-    known, methods = least_time(FEUP, 1.5, 3.0), set()
-    solver = programme.linprog
 
-    def watched(*given, method, **more):
-        found = solver(*given, method=method, **more)
-        if found.status in (0, 2):
-            methods.add(method)
-        return found
-
-    monkeypatch.setattr(programme, "linprog", watched)
-    monkeypatch.setattr(programme, "_PIVOTS", 0)
+def test_what_the_interior_point_method_does_not_solve_the_simplex_method_does(monkeypatch):
+    known, told = least_time(FEUP, 1.5, 3.0), []
+    corner = programme.vertex
+    monkeypatch.setattr(solvers, "_INTERIOR", 2)
+    monkeypatch.setattr(programme, "vertex", lambda p: told.append(p) or corner(p))
     found = least_time(FEUP, 1.5, 3.0)
-    assert "highs-ipm" in methods
+    assert told
     assert found.samples == known.samples
     assert found.short == pytest.approx(known.short, rel=1e-5)
+
+
+def dense(task, steps):
+    """Energy as u H u/2 + g u + e, and rest as E u = f, in voltages, by stepping each one alone."""
+    n, R, kappa = len(steps.A), EM.actuator.motor.resistance, task.plant.kappa
+
+    def states(u):
+        x = [np.array(task.state_of_rest(task.start))]
+        for k in range(n):
+            x.append(steps.A[k] @ x[-1] + steps.B[k] * u[k] + steps.c[k])
+        return np.array(x)
+
+    free = states(np.zeros(n))
+    moved = np.array([states(row) - free for row in np.eye(n)])  # [voltage, sample, state]
+    half = (task.sample_time * np.eye(n) - kappa * np.diff(moved[:, :, 1], axis=1)) / R
+    g = -kappa * np.diff(free[:, 1]) / R
+    rest = np.array(task.state_of_rest(task.target)) - free[-1]
+    return half + half.T, g, moved[:, -1].T, rest
+
+
+def test_the_least_energy_is_that_of_the_normal_equations():
+    """No limit is reached, so the optimum is a linear system's: here a dense one, by null space."""
+    vehicle = smooth_motor()
+    found = plan(vehicle, 1.5, 3.0, goal="energy", duration=36.0)
+    assert not any(found.at_limit[name] for name in ("voltage", "stroke"))
+    n = len(found.time) - 1
+    task = found.task
+    steps = steps_along(task.plant, task.sample_time, np.zeros(n + 1), np.zeros(n, bool))
+    H, g, E, f = dense(task, steps)
+    size = np.abs(E).max(axis=1)
+    E, f = E / size[:, None], f / size
+    some, N = np.linalg.lstsq(E, f, rcond=None)[0], null_space(E)
+    assert np.linalg.eigvalsh(N.T @ H @ N)[0] > 0.0  # on motions to rest it is convex
+    u = some - N @ np.linalg.solve(N.T @ H @ N, N.T @ (H @ some + g))
+    assert found.energy == pytest.approx(0.5 * u @ H @ u + g @ u, rel=1e-7)
+    assert np.abs(found.command[:-1] - u).max() < 1e-3
+    assert found.proven
+
+
+def test_an_energy_that_is_not_convex_is_said_to_be_least_near_by(monkeypatch):
+    """A motor that gives more than it takes: no voltages near the plan's take less."""
+    vehicle = smooth_motor()
+    task = task_of(vehicle, 1.5, 3.0)
+    R, kappa = energy.winding(task)
+    monkeypatch.setattr(energy, "winding", lambda _: (R, 1.2 / task.plant.gain))
+    n = 100
+    steps = steps_along(task.plant, task.sample_time, np.zeros(n + 1), np.zeros(n, bool))
+    found = energy.least_energy(task, steps, n)
+    assert not found.proven
+    assert found.objective < 0.0
+    other = energy.least_energy(task, steps, n, Near((found.states[:, 3], 1e-3)))
+    assert other.objective >= found.objective * (1 + 1e-3)
+    assert kappa * task.plant.gain < 1.0  # the true motor's is
+
+
+def test_the_sides_of_a_plan_of_least_energy_are_those_on_which_its_motor_turns():
+    """Friction and the screw's losses act against the motor, and the simulator finds them so."""
+    found = plan(EM, 1.0, 2.0, goal="energy")
+    assert not found.proven  # load and friction depend on the side
+    assert found.residual < 5e-4
+    run = drive(EM, time=found.time, voltage=found.command, start_depth=1.0)
+    u, kappa = found.command[:-1], found.task.plant.kappa
+    joules = np.sum(u * (u * found.task.sample_time - kappa * np.diff(run.volume)))
+    assert found.energy == pytest.approx(joules / EM.actuator.motor.resistance, rel=2e-3)
+    still = np.abs(np.diff(found.volume)) < 1e-9
+    p = found.task.plant
+    within = p.load_drive * found.depth[:-1] + p.friction
+    assert (np.abs(u[still][2:-2]) < within[still][2:-2] + 0.1).sum() > 5  # it rests on its way
+    assert "others were not ruled out" in " ".join(found.sentences)
 
 
 def test_every_program_of_a_plan_is_told():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +11,7 @@ import typer
 
 from swimbladder.cli.common import (
     compile_notice,
+    console,
     emit_json,
     json_text,
     output,
@@ -91,9 +94,7 @@ def plan(
         from swimbladder.planning import plan as find
         from swimbladder.plots.plan import draw_plan
         from swimbladder.plots.style import save
-    # The energy of a motor is not convex, and drag and friction are taken along a course.
-    doing = "solving, for minutes where drag or friction bend it" if goal == "energy" else "solving"
-    with compile_notice(), progress(doing) as advance:
+    with _told_how_to_go_on(), compile_notice(), progress("solving programs") as advance:
         found = find(
             v, start, target, goal=goal, arrive=arrive, band=share, margin=kept,
             bottom_depth=math.inf if deepest is None else deepest, advance=advance, **options,
@@ -119,6 +120,20 @@ def plan(
     output.print("")
     for path in files:
         output.print(f"wrote {path}", soft_wrap=True)
+
+
+@contextlib.contextmanager
+def _told_how_to_go_on() -> Iterator[None]:
+    """Say on an interruption what there is, and what would take less long."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        console.print(
+            "stopped: nothing is written, and the same command begins anew. It takes less long "
+            "with a longer sample time (--sample-time)",
+            soft_wrap=True,
+        )
+        raise
 
 
 def _mission(found: Plan) -> str:

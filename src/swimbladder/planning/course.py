@@ -15,10 +15,13 @@ from swimbladder.dynamics import Plant
 from swimbladder.errors import NoAnswerError
 from swimbladder.linear.models import Array
 from swimbladder.planning.motion import STATES, Steps, steps_along
-from swimbladder.planning.programme import Answer, scale_of
+from swimbladder.planning.programme import Answer, Flags, Near, scale_of
 from swimbladder.planning.task import Task
 
-__all__ = ["AGREE", "Course", "Program", "resting", "settle_course", "stretched"]
+__all__ = [
+    "AGREE", "Course", "Program", "backward", "resting", "settle_course", "sided", "straight",
+    "stretched",
+]  # fmt: skip
 
 _FREE = 4  # rounds without a leash: Newton's method mostly needs fewer
 _LEASH = 0.6  # what it shrinks by
@@ -35,9 +38,9 @@ class Course(NamedTuple):
 
 
 class Program(Protocol):
-    """What finds the optimum for given steps, speeds kept near `around`; None: there is none."""
+    """What finds the optimum for given steps and, as `posed` has it, where to stay; or None."""
 
-    def __call__(self, steps: Steps, around: tuple[Array, float] | None) -> Answer | None:
+    def __call__(self, steps: Steps, near: Near, /) -> Answer | None:
         """Return the optimum."""
 
 
@@ -54,35 +57,41 @@ def stretched(course: Course, n: int) -> Course:
     return Course(np.interp(new, old, course.speed), np.interp(new, old, course.rate))
 
 
+def backward(course: Course) -> Flags:
+    """Return in which samples [n] the motor is driven back."""
+    return 0.5 * (course.rate[1:] + course.rate[:-1]) < 0.0
+
+
 def settle_course(
-    task: Task, program: Program, course: Course, *, agree: float = AGREE
+    task: Task, program: Program, course: Course, *, agree: float = AGREE, back: Flags | None = None
 ) -> tuple[Answer | None, Course]:
     """Return the answer that agrees with its own course, and that course.
 
-    agree: largest difference of their speeds, over the scale of speed [-]. None where the program
-    has no answer. Raises NoAnswerError where the rounds do not settle.
+    agree: largest difference of their speeds, over the scale of speed [-]. back: in which samples
+    [n] the motor is held to be driven back, and to drive in the others; None: where it comes out
+    so. None where the program has no answer. Raises NoAnswerError where the rounds do not settle.
     """
     p, h = task.plant, task.sample_time
     w = STATES.index("w")
     size = float(scale_of(task).state[w])
     reach, gap = math.inf, math.inf
     for turn in range(_ROUNDS):
-        steps = steps_along(p, h, course.speed, course.rate)
-        around = None if math.isinf(reach) else (course.speed, reach)
-        answer = program(steps, around)
+        now = backward(course) if back is None else back
+        leash = None if math.isinf(reach) else (course.speed, reach)
+        answer = program(steps_along(p, h, course.speed, now), Near(leash, back))
         if answer is None:
-            if around is None:
+            if leash is None:
                 return None, course
             reach *= 2.0 / _LEASH
             continue
         new = Course(answer.states[:, w], answer.states[:, 0])
-        if _one_course(p):
+        if straight(p) and (back is not None or not sided(p)):
             return answer, new
         gap = float(np.abs(new.speed - course.speed).max()) / size
         same = bool(((new.rate < 0.0) == (course.rate < 0.0))[_turns(task, new.rate)].all())
         course = new
         # The side of a motor that has nothing to do is anybody's: it matters where the plan does.
-        if gap < agree and (same or agree > AGREE or not _sided(p)):
+        if gap < agree and (same or agree > AGREE or back is not None or not sided(p)):
             return answer, course
         if turn >= _FREE:
             reach = min(reach * _LEASH, gap * size)
@@ -94,16 +103,17 @@ def settle_course(
     return answer, course
 
 
-def _turns(task: Task, rate: Array) -> Array:
-    """Return where the motor turns, and not just creeps."""
-    turning: Array = np.abs(rate) > 1e-3 * scale_of(task).state[0]
+def _turns(task: Task, rate: Array) -> Flags:
+    """Return where the motor turns, and does not just creep."""
+    turning: Flags = np.abs(rate) > 1e-3 * scale_of(task).state[0]
     return turning
 
 
-def _sided(p: Plant) -> bool:
+def sided(p: Plant) -> bool:
+    """Whether load and friction depend on the side on which the motor turns."""
     return bool(p.friction > 0.0 or p.load_drive != p.load_back)
 
 
-def _one_course(p: Plant) -> bool:
-    """Whether the steps are the same along every course."""
-    return p.d_t == 0.0 and p.d_0 == 0.0 and p.d_b in (0.0, p.d_l) and not _sided(p)
+def straight(p: Plant) -> bool:
+    """Whether drag is linear in the speed."""
+    return p.d_t == 0.0 and p.d_0 == 0.0 and p.d_b in (0.0, p.d_l)

@@ -1,43 +1,63 @@
-"""The motion that takes the least electrical energy, by quadratic programs.
+"""The motion that takes the least electrical energy, by sparse quadratic programs.
 
 The power into the motor is u i with i = (u - k_emf omega)/R, so over a sample with u held it takes
-u (u h - kappa dV')/R, dV' being the volume that the motor drives: a quadratic form of the voltages
-once the motion is written as linear in them. Solved by Clarabel, an interior-point method
-(Goulart and Chen, arXiv 2405.12762).
+u (u h - kappa dV')/R, dV' being the volume that the motor drives.
 
-The form need not be convex: a sea that drives the motor back gives energy. Then its concave part is
-replaced by its tangent, again and again (Yuille and Rangarajan, Neural Computation 15, 2003, 915):
-every round takes less energy than the one before, and what they end at is a least one near by.
+That form is not convex in voltages and states, though mostly it is on the motions that there are:
+they begin and end at rest, and what the sea gives on the way is what it took. To show a solver so,
+the change of a storage x P x/2 over each sample, which sums up to a constant, is added to what the
+sample takes (Willems, Arch. Rational Mech. Anal. 45, 1972, 321). With P by Riccati's recursion
+from the end, where any multiple of the distance from rest may be added, a sample then takes
+H (u + K x)^2/2; all H above 0 prove that the program is convex, and its optimum the only one.
+
+Where some are not, what they lack is added and its tangent taken away, again and again (Yuille and
+Rangarajan, Neural Computation 15, 2003, 915): every round takes less energy than the one before,
+and what they end at is a least one near by.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csc_array, csc_matrix
-from scipy.sparse.linalg import splu
+from scipy.sparse import coo_array
 
 from swimbladder.actuator import reduced
 from swimbladder.errors import NoAnswerError
 from swimbladder.linear.models import Array
 from swimbladder.parameters import Positioner
-from swimbladder.planning.motion import Steps
+from swimbladder.planning.motion import STATES, Steps
 from swimbladder.planning.programme import (
     Answer,
+    Goal,
+    Near,
+    answer_of,
     columns_of,
-    dynamics_rows,
+    driven_by,
+    posed,
     scale_of,
-    supply_rows,
 )
+from swimbladder.planning.solvers import interior
 from swimbladder.planning.task import Task
 
-__all__ = ["MOST", "least_energy", "winding"]
+__all__ = ["electrical", "least_energy", "winding"]
 
-_CONVEX = 1e-9  # a curvature below minus this share of the largest is no rounding
-_ROUNDS, _SETTLED = 60, 1e-7  # of the concave part's tangents, and the share that ends them
-_AGAIN = 3  # tangents where a plan is given that has most of them behind it
-MOST = 600  # samples: the program is dense
+_CONVEX = 1e-9  # a curvature below this share of the largest is none
+_AT_REST = (0.0, 1.0, 1e2, 1e4, 1e6)  # multiples of the distance from rest at the end
+_LACKING = 1e-3  # of the curvature, added first where it is not enough
+_ROUNDS, _SETTLED = 60, 1e-7  # of tangents, and the share that ends them
+
+
+class Form(NamedTuple):
+    """What the samples take [J], scaled: r u^2/2 + u (s x) + t u, x+ = A x + B u + c."""
+
+    A: Array  # [n, 4, 4]
+    B: Array  # [n, 4]
+    c: Array  # [n, 4]
+    r: Array  # [n]
+    s: Array  # [n, 4]
+    t: Array  # [n]
 
 
 def winding(task: Task) -> tuple[float, float]:
@@ -62,106 +82,98 @@ def winding(task: Task) -> tuple[float, float]:
     return found.resistance, found.kappa
 
 
-def least_energy(
-    task: Task, steps: Steps, end: int, around: tuple[Array, float] | None,
-    near: Answer | None = None,
-) -> Answer | None:  # fmt: skip
+def electrical(task: Task, answer: Answer) -> float:
+    """Return the electrical energy into the motor [J]; raises as `winding` does."""
+    R, kappa = winding(task)
+    h, u = task.sample_time, answer.commands
+    return float(np.sum(u * (u * h - kappa * np.diff(driven_by(task, answer)))) / R)
+
+
+def least_energy(task: Task, steps: Steps, end: int, near: Near | None = None) -> Answer | None:
     """Return the motion to rest at sample `end` of least energy [J], None where there is none.
 
-    near: a plan for another course, to begin at where the energy is not convex.
-    Raises NoAnswerError for more samples than a dense program takes.
+    Raises NoAnswerError where the solver gives up.
     """
     n = len(steps.A)
-    if n > MOST:
-        raise NoAnswerError(
-            f"the least energy is computed for up to {MOST} samples, and these are {n}: plan with "
-            "a longer sample time (--sample-time)"
-        )
-    import clarabel
+    form = _form(task, steps)
+    lacking, storage = 0.0, _storage(form)
+    convex = storage is not None
+    while storage is None:
+        lacking = 4.0 * lacking if lacking else _LACKING * float(form.r.max())
+        storage = _storage(form._replace(r=form.r + lacking))
+    cost, Q = _squares(form._replace(r=form.r + lacking), *storage)
+    unit = float(np.abs(Q.data).max())
+    problem = posed(task, steps, Goal(near=None, rest=end), near, costly=False)
+    _, u = columns_of(n)
+    commands, best = np.zeros(n), math.inf
+    answer = None
+    for _ in range(_ROUNDS):
+        bent = cost.copy()
+        bent[u] -= lacking * commands
+        found = interior(problem._replace(cost=bent / unit, Q=Q / unit))
+        if found is None:
+            return None
+        answer = answer_of(task, n, found, near)
+        before, best = best, electrical(task, answer)
+        gap = abs(found.objective - found.dual) / (1.0 + abs(best) / unit)
+        answer = answer._replace(objective=best, gap=gap, proven=convex)
+        if convex or before - best <= _SETTLED * abs(best):
+            break
+        commands = found.x[u]
+    return answer
 
+
+def _form(task: Task, steps: Steps) -> Form:
     R, kappa = winding(task)
     scale, h = scale_of(task), task.sample_time
     S, U = scale.state, scale.command
-    x, _ = columns_of(n)
-    states = 4 * (n + 1)
-    rows = dynamics_rows(task, steps, scale)
-    whole = csc_array(rows.matrix(states + n))
-    solver = splu(csc_matrix(whole[:, :states]))
-    G = -solver.solve(whole[:, states:].toarray())  # states = G voltages + fixed
-    fixed = solver.solve(rows.right)
+    A = steps.A * S / S[:, None]
+    B, c = steps.B * U / S, steps.c / S
+    V, z = (S[STATES.index(name)] * np.eye(4)[STATES.index(name)] for name in ("V", "z"))
+    leak = 0.5 * task.plant.k_l * h * z
+    after, before = V + leak, leak - V  # the volume driven is after x+ + before x
+    back = kappa * U / R
+    return Form(
+        A=A, B=B, c=c, r=2.0 * (U * U * h / R - back * (B @ after)),
+        s=-back * (after @ A + before), t=-back * (c @ after),
+    )  # fmt: skip
 
-    def of(sample: Any, i: int) -> tuple[Array, Array]:
-        at = x[sample, i]
-        return G[at] * S[i], fixed[at] * S[i]
 
-    before, after = np.arange(n), np.arange(1, n + 1)
-    (V1, v1), (V0, v0), (Z1, z1), (Z0, z0) = (
-        of(after, 1),
-        of(before, 1),
-        of(after, 2),
-        of(before, 2),
+def _storage(form: Form) -> tuple[Array, Array] | None:
+    """Return the storage P [n + 1, 4, 4] and the curvatures H [n], None where some are not > 0."""
+    n, largest = len(form.r), float(form.r.max())
+    for rest in _AT_REST:
+        P, H = np.zeros((n + 1, 4, 4)), np.zeros(n)
+        P[n] = rest * largest * np.eye(4)
+        for k in range(n - 1, -1, -1):
+            A, B = form.A[k], form.B[k]
+            PB = P[k + 1] @ B
+            H[k] = form.r[k] + B @ PB
+            if H[k] <= _CONVEX * largest:
+                break
+            across = form.s[k] + PB @ A
+            P[k] = A.T @ P[k + 1] @ A - np.outer(across, across) / H[k]
+        else:
+            return P, H
+    return None
+
+
+def _squares(form: Form, P: Array, H: Array) -> tuple[Array, coo_array]:
+    """Return cost and Q (upper triangular) of the samples' squares, H (u + K x)^2/2."""
+    n = len(H)
+    x, u = columns_of(n)
+    at = np.column_stack([x[:-1], u])  # the five variables of a sample
+    PB = np.einsum("kij,kj->ki", P[1:], form.B)
+    Pc = np.einsum("kij,kj->ki", P[1:], form.c)
+    across = form.s + np.einsum("ki,kij->kj", PB, form.A)
+    K = np.column_stack([across / H[:, None], np.ones(n)])
+    squares = H[:, None, None] * K[:, :, None] * K[:, None, :]
+    cost = np.zeros(5 * n + 4)
+    cost[x[:-1]] = np.einsum("ki,kij->kj", Pc, form.A)
+    cost[u] = form.t + np.einsum("ki,ki->k", Pc, form.B)
+    i, j = np.triu_indices(5)
+    Q = coo_array(
+        (squares[:, i, j].ravel(), (at[:, i].ravel(), at[:, j].ravel())),
+        shape=(len(cost), len(cost)),
     )
-    leak = 0.5 * task.plant.k_l * h
-    driven, constant = V1 - V0 + leak * (Z1 + Z0), v1 - v0 + leak * (z1 + z0)
-    half = U * U * h / R * np.eye(n) - kappa * U / R * driven
-    P = half + half.T
-    c = -kappa * U / R * constant
-    values, vectors = np.linalg.eigh(P)
-    convex = bool(values[0] >= -_CONVEX * values[-1])
-    bent = vectors * np.maximum(values, 0.0) @ vectors.T
-    sunk = vectors * np.maximum(-values, 0.0) @ vectors.T
-    right: list[Array] = []
-    left: list[Array] = []
-
-    def keep(matrix: Any, value: Any, limit: float | Array) -> None:
-        left.append(matrix)
-        right.append(np.broadcast_to(limit, len(matrix)) - value)
-
-    one, zero = np.eye(n), np.zeros(n)
-    for sign, side in ((1.0, 1), (-1.0, 0)):
-        keep(sign * one, zero, sign * task.command[side] / U)
-        for i, limit in ((1, task.volume), (2, task.depth), (3, task.speed)):
-            if np.isfinite(limit[side]):
-                keep(sign * G[x[1:, i]], sign * fixed[x[1:, i]], sign * limit[side] / S[i])
-        if around is not None:
-            speeds, reach = around
-            bound = (sign * speeds[1:] + reach) / S[3]
-            keep(sign * G[x[1:, 3]], sign * fixed[x[1:, 3]], bound)
-    sag = supply_rows(task, n, scale)
-    if sag is not None:
-        matrix = sag.matrix(states + n)
-        keep(
-            (matrix[:, states:] + matrix[:, :states] @ G), matrix[:, :states] @ fixed, sag.right
-        )  # fmt: skip
-    rest = np.array(task.state_of_rest(task.target)) / S
-    equal = G[x[end:].ravel()]
-    equal_right = np.tile(rest, n + 1 - end) - fixed[x[end:].ravel()]
-    unit = float(np.abs(P).max())
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_iter = 400
-    A = csc_matrix(np.vstack([equal, *left]))
-    cones = [clarabel.ZeroConeT(len(equal)), clarabel.NonnegativeConeT(A.shape[0] - len(equal))]
-    b = np.concatenate([equal_right, *right])
-    commands, before_it = np.zeros(n) if near is None else near.commands / U, np.inf
-    rounds = _ROUNDS if near is None else _AGAIN
-    for _ in range(1 if convex else rounds):
-        found = clarabel.DefaultSolver(
-            csc_matrix(np.triu(bent / unit)), (c - sunk @ commands) / unit, A, b, cones, settings
-        ).solve()
-        status = str(found.status)
-        if "Infeasible" in status:
-            return None
-        if "Solved" not in status:
-            raise NoAnswerError(
-                f"the quadratic program of {n} samples was not solved ({status}): plan with a "
-                "longer sample time (--sample-time)"
-            )
-        commands = np.asarray(found.x)
-        taken = float(commands @ (0.5 * P @ commands + c))
-        if before_it - taken <= _SETTLED * abs(taken):
-            break
-        before_it = taken
-    z = (G @ commands + fixed)[x] * S
-    gap = abs(found.obj_val - found.obj_val_dual) / (1.0 + abs(found.obj_val))
-    return Answer(z, commands * U, taken, float(gap), float(found.r_prim), convex)
+    return cost, Q

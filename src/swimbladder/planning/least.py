@@ -9,11 +9,10 @@ from typing import NamedTuple
 from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import NoAnswerError
-from swimbladder.linear.models import Array
 from swimbladder.parameters import Vehicle
 from swimbladder.planning.course import AGREE, Course, resting, settle_course, stretched
 from swimbladder.planning.motion import Steps
-from swimbladder.planning.programme import Answer, Goal, scale_of, solve
+from swimbladder.planning.programme import Answer, Goal, Near, scale_of, solve
 from swimbladder.planning.task import Task, task_of
 
 __all__ = ["MOST_SAMPLES", "LeastTime", "least_time", "search_least"]
@@ -28,8 +27,8 @@ class LeastTime(NamedTuple):
     """The first sample from which on the demand is met for good, and the proof that none before.
 
     short: what is lacking one sample earlier, by linear programming's optimum, whose dual bound
-    (gap) says that no voltages do better: distance from the band [m], or of the state at rest from
-    rest over its scale [-].
+    (gap) says that no voltages do better, with drag and friction as they are along that plan:
+    distance from the band [m], or of the state at rest from rest over its scale [-].
     """
 
     time: float  # s
@@ -77,11 +76,11 @@ def search_least(
         nonlocal course
         goal = Goal(near=n if relaxed == "near" else None, rest=end, relaxed=relaxed)
 
-        def program(steps: Steps, around: tuple[Array, float] | None) -> Answer | None:
-            return solve(task, steps, goal, around=around)
+        def program(steps: Steps, near: Near) -> Answer | None:
+            tell(1.0)
+            return solve(task, steps, goal, near)
 
         answer, settled = settle_course(task, program, stretched(course, end), agree=agree)
-        tell(1.0)
         if answer is None:
             raise NoAnswerError(
                 "no motion is within the limits at all: leave less margin, or allow more speed"

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from swimbladder.dynamics import Plant, drag_per_mass
@@ -32,10 +33,12 @@ class Steps(NamedTuple):
     c: Array
 
 
-def steps_along(p: Plant, h: float, speed: Array, rate: Array) -> Steps:
-    """Return the steps of h [s] about a course: its speed [m/s] and motor rate [m3/s], [n + 1]."""
+def steps_along(p: Plant, h: float, speed: Array, back: NDArray[np.bool_]) -> Steps:
+    """Return the steps of h [s] about a course.
+
+    speed [n + 1] in m/s. back: in which samples [n] the motor is driven back.
+    """
     w = 0.5 * (speed[1:] + speed[:-1])
-    back = 0.5 * (rate[1:] + rate[:-1]) < 0.0
     n = len(w)
     M = np.zeros((n, 6, 6))  # (q, V, z, w), the held command, 1
     if p.positioner:

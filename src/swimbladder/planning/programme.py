@@ -5,21 +5,22 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import linprog
+from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
 from swimbladder.errors import NoAnswerError
 from swimbladder.linear.models import Array
 from swimbladder.planning.motion import STATES, Steps
+from swimbladder.planning.solvers import Optimum, Problem, interior, vertex
 from swimbladder.planning.task import Task
 
-__all__ = ["Answer", "Goal", "Rows", "Scale", "dynamics_rows", "scale_of", "solve", "supply_rows"]
+__all__ = [
+    "Answer", "Flags", "Goal", "Near", "Scale", "answer_of", "columns_of", "driven_by", "posed",
+    "scale_of", "solve",
+]  # fmt: skip
 
-# On scaled rows. The dual simplex method is mostly the fastest, and now and then stuck for minutes:
-# then an interior-point method is, with a crossover to a vertex.
-_ATTEMPTS = (("highs-ds", True), ("highs-ipm", True), ("highs-ds", False))  # method, presolve
-_EXACT = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9}
-_PIVOTS = 5  # for each row, after which the simplex method is held to be stuck
+Flags = NDArray[np.bool_]
+
 _NEGLIGIBLE = 1e-12  # coefficients of scaled rows that only spoil the solver's pivots
 
 
@@ -43,6 +44,17 @@ class Goal(NamedTuple):
     relaxed: str | None = None
 
 
+class Near(NamedTuple):
+    """Where a program stays, as its steps are for that course only; None: anywhere.
+
+    leash: speeds [n + 1] in m/s, and how far from them the speeds may go. back: in which samples
+    [n] the motor is driven back, drives no volume out, and in the others none in.
+    """
+
+    leash: tuple[Array, float] | None = None
+    back: Flags | None = None
+
+
 class Answer(NamedTuple):
     """The optimum: states [n + 1, 4] and commands [n] in SI, the objective, and how sure it is."""
 
@@ -52,6 +64,7 @@ class Answer(NamedTuple):
     gap: float  # of primal and dual objective, over 1 + their size
     infeasibility: float  # largest residual of the scaled rows
     proven: bool = True  # no motion is better; else: none near by
+    prices: Array | None = None  # [n] of staying on its side, in each sample; None: it need not
 
 
 class Rows:
@@ -129,13 +142,48 @@ def supply_rows(task: Task, n: int, scale: Scale) -> Rows | None:
     return rows
 
 
-def solve(
-    task: Task, steps: Steps, goal: Goal, *, around: tuple[Array, float] | None = None
-) -> Answer | None:
+def solve(task: Task, steps: Steps, goal: Goal, near: Near | None = None) -> Answer | None:
     """Return the optimum, None where nothing meets the demands.
 
-    around: speeds [n + 1] in m/s and how far from them the speeds may go. Raises NoAnswerError
-    where the solver gives up.
+    Raises NoAnswerError where the solvers give up.
+    """
+    n = len(steps.A)
+    problem = posed(task, steps, goal, near)
+    try:
+        found = interior(problem)
+    except NoAnswerError:
+        found = vertex(problem)
+    if found is None:
+        return None
+    size = float(scale_of(task).state[STATES.index("V")]) if goal.relaxed is None else 1.0
+    return answer_of(task, n, found, near)._replace(objective=found.objective * size)
+
+
+def driven_by(task: Task, answer: Answer) -> Array:
+    """Return the volume [n + 1] in m3 that the motor has driven: what is there and what leaked."""
+    _, V, z, _ = answer.states.T
+    leaked = 0.5 * task.plant.k_l * task.sample_time * np.cumsum(z[1:] + z[:-1])
+    driven: Array = V + np.concatenate([[0.0], leaked])
+    return driven
+
+
+def answer_of(task: Task, n: int, found: Optimum, near: Near | None) -> Answer:
+    """Return a program's optimum over n samples in SI."""
+    held = near is not None and near.back is not None
+    scale = scale_of(task)
+    x, u = columns_of(n)
+    return Answer(
+        found.x[x] * scale.state, found.x[u] * scale.command, found.objective, found.gap,
+        found.infeasibility, prices=found.prices[-n:] if held else None,
+    )  # fmt: skip
+
+
+def posed(
+    task: Task, steps: Steps, goal: Goal, near: Near | None, *, costly: bool = True
+) -> Problem:  # fmt: skip
+    """Return the linear program, scaled: states and commands by `columns_of`, then what it adds.
+
+    costly: whether what the goal minimises is in it.
     """
     n = len(steps.A)
     scale = scale_of(task)
@@ -147,7 +195,9 @@ def solve(
     S = scale.state
     slack = None
     cost: Array
-    if goal.relaxed is None:
+    if not costly:
+        cost = np.zeros(count)
+    elif goal.relaxed is None:
         moved = count + np.arange(n)
         count += n
         for sign in (1.0, -1.0):
@@ -176,8 +226,8 @@ def solve(
     limit("volume", x[1:, 1], *(v / S[1] for v in task.volume))
     limit("depth", x[1:, 2], *(v / S[2] for v in task.depth))
     limit("speed", x[1:, 3], *(v / S[3] for v in task.speed))
-    if around is not None:
-        speeds, reach = around
+    if near is not None and near.leash is not None:
+        speeds, reach = near.leash
         limit("course", x[1:, 3], (speeds[1:] - reach) / S[3], (speeds[1:] + reach) / S[3])
     if goal.near is not None:
         t = task.target
@@ -187,46 +237,11 @@ def solve(
     kept = [1, 2, 3] if task.plant.positioner else [0, 1, 2, 3]
     for i in kept:
         limit("rest", x[goal.rest :, i], rest[i], rest[i])
-    return _run(cost, equal, below, low, high, scale, n)
-
-
-def _run(
-    cost: Array, equal: Rows, below: Rows, low: Array, high: Array, scale: Scale, n: int
-) -> Answer | None:
-    x, u = columns_of(n)
-    count = len(cost)
-    A, b = equal.matrix(count), equal.right
-    G, g = (below.matrix(count), below.right) if below.count else (None, None)
-    for method, presolve in _ATTEMPTS:
-        options = {**_EXACT, "presolve": presolve}
-        if (method, presolve) != _ATTEMPTS[-1] and method == "highs-ds":
-            options["maxiter"] = _PIVOTS * (equal.count + below.count)
-        found = linprog(  # type: ignore[call-overload]  # the stubs know the options one by one
-            cost, A_ub=G, b_ub=g, A_eq=A, b_eq=b, bounds=np.column_stack([low, high]),
-            method=method, options=options,
-        )  # fmt: skip
-        if found.status in (0, 2):
-            break
-    if found.status == 2:
-        return None
-    if found.status != 0:
-        raise NoAnswerError(
-            f"the linear program of {n} samples was not solved ({found.message}): plan with a "
-            "longer sample time (--sample-time)"
-        )
-    dual = float(b @ found.eqlin.marginals)
-    for bound, marginals in ((low, found.lower.marginals), (high, found.upper.marginals)):
-        held = np.isfinite(bound)
-        dual += float(bound[held] @ marginals[held])
-    worst = float(np.abs(A @ found.x - b).max())
-    if G is not None:
-        dual += float(g @ found.ineqlin.marginals)
-        worst = max(worst, float((G @ found.x - g).max()))
-    states = found.x[x] * scale.state
-    commands = found.x[u] * scale.command
-    primal = float(found.fun)
-    moved = cost.sum() > 1.0
-    return Answer(
-        states, commands, primal * (scale.state[STATES.index("V")] if moved else 1.0),
-        abs(primal - dual) / (1.0 + abs(primal)), worst,
-    )  # fmt: skip
+    if near is not None and near.back is not None:  # last, for `answer_of`
+        side = np.where(near.back, 1.0, -1.0)
+        leak = side * 0.5 * task.plant.k_l * task.sample_time * S[2] / S[1]
+        entries = (x[1:, 1], side), (x[:-1, 1], -side), (x[1:, 2], leak), (x[:-1, 2], leak)
+        below.add(np.zeros(n), *entries)
+    G = below.matrix(count) if below.count else None
+    g = below.right if below.count else np.zeros(0)
+    return Problem(cost, equal.matrix(count), equal.right, G, g, low, high)

@@ -30,7 +30,7 @@ class Plan:
     moved: float  # m3, to and fro
     energy: float  # J, electrical into the motor; nan where not known
     gap: float  # of primal and dual objective, over 1 + their size
-    proven: bool  # whether no motion is better; else none near by (an energy that is not convex)
+    proven: bool  # whether no motion is better; else none near by
     residual: float  # m, farthest that the simulator, given the commands, is from the plan
     at_limit: dict[str, float]  # share of the samples at each limit
 
@@ -40,15 +40,16 @@ class Plan:
         t, h = self.task, self.task.sample_time
         step = f"from {t.start:g} to {t.target:g} m"
         into = f"inside {1e3 * t.band:.3g} mm of the target for good"
+        every = "every plan" if self.proven else "every plan near it"
         where = into if self.arrive == "band" else "at rest there"
         limits = _limits(t)
         said = [
             f"The least time {step} is {self.least.time:.4g} s ({where}), sampled every {h:g} s"
             f"{limits}: a sample sooner "
             + (
-                f"every plan misses by {1e3 * self.least.short:.3g} mm or more."
+                f"{every} misses by {1e3 * self.least.short:.3g} mm or more."
                 if self.arrive == "band"
-                else "no plan comes to rest."
+                else f"no {every.removeprefix('every ')} comes to rest."
             )
         ]
         if self.goal != "time":

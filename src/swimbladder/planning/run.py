@@ -13,12 +13,13 @@ from swimbladder.closed_loop import drive
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.linear.models import Array
 from swimbladder.parameters import Vehicle
-from swimbladder.planning.course import Course, settle_course, stretched
-from swimbladder.planning.energy import least_energy, winding
+from swimbladder.planning.course import Course, settle_course, sided, straight, stretched
+from swimbladder.planning.energy import electrical, least_energy, winding
 from swimbladder.planning.least import LeastTime, search_least
 from swimbladder.planning.motion import Steps
-from swimbladder.planning.programme import Answer, Goal, scale_of, solve
+from swimbladder.planning.programme import Answer, Goal, Near, scale_of, solve
 from swimbladder.planning.result import Plan
+from swimbladder.planning.sides import best_sides
 from swimbladder.planning.task import Task, task_of
 
 __all__ = ["ARRIVALS", "GOALS", "plan"]
@@ -103,17 +104,20 @@ def _best(
     task: Task, goal: str, near: int | None, end: int, course: Course,
     advance: Callable[[float], None],
 ) -> Answer | None:  # fmt: skip
-    before: Answer | None = None
-
-    def program(steps: Steps, around: tuple[Array, float] | None) -> Answer | None:
-        nonlocal before
+    def program(steps: Steps, beside: Near) -> Answer | None:
         advance(1.0)
         if goal == "energy":
-            before = least_energy(task, steps, end, around, before)
-            return before
-        return solve(task, steps, Goal(near=near, rest=end), around=around)
+            return least_energy(task, steps, end, beside)
+        return solve(task, steps, Goal(near=near, rest=end), beside)
 
-    return settle_course(task, program, stretched(course, end))[0]
+    begin = stretched(course, end)
+    if goal == "energy" and sided(task.plant):
+        answer = best_sides(task, program, begin)
+    else:
+        answer = settle_course(task, program, begin)[0]
+    if answer is None or (straight(task.plant) and not sided(task.plant)):
+        return answer
+    return answer._replace(proven=False)
 
 
 def _impossible(task: Task, end: int, least: LeastTime, course: Course) -> NoAnswerError:
@@ -132,10 +136,9 @@ def _impossible(task: Task, end: int, least: LeastTime, course: Course) -> NoAns
         if not math.isfinite(limit):
             continue
 
-        def program(
-            steps: Steps, around: tuple[Array, float] | None, name: str = name
-        ) -> Answer | None:
-            return solve(task, steps, Goal(near=None, rest=end, relaxed=name), around=around)
+        def program(steps: Steps, beside: Near, name: str = name) -> Answer | None:
+            goal = Goal(near=None, rest=end, relaxed=name)
+            return solve(task, steps, goal, beside)
 
         answer, _ = settle_course(task, program, stretched(course, end))
         if answer is not None:
@@ -180,13 +183,9 @@ def _plan_of(
 def _energy(task: Task, answer: Answer) -> float:
     """Return the electrical energy into the motor [J], nan where not known."""
     try:
-        R, kappa = winding(task)
+        return electrical(task, answer)
     except NoAnswerError:
         return math.nan
-    h, u = task.sample_time, answer.commands
-    _, V, z, _ = answer.states.T
-    driven = np.diff(V) + 0.5 * task.plant.k_l * h * (z[1:] + z[:-1])
-    return float(np.sum(u * (u * h - kappa * driven)) / R)
 
 
 def _at_limit(task: Task, answer: Answer) -> dict[str, float]:
