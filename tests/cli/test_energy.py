@@ -87,6 +87,39 @@ def test_a_cast_is_the_water(capsys, tmp_path):
     assert "error:" in capsys.readouterr().err
 
 
+def _cast(path, deepest):
+    rows = [f"{p},{4.0 + 16.0 * np.exp(-p / 300.0)},35.0" for p in range(0, deepest + 1, 10)]
+    path.write_text("pressure_dbar,temperature_degC,salinity\n" + "\n".join(rows) + "\n")
+    return str(path)
+
+
+def test_a_cast_that_ends_above_the_rating_is_said_first_and_far_above_is_refused(capsys, tmp_path):
+    out = ["--out", str(tmp_path / "o")]
+    told = answer(capsys, "example-float", "--cast", _cast(tmp_path / "a.csv", 1500), *out)
+    assert told["sentences"][0].startswith("a.csv ends at 14")
+    assert "the vehicle is rated for 2000 m" in told["sentences"][0]
+    far = _cast(tmp_path / "b.csv", 300)
+    assert main(["energy", "example-float", "--cast", far, *out]) == 2
+    assert 'it is to go: --depth "297 m"' in capsys.readouterr().err
+    asked = answer(capsys, "example-float", "--cast", far, "--depth", "250 m", *out)
+    assert not any("ends at" in sentence for sentence in asked["sentences"])
+    assert main(["energy", "example-float", "--cast", far, "--depth", "900 m", *out]) == 2
+    assert "--cast: the cast b.csv ends at 298 m" in capsys.readouterr().err
+
+
+def test_an_engine_that_has_stalled_is_not_said_to_lose_against_a_thruster(capsys, tmp_path):
+    told = answer(capsys, "example-float", "--depth", "7000 m", "--out", str(tmp_path / "o"))
+    assert any("mL too heavy: not by this engine, it has stalled" in s for s in told["sentences"])
+
+
+def test_a_thruster_that_is_stated_in_full_is_not_called_usual(capsys, tmp_path):
+    stated = ["--thruster-diameter", "0.2 m", "--thruster-efficiency", "70 %"]
+    out = ["--out", str(tmp_path / "o")]
+    told = answer(capsys, "example-float", *stated, "--thruster-idle", "2 W", *out)
+    assert not any("T200" in line for line in told["assumptions"])
+    assert any("T200" in line for line in answer(capsys, "example-float", *out)["assumptions"])
+
+
 @pytest.mark.parametrize(
     ("name", "field"),
     [("feup-em", "actuator.motor.resistance"), ("ntnu-bv", "actuator.moving_power")],
@@ -107,7 +140,9 @@ def test_without_r_and_k_t_it_says_so(name, field, capsys, tmp_path):
         (["example-float", "--speed", "0 m/s"], "--speed"),
         (["example-float", "--weight-error", "-1 cm3"], "--weight-error"),
         (["example-float", "--thruster-efficiency", "120 %"], "--thruster-efficiency"),
-        (["example-float", "--depth", "0 m"], "deepest"),
+        (["example-float", "--depth", "-5 m"], "--depth: not above 0 (got '-5 m'"),
+        (["example-float", "--weight-error=-10 cm3"], "got '-10 cm3'"),
+        (["example-float", "--thruster-efficiency", "35"], '"35 %" is 0.35'),
         (["example-float", "--where", "a=b"], "--where"),
         (["example-float", "--power-at", "end"], "--power-at"),
         (["example-eh", "--fit", "RUNS"], "actuator.kind"),

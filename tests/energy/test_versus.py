@@ -51,6 +51,20 @@ def test_two_thrusters_are_one_of_twice_the_area_and_each_idles():
 
 
 @pytest.mark.parametrize(
+    ("kgf", "watt"),
+    [(0.22, 2.4), (0.49, 8.4), (1.14, 33.6), (1.91, 72.0), (2.84, 133.2), (3.71, 202.9)],
+)
+def test_the_thruster_that_nobody_stated_is_that_of_its_maker(kgf, watt):
+    """Blue Robotics, T200 at 12 V ahead, bollard pull in fresh water: t200_thrust_power.js."""
+    assert 0.98 < Thruster().power(kgf * 9.80665, 998.0) / watt < 1.27
+
+
+def test_at_the_least_thrust_a_maker_states_turning_takes_more_than_pushing():
+    """0.04 kgf for 0.6 W, as above: what idle_power stands for."""
+    assert 0.2 < 0.6 - Thruster().power(0.04 * 9.80665, 998.0) < 0.5
+
+
+@pytest.mark.parametrize(
     "wrong", [{"diameter": 0.0}, {"efficiency": 1.2}, {"number": 0}, {"idle_power": -1.0}]
 )
 def test_no_such_thruster(wrong):

@@ -17,6 +17,7 @@ from swimbladder.cli.casts import (
     Profile,
     Salinity,
     Where,
+    above_rating,
     asked_casts,
     share,
 )
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ballast"]
 
-_FAR_ABOVE = 0.5  # of the rating: a cast that ends above it may be in another unit
 _CONTRADICT = 0.02  # of the mass: sea water against fresh is more
 
 
@@ -126,6 +126,11 @@ def ballast(
         "freeboard": quantity(freeboard, "m", "--freeboard"),
     }
     asked = quantity(deepest, "m", "--deepest")
+    if asked is not None and not asked > 0.0:
+        raise InputError(
+            "not above 0", field="--deepest", value=deepest, unit="m",
+            remedy="Give a depth below the surface",
+        )  # fmt: skip
     wanted, moving = share(probability, "--probability"), quantity(speed, "m/s", "--speed")
     density, named = _material(material)
     if at_volume is not None and neutral_depth is None:
@@ -204,7 +209,8 @@ def _columns(
                 "neither a cast, nor a depth, nor the vehicle's file says how deep it goes",
                 field="--deepest", remedy="Give --deepest or --cast",
             )  # fmt: skip
-        down = asked or limit or 0.0
+        down = asked if asked is not None else limit
+        assert down is not None
         column = uniform_column(vehicle.water, down, step=down / 1000.0)
         return [column], [f"no cast: {column.source}, as in the vehicle's file"], []
     said: list[str] = []
@@ -215,30 +221,11 @@ def _columns(
         down = min(shallowest, limit) if limit is not None else shallowest
         why = "its rating" if down == limit else "where the cast ends; --deepest"
         said.append(f"it goes down to {down:g} m ({why})")
-        if limit is not None and shallowest < limit:
-            warned += _ends(casts[ends.index(shallowest)].name, shallowest, limit)
+        warned += above_rating(casts[ends.index(shallowest)].name, shallowest, limit, "--deepest")
     else:
         down = asked
     columns = [cast_column(cast, down) for cast in casts]
     return columns, [*said, *dict.fromkeys(s for column in columns for s in column.report)], warned
-
-
-def _ends(name: str, end: float, limit: float) -> list[str]:
-    """Return what is said of a cast that ends above the rating; raises InputError far above."""
-    if end < _FAR_ABOVE * limit:
-        raise InputError(
-            f"it ends at {end:.0f} m, and the vehicle is rated for {limit:g} m", file=name,
-            field="--cast",
-            remedy="Is its pressure in bar, not dbar? Then map it with --column "
-            f'"pressure_dbar=NAME@bar". If not, say how deep it is to go: --deepest "{end:.0f} m"',
-        )  # fmt: skip
-    # the grid of a cast that was taken down to the rating ends within a metre of it
-    if end >= limit - 1.0:
-        return []
-    return [
-        f"{name} ends at {end:.0f} m, the vehicle is rated for {limit:g} m: nothing is said of "
-        "the water below"
-    ]
 
 
 def _weighed(vehicle: Vehicle, mass: float | None) -> tuple[Vehicle, str, list[str]]:

@@ -17,8 +17,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Columns", "Inversions", "Latitude", "LogFormat", "Longitude", "Profile", "Salinity", "Where",
-    "asked_casts", "pairs", "read_casts", "refuse_without_cast", "share",
+    "above_rating", "asked_casts", "pairs", "read_casts", "refuse_without_cast", "share",
 ]  # fmt: skip
+
+_FAR_ABOVE = 0.5  # of the rating: a cast that ends above it may be in another unit
 
 # The options of every command that takes a cast, so that none of them lacks one.
 Columns = Annotated[
@@ -108,6 +110,29 @@ def read_casts(
                 latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
             ))  # fmt: skip
     return found
+
+
+def above_rating(name: str, end: float, rating: float | None, option: str) -> list[str]:
+    """Return what is said of a cast that ends above the rating [m] though no depth was asked for.
+
+    Raises InputError, naming the option that asks for a depth, where it ends far above.
+    """
+    if rating is None:
+        return []
+    if end < _FAR_ABOVE * rating:
+        raise InputError(
+            f"it ends at {end:.0f} m, and the vehicle is rated for {rating:g} m", file=name,
+            field="--cast",
+            remedy="Is its pressure in bar, not dbar? Then map it with --column "
+            f'"pressure_dbar=NAME@bar". If not, say how deep it is to go: {option} "{end:.0f} m"',
+        )  # fmt: skip
+    # the grid of a cast that was taken down to the rating ends within a metre of it
+    if end >= rating - 1.0:
+        return []
+    return [
+        f"{name} ends at {end:.0f} m, the vehicle is rated for {rating:g} m: nothing is said of "
+        "the water below"
+    ]
 
 
 def pairs(texts: list[str], option: str) -> dict[str, str]:

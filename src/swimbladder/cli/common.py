@@ -30,6 +30,7 @@ __all__ = [
     "progress",
     "quantity",
     "run",
+    "said_as_typed",
     "typed_command",
 ]
 
@@ -119,6 +120,23 @@ def quantity(text: str | None, unit: str, option: str) -> float | None:
         return parse_quantity(text, unit)
     except InputError as error:
         raise error.at(field=option) from None
+
+
+@contextlib.contextmanager
+def said_as_typed(typed: Mapping[str, str | None], **options: str) -> Iterator[None]:
+    """Name in InputErrors of the block the option, and what was typed for it.
+
+    typed: by option; options: of fields that are called otherwise, ``deepest="--depth"``.
+    """
+    try:
+        yield
+    except InputError as error:
+        option = options.get(error.field or "", error.field)
+        text = typed.get(option or "")
+        raise type(error)(
+            error.what, file=error.file, line=error.line, field=option,
+            value=error.value if text is None else text, unit=error.unit, remedy=error.remedy,
+        ) from None  # fmt: skip
 
 
 _printed: list[bool] = []  # whether the command has printed its JSON object

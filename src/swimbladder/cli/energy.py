@@ -16,11 +16,19 @@ from swimbladder.cli.casts import (
     Profile,
     Salinity,
     Where,
+    above_rating,
     asked_casts,
     pairs,
     refuse_without_cast,
 )
-from swimbladder.cli.common import emit_json, json_text, output, progress, quantity
+from swimbladder.cli.common import (
+    emit_json,
+    json_text,
+    output,
+    progress,
+    quantity,
+    said_as_typed,
+)
 
 if TYPE_CHECKING:
     from swimbladder.energy import DriveEnergy, PumpFit
@@ -52,10 +60,10 @@ def energy(
     ] = "10 cm3",
     speed: Annotated[str, typer.Option(metavar="SPEED", help="Of dives.")] = "0.1 m/s",
     thruster_diameter: Annotated[
-        str, typer.Option(metavar="LENGTH", help="Of the propeller (assumed).")
+        str, typer.Option(metavar="LENGTH", help="Of the propeller.")
     ] = "76 mm",
     thruster_efficiency: Annotated[
-        str, typer.Option(metavar="SHARE", help="Of an ideal disc's, driver included (assumed).")
+        str, typer.Option(metavar="SHARE", help="Of an ideal disc's, driver included.")
     ] = "35 %",
     thruster_number: Annotated[
         int, typer.Option(metavar="N", help="How many thrusters share the work.")
@@ -123,6 +131,11 @@ def energy(
         profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
         inversions=inversions,
     )  # fmt: skip
+    typed = {
+        "--weight-error": weight_error, "--speed": speed, "--thruster-diameter": thruster_diameter,
+        "--thruster-efficiency": thruster_efficiency, "--thruster-idle": thruster_idle,
+        "--depth": depth,
+    }  # fmt: skip
     numbers = {
         name: quantity(text, unit, option) or 0.0
         for name, text, unit, option in (
@@ -134,12 +147,12 @@ def energy(
         )
     }
     wanted = quantity(depth, "m", "--depth")
-    with progress("reckoning"):
+    with progress("reckoning"), said_as_typed(typed, deepest="--depth", cast="--cast"):
         from swimbladder.energy import Thruster, drive_energy, hovering, profiling
         from swimbladder.energy.sentences import assumptions, drive_sentences, versus_sentences
         from swimbladder.report.energy import energy_json, write_energy
 
-        water = _water(v, casts, wanted)
+        water, warned = _water(v, casts, wanted)
         found = drive_energy(v, water)
         thruster = Thruster(
             diameter=numbers["diameter"], efficiency=numbers["efficiency"],
@@ -147,7 +160,7 @@ def energy(
         )  # fmt: skip
         hover = hovering(found, thruster, weight_error=numbers["weight_error"])
         dive = profiling(found, thruster, speed=numbers["speed"])
-        said = [*drive_sentences(found), *versus_sentences(hover, dive, found)]
+        said = [*warned, *drive_sentences(found), *versus_sentences(hover, dive, found)]
         rests = assumptions(found, thruster)
         answer = {
             **energy_json(found, hover, dive),
@@ -176,19 +189,22 @@ def _check_used(power_at: str, shortest: str) -> None:
             )  # fmt: skip
 
 
-def _water(v: Vehicle, casts: list[Cast], wanted: float | None) -> Column:
-    """Return the water down to the wanted depth, the vehicle's rating or the cast's end."""
+def _water(v: Vehicle, casts: list[Cast], wanted: float | None) -> tuple[Column, list[str]]:
+    """Return the water down to the wanted depth, the rating or the cast's end, and any doubt.
+
+    Raises InputError where a cast ends so far above the rating that its unit may be wrong.
+    """
     from swimbladder.seawater import cast_column, uniform_column
 
     rating = v.hull.depth_limit
     deepest = wanted if wanted is not None else rating
     if not casts:
         deepest = _DEEP if deepest is None else deepest
-        return uniform_column(v.water, deepest, step=min(1.0, abs(deepest) / 100.0))
+        return uniform_column(v.water, deepest, step=min(1.0, abs(deepest) / 100.0)), []
     whole = cast_column(casts[0], None)
     if wanted is None and (deepest is None or whole.deepest <= deepest):
-        return whole
-    return cast_column(casts[0], deepest)
+        return whole, above_rating(casts[0].name, whole.deepest, deepest, "--depth")
+    return cast_column(casts[0], deepest), []
 
 
 def _fit(

@@ -52,7 +52,9 @@ def versus_sentences(hover: Hovering, dive: Profiling, found: DriveEnergy) -> tu
     said = []
     once, power = hover.engine_energy[-1], hover.thruster_power[-1]
     what = f"Hovering at {z:g} m with {hover.weight_error * 1e6:.3g} mL too heavy"
-    if math.isinf(hover.break_even[-1]):
+    if math.isnan(once):
+        said.append(f"{what}: not by this engine, it has stalled; a thruster takes {power:.3g} W.")
+    elif math.isinf(hover.break_even[-1]):
         said.append(f"{what}: the thruster takes less, {power:.3g} W, however long it lasts.")
     else:
         said.append(
@@ -92,10 +94,25 @@ def assumptions(found: DriveEnergy, thruster: Thruster) -> tuple[str, ...]:
         f"{thruster.number} thruster{'s' if thruster.number > 1 else ''} of "
         f"{thruster.diameter * 1e3:.3g} mm with {100.0 * thruster.efficiency:.0f} % of an ideal "
         f"disc's efficiency and {thruster.idle_power:g} W of idle power each (--thruster-diameter, "
-        "--thruster-efficiency, --thruster-number, --thruster-idle)",
+        "--thruster-efficiency, --thruster-number, --thruster-idle"
+        + (
+            "; if not said, 76 mm, 35 % and no idle power, after the maker's curves of a T200"
+            if _assumed(thruster)
+            else ""
+        )
+        + ")",
         "steady speeds at full voltage; processor, sensors and driver's standby not counted",
     ]
     return (*said, *found.column.report)
+
+
+def _assumed(thruster: Thruster) -> bool:
+    """Return whether any number of the thruster is that which nobody stated."""
+    usual = Thruster()
+    return any(
+        getattr(thruster, name) == getattr(usual, name)
+        for name in ("diameter", "efficiency", "idle_power")
+    )
 
 
 def fit_sentences(fit: PumpFit) -> tuple[str, ...]:

@@ -7,6 +7,12 @@ An ideal disc of area A that pushes with T gives the water the speed 2 v behind 
 with w the speed of advance (Rankine and Froude; J. Carlton, Marine Propellers and Propulsion, 4th
 ed. 2019, chapter 8). At rest P = T^1.5/(2 rho A)^0.5/eta. eta is what blades, duct, motor and
 driver leave of that, and taken as constant.
+
+The defaults are a small ducted thruster of a remotely operated vehicle: Blue Robotics' T200, whose
+propeller has 76 mm. Its maker's bollard pull against electrical power (t200_thrust_power.js in
+github.com/bluerobotics/bluerobotics.github.io, 12 V ahead) has eta from 0.35 to 0.44 between 2 and
+36 N. Below 1 N eta falls, to 0.14 at 0.4 N, the least it pushes with: some 0.2 W go into
+turning at all, which `idle_power` of 0 leaves out.
 """
 
 from __future__ import annotations
@@ -24,24 +30,26 @@ __all__ = ["Thruster"]
 class Thruster(NamedTuple):
     """One or several equal thrusters."""
 
-    diameter: float = 0.076  # m, of the propeller; assumed: that of a small ducted ROV thruster
-    efficiency: float = 0.35  # -, of the ideal disc's power; assumed: the same, driver included
+    diameter: float = 0.076  # m, of the propeller; the T200's
+    efficiency: float = 0.35  # -, of the ideal disc's power; the T200's, rounded down
     number: int = 1
     idle_power: float = 0.0  # W of each while it turns: friction, controller; 0 favours thrusters
 
     def checked(self) -> Thruster:
         """Return it; raises InputError where a number makes no sense."""
-        for name, value, unit, fine in (
-            ("diameter", self.diameter, "m", 0.0 < self.diameter < math.inf),
-            ("efficiency", self.efficiency, "", 0.0 < self.efficiency <= 1.0),
-            ("number", self.number, "", self.number >= 1),
-            ("idle", self.idle_power, "W", 0.0 <= self.idle_power < math.inf),
-        ):
+        for name, value, unit, fine, remedy in (
+            ("diameter", self.diameter, "m", 0.0 < self.diameter < math.inf,
+             "Give a length above 0"),
+            ("efficiency", self.efficiency, "", 0.0 < self.efficiency <= 1.0,
+             'Give a share above 0 and up to 1; "35 %" is 0.35'),
+            ("number", self.number, "", self.number >= 1, "Give 1 or more"),
+            ("idle", self.idle_power, "W", 0.0 <= self.idle_power < math.inf,
+             "Give a power of 0 or more"),
+        ):  # fmt: skip
             if not fine:
                 raise InputError(
                     "no thruster has this", field=f"--thruster-{name}", value=value, unit=unit,
-                    remedy="Give a diameter above 0, an efficiency above 0 up to 1, one thruster "
-                    "at least, and an idle power of 0 or more",
+                    remedy=remedy,
                 )  # fmt: skip
         return self
 
