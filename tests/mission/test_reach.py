@@ -8,9 +8,8 @@ from swimbladder.hull import neutral_volume
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission, check_mission
 from swimbladder.mission.core.names import Given
+from swimbladder.mission.orders import drag_coefficient, law_parameters
 from swimbladder.mission.prepare import (
-    drag_coefficient,
-    law_parameters,
     make_plan,
     return_depth,
 )

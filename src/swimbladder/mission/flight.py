@@ -16,7 +16,7 @@ from swimbladder.io.files import make_folder, write_atomically
 from swimbladder.io.mission import Mission
 from swimbladder.mission.core import kernel
 from swimbladder.mission.core.names import Account, At, Cycle, Drive, Given, Now, Row, Stage, Stop
-from swimbladder.mission.prepare import Accuracy, Plan, first_state, make_plan
+from swimbladder.mission.prepare import Accuracy, Plan, Reckoning, first_state, make_plan
 from swimbladder.parameters import Vehicle
 from swimbladder.seawater import Column
 
@@ -58,20 +58,24 @@ class Flight:
 def fly_mission(
     vehicle: Vehicle, mission: Mission, column: Column, *, waves: Array | None = None,
     cycles: int | None = None, span: float | None = None, seed: int | None = None,
-    accuracy: Accuracy | None = None, keep: Path | None = None,
+    accuracy: Accuracy | None = None, reckoning: Reckoning | None = None,
+    start_volume: float | None = None, keep: Path | None = None,
     advance: Callable[[float], None] = lambda _: None,
 ) -> Flight:  # fmt: skip
     """Fly a mission with phases to its end.
 
     waves: of `seawater.motion_table`; waves, cycles, span [s]: in the place of the mission's.
-    seed: of the depth sensor's noise, None for none. keep: a folder for what is flown, so that a
-    flight that was killed goes on there, to the same end bit for bit. advance: called with the
-    share of the mission that was flown. Raises NoAnswerError as `buoyancy_engine.drive_map` does.
+    seed: of the depth sensor's noise, None for none. reckoning: where the processor errs about its
+    drive. start_volume [m3]: at a start_depth other than 0, in the place of the neutral one. keep:
+    a folder for what is flown, so that a flight that was killed goes on there, to the same end bit
+    for bit. advance: called with the share of the mission that was flown. Raises NoAnswerError as
+    `buoyancy_engine.drive_map` does.
     """
     plan = make_plan(
-        vehicle, mission, column, waves=waves, cycles=cycles, span=span, accuracy=accuracy
-    )
-    x, at, accounts = first_state(plan, mission, seed=seed)
+        vehicle, mission, column, waves=waves, cycles=cycles, span=span, accuracy=accuracy,
+        reckoning=reckoning,
+    )  # fmt: skip
+    x, at, accounts = first_state(plan, mission, seed=seed, volume=start_volume)
     begin = x.copy()
     parts: list[tuple[Array, Array, Array]] = []
     store = None if keep is None else _Store(make_folder(keep), _key(plan, x, at))

@@ -10,27 +10,28 @@ from numpy.typing import NDArray
 
 from swimbladder.battery import hotel_power, surfacing_energy, usable_charge
 from swimbladder.buoyancy_engine import drive_map
-from swimbladder.control.rate import RATE, RateParameters
-from swimbladder.control.registry import bind
-from swimbladder.dynamics import drag_force, drag_terms
+from swimbladder.dynamics import drag_terms
 from swimbladder.engine.modes import DEEPEST
 from swimbladder.errors import NoAnswerError
 from swimbladder.hull import layered_volume, neutral_volume
-from swimbladder.io.mission import Mission, Phase
+from swimbladder.io.mission import Mission
 from swimbladder.mission.core.names import Account, At, Given, Holding, Kind, Now, Stage, Table
+from swimbladder.mission.orders import law_parameters
 from swimbladder.parameters import PumpAndValve, Vehicle
 from swimbladder.seawater import Column, check_motion, motion_table
 from swimbladder.seawater.lookup import slopes
 
-__all__ = ["Accuracy", "Plan", "drag_coefficient", "first_state", "make_plan", "make_table"]
+__all__ = [
+    "Accuracy",
+    "Plan",
+    "Reckoning",
+    "first_state",
+    "make_plan",
+    "make_table",
+]
 
 Array = NDArray[np.float64]
 
-# What a phase does where neither it nor the vehicle says so.
-_SPEED = 0.1  # m/s, that of Argo floats
-_TOLERANCE = 10.0  # m
-_LOOKS, _PARKED = 60.0, 600.0  # s between two looks on the way, and parked
-_RUN = 15.0  # s in which a speed is measured
 HELD = 0.9  # share of its time that a park or hold has to be within its tolerance
 SHALLOW = 5.0  # m; a float of the MERMAID kind counts as diving from 0.5 bar on
 
@@ -51,6 +52,18 @@ class Accuracy:
     rest_afloat: float = 5e-2
 
 
+@dataclass(frozen=True, kw_only=True)
+class Reckoning:
+    """What a drive really gives, over what its processor takes the vehicle's file to say.
+
+    starts: whether a run is longer by what its start falls short of.
+    """
+
+    pump: float = 1.0
+    valve: float = 1.0
+    starts: bool = True
+
+
 @dataclass(frozen=True)
 class Plan:
     """What the kernel takes that does not change: see `mission.core.names`."""
@@ -65,18 +78,22 @@ class Plan:
 def make_plan(
     vehicle: Vehicle, mission: Mission, column: Column, *, waves: Array | None = None,
     cycles: float | None = None, span: float | None = None, accuracy: Accuracy | None = None,
+    reckoning: Reckoning | None = None,
 ) -> Plan:  # fmt: skip
     """Return a mission as the kernel takes it.
 
     waves: of `seawater.motion.motion_table`; waves, cycles, span [s]: in the place of the
-    mission's.
+    mission's. reckoning: where the processor errs about its drive.
     """
     table, why = make_table(vehicle, column)
     moving = waves
     if moving is None:
         check_motion(mission.water_motion, column)
         moving = motion_table(mission.water_motion, column.gravity)
-    given = _given(vehicle, mission, column, table, accuracy or Accuracy(), cycles, span)
+    given = _given(
+        vehicle, mission, column, table, accuracy or Accuracy(), cycles, span,
+        reckoning or Reckoning(),
+    )  # fmt: skip
     return Plan(given, table, moving, _stages(vehicle, mission), why)
 
 
@@ -123,11 +140,6 @@ def return_depth(vehicle: Vehicle, mission: Mission, table: Array, step: float) 
     return float(np.argmax(lost)) * step if lost.any() else math.inf
 
 
-def drag_coefficient(vehicle: Vehicle, speed: float) -> float:
-    """Return F_d(w)/(rho g w^2) [m3 s2/m2] at a speed [m/s]: what the law `rate` reckons with."""
-    return drag_force(vehicle.drag, speed) / (vehicle.water.specific_weight * speed * speed)
-
-
 def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
     """Return the depth above which the vehicle is about to dive, or has come up [m]."""
     laws = ((phase, law_parameters(vehicle, phase)) for phase in mission.phases)
@@ -138,7 +150,7 @@ def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
 
 def _given(
     vehicle: Vehicle, mission: Mission, column: Column, table: Array, accuracy: Accuracy,
-    cycles: float | None, span: float | None,
+    cycles: float | None, span: float | None, reckoning: Reckoning,
 ) -> Array:  # fmt: skip
     hull, stroke, m = vehicle.hull, vehicle.stroke, vehicle.mass
     d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
@@ -170,7 +182,7 @@ def _given(
         Given.BY_VOLUME: 0.0 if by_time else 1.0,
         Given.QUANTUM: a.quantum if isinstance(a, PumpAndValve) else 0.0,
         Given.LONGEST: (a.longest_run or math.inf) if isinstance(a, PumpAndValve) else math.inf,
-        Given.DELIVERY: 1.0,
+        Given.DELIVERY: reckoning.pump,
         Given.NOISE: vehicle.sensors.depth_noise,
         Given.RESOLUTION: vehicle.sensors.depth_quantum,
         Given.DEEPEST: deepest,
@@ -193,6 +205,8 @@ def _given(
         Given.CHARGE: charge,
         Given.HELD: HELD,
         Given.RISING: vehicle.drag.rising_ratio,
+        Given.FLOW: reckoning.valve,
+        Given.MAKES_UP: 1.0 if reckoning.starts else 0.0,
     }
     return np.array([values[key] for key in list(Given)[: int(Given.COUNT)]])
 
@@ -223,64 +237,6 @@ def coldest(mission: Mission, column: Column) -> float:
     return float(np.min(column.temperature[within]))
 
 
-def law_parameters(vehicle: Vehicle, phase: Phase) -> RateParameters:
-    """Return the parameters of the law `rate` in a phase; a profile keeps its speed to the end.
-
-    Those of the vehicle's controller where it is of this law, with the phase's own in their place;
-    else ones that follow from the phase's speed and tolerance as those of floats of the MERMAID
-    kind do: half and a quarter of the speed near the target, a fifth as the band.
-    """
-    found = _law(vehicle, phase)
-    if phase.kind == "profile":
-        return found._replace(near_speed=found.far_speed, slow_speed=found.far_speed)
-    return found
-
-
-def _law(vehicle: Vehicle, phase: Phase) -> RateParameters:
-    speed = phase.speed or _SPEED
-    tolerance = phase.tolerance or _TOLERANCE
-    interval = phase.check_interval or (_PARKED if phase.kind == "park" else None)
-    if vehicle.controller is not None and vehicle.controller.law == RATE.name:
-        base: RateParameters = bind(vehicle.controller)[1]
-        tolerance = phase.tolerance or base.tolerance
-        run = base.run if interval is None else min(base.run, 0.5 * interval)
-        given = base._replace(
-            tolerance=tolerance, near=max(base.near, tolerance), far=max(base.far, tolerance),
-            run=run, dead=base.dead if interval is None else interval - run,
-        )  # fmt: skip
-        if phase.speed is None:
-            return given
-        return given._replace(
-            far_speed=speed, ascent_speed=speed, near_speed=min(base.near_speed, speed),
-            slow_speed=min(base.slow_speed, speed), speed_band=min(base.speed_band, 0.5 * speed),
-        )  # fmt: skip
-    looks = phase.check_interval or min(interval or _LOOKS, _needed(vehicle, tolerance, speed))
-    run = min(_RUN, 0.5 * looks)
-    return RateParameters(
-        coefficient=drag_coefficient(vehicle, speed), tolerance=tolerance, near=tolerance,
-        far=3.0 * tolerance, slow_speed=0.25 * speed, near_speed=0.5 * speed, far_speed=speed,
-        ascent_speed=speed, speed_band=0.2 * speed, speed_step=0.1 * speed, volume_step=0.0,
-        dead=looks - run, run=run, window=2.0 * looks,
-    )  # fmt: skip
-
-
-def _needed(vehicle: Vehicle, tolerance: float, speed: float) -> float:
-    """Return the time between looks [s] in which neither way nor hull runs away from the law.
-
-    It goes half the tolerance at the speed, at least two of its own time constants; where the hull
-    gives way more than the water (psi > 0), half the time in which a small error grows e-fold:
-    m s^2 + k s = rho g psi, with k the drag over the speed.
-    """
-    m = vehicle.mass
-    k = drag_force(vehicle.drag, speed) / speed
-    longest = max(0.5 * tolerance / speed, 2.0 * m / k)
-    psi = vehicle.hull.psi
-    if psi > 0.0:
-        pull = vehicle.water.specific_weight * psi
-        longest = min(longest, 0.5 * 2.0 * m / (math.sqrt(k * k + 4.0 * m * pull) - k))
-    return longest
-
-
 def _stages(vehicle: Vehicle, mission: Mission) -> Array:
     stages = np.zeros((len(mission.phases), int(Stage.COUNT)))
     before = mission.start_depth
@@ -301,11 +257,12 @@ def _stages(vehicle: Vehicle, mission: Mission) -> Array:
 
 
 def first_state(
-    plan: Plan, mission: Mission, *, seed: int | None = None
+    plan: Plan, mission: Mission, *, seed: int | None = None, volume: float | None = None
 ) -> tuple[Array, NDArray[np.int64], Array]:
     """Return the state before the start: numbers, whole numbers and accounts.
 
-    At the depth of 0 it floats with all volume out; elsewhere it rests, neutral.
+    At the depth of 0 it floats with all volume out; elsewhere it rests, with its neutral volume or
+    the one that is given [m3].
     """
     from swimbladder.seawater import look_up
 
@@ -318,16 +275,17 @@ def first_state(
     at[At.NEW_PHASE] = 1
     if z == 0.0:
         top = float(g[Given.Z_SURFACE])
-        volume = float(g[Given.V_MAX])
+        v = float(g[Given.V_MAX])
         force = look_up(t, step, Table.PRESSURE, top)[1] / g[Given.MASS]
-        light = volume - look_up(t, step, Table.NEUTRAL, top)[0] - g[Given.TRIM]
+        light = v - look_up(t, step, Table.NEUTRAL, top)[0] - g[Given.TRIM]
         z = top - max(force * light / g[Given.A_S], 0.0)
         at[At.PLACE] = 1
     else:
-        volume = look_up(t, step, Table.NEUTRAL, z)[0] + g[Given.TRIM] + g[Given.GIVE] * z
+        v = float(look_up(t, step, Table.NEUTRAL, z)[0] + g[Given.TRIM] + g[Given.GIVE] * z)
+        v = v if volume is None else volume
         at[At.PLACE] = 1 if z < g[Given.Z_SURFACE] else 0
-    x[Now.Z], x[Now.V], x[Now.Z_MOST] = z, volume, z
-    x[Now.V_LEAST], x[Now.V_MOST] = volume, -math.inf
+    x[Now.Z], x[Now.V], x[Now.Z_MOST] = z, v, z
+    x[Now.V_LEAST], x[Now.V_MOST] = v, -math.inf
     x[Now.T_LOOK], x[Now.T_MOVE], x[Now.V_MOVE] = 0.0, math.inf, math.nan
     x[Now.T_ARRIVAL], x[Now.T_AFLOAT] = math.nan, math.nan
     return x, at, accounts

@@ -11,7 +11,8 @@ from swimbladder.buoyancy_engine import drive_map
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.mission.core.names import Given, Stage, Table
-from swimbladder.mission.prepare import Plan, law_parameters, return_depth
+from swimbladder.mission.orders import law_parameters
+from swimbladder.mission.prepare import Plan, return_depth
 from swimbladder.parameters import PumpAndValve, Vehicle
 from swimbladder.seawater import Column, look_up
 from swimbladder.seawater.column import ATMOSPHERE

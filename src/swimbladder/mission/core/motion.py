@@ -48,7 +48,8 @@ LAYERS = int(Table.LAYERS)
 STEP, MASS, TRIM, GIVE = int(Given.STEP), int(Given.MASS), int(Given.TRIM), int(Given.GIVE)
 D_L, D_B, D_0, D_T = int(Given.D_L), int(Given.D_B), int(Given.D_0), int(Given.D_T)
 EPSILON, A_S, Z_SURFACE = int(Given.EPSILON), int(Given.A_S), int(Given.Z_SURFACE)
-V_MIN, DELIVERY, RISING = int(Given.V_MIN), int(Given.DELIVERY), int(Given.RISING)
+V_MIN, DELIVERY, FLOW = int(Given.V_MIN), int(Given.DELIVERY), int(Given.FLOW)
+RISING = int(Given.RISING)
 PUMPING, LETTING_IN = int(Doing.PUMPING), int(Doing.LETTING_IN)
 BYPASSING, PRIMING = int(Doing.BYPASSING), int(Doing.PRIMING)
 
@@ -111,9 +112,9 @@ def rate_of(p, table, doing, z, V):  # type: ignore[no-untyped-def]
     if doing == PUMPING:
         return _positive(table, p[STEP], RATE_OUT, z, p[DELIVERY])
     if doing == LETTING_IN:
-        return _positive(table, p[STEP], RATE_IN, z, -1.0)
+        return _positive(table, p[STEP], RATE_IN, z, -p[FLOW])
     if doing == BYPASSING:
-        return _positive(table, p[STEP], BYPASS, z, -1.0)
+        return _positive(table, p[STEP], BYPASS, z, -p[FLOW])
     if doing == PRIMING or p[V_MIN] >= V:
         return 0.0, 0.0
     return _positive(table, p[STEP], LEAKAGE, z, -1.0)

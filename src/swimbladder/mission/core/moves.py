@@ -42,6 +42,7 @@ STEP, V_MIN, V_MAX = int(Given.STEP), int(Given.V_MIN), int(Given.V_MAX)
 START = int(Table.START)
 BY_VOLUME, QUANTUM, LONGEST = int(Given.BY_VOLUME), int(Given.QUANTUM), int(Given.LONGEST)
 DELIVERY, NOISE, RESOLUTION = int(Given.DELIVERY), int(Given.NOISE), int(Given.RESOLUTION)
+MAKES_UP = int(Given.MAKES_UP)
 NEUTRAL_TOP, SHALLOW = int(Given.NEUTRAL_TOP), int(Given.SHALLOW)
 KIND, DEPTH, SPEED, STAGE_LAW = int(Stage.KIND), int(Stage.DEPTH), int(Stage.SPEED), int(Stage.LAW)
 SURFACE = int(Kind.SURFACE)
@@ -145,7 +146,9 @@ def _change(p, table, x, at, accounts, notes, counts, wanted, longest):  # type:
     rate_now = value(table, p[STEP], RATE_OUT if wanted > 0.0 else RATE_IN, max(x[Z], 0.0))[0]
     length = longest
     if rate_now > 0.0:
-        lost = value(table, p[STEP], START, max(x[Z], 0.0))[0] if wanted > 0.0 else 0.0
+        lost = 0.0
+        if wanted > 0.0 and p[MAKES_UP] > 0.0:
+            lost = value(table, p[STEP], START, max(x[Z], 0.0))[0]
         length = min((abs(wanted) + lost) / rate_now, longest)
     if p[QUANTUM] > 0.0:
         length = p[QUANTUM] * math.floor(length / p[QUANTUM] + 0.5)

@@ -84,7 +84,9 @@ class Given(IntEnum):
     CHARGE = 38  # J in the battery at the start
     HELD = 39  # -, share of its time that a park or hold has to be in its tolerance
     RISING = 40  # -, drag while rising over that while sinking
-    COUNT = 41
+    FLOW = 41  # -, what valve and bypass let in over what the processor reckons with
+    MAKES_UP = 42  # 1: a run is longer by what its start falls short of
+    COUNT = 43
 
 
 class Stage(IntEnum):
