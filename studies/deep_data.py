@@ -36,7 +36,7 @@ def logs_of(folder: Path) -> list[FloatLog]:
         settings = {
             key.removeprefix("cmd_"): str(value)
             for key, value in dive.items()
-            if str(key).startswith("cmd_") and isinstance(value, str)
+            if str(key).startswith("cmd_") and pd.notna(value)
         }
         found.append(
             FloatLog(

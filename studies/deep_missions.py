@@ -6,17 +6,18 @@
 
 Each logged deep dive is flown again by `swimbladder.mission`: the vehicle as identified from all
 deep dives (`studies.deep_dives`), in the water of that dive, with the law `rate` and the settings
-of that dive (near, far, dead time), told only where to go, how long to stay and to come up. The
-volume that the law reckons with is not what pump and valve really give; its coefficient is
-therefore that of the float's processor times the pump's share of its datasheet. What came out:
-`docs/explanation/deep-dives.md`.
+of that dive (near, far, dead time, and `stab`, the looks over which a speed at rest is measured).
+It begins where the log of the dive begins, with the volume that closed its book there, and is told
+only where to go, when to leave and to come up. What pump and valve give is not what the float's
+processor reckons with: its runs are as long as its own numbers say, and give what was identified.
+What came out: `docs/explanation/deep-dives.md`.
 """
 
 from __future__ import annotations
 
 import argparse
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -28,33 +29,61 @@ from swimbladder.identify.deep import identified_vehicle
 from swimbladder.identify.deep_dive import DeepDive
 from swimbladder.identify.deep_fit import DeepFit, fit_deep
 from swimbladder.identify.deep_model import DEFAULT, body_of, priors_of
-from swimbladder.io.float_log import FloatLog
+from swimbladder.io.float_log import FloatLog, Stage
 from swimbladder.io.mission import Mission
 from swimbladder.mission.core.names import Drive, Note, Row
 from swimbladder.mission.flight import fly_mission
-from swimbladder.parameters import Controller, Vehicle
-from swimbladder.seawater import Column
+from swimbladder.mission.prepare import Reckoning
+from swimbladder.parameters import Controller, PumpAndValve, Sensors, Vehicle
+from swimbladder.seawater import Column, WaterMotion
 
-__all__ = ["Told", "flown", "logged", "with_law"]
+__all__ = ["Told", "as_reckoned", "flown", "logged", "with_law"]
 
 Array = NDArray[np.float64]
 MBAR = 100.0  # Pa
+RUN = 26.0  # s, between the two readings that tell a speed on the way
+LEAVES = 40.0  # s, of the pump, longer than any run that holds a depth
+LOOKS = 60.0  # s, between two depths that tell how it holds
+QUANTUM = 10.0  # mbar, between two pressures in the log
+BOTTOM = 2500.0  # m, of the Ligurian Sea
+SLOWEST, FASTEST = 62_700.0, 7_200.0  # s: inertial at 43.4 degrees north, buoyancy at 500 m
+WAVES, MODES = 12, 4
+SEAS = 15  # with waves of other phases; medians over them are told
 
 
 @dataclass(frozen=True, kw_only=True)
 class Told:
     """What a dive looks like: times [s], numbers of actions, depth while it holds."""
 
-    to_target: float  # s, from 5 m
-    sinking: int  # actions before it arrives
-    holding: int
-    rising: int
-    up: float  # s, from leaving the target to 5 m
+    to_target: float  # s, from 10 m
+    sinking: float  # actions before it arrives
+    leave: float  # s, when it leaves the target
+    holding: float
+    rising: float
+    up: float  # s, from leaving the target to 10 m
     inside: float  # share of the hold within the tolerance
     spread: float  # Pa, rms from the target while it holds
 
+    @property
+    def holds(self) -> float:
+        """How long it is at the target [s]."""
+        return max(self.leave - self.to_target, 0.0)
 
-def with_law(vehicle: Vehicle, fit: DeepFit, log: FloatLog, weight: float) -> Vehicle:
+
+def as_reckoned(base: Vehicle, found: Vehicle, fit: DeepFit) -> tuple[Vehicle, Reckoning]:
+    """Return the identified vehicle with pump and valve as its processor knows them, and the truth.
+
+    base: as its log speaks of it; found: as identified.
+    """
+    known, real = base.actuator, found.actuator
+    assert isinstance(known, PumpAndValve)
+    assert isinstance(real, PumpAndValve)
+    actuator = real.model_copy(update={"pump": known.pump, "valve": known.valve})
+    reckoning = Reckoning(pump=fit.values["pump_delivery"], valve=fit.values["valve"], starts=False)
+    return found.model_copy(update={"actuator": actuator}), reckoning
+
+
+def with_law(vehicle: Vehicle, log: FloatLog, weight: float) -> Vehicle:
     """Return the vehicle with the float's law and the settings of a dive.
 
     weight: rho g [N/m3], that turns mbar into metres.
@@ -65,74 +94,110 @@ def with_law(vehicle: Vehicle, fit: DeepFit, log: FloatLog, weight: float) -> Ve
         return [float(x) for x in re.findall(r"[\d.]+", log.settings[name])]
 
     (near, near_speed), (far, far_speed) = numbers("near"), numbers("far")
-    coefficient = numbers("coeff")[0] / numbers("coeff")[1] * 1e-6 / metre**2
+    dead = numbers("dead")[0]
     parameters = {
-        "coefficient": coefficient * fit.values["pump_delivery"],
+        "coefficient": numbers("coeff")[0] / numbers("coeff")[1] * 1e-6 / metre**2,
         "tolerance": log.stages[0].tolerance / weight,
         "near": near * metre, "far": far * metre, "slow_speed": numbers("rate")[0] * metre,
         "near_speed": near_speed * metre, "far_speed": far_speed * metre,
         "ascent_speed": numbers("ascent")[0] * metre, "speed_band": numbers("rate")[0] * metre,
-        "speed_step": metre, "volume_step": 2e-6 * fit.values["pump_delivery"],
-        "dead": numbers("dead")[0], "run": 26.0, "window": 600.0,
+        "speed_step": metre, "volume_step": 2e-6, "dead": dead, "run": RUN,
+        "window": numbers("stab")[0] * dead,
     }  # fmt: skip
     return vehicle.model_copy(
-        update={"controller": Controller(law="rate", sample_time=1.0, parameters=parameters)}
+        update={
+            "controller": Controller(law="rate", sample_time=1.0, parameters=parameters),
+            "sensors": Sensors(depth_quantum=QUANTUM * metre),
+        }
     )
+
+
+def waves_of(speed: float, seed: int) -> WaterMotion:
+    """Return internal waves that move the water by a `speed` [m/s], 1 sigma, as time and depth go.
+
+    Between the inertial and the buoyancy frequency the speeds of Garrett and Munk's spectrum
+    (*J. Geophys. Res.* 80, 1975, 291) are white: waves of one amplitude of speed and of all
+    frequencies, with random phases.
+    """
+    frequencies = np.linspace(1.0 / SLOWEST, 1.0 / FASTEST, WAVES)
+    phases = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, WAVES)
+    # half the square of each in the mean over time, and half of that over depth
+    each = 2.0 * speed / np.sqrt(WAVES)
+    return WaterMotion(
+        internal_waves=[
+            {"amplitude": each / (2.0 * np.pi * f), "period": 1.0 / f, "water_depth": BOTTOM,
+             "mode": 1 + k % MODES, "phase": phase}
+            for k, (f, phase) in enumerate(zip(frequencies, phases, strict=True))
+        ],
+    )  # fmt: skip
 
 
 def logged(log: FloatLog, dive: DeepDive) -> Told:
     """Return what the float did."""
     stage = log.stages[0]
-    arrived = float(dive.time[np.argmax(np.abs(dive.pressure - stage.pressure) < stage.tolerance)])
-    leave = min(
-        (t for t, v in zip(dive.action_time, dive.action_seconds, strict=True)
-         if t > arrived and v > 40.0),
-        default=float(dive.time[-1]),
+    time, acts = dive.time - dive.time[0], dive.action_time - dive.time[0]
+    inside = time[np.abs(dive.pressure - stage.pressure) < stage.tolerance]
+    # samples are hours apart in one log; the float asks for no speed only where it has arrived
+    rests = [
+        a.time - dive.time[0] for a in log.actions
+        if a.wish is not None and abs(a.wish.speed_to) < MBAR and a.time > dive.time[0]
+    ]  # fmt: skip
+    arrived = float(min([*inside[:1], *rests[:1]]))
+    leave = float(
+        min(acts[(acts > arrived) & (dive.action_seconds > LEAVES)], default=time[-1])
     )  # fmt: skip
-    held = (dive.time >= arrived) & (dive.time <= leave)
-    return _told(dive.time, dive.pressure, dive.action_time, arrived, leave, held, stage)
+    return _told(time, dive.pressure, acts, arrived, leave, float(time[-1]), stage)
 
 
 def flown(
-    vehicle: Vehicle, column: Column, log: FloatLog, measured: Told, hold: float
-) -> tuple[Told, str]:
-    """Return what the mission engine does with the same orders, and how it ended."""
+    vehicle: Vehicle, column: Column, log: FloatLog, dive: DeepDive, real: Told, volume: float,
+    reckoning: Reckoning, motion: WaterMotion, seed: int,
+) -> Told:  # fmt: skip
+    """Return what the mission engine does with the same orders in water that moves.
+
+    volume: of the drive where the dive begins [m3]; seed: of the sensor's draws.
+    """
     stage = log.stages[0]
-    depth = float(np.interp(stage.pressure, column.pressure, column.depth))
-    tolerance = stage.tolerance * depth / stage.pressure
+    begin, depth = np.interp([dive.pressure[0], stage.pressure], column.pressure, column.depth)
+    settings = vehicle.controller.parameters if vehicle.controller is not None else {}
     mission = Mission(
+        start_depth=float(begin), water_motion=motion,
         phases=[
-            {"kind": "hold", "depth": depth, "tolerance": tolerance, "duration": hold,
-             "timeout": 3.0 * measured.to_target},
-            {"kind": "surface", "duration": 600.0, "timeout": 4.0 * measured.up},
+            {"kind": "park", "depth": depth, "tolerance": stage.tolerance * depth / stage.pressure,
+             "duration": real.leave, "check_interval": float(settings["dead"]) + RUN},
+            {"kind": "surface", "duration": 600.0, "timeout": 4.0 * real.up},
         ],
     )  # fmt: skip
-    flight = fly_mission(vehicle, mission, column)
+    flight = fly_mission(
+        vehicle, mission, column, reckoning=reckoning, start_volume=volume, seed=seed
+    )  # fmt: skip
     time, z = flight.rows[:, Row.T], flight.rows[:, Row.Z]
-    pressure = np.interp(z, column.depth, column.pressure)
+    # a hold may go below the cast: its water goes on as it ends there
+    below = float(column.density[-1]) * column.gravity * np.maximum(z - column.deepest, 0.0)
+    pressure = np.interp(z, column.depth, column.pressure) + below
     notes = flight.notes
     runs = np.isin(notes[:, Drive.WHAT], (Note.PUMP, Note.VALVE))
-    leave = float(notes[(notes[:, Drive.WHAT] == Note.PHASE), Drive.T][-1])
-    under = time[np.argmax(pressure > 5e4)]
-    arrived = float(notes[notes[:, Drive.WHAT] == Note.ARRIVED, Drive.T][0])
-    up = time[(time > leave) & (pressure < 5e4)][0] - leave
-    acts = notes[runs & (notes[:, Drive.T] > under), Drive.T]
-    acts = acts[acts < leave + up]
-    fine = np.arange(arrived, leave, 60.0)
-    found = _told(
-        fine, np.interp(fine, time, pressure), acts, arrived, leave, np.ones(len(fine), bool), stage
-    )
-    return Told(**{**vars(found), "to_target": arrived - under, "up": float(up)}), flight.stop.name
+    arrivals = notes[notes[:, Drive.WHAT] == Note.ARRIVED, Drive.T]
+    arrived = float(arrivals[0]) if arrivals.size and arrivals[0] < real.leave else real.leave
+    # as far up as the log of the dive goes, about 10 m
+    end = float(time[(time > real.leave) & (pressure <= dive.pressure[-1])][0])
+    acts = notes[runs & (notes[:, Drive.T] < end), Drive.T]
+    fine = np.arange(0.0, end, 60.0)
+    return _told(fine, np.interp(fine, time, pressure), acts, arrived, real.leave, end, stage)
 
 
-def _told(  # type: ignore[no-untyped-def]
-    time: Array, pressure: Array, acts: Array, arrived: float, leave: float, held: Array, stage
-) -> Told:
-    off = pressure[held] - stage.pressure
+def _told(
+    time: Array, pressure: Array, acts: Array, arrived: float, leave: float, end: float,
+    stage: Stage,
+) -> Told:  # fmt: skip
+    held = (time >= arrived) & (time <= leave)
+    off = np.interp(
+        np.arange(arrived, leave, LOOKS), time[held], pressure[held]
+    ) - stage.pressure if held.any() else np.array([np.nan])  # fmt: skip
     return Told(
-        to_target=arrived - float(time[0]), sinking=int(np.sum(acts < arrived)),
+        to_target=arrived, sinking=int(np.sum(acts < arrived)), leave=leave,
         holding=int(np.sum((acts >= arrived) & (acts < leave))),
-        rising=int(np.sum(acts >= leave)), up=float(time[-1]) - leave,
+        rising=int(np.sum(acts >= leave)), up=end - leave,
         inside=float(np.mean(np.abs(off) <= stage.tolerance)),
         spread=float(np.sqrt(np.mean(off**2))),
     )  # fmt: skip
@@ -148,23 +213,46 @@ def main() -> None:
     logs = {log.source: log for log in logs_of(folder)}
     columns = columns_of(folder)
     fit = fit_deep(body, dives, priors_of(base, {}), free=DEFAULT)
-    vehicle = identified_vehicle(base, fit)
+    vehicle, reckoning = as_reckoned(base, identified_vehicle(base, fit), fit)
     print(
         "| dive | | to the target, h | actions | holding, h | actions | inside, % | rms, dbar "
         "| up, h | actions |\n|---|---|---:|---:|---:|---:|---:|---:|---:|---:|"
     )
-    for dive in dives:
+    seas = [waves_of(fit.noise, seed) for seed in range(SEAS)]
+    sums: dict[str, list[Told]] = {"logged": [], "flown": []}
+    for dive, volume in zip(dives, fit.starts, strict=True):
         log, column = logs[dive.name], columns[dive.name]
         real = logged(log, dive)
-        hold = float(dive.time[-1] - dive.time[0]) - real.to_target - real.up
-        own = with_law(vehicle, fit, log, float(column.density.mean()) * column.gravity)
-        model, stop = flown(own, column, log, real, hold)
-        for what, told in (("logged", real), (f"flown, {stop.lower()}", model)):
-            print(
-                f"| {dive.name} | {what} | {told.to_target / 3600:.1f} | {told.sinking} "
-                f"| {hold / 3600:.1f} | {told.holding} | {100 * told.inside:.0f} "
-                f"| {told.spread / 1e4:.1f} | {told.up / 3600:.1f} | {told.rising} |"
-            )
+        own = with_law(vehicle, log, float(column.density.mean()) * column.gravity)
+        models = [
+            flown(own, column, log, dive, real, float(volume), reckoning, seas[seed], seed)
+            for seed in range(SEAS)
+        ]
+        middle = Told(**{
+            field.name: float(np.nanmedian([getattr(m, field.name) for m in models]))
+            for field in fields(Told)
+        })  # fmt: skip
+        for what, told in (("logged", real), ("flown", middle)):
+            sums[what].append(told)
+            print(_row(dive.name, what, told))
+    for what, of in sums.items():
+        whole = {
+            field.name: float(np.sum([getattr(t, field.name) for t in of]))
+            for field in fields(Told)
+        }
+        hold = np.array([t.holds for t in of])
+        for name in ("inside", "spread"):
+            values = np.array([getattr(t, name) for t in of])
+            whole[name] = float(np.nansum(values * hold) / np.sum(hold[np.isfinite(values)]))
+        print(_row("all", what, Told(**whole)))
+
+
+def _row(dive: str, what: str, told: Told) -> str:
+    return (
+        f"| {dive} | {what} | {told.to_target / 3600:.1f} | {told.sinking:.0f} "
+        f"| {told.holds / 3600:.1f} | {told.holding:.0f} | {100 * told.inside:.0f} "
+        f"| {told.spread / 1e4:.1f} | {told.up / 3600:.1f} | {told.rising:.0f} |"
+    )
 
 
 if __name__ == "__main__":
