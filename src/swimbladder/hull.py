@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swimbladder.parameters import HullPart, Vehicle
+from swimbladder.parameters import HullPart, PhysicalMotion, Vehicle
 from swimbladder.seawater import Column
 from swimbladder.seawater.column import ATMOSPHERE, water_compressibility
 from swimbladder.seawater.lookup import slopes
@@ -32,6 +32,7 @@ __all__ = [
     "hull_parts",
     "layered_volume",
     "linear_psi",
+    "mass_doubt",
     "neutral_volume",
     "psi_terms",
     "weighing",
@@ -40,6 +41,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 _ZERO_CELSIUS = 273.15  # K
+_CONTRADICT = 0.02  # of the mass: sea water against fresh is more
 
 
 class PsiTerms(NamedTuple):
@@ -109,6 +111,20 @@ def weight_mass(vehicle: Vehicle) -> float:
     """
     at_surface = float(displaced_volume(vehicle, 0.0, vehicle.water.temperature))
     return vehicle.water.density * (at_surface + vehicle.trim_error)
+
+
+def mass_doubt(vehicle: Vehicle) -> str:
+    """Return what is odd about a dry mass that trim_error does not carry; "" where nothing is."""
+    if not isinstance(vehicle.motion, PhysicalMotion):
+        return ""
+    dry, by_trim = vehicle.motion.dry_mass, weight_mass(vehicle)
+    share = abs(dry / by_trim - 1.0)
+    if share <= _CONTRADICT:
+        return ""
+    return (
+        f"the vehicle's file says a dry mass of {dry:.6g} kg, and a trim_error by which it weighs "
+        f"{by_trim:.6g} kg: one of them is wrong by {100.0 * share:.2g} %"
+    )
 
 
 def weighing(vehicle: Vehicle, mass: float) -> Vehicle:

@@ -59,8 +59,9 @@ def test_json_answers_what_was_asked(capsys):
 
 
 def test_text_has_tables_and_sentences(capsys):
-    assert main(["analyse", "feup-em", "--depth", "0.1 km"]) == 0
+    assert main(["analyse", "feup-em", "--depth", "0.1 km"]) == 1
     captured = capsys.readouterr()
+    assert "no rest: stroke or supply do not hold feup-em at 100 m" in captured.err
     text = " ".join(captured.out.split())
     for phrase in (
         "Linear analysis of feup-em at 100 m", "/ (3.267 s^4 + 36.39 s^3 + 0.997115 s^2",
@@ -109,6 +110,18 @@ def test_unstable_loop_is_the_answer_no(capsys, tmp_path):
     assert (tmp_path / "out" / "loop_gains.png").read_bytes().startswith(PNG)
     assert main(["analyse", path]) == 1
     assert "UNSTABLE" in capsys.readouterr().out
+
+
+def test_a_depth_that_stroke_or_supply_do_not_hold_is_the_answer_no(capsys, tmp_path):
+    """The stroke of 350 cm3 is used up at 350/4.04 = 86.6 m; 6 V balance 6/0.07707 = 77.9 m."""
+    for depth, code in (("86.5", 0), ("86.8", 1)):
+        assert answer(capsys, "feup-em", "--depth", depth, code=code)["rests"] is (code == 0)
+    path = vehicle_file(tmp_path, 'voltage = "12 V"', 'voltage = "6 V"')
+    for depth, code in (("77.8", 0), ("77.9", 1)):
+        assert answer(capsys, path, "--depth", depth, code=code)["rests"] is (code == 0)
+    assert main(["analyse", path, "--depth", "77.9"]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Below 77.9 m the supply cannot hold the motor" in said
 
 
 def test_gain_limit_that_it_names_is_the_limit(capsys, tmp_path):

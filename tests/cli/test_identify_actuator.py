@@ -91,6 +91,19 @@ def test_the_page_has_everything_and_needs_nothing(capsys, log, tmp_path):
     assert "Made by " in text
 
 
+def test_no_vehicle_of_an_earlier_run_stays_beside_an_answer_without_one(capsys, tmp_path):
+    good = bench(tmp_path / "good.csv", [3.0, -3.0, 12.0, -12.0])
+    out = tmp_path / "out"
+    given = ("--set", "dead_zone=0.5 V", "--out", out)
+    a = answer(capsys, good, "--vehicle", "feup-em", *given)
+    assert str(out / "vehicle.toml") in a["files"]
+    answer(capsys, good, *given)
+    assert not (out / "vehicle.toml").exists()
+    (out / "vehicle.toml").write_text("# mine\n", encoding="utf-8")
+    answer(capsys, good, *given)
+    assert (out / "vehicle.toml").read_text(encoding="utf-8") == "# mine\n"
+
+
 def test_the_page_of_several_logs_shows_each(capsys, tmp_path):
     levels = [3.0, -3.0, 12.0, -12.0]
     logs = [bench(tmp_path / f"run{k}.csv", levels, seed=k) for k in (1, 2)]

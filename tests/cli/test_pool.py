@@ -119,3 +119,16 @@ def test_an_interruption_writes_what_is_known(log, capsys, tmp_path, monkeypatch
     assert "interrupted" in told.err
     assert len(json.loads(told.out)["experiments"]) == 2
     assert len(json.loads((out / "pool.json").read_text(encoding="utf-8"))["experiments"]) == 2
+
+
+def test_a_log_that_is_not_there_leaves_no_folder_behind(capsys, tmp_path):
+    out = tmp_path / "out"
+    arguments = ["pool", "feup-em", "--follow", str(tmp_path / "none.csv"), "--out", str(out)]
+    assert main([*arguments, "--no-wait"]) != 0
+    assert "none.csv" in capsys.readouterr().err
+    assert not out.exists()
+    assert main([*arguments, "--timeout", "0.1 s"]) != 0
+    assert not out.exists()
+    out.mkdir()
+    assert main([*arguments, "--no-wait"]) != 0
+    assert out.is_dir()  # the one that was there stays

@@ -111,6 +111,18 @@ def test_every_template_is_a_vehicle_that_reaches_its_depth(capsys, tmp_path, ki
     assert a["settle2_s"] is not None
 
 
+@pytest.mark.parametrize(("share", "warned"), [(1.01, False), (1.03, True)])
+def test_a_dry_mass_that_the_trim_does_not_carry_is_told(capsys, tmp_path, share, warned):
+    text = vehicle_template("electromechanical").replace("27.5 kg", f"{27.5 * share} kg")
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    out = str(tmp_path / "out")
+    assert main(["simulate", str(file), "--duration", "3 s", "--out", out, "--json"]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    told = f"a dry mass of {27.5 * share:.6g} kg, and a trim_error by which it weighs 27.5 kg"
+    assert (told in said) is warned
+
+
 def test_a_depth_that_is_not_reached_is_null_not_a_number(capsys, tmp_path):
     a = answer(capsys, "feup-em", "--duration", "20", "--out", str(tmp_path))
     assert a["rise90_s"] is None

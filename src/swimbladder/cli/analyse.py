@@ -13,7 +13,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from swimbladder.cli.common import emit_json, output, progress, quantity
+from swimbladder.cli.common import console, emit_json, output, progress, quantity
 
 if TYPE_CHECKING:
     from swimbladder.linear import Analysis, Margins
@@ -39,7 +39,7 @@ def analyse(
     """Linear models with their numbers, poles, Routh's table, margins of the sampled loop.
 
     The depth is in m, or carries a unit: --depth "50 m". Exit code 1 when the vehicle has a
-    controller and its closed loop is not stable.
+    controller and its closed loop is not stable, or cannot rest at the depth.
     """
     metres = quantity(depth, "m", "--depth")
     assert metres is not None
@@ -52,7 +52,12 @@ def analyse(
         output.print(_report(a))
         for path in files:
             output.print(f"wrote {path}", soft_wrap=True)
-    if a.stable is False:
+    if not a.rests:
+        console.print(
+            f"no rest: stroke or supply do not hold {a.vehicle.name} at {a.depth:g} m",
+            soft_wrap=True,
+        )
+    if a.stable is False or not a.rests:
         raise typer.Exit(1)
 
 

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ballast"]
 
-_CONTRADICT = 0.02  # of the mass: sea water against fresh is more
-
 
 def ballast(
     vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
@@ -233,7 +231,7 @@ def _weighed(vehicle: Vehicle, mass: float | None) -> tuple[Vehicle, str, list[s
 
     Raises InputError for a mass that the hull could not carry by far: a wrong unit or volume.
     """
-    from swimbladder.hull import weighing, weight_mass
+    from swimbladder.hull import mass_doubt, weighing, weight_mass
     from swimbladder.parameters import PhysicalMotion
 
     by_trim = weight_mass(vehicle)
@@ -242,14 +240,9 @@ def _weighed(vehicle: Vehicle, mass: float | None) -> tuple[Vehicle, str, list[s
         if isinstance(vehicle.motion, PhysicalMotion):
             dry = vehicle.motion.dry_mass
             told += f" (its dry mass there is {dry:.6g} kg)"
-            if abs(dry / by_trim - 1.0) > _CONTRADICT:
-                return vehicle, told, [
-                    f"the vehicle's file says a dry mass of {dry:.6g} kg, and a trim_error by "
-                    f"which it weighs {by_trim:.6g} kg: one of them is wrong by "
-                    f"{100.0 * abs(dry / by_trim - 1.0):.2g} %, and trim_error is taken; weigh it "
-                    "and give --mass"
-                ]  # fmt: skip
-        return vehicle, told, []
+        doubt = mass_doubt(vehicle)
+        rest = ", and trim_error is taken; weigh it and give --mass"
+        return vehicle, told, [doubt + rest] if doubt else []
     if not 0.5 * by_trim < mass < 2.0 * by_trim:
         raise InputError(
             f"a vehicle that displaces {by_trim / vehicle.water.density * 1e3:.4g} L does not "

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +14,7 @@ from swimbladder.cli.common import compile_notice, console, emit_json, output, p
 from swimbladder.cli.logs import depth, names, pair
 from swimbladder.cli.pool_options import asked_of, rules_of
 from swimbladder.cli.pool_view import View, parameter_table
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, SwimbladderError
 
 if TYPE_CHECKING:
     from swimbladder.guide import News, Operator, PoolDay, Tail
@@ -158,7 +159,7 @@ def pool(
     else:
         assert follow is not None
         tail, limit = _tail(v, follow, column or [], log_format, timeout, wait=wait)
-    with compile_notice():
+    with compile_notice(), _no_empty_folder(out):
         day = PoolDay(
             v, out, rules=rules, tasks=tasks, asked=asked, mode=mode, kept=_begin(out, v, mode)
         )
@@ -185,6 +186,18 @@ def pool(
         _print_end(day, files, told=told)
     if not day.verdict.good:
         raise typer.Exit(1)
+
+
+@contextlib.contextmanager
+def _no_empty_folder(out: Path) -> Iterator[None]:
+    """Take a folder away that was made for nothing, where there is no log to follow."""
+    made = not out.exists()
+    try:
+        yield
+    except SwimbladderError:
+        if made and out.is_dir() and not any(out.iterdir()):
+            out.rmdir()
+        raise
 
 
 def _refuse(why: str, options: Mapping[str, object]) -> None:

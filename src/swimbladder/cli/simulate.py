@@ -69,6 +69,7 @@ def simulate(
     Depths and times are in m and s, or carry a unit: --start "150 cm" --duration "5 min".
     Exit code 1 when the simulation stopped before its end; the files are written all the same.
     """
+    from swimbladder.hull import mass_doubt
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import make_folder
     from swimbladder.io.mission import check_mission
@@ -79,6 +80,12 @@ def simulate(
         check_mission(v, task, names=_OPTIONS)
     else:
         _check_file(v, task, mission)
+    doubt = mass_doubt(v)
+    if doubt:
+        console.print(
+            f"warning: {doubt}; it sinks and rises by trim_error, and the dry mass is its inertia",
+            soft_wrap=True,
+        )
     folder = make_folder(out)
     s = _run(v, task, seed)
     files = _write(s, task, folder, netcdf=netcdf, plot=plot)

@@ -71,6 +71,13 @@ class Analysis:
         return None if self.closed_loop is None else self.closed_loop.stable
 
     @property
+    def rests(self) -> bool:
+        """Whether stroke and supply hold the vehicle at the depth."""
+        stroke, p = self.vehicle.stroke, self.operating_point
+        held = self.stall is None or p.depth <= self.stall.holding_depth
+        return bool(held and stroke.minimum <= p.volume <= stroke.maximum)
+
+    @property
     def findings(self) -> dict[str, tuple[str, ...]]:
         """What the numbers mean, in sentences by subject."""
         return findings(self)
@@ -87,6 +94,7 @@ class Analysis:
         answer = {
             "vehicle": self.vehicle.name,
             "depth_m": self.depth,
+            "rests": self.rests,
             "command": "voltage" if self.vehicle.voltage_driven else "volume",
             "operating_point": {
                 "depth_m": p.depth,

@@ -39,6 +39,12 @@ def _rest(a: Analysis) -> Iterator[str]:
             f"{_cm3(v.stroke.maximum)}: the vehicle cannot rest there, and what follows is about a "
             "vehicle that could."
         )
+    elif not a.rests:
+        assert a.stall is not None
+        yield (
+            f"Below {a.stall.holding_depth:.1f} m the supply cannot hold the motor: the vehicle "
+            "cannot rest there, and what follows is about a vehicle that could."
+        )
 
 
 def _open_loop(a: Analysis) -> Iterator[str]:

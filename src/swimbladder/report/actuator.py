@@ -16,6 +16,7 @@ from swimbladder.identify_actuator import ActuatorIdentification
 from swimbladder.identify_actuator.estimate import shown_unit
 from swimbladder.identify_actuator.nine import Known
 from swimbladder.identify_actuator.result import LogFit, Step
+from swimbladder.io.config import file_text
 from swimbladder.io.files import publish, write_atomically
 from swimbladder.io.tables import write_csv
 from swimbladder.io.vehicle_file import vehicle_file
@@ -29,6 +30,7 @@ from swimbladder.units import rounded, unit_factor
 __all__ = ["write_actuator"]
 
 _PAGE = "identify-actuator.html"
+_HEAD = "Identified by swimbladder identify-actuator."
 _DRIVEN = {
     "voltage": "Driven by a logged voltage",
     "reference": "Judged by what a positioner was asked for",
@@ -43,16 +45,16 @@ def write_actuator(
 ) -> tuple[list[Path], str]:  # fmt: skip
     """Write page and steps into the folder `out`; return the paths, and why there is no vehicle.
 
-    A vehicle is written where one was given and something of it was identified. command: how the
-    page says that it was made; seconds: how long the fit took; picture: also steps.png; advance:
-    told the share of the work done. Raises InputError where the folder cannot be written; whatever
-    is in it then stays as it is.
+    A vehicle is written where one was given and something of it was identified; else the one of an
+    earlier run is taken away. command: how the page says that it was made; seconds: how long the
+    fit took; picture: also steps.png; advance: told the share of the work done. Raises InputError
+    where the folder cannot be written; whatever is in it then stays as it is.
     """
-    files = {_PAGE: "", "steps.csv": ""}
+    files, old = {_PAGE: "", "steps.csv": ""}, out / "vehicle.toml"
     why = ""
     if found.given is not None:
         try:
-            text = vehicle_file(found.vehicle, head="Identified by swimbladder identify-actuator.")
+            text = vehicle_file(found.vehicle, head=_HEAD)
         except NoAnswerError as error:
             why = str(error)
         else:
@@ -70,6 +72,8 @@ def write_actuator(
         write_atomically(folder / _PAGE, html)
 
     publish(out, write)
+    if old.name not in files and old.is_file() and file_text(old).startswith(f"# {_HEAD}"):
+        old.unlink()
     return [out / name for name in files], why
 
 
