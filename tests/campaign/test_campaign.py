@@ -127,5 +127,10 @@ def test_the_command(tmp_path, monkeypatch, capsys):
     assert answer["good"] == answer["floats"] == 6
     assert main(["campaign", "example-float", "m.toml", "--floats", "0"]) == 2
     assert "--floats" in capsys.readouterr().err
+    assert main(["campaign", "example-float", "m.toml", "--duration", "0 d"]) == 2
+    assert "--duration: it must be above 0" in capsys.readouterr().err
+    assert main(["campaign", "example-float", "m.toml", "--trim-std=-2 cm3"]) == 2
+    said = capsys.readouterr().err
+    assert "--trim-std: not between 0 and 1 (got '-2 cm3', expected unit m3). Give 1 sigma." in said
     with pytest.raises(InputError, match="--drag-std"):
         Spread(drag=2.0)

@@ -164,6 +164,15 @@ def test_a_battery_that_does_not_last_is_exit_1(task, tmp_path, capsys):
     assert f"after {answer['cycles']} of 50 cycles" in answer["reasons"][0]
 
 
+def test_of_many_cycles_the_first_and_last_are_printed_and_all_are_written(task, capsys):
+    assert main(["mission", "example-float", str(task), "--cycles", "26", "--out", "flown"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    first = [line.split()[0] for line in said if line[:5].strip().isdigit()]
+    assert first == [str(n) for n in (*range(1, 12), 26)]
+    assert "(14 cycles more in cycles.csv)" in said
+    assert len(Path("flown/cycles.csv").read_text().splitlines()) == 27
+
+
 def test_options_of_a_cast_need_one(task, capsys):
     for option in (["--salinity", "3"], ["--profile", "2"], ["--inversions", "keep"]):
         assert main(["mission", "example-float", str(task), *option]) == 2

@@ -58,6 +58,7 @@ def test_it_writes_a_vehicle_the_drives_and_pictures(capsys, tmp_path, parts):
     assert set(table[0]) == set(columns)
     assert float(table[0]["mass_kg"]) == pytest.approx(told["chosen"]["mass"])
     vehicle = load_vehicle(out / "vehicle.toml")
+    assert vehicle.actuator.kind == told["chosen"]["parts"]["kind"] == table[0]["kind"]
     assert vehicle.stroke.maximum - vehicle.stroke.minimum == pytest.approx(told["stroke"])
     assert json.loads((out / "size.json").read_text()).keys() == told.keys() - {"files"}
 
@@ -67,7 +68,7 @@ def test_the_vehicle_and_the_answer_are_for_a_person_to_read(capsys, tmp_path, p
     words = ["size", "example-eh", "--depth", "800 m", "--parts", parts, "--out", str(out)]
     assert main(words) == 0
     said = capsys.readouterr().out
-    assert "least mass: electrohydraulic, motor, " in said
+    assert "least mass: pump-valve, motor, " in said
     assert "motor motor" not in said
     text = (out / "vehicle.toml").read_text()
     digits = [re.sub(r"e.*|[-.]", "", n).lstrip("0") for n in re.findall(r"= (-?[\d.e-]+)", text)]
@@ -82,7 +83,9 @@ def test_the_vehicle_and_the_answer_are_for_a_person_to_read(capsys, tmp_path, p
         (["--depth", "1200 m"], 2, "rated for 1000 m"),
         (["--least", "cost"], 2, "Allowed: mass, energy"),
         (["--speed", "3 kg"], 2, "--speed"),
-        (["--hotel", "-1 W"], 2, "--hotel"),
+        (["--hotel", "-1 W"], 2, "--hotel: it cannot be negative (got '-1 W'"),
+        (["--reserve", "10"], 2, "--reserve: more than all of it (got '10')"),
+        (["--cycles", "0"], 2, "--cycles"),
         (["--park", "-1 s"], 2, "--park"),
         (["--largest-mass", "1 kg"], 1, "% of the mass that drive and battery"),
     ],

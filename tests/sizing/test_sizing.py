@@ -105,7 +105,7 @@ def test_the_trim_is_covered_as_often_as_it_says() -> None:
     assert np.mean(stays) == pytest.approx(0.9, abs=4 * math.sqrt(0.09 / 40_000))
 
 
-@pytest.mark.parametrize("kind", ["electrohydraulic", "electromechanical"])
+@pytest.mark.parametrize("kind", ["pump-valve", "electromechanical"])
 def test_a_candidate_is_the_steady_drive(found: Sizing, kind: str) -> None:
     w = found.weighed
     of_kind = [i for i, c in enumerate(found.batch.of) if c.kind == kind and w.feasible[i]]
@@ -230,6 +230,9 @@ def test_deeper_and_more_cycles_are_heavier(found: Sizing) -> None:
         ({"probability": 1.0}, "probability"),
         ({"cycles": 0}, "cycles"),
         ({"turn_time": math.nan}, "turn_time"),
+        ({"reserve": 10.0}, "reserve"),
+        ({"corrections": 20.0}, "corrections"),
+        ({"battery_reserve": 1.0}, "battery_reserve"),
     ],
 )
 def test_wishes_that_cannot_be_are_refused(change: dict, field: str) -> None:

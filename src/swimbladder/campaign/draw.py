@@ -33,12 +33,14 @@ class Spread:
 
     def __post_init__(self) -> None:
         """Refuse what is no spread."""
-        for name, most in (("trim", 1.0), ("psi", 1.0), ("drag", 0.3), ("pump", 0.3)):
+        for name, most, unit in (
+            ("trim", 1.0, "m3"), ("psi", 1.0, "m3/m"), ("drag", 0.3, ""), ("pump", 0.3, ""),
+        ):  # fmt: skip
             value = getattr(self, name)
             if not 0.0 <= value <= most:
                 raise InputError(
-                    f"not between 0 and {most:g}", field=f"--{name}-std", value=value,
-                    remedy="Give 1 sigma; a share of 0.1 or 10 %",
+                    f"not between 0 and {most:g}", field=f"--{name}-std", value=value, unit=unit,
+                    remedy="Give 1 sigma" + ('; "10 %" is 0.1' if not unit else ""),
                 )  # fmt: skip
 
 

@@ -28,6 +28,7 @@ from swimbladder.cli.common import (
     output,
     progress,
     quantity,
+    said_as_typed,
 )
 
 if TYPE_CHECKING:
@@ -84,13 +85,13 @@ def campaign(
 
     Exit code 1: a float did not do every phase. A run that is killed goes on where it was.
     """
-    from swimbladder.cli.mission import check_phases, water
+    from swimbladder.cli.mission import asked_span, check_phases, water
     from swimbladder.io.config import load_mission, load_vehicle
     from swimbladder.io.files import check_place
 
     v, task = load_vehicle(vehicle), load_mission(mission)
     check_phases(task, mission)
-    span = quantity(duration, "s", "--duration")
+    span = asked_span(duration)
     trim, psi = quantity(trim_std, "m3", "--trim-std"), quantity(psi_std, "m3/m", "--psi-std")
     check_place(out)
     casts = asked_casts(
@@ -108,9 +109,15 @@ def campaign(
 
     assert trim is not None
     assert psi is not None
-    spread = Spread(
-        trim=trim, psi=psi, drag=share(drag_std, "--drag-std"), pump=share(pump_std, "--pump-std")
-    )
+    typed = {
+        "--trim-std": trim_std, "--psi-std": psi_std, "--drag-std": drag_std,
+        "--pump-std": pump_std,
+    }  # fmt: skip
+    with said_as_typed(typed):
+        spread = Spread(
+            trim=trim, psi=psi, drag=share(drag_std, "--drag-std"),
+            pump=share(pump_std, "--pump-std"),
+        )  # fmt: skip
     plans = [make_plan(v, task, one) for one in columns]
     for plan in plans:
         check_reach(v, task, plan)

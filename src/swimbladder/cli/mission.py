@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from swimbladder.parameters import Vehicle
     from swimbladder.seawater import Cast, Column
 
-__all__ = ["check_phases", "mission", "water"]
+__all__ = ["asked_span", "check_phases", "mission", "water"]
 
 _MARGIN = 1.1  # of the deepest phase: how far down the vehicle's own water is tabulated, and
 _BELOW = 50.0  # m more
@@ -95,10 +95,7 @@ def mission(
 
     v, task = load_vehicle(vehicle), load_mission(mission)
     check_phases(task, mission)
-    span = quantity(duration, "s", "--duration")
-    if span is not None and span <= 0.0:
-        raise InputError("it must be above 0", field="--duration", value=duration, unit="s",
-                         remedy="Check the number and its unit")  # fmt: skip
+    span = asked_span(duration)
     start = _moment(begin)
     check_place(out)
     casts = asked_casts(
@@ -127,6 +124,15 @@ def check_phases(task: Mission, path: Path) -> None:
             "the mission has set-points, and this command takes phases", file=path,
             field="setpoints", remedy="Fly it with `swimbladder simulate`, or write [[phases]]",
         )  # fmt: skip
+
+
+def asked_span(duration: str | None) -> float | None:
+    """Return the time after which no cycle begins [s]; raises InputError for none."""
+    span = quantity(duration, "s", "--duration")
+    if span is not None and not span > 0.0:
+        raise InputError("it must be above 0", field="--duration", value=duration, unit="s",
+                         remedy="Check the number and its unit")  # fmt: skip
+    return span
 
 
 def _moment(text: str | None) -> datetime.datetime | None:
@@ -250,6 +256,8 @@ def _print(found: MissionResult, cast: Cast | None, files: list[Path]) -> None:
     for row in lines:
         table.add_row(*row)
     output.print(table)
+    if len(lines) < len(flight.cycles):
+        output.print(f"({len(flight.cycles) - len(lines)} cycles more in cycles.csv)")
     if found.energy_known:
         output.print("")
         total = found.books.drawn

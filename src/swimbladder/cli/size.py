@@ -18,7 +18,7 @@ from swimbladder.cli.casts import (
     Where,
     asked_casts,
 )
-from swimbladder.cli.common import emit_json, output, progress, quantity
+from swimbladder.cli.common import emit_json, output, progress, quantity, said_as_typed
 
 __all__ = ["size"]
 
@@ -137,19 +137,20 @@ def size(
 
         sea = cast_column(casts[0])
     listed = load_parts(parts)
-    try:
-        with progress("weighing drives", total=6.0) as advance:
-            found = find(
-                vehicle, Dive(cycles=cycles, **wished), column=sea, parts=listed,
-                longest_travel=travel, largest_mass=math.inf if mass is None else mass,
-                least="mass" if least == "mass" else "energy", advance=advance,
-            )  # fmt: skip
-    except InputError as error:
-        name = str(error.field)
-        raise InputError(
-            error.what, field=named.get(name, "--" + name.replace("_", "-")), value=error.value,
-            unit=error.unit, remedy=error.remedy,
-        ) from None  # fmt: skip
+    typed: dict[str, str | None] = {named[name]: text for name, (text, _) in numbers.items()}
+    typed |= {"--longest-travel": longest_travel, "--largest-mass": largest_mass}
+    with (
+        said_as_typed(
+            typed, **named, cycles="--cycles", longest_travel="--longest-travel",
+            largest_mass="--largest-mass",
+        ),
+        progress("weighing drives", total=6.0) as advance,
+    ):  # fmt: skip
+        found = find(
+            vehicle, Dive(cycles=cycles, **wished), column=sea, parts=listed,
+            longest_travel=travel, largest_mass=math.inf if mass is None else mass,
+            least="mass" if least == "mass" else "energy", advance=advance,
+        )  # fmt: skip
     files = write_sizing(found, out)
     if json:
         emit_json({**to_json(found), "files": [str(path) for path in files]})

@@ -54,8 +54,8 @@ class Combination:
 
     @property
     def kind(self) -> str:
-        """The kind of actuator."""
-        return "electrohydraulic" if self.pump is not None else "electromechanical"
+        """The kind of actuator that the vehicle file gets."""
+        return "pump-valve" if self.pump is not None else "electromechanical"
 
     @property
     def actuator(self) -> ElectrohydraulicActuator | ElectromechanicalActuator:

@@ -64,6 +64,12 @@ class Dive:
                     "it cannot be negative", field=name, value=value, unit=unit,
                     remedy="Check the number and its unit",
                 )  # fmt: skip
+        for name in ("reserve", "corrections"):
+            if getattr(self, name) > 1.0:
+                raise InputError(
+                    "more than all of it", field=name, value=getattr(self, name),
+                    remedy='Write a share like "10 %", which is 0.1',
+                )  # fmt: skip
         if self.battery_reserve >= 1.0:
             raise InputError(
                 "nothing of the battery is left to fly with", field="battery_reserve",

@@ -22,6 +22,7 @@ from swimbladder.parameters import (
 from swimbladder.sizing.candidates import PARTS
 from swimbladder.sizing.run import Sizing
 from swimbladder.sizing.weigh import REQUIREMENTS
+from swimbladder.units import rounded
 
 _DEEPEST = 11_000.0  # m, there is no deeper water
 
@@ -57,8 +58,8 @@ def sentences(found: Sizing) -> list[str]:
         f"sinking to rising in {w.turn_time[b] / 60.0:.1f} min and {_stall(w.stall[b])}.",
         f"A cycle takes {w.cycle_energy[b]:.0f} J for the drive and {_hotel(found):.0f} J for the "
         f"rest; {dive.cycles} cycles need {w.battery_energy[b] / 3600.0:.0f} Wh of "
-        f"{c.battery.name}, {w.battery_mass[b]:.1f} kg. Drive and battery weigh "
-        f"{w.mass[b]:.1f} kg.",
+        f"{c.battery.name}, {rounded(float(w.battery_mass[b]), 2)} kg. Drive and battery weigh "
+        f"{rounded(float(w.mass[b]), 2)} kg.",
         f"Tightest: {REQUIREMENTS[tight]}, {100.0 * (w.margins[tight][b] - 1.0):.0f} % to spare.",
     ]
     if w.holding_power[b] > 0.0 and dive.park_time > 0.0:
@@ -92,7 +93,8 @@ def sized_vehicle(found: Sizing) -> Vehicle:
     }  # fmt: skip
     kept |= {
         "actuator": f"{source}; {', '.join(c.choices.values())}",
-        "supply": f"{source}; {c.battery.name}, {found.weighed.battery_mass[found.best]:.1f} kg",
+        "supply": f"{source}; {c.battery.name}, "
+        f"{rounded(float(found.weighed.battery_mass[found.best]), 2)} kg",
         "loads": "asked for: --hotel and --surfacing",
         "stroke": "sized: " + ", ".join(
             f"{name} {volume * 1e6:.0f} cm3" for name, volume in asked.shares.items()
