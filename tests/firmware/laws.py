@@ -37,7 +37,7 @@ def _tuned(name: str) -> Example:
     vehicle = paper(sensors=Sensors(depth_noise="2 mm"))
     setting = setting_of(vehicle, sample_time=0.3, supply=12.0, neutral_range=5e-5)
     knobs = Knobs(frequency=0.35, damping=0.9, inner=1.2)
-    if name == "observer":  # with pauses: both of its ways of moving are in the mission
+    if name in ("observer", "pulse"):  # both of their ways of moving are in the mission
         knobs = knobs._replace(dead=1e-7, pause=6.0, band=0.02)
     return Example(vehicle, gains(name, setting, knobs), 0.3)
 
@@ -60,6 +60,7 @@ EXAMPLES: dict[str, Callable[[], Example]] = {
     "position-pid": lambda: _preset("ntnu-bv"),
     "position-observer": _stepper,
     "observer": lambda: _tuned("observer"),
+    "pulse": lambda: _tuned("pulse"),
     "planned": lambda: _tuned("planned"),
 }
 

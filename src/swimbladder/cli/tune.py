@@ -30,7 +30,8 @@ def tune(
         str,
         typer.Option(
             metavar="LAW",
-            help="planned, observer, sea-cascade, adrc, cascade, deadband or position-observer.",
+            help="planned, observer, pulse, sea-cascade, adrc, cascade, deadband or "
+            "position-observer.",
         ),
     ] = "planned",
     goal: Annotated[

@@ -13,6 +13,7 @@ from swimbladder.control.observer import OBSERVER
 from swimbladder.control.planned import PLANNED
 from swimbladder.control.position_observer import POSITION_OBSERVER
 from swimbladder.control.position_pid import POSITION_PID
+from swimbladder.control.pulse import PULSE
 from swimbladder.control.rate import RATE
 from swimbladder.control.sea_cascade import SEA_CASCADE
 from swimbladder.errors import InputError
@@ -30,6 +31,7 @@ LAWS: Mapping[str, Law] = {
         ADRC,
         DEADBAND,
         OBSERVER,
+        PULSE,
         PLANNED,
         POSITION_PID,
         POSITION_OBSERVER,

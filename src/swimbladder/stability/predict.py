@@ -26,6 +26,7 @@ __all__ = ["Predicted", "broken_at_volume", "inner_gain", "predict", "rests_with
 
 _BROUGHT = 0.25  # share of a law's dead zone at which its motor stops: observer, sea-cascade
 _RESTS = ("dead", "dead_zone")  # what laws call it
+_NEAR = "near"  # depth error within which a law moves the volume by events
 _INNER = ("k_pV", "k_V")
 
 
@@ -51,8 +52,8 @@ def rests_within(parameters: Any) -> float:
 
 
 def without_rest(parameters: Any) -> Any:
-    """Return the law's parameters without its dead zone: its linear part."""
-    return parameters._replace(**{n: 0.0 for n in _RESTS if hasattr(parameters, n)})
+    """Return the law's parameters without its dead zone and pauses: its linear part."""
+    return parameters._replace(**{n: 0.0 for n in (*_RESTS, _NEAR) if hasattr(parameters, n)})
 
 
 def broken_at_volume(p: Plant, law: LinearLaw, *, depth: float, k_pV: float) -> StateSpace:

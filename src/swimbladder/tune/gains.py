@@ -21,6 +21,7 @@ from swimbladder.control.position_observer import (
     POSITION_OBSERVER,
     PositionObserverParameters,
 )
+from swimbladder.control.pulse import PULSE, PulseParameters
 from swimbladder.control.sea_cascade import SEA_CASCADE, SeaCascadeParameters, sea_cascade_gains
 from swimbladder.dynamics import Plant
 from swimbladder.errors import InputError
@@ -31,6 +32,7 @@ from swimbladder.tune.motion import (
     held_motion,
     hold_gains,
     motion_over_sample,
+    pulse_gains,
     stiffness,
 )
 
@@ -41,6 +43,11 @@ _CRUISE = 0.25  # the same to keep a speed
 _THIRD = 0.4  # of the natural frequency: the cascade's third pole
 _NEAR = 2.5  # times the band of predicted errors: depth errors in which the motor rests
 _REST = 0.2  # of the time that a volume is held for: least time between two starts
+_PULSES = 8.0  # the same of pulses, at least
+_WRONG = 0.1  # of how far a neutral volume may be from what is known: it mostly is nearer
+_LEARNT = 0.2  # of what a sample shows of the motor, that a law believes
+_SMALL = 1e-4  # of the stroke: noise of the volume makes that slower where it is more
+_AHEAD = 0.2  # of the time that a pulse is for: how far ahead an error is predicted
 _SHORTEST = 10.0  # samples, of a target's way
 _FADING = 0.25  # of an error, that deadband leaves in an interval
 _STEP = 10.0  # times the noise: what a change of the neutral volume moves in an interval
@@ -122,6 +129,31 @@ def _observer(s: Setting, k: Knobs) -> ObserverParameters:
         # A depth error that asks for half the room, by k_z.
         farthest=_STROKE * _room(s.plant) / found["k_z"],
     )  # fmt: skip
+
+
+def _pulse(s: Setting, k: Knobs) -> PulseParameters:
+    """A pulse is as large as the band: out and back at one rate, its area the speed it gives."""
+    p, h = s.plant, s.sample_time
+    found = _feedback(s, k)
+    names = "near", "band", "a_z", "a_w", "a_V", "homing", "p_z", "rate", "swing", "learn"
+    rest = {**dict.fromkeys(names, 0.0), "n_z": found["l_z"], "n_w": found["l_w"]}
+    rest |= {"n_b": found["l_b"], "acceleration": stiffness(p)[1]}
+    if k.pause > 0.0:
+        F, G = held_motion(p, _AHEAD * k.pause)
+        w, p_z = pulse_gains(p, k.pause)
+        N = filter_gains(p, h, depth=s.noise, acceleration=0.0, neutral_walk=s.walk)
+        small = _SMALL * (p.V_max - p.V_min) / s.least_move
+        rate = 4.0 * -w * k.band / (stiffness(p)[1] * (k.pulse * k.pause) ** 2)
+        rest |= {
+            # The feedback leaves the error of a neutral volume that is wrong to them.
+            "near": max(_PULSES * k.band, _WRONG * s.neutral_range / found["k_z"]),
+            "band": k.band, "a_z": F[0, 0], "a_w": F[0, 1],
+            "a_V": G[0], "homing": -w, "p_z": p_z, "rate": rate, "swing": rate / p.gain,
+            "learn": _LEARNT * small, "n_z": N[0], "n_w": N[1], "n_b": N[2],
+        }  # fmt: skip
+    return PulseParameters(
+        **_floats(found), **_floats(rest), farthest=_STROKE * _room(p) / found["k_z"]
+    )
 
 
 def _position_observer(s: Setting, k: Knobs) -> PositionObserverParameters:
@@ -228,6 +260,7 @@ class Recipe(NamedTuple):
 TUNABLE: Mapping[str, Recipe] = {
     "planned": Recipe(PLANNED, _planned),
     "observer": Recipe(OBSERVER, _observer, rests=True),
+    "pulse": Recipe(PULSE, _pulse, rests=True),
     "cascade": Recipe(CASCADE, _cascade),
     "sea-cascade": Recipe(SEA_CASCADE, _sea_cascade),
     "adrc": Recipe(ADRC, _adrc),

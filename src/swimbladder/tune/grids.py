@@ -44,6 +44,7 @@ _PLAIN = Grid((0.3, 0.45), (0.05, 0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23), (0.6
 _GRIDS: Mapping[str, tuple[Grid, Grid]] = {  # fast, and quiet or energy
     "planned": (_FAST, _QUIET),
     "observer": (_FAST, _QUIET),
+    "pulse": (_QUIET, _QUIET),
     "position-observer": (_FAST, _QUIET),
     "cascade": (_PLAIN, _PLAIN._replace(inner=(0.3,), frequency=_QUIET.frequency)),
     "sea-cascade": (
@@ -56,21 +57,28 @@ _GRIDS: Mapping[str, tuple[Grid, Grid]] = {  # fast, and quiet or energy
     ),
 }
 _SLEEPERS = ("deadband",)
+_HOLDERS = (*_SLEEPERS, "pulse")  # laws for holding a depth
 _SHARES = (0.85, 0.75)
 _DEAD = (1.0, 2.0, 4.0, 6.0, 9.0)  # of what the noise makes of the volume asked for
 _HOLDS = (0.8, 1.0, 1.2)
 _PREDICTED = (2.2, 2.35, 2.5, 2.65, 2.8, 2.95, 3.1, 3.4, 3.8)  # times the rms that is allowed
+# Of laws that rest near the set-point: for how long a volume is held, in times of `off_in`, and
+# the band. A pulse sets the speed too: it is for nearly three times as long.
+_RESTS = {
+    "observer": (_HOLDS, _PREDICTED),
+    "pulse": ((2.5, 2.8, 3.1), (2.3, 2.5, 2.7, 2.9)),
+}
 _SLEEPS = (0.2, 0.3, 0.4, 0.5, 0.6)
 _BANDS = (1.0, 2.0, 3.5)  # of the depth error that is allowed
 _VOLTS = (0.25, 0.5, 1.0)
 _SPARE = 1.25  # of the voltage that the load of the sea takes where it is deepest
 _OVER = 0.03  # overshoot in 95 % of the runs, that a fast law may have
-_MOVED = 0.3e-3 / 3600.0  # m3/s, that it may move meanwhile; then starts of the motor count
+_MOVED = 0.45e-3 / 3600.0  # m3/s, that it may move meanwhile; then starts and turns count
 
 
 def goals_of(name: str) -> tuple[str, ...]:
     """Return the goals that a law can be tuned for."""
-    return GOALS[1:] if name in _SLEEPERS else GOALS
+    return GOALS[1:] if name in _HOLDERS else GOALS
 
 
 def grid(name: str, goal: str, setting: Setting, held: float) -> Iterator[Knobs]:
@@ -113,9 +121,10 @@ def options(
             yield knobs._replace(share=share)
         return
     rests = [knobs]
-    if name == "observer":
+    if name in ("observer", "pulse"):
         dead, spell = 0.5 * s.least_move, off_in(s.plant, held, s.walk)
-        every = product(_HOLDS, _PREDICTED) if goal == "quiet" else product([1.0], _PREDICTED[::4])
+        holds, bands = _RESTS[name]
+        every = product(holds, bands) if goal == "quiet" else product(holds[1:2], bands[::4])
         rests = [knobs._replace(dead=dead, pause=x * spell, band=y * held) for x, y in every]
     elif name in ("planned", "sea-cascade", "position-observer"):
         noise = _jitter(name, parameters, s)
@@ -146,4 +155,4 @@ def score(goal: str, t: Trial, held: float) -> tuple[float, ...]:
     if goal == "energy":
         return (off, t.energy)
     # A tenth of overshoot on the way there counts like a tenth more of starts.
-    return (off, max(t.rate / _MOVED, 1.0), t.starts * (1.0 + t.overshoot_95))
+    return (off, max(t.rate / _MOVED, 1.0), (t.starts + t.turns) * (1.0 + t.overshoot_95))

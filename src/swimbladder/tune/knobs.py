@@ -24,7 +24,8 @@ class Knobs(NamedTuple):
     disturbance's estimate over `frequency`); share [-]: of the motor's speed that a path takes;
     dead [m3]: volume error that the motor rests at; pause [s]: how long a volume is made to be held
     and an error is predicted ahead near the set-point (deadband: sleep); band [m]: predicted depth
-    errors that are left alone (deadband: depth errors); volts [-]: share of the supply in use.
+    errors that are left alone (deadband: depth errors); pulse [-]: time that a pulse of the law
+    pulse takes, as a share of `pause`; volts [-]: share of the supply in use.
     """
 
     frequency: float
@@ -36,6 +37,7 @@ class Knobs(NamedTuple):
     dead: float = 0.0
     pause: float = 0.0
     band: float = 0.0
+    pulse: float = 0.1
     volts: float = 1.0
 
 

@@ -14,6 +14,7 @@ __all__ = [
     "hold_gains",
     "motion_over_sample",
     "off_in",
+    "pulse_gains",
     "runaway",
     "stiffness",
 ]
@@ -61,6 +62,24 @@ def hold_gains(p: Plant, time: float, *, left: float = _LEFT) -> tuple[float, fl
     rest = F - left * np.eye(2)
     r_z, r_w = -np.linalg.solve(reach.T, [0.0, 1.0]) @ rest @ rest
     return float(r_z), float(r_w)
+
+
+def pulse_gains(p: Plant, time: float) -> tuple[float, float]:
+    """Return the speed [1/s] and the volume off neutral [m3/m], per depth error, that are best.
+
+    Of all speeds and held volumes those that make the least of the integral of the squared error
+    over a time [s]: with x = (error, y) and x' C x that integral, y = -C22^-1 C21 error.
+    """
+    d, a = stiffness(p)
+    n = 3
+    # In units of one size: a volume as the acceleration that it gives, over the time.
+    A = np.array([[0.0, 1.0, 0.0], [a * p.psi * time * time, -d * time, 1.0], [0.0, 0.0, 0.0]])
+    M = np.zeros((2 * n, 2 * n))
+    M[:n, :n], M[0, n], M[n:, n:] = -A.T, 1.0, A
+    E = expm(M)
+    C = E[n:, n:].T @ E[:n, n:]  # van Loan, IEEE Trans. Automatic Control 23, 1978, 395
+    w, f = -np.linalg.solve(C[1:, 1:], C[1:, 0])
+    return float(w) / time, -float(f) / (a * time * time)
 
 
 def runaway(p: Plant, *, asleep: bool = False) -> float:

@@ -75,7 +75,8 @@ class Tuning:
         )
         held = (
             f"Held at {self.step.target:g} m it stays within {1e3 * r.rms:.2g} mm rms and moves "
-            f"{3.6e6 * r.rate:.2g} L of volume in {3600.0 * r.starts:.0f} starts an hour."
+            f"{3.6e6 * r.rate:.2g} L of volume in {3600.0 * r.starts:.0f} starts from rest and "
+            f"{3600.0 * r.turns:.0f} reversals an hour."
         )
         sentences = [settled, held]
         if math.isfinite(r.energy):
@@ -141,6 +142,7 @@ def _trial(t: Trial) -> dict[str, Any]:
         "rms_m": t.rms,
         "volume_rate_m3_s": t.rate,
         "starts_1_s": t.starts,
+        "turns_1_s": t.turns,
         "energy_J": _or_none(t.energy),
         "power_W": _or_none(t.power),
     }

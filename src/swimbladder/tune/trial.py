@@ -56,7 +56,8 @@ class Trial(NamedTuple):
     overshoot_95: float  # -
     rms: float  # m, of the depth error over the last third
     rate: float  # m3/s, of volume moved over the last third
-    starts: float  # 1/s, of the motor, from rest or into the other direction, over the last third
+    starts: float  # 1/s, of the motor from rest, over the last third
+    turns: float  # 1/s, of the motor, from one direction into the other, likewise
     energy: float  # J, of the motor in the whole run; nan where its R or k_T is not known
     power: float  # W, of the motor over the last third, likewise
 
@@ -98,7 +99,6 @@ def trial(
         energy = float(joules.sum(axis=0).mean())
         power = float(joules[late[:-1]].mean()) / sample_time
     moves = np.abs(np.diff(volume[late], axis=0))
-    starts = motor_starts(volume[late]) + motor_turns(volume[late])
     seconds = float(time[late][-1] - time[late][0])
     never = np.where(settled, settle, np.inf)
     over = np.nan_to_num(data["overshoot"].to_numpy(), nan=0.0) / 100.0
@@ -111,7 +111,8 @@ def trial(
         overshoot_95=float(np.percentile(over, 95.0)),
         rms=float(np.sqrt(np.mean((depth[late] - step.target) ** 2))),
         rate=float(moves.sum(axis=0).mean()) / seconds,
-        starts=float(starts.mean()) / seconds,
+        starts=float(motor_starts(volume[late]).mean()) / seconds,
+        turns=float(motor_turns(volume[late]).mean()) / seconds,
         energy=energy,
         power=power,
     )
@@ -185,14 +186,17 @@ def draw(region: Region, *, runs: int, seed: int) -> dict[str, Array]:
 
 
 def motor_starts(volume: Array) -> NDArray[np.int64]:
-    """Return how often the motor began to move the volume [samples, runs] in each run [runs]."""
+    """Return how often the motor began to move the volume [samples, runs] from rest [runs].
+
+    From rest: after a sample at least in which the volume stayed.
+    """
     moving = np.abs(np.diff(volume, axis=0)) > _STILL
     found: NDArray[np.int64] = (moving[1:] & ~moving[:-1]).sum(axis=0)
     return found
 
 
 def motor_turns(volume: Array) -> NDArray[np.int64]:
-    """Return how often the motor turned from one direction into the other [runs]."""
+    """Return how often the motor turned from one direction into the other without a rest [runs]."""
     moves = np.diff(volume, axis=0)
     moves = np.where(np.abs(moves) > _STILL, moves, 0.0)
     found: NDArray[np.int64] = (moves[1:] * moves[:-1] < 0.0).sum(axis=0)

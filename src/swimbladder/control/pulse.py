@@ -1,0 +1,245 @@
+"""A law that holds a depth with few starts: each run of the motor goes out and comes back.
+
+Away from the set-point it is the linear law of `control.observer`: a Kalman filter that knows the
+volume, and state feedback. Near it the motor rests and the filter goes on. A move in one direction
+changes the volume that is held, and the speed at which the vehicle drifts stays. A pulse of volume,
+out and back in one run, changes both: its area sets the speed, its end the volume.
+
+So when the depth predicted for a time ahead leaves a band, the motor runs out until coming back
+will leave the speed that is wanted, and back to the volume that is wanted. Both are in proportion
+to the depth error: of all speeds and volumes those that make the least of the squared error over a
+time (`tune.motion.pulse_gains`). The best policy, found by dynamic programming
+(`python -m studies.starts`; impulse control: Bensoussan and Lions, Impulse Control and
+Quasi-Variational Inequalities, 1984), looks like that.
+
+The motor turns round in the midst of a run, without a rest, and is run slowly. At rest it has the
+voltage that holds the load. How far the volume creeps then tells what that is, and how far it goes
+in a sample of a run how fast it comes back: a supply, a driver or a load other than reckoned with.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from swimbladder.control.law import Law, Measurement
+from swimbladder.control.observer import (
+    Estimate,
+    Observed,
+    begin_estimate,
+    estimate,
+    limited,
+    moves,
+)
+
+__all__ = ["PULSE", "PulseParameters", "PulseState", "Run", "initial", "run", "step"]
+
+_LEAST = 0.4  # share of its rate that a motor is believed to have
+_MOST = 2.5  # likewise
+_LEARNT = 2.0  # times what is near: from there the neutral volume is learnt as fast as can be
+_BROUGHT = 0.25  # of the dead zone, within which a run is at its end
+
+
+class PulseParameters(NamedTuple):
+    """The model, the filter, the feedback, the pulses and the actuator's limits."""
+
+    f_zz: float  # -
+    f_zw: float  # s
+    f_wz: float  # 1/s
+    f_ww: float  # -
+    g_z0: float  # m/m3
+    g_z1: float  # m/m3
+    g_w0: float  # m/s/m3
+    g_w1: float  # m/s/m3
+    turbulent: float  # 1/m
+    l_z: float  # -
+    l_w: float  # 1/s
+    l_b: float  # m3/m
+    neutral: float  # m3
+    neutral_range: float  # m3
+    psi: float  # m3/m
+    k_z: float  # m3/m, volume per depth error
+    k_w: float  # m3 s/m, volume per speed error
+    k_V: float  # V/m3, voltage per volume error
+    dead: float  # m3, volume error below which the motor rests
+    near: float  # m, depth error within which the motor moves by pulses; 0: none
+    band: float  # m, predicted error that starts one
+    a_z: float  # -, prediction per depth error
+    a_w: float  # s, per speed
+    a_V: float  # m/m3, per volume off neutral
+    homing: float  # 1/s, speed towards the set-point that a pulse leaves, per depth error
+    p_z: float  # m3/m, volume that it leaves, per depth error
+    acceleration: float  # 1/m2/s2, by a volume off neutral
+    rate: float  # m3/s, at which the volume goes out and back
+    swing: float  # V, which gives that rate
+    learn: float  # -, of what a sample shows of the motor
+    n_z: float  # -, the filter's gains near the set-point, as l_z
+    n_w: float  # 1/s
+    n_b: float  # m3/m
+    farthest: float  # m, a depth error beyond which no more volume is asked for
+    depth_voltage: float  # V/m, load of the sea
+    limit: float  # V
+    volume_min: float  # m3
+    volume_max: float  # m3
+    S_p: float  # s
+
+
+class PulseState(NamedTuple):
+    """What the law remembers between samples."""
+
+    depth: float  # m, estimated
+    speed: float  # m/s, estimated
+    neutral: float  # m3, estimated
+    volume: float  # m3, measured at the sample before
+    volume_reference: float  # m3, asked for at the sample before
+    holding: float  # -, 1: by pulses
+    going: float  # -, 0: the motor rests; 1, -1: out, the volume growing or not; 2, -2: home
+    hold: float  # V, that holds the volume beyond what the load is reckoned to take
+    share: float  # -, of `rate` that the motor was seen to make
+
+
+class Run(NamedTuple):
+    """Where a run of the motor is, and the voltage that moves the volume."""
+
+    going: float
+    voltage: float  # V, beyond what holds the load
+
+
+def initial(parameters: PulseParameters, measurement: Measurement, reference: float) -> PulseState:
+    """Start at rest with the volume as it is."""
+    p = parameters
+    depth = measurement.depth if math.isfinite(measurement.depth) else reference
+    volume = measurement.volume if math.isfinite(measurement.volume) else p.neutral + p.psi * depth
+    e = begin_estimate(p.neutral, p.neutral_range, p.psi, depth, volume)
+    return PulseState(e.depth, e.speed, e.neutral, volume, volume, 0.0, 0.0, 0.0, 1.0)
+
+
+def holds(p: PulseParameters, before: float, error: float, speed: float) -> float:
+    """Return 1 where the vehicle is held by pulses, else 0: it was (before) and is near, or near
+    and slow enough to come to the set-point as pulses make it.
+    """
+    least = p.near
+    if p.near > 0.0 and before == 0.0:
+        least = p.near - abs(speed) / p.homing
+    return 1.0 if abs(error) < least else 0.0
+
+
+def run(
+    p: PulseParameters, going: float, error: float, speed: float, volume: float, neutral: float,
+    end: float, rate: float,
+) -> Run:  # fmt: skip
+    """Return how the motor goes on near the set-point.
+
+    error [m]: of the depth, positive where the vehicle is to sink; speed [m/s]; volume, neutral and
+    the one that a run is to end with [m3]; rate [m3/s] at which it comes back.
+    """
+    now = going
+    gap = end - volume
+    wanted = p.homing * error
+    if now == 0.0:
+        ahead = p.a_w * speed + p.a_V * (volume - neutral) - p.a_z * error
+        if abs(ahead) > p.band:
+            now = 1.0 if speed > wanted else -1.0
+    if abs(now) == 1.0:
+        past = max(-now * gap, 0.0)  # how far out
+        # What coming back will change of the speed, decided half a sample ahead.
+        change = p.acceleration * past * (0.5 * past / rate + p.S_p)
+        room = p.volume_max - volume if now > 0.0 else volume - p.volume_min
+        if now * (speed - wanted) <= change or room <= 0.0:
+            now = 2.0 if gap > 0.0 else -2.0
+    voltage = 0.0
+    if abs(now) == 1.0:
+        voltage = now * p.swing
+    elif abs(now) == 2.0:
+        if 0.5 * now * gap > _BROUGHT * p.dead:
+            voltage = limited(p.k_V * gap, -p.swing, p.swing)
+        else:
+            now = 0.0
+    return Run(now, voltage)
+
+
+def step(
+    parameters: PulseParameters,
+    state: PulseState,
+    measurement: Measurement,
+    reference: float,
+) -> tuple[float, PulseState, float]:
+    """Return the voltage [V] of a run of the motor near the set-point, of the feedback elsewhere.
+
+    Without a measured volume a run rests.
+    """
+    p = parameters
+    measured = math.isfinite(measurement.volume)
+    volume = measurement.volume if measured else state.volume
+    held = state.holding > 0.0
+    close = abs(reference - state.depth) < _LEARNT * p.near
+    model = Observed(
+        p.f_zz, p.f_zw, p.f_wz, p.f_ww, p.g_z0, p.g_z1, p.g_w0, p.g_w1, p.turbulent,
+        p.n_z if close else p.l_z, p.n_w if close else p.l_w, p.n_b if close else p.l_b,
+        p.neutral, p.neutral_range, p.psi,
+    )  # fmt: skip
+    e = estimate(
+        model,
+        Estimate(state.depth, state.speed, state.neutral),
+        state.volume,
+        volume,
+        measurement.depth,
+    )
+    error = limited(reference - e.depth, -p.farthest, p.farthest)
+    neutral = p.psi * (e.depth + error) + e.neutral
+    hold = state.hold
+    share = state.share
+    moved = volume - state.volume
+    if p.near > 0.0:
+        per_volt = p.S_p * p.rate / p.swing
+        expected = 0.0
+        if not held and state.going > 0.0:
+            expected = per_volt * p.k_V * (state.volume_reference - state.volume)
+        if state.going == 0.0 or (not held and abs(moved) < p.dead):
+            hold = hold - p.learn * (moved - expected) / per_volt
+            most = p.depth_voltage * abs(e.depth) + p.swing  # the load of half the voltage
+            hold = limited(hold, -most, most)
+        if held and abs(state.going) == 1.0:
+            seen = state.going * moved / (p.rate * p.S_p)
+            share = limited(share + p.learn * (seen - share), _LEAST, _MOST)
+    holding = holds(p, state.holding, error, e.speed)
+    if holding > 0.0:
+        wanted = limited(neutral - p.p_z * error, p.volume_min, p.volume_max)
+        # A run that the feedback began farther away goes on as one.
+        now = run(p, state.going, error, e.speed, volume, neutral, wanted, share * p.rate)
+        going = now.going if measured else 0.0
+        drive = now.voltage if measured else 0.0
+    else:
+        # Volume: neutral there, less what sinks the vehicle towards the reference.
+        wanted = limited(neutral - p.k_z * error + p.k_w * e.speed, p.volume_min, p.volume_max)
+        gap = wanted - volume
+        going = moves(gap, abs(state.going), p.dead)
+        drive = going * p.k_V * gap
+    voltage = p.depth_voltage * e.depth + hold + drive
+    return (
+        limited(voltage, -p.limit, p.limit),
+        PulseState(e.depth, e.speed, e.neutral, volume, wanted, holding, going, hold, share),
+        p.S_p,
+    )
+
+
+PULSE = Law(
+    name="pulse",
+    summary="as observer; near the set-point each run of the motor moves the volume out and back",
+    command="voltage",
+    parameters=PulseParameters,
+    state=PulseState,
+    units={
+        "f_zz": "", "f_zw": "s", "f_wz": "1/s", "f_ww": "",
+        "g_z0": "m/m3", "g_z1": "m/m3", "g_w0": "m/s/m3", "g_w1": "m/s/m3",
+        "turbulent": "1/m", "l_z": "", "l_w": "1/s", "l_b": "m3/m",
+        "neutral": "m3", "neutral_range": "m3", "psi": "m3/m",
+        "k_z": "m3/m", "k_w": "m3 s/m", "k_V": "V/m3", "dead": "m3",
+        "near": "m", "band": "m", "a_z": "", "a_w": "s", "a_V": "m/m3",
+        "homing": "1/s", "p_z": "m3/m", "acceleration": "1/m2/s2", "rate": "m3/s", "swing": "V",
+        "learn": "", "n_z": "", "n_w": "1/s", "n_b": "m3/m", "farthest": "m",
+        "depth_voltage": "V/m", "limit": "V", "volume_min": "m3", "volume_max": "m3", "S_p": "s",
+    },
+    step=step,
+    initial=initial,
+)  # fmt: skip
