@@ -54,7 +54,8 @@ def draw_ballasting(found: Ballasting) -> Figure:
     temperature.set_xlabel("temperature [°C]")
     depth_axis(volume)
     volume.set_ylim(found.columns[0].deepest, 0.0)
-    volume.legend(loc="best", fontsize=8.0, frameon=True, facecolor="white", edgecolor="none")
+    figure.legend(handles=volume.get_legend_handles_labels()[0], loc="outside lower left",
+                  ncols=4 if not several else 3, fontsize=8.0)  # fmt: skip
     density.tick_params(axis="x", labelrotation=45)
     sea = f"{len(found.columns)} seas" if several else found.columns[0].source
     figure.suptitle(f"{found.vehicle.name} in {sea}", fontsize=10.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator
 
 from swimbladder.energy import DriveEnergy, Hovering, Profiling, PumpFit
 from swimbladder.plots.style import (
@@ -18,6 +17,7 @@ from swimbladder.plots.style import (
     VERMILION,
     depth_axis,
     label_panels,
+    plain_log_ticks,
     styled,
 )
 from swimbladder.units import rounded
@@ -30,7 +30,6 @@ _STAGES = {
 }  # fmt: skip
 
 _DAY_ML = 86400.0 * 1e6  # mL/day per m3/s
-_PLAIN = FuncFormatter(lambda value, _: f"{value:g}")
 
 
 @styled
@@ -110,10 +109,7 @@ def draw_versus(hover: Hovering, dive: Profiling, found: DriveEnergy) -> Figure:
     right.set_title(f"at {dive.speed:g} m/s", fontsize=9.0, loc="right")
     right.legend()
     for axes, label in ((left, "depth [m]"), (right, "depth of the turn [m]")):
-        decades = np.log10(axes.get_xlim()[1] / axes.get_xlim()[0])
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)))
-        axes.xaxis.set_major_formatter(_PLAIN)
-        axes.xaxis.set_minor_formatter("")
+        plain_log_ticks(axes, "x")
         depth_axis(axes, label)
         axes.set_ylim(z[-1], 0.0)
     label_panels([left, right])

@@ -7,19 +7,36 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from swimbladder.plots.style import BLACK, BLUE, GREY, ORANGE, VERMILION, label_panels, styled
+from swimbladder.plots.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    ORANGE,
+    VERMILION,
+    label_panels,
+    plain_log_ticks,
+    styled,
+)
 from swimbladder.sizing import Sizing
 from swimbladder.sizing.candidates import PARTS
-from swimbladder.sizing.run import Sweep
+from swimbladder.sizing.run import Choice, Sweep
+from swimbladder.units import rounded
 
 __all__ = ["draw_candidates", "draw_parts", "draw_wishes"]
+
+Array = NDArray[np.float64]
+_WIDEST = 5.0  # of the lightest: heavier bars are cut, and their mass written
+_ABOVE = 1.08  # of the largest, so that its marker is whole; the stroke's lies below the mass's
+_APART = 1.25
+_SHOWN = 12.0  # times the lightest, and times the least energy: what is beyond is only counted
 
 _WISHES = {
     "depth": ("depth [m]", 1.0),
     "turn_time": ("turn time at depth [min]", 60.0),
     "speed": ("speed down and up [m/s]", 1.0),
-    "trim": ("trim not known, 1 sigma [cm3]", 1e-6),
+    "trim": ("trim not known, 1 sigma [cm³]", 1e-6),
     "cycles": ("cycles", 1.0),
 }
 
@@ -57,20 +74,20 @@ def draw_candidates(found: Sizing) -> Figure:
     axes.set_xlabel(f"drive and battery for {found.asked.dive.cycles} cycles [kg]")
     axes.set_ylabel("energy of the drive per cycle [kJ]")
     axes.set_title(f"{found.body.name} to {found.asked.dive.depth:g} m", loc="left")
-    _plain_ticks(axes)
+    beyond = _frame(axes, w.mass[w.feasible], w.cycle_energy[w.feasible] * 1e-3)
+    plain_log_ticks(axes, "x", "y")
+    if beyond:
+        axes.plot([], [], " ", label=f"{beyond:,} are beyond the edges")
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
 
 
-def _plain_ticks(axes: Axes) -> None:
-    from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
-
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        plain = ScalarFormatter()
-        plain.set_scientific(False)
-        axis.set_major_formatter(plain)
-        axis.set_minor_formatter(NullFormatter())
+def _frame(axes: Axes, mass: Array, energy: Array) -> int:
+    """Show what comes near the best in both, and return how many drives do not."""
+    near = (mass <= _SHOWN * mass.min()) & (energy <= _SHOWN * energy.min())
+    for set_limits, values in ((axes.set_xlim, mass[near]), (axes.set_ylim, energy[near])):
+        set_limits(float(values.min()) / 1.15, 1.15 * float(values.max()))
+    return int(np.count_nonzero(~near))
 
 
 @styled
@@ -78,7 +95,11 @@ def draw_parts(found: Sizing) -> Figure:
     """Return the best mass with each part in the drive, all others free, and why there is none."""
     w = found.weighed
     kinds = [k for k in PARTS if any(c.what == k for c in found.choices)]
-    rows = [c for kind in kinds for c in found.choices if c.what == kind]
+    rows = [
+        c for kind in kinds for c in sorted(
+            (c for c in found.choices if c.what == kind), key=_volts
+        )
+    ]  # fmt: skip
     figure = Figure(figsize=(8.0, 0.24 * len(rows) + 1.2))
     axes = figure.add_subplot()
     chosen = found.chosen.choices
@@ -97,10 +118,16 @@ def draw_parts(found: Sizing) -> Figure:
         color = VERMILION if took else BLUE
         axes.barh(place, mass - battery, color=color, height=0.7)
         axes.barh(place, battery, left=mass - battery, color=color, alpha=0.45, height=0.7)
+        if mass > _WIDEST * lightest:
+            axes.text(
+                0.995 * _WIDEST * lightest, place, f"{rounded(mass, 2)} kg \N{RIGHTWARDS ARROW}",
+                ha="right", va="center", fontsize=8.0,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
+            )  # fmt: skip
     axes.set_yticks(range(len(rows)), labels, fontsize=8.0)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)
-    axes.set_xlim(0.0, 5.0 * lightest)
+    axes.set_xlim(0.0, _WIDEST * lightest)
     axes.set_xlabel("least mass with that part: drive (full colour) and battery (pale) [kg]")
     axes.set_title(
         f"{found.body.name} to {found.asked.dive.depth:g} m: each part, the others free "
@@ -108,6 +135,11 @@ def draw_parts(found: Sizing) -> Figure:
         loc="left",
     )
     return figure
+
+
+def _volts(choice: Choice) -> float:
+    """Return what windings and supplies are put in order by; other parts keep theirs."""
+    return float(choice.name.split()[0]) if choice.what in ("winding", "supply") else 0.0
 
 
 def _label(what: str, name: str) -> str:
@@ -134,12 +166,12 @@ def _wish(axes: Axes, sweep: Sweep, asked: float) -> None:
     axes.plot(x, sweep.mass, color=BLUE, marker="o", label="mass [kg]")
     axes.set_xlabel(name)
     axes.set_ylabel("drive and battery [kg]", color=BLUE)
-    axes.set_ylim(bottom=0.0)
+    axes.set_ylim(0.0, _ABOVE * float(np.nanmax(sweep.mass, initial=0.0)) or None)
     other = axes.twinx()
     other.spines["right"].set_visible(True)
     other.plot(x, np.array(sweep.stroke) * 1e6, color=ORANGE, marker="^", ls="--")
-    other.set_ylabel("stroke [cm3]", color=ORANGE)
-    other.set_ylim(bottom=0.0)
+    other.set_ylabel("stroke [cm³]", color=ORANGE)
+    other.set_ylim(0.0, _APART * 1e6 * max(sweep.stroke))
     other.grid(visible=False)
     axes.axvline(asked / unit, color=GREY, lw=0.8, ls=":")
     for place in x[~np.isfinite(np.array(sweep.mass))]:

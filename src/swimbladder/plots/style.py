@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec
@@ -10,6 +11,7 @@ from typing import Any, ParamSpec
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from swimbladder.io.files import write_through
 
@@ -25,6 +27,7 @@ __all__ = [
     "VERMILION",
     "depth_axis",
     "label_panels",
+    "plain_log_ticks",
     "save",
     "styled",
     "svg_text",
@@ -83,6 +86,26 @@ def label_panels(panels: list[Axes]) -> None:
     """Write (a), (b), ... above the upper left corner of the panels."""
     for letter, axes in zip("abcdefgh", panels, strict=False):
         axes.set_title(f"({letter})", loc="left", fontweight="bold", fontsize=10.0)
+
+
+def plain_log_ticks(axes: Axes, *which: str) -> None:
+    """Label the logarithmic axes `which`, "x" and "y", by plain numbers, several on any span."""
+    for name in which:
+        axis = getattr(axes, f"{name}axis")
+        low, high = axis.get_view_interval()
+        decades = abs(math.log10(high / low))
+        subs = next(subs for most, subs in _TICKS if decades < most)
+        axis.set_major_locator(LogLocator(subs=subs))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter("")
+
+
+_TICKS = (  # of a span in decades
+    (0.5, (1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0)),
+    (1.5, (1.0, 2.0, 3.0, 5.0, 7.0)),
+    (2.5, (1.0, 2.0, 5.0)),
+    (math.inf, (1.0,)),
+)
 
 
 def save(figure: Figure, path: str | Path) -> Path:
