@@ -23,6 +23,7 @@ from swimbladder.plots.style import (
     VERMILION,
     depth_axis,
     label_panels,
+    plain_log_ticks,
     styled,
 )
 
@@ -120,9 +121,9 @@ def _after(design: Design, axes: Axes) -> None:
     axes.set_xlabel("pool time, settling included [min]")
     axes.set_ylabel("error, drift included [% of the parameter]")
     axes.legend(fontsize=7.5, ncols=len(sets), loc="upper right")
-    _plain(axes)
     low, high = axes.get_ylim()
     axes.set_ylim(low, high * 4.0)
+    plain_log_ticks(axes, "y")
 
 
 def _sizes(design: Design, axes: Axes) -> None:
@@ -138,13 +139,7 @@ def _sizes(design: Design, axes: Axes) -> None:
     axes.set_xlabel("change of volume [cm³]")
     axes.set_ylabel("largest error after the same time [%]")
     axes.legend(fontsize=8.0)
-    _plain(axes)
-    axes.xaxis.set_major_formatter("{x:g}")
-
-
-def _plain(axes: Axes) -> None:
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.minorticks_off()
+    plain_log_ticks(axes, "x", "y")
 
 
 def _times(weighed: Weighed, settling: float) -> np.ndarray:

@@ -29,6 +29,8 @@ from swimbladder.plots.style import (
 
 __all__ = ["draw_campaign", "draw_mission"]
 
+_LONGER = 1.3  # of what the supervised flight and the one that was told take: the rest is cut
+
 
 @styled
 def draw_campaign(flown: Campaign) -> Figure:
@@ -88,9 +90,11 @@ def draw_mission(flown: Flown) -> Figure:
     )
     supervised, tick = flown.rows[0], flown.tick
     time = tick * np.arange(len(supervised))
+    shown = _LONGER * max(tick * len(flown.rows[k]) for k in (0, -1))
     depth.plot(
-        time, supervised[:, TRACE["depth_seen"]], color=ORANGE, lw=0.8, label="as the sensor says"
-    )
+        time, supervised[:, TRACE["depth_seen"]], color=ORANGE, lw=0.8, zorder=3,
+        label="as the sensor says",
+    )  # fmt: skip
     for rows, label, colour, style in zip(
         flown.rows[::-1],
         ("told to come up 60 s after the onset", "without the supervisor", "supervised")[
@@ -101,10 +105,11 @@ def draw_mission(flown: Flown) -> Figure:
         strict=True,
     ):  # fmt: skip
         t = tick * np.arange(len(rows))
+        label += f", to {t[-1]:.0f} s" if t[-1] > shown else ""
         depth.plot(t, rows[:, TRACE["depth"]], color=colour, ls=style, label=label)
         volume.plot(t, 1e6 * rows[:, TRACE["volume"]], color=colour, ls=style)
     _frame(volume, [1e6 * rows[:, TRACE["volume"]] for rows in flown.rows])
-    volume.plot(time, 1e6 * supervised[:, TRACE["volume_seen"]], color=ORANGE, lw=0.8)
+    volume.plot(time, 1e6 * supervised[:, TRACE["volume_seen"]], color=ORANGE, lw=0.8, zorder=3)
     depth.plot(
         time, supervised[:, TRACE["reference"]], color=BLACK, lw=0.8, ls="-.", label="asked for"
     )
@@ -121,6 +126,8 @@ def draw_mission(flown: Flown) -> Figure:
     command.set_ylabel(f"command [{unit}]")
     battery.set_ylabel("battery [V]")
     battery.set_xlabel("time [s]")
+    longest = tick * max(len(rows) for rows in flown.rows)
+    battery.set_xlim(-0.02 * min(shown, longest), min(shown, longest))
     for axes in (depth, volume, command, battery):
         for harm in flown.mission.harms:
             axes.axvline(harm[3] * tick, color=VERMILION, lw=1.0, ls="--")
