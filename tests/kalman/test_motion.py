@@ -6,11 +6,13 @@ from functools import partial
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import PchipInterpolator
 from scipy.linalg import expm
 
 from swimbladder.dynamics import plant
 from swimbladder.engine.cache import compiled
 from swimbladder.io.config import load_vehicle
+from swimbladder.kalman.layers import NO_LAYERS, layers_from
 from swimbladder.kalman.motion import BOBBING_DAMPING, transition
 
 WALK2, JOLT2 = (0.3e-6) ** 2, (2e-4) ** 2
@@ -18,13 +20,13 @@ SCALE = np.array([1.0, 1.0, 1e-6])  # the neutral volume in cm3, so that one tol
 
 
 @compiled
-def step(p, x, Va, Vb, h, walk2, jolt2, F, Q):
-    return transition(p, x[0], x[1], x[2], Va, Vb, h, walk2, jolt2, F, Q)
+def step(p, layers, x, Va, Vb, h, walk2, jolt2, F, Q):
+    return transition(p, layers, x[0], x[1], x[2], Va, Vb, h, walk2, jolt2, F, Q)
 
 
-def stepped(p, x, Va, Vb, h):
+def stepped(p, x, Va, Vb, h, layers=NO_LAYERS):
     F, Q = np.empty((3, 3)), np.empty((3, 3))
-    z, w, aground = step(np.array(p), np.array(x), Va, Vb, h, WALK2, JOLT2, F, Q)
+    z, w, aground = step(np.array(p), layers, np.array(x), Va, Vb, h, WALK2, JOLT2, F, Q)
     return np.array([z, w, x[2]]), F, np.triu(Q) + np.triu(Q, 1).T, aground
 
 
@@ -43,8 +45,8 @@ def by_expm(p, x, Va, Vb, h):
     return D @ y[:3], D @ F @ np.linalg.inv(D), D @ F @ E[:3, 3:] @ D
 
 
-def by_scipy(vehicle, p, x, Va, Vb, h):
-    """Motion by Radau, slopes by central differences of it."""
+def by_scipy(vehicle, p, x, Va, Vb, h, added=lambda _: 0.0):
+    """Motion by DOP853, slopes by central differences of it."""
     drag = vehicle.drag
 
     def force(w):  # eq. (16), written again
@@ -64,7 +66,7 @@ def by_scipy(vehicle, p, x, Va, Vb, h):
     def rate(t, y, V0):
         z, w = y
         V = Va + (Vb - Va) * t / h
-        a = p.a_b * (p.psi * z + V0 - V) - force(w)
+        a = p.a_b * (p.psi * z + added(z) + V0 - V) - force(w)
         if z < p.z_surface:
             a += p.a_s * (p.z_surface - z) - 2.0 * BOBBING_DAMPING * math.sqrt(p.a_s) * w
         return [w, a]
@@ -138,6 +140,57 @@ def test_a_step_under_nonlinear_drag_agrees_with_scipy(law, h):
     tolerance = 1e-8 if law != "switched" else 1e-6  # its slope of drag jumps
     close(found, y, tolerance)
     close_slopes(F, F0, 1e-6)  # central differences
+
+
+@pytest.mark.parametrize("law", ["linear", "blended", "quadratic"])
+def test_layers_on_a_line_are_psi(law):
+    """The limit that has to hold: 3 cm3 more a metre, as psi or as the water's."""
+    drag = {"linear": {"k_dl": 0.7}, "quadratic": {"k_dt": 6.0}}.get(law)
+    base = drags()["blended"]
+    if drag is not None:
+        motion = base.motion.model_copy(update={"drag": type(base.drag)(law=law, **drag)})
+        base = base.model_copy(update={"motion": motion})
+    p = plant(base)
+    layers = layers_from(3e-6 * 0.1 * np.arange(80.0) - 2e-6, 0.1)
+    x, Va, Vb = np.array([3.33, 0.05, 4e-6]), 1.0e-5, 1.4e-5
+    ours = stepped(p, x, Va, Vb, 4.0, layers)
+    theirs = stepped(p._replace(psi=p.psi + 3e-6), x - [0.0, 0.0, 2e-6], Va, Vb, 4.0)
+    np.testing.assert_allclose(ours[0][:2], theirs[0][:2], rtol=1e-7)
+    close_slopes(ours[1], theirs[1], 1e-6)
+    close(ours[2], theirs[2], 3e-5)
+
+
+def halocline(z):
+    """30 cm3 in half a metre, as the layer between brackish and salt water gives a small float."""
+    return -15e-6 * np.tanh((np.asarray(z) - 1.0) / 0.25)
+
+
+@pytest.mark.parametrize(("z", "w", "h"), [(0.5, 0.09, 0.5), (0.9, 0.02, 8.0), (1.6, -0.06, 12.0)])
+def test_a_step_through_a_halocline_agrees_with_scipy(z, w, h):
+    """Against the same layers in SciPy's own interpolation: mean, slopes, and the noise's trend."""
+    vehicle = drags()["blended"]
+    p = plant(vehicle)
+    depth = 0.02 * np.arange(200.0)
+    layers = layers_from(halocline(depth), 0.02)
+    exact = PchipInterpolator(depth, halocline(depth))
+    x, Va, Vb = np.array([z, w, 1.25e-5]), 1.0e-5, 1.6e-5
+    found, F, Q, aground = stepped(p, x, Va, Vb, h, layers)
+    y, F0 = by_scipy(vehicle, p, x, Va, Vb, h, added=lambda z: float(exact(z)))
+    assert not aground
+    close(found, y, 1e-6)  # the slopes' own slopes jump from row to row
+    close_slopes(F, F0, 3e-5)
+    assert np.linalg.eigvalsh(Q / np.sqrt(np.outer(np.diag(Q), np.diag(Q)))).min() > 0.0
+
+
+def test_what_layers_add_is_their_table():
+    depth = 0.05 * np.arange(60.0)
+    layers = layers_from(halocline(depth), 0.05)
+    np.testing.assert_allclose(layers.along(depth), halocline(depth), rtol=1e-12)
+    between = depth[:-1] + 0.02
+    np.testing.assert_allclose(layers.along(between), halocline(between), atol=3e-8)
+    fine = np.linspace(0.0, depth[-1], 20_001)
+    assert np.abs(np.gradient(layers.along(fine), fine)).max() <= layers.steepest
+    assert NO_LAYERS.at(1.0) == 0.0
 
 
 @pytest.mark.parametrize("law", ["linear", "blended"])

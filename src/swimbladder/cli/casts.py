@@ -13,11 +13,12 @@ from swimbladder.cli.logs import pair
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.seawater import Cast
+    from swimbladder.seawater import Cast, Column
 
 __all__ = [
-    "Columns", "Inversions", "Latitude", "LogFormat", "Longitude", "Profile", "Salinity", "Where",
-    "above_rating", "asked_casts", "pairs", "read_casts", "refuse_without_cast", "share",
+    "CastFiles", "CastWhere", "Columns", "Inversions", "Latitude", "LogFormat", "Longitude",
+    "Profile", "Salinity", "Where", "above_rating", "asked_casts", "casts_beside_logs", "pairs",
+    "read_casts", "refuse_without_cast", "share", "water_of_logs",
 ]  # fmt: skip
 
 _FAR_ABOVE = 0.5  # of the rating: a cast that ends above it may be in another unit
@@ -51,6 +52,58 @@ Inversions = Annotated[
     str | None,
     typer.Option("--inversions", metavar="WHAT", help="Large ones: average, keep (refuse)."),
 ]
+
+# Where --where and --column are about logs: the cast's own.
+CastFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--cast", metavar="CTD", help="The water of the logs: one cast, or one for each."),
+]
+CastWhere = Annotated[
+    list[str] | None,
+    typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast; VALUE,VALUE: one cast each."),
+]
+_SHALLOW = 0.1  # m, rows of the water of a shallow log: a halocline has half a metre
+
+
+def water_of_logs(casts: Sequence[Path], where: Sequence[str]) -> list[Column]:
+    """Return the water of casts for logs of a shallow vehicle, finely; none where none is given.
+
+    Raises InputError where a cast cannot be read, or rows are chosen of none.
+    """
+    if where and not casts:
+        raise InputError(
+            "it has no use without --cast", field="--cast-where", remedy="Give --cast FILE"
+        )
+    if not casts:
+        return []
+    from swimbladder.seawater import cast_column
+
+    found = casts_beside_logs(casts, where)
+    return [cast_column(cast, step=_SHALLOW) for cast in found]
+
+
+def casts_beside_logs(paths: Sequence[Path], where: Sequence[str]) -> list[Cast]:
+    """Return the casts of files, of each file those that `where` chooses; inversions averaged.
+
+    Raises InputError as `read_casts` does.
+    """
+    from swimbladder.cli.logs import selections
+
+    found: list[Cast] = []
+    for rows in selections(list(where)):
+        try:
+            found += read_casts(
+                paths, columns={}, where=rows, log_format=None, profile=None, latitude=None,
+                longitude=None, salinity=None, inversions="average",
+            )  # fmt: skip
+        except InputError as error:
+            if error.field in ("profile", "where"):
+                error = InputError(
+                    error.what, file=error.file, field="--cast-where", value=error.value,
+                    remedy="Choose the rows of one profile with --cast-where COLUMN=VALUE",
+                )  # fmt: skip
+            raise error from None
+    return found
 
 
 def asked_casts(

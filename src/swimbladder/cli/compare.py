@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from swimbladder.cli.ahead import ahead_options, print_ahead, write_ahead
+from swimbladder.cli.casts import CastFiles, CastWhere, water_of_logs
 from swimbladder.cli.common import compile_notice, console, emit_json, output, progress
 from swimbladder.cli.logs import Chosen, chosen, depth, names, pair, read
 from swimbladder.errors import InputError, SwimbladderError
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from swimbladder.comparison import Comparison
     from swimbladder.comparison.ahead import Ahead
     from swimbladder.parameters import Vehicle
+    from swimbladder.seawater import Column
 
 __all__ = ["compare"]
 
@@ -76,6 +78,8 @@ def compare(
         str | None,
         typer.Option(metavar="INTENSITY", help="White acceleration, for --ahead."),
     ] = None,
+    cast: CastFiles = None,
+    cast_where: CastWhere = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-compare"
     ),
@@ -87,7 +91,8 @@ def compare(
     """Drive the model with a measured log and compare depths.
 
     What the log recorded drives it: volume or piston, else voltage, else the set-point, which the
-    vehicle's own controller follows. Of several logs each is compared by itself; exit code 1 or 2
+    vehicle's own controller follows. With --cast, and a logged volume, the neutral volume follows
+    the density of the water. Of several logs each is compared by itself; exit code 1 or 2
     says that at least one could not be.
     """
     from swimbladder.io.config import load_vehicle
@@ -105,8 +110,11 @@ def compare(
     )
     mapped = dict(pair(text, "--column") for text in column or [])
     tasks = [_Task(log, mapped, log_format) for log in chosen(logs, where or [])]
-    for task, name in zip(tasks, _file_names(tasks), strict=True):
-        task.name = name
+    from swimbladder.comparison.water import water_of_each
+
+    waters = water_of_each(len(tasks), water_of_logs(cast or (), cast_where or ()))
+    for task, name, water in zip(tasks, _file_names(tasks), waters, strict=True):
+        task.name, task.water = name, water
         if len(tasks) == 1:
             _compare(task, v, options, look, out, plot=plot)
             continue
@@ -132,6 +140,7 @@ class _Task:
     columns: dict[str, str]
     log_format: str | None
     name: str = "compare"
+    water: Column | None = None
     result: Comparison | None = None
     ahead: Ahead | None = None
     error: SwimbladderError | None = None
@@ -191,13 +200,15 @@ def _compare(
         from swimbladder.comparison import compare as compare_log
 
     with compile_notice(), progress(f"comparing {task.log.label}", 1.0) as advance:
-        task.result = compare_log(log, vehicle, **options, advance=advance)
+        task.result = compare_log(log, vehicle, **options, column=task.water, advance=advance)
     if look is not None:
         from swimbladder.comparison.ahead import look_ahead
 
         edges = {name: options[name] for name in ("bottom_depth", "surface_margin")}
         with compile_notice(), progress(f"predicting {task.log.label}", 1.0) as advance:
-            task.ahead = look_ahead(log, vehicle, **look, **edges, advance=advance)
+            task.ahead = look_ahead(
+                log, vehicle, **look, **edges, column=task.water, advance=advance
+            )
     folder = make_folder(out)
     files = [write_csv(folder / f"{task.name}.csv", task.result.columns())]
     if plot:

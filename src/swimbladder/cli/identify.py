@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swimbladder.cli.casts import CastFiles, CastWhere, water_of_logs
 from swimbladder.cli.common import (
     compile_notice,
     console,
@@ -100,16 +101,8 @@ def identify(
     paper: Annotated[
         bool, typer.Option("--paper", help="The paper's fits beside: eqs (26) and (27), averaged.")
     ] = False,
-    cast: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--cast", metavar="CTD", help="Deep dives of a pump and valve, in this water."
-        ),
-    ] = None,
-    cast_where: Annotated[
-        list[str] | None,
-        typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast; VALUE,VALUE: one cast each."),
-    ] = None,
+    cast: CastFiles = None,
+    cast_where: CastWhere = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-identify"
     ),
@@ -120,15 +113,16 @@ def identify(
     """Identify a vehicle's vertical motion from logs, with intervals and a report.
 
     Several logs are several experiments with one vehicle, fitted together; each has its own
-    neutral volume and start. With --cast, deep dives of a vehicle with a pump and a valve: drag,
-    hull, pump and valve from the seconds that these ran. Exit code 1 says that the data do not
-    tell what was asked: then no vehicle is written.
+    neutral volume and start. With --cast the neutral volume follows the density of the water. Of
+    a vehicle with a pump and a valve, deep dives in that water: drag, hull, pump and valve from
+    the seconds that these ran. Exit code 1 says that the data do not tell what was asked: then no
+    vehicle is written.
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
     v = load_vehicle(vehicle)
-    if cast or v.command == "volume change":
+    if v.command == "volume change":
         from swimbladder.cli.identify_deep import identify_deep, refuse_others
 
         refuse_others({
@@ -149,10 +143,11 @@ def identify(
             column=column or (), log_format=log_format, free=names(free), fixed=set_ or (),
             priors=prior or (), out=out, json=json,
         )  # fmt: skip
-    if cast_where:
+    if cast and paper:
         raise InputError(
-            "it has no use without --cast", field="--cast-where", remedy="Give --cast FILE"
-        )
+            "the paper's fits know no layered water", field="--paper",
+            remedy="Leave --paper out, or --cast",
+        )  # fmt: skip
     options: dict[str, Any] = {
         "free": names(free),
         "fixed": held(set_),
@@ -166,6 +161,7 @@ def identify(
         "profiles": profiles,
         "walk": walk,
         "posterior": seed if posterior else None,
+        "columns": water_of_logs(cast or (), cast_where or ()),
     }
     mapped = dict(pair(text, "--column") for text in column or [])
     given: list[Log] = []

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from swimbladder.cli.casts import pairs, read_casts
+from swimbladder.cli.casts import casts_beside_logs, pairs
 from swimbladder.cli.common import console, emit_json, json_text, output, progress
-from swimbladder.cli.logs import Chosen, selections
+from swimbladder.cli.logs import Chosen
 from swimbladder.cli.settings import known, once, setting
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.identify.deep import DeepIdentification
     from swimbladder.parameters import Vehicle
-    from swimbladder.seawater import Cast
 
 __all__ = ["identify_deep", "refuse_others"]
 
@@ -27,8 +26,8 @@ def refuse_others(given: Mapping[str, object]) -> None:
     for option, value in given.items():
         if value:
             raise InputError(
-                "it has no use with --cast", field=option, value=value,
-                remedy="Leave it out, or identify a shallow vehicle without --cast",
+                "it has no use with --cast and a pump and valve", field=option, value=value,
+                remedy="Leave it out: deep dives of a pump and valve have no use for it",
             )  # fmt: skip
 
 
@@ -59,7 +58,7 @@ def identify_deep(
             read.append(read_float_log(
                 log.path, log_format_name=log_format, columns=mapped, where=log.where
             ))  # fmt: skip
-    found_casts = [cast for where in selections(list(cast_where)) for cast in _casts(casts, where)]
+    found_casts = casts_beside_logs(casts, cast_where)
 
     from swimbladder.identify.deep import identify_deep as identify
     from swimbladder.report.deep import write_deep
@@ -81,22 +80,6 @@ def identify_deep(
         if json:
             console.print(found.sentences[0], markup=False, soft_wrap=True)
         raise typer.Exit(1)
-
-
-def _casts(paths: Sequence[Path], where: Mapping[str, str]) -> list[Cast]:
-    """Return the casts of the rows that hold `where`; raises InputError as `read_casts` does."""
-    try:
-        return read_casts(
-            paths, columns={}, where=where, log_format=None, profile=None, latitude=None,
-            longitude=None, salinity=None, inversions="average",
-        )  # fmt: skip
-    except InputError as error:
-        if error.field in ("profile", "where"):
-            error = InputError(
-                error.what, file=error.file, field="--cast-where", value=error.value,
-                remedy="Choose the rows of one profile with --cast-where COLUMN=VALUE",
-            )  # fmt: skip
-        raise error from None
 
 
 def _print(found: DeepIdentification, notes: Sequence[str], files: Sequence[Path]) -> None:

@@ -24,6 +24,7 @@ from swimbladder.io.logs import Log
 from swimbladder.kalman.bank import Bank, Member, filter_bank
 from swimbladder.kalman.depth_filter import Samples
 from swimbladder.parameters import Vehicle
+from swimbladder.seawater import Column
 
 __all__ = ["Ahead", "Horizon", "Tuning", "look_ahead"]
 
@@ -118,24 +119,25 @@ class Ahead:
 def look_ahead(
     log: Log, vehicle: Vehicle, *, horizons: Sequence[float] = (10.0, 60.0),
     tuning: Tuning | None = None, bottom_depth: float = np.inf, surface_margin: float = 0.1,
-    advance: Callable[[float], None] | None = None,
+    column: Column | None = None, advance: Callable[[float], None] | None = None,
 ) -> Ahead:  # fmt: skip
     """Return how well the vehicle's model predicts the log's depths over each horizon [s].
 
     tuning: the noise, where the vehicle's [identified] is not to say it; what neither says is
     learnt from the log, at each instant from what came before. bottom_depth [m]; surface_margin:
-    depths less than this below the depth of emergence do not count [m]. advance: told the share
-    of the work done since it was last called.
+    depths less than this below the depth of emergence do not count [m]. column: the water of a
+    cast. advance: told the share of the work done since it was last called.
     Raises LogError or InputError where log, vehicle and horizons do not go together.
     """
     tell = advance or (lambda _: None)
     rec = record(
-        log, vehicle, drive="volume", bottom_depth=bottom_depth, surface_margin=surface_margin
-    )
+        log, vehicle, drive="volume", bottom_depth=bottom_depth, surface_margin=surface_margin,
+        column=column,
+    )  # fmt: skip
     pairs = [_pairs(rec, seconds) for seconds in horizons]
     spread, origins = unknowns(vehicle, tuning or Tuning())
     assert rec.volume is not None  # a record that a volume drives has it
-    samples = Samples(rec.time, rec.volume, rec.depth, rec.compared.astype(np.int8))
+    samples = Samples(rec.time, rec.volume, rec.depth, rec.compared.astype(np.int8), rec.layers)
     members = draw(spread, vehicle, rec)
     bank = filter_bank(samples, members)
     tell(0.1)

@@ -202,8 +202,9 @@ def _guess(vehicle: Vehicle, rec: Record) -> float:
     """Return a first neutral volume [m3]: the one at which the vehicle mostly was, under water."""
     if rec.volume is None or not rec.volume_absolute:
         return vehicle.trim_error
-    under = rec.compared
-    return float(np.median(rec.volume[under] - vehicle.hull.psi * rec.depth[under]))
+    depth = rec.depth[rec.compared]
+    resting = vehicle.hull.psi * depth + rec.layers.along(depth)
+    return float(np.median(rec.volume[rec.compared] - resting))
 
 
 def _spread(residual: Array, slope: Array) -> Array:

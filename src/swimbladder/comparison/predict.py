@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from swimbladder.closed_loop import Solution, drive, simulate
 from swimbladder.comparison.record import Record
+from swimbladder.dynamics import plant
+from swimbladder.kalman.depth_filter import follow
 from swimbladder.parameters import Vehicle
 
 __all__ = ["Start", "Window", "measured_start", "predict", "run", "stages"]
@@ -85,20 +87,24 @@ def predict(vehicle: Vehicle, rec: Record, windows: list[Window], start: Start) 
     return depth
 
 
-def run(vehicle: Vehicle, rec: Record, start: Start) -> tuple[Array, Array, Solution]:
-    """Return depth [m] and volume [m3] at every sample, and the Solution they are from."""
+def run(vehicle: Vehicle, rec: Record, start: Start) -> tuple[Array, Array, Solution | None]:
+    """Return depth [m] and volume [m3] at every sample, and the Solution they are from.
+
+    In the water of a cast there is none, and a depth is nan from where the vehicle left the water.
+    """
     return _run(vehicle, rec, Window(0, len(rec.time) - 1), start)
 
 
 def _run(
     vehicle: Vehicle, rec: Record, window: Window, start: Start
-) -> tuple[Array, Array, Solution]:
+) -> tuple[Array, Array, Solution | None]:
     part = slice(window.first, window.last + 1)
     time = rec.time[part] - rec.time[window.first]
     volume = None if rec.volume is None else rec.volume[part]
     depth = start.depth
     if depth is None:
-        depth = _afloat(vehicle, None if volume is None else float(volume[0]))
+        added = rec.layers.at(vehicle.hull.emergence_depth)
+        depth = _afloat(vehicle, None if volume is None else float(volume[0]) - added)
     depth = min(max(depth, _highest(vehicle)), rec.bottom_depth)
     at = vehicle.neutral_volume(depth)  # where the log does not say, at rest if the stroke lets it
     if volume is not None and rec.volume_absolute:
@@ -115,6 +121,12 @@ def _run(
             bottom_depth=rec.bottom_depth,
         )
         return _hermite(time, solution), np.interp(time, solution.time, solution.volume), solution
+    if len(rec.layers.table):
+        assert volume is not None  # record() checks it
+        return follow(
+            [plant(vehicle, bottom_depth=rec.bottom_depth)], rec.layers, time,
+            volume - start.drift * rec.time[part], np.array([[depth, start.speed]]),
+        )[0], volume, None  # fmt: skip
     if rec.drive == "volume" and volume is not None:
         # Only volume less neutral volume moves the vehicle.
         solution = drive(

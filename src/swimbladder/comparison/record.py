@@ -8,14 +8,17 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.comparison.water import layers_of
 from swimbladder.errors import InputError, LogError
 from swimbladder.io.logs import Log
+from swimbladder.kalman.layers import NO_LAYERS, Layers
 from swimbladder.parameters import (
     ElectromechanicalActuator,
     IdentifiedActuator,
     Positioner,
     Vehicle,
 )
+from swimbladder.seawater import Column
 
 __all__ = ["DRIVES", "Drive", "Record", "piston_area", "record"]
 
@@ -41,6 +44,7 @@ class Record:
     volume counts from mid-stroke, exactly where volume_absolute, else so that the vehicle is
     neutral at the first sample. compared: which samples are clear of surface and bottom.
     afloat: the first sample is at the surface, with volume to spare where it is known.
+    layers: what the water of a cast adds to the vehicle's psi z + trim_error.
     """
 
     drive: Drive
@@ -56,6 +60,7 @@ class Record:
     afloat: bool
     bottom_depth: float  # m
     notes: tuple[str, ...]
+    layers: Layers = NO_LAYERS
 
     @property
     def duration(self) -> float:
@@ -81,13 +86,15 @@ def record(
     bottom_depth: float = np.inf,
     surface_margin: float = 0.1,
     submerged: bool = False,
+    column: Column | None = None,
 ) -> Record:
     """Return what drives the vehicle: volume or piston, else voltage, else the set-point.
 
     bottom_depth [m]; surface_margin: samples less deep than this below the depth of emergence are
     not compared [m]. submerged: the record begins where the vehicle is first deeper than that: how
-    it leaves the surface, part of it in air, is not asked of the model. Raises LogError where the
-    log does not have what drives, or too little of it.
+    it leaves the surface, part of it in air, is not asked of the model. column: the water of a
+    cast, for a logged volume. Raises LogError where the log does not have what drives, or too
+    little of it, or goes deeper than the cast.
     """
     if drive is not None and drive not in DRIVES:
         raise InputError(
@@ -96,6 +103,7 @@ def record(
     notes = list(log.report)
     chosen = drive or _first_drive(log, vehicle)
     series = _driving(log, vehicle, chosen)
+    layers = NO_LAYERS if column is None else _layers(log, vehicle, column, chosen)
     kept = np.isfinite(series)
     if not kept.all():
         notes.append(f"{int((~kept).sum())} samples without {chosen} left out")
@@ -112,6 +120,7 @@ def record(
     volume, absolute = _volume(log, vehicle)
     if volume is not None and not absolute:
         volume = volume - volume[0] + vehicle.neutral_volume(float(log.depth[0]))
+        volume = volume + layers.at(float(log.depth[0]))
         notes.append(
             "the zero of the volume is not known: taken as neutral at the first sample's depth"
         )
@@ -123,7 +132,7 @@ def record(
                 f"{int((beyond > 1e-9).sum())} samples have a volume beyond the vehicle's stroke, "
                 f"by up to {1e6 * beyond.max():.2g} cm3"
             )
-    deepest = float(np.median(np.sort(log.depth)[-9:]))  # not the one spike
+    deepest = _deepest(log)
     if deepest > bottom_depth + _BELOW_BOTTOM:
         raise LogError(
             f"the log goes deeper than the bottom, which is said to be at {bottom_depth:g} m",
@@ -168,7 +177,31 @@ def record(
         afloat=bool(log.depth[0] < surface + surface_margin) and (absolute or volume is None),
         bottom_depth=bottom_depth,
         notes=tuple(notes),
+        layers=layers,
     )
+
+
+def _layers(log: Log, vehicle: Vehicle, column: Column, drive: Drive) -> Layers:
+    """Return the layers of a cast; raises an error where they are no use to the log."""
+    if drive != "volume":
+        raise InputError(
+            "a cast is of use only where the logged volume drives the vehicle", field="--cast",
+            value=column.source, remedy="Drive it with --drive volume, or leave the cast out",
+        )  # fmt: skip
+    deepest = _deepest(log)
+    if deepest > column.deepest + column.step:
+        raise LogError(
+            f"the log goes down to {deepest:.4g} m, the cast {column.source} ends at "
+            f"{column.deepest:.4g} m",
+            file=log.source, field="depth_m", value=round(deepest, 3), unit="m",
+            remedy="Take a cast that goes as deep, and check the units of both",
+        )  # fmt: skip
+    return layers_of(vehicle, column)
+
+
+def _deepest(log: Log) -> float:
+    """Return the greatest depth [m], not that of a single spike."""
+    return float(np.median(np.sort(log.depth)[-9:]))
 
 
 def _from_submergence(

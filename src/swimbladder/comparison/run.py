@@ -17,6 +17,7 @@ from swimbladder.comparison.record import Drive, Record, piston_area, record
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.logs import Log
 from swimbladder.parameters import Vehicle
+from swimbladder.seawater import Column
 
 __all__ = ["Comparison", "compare"]
 
@@ -29,7 +30,7 @@ class Comparison:
 
     residual is predicted less measured. rms and bias in m; variance_explained is
     1 - var(residual)/var(depth). volume_rms [m3] is known where the model chose the volume and the
-    log has it. vehicle carries the fitted numbers.
+    log has it. vehicle carries the fitted numbers. solution: none in the water of a cast.
     """
 
     source: str
@@ -43,7 +44,7 @@ class Comparison:
     variance_explained: float
     largest: float  # m
     volume_rms: float | None
-    solution: Solution
+    solution: Solution | None
     notes: tuple[str, ...]
 
     @property
@@ -106,6 +107,7 @@ def compare(
     bottom_depth: float = np.inf,
     surface_margin: float = 0.1,
     submerged: bool = False,
+    column: Column | None = None,
     advance: Callable[[float], None] | None = None,
 ) -> Comparison:
     """Drive the vehicle with what the log recorded, and compare depths.
@@ -115,7 +117,7 @@ def compare(
     fit: what is fitted to this log (see FITTABLE); the neutral volume where not given, with
     the state at the start where the vehicle is under way. bottom_depth [m]. surface_margin: depths
     less than this below the depth of emergence are not compared [m]. submerged: begin where the
-    vehicle is first deeper than that.
+    vehicle is first deeper than that. column: the water of a cast, for a logged volume.
 
     Raises LogError or InputError where the log and the vehicle do not go together, NoAnswerError
     where the model cannot follow the log to its end.
@@ -127,11 +129,18 @@ def compare(
         bottom_depth=bottom_depth,
         surface_margin=surface_margin,
         submerged=submerged,
+        column=column,
     )
     names = default_names(rec) if fit is None else tuple(fit)
     outcome = adjust(vehicle, rec, names, advance=advance)
     predicted, volume, solution = run(outcome.vehicle, rec, outcome.start)
-    if not solution.finished:
+    if solution is None and not np.isfinite(predicted).all():
+        raise NoAnswerError(
+            f"{log.source}: the model left the water "
+            f"{float(rec.time[np.isfinite(predicted)][-1]):.4g} s after the first sample, of "
+            f"{rec.duration:.4g} s; fit the neutral volume, or begin with --submerged"
+        )
+    if solution is not None and not solution.finished:
         raise NoAnswerError(
             f"{log.source}: the model stopped {float(solution.time[-1]):.4g} s after the first "
             f"sample, of {rec.duration:.4g} s. {solution.stop.value}"
@@ -199,4 +208,5 @@ def _spread_of(rec: Record, vehicle: Vehicle) -> float:
     outcome = adjust(vehicle, rec, ("neutral_volume",))
     predicted, _, solution = run(outcome.vehicle, rec, outcome.start)
     off = (predicted - rec.depth)[rec.compared]
-    return float(off.std()) if solution.finished else np.inf
+    finished = np.isfinite(off).all() if solution is None else solution.finished
+    return float(off.std()) if finished else np.inf

@@ -89,7 +89,9 @@ def _likelihoods(record: Record, vehicle: Vehicle, wide: Unknowns) -> Array:
     """Return the log likelihood of the whole record for every draw [_COUNT]."""
     if record.volume is None:
         raise InputError("a log without volume says nothing of it", field="volume_m3")
-    samples = Samples(record.time, record.volume, record.depth, record.compared.astype(np.int8))
+    samples = Samples(
+        record.time, record.volume, record.depth, record.compared.astype(np.int8), record.layers
+    )
     members = draw(wide, vehicle, record, count=_COUNT)
     return np.array([told(samples, member)[-1] for member in members])
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.identify.experiment import Segment
-from swimbladder.identify.problem import Problem
+from swimbladder.identify.problem import LOST, Problem
 
 __all__ = ["GAPS", "Bridged", "growth", "joined", "longest"]
 
@@ -104,7 +104,8 @@ class Bridged(Problem):
                 missed[rows] -= sign * z[ends]
                 columns = [*shared, at, at + 1]
                 slopes[rows, columns] += sign * block[ends]
-        return missed, slopes
+        # a stretch that the vehicle left the water in misses by as much as a residual may
+        return np.clip(np.nan_to_num(missed, nan=LOST), -LOST, LOST), slopes
 
     def begin_like(self, x: Array) -> Array:
         """Return an x of the stretches with what a whole problem's x says but of the starts."""

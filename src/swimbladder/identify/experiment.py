@@ -45,6 +45,7 @@ class Experiment:
     ramps: bool  # the inputs are volumes, linear between samples
     reference: float  # m, where the error of the neutral volume counts from
     neutral: float  # m3, assumed at the reference, in the zero of `inputs`
+    added: float = 0.0  # m3, what the water's layers add at the reference: in `neutral` already
     segments: tuple[Segment, ...]
 
     @property
@@ -93,6 +94,7 @@ def experiment(source: str, record: Record, vehicle: Vehicle) -> Experiment:
     else:
         assert record.voltage is not None  # record() checks it
         inputs, reference, neutral = record.voltage, _first_depth(record), 0.0
+        absolute = False
     ramps = record.drive == "volume"
     segments = _stretches(record) if ramps else _whole(record)
     if not segments:
@@ -103,7 +105,7 @@ def experiment(source: str, record: Record, vehicle: Vehicle) -> Experiment:
         )  # fmt: skip
     return Experiment(
         source=source, record=record, inputs=inputs, ramps=ramps, reference=reference,
-        neutral=neutral, segments=segments,
+        neutral=neutral, added=0.0 if absolute else record.layers.at(reference), segments=segments,
     )  # fmt: skip
 
 

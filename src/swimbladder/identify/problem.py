@@ -19,14 +19,15 @@ from swimbladder.dynamics import Plant
 from swimbladder.identify.estimates import Prior
 from swimbladder.identify.experiment import Experiment, Segment
 from swimbladder.identify.model import Model
+from swimbladder.kalman.depth_filter import follow
 
-__all__ = ["DEPTH", "SPEED", "VOLUME", "Problem"]
+__all__ = ["DEPTH", "LOST", "SPEED", "VOLUME", "Problem"]
 
 Array = NDArray[np.float64]
 
 VOLUME, DEPTH, SPEED = 1e-6, 1e-2, 1e-2  # m3, m, m/s: units of the experiments' own entries of x
 _STEP = 1e-5  # of an entry of x, for derivatives; the runs are exact to 1e-13
-_LOST = 10.0  # m, the residual where the model cannot follow
+LOST = 10.0  # m, the residual where the model cannot follow
 _LIMITS = {  # of the logarithmic ones, in SI units
     "K2": (1e0, 1e9), "T2": (1e-2, 1e6), "mass": (1e-3, 1e7), "drag_quadratic": (1e-4, 1e8),
     "K1": (1e-7, 1e1), "T1": (1e-4, 1e2),
@@ -122,7 +123,7 @@ class Problem:
     def residual(self, x: Array) -> Array:
         """Return measured less predicted depth at the samples used [m]."""
         off = self.measured - self.predict(x)
-        return np.clip(np.nan_to_num(off, nan=_LOST), -_LOST, _LOST)
+        return np.clip(np.nan_to_num(off, nan=LOST), -LOST, LOST)
 
     def slope(self, x: Array) -> Array:
         """Return the derivatives of the predicted depths [rows, len(x)]."""
@@ -217,7 +218,11 @@ class Problem:
         if derivatives:
             starts[-2, 2] += _STEP * DEPTH
             starts[-1, 3] += _STEP * SPEED
-        z = course.follow(lanes, starts)
+        layers = e.record.layers
+        if len(layers.table):
+            z = follow(lanes, layers, course.time, course.inputs, starts[:, 2:])
+        else:
+            z = course.follow(lanes, starts)
         if not derivatives:
             return z[0], np.zeros((0, 0))
         slope = (z[1:] - z[0]) / _STEP
@@ -229,7 +234,7 @@ class Problem:
 
     def _plant(self, x: Array, e: Experiment, own: int) -> Plant:
         values = self.named(x)
-        neutral = e.neutral + x[own] * VOLUME - values["psi"] * e.reference
+        neutral = e.neutral + x[own] * VOLUME - values["psi"] * e.reference - e.added
         return self.model.plant(values, neutral)
 
 

@@ -102,5 +102,10 @@ def assumptions(problem: Problem, records: Sequence[Record], vehicle: Vehicle) -
         if name not in problem.names and name not in inert:
             said.append(f"held: {name} = {problem.values[name]:g} {NAMES[name].unit}")
     water = vehicle.water
+    if any(len(r.layers.table) for r in records):
+        said.append(
+            "the neutral volume follows the density of the cast; psi is what the hull loses "
+            "beyond that"
+        )
     said.append(f"water of {water.density:g} kg/m3, gravity {water.gravity:g} m/s2")
     return tuple(said)

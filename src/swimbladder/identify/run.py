@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from swimbladder.comparison.record import Drive, Record, record
+from swimbladder.comparison.water import water_of_each
 from swimbladder.identify.choices import choices as list_choices
 from swimbladder.identify.choices import judge, models_of
 from swimbladder.identify.diagnose import diagnose
@@ -31,6 +32,7 @@ from swimbladder.identify.walk import fit_walk
 from swimbladder.identify.walking import with_walk
 from swimbladder.io.logs import Log
 from swimbladder.parameters import Vehicle
+from swimbladder.seawater import Column
 
 __all__ = ["NEUTRAL_STD", "identify"]
 
@@ -45,7 +47,7 @@ def identify(
     drag: str | None = None, neutral_std: float = NEUTRAL_STD, speed_std: float = math.inf,
     drive: Drive | None = None, bottom_depth: float = math.inf, surface_margin: float = 0.1,
     profiles: bool = True, choices: bool = True, walk: bool = False, posterior: int | None = None,
-    advance: Callable[[float], None] | None = None,
+    columns: Sequence[Column] = (), advance: Callable[[float], None] | None = None,
 ) -> Identification:  # fmt: skip
     """Return the parameters that make the vehicle's model meet all logs together, with intervals.
 
@@ -57,6 +59,7 @@ def identify(
     drive: volume or voltage; bottom_depth [m]; surface_margin: samples less than this below the
     depth of emergence are left out [m]. walk: the neutral volumes walk at random, and the numbers
     are those of the innovations' likelihood. posterior: seed of draws from it (needs emcee).
+    columns: the water of casts, one for all logs or one for each; none: of constant density.
     advance: told the share of the work done since last called.
 
     Raises InputError where logs, names and vehicle do not go together. What the data do not tell is
@@ -65,10 +68,11 @@ def identify(
     fixed, priors = dict(fixed or {}), dict(priors or {})
     tell = advance or (lambda _: None)
     check_logs(logs, neutral_std, speed_std, drive)
+    waters = water_of_each(len(logs), columns)
     records = [
         record(log, vehicle, drive=drive or driven_by(log, vehicle), bottom_depth=bottom_depth,
-               surface_margin=surface_margin)
-        for log in logs
+               surface_margin=surface_margin, column=water)
+        for log, water in zip(logs, waters, strict=True)
     ]  # fmt: skip
     model = model_of(vehicle, law=drag, bottom_depth=bottom_depth)
     names = tuple(free) if free is not None else default_names(model.law, list(fixed))

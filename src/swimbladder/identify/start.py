@@ -119,8 +119,10 @@ def _windows(e: Experiment, s: Segment) -> list[tuple[tuple[float, ...], float]]
     squared with its sign.
     """
     part = slice(s.first, s.last + 1)
-    time, volume = e.record.time[part], e.inputs[part] - e.neutral
-    depth = median_filter(e.record.depth[part], size=3, mode="nearest") - e.reference
+    time, measured = e.record.time[part], e.record.depth[part]
+    depth = median_filter(measured, size=3, mode="nearest")
+    volume = e.inputs[part] - e.neutral + e.added - e.record.layers.along(depth)
+    depth = depth - e.reference
     span = float(time[-1] - time[0])
     half = 0.5 * min(_WINDOW, span)
     speed = _speed(time, depth)

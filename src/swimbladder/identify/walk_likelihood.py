@@ -179,5 +179,5 @@ def _samples(record: Record, vehicle: Vehicle) -> list[Samples]:
         part = slice(segment.first, segment.last + 1)
         arrays = (record.time[part], record.volume[part], record.depth[part])
         time, volume, depth = (np.ascontiguousarray(a) for a in arrays)
-        found.append(Samples(time, volume, depth, np.ones(len(time), np.int8)))
+        found.append(Samples(time, volume, depth, np.ones(len(time), np.int8), record.layers))
     return found

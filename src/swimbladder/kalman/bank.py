@@ -73,9 +73,9 @@ class Bank:
             at = np.searchsorted(self.rows[i], first[worth])
             depth, variance = np.empty(len(worth)), np.empty(len(worth))
             predict_kernel(
-                np.array(member.plant), self.samples.time, _drifted(self.samples, member).volume,
-                self.mean[i][at], self.covariance[i][at], first[worth], last[worth],
-                member.noise.variances(), depth, variance,
+                np.array(member.plant), self.samples.layers, self.samples.time,
+                _drifted(self.samples, member).volume, self.mean[i][at], self.covariance[i][at],
+                first[worth], last[worth], member.noise.variances(), depth, variance,
             )  # fmt: skip
             mean[worth] += weight[worth] * depth
             square[worth] += weight[worth] * (variance + depth**2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,9 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.dynamics import Plant
-from swimbladder.kalman.kernels import filter_kernel, predict_kernel, smooth_kernel
+from swimbladder.kalman.kernels import (
+    filter_kernel,
+    follow_kernel,
+    predict_kernel,
+    smooth_kernel,
+)
+from swimbladder.kalman.layers import NO_LAYERS, Layers
 
-__all__ = ["GATE", "Filtered", "Noise", "Samples", "Start", "filter_depth"]
+__all__ = ["GATE", "Filtered", "Noise", "Samples", "Start", "filter_depth", "follow"]
 
 Array = NDArray[np.float64]
 GATE = 3.0  # standard deviations of an innovation beyond which it is not believed in full
@@ -36,19 +43,20 @@ class Start(NamedTuple):
 
     depth: float  # m
     speed: float  # m/s
-    neutral: float  # m3, neutral volume at depth 0
+    neutral: float  # m3, neutral volume at depth 0, without what layers of the water add there
     depth_std: float
     speed_std: float
     neutral_std: float
 
 
 class Samples(NamedTuple):
-    """A log's arrays of one length n."""
+    """A log's arrays of one length n, and the layers of the water that it was made in."""
 
     time: Array  # s, growing
     volume: Array  # m3, linear between samples
     depth: Array  # m; nan: not measured
     use: NDArray[np.int8]  # 1: counts; 0: in contact, with the contact's noise; -1: not looked at
+    layers: Layers = NO_LAYERS
 
 
 @dataclass(frozen=True)
@@ -77,8 +85,9 @@ class Filtered:
         """
         depth, variance = np.empty(len(first)), np.empty(len(first))
         predict_kernel(
-            np.array(self.plant), self.samples.time, self.samples.volume, self.mean[first],
-            self.covariance[first], first, last, self.noise.variances(), depth, variance,
+            np.array(self.plant), self.samples.layers, self.samples.time, self.samples.volume,
+            self.mean[first], self.covariance[first], first, last, self.noise.variances(), depth,
+            variance,
         )  # fmt: skip
         return depth, np.sqrt(variance)
 
@@ -105,7 +114,7 @@ def filter_depth(
     error, variance, contribution = np.empty(n), np.empty(n), np.empty(n)
     fate = np.empty(n, np.int8)
     total = filter_kernel(
-        np.array(plant), samples.time, samples.volume, samples.depth, samples.use,
+        np.array(plant), samples.layers, samples.time, samples.volume, samples.depth, samples.use,
         np.array(start[:3]), np.diag(np.square(start[3:])), noise.variances(), gate, before, spread,
         slopes, mean, covariance, error, variance, contribution, fate,
     )  # fmt: skip
@@ -114,3 +123,20 @@ def filter_depth(
         predicted_covariance=spread, mean=mean, covariance=covariance, innovation=error,
         variance=variance, contribution=contribution, fate=fate, slopes=slopes,
     )  # fmt: skip
+
+
+def follow(
+    plants: Sequence[Plant], layers: Layers, time: Array, volume: Array, starts: Array
+) -> Array:
+    """Return the depths [lanes, n] in m of several vehicles under one known volume.
+
+    By the filter's own step, without noise, in layered water. volume [n] in m3, straight between
+    the instants time [n] in s; starts [lanes, 2]: depth [m] and speed [m/s]. nan from where a
+    vehicle left the water.
+    """
+    depth = np.empty((len(plants), len(time)))
+    follow_kernel(
+        np.array(plants), layers, np.ascontiguousarray(time, float),
+        np.ascontiguousarray(volume, float), np.ascontiguousarray(starts, float), depth,
+    )  # fmt: skip
+    return depth

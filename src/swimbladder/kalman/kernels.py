@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from swimbladder.engine.cache import compiled, part
+from swimbladder.engine.modes import DEEPEST, V_0, Z_AIR
 from swimbladder.kalman.motion import transition
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     "RESTARTED",
     "UNSEEN",
     "filter_kernel",
+    "follow_kernel",
     "predict_kernel",
     "smooth_kernel",
 ]
@@ -79,7 +81,7 @@ def _soften(P, floor2):  # type: ignore[no-untyped-def]
 
 @compiled
 def filter_kernel(  # type: ignore[no-untyped-def]
-    p, time, volume, depth, use, start, cov, noise, gate, before, spread, F, mean, P, error,
+    p, layers, time, volume, depth, use, start, cov, noise, gate, before, spread, F, mean, P, error,
     variance, likelihood, fate,
 ):  # fmt: skip
     """Filter n measured depths [m]; return the log likelihood of those that count.
@@ -100,7 +102,7 @@ def filter_kernel(  # type: ignore[no-untyped-def]
     for k in range(time.shape[0]):
         if k:
             x[0], x[1], aground = transition(
-                p, x[0], x[1], x[2], volume[k - 1], volume[k], time[k] - time[k - 1],
+                p, layers, x[0], x[1], x[2], volume[k - 1], volume[k], time[k] - time[k - 1],
                 walk2, jolt2, F[k], Q,
             )  # fmt: skip
             _propagate(C, F[k], Q)
@@ -147,7 +149,9 @@ def filter_kernel(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def predict_kernel(p, time, volume, mean, P, first, last, noise, depth, variance):  # type: ignore[no-untyped-def]
+def predict_kernel(  # type: ignore[no-untyped-def]
+    p, layers, time, volume, mean, P, first, last, noise, depth, variance
+):
     """Predict the depth at sample last[i] from the state mean[i], P[i] after sample first[i].
 
     The volume on the way is known. variance [m2] is of the true depth, without the measurement's.
@@ -160,7 +164,7 @@ def predict_kernel(p, time, volume, mean, P, first, last, noise, depth, variance
         C = P[i].copy()
         for k in range(first[i] + 1, last[i] + 1):
             x[0], x[1], aground = transition(
-                p, x[0], x[1], x[2], volume[k - 1], volume[k], time[k] - time[k - 1],
+                p, layers, x[0], x[1], x[2], volume[k - 1], volume[k], time[k] - time[k - 1],
                 walk2, jolt2, F, Q,
             )  # fmt: skip
             _propagate(C, F, Q)
@@ -168,6 +172,28 @@ def predict_kernel(p, time, volume, mean, P, first, last, noise, depth, variance
                 _soften(C, floor2)
         depth[i] = x[0]
         variance[i] = C[0, 0]
+
+
+@compiled
+def follow_kernel(plants, layers, time, volume, starts, depth):  # type: ignore[no-untyped-def]
+    """Follow a volume [n] with several vehicles; depth [lanes, n] is nan once one left the water.
+
+    plants [lanes, fields]; starts [lanes, 2]: depth [m] and speed [m/s] at the first instant.
+    """
+    F, Q = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(plants.shape[0]):
+        p = plants[i]
+        z, w = starts[i, 0], starts[i, 1]
+        depth[i] = math.nan
+        depth[i, 0] = z
+        for k in range(1, time.shape[0]):
+            z, w, _ = transition(
+                p, layers, z, w, p[V_0], volume[k - 1], volume[k], time[k] - time[k - 1], 0.0, 0.0,
+                F, Q,
+            )  # fmt: skip
+            if not (z > p[Z_AIR] and z < DEEPEST):
+                break
+            depth[i, k] = z
 
 
 @compiled

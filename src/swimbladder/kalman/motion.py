@@ -3,11 +3,12 @@
 The state is (z, w, V0) with ``dz/dt = w``, ``dw/dt = a_b (psi z + V0 - V(t)) - F_d(w)/m`` plus the
 hull's stiffness where it emerges (eqs 13, 15, 16, 31), and ``dV0 = walk dB``: the neutral volume at
 depth 0 is a random walk. V(t) is linear over a step. White acceleration, of intensity `jolt`, may
-stand for what the model leaves out.
+stand for what the model leaves out. Where the water is layered, what its layers add at z, known
+from a cast, goes beside psi z: mean and slopes take it as it is, not as a line.
 
-Under laminar drag, clear of surface and bottom, the step is exact: with G the velocity's impulse
-response, G'' = a_b psi G - d_l G', everything is made of G', G and its first two integrals. Else
-Runge-Kutta's fourth-order scheme carries the motion together with its variational equations.
+Under laminar drag, without layers, clear of surface and bottom, the step is exact: with G the
+velocity's impulse response, G'' = a_b psi G - d_l G', everything is made of G', G and its first two
+integrals. Else Runge-Kutta's fourth-order scheme carries the motion with its variational equations.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from swimbladder.engine.modes import (
     Z_BOTTOM,
     Z_SURFACE,
 )
+from swimbladder.kalman.layers import layered
 
 __all__ = ["BOBBING_DAMPING", "transition"]
 
@@ -157,16 +159,16 @@ def _drag(p, w):  # type: ignore[no-untyped-def]
 
 
 @part
-def _slopes(p, x, V, walk2, jolt2, tau, out):  # type: ignore[no-untyped-def]
+def _slopes(p, layers, x, V, walk2, jolt2, tau, out):  # type: ignore[no-untyped-def]
     """Right-hand side of x: z, w, then F's columns (z and w rows of each), then Q's five parts.
 
     V: volume less neutral volume [m3]; tau: time since the step began [s].
     """
     z, w = x[0], x[1]
     drag, bends = _drag(p, w)
-    kappa = p[A_B] * p[PSI]
-    force = kappa * z - p[A_B] * V - drag
-    pull, damping = kappa, bends
+    added, steeper = layered(layers, z)
+    force = p[A_B] * (p[PSI] * z + added - V) - drag
+    pull, damping = p[A_B] * (p[PSI] + steeper), bends
     if z < p[Z_SURFACE]:
         bobbing = 2.0 * BOBBING_DAMPING * math.sqrt(p[A_S])
         force += p[A_S] * (p[Z_SURFACE] - z) - bobbing * w
@@ -202,20 +204,20 @@ def _cross(p, x, up):  # type: ignore[no-untyped-def]
 
 
 @part
-def _substep(p, x, V, rate, s, t, walk2, jolt2, k, y):  # type: ignore[no-untyped-def]
+def _substep(p, layers, x, V, rate, s, t, walk2, jolt2, k, y):  # type: ignore[no-untyped-def]
     """Advance x by one step of s [s]; V: volume less neutral volume at its beginning [m3]."""
-    _slopes(p, x, V, walk2, jolt2, t, k[0])
+    _slopes(p, layers, x, V, walk2, jolt2, t, k[0])
     y[:] = x + 0.5 * s * k[0]
-    _slopes(p, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k[1])
+    _slopes(p, layers, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k[1])
     y[:] = x + 0.5 * s * k[1]
-    _slopes(p, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k[2])
+    _slopes(p, layers, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k[2])
     y[:] = x + s * k[2]
-    _slopes(p, y, V + rate * s, walk2, jolt2, t + s, k[3])
+    _slopes(p, layers, y, V + rate * s, walk2, jolt2, t + s, k[3])
     y[:] = x + s / 6.0 * (k[0] + 2.0 * (k[1] + k[2]) + k[3])
 
 
 @part
-def _runge_kutta(p, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
+def _runge_kutta(p, layers, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
     """Advance over h [s] in n steps; the bottom stops the vehicle. Return (z, w, aground)."""
     x = np.zeros(13)
     y = np.empty(13)
@@ -228,22 +230,23 @@ def _runge_kutta(p, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q):  # type: ignore
     for i in range(n):
         t = i * s
         V = Va - V0 + rate * t
-        push = p[A_B] * (p[PSI] * x[0] - V)
+        push = p[A_B] * (p[PSI] * x[0] + layered(layers, x[0])[0] - V)
         aground = x[0] >= p[Z_BOTTOM] and x[1] >= 0.0 and push >= 0.0
         if aground:
             x[0], x[1] = p[Z_BOTTOM], 0.0
             x[2:] = 0.0
             continue
-        _substep(p, x, V, rate, s, t, walk2, jolt2, k, y)
+        _substep(p, layers, x, V, rate, s, t, walk2, jolt2, k, y)
         up = y[0] < surface
         if up != (x[0] < surface):  # to the surface, through it, and on
             share = (surface - x[0]) / (y[0] - x[0])
             if share > 0.0:
-                _substep(p, x, V, rate, share * s, t, walk2, jolt2, k, y)
+                _substep(p, layers, x, V, rate, share * s, t, walk2, jolt2, k, y)
                 x[:] = y
             _cross(p, x, up)
             left = (1.0 - share) * s
-            _substep(p, x, V + rate * share * s, rate, left, t + share * s, walk2, jolt2, k, y)
+            late = t + share * s
+            _substep(p, layers, x, V + rate * share * s, rate, left, late, walk2, jolt2, k, y)
         x[:] = y
         if x[0] > p[Z_BOTTOM]:
             x[0], x[1] = p[Z_BOTTOM], min(x[1], 0.0)
@@ -258,23 +261,25 @@ def _runge_kutta(p, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q):  # type: ignore
 
 
 @part
-def transition(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
+def transition(p, layers, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
     """Advance over h [s] while the volume goes from Va to Vb; return (z, w, whether aground).
 
-    Fills F [3, 3], the slope of the new state by the old one, and Q [3, 3], upper triangle, the
-    covariance that the noise of intensities walk2 [m6/s] and jolt2 [m2/s3] adds.
+    layers: what the water adds to the neutral volume. Fills F [3, 3], the slope of the new state
+    by the old one, and Q [3, 3], upper triangle, the covariance that the noise of intensities walk2
+    [m6/s] and jolt2 [m2/s3] adds.
     """
     for i in range(3):
         for j in range(3):
             F[i, j] = 1.0 if i == j else 0.0
             Q[i, j] = 0.0
     drag, _ = _drag(p, w)
-    steady = p[A_B] * (p[PSI] * z + V0)
+    steady = p[A_B] * (p[PSI] * z + layered(layers, z)[0] + V0)
     pulls = (steady - p[A_B] * Va - drag, steady - p[A_B] * Vb - drag)
     up = max(-w, 0.0) * h + 0.5 * max(-min(pulls[0], pulls[1]), 0.0) * h * h
     down = max(w, 0.0) * h + 0.5 * max(pulls[0], pulls[1], 0.0) * h * h
     rises = z - up <= p[Z_SURFACE]
-    if p[EPSILON] == math.inf and not rises and z + down < p[Z_BOTTOM]:
+    plain = p[EPSILON] == math.inf and layers.table.shape[0] == 0
+    if plain and not rises and z + down < p[Z_BOTTOM]:
         z, w = _laminar(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q)
         return z, w, False
     # as fast as it may become within the step, where drag does not hold it back
@@ -282,9 +287,10 @@ def transition(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-u
     if p[D_T] > 0.0:
         net = max(abs(steady - p[A_B] * Va), abs(steady - p[A_B] * Vb))
         fastest = min(fastest, max(abs(w), math.sqrt(net / p[D_T])))
-    rate = max(p[D_L], p[D_B] + 2.0 * p[D_T] * fastest) + math.sqrt(abs(p[A_B] * p[PSI]))
+    rate = max(p[D_L], p[D_B] + 2.0 * p[D_T] * fastest)
+    rate += math.sqrt(p[A_B] * (abs(p[PSI]) + layers.steepest))
     steps = h * rate / _FINE
     if rises:
         steps = max(steps, h * math.sqrt(p[A_S]) / _FINE_BOBBING)
     n = int(min(math.ceil(steps), _MOST)) + 1
-    return _runge_kutta(p, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q)
+    return _runge_kutta(p, layers, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q)

@@ -1,0 +1,75 @@
+"""The layers of a cast as a vehicle meets them: what they add to psi z + trim_error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError
+from swimbladder.hull import neutral_volume
+from swimbladder.kalman.layers import Layers, layers_from
+from swimbladder.parameters import Hull, Vehicle
+from swimbladder.seawater import Column
+
+__all__ = ["along_hull", "layers_of", "water_of_each"]
+
+Array = NDArray[np.float64]
+
+
+def water_of_each(logs: int, columns: Sequence[Column]) -> tuple[Column | None, ...]:
+    """Return the water of each of so many logs: that of the only cast, or of each its own.
+
+    Raises InputError where there are several casts and not as many as logs.
+    """
+    if len(columns) <= 1:
+        return (columns[0] if columns else None,) * logs
+    if len(columns) != logs:
+        raise InputError(
+            f"{len(columns)} casts for {logs} log{'s' if logs > 1 else ''}", field="--cast",
+            remedy="Give one cast for all logs, or one for each in their order",
+        )  # fmt: skip
+    return tuple(columns)
+
+
+def layers_of(vehicle: Vehicle, column: Column) -> Layers:
+    """Return what the water of a column adds to the neutral volume psi z + trim_error.
+
+    Nothing in the vehicle's own [water]: trim_error keeps its meaning, neutral at the surface of
+    that, and psi is what the hull loses beyond the column's water. Parts of the hull and trapped
+    air are left to psi, as the motion has them. The density is that of `along_hull`.
+    """
+    bare = vehicle.hull.model_copy(update={"psi": 0.0, "parts": (), "trapped_air": 0.0})
+    plain = vehicle.model_copy(update={"hull": bare})
+    volume = neutral_volume(plain, along_hull(column, vehicle.hull)) - vehicle.trim_error
+    return layers_from(volume, column.step)
+
+
+def along_hull(column: Column, hull: Hull) -> Column:
+    """Return a column whose density at each depth is its mean over a hull with the sensor there.
+
+    The hull reaches from emergence_depth above the sensor down by its height; what is out of the
+    water does not count, and below the column its last density goes on. In water whose density
+    bends within a hull's height, as in a halocline, its buoyancy is that of the mean.
+    """
+    z, rho = column.depth, column.density
+    deep = np.append(z, z[-1] + hull.height + abs(hull.emergence_depth))
+    means = 0.5 * (rho + np.append(rho[1:], rho[-1]))
+    weight = np.append(0.0, np.cumsum(means * np.diff(deep)))
+    top = np.maximum(z - hull.emergence_depth, 0.0)
+    low = np.maximum(z - hull.emergence_depth + hull.height, column.step)
+    above, below = (_integral(column, deep, weight, at) for at in (top, low))
+    return replace(column, density=(below - above) / (low - top))
+
+
+def _integral(column: Column, deep: Array, weight: Array, at: Array) -> Array:
+    """Return the integral of density over depth from 0 to `at` [kg/m2], density straight between
+    rows.
+    """
+    k = np.clip(np.searchsorted(deep, at, side="right") - 1, 0, len(deep) - 2)
+    rho = np.append(column.density, column.density[-1])
+    x = at - deep[k]
+    slope = (rho[k + 1] - rho[k]) / (deep[k + 1] - deep[k])
+    return np.asarray(weight[k] + x * (rho[k] + 0.5 * slope * x))

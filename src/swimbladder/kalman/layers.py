@@ -1,0 +1,58 @@
+"""Layered water as a filter meets it: what it adds to the neutral volume, over depth.
+
+In water of constant density the neutral volume is psi z + V0, eq. (31). What layers of salt and
+heat make of it beside that is known from a cast, and stands in a table over depth.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.engine.cache import part
+from swimbladder.seawater import look_up
+from swimbladder.seawater.lookup import slopes
+
+__all__ = ["NO_LAYERS", "Layers", "layered", "layers_from"]
+
+Array = NDArray[np.float64]
+
+
+class Layers(NamedTuple):
+    """What layers of the water add to the neutral volume psi z + V0 over depth; kernels take it."""
+
+    table: Array  # [n, 2], m3 and its slope m3/m, at depths from 0; no rows: no layers
+    step: float  # m, from row to row
+    steepest: float  # m3/m, no slope is steeper: for the length of a step
+
+    def at(self, depth: float) -> float:
+        """Return what is added at a depth [m3]."""
+        return look_up(self.table, self.step, 0, depth)[0] if len(self.table) else 0.0
+
+    def along(self, depth: Array) -> Array:
+        """Return what is added at depths [m3] [n]."""
+        return np.array([self.at(float(z)) for z in depth])
+
+
+NO_LAYERS = Layers(np.empty((0, 2)), 1.0, 0.0)
+
+_look_up = part(look_up)
+
+
+def layers_from(volume: Array, step: float) -> Layers:
+    """Return layers of volumes [m3] [n] at depths 0, step, 2 step, ... [m]."""
+    slope = slopes(volume, step)
+    # between two rows no slope of theirs is beyond 3 secants (Fritsch and Carlson, 1980)
+    secant = 3.0 * np.abs(np.diff(volume)).max() / step
+    steepest = max(float(secant), float(np.abs(slope).max()))
+    return Layers(np.ascontiguousarray(np.stack([volume, slope], axis=1)), step, steepest)
+
+
+@part
+def layered(layers, z):  # type: ignore[no-untyped-def]
+    """Return what layers add to the neutral volume [m3] at depth z [m], and its slope [m3/m]."""
+    if layers.table.shape[0] == 0:
+        return 0.0, 0.0
+    return _look_up(layers.table, layers.step, 0, z)

@@ -1,0 +1,72 @@
+"""`identify --cast` and `compare --cast` of a shallow float, from files to files."""
+
+import json
+
+import pytest
+
+from swimbladder.cli import main
+from swimbladder.io.tables import write_csv
+from swimbladder.io.vehicle_file import vehicle_file
+from tests.layered import COLUMN_HEADER, cast_rows, sailed, vehicle
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A vehicle, its log, and the cast that has the densities of the log's water."""
+    folder = tmp_path_factory.mktemp("shallow")
+    v, log = vehicle(), sailed(vehicle(), seed=9)
+    (folder / "float.toml").write_text(vehicle_file(v))
+    write_csv(folder / "log.csv", {
+        "time_s": log.time, "depth_m": log.depth, "volume_m3": log.volume
+    })  # fmt: skip
+    (folder / "cast.csv").write_text("\n".join([COLUMN_HEADER, *cast_rows()]) + "\n")
+    return folder
+
+
+def words(files, command, *more):
+    return [
+        command, str(files / "log.csv"), "--vehicle", str(files / "float.toml"),
+        "--column", "volume_m3=volume_m3", "--out", str(files / command), *more,
+    ]  # fmt: skip
+
+
+def answer(capsys, arguments):
+    capsys.readouterr()
+    assert main([*arguments, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_compare_and_ahead_follow_the_cast(capsys, files):
+    cast = ["--cast", str(files / "cast.csv")]
+    more = ["--ahead", "10 s", "--fit", "neutral_volume,start_depth,start_speed"]
+    found = [answer(capsys, words(files, "compare", *more, *c)) for c in (cast, [])]
+    assert found[0]["rms_m"] < 0.006 < 0.1 < found[1]["rms_m"]
+    ahead = [f["ahead"]["horizons"][0]["rms_m"] for f in found]
+    assert ahead[0] < 0.6 * ahead[1]
+
+
+def test_identify_of_a_piston_float_takes_the_cast(capsys, files):
+    cast = ["--cast", str(files / "cast.csv"), "--no-profiles", "--neutral-std", "5 cm3"]
+    found = answer(capsys, words(files, "identify", *cast))
+    v = vehicle()
+    T2 = found["parameters"]["T2"]
+    assert T2["value"] == pytest.approx(v.mass / v.drag.k_dl, rel=0.05)
+    assert any("density of the cast" in said for said in found["assumptions"])
+
+
+@pytest.mark.parametrize("command", ["compare", "identify"])
+def test_what_does_not_go_together_is_refused(capsys, files, command):
+    cast = ["--cast", str(files / "cast.csv")]
+    for more, said in (
+        (["--cast-where", "dive=1"], "no use without --cast"),
+        ([*cast, *cast], "2 casts for 1 log"),
+        ([*cast, "--drive", "voltage"], "--drive"),
+        (["--cast", str(files / "none.csv")], "none.csv"),
+    ):
+        assert main(words(files, command, *more)) == 2
+        error = capsys.readouterr().err
+        assert said in " ".join(error.split())
+        assert "Traceback" not in error
+    if command == "identify":
+        assert main(words(files, command, *cast, "--paper")) == 2
+        assert "know no layered water" in capsys.readouterr().err
