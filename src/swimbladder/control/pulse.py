@@ -206,7 +206,11 @@ def step(
     if holding > 0.0:
         wanted = limited(neutral - p.p_z * error, p.volume_min, p.volume_max)
         # A run that the feedback began farther away goes on as one.
-        now = run(p, state.going, error, e.speed, volume, neutral, wanted, share * p.rate)
+        before = state.going
+        slow = p.k_V * abs(wanted - volume) < p.swing and abs(moved) < _BROUGHT * p.dead
+        if held and abs(before) == 2.0 and slow:
+            before = 0.0  # it should be there; at rest it will be seen what holds it off
+        now = run(p, before, error, e.speed, volume, neutral, wanted, share * p.rate)
         going = now.going if measured else 0.0
         drive = now.voltage if measured else 0.0
     else:
