@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from swimbladder.closed_loop import StopReason, simulate, step_metrics
+from swimbladder.closed_loop import Solution, StopReason, simulate, step_metrics
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.parameters import IdentifiedActuator
 from tests.oracle import TABLE_3, closed_loop, paper_cascade
@@ -104,27 +104,36 @@ def test_losses_nonlinear_drag_and_a_sagging_supply(start: float, target: float)
     assert np.abs(ours.volume - theirs.volume).max() < 1e-10
 
 
+@pytest.fixture(scope="module")  # not at import, where every worker would compile for it
+def down() -> Solution:
+    return simulate(paper(), setpoints=[(0.0, 3.0)], duration=600.0, start_depth=1.5)
+
+
+@pytest.fixture(scope="module")
+def up() -> Solution:
+    return simulate(paper(), setpoints=[(0.0, 1.5)], duration=600.0, start_depth=3.0)
+
+
 class TestPublishedNumbers:
     """shared numbers of an independent LSODA run of the printed paper, 1.5 m to 3.0 m."""
 
-    down = simulate(paper(), setpoints=[(0.0, 3.0)], duration=600.0, start_depth=1.5)
-    up = simulate(paper(), setpoints=[(0.0, 1.5)], duration=600.0, start_depth=3.0)
-
-    def test_step_response(self) -> None:
-        m = step_metrics(self.down.time, self.down.depth, start=1.5, target=3.0)
+    def test_step_response(self, down: Solution) -> None:
+        m = step_metrics(down.time, down.depth, start=1.5, target=3.0)
         assert m.overshoot_pct == pytest.approx(14.7, abs=0.05)
         assert m.rise90_s == pytest.approx(37.8, abs=1e-9)
         assert m.settle2_s == pytest.approx(338.0, abs=0.5)
 
-    def test_volume_and_limit(self) -> None:
-        assert self.down.volume.min() == pytest.approx(-99e-6, abs=0.5e-6)
-        assert self.down.volume.max() == pytest.approx(13e-6, abs=0.5e-6)
-        assert self.down.voltage[0] == -12.0
-        assert np.all(np.abs(self.down.voltage) <= 12.0)
+    def test_volume_and_limit(self, down: Solution) -> None:
+        assert down.volume.min() == pytest.approx(-99e-6, abs=0.5e-6)
+        assert down.volume.max() == pytest.approx(13e-6, abs=0.5e-6)
+        assert down.voltage[0] == -12.0
+        assert np.all(np.abs(down.voltage) <= 12.0)
 
-    def test_overshoot_is_slightly_lower_when_ascending(self) -> None:
-        descent = step_metrics(self.down.time, self.down.depth, start=1.5, target=3.0)
-        ascent = step_metrics(self.up.time, self.up.depth, start=3.0, target=1.5)
+    def test_overshoot_is_slightly_lower_when_ascending(
+        self, down: Solution, up: Solution
+    ) -> None:
+        descent = step_metrics(down.time, down.depth, start=1.5, target=3.0)
+        ascent = step_metrics(up.time, up.depth, start=3.0, target=1.5)
         assert 0.0 < descent.overshoot_pct - ascent.overshoot_pct < 1.0
 
 
