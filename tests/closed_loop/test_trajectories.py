@@ -129,9 +129,7 @@ class TestPublishedNumbers:
         assert down.voltage[0] == -12.0
         assert np.all(np.abs(down.voltage) <= 12.0)
 
-    def test_overshoot_is_slightly_lower_when_ascending(
-        self, down: Solution, up: Solution
-    ) -> None:
+    def test_overshoot_is_slightly_lower_when_ascending(self, down: Solution, up: Solution) -> None:
         descent = step_metrics(down.time, down.depth, start=1.5, target=3.0)
         ascent = step_metrics(up.time, up.depth, start=3.0, target=1.5)
         assert 0.0 < descent.overshoot_pct - ascent.overshoot_pct < 1.0
