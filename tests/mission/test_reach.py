@@ -9,11 +9,9 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission, check_mission
 from swimbladder.mission.core.names import Given
 from swimbladder.mission.orders import drag_coefficient, law_parameters
-from swimbladder.mission.prepare import (
-    make_plan,
-    return_depth,
-)
+from swimbladder.mission.prepare import make_plan
 from swimbladder.mission.reach import check_column, check_reach
+from swimbladder.mission.rescue import return_depth
 from swimbladder.seawater import uniform_column
 from tests.mission.conftest import phases
 

@@ -138,7 +138,11 @@ def decide(parameters: RateParameters, depth: float, speed: float, target: float
         acts = towards <= wanted - band or (distance <= p.far and towards >= wanted + band)
     if not acts:
         return Decision(speed, 0.0)
-    return Decision(down * wanted, volume_change(p, seen, down * wanted))
+    change = volume_change(p, seen, down * wanted)
+    if change == 0.0 and distance > p.tolerance and towards != wanted:
+        # less than a step of the volume: one step, or it would stay out of the band for good
+        change = math.copysign(p.volume_step, down * (towards - wanted))
+    return Decision(down * wanted, change)
 
 
 def ascend(parameters: RateParameters, speed: float) -> Decision:

@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import math
 
+from swimbladder.control.deadband import DeadbandParameters, deadband_gains
 from swimbladder.control.rate import RATE, RateParameters
 from swimbladder.control.registry import bind
 from swimbladder.dynamics import drag_force
 from swimbladder.io.mission import Phase
-from swimbladder.parameters import Vehicle
+from swimbladder.parameters import PumpAndValve, Vehicle
 
-__all__ = ["drag_coefficient", "law_parameters"]
+__all__ = [
+    "ASLEEP",
+    "approach_time",
+    "drag_coefficient",
+    "hold_parameters",
+    "law_parameters",
+    "runaway",
+]
 
 # What a phase does where neither it nor the vehicle says so.
 _SPEED = 0.1  # m/s, that of Argo floats
 _TOLERANCE = 10.0  # m
 _LOOKS, _PARKED = 60.0, 600.0  # s between two looks on the way, and parked
 _RUN = 15.0  # s in which a speed is measured
+ASLEEP = 0.5  # e-folds that an error may grow by between two looks
+_RUNS = 0.3  # likewise in a minute, above which a vehicle is not left to the law `rate`
+_LEAST_NOISE = 1e-3  # m, of any depth
 
 
 def drag_coefficient(vehicle: Vehicle, speed: float) -> float:
@@ -69,14 +80,78 @@ def _needed(vehicle: Vehicle, tolerance: float, speed: float) -> float:
     """Return the time between looks [s] in which neither way nor hull runs away from the law.
 
     It goes half the tolerance at the speed, at least two of its own time constants; where the hull
-    gives way more than the water (psi > 0), half the time in which a small error grows e-fold:
-    m s^2 + k s = rho g psi, with k the drag over the speed.
+    gives way more than the water (psi > 0), half the time in which a small error grows e-fold.
     """
-    m = vehicle.mass
     k = drag_force(vehicle.drag, speed) / speed
-    longest = max(0.5 * tolerance / speed, 2.0 * m / k)
-    psi = vehicle.hull.psi
-    if psi > 0.0:
-        pull = vehicle.water.specific_weight * psi
-        longest = min(longest, 0.5 * 2.0 * m / (math.sqrt(k * k + 4.0 * m * pull) - k))
-    return longest
+    longest = max(0.5 * tolerance / speed, 2.0 * vehicle.mass / k)
+    sigma = runaway(vehicle, vehicle.hull.psi, speed)
+    return min(longest, ASLEEP / sigma) if sigma > 0.0 else longest
+
+
+def approach_time(law: RateParameters, way: float) -> float:
+    """Return the time that a way [m] takes at the speeds that the law asks for on it [s]."""
+    near = min(max(law.near, law.tolerance), way)
+    far = max(min(law.far, way), near)
+    return (
+        (way - far) / law.far_speed
+        + (far - near) / law.near_speed
+        + max(near - law.tolerance, 0.0) / law.slow_speed
+    )
+
+
+def runaway(vehicle: Vehicle, psi: float, speed: float) -> float:
+    """Return how fast a small error of the depth grows, sigma [1/s]; 0 where it does not.
+
+    m s^2 + k s = rho g psi, with k the drag over a speed [m/s] and psi [m3/m] at the depth.
+    """
+    if psi <= 0.0:
+        return 0.0
+    m, k = vehicle.mass, abs(drag_force(vehicle.drag, speed)) / speed
+    pull = vehicle.water.specific_weight * psi
+    return 2.0 * pull / (math.sqrt(k * k + 4.0 * m * pull) + k)
+
+
+def hold_parameters(
+    vehicle: Vehicle, phase: Phase, law: RateParameters, psi: float, rate: float
+) -> tuple[float, DeadbandParameters] | None:
+    """Return within what distance [m] `control.hold` flies a phase, and its parameters.
+
+    None where the law `rate` does: it is the vehicle's own, the volume is not known but for seconds
+    of pump and valve, or the phase goes somewhere and does not stay. A vehicle that runs away
+    within minutes is flown by it all the way. psi [m3/m]: slope of the neutral volume at the
+    depth; rate [m3/s]: what the drive gives there. A look comes not before the drive can have done
+    twice what the speed takes.
+    """
+    own = vehicle.controller is not None and vehicle.controller.law == RATE.name
+    if own or isinstance(vehicle.actuator, PumpAndValve):
+        return None
+    speed, tolerance = law.far_speed, law.tolerance
+    sigma = runaway(vehicle, psi, speed)
+    runs = sigma * _LOOKS > _RUNS
+    if not runs and phase.kind not in ("park", "hold"):
+        return None
+    interval = phase.check_interval or min(
+        _LOOKS, max(tolerance / speed, 1.0), ASLEEP / max(sigma, 1e-9)
+    )
+    if phase.check_interval is None and rate > 0.0:
+        interval = max(interval, 2.0 * drag_coefficient(vehicle, speed) * speed**2 / rate)
+    fastest = min(speed, tolerance / interval)
+    # between that of the way and that of rest, where drag is not in proportion
+    k = abs(drag_force(vehicle.drag, 0.5 * fastest)) / (0.5 * fastest)
+    K2, T2 = vehicle.water.specific_weight / k, vehicle.mass / k
+    gains = deadband_gains(K2, T2, psi, interval)
+    sensors, stroke = vehicle.sensors, vehicle.stroke
+    noise = math.hypot(sensors.depth_noise, sensors.depth_quantum / math.sqrt(12.0))
+    longest = phase.check_interval or (_PARKED if phase.kind == "park" else 4.0 * _LOOKS)
+    lag = interval - T2 * (1.0 - math.exp(-interval / T2))
+    found = DeadbandParameters(
+        K2=K2, T2=T2, psi=psi, depth_noise=max(noise, _LEAST_NOISE),
+        # the neutral volume goes along with layers and with a psi that changes on the way
+        neutral_step=max(abs(psi) * fastest * interval, _LEAST_NOISE / (K2 * lag)),
+        band=tolerance, speed_band=0.3 * tolerance / interval, fastest=fastest, k_z=gains.k_z,
+        k_w=gains.k_w, growth=gains.growth, interval=interval,
+        longest=max(min(gains.longest, longest), interval), k_pV=0.0,
+        tolerance=0.02 * tolerance / (K2 * lag), depth_voltage=0.0, rate_per_volt=0.0,
+        voltage_limit=0.0, volume_min=stroke.minimum, volume_max=stroke.maximum, S_p=1.0,
+    )  # fmt: skip
+    return (math.inf if runs else law.far), found

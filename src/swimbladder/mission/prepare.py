@@ -16,9 +16,10 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.hull import layered_volume, neutral_volume
 from swimbladder.io.mission import Mission
 from swimbladder.mission.core.names import Account, At, Given, Holding, Kind, Now, Stage, Table
-from swimbladder.mission.orders import law_parameters
+from swimbladder.mission.orders import approach_time, hold_parameters, law_parameters
+from swimbladder.mission.rescue import return_depth
 from swimbladder.parameters import PumpAndValve, Vehicle
-from swimbladder.seawater import Column, check_motion, motion_table
+from swimbladder.seawater import Column, check_motion, look_up, motion_table
 from swimbladder.seawater.lookup import slopes
 
 __all__ = [
@@ -94,7 +95,7 @@ def make_plan(
         vehicle, mission, column, table, accuracy or Accuracy(), cycles, span,
         reckoning or Reckoning(),
     )  # fmt: skip
-    return Plan(given, table, moving, _stages(vehicle, mission), why)
+    return Plan(given, table, moving, _stages(vehicle, mission, table, column.step), why)
 
 
 def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
@@ -125,19 +126,6 @@ def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
         table[:, place] = np.nan_to_num(values, nan=0.0)
         table[:, place + 1] = slopes(table[:, place], column.step)
     return np.ascontiguousarray(table), why
-
-
-def return_depth(vehicle: Vehicle, mission: Mission, table: Array, step: float) -> float:
-    """Return the depth below which a vehicle could not come up [m]; infinite where it always could.
-
-    There its neutral volume is beyond the stroke less what safety.stroke keeps back, or the drive
-    stalls.
-    """
-    stroke = vehicle.stroke
-    most = stroke.maximum - mission.safety.stroke * (stroke.maximum - stroke.minimum)
-    lost = (table[:, Table.NEUTRAL] > most) | (table[:, Table.RATE_OUT] <= 0.0)
-    lost[: int(vehicle.hull.emergence_depth / step) + 1] = False
-    return float(np.argmax(lost)) * step if lost.any() else math.inf
 
 
 def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
@@ -237,7 +225,7 @@ def coldest(mission: Mission, column: Column) -> float:
     return float(np.min(column.temperature[within]))
 
 
-def _stages(vehicle: Vehicle, mission: Mission) -> Array:
+def _stages(vehicle: Vehicle, mission: Mission, table: Array, step: float) -> Array:
     stages = np.zeros((len(mission.phases), int(Stage.COUNT)))
     before = mission.start_depth
     for stage, phase in zip(stages, mission.phases, strict=True):
@@ -249,9 +237,14 @@ def _stages(vehicle: Vehicle, mission: Mission) -> Array:
         stage[Stage.TOLERANCE] = law.tolerance
         stage[Stage.SPEED] = law.far_speed
         stage[Stage.DURATION] = phase.duration or 0.0
-        stage[Stage.TIMEOUT] = phase.timeout or 2.0 * way / law.far_speed + 3600.0
+        stage[Stage.TIMEOUT] = phase.timeout or 2.0 * approach_time(law, way) + 3600.0
         stage[Stage.LOADS] = hotel_power(vehicle, phase.kind)
-        stage[Stage.LAW :] = law
+        stage[Stage.LAW : Stage.CAPTURE] = law
+        psi = look_up(table, step, Table.NEUTRAL, depth)[1]
+        rate = min(look_up(table, step, n, depth)[0] for n in (Table.RATE_OUT, Table.RATE_IN))
+        holds = None if phase.depth is None else hold_parameters(vehicle, phase, law, psi, rate)
+        if holds is not None:
+            stage[Stage.CAPTURE], stage[Stage.HOLD :] = holds
         before = depth
     return stages
 
@@ -264,8 +257,6 @@ def first_state(
     At the depth of 0 it floats with all volume out; elsewhere it rests, with its neutral volume or
     the one that is given [m3].
     """
-    from swimbladder.seawater import look_up
-
     g, t = plan.given, plan.table
     x, at = np.zeros(int(Now.COUNT)), np.zeros(int(At.COUNT), dtype=np.int64)
     accounts = np.zeros(int(Account.COUNT) + int(Holding.COUNT) * len(plan.stages))

@@ -11,8 +11,10 @@ from swimbladder.buoyancy_engine import drive_map
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.mission.core.names import Given, Stage, Table
+from swimbladder.mission.holding import check_holds
 from swimbladder.mission.orders import law_parameters
-from swimbladder.mission.prepare import Plan, return_depth
+from swimbladder.mission.prepare import Plan
+from swimbladder.mission.rescue import return_depth
 from swimbladder.parameters import PumpAndValve, Vehicle
 from swimbladder.seawater import Column, look_up
 from swimbladder.seawater.column import ATMOSPHERE
@@ -77,6 +79,7 @@ def check_reach(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:
         )
     _check_depths(vehicle, mission, plan)
     _check_times(mission, plan)
+    check_holds(vehicle, mission, plan)
     return found
 
 

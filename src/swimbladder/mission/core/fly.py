@@ -45,6 +45,7 @@ Z_MOST, V_LEAST, V_MOST = int(Now.Z_MOST), int(Now.V_LEAST), int(Now.V_MOST)
 T_CYCLE, T_AFLOAT, Z_LOOK = int(Now.T_CYCLE), int(Now.T_AFLOAT), int(Now.Z_LOOK)
 PHASE, CYCLE, DOING, PLACE = int(At.PHASE), int(At.CYCLE), int(At.DOING), int(At.PLACE)
 RESTS, ARRIVED, NEW_LAW, ALARM = int(At.RESTS), int(At.ARRIVED), int(At.NEW_LAW), int(At.ALARM)
+CAPTURED = int(At.CAPTURED)
 STOP, MISSED, NEW_PHASE = int(At.STOP), int(At.MISSED), int(At.NEW_PHASE)
 MASS, V_MAX, V_MIN, EMPTY = int(Given.MASS), int(Given.V_MAX), int(Given.V_MIN), int(Given.EMPTY)
 RESERVE, LAST_TIME, LAST_CYCLE = int(Given.RESERVE), int(Given.LAST_TIME), int(Given.LAST_CYCLE)
@@ -109,6 +110,7 @@ def _begin_phase(stages, x, at, notes, counts):  # type: ignore[no-untyped-def]
     at[NEW_PHASE] = 0
     at[NEW_LAW] = 1
     at[ARRIVED] = 0
+    at[CAPTURED] = 0
     x[T_PHASE] = x[T]
     x[T_LOOK] = x[T] if at[DOING] == NOTHING else max(x[T], x[T_MOVE])
     x[Z_LOOK] = x[Z]

@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from swimbladder.closed_loop.dispatch import compilable
-from swimbladder.control import rate
+from swimbladder.control import hold, rate
+from swimbladder.control.deadband import DeadbandParameters, DeadbandState
 from swimbladder.control.law import Measurement
 from swimbladder.engine.cache import inlined, part
 from swimbladder.mission.core.motion import value
@@ -29,6 +30,8 @@ __all__ = ["FULL", "end_run", "look", "measured", "note", "start_run"]
 RateParameters, RateState = rate.RateParameters, rate.RateState
 _law_step = inlined(compilable(rate.step))
 _law_initial = inlined(compilable(rate.initial))
+_hold_step = inlined(compilable(hold.step))
+_hold_begin = inlined(compilable(hold.begin))
 
 T, Z, V, H = int(Now.T), int(Now.Z), int(Now.V), int(Now.H)
 T_LOOK, T_MOVE, V_MOVE = int(Now.T_LOOK), int(Now.T_MOVE), int(Now.V_MOVE)
@@ -45,7 +48,8 @@ DELIVERY, NOISE, RESOLUTION = int(Given.DELIVERY), int(Given.NOISE), int(Given.R
 MAKES_UP = int(Given.MAKES_UP)
 NEUTRAL_TOP, SHALLOW = int(Given.NEUTRAL_TOP), int(Given.SHALLOW)
 KIND, DEPTH, SPEED, STAGE_LAW = int(Stage.KIND), int(Stage.DEPTH), int(Stage.SPEED), int(Stage.LAW)
-SURFACE = int(Kind.SURFACE)
+SURFACE, CAPTURE, STAGE_HOLD = int(Kind.SURFACE), int(Stage.CAPTURE), int(Stage.HOLD)
+W_SEEN, CAPTURED = int(Now.W_SEEN), int(At.CAPTURED)
 NOTHING, PUMPING, PRIMING = int(Doing.NOTHING), int(Doing.PUMPING), int(Doing.PRIMING)
 LETTING_IN, BYPASSING = int(Doing.LETTING_IN), int(Doing.BYPASSING)
 RATE_OUT, RATE_IN, BYPASS = int(Table.RATE_OUT), int(Table.RATE_IN), int(Table.BYPASS)
@@ -186,6 +190,33 @@ def _dive(p, table, stage, x, at, accounts, notes, counts, seen, longest):  # ty
 
 
 @part
+def _hold(p, table, stage, x, at, accounts, notes, counts, seen):  # type: ignore[no-untyped-def]
+    """Let `control.hold` decide, and start what it asks for."""
+    h = stage[STAGE_HOLD:]
+    law = DeadbandParameters(
+        h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], h[8], h[9], h[10], h[11], h[12], h[13],
+        h[14], h[15], h[16], h[17], h[18], h[19], h[20],
+    )  # fmt: skip
+    now = Measurement(x[T], seen - stage[DEPTH], x[V])
+    if at[NEW_LAW] == 1:
+        state = _hold_begin(law, now, x[W_SEEN])
+        at[NEW_LAW] = 0
+    else:
+        s = x[LAW:]
+        state = DeadbandState(
+            s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8], s[9], s[10], s[11], s[12], s[13],
+            s[14],
+        )  # fmt: skip
+    wanted, state, pause = _hold_step(law, state, now)
+    for k in range(15):
+        x[LAW + k] = state[k]
+    x[W_SEEN] = state.speed
+    x[T_LOOK] = x[T] + pause
+    if wanted != 0.0:
+        _change(p, table, x, at, accounts, notes, counts, wanted, min(p[LONGEST], pause))
+
+
+@part
 def look(p, table, stage, x, at, accounts, notes, counts):  # type: ignore[no-untyped-def]
     """Measure the depth, let the law `rate` decide, and start what it asks for."""
     at[LOOKS] += 1
@@ -213,7 +244,14 @@ def look(p, table, stage, x, at, accounts, notes, counts):  # type: ignore[no-un
         if at[DOING] != NOTHING:
             x[T_LOOK] = max(x[T_LOOK], x[T_MOVE])
         at[NEW_LAW] = 1
+        x[W_SEEN] = 0.0
         return
+    if stage[CAPTURE] > 0.0 and not surface:
+        if at[CAPTURED] == 0 and abs(seen - stage[DEPTH]) <= stage[CAPTURE]:
+            at[CAPTURED], at[NEW_LAW] = 1, 1
+        if at[CAPTURED] == 1:
+            _hold(p, table, stage, x, at, accounts, notes, counts, seen)
+            return
     now = Measurement(x[T], seen, x[V])
     reference = 0.0 if surface else stage[DEPTH]
     if at[NEW_LAW] == 1:
@@ -226,6 +264,7 @@ def look(p, table, stage, x, at, accounts, notes, counts):  # type: ignore[no-un
     wanted, state, pause = _law_step(law, state, now, reference)
     x[LAW], x[LAW + 1], x[LAW + 2], x[LAW + 3] = state[0], state[1], state[2], state[3]
     x[LAW + 4], x[LAW + 5], x[LAW + 6] = state[4], state[5], state[6]
+    x[W_SEEN] = state[6]
     if wanted != 0.0:
         _change(p, table, x, at, accounts, notes, counts, wanted, longest)
     x[T_LOOK] = x[T] + pause

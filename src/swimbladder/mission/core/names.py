@@ -100,7 +100,9 @@ class Stage(IntEnum):
     TIMEOUT = 5  # s
     LOADS = 6  # W, standby and loads that are on
     LAW = 7  # the 14 parameters of the law `rate`, in its order
-    COUNT = 21
+    CAPTURE = 21  # m from the depth within which `control.hold` flies; 0: nowhere
+    HOLD = 22  # its 21 parameters, those of `deadband`, in that order
+    COUNT = 43
 
 
 class Kind(IntEnum):
@@ -139,8 +141,9 @@ class Now(IntEnum):
     T_PRIMED = 20  # s, when a pump that has started begins to deliver
     T_INSIDE = 21  # s within the tolerance since the phase arrived
     T_ARRIVED = 22  # s, when it did
-    LAW = 23  # the 7 numbers that the law `rate` remembers, in its order
-    COUNT = 30
+    W_SEEN = 23  # m/s, speed as the processor knew it last
+    LAW = 24  # the numbers that the law remembers, in its order: 7 of `rate`, 15 of `deadband`
+    COUNT = 39
 
 
 class At(IntEnum):
@@ -163,7 +166,8 @@ class At(IntEnum):
     NEW_PHASE = 14  # 1: a phase is to begin
     LOOKS = 15
     NOT_HELD = 16  # parks and holds of the cycle that were out of their tolerance too long
-    COUNT = 17
+    CAPTURED = 17  # 1: `control.hold` flies
+    COUNT = 18
 
 
 class Doing(IntEnum):

@@ -1,0 +1,75 @@
+"""A law of missions that holds a depth by its model: it predicts, learns, moves once, sleeps.
+
+The estimate and the decision are those of the law `deadband`, for a drive that goes to a volume by
+itself: what it commands is one change of volume at a wake, and the drive has got there long before
+the next. Where the law `rate` is content with the speed at which drag balances the excess volume,
+this one reckons with the vehicle's inertia and with how far it gives way, T2 and psi, so that it
+also holds a vehicle that runs away faster than it comes to a steady speed.
+
+Depths count from the one that is held, where `neutral` is the volume at rest.
+"""
+
+from __future__ import annotations
+
+from swimbladder.control.deadband import DeadbandParameters, DeadbandState, decide, predict
+from swimbladder.control.law import Measurement
+
+__all__ = ["begin", "step"]
+
+
+def begin(parameters: DeadbandParameters, measurement: Measurement, speed: float) -> DeadbandState:
+    """Start at a speed [m/s] that drag balances with the volume as it is."""
+    p = parameters
+    depth, volume = measurement.depth, measurement.volume
+    return DeadbandState(
+        begun=1.0,
+        depth=depth,
+        speed=speed,
+        depth_slope=0.0,
+        speed_slope=0.0,
+        neutral=volume + speed / p.K2 - p.psi * depth,
+        volume=volume,
+        voltage=0.0,
+        share=1.0,
+        acting=0.0,
+        moving=0.0,
+        sleep=p.interval,
+        waited=0.0,
+        goal=0.0,
+        volume_reference=volume,
+    )
+
+
+def step(
+    parameters: DeadbandParameters, state: DeadbandState, measurement: Measurement
+) -> tuple[float, DeadbandState, float]:
+    """Return the change of volume [m3], the state and the time to sleep [s].
+
+    measurement: its depth counts from the one that is held [m].
+    """
+    p, volume = parameters, measurement.volume
+    now = predict(p, state, volume)
+    decision = decide(p, state, now, measurement, 0.0)
+    change = 0.0
+    if decision.moves > 0.0:
+        change = decision.volume_reference - volume
+    if abs(change) <= p.tolerance:
+        change = 0.0
+    after = DeadbandState(
+        begun=1.0,
+        depth=measurement.depth,
+        speed=decision.speed,
+        depth_slope=0.0,
+        speed_slope=0.0,
+        neutral=decision.neutral,
+        volume=volume + change,
+        voltage=0.0,
+        share=1.0,
+        acting=decision.acting,
+        moving=0.0,
+        sleep=decision.sleep,
+        waited=decision.sleep,
+        goal=0.0,
+        volume_reference=decision.volume_reference,
+    )
+    return change, after, decision.sleep
