@@ -1,4 +1,4 @@
-"""What every test may lean on: no window, no deadline on compilation, and the measured data."""
+"""What every test may lean on: no window, a thread, no deadline on compilation, measured data."""
 
 import os
 from pathlib import Path
@@ -7,6 +7,9 @@ import hypothesis
 import pytest
 
 os.environ["MPLBACKEND"] = "Agg"
+# A worker a core: matrices as small as ours only make the threads of two workers wait for each
+# other. Set before numpy is imported, and for the commands that tests run.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # The first example of a property may compile a kernel. On a server the examples are the same in
 # every run, so that a change is judged by what it changes; at a desk they are drawn anew.

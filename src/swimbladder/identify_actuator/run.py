@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
+from threadpoolctl import threadpool_limits
+
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.identify_actuator.bench import Bench, Driven, bench
 from swimbladder.identify_actuator.estimate import Estimate
@@ -78,7 +80,8 @@ def identify_actuator(
         asked = tuple(name for name in asked if name not in fixed)
     tell = advance or (lambda _: None)
     work = _voltage if driven == "voltage" else _moves
-    return work(benches, vehicle, fixed, tuple(asked), tell)
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
+        return work(benches, vehicle, fixed, tuple(asked), tell)
 
 
 def _check_names(names: Sequence[str]) -> None:
