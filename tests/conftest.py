@@ -1,6 +1,7 @@
 """What every test may lean on: no window, a thread, no deadline on compilation, measured data."""
 
 import os
+from collections import Counter
 from pathlib import Path
 
 import hypothesis
@@ -16,6 +17,17 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 hypothesis.settings.register_profile("swimbladder", deadline=None)
 hypothesis.settings.register_profile("server", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("server" if os.environ.get("CI") else "swimbladder")
+
+
+_SLOW = 20  # a test that is marked so takes as long as so many others
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that take longest, so that no worker is left alone with one."""
+    weights = Counter[Path]()
+    for item in items:
+        weights[item.path] += _SLOW if item.get_closest_marker("slow") else 1
+    items.sort(key=lambda item: -weights[item.path])
 
 
 @pytest.fixture(scope="session")
