@@ -265,6 +265,13 @@ def test_parts_files_say_what_is_wrong(tmp_path) -> None:
     )  # fmt: skip
 
 
+def test_water_of_one_density_is_said_to_be_none_of_the_sea(found: Sizing) -> None:
+    assert any("(--cast)" in sentence for sentence in sentences(found))
+    column = found.column
+    denser = dataclasses.replace(column, density=column.density + 1e-3 * column.depth)
+    assert not any("--cast" in s for s in sentences(dataclasses.replace(found, column=denser)))
+
+
 def test_the_answer_is_whole(found: Sizing) -> None:
     answer = to_json(found)
     assert answer["chosen"]["mass"] == pytest.approx(answer["pareto"][0]["mass"], rel=2e-3)

@@ -62,6 +62,11 @@ def sentences(found: Sizing) -> list[str]:
         f"{rounded(float(w.mass[b]), 2)} kg.",
         f"Tightest: {REQUIREMENTS[tight]}, {100.0 * (w.margins[tight][b] - 1.0):.0f} % to spare.",
     ]
+    if np.ptp(found.column.density) == 0.0:
+        lines.append(
+            "The water has one density at every depth: a sea that is lighter at its surface asks "
+            "for more stroke (--cast)."
+        )
     if w.holding_power[b] > 0.0 and dive.park_time > 0.0:
         lines.append(
             f"The screw can be driven back: holding it at {dive.depth:g} m takes "
