@@ -234,4 +234,7 @@ def _mark_phase(
 
 
 def _label(axes: Axes, text: str, x: float, y: float, color: str, up: int) -> None:
-    axes.annotate(text, (x, y), (7, up), textcoords="offset points", fontsize=9, color=color)
+    axes.annotate(
+        text, (x, y), (7, up), textcoords="offset points", fontsize=9, color=color,
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5},
+    )  # fmt: skip
