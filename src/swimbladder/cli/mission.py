@@ -199,7 +199,8 @@ def _write(
     """Write the files and return their paths."""
     from swimbladder.io.files import publish, write_atomically
     from swimbladder.io.tables import write_csv
-    from swimbladder.mission.export import float_configuration, og1_dataset, write_og1
+    from swimbladder.mission.export import float_configuration
+    from swimbladder.mission.og1 import og1_dataset, write_og1
     from swimbladder.mission.tables import cycle_columns, events_csv, speeds, trajectory_columns
 
     names = ["mission.json", "trajectory.csv", "events.csv", "cycles.csv", "vertical-speed.csv"]

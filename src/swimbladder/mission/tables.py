@@ -27,6 +27,9 @@ def trajectory_columns(result: MissionResult) -> dict[str, Array]:
         "time_s": rows[:, Row.T],
         "depth_m": rows[:, Row.Z],
         "speed_m_s": rows[:, Row.W],
+        "pressure_Pa": np.interp(
+            rows[:, Row.Z], result.flight.column.depth, result.flight.column.pressure
+        ),
         "volume_m3": rows[:, Row.V],
         "phase": rows[:, Row.PHASE],
         "cycle": rows[:, Row.CYCLE] + 1.0,
