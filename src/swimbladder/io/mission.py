@@ -58,7 +58,7 @@ class Phase(Parameters):
     )
     timeout: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
         None, description="time to arrive in, after which the next phase begins (after surface the "
-        "mission ends); not given: twice the way at that speed, and an hour"
+        "mission ends); not given: twice the way at its speeds, slower near the depth, and an hour"
     )  # fmt: skip
     check_interval: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
         None, description="between two looks at depth and speed; not given: park 10 min, the "
