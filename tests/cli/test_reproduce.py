@@ -13,10 +13,11 @@ from swimbladder.reproduce.verdict import claim
 
 @pytest.fixture(scope="module", autouse=True)
 def gathered_once():
-    """Simulate once for a seed: what is tested here is the command around it."""
+    """Simulate once for a seed, and save no picture: what is tested is the command around it."""
     with pytest.MonkeyPatch.context() as patch:
         once = functools.cache(gather)
         patch.setattr(package, "gather", lambda seed, _: once(seed))
+        patch.setattr(package, "save", lambda _figure, path: path)
         yield
 
 
