@@ -36,7 +36,7 @@ def tune(
 ) -> Tuning:  # fmt: skip
     """Return the gains of a law for this vehicle and goal, with what they guarantee.
 
-    law: planned, observer, sea-cascade, adrc, cascade or deadband. goal: fast (a step soon
+    law: planned, observer, pulse, sea-cascade, adrc, cascade or deadband. goal: fast (a step soon
     settled), quiet (little volume moved and few starts of the motor while a depth is held) or
     energy (least electrical energy for a step and holding). depths: least and greatest [m].
     sample_time [s]: the controller's where not given. delay: from a sample to its command, as a
