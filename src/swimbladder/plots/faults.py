@@ -24,6 +24,7 @@ from swimbladder.plots.style import (
     VERMILION,
     depth_axis,
     label_panels,
+    plain_log_ticks,
     styled,
 )
 
@@ -70,6 +71,7 @@ def draw_campaign(flown: Campaign) -> Figure:
             soon.plot(high, row, "|", color=BLACK, ms=9.0)
     soon.set_xscale("log")
     soon.axvline(60.0, color=ORANGE, lw=1.0, ls="--")
+    plain_log_ticks(soon, "x")
     soon.set_xlabel("onset to reason [s]: median (dot), 95 % (bar);\ndashed: 60 s")
     label_panels([fate, soon])
     law = flown.course.vehicle.controller

@@ -4,17 +4,28 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from swimbladder.linear.margins import frequency_response
-from swimbladder.plots.style import BLACK, BLUE, GREY, ORANGE, VERMILION, label_panels, styled
+from swimbladder.plots.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    ORANGE,
+    VERMILION,
+    label_panels,
+    plain_log_ticks,
+    styled,
+)
 from swimbladder.tune import Tuning
 from swimbladder.tune.margins import WANTED
 
 __all__ = ["draw_sensitivity", "draw_tuning"]
 
 _LEAST = 0.05  # sensitivity that is shown
+_QUIET = 0.2  # of the supply's voltage: where less is used the supply is not shown
 _LONG = 4.0  # times the median settling, that is shown
 
 
@@ -42,6 +53,9 @@ def draw_tuning(tuning: Tuning) -> Figure:
     depth.axhspan(step.target - band, step.target + band, color=GREY, alpha=0.25, lw=0.0)
     depth.axhline(step.target, color=BLACK, lw=0.8, ls="--", label="set-point, 2 % band")
     limit = tuning.vehicle.supply
+    used = max(float(np.abs(traces.command).max()) for traces in tuning.shown)
+    if limit is not None and volts and used < _QUIET * limit.voltage:
+        limit = None  # it would squeeze what is used to a line
     if limit is not None:
         for side in (-1.0, 1.0):
             voltage.axhline(
@@ -85,6 +99,7 @@ def draw_sensitivity(tuning: Tuning) -> Figure:
         axes.set_title(f"broken at the {place}", fontsize=10.0)
         axes.set_xlim(left=max(0.5 * first, 1e-4) if math.isfinite(first) else 1e-3)
         axes.set_ylim(_LEAST, 3.0)
+        plain_log_ticks(axes, "y")
     panels[0].set_ylabel("sensitivity |S| [-]")
     lines = [
         Line2D([], [], color=BLUE, lw=1.6, label="as it is"),
