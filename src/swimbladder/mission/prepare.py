@@ -18,8 +18,9 @@ from swimbladder.io.mission import Mission
 from swimbladder.mission.core.names import Account, At, Given, Holding, Kind, Now, Stage, Table
 from swimbladder.mission.orders import approach_time, hold_parameters, law_parameters
 from swimbladder.mission.rescue import return_depth
+from swimbladder.mission.swell import waves_of
 from swimbladder.parameters import PumpAndValve, Vehicle
-from swimbladder.seawater import Column, check_motion, look_up, motion_table
+from swimbladder.seawater import Column, check_motion, look_up
 from swimbladder.seawater.lookup import slopes
 
 __all__ = [
@@ -83,14 +84,14 @@ def make_plan(
 ) -> Plan:  # fmt: skip
     """Return a mission as the kernel takes it.
 
-    waves: of `seawater.motion.motion_table`; waves, cycles, span [s]: in the place of the
+    waves: of `mission.swell.waves_of`; waves, cycles, span [s]: in the place of the
     mission's. reckoning: where the processor errs about its drive.
     """
     table, why = make_table(vehicle, column)
     moving = waves
     if moving is None:
         check_motion(mission.water_motion, column)
-        moving = motion_table(mission.water_motion, column.gravity)
+        moving = waves_of(mission.water_motion, vehicle.hull.height, column.gravity)
     given = _given(
         vehicle, mission, column, table, accuracy or Accuracy(), cycles, span,
         reckoning or Reckoning(),

@@ -337,7 +337,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
             if arrived and at[ALARM] == 0:
                 _hold(stages, x, at, accounts, depth, x[T] - before)
         if at[STOP] == 0:
-            _decide(p, table, stages, x, at, accounts, notes, counts)
+            _decide(p, table, waves, stages, x, at, accounts, notes, counts)
         over = False
         if at[STOP] == 0 and x[T] >= x[T_END]:
             if at[ALARM] == 1:
@@ -359,7 +359,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
 
 
 @part
-def _decide(p, table, stages, x, at, accounts, notes, counts):  # type: ignore[no-untyped-def]
+def _decide(p, table, waves, stages, x, at, accounts, notes, counts):  # type: ignore[no-untyped-def]
     """End a run whose time is over, look where it is time, and see whether it floats."""
     if at[DOING] == PRIMING and x[T] >= x[T_PRIMED]:
         at[DOING] = PUMPING
@@ -378,4 +378,4 @@ def _decide(p, table, stages, x, at, accounts, notes, counts):  # type: ignore[n
         elif at[ALARM] == 1:
             _press_out(p, table, x, at, accounts, notes, counts)
         else:
-            look(p, table, stages[at[PHASE]], x, at, accounts, notes, counts)
+            look(p, table, waves, stages[at[PHASE]], x, at, accounts, notes, counts)

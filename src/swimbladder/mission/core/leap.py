@@ -348,8 +348,11 @@ def sink_volume(p, table):  # type: ignore[no-untyped-def]
 @part
 def settle(p, table, waves, x, at, accounts):  # type: ignore[no-untyped-def]
     """Take a vehicle for resting where what is left of its oscillation is too small to count."""
-    if at[DOING] != NOTHING or at[PLACE] == 2 or waves.shape[0] > 0:
+    if at[DOING] != NOTHING or at[PLACE] == 2:
         return
+    for k in range(waves.shape[0]):
+        if waves[k, 5] > 0.0:
+            return
     if rate_of(p, table, NOTHING, x[Z], x[V])[0] != 0.0 and (
         at[PLACE] != 1 or x[V] <= sink_volume(p, table) + _EDGE
     ):

@@ -92,13 +92,18 @@ def _random(seed, draw):  # type: ignore[no-untyped-def]
 
 
 @part
-def measured(p, x, at):  # type: ignore[no-untyped-def]
-    """Return the depth as the sensor gives it: with white noise and quantum where seeded."""
+def measured(p, waves, x, at):  # type: ignore[no-untyped-def]
+    """Return the depth as the sensor gives it: with swell, white noise and quantum where seeded."""
+    swell = 0.0
+    for k in range(waves.shape[0]):
+        if waves[k, 5] < 0.0:
+            angle = waves[k, 1] * x[T] + waves[k, 2]
+            swell += waves[k, 0] * math.exp(-waves[k, 4] * max(x[Z], 0.0)) * math.sin(angle)
     if at[SEED] < 0:
-        return x[Z]
+        return x[Z] - swell
     a, b = _random(at[SEED], at[DRAWS]), _random(at[SEED], at[DRAWS] + 1)
     at[DRAWS] += 2
-    z = x[Z] + p[NOISE] * math.sqrt(-2.0 * math.log(a)) * math.cos(2.0 * math.pi * b)
+    z = x[Z] - swell + p[NOISE] * math.sqrt(-2.0 * math.log(a)) * math.cos(2.0 * math.pi * b)
     if p[RESOLUTION] > 0.0:
         z = p[RESOLUTION] * math.floor(z / p[RESOLUTION] + 0.5)
     return z
@@ -217,10 +222,10 @@ def _hold(p, table, stage, x, at, accounts, notes, counts, seen):  # type: ignor
 
 
 @part
-def look(p, table, stage, x, at, accounts, notes, counts):  # type: ignore[no-untyped-def]
+def look(p, table, waves, stage, x, at, accounts, notes, counts):  # type: ignore[no-untyped-def]
     """Measure the depth, let the law `rate` decide, and start what it asks for."""
     at[LOOKS] += 1
-    seen = measured(p, x, at)
+    seen = measured(p, waves, x, at)
     law = RateParameters(
         stage[STAGE_LAW], stage[STAGE_LAW + 1], stage[STAGE_LAW + 2], stage[STAGE_LAW + 3],
         stage[STAGE_LAW + 4], stage[STAGE_LAW + 5], stage[STAGE_LAW + 6], stage[STAGE_LAW + 7],
