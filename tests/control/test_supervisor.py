@@ -9,13 +9,14 @@ import pytest
 from swimbladder.closed_loop import simulate
 from swimbladder.control.law import NEVER
 from swimbladder.control.registry import LAWS
-from swimbladder.control.supervisor import SUPERVISOR, Reason, reasons_in
+from swimbladder.control.supervisor import SUPERVISOR, Reason, reasons_in, times
 from swimbladder.control.supervisor_records import Watched
 from swimbladder.firmware.clock import ControllerTwin, VehicleTwin
 from swimbladder.firmware.golden import command_limits
 from swimbladder.firmware.safety import supervisor_parameters
 from swimbladder.parameters import Sensors, Supervisor
 from tests.firmware.laws import example
+from tests.vehicles import paper
 
 NOISY = Sensors(depth_noise="2 mm", depth_quantum="5 mm", volume_noise="0.2 cm3")
 CLEAN = Sensors()
@@ -197,6 +198,7 @@ class TestFaults:
     def test_pushes_that_end_at_one_place(self):
         """Noise drives the volume to and fro; a block holds it back at its peaks only."""
         p = supervisor_parameters(example("cascade")[0], 0.3)
+        p = p._replace(same_tried=NEVER)  # the depth of this stand is the very same all along
 
         def seconds(block: float) -> float:
             rng = np.random.default_rng(5)
@@ -318,6 +320,87 @@ class TestShown:
         assert flown.reason is Reason.DEPTH_MISSING
 
 
+class TestReach:
+    """A push outward now and then, where nothing else shows whether the actuator can."""
+
+    limits = supervisor_parameters(example("cascade")[0], 0.3)
+
+    def after(self, p: Any, rows: list[tuple[float, float]], **state: Any) -> list[float]:
+        """Return the commands over rows of (depth, volume), the law's being 0 V."""
+        s = SUPERVISOR.initial(p, CALM, 0.0)._replace(known=int(p.known), **state)
+        commands = []
+        for depth, volume in rows:
+            command, s, _ = SUPERVISOR.step(p, s, CALM._replace(depth=depth, volume=volume), 0.0)
+            assert not s.reasons
+            commands.append(command)
+        return commands
+
+    def test_it_is_shown_before_the_vehicle_sinks(self):
+        p = self.limits
+        neutral = p.psi * 2.0
+        late = {"unproven": int(p.unproven)}
+        level = [(2.0, neutral - 0.9 * p.sinks)]
+        heavy = [(2.0, neutral - 1.1 * p.sinks)]
+        pushed = [(2.0, neutral), (2.0, neutral + 0.9 * p.reach), (2.0, neutral + 1.1 * p.reach)]
+        full = p.surface_command
+        assert self.after(p, level * 3, **late) == [0.0] * 3
+        assert self.after(p, heavy * 3) == [0.0] * 3  # it has shown it of late
+        # until it has, and then the law's again, however heavy
+        shown = self.after(p, heavy + pushed + heavy * 3, **late)
+        assert shown == [full] * 3 + [0.0] * 4
+        # and not for as long as it counts
+        again = self.after(p, heavy * (int(p.unproven) + 3), unproven=0)
+        assert again.index(full) == p.unproven
+
+    def test_what_the_dive_has_shown_of_its_neutral_volume_counts(self):
+        p, late = self.limits, {"unproven": int(self.limits.unproven)}
+        rows = [(2.0, p.psi * 2.0)]
+        assert self.after(p, rows, own=0.9 * p.sinks, **late) == [0.0]
+        assert self.after(p, rows, own=1.1 * p.sinks, **late) == [p.surface_command]
+
+    def test_an_actuator_at_its_end_has_shown_what_it_can(self):
+        p = self.limits
+        rows = [(2.0, 1.01 * p.volume_high)] * 2
+        assert self.after(p, rows, own=2.0 * p.volume_high, unproven=NEVER) == [
+            p.surface_command,
+            0.0,
+        ]
+
+    def test_a_depth_that_is_the_very_same_is_moved(self):
+        p, n = self.limits, int(self.limits.same_tried)
+        still = [(2.0, p.psi * 2.0)]
+        commands = self.after(p, still * (n + 5))
+        # the first tick has nothing before it that it could be the same as
+        assert commands.index(p.surface_command) == n
+        assert commands[n:] == [p.surface_command] * 5
+        moved = self.after(p, still * (n + 2) + [(1.99, p.psi * 2.0 + 1.1 * p.reach)] + still)
+        assert moved[-4:] == [p.surface_command] * 2 + [0.0] * 2
+
+    def test_a_coarse_quantum_is_given_its_time(self):
+        """A volume that is just known to have changed takes twice as long to be seen."""
+        vehicle = example("cascade")[0].model_copy(
+            update={"sensors": Sensors(depth_quantum="0.2 m")}
+        )
+        p = supervisor_parameters(vehicle, 0.3)
+        force = 1.0 / (p.inertia / p.per_tau**2)  # m/s2 per m3, a_b
+        seen = math.sqrt(2.0 * 0.4 / (force * p.grown))
+        assert p.same_tried == math.ceil(2.0 * seen / 0.3)
+        assert p.unproven == 100
+
+    @pytest.mark.parametrize(("psi", "given", "ticks"), [
+        (-1.0, None, NEVER), (0.0, None, NEVER), (-1.0, "1 min", 200), (4.04, "1 min", 200),
+        (4.04, None, 100),
+    ])  # fmt: skip
+    def test_a_hull_that_comes_to_rest_by_itself_is_left_alone(self, psi, given, ticks):
+        hull = paper().hull.model_copy(update={"psi": psi * 1e-6})
+        p = supervisor_parameters(paper(hull=hull, supervisor=Supervisor(prove_after=given)), 0.3)
+        assert p.unproven == p.same_tried == ticks
+
+    @pytest.mark.parametrize("n", [0, 1, 2, 3, 16, 17, 1000, 4095, 65534, NEVER])
+    def test_times(self, n):
+        assert times(n, 0.375) == n * 0.375
+
+
 class TestSafeAction:
     limits = supervisor_parameters(example("cascade")[0], 0.3)
 
@@ -394,6 +477,18 @@ class TestSafeAction:
         assert rows[-1] == (p.away_command, pytest.approx(3.5e-4))
         resting = self.driven(lambda _, u: -p.rate * u, 0.0, 120.0, least=0.0)
         assert p.away_command not in {command for command, _ in resting}
+
+    def test_a_rest_ends_where_the_sea_drives_the_piston_in(self):
+        """The motor's load is three times what it was: the voltage that should hold does not."""
+        p, end = self.limits, 0.3 * int(self.limits.push)
+        rows = self.driven(
+            lambda t, u: 1e-5 if u > p.hold_command else (-1e-5 if t > end else 0.0), 2e-4,
+            end + 60.0,
+        )  # fmt: skip
+        resting = [volume for command, volume in rows if command == p.hold_command]
+        assert resting
+        assert min(resting) > 3.5e-4 - p.away - 2.0 * 0.3e-5
+        assert rows[-1][1] > 3.5e-4 - 2.0 * p.away
 
     def test_there_is_no_rest_while_the_vehicle_sinks(self):
         p = self.limits

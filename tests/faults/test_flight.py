@@ -210,3 +210,32 @@ def test_passing_the_rated_depth_ends_a_mission(rig):
         result, flown = rig.fly(target=60.0, ticks=3000, rated=25.0)
     assert result[RESULT.beyond] == result[RESULT.last] == len(flown["depth"]) - 1
     assert flown["depth"][-2] <= 25.0 < result[RESULT.depth]
+
+
+def test_the_deaf_vehicle_is_the_supervised_one_until_there_is_a_reason(rig):
+    """With a depth that stands still it is pushed outward to see; then there is a reason."""
+    harms = ((Fault.DEPTH_STUCK, 0, 0, 100, ALWAYS),)
+    _, heard = rig.fly(*harms, who="supervised", ticks=600, target=20.5)
+    _, deaf = rig.fly(*harms, who="deaf", ticks=600, target=20.5)
+    latched = int(np.argmax(heard["reason"] > 0.0))
+    assert latched > 200
+    for name in ("depth", "volume", "command"):
+        assert np.array_equal(heard[name][:latched], deaf[name][:latched])
+    pushed = heard["command"][:latched] == 12.0
+    assert pushed[-5:].any()
+    assert not deaf["reason"].any()
+    assert np.all(heard["command"][latched : latched + 50] == 12.0)
+    assert deaf["command"][latched] != 12.0  # its law's again
+
+
+def test_a_piston_blocked_outward_is_found_before_the_vehicle_sinks(rig):
+    """1 cm3 above where it holds its depth: found at the top, where that still lifts it."""
+    harms = ((Fault.BLOCKED_OUT, 1.4e-3, 0, 150, ALWAYS),)
+    turns = ((0.0, 20.0), (300.0, 30.0))
+    result, flown = rig.fly(*harms, who="supervised", turns=turns, ticks=3000, ramp=0.03)
+    assert flown["reason"][-1] == 10.0
+    assert result[RESULT.latched] * rig.tick < 90.0 + 20.0
+    assert result[RESULT.deepest] < 20.5
+    assert result[RESULT.depth] < 1.0
+    result, flown = rig.fly(*harms, turns=turns, ticks=3000, ramp=0.03)
+    assert result[RESULT.deepest] > 60.0

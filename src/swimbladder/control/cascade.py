@@ -46,7 +46,7 @@ def step(
     """
     p = parameters
     error = reference - measurement.depth
-    U = p.k_pz * error + p.k_dz * (error - state.error) / p.S_p + state.integral
+    U = p.k_pz * error + p.k_dz / p.S_p * (error - state.error) + state.integral
     voltage = p.k_pV * (U - measurement.volume)
     return voltage, CascadeState(state.integral + p.k_iz * p.S_p * error, error, U), p.S_p
 

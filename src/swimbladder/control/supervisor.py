@@ -83,13 +83,26 @@ def smoothed(old: float, new: float, weight: float) -> float:
     return old + weight * (new - old)
 
 
+def times(n: Count, each: float) -> float:
+    """Return n each: for small n less work than to make a float of it, where there is no unit."""
+    total = 0.0
+    bit: Count = 1
+    for _ in range(16):
+        if bit <= n:
+            if n & bit > 0:
+                total = total + each
+            each = each + each
+        bit = more(bit, bit)
+    return total
+
+
 def count_time(p: SupervisorParameters, s: SupervisorState, lost: Count) -> SupervisorState:
     """Count the ticks that were lost, and this one."""
     half = more(lost, lost)
     s = s._replace(lost=share(more(half, half), s.lost, p.lost_quarters))
     if p.time_blocks == NEVER:
         return s
-    tick = more(s.tick, lost)
+    tick = more(s.tick, min(lost, _MOST_LOST))
     if tick >= _BLOCK:
         tick = less(tick, _BLOCK)
         s = s._replace(block=more(s.block, 1))
@@ -100,9 +113,13 @@ def expected_rate(p: SupervisorParameters, s: SupervisorState) -> float:
     """Return the volume rate [m3/s] that the last command should give at the last depth."""
     if p.positioner > 0.0:
         return min(max((s.command - s.volume) * p.per_tick, -p.rate), p.rate)
-    push = s.command - p.load_drive * s.depth - p.friction
+    push = s.command - p.load_drive * s.depth
+    back = s.command - p.load_back * s.depth
+    if p.friction > 0.0:
+        push = push - p.friction
+        back = back + p.friction
     if push <= 0.0:
-        push = min(s.command - p.load_back * s.depth + p.friction, 0.0)
+        push = min(back, 0.0)
     rate = p.rate * push
     if p.leakage > 0.0:
         rate = rate - p.leakage * s.depth
@@ -142,7 +159,7 @@ def believable(p: SupervisorParameters, s: SupervisorState, seen: Watched, since
     """Return whether a depth can be: new, in the sensor's range, near the last good one."""
     possible = p.depth_least <= seen.depth <= p.depth_most
     change = abs(seen.depth - s.depth)
-    near = change <= p.step or since == NEVER or change <= p.fastest * float(since) + p.jump
+    near = change <= p.step or since == NEVER or change <= times(since, p.fastest) + p.jump
     late = seen.depth_age > p.late_age
     return possible and near and not late
 
@@ -176,15 +193,12 @@ def watch_still(p: SupervisorParameters, s: SupervisorState, depth: float) -> Su
     return s._replace(still=more(s.still, 1))
 
 
-def smooth_motion(
-    p: SupervisorParameters, s: SupervisorState, depth: float, n: float
-) -> SupervisorState:
-    """Put depth and volume through two low passes each."""
-    s = s._replace(z1=smoothed(s.z1, depth, p.smoothing))
-    s = s._replace(z2=smoothed(s.z2, s.z1, p.smoothing))
-    s = s._replace(n1=smoothed(s.n1, n, p.smoothing))
-    s = s._replace(n2=smoothed(s.n2, s.n1, p.smoothing))
-    return s._replace(settled=more(s.settled, 1))
+def smooth_motion(s: SupervisorState, depth: float, n: float, weight: float) -> SupervisorState:
+    """Put depth and volume through two low passes each; a weight of 1 begins them anew."""
+    s = s._replace(z1=smoothed(s.z1, depth, weight))
+    s = s._replace(z2=smoothed(s.z2, s.z1, weight))
+    s = s._replace(n1=smoothed(s.n1, n, weight))
+    return s._replace(n2=smoothed(s.n2, s.n1, weight))
 
 
 def needed(p: SupervisorParameters, s: SupervisorState, depth: float) -> float:
@@ -203,11 +217,10 @@ def learn(
     p: SupervisorParameters, s: SupervisorState, depth: float, n: float, room: float
 ) -> SupervisorState:
     """Learn which neutral volume this dive has, within what is known of it before."""
-    known = more(s.known, 1)
-    weight = p.forgetting
-    if known < p.remembered:
-        weight = 1.0 / float(known)
-    s = s._replace(known=known, own_depth=smoothed(s.own_depth, depth, weight))
+    weight = s.weight
+    if weight > p.forgetting:
+        s = s._replace(weight=weight - weight * weight)
+    s = s._replace(known=more(s.known, 1), own_depth=smoothed(s.own_depth, depth, weight))
     return s._replace(own=min(max(smoothed(s.own, n, weight), -room), room))
 
 
@@ -217,10 +230,9 @@ def watch_motion(
     """Ask which neutral volume the motion means, and whether the vehicle can have it."""
     bad = not anew
     wrong = s.wrong
-    if anew:
-        s = s._replace(z1=depth, z2=depth, n1=n, n2=n, settled=0)
-    else:
-        s = smooth_motion(p, s, depth, n)
+    s = smooth_motion(s, depth, n, 1.0 if anew else p.smoothing)
+    s = s._replace(settled=0 if anew else more(s.settled, 1))
+    if not anew:
         own = room
         center = 0.0
         if s.known >= p.known:
@@ -233,7 +245,7 @@ def watch_motion(
             off = abs(s.n2 + push - center)
             own = own + missed
             bad = bad or off > own
-            if off > 2.0 * own:  # beyond doubt: it counts three times
+            if off > own + own:  # beyond doubt: it counts three times
                 wrong = min(more(wrong, 2), p.wrong)
             if missed < p.calm:
                 s = learn(p, s, depth, s.n2 + push, room)
@@ -288,6 +300,17 @@ def watch_board(p: SupervisorParameters, s: SupervisorState, seen: Watched) -> S
     return s._replace(battery=battery, leak=leak, missed=missed)
 
 
+def watch_reach(p: SupervisorParameters, s: SupervisorState, beyond: float) -> SupervisorState:
+    """Ask for a push outward of a vehicle that begins to sink and has shown none of late.
+
+    Also where its depth was the very same for long, to see whether it can change.
+    """
+    if beyond > p.reach or s.volume > p.volume_high:
+        return s._replace(unproven=0)
+    due = s.unproven >= p.unproven and beyond < -p.sinks
+    return s._replace(unproven=NEVER if due or s.same >= p.same_tried else more(s.unproven, 1))
+
+
 def reasons_of(p: SupervisorParameters, s: SupervisorState) -> Count:
     """Return the bits of the reasons that there are."""
     bits: Count = 1 if s.restarted else 0
@@ -333,7 +356,8 @@ def watch_push(p: SupervisorParameters, s: SupervisorState, sinks: bool) -> Supe
     """Turn the push round where the volume goes away from where it is sent, and once back.
 
     At the inner end, or where it stands for long while the vehicle sinks, little is lost by trying.
-    One that is no more before it grew the other way turns the push back.
+    One that is no more before it grew the other way turns the push back. A rest in which the sea
+    drives it in is over.
     """
     turns = s.turns
     if not s.measured:
@@ -341,11 +365,13 @@ def watch_push(p: SupervisorParameters, s: SupervisorState, sinks: bool) -> Supe
     gained = s.volume - s.pushed
     if gained > p.grown:
         return s._replace(pushed=s.volume, astray=0, turns=4 if turns > 1 else turns)
-    fell = s.phase < p.push and gained < -p.away
+    fell = gained < -p.away
     soon = turns == 2 or s.volume < p.volume_low
     stands = s.astray >= p.astray if soon else sinks and s.astray >= p.push
     s = s._replace(pushed=s.volume if fell else s.pushed, astray=more(s.astray, 1))
-    if fell and turns != 1:
+    if fell and s.phase >= p.push:
+        s = s._replace(phase=less(p.push, p.again))
+    elif fell and turns != 1:
         s = s._replace(astray=0, turns=3 if turns == 0 else 1)
     elif stands and s.volume < p.volume_high and (turns == 0 or turns == 2):
         s = s._replace(astray=0, turns=2 if turns == 0 else 1)
@@ -384,8 +410,9 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
         same=0, rose=False, sank=False, noisy=0.0, same_volume=0.0, frozen=False, volume=0.0,
         measured=False, volume_blind=0, command=0.0, lag=0.0, asked=0.0, following=0, z1=0.0,
         z2=0.0, n1=0.0, n2=0.0, settled=0, anchor=0.0, still=0, wrong=0, own=0.0, own_depth=0.0,
-        known=0, deep=0, battery=0, leak=0, missed=0, reason=0, reasons=0, phase=0, window=0,
-        from_depth=0.0, release=False, pushed=0.0, astray=0, turns=0, top=0.0, stops=0,
+        weight=0.5, known=0, deep=0, battery=0, leak=0, missed=0, reason=0, reasons=0, phase=0,
+        window=0, from_depth=0.0, release=False, pushed=0.0, astray=0, turns=0, top=0.0, stops=0,
+        unproven=0,
     )  # fmt: skip
 
 
@@ -394,7 +421,7 @@ def step(
 ) -> tuple[float, SupervisorState, float]:
     """Return the command [V or m3]: `wanted`, the law's, or full buoyancy for a reason."""
     p = parameters
-    lost = min(seen.lost, _MOST_LOST)
+    lost = seen.lost
     since = more(more(state.since, 1), lost)
     good = believable(p, state, seen, since)
     depth = seen.depth if good else state.depth
@@ -421,6 +448,10 @@ def step(
         s = watch_deep(p, s, depth, speed, volume)
         since = 0
     s = watch_board(p, s, seen)
+    if p.same_tried < NEVER and known and not resting and s.known >= p.known:
+        s = watch_reach(p, s, n - s.own)
+        if s.unproven == NEVER:
+            wanted = p.surface_command
     s = s._replace(
         since=since, depth=depth, volume=volume, measured=measured, command=wanted,
         reasons=reasons_of(p, s),

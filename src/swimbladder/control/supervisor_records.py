@@ -52,6 +52,10 @@ class SupervisorParameters(NamedTuple):
     same_begun: Count  # ticks of it after which the volume has to stay as well
     same_moved: Count  # ticks of it that are too many where it does not
     moved: float  # m3, by so much
+    same_tried: Count  # ticks of it after which the vehicle is pushed outward to see
+    unproven: Count  # ticks after which it has to show anew that the actuator can push outward
+    sinks: float  # m3, before it is heavier by so much
+    reach: float  # m3, by so much beyond the neutral volume
     same_noisy: Count  # ticks of the very same depth where the sensor has shown its noise
     noisy: float  # -, share of ticks in which the depth turns, where it has
     noisy_weight: float  # -, of the newest in it
@@ -80,7 +84,6 @@ class SupervisorParameters(NamedTuple):
     neutral_change: float  # m3, how far it may walk from what the dive has shown
     known: Count  # ticks in which the dive has to show it
     forgetting: float  # -, least weight of the newest in it
-    remembered: Count  # ticks from which on it has that weight
     calm: float  # m3, by which the model may miss where it is learnt
     model_error: float  # -, share of the force on the vehicle that the model may miss
     inertia: float  # m2, volume that the motion takes per second difference of the low passes
@@ -145,6 +148,7 @@ class SupervisorState(NamedTuple):
     wrong: Count  # ticks in which depth and volume did not fit
     own: float  # m3, by which the neutral volume is larger as the dive has shown it
     own_depth: float  # m, where it did, on average
+    weight: float  # -, of the newest in them, about 1 / ticks
     known: Count  # ticks in which it did
     deep: Count  # ticks
     battery: Count  # ticks
@@ -161,6 +165,7 @@ class SupervisorState(NamedTuple):
     turns: Count  # of the push: 1 for good the way it was; 2 tried, 3 as it fell, 4 as it grew so
     top: float  # m3, where pushes outward ended
     stops: Count  # ticks in which they did
+    unproven: Count  # ticks since it has shown that it can push outward; NEVER: it has to
 
 
 SUPERVISOR_UNITS = {
@@ -168,8 +173,8 @@ SUPERVISOR_UNITS = {
     **dict.fromkeys(("S_p", "late_age", "coast"), "s"),
     **dict.fromkeys(
         ("push", "again", "rest", "release", "blind", "gap", "same", "same_begun", "same_moved",
-         "following", "stops", "settle", "wrong", "remembered", "still", "deep", "battery", "leak",
-         "missed", "known", "same_noisy", "astray", "time_ticks"),
+         "following", "stops", "settle", "wrong", "same_tried", "unproven", "still", "deep",
+         "battery", "leak", "missed", "known", "same_noisy", "astray", "time_ticks"),
         "ticks",
     ),
     "time_blocks": "4096 ticks",
@@ -180,8 +185,8 @@ SUPERVISOR_UNITS = {
         "m",
     ),
     **dict.fromkeys(
-        ("moved", "volume_least", "volume_most", "volume_low", "volume_high", "neutral",
-         "neutral_range", "neutral_deepest", "neutral_change", "calm", "grown"),
+        ("moved", "sinks", "reach", "volume_least", "volume_most", "volume_low", "volume_high",
+         "neutral", "neutral_range", "neutral_deepest", "neutral_change", "calm", "grown"),
         "m3",
     ),
     **dict.fromkeys(

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-__all__ = ["ALONE", "SUPERVISED", "glue"]
+__all__ = ["ALONE", "DEAF", "SUPERVISED", "glue"]
 
-ALONE, SUPERVISED = "alone", "supervised"
+ALONE, SUPERVISED, DEAF = "alone", "supervised", "deaf"
 
 
 def glue(first: str) -> str:
     """Return the C; first: the controller's command until there is one, as C.
 
     seen: depth, its age, volume, battery, leak, lost ticks, depth asked for. said: the reason of
-    the supervisor, whether a weight is to be released, whether the law was called.
+    the supervisor, whether a weight is to be released, whether the law was called. The deaf vehicle
+    is the supervised one until there is a reason; it does not hear it, and goes on with its law.
     """
     return f"""\
 #include "swb_vehicle.h"
@@ -57,5 +58,27 @@ float supervised_tick(void *memory, const float *seen, float *said)
     said[1] = v->release ? 1.0f : 0.0f;
     said[2] = due && v->controller.ticks != ticks ? 1.0f : 0.0f;
     return command;
+}}
+
+int deaf_size(void)
+{{
+    return (int)sizeof(swb_vehicle);
+}}
+
+void deaf_begin(void *memory, int after_reset)
+{{
+    swb_vehicle_begin(memory, after_reset != 0);
+}}
+
+float deaf_tick(void *memory, const float *seen, float *said)
+{{
+    swb_vehicle *v = memory;
+    const swb_seen s = {{.depth = seen[0], .depth_age = seen[1], .volume = seen[2],
+        .battery = seen[3], .leak = seen[4] > 0.5f, .lost_ticks = (uint32_t)seen[5]}};
+    said[0] = said[1] = 0.0f;
+    said[2] = v->controller.waiting == 0u ? 1.0f : 0.0f;
+    const float wanted = swb_controller_tick(&v->controller, seen[0], seen[2], seen[6]);
+    const float command = swb_vehicle_watch(v, &s, wanted, v->controller.missed);
+    return v->reason != 0u ? wanted : command;
 }}
 """

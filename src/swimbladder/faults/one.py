@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from swimbladder.control.supervisor import Reason
 from swimbladder.faults.draw import Course, Mission, course_of, draw
 from swimbladder.faults.flight import FULL, OWN
-from swimbladder.faults.glue import ALONE, SUPERVISED
+from swimbladder.faults.glue import ALONE, DEAF, SUPERVISED
 from swimbladder.faults.kinds import KINDS
 from swimbladder.faults.rows import Result
 from swimbladder.faults.run import board_of, check_controller
@@ -119,7 +119,7 @@ def fly_one(
     check_controller(vehicle)
     course = course_of(vehicle, depths)
     mission = draw(course, seed=seed, number=number, healthy=healthy)
-    ways = [(SUPERVISED, OWN), (ALONE, OWN), (ALONE, FULL)][: 2 if healthy else 3]
+    ways = [(SUPERVISED, OWN), (ALONE, OWN), (DEAF, FULL)][: 2 if healthy else 3]
     with board_of(course) as board:
         squadron = Squadron(course, board)
         flown = [squadron.traced(mission, who, how) for who, how in ways]

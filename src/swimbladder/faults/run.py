@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from swimbladder.engine.modes import SUPPLY, Z_BOTTOM
 from swimbladder.errors import InputError
 from swimbladder.faults.draw import Course, course_of, draw
-from swimbladder.faults.glue import ALONE, SUPERVISED
+from swimbladder.faults.glue import ALONE, DEAF, SUPERVISED
 from swimbladder.faults.host import Board
 from swimbladder.faults.squadron import Squadron, sources
 from swimbladder.faults.verdict import FACTS, HARMS, WIDTH, Campaign
@@ -39,7 +39,7 @@ def check_controller(vehicle: Vehicle) -> None:
 
 def board_of(course: Course) -> Board:
     """Return the vehicle's C, compiled for this machine; raises InputError without a compiler."""
-    return Board(sources(course), (ALONE, SUPERVISED))
+    return Board(sources(course), (ALONE, SUPERVISED, DEAF))
 
 
 def run_missions(
@@ -64,7 +64,7 @@ def run_missions(
             )
     course = course_of(vehicle, depths)
     files = sources(course)
-    with Board(files, (ALONE, SUPERVISED)) as board:
+    with Board(files, (ALONE, SUPERVISED, DEAF)) as board:
         kept = None if keep is None else make_folder(keep / _key(course, seed, files))
         squadron = Squadron(course, board)
         total = missions + healthy

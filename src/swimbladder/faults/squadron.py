@@ -14,7 +14,7 @@ from swimbladder.engine.chain import COEFFICIENTS, LEVELS, base_steps
 from swimbladder.engine.modes import COUNT
 from swimbladder.faults.draw import Course, Mission
 from swimbladder.faults.flight import FULL, OWN, fly
-from swimbladder.faults.glue import ALONE, SUPERVISED, glue
+from swimbladder.faults.glue import ALONE, DEAF, SUPERVISED, glue
 from swimbladder.faults.host import Board
 from swimbladder.faults.kinds import KINDS, Fault
 from swimbladder.faults.rows import Result, Trace
@@ -78,7 +78,7 @@ class Squadron:
         return Flights(
             self.flown(mission, SUPERVISED, OWN, self._none),
             self.flown(mission, ALONE, OWN, self._none),
-            self.flown(mission, ALONE, FULL, self._none),
+            self.flown(mission, DEAF, FULL, self._none),
         )
 
     def supervised(self, mission: Mission) -> Array:

@@ -41,14 +41,17 @@ _AFLOAT = 0.5  # m, below the depth of emergence; weather and waves
 _RARE = 1e-12  # chance that noise gives the same depth all along
 _AT_LEAST_S = 10.0  # s, of the very same depth: a slow sensor repeats itself
 _HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
-_MOVED_SHARE = 0.05  # of half the stroke, with which a depth cannot stay the same
+_MOVED_SHARE = 0.025  # of half the stroke, with which a depth cannot stay the same
+_REACH, _SINKS = 2.0, 0.6  # of that, by which a push shows that it can, and before what weight
 # On the edge between two quanta noise turns the depth in a quarter of the ticks; the mean of 200 is
 # within 0.16 of that. 0.42 means sigma above the quantum: a sample is then the same with a chance
 # of 0.38. The number is for 0.53, that of 0.7 quanta: 44 samples, 1e-12.
 _NOISY, _NOISY_WEIGHT, _SAME_NOISY = 0.42, 0.005, 44
 _GROWN_SHARE = 2e-3  # of half the stroke
 _STILL_S = 5.0
-_REST_S, _LEAST_PUSH_S = 60.0, 10.0
+_UNPROVEN_S = 30.0  # s, in which what was shown of the actuator counts
+_REST_S, _LEAST_PUSH_S = 20.0, 10.0
+_RELEASE_S = 60.0
 _RISE = 1.0  # m
 _COAST_S = 60.0  # s, where there is hardly any drag
 _DEEPEST = 12000.0  # m, deeper than any sea
@@ -93,6 +96,12 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
     whole = None if given.time_limit is None else math.ceil(given.time_limit / tick - 1e-6)
     floor = math.inf if given.bottom_depth is None else given.bottom_depth
     grown = max(_GROWN_SHARE * half, 6.0 * sensors.volume_noise + 2.0 * sensors.volume_quantum)
+    moved = _MOVED_SHARE * half
+    proof = tried = NEVER
+    # with psi <= 0 a vehicle that sinks comes to rest by itself, and a push may be dear
+    if given.prove_after is not None or p.psi > 0.0:
+        proof = ticks(given.prove_after or _UNPROVEN_S, tick)
+        tried = max(proof, ticks(2.0 * math.sqrt(2.0 * moving / (p.a_b * grown)), tick))
     stop_rate = max(_STOP_SHARE * full_rate, 3.0 * grown / tick)
     if voltage and tick <= p.T1:  # the motor's own lag would look like a stop
         stop_rate = math.inf
@@ -104,14 +113,15 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         push=ticks(2.0 * stroke_s, tick), rest=ticks(_REST_S, tick),
         again=ticks(max(_LEAST_PUSH_S, 0.5 * stroke_s), tick),
         grown=grown, astray=ticks(follow, tick),
-        release=ticks(given.release_time or 2.0 * stroke_s + _REST_S, tick), rise=_RISE,
+        release=ticks(given.release_time or 2.0 * stroke_s + _RELEASE_S, tick), rise=_RISE,
         depth_least=p.z_air - _AIR_PRESSURE,
         depth_most=min(1.5 * deepest + 10.0, _DEEPEST) if deepest < math.inf else _DEEPEST,
         fastest=fastest, jump=moving + 0.05, step=fastest + moving + 0.05,
         late_age=given.late or max(2.0 * tick, 1.0), blind=patience,
         blind_quarters=_quarters(patience), gap=patience,
         same=same, same_begun=ticks(2.0 * tau, tick), same_moved=ticks(3.0 * tau, tick),
-        moved=_MOVED_SHARE * half,
+        moved=moved, same_tried=tried, unproven=proof,
+        reach=_REACH * moved, sinks=_SINKS * moved,
         same_noisy=max(ticks(_AT_LEAST_S, tick), _SAME_NOISY), noisy=_NOISY,
         noisy_weight=_NOISY_WEIGHT,
         volume_least=p.V_min - 2.0 * _END_SHARE * half,
@@ -126,7 +136,6 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
         stop_rate=stop_rate, stop_least=grown / tick, stops=_STOPS,
         psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range,
         neutral_change=change, known=ticks(_KNOWN_S, tick), forgetting=tick / (_FORGET_S + tick),
-        remembered=min(round(_FORGET_S / tick) + 1, NEVER),
         calm=_CALM_SHARE * change,
         model_error=given.model_error, inertia=1.0 / (p.a_b * tau * tau),
         drag_linear=p.d_l / (p.a_b * tau), drag_blunt=p.d_b / p.a_b, drag_0=p.d_0 / p.a_b,
