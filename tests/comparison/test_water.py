@@ -7,7 +7,8 @@ import pytest
 
 from swimbladder.comparison import compare
 from swimbladder.comparison.ahead import look_ahead
-from swimbladder.comparison.water import along_hull, layers_of, water_of_each
+from swimbladder.comparison.water import along_hull, follow_in, layers_of, water_of_each
+from swimbladder.dynamics import plant
 from swimbladder.errors import InputError, LogError
 from swimbladder.hull import linear_psi
 from swimbladder.parameters import Water
@@ -108,3 +109,13 @@ def test_what_a_cast_cannot_be_used_for_is_said():
         water_of_each(3, [COLUMN, COLUMN])
     assert water_of_each(2, []) == (None, None)
     assert water_of_each(2, [COLUMN]) == (COLUMN, COLUMN)
+
+
+def test_a_model_quicker_than_any_vehicle_is_not_followed():
+    """A search may try a drag that would take 20,000 steps from sample to sample."""
+    layers, p = layers_of(VEHICLE, COLUMN), plant(VEHICLE)
+    time, start = np.arange(0.0, 5.0, 0.5), np.array([[3.0, 0.01]])
+    volume = np.full(len(time), VEHICLE.trim_error + 5e-6)
+    assert np.isfinite(follow_in(layers, [p], time, volume, start)).all()
+    for quick in (p._replace(d_l=100.0), p._replace(d_t=1e8), p._replace(a_b=1e9)):
+        assert np.isnan(follow_in(layers, [quick], time, volume, start)).all()

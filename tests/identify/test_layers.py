@@ -37,10 +37,10 @@ def test_the_parameters_are_found_with_their_intervals(logs):
 
 
 def test_without_the_cast_psi_and_drag_take_the_blame(logs):
-    for log in logs:  # the first by a model that leaves the water on the way: no traceback
-        plain = identify([log], VEHICLE, profiles=False, choices=False, neutral_std=50e-6)
-        assert abs(plain.parameters["psi"].value) > 50.0 * TRUTH["psi"]
-        assert plain.depth_noise > 30.0 * 3e-3
+    # on the way the search tries models that leave the water
+    plain = identify(logs[:1], VEHICLE, profiles=False, choices=False, neutral_std=50e-6)
+    assert abs(plain.parameters["psi"].value) > 50.0 * TRUTH["psi"]
+    assert plain.depth_noise > 30.0 * 3e-3
 
 
 def test_the_innovations_say_so_too(logs):

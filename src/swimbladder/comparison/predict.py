@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from swimbladder.closed_loop import Solution, drive, simulate
 from swimbladder.comparison.record import Record
+from swimbladder.comparison.water import follow_in
 from swimbladder.dynamics import plant
-from swimbladder.kalman.depth_filter import follow
 from swimbladder.parameters import Vehicle
 
 __all__ = ["Start", "Window", "measured_start", "predict", "run", "stages"]
@@ -123,8 +123,8 @@ def _run(
         return _hermite(time, solution), np.interp(time, solution.time, solution.volume), solution
     if len(rec.layers.table):
         assert volume is not None  # record() checks it
-        return follow(
-            [plant(vehicle, bottom_depth=rec.bottom_depth)], rec.layers, time,
+        return follow_in(
+            rec.layers, [plant(vehicle, bottom_depth=rec.bottom_depth)], time,
             volume - start.drift * rec.time[part], np.array([[depth, start.speed]]),
         )[0], volume, None  # fmt: skip
     if rec.drive == "volume" and volume is not None:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.dynamics import Plant
 from swimbladder.errors import InputError
 from swimbladder.hull import neutral_volume
+from swimbladder.kalman.depth_filter import follow
 from swimbladder.kalman.layers import Layers, layers_from
 from swimbladder.parameters import Hull, Vehicle
 from swimbladder.seawater import Column
 
-__all__ = ["along_hull", "layers_of", "water_of_each"]
+__all__ = ["along_hull", "follow_in", "layers_of", "water_of_each"]
 
 Array = NDArray[np.float64]
+_QUICKEST = 5.0  # of a span between samples times the rate of the motion: a hundred steps
+_LOST = 50.0  # m off, where a search has lost the log
 
 
 def water_of_each(logs: int, columns: Sequence[Column]) -> tuple[Column | None, ...]:
@@ -73,3 +78,22 @@ def _integral(column: Column, deep: Array, weight: Array, at: Array) -> Array:
     x = at - deep[k]
     slope = (rho[k + 1] - rho[k]) / (deep[k + 1] - deep[k])
     return np.asarray(weight[k] + x * (rho[k] + 0.5 * slope * x))
+
+
+def follow_in(
+    layers: Layers, plants: Sequence[Plant], time: Array, volume: Array, starts: Array
+) -> Array:
+    """Return the depths [lanes, n] in m of vehicles in layered water, as `kalman` has it.
+
+    starts [lanes, 2]: depth [m] and speed [m/s]. nan from where a vehicle left the water, and
+    throughout where the first of them is quicker than any: a search that tried it looks elsewhere.
+    """
+    p = plants[0]
+    spare = float(np.abs(volume - p.V_0).max() + np.abs(layers.table[:, 0]).max())
+    net = p.a_b * (spare + abs(p.psi) * _LOST)
+    fastest = max(math.sqrt(net / p.d_t) if p.d_t > 0.0 else 0.0, float(np.abs(starts[:, 1]).max()))
+    rate = max(p.d_l, p.d_b + 2.0 * p.d_t * fastest)
+    rate += math.sqrt(p.a_b * (abs(p.psi) + layers.steepest))
+    if not float(np.diff(time).max()) * rate < _QUICKEST:
+        return np.full((len(plants), len(time)), np.nan)
+    return follow(plants, layers, time, volume, starts)

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.closed_loop.bundle import Course
+from swimbladder.comparison.water import follow_in
 from swimbladder.dynamics import Plant
 from swimbladder.identify.estimates import Prior
 from swimbladder.identify.experiment import Experiment, Segment
 from swimbladder.identify.model import Model
-from swimbladder.kalman.depth_filter import follow
 
 __all__ = ["DEPTH", "LOST", "SPEED", "VOLUME", "Problem"]
 
@@ -220,7 +220,7 @@ class Problem:
             starts[-1, 3] += _STEP * SPEED
         layers = e.record.layers
         if len(layers.table):
-            z = follow(lanes, layers, course.time, course.inputs, starts[:, 2:])
+            z = follow_in(layers, lanes, course.time, course.inputs, starts[:, 2:])
         else:
             z = course.follow(lanes, starts)
         if not derivatives:
