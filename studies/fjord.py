@@ -45,6 +45,7 @@ BETWEEN = 15e-6  # m3, 1 sigma of the neutral volume from mission to mission: tw
 UNDER = 0.3  # m, from where on the whole log is told: above it the lid is out of the water
 RIGHTED = -0.05  # m, what an upright float does not read
 FIRST = 30.0  # s, in which it rights itself
+NEAR = 0.95  # of the set-point, which was meant in the logger's own metres
 PER_KELVIN = 2.5e-6  # m3/K, as the missions in the tank ask for (docs/explanation/filter.md)
 ALONE = ("neutral_volume", "start_depth", "start_speed")
 
@@ -60,12 +61,12 @@ class Idea(NamedTuple):
     drag: str = "linear"
 
 
-def load(folder: Path, *, density: float = SEA) -> dict[int, Log]:
-    """Return the missions once upright, depths as of water of that density [kg/m3]."""
+def load(folder: Path) -> dict[int, Log]:
+    """Return the missions, depths as of sea water."""
     form = log_format("ntnu-bv")
-    form = form.model_copy(update={"logger_density": FRESH, "water_density": density})
+    form = form.model_copy(update={"logger_density": FRESH, "water_density": SEA})
     path = folder / "missions.csv.gz"
-    return {n: upright(read_log(path, where={"log": n}, log_format=form)) for n in LOGS}
+    return {n: read_log(path, where={"log": n}, log_format=form) for n in LOGS}
 
 
 def upright(log: Log) -> Log:
@@ -96,10 +97,7 @@ def hull_height(folder: Path) -> float:
 
     So much too little it reads in air: its zero is that of a float with its top at the surface.
     """
-    form = log_format("ntnu-bv").model_copy(update={"logger_density": FRESH, "water_density": SEA})
-    path = folder / "missions.csv.gz"
-    logs = [read_log(path, where={"log": n}, log_format=form) for n in LOGS]
-    return -float(np.median([log.depth[:3].min() for log in logs]))
+    return -float(np.median([log.depth[:3].min() for log in load(folder).values()]))
 
 
 def water(folder: Path, name: str, *, lifted: float = 0.0) -> Column:
@@ -145,22 +143,37 @@ def whole(
     return found.rms, found.fitted["neutral_volume"].value
 
 
-def judge(idea: Idea, number: int, vehicle: Vehicle) -> str:
-    """Return a row of the table: a mission by the vehicle that the others taught."""
+def judge(idea: Idea, number: int, vehicle: Vehicle) -> tuple[str, str]:
+    """Return rows of two tables: a mission by the vehicle that the others taught.
+
+    The second has the predictions from before and from after it first came near its set-point.
+    """
     log = idea.logs[number]
-    cells = []
-    for horizon in look_ahead(log, vehicle, horizons=HORIZONS, column=idea.water).horizons:
+    cells, parts = [], []
+    ahead = look_ahead(log, vehicle, horizons=HORIZONS, column=idea.water)
+    assert log.reference_depth is not None
+    arrived = int(np.argmax(log.depth > NEAR * log.reference_depth.max()))
+    for horizon in ahead.horizons:
+        there = horizon.origin >= arrived
+        measured = log.depth[horizon.target]
+        for inside in (~there, there):
+            parts += [
+                f"{np.sqrt(np.mean((guess - measured)[inside] ** 2)):.3f}"
+                for guess in (horizon.predicted, log.depth[horizon.origin])
+            ]
         skill = horizon.skill["persistence"]
         cells += [f"{horizon.rms:.3f}", f"{horizon.persistence_rms:.3f}",
                   "-" if skill is None else f"{skill:.2f}"]  # fmt: skip
     for more in ((), ("neutral_drift",), ("drag",)):
         cells.append(f"{whole(log, vehicle, idea.water, (*ALONE, *more))[0]:.3f}")
-    return f"| {number} | {idea.name} | {' | '.join(cells)} |"
+    first = f"| {number} | {idea.name} |"
+    return f"{first} {' | '.join(cells)} |", f"{first} {' | '.join(parts)} |"
 
 
 def ideas(folder: Path) -> list[Idea]:
     """Return the ways to read the missions: the first two are judged, all are weighed."""
-    logs, vehicle = load(folder), sea_vehicle(hull_height(folder))
+    logs = {n: upright(log) for n, log in load(folder).items()}
+    vehicle = sea_vehicle(hull_height(folder))
     april, psi = water(folder, APRIL), sea_vehicle().hull.psi
     first = Idea("cast of April", logs, vehicle, april, psi)
     return [
@@ -172,7 +185,6 @@ def ideas(folder: Path) -> list[Idea]:
         first._replace(name="halocline 0.2 m higher", water=water(folder, APRIL, lifted=0.2)),
         first._replace(name="halocline 0.2 m lower", water=water(folder, APRIL, lifted=-0.2)),
         first._replace(name="hull of no height", vehicle=sea_vehicle(1e-3)),
-        first._replace(name="depth not scaled", logs=load(folder, density=FRESH)),
         *(
             first._replace(
                 name=f"hull grows {1e6 * per:g} cm3/K", logs=_warm(folder, logs, vehicle, per)
@@ -226,10 +238,16 @@ def main() -> None:
          "| stays, m rms | skill | whole, m rms | with a drift | with its own drag |\n"
          "|---|---|" + "---:|" * 9)  # fmt: skip
     taught: dict[int, Vehicle] = {}
+    parts: list[str] = []
     for idea in (listed[0], listed[1]):
         for number in LOGS:
             taught[number] = ready(idea, number)
-            tell(judge(idea, number, taught[number]))
+            row, part = judge(idea, number, taught[number])
+            parts.append(part)
+            tell(row)
+    tell("\n| mission | water | 10 s: on its way, m rms | stays | there | stays | 60 s: on its way "
+         "| stays | there | stays |\n|---|---|" + "---:|" * 8)  # fmt: skip
+    tell("\n".join(parts))
     tell(line_table(folder, listed[1].logs, taught, listed[1].water))
     weigh(listed, tell)
 
