@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from swimbladder.control.supervisor import Reason
 from swimbladder.engine.advance import LEFT_WATER, TOO_DEEP
 from swimbladder.errors import InputError
 from swimbladder.faults import run_missions
@@ -15,7 +16,7 @@ from swimbladder.faults.draw import course_of, draw
 from swimbladder.faults.kinds import FAMILIES, KINDS, Fault, draw_fault, kinds_of
 from swimbladder.faults.rows import Result
 from swimbladder.faults.table import MISSION_COLUMNS, missions_csv
-from swimbladder.faults.verdict import Outcome, outcomes, rule_of_three
+from swimbladder.faults.verdict import WIDTH, Outcome, outcomes, rule_of_three
 from swimbladder.io.config import load_vehicle
 from swimbladder.parameters import Supervisor
 
@@ -85,6 +86,16 @@ def test_without_the_supervisor_many_are_lost_and_with_it_fewer(flown):
 def test_healthy_missions_raise_no_alarm(flown):
     assert len(flown.false_alarms) == 0
     assert len(flown.healthy_lost) == 0
+
+
+def test_a_law_too_slow_for_its_time_limit_raises_no_false_alarm(flown):
+    at = WIDTH - 2 * len(Result._fields)  # behind what the supervised flight came to
+    table = flown.healthy.copy()
+    column = at - len(Result._fields) + Result._fields.index("reason")
+    table[3, column], table[5, column] = Reason.TIME_LIMIT, Reason.DEPTH_FROZEN
+    judged = dataclasses.replace(flown, healthy=table)
+    assert judged.too_slow.tolist() == [3]
+    assert judged.false_alarms.tolist() == [5]
 
 
 def test_what_nothing_can_save_is_not_counted_on(flown):

@@ -165,6 +165,12 @@ def _print(flown: Campaign, files: list[Path]) -> None:
         "come up",
         soft_wrap=True,
     )
+    if len(flown.too_slow):
+        output.print(
+            f"{len(flown.too_slow)} healthy missions were not at an end at the time limit, and "
+            "the supervisor ended them: the law is slow for them",
+            soft_wrap=True,
+        )
     for path in files:
         output.print(f"wrote {path}", soft_wrap=True)
 

@@ -164,9 +164,24 @@ class Campaign:
 
     @property
     def false_alarms(self) -> NDArray[np.intp]:
-        """Numbers of the healthy missions in which the supervisor had a reason."""
-        at = FACTS + HARMS + Result._fields.index("latched")
-        return np.flatnonzero(~np.isnan(self.healthy[:, at]))
+        """Numbers of the healthy missions in which the supervisor had a reason but their length."""
+        return np.flatnonzero((self._healthy_reasons > 0.0) & ~self._out_of_time)
+
+    @property
+    def too_slow(self) -> NDArray[np.intp]:
+        """Numbers of the healthy missions that the law did not end within the time limit."""
+        return np.flatnonzero(self._out_of_time)
+
+    @property
+    def _healthy_reasons(self) -> Array:
+        """The code of the supervisor's reason in each healthy mission; 0: it had none."""
+        reasons: Array = self.healthy[:, FACTS + HARMS + Result._fields.index("reason")]
+        return reasons
+
+    @property
+    def _out_of_time(self) -> NDArray[np.bool_]:
+        out: NDArray[np.bool_] = self._healthy_reasons == float(Reason.TIME_LIMIT)
+        return out
 
     @property
     def healthy_lost(self) -> NDArray[np.intp]:
@@ -249,6 +264,7 @@ class Campaign:
                 "missions": trials,
                 "false_alarms": self.false_alarms,
                 "bound_95": rule_of_three(alarms, trials),
+                "too_slow": self.too_slow,
                 "lost": self.healthy_lost,
             },
             "passed": self.passed,
