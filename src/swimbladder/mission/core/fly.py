@@ -6,28 +6,13 @@ import math
 
 from swimbladder.control.rate import RateParameters
 from swimbladder.engine.cache import part
-from swimbladder.mission.core.leap import (
-    AIR,
-    BOTTOM,
-    LEVEL,
-    LOST,
-    SURFACE,
-    TOO_DEEP,
-    VOLUME,
-    leap,
-    lift_volume,
-    settle,
-    stay,
-)
-from swimbladder.mission.core.motion import rate_of
-from swimbladder.mission.core.moves import FULL, end_run, look, note, start_run
+from swimbladder.mission.core.leap import AIR, BOTTOM, LEVEL, LOST, SURFACE, TOO_DEEP, VOLUME, leap
+from swimbladder.mission.core.moves import end_run, look, note, start_run
 from swimbladder.mission.core.names import (
     Account,
     At,
-    Cycle,
     Doing,
     Given,
-    Holding,
     Kind,
     Note,
     Now,
@@ -35,56 +20,40 @@ from swimbladder.mission.core.names import (
     Stage,
     Stop,
 )
+from swimbladder.mission.core.phases import (
+    afloat,
+    arrive,
+    awaited_level,
+    begin_phase,
+    close_cycle,
+    enter_hold,
+    next_phase,
+)
+from swimbladder.mission.core.rest import lift_volume, settle, stay
 
 __all__ = ["fly"]
 
-T, Z, W, V, H = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.H)
-T_PHASE, T_END, T_LOOK, T_MOVE = int(Now.T_PHASE), int(Now.T_END), int(Now.T_LOOK), int(Now.T_MOVE)
-V_MOVE, CHARGE, T_ARRIVAL = int(Now.V_MOVE), int(Now.CHARGE), int(Now.T_ARRIVAL)
-Z_MOST, V_LEAST, V_MOST = int(Now.Z_MOST), int(Now.V_LEAST), int(Now.V_MOST)
-T_CYCLE, T_AFLOAT, Z_LOOK = int(Now.T_CYCLE), int(Now.T_AFLOAT), int(Now.Z_LOOK)
+T, Z, W, V, T_END = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.T_END)
+T_LOOK, T_MOVE, V_MOVE, CHARGE = int(Now.T_LOOK), int(Now.T_MOVE), int(Now.V_MOVE), int(Now.CHARGE)
 PHASE, CYCLE, DOING, PLACE = int(At.PHASE), int(At.CYCLE), int(At.DOING), int(At.PLACE)
-RESTS, ARRIVED, NEW_LAW, ALARM = int(At.RESTS), int(At.ARRIVED), int(At.NEW_LAW), int(At.ALARM)
-CAPTURED = int(At.CAPTURED)
-STOP, MISSED, NEW_PHASE = int(At.STOP), int(At.MISSED), int(At.NEW_PHASE)
-MASS, V_MAX, V_MIN, EMPTY = int(Given.MASS), int(Given.V_MAX), int(Given.V_MIN), int(Given.EMPTY)
-RESERVE, LAST_TIME, LAST_CYCLE = int(Given.RESERVE), int(Given.LAST_TIME), int(Given.LAST_CYCLE)
-SURFACING, Z_BOTTOM = int(Given.SURFACING), int(Given.Z_BOTTOM)
-LONGEST = int(Given.LONGEST)
-KIND, DEPTH, TOLERANCE = int(Stage.KIND), int(Stage.DEPTH), int(Stage.TOLERANCE)
-DURATION, TIMEOUT, LOADS = int(Stage.DURATION), int(Stage.TIMEOUT), int(Stage.LOADS)
-DEAD = int(Stage.LAW) + RateParameters._fields.index("dead")
-TO_SURFACE, PARK, HOLD = int(Kind.SURFACE), int(Kind.PARK), int(Kind.HOLD)
+RESTS, ARRIVED, ALARM, STOP = int(At.RESTS), int(At.ARRIVED), int(At.ALARM), int(At.STOP)
+NEW_PHASE, MASS, V_MAX = int(At.NEW_PHASE), int(Given.MASS), int(Given.V_MAX)
+V_MIN, EMPTY, Z_BOTTOM = int(Given.V_MIN), int(Given.EMPTY), int(Given.Z_BOTTOM)
+LONGEST, KIND, DEPTH = int(Given.LONGEST), int(Stage.KIND), int(Stage.DEPTH)
+TOLERANCE, LOADS = int(Stage.TOLERANCE), int(Stage.LOADS)
+DEAD, TO_SURFACE = int(Stage.LAW) + RateParameters._fields.index("dead"), int(Kind.SURFACE)
 NOTHING, PUMPING, PRIMING = int(Doing.NOTHING), int(Doing.PUMPING), int(Doing.PRIMING)
-T_PRIMED = int(Now.T_PRIMED)
-BLOWS, SURFACING_ENERGY = int(Account.BLOWS), int(Account.SURFACING_ENERGY)
-PUMP_ENERGY, VALVE_ENERGY = int(Account.PUMP_ENERGY), int(Account.VALVE_ENERGY)
-HOLDING_ENERGY, LOAD_ENERGY = int(Account.HOLDING_ENERGY), int(Account.LOAD_ENERGY)
-SELF_DISCHARGED, T_KIND = int(Account.SELF_DISCHARGED), int(Account.T_KIND)
-ACCOUNTS = int(Account.COUNT)
-C_BEGIN, C_END, C_DEEPEST = int(Cycle.T_BEGIN), int(Cycle.T_END), int(Cycle.DEEPEST)
-C_MISSED, C_LEAST, C_MOST = int(Cycle.MISSED), int(Cycle.V_LEAST), int(Cycle.V_MOST)
-C_ARRIVAL, C_SURFACED = int(Cycle.ARRIVAL), int(Cycle.SURFACED)
-C_ACCOUNTS, C_NOT_HELD = int(Cycle.ACCOUNTS), int(Cycle.NOT_HELD)
-NOT_HELD, HELD = int(At.NOT_HELD), int(Given.HELD)
-T_INSIDE, T_ARRIVED = int(Now.T_INSIDE), int(Now.T_ARRIVED)
-HOLDINGS, HELD_TIME = int(Holding.COUNT), int(Holding.TIME)
-HELD_INSIDE, HELD_SQUARES = int(Holding.INSIDE), int(Holding.SQUARES)
-HELD_MOST = int(Holding.MOST)
-R_T, R_Z, R_W, R_V = int(Row.T), int(Row.Z), int(Row.W), int(Row.V)
+T_PRIMED, BLOWS = int(Now.T_PRIMED), int(Account.BLOWS)
+SURFACING_ENERGY, PUMP_ENERGY = int(Account.SURFACING_ENERGY), int(Account.PUMP_ENERGY)
+VALVE_ENERGY, HOLDING_ENERGY = int(Account.VALVE_ENERGY), int(Account.HOLDING_ENERGY)
+LOAD_ENERGY, SELF_DISCHARGED = int(Account.LOAD_ENERGY), int(Account.SELF_DISCHARGED)
+T_KIND, R_T, R_Z, R_W, R_V = int(Account.T_KIND), int(Row.T), int(Row.Z), int(Row.W), int(Row.V)
 R_PHASE, R_DOING, R_CYCLE = int(Row.PHASE), int(Row.DOING), int(Row.CYCLE)
-R_DRIVE, R_TOTAL = int(Row.DRIVE_ENERGY), int(Row.TOTAL_ENERGY)
-NOTE_PHASE, NOTE_ARRIVED = int(Note.PHASE), int(Note.ARRIVED)
-NOTE_TIME, NOTE_EMERGED = int(Note.OUT_OF_TIME), int(Note.EMERGED)
+R_DRIVE, R_TOTAL, NOTE_EMERGED = int(Row.DRIVE_ENERGY), int(Row.TOTAL_ENERGY), int(Note.EMERGED)
 NOTE_SUBMERGED, NOTE_BOTTOM = int(Note.SUBMERGED), int(Note.BOTTOM)
 NOTE_LEFT, NOTE_UPPER = int(Note.LEFT_BOTTOM), int(Note.UPPER_STOP)
-NOTE_LOWER, NOTE_DEEP = int(Note.LOWER_STOP), int(Note.TOO_DEEP)
-NOTE_CYCLE, NOTE_AFLOAT = int(Note.CYCLE), int(Note.AFLOAT)
-FINISHED, STOP_RESERVE = int(Stop.FINISHED), int(Stop.RESERVE)
-NO_SURFACE, PASSED = int(Stop.DID_NOT_SURFACE), int(Stop.PASSED_DEPTH)
-STOP_LOST, STOP_EMPTY = int(Stop.LOST), int(Stop.BATTERY_EMPTY)
-LEFT_WATER, STUCK = int(Stop.LEFT_WATER), int(Stop.STUCK)
-
+NOTE_LOWER, NOTE_DEEP, STOP_LOST = int(Note.LOWER_STOP), int(Note.TOO_DEEP), int(Stop.LOST)
+STOP_EMPTY, LEFT_WATER, STUCK = int(Stop.BATTERY_EMPTY), int(Stop.LEFT_WATER), int(Stop.STUCK)
 _ROOM = 8  # rows or notes that one pass of the loop may add
 _RESCUE = 30.0 * 86400.0  # s to come up in after the alarm; a vehicle that floats deeper is lost
 _PASSES = 200  # without time passing: a fault of the model
@@ -105,135 +74,6 @@ def _row(rows, counts, x, at, accounts):  # type: ignore[no-untyped-def]
 
 
 @part
-def _begin_phase(stages, x, at, notes, counts):  # type: ignore[no-untyped-def]
-    stage = stages[at[PHASE]]
-    at[NEW_PHASE] = 0
-    at[NEW_LAW] = 1
-    at[ARRIVED] = 0
-    at[CAPTURED] = 0
-    x[T_PHASE] = x[T]
-    x[T_LOOK] = x[T] if at[DOING] == NOTHING else max(x[T], x[T_MOVE])
-    x[Z_LOOK] = x[Z]
-    if stage[KIND] == PARK:
-        x[T_END] = x[T] + stage[DURATION]
-    else:
-        x[T_END] = x[T] + stage[TIMEOUT]
-    note(notes, counts, x, NOTE_PHASE, float(at[PHASE]))
-
-
-@part
-def _level(stages, x, at):  # type: ignore[no-untyped-def]
-    """Return the depth at which the phase arrives [m], negative from below, 0: not awaited."""
-    stage = stages[at[PHASE]]
-    if at[ARRIVED] == 1 or at[ALARM] == 1 or stage[KIND] == TO_SURFACE:
-        return 0.0
-    if x[Z] < stage[DEPTH]:
-        return stage[DEPTH] - stage[TOLERANCE]
-    return -(stage[DEPTH] + stage[TOLERANCE])
-
-
-@part
-def _hold(stages, x, at, accounts, z, h):  # type: ignore[no-untyped-def]
-    """Enter h [s] that led from depth z [m] to here in what tells how the phase holds its depth.
-
-    Between the two the depth counts as straight: exact at rest, and steps are short off it.
-    """
-    stage = stages[at[PHASE]]
-    a, b = z - stage[DEPTH], x[Z] - stage[DEPTH]
-    low, high, tolerance = min(a, b), max(a, b), stage[TOLERANCE]
-    if high - low > 0.0:
-        share = max(min(high, tolerance) - max(low, -tolerance), 0.0) / (high - low)
-    else:
-        share = 1.0 if abs(a) <= tolerance else 0.0
-    x[T_INSIDE] += share * h
-    n = ACCOUNTS + HOLDINGS * at[PHASE]
-    accounts[n + HELD_TIME] += h
-    accounts[n + HELD_INSIDE] += share * h
-    accounts[n + HELD_SQUARES] += h * (a * a + a * b + b * b) / 3.0
-    accounts[n + HELD_MOST] = max(accounts[n + HELD_MOST], high, -low)
-
-
-@part
-def _arrive(stages, x, at, notes, counts):  # type: ignore[no-untyped-def]
-    stage = stages[at[PHASE]]
-    at[ARRIVED] = 1
-    x[T_ARRIVED], x[T_INSIDE] = x[T], 0.0
-    first = stage[KIND] != TO_SURFACE
-    for n in range(at[PHASE]):
-        first = first and stages[n, KIND] == TO_SURFACE
-    if first:
-        x[T_ARRIVAL] = x[T] - x[T_CYCLE]
-    note(notes, counts, x, NOTE_ARRIVED, float(at[PHASE]))
-    if stage[KIND] == HOLD or stage[KIND] == TO_SURFACE:
-        x[T_END] = x[T] + stage[DURATION]
-    elif stage[KIND] != PARK:
-        x[T_END] = x[T]
-
-
-@part
-def _afloat(p, table, stages, x, at, accounts, notes, counts):  # type: ignore[no-untyped-def]
-    """Say so where the vehicle floats with all its volume out, and what that means."""
-    if at[PLACE] != 1 or x[V] < p[V_MAX] - FULL * (p[V_MAX] - p[V_MIN]):
-        return
-    if at[ALARM] == 1:
-        at[STOP] = PASSED
-    elif at[ARRIVED] == 0 and stages[at[PHASE], KIND] == TO_SURFACE:
-        note(notes, counts, x, NOTE_AFLOAT, 0.0)
-        x[T_AFLOAT] = x[T] - x[T_CYCLE]
-        accounts[SURFACING_ENERGY] += p[SURFACING]
-        x[CHARGE] -= p[SURFACING]
-        _arrive(stages, x, at, notes, counts)
-        x[T_LOOK] = math.inf
-        if rate_of(p, table, NOTHING, x[Z], x[V])[0] != 0.0:
-            x[T_LOOK] = x[T] + stages[at[PHASE], DEAD]
-
-
-@part
-def _next_phase(p, stages, x, at, accounts, cycles, notes, counts):  # type: ignore[no-untyped-def]
-    """End the phase; return whether a cycle is over with it."""
-    stage = stages[at[PHASE]]
-    if at[ARRIVED] == 0:
-        note(notes, counts, x, NOTE_TIME, float(at[PHASE]))
-        at[MISSED] |= 1 << at[PHASE]
-        if stage[KIND] == TO_SURFACE:
-            at[STOP] = NO_SURFACE
-    elif (stage[KIND] == PARK or stage[KIND] == HOLD) and x[T_INSIDE] < p[HELD] * (
-        x[T] - x[T_ARRIVED]
-    ):
-        at[NOT_HELD] |= 1 << at[PHASE]
-    at[NEW_PHASE] = 1
-    at[PHASE] += 1
-    if at[PHASE] < stages.shape[0] and at[STOP] == 0:
-        return False
-    note(notes, counts, x, NOTE_CYCLE, float(at[CYCLE]))
-    _close_cycle(x, at, accounts, cycles, counts)
-    at[CYCLE] += 1
-    at[PHASE] = 0
-    if at[STOP] == 0:
-        if at[CYCLE] >= p[LAST_CYCLE] or x[T] >= p[LAST_TIME]:
-            at[STOP] = FINISHED
-        elif x[CHARGE] <= p[RESERVE]:
-            at[STOP] = STOP_RESERVE
-    return True
-
-
-@part
-def _close_cycle(x, at, accounts, cycles, counts):  # type: ignore[no-untyped-def]
-    n = counts[2]
-    if n < cycles.shape[0]:
-        c = cycles[n]
-        c[C_BEGIN], c[C_END], c[C_DEEPEST] = x[T_CYCLE], x[T], x[Z_MOST]
-        c[C_MISSED], c[C_LEAST], c[C_MOST] = at[MISSED], x[V_LEAST], x[V_MOST]
-        c[C_ARRIVAL], c[C_SURFACED] = x[T_ARRIVAL], x[T_AFLOAT]
-        c[C_NOT_HELD] = at[NOT_HELD]
-        c[C_ACCOUNTS : C_ACCOUNTS + ACCOUNTS] = accounts[:ACCOUNTS]
-        counts[2] = n + 1
-    x[T_CYCLE], x[Z_MOST], at[MISSED], at[NOT_HELD] = x[T], x[Z], 0, 0
-    x[V_LEAST], x[V_MOST] = x[V], -math.inf
-    x[T_ARRIVAL], x[T_AFLOAT] = math.nan, math.nan
-
-
-@part
 def _happen(p, table, stages, x, at, accounts, notes, counts, event):  # type: ignore[no-untyped-def]
     """Let happen what a step ended with."""
     if event == SURFACE:
@@ -247,7 +87,7 @@ def _happen(p, table, stages, x, at, accounts, notes, counts, event):  # type: i
     elif event == AIR:
         at[STOP] = LEFT_WATER
     elif event == LEVEL:
-        _arrive(stages, x, at, notes, counts)
+        arrive(stages, x, at, notes, counts)
     elif event == TOO_DEEP:
         note(notes, counts, x, NOTE_DEEP, x[W])
         at[ALARM] = 1
@@ -300,7 +140,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
         if full or 0 < cycles.shape[0] <= counts[2]:
             return 0
         if at[NEW_PHASE] == 1:
-            _begin_phase(stages, x, at, notes, counts)
+            begin_phase(stages, x, at, notes, counts)
             _row(rows, counts, x, at, accounts)
         loads = stages[at[PHASE], LOADS]
         before = x[T]
@@ -326,7 +166,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
                 if at[PLACE] == 2 or at[DOING] != NOTHING:
                     _row(rows, counts, x, at, accounts)
             else:
-                level = _level(stages, x, at)
+                level = awaited_level(stages, x, at)
                 event = leap(p, table, waves, x, at, accounts, loads, level, until, work)
                 if event >= 0:
                     _happen(p, table, stages, x, at, accounts, notes, counts, event)
@@ -335,7 +175,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
                 _row(rows, counts, x, at, accounts)
             accounts[T_KIND + kind] += x[T] - before
             if arrived and at[ALARM] == 0:
-                _hold(stages, x, at, accounts, depth, x[T] - before)
+                enter_hold(stages, x, at, accounts, depth, x[T] - before)
         if at[STOP] == 0:
             _decide(p, table, waves, stages, x, at, accounts, notes, counts)
         over = False
@@ -343,7 +183,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
             if at[ALARM] == 1:
                 at[STOP] = STOP_LOST
             else:
-                over = _next_phase(p, stages, x, at, accounts, cycles, notes, counts)
+                over = next_phase(p, stages, x, at, accounts, cycles, notes, counts)
         if at[STOP] == 0 and x[CHARGE] <= p[EMPTY]:
             at[STOP] = STOP_EMPTY
         passes = 0 if x[T] > before else passes + 1
@@ -352,7 +192,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
         if at[STOP] != 0:
             _row(rows, counts, x, at, accounts)
             if not over:
-                _close_cycle(x, at, accounts, cycles, counts)
+                close_cycle(x, at, accounts, cycles, counts)
             return at[STOP]
         if over:
             return 0
@@ -365,11 +205,11 @@ def _decide(p, table, waves, stages, x, at, accounts, notes, counts):  # type: i
         at[DOING] = PUMPING
     if at[DOING] != NOTHING and x[T] >= x[T_MOVE]:
         end_run(x, at, notes, counts)
-    _afloat(p, table, stages, x, at, accounts, notes, counts)
+    afloat(p, table, stages, x, at, accounts, notes, counts)
     if at[STOP] == 0 and at[ARRIVED] == 0 and at[ALARM] == 0:
         stage = stages[at[PHASE]]
         if stage[KIND] != TO_SURFACE and abs(x[Z] - stage[DEPTH]) <= stage[TOLERANCE]:
-            _arrive(stages, x, at, notes, counts)
+            arrive(stages, x, at, notes, counts)
     if at[STOP] == 0 and x[T] >= x[T_LOOK] and x[T] < x[T_END]:
         if at[DOING] != NOTHING and x[T_MOVE] < math.inf:
             x[T_LOOK] = x[T_MOVE]

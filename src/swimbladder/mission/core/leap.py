@@ -9,61 +9,26 @@ from __future__ import annotations
 
 import math
 
-from swimbladder.engine.cache import inlined, part
-from swimbladder.mission.core.motion import (
-    displaced,
-    drag,
-    inside,
-    rate_of,
-    rosenbrock,
-    slope_of_force,
-    terms,
-    value,
-)
-from swimbladder.mission.core.names import Account, At, Doing, Given, Now, Table
-from swimbladder.seawater.motion import moved
+from swimbladder.engine.cache import part
+from swimbladder.mission.core.entries import book
+from swimbladder.mission.core.motion import inside, rosenbrock, terms
+from swimbladder.mission.core.names import At, Doing, Given, Now
 
-__all__ = ["GUARDS", "enter_energy", "leap", "lift_volume", "settle", "stay"]
+__all__ = ["AIR", "BOTTOM", "GUARDS", "LEVEL", "LOST", "SURFACE", "TOO_DEEP", "VOLUME", "leap"]
 
-_moved = inlined(moved)
-
+T, Z, W, V, H, V_MOVE = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.H), int(Now.V_MOVE)
+Z_MOST, V_LEAST, V_MOST, DOING = int(Now.Z_MOST), int(Now.V_LEAST), int(Now.V_MOST), int(At.DOING)
+PLACE, ALARM, STEPS, REJECTED = int(At.PLACE), int(At.ALARM), int(At.STEPS), int(At.REJECTED)
+Z_SURFACE, Z_BOTTOM, Z_AIR = int(Given.Z_SURFACE), int(Given.Z_BOTTOM), int(Given.Z_AIR)
+Z_LOST, DEEPEST, V_MIN = int(Given.Z_LOST), int(Given.DEEPEST), int(Given.V_MIN)
+V_MAX, RTOL, ATOL_Z = int(Given.V_MAX), int(Given.RTOL), int(Given.ATOL_Z)
+ATOL_W, ATOL_V, LONGEST_STEP = int(Given.ATOL_W), int(Given.ATOL_V), int(Given.LONGEST_STEP)
+NOTHING, PUMPING, PRIMING = int(Doing.NOTHING), int(Doing.PUMPING), int(Doing.PRIMING)
 GUARDS = 7
 SURFACE, BOTTOM, AIR, LEVEL, TOO_DEEP, VOLUME, LOST = range(GUARDS)
-
-T, Z, W, V, H = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.H)
-V_MOVE, CHARGE = int(Now.V_MOVE), int(Now.CHARGE)
-Z_MOST, V_LEAST, V_MOST = int(Now.Z_MOST), int(Now.V_LEAST), int(Now.V_MOST)
-DOING, PLACE, RESTS, ALARM = int(At.DOING), int(At.PLACE), int(At.RESTS), int(At.ALARM)
-STEPS, REJECTED = int(At.STEPS), int(At.REJECTED)
-STEP, MASS, A_S = int(Given.STEP), int(Given.MASS), int(Given.A_S)
-Z_SURFACE, Z_BOTTOM, Z_AIR = int(Given.Z_SURFACE), int(Given.Z_BOTTOM), int(Given.Z_AIR)
-Z_LOST, DEEPEST = int(Given.Z_LOST), int(Given.DEEPEST)
-V_MIN, V_MAX = int(Given.V_MIN), int(Given.V_MAX)
-RTOL, ATOL_Z, ATOL_W = int(Given.RTOL), int(Given.ATOL_Z), int(Given.ATOL_W)
-ATOL_V, LONGEST_STEP = int(Given.ATOL_V), int(Given.LONGEST_STEP)
-REST_DEEP, REST_AFLOAT = int(Given.REST_DEEP), int(Given.REST_AFLOAT)
-SELF_DISCHARGE = int(Given.SELF_DISCHARGE)
-NOTHING, PUMPING, PRIMING = int(Doing.NOTHING), int(Doing.PUMPING), int(Doing.PRIMING)
-LETTING_IN = int(Doing.LETTING_IN)
-PRESSURE, NEUTRAL, HOLDING = int(Table.PRESSURE), int(Table.NEUTRAL), int(Table.HOLDING)
-TRIM, GIVE = int(Given.TRIM), int(Given.GIVE)
-POWER_OUT, POWER_IN = int(Table.POWER_OUT), int(Table.POWER_IN)
-POWER_BYPASS = int(Table.POWER_BYPASS)
-PUMPED, LET_IN, LEAKED = int(Account.PUMPED), int(Account.LET_IN), int(Account.LEAKED)
-PUMP_ENERGY, VALVE_ENERGY = int(Account.PUMP_ENERGY), int(Account.VALVE_ENERGY)
-HOLDING_ENERGY, LOAD_ENERGY = int(Account.HOLDING_ENERGY), int(Account.LOAD_ENERGY)
-SELF_DISCHARGED = int(Account.SELF_DISCHARGED)
-PUMP_WORK, LET_IN_WORK = int(Account.PUMP_WORK), int(Account.LET_IN_WORK)
-LEAK_WORK, DRAG, SETTLED = int(Account.LEAK_WORK), int(Account.DRAG), int(Account.SETTLED)
-FORCED, PUMP_TIME = int(Account.FORCED), int(Account.PUMP_TIME)
-VALVE_TIME, STALLED = int(Account.VALVE_TIME), int(Account.STALLED)
-
 _SHORTEST = 1e-9  # s; a step that has to be shorter is taken all the same
 _EDGE = 1e-13  # how near a guard's zero is near enough, of its unit (m, m3 times 1e4)
-_AWASH = 1e-3  # m of the hull still out of the water where its rest afloat ends
 _V_SCALE = 1e4  # guards of volumes are counted in tenths of litres, to be of the size of metres
-# Lobatto's rule of four points on [0, 1] (Abramowitz and Stegun 25.4.32), exact to degree 5
-_INNER = 0.5 - 0.1 * math.sqrt(5.0)
 
 
 @part
@@ -204,166 +169,3 @@ def _between(p, x, at, level, work, s):  # type: ignore[no-untyped-def]
     z = inside(x[Z], work[0, 0], work[2, 0], work[3, 0], s)
     v = inside(x[V], work[0, 2], work[2, 2], work[3, 2], s)
     _fill(p, x, at, level, z, v, work[5])
-
-
-@part
-def book(p, table, waves, x, at, accounts, loads, h, work):  # type: ignore[no-untyped-def]
-    """Enter a step of h [s] to work[0] in the accounts, by Lobatto's rule on its cubic."""
-    y, k1, k2 = work[0], work[2], work[3]
-    doing = at[DOING]
-    sums = work[4]
-    sums[:] = 0.0
-    for n in range(4):
-        s = 0.0 if n == 0 else (_INNER if n == 1 else (1.0 - _INNER if n == 2 else 1.0))
-        share = h / 12.0 if n == 0 or n == 3 else 5.0 * h / 12.0
-        z = inside(x[Z], y[0], k1[0], k2[0], s)
-        w = inside(x[W], y[1], k1[1], k2[1], s)
-        v = inside(x[V], y[2], k1[2], k2[2], s)
-        sums[0] += share * p[MASS] * drag(p, w)[0] * w
-        sums[1] += share * _power(p, table, doing, z)
-        rate = rate_of(p, table, doing, z, v)[0]
-        if rate != 0.0:
-            sums[2] += share * rate * value(table, p[STEP], PRESSURE, z)[0]
-        elif doing == PUMPING:
-            sums[3] += share
-        if waves.shape[0] > 0:
-            dz, pull, _ = terms(p, table, waves, doing, at[PLACE] == 1, x[T] + s * h, z, w, v)
-            sums[4] += share * p[MASS] * (pull + drag(p, w)[0]) * (dz - w)
-            way = _moved(waves, z, x[T] + s * h)[0]
-            slope = value(table, p[STEP], PRESSURE, z)[1]
-            sums[4] -= share * slope * displaced(p, table, z, way)[0] * dz
-    accounts[DRAG] += sums[0]
-    accounts[FORCED] += sums[4]
-    _enter(accounts, doing, y[2] - x[V], sums[2], sums[1], h)
-    accounts[STALLED] += sums[3]
-    enter_energy(p, x, accounts, sums[1], loads, h)
-
-
-@part
-def _power(p, table, doing, z):  # type: ignore[no-untyped-def]
-    what = HOLDING
-    if doing in (PUMPING, PRIMING):
-        what = POWER_OUT
-    elif doing == LETTING_IN:
-        what = POWER_IN
-    elif doing != NOTHING:
-        what = POWER_BYPASS
-    return value(table, p[STEP], what, max(z, 0.0))[0]
-
-
-@part
-def _enter(accounts, doing, change, work_done, energy, h):  # type: ignore[no-untyped-def]
-    """Enter volume [m3], work on the sea [J] and electrical energy [J] under what was done."""
-    if doing in (PUMPING, PRIMING):
-        accounts[PUMPED] += change
-        accounts[PUMP_WORK] += work_done
-        accounts[PUMP_ENERGY] += energy
-        accounts[PUMP_TIME] += h
-    elif doing == NOTHING:
-        accounts[LEAKED] -= change
-        accounts[LEAK_WORK] -= work_done
-        accounts[HOLDING_ENERGY] += energy
-    else:
-        accounts[LET_IN] -= change
-        accounts[LET_IN_WORK] -= work_done
-        accounts[VALVE_ENERGY] += energy
-        accounts[VALVE_TIME] += h
-
-
-@part
-def enter_energy(p, x, accounts, drive, loads, h):  # type: ignore[no-untyped-def]
-    """Take the drive's energy [J] and the loads' power [W] over h [s] from the battery.
-
-    dC/dt = -P - s C, as `swimbladder.battery.charge_after`.
-    """
-    accounts[LOAD_ENERGY] += loads * h
-    drawn = drive + loads * h
-    if p[SELF_DISCHARGE] > 0.0:
-        s = p[SELF_DISCHARGE] * h
-        lost = -x[CHARGE] * math.expm1(-s) - drawn * (1.0 + math.expm1(-s) / s)
-        accounts[SELF_DISCHARGED] += lost
-        x[CHARGE] -= lost
-    x[CHARGE] -= drawn
-
-
-@part
-def stay(p, table, x, at, accounts, loads, until):  # type: ignore[no-untyped-def]
-    """Let time pass at rest or on the bottom, where only the volume may change.
-
-    Return 1 where it reached the end of its move or an end stop, 2 what lifts it off the bottom,
-    3 what sinks it from the surface, else 0.
-    """
-    rate = rate_of(p, table, at[DOING], x[Z], x[V])[0]
-    h, change = until - x[T], 0.0
-    ended = 0
-    if rate != 0.0:
-        goal = min(p[V_MAX], x[V_MOVE]) if rate > 0.0 else p[V_MIN]
-        if rate < 0.0 and at[DOING] != NOTHING:
-            goal = max(p[V_MIN], x[V_MOVE])
-        lift = lift_volume(p, table, x[Z])
-        if rate > 0.0 and x[V] < lift < goal:
-            goal = lift
-            ended = 2
-        elif at[PLACE] == 1 and rate < 0.0 and sink_volume(p, table) > goal:
-            goal = min(sink_volume(p, table), x[V])
-            ended = 3
-        else:
-            ended = 1
-        if (goal - x[V]) / rate <= h:
-            h, change = max((goal - x[V]) / rate, 0.0), goal - x[V]
-        else:
-            ended, change = 0, rate * h
-    pressure = value(table, p[STEP], PRESSURE, x[Z])[0]
-    energy = _power(p, table, at[DOING], x[Z]) * h
-    _enter(accounts, at[DOING], change, change * pressure, energy, h)
-    if at[DOING] == PUMPING and rate == 0.0:
-        accounts[STALLED] += h
-    enter_energy(p, x, accounts, energy, loads, h)
-    x[T] = until if ended == 0 else x[T] + h
-    if at[PLACE] == 1:
-        by_depth, by_volume = slope_of_force(p, table, True, x[Z], x[V])
-        x[Z] -= change * by_volume / by_depth
-    x[V] += change
-    x[V_LEAST] = min(x[V_LEAST], x[V])
-    if at[PLACE] != 1:
-        x[V_MOST] = max(x[V_MOST], x[V])
-    return ended
-
-
-@part
-def lift_volume(p, table, z):  # type: ignore[no-untyped-def]
-    """Return the volume above which a vehicle that lies at depth z rises [m3]."""
-    neutral = value(table, p[STEP], NEUTRAL, z)[0] + p[TRIM] + p[GIVE] * z
-    return neutral + 1e-12 * (p[V_MAX] - p[V_MIN])
-
-
-@part
-def sink_volume(p, table):  # type: ignore[no-untyped-def]
-    """Return the volume [m3] at which a floating hull is but `_AWASH` out of the water."""
-    top = p[Z_SURFACE]
-    neutral = value(table, p[STEP], NEUTRAL, top)[0] + p[TRIM] + p[GIVE] * top
-    return neutral + _AWASH * p[A_S] * p[MASS] / value(table, p[STEP], PRESSURE, top)[1]
-
-
-@part
-def settle(p, table, waves, x, at, accounts):  # type: ignore[no-untyped-def]
-    """Take a vehicle for resting where what is left of its oscillation is too small to count."""
-    if at[DOING] != NOTHING or at[PLACE] == 2:
-        return
-    for k in range(waves.shape[0]):
-        if waves[k, 5] > 0.0:
-            return
-    if rate_of(p, table, NOTHING, x[Z], x[V])[0] != 0.0 and (
-        at[PLACE] != 1 or x[V] <= sink_volume(p, table) + _EDGE
-    ):
-        return  # it drifts with what leaks; afloat the hull gives way by next to nothing
-    stiffness = -slope_of_force(p, table, at[PLACE] == 1, x[Z], x[V])[0]
-    if stiffness <= 0.0:
-        return
-    _, pull, _ = terms(p, table, waves, NOTHING, at[PLACE] == 1, x[T], x[Z], x[W], x[V])
-    way = (pull + drag(p, x[W])[0]) / stiffness
-    limit = p[REST_AFLOAT] if at[PLACE] == 1 else p[REST_DEEP]
-    if way * way + x[W] * x[W] / stiffness < limit * limit:
-        accounts[SETTLED] += 0.5 * p[MASS] * x[W] * x[W]
-        x[W] = 0.0
-        at[RESTS] = 1
