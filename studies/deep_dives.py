@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from studies.deep_data import dives_of
 from swimbladder.identify.deep_dive import DeepDive
 from swimbladder.identify.deep_fit import DeepFit, balance, fit_deep, start_volume
-from swimbladder.identify.deep_model import DEEP, DEFAULT, Body, body_of, priors_of
+from swimbladder.identify.deep_model import DEEP, DEFAULT, Body, body_of, priors_of, run_volumes
 from swimbladder.identify.deep_replay import Replay, replay
 from swimbladder.io.config import load_vehicle
 from swimbladder.parameters import Vehicle
@@ -201,7 +201,7 @@ def main() -> None:
     print("\n| dive | deepest, dbar | hours | looks | book off by, mL rms | pumped, mL |")
     print("|---|---:|---:|---:|---:|---:|")
     for book, dive in zip(books, dives, strict=True):
-        pumped = 1e6 * fit.values["pump_delivery"] * float(dive.pieces.pumped[-1])
+        pumped = 1e6 * float(np.sum(np.maximum(run_volumes(fit.values, dive), 0.0)))
         print(
             f"| {dive.name} | {dive.pressure.max() / 1e4:.0f} "
             f"| {(dive.time[-1] - dive.time[0]) / 3600:.1f} | {len(book)} | {_rms(book):.2f} "

@@ -6,13 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.stats import binom
 
+from studies.deep_calibration import outcome, summary
 from swimbladder.errors import InputError
 from swimbladder.hull import neutral_volume, weight_mass
 from swimbladder.identify.deep import contradictions, identified_vehicle, identify_deep
 from swimbladder.identify.deep_dive import deep_dive
 from swimbladder.identify.deep_fit import balance, fit_deep, start_volume
-from swimbladder.identify.deep_model import DEEP, DEFAULT, body_of, hull_volume, priors_of
+from swimbladder.identify.deep_model import DEFAULT, body_of, hull_volume, priors_of, run_volumes
 from swimbladder.identify.deep_replay import replay
 from swimbladder.identify.estimates import Prior
 from swimbladder.io.config import load_vehicle
@@ -23,6 +25,7 @@ TRUTH = {
     "drag": 165.0, "drag_up": 0.8, "compressibility": 3.1e-10, "stiffening": 3e-18,
     "thermal_expansion": 0.8e-4, "trapped_air": 0.0, "pump_delivery": 0.7, "pump_slip": 0.0,
     "pump_start": 0.5e-6, "valve": 0.9, "bypass": 1.0, "creep": 5e-11,
+    "inertia": 1.0,
 }  # fmt: skip
 RUNS = [
     ("valve", 4000.0, 2.0), ("valve", 9000.0, 1.5), ("valve", 15000.0, 1.2),
@@ -108,36 +111,19 @@ def test_the_truth_closes_the_book(scene) -> None:
     assert start_volume(body, TRUTH, dive, until=5400.0) == pytest.approx(start, abs=0.5e-6)
 
 
-def test_intervals_hold_as_often_as_they_say(scene) -> None:
-    """Vehicles drawn from what was known before, two dives each in moving water: 95 % intervals."""
-    vehicle, body, column = scene
-    priors = priors_of(vehicle, {
-        "compressibility": Prior(3.1e-10, 0.3e-10), "stiffening": Prior(3e-18, 2e-18),
-        "thermal_expansion": Prior(0.8e-4, 0.3e-4), "pump_delivery": Prior(0.8, 0.1),
-        "valve": Prior(0.9, 0.1), "pump_start": Prior(5e-7, 3e-7), "creep": Prior(0.0, 1e-10),
-        "drag_up": Prior(0.9, 0.1),
-    })  # fmt: skip
-    rng = np.random.default_rng(7)
-    inside, narrowed = [], []
-    for _ in range(16):
-        values = {name: priors[name].mean for name in DEEP}
-        for name in DEFAULT:
-            values[name] += priors[name].std * float(np.clip(rng.normal(), -2.0, 2.0))
-        dives = [
-            dived(
-                vehicle, body, column, values, rng, runs=RUNS, hours=12.0,
-                start=begin_of(body, values, column, speed),
-            )[1]
-            for speed in (0.045, 0.055)
-        ]  # fmt: skip
-        fit = fit_deep(body, dives, priors, free=DEFAULT)
-        for name in DEFAULT:
-            inside.append(abs(fit.values[name] - values[name]) <= 1.96 * fit.std(name))
-            narrowed.append(fit.std(name) / priors[name].std)
-    share = float(np.mean(inside))
-    # 144 intervals of which 9 go together: 95 % give 0.89 or more in 99 of 100 such tests.
-    assert share > 0.88
-    assert np.median(narrowed) < 0.6
+def test_intervals_hold_as_often_as_they_say() -> None:
+    """Dives of the whole mission model, in waves, with a cast that errs: 95 % intervals.
+
+    `studies.deep_calibration` is the same with 300 dives.
+    """
+    rows = summary([outcome(index, seed=2) for index in range(_DIVES)])
+    assert {row[0] for row in rows} == set(DEFAULT)
+    held = np.array([row[1] for row in rows])
+    # Binomial, of parameters that go together: fewer of all in one of a thousand such tests.
+    assert np.mean(held) > 0.86
+    assert held.min() >= binom.ppf(1e-3 / len(rows), _DIVES, 0.95) / _DIVES
+    narrowed = {row[0]: row[4] for row in rows}
+    assert max(narrowed[name] for name in ("drag", "pump_delivery", "valve", "drag_up")) < 0.6
 
 
 def test_what_is_told_and_what_is_not(scene) -> None:
@@ -179,7 +165,7 @@ def test_an_identified_vehicle(scene) -> None:
     told = {name: e.value for name, e in found.parameters.items()}
     for name in ("pump_delivery", "valve", "compressibility"):
         assert abs(told[name] - TRUTH[name]) < 3.0 * found.parameters[name].std
-        assert found.parameters[name].std < 0.15 * told[name]
+        assert found.parameters[name].std < 0.2 * told[name]
     assert found.parameters["drag"].origin == "set"
     after = found.result_vehicle
     assert after.drag.k_dt == 165.0
@@ -206,6 +192,7 @@ def two_dives(vehicle, column, values, runs=RUNS):
     return [log for log, _ in found], [dive for _, dive in found]
 
 
+_DIVES = 12
 SHORT = 4.5e-6  # m3
 AS_FILED = {"pump_delivery": 1.0, "valve": 1.0, "bypass": 1.0, "pump_start": 0.0, "pump_slip": 0.0}
 
@@ -235,27 +222,34 @@ def test_what_starts_fall_short_by_counts_once(scene) -> None:
     found = identify_deep(logs, [column], vehicle)
     correction = found.parameters["pump_start"]
     assert correction.origin == "data"
-    assert correction.std < 0.5e-6
-    assert abs(found.result_vehicle.actuator.start_volume - SHORT) < 1.96 * correction.std
+    assert correction.std < 0.8e-6
+    assert abs(found.result_vehicle.actuator.start_volume - SHORT) < 3.0 * correction.std
     fixed = identify_deep(logs, [column], vehicle, fixed={"pump_start": 0.0})
     assert fixed.result_vehicle.actuator.start_volume == SHORT
     # With the pump as its file has it, counting it twice does not fit.
     free = ("compressibility", "drag_up")
     held = {name: value for name, value in truth.items() if name not in free}
-    once, twice = (
-        fit_deep(
+    books = []
+    for start in (0.0, SHORT):
+        fit = fit_deep(
             body, dives, priors_of(vehicle, {}), free=free, fixed=held | {"pump_start": start}
-        ).noise
-        for start in (0.0, SHORT)
-    )  # fmt: skip
-    assert twice > 2.0 * once
+        )
+        books.append([
+            np.std(balance(body, fit.values, float(begun), dive))
+            for begun, dive in zip(fit.starts, dives, strict=True)
+        ])  # fmt: skip
+    assert min(books[1]) > 2.0 * max(books[0])
 
 
 def test_a_short_run_gives_nothing_and_the_line_counts(scene) -> None:
     plain, _, column = scene
     runs = [("pump", 100.0, 2.0), ("pump", 900.0, 60.0)]
     dive = deep_dive(made_up_log(runs, 2.0), column, with_drive(plain, start_volume=SHORT))
-    assert dive.action_short == pytest.approx([1.6e-6, SHORT])  # 2 s of 0.8 mL/s
+    values = TRUTH | AS_FILED
+    given = run_volumes(values, dive)
+    assert given == pytest.approx([0.0, 0.8e-6 * 60.0 - SHORT])  # 2 s are 1.6 mL
+    # and a start that falls short by less than the file says lets it give some
+    assert run_volumes(values | {"pump_start": -SHORT}, dive)[0] == pytest.approx(1.6e-6)
     oil = Oil(volume=2e-5)
     lined = deep_dive(made_up_log(runs, 2.0), column, with_drive(plain, line=oil))
     assert lined.action_short[1] > 0.0
@@ -305,7 +299,7 @@ def test_the_written_vehicle_rests_where_the_fit_does(scene) -> None:
     _, dives = two_dives(vehicle, column, TRUTH)
     held = {"trapped_air": 3e-5, "thermal_expansion": 0.2e-4, "stiffening": 0.0, "drag": 165.0}
     fit = fit_deep(body, dives, priors_of(vehicle, {}), free=DEFAULT, fixed=held)
-    after = identified_vehicle(vehicle, fit)
+    after = identified_vehicle(vehicle, fit.values)
     assert weight_mass(after) == pytest.approx(body.mass, rel=1e-12)
     # Trapped air grows with its warmth in the hull, and not in the fit: the hull as it was filled.
     p, T = column.pressure, np.full(len(column.pressure), 5.0)

@@ -10,7 +10,7 @@ import typer
 
 from swimbladder.cli.casts import casts_beside_logs, pairs
 from swimbladder.cli.common import console, emit_json, json_text, output, progress
-from swimbladder.cli.logs import Chosen
+from swimbladder.cli.logs import Chosen, selections
 from swimbladder.cli.settings import known, once, setting
 from swimbladder.errors import InputError
 
@@ -41,16 +41,19 @@ def identify_deep(
 
     given: how the vehicle was named.
     """
-    from swimbladder.identify.deep_model import DEEP
+    from swimbladder.identify.deep_model import CAST, DEEP, check_deep_request
     from swimbladder.io.files import check_place
     from swimbladder.io.float_logs import read_float_log
     from swimbladder.report.identification import check_folder
 
     units = {name: about.unit for name, about in DEEP.items()}
     held = once([setting(text, units) for text in fixed], "--set")
-    before = once([known(text, units) for text in priors], "--prior")
+    errors = {name: about.unit for name, about in CAST.items()}
+    before = once([known(text, units | errors) for text in priors], "--prior")
     check_place(out)
     check_folder(out, given)
+    count = len(casts) * len(selections(list(cast_where)))
+    check_deep_request(vehicle, len(logs), count, free=free, fixed=list(held), priors=before)
     mapped = pairs(list(column), "--column")
     read = []
     for log in logs:
@@ -95,8 +98,7 @@ def _print(found: DeepIdentification, notes: Sequence[str], files: Sequence[Path
     for note in notes:
         output.print(f"note: {note}", soft_wrap=True)
     for path in files:
-        if path.suffix != ".png":
-            output.print(f"wrote {path}", soft_wrap=True)
+        output.print(f"wrote {path}", soft_wrap=True)
 
 
 def _table(headings: Sequence[str]) -> Any:

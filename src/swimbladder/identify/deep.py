@@ -10,15 +10,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError
 from swimbladder.hull import weighing
 from swimbladder.identify.deep_dive import DeepDive, deep_dive
 from swimbladder.identify.deep_fit import DeepFit, balance, fit_deep
-from swimbladder.identify.deep_model import DEEP, DEFAULT, Body, body_of, priors_of
+from swimbladder.identify.deep_model import (
+    CAST,
+    DEEP,
+    DEFAULT,
+    Body,
+    body_of,
+    check_deep_request,
+    priors_of,
+)
 from swimbladder.identify.deep_replay import Replay, replay
 from swimbladder.identify.estimates import Estimate, Prior, estimate
 from swimbladder.io.float_log import FloatLog
-from swimbladder.parameters import HullPart, PowerLawPump, PumpAndValve, Vehicle
+from swimbladder.parameters import HullPart, PhysicalMotion, PowerLawPump, PumpAndValve, Vehicle
 from swimbladder.seawater import Column
 
 __all__ = [
@@ -31,6 +38,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+_STIFFENS = 1e-20  # 1/Pa2, the least that a vehicle's file has
 _FAR = 2.5  # deviations of a prior, one in eighty by chance
 
 
@@ -68,7 +76,13 @@ class DeepIdentification:
             "vehicle": self.vehicle.name,
             "identified": self.identified,
             "parameters": {name: e.to_json() for name, e in self.parameters.items()},
-            "speed_noise_m_s": self.fit.noise,
+            "noise": {
+                "pressure_Pa": self.fit.noise.pressure,
+                "water_m_s": self.fit.noise.water,
+                "water_lasts_s": self.fit.noise.lasts,
+                "drift_m3_s0.5": self.fit.noise.drift,
+                "runs": self.fit.noise.runs,
+            },
             "dives": [
                 {
                     "source": told.dive.name,
@@ -85,7 +99,7 @@ class DeepIdentification:
             "priors": {
                 name: {"mean": prior.mean, "std": prior.std}
                 for name, prior in self.fit.priors.items()
-                if name in self.fit.names
+                if name in self.fit.names or name in CAST
             },
             "sentences": list(self.sentences),
             "assumptions": list(self.assumptions),
@@ -103,16 +117,10 @@ def identify_deep(
     given. Raises InputError for a vehicle without pump and valve, for logs without dives and for
     what cannot be identified.
     """
-    if not isinstance(vehicle.actuator, PumpAndValve):
-        raise InputError(
-            "deep dives are identified for a pump and a valve", field="actuator.kind",
-            value=vehicle.actuator.kind, remedy="Describe the actuator as kind pump-valve",
-        )  # fmt: skip
-    if len(columns) not in (1, len(logs)):
-        raise InputError(
-            f"{len(columns)} casts for {len(logs)} dives", field="--cast",
-            remedy="Give one cast for all dives, or one for each in their order",
-        )  # fmt: skip
+    check_deep_request(
+        vehicle, len(logs), len(columns), free=free, fixed=list(fixed or {}),
+        priors=priors or {},
+    )  # fmt: skip
     each = list(columns) * (len(logs) if len(columns) == 1 else 1)
     dives = [
         deep_dive(log, column, vehicle, name=Path(log.source).name)
@@ -122,17 +130,18 @@ def identify_deep(
     run = ("bypass",) if any(dive.action_bypass.any() for dive in dives) else ()
     names = tuple(free or [n for n in (*DEFAULT, *run) if n not in (fixed or {})])
     advance(0.1)
-    fit = fit_deep(body, dives, known, free=names, fixed=fixed)
-    advance(0.8)
+    fit = fit_deep(
+        body, dives, known, free=names, fixed=fixed, advance=lambda share: advance(0.8 * share)
+    )
     parameters = {name: _estimate(fit, name, fixed or {}) for name in (*fit.names, *(fixed or {}))}
     told = tuple(_told(body, fit, k, dive) for k, dive in enumerate(dives))
-    advance(1.0)
+    advance(0.1)
     untold = [name for name in fit.names if not fit.told(name)]
     asked = [name for name in untold if name in (free or ())]
     good = not asked and len(untold) < len(fit.names)
     return DeepIdentification(
         vehicle=vehicle, fit=fit, parameters=parameters,
-        result_vehicle=identified_vehicle(vehicle, fit) if good else vehicle,
+        result_vehicle=identified_vehicle(vehicle, fit.values) if good else vehicle,
         dives=told, identified=good,
         sentences=_sentences(fit, told, untold, good), assumptions=_assumptions(vehicle, fit),
     )  # fmt: skip
@@ -160,7 +169,7 @@ def _sentences(
     count = len(told)
     found = [
         f"With one set of parameters the book of volumes of {count} dive{'s' if count > 1 else ''} "
-        f"closes to {1e6 * book:.2g} mL rms, the speeds to "
+        f"closes to {1e6 * book:.2g} mL rms, speeds from look to look to "
         f"{1e3 * _rms(np.concatenate([one.speed for one in told])):.2g} mm/s rms."
     ]
     if not good:
@@ -169,7 +178,7 @@ def _sentences(
         found.append(f"Hardly told by these dives, and near what was known: {', '.join(untold)}.")
     found += contradictions(fit)
     anchors = [n for n in ("drag", "pump_delivery", "valve") if n in fit.names]
-    if len(anchors) == 3:
+    if len(anchors) == 3 and not any(fit.told(name) for name in anchors):
         found.append(
             "The absolute size of drag, pump and valve together rests on their priors; how they "
             "compare is told by the dives."
@@ -187,10 +196,10 @@ def contradictions(fit: DeepFit) -> list[str]:
             before = f"{prior.mean:.4g} +- {prior.std:.2g} {unit}".rstrip()
             found.append(
                 f"{name} comes out {off:.1f} deviations from what was known before ({before}): one "
-                "of the two is wrong. A cast that is off by some grams per cubic metre, or a mass "
-                "or hull that is not as in the file, moves the size of drag, pump and valve "
-                "together, and the intervals do not reckon with that. Believe how they compare; "
-                "hold the size by what you measured, with --set."
+                "of the two is wrong. A cast that is farther off than was reckoned with (--prior "
+                "cast_density, cast_heave), or a mass or hull that is not as in the file, moves "
+                "the size of drag, pump and valve together. Believe how they compare; hold the "
+                "size by what you measured, with --set."
             )
     return found
 
@@ -208,25 +217,30 @@ def _assumptions(vehicle: Vehicle, fit: DeepFit) -> tuple[str, ...]:
         share = fit.values["bypass"]
         said_of = "as in the vehicle's file" if share == 1.0 else f"{share:.4g} of its file's"
         bypass = (f"the flow of the bypass is {said_of}: it is not identified",)
+    lost = [
+        *([] if isinstance(actuator.pump, PowerLawPump) else ["pump_delivery"]),
+        *(["a creep below 0"] if fit.values["creep"] < 0.0 else []),
+    ]
+    place = (f"{' and '.join(lost)} has no place in vehicle.toml",) if lost else ()
+    cast = ", ".join(f"{name} 0 +- {fit.priors[name].std:.2g} {x.unit}" for name, x in CAST.items())
     return (
         f"known before: {'; '.join(said)}",
         f"the vehicle weighs {body.mass:.6g} kg and displaces {body.volume * 1e3:.6g} L without "
         "trapped air, as in its file; trim_error is what makes vehicle.toml weigh that",
-        *bypass,
-        "in vehicle.toml drag is that of sinking; drag_up, stiffening and creep have no place there"
-        + ("" if isinstance(actuator.pump, PowerLawPump) else ", nor pump_delivery"),
-        "drag balances the excess volume at each look: speeds are steady within a minute",
-        "the water is that of the cast for the whole dive, and moves by some mm/s",
-    )
+        *bypass, *place,
+        f"the cast errs by {cast}, 1 sigma; the water moves by {1e3 * fit.noise.water:.1f} mm/s "
+        f"that last {fit.noise.lasts / 60.0:.0f} min, as the dives tell",
+    )  # fmt: skip
 
 
-def identified_vehicle(vehicle: Vehicle, fit: DeepFit) -> Vehicle:
-    """Return the vehicle with what its file has a place for.
+def identified_vehicle(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
+    """Return the vehicle of these values, but for what its file has no place for.
 
-    Mass and hull without trapped air are those of `body_of`, so trim_error moves with trapped air,
-    and with the hull's warmth where [water] is not as warm as reference_temperature.
+    That is the delivery of a pump that is described by its motor. Mass and hull without trapped air
+    are those of `body_of`, so trim_error moves with trapped air, and with the hull's warmth where
+    [water] is not as warm as reference_temperature.
     """
-    body, values, hull, actuator = body_of(vehicle), fit.values, vehicle.hull, vehicle.actuator
+    body, hull, actuator = body_of(vehicle), vehicle.hull, vehicle.actuator
     assert isinstance(actuator, PumpAndValve)
     pump = actuator.pump
     if isinstance(pump, PowerLawPump):
@@ -234,11 +248,12 @@ def identified_vehicle(vehicle: Vehicle, fit: DeepFit) -> Vehicle:
             "delivery": pump.delivery * values["pump_delivery"],
             "slip": pump.slip * values["pump_delivery"] + pump.delivery * values["pump_slip"],
         })  # fmt: skip
+    stiffening = values["stiffening"]
     part = HullPart(
-        name="hull", volume=body.volume, compressibility=values["compressibility"],
+        name="hull", volume=body.volume, compressibility=max(values["compressibility"], 0.0),
         thermal_expansion=values["thermal_expansion"],
+        stiffening=stiffening if abs(stiffening) >= _STIFFENS else 0.0,
     )  # fmt: skip
-    drag = vehicle.drag.model_copy(update={"k_dt": values["drag"]})
     bypass = actuator.bypass
     if bypass is not None:
         bypass = bypass.model_copy(update={"flow": bypass.flow * values["bypass"]})
@@ -249,14 +264,21 @@ def identified_vehicle(vehicle: Vehicle, fit: DeepFit) -> Vehicle:
         ),
         "bypass": bypass,
         "start_volume": max(actuator.start_volume + values["pump_start"], 0.0),
+        "creep": max(values["creep"], 0.0),
     })  # fmt: skip
+    motion: dict[str, Any] = {"drag": vehicle.drag.model_copy(
+        update={"k_dt": values["drag"], "rising_ratio": values["drag_up"]}
+    )}  # fmt: skip
+    if isinstance(vehicle.motion, PhysicalMotion):
+        more = (values["inertia"] - 1.0) * vehicle.mass
+        motion["added_mass"] = max(vehicle.motion.added_mass + more, 0.0)
     air = values["trapped_air"]
     found = vehicle.model_copy(update={
         "actuator": changed,
         "hull": hull.model_copy(update={
             "displaced_volume": body.volume + air, "parts": (part,), "trapped_air": air,
         }),
-        "motion": vehicle.motion.model_copy(update={"drag": drag}),
+        "motion": vehicle.motion.model_copy(update=motion),
     })  # fmt: skip
     return weighing(found, body.mass)
 

@@ -8,18 +8,21 @@ into real ones. The volume at the beginning of a dive is unknown, and each dive 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.buoyancy_engine import drive_map
 from swimbladder.errors import InputError
+from swimbladder.hull import layered_volume
 from swimbladder.io.float_log import FloatLog
+from swimbladder.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.parameters import PumpAndValve, Vehicle
 from swimbladder.seawater import Column
-from swimbladder.steady_drives import delivered
+from swimbladder.seawater.lookup import slopes
 
-__all__ = ["DeepDive", "Pieces", "deep_dive"]
+__all__ = ["DeepDive", "Pieces", "deep_dive", "nodes"]
 
 Array = NDArray[np.float64]
 
@@ -27,6 +30,7 @@ SHORTEST = 50.0  # s between two samples that tell a speed: 10 mbar of resolutio
 LONGEST = 4000.0  # s, likewise; longer ones hide how it went
 SETTLING = 5.0  # s before and 25 s after, in which an action still shows
 _AFTER = 25.0  # s
+_WITHIN = np.linspace(0.1, 0.9, 5)  # of a run, where its rate is looked up
 _LEAST = 1e5  # Pa; above it hull and bladder may be out of the water, and the bypass open
 
 
@@ -36,17 +40,15 @@ class Pieces:
 
     time: Array  # s, their middle
     elapsed: Array  # s, since the dive began
+    idle: Array  # s of those in which nothing ran
     duration: Array  # s
     pressure: Array  # Pa, at their middle
     speed: Array  # m/s, positive down
+    acceleration: Array  # m/s2, 0 where the neighbours are of other legs
     density: Array  # kg/m3, of the water
     temperature: Array  # degC, of the hull
-    pumped: Array  # m3, nominal, since the dive began, starts as good as the rest
-    slipped: Array  # m3 Pa, the same times the pressure that it was pumped against
-    starts: Array  # -, of the pump
-    short: Array  # m3, that these starts fell short by, nominal
-    bled: Array  # m3, nominal, by the valve
-    bypassed: Array  # m3, nominal, by the bypass
+    before: NDArray[np.bool_]  # [n, m], which actions were before
+    leaked: Array  # m3, as the vehicle's file has it, since the dive began
     leg: NDArray[np.int64]  # -, between which two actions
 
     def __len__(self) -> int:
@@ -61,16 +63,19 @@ class DeepDive:
     time: Array  # s [n]
     pressure: Array  # Pa [n]
     temperature: Array  # degC of the hull [n]
+    leaked: Array  # m3 [n], as the vehicle's file has it, since the dive began
     action_time: Array  # s [m], the beginning
     action_seconds: Array  # s [m]
     action_pumps: NDArray[np.bool_]  # [m]
     action_bypass: NDArray[np.bool_]  # [m]; what is neither is the valve's
-    action_volume: Array  # m3 [m], nominal, positive: rate times seconds
-    action_short: Array  # m3 [m], what the start falls short of it, nominal
-    action_pressure: Array  # Pa [m]
+    action_volume: Array  # m3 [m], nominal, positive: rate times seconds, mean on the way
+    action_short: Array  # m3 [m], what the start falls short of it, nominal; 0 without a pump
+    action_pressure: Array  # Pa [m], mean on the way
     water_pressure: Array  # Pa [k], of the cast, and half as deep again
     water_density: Array  # kg/m3 [k]; below the cast it grows as at its end
+    water_layers: Array  # m3/m [k], neutral volume over depth but for what pressure does to it
     gravity: float  # m/s2
+    stroke: float  # m3
     pieces: Pieces
 
 
@@ -115,61 +120,82 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     begun = np.array([a.time for a in actions])
     seconds = np.array([a.seconds for a in actions])
     pumps = np.array([a.device == "pump" for a in actions])
-    at = np.interp(begun, time, pressure)
-    map_ = drive_map(vehicle, np.maximum(at, 0.0), power=False)
     bypass = np.array([a.device == "bypass" for a in actions])
-    assert isinstance(vehicle.actuator, PumpAndValve)
-    if bypass.any() and vehicle.actuator.bypass is None:
+    actuator = vehicle.actuator
+    assert isinstance(actuator, PumpAndValve)
+    if bypass.any() and actuator.bypass is None:
         raise InputError(
             "the log has runs of a bypass, and the vehicle has none", file=log.source,
             field="actuator.bypass", remedy="Describe the bypass in the vehicle's file",
         )  # fmt: skip
-    rate = np.where(pumps, map_.rate_out, np.where(bypass, map_.bypass_in, map_.rate_in))
-    volume = rate * seconds
-    short = np.where(pumps, volume - delivered(rate, seconds, map_.start_volume), 0.0)
+    # A run of minutes goes through some 30 dbar.
+    within = begun[:, None] + _WITHIN * seconds[:, None]
+    at = np.maximum(np.interp(within, time, pressure), 0.0)
+    map_ = drive_map(vehicle, at.ravel(), power=False)
+    out, let_in, by = (
+        rate.reshape(at.shape).mean(axis=1)
+        for rate in (map_.rate_out, map_.rate_in, map_.bypass_in)
+    )
+    head = np.maximum(pressure + ATMOSPHERIC_PRESSURE - actuator.internal_pressure, 0.0)
+    leaks = actuator.leakage * head
+    leaked = np.append(0.0, np.cumsum(0.5 * (leaks[1:] + leaks[:-1]) * np.diff(time)))
     levels, density = _deepened(column)
+    layers = slopes(layered_volume(vehicle, column), column.step)
+    runs = _Runs(begun, seconds, pumps, bypass)
     return DeepDive(
         name=name or log.source, time=time, pressure=pressure, temperature=temperature,
-        action_time=begun, action_seconds=seconds, action_pumps=pumps, action_bypass=bypass,
-        action_volume=volume, action_short=short, action_pressure=at,
-        water_pressure=levels, water_density=density, gravity=column.gravity,
-        pieces=_pieces(
-            time, pressure, temperature, begun, seconds, pumps, bypass, volume, short, at,
-            levels, density, column.gravity,
-        ),
+        leaked=leaked, action_time=begun, action_seconds=seconds, action_pumps=pumps,
+        action_bypass=bypass,
+        action_volume=np.where(pumps, out, np.where(bypass, by, let_in)) * seconds,
+        action_short=np.where(pumps, map_.start_volume.reshape(at.shape)[:, 0], 0.0),
+        action_pressure=at.mean(axis=1), water_pressure=levels, water_density=density,
+        water_layers=np.interp(levels, column.pressure, layers), gravity=column.gravity,
+        stroke=vehicle.stroke.maximum - vehicle.stroke.minimum,
+        pieces=_pieces(time, pressure, temperature, leaked, runs, levels, density, column.gravity),
     )  # fmt: skip
 
 
+class _Runs(NamedTuple):
+    begun: Array  # s [m]
+    seconds: Array  # s [m]
+    pumps: NDArray[np.bool_]  # [m]
+    bypass: NDArray[np.bool_]  # [m]
+
+
 def _pieces(
-    time: Array, pressure: Array, temperature: Array, begun: Array, seconds: Array,
-    pumps: NDArray[np.bool_], bypass: NDArray[np.bool_], volume: Array, short: Array, at: Array,
-    levels: Array, water: Array, gravity: float,
+    time: Array, pressure: Array, temperature: Array, leaked: Array, runs: _Runs, levels: Array,
+    water: Array, gravity: float,
 ) -> Pieces:  # fmt: skip
     """Return the parts between two samples, `SHORTEST` to `LONGEST` long, in which nothing runs."""
-    ends = _nodes(time)
+    ends = nodes(time)
     first, last = ends[:-1], ends[1:]
     a, b = time[first], time[last]
-    busy = (begun[None, :] < b[:, None]) & (
-        (begun + seconds)[None, :] + _AFTER > a[:, None] + SETTLING
+    busy = (runs.begun[None, :] < b[:, None]) & (
+        (runs.begun + runs.seconds)[None, :] + _AFTER > a[:, None] + SETTLING
     )
     kept = (b - a <= LONGEST) & ~busy.any(axis=1)
     first, last, a, b = first[kept], last[kept], a[kept], b[kept]
     middle = 0.5 * (a + b)
     p = 0.5 * (pressure[first] + pressure[last])
     density = np.interp(p, levels, water)
-    before = begun[None, :] < middle[:, None]
+    before = runs.begun[None, :] < middle[:, None]
+    speed = (pressure[last] - pressure[first]) / (b - a) / (density * gravity)
+    leg = before.sum(axis=1)
     return Pieces(
-        time=middle, elapsed=middle - time[0], duration=b - a, pressure=p, density=density,
-        speed=(pressure[last] - pressure[first]) / (b - a) / (density * gravity),
-        temperature=0.5 * (temperature[first] + temperature[last]),
-        pumped=(before * np.where(pumps, volume, 0.0)).sum(axis=1),
-        slipped=(before * np.where(pumps, volume * at, 0.0)).sum(axis=1),
-        starts=(before & pumps).sum(axis=1).astype(np.float64),
-        short=(before * short).sum(axis=1),
-        bled=(before * np.where(pumps | bypass, 0.0, volume)).sum(axis=1),
-        bypassed=(before * np.where(bypass, volume, 0.0)).sum(axis=1),
-        leg=before.sum(axis=1),
+        time=middle, elapsed=middle - time[0], idle=middle - time[0] - before @ runs.seconds,
+        duration=b - a, pressure=p, density=density, speed=speed,
+        acceleration=_acceleration(middle, speed, leg),
+        temperature=0.5 * (temperature[first] + temperature[last]), before=before,
+        leaked=np.interp(middle, time, leaked), leg=leg,
     )  # fmt: skip
+
+
+def _acceleration(time: Array, speed: Array, leg: NDArray[np.int64]) -> Array:
+    """Return it [m/s2] [n], from both neighbours; 0 where one of them is of another leg."""
+    found = np.zeros(len(time))
+    inner = np.flatnonzero((leg[2:] == leg[1:-1]) & (leg[:-2] == leg[1:-1])) + 1
+    found[inner] = (speed[inner + 1] - speed[inner - 1]) / (time[inner + 1] - time[inner - 1])
+    return found
 
 
 def _deepened(column: Column) -> tuple[Array, Array]:
@@ -184,7 +210,7 @@ def _deepened(column: Column) -> tuple[Array, Array]:
     return np.append(p, more), np.append(rho, rho[-1] + slope * (more - p[-1]))
 
 
-def _nodes(time: Array) -> NDArray[np.int64]:
+def nodes(time: Array) -> NDArray[np.int64]:
     """Return samples `SHORTEST` apart at least."""
     found, last = [0], time[0]
     for i, t in enumerate(time):

@@ -1,15 +1,18 @@
-"""Parameters of a deep vehicle from dives: a robust fit of speeds, with an honest covariance.
+"""Parameters of a deep vehicle from dives: what makes the measured pressures most likely.
 
-What is fitted is the speed between two looks, since that is where the error is: the water itself
-moves by some mm/s (internal waves), for tens of minutes at a time. Residuals are therefore not
-independent, and the covariance is that of blocks of `BLOCK` (a cluster-robust "sandwich"; Cameron
-and Miller, J. Human Resources 50, 2015, 317), which the tests hold against simulated dives.
+The likelihood is that of the filter in `deep_filter`, so that lag, moving water, a cast that errs
+and a volume that drifts count as what they are; how large these are is estimated too. The best
+values are found by scoring, with Fisher's information of normal innovations e of variance S, the
+sum of de de'/S + dS dS'/(2 S^2), whose inverse, priors included, is the covariance (e.g. Harvey,
+*Forecasting, Structural Time Series Models and the Kalman Filter*, 1989, section 3.4).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,43 +21,46 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError
 from swimbladder.identify.deep_dive import DeepDive
-from swimbladder.identify.deep_model import (
-    Body,
-    check_deep_names,
-    drag_volume,
-    excess,
-    steady_speed,
-)
+from swimbladder.identify.deep_filter import GATE, V0
+from swimbladder.identify.deep_model import Body, check_deep_names, drag_volume, excess
+from swimbladder.identify.deep_path import Filtered, Noise, Path, deep_path, filtered
 from swimbladder.identify.estimates import Prior
 
 __all__ = ["DeepFit", "balance", "fit_deep", "start_volume"]
 
 Array = NDArray[np.float64]
-Misfit = Callable[[Array], list[Array]]
 
-BLOCK = 3600.0  # s, of speeds that may be off together
-_VOLUME = 1e-5  # m3, in which the volumes at the beginning are counted
-_LEAST_NOISE = 5e-4  # m/s; below it the resolution of the pressure counts
-# m/s: noise that is reckoned with first, so that what is known before leads into the right valley.
-_COOLING = (0.1, 0.03)
-_ROUNDS = 3  # of fit and noise; the noise settles to a percent
+# Before: a typical value, and by which factor it may be off. Oil and runs are held tightly: left to
+# themselves they would explain what drag and hull should, and no book would have to close.
+NOISES = Noise(pressure=300.0, water=3e-3, drift=5e-10, runs=3e-3, lasts=600.0)
+_FACTOR = Noise(*(math.log(factor) for factor in (3.0, 3.0, 1.3, 1.2, 1.5)))
+# Below these nothing is believed: resolution, the quietest sea, oil and hull, valves.
+_LEAST = Noise(pressure=30.0, water=3e-4, drift=1e-10, runs=1e-3, lasts=30.0)
+# Share of the information that counts: waves are no noise of two numbers, and a float acts on what
+# they do to it. With all of it errors are up to 1.4 deviations rms in studies.deep_calibration.
+_WORTH = 0.4
 _TOLD = 0.8  # of the prior's deviation: a parameter that the data narrow less is from its prior
+_STEP = 1e-2  # prior deviations, for slopes
+_MOST, _NEAR = 20, 1e-2  # steps of scoring; gain of log likelihood that ends them
+_ROUNDS = 4  # of noise and parameters
+_BOOK = 3e-6  # m3, by which a book is off at a look
 
 
 @dataclass(frozen=True, kw_only=True)
 class DeepFit:
     """What fits: values by name, the drive's volume at the beginning of each dive, covariance.
 
-    covariance: of `names` and, after them, of `starts`, in SI. noise [m/s]: of a speed.
+    covariance: of `names` and, after them, of `starts`, in SI.
     """
 
     names: tuple[str, ...]
     values: Mapping[str, float]
     starts: Array  # m3 [dives]
     covariance: Array
-    noise: float
+    noise: Noise
     priors: Mapping[str, Prior]
-    residuals: tuple[Array, ...]  # m/s, measured less modelled speed, of each dive
+    innovations: tuple[Array, ...]  # of each dive, of all looks but the first, in their deviations
+    residuals: tuple[Array, ...]  # m/s, of each piece: measured less told from the look before
 
     def std(self, name: str) -> float:
         """Return the standard deviation of a parameter, 0 where it was set."""
@@ -69,10 +75,11 @@ class DeepFit:
 
 
 def balance(body: Body, values: Mapping[str, float], start: float, dive: DeepDive) -> Array:
-    """Return what the book of volumes is off by, E less what drag carries [m3] [n]."""
+    """Return what the book of volumes is off by, E less what drag and inertia take [m3] [n]."""
     p = dive.pieces
-    heavy = excess(body, values, start, p)
-    return heavy - drag_volume(values, p.speed, p.density, dive.gravity)
+    carried = drag_volume(values, p.speed, p.density, dive.gravity)
+    pushed = body.inertia * values["inertia"] * p.acceleration / (p.density * dive.gravity)
+    return excess(body, values, start, dive) - carried - pushed
 
 
 def start_volume(
@@ -91,10 +98,12 @@ def start_volume(
 def fit_deep(
     body: Body, dives: Sequence[DeepDive], priors: Mapping[str, Prior], *,
     free: Sequence[str], fixed: Mapping[str, float] | None = None,
+    advance: Callable[[float], None] = lambda _: None,
 ) -> DeepFit:  # fmt: skip
     """Return the parameters `free` and each dive's start; the rest are `fixed` or as their priors.
 
-    Raises InputError for a name that is not one, or none that is free.
+    advance: called with shares of the work. Raises InputError for a name that is not one, or none
+    that is free.
     """
     check_deep_names(free, "--free")
     check_deep_names(list(fixed or {}), "--set")
@@ -103,82 +112,175 @@ def fit_deep(
         raise InputError(
             "nothing is left to identify", field="--free", remedy="Leave one parameter free"
         )
-    held = {name: prior.mean for name, prior in priors.items()} | dict(fixed or {})
-    scale = np.array([priors[name].std for name in names])
-    mean = np.array([priors[name].mean for name in names])
-
-    def values_of(x: Array) -> dict[str, float]:
-        told = mean + scale * x[: len(names)]
-        found = held | dict(zip(names, told.tolist(), strict=True))
-        for name in ("drag", "drag_up"):
-            found[name] = max(found[name], 1e-3 * abs(priors[name].mean))
-        return found
-
-    def misfit(x: Array) -> list[Array]:
-        values, starts = values_of(x), x[len(names) :] * _VOLUME
-        return [
-            dive.pieces.speed
-            - steady_speed(
-                values, excess(body, values, float(start), dive.pieces), dive.pieces.density,
-                dive.gravity,
-            )
-            for start, dive in zip(starts, dives, strict=True)
-        ]  # fmt: skip
-
-    first = values_of(np.zeros(len(names)))
-    begins = [start_volume(body, first, dive) / _VOLUME for dive in dives]
-    x = np.append(np.zeros(len(names)), begins)
+    problem = _Problem(body, [deep_path(d, body, priors) for d in dives], priors, names, fixed)
+    count = len(names)
+    x = np.append(_guess(problem), np.zeros(len(NOISES)))
+    known, noises = np.arange(count), np.arange(count, len(x))
     with threadpool_limits(limits=1):
-        for noise in _COOLING:
-            x, found = _solve(misfit, x, len(names), noise)
         for _ in range(_ROUNDS):
-            x, found = _solve(misfit, x, len(names), found)
-    noise = found
-    residuals = misfit(x)
-    starts = x[len(names) :] * _VOLUME
-    per = np.append(scale, np.full(len(dives), _VOLUME))
-    covariance = _covariance(misfit, x, len(names), noise, dives) * np.outer(per, per)
+            x = _best(problem, x, noises, _NEAR)
+            x = _best(problem, x, known, _NEAR)
+            advance(1.0 / _ROUNDS)
+        found = problem.slopes(x, known)
+    prior = np.eye(count)
+    told = found.information[:count, :count] - prior
+    covariance = np.linalg.inv(_WORTH * told + prior)
+    # Of the starts: what the filter does not know, and what the parameters do not.
+    moves = found.starts[:, :count]
+    moved = moves @ covariance @ moves.T
+    moved = moved + np.diag([float(f.covariance[V0, V0]) for f in found.filtered])
+    scale = np.array([priors[name].std for name in names])
+    mixed = (moves @ covariance) * scale
+    whole = np.block([
+        [covariance[:count, :count] * np.outer(scale, scale), mixed.T], [mixed, moved]
+    ])  # fmt: skip
     return DeepFit(
-        names=names, values=values_of(x), starts=starts, covariance=covariance, noise=noise,
-        priors=dict(priors), residuals=tuple(residuals),
+        names=names, values=problem.values(x), starts=np.array([f.start for f in found.filtered]),
+        covariance=whole, noise=problem.noise(x), priors=dict(priors),
+        innovations=tuple(f.innovation / np.sqrt(f.variance) for f in found.filtered),
+        residuals=tuple(
+            _residuals(path, f) for path, f in zip(problem.paths, found.filtered, strict=True)
+        ),
     )  # fmt: skip
 
 
-def _solve(misfit: Misfit, x: Array, count: int, noise: float) -> tuple[Array, float]:
-    """Return the best x under a noise, and the noise that its residuals have (robustly)."""
-
-    def together(x: Array) -> Array:
-        return np.concatenate([*(r / noise for r in misfit(x)), x[:count]])
-
-    found = least_squares(together, x, loss="soft_l1", x_scale="jac", max_nfev=200)
-    speeds = np.concatenate(misfit(found.x))
-    return found.x, max(1.4826 * float(np.median(np.abs(speeds))), _LEAST_NOISE)
+def _residuals(path: Path, found: Filtered) -> Array:
+    pieces = path.dive.pieces
+    look = np.searchsorted(path.time, pieces.time + 0.5 * pieces.duration - 1e-3)
+    weight = pieces.density * path.dive.gravity
+    return np.asarray(found.innovation[look - 1] / (weight * pieces.duration))
 
 
-def _covariance(
-    misfit: Misfit, x: Array, count: int, noise: float, dives: Sequence[DeepDive]
-) -> Array:
-    """Return the cluster-robust covariance of x, blocks of `BLOCK`, priors included."""
-    r = np.concatenate(misfit(x)) / noise
-    jacobian = np.empty((len(r), len(x)))
-    for i in range(len(x)):
-        step = 1e-4 * max(abs(x[i]), 1.0)
-        up, down = x.copy(), x.copy()
-        up[i] += step
-        down[i] -= step
-        jacobian[:, i] = np.concatenate(misfit(up)) - np.concatenate(misfit(down))
-        jacobian[:, i] /= 2.0 * step * noise
-    # soft_l1: rho' = (1 + r^2)^-1/2, the weight of a residual.
-    weight = 1.0 / np.sqrt(1.0 + r * r)
-    bread = jacobian.T @ (weight[:, None] * jacobian)
-    prior = np.diag(np.append(np.ones(count), np.zeros(len(x) - count)))
-    blocks = np.concatenate(
-        [100_000 * k + np.floor(dive.pieces.elapsed / BLOCK) for k, dive in enumerate(dives)]
-    )
-    _, member = np.unique(blocks, return_inverse=True)
-    score = np.zeros((member.max() + 1, len(x)))
-    np.add.at(score, member, (weight * r)[:, None] * jacobian)
-    n = len(score)
-    meat = score.T @ score * (n / max(n - 1.0, 1.0)) + prior
-    inverse = np.linalg.pinv(bread + prior)
-    return np.asarray(inverse @ meat @ inverse)
+class _Slopes(NamedTuple):
+    """The likelihood at a place: its filters, gradient, information, slopes of the starts."""
+
+    filtered: list[Filtered]
+    variance: Array  # Pa2, of the innovations
+    gradient: Array
+    information: Array
+    starts: Array  # m3 [dives, x]
+
+
+class _Problem:
+    """Minus the log posterior of x: deviations of the parameters, of the logarithms of noises."""
+
+    def __init__(
+        self, body: Body, paths: Sequence[Path], priors: Mapping[str, Prior],
+        names: tuple[str, ...], fixed: Mapping[str, float] | None,
+    ) -> None:  # fmt: skip
+        self.body, self.paths, self.names, self.priors = body, paths, names, priors
+        self.held = {name: prior.mean for name, prior in priors.items()} | dict(fixed or {})
+
+    def values(self, x: Array) -> dict[str, float]:
+        """Return the parameters at x, by name."""
+        found = dict(self.held)
+        for name, at in zip(self.names, x.tolist(), strict=False):
+            found[name] = self.priors[name].mean + self.priors[name].std * at
+        for name in ("drag", "drag_up", "inertia"):
+            found[name] = max(found[name], 1e-2 * abs(self.priors[name].mean))
+        return found
+
+    def noise(self, x: Array) -> Noise:
+        """Return the noises at x."""
+        at = x[len(self.names) :].tolist()
+        return Noise(*(
+            math.hypot(typical * math.exp(width * a), least)
+            for typical, width, a, least in zip(NOISES, _FACTOR, at, _LEAST, strict=True)
+        ))  # fmt: skip
+
+    def filtered(self, x: Array) -> list[Filtered]:
+        """Return what the filter makes of each dive at x."""
+        values, noise = self.values(x), self.noise(x)
+        return [filtered(self.body, values, noise, path) for path in self.paths]
+
+    def cost(self, x: Array, variance: Array | None = None) -> float:
+        """Return minus the log posterior at x, up to a constant; infinite where it has none.
+
+        variance: of the innovations [Pa2], that of the filter unless given.
+        """
+        found = self.filtered(x)
+        v = np.concatenate([f.innovation for f in found])
+        S = np.concatenate([f.variance for f in found]) if variance is None else variance
+        if not (S > 0.0).all():
+            return math.inf
+        z = np.abs(v) / np.sqrt(S)
+        far = np.where(z < GATE, 0.5 * z * z, GATE * (z - 0.5 * GATE))
+        total = 0.5 * float(x @ x) + float(np.sum(far + 0.5 * np.log(S)))
+        return total if math.isfinite(total) else math.inf
+
+    def slopes(self, x: Array, free: NDArray[np.int64]) -> _Slopes:
+        """Return the likelihood at x with its slopes along the places `free` of x."""
+        here = self.filtered(x)
+        v = np.concatenate([f.innovation for f in here])
+        S = np.concatenate([f.variance for f in here])
+        dv, dS = np.zeros((len(v), len(x))), np.zeros((len(v), len(x)))
+        starts = np.zeros((len(here), len(x)))
+        for i in free:
+            there, back = (self.filtered(x + s * _STEP * (np.arange(len(x)) == i)) for s in (1, -1))
+            for target, what in ((dv, "innovation"), (dS, "variance")):
+                ahead, behind = (np.concatenate([getattr(f, what) for f in fs])
+                                 for fs in (there, back))  # fmt: skip
+                target[:, i] = (ahead - behind) / (2.0 * _STEP)
+            starts[:, i] = [
+                (a.start - b.start) / (2.0 * _STEP) for a, b in zip(there, back, strict=True)
+            ]
+        counts = np.minimum(1.0, GATE * np.sqrt(S) / np.maximum(np.abs(v), 1e-300))
+        dS[:, : len(self.names)] = 0.0
+        gradient = (counts * v / S) @ dv + (0.5 * (1.0 - counts * v * v / S) / S) @ dS + x
+        information = (dv * (counts / S)[:, None]).T @ dv
+        information += 0.5 * (dS * (counts / S**2)[:, None]).T @ dS + np.eye(len(x))
+        return _Slopes(here, S, gradient, information, starts)
+
+
+def _guess(problem: _Problem) -> Array:
+    """Return where to begin: the parameters that close the books of volumes best, robustly.
+
+    A book is linear in most parameters, so that this leads into the right valley from afar; the
+    drag is held, since a book of nothing is never off.
+    """
+    count, dives = len(problem.names), [path.dive for path in problem.paths]
+    held = np.array([name in ("drag", "inertia") for name in problem.names])
+
+    def misfit(x: Array) -> Array:
+        values = problem.values(np.where(held, 0.0, x[:count]))
+        books = [
+            balance(problem.body, values, _BOOK * float(start), dive)
+            for start, dive in zip(x[count:], dives, strict=True)
+        ]
+        return np.append(np.concatenate(books) / _BOOK, x[:count])
+
+    first = problem.values(np.zeros(count))
+    starts = [start_volume(problem.body, first, dive) / _BOOK for dive in dives]
+    x = np.append(np.zeros(count), starts)
+    found = least_squares(misfit, x, loss="soft_l1", max_nfev=100).x[:count]
+    return np.where(held, 0.0, found)
+
+
+def _best(problem: _Problem, x: Array, free: NDArray[np.int64], near: float) -> Array:
+    """Return the x of least cost along the places `free`, by damped scoring.
+
+    Parameters are chosen for the innovations alone, whose variances are held in each step: how
+    large the noise is tells nothing of them.
+    """
+    held = bool((free < len(problem.names)).all())
+    damping = 1e-3
+    for _ in range(_MOST):
+        found = problem.slopes(x, free)
+        variance = found.variance if held else None
+        cost = problem.cost(x, variance)
+        at = np.ix_(free, free)
+        hold = np.diag(np.diag(found.information[at]))
+        while True:
+            step = np.linalg.solve(found.information[at] + damping * hold, found.gradient[free])
+            ahead = x.copy()
+            ahead[free] -= np.clip(step, -3.0, 3.0)
+            less = cost - problem.cost(ahead, variance)
+            if less > 0.0 or damping > 1e6:
+                break
+            damping *= 10.0
+        if less <= 0.0:
+            break
+        x, damping = ahead, max(damping / 10.0, 1e-6)
+        if less < near:
+            break
+    return x

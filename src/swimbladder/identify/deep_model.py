@@ -1,15 +1,15 @@
-"""The vertical motion of a deep vehicle at steady speed, in what can be identified of it.
+"""The vertical motion of a deep vehicle, in what can be identified of it.
 
-Drag and excess volume balance within seconds, and the dive takes hours, so that
+::
 
-    k_dt w|w| / (rho g) = E = M/rho - V_hull(p, T) - V          (steady speed w, positive down)
+    m w' = rho g E - k w|w|                  speed w, positive down, k = k_dt or k_dt r rising
+    E = M/rho - V_hull(p, T) - V             by how much volume it is too heavy
     V_hull = V_0 (1 - beta p + s p^2/2 + alpha (T - T_ref)) + V_air p_a/(p_a + p)
-    V = V_start + d pumped - short - starts v_s - f bled - b bypassed - l (t - t_start)
+    V = V_start + sum max(d pumped - short - v_s, 0) - f bled - b bypassed - leaked - l t_idle
 
-with M, V_0, the nominal volumes and what starts fall `short` by from the vehicle's
-file. All volumes could be larger by one factor and the speeds be the same, but for M/rho, whose
-shape the water gives: the absolute size is told weakly, and something has to be known before: by
-default the drag.
+with M, V_0, m, the nominal volumes of the runs, what starts fall `short` by and what leaks from the
+vehicle's file. What fixes how large all volumes are together is the inertia m, where speeds change
+fast enough to show it, M/rho, whose shape the water gives, and what is known before.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
 from swimbladder.hull import hull_parts, weight_mass
-from swimbladder.identify.deep_dive import Pieces
+from swimbladder.identify.deep_dive import DeepDive
 from swimbladder.identify.estimates import Prior
-from swimbladder.parameters import Vehicle
+from swimbladder.parameters import PumpAndValve, Vehicle
 from swimbladder.parameters.schema import did_you_mean
 from swimbladder.seawater.column import ATMOSPHERE
 
 __all__ = [
+    "CAST",
     "DEEP",
     "DEFAULT",
     "Body",
     "DeepName",
     "body_of",
     "check_deep_names",
+    "check_deep_request",
     "drag_volume",
     "excess",
     "hull_volume",
     "priors_of",
-    "steady_speed",
+    "run_volumes",
 ]
 
 Array = NDArray[np.float64]
-
-_SMALL = 5e-8  # m3, whose steady speed is 2 mm/s for such a vehicle: less than the water moves
 
 
 class DeepName(NamedTuple):
@@ -56,7 +56,7 @@ class DeepName(NamedTuple):
     absolute: float  # [unit], added to it
 
 
-DEEP: Mapping[str, DeepName] = {
+DEEP: dict[str, DeepName] = {
     "drag": DeepName("N s2/m2", "quadratic drag k_dt while sinking", 0.1, 0.0),
     "drag_up": DeepName("", "drag while rising, as a share of that while sinking", 0.0, 0.3),
     "compressibility": DeepName("1/Pa", "of the hull and all in it, at the surface", 0.5, 5e-11),
@@ -71,6 +71,15 @@ DEEP: Mapping[str, DeepName] = {
     "valve": DeepName("", "what the valve lets in, as a share of its datasheet", 0.3, 0.0),
     "bypass": DeepName("", "what the bypass lets in, as a share of its datasheet", 0.3, 0.0),
     "creep": DeepName("m3/s", "volume lost with time: leaks, creep, cooling", 0.0, 3e-10),
+    "inertia": DeepName("", "mass that is accelerated, as a share of the file's", 0.05, 0.0),
+}
+# Errors of a cast are no parameters: their deviations say how far it is believed. Sensors are off
+# by 0.002 K and 0.01 in salinity, most of it alike at all depths, which moves only the volume at
+# the beginning; half a part of that is taken to differ between depths. A cast is of another hour
+# and place: layers lie some metres higher or lower.
+CAST: dict[str, DeepName] = {
+    "cast_density": DeepName("kg/m3", "error of the cast that differs between depths", 0.0, 4e-3),
+    "cast_heave": DeepName("m", "by how much layers lie elsewhere than in the cast", 0.0, 5.0),
 }
 DEFAULT = tuple(name for name in DEEP if name not in ("trapped_air", "pump_slip", "bypass"))
 
@@ -81,7 +90,7 @@ class Body(NamedTuple):
     mass: float  # kg, that the water has to carry
     volume: float  # m3, of the hull at the surface, without trapped air
     reference_temperature: float  # degC
-    inertia: float  # kg, that is accelerated
+    inertia: float  # kg, that is accelerated, as the file has it
 
 
 def body_of(vehicle: Vehicle) -> Body:
@@ -98,14 +107,14 @@ def priors_of(vehicle: Vehicle, given: Mapping[str, Prior]) -> dict[str, Prior]:
 
     Raises InputError where the vehicle has no quadratic drag and none is given.
     """
-    check_deep_names(list(given), "--prior")
+    actuator = vehicle.actuator
     parts = hull_parts(vehicle)
     volume = sum(part.volume for part in parts)
     mean = {
         "drag": vehicle.drag.k_dt,
-        "drag_up": 1.0,
+        "drag_up": vehicle.drag.rising_ratio,
         "compressibility": sum(x.volume * x.compressibility for x in parts) / volume,
-        "stiffening": 0.0,
+        "stiffening": sum(x.volume * x.stiffening for x in parts) / volume,
         "thermal_expansion": sum(x.volume * x.thermal_expansion for x in parts) / volume,
         "trapped_air": vehicle.hull.trapped_air,
         "pump_delivery": 1.0,
@@ -113,7 +122,9 @@ def priors_of(vehicle: Vehicle, given: Mapping[str, Prior]) -> dict[str, Prior]:
         "pump_start": 0.0,
         "valve": 1.0,
         "bypass": 1.0,
-        "creep": 0.0,
+        "creep": actuator.creep if isinstance(actuator, PumpAndValve) else 0.0,
+        "inertia": 1.0,
+        **dict.fromkeys(CAST, 0.0),
     }
     if not mean["drag"] > 0.0 and "drag" not in given:
         raise InputError(
@@ -122,7 +133,7 @@ def priors_of(vehicle: Vehicle, given: Mapping[str, Prior]) -> dict[str, Prior]:
         )  # fmt: skip
     return {
         name: given.get(name, Prior(mean[name], about.relative * abs(mean[name]) + about.absolute))
-        for name, about in DEEP.items()
+        for name, about in (DEEP | CAST).items()
     }
 
 
@@ -136,25 +147,61 @@ def check_deep_names(names: Sequence[str], option: str) -> None:
             )  # fmt: skip
 
 
+def check_deep_request(
+    vehicle: Vehicle, dives: int, casts: int, *, free: Sequence[str] | None,
+    fixed: Sequence[str], priors: Mapping[str, Prior],
+) -> None:  # fmt: skip
+    """Raise InputError for what cannot be identified, whatever the logs say."""
+    if not isinstance(vehicle.actuator, PumpAndValve):
+        raise InputError(
+            "deep dives are identified for a pump and a valve", field="actuator.kind",
+            value=vehicle.actuator.kind, remedy="Describe the actuator as kind pump-valve",
+        )  # fmt: skip
+    if casts not in (1, dives):
+        raise InputError(
+            f"{casts} casts for {dives} dives", field="--cast",
+            remedy="Give one cast for all dives, or one for each in their order",
+        )  # fmt: skip
+    check_deep_names(free or (), "--free")
+    check_deep_names(fixed, "--set")
+    check_deep_names([name for name in priors if name not in CAST], "--prior")
+    for name, about in CAST.items():
+        if name in priors and priors[name].mean != 0.0:
+            raise InputError(
+                "it is an error that is not known to either side", field="--prior", value=name,
+                remedy="Correct the cast, and give "
+                f'--prior "{name}=0 +- {priors[name].std:g} {about.unit}"',
+            )  # fmt: skip
+
+
 def hull_volume(
     body: Body, values: Mapping[str, float], pressure: Array, temperature: Array
 ) -> Array:
     """Return what the hull displaces, trapped air included [m3]."""
-    p = pressure
-    solid = 1.0 - values["compressibility"] * p + 0.5 * values["stiffening"] * p * p
+    beta, s, p = values["compressibility"], values["stiffening"], np.asarray(pressure)
+    if s > 0.0:
+        p = np.minimum(p, max(beta, 0.0) / s)
+    solid = 1.0 - beta * p + 0.5 * s * p * p
     solid = solid + values["thermal_expansion"] * (temperature - body.reference_temperature)
-    return body.volume * solid + values["trapped_air"] * ATMOSPHERE / (ATMOSPHERE + p)
+    return body.volume * solid + values["trapped_air"] * ATMOSPHERE / (ATMOSPHERE + pressure)
 
 
-def excess(body: Body, values: Mapping[str, float], start: float | Array, pieces: Pieces) -> Array:
-    """Return by how much volume the vehicle is too heavy [m3] [n], E.
+def run_volumes(values: Mapping[str, float], dive: DeepDive) -> Array:
+    """Return what each run of pump, valve or bypass added to the drive's volume [m3] [m]."""
+    share = values["pump_delivery"] - values["pump_slip"] * dive.action_pressure
+    pumped = share * dive.action_volume - dive.action_short - values["pump_start"]
+    flow = np.where(dive.action_bypass, values["bypass"], values["valve"])
+    return np.where(dive.action_pumps, np.maximum(pumped, 0.0), -flow * dive.action_volume)
+
+
+def excess(body: Body, values: Mapping[str, float], start: float | Array, dive: DeepDive) -> Array:
+    """Return by how much volume the vehicle is too heavy in each piece [m3] [n], E.
 
     start: the drive's volume when the dive began [m3].
     """
-    pumped = values["pump_delivery"] * pieces.pumped - values["pump_slip"] * pieces.slipped
-    drive = start + pumped - pieces.short - values["pump_start"] * pieces.starts
-    drive = drive - values["valve"] * pieces.bled - values["bypass"] * pieces.bypassed
-    drive = drive - values["creep"] * pieces.elapsed
+    pieces = dive.pieces
+    drive = start + pieces.before @ run_volumes(values, dive)
+    drive = drive - pieces.leaked - values["creep"] * pieces.idle
     return np.asarray(
         body.mass / pieces.density
         - hull_volume(body, values, pieces.pressure, pieces.temperature)
@@ -162,19 +209,7 @@ def excess(body: Body, values: Mapping[str, float], start: float | Array, pieces
     )
 
 
-def steady_speed(
-    values: Mapping[str, float], heavy: Array, density: Array, gravity: float
-) -> Array:
-    """Return the speed at which drag balances an excess volume [m/s] [n].
-
-    Below `_SMALL` it falls off faster than the root, whose slope at rest is infinite.
-    """
-    k = values["drag"] * np.where(heavy >= 0.0, 1.0, values["drag_up"])
-    size = np.abs(heavy)
-    return np.asarray(heavy * np.sqrt(density * gravity / (k * (size + _SMALL))))
-
-
 def drag_volume(values: Mapping[str, float], speed: Array, density: Array, gravity: float) -> Array:
-    """Return the volume that drag carries at a speed, k_dt w|w|/(rho g) [m3] [n]."""
+    """Return the volume that drag carries at a speed, k w|w|/(rho g) [m3] [n]."""
     k = values["drag"] * np.where(speed >= 0.0, 1.0, values["drag_up"])
     return np.asarray(k * speed * np.abs(speed) / (density * gravity))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.identify.deep_dive import DeepDive
-from swimbladder.identify.deep_model import Body, hull_volume
+from swimbladder.identify.deep_model import Body, hull_volume, run_volumes
 
 __all__ = ["Replay", "replay"]
 
@@ -71,7 +71,7 @@ def replay(
         body, still, grid, np.full(len(grid), body.reference_temperature)
     )
     heat = body.volume * values["thermal_expansion"] * (warmth - body.reference_temperature)
-    asked = start + volume - values["creep"] * (marks - dive.time[0]) + heat
+    asked = start + volume + heat
     p = float(np.interp(t0, dive.time, dive.pressure)) if pressure is None else pressure
     first = _excess(p, grid, neutral, asked[0])
     rho_g = float(np.interp(p, grid, density)) * g
@@ -81,7 +81,7 @@ def replay(
         dt = float(marks[i] - marks[i - 1])
         heavy = _excess(p, grid, neutral, float(asked[i]))
         rho_g = float(np.interp(p, grid, density)) * g
-        w = _after(w, rho_g * heavy, body.inertia, values, dt)
+        w = _after(w, rho_g * heavy, body.inertia * values["inertia"], values, dt)
         p = max(p + rho_g * w * dt, 0.0)
         found.append(p)
         speeds.append(w)
@@ -108,17 +108,8 @@ def _after(w: float, force: float, mass: float, values: Mapping[str, float], dt:
 
 def _volume(values: Mapping[str, float], dive: DeepDive, time: Array) -> Array:
     """Return what the drive has gained since the beginning at each time [m3] [n]."""
-    total = np.zeros(len(time))
-    for k in range(len(dive.action_time)):
-        seconds = max(float(dive.action_seconds[k]), 1e-3)
-        share = np.clip((time - dive.action_time[k]) / seconds, 0.0, 1.0)
-        nominal = float(dive.action_volume[k])
-        if dive.action_pumps[k]:
-            given = nominal * (
-                values["pump_delivery"] - values["pump_slip"] * float(dive.action_pressure[k])
-            )
-            total += share * (given - float(dive.action_short[k]) - values["pump_start"])
-        else:
-            flow = values["bypass"] if dive.action_bypass[k] else values["valve"]
-            total -= share * flow * nominal
-    return total
+    seconds = np.maximum(dive.action_seconds, 1e-3)
+    done = np.clip((time[:, None] - dive.action_time) / seconds, 0.0, 1.0)
+    idle = time - float(dive.time[0]) - done @ seconds
+    leaked = np.interp(time, dive.time, dive.leaked)
+    return np.asarray(done @ run_volumes(values, dive) - leaked - values["creep"] * idle)

@@ -49,13 +49,14 @@ def draw_deep(found: DeepIdentification) -> Figure:
     dives.invert_yaxis()
     dives.set_xlabel("time [h], one dive after the other")
     dives.set_ylabel("pressure [dbar]")
-    dives.legend(loc="lower left", frameon=True, facecolor="white", edgecolor="none")
+    # outside: there is a curve in every corner
+    dives.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
     limit = 1.1e6 * max(float(np.percentile(np.abs(t.book), 99.5)) for t in found.dives)
     book.axhline(0.0, color=BLACK, lw=0.8)
     book.set_ylim(-limit, limit)
     book.set_xlabel("pressure [dbar]")
     book.set_ylabel("book of volumes off by [cm³]")
-    book.legend(loc="upper right", fontsize=7.0, ncols=2, frameon=True, facecolor="white",
-                edgecolor="none")  # fmt: skip
+    book.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=7.0, ncols=3,
+                borderaxespad=0.2)  # fmt: skip
     label_panels([dives, book])
     return figure

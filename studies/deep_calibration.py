@@ -1,0 +1,269 @@
+"""How far the intervals of `identify --cast` can be believed: `python -m studies.deep_calibration`.
+
+Vehicles are drawn from what is said to be known of them, and dived by the mission engine, its own
+law at the controls, in water with internal waves; a log is made of what a float would log, with a
+pressure sensor's noise and resolution, and each is identified with a cast that errs: taken a day
+before, when the waves lay elsewhere, by a CTD that is off. Printed are how often the 95 % intervals
+held the truth, and how far off the values were in standard deviations. A run that was interrupted
+goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import cache, partial
+from hashlib import sha256
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import gsw
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+
+import swimbladder
+from swimbladder.identify.deep import identified_vehicle
+from swimbladder.identify.deep_dive import deep_dive
+from swimbladder.identify.deep_fit import fit_deep
+from swimbladder.identify.deep_model import DEEP, DEFAULT, body_of, priors_of
+from swimbladder.identify.estimates import Z95, Prior
+from swimbladder.io.config import load_vehicle
+from swimbladder.io.float_log import Action, Device, FloatLog
+from swimbladder.io.mission import Mission
+from swimbladder.mission.core.names import Drive, Note, Row, Stop
+from swimbladder.mission.flight import Flight, fly_mission
+from swimbladder.mission.prepare import Accuracy
+from swimbladder.parameters import PowerLawPump, PumpAndValve, Vehicle
+from swimbladder.seawater import Cast, Column, cast_column
+from swimbladder.seawater.motion import moved
+
+__all__ = ["Dived", "drawn", "main", "outcome", "summary"]
+
+Array = NDArray[np.float64]
+
+LATITUDE = 43.0
+DAY = 86400.0  # s, by which the cast is older than the dive
+NOISE, RESOLUTION = 300.0, 100.0  # Pa, of the pressure sensor
+EVERY = 60.0  # s, between two looks that are logged; and one at each run of pump and valve
+LAYERS_MOVE = 4.0  # m rms at mid-depth, and some 2 mm/s: Garrett and Munk's sea
+WAVES = 16
+FASTEST, SLOWEST = 1200.0, 50_000.0  # s: above the buoyancy period, near the inertial one
+OFF = {"salinity": 0.01, "temperature": 0.002, "drift": 0.005}  # PSS-78, K, PSS-78 over the cast
+# Errors of a cm at most: beside 3 cm of noise.
+_EXACT = Accuracy(relative=1e-6, depth=1e-3, speed=1e-5)
+_DEVICES: dict[Note, Device] = {Note.PUMP: "pump", Note.VALVE: "valve", Note.BYPASS: "bypass"}
+_MISSION = Mission(
+    phases=[
+        {"kind": "hold", "depth": 800.0, "duration": 10_800.0},
+        {"kind": "surface", "duration": 600.0},
+    ]
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Dived:
+    """A dive of known parameters as a float logs it, and the water as a cast tells it."""
+
+    values: dict[str, float]
+    log: FloatLog
+    column: Column
+    flight: Flight
+
+
+@cache
+def the_vehicle() -> Vehicle:
+    """Return example-float with a pump whose delivery is a number of its file."""
+    vehicle = load_vehicle("example-float")
+    assert isinstance(vehicle.actuator, PumpAndValve)
+    pump = PowerLawPump(delivery=8e-7, slip=5e-15, idle_power=7.0, power_per_pressure=8e-7)
+    return vehicle.model_copy(
+        update={"actuator": vehicle.actuator.model_copy(update={"pump": pump})}
+    )
+
+
+@cache
+def known() -> dict[str, Prior]:
+    """Return what is known of a vehicle before: its file, and what a maker can say."""
+    return priors_of(the_vehicle(), {
+        "compressibility": Prior(2.46e-10, 0.2e-10), "stiffening": Prior(0.0, 2e-18),
+        "thermal_expansion": Prior(7.7e-5, 0.8e-5), "drag_up": Prior(1.0, 0.1),
+        "pump_delivery": Prior(1.0, 0.1), "valve": Prior(1.0, 0.1),
+        "pump_start": Prior(0.0, 1e-6), "creep": Prior(5e-11, 2e-11),
+    })  # fmt: skip
+
+
+def drawn(index: int, *, seed: int = 1) -> Dived:
+    """Return dive number `index`, the same for the same seed."""
+    rng = np.random.default_rng([seed, index])
+    priors = known()
+    while True:
+        values = {name: priors[name].mean for name in DEEP}
+        for name in DEFAULT:
+            values[name] += priors[name].std * rng.normal()
+        waves = _waves(rng)
+        if values["creep"] < 0.0:  # has no place in a vehicle's file
+            continue
+        flight = fly_mission(
+            identified_vehicle(the_vehicle(), values), _MISSION, _sea(), waves=waves,
+            accuracy=_EXACT,
+        )  # fmt: skip
+        if flight.stop is Stop.FINISHED and float(np.max(flight.rows[:, Row.Z])) > 700.0:
+            break
+    return Dived(values, _log(flight, waves, rng), _cast(waves, rng), flight)
+
+
+def outcome(index: int, *, seed: int = 1) -> dict[str, Any]:
+    """Return what came of a dive, by name: error in deviations, deviation over its prior's."""
+    dived, vehicle, priors = drawn(index, seed=seed), the_vehicle(), known()
+    dive = deep_dive(dived.log, dived.column, vehicle)
+    fit = fit_deep(body_of(vehicle), [dive], priors, free=DEFAULT)
+    return {
+        "index": index,
+        "error": {n: (fit.values[n] - dived.values[n]) / fit.std(n) for n in fit.names},
+        "narrowed": {n: fit.std(n) / priors[n].std for n in fit.names},
+    }
+
+
+def summary(found: Sequence[dict[str, Any]]) -> list[tuple[str, float, float, float, float]]:
+    """Return by name: share of intervals that hold, mean error, rms error, deviation over prior."""
+    rows = []
+    for name in found[0]["error"]:
+        e = np.array([one["error"][name] for one in found])
+        narrowed = float(np.median([one["narrowed"][name] for one in found]))
+        rows.append((
+            name, float(np.mean(np.abs(e) <= Z95)), float(e.mean()),
+            float(np.sqrt(np.mean(e * e))), narrowed,
+        ))  # fmt: skip
+    return rows
+
+
+_LEVELS = np.arange(0.0, 1201.0, 5.0)  # dbar
+_WARM = 4.5 + 12.0 * np.exp(-_LEVELS / 150.0)  # degC
+_SALT = 35.0 + 0.3 * np.exp(-_LEVELS / 300.0)  # PSS-78
+
+
+@cache
+def _sea() -> Column:
+    return _column(_SALT, _WARM)
+
+
+def _column(salt: Array, warm: Array) -> Column:
+    SA = gsw.SA_from_SP(salt, _LEVELS, -30.0, LATITUDE)
+    CT = gsw.CT_from_t(SA, warm, _LEVELS)
+    return cast_column(Cast(pressure=_LEVELS, SA=SA, CT=CT, latitude=LATITUDE))
+
+
+def _waves(rng: np.random.Generator) -> Array:
+    """Return internal waves of speeds that are white between the slowest and the fastest."""
+    depth = 2000.0
+    rows = []
+    for _ in range(WAVES):
+        period = float(np.exp(rng.uniform(np.log(FASTEST), np.log(SLOWEST))))
+        mode = int(rng.integers(1, 7))
+        rows.append((
+            np.sqrt(period), 2.0 * np.pi / period, rng.uniform(0.0, 2.0 * np.pi),
+            mode * np.pi / depth, 0.0, depth,
+        ))  # fmt: skip
+    waves = np.array(rows)
+    # the mean square of sin(mode z) sin(omega t) is 1/4
+    waves[:, 0] *= LAYERS_MOVE / np.sqrt(0.25 * np.sum(waves[:, 0] ** 2))
+    return waves
+
+
+def _cast(waves: Array, rng: np.random.Generator) -> Column:
+    """Return the water as it was measured a day before."""
+    rest = _LEVELS - np.array([moved(waves, float(z), -DAY)[0] for z in _LEVELS])
+    drift = OFF["drift"] * rng.normal() * _LEVELS / _LEVELS[-1]
+    return _column(
+        np.interp(rest, _LEVELS, _SALT) + OFF["salinity"] * rng.normal() + drift,
+        np.interp(rest, _LEVELS, _WARM) + OFF["temperature"] * rng.normal(),
+    )
+
+
+def _log(flight: Flight, waves: Array, rng: np.random.Generator) -> FloatLog:
+    rows = flight.rows[np.append(np.diff(flight.rows[:, Row.T]) > 0.0, True)]
+    t, z = rows[:, Row.T], rows[:, Row.Z]
+    u = np.array([moved(waves, *at)[1] for at in zip(z.tolist(), t.tolist(), strict=True)])
+    way = CubicHermiteSpline(t, z, rows[:, Row.W] + u)
+    notes, actions = flight.notes, []
+    for k, note in enumerate(notes):
+        device = _DEVICES.get(Note(int(note[Drive.WHAT])))
+        if device is not None:
+            over = next(n for n in notes[k:] if int(n[Drive.WHAT]) == Note.RUN_OVER)
+            seconds = float(over[Drive.NUMBER])
+            actions.append(Action(
+                device=device, time=float(note[Drive.T]), asked=seconds, seconds=seconds
+            ))  # fmt: skip
+    time = np.union1d(np.arange(0.0, t[-1], EVERY), [a.time for a in actions])
+    pressure = np.interp(way(time), flight.column.depth, flight.column.pressure)
+    pressure = pressure + NOISE * rng.normal(size=len(time))
+    return FloatLog(
+        source=f"dive {flight.begin[0]:g}", time=time,
+        pressure=RESOLUTION * np.round(pressure / RESOLUTION),
+        temperature=np.full(len(time), np.nan), stage=np.full(len(time), -2, dtype=np.int64),
+        actions=tuple(actions),
+    )  # fmt: skip
+
+
+def main(given: Sequence[str] | None = None) -> int:
+    """Run the study, print its table, and return the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m studies.deep_calibration", description=__doc__)
+    parser.add_argument("--dives", type=int, default=300, help="how many (300)")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    parser.add_argument("--seed", type=int, default=1, help="of all that is drawn (1)")
+    parser.add_argument("--out", type=Path, default=Path("report/calibration"), metavar="DIR")
+    options = parser.parse_args(given)
+    if min(options.dives, options.jobs) < 1:
+        parser.error("--dives and --jobs: at least 1")
+    options.out.mkdir(parents=True, exist_ok=True)
+    path = options.out / f"deep-{options.seed}-{_fingerprint()}.jsonl"
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    found = {one["index"]: one for one in map(_read, lines) if one is not None}
+    missing = [k for k in range(options.dives) if k not in found]
+    # Each process has one core: a library that spreads a product over all of them only waits.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    with (
+        path.open("a", encoding="utf-8") as file,
+        ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool,
+    ):
+        for one in pool.map(partial(outcome, seed=options.seed), missing):
+            found[one["index"]] = one
+            file.write(json.dumps(one) + "\n")
+            file.flush()
+    print(f"{options.dives} dives, each by itself, 95 % intervals")
+    print("| parameter | hold, % | mean error, sigma | rms error, sigma | sigma over prior's |")
+    print("|---|---:|---:|---:|---:|")
+    for name, held, mean, rms, narrowed in summary([found[k] for k in range(options.dives)]):
+        print(f"| {name} | {100.0 * held:.1f} | {mean:+.2f} | {rms:.2f} | {narrowed:.2f} |")
+    return 0
+
+
+def _read(line: str) -> dict[str, Any] | None:
+    """Return what a line tells; None of one that was not finished."""
+    try:
+        found: dict[str, Any] = json.loads(line)
+    except json.JSONDecodeError:
+        return None
+    return found
+
+
+def _fingerprint() -> str:
+    """Return a name for the code that the results depend on."""
+    package = Path(swimbladder.__file__).parent
+    used = [Path(__file__), *sorted((package / "identify").glob("deep*.py"))]
+    used += sorted((package / "mission").rglob("*.py"))
+    digest = sha256()
+    for file in used:
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:10]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
