@@ -213,12 +213,12 @@ def main() -> None:
     logs = {log.source: log for log in logs_of(folder)}
     columns = columns_of(folder)
     fit = fit_deep(body, dives, priors_of(base, {}), free=DEFAULT)
-    vehicle, reckoning = as_reckoned(base, identified_vehicle(base, fit), fit)
+    vehicle, reckoning = as_reckoned(base, identified_vehicle(base, fit.values), fit)
     print(
         "| dive | | to the target, h | actions | holding, h | actions | inside, % | rms, dbar "
         "| up, h | actions |\n|---|---|---:|---:|---:|---:|---:|---:|---:|---:|"
     )
-    seas = [waves_of(fit.noise, seed) for seed in range(SEAS)]
+    seas = [waves_of(fit.noise.water, seed) for seed in range(SEAS)]
     sums: dict[str, list[Told]] = {"logged": [], "flown": []}
     for dive, volume in zip(dives, fit.starts, strict=True):
         log, column = logs[dive.name], columns[dive.name]
