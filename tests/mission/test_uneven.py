@@ -8,6 +8,8 @@ import pytest
 from swimbladder.mission.books import close_books
 from swimbladder.mission.core.names import Account, Drive, Now
 from swimbladder.mission.flight import fly_mission
+from swimbladder.mission.prepare import make_plan
+from swimbladder.mission.reach import reach_of
 from swimbladder.parameters import HullPart
 from swimbladder.seawater import uniform_column
 from tests.mission.conftest import phases
@@ -76,3 +78,14 @@ def test_it_creeps_as_long_as_nothing_runs(profiler, sea):
     assert idle > 86400.0
     assert a[Account.LEAKED] == pytest.approx(CREEP * idle, rel=1e-6)
     assert abs(close_books(flight).volume_residue) < 1e-15
+
+
+def test_a_drag_that_is_larger_up_takes_more_of_the_stroke(profiler, sea):
+    task = phases()
+    most = [
+        reach_of(v, task, make_plan(v, task, sea)).most.volume
+        for v in (profiler, uneven(profiler, rising_ratio=1.5), uneven(profiler, rising_ratio=0.5))
+    ]
+    law = 1090e-6 * 0.1**2  # the vehicle's coefficient and speed
+    assert most[1] - most[0] == pytest.approx(0.5 * law, rel=1e-9)
+    assert most[2] == most[0]  # its law asks for as much, whatever the drag is
