@@ -202,6 +202,7 @@ _INSTEAD: dict[str, str] = {
     "supervisor.time_limit": '"21600 s"',
     "supervisor.battery_low": '"9.6 V"',
     "supervisor.bottom_depth": '"4.5 m"',
+    "supervisor.prove_after": '"30 s"',
     "supervisor.neutral_range": '"20 cm3"',
     "supervisor.neutral_change": '"10 cm3"',
     "supervisor.late": '"1 s"',
