@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import argparse
 import re
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 
 from studies.deep_data import columns_of, dives_of, logs_of
 from studies.deep_dives import float_vehicle
+from swimbladder.dynamics import even_drag
 from swimbladder.identify.deep import identified_vehicle
 from swimbladder.identify.deep_dive import DeepDive
 from swimbladder.identify.deep_fit import DeepFit, fit_deep
@@ -203,48 +205,111 @@ def _told(
     )  # fmt: skip
 
 
+@dataclass(frozen=True, kw_only=True)
+class Flights:
+    """All that the dives are flown with."""
+
+    vehicle: Vehicle
+    reckoning: Reckoning
+    seas: list[WaterMotion]
+    dives: list[DeepDive]
+    starts: Array  # m3 [dives], of the drive
+    logs: dict[str, FloatLog]
+    columns: dict[str, Column]
+
+    def fly(self, change: Callable[[Vehicle], Vehicle] = lambda vehicle: vehicle) -> list[Told]:
+        """Return each dive, medians over the seas. change: of the vehicle with its law."""
+        found = []
+        for dive, volume in zip(self.dives, self.starts, strict=True):
+            log, column = self.logs[dive.name], self.columns[dive.name]
+            real = logged(log, dive)
+            weight = float(column.density.mean()) * column.gravity
+            own = change(with_law(self.vehicle, log, weight))
+            each = [
+                flown(own, column, log, dive, real, float(volume), self.reckoning, sea, seed)
+                for seed, sea in enumerate(self.seas)
+            ]
+            medians = {field.name: _median(each, field.name) for field in fields(Told)}
+            found.append(Told(**medians))
+        return found
+
+
+def _median(of: list[Told], name: str) -> float:
+    values = np.array([getattr(told, name) for told in of])
+    values = values[np.isfinite(values)]  # none where none came to hold
+    return float(np.median(values)) if values.size else np.nan
+
+
 def main() -> None:
-    """Print the table."""
+    """Print the table, or with --causes what each cause makes of it."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("data", type=Path, help="folder of measured data")
-    folder = parser.parse_args().data / "mermaid_p0051"
+    parser.add_argument("--causes", action="store_true", help="leave one cause out at a time")
+    options = parser.parse_args()
+    folder = options.data / "mermaid_p0051"
     base = float_vehicle()
     body, dives = body_of(base), dives_of(folder, base)
-    logs = {log.source: log for log in logs_of(folder)}
-    columns = columns_of(folder)
     fit = fit_deep(body, dives, priors_of(base, {}), free=DEFAULT)
-    vehicle, reckoning = as_reckoned(base, identified_vehicle(base, fit.values), fit)
+    found = identified_vehicle(base, fit.values)
+    vehicle, reckoning = as_reckoned(base, found, fit)
+    flights = Flights(
+        vehicle=vehicle, reckoning=reckoning, dives=dives, starts=fit.starts,
+        seas=[waves_of(fit.noise.water, seed) for seed in range(SEAS)],
+        logs={log.source: log for log in logs_of(folder)}, columns=columns_of(folder),
+    )  # fmt: skip
+    if options.causes:
+        _print_causes(flights, found)
+        return
     print(
         "| dive | | to the target, h | actions | holding, h | actions | inside, % | rms, dbar "
         "| up, h | actions |\n|---|---|---:|---:|---:|---:|---:|---:|---:|---:|"
     )
-    seas = [waves_of(fit.noise.water, seed) for seed in range(SEAS)]
-    sums: dict[str, list[Told]] = {"logged": [], "flown": []}
-    for dive, volume in zip(dives, fit.starts, strict=True):
-        log, column = logs[dive.name], columns[dive.name]
-        real = logged(log, dive)
-        own = with_law(vehicle, log, float(column.density.mean()) * column.gravity)
-        models = [
-            flown(own, column, log, dive, real, float(volume), reckoning, seas[seed], seed)
-            for seed in range(SEAS)
-        ]
-        middle = Told(**{
-            field.name: float(np.nanmedian([getattr(m, field.name) for m in models]))
-            for field in fields(Told)
-        })  # fmt: skip
-        for what, told in (("logged", real), ("flown", middle)):
-            sums[what].append(told)
-            print(_row(dive.name, what, told))
-    for what, of in sums.items():
-        whole = {
-            field.name: float(np.sum([getattr(t, field.name) for t in of]))
-            for field in fields(Told)
-        }
-        hold = np.array([t.holds for t in of])
-        for name in ("inside", "spread"):
-            values = np.array([getattr(t, name) for t in of])
-            whole[name] = float(np.nansum(values * hold) / np.sum(hold[np.isfinite(values)]))
-        print(_row("all", what, Told(**whole)))
+    real = [logged(flights.logs[dive.name], dive) for dive in dives]
+    model = flights.fly()
+    for dive, one, other in zip(dives, real, model, strict=True):
+        print(_row(dive.name, "logged", one))
+        print(_row(dive.name, "flown", other))
+    print(_row("all", "logged", _whole(real)))
+    print(_row("all", "flown", _whole(model)))
+
+
+def _print_causes(flights: Flights, found: Vehicle) -> None:
+    """Print the sums over all dives with one cause after the other left out."""
+    pump = flights.reckoning.pump
+    cases: dict[str, list[Told]] = {
+        "logged": [logged(flights.logs[dive.name], dive) for dive in flights.dives],
+        "flown": flights.fly(),
+        "the processor knows its drive": replace(
+            flights, vehicle=found, reckoning=Reckoning()
+        ).fly(),
+        "the valve gives as much less as the pump": replace(
+            flights, reckoning=Reckoning(pump=pump, valve=pump, starts=False)
+        ).fly(),
+        "a depth without steps": flights.fly(
+            lambda vehicle: vehicle.model_copy(update={"sensors": Sensors()})
+        ),
+        "still water": replace(flights, seas=[WaterMotion()]).fly(),
+        "one drag for both ways": replace(flights, vehicle=even_drag(flights.vehicle)).fly(),
+    }  # fmt: skip
+    print("| | down, h | actions | holding | up, h | actions |\n|---|---:|---:|---:|---:|---:|")
+    for name, told in cases.items():
+        t = _whole(told)
+        print(
+            f"| {name} | {t.to_target / 3600:.1f} | {t.sinking:.0f} | {t.holding:.0f} "
+            f"| {t.up / 3600:.1f} | {t.rising:.0f} |"
+        )
+
+
+def _whole(of: list[Told]) -> Told:
+    """Return the sums over dives; of the holds' shares and spreads means, weighed by time."""
+    whole = {
+        field.name: float(np.sum([getattr(t, field.name) for t in of])) for field in fields(Told)
+    }
+    hold = np.array([t.holds for t in of])
+    for name in ("inside", "spread"):
+        values = np.array([getattr(t, name) for t in of])
+        whole[name] = float(np.nansum(values * hold) / np.sum(hold[np.isfinite(values)]))
+    return Told(**whole)
 
 
 def _row(dive: str, what: str, told: Told) -> str:
