@@ -252,7 +252,7 @@ def step(
         error = target.depth - depth
         if p.leash > 0.0:
             error = min(max(error, -p.leash), p.leash)
-        U = p.k_pz * error + p.k_dz * slope / p.S_p + before.integral
+        U = p.k_pz * error + p.k_dz / p.S_p * slope + before.integral
         U = U + (p.psi * depth - need)
 
     within = min(max(U, p.volume_min), p.volume_max)
