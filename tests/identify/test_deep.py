@@ -165,7 +165,7 @@ def test_an_identified_vehicle(scene) -> None:
     told = {name: e.value for name, e in found.parameters.items()}
     for name in ("pump_delivery", "valve", "compressibility"):
         assert abs(told[name] - TRUTH[name]) < 3.0 * found.parameters[name].std
-        assert found.parameters[name].std < 0.2 * told[name]
+        assert found.parameters[name].std < 0.25 * told[name]
     assert found.parameters["drag"].origin == "set"
     after = found.result_vehicle
     assert after.drag.k_dt == 165.0
