@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swimbladder.cli import main
-from swimbladder.control.law import Measurement
+from swimbladder.control.law import NEVER, Measurement
 from swimbladder.control.protocol import POOL, PoolState
 from swimbladder.control.protocol_records import Does
 from swimbladder.control.supervisor import SUPERVISOR, Reason
@@ -293,7 +293,7 @@ class TestNumbers:
     @pytest.mark.parametrize("law", ["sea-cascade", "observer"])
     def test_other_laws_hold_with_a_cascade(self, law):
         vehicle = controlled(law).model_copy(update={"sensors": SENSORS})
-        limits = supervisor_parameters(vehicle, vehicle.controller.sample_time)
+        limits = supervisor_parameters(vehicle, vehicle.controller.sample_time, in_pool=True)
         done = plan_pool_day(vehicle, PoolOptions(4.5, rounds=1, last=20e-6), limits, seed=1)
         assert done.own_loop == (law == "sea-cascade")
         assert 8.0 < done.rehearsal.minutes < 20.0
@@ -304,7 +304,7 @@ class TestNumbers:
     def test_the_vehicle_may_be_another_than_is_believed(self, K2, T2, trim):
         """It is yet to be identified: neither procedure nor supervisor may take that ill."""
         vehicle = paper(sensors=SENSORS)
-        limits = supervisor_parameters(vehicle, 0.3)
+        limits = supervisor_parameters(vehicle, 0.3, in_pool=True)
         p = board_procedure(vehicle, PoolOptions(4.5, first=20e-6), limits)
         motion = vehicle.motion.model_copy(
             update={"K2": vehicle.motion.K2 * K2, "T2": vehicle.motion.T2 * T2}
@@ -373,3 +373,13 @@ def test_the_files_of_a_library_with_a_pool():
     assert told["rounds"] == 2
     assert told["parameters"]["deep"] == {"value": 3.75, "unit": "m"}
     json.dumps(told, allow_nan=False)
+
+
+def test_its_supervisor_pushes_only_where_the_file_asks_for_it():
+    vehicle, pool = load_vehicle("feup-em"), PoolOptions(4.5)
+    asked = vehicle.supervisor.model_copy(update={"prove_after": 30.0})
+    assert make_library(vehicle, duration=30.0).supervisor.unproven < NEVER
+    assert supervisor_parameters(vehicle, 0.3, in_pool=True).unproven == NEVER
+    asking = vehicle.model_copy(update={"supervisor": asked})
+    with pytest.raises(NoAnswerError, match="glide"):  # a push ends what sinks for half a minute
+        make_library(asking, duration=30.0, pool=pool)

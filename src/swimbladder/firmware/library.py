@@ -105,7 +105,7 @@ def make_library(
     """
     vehicle = vehicle if pool is None else _in_pool(vehicle, pool)
     law, parameters, tick_s = choose_law(vehicle, None, None, None)
-    limits = supervisor_parameters(vehicle, tick_s)
+    limits = supervisor_parameters(vehicle, tick_s, in_pool=pool is not None)
     for name, depth in (("start", start_depth), ("target", target)):
         if depth > limits.depth_limit:
             raise InputError(
@@ -127,6 +127,7 @@ def make_library(
         **facts_of(limits),
         "start": f"{start_depth:g}", "goal": f"{target:g}", "target": c_float(target),
         "ticks": len(golden.depth), "pool": day is not None, "day": False,
+        "pushes": limits.same_tried < NEVER,
     }  # fmt: skip
     if day is not None:
         facts |= pool_facts(day) | {"pool_numbers": _numbers(day.parameters, POOL.units)}

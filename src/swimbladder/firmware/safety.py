@@ -57,7 +57,9 @@ _COAST_S = 60.0  # s, where there is hardly any drag
 _DEEPEST = 12000.0  # m, deeper than any sea
 
 
-def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorParameters:
+def supervisor_parameters(
+    vehicle: Vehicle, sample_time: float, *, in_pool: bool = False
+) -> SupervisorParameters:
     """Return the supervisor's numbers for a vehicle at a sample time [s].
 
     Raises InputError where full buoyancy would not bring the vehicle up from its depth limit.
@@ -99,7 +101,8 @@ def supervisor_parameters(vehicle: Vehicle, sample_time: float) -> SupervisorPar
     moved = _MOVED_SHARE * half
     proof = tried = NEVER
     # with psi <= 0 a vehicle that sinks comes to rest by itself, and a push may be dear
-    if given.prove_after is not None or p.psi > 0.0:
+    # and in a pool it would end the very sinking that is measured
+    if given.prove_after is not None or (p.psi > 0.0 and not in_pool):
         proof = ticks(given.prove_after or _UNPROVEN_S, tick)
         tried = max(proof, ticks(2.0 * math.sqrt(2.0 * moving / (p.a_b * grown)), tick))
     stop_rate = max(_STOP_SHARE * full_rate, 3.0 * grown / tick)
