@@ -1,10 +1,10 @@
 """A real float, predicted: `python -m studies.tank DATA_DIR`.
 
-DATA_DIR holds `missions.csv.gz` and `missions_meta.csv` of the vehicle of the preset `ntnu-bv`,
-logged in a tank. Parameters, noise and how logs differ come from the training logs only. Printed
-is how well each other log is predicted 10 s and 60 s ahead by a causal filter, and, which asks far
-more, over its whole length with one constant neutral volume, and with a steady drift. Each miss
-has its reason beside it.
+DATA_DIR, or `ntnu_bv` in it, holds `missions.csv.gz` and `missions_meta.csv` of the vehicle of the
+preset `ntnu-bv`, logged in a tank. Parameters, noise and how logs differ come from the training
+logs only. Printed is how well each other log is predicted 10 s and 60 s ahead by a causal filter,
+and, which asks far more, over its whole length with one constant neutral volume, and with a steady
+drift. Each miss has its reason beside it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from swimbladder.io.logs import Log, read_log
 from swimbladder.kalman.depth_filter import Noise, Samples, Start, filter_depth
 from swimbladder.parameters import Vehicle
 
-__all__ = ["HORIZONS", "judge", "load", "main", "tank_logs", "train"]
+__all__ = ["HORIZONS", "judge", "load", "logs_folder", "main", "tank_logs", "train"]
 
 HORIZONS = (10.0, 60.0)  # s
 BOTTOM = 1.43  # m, where the float lay in mission 37
@@ -46,6 +46,14 @@ SESSIONS = ((0, 28), (29, 36), (37, 42), (43, 48), (49, 52), (59, 65))
 _DEEPER = 0.03  # m below the bottom that shows that it is not there
 _TRAVELLED = 1.0e-6  # m3, a drift that matters
 _LYING = 10  # samples
+
+
+def logs_folder(data: Path, parser: argparse.ArgumentParser) -> Path:
+    """Return the folder with the vehicle's missions: data, or `ntnu_bv` in it; ends without."""
+    for folder in (data, data / "ntnu_bv"):
+        if (folder / "missions_meta.csv").is_file():
+            return folder
+    parser.error(f"{data}: there is no missions_meta.csv, nor ntnu_bv/missions_meta.csv")
 
 
 def tank_logs(folder: Path) -> list[int]:
@@ -178,6 +186,7 @@ def main(given: Sequence[str] | None = None) -> int:
     parser.add_argument("--cross-validate", action="store_true", help="leave each session out")
     parser.add_argument("--out", type=Path, metavar="FILE", help="the rows as JSON")
     options = parser.parse_args(given)
+    options.data = logs_folder(options.data, parser)
     known = tank_logs(options.data)
     wanted = options.test or tuple(n for n in known if n not in options.train)
     base = load_vehicle("ntnu-bv")

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from studies.tank import TRAIN, bottom_of, load, tank_logs, train
+from studies.tank import TRAIN, bottom_of, load, logs_folder, tank_logs, train
 from studies.tank_law import FITTING, position_observer_gains
 from swimbladder.closed_loop import simulate, simulate_ensemble
 from swimbladder.comparison import compare, record
@@ -204,6 +204,7 @@ def main(given: Sequence[str] | None = None) -> int:
     parser.add_argument("data", type=Path, metavar="DATA_DIR")
     parser.add_argument("--runs", type=int, default=100, metavar="N")
     options = parser.parse_args(given)
+    options.data = logs_folder(options.data, parser)
     with (options.data / "missions_meta.csv").open(newline="", encoding="utf-8") as file:
         meta = {int(row["log"]): row for row in csv.DictReader(file)}
     with threadpool_limits(limits=1, user_api="blas"):

@@ -1,9 +1,11 @@
 """The float in the tank: logs that taught nothing are predicted; and how the study sums up."""
 
+import argparse
+
 import numpy as np
 import pytest
 
-from studies.tank import bottom_of, judge, load, tank_logs, train
+from studies.tank import bottom_of, judge, load, logs_folder, tank_logs, train
 from studies.tank_table import Row, parameters, pooled, table
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
@@ -68,3 +70,14 @@ def test_logs_that_taught_nothing_are_predicted_ten_seconds_ahead(data_dir):
     assert p["pooled10"] > 0.55
     assert p["integrator60"] > 0.4
     assert 0.9 < p["coverage10"] <= 1.0
+
+
+def test_the_folder_is_that_of_all_data_or_of_the_vehicle(tmp_path, capsys):
+    parser = argparse.ArgumentParser()
+    inner = tmp_path / "ntnu_bv"
+    inner.mkdir()
+    (inner / "missions_meta.csv").write_text("log\n")
+    assert logs_folder(tmp_path, parser) == logs_folder(inner, parser) == inner
+    with pytest.raises(SystemExit, match="2"):
+        logs_folder(inner / "elsewhere", parser)
+    assert "there is no missions_meta.csv" in capsys.readouterr().err
