@@ -144,6 +144,14 @@ def test_what_is_told_and_what_is_not(scene) -> None:
     assert found.sentences[0] == "The data do not tell what was asked: drag_up."
     assert found.result_vehicle is vehicle
     assert found.parameters["drag_up"].origin == "prior"
+    assert not any("narrower" in said for said in found.sentences)
+    seen = (log.time < 5000.0) | (log.time > 8600.0)
+    seldom = replace(
+        log, time=log.time[seen], pressure=log.pressure[seen], temperature=log.temperature[seen],
+        stage=log.stage[seen],
+    )  # fmt: skip
+    gone = identify_deep([seldom], [column], vehicle, free=["drag_up", "compressibility"])
+    assert gone.sentences[-1].startswith("1 look comes more than half an hour after")
     assert not any("one of the two is wrong" in said for said in found.sentences)
     shifted = {**fit.priors, "compressibility": Prior(1.2 * TRUTH["compressibility"], 3e-12)}
     far = contradictions(replace(fit, priors=shifted))

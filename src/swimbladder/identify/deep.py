@@ -39,6 +39,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _STIFFENS = 1e-20  # 1/Pa2, the least that a vehicle's file has
+_SELDOM = 1800.0  # s, between two looks
 _FAR = 2.5  # deviations of a prior, one in eighty by chance
 
 
@@ -182,6 +183,12 @@ def _sentences(
         found.append(
             "The absolute size of drag, pump and valve together rests on their priors; how they "
             "compare is told by the dives."
+        )
+    if seldom := sum(int(np.sum(np.diff(one.dive.time) > _SELDOM)) for one in told):
+        found.append(
+            f"{seldom} look{'s come' if seldom > 1 else ' comes'} more than half an hour after the "
+            "one before. What happened between counts as the model has it, so the intervals are "
+            "narrower than they should be: see how the parameters of single dives differ."
         )
     return tuple(found)
 
