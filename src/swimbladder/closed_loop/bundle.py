@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.dynamics import Plant
-from swimbladder.engine.advance import follow, may_hide
+from swimbladder.engine.advance import follow
 from swimbladder.engine.cache import compiled, part
 from swimbladder.engine.chain import COEFFICIENTS, LEVELS, base_steps, build_chain, leap
+from swimbladder.engine.crossings import may_hide
 from swimbladder.engine.modes import COUNT, Z_BOTTOM, Z_SURFACE, Act, first_mode
 from swimbladder.errors import InputError
 

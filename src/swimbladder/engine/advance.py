@@ -13,11 +13,7 @@ import math
 import numpy as np
 
 from swimbladder.engine.books import (
-    LOAD_Q,
     PUMPED,
-    U_Q,
-    Z_DV,
-    Z_Q,
     decays,
     enter,
     enter_bend,
@@ -25,35 +21,21 @@ from swimbladder.engine.books import (
 )
 from swimbladder.engine.cache import compiled, part
 from swimbladder.engine.chain import TICKS, build_chain, leap
+from swimbladder.engine.crossings import at_stop, may_hide, note, put_at_limit
 from swimbladder.engine.modes import (
-    A_B,
     A_S,
-    BACKWARD,
     BOTTOM,
     EMERGING,
-    FORWARD,
     HOLDING,
-    K_L,
-    LOAD_BACK,
-    LOAD_DRIVE,
-    LOWER,
     LOWER_SPINNING,
     MOVING_IN,
     MOVING_OUT,
-    PSI,
     QUICK_BOBBING,
-    SLOW_BOBBING,
     SUPPLY,
-    UPPER,
-    V_0,
     V_MAX,
     V_MIN,
-    Z_BOTTOM,
-    Z_SURFACE,
     event,
     first_mode,
-    resting_volume,
-    split,
 )
 
 __all__ = [
@@ -72,98 +54,6 @@ _TRANSITIONS = 500  # in one step: more is no motion but chatter
 _FINE = 6  # level from which on turns inside a step cannot hide a crossing that matters
 _LEAPS = 50_000  # in one step: likewise
 _BENDS = 8  # in one step: from then on the bend of the drag is no longer searched for
-
-
-@part
-def may_hide(p, mode, x, y, h):  # type: ignore[no-untyped-def]
-    """Return whether z or V turned inside the step so near a limit that it may have crossed it."""
-    act, _, where = split(mode)
-    if where == EMERGING and h * h * p[A_S] > SLOW_BOBBING:  # it may bob more than once
-        return _may_submerge(p, x, y)
-    if where != BOTTOM and x[3] * y[3] < 0.0:
-        reach = h * max(abs(x[3]), abs(y[3]))
-        low, high = min(x[2], y[2]) - reach, max(x[2], y[2]) + reach
-        if high > p[Z_BOTTOM]:
-            return True
-        if where == EMERGING and high > p[Z_SURFACE]:
-            return True
-        if where != EMERGING and low < p[Z_SURFACE]:
-            return True
-    if act in (FORWARD, BACKWARD):
-        before, after = x[0] - p[K_L] * x[2], y[0] - p[K_L] * y[2]
-        if before * after < 0.0:
-            reach = h * max(abs(before), abs(after))
-            low, high = min(x[1], y[1]) - reach, max(x[1], y[1]) + reach
-            if high > p[V_MAX] or low < p[V_MIN]:
-                return True
-            if where == BOTTOM and high > resting_volume(p, x[2]):
-                return True
-    return False
-
-
-@part
-def _may_submerge(p, x, y):  # type: ignore[no-untyped-def]
-    """Return whether an emerged hull that bobs about where it floats may reach the water line."""
-    stiffness = p[A_S] - p[A_B] * p[PSI]
-    if stiffness <= 0.0:
-        return True
-    pull = p[A_S] * p[Z_SURFACE]
-    floats, floats_next = (
-        (pull - p[A_B] * (x[1] - p[V_0])) / stiffness,
-        (pull - p[A_B] * (y[1] - p[V_0])) / stiffness,
-    )
-    swing = math.sqrt((x[2] - floats) ** 2 + x[3] * x[3] / stiffness)
-    swing_next = math.sqrt((y[2] - floats_next) ** 2 + y[3] * y[3] / stiffness)
-    reach = max(floats, floats_next) + max(swing, swing_next) + abs(floats - floats_next)
-    return reach >= p[Z_SURFACE]
-
-
-@part
-def _note(log, count, t, old, new):  # type: ignore[no-untyped-def]
-    """Record a passage that a reader cares about: end stops, surface, bottom, supply limit."""
-    old_act, _, old_where = split(old)
-    new_act, _, new_where = split(new)
-    at_stop = new_act in (UPPER, LOWER, LOWER_SPINNING)
-    was_at_stop = old_act in (UPPER, LOWER, LOWER_SPINNING)
-    if (at_stop == was_at_stop) and old_where == new_where:
-        return
-    if count[0] < log.shape[0]:
-        log[count[0], 0] = t
-        log[count[0], 1] = old
-        log[count[0], 2] = new
-    count[0] += 1
-
-
-@part
-def _at_stop(p, mode, x):  # type: ignore[no-untyped-def]
-    """Return whether a mode is one of an end stop at which the volume stands."""
-    act = mode % 10
-    if act == UPPER:
-        return x[1] == p[V_MAX]
-    return act in (LOWER, LOWER_SPINNING) and x[1] == p[V_MIN]
-
-
-@part
-def _put_at_limit(p, mode, x, books):  # type: ignore[no-untyped-def]
-    """Put V or z at the end stop or the bottom that was reached: less than a tick of the way."""
-    act, _, where = split(mode)
-    moved = 0.0
-    if act == UPPER:
-        moved = p[V_MAX] - x[1]
-        x[1] = p[V_MAX]
-    elif act in (LOWER, LOWER_SPINNING):
-        moved = p[V_MIN] - x[1]
-        x[1] = p[V_MIN]
-    if books.shape[0] > 0 and moved != 0.0:  # as if the motor had worked for it
-        raised = x[2] * moved
-        load = p[LOAD_DRIVE] if moved > 0.0 else p[LOAD_BACK]
-        books[PUMPED] += moved
-        books[Z_DV] += raised
-        books[Z_Q] += raised
-        books[LOAD_Q] += load * raised
-        books[U_Q] += load * raised
-    if where == BOTTOM:
-        x[2] = p[Z_BOTTOM]
 
 
 @part
@@ -200,7 +90,7 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
                 return mode, CHATTERS
             if books.shape[0] > 0 and (reset or q != x[0]):
                 enter_blow(x[0], q, x[3], w, books)
-            _note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
+            note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
             if new % 10 == HOLDING:  # the last part of a tick
                 target = max(p[V_MIN], min(p[V_MAX], u))
                 if books.shape[0] > 0:
@@ -266,7 +156,7 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
             searching, last_look, smallest, cap = False, False, 1, TICKS
             # Where the volume stands at the stop already and the motor turns back to it within this
             # tick, the state before would leave it again, without end: the one after is taken.
-            back = reset and new // 20 == mode // 20 and _at_stop(p, new, x)
+            back = reset and new // 20 == mode // 20 and at_stop(p, new, x)
             if reset and not back:
                 transitions += 1
                 if transitions > _TRANSITIONS:
@@ -275,9 +165,9 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
                 w_new = 0.0 if new // 20 == BOTTOM and mode // 20 != BOTTOM else x[3]
                 if books.shape[0] > 0:
                     enter_blow(x[0], q_new, x[3], w_new, books)
-                _note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
+                note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
                 x[0], x[3], mode = q_new, w_new, new
-                _put_at_limit(p, mode, x, books)
+                put_at_limit(p, mode, x, books)
             else:
                 if books.shape[0] > 0:
                     decays(p, mode, span, y[5:])
@@ -287,9 +177,9 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
                 x[:] = y[:5]
                 remaining -= size
                 if back:
-                    _note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
+                    note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
                     x[0], mode = q, new
-                    _put_at_limit(p, mode, x, books)
+                    put_at_limit(p, mode, x, books)
             break
     return mode, DONE
 
