@@ -21,6 +21,7 @@ MADE_UP = """\
 2031-03-01T10:00:20:[SURF  ,0082]Latitude : S12deg30.000mn, Longitude :W045deg15.000mn
 2031-03-01T10:01:00:[BYCMD ,0125]    near 1000mbar 3mbar/s (15000mbar 3mbar/s stored)
 2031-03-01T10:01:00:[BYCMD ,0129]    coeff 16/10 (16/10 stored)
+2031-03-01T10:01:00:[BYCMD ,0130]    coeff is running
 2031-03-01T10:01:01:[STAGE ,0080]Stage [0] 30000mbar (+/-500mbar) 3600s (<3600s)
 2031-03-01T10:01:01:[STAGE ,0091]Stage [1] surfacing 1800s (<5400s) SBE41
 2031-03-01T10:01:02:[SBE41 ,0282]SBE41 parameters :
@@ -57,6 +58,36 @@ MADE_UP = """\
 """
 
 
+# In the manner of 2018: seconds since 1970, parts padded otherwise, shorter words, no thermometer.
+OLDER = """\
+1900000000:[MRMAID,650]$GPSOFF:3686330;
+1900000000:[MAIN  ,111]board 999.002-X-02
+1900000000:[MAIN  ,112]soft 999.001.300.1667-20180518
+1900000048:[SURF  ,394]S12deg30.000mn, W045deg15.000mn
+1900000100:[MAIN  ,593]internal pressure 84000Pa
+1900000101:    near 15000mbar 3mbar/s (10000mbar 3mbar/s stored)
+1900000101:    p2t37: dp 5000mbar, dt 5000mdegC
+1900000101:    stage[0] 150000mbar (+/-5000mbar) 60000s (<60000s)
+1900000110:[BYPASS,147]opening 120000ms
+1900000500:[DIVING,157]710mbar reached (+11mbar/s), 5 bypass done
+1900000501:[MAIN  ,641]stage[0]
+1900001100:[PRESS , 81]P  +7000mbar,T-10612mdegC
+1900001200:[PRESS ,0038]P  +8000mbar
+1900013000:[VALVE ,129]opening for 1008ms
+1900014000:[PRESS , 81]P +67000mbar,T+32767mdegC
+1900033000:[PUMP  ,368]during 24219ms
+1900034000:[PRESS , 81]P+138000mbar,T +3500mdegC
+1900170000:[MAIN  ,477]surfacing
+1900190000:[SURFIN, 82]filling external bladder
+1900190000:[PUMP  ,368]during 300000ms
+1900190010:[PUMP  ,0210]aborted, 29100ticks remain
+1900190012:[SURFIN,117]external bladder full
+1900190100:[MAIN  ,493]Vbat 14600mV (min 12100mV)
+1900190101:[MAIN  ,498]Pint 82000Pa
+1900190102:*** switching to 02/5E709B26 ***
+"""
+
+
 @pytest.fixture
 def made_up(tmp_path: Path) -> Path:
     path = tmp_path / "20310301__0001.LOG"
@@ -80,10 +111,33 @@ def test_a_made_up_dive(made_up: Path) -> None:
     assert (log.battery_voltage, log.battery_least) == (14.7, 14.65)
     assert log.internal_pressure == 8e4
     assert log.report == (
-        "1 line of PRESS with numbers that cannot be, the first in line 28",
-        "1 line out of order in time left out, the first in line 29",
-        "1 line of BUOY with numbers that cannot be, the first in line 30",
+        "1 line out of order in time left out, the first in line 30",
+        "1 line of PRESS with numbers that cannot be, the first in line 29",
+        "1 line of BUOY with numbers that cannot be, the first in line 31",
     )
+
+
+def test_the_words_of_an_older_firmware(tmp_path: Path) -> None:
+    path = tmp_path / "02_5E6D9838.LOG"
+    path.write_text(OLDER)
+    log = read_float_log(path)
+    assert (log.name, log.firmware) == ("999.002-X-02", "999.001.300.1667-20180518")
+    assert log.start == "2030-03-17T17:46:40"
+    assert log.position == (-12.5, -45.25)
+    assert log.settings == {"near": "15000mbar 3mbar/s"}
+    assert [(s.number, s.pressure, s.tolerance, s.duration) for s in log.stages] == [
+        (0, 1.5e7, 5e5, 60000.0)
+    ]
+    assert log.time.tolist() == [1100.0, 1200.0, 14000.0, 34000.0]
+    assert log.pressure.tolist() == [7e5, 8e5, 6.7e6, 1.38e7]
+    assert np.isnan(log.temperature).tolist() == [True, True, True, False]
+    assert log.stage.tolist() == [0, 0, 0, 0]
+    assert [(a.device, a.time, a.asked, a.seconds) for a in log.actions] == [
+        ("bypass", 110.0, 120.0, 120.0), ("valve", 13000.0, 1.008, 1.008),
+        ("pump", 33000.0, 24.219, 24.219), ("pump", 190000.0, 300.0, 9.0),
+    ]  # fmt: skip
+    assert (log.internal_pressure, log.battery_voltage, log.battery_least) == (8.2e4, 14.6, 12.1)
+    assert log.report == ("3 samples without a temperature that a sea has",)
 
 
 def test_a_misprinted_time_costs_its_own_line_only(tmp_path: Path) -> None:

@@ -8,7 +8,12 @@
     2020-06-25T11:23:45:[PUMP  ,0016]pump during 40924ms
     2020-06-25T11:24:25:[PUMP  ,0212]battery 13633mV,  601216uA (steady state), P +35593mbar
 
-Read off logs of firmware V2.12 to V2.20 (2020), older and newer wordings of pump and valve alike.
+Read off logs of firmware V2.12 to V2.20 (2020), older and newer wordings of pump and valve alike,
+and of 2018, which count seconds since 1970 and say less::
+
+    1584257299:[PRESS , 81]P +62330mbar,T-10612mdegC
+    1584257973:[VALVE ,129]opening for 1008ms
+
 Lines of other parts of the float (positions apart) are left out; what is wrong in those that are
 read is reported.
 """
@@ -16,9 +21,8 @@ read is reported.
 from __future__ import annotations
 
 import re
-from bisect import bisect_right
-from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,87 +30,38 @@ import numpy as np
 
 from swimbladder.errors import LogError
 from swimbladder.io.float_log import Action, Device, FloatLog, Reading, Stage, Wish
+from swimbladder.io.log_formats.mermaid_lines import in_order, lines_of, written
 from swimbladder.io.log_text import counted, read_bytes
 
 __all__ = ["is_mermaid", "read_mermaid"]
 
-_LINE = re.compile(r"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d):(?:<\w+>)?\[(\w+) *,(\d+)\](.*)")
-_SETTING = re.compile(r" +(\w+) (.+?)(?: \(.*)?$")
+_SETTING = re.compile(r" *(\w+) (\d.*?)(?: \(.*)?$")
 _HIGHEST = 2.5e7  # Pa; a higher pressure crushes such a float and is a misprint
-_LONGEST = 3.0 * 86400.0  # s, between two lines; more is a clock that was wrong
-_CORRECTED = 1.0  # s, by which a line may go back
+_COLDEST = -5.0  # degC; no sea is colder, and floats without the sensor log such a number
+_FULL = 32.767  # degC, the largest that the number of a temperature holds
+_TICK = 0.01  # s; what is left of a run that was broken off is counted in them
 
 
 def is_mermaid(text: str) -> bool:
-    """Return whether a text is such a log: its first line that has a time has a known part."""
-    for line in text.splitlines()[:20]:
-        if match := _LINE.match(line):
-            return match[2] in ("MAIN", "SURF", "PRESS", "STAGE", "BUOY", "PUMP", "DIVING")
-    return False
+    """Return whether a text is such a log: one of its first lines has a time and a known part."""
+    known = ("MAIN", "SURF", "PRESS", "STAGE", "BUOY", "PUMP", "DIVING")
+    return any(line.part in known for line in lines_of("\n".join(text.splitlines()[:20])))
 
 
 def read_mermaid(path: str | Path) -> FloatLog:
     """Return the log of one dive; raises LogError where there is none in the file."""
-    text = read_bytes(path).decode("latin-1")
     reader = _Reader()
-    lines = [
-        (number, match)
-        for number, line in enumerate(text.splitlines(), start=1)
-        if (match := _LINE.match(line))
-    ]
-    stamps = [_stamp(match[1]) for _, match in lines]
-    for k in range(1, len(stamps)):
-        if 0.0 < stamps[k - 1] - stamps[k] <= _CORRECTED:
-            stamps[k] = stamps[k - 1]  # a clock that is put right loses no line
-    ordered = set(_in_order(stamps))
-    for k, (number, match) in enumerate(lines):
-        if k in ordered:
-            reader.line(number, stamps[k], match[2], match[4])
-        else:
-            reader.odd("out of order in time left out", number)
+    lines, others = in_order(lines_of(read_bytes(path).decode("latin-1")))
+    for line in others:
+        reader.odd("out of order in time left out", line.number)
+    for line in lines:
+        reader.line(line.number, line.stamp, line.part, line.text)
     if not reader.pressures:
         raise LogError(
             "no line with a pressure", file=path, field="[PRESS ,0038]",
             remedy="Give a log of a dive; for other logs leave out --log-format mermaid",
         )  # fmt: skip
     return reader.log(str(path))
-
-
-def _stamp(text: str) -> float:
-    """Return a time of the log [s], since 1970; NaN where there is no such time."""
-    try:
-        return datetime.fromisoformat(text + "+00:00").timestamp()
-    except ValueError:
-        return np.nan
-
-
-def _in_order(stamps: Sequence[float]) -> list[int]:
-    """Return which lines to believe: the most that do not go back in time, without long gaps.
-
-    A line whose time is a misprint would else take all after it along, and a clock that began in
-    1970 all that was logged once it was set.
-    """
-    tails: list[float] = []  # of the best runs of each length, the time they end at
-    ends: list[int] = []
-    before: dict[int, int | None] = {}
-    for k, stamp in enumerate(stamps):
-        if np.isnan(stamp):
-            continue
-        at = bisect_right(tails, stamp)
-        before[k] = ends[at - 1] if at else None
-        tails[at : at + 1], ends[at : at + 1] = [stamp], [k]
-    kept: list[int] = []
-    last: int | None = ends[-1] if ends else None
-    while last is not None:
-        kept.append(last)
-        last = before[last]
-    kept.reverse()
-    runs: list[list[int]] = [[]]
-    for k in kept:
-        if runs[-1] and stamps[k] - stamps[runs[-1][-1]] > _LONGEST:
-            runs.append([])
-        runs[-1].append(k)
-    return max(runs, key=len)
 
 
 def _pressure(text: str) -> float:
@@ -130,6 +85,7 @@ class _Reader:
         self.speeds: tuple[float, float] | None = None
         self.wish: Wish | None = None
         self.before: Reading | None = None
+        self.colder = 0  # samples without a temperature that a sea has
         self.oddities: dict[str, list[int]] = {}
 
     def line(self, number: int, stamp: float, part: str, text: str) -> None:
@@ -146,13 +102,17 @@ class _Reader:
         self.oddities.setdefault(what, []).append(number)
 
     def sample(self, text: str) -> bool:
-        found = re.match(r"P *([+-] *\d+)mbar,T *([+-] *\d+)mdegC", text)
+        found = re.match(r"P *([+-] *\d+)mbar(?:,T *([+-] *\d+)mdegC)?", text)
         if not found:
             return True
-        pressure, temperature = (float(x.replace(" ", "")) for x in found.groups())
+        pressure, temperature = (float(x.replace(" ", "")) if x else np.nan for x in found.groups())
         if abs(pressure) * 100.0 > _HIGHEST:
             return False
-        self.pressures.append((self.now, pressure * 100.0, temperature / 1000.0, self.stage))
+        warmth = temperature / 1000.0
+        if not _COLDEST < warmth < _FULL:
+            warmth = np.nan
+            self.colder += 1
+        self.pressures.append((self.now, pressure * 100.0, warmth, self.stage))
         return True
 
     def decided(self, text: str) -> bool:
@@ -179,11 +139,12 @@ class _Reader:
         )  # fmt: skip
         self.wish = self.before = None
 
-    def worked(self, text: str) -> bool:
-        if found := re.match(r"pump during (\d+)ms", text):
-            self.begun("pump", found[1])
-        elif found := re.match(r"(valve|bypass) opening (\d+)ms", text):
-            self.begun("valve" if found[1] == "valve" else "bypass", found[2])
+    def worked(self, text: str, *, device: Device) -> bool:
+        if found := re.match(r"(?:(?:pump )?during|(?:\w+ )?opening(?: for)?) (\d+)ms", text):
+            self.begun(device, found[1])
+        elif (found := re.match(r"aborted, (\d+)ticks remain", text)) and self.actions:
+            last = self.actions[-1]
+            last["until"] = last["time"] + last["asked"] - _TICK * float(found[1])
         elif found := re.search(r"(\d+)mV[,/] *(\d+)uA", text):
             reading = Reading(
                 time=self.now, voltage=float(found[1]) / 1e3, current=float(found[2]) / 1e6
@@ -199,16 +160,16 @@ class _Reader:
 
     def surfaced(self, text: str) -> bool:
         if "bladder full" in text and self.actions and self.actions[-1]["device"] == "pump":
-            self.actions[-1]["until"] = self.now
+            self.actions[-1].setdefault("until", self.now)
         return True
 
     def staged(self, text: str) -> bool:
-        if found := re.match(r"Stage \[(\d+)\] (\d+)mbar \(\+/-(\d+)mbar\) (\d+)s", text):
+        if found := re.match(r"[Ss]tage ?\[(\d+)\] (\d+)mbar \(\+/-(\d+)mbar\) (\d+)s", text):
             n, pressure, tolerance, seconds = (int(x) for x in found.groups())
             self.stages[n] = Stage(
                 number=n, pressure=pressure * 100.0, tolerance=tolerance * 100.0, duration=seconds
             )
-        elif found := re.match(r"Stage \[(\d+)\] surfacing (\d+)s", text):
+        elif found := re.match(r"[Ss]tage ?\[(\d+)\] surfacing (\d+)s", text):
             n = int(found[1])
             self.stages[n] = Stage(number=n, pressure=0.0, tolerance=0.0, duration=int(found[2]))
         return True
@@ -218,11 +179,11 @@ class _Reader:
             self.stage = int(found[1])
         elif found := re.match(r"(surfacing|surface)\b", text):
             self.stage = -2
-        elif found := re.match(r"buoy (\S+)", text):
+        elif found := re.match(r"(?:buoy|board) (\S+)", text):
             self.known["name"] = found[1]
-        elif found := re.match(r"soft pilotage (\S+)", text):
+        elif found := re.match(r"soft (?:pilotage )?(\S+)", text):
             self.known["firmware"] = found[1]
-        elif found := re.match(r"internal pressure (\d+)Pa", text):
+        elif found := re.match(r"(?:internal pressure|Pint) (\d+)Pa", text):
             self.known["internal_pressure"] = float(found[1])
         elif found := re.match(r"Vbat (\d+)mV \(min (\d+)mV\)", text):
             self.known["battery_voltage"] = float(found[1]) / 1e3
@@ -235,13 +196,17 @@ class _Reader:
         return True
 
     def set(self, text: str) -> bool:
+        if text.lstrip().startswith("stage["):
+            return self.staged(text.lstrip())
         if found := _SETTING.match(text):
             self.settings[found[1]] = found[2]
         return True
 
     def placed(self, text: str) -> bool:
         found = re.match(
-            r"Latitude : ([NS])(\d+)deg([\d.]+)mn, Longitude :([EW])(\d+)deg([\d.]+)mn", text
+            r"(?:Latitude : *)?([NS])(\d+)deg([\d.]+)mn, *(?:Longitude : *)?"
+            r"([EW])(\d+)deg([\d.]+)mn",
+            text,
         )
         if found:
             ns, a, b, ew, c, d = found.groups()
@@ -258,20 +223,16 @@ class _Reader:
             f"{counted(len(lines), 'line')} {what}, the first in line {lines[0]}"
             for what, lines in self.oddities.items()
         ]
+        if self.colder:
+            said.append(f"{counted(self.colder, 'sample')} without a temperature that a sea has")
         return FloatLog(
-            source=source, start=_written(self.first),
+            source=source, start=written(self.first),
             time=columns[0], pressure=columns[1], temperature=columns[2],
             stage=np.array([row[3] for row in self.pressures], dtype=np.int64),
             actions=tuple(_action(found) for found in self.actions),
             stages=tuple(self.stages[n] for n in sorted(self.stages)), settings=self.settings,
             position=positions[-1] if positions else None, report=tuple(said), **self.known,
         )  # fmt: skip
-
-
-def _written(stamp: float | None) -> str:
-    if stamp is None:
-        return ""
-    return datetime.fromtimestamp(stamp, UTC).replace(tzinfo=None).isoformat()
 
 
 def _action(found: dict[str, Any]) -> Action:
@@ -286,13 +247,14 @@ def _action(found: dict[str, Any]) -> Action:
 _PARTS: dict[str, Callable[[_Reader, str], bool]] = {
     "PRESS": _Reader.sample,
     "BUOY": _Reader.decided,
-    "PUMP": _Reader.worked,
-    "VALVE": _Reader.worked,
-    "BYPASS": _Reader.worked,
+    "PUMP": partial(_Reader.worked, device="pump"),
+    "VALVE": partial(_Reader.worked, device="valve"),
+    "BYPASS": partial(_Reader.worked, device="bypass"),
     "SURFIN": _Reader.surfaced,
     "STAGE": _Reader.staged,
     "MAIN": _Reader.went,
     "DIVING": _Reader.dived,
     "BYCMD": _Reader.set,
+    "": _Reader.set,
     "SURF": _Reader.placed,
 }
