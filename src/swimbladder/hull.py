@@ -16,18 +16,20 @@ A part that stiffens (s_i > 0) gives way no more from beta_i/s_i on.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swimbladder.parameters import HullPart, PhysicalMotion, Vehicle
+from swimbladder.parameters import Hull, HullPart, PhysicalMotion, Vehicle
 from swimbladder.seawater import Column
 from swimbladder.seawater.column import ATMOSPHERE, water_compressibility
 from swimbladder.seawater.lookup import slopes
 
 __all__ = [
     "PsiTerms",
+    "along_hull",
     "displaced_volume",
     "hull_parts",
     "layered_volume",
@@ -149,6 +151,34 @@ def neutral_volume(vehicle: Vehicle, column: Column, *, mass: float | None = Non
     weight = weight_mass(vehicle) if mass is None else mass
     water = weight / column.density * (1.0 - column.compressibility * column.pressure)
     return np.asarray(water - displaced_volume(vehicle, column.pressure, column.temperature))
+
+
+def along_hull(column: Column, hull: Hull) -> Column:
+    """Return a column whose density at each depth is its mean over a hull with the sensor there.
+
+    The hull reaches from emergence_depth above the sensor down by its height; what is out of the
+    water does not count, and below the column its last density goes on. In water whose density
+    bends within a hull's height, as in a halocline, its buoyancy is that of the mean.
+    """
+    z, rho = column.depth, column.density
+    deep = np.append(z, z[-1] + hull.height + abs(hull.emergence_depth))
+    means = 0.5 * (rho + np.append(rho[1:], rho[-1]))
+    weight = np.append(0.0, np.cumsum(means * np.diff(deep)))
+    top = np.maximum(z - hull.emergence_depth, 0.0)
+    low = np.maximum(z - hull.emergence_depth + hull.height, column.step)
+    above, below = (_integral(column, deep, weight, at) for at in (top, low))
+    return replace(column, density=(below - above) / (low - top))
+
+
+def _integral(column: Column, deep: Array, weight: Array, at: Array) -> Array:
+    """Return the integral of density over depth from 0 to `at` [kg/m2], density straight between
+    rows.
+    """
+    k = np.clip(np.searchsorted(deep, at, side="right") - 1, 0, len(deep) - 2)
+    rho = np.append(column.density, column.density[-1])
+    x = at - deep[k]
+    slope = (rho[k + 1] - rho[k]) / (deep[k + 1] - deep[k])
+    return np.asarray(weight[k] + x * (rho[k] + 0.5 * slope * x))
 
 
 def layered_volume(vehicle: Vehicle, column: Column) -> Array:

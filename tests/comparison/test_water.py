@@ -7,10 +7,10 @@ import pytest
 
 from swimbladder.comparison import compare
 from swimbladder.comparison.ahead import look_ahead
-from swimbladder.comparison.water import along_hull, follow_in, layers_of, water_of_each
+from swimbladder.comparison.water import follow_in, layers_of, water_of_each
 from swimbladder.dynamics import plant
 from swimbladder.errors import InputError, LogError
-from swimbladder.hull import linear_psi
+from swimbladder.hull import along_hull, linear_psi
 from swimbladder.parameters import Water
 from swimbladder.seawater import Column, uniform_column
 from tests.layered import SEA, STEP, added, column, density, mean_density, sailed, vehicle

@@ -19,10 +19,11 @@ import numpy as np
 from swimbladder.dynamics import Plant, plant
 from swimbladder.engine.advance import begin
 from swimbladder.engine.cache import is_cached, on_compile
+from swimbladder.engine.layers import NO_LAYERS
 told = []
 p = np.zeros(len(Plant._fields))
 with on_compile(lambda: told.append(1)):
-    print(begin(p, 0.0, 0.0, 1.0, 0.0)[0], len(told), is_cached("begin"))
+    print(begin(p, NO_LAYERS, 0.0, 0.0, 1.0, 0.0)[0], len(told), is_cached("begin"))
 """
 
 

@@ -11,8 +11,8 @@ from scipy.linalg import expm
 
 from swimbladder.dynamics import plant
 from swimbladder.engine.cache import compiled
+from swimbladder.engine.layers import NO_LAYERS, layers_from
 from swimbladder.io.config import load_vehicle
-from swimbladder.kalman.layers import NO_LAYERS, layers_from
 from swimbladder.kalman.motion import BOBBING_DAMPING, transition
 
 WALK2, JOLT2 = (0.3e-6) ** 2, (2e-4) ** 2

@@ -6,24 +6,36 @@ import contextlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import compile_notice, console, emit_json, output, progress, quantity
+from swimbladder.cli.casts import (
+    Columns,
+    Inversions,
+    Latitude,
+    LogFormat,
+    Longitude,
+    Profile,
+    Salinity,
+    Where,
+    asked_casts,
+)
+from swimbladder.cli.common import compile_notice, console, emit_json, progress, quantity
+from swimbladder.cli.simulate_files import answer_of, print_answer, steps_of, write_files
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.closed_loop import Solution
+    from swimbladder.closed_loop.water import Medium
     from swimbladder.io.mission import Mission
+    from swimbladder.parameters import Vehicle
+    from swimbladder.seawater import Cast, Column
 
 __all__ = ["simulate"]
 
 _START, _TARGET, _DURATION = 1.5, 3.0, 400.0
-_STEP = (
-    "time_s", "start_depth_m", "target_depth_m", "overshoot_pct", "rise90_s", "settle2_s",
-    "final_depth_m", "peak_volume_m3", "volume_range_m3", "actuator_travel_m3",
-)  # fmt: skip
+_ROWS = 0.1  # m, of the water's table: a halocline has half a metre
 _OPTIONS = {
     "start_depth": "--start",
     "setpoints[0].depth": "--target",
@@ -55,6 +67,18 @@ def simulate(
         int | None,
         typer.Option(help="Seed of the sensors' noise (sensors without noise)", min=0),
     ] = None,
+    cast: Annotated[
+        Path | None,
+        typer.Option("--cast", metavar="CTD", help="The water: CSV, netCDF, Argo profile."),
+    ] = None,
+    column: Columns = None,
+    where: Where = None,
+    log_format: LogFormat = None,
+    profile: Profile = None,
+    latitude: Latitude = None,
+    longitude: Longitude = None,
+    salinity: Salinity = None,
+    inversions: Inversions = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-simulate"
     ),
@@ -67,6 +91,8 @@ def simulate(
     """Simulate depth steps or a mission in closed loop.
 
     Depths and times are in m and s, or carry a unit: --start "150 cm" --duration "5 min".
+    With --cast the neutral volume follows that water's density and temperature; else the water is
+    that of the vehicle's file.
     Exit code 1 when the simulation stopped before its end; the files are written all the same.
     """
     from swimbladder.hull import mass_doubt
@@ -76,10 +102,16 @@ def simulate(
 
     v = load_vehicle(vehicle, sampled=True)
     task = _mission(mission, start=start, target=target, duration=duration, bottom=bottom)
-    if mission is None:
-        check_mission(v, task, names=_OPTIONS)
-    else:
-        _check_file(v, task, mission)
+    casts = asked_casts(
+        [] if cast is None else [cast], column=column, where=where, log_format=log_format,
+        profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
+        inversions=inversions,
+    )  # fmt: skip
+    water, medium = _water(v, task, casts)
+    names = _OPTIONS if mission is None else None
+    neutral = None if medium is None else medium.neutral_volume
+    with _located(mission):
+        check_mission(v, task, names=names, neutral=neutral)
     doubt = mass_doubt(v)
     if doubt:
         console.print(
@@ -87,14 +119,14 @@ def simulate(
             soft_wrap=True,
         )
     folder = make_folder(out)
-    s = _run(v, task, seed)
-    files = _write(s, task, folder, netcdf=netcdf, plot=plot)
-    steps = _steps(s, task)
-    answer = _answer(s, task, steps, files)
+    s = _run(v, task, seed, water)
+    files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)
+    notes = _notes(s, water, medium)
+    answer = answer_of(s, task, steps_of(s, task), files, water, notes)
     if json:
         emit_json(answer)
     else:
-        _print(answer)
+        print_answer(answer)
     if not (answer["completed"] and answer["within_depth_limit"]):
         if not s.finished:
             console.print(f"stopped at {s.time[-1]:.6g} s: {s.stop.value}")
@@ -145,21 +177,60 @@ def _mission(path: Path | None, **given: str | None) -> Mission:
     )
 
 
-def _check_file(vehicle: Any, task: Mission, path: Path) -> None:
+@contextlib.contextmanager
+def _located(path: Path | None) -> Iterator[None]:
+    """Say of an error that it lies in the mission's file, unless it is about the controller."""
     from swimbladder.io.config import locate
-    from swimbladder.io.mission import check_mission
 
     try:
-        check_mission(vehicle, task)
+        yield
     except InputError as error:
-        raise (error if error.field == "controller" else locate(error, path)) from None
+        if path is None or error.field == "controller":
+            raise
+        raise locate(error, path) from None
 
 
-def _run(vehicle: Any, task: Mission, seed: int | None) -> Solution:
+def _water(
+    vehicle: Vehicle, task: Mission, casts: list[Cast]
+) -> tuple[Column | None, Medium | None]:
+    """Return the water of a cast and the vehicle in it; nothing where there is no cast.
+
+    Raises NoAnswerError where it ends above a depth that is asked for.
+    """
+    if not casts:
+        return None, None
+    with progress("tabulating the water"):
+        from swimbladder.closed_loop.water import medium_of
+        from swimbladder.seawater import cast_column
+
+        column = cast_column(casts[0], step=_ROWS)
+        reach = max([task.start_depth, *(point.depth for point in task.setpoints)])
+        return column, medium_of(vehicle, column, reach=reach)
+
+
+def _notes(s: Solution, column: Column | None, medium: Medium | None) -> list[str]:
+    """Return what has to be said of the water."""
+    if column is None or medium is None:
+        return []
+    notes = [f"cast: {remark}" for remark in column.report]
+    notes.append(
+        f"force and load go with {medium.specific_weight:.5g} N/m3, the cast's mean down to the "
+        f"deepest set-point, from which it differs by {100.0 * medium.misses:.2g} % at most there"
+    )
+    if s.deepest > column.deepest:
+        notes.append(
+            f"the vehicle went down to {s.deepest:.4g} m, and the cast ends at "
+            f"{column.deepest:.4g} m: below, its last gradient goes on"
+        )
+    return notes
+
+
+def _run(vehicle: Vehicle, task: Mission, seed: int | None, column: Column | None) -> Solution:
     """Simulate; say on stderr what is waited for."""
     with progress("loading the simulator"):
         from swimbladder.closed_loop import simulate as simulate_closed_loop
 
+    assert vehicle.controller is not None  # check_mission has seen to it
     samples = task.span / vehicle.controller.sample_time
     with compile_notice(), progress("simulating", samples) as advance, _no_search_for_blas():
         done = 0
@@ -176,6 +247,7 @@ def _run(vehicle: Any, task: Mission, seed: int | None) -> Solution:
             start_depth=task.start_depth,
             bottom_depth=task.bottom,
             seed=seed,
+            column=column,
             progress=report,
         )
 
@@ -194,137 +266,3 @@ def _no_search_for_blas() -> Iterator[None]:
     finally:
         if absent:
             del sys.modules["scipy.linalg"]
-
-
-def _write(s: Solution, task: Mission, folder: Path, *, netcdf: bool, plot: bool) -> list[Path]:
-    """Write the files that were asked for and return their paths."""
-    import numpy as np
-
-    from swimbladder.io.tables import write_csv
-
-    known = {
-        "time_s": s.time,
-        "depth_m": s.depth,
-        "speed_m_s": s.speed,
-        "volume_m3": s.volume,
-        "voltage_V": s.voltage,
-        "reference_volume_m3": s.volume_reference,
-        "current_A": s.current,
-        "power_W": s.power,
-        "reference_depth_m": s.reference,
-    }
-    columns = {name: values for name, values in known.items() if not np.all(np.isnan(values))}
-    with progress("writing trajectory.csv", len(s.time)) as advance:
-        files = [write_csv(folder / "trajectory.csv", columns, advance=advance)]
-    if netcdf:
-        with progress("writing trajectory.nc"):
-            from swimbladder.io.netcdf import write
-
-            title = f"{s.vehicle.name}: {task.name or 'mission'}, simulated in closed loop"
-            files.append(write(folder / "trajectory.nc", s.dataset(), title=title))
-    if plot:
-        with progress("drawing trajectory.png"):
-            from swimbladder.plots import plot_solution
-
-            files.append(folder / "trajectory.png")
-            plot_solution(s, files[-1])
-    return files
-
-
-def _steps(s: Solution, task: Mission) -> list[dict[str, Any]]:
-    """Return what each set-point's step did, up to where the simulation came."""
-    import numpy as np
-
-    from swimbladder.closed_loop import step_metrics
-
-    steps = []
-    ends = [point.time for point in task.setpoints[1:]] + [task.span]
-    before = task.start_depth
-    for point, end in zip(task.setpoints, ends, strict=True):
-        first, last = np.searchsorted(s.time, [point.time, end], side="left")
-        piece = slice(int(first), int(last) + 1)
-        if s.time[piece].size < 2:
-            break
-        m = step_metrics(s.time[piece], s.depth[piece], start=before, target=point.depth)
-        volume = s.volume[piece]
-        events = [e for e in s.events if point.time <= e.time < end]
-        steps.append(
-            {
-                "time_s": point.time,
-                "start_depth_m": before,
-                "target_depth_m": point.depth,
-                "overshoot_pct": m.overshoot_pct,
-                "rise90_s": m.rise90_s,
-                "settle2_s": m.settle2_s,
-                "final_depth_m": m.final_depth_m,
-                "peak_volume_m3": float(np.max(np.abs(volume))),
-                "volume_range_m3": [float(volume.min()), float(volume.max())],
-                "actuator_travel_m3": float(np.sum(np.abs(np.diff(volume)))),
-                "events": [{"time_s": e.time, "kind": e.kind} for e in events],
-            }
-        )
-        before = point.depth
-    return steps
-
-
-def _answer(
-    s: Solution, task: Mission, steps: list[dict[str, Any]], files: list[Path]
-) -> dict[str, Any]:
-    """Return the JSON object: the last step's numbers, and all steps."""
-    last = steps[-1] if steps else dict.fromkeys(_STEP)
-    return {
-        "vehicle": s.vehicle.name,
-        "mission": task.name,
-        **{key: value for key, value in last.items() if key != "events"},
-        "duration_s": float(s.time[-1]),
-        "samples": len(s.time),
-        "completed": s.finished,
-        "deepest_m": s.deepest,
-        "within_depth_limit": s.within_depth_limit,
-        "energy_J": s.books.energy["source"],
-        "energy_basis": s.books.basis,
-        "stop_reason": s.stop.value,
-        "events": [{"time_s": e.time, "kind": e.kind} for e in s.events],
-        "events_left_out": s.events_left_out,
-        "steps": steps,
-        "files": [str(path) for path in files],
-    }
-
-
-def _print(answer: dict[str, Any]) -> None:
-    """Print the table of steps, the events, and where the files are."""
-    from rich.table import Table
-
-    def number(value: float | None, unit: str, digits: int = 1) -> str:
-        return "never" if value is None else f"{value:.{digits}f} {unit}"
-
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    for heading in (
-        "at", "step", "overshoot", "90 % rise", "2 % settling", "final", "peak", "travel",
-    ):  # fmt: skip
-        table.add_column(heading, justify="right", no_wrap=True)
-    for step in answer["steps"]:
-        moves = step["target_depth_m"] != step["start_depth_m"]
-        table.add_row(
-            f"{step['time_s']:g} s",
-            f"{step['start_depth_m']:g} to {step['target_depth_m']:g} m",
-            number(step["overshoot_pct"], "%"),
-            number(step["rise90_s"], "s") if moves else "no step",
-            number(step["settle2_s"], "s") if moves else "no step",
-            number(step["final_depth_m"], "m", 3),
-            number(step["peak_volume_m3"] * 1e6, "cm3"),
-            number(step["actuator_travel_m3"] * 1e6, "cm3"),
-        )
-    output.print(f"{answer['vehicle']}, {answer['duration_s']:g} s in {answer['samples']} samples")
-    output.print(table)
-    output.print("peak: largest volume to either side of mid-stroke; travel: volume moved in all")
-    kinds = [event["kind"] for event in answer["events"]]
-    for kind in dict.fromkeys(kinds):
-        at = next(e["time_s"] for e in answer["events"] if e["kind"] == kind)
-        times = f"{kinds.count(kind)} times, first " if kinds.count(kind) > 1 else ""
-        output.print(f"{kind} {times}at {at:.6g} s")
-    if answer["energy_basis"].startswith("electrical"):
-        output.print(f"energy: {answer['energy_J']:.4g} J, {answer['energy_basis']}")
-    output.print(answer["stop_reason"])
-    for path in answer["files"]:
-        output.print(f"wrote {path}", soft_wrap=True)

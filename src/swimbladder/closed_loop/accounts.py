@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from swimbladder.actuator import reduced, unified
-from swimbladder.dynamics import Plant
+from swimbladder.closed_loop.water import Medium
 from swimbladder.engine.books import Account
 from swimbladder.parameters import IdentifiedActuator, Positioner, Vehicle
 
@@ -47,7 +47,7 @@ class Books:
 
 def close_books(
     vehicle: Vehicle,
-    p: Plant,
+    medium: Medium,
     sums: NDArray[Any],
     first: NDArray[Any],
     last: NDArray[Any],
@@ -56,17 +56,19 @@ def close_books(
 ) -> Books:
     """Return the books of a run from the engine's sums and its first and last (q, V, z, w).
 
-    prescribed: the volume was given, so that nothing is known of the motor.
+    medium: the plant, in its water. prescribed: the volume was given, so that nothing is known of
+    the motor.
     """
+    p = medium.plant
     a = {account: float(sums[account]) for account in Account}
     q0, V0, z0, w0 = (float(value) for value in first)
     q1, V1, z1, w1 = (float(value) for value in last)
-    m, k_b = vehicle.mass, vehicle.water.specific_weight
-    energy, basis = _actuator_energy(vehicle, p, a, q0, q1, prescribed)
+    m, k_b = vehicle.mass, medium.specific_weight
+    energy, basis = _actuator_energy(vehicle, medium, a, q0, q1, prescribed)
     energy["drag"] = m * a[Account.DRAG]
     energy["bottom"] = m * a[Account.BOTTOM_W]
     energy["vehicle motion"] = 0.5 * m * (w1 * w1 - w0 * w0)
-    energy["sea"] = m * (_potential(p, V1, z1) - _potential(p, V0, z0))
+    energy["sea"] = m * (_potential(medium, V1, z1) - _potential(medium, V0, z0))
     motion = [energy[name] for name in ("drag", "bottom", "vehicle motion", "sea")]
     moved = m * p.a_b * a[Account.Z_DV]
     # volume that goes out and comes back passes energy through that the net accounts do not show
@@ -91,21 +93,24 @@ def close_books(
     )
 
 
-def _potential(p: Plant, V: float, z: float) -> float:
+def _potential(medium: Medium, V: float, z: float) -> float:
     """Potential energy of volume at depth over mass [J/kg], with the emerged part of the hull."""
+    p = medium.plant
     emerged = max(p.z_surface - z, 0.0)
-    return p.a_b * (z * (V - p.V_0) - 0.5 * p.psi * z * z) + 0.5 * p.a_s * emerged**2
+    neutral = 0.5 * p.psi * z * z + medium.layers.integral(z)
+    return p.a_b * (z * (V - p.V_0) - neutral) + 0.5 * p.a_s * emerged**2
 
 
 def _actuator_energy(
-    vehicle: Vehicle, p: Plant, a: dict[Account, float], q0: float, q1: float, prescribed: bool
-) -> tuple[dict[str, float], str]:
+    vehicle: Vehicle, medium: Medium, a: dict[Account, float], q0: float, q1: float,
+    prescribed: bool,
+) -> tuple[dict[str, float], str]:  # fmt: skip
     """Return the actuator's accounts [J] and what they count as the source.
 
     Work per voltage and volume k_u/k_q turns the reduced equation into torques. An identified
     actuator has only ratios: k_u/k_q is then rho g/(k_z/k_u), as of a transmission without loss.
     """
-    k_b = vehicle.water.specific_weight
+    p, k_b = medium.plant, medium.specific_weight
     hydraulic = k_b * a[Account.Z_Q]
     if prescribed:
         return {"source": hydraulic}, "work on the water (the volume was given)"

@@ -19,6 +19,7 @@ from swimbladder.control.law import Law
 from swimbladder.dynamics import Plant
 from swimbladder.engine.books import Account
 from swimbladder.engine.chain import COEFFICIENTS, LEVELS
+from swimbladder.engine.layers import NO_LAYERS, Layers
 from swimbladder.engine.modes import COUNT
 from swimbladder.parameters import Sensors
 
@@ -75,6 +76,7 @@ class Block:
     noted: NDArray[np.int64]
     depth_error: NDArray[np.float64] | None = None  # [ticks + 1, lanes], m, beyond the noise
     neutral: NDArray[np.float64] | None = None  # [ticks + 1, lanes], m3, beyond the plant's V_0
+    layers: Layers = NO_LAYERS  # of the water, beyond the plant's psi z + V_0
 
     @classmethod
     def lay_out(
@@ -82,12 +84,13 @@ class Block:
         depths: NDArray[np.float64], start: NDArray[np.float64], sensors: Sensors,
         seeds: Sequence[Sequence[int]] | None, record: bool, books: bool, events: bool,
         depth_error: NDArray[np.float64] | None = None,
-        neutral: NDArray[np.float64] | None = None,
+        neutral: NDArray[np.float64] | None = None, layers: Layers = NO_LAYERS,
     ) -> Block:  # fmt: skip
         """Return a block of plants [len(Plant), lanes] that start at (q, V, z, w) [4, lanes].
 
         parameters: of the law, each a number or an array [lanes]. depth_error [m] and neutral [m3],
         [ticks + 1, lanes]: added to the measured depth, and to the neutral volume from a tick on.
+        layers: of the water, for all lanes.
         """
         lanes = plants.shape[1]
         index = Plant._fields.index
@@ -121,7 +124,7 @@ class Block:
             books=np.zeros((lanes, len(Account) if books else 0)),
             log=np.zeros((lanes, _EVENTS if events else 0, 3)),
             noted=np.zeros((lanes, 1), np.int64),
-            depth_error=depth_error, neutral=neutral,
+            depth_error=depth_error, neutral=neutral, layers=layers,
         )  # fmt: skip
 
     def run(
@@ -150,19 +153,20 @@ class Block:
             self.work[Row.DEPTH_NOISE] = 1.0  # of what _amiss returns
             if self.noise is None:
                 self.work[[Row.DEPTH_QUANTUM, Row.VOLUME_QUANTUM]] = 0.0  # ideal sensors
-        start_block(flat, token, self.clock.tick / self.parts, chains, built)
+        start_block(flat, token, self.clock.tick / self.parts, chains, built, self.layers)
         kernel = kernel_of(self.law)
         for first, last in self._spans():
             if self.neutral is not None and np.any(self.neutral[first] != now):
                 now = self.neutral[first]
                 self.work[_V_0] = trim + now
                 built[:] = 0
-                start_block(flat, token, self.clock.tick / self.parts, chains, built)
+                start_block(flat, token, self.clock.tick / self.parts, chains, built, self.layers)
                 self.work[Row.SLOW][self.work[Row.STOPPED] != 0.0] = 1.0  # as the kernel left them
             kernel(
                 flat, token, bend, self.parameters, state, first, last, self.clock.tick, self.parts,
                 self.clock.turn, self.clock.given, self.depths, self._amiss(first, last, sigma),
                 self.record, row, chains, built, self.books, self.log, self.noted,
+                self.layers,
             )  # fmt: skip
             if progress is not None:
                 progress(last)

@@ -13,6 +13,7 @@ from swimbladder.engine.advance import follow
 from swimbladder.engine.cache import compiled, part
 from swimbladder.engine.chain import COEFFICIENTS, LEVELS, base_steps, build_chain, leap
 from swimbladder.engine.crossings import may_hide
+from swimbladder.engine.layers import NO_LAYERS
 from swimbladder.engine.modes import COUNT, Z_BOTTOM, Z_SURFACE, Act, first_mode
 from swimbladder.errors import InputError
 
@@ -25,7 +26,7 @@ _DEEPEST = 50.0  # m below the start, for the volume that psi may take
 
 
 @part
-def _submerged(p, start, parts, nonlinear, spans, place, volume, chain, tables, depth):  # type: ignore[no-untyped-def]
+def _submerged(p, layers, start, parts, nonlinear, spans, place, volume, chain, tables, depth):  # type: ignore[no-untyped-def]
     """Follow a volume as long as nothing happens on the way; return whether nothing did.
 
     place [n - 1]: which of the different spans an interval has; tables [spans, 2, COEFFICIENTS]:
@@ -49,8 +50,8 @@ def _submerged(p, start, parts, nonlinear, spans, place, volume, chain, tables, 
             table[:] = chain[:2]
             ready[place[k]] = 1
         for _ in range(parts[k]):
-            bends = leap(table, 0, p, nonlinear, x, 0.0, y)
-            if bends or may_hide(p, _PRESCRIBED, x, y, h):
+            bends = leap(table, 0, p, layers, nonlinear, x, 0.0, y)
+            if bends or may_hide(p, layers, _PRESCRIBED, x, y, h):
                 return False
             x[:] = y[:5]
     return True
@@ -58,8 +59,8 @@ def _submerged(p, start, parts, nonlinear, spans, place, volume, chain, tables, 
 
 @compiled
 def _bundle(  # type: ignore[no-untyped-def]
-    plants, starts, parts, nonlinear, time, spans, place, inputs, ramps, tables, chains, built,
-    depth,
+    plants, layers, starts, parts, nonlinear, time, spans, place, inputs, ramps, tables, chains,
+    built, depth,
 ):  # fmt: skip
     """Follow the record with every vehicle; depth [lanes, n] stays NaN where one stopped."""
     record = np.empty((7, time.shape[0]))
@@ -70,19 +71,19 @@ def _bundle(  # type: ignore[no-untyped-def]
     for i in range(plants.shape[0]):
         p = plants[i]
         if ramps and _submerged(
-            p, starts[i], parts, nonlinear, spans, place, inputs, few, tables, depth[i]
+            p, layers, starts[i], parts, nonlinear, spans, place, inputs, few, tables, depth[i]
         ):
             continue
         depth[i] = np.nan
-        mode, q = first_mode(p, starts[i, 0], starts[i, 1], starts[i, 2], starts[i, 3], 0.0)
+        mode, q = first_mode(p, layers, starts[i, 0], starts[i, 1], starts[i, 2], starts[i, 3], 0.0)
         x[0], x[1], x[2], x[3], x[4] = q, starts[i, 1], starts[i, 2], starts[i, 3], 0.0
         if ramps:
             mode = mode - mode % 10 + _PRESCRIBED
             x[0] = starts[i, 0]
         built[:] = 0
         reached, _ = follow(
-            p, parts, nonlinear, mode, x, time, inputs, ramps, record, nothing, log, noted, chains,
-            built,
+            p, layers, parts, nonlinear, mode, x, time, inputs, ramps, record, nothing, log, noted,
+            chains, built,
         )  # fmt: skip
         for k in range(reached):
             depth[i, k] = record[0, k]
@@ -126,8 +127,9 @@ class Course:
         except InputError:  # far from any vehicle: a search looks elsewhere
             return depth
         _bundle(
-            np.array(plants), starts, steps[self.place], nonlinear, self.time, self.spans,
-            self.place, self.inputs, self.ramps, np.empty((len(self.different), 2, COEFFICIENTS)),
+            np.array(plants), NO_LAYERS, starts, steps[self.place], nonlinear, self.time,
+            self.spans, self.place, self.inputs, self.ramps,
+            np.empty((len(self.different), 2, COEFFICIENTS)),
             np.empty((COUNT, LEVELS + 1, COEFFICIENTS)),
             np.zeros(COUNT, np.uint8), depth,
         )  # fmt: skip

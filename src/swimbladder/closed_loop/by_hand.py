@@ -69,7 +69,7 @@ def run_by_hand(
     y = np.zeros(10)
     chains = np.empty((COUNT, LEVELS + 1, COEFFICIENTS))
     built = np.zeros(COUNT, np.uint8)
-    mode, x[0] = begin(p, x[0], x[1], x[2], x[3])
+    mode, x[0] = begin(p, block.layers, x[0], x[1], x[2], x[3])
     command, wait = 0.0, 0.0
     noise = np.zeros((0, 2, 1))
     for k, turn in enumerate(block.clock.turn):
@@ -93,8 +93,8 @@ def run_by_hand(
         for part in range(block.parts):
             if why == DONE:
                 mode, why = step_once(
-                    p, block.nonlinear, mode, x, y, applied, h, k * tick + part * h, chains, built,
-                    block.books[0], block.log[0], block.noted[0],
+                    p, block.layers, block.nonlinear, mode, x, y, applied, h, k * tick + part * h,
+                    chains, built, block.books[0], block.log[0], block.noted[0],
                 )  # fmt: skip
         if why != DONE:
             work[Row.STOPPED], work[Row.STOP_TICK] = why, k

@@ -7,7 +7,7 @@ import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -18,12 +18,15 @@ from swimbladder.closed_loop.block import Block, Schedule, schedule, work_space
 from swimbladder.closed_loop.given import check_starts, series, spread, vary_plants
 from swimbladder.closed_loop.rows import Row
 from swimbladder.closed_loop.single import check_counts, check_setpoints, choose_law
+from swimbladder.closed_loop.water import medium_of
 from swimbladder.control.law import Law
-from swimbladder.dynamics import Plant, plant
+from swimbladder.dynamics import Plant
 from swimbladder.engine.books import Account
 from swimbladder.engine.chain import base_steps, book_steps
+from swimbladder.engine.layers import Layers
 from swimbladder.errors import InputError
 from swimbladder.parameters import Sensors, Vehicle
+from swimbladder.seawater import Column
 
 if TYPE_CHECKING:
     import xarray
@@ -70,6 +73,7 @@ def simulate_ensemble(
     neutral_change: ArrayLike | None = None,
     keep: Literal["summary", "trajectory"] = "summary",
     books: bool = False,
+    column: Column | None = None,
     workers: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> xarray.Dataset:
@@ -82,8 +86,8 @@ def simulate_ensemble(
     depth_error [m], [samples, count] or [samples, 1]: what is added to the measured depth, before
     its quantum. neutral_change [m3], likewise: what the neutral volume differs by, from a sample
     on to the next. keep: summaries only, or trajectories as well. books: also ``energy``, what
-    `Books` calls the source. workers: threads, one per core where not given. progress: called with
-    the number of lanes done.
+    `Books` calls the source. column: the water, the vehicle's own where not given. workers: threads
+    (one per core). progress: called with the number of lanes done.
 
     ``stop`` holds the code of each lane's StopReason. Overshoot, rise and settling are those of
     the last set-point. Raises InputError for an unknown name, a wrong length or a start that the
@@ -95,26 +99,28 @@ def simulate_ensemble(
             "not a choice", field="keep", value=keep, remedy="Choose summary or trajectory"
         )
     chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time)
-    plants, values = vary_plants(
-        plant(vehicle, bottom_depth=bottom_depth), numbers, vary or {}, count
-    )
     times, _ = check_setpoints([(t, 0.0) for t, _ in setpoints], duration, tick)
     clock = schedule(times, duration, tick)
     depths = np.stack([spread(z, count, "setpoints", "m") for _, z in setpoints])
     z0 = spread(start_depth, count, "start_depth", "m")
+    reach = float(max(depths.max(), z0.max()))
+    medium = medium_of(vehicle, column, reach=reach, bottom_depth=bottom_depth)
+    layers = medium.layers
+    plants, values = vary_plants(medium.plant, numbers, vary or {}, count)
     row = Plant._fields.index
-    neutral = plants[row("psi")] * z0 + plants[row("V_0")]
+    neutral = plants[row("psi")] * z0 + plants[row("V_0")] + layers.along(z0)
     V0 = neutral if start_volume is None else spread(start_volume, count, "start_volume", "m3")
     w0 = spread(start_speed, count, "start_speed", "m/s")
     check_starts(plants, z0, V0)
     start = np.stack([np.zeros(count), V0, z0, w0])
     steps = book_steps if books else base_steps
-    parts = steps(_stiffest(plants), tick, float(np.abs(w0).max()))
+    parts = steps(_stiffest(plants), tick, float(np.abs(w0).max()), layers)
     run = _Run(
         law=chosen, plants=plants, values=values, clock=clock, parts=parts, depths=depths,
         start=start, sensors=vehicle.sensors, seed=seed, record=keep == "trajectory",
         depth_error=series(depth_error, clock, count, "depth_error", "m"),
         neutral=series(neutral_change, clock, count, "neutral_change", "m3"), books=books,
+        layers=layers,
     )  # fmt: skip
     work = np.empty((int(Row.STEP), count))
     record = np.empty((len(_TRAJECTORIES), clock.ticks + 1 if run.record else 0, count))
@@ -130,7 +136,13 @@ def simulate_ensemble(
     data.attrs["steps_per_sample"] = parts
     if books:
         closed = [
-            close_books(vehicle, Plant(*plants[:, n]), sums[n], start[:, n], work[_STATE, n])
+            close_books(
+                vehicle,
+                replace(medium, plant=Plant(*plants[:, n])),
+                sums[n],
+                start[:, n],
+                work[_STATE, n],
+            )
             for n in range(count)
         ]
         data["energy"] = (
@@ -170,6 +182,7 @@ class _Run:
     depth_error: NDArray[np.float64] | None
     neutral: NDArray[np.float64] | None
     books: bool
+    layers: Layers
     room: threading.local = field(default_factory=threading.local)  # of each worker
 
     def block(
@@ -189,6 +202,7 @@ class _Run:
             record=self.record, books=self.books, events=False,
             depth_error=None if self.depth_error is None else self.depth_error[:, lanes],
             neutral=None if self.neutral is None else self.neutral[:, lanes],
+            layers=self.layers,
         )  # fmt: skip
         if not hasattr(self.room, "chains"):
             self.room.chains = work_space(BLOCK)

@@ -76,12 +76,12 @@ __all__ = ["commit", "decide", "judge", "leap_lane", "set_mode", "within"]
 
 
 @part
-def set_mode(S, token, i, mode, chains, built, h, p):  # type: ignore[no-untyped-def]
+def set_mode(S, token, i, mode, chains, built, h, p, layers):  # type: ignore[no-untyped-def]
     """Write into lane i what a tick in this mode needs: coefficients, bounds, its speed."""
     W_ = len(token)
     S[MODE * W_ + i] = mode
     act, _, where = split(mode)
-    plain = act in (FORWARD, BACKWARD)
+    plain = act in (FORWARD, BACKWARD) and layers.table.shape[0] == 0
     S[SLOW * W_ + i] = 0.0 if plain and p[SAG] == 0.0 and p[POSITIONER] == 0.0 else 1.0
     one_way = p[LOAD_DRIVE] != p[LOAD_BACK] or p[FRICTION] != 0.0
     S[LOW_Q * W_ + i] = 0.0 if one_way and act == FORWARD else -np.inf
@@ -99,7 +99,7 @@ def set_mode(S, token, i, mode, chains, built, h, p):  # type: ignore[no-untyped
     elif where == BOTTOM:
         S[LOW_Z * W_ + i] = -np.inf
         S[HIGH_Z * W_ + i] = np.inf
-        S[HIGH_V * W_ + i] = min(p[V_MAX], resting_volume(p, S[Z * W_ + i]))
+        S[HIGH_V * W_ + i] = min(p[V_MAX], resting_volume(p, layers, S[Z * W_ + i]))
     if built[mode] == 0:
         build_chain(p, mode, h, chains[mode])
         built[mode] = 1

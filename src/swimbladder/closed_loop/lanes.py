@@ -119,7 +119,7 @@ def _start_laws(S, token, like, t):  # type: ignore[no-untyped-def]
 @compiled
 def run_block(  # type: ignore[no-untyped-def]
     S, token, bend, like, like_state, first, last, tick, parts, turn, given, depths, noise,
-    record, state_row, chains, built, books, log, count,
+    record, state_row, chains, built, books, log, count, layers,
 ):  # fmt: skip
     """Run a block of len(token) lanes from tick `first` to `last`.
 
@@ -129,6 +129,7 @@ def run_block(  # type: ignore[no-untyped-def]
     noise [ticks of this call, 2, lanes] standard normal, or empty.
     record [7, n, lanes] or empty; state_row: row of the volume reference in the law's state, -1
     without. chains, built: see engine.advance, per lane. books [lanes, accounts] or empty.
+    layers: of the water, of all lanes; in layers every lane is taken by engine.advance.
     """
     W_ = len(token)
     h = tick / parts
@@ -153,7 +154,7 @@ def run_block(  # type: ignore[no-untyped-def]
                     if S[TROUBLE * W_ + i] != 0.0:
                         _take_slowly(
                             S, token, i, k, t, h, bend, p, x, y,
-                            chains[i], built[i], books[i], log[i], count[i],
+                            chains[i], built[i], books[i], log[i], count[i], layers,
                         )  # fmt: skip
             continue
         for i in range(W_):
@@ -170,17 +171,19 @@ def run_block(  # type: ignore[no-untyped-def]
                     if ok:
                         commit(S, W_, i, q1, v1, z1, w1)
                         continue
-                elif _leap_with_books(S, W_, i, h, bend, p, x, y, chains, books, kept, decay):
+                elif _leap_with_books(
+                    S, W_, i, h, bend, p, x, y, chains, books, kept, decay, layers
+                ):
                     continue
                 kept[0] = -1
                 _take_slowly(
                     S, token, i, k, t + n * h, h, bend, p, x, y,
-                    chains[i], built[i], books[i], log[i], count[i],
+                    chains[i], built[i], books[i], log[i], count[i], layers,
                 )  # fmt: skip
 
 
 @inlined
-def _leap_with_books(S, W_, i, h, bend, p, x, y, chains, books, kept, decay):  # type: ignore[no-untyped-def]
+def _leap_with_books(S, W_, i, h, bend, p, x, y, chains, books, kept, decay, layers):  # type: ignore[no-untyped-def]
     """Take one step of lane i, with its accounts, if nothing happens in it; return whether.
 
     kept: the lane and the mode whose parameters p and transients `decay` are loaded.
@@ -208,14 +211,16 @@ def _leap_with_books(S, W_, i, h, bend, p, x, y, chains, books, kept, decay):  #
             + chains[i, mode, 0, 29]
         )
     else:
-        leap(chains[i, mode], 0, p, True, x, u, y)
+        leap(chains[i, mode], 0, p, layers, True, x, u, y)
     enter(p, mode, x, y, u, h, decay, books[i])
     commit(S, W_, i, q1, v1, z1, w1)
     return True
 
 
 @part
-def _take_slowly(S, token, i, k, t, h, bend, p, x, y, chains, built, books, log, count):  # type: ignore[no-untyped-def]  # fmt: skip
+def _take_slowly(  # type: ignore[no-untyped-def]
+    S, token, i, k, t, h, bend, p, x, y, chains, built, books, log, count, layers
+):
     """Take one step of lane i by engine.advance, and change its mode if an event did."""
     W_ = len(token)
     for n in range(4):
@@ -230,12 +235,12 @@ def _take_slowly(S, token, i, k, t, h, bend, p, x, y, chains, built, books, log,
             why = LAW_NOT_FINITE
         else:
             mode, why = advance(
-                p, len(bend) > 0, before, x, y, u, h, t, chains, built, books, log, count
+                p, layers, len(bend) > 0, before, x, y, u, h, t, chains, built, books, log, count
             )
             if mode != before:
                 S[EVENTS * W_ + i] += 1.0
                 S[Z * W_ + i] = x[2]
-                set_mode(S, token, i, mode, chains, built, h, p)
+                set_mode(S, token, i, mode, chains, built, h, p, layers)
         if why != DONE:
             S[STOPPED * W_ + i] = why
             S[STOP_TICK * W_ + i] = k
@@ -258,13 +263,15 @@ def _record(S, token, record, k, n_par, state_row):  # type: ignore[no-untyped-d
 
 
 @compiled
-def start_block(S, token, h, chains, built):  # type: ignore[no-untyped-def]
+def start_block(S, token, h, chains, built, layers):  # type: ignore[no-untyped-def]
     """Set each lane's first mode from its state, its parameters and a base step h [s]."""
     W_ = len(token)
     p = np.zeros(N_PLANT)
     for i in range(W_):
         for n in range(N_PLANT):
             p[n] = S[(PLANT + n) * W_ + i]
-        mode, q = first_mode(p, S[Q * W_ + i], S[V * W_ + i], S[Z * W_ + i], S[W * W_ + i], 0.0)
+        mode, q = first_mode(
+            p, layers, S[Q * W_ + i], S[V * W_ + i], S[Z * W_ + i], S[W * W_ + i], 0.0
+        )
         S[Q * W_ + i] = q
-        set_mode(S, token, i, mode, chains[i], built[i], h, p)
+        set_mode(S, token, i, mode, chains[i], built[i], h, p, layers)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,14 @@ from numpy.typing import ArrayLike
 from swimbladder.closed_loop.accounts import close_books
 from swimbladder.closed_loop.single import check_start
 from swimbladder.closed_loop.solution import Solution, StopReason, assemble, name_events
-from swimbladder.dynamics import Plant, plant
+from swimbladder.closed_loop.water import Medium, medium_of
 from swimbladder.engine.advance import begin, follow
 from swimbladder.engine.books import Account
 from swimbladder.engine.chain import COEFFICIENTS, LEVELS, book_steps
 from swimbladder.engine.modes import COUNT, Act
 from swimbladder.errors import InputError
 from swimbladder.parameters import Vehicle
+from swimbladder.seawater import Column
 
 __all__ = ["drive"]
 
@@ -32,12 +34,14 @@ def drive(
     start_speed: float = 0.0,
     start_volume: float | None = None,
     bottom_depth: float = math.inf,
+    column: Column | None = None,
 ) -> Solution:
     """Return the motion under a recorded volume or voltage, at the record's own instants.
 
     time [n] in s, growing, at any spacing. volume [n] in m3: linear between instants, as if the
     actuator followed it exactly. voltage [n] in V: held until the next instant; the motor starts
     from start_volume [m3], neutral where not given. start_depth [m], start_speed [m/s].
+    column: the water, see `closed_loop.water`; the vehicle's own where not given.
 
     Raises InputError unless exactly one input is given, of the length of time and finite.
     """
@@ -57,32 +61,33 @@ def drive(
         raise InputError(
             "a positioner is not driven by a voltage", field="voltage", remedy="Give the volume"
         )
-    p = plant(vehicle, bottom_depth=bottom_depth)
+    medium = medium_of(vehicle, column, reach=start_depth, bottom_depth=bottom_depth)
     if volume is not None:
         start: tuple[float, ...] = (0.0, float(inputs[0]), start_depth, start_speed)
-        unbound = p._replace(V_min=-math.inf, V_max=math.inf)
-        check_start(vehicle, unbound, start_depth, start[1], start_speed)
+        unbound = medium.plant._replace(V_min=-math.inf, V_max=math.inf)
+        check_start(replace(medium, plant=unbound), start_depth, start[1], start_speed)
     else:
-        start = check_start(vehicle, p, start_depth, start_volume, start_speed)
-    return _follow(vehicle, p, t, inputs, start, ramps=volume is not None)
+        start = check_start(medium, start_depth, start_volume, start_speed)
+    return _follow(vehicle, medium, t, inputs, start, ramps=volume is not None)
 
 
 def _follow(
-    vehicle: Vehicle, p: Plant, t: Any, inputs: Any, start: tuple[float, ...], *, ramps: bool
+    vehicle: Vehicle, medium: Medium, t: Any, inputs: Any, start: tuple[float, ...], *, ramps: bool
 ) -> Solution:
+    p, layers = medium.plant, medium.layers
     flat = np.array(p)
     x = np.array([*start, 0.0])
-    mode, x[0] = begin(flat, *start)
+    mode, x[0] = begin(flat, layers, *start)
     if ramps:
         mode = mode - mode % 10 + int(Act.PRESCRIBED)
-    steps = {h: book_steps(p, h, start[3]) for h in set(np.diff(t).tolist())}
+    steps = {h: book_steps(p, h, start[3], layers) for h in set(np.diff(t).tolist())}
     parts = np.array([steps[h] for h in np.diff(t).tolist()], np.int64)
     record = np.full((7, len(t)), np.nan)
     books = np.zeros(len(Account))
     log, noted = np.zeros((2000, 3)), np.zeros(1, np.int64)
     reached, why = follow(
-        flat, parts, math.isfinite(p.epsilon), mode, x, t, inputs, ramps, record, books, log, noted,
-        np.empty((COUNT, LEVELS + 1, COEFFICIENTS)), np.zeros(COUNT, np.uint8),
+        flat, layers, parts, math.isfinite(p.epsilon), mode, x, t, inputs, ramps, record, books,
+        log, noted, np.empty((COUNT, LEVELS + 1, COEFFICIENTS)), np.zeros(COUNT, np.uint8),
     )  # fmt: skip
     if ramps:
         record[5] = np.nan
@@ -90,7 +95,7 @@ def _follow(
         vehicle, p, law="none (recorded " + ("volume)" if ramps else "voltage)"), time=t[:reached],
         reference=np.full(reached, np.nan), record=record[:, :reached],
         events=name_events(log, int(noted[0])), stop=list(StopReason)[why],
-        books=close_books(vehicle, p, books, np.array(start), x[:4], prescribed=ramps),
+        books=close_books(vehicle, medium, books, np.array(start), x[:4], prescribed=ramps),
     )  # fmt: skip
 
 

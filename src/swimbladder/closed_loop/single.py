@@ -14,12 +14,13 @@ from swimbladder.closed_loop.accounts import close_books
 from swimbladder.closed_loop.block import Block, schedule
 from swimbladder.closed_loop.rows import Row
 from swimbladder.closed_loop.solution import Solution, StopReason, assemble, name_events
+from swimbladder.closed_loop.water import Medium, medium_of
 from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
-from swimbladder.dynamics import Plant, plant
 from swimbladder.engine.chain import book_steps
 from swimbladder.errors import InputError
 from swimbladder.parameters import Vehicle
+from swimbladder.seawater import Column
 
 __all__ = ["check_counts", "check_setpoints", "check_start", "choose_law", "simulate"]
 
@@ -38,6 +39,7 @@ def simulate(
     parameters: Any = None,
     sample_time: float | None = None,
     parts: int | None = None,
+    column: Column | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Solution:
     """Return the vehicle's motion under its controller, from rest unless a speed is given.
@@ -48,11 +50,12 @@ def simulate(
     Python function ``law(measurement, reference) -> command`` (volts, or m3 for a positioner);
     the vehicle's own controller where not given. sample_time [s]: needed with a law that the
     vehicle does not have. parts: steps a sample is divided into (chosen from the drag where not
-    given). progress: called with the number of samples done.
+    given). column: the water, see `closed_loop.water`; the vehicle's own where not given.
+    progress: called with the number of samples done.
 
-    Raises InputError for a start outside water or stroke, unordered set-points, or no controller.
+    Raises InputError for a start outside water or stroke, unordered set-points, or no controller;
+    NoAnswerError where the column ends above a depth asked for.
     """
-    p = plant(vehicle, bottom_depth=bottom_depth)
     if not callable(law) or isinstance(law, Law):
         chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time)
         function = None
@@ -62,14 +65,17 @@ def simulate(
         chosen, numbers, tick = as_law(vehicle, law, sample_time)
         function = law
     check_counts(seed=(seed, 0), parts=(parts, 1))
-    start = check_start(vehicle, p, start_depth, start_volume, start_speed)
     times, depths = check_setpoints(setpoints, duration, tick)
+    medium = medium_of(vehicle, column, reach=max(start_depth, *depths), bottom_depth=bottom_depth)
+    p, layers = medium.plant, medium.layers
+    start = check_start(medium, start_depth, start_volume, start_speed)
     clock = schedule(times, duration, tick)
-    divided = book_steps(p, tick, start_speed) if parts is None else parts
+    divided = book_steps(p, tick, start_speed, layers) if parts is None else parts
     block = Block.lay_out(
         plants=np.array(p)[:, None], law=chosen, parameters=numbers, clock=clock, parts=divided,
         depths=np.array(depths)[:, None], start=np.array(start)[:, None], sensors=vehicle.sensors,
         seeds=None if seed is None else [[seed, 0]], record=True, books=True, events=True,
+        layers=layers,
     )  # fmt: skip
     if function is None:
         block.run(progress)
@@ -86,7 +92,7 @@ def simulate(
         reference=np.asarray(depths, float)[clock.turn[:n]],
         record=block.record[:, :n, 0],
         events=name_events(block.log[0], int(block.noted[0, 0])), stop=stop,
-        books=close_books(vehicle, p, block.books[0], np.array(start), last),
+        books=close_books(vehicle, medium, block.books[0], np.array(start), last),
     )  # fmt: skip
 
 
@@ -146,10 +152,11 @@ def choose_law(
 
 
 def check_start(
-    vehicle: Vehicle, p: Plant, depth: float, volume: float | None, speed: float
+    medium: Medium, depth: float, volume: float | None, speed: float
 ) -> tuple[float, float, float, float]:
     """Return the first state (q, V, z, w); raises InputError where it cannot be."""
-    neutral = vehicle.neutral_volume(depth) if volume is None else volume
+    p = medium.plant
+    neutral = medium.neutral_volume(depth) if volume is None else volume
     for field, value, unit in (
         ("start_depth", depth, "m"),
         ("start_volume", neutral, "m3"),

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.comparison.water import layers_of
+from swimbladder.engine.layers import NO_LAYERS, Layers
 from swimbladder.errors import InputError, LogError
 from swimbladder.io.logs import Log
-from swimbladder.kalman.layers import NO_LAYERS, Layers
 from swimbladder.parameters import (
     ElectromechanicalActuator,
     IdentifiedActuator,

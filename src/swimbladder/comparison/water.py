@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.dynamics import Plant
+from swimbladder.engine.layers import Layers, layers_from
 from swimbladder.errors import InputError
-from swimbladder.hull import neutral_volume
+from swimbladder.hull import along_hull, neutral_volume
 from swimbladder.kalman.depth_filter import follow
-from swimbladder.kalman.layers import Layers, layers_from
-from swimbladder.parameters import Hull, Vehicle
+from swimbladder.parameters import Vehicle
 from swimbladder.seawater import Column
 
-__all__ = ["along_hull", "follow_in", "layers_of", "water_of_each"]
+__all__ = ["follow_in", "layers_of", "water_of_each"]
 
 Array = NDArray[np.float64]
 _QUICKEST = 5.0  # of a span between samples times the rate of the motion: a hundred steps
@@ -50,34 +49,6 @@ def layers_of(vehicle: Vehicle, column: Column) -> Layers:
     plain = vehicle.model_copy(update={"hull": bare})
     volume = neutral_volume(plain, along_hull(column, vehicle.hull)) - vehicle.trim_error
     return layers_from(volume, column.step)
-
-
-def along_hull(column: Column, hull: Hull) -> Column:
-    """Return a column whose density at each depth is its mean over a hull with the sensor there.
-
-    The hull reaches from emergence_depth above the sensor down by its height; what is out of the
-    water does not count, and below the column its last density goes on. In water whose density
-    bends within a hull's height, as in a halocline, its buoyancy is that of the mean.
-    """
-    z, rho = column.depth, column.density
-    deep = np.append(z, z[-1] + hull.height + abs(hull.emergence_depth))
-    means = 0.5 * (rho + np.append(rho[1:], rho[-1]))
-    weight = np.append(0.0, np.cumsum(means * np.diff(deep)))
-    top = np.maximum(z - hull.emergence_depth, 0.0)
-    low = np.maximum(z - hull.emergence_depth + hull.height, column.step)
-    above, below = (_integral(column, deep, weight, at) for at in (top, low))
-    return replace(column, density=(below - above) / (low - top))
-
-
-def _integral(column: Column, deep: Array, weight: Array, at: Array) -> Array:
-    """Return the integral of density over depth from 0 to `at` [kg/m2], density straight between
-    rows.
-    """
-    k = np.clip(np.searchsorted(deep, at, side="right") - 1, 0, len(deep) - 2)
-    rho = np.append(column.density, column.density[-1])
-    x = at - deep[k]
-    slope = (rho[k + 1] - rho[k]) / (deep[k + 1] - deep[k])
-    return np.asarray(weight[k] + x * (rho[k] + 0.5 * slope * x))
 
 
 def follow_in(

@@ -57,10 +57,11 @@ _BENDS = 8  # in one step: from then on the bend of the drag is no longer search
 
 
 @part
-def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count):  # type: ignore[no-untyped-def]
+def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count):  # type: ignore[no-untyped-def]
     """Advance x = (q, V, z, w, integral of z) in place by h [s]; return (mode, why it stopped).
 
-    p: the vehicle's parameters [len(Plant)]. u: the held input. y: ten floats of work space.
+    p: the vehicle's parameters [len(Plant)]; layers: of the water. u: the held input. y: ten floats
+    of work space.
     chains [COUNT, LEVELS + 1, COEFFICIENTS], built [COUNT]: exponentials made so far for this h.
     books: accounts to add to, or empty. log [n, 3], count [1]: passages from mode to mode.
     """
@@ -78,7 +79,7 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
         mode += MOVING_IN - MOVING_OUT if act == MOVING_OUT else MOVING_OUT - MOVING_IN
     while remaining > 0:
         while True:
-            new, q, w, reset = event(p, mode, x[0], x[1], x[2], x[3], u)
+            new, q, w, reset = event(p, layers, mode, x[0], x[1], x[2], x[3], u)
             if new == -1:
                 break
             if new == -2:
@@ -113,16 +114,18 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
             leaps += 1
             if leaps > _LEAPS:
                 return mode, CHATTERS
-            bend = leap(chains[mode], level, p, nonlinear, x, applied, y)
+            bend = leap(chains[mode], level, p, layers, nonlinear, x, applied, y)
             span = h * size / TICKS
             if not abs(y[2]) + abs(y[3]) + abs(y[1]) < 1e12:
                 return mode, NOT_FINITE
-            new, q, w, reset = event(p, mode, y[0], y[1], y[2], y[3], u)
+            new, q, w, reset = event(p, layers, mode, y[0], y[1], y[2], y[3], u)
             if new == -1:
                 search = size > smallest and bend and bent < _BENDS
                 bobs = mode // 20 == EMERGING and span * span * p[A_S] > QUICK_BOBBING
                 bobs = bobs and (nonlinear or books.shape[0] > 0)
-                if search or (level < _FINE and (bend or bobs or may_hide(p, mode, x, y, span))):
+                if search or (
+                    level < _FINE and (bend or bobs or may_hide(p, layers, mode, x, y, span))
+                ):
                     size >>= 1
                     level += 1
                     cap = size
@@ -135,7 +138,7 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
                     decays(p, mode, span, y[5:])
                     enter(p, mode, x, y, u, span, y[5:], books)
                     if bend:
-                        enter_bend(p, x, y, span, books)
+                        enter_bend(p, layers, x, y, span, books)
                 x[:] = y[:5]
                 remaining -= size
                 if searching:
@@ -185,14 +188,15 @@ def advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
 
 
 @compiled
-def step_once(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count):  # type: ignore[no-untyped-def]
+def step_once(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count):  # type: ignore[no-untyped-def]
     """Take one step from Python; see `advance`."""
-    return advance(p, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
+    return advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
 
 
 @compiled
 def follow(  # type: ignore[no-untyped-def]
-    p, parts, nonlinear, mode, x, time, inputs, ramps, record, books, log, count, chains, built
+    p, layers, parts, nonlinear, mode, x, time, inputs, ramps, record, books, log, count, chains,
+    built,
 ):  # fmt: skip
     """Drive x = (q, V, z, w, integral of z) by recorded inputs; return (instants reached, why).
 
@@ -221,6 +225,7 @@ def follow(  # type: ignore[no-untyped-def]
         for n_part in range(parts[k]):
             mode, why = advance(
                 p,
+                layers,
                 nonlinear,
                 mode,
                 x,
@@ -240,6 +245,6 @@ def follow(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def begin(p, q, V, z, w):  # type: ignore[no-untyped-def]
+def begin(p, layers, q, V, z, w):  # type: ignore[no-untyped-def]
     """Return (mode, q) that a state starts in; see `modes.first_mode`."""
-    return first_mode(p, q, V, z, w, 0.0)
+    return first_mode(p, layers, q, V, z, w, 0.0)

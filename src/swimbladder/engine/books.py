@@ -14,6 +14,7 @@ from enum import IntEnum
 
 from swimbladder.engine.cache import part
 from swimbladder.engine.chain import drag_rest
+from swimbladder.engine.layers import layered
 from swimbladder.engine.modes import (
     A_B,
     A_S,
@@ -193,7 +194,7 @@ def enter_blow(q_before, q_after, w_before, w_after, books):  # type: ignore[no-
 
 
 @part
-def enter_bend(p, x, y, h, books):  # type: ignore[no-untyped-def]
+def enter_bend(p, layers, x, y, h, books):  # type: ignore[no-untyped-def]
     """Correct the drag's work over a step from x to y in which its law bends or jumps.
 
     A vehicle can slide along the jump, its speed held at epsilon by a drag between the two values:
@@ -203,12 +204,18 @@ def enter_bend(p, x, y, h, books):  # type: ignore[no-untyped-def]
     zm = 0.5 * (z0 + z1) + 0.125 * h * (w0 - w1)
     wm = 1.5 * (z1 - z0) / h - 0.25 * (w0 + w1)
     Vm = 0.5 * (x[1] + y[1]) + 0.125 * h * (x[0] - y[0] - p[K_L] * (z0 - z1))
-    work = _simpson(w0 * _pull(p, x[1], z0), wm * _pull(p, Vm, zm), w1 * _pull(p, y[1], z1), h)
+    pulls = (
+        w0 * _pull(p, layers, x[1], z0),
+        wm * _pull(p, layers, Vm, zm),
+        w1 * _pull(p, layers, y[1], z1),
+    )
+    work = _simpson(pulls[0], pulls[1], pulls[2], h)
     books[DRAG] += work - 0.5 * (w1 - w0) * (w1 + w0)
     books[DRAG] -= _simpson(_drag_power(p, w0), _drag_power(p, wm), _drag_power(p, w1), h)
 
 
 @part
-def _pull(p, V, z):  # type: ignore[no-untyped-def]
+def _pull(p, layers, V, z):  # type: ignore[no-untyped-def]
     """Return the downward acceleration [m/s2] but for the drag, eqs (13), (15), (31)."""
-    return p[A_B] * (p[PSI] * z + p[V_0] - V) + p[A_S] * max(p[Z_SURFACE] - z, 0.0)
+    neutral = p[PSI] * z + p[V_0] + layered(layers, z)[0]
+    return p[A_B] * (neutral - V) + p[A_S] * max(p[Z_SURFACE] - z, 0.0)

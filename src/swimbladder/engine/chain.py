@@ -1,11 +1,11 @@
 """Exponentials of a mode over h, h/2, h/4, ... h/2^21, from one Taylor series by doubling.
 
-Between events ``dx/dt = A x + b_u u + b_1 + e_w N(w)`` with x = (q, V, z, w), augmented by the
-integral of z. The linear part is advanced exactly; N, what is nonlinear in the drag, by the
-fourth-order exponential Runge-Kutta scheme of Cox and Matthews (J. Comput. Phys. 176, 2002,
-430-455), whose vectors are columns of the exponential of an augmented matrix. ``D = exp(A h) - I``
-is doubled instead of the exponential, so that nothing small is lost against 1:
-``D(2h) = 2 D + D D``.
+Between events ``dx/dt = A x + b_u u + b_1 + e_w N(z, w)`` with x = (q, V, z, w), augmented by the
+integral of z. The linear part is advanced exactly; N, what is nonlinear in the drag and what layers
+of the water add to the neutral volume, by the fourth-order exponential Runge-Kutta scheme of Cox
+and Matthews (J. Comput. Phys. 176, 2002, 430-455), whose vectors are columns of the exponential of
+an augmented matrix. ``D = exp(A h) - I`` is doubled instead of the exponential, so that nothing
+small is lost against 1: ``D(2h) = 2 D + D D``.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ import numpy as np
 
 from swimbladder.dynamics import Plant
 from swimbladder.engine.cache import part
+from swimbladder.engine.layers import NO_LAYERS, Layers, layered
 from swimbladder.engine.modes import (
+    A_B,
     D_0,
     D_B,
     D_L,
@@ -144,7 +146,7 @@ def _branch(p, w):  # type: ignore[no-untyped-def]
 
 
 @part
-def leap(chain, level, p, nonlinear, x, u, y):  # type: ignore[no-untyped-def]
+def leap(chain, level, p, layers, nonlinear, x, u, y):  # type: ignore[no-untyped-def]
     """Advance x = (q, V, z, w, integral of z) by one step of a level into y; u is held.
 
     Return whether the step met more than one branch of a switched drag law.
@@ -156,6 +158,8 @@ def leap(chain, level, p, nonlinear, x, u, y):  # type: ignore[no-untyped-def]
         y[r] = x[r] + (
             c[i] * q + c[i + 1] * V + c[i + 2] * z + c[i + 3] * w + c[_BU + r] * u + c[_B1 + r]
         )
+    if layers.table.shape[0] > 0:
+        return _bend_in_layers(chain, level, p, layers, x, u, y)
     if nonlinear:
         half = chain[level + 1]
         w_half = w + (
@@ -182,31 +186,78 @@ def leap(chain, level, p, nonlinear, x, u, y):  # type: ignore[no-untyped-def]
     return False
 
 
-def base_steps(p: Plant, tick: float, speed: float) -> int:
-    """Return how many steps a tick [s] is divided into: one, where the drag is laminar.
+@part
+def _rest(p, layers, z, w):  # type: ignore[no-untyped-def]
+    """Return N(z, w) [m/s2]: nonlinear drag, and the pull of what layers add at depth z."""
+    return drag_rest(p, w) + p[A_B] * layered(layers, z)[0]
+
+
+@part
+def _bend_in_layers(chain, level, p, layers, x, u, y):  # type: ignore[no-untyped-def]
+    """Add to y, where the linear part leads, what N(z, w) makes of the step; return as `leap`."""
+    c, half = chain[level], chain[level + 1]
+    q, V, z, w = x[0], x[1], x[2], x[3]
+    # e_w's column of the half step, from what the three weights of a step are made of
+    phi_q = half[_F1] + 2.0 * half[_F2] + half[_F3]
+    phi_V = half[_F1 + 1] + 2.0 * half[_F2 + 1] + half[_F3 + 1]
+    phi_z = half[_F1 + 2] + 2.0 * half[_F2 + 2] + half[_F3 + 2]
+    phi_w = c[ALPHA]
+    twice_z = phi_z + half[8] * phi_q + half[9] * phi_V + half[10] * phi_z + half[11] * phi_w
+    z_half = z + (
+        half[8] * q + half[9] * V + half[10] * z + half[11] * w + half[_BU + 2] * u + half[_B1 + 2]
+    )
+    w_half = w + (
+        half[12] * q
+        + half[13] * V
+        + half[14] * z
+        + half[15] * w
+        + half[_BU + 3] * u
+        + half[_B1 + 3]
+    )
+    N0 = _rest(p, layers, z, w)
+    wa = w_half + phi_w * N0
+    Na = _rest(p, layers, z_half + phi_z * N0, wa)
+    wb = w_half + phi_w * Na
+    Nb = _rest(p, layers, z_half + phi_z * Na, wb)
+    last = 2.0 * Nb - N0
+    wc = y[3] + c[BETA] * N0 + phi_w * last
+    Nc = _rest(p, layers, y[2] + twice_z * N0 + phi_z * last, wc)
+    for r in range(5):
+        y[r] += c[_F1 + r] * N0 + c[_F2 + r] * (Na + Nb) + c[_F3 + r] * Nc
+    branch = _branch(p, w)
+    if _branch(p, wa) != branch or _branch(p, wb) != branch:
+        return True
+    return _branch(p, wc) != branch or _branch(p, y[3]) != branch
+
+
+def base_steps(p: Plant, tick: float, speed: float, layers: Layers = NO_LAYERS) -> int:
+    """Return how many steps a tick [s] is divided into: one, where drag is laminar and water even.
 
     The nonlinear drag's rate, at the terminal speed of the whole stroke or at `speed` [m/s],
-    whichever is larger, times the step stays under 1/8. A step is at most 10 s, so that no dip
-    through the surface goes unseen.
+    whichever is larger, times the step stays under 1/8; so does the rate at which the steepest of
+    the layers would make a vehicle swing. A step is at most 10 s, so that no dip through the
+    surface goes unseen.
 
     Raises InputError where it would take more than 10000 steps: drag far too large for the mass.
     """
     steps = tick / 10.0
     if p.epsilon != float("inf"):
         pull = p.a_b * max(abs(p.V_max - p.V_0), abs(p.V_min - p.V_0)) + p.a_b * abs(p.psi) * 1e3
+        pull += p.a_b * layers.largest
         terminal = max((pull / p.d_t) ** 0.5 if p.d_t > 0.0 else 0.0, abs(speed))
         rate = max(2.0 * p.d_t * terminal, p.d_l, p.d_b)
         steps = max(steps, 8.0 * rate * tick)
+    steps = max(steps, 8.0 * math.sqrt(p.a_b * layers.steepest) * tick)
     return _count(steps, p, tick)
 
 
-def book_steps(p: Plant, tick: float, speed: float) -> int:
+def book_steps(p: Plant, tick: float, speed: float, layers: Layers = NO_LAYERS) -> int:
     """Return how many steps a tick [s] is divided into where books are kept.
 
     The drag's rate times the step stays under 1/4 for laminar drag too: the motion is exact at any
     step, but the work of the drag is integrated by Simpson's rule.
     """
-    return max(base_steps(p, tick, speed), _count(4.0 * p.d_l * tick, p, tick))
+    return max(base_steps(p, tick, speed, layers), _count(4.0 * p.d_l * tick, p, tick))
 
 
 def _count(steps: float, p: Plant, tick: float) -> int:

@@ -40,11 +40,11 @@ __all__ = ["at_stop", "may_hide", "note", "put_at_limit"]
 
 
 @part
-def may_hide(p, mode, x, y, h):  # type: ignore[no-untyped-def]
+def may_hide(p, layers, mode, x, y, h):  # type: ignore[no-untyped-def]
     """Return whether z or V turned inside the step so near a limit that it may have crossed it."""
     act, _, where = split(mode)
     if where == EMERGING and h * h * p[A_S] > SLOW_BOBBING:  # it may bob more than once
-        return _may_submerge(p, x, y)
+        return layers.table.shape[0] > 0 or _may_submerge(p, x, y)
     if where != BOTTOM and x[3] * y[3] < 0.0:
         reach = h * max(abs(x[3]), abs(y[3]))
         low, high = min(x[2], y[2]) - reach, max(x[2], y[2]) + reach
@@ -61,7 +61,7 @@ def may_hide(p, mode, x, y, h):  # type: ignore[no-untyped-def]
             low, high = min(x[1], y[1]) - reach, max(x[1], y[1]) + reach
             if high > p[V_MAX] or low < p[V_MIN]:
                 return True
-            if where == BOTTOM and high > resting_volume(p, x[2]):
+            if where == BOTTOM and high > resting_volume(p, layers, x[2]):
                 return True
     return False
 

@@ -1,7 +1,8 @@
 """The linear pieces of the motion, and what makes a vehicle pass from one to another.
 
-Between events a vehicle with a held input is linear but for its drag. A mode is one such piece:
-one of ten states of the actuator, whether the supply limits it, and where the vehicle is.
+Between events a vehicle with a held input is linear but for its drag and for layers of the water.
+A mode is one such piece: one of ten states of the actuator, whether the supply limits it, and where
+the vehicle is.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import NamedTuple
 
 from swimbladder.dynamics import Plant
 from swimbladder.engine.cache import part
+from swimbladder.engine.layers import layered
 
 __all__ = [
     "COUNT",
@@ -166,13 +168,14 @@ def _applied(p, u, q):  # type: ignore[no-untyped-def]
 
 
 @part
-def resting_volume(p, z):  # type: ignore[no-untyped-def]
-    """Return the volume [m3] above which a vehicle that lies at depth z rises.
+def resting_volume(p, layers, z):  # type: ignore[no-untyped-def]
+    """Return the volume [m3] above which a vehicle that lies at depth z in layers rises.
 
     A share of 1e-12 of the stroke above neutral, so that rounding neither lifts it nor lets it go.
     """
     emerged = p[A_S] / p[A_B] * max(p[Z_SURFACE] - z, 0.0)
-    return p[PSI] * z + p[V_0] + emerged + 1e-12 * (p[V_MAX] - p[V_MIN])
+    neutral = p[PSI] * z + p[V_0] + layered(layers, z)[0]
+    return neutral + emerged + 1e-12 * (p[V_MAX] - p[V_MIN])
 
 
 @part
@@ -193,7 +196,7 @@ def _turning(p, u, z, q):  # type: ignore[no-untyped-def]
 
 
 @part
-def event(p, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
+def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
     """Return (new mode or -1, q, w, whether the state was reset) at a state and an input.
 
     u: the voltage [V], or the volume asked of a positioner [m3]. A reset is a blow: the motor
@@ -205,7 +208,7 @@ def event(p, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
     reset = False
     # the vehicle; at a limit the direction decides, as a step may be too small to change z or V
     if where == BOTTOM:
-        if resting_volume(p, z) < V:
+        if resting_volume(p, layers, z) < V:
             new_where = EMERGING if z < p[Z_SURFACE] else SUBMERGED
     elif z > DEEPEST:
         return -3, q, w, False
@@ -278,10 +281,10 @@ def event(p, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
 
 
 @part
-def first_mode(p, q, V, z, w, u):  # type: ignore[no-untyped-def]
+def first_mode(p, layers, q, V, z, w, u):  # type: ignore[no-untyped-def]
     """Return (mode, q) that a state starts in; q of a positioner is its rate, 0 at its target."""
     where = SUBMERGED
-    if z >= p[Z_BOTTOM] and w == 0.0 and resting_volume(p, z) >= V:
+    if z >= p[Z_BOTTOM] and w == 0.0 and resting_volume(p, layers, z) >= V:
         where = BOTTOM
     elif z < p[Z_SURFACE]:
         where = EMERGING

@@ -15,6 +15,7 @@ import numpy as np
 
 from swimbladder.engine.advance import DONE, advance
 from swimbladder.engine.cache import compiled, part
+from swimbladder.engine.layers import Layers
 from swimbladder.engine.modes import (
     KAPPA,
     POSITIONER,
@@ -112,7 +113,8 @@ def _fly(  # type: ignore[no-untyped-def]
     built[:] = 0
     x[:] = 0.0
     x[1], x[2] = c[START_VOLUME], c[START_DEPTH]
-    mode, x[0] = first_mode(p, 0.0, x[1], x[2], 0.0, 0.0)
+    even = Layers(np.empty((0, 2)), 1.0, 0.0, 0.0)  # water without layers
+    mode, x[0] = first_mode(p, even, 0.0, x[1], x[2], 0.0, 0.0)
     books, log, count = np.zeros(0), np.zeros((0, 3)), np.zeros(1, np.int64)
     kept = np.zeros(ROOM)
     before = np.zeros_like(memory)
@@ -254,8 +256,9 @@ def _fly(  # type: ignore[no-untyped-def]
         for n in range(parts):
             if why == DONE:
                 mode, why = advance(
-                    p, nonlinear, mode, x, y, goal, h, t + n * h, chains, built, books, log, count
-                )
+                    p, even, nonlinear, mode, x, y, goal, h, t + n * h, chains, built, books, log,
+                    count,
+                )  # fmt: skip
         if why != DONE:
             result[STOP] = why
             break

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import pairwise
 from typing import Annotated, Literal, Self
@@ -223,11 +223,13 @@ def check_mission(
     *,
     names: Mapping[str, str] | None = None,
     sample_time: float | None = None,
+    neutral: Callable[[float], float] | None = None,
 ) -> None:
     """Check that a vehicle can be asked to do a mission; simulate nothing.
 
     names: what the user calls the mission's fields (``{"start_depth": "--start"}``).
-    sample_time: of the control law [s], the vehicle's own when None.
+    sample_time: of the control law [s], the vehicle's own when None. neutral: the neutral volume
+    [m3] at a depth [m] in the water of a cast, the vehicle's own when None.
     Raises InputError where a depth is above the surface, below the bottom or the vehicle's
     rating, where the stroke does not reach the neutral volume there, and where the duration is
     shorter than a sample or absurdly long.
@@ -245,6 +247,7 @@ def check_mission(
         field = called.get(name, name)
         bottom = called.get("bottom_depth", "bottom_depth")
         _check_depth(vehicle, depth, mission.bottom, field, bottom)
+        _check_stroke(vehicle, depth, field, neutral)
 
 
 def _check_duration(
@@ -290,12 +293,25 @@ def _check_depth(
             f"the vehicle {vehicle.name!r} is rated for {limit:g} m (hull.depth_limit)",
             remedy=f"Ask for {limit:g} m at most",
         )
-    stroke, neutral = vehicle.stroke, vehicle.neutral_volume(depth)
-    if not stroke.minimum < neutral < stroke.maximum:
+
+
+def _check_stroke(
+    vehicle: Vehicle, depth: float, field: str, of_cast: Callable[[float], float] | None
+) -> None:
+    stroke, neutral = vehicle.stroke, (of_cast or vehicle.neutral_volume)(depth)
+    if stroke.minimum < neutral < stroke.maximum:
+        return
+    if of_cast is None:
         end = stroke.maximum if neutral >= stroke.maximum else stroke.minimum
         deepest = (end - vehicle.trim_error) / vehicle.hull.psi
-        raise problem(
-            f"the stroke is smaller than the neutral volume there: {neutral * 1e6:.4g} cm3 is "
-            f"outside {stroke.minimum * 1e6:g} to {stroke.maximum * 1e6:g} cm3",
-            remedy=f"Stay above {deepest:.4g} m, to which the stroke suffices, or lengthen it",
-        )
+        where, remedy = "there", f"Stay above {deepest:.4g} m, to which the stroke suffices, or "
+        remedy += "lengthen it"
+    else:
+        where = "there, in the water of the cast"
+        remedy = "Trim the vehicle for this water (`swimbladder ballast --cast` says how, and "
+        remedy += "writes the vehicle), or lengthen the stroke"
+    raise InputError(
+        f"the stroke is smaller than the neutral volume {where}: {neutral * 1e6:.4g} cm3 is "
+        f"outside {stroke.minimum * 1e6:g} to {stroke.maximum * 1e6:g} cm3",
+        field=field, value=depth, unit="m", remedy=remedy,
+    )  # fmt: skip

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.dynamics import Plant
+from swimbladder.engine.layers import NO_LAYERS, Layers
 from swimbladder.kalman.kernels import (
     filter_kernel,
     follow_kernel,
     predict_kernel,
     smooth_kernel,
 )
-from swimbladder.kalman.layers import NO_LAYERS, Layers
 
 __all__ = ["GATE", "Filtered", "Noise", "Samples", "Start", "filter_depth", "follow"]
 

@@ -18,6 +18,7 @@ import math
 import numpy as np
 
 from swimbladder.engine.cache import part
+from swimbladder.engine.layers import layered
 from swimbladder.engine.modes import (
     A_B,
     A_S,
@@ -30,7 +31,6 @@ from swimbladder.engine.modes import (
     Z_BOTTOM,
     Z_SURFACE,
 )
-from swimbladder.kalman.layers import layered
 
 __all__ = ["BOBBING_DAMPING", "transition"]
 

@@ -107,15 +107,15 @@ class Hull(Parameters):
     )
     trapped_air: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
         0.0, description="air caught outside the hull, within displaced_volume, as it is at the "
-        "surface: Boyle's law, beside psi; for ballast and mission, the others know psi only"
+        "surface: Boyle's law, beside psi; for ballast, mission and a cast; else psi only"
     )  # fmt: skip
     reference_temperature: Annotated[float, Unit("degC"), Field(ge=-5.0, le=60.0)] = Field(
         15.0, description="temperature of the hull at which it displaces displaced_volume"
     )
     parts: tuple[HullPart, ...] = Field(
         (),
-        description="components of displaced_volume, for ballast and mission; none: one "
-        "that psi tells of",
+        description="components of displaced_volume, for ballast, mission and simulate --cast; "
+        "none: one that psi tells of",
     )
 
     @model_validator(mode="after")

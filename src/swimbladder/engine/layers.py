@@ -1,7 +1,7 @@
-"""Layered water as a filter meets it: what it adds to the neutral volume, over depth.
+"""Layered water as a vehicle or a filter meets it: what it adds to the neutral volume, over depth.
 
 In water of constant density the neutral volume is psi z + V0, eq. (31). What layers of salt and
-heat make of it beside that is known from a cast, and stands in a table over depth.
+heat, and a hull that is not linear, make of it beside that stands in a table over depth.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ class Layers(NamedTuple):
     table: Array  # [n, 2], m3 and its slope m3/m, at depths from 0; no rows: no layers
     step: float  # m, from row to row
     steepest: float  # m3/m, no slope is steeper: for the length of a step
+    largest: float  # m3, no volume of the table is larger
 
     def at(self, depth: float) -> float:
         """Return what is added at a depth [m3]."""
@@ -35,8 +36,22 @@ class Layers(NamedTuple):
         """Return what is added at depths [m3] [n]."""
         return np.array([self.at(float(z)) for z in depth])
 
+    def integral(self, depth: float) -> float:
+        """Return the integral of what is added from depth 0 to `depth` [m4], exactly."""
+        if not len(self.table):
+            return 0.0
+        h = self.step
+        v, dv = self.table[:, 0], self.table[:, 1]
+        # a cubic over a row: the trapezoid and a term of its slopes
+        whole = h * (v[:-1] + v[1:]) / 2.0 + h * h * (dv[:-1] - dv[1:]) / 12.0
+        k = int(min(max(depth / h, 0.0), len(v) - 1))
+        added, slope = look_up(self.table, h, 0, depth)
+        rest = depth - k * h
+        part_of_row = rest * (v[k] + added) / 2.0 + rest * rest * (dv[k] - slope) / 12.0
+        return float(whole[:k].sum() + part_of_row)
 
-NO_LAYERS = Layers(np.empty((0, 2)), 1.0, 0.0)
+
+NO_LAYERS = Layers(np.empty((0, 2)), 1.0, 0.0, 0.0)
 
 _look_up = part(look_up)
 
@@ -47,7 +62,8 @@ def layers_from(volume: Array, step: float) -> Layers:
     # between two rows no slope of theirs is beyond 3 secants (Fritsch and Carlson, 1980)
     secant = 3.0 * np.abs(np.diff(volume)).max() / step
     steepest = max(float(secant), float(np.abs(slope).max()))
-    return Layers(np.ascontiguousarray(np.stack([volume, slope], axis=1)), step, steepest)
+    table = np.ascontiguousarray(np.stack([volume, slope], axis=1))
+    return Layers(table, step, steepest, float(np.abs(volume).max()))
 
 
 @part
