@@ -40,7 +40,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.mission.core.names import Drive, Note, Row, Stop
 from swimbladder.mission.flight import Flight, fly_mission
 from swimbladder.mission.prepare import Accuracy
-from swimbladder.parameters import PowerLawPump, PumpAndValve, Vehicle
+from swimbladder.parameters import PhysicalMotion, PowerLawPump, PumpAndValve, Vehicle
 from swimbladder.seawater import Cast, Column, cast_column
 from swimbladder.seawater.motion import moved
 
@@ -49,6 +49,7 @@ __all__ = ["Dived", "drawn", "main", "outcome", "summary"]
 Array = NDArray[np.float64]
 
 LATITUDE = 43.0
+COWL = 3.0  # kg
 DAY = 86400.0  # s, by which the cast is older than the dive
 NOISE, RESOLUTION = 300.0, 100.0  # Pa, of the pressure sensor
 EVERY = 60.0  # s, between two looks that are logged; and one at each run of pump and valve
@@ -79,13 +80,19 @@ class Dived:
 
 @cache
 def the_vehicle() -> Vehicle:
-    """Return example-float with a pump whose delivery is a number of its file."""
+    """Return example-float with a pump whose delivery is a number of its file.
+
+    And with a cowl of water: an inertia that is drawn less has to have its place in added_mass.
+    """
     vehicle = load_vehicle("example-float")
     assert isinstance(vehicle.actuator, PumpAndValve)
     pump = PowerLawPump(delivery=8e-7, slip=5e-15, idle_power=7.0, power_per_pressure=8e-7)
-    return vehicle.model_copy(
-        update={"actuator": vehicle.actuator.model_copy(update={"pump": pump})}
-    )
+    motion = vehicle.motion
+    assert isinstance(motion, PhysicalMotion)
+    return vehicle.model_copy(update={
+        "actuator": vehicle.actuator.model_copy(update={"pump": pump}),
+        "motion": motion.model_copy(update={"added_mass": motion.added_mass + COWL}),
+    })  # fmt: skip
 
 
 @cache
@@ -108,12 +115,11 @@ def drawn(index: int, *, seed: int = 1) -> Dived:
         for name in DEFAULT:
             values[name] += priors[name].std * rng.normal()
         waves = _waves(rng)
-        if values["creep"] < 0.0:  # has no place in a vehicle's file
+        flown = identified_vehicle(the_vehicle(), values)
+        asked = values["inertia"] * the_vehicle().mass
+        if values["creep"] < 0.0 or flown.mass > asked + 1e-9:  # no place in a vehicle's file
             continue
-        flight = fly_mission(
-            identified_vehicle(the_vehicle(), values), _MISSION, _sea(), waves=waves,
-            accuracy=_EXACT,
-        )  # fmt: skip
+        flight = fly_mission(flown, _MISSION, _sea(), waves=waves, accuracy=_EXACT)
         if flight.stop is Stop.FINISHED and float(np.max(flight.rows[:, Row.Z])) > 700.0:
             break
     return Dived(values, _log(flight, waves, rng), _cast(waves, rng), flight)

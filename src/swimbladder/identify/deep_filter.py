@@ -4,8 +4,8 @@ The state is pressure, speed, what is off, and what is not known::
 
     p' = rho g (w + u)
     m w' = rho g E - k w|w|                by `glide`
-    u' = -u/tau + noise                    the water's speed
-    zeta' = u - zeta/AWAY                  how far the layers have been moved
+    u'' = -2 d u'/tau - u/tau^2 + noise    the water's speed, and
+    zeta' = u - zeta/AWAY                  how far the layers have been moved, by `deep_water`
     E = N(p) - V(t) - V_0 - drift - G(p) zeta + sum c_j phi_j(p)
 
 N is the neutral volume that follows from cast and hull, V what the runs have added, V_0 the drive's
@@ -28,13 +28,13 @@ import numpy as np
 
 from swimbladder.engine.cache import compiled
 from swimbladder.identify.deep_glide import glide
+from swimbladder.identify.deep_water import AWAY, swing
 
-__all__ = ["AWAY", "DYNAMIC", "GATE", "V0", "P", "U", "W", "Z", "filter_kernel"]
+__all__ = ["DYNAMIC", "GATE", "RATE", "V0", "D", "P", "U", "W", "Z", "filter_kernel"]
 
-AWAY = 7200.0  # s; with tau of 600 s 2 km of displacement per m/s of speed: 6 m for 3 mm/s
 GATE = 4.0
-DYNAMIC = 6
-P, W, U, Z, D, V0 = 0, 1, 2, 3, 4, 5
+DYNAMIC = 7
+P, W, U, Z, D, V0, RATE = 0, 1, 2, 3, 4, 5, 6  # RATE: u'
 
 
 def _filter(  # type: ignore[no-untyped-def]
@@ -55,6 +55,8 @@ def _filter(  # type: ignore[no-untyped-def]
     j = 0
     for i in range(len(steps)):
         t = steps[i]
+        u_u, u_r, r_u, r_r, way_u, way_r = swing(t, noise[4])
+        back = math.exp(-t / AWAY)
         k = min(max(int(x[P] / spacing), 0), last)
         middle = x[P] + 0.5 * t * water[k, 1] * (x[W] + x[U])
         k = min(max(int(middle / spacing), 0), last)
@@ -80,34 +82,42 @@ def _filter(  # type: ignore[no-untyped-def]
             fp[h], fw[h] = s_e * e[h], w_e * e[h]
         fp[P] += 1.0
         fp[W] += weight * s_w
-        fp[U] += weight * t
+        fp[U] += weight * way_u
         fw[W] += w_w
-        kept, back = math.exp(-t / noise[4]), math.exp(-t / AWAY)
-        x[P] += weight * (way + t * x[U])
+        carried = way_u * x[U] + way_r * x[RATE]
+        x[P] += weight * (way + carried)
         x[W] = w
-        x[Z] = back * x[Z] + t * x[U]
-        x[U] *= kept
+        x[Z] = back * x[Z] + carried
+        x[U], x[RATE] = u_u * x[U] + u_r * x[RATE], r_u * x[U] + r_r * x[RATE]
         for r in range(n):
-            p_, w_ = 0.0, 0.0
+            p_, w_ = weight * way_r * C[RATE, r], 0.0
             for h in range(8):
                 c = C[used[h], r]
                 p_ += fp[h] * c
                 w_ += fw[h] * c
             row_p[r], row_w[r] = p_, w_
         for r in range(n):
-            C[Z, r] = back * C[Z, r] + t * C[U, r]
-            C[U, r] *= kept
+            a, b = C[U, r], C[RATE, r]
+            C[Z, r] = back * C[Z, r] + way_u * a + way_r * b
+            C[U, r], C[RATE, r] = u_u * a + u_r * b, r_u * a + r_r * b
             C[P, r], C[W, r] = row_p[r], row_w[r]
         for r in range(n):
-            p_, w_ = 0.0, 0.0
+            p_, w_ = weight * way_r * C[r, RATE], 0.0
             for h in range(8):
                 c = C[r, used[h]]
                 p_ += fp[h] * c
                 w_ += fw[h] * c
-            C[r, Z] = back * C[r, Z] + t * C[r, U]
-            C[r, U] *= kept
+            a, b = C[r, U], C[r, RATE]
+            C[r, Z] = back * C[r, Z] + way_u * a + way_r * b
+            C[r, U], C[r, RATE] = u_u * a + u_r * b, r_u * a + r_r * b
             C[r, P], C[r, W] = p_, w_
-        C[U, U] += noise[1] * noise[1] * (1.0 - kept * kept)
+        # What keeps u and u' as they are in the mean: noise[1], and noise[1]/tau.
+        a, b = noise[1] * noise[1], (noise[1] / noise[4]) ** 2
+        C[U, U] += a * (1.0 - u_u * u_u) - b * u_r * u_r
+        C[RATE, RATE] += b * (1.0 - r_r * r_r) - a * r_u * r_u
+        mixed = a * u_u * r_u + b * u_r * r_r
+        C[U, RATE] -= mixed
+        C[RATE, U] -= mixed
         C[D, D] += noise[2] * noise[2] * t + (noise[3] * begun[i]) ** 2
         at = sample[i]
         if at >= 0:
@@ -128,7 +138,7 @@ def _filter(  # type: ignore[no-untyped-def]
 def _name() -> str:
     digest = hashlib.sha256()
     try:
-        for source in ("deep_filter.py", "deep_glide.py"):
+        for source in ("deep_filter.py", "deep_glide.py", "deep_water.py"):
             digest.update(Path(__file__).with_name(source).read_bytes())
     except OSError:  # inside an archive: the version has to do
         digest.update(b"no source")

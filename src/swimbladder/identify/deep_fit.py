@@ -4,7 +4,8 @@ The likelihood is that of the filter in `deep_filter`, so that lag, moving water
 and a volume that drifts count as what they are; how large these are is estimated too. The best
 values are found by scoring, with Fisher's information of normal innovations e of variance S, the
 sum of de de'/S + dS dS'/(2 S^2), whose inverse, priors included, is the covariance (e.g. Harvey,
-*Forecasting, Structural Time Series Models and the Kalman Filter*, 1989, section 3.4).
+*Forecasting, Structural Time Series Models and the Kalman Filter*, 1989, section 3.4). Where dives
+contradict each other, it counts for less (`deep_worth`).
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from swimbladder.identify.deep_dive import DeepDive
 from swimbladder.identify.deep_filter import GATE, V0
 from swimbladder.identify.deep_model import Body, check_deep_names, drag_volume, excess
 from swimbladder.identify.deep_path import Filtered, Noise, Path, deep_path, filtered
+from swimbladder.identify.deep_worth import DiveTold, dissent
 from swimbladder.identify.estimates import Prior
 
 __all__ = ["DeepFit", "balance", "fit_deep", "start_volume"]
@@ -32,13 +34,10 @@ Array = NDArray[np.float64]
 
 # Before: a typical value, and by which factor it may be off. Oil and runs are held tightly: left to
 # themselves they would explain what drag and hull should, and no book would have to close.
-NOISES = Noise(pressure=300.0, water=3e-3, drift=5e-10, runs=3e-3, lasts=600.0)
-_FACTOR = Noise(*(math.log(factor) for factor in (3.0, 3.0, 1.3, 1.2, 1.5)))
+NOISES = Noise(pressure=300.0, water=3e-3, drift=5e-10, runs=3e-3, lasts=300.0)
+_FACTOR = Noise(*(math.log(factor) for factor in (3.0, 3.0, 1.3, 1.2, 2.0)))
 # Below these nothing is believed: resolution, the quietest sea, oil and hull, valves.
 _LEAST = Noise(pressure=30.0, water=3e-4, drift=1e-10, runs=1e-3, lasts=30.0)
-# Share of the information that counts: waves are no noise of two numbers, and a float acts on what
-# they do to it. With all of it errors are up to 1.4 deviations rms in studies.deep_calibration.
-_WORTH = 0.4
 _TOLD = 0.8  # of the prior's deviation: a parameter that the data narrow less is from its prior
 _STEP = 1e-2  # prior deviations, for slopes
 _MOST, _NEAR = 20, 1e-2  # steps of scoring; gain of log likelihood that ends them
@@ -58,6 +57,7 @@ class DeepFit:
     starts: Array  # m3 [dives]
     covariance: Array
     noise: Noise
+    worth: float  # share of the information that counts in covariance
     priors: Mapping[str, Prior]
     innovations: tuple[Array, ...]  # of each dive, of all looks but the first, in their deviations
     residuals: tuple[Array, ...]  # m/s, of each piece: measured less told from the look before
@@ -123,8 +123,8 @@ def fit_deep(
             advance(1.0 / _ROUNDS)
         found = problem.slopes(x, known)
     prior = np.eye(count)
-    told = found.information[:count, :count] - prior
-    covariance = np.linalg.inv(_WORTH * told + prior)
+    worth = min(1.0, 1.0 / dissent(found.told))
+    covariance = np.linalg.inv(worth * sum(one.information for one in found.told) + prior)
     # Of the starts: what the filter does not know, and what the parameters do not.
     moves = found.starts[:, :count]
     moved = moves @ covariance @ moves.T
@@ -135,8 +135,8 @@ def fit_deep(
         [covariance[:count, :count] * np.outer(scale, scale), mixed.T], [mixed, moved]
     ])  # fmt: skip
     return DeepFit(
-        names=names, values=problem.values(x), starts=np.array([f.start for f in found.filtered]),
-        covariance=whole, noise=problem.noise(x), priors=dict(priors),
+        names=names, values=problem.values(x), covariance=whole, noise=problem.noise(x),
+        starts=np.array([f.start for f in found.filtered]), worth=worth, priors=dict(priors),
         innovations=tuple(f.innovation / np.sqrt(f.variance) for f in found.filtered),
         residuals=tuple(
             _residuals(path, f) for path, f in zip(problem.paths, found.filtered, strict=True)
@@ -159,6 +159,7 @@ class _Slopes(NamedTuple):
     gradient: Array
     information: Array
     starts: Array  # m3 [dives, x]
+    told: list[DiveTold]  # of each dive, of the parameters
 
 
 class _Problem:
@@ -229,7 +230,13 @@ class _Problem:
         gradient = (counts * v / S) @ dv + (0.5 * (1.0 - counts * v * v / S) / S) @ dS + x
         information = (dv * (counts / S)[:, None]).T @ dv
         information += 0.5 * (dS * (counts / S**2)[:, None]).T @ dS + np.eye(len(x))
-        return _Slopes(here, S, gradient, information, starts)
+        ends = np.cumsum([len(f.innovation) for f in here])[:-1]
+        told, known = [], dv[:, : len(self.names)] / np.sqrt(S)[:, None]
+        for f, d, share in zip(here, *(np.split(a, ends) for a in (known, counts)), strict=True):
+            told.append(DiveTold(
+                (share * f.innovation / np.sqrt(f.variance)) @ d, (d * share[:, None]).T @ d
+            ))  # fmt: skip
+        return _Slopes(here, S, gradient, information, starts, told)
 
 
 def _guess(problem: _Problem) -> Array:

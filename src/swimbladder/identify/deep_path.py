@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.identify.deep_dive import DeepDive, nodes
-from swimbladder.identify.deep_filter import AWAY, DYNAMIC, V0, D, P, U, W, Z, filter_kernel
+from swimbladder.identify.deep_filter import DYNAMIC, RATE, V0, D, P, U, W, Z, filter_kernel
 from swimbladder.identify.deep_model import Body, hull_volume, run_volumes
+from swimbladder.identify.deep_water import displaced_variance
 from swimbladder.identify.estimates import Prior
 
 __all__ = ["Filtered", "Noise", "Path", "deep_path", "filtered"]
@@ -35,7 +36,7 @@ class Noise(NamedTuple):
     water: float  # m/s, of the water's vertical speed
     drift: float  # m3/s^0.5, of the drive's or the hull's volume
     runs: float  # -, of the volume of a run
-    lasts: float  # s, for how long the water's speed stays alike; no deviation
+    lasts: float  # s, for how long the water's speed stays alike, tau; no deviation
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Path:
     measured: Array  # Pa [n]
     steps: Array  # s [m]
     sample: NDArray[np.int64]  # [m], look at the end of a step, or -1
-    share: Array  # [m, actions], how much of each run is in, in the mean of a step
+    runs: _Runs
     begun: Array  # m3 [m], nominal volume of runs that begin in a step
     leaked: Array  # m3 [m], as the vehicle's file has it
     idle: Array  # s [m], without the runs
@@ -85,11 +86,8 @@ def deep_path(
     end = begin + seconds
     edge, sample = _edges(time, begin, end + _FOLLOWS)
     steps, middle = np.diff(edge), 0.5 * (edge[1:] + edge[:-1])
-    # A pump that starts delivers nothing at first.
-    rate = dive.action_volume / seconds
-    primed = np.divide(dive.action_short, rate, out=np.zeros(len(rate)), where=rate > 0.0)
-    flows = np.minimum(begin + primed, end - 1e-3)
-    ran = np.diff(_ramp(edge, begin, end), axis=0) @ seconds / steps
+    runs = _runs(edge, begin, end)
+    ran = runs.done(begin, seconds) / steps
     place = np.clip(np.searchsorted(edge, begin, side="right") - 1, 0, len(steps) - 1)
     begun = np.zeros(len(steps))
     np.add.at(begun, place, dive.action_volume)
@@ -104,7 +102,7 @@ def deep_path(
     weight = float(np.interp(measured[0], grid, density)) * dive.gravity
     return Path(
         dive=dive, time=time, measured=measured, steps=steps, sample=sample,
-        share=np.diff(_ramp(edge, flows, end), axis=0) / steps[:, None], begun=begun,
+        runs=runs, begun=begun,
         leaked=np.interp(middle, dive.time, dive.leaked), idle=middle - time[0] - ran,
         warmth=np.interp(middle, dive.time, dive.temperature), grid=grid, density=density,
         layers=layers, knots=np.array(knots), width=np.hypot(sensor, heave),
@@ -138,10 +136,55 @@ def _edges(time: Array, begin: Array, end: Array) -> tuple[Array, NDArray[np.int
     return every, np.where(looks, look, -1)[1:]
 
 
-def _ramp(time: Array, begin: Array, end: Array) -> Array:
-    """Return the integral of the share of each run that is done at each time [s] [n, m]."""
-    into = np.clip(time[:, None] - begin, 0.0, end - begin)
-    return np.asarray(into * into / (2.0 * (end - begin)) + np.maximum(time[:, None] - end, 0.0))
+class _Runs(NamedTuple):
+    """Which steps of [m] runs overlap [q], and by which they are over [actions]."""
+
+    edge: Array  # s [m + 1]
+    step: NDArray[np.int64]  # [q]
+    run: NDArray[np.int64]  # [q]
+    end: Array  # s [actions]
+    after: NDArray[np.int64]  # [actions], first step that begins when a run is over
+
+    def done(self, begin: Array, size: Array) -> Array:
+        """Return the integral over each step of what runs have given so far [m].
+
+        begin: when each begins to give [s] [actions], evenly until its end; size: what it gives in
+        all [actions].
+        """
+        a, b = self.edge[self.step], self.edge[self.step + 1]
+        first, last = begin[self.run], self.end[self.run]
+
+        def given(t: Array) -> Array:
+            into = np.clip(t - first, 0.0, last - first)
+            return np.asarray(into * into / (2.0 * (last - first)) + np.maximum(t - last, 0.0))
+
+        count = len(self.edge) - 1
+        within = np.bincount(self.step, (given(b) - given(a)) * size[self.run], count)
+        over = np.cumsum(np.bincount(self.after, size, count + 1))[:count]
+        return np.asarray(within + over * np.diff(self.edge))
+
+
+def _runs(edge: Array, begin: Array, end: Array) -> _Runs:
+    first = np.maximum(np.searchsorted(edge, begin, side="right") - 1, 0)
+    after = np.minimum(np.searchsorted(edge, end), len(edge) - 1)
+    step = [np.arange(a, b) for a, b in zip(first, after, strict=True)]
+    run = np.repeat(np.arange(len(begin)), [len(one) for one in step])
+    return _Runs(edge, np.concatenate(step), run, end, after)
+
+
+def drive_volume(values: Mapping[str, float], path: Path) -> Array:
+    """Return what runs and leaks have added to the drive's volume in the mean of a step [m3] [m].
+
+    A pump gives nothing until it has made up for what its start falls short by.
+    """
+    dive, seconds = path.dive, path.runs.end - path.dive.action_time
+    added = run_volumes(values, dive)
+    short = np.where(dive.action_pumps, dive.action_short + values["pump_start"], 0.0)
+    size = np.abs(added)
+    gives = np.divide(size, size + np.maximum(short, 0.0), out=np.ones(len(size)), where=size > 0.0)
+    begin = path.runs.end - np.maximum(gives * seconds, 1e-3)
+    done = path.runs.done(begin, added) / path.steps
+    return np.asarray(done - path.leaked - values["creep"] * path.idle)
 
 
 def neutral_table(body: Body, values: Mapping[str, float], path: Path) -> Array:
@@ -158,8 +201,7 @@ def neutral_table(body: Body, values: Mapping[str, float], path: Path) -> Array:
 def filtered(body: Body, values: Mapping[str, float], noise: Noise, path: Path) -> Filtered:
     """Return what the filter makes of a dive with these parameters."""
     water = neutral_table(body, values, path)
-    volume = path.share @ run_volumes(values, path.dive) - path.leaked
-    volume = volume - values["creep"] * path.idle
+    volume = drive_volume(values, path)
     warm = path.warmth - body.reference_temperature
     volume = volume + body.volume * values["thermal_expansion"] * warm
     down = values["drag"]
@@ -171,8 +213,8 @@ def filtered(body: Body, values: Mapping[str, float], noise: Noise, path: Path) 
     x[V0] = float(np.interp(p, path.grid, water[:, 0])) - volume[0] - carried
     variance = np.ones(len(x))
     variance[P], variance[W], variance[U] = noise.pressure**2, _SPEED_STD**2, noise.water**2
-    # zeta' = u - zeta/AWAY, with u of correlation e^(-t/tau)
-    variance[Z] = noise.water**2 * noise.lasts * AWAY**2 / (noise.lasts + AWAY)
+    variance[RATE] = variance[U] / noise.lasts**2
+    variance[Z] = displaced_variance(variance[U], noise.lasts)
     variance[D] = 0.0
     variance[V0] = (_START[0] * abs(carried) + _START[1]) ** 2
     covariance = np.diag(variance)

@@ -1,0 +1,41 @@
+"""How much of what deep dives say by their likelihood counts: as much as they agree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["DiveTold", "dissent"]
+
+Array = NDArray[np.float64]
+
+
+class DiveTold(NamedTuple):
+    """What a dive tells of parameters [k], in deviations of their priors, which do not count."""
+
+    gradient: Array  # of minus the log likelihood, at what fits all dives [k]
+    information: Array  # [k, k]
+
+
+def dissent(dives: Sequence[DiveTold]) -> float:
+    """Return how much farther apart dives are than they say, as the ratio of variances.
+
+    Each dive alone would have the parameters where I_d (x_d - x) = -g_d. The sum of the squares of
+    x_d - x, in its own deviations, over its mean where the information is right, is what Birge
+    (*Phys. Rev.* 40, 1932, 207) widens measurements of one quantity by that contradict each other;
+    here with priors, so that what a dive hardly tells hardly counts. 1 for a single dive.
+    """
+    prior = np.eye(len(dives[0].gradient))
+
+    def count(information: Array) -> float:
+        return float(np.trace(np.linalg.solve(information + prior, information)))
+
+    each = sum(count(dive.information) for dive in dives)
+    free = each - count(np.sum([dive.information for dive in dives], axis=0))
+    if free < 1.0:
+        return 1.0
+    off = [d.gradient @ np.linalg.solve(d.information + prior, d.gradient) for d in dives]
+    return float(sum(off)) / free
