@@ -131,7 +131,7 @@ def test_casts_of_one_file(capsys, tmp_path, files):
     out = ["--out", str(tmp_path / "out")]
     assert main([*start, *out]) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "Choose the rows of one profile with --cast-where COLUMN=VALUE" in said
+    assert "Choose one with --cast-profile N, or rows with --cast-where COLUMN=VALUE" in said
     assert main([*start, "--cast-where", "dive=2", *out]) == 0
     capsys.readouterr()
     assert main([*start, "--cast-where", "dive=1,2", *out]) == 2

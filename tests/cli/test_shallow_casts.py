@@ -45,6 +45,34 @@ def test_compare_and_ahead_follow_the_cast(capsys, files):
     assert ahead[0] < 0.6 * ahead[1]
 
 
+def test_what_is_said_of_the_cast_is_not_of_the_log(capsys, files):
+    rows = [line.split(",") for line in (files / "cast.csv").read_text().splitlines()]
+    k = next(i for i, name in enumerate(rows[0]) if name.startswith("pressure"))
+    odd = files / "odd.csv"
+    odd.write_text(
+        "\n".join(",".join([*r[:k], f"{10.0 * float(r[k]):g}" if i else "Druck", *r[k + 1 :]])
+                  for i, r in enumerate(rows)) + "\n"
+    )  # fmt: skip
+    cast = ["--cast", str(odd)]
+    assert main(words(files, "compare", *cast)) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert '--cast-column "pressure_dbar=NAME"' in said
+    mapped = answer(
+        capsys, words(files, "compare", *cast, "--cast-column", "pressure_dbar=Druck@kPa")
+    )
+    plain = answer(capsys, words(files, "compare", "--cast", str(files / "cast.csv")))
+    assert mapped["rms_m"] == pytest.approx(plain["rms_m"], rel=1e-3)
+    assert main(words(files, "compare", *cast, "--cast-profile", "2")) == 2
+    two = files / "two.csv"
+    lines = (files / "cast.csv").read_text().splitlines()
+    two.write_text("\n".join([*lines, *lines[:0:-1], *lines[1:]]) + "\n")
+    capsys.readouterr()
+    assert main(words(files, "compare", "--cast", str(two))) == 2
+    assert "Choose one with --cast-profile N" in " ".join(capsys.readouterr().err.split())
+    again = answer(capsys, words(files, "compare", "--cast", str(two), "--cast-profile", "3"))
+    assert again["rms_m"] == pytest.approx(plain["rms_m"], rel=1e-9)
+
+
 def test_identify_of_a_piston_float_takes_the_cast(capsys, files):
     cast = ["--cast", str(files / "cast.csv"), "--no-profiles", "--neutral-std", "5 cm3"]
     found = answer(capsys, words(files, "identify", *cast))
@@ -59,6 +87,8 @@ def test_what_does_not_go_together_is_refused(capsys, files, command):
     cast = ["--cast", str(files / "cast.csv")]
     for more, said in (
         (["--cast-where", "dive=1"], "no use without --cast"),
+        (["--cast-column", "salinity=S"], "no use without --cast"),
+        (["--cast-profile", "2"], "no use without --cast"),
         ([*cast, *cast], "2 casts for 1 log"),
         ([*cast, "--drive", "voltage"], "--drive"),
         (["--cast", str(files / "none.csv")], "none.csv"),

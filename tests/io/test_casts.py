@@ -513,7 +513,7 @@ def test_a_netcdf_without_a_profile(tmp_path):
     assert "elevation" in error.remedy
 
 
-def argo_file(path, *, adjusted=True):
+def argo_file(path, *, adjusted=True, mode="", schemes=None):
     """A profile file as Argo writes it: characters for flags and texts, float32, two profiles."""
     p, t, s = sea()
     n = len(p)
@@ -539,8 +539,10 @@ def argo_file(path, *, adjusted=True):
         number = file.createVariable("PLATFORM_NUMBER", "c", ("N_PROF", "STRING8"))
         number[:] = np.array([list("6901234 ")] * 2, dtype="S1")
         scheme = file.createVariable("VERTICAL_SAMPLING_SCHEME", "c", ("N_PROF", "STRING256"))
-        texts = ["Near-surface sampling: averaged", "Primary sampling: averaged"]
+        texts = schemes or ["Near-surface sampling: averaged", "Primary sampling: averaged"]
         scheme[:] = np.array([list(text.ljust(256)) for text in texts], dtype="S1")
+        if mode:
+            file.createVariable("DATA_MODE", "c", ("N_PROF",))[:] = np.array(list(mode), "S1")
     return path
 
 
@@ -560,6 +562,87 @@ def test_an_argo_profile_adjusted_primary_and_flagged(tmp_path):
 def test_an_argo_profile_in_real_time_has_no_adjusted_values(tmp_path):
     cast = read_cast(argo_file(tmp_path / "R.nc", adjusted=False))
     assert np.median(cast.SA) == pytest.approx(np.median(sea()[2]) + 0.5 + 0.18, abs=0.1)
+
+
+def test_a_profile_given_up_in_delayed_mode_is_not_read_raw(tmp_path):
+    raw = argo_file(tmp_path / "D.nc", adjusted=False, mode="RD")
+    error = refused(raw)
+    assert error.field == "PRES_ADJUSTED"
+    assert "in mode D" in str(error)
+    for mode, adjusted in (("RD", True), ("DR", False)):
+        read_cast(argo_file(tmp_path / "fine.nc", adjusted=adjusted, mode=mode))
+
+
+def test_several_primary_profiles_are_not_chosen_from(tmp_path):
+    path = argo_file(tmp_path / "prof.nc", schemes=["Primary sampling: a", "Primary sampling: b"])
+    error = refused(path)
+    assert "there are 2 profiles" in str(error)
+    assert "2: float 6901234 cycle 12 to 500 dbar" in str(error)
+    assert "--profile N" in error.remedy
+    assert read_cast(path, profile=2).pressure[-1] == pytest.approx(500.0)
+
+
+@pytest.mark.parametrize("dims", [2, 3])
+def test_flags_as_xarray_writes_them(tmp_path, dims):
+    p, t, s = sea()
+    flags = np.full((1, len(p), 1)[:dims], b"1", dtype="S1")
+    flags[0, 7] = b"4"
+
+    def saved(flags):
+        names = ("N_PROF", "N_LEVELS", "string1")
+        with h5netcdf.File(tmp_path / "saved.nc", "w") as file:
+            file.dimensions = dict(zip(names, (1, len(p), 1), strict=True))
+            for name, v in (("PRES", p), ("TEMP", t), ("PSAL", s)):
+                file.create_variable(name, names[:2], "f8", data=v[None, :])
+                shape = names[:1] if flags.ndim == 1 else names[: flags.ndim]
+                file.create_variable(f"{name}_QC", shape, flags.dtype, data=flags)
+        return tmp_path / "saved.nc"
+
+    assert len(read_cast(saved(flags)).pressure) == len(p) - 1
+    error = refused(saved(np.ones(1, "i1")))  # one for the whole profile
+    assert "not one quality flag for each value of PRES" in str(error)
+
+
+def test_all_flagged_as_bad_is_said(tmp_path):
+    path = cf_file(tmp_path / "cast.nc", engine="4", bad=range(len(sea()[0])))
+    assert f"{len(sea()[0])} values of PRES flagged as bad" in str(refused(path))
+
+
+@pytest.mark.parametrize("filled", [99999.0, -999.0])
+def test_a_position_where_there_was_no_fix(tmp_path, filled):
+    p, t, s = sea()
+    columns = {"pressure_dbar": p, "temperature_degC": t, "salinity": s}
+    latitude, longitude = np.full(len(p), 43.0), np.where(np.arange(len(p)) % 2, 179.9, -179.9)
+    latitude[:9] = longitude[:9] = filled
+    place = {"latitude": latitude, "longitude": longitude}
+    cast = read_cast(csv(tmp_path, columns | place))
+    assert cast.latitude == pytest.approx(43.0)
+    assert abs(abs(cast.longitude) - 180.0) < 0.2  # and not 0, the mean of the numbers
+    assert any("9 latitudes beyond 90 degrees" in line for line in cast.report)
+    cast_column(cast)
+    gone = read_cast(csv(tmp_path, columns | {"latitude": np.full(len(p), filled)}))
+    assert gone.latitude == 45.0
+    assert any("latitude is not known" in line for line in gone.report)
+
+
+def test_the_deep_is_warm_in_fahrenheit_only(tmp_path):
+    p, t, s = sea(1000.0)
+    ocean = 4.0 + (t - 13.2)
+    error = refused(
+        csv(tmp_path, {"pressure_dbar": p, "temperature_degC": 32 + 1.8 * ocean, "salinity": s})
+    )
+    assert "warmer than any sea" in str(error)
+    assert "As Fahrenheit it is 4" in error.remedy
+    red = np.maximum(t + 8.5, 21.7)  # the Red Sea
+    read_cast(csv(tmp_path, {"pressure_dbar": p, "temperature_degC": red, "salinity": s}))
+
+
+def test_names_of_the_hydrographers(tmp_path):
+    p, t, s = sea()
+    cast = read_cast(csv(tmp_path, {"CTDPRS": p, "CTDTMP": t, "CTDSAL": s}), **PLACE)
+    np.testing.assert_array_equal(cast.SA, read_cast(plain(tmp_path), **PLACE).SA)
+    path = csv(tmp_path, {"CTDPRS": p, "CTDTMP": t, "absolute_salinity": s})
+    assert "absolute_salinity is not practical" in refused(path).remedy
 
 
 # Sea-Bird

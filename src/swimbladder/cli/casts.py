@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -16,9 +17,9 @@ if TYPE_CHECKING:
     from swimbladder.seawater import Cast, Column
 
 __all__ = [
-    "CastFiles", "CastWhere", "Columns", "Inversions", "Latitude", "LogFormat", "Longitude",
-    "Profile", "Salinity", "Where", "above_rating", "asked_casts", "casts_beside_logs", "pairs",
-    "read_casts", "refuse_without_cast", "share", "water_of_logs",
+    "CastColumns", "CastFiles", "CastProfile", "CastWhere", "Columns", "Inversions", "Latitude",
+    "LogFormat", "Longitude", "Profile", "Salinity", "Where", "above_rating", "asked_casts",
+    "casts_beside_logs", "pairs", "read_casts", "refuse_without_cast", "share", "water_of_logs",
 ]  # fmt: skip
 
 _FAR_ABOVE = 0.5  # of the rating: a cast that ends above it may be in another unit
@@ -62,27 +63,43 @@ CastWhere = Annotated[
     list[str] | None,
     typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast; VALUE,VALUE: one cast each."),
 ]
+CastColumns = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=COLUMN", help='As --column, of the cast: "pressure_dbar=Druck@bar".'
+    ),
+]
+CastProfile = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Which profile of the cast, from 1."),
+]
+_OF_CASTS = {"--column": "--cast-column", "--where": "--cast-where", "--profile": "--cast-profile"}
 _SHALLOW = 0.1  # m, rows of the water of a shallow log: a halocline has half a metre
 
 
-def water_of_logs(casts: Sequence[Path], where: Sequence[str]) -> list[Column]:
+def water_of_logs(
+    casts: Sequence[Path], where: Sequence[str], column: Sequence[str], profile: int | None
+) -> list[Column]:
     """Return the water of casts for logs of a shallow vehicle, finely; none where none is given.
 
-    Raises InputError where a cast cannot be read, or rows are chosen of none.
+    Raises InputError where a cast cannot be read, or something is said of none.
     """
-    if where and not casts:
-        raise InputError(
-            "it has no use without --cast", field="--cast-where", remedy="Give --cast FILE"
-        )
+    for option, given in (("where", where), ("column", column), ("profile", profile)):
+        if given and not casts:
+            raise InputError(
+                "it has no use without --cast", field=f"--cast-{option}", remedy="Give --cast FILE"
+            )
     if not casts:
         return []
     from swimbladder.seawater import cast_column
 
-    found = casts_beside_logs(casts, where)
+    found = casts_beside_logs(casts, where, column, profile)
     return [cast_column(cast, step=_SHALLOW) for cast in found]
 
 
-def casts_beside_logs(paths: Sequence[Path], where: Sequence[str]) -> list[Cast]:
+def casts_beside_logs(
+    paths: Sequence[Path], where: Sequence[str], column: Sequence[str], profile: int | None
+) -> list[Cast]:
     """Return the casts of files, of each file those that `where` chooses; inversions averaged.
 
     Raises InputError as `read_casts` does.
@@ -90,20 +107,29 @@ def casts_beside_logs(paths: Sequence[Path], where: Sequence[str]) -> list[Cast]
     from swimbladder.cli.logs import selections
 
     found: list[Cast] = []
+    mapped = pairs(list(column), "--cast-column")
     for rows in selections(list(where)):
         try:
             found += read_casts(
-                paths, columns={}, where=rows, log_format=None, profile=None, latitude=None,
+                paths, columns=mapped, where=rows, log_format=None, profile=profile, latitude=None,
                 longitude=None, salinity=None, inversions="average",
             )  # fmt: skip
         except InputError as error:
-            if error.field in ("profile", "where"):
-                error = InputError(
-                    error.what, file=error.file, field="--cast-where", value=error.value,
-                    remedy="Choose the rows of one profile with --cast-where COLUMN=VALUE",
-                )  # fmt: skip
-            raise error from None
+            raise _of_cast(error) from None
     return found
+
+
+def _of_cast(error: InputError) -> InputError:
+    """Return an error about a cast with the options that are about it where logs are read too."""
+    remedy, field = error.remedy or "", error.field
+    for option, meant in _OF_CASTS.items():
+        remedy = remedy.replace(option, meant)
+        field = meant if field in (option, option[2:]) else field
+    remedy = re.sub(r"state --salinity, 0|give --salinity \S+", "fill a column salinity, 0", remedy)
+    return type(error)(
+        error.what, file=error.file, line=error.line, field=field, value=error.value,
+        unit=error.unit, remedy=remedy,
+    )  # fmt: skip
 
 
 def asked_casts(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from swimbladder.cli.ahead import ahead_options, print_ahead, write_ahead
-from swimbladder.cli.casts import CastFiles, CastWhere, water_of_logs
+from swimbladder.cli.casts import CastColumns, CastFiles, CastProfile, CastWhere, water_of_logs
 from swimbladder.cli.common import compile_notice, console, emit_json, output, progress
 from swimbladder.cli.logs import Chosen, chosen, depth, names, pair, read
 from swimbladder.errors import InputError, SwimbladderError
@@ -80,6 +80,8 @@ def compare(
     ] = None,
     cast: CastFiles = None,
     cast_where: CastWhere = None,
+    cast_column: CastColumns = None,
+    cast_profile: CastProfile = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-compare"
     ),
@@ -112,7 +114,8 @@ def compare(
     tasks = [_Task(log, mapped, log_format) for log in chosen(logs, where or [])]
     from swimbladder.comparison.water import water_of_each
 
-    waters = water_of_each(len(tasks), water_of_logs(cast or (), cast_where or ()))
+    found = water_of_logs(cast or (), cast_where or (), cast_column or (), cast_profile)
+    waters = water_of_each(len(tasks), found)
     for task, name, water in zip(tasks, _file_names(tasks), waters, strict=True):
         task.name, task.water = name, water
         if len(tasks) == 1:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.casts import CastFiles, CastWhere, water_of_logs
+from swimbladder.cli.casts import CastColumns, CastFiles, CastProfile, CastWhere, water_of_logs
 from swimbladder.cli.common import (
     compile_notice,
     console,
@@ -103,6 +103,8 @@ def identify(
     ] = False,
     cast: CastFiles = None,
     cast_where: CastWhere = None,
+    cast_column: CastColumns = None,
+    cast_profile: CastProfile = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-identify"
     ),
@@ -140,6 +142,7 @@ def identify(
             )  # fmt: skip
         return identify_deep(
             chosen(logs, where or []), v, vehicle, cast, cast_where=cast_where or (),
+            cast_columns=cast_column or (), cast_profile=cast_profile,
             column=column or (), log_format=log_format, free=names(free), fixed=set_ or (),
             priors=prior or (), out=out, json=json,
         )  # fmt: skip
@@ -161,7 +164,7 @@ def identify(
         "profiles": profiles,
         "walk": walk,
         "posterior": seed if posterior else None,
-        "columns": water_of_logs(cast or (), cast_where or ()),
+        "columns": water_of_logs(cast or (), cast_where or (), cast_column or (), cast_profile),
     }
     mapped = dict(pair(text, "--column") for text in column or [])
     given: list[Log] = []

@@ -33,7 +33,8 @@ def refuse_others(given: Mapping[str, object]) -> None:
 
 def identify_deep(
     logs: Sequence[Chosen], vehicle: Vehicle, given: str, casts: Sequence[Path], *,
-    cast_where: Sequence[str], column: Sequence[str], log_format: str | None,
+    cast_where: Sequence[str], cast_columns: Sequence[str], cast_profile: int | None,
+    column: Sequence[str], log_format: str | None,
     free: tuple[str, ...] | None, fixed: Sequence[str], priors: Sequence[str], out: Path,
     json: bool,
 ) -> None:  # fmt: skip
@@ -61,7 +62,7 @@ def identify_deep(
             read.append(read_float_log(
                 log.path, log_format_name=log_format, columns=mapped, where=log.where
             ))  # fmt: skip
-    found_casts = casts_beside_logs(casts, cast_where)
+    found_casts = casts_beside_logs(casts, cast_where, cast_columns, cast_profile)
 
     from swimbladder.identify.deep import identify_deep as identify
     from swimbladder.report.deep import write_deep

@@ -31,11 +31,14 @@ density_kg_m3 is that in situ; it is only held against the others.
 
 # Plain names that leave no doubt, in small letters; CF standard names among them.
 NAMES = {
-    "pressure_dbar": {"pressure", "pres", "press", "prdm", "sea_water_pressure"},
+    "pressure_dbar": {
+        "pressure", "pres", "press", "prdm", "ctdprs", "sea_water_pressure",
+        "sea_water_pressure_due_to_sea_water",
+    },
     "depth_m": {"depth", "depsm"},
-    "temperature_degC": {"temperature", "temp", "t090c", "sea_water_temperature"},
+    "temperature_degC": {"temperature", "temp", "t090c", "ctdtmp", "sea_water_temperature"},
     "salinity": {
-        "salinity", "sal", "psal", "sal00", "sp", "practical_salinity",
+        "salinity", "sal", "psal", "sal00", "sp", "ctdsal", "practical_salinity",
         "sea_water_practical_salinity", "sea_water_salinity",
     },
     "conductivity_S_m": {"conductivity", "cond", "cndc", "sea_water_electrical_conductivity"},
@@ -43,6 +46,7 @@ NAMES = {
     "latitude": {"latitude", "lat"},
     "longitude": {"longitude", "lon"},
 }  # fmt: skip
+_ABSOLUTE = re.compile(r"absolute.?salinity|^sa\b")
 _ENDINGS = {
     "dbar": "dbar", "db": "dbar", "decibar": "dbar", "bar": "bar", "mbar": "mbar", "pa": "Pa",
     "kpa": "kPa", "mpa": "MPa", "hpa": "hPa", "psi": "psi", "m": "m", "cm": "cm", "degc": "degC",
@@ -133,7 +137,7 @@ def cast_sources(
                 value=names, remedy=f'Choose one with --column "{name}=NAME"',
             )  # fmt: skip
         sources[name] = found[0]
-    _need(sources, path, listed(list(header)), salted=salted)
+    _need(sources, path, header, salted=salted)
     return sources
 
 
@@ -162,7 +166,7 @@ def _given(name: str, given: str | LogColumn, header: Sequence[str], path: str |
 
 
 def _need(
-    sources: Mapping[str, LogColumn], path: str | Path, columns: str, *, salted: bool
+    sources: Mapping[str, LogColumn], path: str | Path, header: Collection[str], *, salted: bool
 ) -> None:
     """Raise LogError where pressure and depth, temperature, or all that gives salt is missing."""
     for names, what in (
@@ -174,8 +178,11 @@ def _need(
             more = ""
             if "salinity" in names:
                 more = "; for a lake state --salinity, 0 in fresh water"
+                absolute = [column for column in header if _ABSOLUTE.search(column.lower())]
+                if absolute:
+                    more += f" ({absolute[0]} is not practical: gsw.SP_from_SA makes it so)"
             raise LogError(
                 f"the cast has {what}", file=path, field=names[0],
                 remedy=f'Say which column it is with --column "{names[0]}=NAME"{more}; columns of '
-                f"the file: {columns}",
+                f"the file: {listed(list(header))}",
             )  # fmt: skip

@@ -1,8 +1,8 @@
 """A cast in a netCDF file: CF and OG1 by standard name, and Argo's profile files.
 
-Of an Argo file the values adjusted in delayed mode are taken where there are any, and of each
-sample only what its quality flags call good (Argo user's manual, reference table 2: 1 good,
-2 probably good, 5 changed, 8 interpolated).
+Of an Argo file the adjusted values are taken where there are any, and in the modes A and D no
+others; of each sample only what its quality flags call good (Argo user's manual, reference table 2:
+1 good, 2 probably good, 5 changed, 8 interpolated).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError
 from swimbladder.io.cast_columns import CAST_COLUMNS, NAMES, cast_unit, check_names, kind_of
-from swimbladder.io.cast_raw import RawCast
+from swimbladder.io.cast_raw import RawCast, place_of
 from swimbladder.io.log_text import counted
 from swimbladder.io.netcdf_in import Variable, read_variables
 from swimbladder.units import unit_factor
@@ -27,6 +27,8 @@ _GOOD = set("1258")
 _UNJUDGED = set("09")  # no quality control, and missing: NaN tells of the second
 _ARGO = {"pressure_dbar": "PRES", "temperature_degC": "TEMP", "salinity": "PSAL"}
 _FEWEST = 2
+_SEVERAL = 2
+_SHOWN = 4  # profiles, where there are too many
 
 
 def netcdf_cast(
@@ -61,7 +63,7 @@ def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, 
             continue
         variable, unit = found
         values[name] = _in_unit(name, variable, variables[variable], path, report, unit)
-        _by_flags(variable, variables, values[name], report)
+        _by_flags(variable, variables, values[name], path, report)
     length = max((v.size for n, v in values.items() if n not in ("latitude", "longitude")),
                  default=0)  # fmt: skip
     rows = {n: np.ravel(v) for n, v in values.items() if v.size == length}
@@ -81,8 +83,11 @@ def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, 
             remedy='Say which it is with --column "pressure_dbar=NAME"; variables of the file: '
             f"{', '.join(list(variables)[:30])}",
         )  # fmt: skip
-    place = {n: float(np.nanmean(v)) for n, v in values.items()
-             if n in ("latitude", "longitude") and np.isfinite(v).any()}  # fmt: skip
+    place = {
+        n: place_of(n, np.ravel(values[n]), report)
+        for n in ("latitude", "longitude")
+        if n in values
+    }
     return _raw(rows, path, report, latitude=place.get("latitude"),
                 longitude=place.get("longitude"))  # fmt: skip
 
@@ -150,15 +155,21 @@ def _in_unit(
 
 
 def _by_flags(
-    found: str, variables: Mapping[str, Variable], values: Array, report: list[str]
+    found: str, variables: Mapping[str, Variable], values: Array, path: Path, report: list[str]
 ) -> None:
-    """Blank the values that their quality flags do not call good."""
-    flags = variables.get(f"{found}_QC")
-    if flags is None:
+    """Blank the values that their quality flags do not call good.
+
+    Raises LogError for flags that are not one for each value.
+    """
+    named = next((n for n in (f"{found}_QC", f"{found}_qc") if n in variables), None)
+    if named is None:
         return
-    texts = _flag_texts(flags, values.shape)
+    texts = _flag_texts(variables[named], values.shape)
     if texts is None:
-        return
+        raise LogError(
+            f"not one quality flag for each value of {found}", file=path, field=named,
+            remedy="Give the flags the shape of the values, or write what is good to a CSV",
+        )  # fmt: skip
     bad = np.isfinite(values) & ~np.isin(texts, list(_GOOD | _UNJUDGED))
     if bad.any():
         report.append(f"{counted(int(bad.sum()), 'value')} of {found} flagged as bad left out")
@@ -170,6 +181,8 @@ def _flag_texts(flags: Variable, shape: tuple[int, ...]) -> NDArray[np.str_] | N
     if flags.numeric:
         digits = np.nan_to_num(flags.values, nan=9.0).astype(int).astype(np.str_)
         return digits if digits.shape == shape else None
+    if flags.values.shape == shape:  # a text for each, as xarray writes them
+        return np.array([str(text)[:1] for text in np.ravel(flags.values)]).reshape(shape)
     letters = np.array([list(str(row).ljust(shape[-1])[: shape[-1]]) for row in
                         np.ravel(flags.values)], dtype=np.str_)  # fmt: skip
     return letters.reshape(shape) if letters.size == np.prod(shape) else None
@@ -177,17 +190,9 @@ def _flag_texts(flags: Variable, shape: tuple[int, ...]) -> NDArray[np.str_] | N
 
 def _argo(variables: Mapping[str, Variable], path: Path, profile: int | None) -> RawCast:
     """Return one profile of an Argo file: the primary one, or that asked for."""
-    count = variables["PRES"].values.shape[0]
-    if profile is not None and profile > count:
-        raise LogError(
-            f"the file has {counted(count, 'profile')}", file=path, field="--profile",
-            value=profile, remedy=f"Choose from 1 to {count}",
-        )  # fmt: skip
     report: list[str] = []
-    n = (profile or 1) - 1
-    if profile is None and count > 1:
-        n = _primary(variables)
-        report.append(f"profile {n + 1} of {count} taken, the primary sampling")
+    n = _number(variables, path, profile, report)
+    mode = _letters(variables, "DATA_MODE", n)
     rows: dict[str, Array] = {}
     for name, plain in _ARGO.items():
         if plain not in variables:
@@ -196,29 +201,73 @@ def _argo(variables: Mapping[str, Variable], path: Path, profile: int | None) ->
         adjusted = variables.get(f"{plain}_ADJUSTED")
         if adjusted is not None and np.isfinite(np.asarray(adjusted.values[n], float)).any():
             found = f"{plain}_ADJUSTED"
+        elif adjusted is not None and mode in ("A", "D"):
+            raise LogError(
+                f"in mode {mode} no value of {plain} was found fit to be adjusted: none is good",
+                file=path, field=f"{plain}_ADJUSTED",
+                remedy="Take another profile; if you trust its raw values, write them to a CSV",
+            )  # fmt: skip
         values = _in_unit(name, found, variables[found], path, report)
         if values.shape != variables["PRES"].values.shape:
             raise LogError(
                 "not as many values as pressures", file=path, field=found,
                 remedy="Fetch the file anew: every profile has a value per level",
             )  # fmt: skip
-        _by_flags(found, variables, values, report)
+        _by_flags(found, variables, values, path, report)
         rows[name] = values[n]
     where = {}
     for name, variable in (("latitude", "LATITUDE"), ("longitude", "LONGITUDE")):
         if variable in variables:
-            where[name] = float(np.ravel(variables[variable].values)[n])
-    known = {name: value if np.isfinite(value) else None for name, value in where.items()}
-    return _raw(rows, path, report, name=_platform(variables, n), **known)
+            at = np.ravel(np.asarray(variables[variable].values, float))[n : n + 1]
+            where[name] = place_of(name, at, report)
+    return _raw(rows, path, report, name=_platform(variables, n), **where)
 
 
-def _primary(variables: Mapping[str, Variable]) -> int:
-    """Return the profile that Argo calls the primary sampling, else the first."""
+def _number(
+    variables: Mapping[str, Variable], path: Path, profile: int | None, report: list[str]
+) -> int:
+    """Return the profile that is asked for, from 0: else the only one, or only primary one.
+
+    Raises LogError where there are several, or fewer than asked for.
+    """
+    pressures = np.asarray(variables["PRES"].values, float)
+    count = len(pressures)
+    if profile is not None and profile > count:
+        raise LogError(
+            f"the file has {counted(count, 'profile')}", file=path, field="--profile",
+            value=profile, remedy=f"Choose from 1 to {count}",
+        )  # fmt: skip
+    if profile is not None or count < _SEVERAL:
+        return (profile or 1) - 1
+    held = [k for k in range(count) if np.isfinite(pressures[k]).any()]
+    primary = [k for k in held if _scheme(variables, k).startswith("primary")]
+    found = primary or held or [0]
+    if len(found) > 1:
+        some = ", ".join(
+            f"{k + 1}: {f'{_platform(variables, k)} to'.strip()} {np.nanmax(pressures[k]):.0f} dbar"
+            for k in found[:_SHOWN]
+        )
+        raise LogError(
+            f"there are {len(found)} profiles in it "
+            f"({some}{', ...' if len(found) > _SHOWN else ''})",
+            file=path, field="profile", remedy="Choose one with --profile N",
+        )  # fmt: skip
+    why = "the primary sampling" if primary else "the only one with pressures"
+    report.append(f"profile {found[0] + 1} of {count} taken, {why}")
+    return found[0]
+
+
+def _scheme(variables: Mapping[str, Variable], n: int) -> str:
     schemes = variables.get("VERTICAL_SAMPLING_SCHEME")
-    if schemes is None or schemes.numeric:
-        return 0
-    texts = [str(text).lower() for text in np.ravel(schemes.values)]
-    return next((k for k, text in enumerate(texts) if text.startswith("primary")), 0)
+    texts = np.zeros(0) if schemes is None or schemes.numeric else np.ravel(schemes.values)
+    return str(texts[n]).lower() if n < len(texts) else ""
+
+
+def _letters(variables: Mapping[str, Variable], name: str, n: int) -> str:
+    """Return the n-th letter of a variable of one for each profile; "" where there is none."""
+    found = variables.get(name)
+    letters = "" if found is None or found.numeric else "".join(map(str, np.ravel(found.values)))
+    return letters[n : n + 1]
 
 
 def _platform(variables: Mapping[str, Variable], n: int) -> str:

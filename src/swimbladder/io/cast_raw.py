@@ -10,10 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import LogError
+from swimbladder.io.log_text import counted
 
-__all__ = ["RawCast"]
+__all__ = ["RawCast", "place_of"]
 
 Array = NDArray[np.float64]
+_FARTHEST = {"latitude": 90.0, "longitude": 360.0}  # degrees
+
+
+def place_of(name: str, values: Array, report: list[str]) -> float | None:
+    """Return the mean latitude or longitude of a file [degrees]; None where it tells none.
+
+    Positions that are none, as where a receiver had no fix, are left out and said.
+    """
+    known = values[np.isfinite(values)]
+    real = known[np.abs(known) <= _FARTHEST[name]]
+    if len(real) < len(known):
+        report.append(
+            f"{counted(len(known) - len(real), name)} beyond {_FARTHEST[name]:g} degrees left out"
+        )
+    return float(np.mean(np.unwrap(real, period=360.0))) if len(real) else None
 
 
 @dataclass(frozen=True, kw_only=True)

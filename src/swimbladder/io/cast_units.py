@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 DEEPEST = 11_500.0  # dbar: Challenger Deep has 11 250
 COLDEST, WARMEST = -3.0, 45.0  # degC; freezing at 34 and 1000 dbar is -2.6
+_DEEP, _WARM = 300.0, 25.0  # dbar, degC: below it no sea is as warm; the Red Sea has 22
 MOST_SALT = 42.0  # practical salinity: where PSS-78 ends, above the northern Red Sea's 41
 _PRESSURES = ("bar", "mbar", "kPa", "MPa", "Pa", "psi")
 _FITS = 0.05  # of the pressure: fresh, salt and gauge with one density differ by less
@@ -32,6 +33,7 @@ _SEAS = (1.0, 7.5)  # S/m: a brackish sea in winter, and the Red Sea in summer a
 _DENSITY_FITS, _DENSITY_WRONG = 0.05, 0.2  # kg/m3; EOS-80 and TEOS-10 differ by up to 0.02
 _ABOVE = 0.2  # of the greatest depth: a sensor in air before a cast in shallow water is less
 _HIGHEST = 5.0  # m above the surface: a sensor on deck; TEOS-10's routines take no more either
+_ROWS = 3  # at least, that tell how warm the deep is
 _SURE = 10.0  # m or dbar that a cast has to go over, for its unit to be told
 
 
@@ -48,9 +50,15 @@ def check_units(raw: RawCast) -> RawCast:
 
 def _temperature(raw: RawCast) -> None:
     middle = float(np.median(raw.temperature))
-    if COLDEST <= middle <= WARMEST:
-        return
     what = f"a temperature of {middle:.4g} degC is none that water has in the sea"
+    if COLDEST <= middle <= WARMEST:
+        down = raw.depth if raw.pressure is None else raw.pressure
+        assert down is not None
+        deep = raw.temperature[np.abs(down) > _DEEP]
+        if len(deep) < _ROWS or not np.median(deep) > _WARM:
+            return
+        middle = float(np.median(deep))
+        what = f"{middle:.4g} degC below {_DEEP:g} dbar is warmer than any sea"
     remedy = "Check which column is the temperature"
     if COLDEST <= middle - 273.15 <= WARMEST:
         remedy = f"Taken as kelvin it is {middle - 273.15:.4g} degC: subtract 273.15 in the file"

@@ -18,7 +18,7 @@ from swimbladder.errors import InputError, LogError
 from swimbladder.io.cast_cnv import cnv_cast, is_cnv
 from swimbladder.io.cast_columns import CAST_COLUMNS, cast_sources
 from swimbladder.io.cast_netcdf import netcdf_cast
-from swimbladder.io.cast_raw import RawCast
+from swimbladder.io.cast_raw import RawCast, place_of
 from swimbladder.io.cast_rows import averaged, one_leg, without_spikes
 from swimbladder.io.cast_stable import Inversions, stable
 from swimbladder.io.cast_units import MOST_SALT, check_units
@@ -99,17 +99,18 @@ def _text_cast(
 
     table = read_table(path, form, {**form.where, **where}, sources, [], CAST_COLUMNS)
     values = table.values
-    place = {}
-    for name in ("latitude", "longitude"):
-        known = values[name][np.isfinite(values[name])] if name in values else np.zeros(0)
-        place[name] = float(np.mean(known)) if len(known) else None
+    report = list(table.report)
+    place = {
+        name: place_of(name, values[name], report) if name in values else None
+        for name in ("latitude", "longitude")
+    }
     return RawCast(
         path=path, temperature=values["temperature_degC"], pressure=values.get("pressure_dbar"),
         depth=values.get("depth_m"), salinity=values.get("salinity"),
         conductivity=values.get("conductivity_S_m"), density=values.get("density_kg_m3"),
         row=table.line, latitude=place["latitude"], longitude=place["longitude"],
         name=", ".join(f"{name}={value}" for name, value in where.items()),
-        names=names, report=list(table.report),
+        names=names, report=report,
     )  # fmt: skip
 
 
@@ -145,9 +146,10 @@ def _whole(raw: RawCast) -> RawCast:
         )  # fmt: skip
     if kept.sum() < 2:
         worst = min(known, key=lambda name: int(known[name].sum()))
+        flagged = "".join(f"; {line}" for line in raw.report if "flagged" in line)
         raise raw.refused(
             f"of {len(kept)} rows {int(kept.sum())} hold pressure, temperature and salinity, "
-            f"{int(known[worst].sum())} a {worst.split('_')[0]}, and 2 are the least",
+            f"{int(known[worst].sum())} a {worst.split('_')[0]}, and 2 are the least{flagged}",
             field=worst, remedy="Check that the right columns are mapped and that the sensor ran",
         )  # fmt: skip
     if not kept.all():
