@@ -31,6 +31,7 @@ __all__ = [
     "PsiTerms",
     "along_hull",
     "displaced_volume",
+    "heat_expansion",
     "hull_parts",
     "layered_volume",
     "linear_psi",
@@ -92,6 +93,11 @@ def displaced_volume(vehicle: Vehicle, pressure: ArrayLike, temperature: ArrayLi
         for part in hull_parts(vehicle)
     )  # fmt: skip
     return np.asarray(solid + air)
+
+
+def heat_expansion(vehicle: Vehicle) -> float:
+    """Return what the parts of the hull gain per kelvin [m3/K]; trapped air is not among them."""
+    return sum(part.volume * part.thermal_expansion for part in hull_parts(vehicle))
 
 
 def _pressed(part: HullPart, pressure: Array) -> tuple[Array, Array]:
@@ -213,7 +219,7 @@ def psi_terms(vehicle: Vehicle, column: Column, depth: float) -> PsiTerms:
     thinner = 1.0 - column.compressibility * p
     return PsiTerms(
         hull=sum(part.volume * float(_pressed(part, np.asarray(p))[1]) for part in parts) * dp,
-        heat=-sum(part.volume * part.thermal_expansion for part in parts) * dT,
+        heat=-heat_expansion(vehicle) * dT,
         air=boyle * ((T + _ZERO_CELSIUS) / (ATMOSPHERE + p) * dp - dT),
         water=-weight / rho * (drho / rho * thinner + column.compressibility * dp),
     )

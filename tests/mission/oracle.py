@@ -11,8 +11,8 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from swimbladder.buoyancy_engine import drive_map
 from swimbladder.dynamics import drag_force
-from swimbladder.hull import layered_volume, neutral_volume
-from swimbladder.mission.core.names import Drive, Note
+from swimbladder.hull import hull_parts, layered_volume, neutral_volume
+from swimbladder.mission.core.names import Drive, Note, Now
 
 ML = 1e6  # volumes are counted in cm3
 
@@ -31,9 +31,12 @@ class Oracle:
                 "layers": layered_volume(vehicle, column),
                 "out": drive.rate_out, "in": drive.rate_in, "bypass": drive.bypass_in,
                 "leak": drive.leakage, "short": drive.start_volume,
+                "temperature": column.temperature,
             }.items()
         }  # fmt: skip
         self.slope = self.table["pressure"].derivative()
+        self.lag = vehicle.hull.thermal_time_constant
+        self.grows = sum(p.volume * p.thermal_expansion for p in hull_parts(vehicle))
         self.surface_weight = column.density[0] * column.gravity
 
     def at(self, name, z):
@@ -53,6 +56,11 @@ class Oracle:
             way, u = (0.0, 0.0) if self.waves is None else self.waves(z, t)
             neutral = self.at("neutral", z)
             neutral += self.at("layers", max(z - way, min(z, 0.0))) - self.at("layers", z)
+            warms = 0.0
+            if self.lag > 0.0:
+                colder = self.at("temperature", max(z - way, 0.0)) - y[3]
+                neutral += self.grows * colder
+                warms = colder / self.lag
             push = float(self.slope(max(z, 0.0))) * (neutral - v)
             emerged = max(hull.emergence_depth - z, 0.0)
             push += self.surface_weight * hull.waterplane_area * emerged
@@ -62,7 +70,7 @@ class Oracle:
                 rate = 0.0
             else:
                 rate = self.at(what, z) * (1.0 if what == "out" else -1.0)
-            return [w + u, (push - drag_force(self.vehicle.drag, w)) / m, rate * ML]
+            return [w + u, (push - drag_force(self.vehicle.drag, w)) / m, rate * ML, warms]
 
         return f
 
@@ -77,7 +85,7 @@ class Oracle:
         while t < end:
             found = solve_ivp(
                 self.rhs(what), (t, end), y, method="DOP853", rtol=1e-10,
-                atol=[1e-10, 1e-11, 1e-8], events=crosses,
+                atol=[1e-10, 1e-11, 1e-8, 1e-9], events=crosses,
             )  # fmt: skip
             assert found.success, found.message
             y, t = found.y[:, -1].copy(), float(found.t[-1])
@@ -89,7 +97,8 @@ class Oracle:
     def replay(self, flight):
         """Return the states [k, 3] (m, m/s, m3) at the engine's notes, from its start on."""
         self.crossings = []
-        y = np.array([flight.begin[1], flight.begin[2], flight.begin[3] * ML])
+        begin = flight.begin
+        y = np.array([begin[Now.Z], begin[Now.W], begin[Now.V] * ML, begin[Now.HULL]])
         t, what, states = 0.0, "nothing", []
         primed = math.inf
         for note in flight.notes:

@@ -10,7 +10,7 @@ import swimbladder as sb
 from swimbladder.hull import neutral_volume
 from swimbladder.io.mission import Mission
 from swimbladder.mission.books import close_books
-from swimbladder.mission.core import kernel
+from swimbladder.mission.core import entries, kernel
 from swimbladder.mission.core.names import (
     Account,
     At,
@@ -82,11 +82,13 @@ def test_a_swell_carries_the_vehicle_as_scipy_says(profiler, sea):
 
 
 def coast(
-    vehicle, column, *, depth, volume, speed, seconds, accuracy=TIGHT, bottom=math.inf, step=None
-):
+    vehicle, column, *, depth, volume, speed, seconds, accuracy=TIGHT, bottom=math.inf, step=None,
+    celsius=None,
+):  # fmt: skip
     """Let a vehicle go, with nobody looking; return state and accounts after `seconds`."""
     task = Mission(
         start_depth=depth, bottom_depth=None if math.isinf(bottom) else bottom,
+        start_temperature=celsius,
         phases=[{"kind": "park", "depth": depth, "duration": seconds}],
     )  # fmt: skip
     plan = make_plan(vehicle, task, column, accuracy=accuracy)
@@ -144,6 +146,18 @@ def test_in_the_papers_water_it_is_the_papers_model():
     assert np.max(np.abs(paper.depth - rows[:, Row.Z])) < 1e-6
 
 
+def test_a_step_of_no_length_leaves_the_battery_as_it_is():
+    """Self-discharge over 0 s is nothing; so located steps may be."""
+    x, accounts = np.zeros(int(Now.COUNT)), np.zeros(int(Account.COUNT))
+    given = np.zeros(int(Given.COUNT))
+    x[Now.CHARGE], given[Given.SELF_DISCHARGE] = 5e6, 6e-10
+    entries.enter_energy(given, x, accounts, 0.0, 3.0, 0.0)
+    assert x[Now.CHARGE] == 5e6
+    assert accounts[Account.SELF_DISCHARGED] == 0.0
+    entries.enter_energy(given, x, accounts, 0.0, 3.0, 100.0)
+    assert x[Now.CHARGE] == pytest.approx(5e6 - 300.0 - 5e6 * 6e-8, abs=1e-4)
+
+
 def test_books_balance_battery_included(profiler, sea):
     flown = fly_mission(profiler, phases(cycles=3), sea)
     books = close_books(flown)
@@ -198,7 +212,7 @@ def test_the_bottom_takes_the_speed_at_the_instant_that_scipy_says(profiler, sea
     )
     oracle = Oracle(profiler, sea)
     found = solve_ivp(
-        oracle.rhs("nothing"), (0.0, 900.0), [100.0, 0.1, volume * 1e6], method="DOP853",
+        oracle.rhs("nothing"), (0.0, 900.0), [100.0, 0.1, volume * 1e6, 9.0], method="DOP853",
         rtol=1e-11, atol=1e-12, events=_lands,
     )  # fmt: skip
     w = float(found.y_events[0][0, 1])

@@ -112,6 +112,10 @@ class Mission(Parameters):
         0.0, description="depth at which the vehicle rests, neutral, at the start; needed with "
         "set-points. With phases 0 is afloat, all volume out"
     )  # fmt: skip
+    start_temperature: Annotated[float, Unit("degC"), Field(ge=-40.0, le=80.0)] | None = Field(
+        None, description="temperature of the hull at the start, of a vehicle with a "
+        "hull.thermal_time_constant; not given: the water's there"
+    )  # fmt: skip
     bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
         None, description="depth of the bottom; not given: none"
     )
@@ -164,7 +168,7 @@ class Mission(Parameters):
                 raise refusal(
                     "a mission with set-points needs it", f'Add a line {name} = "... {unit}"', name
                 )
-        for name in ("cycles", "latitude", "safety", "water_motion"):
+        for name in ("cycles", "latitude", "safety", "start_temperature", "water_motion"):
             if name in self.model_fields_set:
                 raise refusal("it belongs to a mission with phases", "Leave it out", name)
         return self._in_order()

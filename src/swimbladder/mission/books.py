@@ -111,6 +111,7 @@ def close_books(flight: Flight) -> MissionBooks:
         "drag": account[Account.DRAG],
         "bottom": account[Account.BLOWS],
         "moving water": account[Account.FORCED],
+        "heat of the hull": account[Account.HEAT],
         "oscillations at rest": account[Account.SETTLED],
         "vehicle motion": motion,
         "sea": stored,

@@ -12,8 +12,8 @@ from swimbladder.battery import hotel_power, surfacing_energy, usable_charge
 from swimbladder.buoyancy_engine import drive_map
 from swimbladder.dynamics import drag_terms
 from swimbladder.engine.modes import DEEPEST
-from swimbladder.errors import NoAnswerError
-from swimbladder.hull import layered_volume, neutral_volume
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.hull import heat_expansion, layered_volume, neutral_volume
 from swimbladder.io.mission import Mission
 from swimbladder.mission.core.names import Account, At, Given, Holding, Kind, Now, Stage, Table
 from swimbladder.mission.orders import approach_time, hold_parameters, law_parameters
@@ -85,8 +85,10 @@ def make_plan(
     """Return a mission as the kernel takes it.
 
     waves: of `mission.swell.waves_of`; waves, cycles, span [s]: in the place of the
-    mission's. reckoning: where the processor errs about its drive.
+    reckoning: where the processor errs about its drive. Raises InputError for a temperature at the
+    start of a hull that has the water's.
     """
+    _check_warmth(vehicle, mission)
     table, why = make_table(vehicle, column)
     moving = waves
     if moving is None:
@@ -97,6 +99,19 @@ def make_plan(
         reckoning or Reckoning(),
     )  # fmt: skip
     return Plan(given, table, moving, _stages(vehicle, mission, table, column.step), why)
+
+
+def _check_warmth(vehicle: Vehicle, mission: Mission) -> None:
+    if mission.start_temperature is None:
+        return
+    if vehicle.hull.thermal_time_constant > 0.0 and heat_expansion(vehicle) != 0.0:
+        return
+    raise InputError(
+        f"it changes nothing: the hull of {vehicle.name!r} has the water's temperature at once, or "
+        "does not expand", field="start_temperature", value=mission.start_temperature, unit="degC",
+        remedy="Leave it out, or give the vehicle hull.thermal_time_constant and [[hull.parts]] "
+        "with a thermal_expansion",
+    )  # fmt: skip
 
 
 def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
@@ -120,6 +135,7 @@ def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
         Table.HOLDING: drive.holding_power,
         Table.START: drive.start_volume,
         Table.LAYERS: layered_volume(vehicle, column),
+        Table.TEMPERATURE: column.temperature,
     }
     table = np.zeros((len(column.depth), int(Table.WIDTH)))
     for place, values in columns.items():
@@ -142,6 +158,7 @@ def _given(
     cycles: float | None, span: float | None, reckoning: Reckoning,
 ) -> Array:  # fmt: skip
     hull, stroke, m = vehicle.hull, vehicle.stroke, vehicle.mass
+    lag = hull.thermal_time_constant
     d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
     a = vehicle.actuator
     by_time = isinstance(a, PumpAndValve)
@@ -196,6 +213,8 @@ def _given(
         Given.RISING: vehicle.drag.rising_ratio,
         Given.FLOW: reckoning.valve,
         Given.MAKES_UP: 1.0 if reckoning.starts else 0.0,
+        Given.FOLLOWS: 1.0 / lag if lag > 0.0 else 0.0,
+        Given.EXPANSION: heat_expansion(vehicle) if lag > 0.0 else 0.0,
     }
     return np.array([values[key] for key in list(Given)[: int(Given.COUNT)]])
 
@@ -256,7 +275,7 @@ def first_state(
     """Return the state before the start: numbers, whole numbers and accounts.
 
     At the depth of 0 it floats with all volume out; elsewhere it rests, with its neutral volume or
-    the one that is given [m3].
+    the one that is given [m3]. Its hull is as warm as the water there, or as the mission says.
     """
     g, t = plan.given, plan.table
     x, at = np.zeros(int(Now.COUNT)), np.zeros(int(At.COUNT), dtype=np.int64)
@@ -265,16 +284,19 @@ def first_state(
     x[Now.H], x[Now.CHARGE] = 1.0, g[Given.CHARGE]
     at[At.SEED] = -1 if seed is None else seed
     at[At.NEW_PHASE] = 1
+    there = look_up(t, step, Table.TEMPERATURE, max(z, 0.0))[0]
+    x[Now.HULL] = there if mission.start_temperature is None else mission.start_temperature
+    grown = float(g[Given.EXPANSION] * (x[Now.HULL] - there))  # m3, beyond what the table says
     if z == 0.0:
         top = float(g[Given.Z_SURFACE])
         v = float(g[Given.V_MAX])
         force = look_up(t, step, Table.PRESSURE, top)[1] / g[Given.MASS]
-        light = v - look_up(t, step, Table.NEUTRAL, top)[0] - g[Given.TRIM]
+        light = v + grown - look_up(t, step, Table.NEUTRAL, top)[0] - g[Given.TRIM]
         z = top - max(force * light / g[Given.A_S], 0.0)
         at[At.PLACE] = 1
     else:
         v = float(look_up(t, step, Table.NEUTRAL, z)[0] + g[Given.TRIM] + g[Given.GIVE] * z)
-        v = v if volume is None else volume
+        v = v - grown if volume is None else volume
         at[At.PLACE] = 1 if z < g[Given.Z_SURFACE] else 0
     x[Now.Z], x[Now.V], x[Now.Z_MOST] = z, v, z
     x[Now.V_LEAST], x[Now.V_MOST] = v, -math.inf

@@ -112,6 +112,10 @@ class Hull(Parameters):
     reference_temperature: Annotated[float, Unit("degC"), Field(ge=-5.0, le=60.0)] = Field(
         15.0, description="temperature of the hull at which it displaces displaced_volume"
     )
+    thermal_time_constant: Annotated[float, Unit("s"), Field(ge=0.0, le=1e6)] = Field(
+        0.0, description="time in which the parts come within 1/e of the water's temperature; 0: "
+        "they have it at once; for mission and campaign"
+    )  # fmt: skip
     parts: tuple[HullPart, ...] = Field(
         (),
         description="components of displaced_volume, for ballast, mission and simulate --cast; "

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 from swimbladder.engine.cache import inlined, part
-from swimbladder.mission.core.motion import displaced, drag, inside, rate_of, terms, value
+from swimbladder.mission.core.motion import displaced, drag, inside, lagging, rate_of, terms, value
 from swimbladder.mission.core.names import Account, At, Doing, Given, Now, Table
 from swimbladder.seawater.motion import moved
 
 __all__ = ["book", "enter", "enter_energy", "power"]
 
 T, Z, W, V, CHARGE = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.CHARGE)
+HULL, FOLLOWS, HEAT = int(Now.HULL), int(Given.FOLLOWS), int(Account.HEAT)
 DOING, PLACE, STEP, MASS = int(At.DOING), int(At.PLACE), int(Given.STEP), int(Given.MASS)
 SELF_DISCHARGE, NOTHING, PUMPING = int(Given.SELF_DISCHARGE), int(Doing.NOTHING), int(Doing.PUMPING)
 PRIMING, LETTING_IN, PRESSURE = int(Doing.PRIMING), int(Doing.LETTING_IN), int(Table.PRESSURE)
@@ -49,14 +50,21 @@ def book(p, table, waves, x, at, accounts, loads, h, work):  # type: ignore[no-u
             sums[2] += share * rate * value(table, p[STEP], PRESSURE, z)[0]
         elif doing == PUMPING:
             sums[3] += share
+        way, dz = 0.0, w
+        hull = inside(x[HULL], y[3], k1[3], k2[3], s)
         if waves.shape[0] > 0:
-            dz, pull, _ = terms(p, table, waves, doing, at[PLACE] == 1, x[T] + s * h, z, w, v)
+            t = x[T] + s * h
+            dz, pull, _, _ = terms(p, table, waves, doing, at[PLACE] == 1, t, z, w, v, hull)
             sums[4] += share * p[MASS] * (pull + drag(p, w)[0]) * (dz - w)
-            way = _moved(waves, z, x[T] + s * h)[0]
+            way = _moved(waves, z, t)[0]
             slope = value(table, p[STEP], PRESSURE, z)[1]
             sums[4] -= share * slope * displaced(p, table, z, way)[0] * dz
+        if p[FOLLOWS] > 0.0:
+            slope = value(table, p[STEP], PRESSURE, z)[1]
+            sums[5] -= share * slope * lagging(p, table, z - way, hull)[0] * dz
     accounts[DRAG] += sums[0]
     accounts[FORCED] += sums[4]
+    accounts[HEAT] += sums[5]
     enter(accounts, doing, y[2] - x[V], sums[2], sums[1], h)
     accounts[STALLED] += sums[3]
     enter_energy(p, x, accounts, sums[1], loads, h)
@@ -102,8 +110,8 @@ def enter_energy(p, x, accounts, drive, loads, h):  # type: ignore[no-untyped-de
     """
     accounts[LOAD_ENERGY] += loads * h
     drawn = drive + loads * h
-    if p[SELF_DISCHARGE] > 0.0:
-        s = p[SELF_DISCHARGE] * h
+    s = p[SELF_DISCHARGE] * h
+    if s > 0.0:
         lost = -x[CHARGE] * math.expm1(-s) - drawn * (1.0 + math.expm1(-s) / s)
         accounts[SELF_DISCHARGED] += lost
         x[CHARGE] -= lost

@@ -38,6 +38,7 @@ T_LOOK, T_MOVE, V_MOVE, CHARGE = int(Now.T_LOOK), int(Now.T_MOVE), int(Now.V_MOV
 PHASE, CYCLE, DOING, PLACE = int(At.PHASE), int(At.CYCLE), int(At.DOING), int(At.PLACE)
 RESTS, ARRIVED, ALARM, STOP = int(At.RESTS), int(At.ARRIVED), int(At.ALARM), int(At.STOP)
 NEW_PHASE, MASS, V_MAX = int(At.NEW_PHASE), int(Given.MASS), int(Given.V_MAX)
+HULL = int(Now.HULL)
 V_MIN, EMPTY, Z_BOTTOM = int(Given.V_MIN), int(Given.EMPTY), int(Given.Z_BOTTOM)
 LONGEST, KIND, DEPTH = int(Given.LONGEST), int(Stage.KIND), int(Stage.DEPTH)
 TOLERANCE, LOADS = int(Stage.TOLERANCE), int(Stage.LOADS)
@@ -161,8 +162,10 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
                     note(notes, counts, x, NOTE_LEFT, 0.0)
                 elif ended == 3:
                     at[RESTS] = 0
-                if at[PLACE] == 2 and at[DOING] == NOTHING and x[V] >= lift_volume(p, table, x[Z]):
+                lift = lift_volume(p, table, x[Z], x[HULL])
+                if at[PLACE] == 2 and at[DOING] == NOTHING and x[V] >= lift:
                     at[PLACE] = 0
+                    note(notes, counts, x, NOTE_LEFT, 0.0)
                 if at[PLACE] == 2 or at[DOING] != NOTHING:
                     _row(rows, counts, x, at, accounts)
             else:

@@ -18,6 +18,7 @@ __all__ = ["AIR", "BOTTOM", "GUARDS", "LEVEL", "LOST", "SURFACE", "TOO_DEEP", "V
 
 T, Z, W, V, H, V_MOVE = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.H), int(Now.V_MOVE)
 Z_MOST, V_LEAST, V_MOST, DOING = int(Now.Z_MOST), int(Now.V_LEAST), int(Now.V_MOST), int(At.DOING)
+HULL, FOLLOWS, EXPANSION = int(Now.HULL), int(Given.FOLLOWS), int(Given.EXPANSION)
 PLACE, ALARM, STEPS, REJECTED = int(At.PLACE), int(At.ALARM), int(At.STEPS), int(At.REJECTED)
 Z_SURFACE, Z_BOTTOM, Z_AIR = int(Given.Z_SURFACE), int(Given.Z_BOTTOM), int(Given.Z_AIR)
 Z_LOST, DEEPEST, V_MIN = int(Given.Z_LOST), int(Given.DEEPEST), int(Given.V_MIN)
@@ -61,7 +62,7 @@ def _fill(p, x, at, level, z, v, found):  # type: ignore[no-untyped-def]
 @part
 def _step(p, table, waves, x, at, h, work):  # type: ignore[no-untyped-def]
     rosenbrock(
-        p, table, waves, at[DOING], at[PLACE] == 1, x[T], x[Z], x[W], x[V], h,
+        p, table, waves, at[DOING], at[PLACE] == 1, x[T], x[Z], x[W], x[V], x[HULL], h,
         work[0], work[1], work[2], work[3],
     )  # fmt: skip
 
@@ -84,6 +85,9 @@ def leap(p, table, waves, x, at, accounts, loads, level, until, work):  # type: 
             abs(e[1]) / (p[ATOL_W] + p[RTOL] * (abs(x[W]) + abs(dw))),
             abs(e[2]) / (p[ATOL_V] + p[RTOL] * abs(y[2] - x[V])),
         )
+        if p[FOLLOWS] > 0.0:
+            grown = p[EXPANSION] * abs(y[3] - x[HULL])
+            error = max(error, p[EXPANSION] * abs(e[3]) / (p[ATOL_V] + p[RTOL] * grown))
         if not math.isfinite(error):
             error = 1e6
         factor = min(max(0.9 * error ** (-0.25), 0.2), 6.0) if error > 0.0 else 6.0
@@ -104,7 +108,7 @@ def leap(p, table, waves, x, at, accounts, loads, level, until, work):  # type: 
         event, h = _located(p, table, waves, x, at, level, h, work)
     book(p, table, waves, x, at, accounts, loads, h, work)
     x[T] = until if h == left else x[T] + h
-    x[Z], x[W], x[V] = y[0], y[1], y[2]
+    x[Z], x[W], x[V], x[HULL] = y[0], y[1], y[2], y[3]
     if x[Z] > x[Z_MOST]:
         x[Z_MOST] = x[Z]
     x[V_LEAST] = min(x[V_LEAST], x[V])
@@ -149,7 +153,10 @@ def _located(p, table, waves, x, at, level, h, work):  # type: ignore[no-untyped
         gone = found[event]
         if abs(gone) < _EDGE:
             break
-        rates = terms(p, table, waves, at[DOING], at[PLACE] == 1, x[T] + t, y[0], y[1], y[2])
+        emerging = at[PLACE] == 1
+        rates = terms(
+            p, table, waves, at[DOING], emerging, x[T] + t, y[0], y[1], y[2], y[3]
+        )  # fmt: skip
         rise = abs(rates[0]) if event != VOLUME else abs(rates[2]) * _V_SCALE
         if rise <= abs(gone) / h:
             break
@@ -157,9 +164,9 @@ def _located(p, table, waves, x, at, level, h, work):  # type: ignore[no-untyped
         if t <= 0.0:
             break
     if t <= 0.0:
-        y[0], y[1], y[2] = x[Z], x[W], x[V]
-        work[2, :3] = 0.0
-        work[3, :3] = 0.0
+        y[0], y[1], y[2], y[3] = x[Z], x[W], x[V], x[HULL]
+        work[2, :4] = 0.0
+        work[3, :4] = 0.0
     return event, t
 
 

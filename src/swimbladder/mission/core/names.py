@@ -37,7 +37,8 @@ class Table(IntEnum):
     HOLDING = 18  # W
     START = 20  # m3 that each start of the pump falls short
     LAYERS = 22  # m3, neutral volume less what pressure does to water and hull
-    WIDTH = 24
+    TEMPERATURE = 24  # degC of the water
+    WIDTH = 26
 
 
 class Given(IntEnum):
@@ -86,7 +87,9 @@ class Given(IntEnum):
     RISING = 40  # -, drag while rising over that while sinking
     FLOW = 41  # -, what valve and bypass let in over what the processor reckons with
     MAKES_UP = 42  # 1: a run is longer by what its start falls short of
-    COUNT = 43
+    FOLLOWS = 43  # 1/s, how fast the hull takes the water's temperature; 0: at once
+    EXPANSION = 44  # m3/K, of a hull that does not take it at once
+    COUNT = 45
 
 
 class Stage(IntEnum):
@@ -143,7 +146,8 @@ class Now(IntEnum):
     T_ARRIVED = 22  # s, when it did
     W_SEEN = 23  # m/s, speed as the processor knew it last
     LAW = 24  # the numbers that the law remembers, in its order: 7 of `rate`, 15 of `deadband`
-    COUNT = 39
+    HULL = 39  # degC of the hull
+    COUNT = 40
 
 
 class At(IntEnum):
@@ -204,8 +208,9 @@ class Account(IntEnum):
     PUMP_RUNS = 18
     VALVE_RUNS = 19
     STALLED = 20  # s of pumping without delivery
-    T_KIND = 21  # s in each kind of phase: five of them
-    COUNT = 26
+    HEAT = 21  # J that a hull warmer or colder than the water took
+    T_KIND = 22  # s in each kind of phase: five of them
+    COUNT = 27
 
 
 class Holding(IntEnum):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 from swimbladder.engine.cache import part
 from swimbladder.mission.core.entries import enter, enter_energy, power
-from swimbladder.mission.core.motion import drag, rate_of, slope_of_force, terms, value
+from swimbladder.mission.core.motion import drag, lagging, rate_of, slope_of_force, terms, value
 from swimbladder.mission.core.names import Account, At, Doing, Given, Now, Table
 
 __all__ = ["lift_volume", "settle", "stay"]
@@ -16,9 +18,11 @@ Z_SURFACE, V_MIN, V_MAX = int(Given.Z_SURFACE), int(Given.V_MIN), int(Given.V_MA
 REST_DEEP, REST_AFLOAT, NOTHING = int(Given.REST_DEEP), int(Given.REST_AFLOAT), int(Doing.NOTHING)
 PUMPING, PRESSURE, NEUTRAL = int(Doing.PUMPING), int(Table.PRESSURE), int(Table.NEUTRAL)
 TRIM, GIVE, SETTLED = int(Given.TRIM), int(Given.GIVE), int(Account.SETTLED)
-STALLED = int(Account.STALLED)
+STALLED, HULL, FOLLOWS = int(Account.STALLED), int(Now.HULL), int(Given.FOLLOWS)
 _EDGE = 1e-13  # how near a guard's zero is near enough, of its unit (m, m3 times 1e4)
 _AWASH = 1e-3  # m of the hull still out of the water where its rest afloat ends
+_COUNTS = 1e-10  # m3, by which a hull that warms or cools on the bottom may lift it
+_PART = 0.1  # of the hull's time constant: so exact is the time at which it does
 
 
 @part
@@ -29,18 +33,23 @@ def stay(p, table, x, at, accounts, loads, until):  # type: ignore[no-untyped-de
     3 what sinks it from the surface, else 0.
     """
     rate = rate_of(p, table, at[DOING], x[Z], x[V])[0]
+    colder = 0.0
+    if p[FOLLOWS] > 0.0:
+        more, _, colder, _ = lagging(p, table, x[Z], x[HULL])
+        if at[PLACE] == 2 and abs(more) > _COUNTS:
+            until = min(until, x[T] + _PART / p[FOLLOWS])
     h, change = until - x[T], 0.0
     ended = 0
     if rate != 0.0:
         goal = min(p[V_MAX], x[V_MOVE]) if rate > 0.0 else p[V_MIN]
         if rate < 0.0 and at[DOING] != NOTHING:
             goal = max(p[V_MIN], x[V_MOVE])
-        lift = lift_volume(p, table, x[Z])
+        lift = lift_volume(p, table, x[Z], x[HULL])
         if rate > 0.0 and x[V] < lift < goal:
             goal = lift
             ended = 2
-        elif at[PLACE] == 1 and rate < 0.0 and sink_volume(p, table) > goal:
-            goal = min(sink_volume(p, table), x[V])
+        elif at[PLACE] == 1 and rate < 0.0 and sink_volume(p, table, x[HULL]) > goal:
+            goal = min(sink_volume(p, table, x[HULL]), x[V])
             ended = 3
         else:
             ended = 1
@@ -55,8 +64,9 @@ def stay(p, table, x, at, accounts, loads, until):  # type: ignore[no-untyped-de
         accounts[STALLED] += h
     enter_energy(p, x, accounts, energy, loads, h)
     x[T] = until if ended == 0 else x[T] + h
+    x[HULL] -= colder * math.expm1(-p[FOLLOWS] * h)
     if at[PLACE] == 1:
-        by_depth, by_volume = slope_of_force(p, table, True, x[Z], x[V])
+        by_depth, by_volume = slope_of_force(p, table, True, x[Z], x[V], x[HULL], 0.0, 0.0)
         x[Z] -= change * by_volume / by_depth
     x[V] += change
     x[V_LEAST] = min(x[V_LEAST], x[V])
@@ -66,17 +76,21 @@ def stay(p, table, x, at, accounts, loads, until):  # type: ignore[no-untyped-de
 
 
 @part
-def lift_volume(p, table, z):  # type: ignore[no-untyped-def]
-    """Return the volume above which a vehicle that lies at depth z rises [m3]."""
+def lift_volume(p, table, z, hull):  # type: ignore[no-untyped-def]
+    """Return the volume above which a vehicle that lies at depth z rises [m3]; hull: degC."""
     neutral = value(table, p[STEP], NEUTRAL, z)[0] + p[TRIM] + p[GIVE] * z
+    if p[FOLLOWS] > 0.0:
+        neutral += lagging(p, table, z, hull)[0]
     return neutral + 1e-12 * (p[V_MAX] - p[V_MIN])
 
 
 @part
-def sink_volume(p, table):  # type: ignore[no-untyped-def]
-    """Return the volume [m3] at which a floating hull is but `_AWASH` out of the water."""
+def sink_volume(p, table, hull):  # type: ignore[no-untyped-def]
+    """Return the volume [m3] at which a floating hull [degC] is but `_AWASH` out of the water."""
     top = p[Z_SURFACE]
     neutral = value(table, p[STEP], NEUTRAL, top)[0] + p[TRIM] + p[GIVE] * top
+    if p[FOLLOWS] > 0.0:
+        neutral += lagging(p, table, top, hull)[0]
     return neutral + _AWASH * p[A_S] * p[MASS] / value(table, p[STEP], PRESSURE, top)[1]
 
 
@@ -89,15 +103,23 @@ def settle(p, table, waves, x, at, accounts):  # type: ignore[no-untyped-def]
         if waves[k, 5] > 0.0:
             return
     if rate_of(p, table, NOTHING, x[Z], x[V])[0] != 0.0 and (
-        at[PLACE] != 1 or x[V] <= sink_volume(p, table) + _EDGE
+        at[PLACE] != 1 or x[V] <= sink_volume(p, table, x[HULL]) + _EDGE
     ):
         return  # it drifts with what leaks; afloat the hull gives way by next to nothing
-    stiffness = -slope_of_force(p, table, at[PLACE] == 1, x[Z], x[V])[0]
+    emerging = at[PLACE] == 1
+    by_depth, by_volume = slope_of_force(p, table, emerging, x[Z], x[V], x[HULL], 0.0, 0.0)
+    stiffness = -by_depth
     if stiffness <= 0.0:
         return
-    _, pull, _ = terms(p, table, waves, NOTHING, at[PLACE] == 1, x[T], x[Z], x[W], x[V])
+    _, pull, _, _ = terms(
+        p, table, waves, NOTHING, emerging, x[T], x[Z], x[W], x[V], x[HULL]
+    )  # fmt: skip
     way = (pull + drag(p, x[W])[0]) / stiffness
-    limit = p[REST_AFLOAT] if at[PLACE] == 1 else p[REST_DEEP]
+    limit = p[REST_AFLOAT] if emerging else p[REST_DEEP]
+    if p[FOLLOWS] > 0.0:
+        goes = by_volume * lagging(p, table, x[Z], x[HULL])[0] / stiffness
+        if abs(goes) > limit:
+            return  # it goes on with the hull's temperature
     if way * way + x[W] * x[W] / stiffness < limit * limit:
         accounts[SETTLED] += 0.5 * p[MASS] * x[W] * x[W]
         x[W] = 0.0
