@@ -35,7 +35,7 @@ def dissent(dives: Sequence[DiveTold]) -> float:
 
     each = sum(count(dive.information) for dive in dives)
     free = each - count(np.sum([dive.information for dive in dives], axis=0))
-    if free < 1.0:
+    if free < 0.5:  # they tell nothing that others tell too
         return 1.0
     off = [d.gradient @ np.linalg.solve(d.information + prior, d.gradient) for d in dives]
     return float(sum(off)) / free
