@@ -22,7 +22,7 @@ from swimbladder.report.tune import write_tuning
 from swimbladder.tune import tune
 from swimbladder.tune.energy import electrical_energy, winding
 from swimbladder.tune.gains import Knobs, gains, setting_of, tunable
-from swimbladder.tune.margins import WANTED, exactly, falls_short, roughly, worst
+from swimbladder.tune.margins import WANTED, exactly, falls_short, lacking, roughly, worst
 from swimbladder.tune.motion import off_in
 from swimbladder.tune.region import region
 from swimbladder.tune.trial import motor_starts, motor_turns, trial
@@ -143,6 +143,7 @@ def test_pulses_hold_a_depth_with_sixty_starts_an_hour():
     said = " ".join(found.sentences)
     assert "starts from rest" in said
     assert "reversals an hour" in said
+    assert "2 % of that step are 10 mm, hardly more than it is held to" in said
     kept = found.to_json()["region"]
     assert kept["starts_1_s"] == found.region.starts
     assert kept["turns_1_s"] == found.region.turns
@@ -238,10 +239,19 @@ def test_the_energy_of_samples_is_that_of_the_books():
     assert found == pytest.approx(run.books.energy["source"], rel=1e-9)
 
 
+LIGHT = FEUP.model_copy(update={  # it needs its stroke near the surface, and less of it deeper
+    "trim_error": 3.6e-4, "hull": FEUP.hull.model_copy(update={"psi": -1e-6}),
+})  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("vehicle", "options", "error", "words"),
     [
         (FEUP, {"depths": (0.0, 90.0)}, NoAnswerError, "outside its stroke"),
+        (FEUP, {"step": (1.5, 95.0)}, NoAnswerError, "at 95 m the vehicle is neutral at 383.8"),
+        (FEUP, {"step": (1.5, 300.0)}, NoAnswerError, "rated for 100 m"),
+        (FEUP, {"depths": (0.0, 86.5)}, NoAnswerError, "anywhere from 347.5 to 351.5 cm3"),
+        (LIGHT, {"depths": (5.0, 60.0)}, NoAnswerError, "at 5 m the vehicle is neutral at 355"),
         (FEUP, {"depths": (0.0, 60.0), "supply": 4.0}, NoAnswerError, "no longer extend below"),
         (FEUP, {"depths": (0.0, 150.0)}, NoAnswerError, "rated for 100 m"),
         (FEUP, {"sample_time": 3.0}, NoAnswerError, "shorter sample time"),
@@ -268,6 +278,19 @@ def test_the_energy_of_samples_is_that_of_the_books():
 def test_what_cannot_be_is_said(vehicle, options, error, words):
     with pytest.raises(error, match=words):
         tune(vehicle, **options)
+
+
+def test_gains_that_lack_a_margin_are_nearer_than_ones_that_are_not_stable():
+    """A loop that is stable with a small phase, and one that is not: the first is told of."""
+    lost = WANTED._replace(stable=False, gain_up=1.0, gain_down=1.0, phase=0.0, disk=0.0)
+    assert lacking(WANTED) == pytest.approx(1.0)
+    assert lacking(WANTED._replace(phase=0.5 * WANTED.phase)) == pytest.approx(2.0)
+    assert lacking(WANTED._replace(peak_sensitivity=2.8)) == pytest.approx(3.0)
+    assert lacking(lost) == math.inf
+    with pytest.raises(NoAnswerError, match=r"the nearest has .*phase \d+ of 46 degrees"):
+        tune(FEUP, law="sea-cascade", sample_time=3.0, runs=20)
+    with pytest.raises(NoAnswerError, match="none makes a loop that is stable over it"):
+        tune(FEUP, law="sea-cascade", sample_time=60.0, runs=20)
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ __all__ = [
     "decibels",
     "exactly",
     "falls_short",
+    "lacking",
     "loops",
     "roughly",
     "worst",
@@ -188,6 +189,14 @@ def falls_short(m: Worst, wanted: Worst = WANTED) -> tuple[str, ...]:
         (m.disk < wanted.disk, f"disk margin {m.disk:.2f} of {wanted.disk:.2f}"),
     )
     return tuple(words for short, words in checks if short)
+
+
+def lacking(m: Worst, wanted: Worst = WANTED) -> float:
+    """Return by how much the margin that is farthest from what is wanted misses it, as a ratio."""
+    over = (m.peak_sensitivity - 1.0) / (wanted.peak_sensitivity - 1.0)
+    ratios = wanted.gain_up / m.gain_up, m.gain_down / wanted.gain_down, over
+    angles = ((wanted.phase, m.phase), (wanted.disk, m.disk))
+    return max(*ratios, *(w / had if had > 0.0 else math.inf for w, had in angles))
 
 
 def decibels(gain: float) -> str:

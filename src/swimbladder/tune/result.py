@@ -16,6 +16,8 @@ from swimbladder.tune.trial import Step, Traces, Trial
 
 __all__ = ["Tuning"]
 
+_WIDER = 3.0  # times the rms of a hold, that a band has to be to be told from it
+
 
 @dataclass(frozen=True, kw_only=True)
 class Tuning:
@@ -79,6 +81,13 @@ class Tuning:
             f"{3600.0 * r.turns:.0f} reversals an hour."
         )
         sentences = [settled, held]
+        band = 0.02 * abs(self.step.target - self.step.start)
+        if band < _WIDER * r.rms:
+            sentences.insert(
+                1,
+                f"2 % of that step are {1e3 * band:.2g} mm, hardly more than it is held to: when "
+                "it settles says little. A longer step (--step) would tell.",
+            )
         if math.isfinite(r.energy):
             sentences.append(
                 f"The motor takes {r.energy:.3g} J in the {self.step.duration / 60.0:.3g} min of a "

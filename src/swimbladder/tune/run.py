@@ -14,7 +14,7 @@ from swimbladder.parameters import Controller, Vehicle
 from swimbladder.tune.energy import winding
 from swimbladder.tune.gains import TUNABLE, setting_of, tunable
 from swimbladder.tune.grids import GOALS, HELD, goals_of
-from swimbladder.tune.region import region
+from swimbladder.tune.region import Region, region
 from swimbladder.tune.result import Tuning
 from swimbladder.tune.search import search
 from swimbladder.tune.trial import Step, traces
@@ -25,6 +25,7 @@ _LOW = 0.9  # of the supply's voltage, a battery that is nearly empty
 _WATCH = 2700.0  # s, that a hold is watched for: what counts is the last third
 _SHOWN = (1, 30)  # runs kept as they went: of the nominal vehicle, over the region
 _WATCHED = 10.0  # times the least time of a step
+_ASKED = "(--depth, --step)"
 
 
 def tune(
@@ -64,13 +65,13 @@ def tune(
             "the least supply must be above 0 and not above the vehicle's", field="supply",
             value=least, unit="V", remedy=f"Give up to {p.supply:g} V",
         )  # fmt: skip
-    _check_reach(vehicle, depths, least)
     around = region(vehicle)
+    ends = _step(depths, step)
+    judged = tuple(sorted({*depths, *ends}))
+    _check_reach(vehicle, judged, least, around)
     setting = setting_of(
         vehicle, sample_time=h, supply=least, neutral_range=max(10.0 * around.neutral, 20e-6)
     )
-    ends = _step(depths, step)
-    judged = tuple(sorted({*depths, *ends}))
     held = HELD.get(goal, 0.0) if hold is None else hold
     long = _WATCH if goal != "fast" else _watched(vehicle, least, abs(ends[1] - ends[0]), h)
     watched = Step(*ends, long)
@@ -185,22 +186,34 @@ def _sample_time(vehicle: Vehicle, given: float | None) -> float:
     return given
 
 
-def _check_reach(vehicle: Vehicle, depths: tuple[float, float], supply: float) -> None:
-    """Raise NoAnswerError where stroke or supply does not reach the greatest depth."""
-    deepest, rating = depths[1], vehicle.hull.depth_limit
+def _check_reach(
+    vehicle: Vehicle, depths: tuple[float, ...], supply: float, around: Region
+) -> None:
+    """Raise NoAnswerError where stroke or supply does not reach one of the depths, least first."""
+    deepest, rating = depths[-1], vehicle.hull.depth_limit
     if rating is not None and deepest > rating:
         raise NoAnswerError(
             f"the hull is rated for {rating:g} m, and {deepest:g} m are asked for: no law changes "
-            "that. Tune for less depth"
+            f"that. Tune for less depth {_ASKED}"
         )
-    neutral = vehicle.neutral_volume(deepest)
     stroke = vehicle.stroke
-    if not stroke.minimum < neutral < stroke.maximum:
-        raise NoAnswerError(
-            f"at {deepest:g} m the vehicle is neutral at {1e6 * neutral:.4g} cm3, outside its "
-            f"stroke of {1e6 * stroke.minimum:g} to {1e6 * stroke.maximum:g} cm3: no law holds it "
-            "there. Trim it otherwise, give it more stroke, or tune for less depth"
-        )
+    cure = f"Trim it otherwise, give it more stroke, or tune for other depths {_ASKED}"
+    for depth in depths:
+        neutral = vehicle.neutral_volume(depth)
+        if not stroke.minimum < neutral < stroke.maximum:
+            raise NoAnswerError(
+                f"at {depth:g} m the vehicle is neutral at {1e6 * neutral:.4g} cm3, outside its "
+                f"stroke of {1e6 * stroke.minimum:g} to {1e6 * stroke.maximum:g} cm3: no law holds "
+                f"it there. {cure}"
+            )
+        each = [p.psi * depth + p.V_0 for p in around.plants]
+        low, high = min(each) - around.neutral, max(each) + around.neutral
+        if not (stroke.minimum < low and high < stroke.maximum):
+            raise NoAnswerError(
+                f"at {depth:g} m the vehicle may be neutral anywhere from {1e6 * low:.4g} to "
+                f"{1e6 * high:.4g} cm3, beyond its stroke of {1e6 * stroke.minimum:g} to "
+                f"{1e6 * stroke.maximum:g} cm3: no law holds all of these vehicles there. {cure}"
+            )
     if not vehicle.voltage_driven:
         return
     p = plant(vehicle)._replace(supply=supply)
@@ -208,7 +221,7 @@ def _check_reach(vehicle: Vehicle, depths: tuple[float, float], supply: float) -
     if limit is not None and deepest >= limit:
         raise NoAnswerError(
             f"with {supply:.3g} V the motor can no longer extend below {limit:.4g} m: no law holds "
-            f"the vehicle at {deepest:g} m. It takes a higher supply, or less depth"
+            f"the vehicle at {deepest:g} m. It takes a higher supply, or less depth {_ASKED}"
         )
 
 

@@ -16,7 +16,15 @@ from swimbladder.parameters import Vehicle
 from swimbladder.tune.gains import TUNABLE, Recipe, gains
 from swimbladder.tune.grids import grid, options, preference, score
 from swimbladder.tune.knobs import Knobs, Setting
-from swimbladder.tune.margins import WANTED, Worst, exactly, falls_short, roughly, worst
+from swimbladder.tune.margins import (
+    WANTED,
+    Worst,
+    exactly,
+    falls_short,
+    lacking,
+    roughly,
+    worst,
+)
 from swimbladder.tune.region import Region
 from swimbladder.tune.trial import Step, Trial, trial
 
@@ -31,6 +39,7 @@ _FINAL = 3  # options of a law that rests, whose band is fitted to the error tha
 _FITTED = 3  # times, each with as many runs as are told of
 _SLACK = 0.97  # of the margins: the linear form is that of differences
 _AWAY = 0.3  # of a step, off which its end counts as not brought there
+_HOLD_BEST = ("observer", "position-observer")
 _LOST = 2.0  # times the error allowed, that is no holding any more
 
 
@@ -53,7 +62,7 @@ class _Search:
     ) -> None:  # fmt: skip
         self.name, self.recipe, self.setting, self.region = name, recipe, setting, region
         self.depths, self.delay, self.tell = depths, delay, tell
-        self.near: tuple[int, tuple[str, ...]] | None = None
+        self.near: tuple[tuple[bool, bool, float], tuple[str, ...]] | None = None
 
     def over(
         self, knobs: Knobs, wanted: Worst, look: Callable[[StateSpace], Worst], *, nominal: bool
@@ -71,8 +80,9 @@ class _Search:
         short = falls_short(m, wanted)
         if not short:
             return m
-        if self.near is None or len(short) <= self.near[0]:
-            self.near = (len(short), short)
+        rank = (nominal, not m.stable, lacking(m, wanted))
+        if self.near is None or rank < self.near[0]:
+            self.near = (rank, short)
         return None
 
     def candidates(self, goal: str, held: float, most: int, wanted: Worst) -> list[Knobs]:
@@ -145,19 +155,20 @@ def search(
                 rms = over.rms
                 final.append((score(goal, over, held), knobs, over))
         scored = sorted(final, key=lambda one: one[0]) + scored[_FINAL:]
+    other = "" if name in _HOLD_BEST else f"the law {_HOLD_BEST[0]} or "
     if goal != "fast" and scored and not scored[0][2].rms <= _LOST * held:
         raise NoAnswerError(
             f"no gains of the law {name!r} that were tried hold a depth to {1e3 * held:.3g} mm rms "
             f"over the region: the best has {1e3 * scored[0][2].rms:.3g} mm. A greater error "
-            "allowed, a better depth sensor, parameters known better or the law observer would help"
+            f"allowed, a better depth sensor, {other}parameters known better would help"
         )
     span = abs(step.target - step.start)
     if goal == "fast" and scored and not scored[0][2].rms <= _AWAY * span:
         raise NoAnswerError(
             f"no gains of the law {name!r} that were tried bring the vehicle through the step over "
             f"the region: at its end the best is off by {scored[0][2].rms:.3g} m rms, with a depth "
-            f"noise of {1e3 * setting.noise:.3g} mm reckoned with. A better depth sensor, a goal "
-            "of quiet, a larger supply or parameters known better would help"
+            f"noise of {1e3 * setting.noise:.3g} mm reckoned with. Another law, a better depth "
+            "sensor, a goal of quiet, a larger supply or parameters known better would help"
         )
     for _, knobs, few in scored:
         m = look.over(knobs, wanted, exactly, nominal=False) if recipe.linear else None
@@ -167,10 +178,14 @@ def search(
             parameters = gains(name, setting, knobs)
             return Found(knobs, parameters, m, tried(knobs, runs, nominal=True), over)
     assert look.near is not None  # something was computed
+    (_, unstable, _), short = look.near
+    nearest = "none makes a loop that is stable over it" if unstable else (
+        f"the nearest has {'; '.join(short)}"
+    )  # fmt: skip
     raise NoAnswerError(
         f"no gains of the law {name!r} have the margins over the region at a sample time of "
-        f"{h:g} s: the nearest has {'; '.join(look.near[1])}. A shorter sample time, a faster "
-        "motor or parameters known better would help"
+        f"{h:g} s: {nearest}. A shorter sample time, a faster motor or parameters known better "
+        "would help"
     )
 
 
