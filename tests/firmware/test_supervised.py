@@ -266,6 +266,11 @@ def test_reasons_have_words_in_c(tmp_path):
     for number, name, words, after in meanings(library().supervisor):
         assert f"| {number} {name} | {words} | {after} |" in readme
     assert [number for number, *_ in meanings(library().supervisor)] == list(range(1, 16))
+    p = library().supervisor
+    said = " ".join(readme.split())
+    assert f"heavier than {p.sinks * 1e6:.3g} cm3" in said
+    assert f"not been {p.reach * 1e6:.3g} cm3 above the neutral one in the last 30 s" in said
+    assert "the command is 12 V, whatever the law says" in said
 
 
 @pytest.mark.avr

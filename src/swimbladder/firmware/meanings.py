@@ -75,6 +75,11 @@ def facts_of(p: SupervisorParameters) -> dict[str, Any]:
         "push_text": f"{p.push * p.S_p:.0f}",
         "rest_text": f"{p.rest * p.S_p:.0f}",
         "surface": push,
+        "sinks_text": f"{p.sinks * 1e6:.3g}",
+        "reach_text": f"{p.reach * 1e6:.3g}",
+        "proof_text": f"{p.unproven * p.S_p:.3g} s",
+        "tried_text": f"{p.same_tried * p.S_p:.3g} s",
+        "full_text": "the largest volume" if p.positioner > 0.0 else f"{p.surface_command:g} V",
         "meanings": meanings(p),
     }
 
