@@ -22,6 +22,7 @@ from swimbladder.mission.core.names import (
     Now,
     Row,
     Stop,
+    Table,
 )
 from swimbladder.mission.flight import fly_mission, thinned
 from swimbladder.mission.prepare import Accuracy, first_state, make_plan
@@ -104,6 +105,36 @@ def coast(
         np.zeros(3, dtype=np.int64), np.zeros((6, 8)),
     )  # fmt: skip
     return x, at, accounts
+
+
+def test_a_run_ends_at_its_volume_though_the_vehicle_emerges_in_the_same_step():
+    """Rising while volume is drawn in: at 0.9 of a step it is in, at 0.8 to 1 the hull is out."""
+    vehicle = sb.load_vehicle("example-em")
+    column = uniform_column(vehicle.water, 30.0)
+    task = Mission(start_depth=1.0, phases=[{"kind": "park", "depth": 10.0, "duration": 60.0}])
+    loose = Accuracy(relative=1e9, depth=1e9, speed=1e9, volume=1e9)
+    plan = make_plan(vehicle, task, column, accuracy=loose)
+    rate = plan.table[0, Table.RATE_IN]
+    emerged = 0
+    for share in np.linspace(0.76, 0.99, 12):
+        x, at, accounts = first_state(plan, task)
+        x[Now.Z], x[Now.W], x[Now.H] = 0.1 * share, -0.1, 1.0
+        x[Now.V_MOVE] = x[Now.V] - 0.9 * rate
+        x[Now.T_LOOK], x[Now.T_MOVE], x[Now.T_END] = 1.0, math.inf, 1.0
+        at[At.NEW_PHASE], at[At.DOING] = 0, Doing.LETTING_IN
+        goal, begin = float(x[Now.V_MOVE]), float(x[Now.V])
+        counts, notes = np.zeros(3, dtype=np.int64), np.zeros((40, int(Drive.COUNT)))
+        cycles = np.zeros((1, int(Cycle.ACCOUNTS) + int(Account.COUNT)))
+        kernel.fly_kernel(
+            plan.given, plan.table, plan.waves, plan.stages, x, at, accounts,
+            np.zeros((0, int(Row.COUNT))), notes, cycles, counts, np.zeros((6, 8)),
+        )  # fmt: skip
+        kinds = notes[: counts[1], Drive.WHAT]
+        emerged += int(Note.EMERGED in kinds)
+        ended = notes[: counts[1]][kinds == Note.RUN_OVER][0]
+        assert ended[Drive.V] == goal
+        assert accounts[Account.LET_IN] == pytest.approx(begin - goal, rel=1e-9)
+    assert emerged > 5
 
 
 def test_the_order_is_four(profiler):

@@ -125,14 +125,14 @@ def _located(p, table, waves, x, at, level, h, work):  # type: ignore[no-untyped
     for n in range(GUARDS):
         low, high = 0.0, 0.0
         for k in range(1, 5):  # a turn may hide two crossings
-            s = 0.25 * k
-            if s > share:
-                break
+            s = min(0.25 * k, share)
             _between(p, x, at, level, work, s)
             if found[n] > max(before[n], 0.0):
                 high = s
                 break
             low = s
+            if s == share:
+                break
         if high == 0.0:
             continue
         for _ in range(50):
