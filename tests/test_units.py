@@ -23,7 +23,8 @@ from swimbladder.units import (
 PINT_NAMES = {
     "%": "percent", "cc": "cm**3", "t": "tonne", "rev": "turn", "d": "day", "Ω": "ohm",
     "mohm": "milliohm", "kohm": "kiloohm", "uL": "microliter", "um": "micrometer",
-    "us": "microsecond", "uH": "microhenry", "L": "liter", "l": "liter", "ml": "milliliter",
+    "us": "microsecond", "uA": "microampere", "uV": "microvolt", "uH": "microhenry", "L": "liter",
+    "l": "liter", "ml": "milliliter",
     "rpm": "revolutions_per_minute", "degC": "delta_degC",
 }  # fmt: skip
 SI_BASES = ["m", "kg", "s", "A", "rad"]

@@ -26,6 +26,15 @@ def test_the_columns_by_their_own_names(tmp_path):
     assert list(found.dive) == [1.0, 2.0, 3.0]
 
 
+def test_dives_may_have_names(tmp_path):
+    rows = "10,1e5,7,1e-5,20,2020-07-B\n20,5e6,11,,14,\n30,1e7,15,3e-5,,2020-07-A\n"
+    again = "30,1e7,15,3e-5,,2020-07-B\n"
+    found = read_pump_runs(table(tmp_path, HEAD + rows + again))
+    np.testing.assert_array_equal(found.dive, [1.0, np.nan, 2.0, 1.0])
+    one = read_pump_runs(table(tmp_path, HEAD + rows), where={"dive": "2020-07-A"})
+    assert list(one.duration) == [30.0]
+
+
 def test_other_names_units_and_rows(tmp_path):
     text = "device,ms,P [dbar],V,I [mA],ml\npump,10000,10,15,500,8\nvalve,500,20,15,600,0\n"
     found = read_pump_runs(
@@ -52,6 +61,8 @@ def test_other_names_units_and_rows(tmp_path):
         ("duration_s,pressure_Pa,power_W\n10,1e5,7\n1e6,1e7,8\n", {}, "line 3, duration_s"),
         ("duration_s,pressure_Pa,power_W\n10,1e5,7\n10,2e9,8\n", {}, "line 3, pressure_Pa"),
         (HEAD + "10,1e5,7,12,20,1\n", {}, "line 2, volume_m3"),
+        (HEAD + "10,1e5,-7,1e-5,20,1\n", {}, "Give what is drawn as positive numbers"),
+        (HEAD + "10,1e5,7e6,1e-5,20,1\n", {}, 'State its unit: --column "power_W=NAME@mW"'),
         (HEAD + "10,1e5,7,1e-5,20,1\n", {"depth_m": "d"}, "no such column of a table of runs"),
         (HEAD + "10,1e5,7,1e-5,20,1\n", {"power_W": "watts"}, "watts"),
     ],

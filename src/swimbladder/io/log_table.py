@@ -15,7 +15,7 @@ from swimbladder.io.log_numbers import ColumnReader
 from swimbladder.io.log_parquet import ParquetRows, is_parquet
 from swimbladder.io.log_rows import Column, Rows, Sheet
 from swimbladder.io.log_text import read_bytes
-from swimbladder.io.log_where import RowTest, none_chosen
+from swimbladder.io.log_where import RowTest, column_texts, none_chosen
 
 __all__ = ["Table", "read_header", "read_table"]
 
@@ -51,12 +51,13 @@ def read_table(
     choose: Choose,
     wanted: Sequence[Collection[str]],
     units: Mapping[str, str] = COLUMNS,
+    labels: Collection[str] = (),
 ) -> Table:
     """Return the columns that `choose` names for the header, of the rows that hold `where`.
 
     wanted: of each of these sets the header has a name. units: of each column that may be named,
-    those of a log unless others are given. Raises LogError with file, line, column and
-    value.
+    those of a log unless others are given. labels: columns that may hold texts, which are
+    numbered in their order. Raises LogError with file, line, column and value.
     """
     sheet = _sheet(path, form, [*wanted, *({name} for name in where)])
     sources = {
@@ -81,6 +82,8 @@ def read_table(
         report.append(f"{int(chosen.sum())} of {len(line)} rows chosen")
         line = line[chosen]
         columns = {name: _only(column, chosen) for name, column in columns.items()}
+    for name in sorted(set(labels) & set(sources)):
+        columns[sources[name].name] = _numbered(columns[sources[name].name])
     reader = ColumnReader(path, form, columns, line, report, units)
     written = {name: reader.read(name, column) for name, column in sources.items()}
     reader.refuse_bad()  # first: it may be why the rest makes no sense
@@ -121,6 +124,18 @@ def _with_unit(
             remedy=f'State the unit: {name} = {{ name = "{column.name}", unit = "{row}" }}',
         )
     return LogColumn(name=column.name, unit=row, date=column.date)
+
+
+def _numbered(column: Column) -> Column:
+    """Return a column; its texts, where not all are numbers, numbered from 1, empty ones nan."""
+    texts = [text.strip() for text in column_texts(column)]
+    try:
+        [float(text or "nan") for text in texts]
+    except ValueError:
+        found = dict.fromkeys(text for text in texts if text)
+        number = {text: float(k) for k, text in enumerate(found, start=1)}
+        return np.array([number.get(text, np.nan) for text in texts])
+    return column
 
 
 def _only(column: Column, chosen: NDArray[np.bool_]) -> Column:

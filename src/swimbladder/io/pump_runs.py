@@ -29,6 +29,7 @@ RUN_COLUMNS = {
     "dive": "",
 }
 """The columns of a table of runs and their units; power, or voltage and current."""
+_MOST = 1e5  # W: no battery that floats gives as much
 _LONGEST = 86400.0  # s: a run of more than a day is a duration in the wrong unit
 
 
@@ -73,12 +74,13 @@ def read_pump_runs(
     text = (
         form if isinstance(form, LogFormat) else LogFormat() if form is None else log_format(form)
     )
-    found = read_table(path, text, where or {}, choose, wanted, RUN_COLUMNS)
+    found = read_table(path, text, where or {}, choose, wanted, RUN_COLUMNS, ("dive",))
     values = found.values
     power = values.get("power_W")
     if power is None:
         power = values["voltage_V"] * values["current_A"]
     _check(values, found.line, path)
+    _check_power(power, "power_W" if "power_W" in values else "current_A", path)
     return RunTable(
         values["duration_s"], values["pressure_Pa"], power, values.get("volume_m3"),
         values.get("temperature_degC"), values.get("dive"), found.report,
@@ -140,3 +142,19 @@ def _check(values: Mapping[str, Array], line: NDArray[np.int64], path: str | Pat
             "most: it is likely in dbar or bar", file=path, field="pressure_Pa",
             remedy='State its unit: --column "pressure_Pa=NAME@dbar"',
         )  # fmt: skip
+
+
+def _check_power(power: Array, field: str, path: str | Path) -> None:
+    """Raise LogError where the powers of most runs are those of no pump [W]."""
+    known = power[np.isfinite(power)]
+    middle = float(np.median(known)) if known.size else 1.0
+    if 0.0 < middle < _MOST:
+        return
+    small = "mW" if field == "power_W" else "mA"
+    raise LogError(
+        f"half of the runs take less than {middle:.4g} W" if middle <= 0.0
+        else f"half of the runs take more than {middle:.4g} W",
+        file=path, field=field,
+        remedy="Give what is drawn as positive numbers" if middle <= 0.0
+        else f'State its unit: --column "{field}=NAME@{small}"',
+    )  # fmt: skip
