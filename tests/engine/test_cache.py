@@ -77,6 +77,30 @@ def test_an_edited_callee_is_compiled_anew(copy: Path, tmp_path: Path) -> None:
     assert compiled == "1"
 
 
+OTHER = """
+import numba
+import numpy as np
+from numba.core import event
+from swimbladder.dynamics import Plant
+from swimbladder.engine.layers import NO_LAYERS
+from swimbladder.engine.modes import first_mode
+compiled = []
+class Listener(event.Listener):
+    def on_start(self, event): compiled.append(event.data["dispatcher"].py_func.__name__)
+    def on_end(self, event): pass
+@numba.njit
+def another(p, layers): return first_mode(p, layers, 0.0, 0.0, 1.0, 0.0, 0.0)
+with event.install_listener("numba:compile", Listener()):
+    another(np.zeros(len(Plant._fields)), NO_LAYERS)
+print(*compiled)
+"""
+
+
+def test_what_kernels_have_in_common_is_found_made_by_another(tmp_path: Path) -> None:
+    assert "first_mode" in python(OTHER, cache=tmp_path).split()
+    assert python(OTHER, cache=tmp_path) == "another"
+
+
 def test_a_cache_that_cannot_be_written_is_done_without(tmp_path: Path) -> None:
     """A file where the folder should be: compiled anew, the same result, not a word on stderr."""
     blocked = tmp_path / "file"

@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 from swimbladder.dynamics import Plant
 from swimbladder.engine.advance import follow
 from swimbladder.engine.cache import compiled, part
-from swimbladder.engine.chain import COEFFICIENTS, LEVELS, base_steps, build_chain, leap
+from swimbladder.engine.chain import (
+    COEFFICIENTS,
+    LEVELS,
+    accept,
+    base_steps,
+    build_chain,
+    copy,
+    leap,
+)
 from swimbladder.engine.crossings import may_hide
 from swimbladder.engine.layers import NO_LAYERS
 from swimbladder.engine.modes import COUNT, Z_BOTTOM, Z_SURFACE, Act, first_mode
@@ -47,13 +55,13 @@ def _submerged(p, layers, start, parts, nonlinear, spans, place, volume, chain, 
         table = tables[place[k]]
         if ready[place[k]] == 0:
             build_chain(p, _PRESCRIBED, h, chain)
-            table[:] = chain[:2]
+            copy(chain, table)
             ready[place[k]] = 1
         for _ in range(parts[k]):
             bends = leap(table, 0, p, layers, nonlinear, x, 0.0, y)
             if bends or may_hide(p, layers, _PRESCRIBED, x, y, h):
                 return False
-            x[:] = y[:5]
+            accept(x, y)
     return True
 
 

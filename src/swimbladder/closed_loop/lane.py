@@ -42,7 +42,7 @@ from swimbladder.closed_loop.rows import (
     Z,
 )
 from swimbladder.control.law import Measurement
-from swimbladder.engine.cache import inlined, part
+from swimbladder.engine.cache import compiled, inlined
 from swimbladder.engine.chain import ALPHA, BETA, build_chain
 from swimbladder.engine.modes import (
     A_S,
@@ -75,7 +75,7 @@ from swimbladder.engine.modes import (
 __all__ = ["commit", "decide", "judge", "leap_lane", "set_mode", "within"]
 
 
-@part
+@compiled
 def set_mode(S, token, i, mode, chains, built, h, p, layers):  # type: ignore[no-untyped-def]
     """Write into lane i what a tick in this mode needs: coefficients, bounds, its speed."""
     W_ = len(token)

@@ -19,8 +19,8 @@ from swimbladder.engine.books import (
     enter_bend,
     enter_blow,
 )
-from swimbladder.engine.cache import compiled, part
-from swimbladder.engine.chain import TICKS, build_chain, leap
+from swimbladder.engine.cache import compiled
+from swimbladder.engine.chain import TICKS, accept, build_chain, leap
 from swimbladder.engine.crossings import at_stop, may_hide, note, put_at_limit
 from swimbladder.engine.modes import (
     A_S,
@@ -56,7 +56,7 @@ _LEAPS = 50_000  # in one step: likewise
 _BENDS = 8  # in one step: from then on the bend of the drag is no longer searched for
 
 
-@part
+@compiled
 def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count):  # type: ignore[no-untyped-def]
     """Advance x = (q, V, z, w, integral of z) in place by h [s]; return (mode, why it stopped).
 
@@ -139,7 +139,7 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
                     enter(p, mode, x, y, u, span, y[5:], books)
                     if bend:
                         enter_bend(p, layers, x, y, span, books)
-                x[:] = y[:5]
+                accept(x, y)
                 remaining -= size
                 if searching:
                     cap = size >> 1
@@ -177,7 +177,7 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
                     enter(p, mode, x, y, u, span, y[5:], books)
                     if back:
                         enter_blow(y[0], q, y[3], y[3], books)
-                x[:] = y[:5]
+                accept(x, y)
                 remaining -= size
                 if back:
                     note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)

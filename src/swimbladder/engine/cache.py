@@ -33,7 +33,11 @@ __all__ = [
 ]
 
 # Division as the hardware does it and fused multiply-add: without either no loop is vectorised.
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True}
+# Nothing but Python calls a kernel, so that none needs a way in for C.
+OPTIONS: dict[str, Any] = {
+    "error_model": "numpy", "fastmath": {"contract"}, "nogil": True, "no_cfunc_wrapper": True,
+}  # fmt: skip
+_INLINED: dict[str, Any] = OPTIONS | {"forceinline": True, "no_cpython_wrapper": True}
 
 _config: Any = numba.config
 _PACKAGE = Path(__file__).resolve().parent.parent
@@ -74,7 +78,10 @@ def _parent() -> Path:
 
 
 def compiled(function: Callable[..., Any], *, under: str = "") -> Any:
-    """Compile a kernel that Python calls, and keep its code in `cache_folder`, `under` a name."""
+    """Compile a kernel that Python calls, and keep its code in `cache_folder`, `under` a name.
+
+    Also for what many kernels have in common: a process that compiles one finds it made.
+    """
     before = _config.CACHE_DIR
     try:
         folder = cache_folder() / under
@@ -93,8 +100,11 @@ def part(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a function into its callers, always: what a loop over lanes is made of."""
-    return numba.njit(forceinline=True, **OPTIONS)(function)
+    """Compile a function into its callers, always: what a loop over lanes is made of.
+
+    Python cannot call it: there is no way in.
+    """
+    return numba.njit(**_INLINED)(function)
 
 
 @intrinsic

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from swimbladder.dynamics import Plant
-from swimbladder.engine.cache import part
+from swimbladder.engine.cache import compiled, inlined, part
 from swimbladder.engine.layers import NO_LAYERS, Layers, layered
 from swimbladder.engine.modes import (
     A_B,
@@ -34,9 +34,11 @@ __all__ = [
     "COEFFICIENTS",
     "LEVELS",
     "TICKS",
+    "accept",
     "base_steps",
     "book_steps",
     "build_chain",
+    "copy",
     "drag_rest",
     "leap",
 ]
@@ -52,7 +54,31 @@ ALPHA, BETA = 45, 46
 COEFFICIENTS = 47
 
 
-@part
+# Loops, and no assignments of whole arrays: with one of those Numba compiles all of its text about
+# shapes that differ, 4 s of a first kernel's 20.
+@inlined
+def copy(source, target):  # type: ignore[no-untyped-def]
+    """Copy the rows of a matrix that `target` has into it."""
+    for r in range(target.shape[0]):
+        for c in range(target.shape[1]):
+            target[r, c] = source[r, c]
+
+
+@inlined
+def _add(term, total):  # type: ignore[no-untyped-def]
+    for r in range(total.shape[0]):
+        for c in range(total.shape[1]):
+            total[r, c] += term[r, c]
+
+
+@inlined
+def accept(x, y):  # type: ignore[no-untyped-def]
+    """Make the state (q, V, z, w, integral of z) that `leap` wrote into y the state x."""
+    for n in range(5):
+        x[n] = y[n]
+
+
+@compiled
 def build_chain(p, mode, h, chain):  # type: ignore[no-untyped-def]
     """Fill chain [levels + 1, COEFFICIENTS]; level k is for a step of h/2^k [s].
 
@@ -76,7 +102,7 @@ def build_chain(p, mode, h, chain):  # type: ignore[no-untyped-def]
     T[3, 6] = e_w * k
     T[3, 7] = e_w * k * k / 2.0
     T[3, 8] = e_w * k * k * k / 6.0
-    M += T
+    _add(T, M)
     P = np.zeros((5, 9))
     for n in range(2, 9):  # the Taylor series: term n is A k/n times term n - 1
         for r in range(5):
@@ -89,8 +115,8 @@ def build_chain(p, mode, h, chain):  # type: ignore[no-untyped-def]
                     s = T[2, c]
                 m = n if c < 7 else (n + 1 if c == 7 else n + 2)
                 P[r, c] = s * k / m
-        T[:, :] = P
-        M += T
+        copy(P, T)
+        _add(T, M)
     step = k
     for level in range(levels, -1, -1):
         if level < levels:
@@ -111,7 +137,7 @@ def build_chain(p, mode, h, chain):  # type: ignore[no-untyped-def]
                 beta += M[3, j] * M[j, 6]
             chain[level, ALPHA] = alpha
             chain[level, BETA] = beta
-            M[:, :] = P
+            copy(P, M)
             step *= 2.0
         row = chain[level]
         for r in range(5):
@@ -145,7 +171,7 @@ def _branch(p, w):  # type: ignore[no-untyped-def]
     return 1 if w > 0.0 else -1
 
 
-@part
+@compiled
 def leap(chain, level, p, layers, nonlinear, x, u, y):  # type: ignore[no-untyped-def]
     """Advance x = (q, V, z, w, integral of z) by one step of a level into y; u is held.
 

@@ -11,7 +11,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from swimbladder.dynamics import Plant
-from swimbladder.engine.cache import part
+from swimbladder.engine.cache import compiled, part
 from swimbladder.engine.layers import layered
 
 __all__ = [
@@ -195,7 +195,7 @@ def _turning(p, u, z, q):  # type: ignore[no-untyped-def]
     return STUCK
 
 
-@part
+@compiled
 def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
     """Return (new mode or -1, q, w, whether the state was reset) at a state and an input.
 
@@ -280,7 +280,7 @@ def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
     return new_mode, q, w, reset
 
 
-@part
+@compiled
 def first_mode(p, layers, q, V, z, w, u):  # type: ignore[no-untyped-def]
     """Return (mode, q) that a state starts in; q of a positioner is its rate, 0 at its target."""
     where = SUBMERGED
