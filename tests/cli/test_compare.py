@@ -145,6 +145,19 @@ def test_a_log_format_from_a_file_and_the_shipped_one_of_the_vehicle(capsys, tmp
     assert "read so" in " ".join(capsys.readouterr().err.split())
     text = refusal(capsys, log, "--vehicle", "feup-em", "--out", tmp_path)
     assert "--column time_s=NAME" in text
+    assert "--log-format" not in text  # no format is known of that vehicle's logs
+    raw = tmp_path / "raw.txt"
+    raw.write_text("Vehicle settings: a, b\nTime[ms],#Mission\n1,2\n")
+    text = refusal(capsys, raw, "--vehicle", "ntnu-bv", "--out", tmp_path)
+    assert "for --log-format: ntnu-bv, ntnu-bv-raw" in text
+
+
+def test_the_log_of_a_float_that_pumps_is_told_by_its_lines(capsys, tmp_path):
+    log = tmp_path / "dive.LOG"
+    log.write_text("1900000000:[MAIN  ,111]board 1\n1900001100:[PRESS , 81]P  +7000mbar\n")
+    text = refusal(capsys, log, "--vehicle", "feup-em", "--out", tmp_path)
+    assert "of no volume" in text
+    assert "a --vehicle that has a pump and a valve" in text
 
 
 @pytest.mark.parametrize(

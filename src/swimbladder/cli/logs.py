@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from swimbladder.cli.common import console, progress, quantity
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, LogError
 
 if TYPE_CHECKING:
     from swimbladder.io.log_format import LogFormat
@@ -95,9 +95,37 @@ def read(
 
     with progress(f"reading {log.label}"):
         form = _format(log.path, vehicle, columns, log_format, required, quiet=quiet)
-        return read_log(
-            log.path, columns=columns, where=log.where, log_format=form, required=required
-        )
+        try:
+            return read_log(
+                log.path, columns=columns, where=log.where, log_format=form, required=required
+            )
+        except LogError as error:
+            if form is None and not columns and error.field in required:
+                raise _of_its_kind(error, log.path, vehicle) from None
+            raise
+
+
+def _of_its_kind(error: LogError, path: Path, vehicle: Vehicle | None) -> LogError:
+    """Return the error about a missing column with what is known of such files."""
+    from swimbladder.io.log_formats import format_names
+    from swimbladder.io.log_formats.mermaid import is_mermaid
+    from swimbladder.io.log_text import read_bytes
+
+    if is_mermaid(read_bytes(path)[:4000].decode("latin-1")):
+        return LogError(
+            "the log of a float of the MERMAID kind: it tells of pressures and runs of a pump, and "
+            "of no volume", file=path, field=error.field,
+            remedy="Identify it with --cast and a --vehicle that has a pump and a valve",
+        )  # fmt: skip
+    known = [name for name in format_names() if vehicle and name.startswith(vehicle.name)]
+    if not known:
+        return error
+    return LogError(
+        error.what, file=error.file, line=error.line, field=error.field, value=error.value,
+        unit=error.unit,
+        remedy=f"{error.remedy}; formats of this vehicle's logs, for --log-format: "
+        f"{', '.join(known)}",
+    )  # fmt: skip
 
 
 def _format(
