@@ -2,23 +2,27 @@
 
 ``python -m studies.actuator [--benches 2000] [--seed 1] [--case CASE ...]`` prints a table: voltage
 steps, voltage steps whose gains differ, or with outliers; moves at full voltage whose voltage is
-not logged.
+not logged. With ``--four`` of the benches only those of four voltages count; with ``--same`` the
+gains of all voltages are believed to be the same, which they are not.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from studies.benches import Motor, random_bench, random_motor, random_moves
+from swimbladder.cli.common import progress
 from swimbladder.errors import NoAnswerError
 from swimbladder.identify_actuator import ActuatorIdentification, identify_actuator
+from swimbladder.identify_actuator import gains as spreads
 
-__all__ = ["CASES", "Score", "score"]
+__all__ = ["CASES", "Score", "main", "same_gains", "score"]
 
 CASES: Mapping[str, tuple[bool, float, float]] = {
     # name: moves instead of voltage steps, spread of the gains between them, share of outliers
@@ -32,6 +36,10 @@ CASES: Mapping[str, tuple[bool, float, float]] = {
 }
 
 
+_FOUR = 4  # voltages: as many steps as the gains need
+_NONE = 1e-12  # scale of a spread that is not there
+
+
 class Score(NamedTuple):
     """One parameter over many benches."""
 
@@ -41,11 +49,11 @@ class Score(NamedTuple):
     bias: float  # mean of error over std
 
 
-def score(case: str, count: int, seed: int) -> dict[str, Score]:
-    """Return the score of each parameter over `count` benches of a case."""
+def score(case: str, count: int, seed: int, *, four: bool = False) -> dict[str, Score]:
+    """Return the score of each parameter over `count` benches of a case; four: see `_benches`."""
     held: dict[str, list[bool]] = {}
     pulls: dict[str, list[float]] = {}
-    for motor, found in _benches(case, count, seed):
+    for motor, found in _benches(case, count, seed, four):
         told = {**found.parameters, **found.derived}
         for name, truth in _truth(motor, moves=CASES[case][0]).items():
             e = told[name]
@@ -59,17 +67,32 @@ def score(case: str, count: int, seed: int) -> dict[str, Score]:
     }
 
 
-def _benches(case: str, count: int, seed: int) -> Iterator[tuple[Motor, ActuatorIdentification]]:
+def _benches(
+    case: str, count: int, seed: int, four: bool
+) -> Iterator[tuple[Motor, ActuatorIdentification]]:
+    """Yield `count` motors and what is found of them; four: of four voltages, others skipped."""
     moves, differing, outliers = CASES[case]
     make = random_moves if moves else random_bench
-    for k in range(count):
-        random = np.random.default_rng([seed, k])
-        motor = random_motor(random)
-        log = make(random, motor, differing=differing, outliers=outliers)
-        try:
-            yield motor, identify_actuator([log])
-        except NoAnswerError:
-            continue
+    with progress(case, float(count)) as advance:
+        for k in range(count):
+            random = np.random.default_rng([seed, k])
+            motor = random_motor(random)
+            log = make(random, motor, differing=differing, outliers=outliers)
+            if not four or len(np.unique(log.voltage[log.voltage != 0.0])) == _FOUR:
+                with contextlib.suppress(NoAnswerError):
+                    yield motor, identify_actuator([log])
+            advance(1.0)
+
+
+@contextlib.contextmanager
+def same_gains() -> Iterator[None]:
+    """Let `identify_actuator` believe, for a while, that no gain differs from another."""
+    before = spreads._PRIOR
+    spreads._PRIOR = _NONE
+    try:
+        yield
+    finally:
+        spreads._PRIOR = before
 
 
 def _truth(motor: Motor, *, moves: bool) -> dict[str, float]:
@@ -86,17 +109,21 @@ def _truth(motor: Motor, *, moves: bool) -> dict[str, float]:
     }  # fmt: skip
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description="Coverage of identify-actuator's intervals.")
     parser.add_argument("--benches", type=int, default=2000, help="of each case")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--case", nargs="+", choices=CASES, default=list(CASES), metavar="CASE")
-    chosen = parser.parse_args()
+    parser.add_argument("--four", action="store_true", help="count those of four voltages only")
+    parser.add_argument("--same", action="store_true", help="believe that no gains differ")
+    chosen = parser.parse_args(arguments)
     print(f"{'':30}{'told':>6}{'held':>9}{'pull':>8}{'bias':>8}")
     for case in chosen.case:
         print(case, flush=True)
-        for name, s in score(case, chosen.benches, chosen.seed).items():
+        with same_gains() if chosen.same else contextlib.nullcontext():
+            found = score(case, chosen.benches, chosen.seed, four=chosen.four)
+        for name, s in found.items():
             share = 100.0 * s.held / s.told
             print(f"  {name:28}{s.told:6d}{share:8.1f}%{s.pull:8.2f}{s.bias:8.2f}", flush=True)
 

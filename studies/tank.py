@@ -11,10 +11,11 @@ from __future__ import annotations
 
 import argparse
 import csv
+import gzip
 import json
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ import numpy as np
 from studies.tank_table import Row, parameters, table
 from swimbladder.comparison import Record, compare, record
 from swimbladder.comparison.ahead import Ahead, look_ahead
+from swimbladder.comparison.record import piston_area
 from swimbladder.dynamics import plant
 from swimbladder.identify.between import between_logs
 from swimbladder.identify.model import model_of
@@ -33,7 +35,9 @@ from swimbladder.io.logs import Log, read_log
 from swimbladder.kalman.depth_filter import Noise, Samples, Start, filter_depth
 from swimbladder.parameters import Vehicle
 
-__all__ = ["HORIZONS", "judge", "load", "logs_folder", "main", "tank_logs", "train"]
+__all__ = [
+    "HORIZONS", "judge", "load", "logs_folder", "main", "tank_logs", "train", "warmed",
+]  # fmt: skip
 
 HORIZONS = (10.0, 60.0)  # s
 BOTTOM = 1.43  # m, where the float lay in mission 37
@@ -71,6 +75,28 @@ def load(folder: Path, logs: Iterable[int]) -> dict[int, Log]:
     """Return the logs by mission: raw depths, since the filtered ones lag by 0.7 s."""
     path = folder / "missions.csv.gz"
     return {n: read_log(path, where={"log": n}, log_format="ntnu-bv") for n in logs}
+
+
+def warmed(
+    folder: Path, logs: Mapping[int, Log], vehicle: Vehicle, expansion: float
+) -> dict[int, Log]:
+    """Return the logs as if the hull displaced `expansion` [m3/K] more per kelvin of the logged
+    temperature.
+    """
+    area = piston_area(vehicle)
+    assert area is not None  # the preset has a piston
+    seen: dict[int, list[tuple[float, float]]] = {n: [] for n in logs}
+    with gzip.open(folder / "missions.csv.gz", "rt", newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            if (n := int(row["log"])) in seen and float(row["temperature_degC"]) != 0.0:
+                seen[n].append((float(row["t_s"]), float(row["temperature_degC"])))
+    found = {}
+    for n, log in logs.items():
+        assert log.piston is not None  # the column of the format
+        time, warmth = np.array(seen[n]).T
+        more = expansion * (np.interp(log.time, time, warmth) - warmth[0])
+        found[n] = replace(log, piston=log.piston + more / area)
+    return found
 
 
 def bottom_of(log: Log) -> float:
@@ -183,6 +209,10 @@ def main(given: Sequence[str] | None = None) -> int:
     parser.add_argument("data", type=Path, metavar="DATA_DIR")
     parser.add_argument("--train", type=_numbers, default=TRAIN, metavar="LOG,LOG,...")
     parser.add_argument("--test", type=_numbers, metavar="LOG,LOG,...", help="all others")
+    parser.add_argument(
+        "--heat", type=float, metavar="CM3_PER_K",
+        help="also what the training logs tell with so much added to the volume per kelvin",
+    )  # fmt: skip
     parser.add_argument("--cross-validate", action="store_true", help="leave each session out")
     parser.add_argument("--out", type=Path, metavar="FILE", help="the rows as JSON")
     options = parser.parse_args(given)
@@ -193,6 +223,12 @@ def main(given: Sequence[str] | None = None) -> int:
     teachers = load(options.data, options.train)
     vehicle, found = train(teachers, base)
     print(parameters(vehicle, found), flush=True)
+    if options.heat is not None:
+        warm = warmed(options.data, teachers, base, 1e-6 * options.heat)
+        other, likely = train(warm, base)
+        gain = likely.log_likelihood - found.log_likelihood
+        print(f"\nwith {options.heat:g} cm3/K, log likelihood {gain:+.1f}:")
+        print(parameters(other, likely), flush=True)
     rows = []
     for n, log in load(options.data, wanted).items():
         _tell(f"predicting mission {n}")
