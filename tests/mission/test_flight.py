@@ -26,6 +26,7 @@ from swimbladder.mission.core.names import (
 )
 from swimbladder.mission.flight import fly_mission, thinned
 from swimbladder.mission.prepare import Accuracy, first_state, make_plan
+from swimbladder.mission.result import MissionResult
 from swimbladder.seawater import uniform_column
 from swimbladder.seawater.motion import Swell, WaterMotion, motion_table, moved
 from tests.mission.conftest import phases
@@ -300,6 +301,7 @@ def test_an_empty_battery_loses_the_vehicle(profiler, sea):
     supply = profiler.supply.model_copy(update={"capacity": 0.5 * one})
     flown = fly_mission(profiler.model_copy(update={"supply": supply}), phases(), sea)
     assert flown.stop is Stop.BATTERY_EMPTY
+    assert MissionResult(flown, None).battery_cycles == 0
 
 
 def test_a_phase_out_of_time_is_told_and_the_next_begins(profiler, sea):

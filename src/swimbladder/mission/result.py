@@ -145,9 +145,9 @@ class MissionResult:
 
     @property
     def battery_cycles(self) -> int | None:
-        """Cycles that a full battery lasts, its reserve kept; None where that is not known."""
+        """Cycles that a full battery lasts, flown where it came to its end; None: not known."""
         g = self.flight.plan.given
-        if self.flight.stop is Stop.RESERVE:
+        if self.flight.stop in (Stop.RESERVE, Stop.BATTERY_EMPTY):
             return self.cycles
         usable = float(g[Given.CHARGE] - g[Given.RESERVE])
         if not np.isfinite(usable) or usable <= 0.0 or self.cycles == 0 or not self.energy_known:

@@ -98,9 +98,10 @@ def _neutral(result: MissionResult, first: Array, axes: Axes) -> None:
     flight = result.flight
     within = flight.column.depth <= float(np.max(first[:, Row.Z])) * 1.02
     neutral = neutral_volume(flight.vehicle, flight.column)
+    lags = flight.vehicle.hull.thermal_time_constant > 0.0
     axes.plot(1e6 * first[:, Row.V], first[:, Row.Z], color=BLUE, lw=1.0, label="volume")
     axes.plot(1e6 * neutral[within], flight.column.depth[within], color=ORANGE, ls="--",
-              label="neutral")  # fmt: skip
+              label="neutral, with a hull as warm as the water" if lags else "neutral")  # fmt: skip
     depth_axis(axes)
     axes.set_xlabel("volume [cm³]")
     axes.legend(loc="best")
