@@ -7,9 +7,11 @@
 Each logged deep dive is flown again by `swimbladder.mission`: the vehicle as identified from all
 deep dives (`studies.deep_dives`), in the water of that dive, with the law `rate` and the settings
 of that dive (near, far, dead time, and `stab`, the looks over which a speed at rest is measured).
-It begins where the log of the dive begins, with the volume that closed its book there, and is told
-only where to go, when to leave and to come up. What pump and valve give is not what the float's
-processor reckons with: its runs are as long as its own numbers say, and give what was identified.
+It begins where the log of the dive begins, with the volume that closed its book there, and with
+the temperature that the hull had, and is told only where to go, when to leave and to come up. What
+pump and valve give is not what the float's processor reckons with: its runs are as long as its own
+numbers say, and give what was identified. `studies.deep_readings` tells from the logs how soon the
+hull takes the water's temperature, how its speeds scatter and what the drive loses at rest.
 What came out: `docs/explanation/deep-dives.md`.
 """
 
@@ -26,6 +28,7 @@ from numpy.typing import NDArray
 
 from studies.deep_data import columns_of, dives_of, logs_of
 from studies.deep_dives import float_vehicle
+from studies.deep_readings import RUN, creep_at_rest, hull_time, rests, speed_scatter
 from swimbladder.dynamics import even_drag
 from swimbladder.identify.deep import identified_vehicle
 from swimbladder.identify.deep_dive import DeepDive
@@ -43,14 +46,15 @@ __all__ = ["Told", "as_reckoned", "flown", "logged", "with_law"]
 
 Array = NDArray[np.float64]
 MBAR = 100.0  # Pa
-RUN = 26.0  # s, between the two readings that tell a speed on the way
+ML_H = 3.6e9  # mL/h, of a m3/s
 LEAVES = 40.0  # s, of the pump, longer than any run that holds a depth
 LOOKS = 60.0  # s, between two depths that tell how it holds
 QUANTUM = 10.0  # mbar, between two pressures in the log
 BOTTOM = 2500.0  # m, of the Ligurian Sea
 SLOWEST, FASTEST = 62_700.0, 7_200.0  # s: inertial at 43.4 degrees north, buoyancy at 500 m
 WAVES, MODES = 12, 4
-SEAS = 15  # with waves of other phases; medians over them are told
+SEAS = 15  # with other scatter, and waves of other phases; medians over them are told
+WATER = 1e-3  # m/s, with --causes: what is left at rest were mostly more than of such waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,10 +89,20 @@ def as_reckoned(base: Vehicle, found: Vehicle, fit: DeepFit) -> tuple[Vehicle, R
     return found.model_copy(update={"actuator": actuator}), reckoning
 
 
-def with_law(vehicle: Vehicle, log: FloatLog, weight: float) -> Vehicle:
+def as_at_rest(vehicle: Vehicle, creep: float, tau: float) -> Vehicle:
+    """Return the vehicle with what its log tells at rest: creep [m3/s], its hull's time [s]."""
+    actuator = vehicle.actuator
+    assert isinstance(actuator, PumpAndValve)
+    hull = vehicle.hull.model_copy(update={"thermal_time_constant": tau})
+    changes = {"actuator": actuator.model_copy(update={"creep": creep}), "hull": hull}
+    return vehicle.model_copy(update=changes)
+
+
+def with_law(vehicle: Vehicle, log: FloatLog, weight: float, reading: float) -> Vehicle:
     """Return the vehicle with the float's law and the settings of a dive.
 
-    weight: rho g [N/m3], that turns mbar into metres.
+    weight: rho g [N/m3], that turns mbar into metres; reading: what a pressure scatters by [Pa],
+    its steps included.
     """
     metre = MBAR / weight  # m, of a mbar
 
@@ -109,7 +123,10 @@ def with_law(vehicle: Vehicle, log: FloatLog, weight: float) -> Vehicle:
     return vehicle.model_copy(
         update={
             "controller": Controller(law="rate", sample_time=1.0, parameters=parameters),
-            "sensors": Sensors(depth_quantum=QUANTUM * metre),
+            "sensors": Sensors(
+                depth_quantum=QUANTUM * metre,
+                depth_noise=np.sqrt(max(reading**2 - (QUANTUM * MBAR) ** 2 / 12.0, 0.0)) / weight,
+            ),
         }
     )
 
@@ -162,8 +179,10 @@ def flown(
     stage = log.stages[0]
     begin, depth = np.interp([dive.pressure[0], stage.pressure], column.pressure, column.depth)
     settings = vehicle.controller.parameters if vehicle.controller is not None else {}
+    lags = vehicle.hull.thermal_time_constant > 0.0
     mission = Mission(
         start_depth=float(begin), water_motion=motion,
+        start_temperature=float(dive.temperature[0]) if lags else None,
         phases=[
             {"kind": "park", "depth": depth, "tolerance": stage.tolerance * depth / stage.pressure,
              "duration": real.leave, "check_interval": float(settings["dead"]) + RUN},
@@ -211,6 +230,7 @@ class Flights:
 
     vehicle: Vehicle
     reckoning: Reckoning
+    reading: float  # Pa
     seas: list[WaterMotion]
     dives: list[DeepDive]
     starts: Array  # m3 [dives], of the drive
@@ -224,7 +244,7 @@ class Flights:
             log, column = self.logs[dive.name], self.columns[dive.name]
             real = logged(log, dive)
             weight = float(column.density.mean()) * column.gravity
-            own = change(with_law(self.vehicle, log, weight))
+            own = change(with_law(self.vehicle, log, weight, self.reading))
             each = [
                 flown(own, column, log, dive, real, float(volume), self.reckoning, sea, seed)
                 for seed, sea in enumerate(self.seas)
@@ -251,20 +271,41 @@ def main() -> None:
     body, dives = body_of(base), dives_of(folder, base)
     fit = fit_deep(body, dives, priors_of(base, {}), free=DEFAULT)
     found = identified_vehicle(base, fit.values)
+    logs, columns = {log.source: log for log in logs_of(folder)}, columns_of(folder)
+    real = [logged(logs[dive.name], dive) for dive in dives]
+    tau, off = hull_time(dives, columns)
+    scatter = speed_scatter(dives, [one.leave for one in real])
+    at_rest = [
+        rest
+        for dive, one in zip(dives, real, strict=True)
+        for rest in rests(body, fit.values, dive, one.to_target, one.leave)
+    ]
+    creep, doubt = creep_at_rest(at_rest)
+    print(
+        f"the hull follows the water in {tau:.0f} s ({off:.2f} K rms off); a speed over {RUN:.0f} "
+        f"s scatters by {scatter.speed / MBAR:.2f} +- {scatter.std / MBAR:.2f} mbar/s "
+        f"({scatter.looks} looks, {scatter.acted} acted on), a reading by "
+        f"{scatter.reading / MBAR:.1f} mbar; at rest the drive loses {creep * ML_H:.3f} +- "
+        f"{doubt * ML_H:.3f} mL/h:"
+    )
+    for rest in at_rest:
+        print(
+            f"  {rest.dive}: {rest.creep * ML_H:.3f} mL/h over {rest.hours:.1f} h, "
+            f"{rest.left * 1e6:.3f} mL rms left"
+        )
+    found = as_at_rest(found, creep, tau)
     vehicle, reckoning = as_reckoned(base, found, fit)
     flights = Flights(
-        vehicle=vehicle, reckoning=reckoning, dives=dives, starts=fit.starts,
-        seas=[waves_of(fit.noise.water, seed) for seed in range(SEAS)],
-        logs={log.source: log for log in logs_of(folder)}, columns=columns_of(folder),
+        vehicle=vehicle, reckoning=reckoning, reading=scatter.reading, dives=dives,
+        starts=fit.starts, seas=[WaterMotion()] * SEAS, logs=logs, columns=columns,
     )  # fmt: skip
     if options.causes:
-        _print_causes(flights, found)
+        _print_causes(flights, found, real, fit)
         return
     print(
         "| dive | | to the target, h | actions | holding, h | actions | inside, % | rms, dbar "
         "| up, h | actions |\n|---|---|---:|---:|---:|---:|---:|---:|---:|---:|"
     )
-    real = [logged(flights.logs[dive.name], dive) for dive in dives]
     model = flights.fly()
     for dive, one, other in zip(dives, real, model, strict=True):
         print(_row(dive.name, "logged", one))
@@ -273,11 +314,26 @@ def main() -> None:
     print(_row("all", "flown", _whole(model)))
 
 
-def _print_causes(flights: Flights, found: Vehicle) -> None:
-    """Print the sums over all dives with one cause after the other left out."""
+def _print_causes(flights: Flights, found: Vehicle, real: list[Told], fit: DeepFit) -> None:
+    """Print the sums over all dives with one cause after the other left out, or put in."""
     pump = flights.reckoning.pump
+
+    def hull(vehicle: Vehicle) -> Vehicle:
+        changed = vehicle.hull.model_copy(update={"thermal_time_constant": 0.0})
+        return vehicle.model_copy(update={"hull": changed})
+
+    def without_steps(vehicle: Vehicle) -> Vehicle:
+        noise = flights.reading / (vehicle.water.specific_weight)
+        return vehicle.model_copy(update={"sensors": Sensors(depth_noise=noise)})
+
+    def creeping(vehicle: Vehicle) -> Vehicle:
+        return as_at_rest(vehicle, fit.values["creep"], vehicle.hull.thermal_time_constant)
+
+    def moving(speed: float) -> list[WaterMotion]:
+        return [waves_of(speed, seed) for seed in range(SEAS)]
+
     cases: dict[str, list[Told]] = {
-        "logged": [logged(flights.logs[dive.name], dive) for dive in flights.dives],
+        "logged": real,
         "flown": flights.fly(),
         "the processor knows its drive": replace(
             flights, vehicle=found, reckoning=Reckoning()
@@ -285,10 +341,14 @@ def _print_causes(flights: Flights, found: Vehicle) -> None:
         "the valve gives as much less as the pump": replace(
             flights, reckoning=Reckoning(pump=pump, valve=pump, starts=False)
         ).fly(),
-        "a depth without steps": flights.fly(
-            lambda vehicle: vehicle.model_copy(update={"sensors": Sensors()})
+        "readings that scatter by their steps alone": replace(flights, reading=0.0).fly(),
+        "readings without steps": flights.fly(without_steps),
+        "a hull as warm as the water": flights.fly(hull),
+        "creep as identified on the whole dives": flights.fly(creeping),
+        f"water that moves by {1e3 * WATER:.0f} mm/s": replace(flights, seas=moving(WATER)).fly(),
+        f"water that moves by {1e3 * fit.noise.water:.1f} mm/s, as identified on the whole dives": (
+            replace(flights, seas=moving(fit.noise.water)).fly()
         ),
-        "still water": replace(flights, seas=[WaterMotion()]).fly(),
         "one drag for both ways": replace(flights, vehicle=even_drag(flights.vehicle)).fly(),
     }  # fmt: skip
     print("| | down, h | actions | holding | up, h | actions |\n|---|---:|---:|---:|---:|---:|")
