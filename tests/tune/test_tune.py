@@ -1,5 +1,6 @@
 """Tuning: margins by python-control, promises by simulation, refusals by their words."""
 
+import dataclasses
 import json
 import math
 
@@ -219,6 +220,10 @@ def test_a_law_that_sleeps_is_judged_by_trials_alone(tmp_path):
     assert found.margins is None
     assert found.to_json()["margins"] is None
     assert found.region.rms < 0.05
+    assert found.to_json()["hold_m"] == 0.05
+    assert "that were asked for" not in " ".join(found.sentences)
+    missed = " ".join(dataclasses.replace(found, held=0.5 * found.region.rms).sentences)
+    assert f"more than the {500.0 * found.region.rms:.3g} mm that were asked for" in missed
     assert "no margins" in found.sentences[-1]
     files = write_tuning(found, tmp_path / "out", answer="{}", command="swimbladder tune")
     assert "sensitivity.png" not in [path.name for path in files]

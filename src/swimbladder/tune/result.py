@@ -16,6 +16,7 @@ from swimbladder.tune.trial import Step, Traces, Trial
 
 __all__ = ["Tuning"]
 
+_MORE = 1.05  # times the rms that was asked for: as near as trials tell
 _WIDER = 3.0  # times the rms of a hold, that a band has to be to be told from it
 
 
@@ -44,6 +45,7 @@ class Tuning:
     depths: tuple[float, ...]  # m, that it is for
     judged: tuple[float, ...]  # m, where margins were computed
     supply: float  # V, the least reckoned with
+    held: float  # m rms, that holding a depth was allowed; 0: the goal is fast
     assumptions: tuple[str, ...]
     plants: tuple[Plant, ...]  # of the region, the nominal one first
 
@@ -80,6 +82,11 @@ class Tuning:
             f"{3.6e6 * r.rate:.2g} L of volume in {3600.0 * r.starts:.0f} starts from rest and "
             f"{3600.0 * r.turns:.0f} reversals an hour."
         )
+        if 0.0 < self.held * _MORE < r.rms:
+            held += (
+                f" That is more than the {1e3 * self.held:.3g} mm that were asked for: nothing "
+                "that was tried holds it better."
+            )
         sentences = [settled, held]
         band = 0.02 * abs(self.step.target - self.step.start)
         if band < _WIDER * r.rms:
@@ -117,6 +124,7 @@ class Tuning:
             "computation_delay_s": self.delay,
             "depths_m": list(self.depths),
             "supply_V": _or_none(self.supply),
+            "hold_m": self.held or None,
             "parameters": {
                 name: {"value": float(value), "unit": self.law.units[name]}
                 for name, value in self.parameters._asdict().items()

@@ -102,6 +102,7 @@ def tune(
         law=chosen, goal=goal, setting=setting, knobs=found.knobs, parameters=numbers,
         margins=found.margins, nominal=found.nominal, region=found.region, shown=shown,
         step=watched, sample_time=h, delay=delay * h, depths=depths, judged=judged, supply=least,
+        held=held,
         assumptions=(
             *around.words,
             sensor,
