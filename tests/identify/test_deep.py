@@ -200,6 +200,25 @@ def two_dives(vehicle, column, values, runs=RUNS):
     return [log for log, _ in found], [dive for _, dive in found]
 
 
+def test_dives_that_contradict_each_other_widen_the_intervals(scene) -> None:
+    """Two dives with a valve that lets in 0.9, and two with 1.0 of its file's."""
+    vehicle, _, column = scene
+    logs, _ = two_dives(vehicle, column, TRUTH)
+    others, _ = two_dives(vehicle, column, TRUTH | {"valve": 1.0})
+    held = {name: TRUTH[name] for name in ("drag", "stiffening", "inertia", "pump_start")}
+    agreed = identify_deep(logs, [column], vehicle, fixed=held)
+    assert agreed.fit.worth > 0.5
+    assert not any("farther apart" in said for said in agreed.sentences)
+    told = identify_deep([*logs, *others], [column], vehicle, fixed=held)
+    assert told.fit.worth < 0.4
+    assert any("times farther apart than each says by itself" in said for said in told.sentences)
+    assert told.to_json()["worth"] == told.fit.worth
+    # Four dives that agree would tell more than two.
+    valve, before = told.parameters["valve"], agreed.parameters["valve"]
+    assert valve.std > 1.1 * before.std
+    assert abs(valve.value - 0.95) < 0.03
+
+
 _DIVES = 12
 SHORT = 4.5e-6  # m3
 AS_FILED = {"pump_delivery": 1.0, "valve": 1.0, "bypass": 1.0, "pump_start": 0.0, "pump_slip": 0.0}

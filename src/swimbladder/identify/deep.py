@@ -40,6 +40,7 @@ Array = NDArray[np.float64]
 
 _STIFFENS = 1e-20  # 1/Pa2, the least that a vehicle's file has
 _SELDOM = 1800.0  # s, between two looks
+_CONTRADICT = 0.5  # of what dives say that counts: chance leaves more, with some 50 squares
 _FAR = 2.5  # deviations of a prior, one in eighty by chance
 
 
@@ -84,6 +85,7 @@ class DeepIdentification:
                 "drift_m3_s0.5": self.fit.noise.drift,
                 "runs": self.fit.noise.runs,
             },
+            "worth": self.fit.worth,
             "dives": [
                 {
                     "source": told.dive.name,
@@ -184,11 +186,18 @@ def _sentences(
             "The absolute size of drag, pump and valve together rests on their priors; how they "
             "compare is told by the dives."
         )
-    if seldom := sum(int(np.sum(np.diff(one.dive.time) > _SELDOM)) for one in told):
+    seldom = sum(int(np.sum(np.diff(one.dive.time) > _SELDOM)) for one in told)
+    if fit.worth < _CONTRADICT:
+        found.append(
+            f"The dives are {fit.worth**-0.5:.2g} times farther apart than each says by itself: "
+            "something differs between them that has no parameter. The intervals are widened by "
+            "that."
+        )
+    elif seldom and count == 1:
         found.append(
             f"{seldom} look{'s come' if seldom > 1 else ' comes'} more than half an hour after the "
             "one before. What happened between counts as the model has it, so the intervals are "
-            "narrower than they should be: see how the parameters of single dives differ."
+            "narrower than they should be: give several dives, which tell by how much."
         )
     return tuple(found)
 
