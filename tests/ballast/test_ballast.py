@@ -29,7 +29,13 @@ FLOAT = load_vehicle("example-eh")
 
 def with_parts():
     parts = (
-        HullPart(name="tube", volume="43.4 L", compressibility=2.6e-10, thermal_expansion=7e-5),
+        HullPart(
+            name="tube",
+            volume="43.4 L",
+            compressibility=2.6e-10,
+            thermal_expansion=7e-5,
+            stiffening=1e-17,
+        ),
         HullPart(name="oil", volume="0.5 L", compressibility=7e-10, thermal_expansion=7e-4),
     )
     hull = FLOAT.hull.model_dump() | {"parts": parts, "trapped_air": 8e-5}
