@@ -183,7 +183,8 @@ def close_cycle(x, at, accounts, cycles, counts):  # type: ignore[no-untyped-def
         c[C_MISSED], c[C_LEAST], c[C_MOST] = at[MISSED], x[V_LEAST], x[V_MOST]
         c[C_ARRIVAL], c[C_SURFACED] = x[T_ARRIVAL], x[T_AFLOAT]
         c[C_NOT_HELD] = at[NOT_HELD]
-        c[C_ACCOUNTS : C_ACCOUNTS + ACCOUNTS] = accounts[:ACCOUNTS]
+        for k in range(ACCOUNTS):  # no slice: Numba would compile what it says of shapes
+            c[C_ACCOUNTS + k] = accounts[k]
         counts[2] = n + 1
     x[T_CYCLE], x[Z_MOST], at[MISSED], at[NOT_HELD] = x[T], x[Z], 0, 0
     x[V_LEAST], x[V_MOST] = x[V], -math.inf
