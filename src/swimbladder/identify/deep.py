@@ -193,11 +193,11 @@ def _sentences(
             "something differs between them that has no parameter. The intervals are widened by "
             "that."
         )
-    elif seldom and count == 1:
+    if seldom:
         found.append(
             f"{seldom} look{'s come' if seldom > 1 else ' comes'} more than half an hour after the "
             "one before. What happened between counts as the model has it, so the intervals are "
-            "narrower than they should be: give several dives, which tell by how much."
+            "narrower than they should be: see how parameters differ without one dive or the other."
         )
     return tuple(found)
 
