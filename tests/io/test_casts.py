@@ -513,6 +513,34 @@ def test_a_netcdf_without_a_profile(tmp_path):
     assert "elevation" in error.remedy
 
 
+def test_a_glider_logs_on_several_clocks(tmp_path):
+    p, t, s = sea()
+    path = tmp_path / "p1670001.nc"
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = {"sg_data_point": 2 * len(p), "ctd_data_point": len(p)}
+        file.create_variable("pressure", ("sg_data_point",), "f8", data=np.repeat(p, 2))
+        file.create_variable("depth", ("sg_data_point",), "f8", data=np.repeat(p, 2))
+        for name, v in (("ctd_pressure", p), ("temperature", t), ("salinity", s)):
+            file.create_variable(name, ("ctd_data_point",), "f8", data=v)
+        flags = np.array([b"1"] * (len(p) - 1) + [b"4"])
+        file.create_variable("salinity_qc", ("ctd_data_point",), "S1", data=flags)
+    cast, due = read_cast(path, **PLACE), read_cast(plain(tmp_path), **PLACE)
+    np.testing.assert_allclose(cast.SA, due.SA[:-1], atol=1e-9)
+    assert any("1 value of salinity flagged as bad" in line for line in cast.report)
+
+
+def test_profiles_side_by_side_in_a_grid(tmp_path):
+    p, t, s = sea()
+    path = tmp_path / "grid.nc"
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = {"depth": len(p), "profile": 3}
+        file.create_variable("depth", ("depth",), "f8", data=p)
+        for name, v in (("temperature", t), ("salinity", s)):
+            grid = np.repeat(v[:, None], 3, axis=1)
+            file.create_variable(name, ("depth", "profile"), "f8", data=grid)
+    assert f"a grid of {len(p)} x 3 values over {len(p)} of depth" in str(refused(path))
+
+
 def argo_file(path, *, adjusted=True, mode="", schemes=None):
     """A profile file as Argo writes it: characters for flags and texts, float32, two profiles."""
     p, t, s = sea()

@@ -56,7 +56,9 @@ def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, 
     """Return the cast of a file whose variables have standard names, or names that say it."""
     report: list[str] = []
     check_names(columns, path)
-    chosen = {name: _chosen(name, variables, columns, path) for name in CAST_COLUMNS}
+    warm = _chosen("temperature_degC", variables, columns, path)
+    size = None if warm is None else variables[warm[0]].values.size
+    chosen = {name: _chosen(name, variables, columns, path, size) for name in CAST_COLUMNS}
     values: dict[str, Array] = {}
     for name, found in chosen.items():
         if found is None:
@@ -64,9 +66,9 @@ def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, 
         variable, unit = found
         values[name] = _in_unit(name, variable, variables[variable], path, report, unit)
         _by_flags(variable, variables, values[name], path, report)
-    length = max((v.size for n, v in values.items() if n not in ("latitude", "longitude")),
-                 default=0)  # fmt: skip
-    rows = {n: np.ravel(v) for n, v in values.items() if v.size == length}
+    rows = {n: np.ravel(v) for n, v in values.items() if v.size == size}
+    if size is not None and not {"pressure_dbar", "depth_m"} & set(rows):
+        _refuse_grid(values, path)
     missing = [
         what
         for names, what in (
@@ -75,7 +77,7 @@ def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, 
         )
         if not any(name in rows for name in names)
     ]
-    if missing or length < _FEWEST:
+    if missing or size is None or size < _FEWEST:
         raise LogError(
             f"no variable has the standard name {' or '.join(missing) or 'of a profile'}, one "
             "value per sample",
@@ -92,12 +94,26 @@ def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, 
                 longitude=place.get("longitude"))  # fmt: skip
 
 
+def _refuse_grid(values: Mapping[str, Array], path: Path) -> None:
+    """Raise LogError where temperatures are a grid over depth and something else."""
+    shape = values["temperature_degC"].shape
+    down = next((n for n in ("pressure_dbar", "depth_m") if n in values), None)
+    if down is not None and len(shape) > 1 and values[down].size in shape:
+        raise LogError(
+            f"the temperatures are a grid of {' x '.join(map(str, shape))} values over "
+            f"{values[down].size} of {down.split('_')[0]}: several profiles side by side",
+            file=path, field=down, remedy="Write the profile that you mean to a CSV",
+        )  # fmt: skip
+
+
 def _chosen(
-    name: str, variables: Mapping[str, Variable], columns: Mapping[str, str], path: Path
-) -> tuple[str, str | None] | None:
+    name: str, variables: Mapping[str, Variable], columns: Mapping[str, str], path: Path,
+    size: int | None = None,
+) -> tuple[str, str | None] | None:  # fmt: skip
     """Return the variable of a column, and its unit where that is stated.
 
-    As mapped, else by standard name, else by its own name.
+    As mapped, else by standard name, else by its own name; of several, those with as many values
+    as there are temperatures, `size`, come first: gliders log on several clocks.
     """
     if name in columns:
         asked, at, unit = columns[name], "", ""
@@ -115,7 +131,10 @@ def _chosen(
     named = named or [n for n in numeric if (kind_of(n) or ("",))[0] == name]
     if len(named) <= 1 or name in ("latitude", "longitude"):
         return (named[0], None) if named else None
-    plain = [n for n in named if n.lower() in NAMES[name]]
+    alike = [n for n in named if variables[n].values.size == size]
+    if alike and len(alike) < len(named):
+        named = alike
+    plain = [n for n in named if n.lower() in NAMES[name]] if len(named) > 1 else named
     if len(plain) == 1:
         return plain[0], None
     raise LogError(
