@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 from swimbladder.closed_loop import drive, simulate, simulate_ensemble
 from swimbladder.closed_loop.water import medium_of
 from swimbladder.control.cascade import CASCADE, CascadeParameters
+from swimbladder.engine.cache import on_compile
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.hull import linear_psi
 from swimbladder.io.mission import Mission
@@ -22,7 +23,7 @@ from swimbladder.parameters import Hull, HullPart
 from swimbladder.seawater import Cast, cast_column, uniform_column
 from tests.mission.test_flight import TIGHT
 from tests.oracle import TABLE_3
-from tests.vehicles import BLENDED, LINEAR, paper, screw, stepper
+from tests.vehicles import BLENDED, LINEAR, SWITCHED, paper, screw, stepper
 
 C = 1e6  # volumes are integrated in cm3
 GRID = np.arange(0.0, 20.0, 0.002)
@@ -102,6 +103,11 @@ class ByScipy:
 
     def drag(self, w):
         d = self.v.drag
+        if d.law == "switched" and abs(w) > d.epsilon:
+            jump = d.k_dl * d.epsilon - d.k_dt * d.epsilon**2
+            return math.copysign(d.k_dt * w * w + jump, w)
+        if d.law == "switched":
+            return d.k_dl * w
         return (d.k_dl or 0.0) * w + (d.k_dt or 0.0) * w * abs(w)
 
     def sailed(self, V_of, span, start, every=1.0):
@@ -123,7 +129,7 @@ TIMES = np.array([0.0, 40.0, 70.0, 130.0, 170.0, 240.0, 300.0])
 PUSH = 1e-6 * np.array([0.0, -25.0, -25.0, 30.0, 30.0, -20.0, -20.0])
 
 
-@pytest.mark.parametrize("drag", [LINEAR, BLENDED], ids=["laminar", "blended"])
+@pytest.mark.parametrize("drag", [LINEAR, BLENDED, SWITCHED], ids=lambda d: d.law)
 def test_a_volume_in_a_fjord_against_scipy_and_gsw(drag):
     v = afloat(screw(drag=drag))
     oracle = ByScipy(v, 6.0)
@@ -311,6 +317,17 @@ def test_an_ensemble_is_each_vehicle_alone():
         np.testing.assert_allclose(many.depth[:, lane], alone.depth, rtol=0.0, atol=1e-9)
         assert many.energy[lane] == pytest.approx(alone.books.energy["source"], rel=1e-9)
     assert abs(many.depth[-1, 0] - many.depth[-1, 1]) > 1e-3
+
+
+def test_a_cast_compiles_nothing_anew():
+    v = afloat(paper(), depth=5.0)
+    run = dict(setpoints=[(0.0, 5.0)], duration=3.0, start_depth=5.0)
+    simulate(v, **run)
+    told = []
+    with on_compile(lambda: told.append(True)):
+        simulate(v, column=column(), **run)
+        simulate(v, column=column(0.1), **run)
+    assert not told
 
 
 def test_what_the_water_does_not_allow_is_said():

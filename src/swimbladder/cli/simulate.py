@@ -91,8 +91,9 @@ def simulate(
     """Simulate depth steps or a mission in closed loop.
 
     Depths and times are in m and s, or carry a unit: --start "150 cm" --duration "5 min".
-    With --cast the neutral volume follows that water's density and temperature; else the water is
-    that of the vehicle's file.
+
+    With --cast the neutral volume follows the density and temperature of that water.
+
     Exit code 1 when the simulation stopped before its end; the files are written all the same.
     """
     from swimbladder.hull import mass_doubt
