@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import compile_notice, console, emit_json, output, progress, quantity
-from swimbladder.cli.logs import depth, names, pair
+from swimbladder.cli.common import compile_notice, console, emit_json, output, progress
+from swimbladder.cli.logs import depth, names
 from swimbladder.cli.pool_options import asked_of, rules_of
+from swimbladder.cli.pool_sources import operator_of, tail_of
 from swimbladder.cli.pool_view import View, parameter_table
 from swimbladder.errors import InputError, SwimbladderError
 
 if TYPE_CHECKING:
-    from swimbladder.guide import News, Operator, PoolDay, Tail
+    from swimbladder.guide import News, PoolDay
     from swimbladder.guide.files import Kept
     from swimbladder.io.plan import Plan
     from swimbladder.parameters import Vehicle
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 __all__ = ["pool"]
 
 _POOL = 4.5  # m
-_NOISE = 2e-3  # m
 
 
 def pool(
@@ -155,10 +155,10 @@ def pool(
     mode = "simulated" if simulate else "followed"
     # What is wrong with the input is said before anything is touched.
     if simulate:
-        operator = _operator(v, truth, bottom or _POOL, speed, sensor_std, seed)
+        operator = operator_of(v, truth, bottom or _POOL, speed, sensor_std, seed)
     else:
         assert follow is not None
-        tail, limit = _tail(v, follow, column or [], log_format, timeout, wait=wait)
+        tail, limit = tail_of(v, follow, column or [], log_format, timeout, wait=wait)
     with compile_notice(), _no_empty_folder(out):
         day = PoolDay(
             v, out, rules=rules, tasks=tasks, asked=asked, mode=mode, kept=_begin(out, v, mode)
@@ -216,66 +216,6 @@ def _plan(path: Path | None, pool_depth: str | None) -> Plan | None:
             remedy="Leave it out, or the plan",
         )  # fmt: skip
     return None if path is None else load_plan(path)
-
-
-def _operator(
-    vehicle: Vehicle, truth: str | None, bottom: float, speed: float | None,
-    sensor_std: str | None, seed: int,
-) -> Operator:  # fmt: skip
-    from swimbladder.guide import Operator
-    from swimbladder.io.config import load_vehicle
-
-    if speed is not None and not speed > 0.0:
-        raise InputError(
-            "it must be above 0", field="--speed", value=speed,
-            remedy="Give simulated seconds a second, or leave it out",
-        )  # fmt: skip
-    water = _with_noise(vehicle if truth is None else load_vehicle(truth, sampled=True), sensor_std)
-    return Operator(vehicle, water, pool_depth=bottom, seed=seed)
-
-
-def _with_noise(vehicle: Vehicle, sensor_std: str | None) -> Vehicle:
-    """Return the vehicle with the noise of its depth that was asked for, or some."""
-    sensors = vehicle.sensors
-    std = quantity(sensor_std, "m", "--sensor-std")
-    if std is None:
-        if sensors.depth_noise > 0.0 or sensors.depth_quantum > 0.0:
-            return vehicle
-        std = _NOISE
-        console.print(
-            f"{vehicle.name} states no noise of its depth: {1e3 * std:g} mm (1 sigma) is taken; "
-            "--sensor-std says another",
-            soft_wrap=True,
-        )
-    if std < 0.0:
-        raise InputError(
-            "it must not be negative", field="--sensor-std", value=std, unit="m",
-            remedy="Give a standard deviation, 0 for none",
-        )  # fmt: skip
-    return vehicle.model_copy(update={"sensors": sensors.model_copy(update={"depth_noise": std})})
-
-
-def _tail(
-    vehicle: Vehicle, log: Path, column: list[str], log_format: str | None, timeout: str, *,
-    wait: bool,
-) -> tuple[Tail, float]:  # fmt: skip
-    """Return what reads the log, and how long it waits for more [s]."""
-    from swimbladder.guide import Tail
-    from swimbladder.io.log_format import LogFormat
-    from swimbladder.io.log_format import log_format as named
-
-    limit = quantity(timeout, "s", "--timeout")
-    assert limit is not None
-    if not limit > 0.0:
-        raise InputError(
-            "it must be above 0", field="--timeout", value=timeout, unit="s",
-            remedy="Give a time, or --no-wait for a log that is finished",
-        )  # fmt: skip
-    form = LogFormat() if log_format is None else named(log_format)
-    if wait:  # one bad row must not end the day
-        form = form.model_copy(update={"bad_rows": "drop"})
-    columns = dict(pair(text, "--column") for text in column)
-    return Tail(log, vehicle, columns=columns, log_format=form), limit
 
 
 def _through(view: View, happening: Iterable[News | None]) -> None:

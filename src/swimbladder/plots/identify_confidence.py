@@ -1,10 +1,8 @@
-"""How sure the parameters are: ellipses, profiles, neutral volumes, each log's own gain."""
+"""How sure the parameters are: ellipses and likelihood profiles."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,22 +12,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.stats import chi2
 
-from swimbladder.identify import NAMES, Estimate, ExperimentFit, Identification
+from swimbladder.identify import NAMES, Identification
 from swimbladder.identify.estimates import Z95, estimate
-from swimbladder.plots.identify import labels
-from swimbladder.plots.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    SKY,
-    VERMILION,
-    styled,
-)
+from swimbladder.plots.style import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, styled
 from swimbladder.units import shown_unit, unit_factor
 
-__all__ = ["axis_label", "draw_ellipses", "draw_gains", "draw_neutral", "draw_profiles"]
+__all__ = ["WIDTH", "axis_label", "draw_ellipses", "draw_profiles", "per_shown"]
 
 Array = NDArray[np.float64]
 
@@ -40,7 +28,7 @@ _SYMBOL = {
     "K1": "K₁", "T1": "T₁", "K2": "K₂", "T2": "T₂", "mass": "mass",
     "drag_quadratic": r"k$_\mathrm{dt}$", "psi": "ψ",
 }  # fmt: skip
-_WIDTH = 9.6  # inches
+WIDTH = 9.6  # inches
 _DRAWS = 1500  # of the posterior, that are drawn
 
 
@@ -50,7 +38,7 @@ def axis_label(name: str) -> str:
     return f"{_SYMBOL[name]} [{_PRETTY.get(unit, unit)}]"
 
 
-def _per(unit: str) -> float:
+def per_shown(unit: str) -> float:
     """Return the factor from SI to the unit shown."""
     return unit_factor(unit, shown_unit(unit))
 
@@ -71,7 +59,7 @@ def draw_ellipses(found: Identification) -> Figure:
         raise ValueError("one parameter makes no pair")
     size = len(names) - 1
     side = 3.6 if size == 1 else 3.0 if size == 2 else 2.4
-    figure = Figure(figsize=(min(side * size * 1.15, _WIDTH), side * size))
+    figure = Figure(figsize=(min(side * size * 1.15, WIDTH), side * size))
     grid = figure.subplots(size, size, squeeze=False)
     for row in range(size):
         for column in range(size):
@@ -108,7 +96,7 @@ def _pair(axes: Axes, found: Identification, i: int, j: int) -> None:
     if found.posterior is not None:
         draws = found.posterior.draws[:: max(1, len(found.posterior.draws) // _DRAWS)]
         first, second = (
-            draws[:, found.posterior.names.index(name)] * _per(NAMES[name].unit)
+            draws[:, found.posterior.names.index(name)] * per_shown(NAMES[name].unit)
             for name in (names[i], names[j])
         )
         axes.plot(
@@ -128,9 +116,9 @@ def _moved(found: Identification, name: str, steps: Array) -> Array:
     """Return a parameter, in the unit shown, so many standard deviations from its estimate."""
     e = found.parameters[name]
     if _logarithmic(found, name):
-        result: Array = e.value * np.exp(steps * e.std / e.value) * _per(e.unit)
+        result: Array = e.value * np.exp(steps * e.std / e.value) * per_shown(e.unit)
         return result
-    shifted: Array = (e.value + steps * e.std) * _per(e.unit)
+    shifted: Array = (e.value + steps * e.std) * per_shown(e.unit)
     return shifted
 
 
@@ -139,7 +127,7 @@ def _prior_band(axes: Axes, found: Identification, name: str, *, vertical: bool)
     if prior is None:
         return
     limits = axes.get_xlim() if vertical else axes.get_ylim()
-    per = _per(NAMES[name].unit)
+    per = per_shown(NAMES[name].unit)
     low, high = (per * (prior.mean + k * prior.std) for k in (-Z95, Z95))
     label = f"95 % of the prior of {_SYMBOL[name]}"
     span = axes.axvspan if vertical else axes.axhspan
@@ -158,7 +146,7 @@ def draw_profiles(found: Identification) -> Figure:
         raise ValueError("no profile was computed")
     columns = min(len(names), 2 if len(names) in (2, 4) else 3)
     rows = math.ceil(len(names) / columns)
-    figure = Figure(figsize=(_WIDTH * (0.5 if columns == 1 else 1.0), 2.9 * rows + 0.6))
+    figure = Figure(figsize=(WIDTH * (0.5 if columns == 1 else 1.0), 2.9 * rows + 0.6))
     panels = list(np.ravel(figure.subplots(rows, columns, squeeze=False)))
     for axes in panels[len(names) :]:
         axes.remove()
@@ -172,7 +160,7 @@ def draw_profiles(found: Identification) -> Figure:
 
 def _profile(axes: Axes, found: Identification, name: str) -> None:
     p, e = found.profiles[name], found.parameters[name]
-    per, log = _per(p.unit), _logarithmic(found, name)
+    per, log = per_shown(p.unit), _logarithmic(found, name)
     top = 9.0
     x = np.log(p.values) if log else p.values
     root = np.sign(p.values - e.value) * np.sqrt(p.deviance)
@@ -216,109 +204,3 @@ def _interval(
     for end, place in zip(ends, at, strict=True):
         if math.isfinite(end):
             axes.plot([place, place], [height - 0.22, height + 0.22], color=colour, lw=1.6)
-
-
-@styled
-def draw_neutral(found: Identification) -> Figure:
-    """Return each log's neutral-volume error against what was assumed of it, and its drift."""
-    names = labels(found)
-    count = len(names)
-    figure = Figure(figsize=(_WIDTH, max(2.4, 0.28 * count + 1.3)))
-    left, right = figure.subplots(1, 2, sharey=True)
-    errors = [e.estimates["neutral_error"] for e in found.experiments]
-    if math.isfinite(found.neutral_std):
-        for k, alpha in ((2.0, 0.12), (1.0, 0.18)):
-            reach = 1e6 * k * found.neutral_std
-            left.axvspan(
-                -reach, reach, color=ORANGE, alpha=alpha, lw=0.0,
-                label=f"assumed, ±{k:.0f} standard deviation{'s' if k > 1.0 else ''}",
-            )  # fmt: skip
-    _dots(left, errors, "m3")
-    left.set(xlabel="neutral volume, true less assumed [cm³]")
-    left.set_yticks(range(count), labels=names)
-    left.set_ylim(count - 0.4, -0.6)
-    _dots(right, [e.drift for e in found.experiments], "m3/s")
-    right.set(xlabel="drift of the neutral volume [cm³/h]")
-    for axes in (left, right):
-        axes.axvline(0.0, color=BLACK, lw=0.8)
-        axes.grid(axis="y", visible=False)
-    handles, texts = left.get_legend_handles_labels()
-    figure.legend(handles, texts, loc="outside upper center", ncols=len(texts))
-    return figure
-
-
-def _dots(axes: Axes, estimates: Sequence[Estimate], unit: str) -> None:
-    """Draw estimates with their 95 % intervals, one above the other."""
-    per = _per(unit)
-    values = per * np.array([e.value for e in estimates])
-    half = per * np.array([Z95 * e.std for e in estimates])
-    known = np.isfinite(half)
-    at = np.arange(len(values))
-    axes.errorbar(
-        values[known], at[known], xerr=half[known], fmt="o", ms=4.5, color=BLUE, elinewidth=1.3,
-        capsize=2.5, label="estimate, 95 %",
-    )  # fmt: skip
-
-
-@styled
-def draw_gains(
-    found: Identification, singles: Mapping[str, Sequence[tuple[float, float]]] | None = None
-) -> Figure:
-    """Return each log's own gain against the size of its volume change, and that of all.
-
-    singles: other fits of single logs, by what they are called: (volume change [m3], K2) of each.
-    The gain is K2; where a vehicle has none, the ratio to that of all. Raises ValueError where no
-    log has a gain of its own.
-    """
-    told = [e for e in found.experiments if e.own_gain is not None]
-    if not told:
-        raise ValueError("no log has a gain of its own")
-    absolute = "K2" in found.names
-    joint = found.parameters["K2"].value if absolute else 1.0
-    of_all = found.parameters["K2" if absolute else "drag_quadratic"]
-    figure = Figure(figsize=(_WIDTH * 0.8, 3.6))
-    axes = figure.add_subplot()
-    ratios = sorted(
-        of_all.value / end if not absolute else end / of_all.value for end in of_all.ci95
-    )
-    shown: list[Any] = [  # in the order of the key
-        axes.axhspan(
-            joint * ratios[0], joint * ratios[1], color=SKY, alpha=0.3, lw=0.0,
-            label="all logs, 95 %",
-        )
-    ]  # fmt: skip
-    axes.axhline(joint, color=BLUE, lw=1.0)
-    widest = max(e.step for e in told)
-    for sinks, mark, label in ((False, "^", "rising"), (True, "v", "sinking")):
-        chosen = [e for e in told if _sinks(e) == sinks]
-        if not chosen:
-            continue
-        gain, std = np.array([e.own_gain for e in chosen]).T
-        at = np.array([e.step for e in chosen]) + (0.006 if sinks else -0.006) * widest
-        middle = joint * np.exp(gain)
-        ends = np.abs(joint * np.exp(gain + Z95 * np.array([[-1.0], [1.0]]) * std) - middle)
-        bars = axes.errorbar(
-            1e6 * at, middle, yerr=ends, fmt=mark, ms=6.0, color=BLUE, elinewidth=1.3,
-            capsize=2.5, mfc=BLUE if sinks else "white", label=f"each log alone, {label}, 95 %",
-        )  # fmt: skip
-        shown.append(bars)
-    for (label, points), mark, colour in zip(
-        (singles or {}).items(), ("s", "D"), (VERMILION, GREEN), strict=False
-    ):
-        x, y = np.array(points).T
-        shown += axes.plot(1e6 * x, y, mark, ms=5.0, mfc="none", mew=1.4, color=colour, label=label)
-        average = float(y.mean())
-        shown.append(axes.axhline(average, color=colour, lw=1.0, ls="--", label="their average"))
-    axes.set(
-        xlabel="size of the volume change [cm³]",
-        ylabel=axis_label("K2") if absolute else "gain over that of all logs [-]",
-    )
-    axes.margins(x=0.08, y=0.15)
-    axes.set_ylim(bottom=max(axes.get_ylim()[0], 0.0))
-    axes.legend(handles=shown, loc="center left", bbox_to_anchor=(1.02, 0.5))
-    return figure
-
-
-def _sinks(e: ExperimentFit) -> bool:
-    used = np.flatnonzero(np.isfinite(e.residual))
-    return bool(e.predicted[used[-1]] > e.predicted[used[0]])

@@ -19,6 +19,7 @@ from swimbladder.io.tables import write_csv
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.plots import identify as plots
 from swimbladder.plots import identify_confidence as confidence
+from swimbladder.plots import identify_logs as each_log
 from swimbladder.plots.style import save
 from swimbladder.report.identification_page import page
 from swimbladder.report.words import row
@@ -207,7 +208,7 @@ def pictures(found: Identification, paper: PaperFits | None = None) -> list[Pict
             "Left: how far each log's neutral volume is from the assumed one, against what was "
             "assumed of it. Right: how it would drift if it did, from a step of the fit; an "
             "interval without 0 is a drift that is not in the model.",
-            lambda: confidence.draw_neutral(found),
+            lambda: each_log.draw_neutral(found),
         )
     )  # fmt: skip
     if found.identified and any(e.own_gain is not None for e in found.experiments):
@@ -216,7 +217,7 @@ def pictures(found: Identification, paper: PaperFits | None = None) -> list[Pict
                 "gains", "Does the gain depend on the size of the step?",
                 "What each log would say alone, all but psi its own, against the size of its "
                 "volume change. A trend is the mark of a psi, or of a drag law, that is not right.",
-                lambda: confidence.draw_gains(found, _singles(paper)),
+                lambda: each_log.draw_gains(found, _singles(paper)),
             )
         )  # fmt: skip
     return listed
