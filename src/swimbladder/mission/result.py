@@ -15,8 +15,10 @@ from swimbladder.mission.core.names import (
     Account,
     At,
     Cycle,
+    Drive,
     Given,
     Holding,
+    Note,
     Now,
     Row,
     Stage,
@@ -198,6 +200,12 @@ class MissionResult:
             "often (check_interval), go slower, or allow more"
             for name, count in self.not_held.items()
         ]
+        landed = int(np.sum(self.flight.notes[:, Drive.WHAT] == Note.BOTTOM))
+        if landed:
+            found.append(
+                f"it came down on the bottom at {self.flight.mission.bottom:g} m {landed} "
+                f"time{'s' if landed > 1 else ''}"
+            )
         deepest = float(np.max(self.flight.cycles[:, Cycle.DEEPEST]))
         if deepest > self.flight.column.deepest:
             found.append(
