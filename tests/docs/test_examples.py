@@ -7,7 +7,8 @@ The examples of a page run in order, in a folder of their own that holds a `my-f
 - `sh` blocks: commands that succeed;
 - a `toml` block with a file's name beside `toml` is written to that file.
 
-``<!-- exit 2 -->`` above a block: its last command ends so; ``<!-- not run: why -->``: it is not.
+``<!-- exit 2 -->`` above a block: its last command ends so; ``<!-- not run: why -->``: it is not;
+``<!-- as in docs/PAGE -->``: that page runs it, and prints what stands here too.
 """
 
 import contextlib
@@ -26,7 +27,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 RUN = ("python", "console", "sh", "toml", "text")
 _BLOCK = re.compile(
-    r"(?:<!-- (?P<mark>exit \d+|not run: [^>]+) -->\n)?"
+    r"(?:<!-- (?P<mark>exit \d+|not run: [^>]+|as in [^>]+) -->\n)?"
     r"^```(?P<language>\w*)(?: (?P<name>\S+))?\n(?P<body>.*?)^```$",
     re.DOTALL | re.MULTILINE,
 )
@@ -45,8 +46,8 @@ class Block(NamedTuple):
         return int(self.mark.removeprefix("exit ")) if self.mark.startswith("exit") else 0
 
 
-def blocks_of(page: Path) -> list[Block]:
-    """Return the fenced blocks of a page, without those that are marked as not run."""
+def blocks_of(page: Path, mark: str = "") -> list[Block]:
+    """Return the fenced blocks of a page that are run here, or those whose mark begins so."""
     text = page.read_text(encoding="utf-8")
     found, above = [], (0, "")
     for match in _BLOCK.finditer(text):
@@ -62,7 +63,9 @@ def blocks_of(page: Path) -> list[Block]:
                 follows=follows,
             )
         )
-    return [block for block in found if not block.mark.startswith("not run")]
+    if mark:
+        return [block for block in found if block.mark.startswith(mark)]
+    return [block for block in found if not block.mark.startswith(("not run", "as in"))]
 
 
 def commands_of(block: Block) -> list[tuple[str, str]]:
@@ -155,6 +158,18 @@ def _console(block: Block, folder: Path, place: str) -> None:
         assert same(output, promised), f"{place}: {command} prints\n{output}"
 
 
+def test_a_block_as_on_another_page_is_run_there_and_prints_the_same():
+    found = [block for page in PAGES for block in blocks_of(page, "as in ")]
+    assert found
+    for block in found:
+        there = [b for b in blocks_of(ROOT / block.mark.split()[-1]) if b.language == "console"]
+        prints = dict(pair for other in there for pair in commands_of(other))
+        for command, printed in commands_of(block):
+            assert command in prints, f"{block.mark}: {command}"
+            lines = [line for line in printed.splitlines() if line != "..."]
+            assert set(lines) <= set(prints[command].splitlines()), command
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_lead_somewhere(page):
     text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.M)
@@ -217,7 +232,7 @@ def test_the_extraction_itself(tmp_path):
     page.write_text(
         "```python\nprint(1)\n```\n\n```text\n1\n```\n\nwords\n\n<!-- exit 2 -->\n"
         "```console\n$ one \\\n>   two\nout\n$ three\n```\n\n<!-- not run: why -->\n```sh\nx\n```\n"
-        "```toml file.toml\na = 1\n```\n",
+        "```toml file.toml\na = 1\n```\n\n<!-- as in docs/x.md -->\n```console\n$ four\n```\n",
         encoding="utf-8",
     )
     python, text, console, toml = blocks_of(page)
@@ -225,3 +240,4 @@ def test_the_extraction_itself(tmp_path):
     assert (console.exit_code, console.follows) == (2, "")
     assert commands_of(console) == [("one two", "out\n"), ("three", "")]
     assert (toml.language, toml.name) == ("toml", "file.toml")
+    assert [block.body for block in blocks_of(page, "as in ")] == ["$ four\n"]

@@ -44,11 +44,15 @@ def test_without_noise_the_motor_is_found_exactly():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", ["steps", "steps, gains differ by 1 %"])
-def test_intervals_hold_the_truth_as_often_as_they_say(case):
-    """Or more often, where gains that might differ do not."""
-    for name, s in score(case, 120, seed=11).items():
-        assert s.told > 114
+@pytest.mark.parametrize(("case", "logs"), [("steps", 120), ("steps, gains differ by 1 %", 60)])
+def test_intervals_hold_the_truth_as_often_as_they_say(case, logs):
+    """Or more often, where gains that might differ do not.
+
+    Intervals that hold 80 % are found out with a chance of 99 % in 120 logs, of 79 % in 60 for each
+    of the parameters; `studies.actuator` scores many more.
+    """
+    for name, s in score(case, logs, seed=11).items():
+        assert s.told > 0.95 * logs
         # a 95 % interval that fails this is off: one calibrated test in 1000 does
         either = "two-sided" if name == "T1" else "less"
         assert binomtest(s.held, s.told, 0.95, alternative=either).pvalue > 0.001, (name, s)
