@@ -173,11 +173,23 @@ def test_what_cannot_be_is_said(vehicle, step, options, error, words):
         plan(vehicle, *step, **options)
 
 
-def test_what_the_refusal_offers_is_enough():
+@pytest.mark.parametrize(
+    ("words", "option", "given"),
+    [
+        ("the voltage", "supply", {"duration": 15.0}),
+        ("the voltage", "supply", {"duration": 15.0, "margin": 0.1}),
+        ("the speed limit", "speed_limit", {"duration": 60.0, "speed_limit": 0.02}),
+    ],
+)
+def test_what_the_refusal_offers_is_enough(words, option, given):
+    """As it is printed, and hardly more than enough."""
     with pytest.raises(NoAnswerError) as refused:
-        plan(FEUP, 1.5, 3.0, goal="effort", duration=15.0)
-    volts = float(str(refused.value).split("the voltage ")[1].split()[0])
-    assert plan(FEUP, 1.5, 3.0, goal="effort", duration=15.0, supply=volts * 1.01).arrival == 15.0
+        plan(FEUP, 3.0, 1.5, goal="effort", **given)
+    offered = float(str(refused.value).split(words)[1].split()[0])
+    changed = {**given, option: offered}
+    assert plan(FEUP, 3.0, 1.5, goal="effort", **changed).arrival == given["duration"]
+    with pytest.raises(NoAnswerError):
+        plan(FEUP, 3.0, 1.5, goal="effort", **{**given, option: 0.98 * offered})
 
 
 def test_corner_and_interior_are_optima_of_the_same_program():

@@ -28,6 +28,7 @@ GOALS = ("time", "effort", "energy")
 ARRIVALS = ("band", "rest")
 
 _UNHURRIED = 2.0  # times the least time, where a goal other than time is given none
+_SPARE = 1.0 + 1e-3  # of a limit that is said to do: at the edge itself no solver is sure
 _AT_LIMIT = 2e-3  # of what is large, that counts as at a limit: tangents stop a little short of it
 
 
@@ -122,17 +123,17 @@ def _best(
 
 def _impossible(task: Task, end: int, least: LeastTime, course: Course) -> NoAnswerError:
     """Return what is in the way, and how much more of each limit alone would do."""
-    sizes = scale_of(task)
+    sizes, kept = scale_of(task), 1.0 - task.margin
     unit = ("cm3/s", 1e6) if task.plant.positioner else ("V", 1.0)
     ways = [
         ("command", "the piston's speed" if task.plant.positioner else "the voltage",
-         task.command[1], sizes.command, *unit),
+         task.command[1], sizes.command, kept, *unit),
         ("volume", "the stroke", 0.5 * (task.volume[1] - task.volume[0]), sizes.state[1],
-         "cm3 to either side", 1e6),
-        ("speed", "the speed limit", task.speed[1], sizes.state[3], "m/s", 1.0),
+         kept, "cm3 to either side", 1e6),
+        ("speed", "the speed limit", task.speed[1], sizes.state[3], 1.0, "m/s", 1.0),
     ]  # fmt: skip
     found = []
-    for name, words, limit, size, shown, factor in ways:
+    for name, words, limit, size, share, shown, factor in ways:
         if not math.isfinite(limit):
             continue
 
@@ -142,13 +143,19 @@ def _impossible(task: Task, end: int, least: LeastTime, course: Course) -> NoAns
 
         answer, _ = settle_course(task, program, stretched(course, end))
         if answer is not None:
-            need = limit + answer.objective * size
-            found.append(f"{words} {factor * need:.3g} {shown} instead of {factor * limit:.3g}")
+            need = _no_less(factor * (limit + answer.objective * size) / share)
+            found.append(f"{words} {need:g} {shown} instead of {factor * limit / share:.4g}")
     wider = f"; or, one of them alone: {', or '.join(found)}" if found else ""
     return NoAnswerError(
         f"the duration: at rest at {task.target:g} m in {end * task.sample_time:g} s is beyond "
         f"this vehicle's limits. It takes {least.time:.4g} s at least{wider}"
     )
+
+
+def _no_less(value: float) -> float:
+    """Return a number above 0 with three digits, rounded up and a little more: it has to do."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return math.ceil(value * _SPARE / unit) * unit
 
 
 def _plan_of(
