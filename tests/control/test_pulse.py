@@ -193,3 +193,37 @@ def test_nothing_moves_without_a_volume_and_limits_hold_whatever_is_measured():
             assert abs(u) <= p.limit
             assert p.volume_min <= after.volume_reference <= p.volume_max
             assert all(math.isfinite(x) for x in after)
+
+
+def test_the_way_back_begins_half_a_sample_ahead():
+    """Out until a x (x/2/rate + S_p), what coming back does and the sample until it begins does."""
+    p = parameters()
+    out, error = 2e-6, -0.02
+    way_back = PLANT.a_b * (out**2 / (2.0 * p.rate) + out * H)
+    for share, going in ((1.01, 1.0), (0.99, -2.0)):
+        speed = p.homing * error + share * way_back
+        assert run(p, 1.0, error, speed, NEUTRAL + out, NEUTRAL, NEUTRAL, p.rate).going == going
+
+
+def test_what_holds_the_volume_is_learnt_up_to_twice_the_load_and_a_swing():
+    p = parameters()
+    state = initial(p, Measurement(0.0, 2.0, NEUTRAL), 2.0)._replace(holding=1.0)
+    for n in range(400):  # at rest it creeps in all the time, whatever the voltage
+        volume = NEUTRAL - n * 1e-8
+        state = state._replace(going=0.0)
+        voltage, state, _ = step(p, state, Measurement(n * H, 2.0, volume), 2.0)
+    most = p.depth_voltage * 2.0 + p.swing
+    assert state.hold == pytest.approx(most, rel=0.05)
+    assert voltage <= p.limit
+
+
+@pytest.mark.parametrize(("reference", "gain"), [(2.0, "n_b"), (4.0, "l_b")])
+def test_near_the_reference_the_filter_has_the_gains_of_a_neutral_volume_that_walks(
+    reference, gain
+):
+    p = parameters()
+    assert p.n_b != pytest.approx(p.l_b, rel=0.1)
+    state = initial(p, Measurement(0.0, 2.0, NEUTRAL), 2.0)
+    _, after, _ = step(p, state, Measurement(H, 2.004, NEUTRAL), reference)
+    b = getattr(p, gain)
+    assert after.neutral - state.neutral == pytest.approx(b * 0.004, rel=1e-6)
