@@ -343,3 +343,15 @@ def simulate_step(v, depth, **more):
     return simulate(
         v, setpoints=[(0.0, depth)], duration=30.0, start_depth=4.0, column=column(), **more
     )
+
+
+def test_trapped_air_counts_in_even_water_given_as_a_column():
+    """Boyle: between two depths the neutral volume changes by what the air loses."""
+    base = screw(drag=BLENDED)
+    hull = base.hull.model_copy(update={"trapped_air": 3e-5})
+    v = base.model_copy(update={"hull": hull})
+    medium = medium_of(v, uniform_column(v.water, 40.0, step=0.05), reach=10.0)
+    p = v.water.specific_weight * np.array([2.0, 10.0])
+    air = 3e-5 * P_ATM / (P_ATM + p)
+    change = medium.neutral_volume(10.0) - medium.neutral_volume(2.0)
+    assert change == pytest.approx(v.hull.psi * 8.0 + air[0] - air[1], rel=1e-3)
