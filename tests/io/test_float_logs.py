@@ -308,6 +308,16 @@ def test_the_kind_of_log_is_seen(tmp_path: Path, made_up: Path) -> None:
         ("time_s,pressure_Pa,pump_s\n60,1,1\n0,2,\n", "do not increase", "time_s"),
         ("time_s,pressure_Pa,pump_s\n0,101325,1\n60,2e5,\n", "looks absolute", "pressure_Pa"),
         ("time_s,pressure_Pa,pump_s\n0,1,1\n60,,\n", "fewer than two", "pressure_Pa"),
+        (
+            "time_s,pressure_Pa,pump_s\n0,1,1\n60,2000,\n",
+            "likely in kPa, dbar or bar",
+            "pressure_Pa",
+        ),
+        (
+            "time_s,pressure_Pa,valve_s\n0,1,8e4\n600,2e6,\n",
+            "s of runs in a log of 600 s",
+            "valve_s",
+        ),
     ],
 )
 def test_tables_that_are_refused(tmp_path: Path, text: str, says: str, field: str) -> None:

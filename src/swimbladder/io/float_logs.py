@@ -33,6 +33,7 @@ FLOAT_COLUMNS = {
     "bypass_s": "s",
 }
 _NEEDED = ("time_s", "pressure_Pa")
+_SHALLOW = 2.5e4  # Pa, of the greatest pressure: no float that pumps goes no deeper
 _ABSOLUTE = (9.5e4, 1.06e5)  # Pa: a log whose least pressure is here counts from the vacuum
 
 
@@ -126,6 +127,14 @@ def _float_log(
             field="pressure_Pa", value=float(pressure[known].min()), unit="Pa",
             remedy="Give pressures above the atmosphere, 0 at the surface",
         )  # fmt: skip
+    deepest = float(pressure[known].max())
+    if deepest < _SHALLOW:
+        raise LogError(
+            f"the greatest pressure is {deepest:.4g} Pa, that of {deepest / 1e4:.2g} m of water: "
+            "it is likely in kPa, dbar or bar", file=path, field="pressure_Pa",
+            remedy='State its unit: --column "pressure_Pa=NAME@dbar"',
+        )  # fmt: skip
+    _check_seconds(values, float(time[-1] - time[0]), path)
     actions = [
         Action(device=device, time=float(t), asked=float(s), seconds=float(s))
         for device in DEVICES
@@ -143,3 +152,16 @@ def _float_log(
         ),
         report=tuple(report),
     )  # fmt: skip
+
+
+def _check_seconds(
+    values: Mapping[str, NDArray[np.float64]], lasts: float, path: str | Path
+) -> None:
+    """Raise LogError where a device ran for longer than the whole log lasts [s]."""
+    for name in (f"{device}_s" for device in DEVICES):
+        ran = float(np.nansum(values.get(name, np.zeros(1))))
+        if ran > lasts:
+            raise LogError(
+                f"{ran:.4g} s of runs in a log of {lasts:.4g} s", file=path, field=name,
+                remedy=f'They are likely milliseconds: --column "{name}=NAME@ms"',
+            )  # fmt: skip
