@@ -9,9 +9,11 @@ from scipy.linalg import expm, null_space
 from scipy.optimize import linprog
 from scipy.sparse import lil_array
 
+from swimbladder.closed_loop import drive
+from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.parameters import IdentifiedMotion, Supply, UnifiedActuator
-from swimbladder.planning import least_time, plan
+from swimbladder.planning import course, least_time, plan
 from swimbladder.planning.course import backward, resting, settle_course
 from swimbladder.planning.energy import least_energy
 from swimbladder.planning.motion import steps_along
@@ -169,16 +171,29 @@ def test_no_turn_of_a_single_sample_betters_a_plan_of_least_energy():
     def program(steps, near):
         return least_energy(task, steps, n, near)
 
-    _, course = settle_course(
+    _, along = settle_course(
         task, lambda steps, near: solve(task, steps, Goal(None, n), near), resting(n)
     )
-    first, _ = settle_course(task, program, course, back=backward(course))
-    best = best_sides(task, program, course)
+    first, _ = settle_course(task, program, along, back=backward(along))
+    best = best_sides(task, program, along)
     assert best.objective < 0.99 * first.objective
     sides = np.diff(driven_by(task, best)) < 1e-6 * scale_of(task).state[1]
     for k in range(-1, n):  # the first as they are
         turned = sides.copy()
         if k >= 0:
             turned[k] = not turned[k]
-        other = settle_course(task, program, course, back=turned)[0]
+        other = settle_course(task, program, along, back=turned)[0]
         assert other is None or other.objective > best.objective * (1.0 - 1e-5)
+
+
+def test_a_plan_in_turbulent_drag_settles_on_a_leash_and_arrives(monkeypatch):
+    """Without a leash its rounds go to and fro; with one the simulator arrives when it says."""
+    vehicle = load_vehicle("example-eh")
+    found = plan(vehicle, 10.0, 20.0)
+    run = drive(vehicle, time=found.time, voltage=found.command, start_depth=10.0)
+    inside = np.abs(run.depth - 20.0) <= 0.2 + 5e-3
+    assert inside[run.time >= found.arrival].all()
+    assert not inside[run.time < found.arrival - 1.5].any()
+    monkeypatch.setattr(course, "_FREE", 999)
+    with pytest.raises(NoAnswerError, match="does not settle"):
+        least_time(vehicle, 10.0, 20.0)
