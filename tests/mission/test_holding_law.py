@@ -245,3 +245,24 @@ def test_a_stable_hull_always_comes_up():
     column = water(stiff, 1000.0)
     plan = make_plan(stiff, task(500.0, 5.0), column)
     assert return_depth(stiff, task(500.0, 5.0), plan.table, column.step) == math.inf
+
+
+@pytest.mark.parametrize("interval", [1.0, 2.0, 5.0, 20.0, None])
+@pytest.mark.parametrize("name", ["example-eh", "example-em"])
+def test_looks_far_quicker_than_the_vehicle_still_hold(name, interval):
+    """In a second no volume moves a vehicle whose T2 is a minute by much: it counts though."""
+    vehicle = load_vehicle(name)
+    more = {} if interval is None else {"check_interval": interval}
+    mission = Mission(
+        phases=[
+            {"kind": "descend", "depth": 50.0},
+            {"kind": "hold", "depth": 50.0, "tolerance": 1.0, "duration": 3600.0} | more,
+        ]
+    )
+    flight = fly_mission(vehicle, mission, water(vehicle, 50.0))
+    kept = flight.accounts[int(Account.COUNT) + int(Holding.COUNT) :]
+    assert kept[Holding.INSIDE] > 0.9 * kept[Holding.TIME] > 0.0
+    assert kept[Holding.MOST] < 6.0
+    law = DeadbandParameters(*flight.plan.stages[1, int(Stage.HOLD) :])
+    assert law.tolerance <= 0.5 * law.fastest / law.K2
+    assert law.speed_band < law.fastest

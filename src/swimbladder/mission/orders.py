@@ -148,10 +148,12 @@ def hold_parameters(
         K2=K2, T2=T2, psi=psi, depth_noise=max(noise, _LEAST_NOISE),
         # the neutral volume goes along with layers and with a psi that changes on the way
         neutral_step=max(abs(psi) * fastest * interval, _LEAST_NOISE / (K2 * lag)),
-        band=tolerance, speed_band=0.3 * tolerance / interval, fastest=fastest, k_z=gains.k_z,
+        band=tolerance, speed_band=0.3 * fastest, fastest=fastest, k_z=gains.k_z,
         k_w=gains.k_w, growth=gains.growth, interval=interval,
         longest=max(min(gains.longest, longest), interval), k_pV=0.0,
-        tolerance=0.02 * tolerance / (K2 * lag), depth_voltage=0.0, rate_per_volt=0.0,
+        # moves it by little in an interval, and is less than what it may ask for
+        tolerance=min(0.02 * tolerance / (K2 * lag), 0.5 * fastest / K2),
+        depth_voltage=0.0, rate_per_volt=0.0,
         voltage_limit=0.0, volume_min=stroke.minimum, volume_max=stroke.maximum, S_p=1.0,
     )  # fmt: skip
     return (math.inf if runs else law.far), found
