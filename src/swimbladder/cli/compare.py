@@ -12,7 +12,17 @@ import typer
 from swimbladder.cli.ahead import ahead_options, print_ahead, write_ahead
 from swimbladder.cli.casts import CastColumns, CastFiles, CastProfile, CastWhere, water_of_logs
 from swimbladder.cli.common import compile_notice, console, emit_json, output, progress
-from swimbladder.cli.logs import Chosen, chosen, depth, names, pair, read
+from swimbladder.cli.logs import (
+    Chosen,
+    LogColumns,
+    LogForm,
+    LogRows,
+    chosen,
+    depth,
+    names,
+    pair,
+    read,
+)
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.units import format_quantity, shown_unit
 
@@ -28,19 +38,9 @@ __all__ = ["compare"]
 def compare(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")],
     vehicle: Annotated[str, typer.Option(metavar="VEHICLE", help="Preset or TOML file.")],
-    where: Annotated[
-        list[str] | None,
-        typer.Option(metavar="COLUMN=VALUE", help="Only these rows; VALUE,VALUE: one log each."),
-    ] = None,
-    column: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=COLUMN", help=r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.'
-        ),
-    ] = None,
-    log_format: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table.")
-    ] = None,
+    where: LogRows = None,
+    column: LogColumns = None,
+    log_format: LogForm = None,
     drive: Annotated[
         str | None,
         typer.Option(metavar="INPUT", help="volume, voltage or setpoint (first that is logged)."),

@@ -18,7 +18,7 @@ from swimbladder.cli.common import (
     typed_command,
 )
 from swimbladder.cli.identify_view import print_found
-from swimbladder.cli.logs import chosen, depth, names, pair, read
+from swimbladder.cli.logs import LogColumns, LogForm, LogRows, chosen, depth, names, pair, read
 from swimbladder.cli.settings import deviation, held, priors
 from swimbladder.errors import InputError
 
@@ -31,19 +31,9 @@ __all__ = ["identify"]
 def identify(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")],
     vehicle: Annotated[str, typer.Option(metavar="VEHICLE", help="Preset or TOML file.")],
-    where: Annotated[
-        list[str] | None,
-        typer.Option(metavar="COLUMN=VALUE", help="Only these rows; VALUE,VALUE: one log each."),
-    ] = None,
-    column: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=COLUMN", help=r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.'
-        ),
-    ] = None,
-    log_format: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table.")
-    ] = None,
+    where: LogRows = None,
+    column: LogColumns = None,
+    log_format: LogForm = None,
     free: Annotated[
         str | None,
         typer.Option(

@@ -17,7 +17,7 @@ from swimbladder.cli.common import (
     quantity,
     typed_command,
 )
-from swimbladder.cli.logs import chosen, pair, read
+from swimbladder.cli.logs import LogForm, LogRows, chosen, pair, read
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -36,19 +36,14 @@ def identify_actuator(
             help="Preset or TOML file: piston area, load of the sea, supply; written anew.",
         ),
     ] = None,
-    where: Annotated[
-        list[str] | None,
-        typer.Option(metavar="COLUMN=VALUE", help="Only these rows; VALUE,VALUE: one log each."),
-    ] = None,
+    where: LogRows = None,
     column: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME=COLUMN", help=r'As in piston_m="Position \[mm]" or piston_m=Position@mm.'
         ),
     ] = None,
-    log_format: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table.")
-    ] = None,
+    log_format: LogForm = None,
     set_: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help='Not fitted, as in dead_zone="0.5 V".'),

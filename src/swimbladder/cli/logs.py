@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
 
 from swimbladder.cli.common import console, progress, quantity
 from swimbladder.errors import InputError, LogError
@@ -15,7 +17,36 @@ if TYPE_CHECKING:
     from swimbladder.io.logs import Log
     from swimbladder.parameters import Vehicle
 
-__all__ = ["Chosen", "chosen", "depth", "names", "pair", "read", "selections"]
+__all__ = [
+    "Chosen",
+    "LogColumns",
+    "LogForm",
+    "LogRows",
+    "chosen",
+    "depth",
+    "names",
+    "pair",
+    "read",
+    "selections",
+]
+
+LogRows = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--where", metavar="COLUMN=VALUE", help="Only these rows; VALUE,VALUE: one log each."
+    ),
+]
+LogColumns = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--column", metavar="NAME=COLUMN",
+        help=r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.',
+    ),
+]  # fmt: skip
+LogForm = Annotated[
+    str | None,
+    typer.Option("--log-format", metavar="FORMAT", help=r"TOML file with a \[log] table."),
+]
 
 
 class Chosen(NamedTuple):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.common import compile_notice, console, emit_json, output, progress
-from swimbladder.cli.logs import depth, names
+from swimbladder.cli.logs import LogColumns, LogForm, depth, names
 from swimbladder.cli.pool_options import asked_of, rules_of
 from swimbladder.cli.pool_sources import operator_of, tail_of
 from swimbladder.cli.pool_view import View, parameter_table
@@ -56,15 +56,8 @@ def pool(
     most: Annotated[
         int, typer.Option(help="Experiments after which a rehearsal ends.", min=1)
     ] = 16,
-    column: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=COLUMN", help=r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.'
-        ),
-    ] = None,
-    log_format: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table.")
-    ] = None,
+    column: LogColumns = None,
+    log_format: LogForm = None,
     wait: Annotated[
         bool, typer.Option("--wait/--no-wait", help="Wait for more, or take the log as finished.")
     ] = True,
