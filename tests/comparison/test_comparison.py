@@ -171,6 +171,15 @@ def test_the_zero_of_the_volume_does_not_matter_unless_it_is_known(float_vehicle
     assert any("beyond the vehicle's stroke" in note for note in known.notes)
 
 
+def test_a_volume_of_many_strokes_is_in_another_unit(float_vehicle, voyage):
+    stroke = float_vehicle.stroke
+    share = (stroke.maximum - stroke.minimum) / np.ptp(voyage.volume)
+    compare(replace(voyage, volume=4.9 * share * voyage.volume), float_vehicle, fit=())
+    with pytest.raises(LogError, match="the vehicle's stroke is") as caught:
+        compare(replace(voyage, volume=5.1 * share * voyage.volume), float_vehicle)
+    assert caught.value.field == "volume_m3"
+
+
 def test_a_piston_moves_the_volume_and_its_direction_is_questioned(float_vehicle, voyage):
     area = math.pi * 0.020**2
     piston = replace(voyage, volume=None, piston=voyage.volume / area, piston_absolute=True)

@@ -28,6 +28,7 @@ DRIVES: tuple[Drive, ...] = get_args(Drive)
 
 _FEWEST = 10
 _STAYS = 3  # samples under water, one after the other
+_STROKES = 5.0  # more of them than this is another unit, or another vehicle
 _BELOW_BOTTOM = 0.2  # m, that a depth sensor may be off
 _BOTTOM_MARGIN = 0.03  # m, of the bottom: the vehicle may stand on it
 _REMEDIES = {
@@ -126,6 +127,15 @@ def record(
         )
     if volume is not None and chosen == "volume":
         stroke = vehicle.stroke
+        over, whole = float(np.ptp(volume)), stroke.maximum - stroke.minimum
+        if over > _STROKES * whole:
+            raise LogError(
+                f"the volume goes over {1e6 * over:.3g} cm3, the vehicle's stroke is "
+                f"{1e6 * whole:.3g} cm3",
+                file=log.source, field="piston_m" if log.volume is None else "volume_m3",
+                remedy="State the column's unit, piston_m=NAME@mm or volume_m3=NAME@cm3, or give "
+                "the vehicle that the log is of",
+            )  # fmt: skip
         beyond = np.maximum(volume - stroke.maximum, stroke.minimum - volume)
         if (beyond > 1e-9).any():
             notes.append(
