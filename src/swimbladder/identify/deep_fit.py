@@ -45,7 +45,9 @@ _TOLD = 0.8  # of the prior's deviation: a parameter that the data narrow less i
 _STEP, _WHITE = 1e-2, 0.3
 _MOST, _NEAR = 20, 1e-2  # steps of scoring; gain of log likelihood that ends them
 _AXES = 2  # times that the axes of what is known are found
-_ROUNDS = 4  # of noise and parameters
+# Of each round of noise and parameters, in deviations: many dives have several valleys, and far
+# strides see the widest.
+_STRIDES = (10.0, 3.0, 1.0, _WHITE)
 _BOOK = 3e-6  # m3, by which a book is off at a look
 
 
@@ -121,10 +123,10 @@ def fit_deep(
     x = np.append(_guess(problem), np.zeros(len(NOISES)))
     known, noises = np.arange(count), np.arange(count, len(x))
     with threadpool_limits(limits=1):
-        for _ in range(_ROUNDS):
-            x = _best(problem, x, noises, _NEAR)
-            x = _best(problem, x, known, _NEAR)
-            advance(1.0 / _ROUNDS)
+        for stride in _STRIDES:
+            x = _best(problem, x, noises, stride)
+            x = _best(problem, x, known, stride)
+            advance(1.0 / len(_STRIDES))
         found = problem.slopes(x, known)
         for _ in range(_AXES):
             found = problem.slopes(x, known, found.information)
@@ -216,11 +218,12 @@ class _Problem:
         return total if math.isfinite(total) else math.inf
 
     def slopes(
-        self, x: Array, free: NDArray[np.int64], information: Array | None = None
-    ) -> _Slopes:
+        self, x: Array, free: NDArray[np.int64], information: Array | None = None,
+        stride: float = _WHITE,
+    ) -> _Slopes:  # fmt: skip
         """Return the likelihood at x with its slopes along the places `free` of x.
 
-        information: near there, whose axes are gone along [x, x].
+        information: near there, whose axes are gone along by `stride` deviations [x, x].
         """
         here = self.filtered(x)
         v = np.concatenate([f.innovation for f in here])
@@ -230,7 +233,7 @@ class _Problem:
         axes = _STEP * np.eye(len(free))
         if information is not None:
             size, ways = np.linalg.eigh(information[np.ix_(free, free)])
-            axes = _WHITE * ways / np.sqrt(size)
+            axes = stride * ways / np.sqrt(size)
         along, wider = np.zeros((len(v), len(free))), np.zeros((len(v), len(free)))
         begun = np.zeros((len(here), len(free)))
         for k, axis in enumerate(axes.T):
@@ -282,7 +285,7 @@ def _guess(problem: _Problem) -> Array:
     return np.where(held, 0.0, found)
 
 
-def _best(problem: _Problem, x: Array, free: NDArray[np.int64], near: float) -> Array:
+def _best(problem: _Problem, x: Array, free: NDArray[np.int64], stride: float) -> Array:
     """Return the x of least cost along the places `free`, by damped scoring.
 
     Parameters are chosen for the innovations alone, whose variances are held in each step: how
@@ -291,7 +294,7 @@ def _best(problem: _Problem, x: Array, free: NDArray[np.int64], near: float) -> 
     held = bool((free < len(problem.names)).all())
     damping, information = 1e-3, None
     for _ in range(_MOST):
-        found = problem.slopes(x, free, information)
+        found = problem.slopes(x, free, information, stride)
         information = found.information
         variance = found.variance if held else None
         cost = problem.cost(x, variance)
@@ -308,6 +311,6 @@ def _best(problem: _Problem, x: Array, free: NDArray[np.int64], near: float) -> 
         if less <= 0.0:
             break
         x, damping = ahead, max(damping / 10.0, 1e-6)
-        if less < near:
+        if less < _NEAR:
             break
     return x
