@@ -329,6 +329,22 @@ def test_tables_that_are_refused(tmp_path: Path, text: str, says: str, field: st
     assert caught.value.remedy
 
 
+def test_two_dives_in_one_log_are_told(tmp_path: Path, made_up: Path) -> None:
+    path = tmp_path / "dives.csv"
+    down = [0.0, 2e6, 4e6, 6e4, 2e6]  # it may come near the surface
+    rows = [f"{60 * k},{p},{int(k == 1)}" for k, p in enumerate([*down, 1e2, 1e2, *down, 0.0])]
+    path.write_text("\n".join(["time_s,pressure_Pa,pump_s", *rows[:6]]))
+    assert len(read_float_log(path)) == 6
+    path.write_text("\n".join(["time_s,pressure_Pa,pump_s", *rows]))
+    with pytest.raises(LogError, match="2 dives: after 480 s the float dives again"):
+        read_float_log(path)
+    twice = tmp_path / "twice.LOG"
+    twice.write_text(MADE_UP + MADE_UP.replace("2031-03-01T1", "2031-03-02T1"))
+    with pytest.raises(LogError, match="2 dives"):
+        read_float_log(twice)
+    assert len(read_float_log(made_up)) == 4
+
+
 def test_columns_that_are_not_there(tmp_path: Path) -> None:
     path = tmp_path / "dive.csv"
     path.write_text("time_s,pressure_Pa,pump_s\n0,1,1\n60,2,\n")

@@ -34,6 +34,8 @@ FLOAT_COLUMNS = {
 }
 _NEEDED = ("time_s", "pressure_Pa")
 _SHALLOW = 2.5e4  # Pa, of the greatest pressure: no float that pumps goes no deeper
+_UNDER, _UP = 1e5, 5e3  # Pa: surely under water, surely at the surface
+_NONE = -2  # the stage at the surface
 _ABSOLUTE = (9.5e4, 1.06e5)  # Pa: a log whose least pressure is here counts from the vacuum
 
 
@@ -50,10 +52,11 @@ def read_float_log(
     where: of a table, as for other logs. Raises LogError, an InputError, with file, column and
     remedy.
     """
-    if log_format_name == "mermaid":
-        return read_mermaid(path)
-    if log_format_name is None and not columns and is_mermaid(_beginning(path)):
-        return read_mermaid(path)
+    texts = log_format_name is None and not columns and is_mermaid(_beginning(path))
+    if log_format_name == "mermaid" or texts:
+        log = read_mermaid(path)
+        _refuse_dives(log.time, log.stage >= 0, log.stage == _NONE, path)
+        return log
     form = LogFormat() if log_format_name is None else log_format(log_format_name)
     mapped = dict(columns or {})
     for name in mapped:
@@ -135,6 +138,7 @@ def _float_log(
             remedy='State its unit: --column "pressure_Pa=NAME@dbar"',
         )  # fmt: skip
     _check_seconds(values, float(time[-1] - time[0]), path)
+    _refuse_dives(time[known], pressure[known] > _UNDER, pressure[known] < _UP, path)
     actions = [
         Action(device=device, time=float(t), asked=float(s), seconds=float(s))
         for device in DEVICES
@@ -152,6 +156,25 @@ def _float_log(
         ),
         report=tuple(report),
     )  # fmt: skip
+
+
+def _refuse_dives(
+    time: NDArray[np.float64], under: NDArray[np.bool_], up: NDArray[np.bool_], path: str | Path
+) -> None:
+    """Raise LogError where the float is under water, at the surface, and under water again.
+
+    What it pumps at the surface is not known: a full bladder ends it.
+    """
+    state = np.where(under, 1, np.where(up, -1, 0))
+    kept = np.flatnonzero(state)
+    turns = np.flatnonzero(np.diff(state[kept]) > 0)  # from the surface down
+    again = [kept[k + 1] for k in turns if under[: kept[k]].any()]
+    if again:
+        raise LogError(
+            f"the log holds {len(again) + 1} dives: after {time[again[0]] - time[0]:.6g} s the "
+            "float dives again", file=path, field="log",
+            remedy="Give a file for each dive, or choose the rows of one with --where COLUMN=VALUE",
+        )  # fmt: skip
 
 
 def _check_seconds(
