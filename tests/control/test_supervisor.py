@@ -508,6 +508,55 @@ class TestSafeAction:
         assert 0.0 < tried < 5.0
         assert commands[-1] == p.surface_command
 
+    def test_a_volume_that_creeps_inwards_by_itself_costs_two_seconds(self):
+        """0.15 % of the stroke a second, whatever is commanded, as beside a motor that is slow."""
+        p = self.limits
+        s, commands = SUPERVISOR.initial(p, WET, 1.0), []
+        for k in range(400):
+            seen = WET._replace(volume=-0.3 * k * 1.5e-3 * 7e-4)
+            command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+            commands.append(command)
+        tried = commands.count(p.away_command)
+        assert p.astray <= tried <= p.astray + 2
+        assert commands[-1] == p.surface_command
+
+    def test_wires_that_are_mended_unseen_are_found_as_the_vehicle_sinks(self):
+        """The volume is stuck since the push was turned round and had grown."""
+        p = self.limits
+        s, grew = SUPERVISOR.initial(p, WET, 1.0), []
+        for k in range(200):
+            volume = 1e-4 - 1e-5 * k if k < 2 else min(8e-5 + 1e-5 * k, 1.5e-4)
+            depth = WET.depth - 0.01 * k if k < 80 else WET.depth - 0.8 + 0.05 * (k - 80)
+            seen = WET._replace(volume=volume, depth=depth)
+            command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+            grew.append(command)
+        assert grew[20] == p.away_command
+        assert grew[80] == p.away_command  # it stands, and rises
+        assert grew[-1] == p.surface_command
+
+    def test_a_volume_that_lies_and_then_stands_is_not_believed_for_long(self):
+        """It read inwards while the piston went out; then it is stuck, and the vehicle sinks."""
+        p = self.limits
+        s, commands = SUPERVISOR.initial(p, WET, 1.0), []
+        for k in range(200):
+            seen = WET._replace(volume=-1e-5 * min(k, 1), depth=WET.depth + 0.03 * k)
+            command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+            commands.append(command)
+        tried = commands.count(p.away_command)
+        assert 0 < tried <= p.again + 2
+        assert commands[-1] == p.surface_command
+
+    def test_a_lost_tick_turns_a_try_back(self):
+        """A pause of the board would make the try last."""
+        p = self.limits
+        s, commands = SUPERVISOR.initial(p, WET, 1.0), []
+        for k in range(12):
+            seen = WET._replace(volume=-1e-5 * k, lost=1 if k == 2 else 0)
+            command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+            commands.append(command)
+        assert commands[1] == p.away_command
+        assert set(commands[2:]) == {p.surface_command}
+
     def test_a_slow_actuator_is_pushed_without_rests(self):
         """0.4 % of its speed; one that stands still rests."""
         p = self.limits

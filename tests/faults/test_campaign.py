@@ -89,7 +89,7 @@ def test_healthy_missions_raise_no_alarm(flown):
 
 
 def test_a_law_too_slow_for_its_time_limit_raises_no_false_alarm(flown):
-    at = WIDTH - 2 * len(Result._fields)  # behind what the supervised flight came to
+    at = WIDTH - 3 * len(Result._fields)  # behind what the supervised flight came to
     table = flown.healthy.copy()
     column = at - len(Result._fields) + Result._fields.index("reason")
     table[3, column], table[5, column] = Reason.TIME_LIMIT, Reason.DEPTH_FROZEN

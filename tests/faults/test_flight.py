@@ -15,6 +15,7 @@ from swimbladder.faults.kinds import Fault
 from swimbladder.faults.rows import RESULT, Result
 from swimbladder.firmware.clock import ControllerTwin
 from swimbladder.firmware.golden import command_limits
+from swimbladder.firmware.safety import supervisor_parameters
 from swimbladder.firmware.twin import twin
 
 ALWAYS = math.inf
@@ -202,6 +203,52 @@ def test_told_to_come_up_it_does_so_at_full_voltage(rig):
     assert flown["volume"][-1] == pytest.approx(350e-6)
     assert flown["depth"][-1] < 0.1
     assert Result(*result).acting == 100.0
+
+
+def test_it_is_told_after_the_first_fault_or_after_the_last(rig):
+    """200 ticks after; a block counts once it has held the piston back for a second."""
+    harms = (Fault.DEPTH_NAN, 0, 0, 100, ALWAYS), (Fault.VOLUME_NAN, 0, 0, 180, ALWAYS)
+    for how, told in ((1, 380), (2, 300)):
+        _, flown = rig.fly(*harms, ticks=600, how=how)
+        assert np.all(flown["command"][told:] == 12.0)
+        assert flown["command"][told - 1] != 12.0
+    harms = (Fault.LEAK_SMALL, 1e-9, 0, 50, ALWAYS), (Fault.BLOCKED_OUT, 1e-3, 0, 60, ALWAYS)
+    turns = ((0.0, 20.0), (300.0, 18.0))  # the way up asks for volume at once
+    result, flown = rig.fly(*harms, ticks=700, turns=turns, how=1)
+    assert result[RESULT.acting] == 50.0
+    held = int(np.argmax(flown["volume"] >= flown["volume"].max() - 1e-12))
+    assert held > 300
+    assert np.all(flown["command"][held + 3 + 200 + 2 :] == 12.0)
+    never, flown = rig.fly(*harms, ticks=280, how=1)  # it holds its depth below the block
+    assert never[RESULT.last] == 280.0
+    assert not np.all(flown["command"][270:] == 12.0)
+
+
+def test_a_vehicle_that_bobs_has_come_up(rig):
+    """With full buoyancy from 20 m it comes fast, and goes down by metres before it comes back."""
+    harm = (Fault.DEPTH_NAN, 0, 0, 0, ALWAYS)
+    stay = round(60.0 / rig.tick)
+    result, flown = rig.fly(harm, ticks=3000, how=1, full_after=0.0, stay=stay)
+    arrived, last = int(result[RESULT.arrived]), int(result[RESULT.last])
+    assert flown["depth"][arrived] <= 1.0 + 1e-9 < flown["depth"][arrived - 1]
+    assert stay <= last - arrived < stay + 30.0 / rig.tick
+    assert np.nanmax(flown["depth"][arrived:]) > 2.0
+    assert result[RESULT.depth] <= 1.0
+    # one that a leak fills goes down for good
+    leak = (Fault.LEAK_LARGE, 4e-6, 0, 0, ALWAYS)
+    result, flown = rig.fly(harm, leak, ticks=3000, how=1, full_after=0.0, stay=stay, bottom=40.0)
+    assert np.nanmin(flown["depth"]) < 1.0
+    assert math.isnan(result[RESULT.arrived])
+    # nor does a law count that was near the surface before it was told
+    result, flown = rig.fly(ticks=100, depth=0.8, quiet_at=60.0)
+    assert result[RESULT.arrived] == 60.0
+
+
+def test_who_rests_between_pushes_has_longer_to_come_up(rig):
+    limits = supervisor_parameters(rig.vehicle, rig.tick)
+    for who, longer in (("alone", 1.0), ("supervised", 1.0 + limits.rest / limits.again)):
+        result, _ = rig.fly(who=who, ticks=200)
+        assert result[RESULT.last] == math.ceil(200 * longer)
 
 
 def test_passing_the_rated_depth_ends_a_mission(rig):

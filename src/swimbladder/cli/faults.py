@@ -145,13 +145,20 @@ def _print(flown: Campaign, files: list[Path]) -> None:
     able, total = int(flown.recoverable.sum()), len(flown.faulty)
     gone = flown.lines()[-1]
     output.print(
-        f"{able} of {total} could be saved: full buoyancy 60 s after the first onset brings them "
-        f"up. With the supervisor {gone.saved} of them came up, without it "
+        f"{able} of {total} could be saved: full buoyancy 60 s after the faults act brings "
+        f"them up. With the supervisor {gone.saved} of them came up, without it "
         f"{100.0 * flown.lost_alone:.0f} % were lost "
         f"({100.0 * flown.all_lost_alone:.0f} % of all). Of the "
         f"other {total - able} it brought up {gone.unrecoverable_saved}.",
         soft_wrap=True,
     )
+    if len(flown.lost_early):
+        output.print(
+            f"{len(flown.lost_early)} more were lost that full buoyancy 60 s after the first of "
+            "two faults would have saved, and 60 s after the second not: by then it was too late, "
+            "or the second had not shown",
+            soft_wrap=True,
+        )
     if flown.lost_alone < MILD:
         output.print(
             f"the faults are mild for this law: without the supervisor less than {MILD:.0%} of "

@@ -356,8 +356,8 @@ def watch_push(p: SupervisorParameters, s: SupervisorState, sinks: bool) -> Supe
     """Turn the push round where the volume goes away from where it is sent, and once back.
 
     At the inner end, or where it stands for long while the vehicle sinks, little is lost by trying.
-    One that is no more before it grew the other way turns the push back. A rest in which the sea
-    drives it in is over.
+    One that is no more before it grew the other way, or a tick that is lost, turns the push back. A
+    rest in which the sea drives it in is over.
     """
     turns = s.turns
     if not s.measured:
@@ -365,16 +365,16 @@ def watch_push(p: SupervisorParameters, s: SupervisorState, sinks: bool) -> Supe
     gained = s.volume - s.pushed
     if gained > p.grown:
         return s._replace(pushed=s.volume, astray=0, turns=4 if turns > 1 else turns)
-    fell = gained < -p.away
+    late = s.astray >= p.astray
+    fell = gained < -p.away or (turns == 3 and late and gained < -p.grown)
     soon = turns == 2 or s.volume < p.volume_low
-    stands = s.astray >= p.astray if soon else sinks and s.astray >= p.push
+    stands = late if soon else sinks and s.astray >= (p.again if turns > 1 else p.push)
     s = s._replace(pushed=s.volume if fell else s.pushed, astray=more(s.astray, 1))
     if fell and s.phase >= p.push:
         s = s._replace(phase=less(p.push, p.again))
-    elif fell and turns != 1:
-        s = s._replace(astray=0, turns=3 if turns == 0 else 1)
-    elif stands and s.volume < p.volume_high and (turns == 0 or turns == 2):
-        s = s._replace(astray=0, turns=2 if turns == 0 else 1)
+    elif turns != 1 and (fell or (stands and s.volume < p.volume_high)):
+        turns = 1 if turns > 0 else (3 if fell else 2)
+        s = s._replace(astray=0, turns=turns)
     return s
 
 
@@ -390,8 +390,8 @@ def bring_up(p: SupervisorParameters, s: SupervisorState, good: bool) -> Supervi
         command = p.away_command
         phase = s.phase
     if phase >= p.push:
-        grows = phase == p.push and s.astray < p.again and s.volume < p.volume_high
-        if sinks or (grows and s.measured) or phase >= more(p.push, p.rest):
+        grows = phase == p.push and s.astray < p.again and s.measured
+        if sinks or grows or phase >= more(p.push, p.rest):
             phase = less(p.push, p.again)
             s = s._replace(pushed=s.volume)
     s = s._replace(command=command, phase=phase, window=more(s.window, 1))
@@ -430,8 +430,8 @@ def step(
     gap = since > p.gap or state.volume_blind > p.gap
 
     s = count_time(p, state, lost)
-    fresh = measured and s.measured and lost == 0
-    if fresh:
+    followed = measured and lost == 0
+    if followed and s.measured:
         s = watch_rate(p, s, volume)
     s = count_blind(p, s, seen, good, measured)
     known = good and measured
@@ -453,7 +453,7 @@ def step(
         if s.unproven == NEVER:
             wanted = p.surface_command
     s = s._replace(
-        since=since, depth=depth, volume=volume, measured=measured, command=wanted,
+        since=since, depth=depth, volume=volume, measured=followed, command=wanted,
         reasons=reasons_of(p, s),
     )  # fmt: skip
     if s.reasons > 0:

@@ -132,7 +132,7 @@ class SupervisorState(NamedTuple):
     same_volume: float  # m3, n1 when the volume had to stay
     frozen: bool
     volume: float  # m3, last good one
-    measured: bool  # at the last tick
+    measured: bool  # at the last tick, and none was lost before it
     volume_blind: Count  # ticks; at its limit 0 or 1 more
     command: float  # V or m3, given last
     lag: float  # m3/s, of the volume's rate behind that asked for

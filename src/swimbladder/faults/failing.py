@@ -26,8 +26,9 @@ from swimbladder.engine.modes import (
 from swimbladder.faults.kinds import Fault
 
 __all__ = [
+    "MOST",
     "ROOM",
-    "acts",
+    "acted",
     "board_misses",
     "changes",
     "driven",
@@ -38,8 +39,10 @@ __all__ = [
 ]
 
 _KIND, _FIRST, _SECOND, _BEGIN, _END = range(5)
-ROOM = 6  # numbers that the sensors keep: see below
-_HELD, _HELD_AT, _VOLUME, _LOOSE, _STUCK, _BLOCKED = range(ROOM)
+MOST = 2  # faults of a mission
+_HELD, _HELD_AT, _VOLUME, _LOOSE, _STUCK, _BLOCKED = range(6)
+_ACTED = _BLOCKED + MOST  # from these two on a number for each fault
+ROOM = _ACTED + MOST  # numbers that are kept from tick to tick
 _HELD_BACK = 1.0  # s on end, that a block stops the actuator before it counts as acting
 
 (
@@ -139,28 +142,32 @@ def changes(harms, k):  # type: ignore[no-untyped-def]
 
 
 @part
-def acts(base, p, harms, k, tick, engine_volume, kept):  # type: ignore[no-untyped-def]
-    """Return whether a fault acts at tick k: a block once it has stopped the actuator.
+def acted(base, p, harms, k, tick, engine_volume, kept):  # type: ignore[no-untyped-def]
+    """Return how many faults have acted by tick k: a block once it has stopped the actuator.
 
     Noise alone makes a piston touch a block, for a tick, that it is not held back by.
 
     engine_volume [m3]: the volume as the limits in p count it, see `flight`.
     """
-    stopped = False
+    narrow = p[V_MAX] - p[V_MIN] < (1.0 - 1e-9) * (base[V_MAX] - base[V_MIN])
+    count = 0
     for n in range(harms.shape[0]):
         harm = harms[n]
-        if not _on(harm, k):
-            continue
-        kind = int(harm[_KIND])
-        narrow = p[V_MAX] - p[V_MIN] < (1.0 - 1e-9) * (base[V_MAX] - base[V_MIN])
-        if kind == BLOCKED_OUT:
-            stopped = stopped or (narrow and engine_volume >= p[V_MAX])
-        elif kind == BLOCKED_IN:
-            stopped = stopped or (narrow and engine_volume <= p[V_MIN])
-        else:
-            return True
-    kept[_BLOCKED] = kept[_BLOCKED] + 1.0 if stopped else 0.0
-    return kept[_BLOCKED] * tick >= _HELD_BACK
+        if _on(harm, k) and kept[_ACTED + n] == 0.0:
+            kind = int(harm[_KIND])
+            if kind == BLOCKED_OUT:
+                acts = narrow and engine_volume >= p[V_MAX]
+            elif kind == BLOCKED_IN:
+                acts = narrow and engine_volume <= p[V_MIN]
+            else:
+                acts = True
+            kept[_BLOCKED + n] = kept[_BLOCKED + n] + 1.0 if acts else 0.0
+            long = kept[_BLOCKED + n] * tick >= _HELD_BACK
+            if long or (acts and kind != BLOCKED_OUT and kind != BLOCKED_IN):
+                kept[_ACTED + n] = 1.0
+        if kept[_ACTED + n] == 1.0:
+            count += 1
+    return count
 
 
 @part

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from swimbladder.engine.advance import DONE, advance
-from swimbladder.engine.cache import compiled, part
+from swimbladder.engine.cache import compiled, inlined, part
 from swimbladder.engine.layers import Layers
 from swimbladder.engine.modes import (
     KAPPA,
@@ -33,7 +33,7 @@ from swimbladder.faults.failing import (
     LEAK_LARGE,
     LEAK_SMALL,
     ROOM,
-    acts,
+    acted,
     board_misses,
     changes,
     driven,
@@ -44,12 +44,11 @@ from swimbladder.faults.failing import (
 )
 from swimbladder.faults.rows import CONDITION, RESULT
 
-__all__ = ["FULL", "OWN", "fly"]
+__all__ = ["EARLY", "FULL", "OWN", "fly"]
 
-OWN, FULL = (
-    0,
-    1,
-)  # the board decides; from `full_after` the first fault on full buoyancy is commanded instead
+# The board decides; or full buoyancy is commanded from `full_after` the last fault acts on, or from
+# `full_after` the first does.
+OWN, FULL, EARLY = 0, 1, 2
 _RAN, _MISSED, _OFF = 0.0, 1.0, 2.0
 
 (
@@ -61,6 +60,13 @@ _RAN, _MISSED, _OFF = 0.0, 1.0, 2.0
     STOP, LAST, ARRIVED, BEYOND, ON_BOTTOM, DEPTH, DEEPEST, LATCHED, REASON, RELEASED,
     RESETS_, ACTING,
 ) = RESULT  # fmt: skip
+
+
+@inlined
+def _keep(source, target):  # type: ignore[no-untyped-def]
+    """Copy a vector into one as long."""
+    for n in range(target.shape[0]):
+        target[n] = source[n]
 
 
 @part
@@ -101,15 +107,15 @@ def _fly(  # type: ignore[no-untyped-def]
     """Fly one mission; fill result [len(Result)] and, where it has rows, record [n, len(Trace)].
 
     base [len(Plant)], c [len(Condition)], harms [faults, len(Harm)]. turns [s]: ticks of the
-    set-points depths [s] in m. parts: steps of a tick. how: OWN or FULL. begin, tick_: addresses
-    of the board's functions. memory: of the board. x [5], p [len(Plant)], y [10], chains, built,
-    late: room.
+    set-points depths [s] in m. parts: steps of a tick. how: OWN, FULL or EARLY. begin, tick_:
+    addresses of the board's functions. memory: of the board. x [5], p [len(Plant)], y [10], chains,
+    built, late: room.
     """
     np.random.seed(np.uint32(c[SEED]))  # noqa: NPY002
     tick = c[TICK]
     h = tick / parts
     end = int(c[END])
-    p[:] = base
+    _keep(base, p)
     built[:] = 0
     x[:] = 0.0
     x[1], x[2] = c[START_VOLUME], c[START_DEPTH]
@@ -128,7 +134,7 @@ def _fly(  # type: ignore[no-untyped-def]
     must_begin, restarted, begun = True, 0, 0
     u_board, u, turn = 0.0, c[START_VOLUME] if positioner else 0.0, 0
     asked, told = depths[0], False
-    deepest, full_at = c[START_DEPTH], math.inf
+    deepest, full_at, below, act = c[START_DEPTH], math.inf, 0.0, 0
     for k in range(end + 1):
         t = k * tick
         # what makes the vehicle heavier
@@ -149,14 +155,15 @@ def _fly(  # type: ignore[no-untyped-def]
             result[BEYOND] = k
             result[LAST] = k
             break
-        if z <= base[Z_SURFACE] + c[BAND]:
-            if math.isnan(result[ARRIVED]):
-                result[ARRIVED] = k
-        else:
-            result[ARRIVED] = np.nan
-        result[LAST] = k
         quiet = told or k >= c[QUIET_AT] or k > result[LATCHED]
-        if quiet and k - result[ARRIVED] >= c[STAY]:
+        afloat = z <= base[Z_SURFACE] + c[BAND]
+        below = 0.0 if afloat else below + 1.0
+        if not quiet or below > c[STAY]:  # one that came up fast bobs, and comes back sooner
+            result[ARRIVED] = np.nan
+        elif afloat and math.isnan(result[ARRIVED]):
+            result[ARRIVED] = k
+        result[LAST] = k
+        if afloat and k - result[ARRIVED] >= c[STAY]:
             break
         # the battery
         if changes(harms, k):
@@ -164,9 +171,14 @@ def _fly(  # type: ignore[no-untyped-def]
             built[:] = 0
             if positioner and x[0] != 0.0:
                 x[0] = math.copysign(p[RATE], x[0])
-        if math.isnan(result[ACTING]) and acts(base, p, harms, k, tick, x[1], kept):
-            result[ACTING] = k
-            full_at = k + c[FULL_AFTER]
+        if act < harms.shape[0]:
+            act = acted(base, p, harms, k, tick, x[1], kept)
+            if act > 0 and math.isnan(result[ACTING]):
+                result[ACTING] = k
+                if how == EARLY:
+                    full_at = k + c[FULL_AFTER]
+            if act == harms.shape[0] and how == FULL:
+                full_at = k + c[FULL_AFTER]
         if positioner:
             battery = np.nan
         else:
@@ -188,7 +200,7 @@ def _fly(  # type: ignore[no-untyped-def]
             turn += 1
         asked += max(-c[RAMP], min(c[RAMP], depths[turn] - asked))
         missed, reset, hangs = board_misses(harms, k, tick)
-        if how == FULL and k >= full_at:
+        if k >= full_at:
             hangs, hung_until = 0, -1  # what misses ticks or is reset does so here as well
         board = _RAN
         if k == hung_until or reset or (battery < c[BROWN_OUT]):
@@ -208,7 +220,7 @@ def _fly(  # type: ignore[no-untyped-def]
         elif missed:
             board = _MISSED
             lost += 1
-        elif how == FULL and k >= full_at:
+        elif k >= full_at:
             u_board, told = base[V_MAX] if positioner else base[SUPPLY], True
         else:
             if must_begin:
@@ -219,12 +231,12 @@ def _fly(  # type: ignore[no-untyped-def]
             seen[3] = battery * (1.0 + c[BATTERY_NOISE] * noise)
             seen[4] = 1.0 if water > c[LEAK_INPUT] else 0.0
             seen[5], seen[6] = lost, asked
-            before[:] = memory
+            _keep(memory, before)
             command = call_tick(  # type: ignore[call-arg,var-annotated]
                 tick_, memory.ctypes.data, seen.ctypes.data, said.ctypes.data
             )
             if hangs > 0 and said[2] != 0.0:  # it would not have come back from its law
-                memory[:] = before
+                _keep(before, memory)
                 hung_until = k + hangs
                 board = _MISSED
             else:
@@ -263,6 +275,8 @@ def _fly(  # type: ignore[no-untyped-def]
             result[STOP] = why
             break
         water += _leaking(harms, k) * tick
+    if below > 0.0:
+        result[ARRIVED] = np.nan
     result[DEPTH], result[DEEPEST], result[RESETS_] = x[2], deepest, resets
     if x[2] >= base[Z_BOTTOM]:
         result[ON_BOTTOM] = 1.0

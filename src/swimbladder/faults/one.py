@@ -29,7 +29,7 @@ NAMES = ("supervised", "alone", "told")
 
 @dataclass(frozen=True, kw_only=True)
 class Flown:
-    """A mission: supervised, alone, and alone but told to come up 60 s after the first onset."""
+    """A mission: supervised, alone, and told to come up 60 s after its faults begin to act."""
 
     course: Course
     mission: Mission
@@ -80,7 +80,11 @@ class Flown:
             said.append(f"the supervisor took over at {self.latched:.0f} s: {self.reason}")
         else:
             said.append("the supervisor saw no reason")
-        names = ("with the supervisor", "without it", "with full buoyancy 60 s after the onset")
+        names = (
+            "with the supervisor",
+            "without it",
+            "with full buoyancy 60 s after its faults act",
+        )
         for n, name in enumerate(names[: len(self.results)]):
             r = self.results[n]
             said.append(f"{name}: {self.outcome(n).words}, deepest {r.deepest:.1f} m, at the end "

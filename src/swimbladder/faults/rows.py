@@ -31,7 +31,7 @@ class Condition(NamedTuple):
     boot: float  # ticks from a reset until the first tick
     band: float  # m under the surface that count as being there
     rated: float  # m, inf: not stated
-    stay: float  # ticks at the surface after which it has stayed there
+    stay: float  # ticks at the surface after which it has stayed there; less below it is bobbing
     quiet_at: float  # tick after which nothing more is asked or fails
     full_after: float  # ticks from the first fault on to full buoyancy, where that is asked for
     seed: float  # of the noise, a whole number below 2^32
@@ -52,7 +52,7 @@ class Result(NamedTuple):
 
     stop: float  # why the plant stopped, see engine.advance; 0: it did not
     last: float  # tick that it ended at
-    arrived: float  # tick since which it has been at the surface; nan: it is not there
+    arrived: float  # tick since which it has been at the surface, bobbing; nan: it is not there
     beyond: float  # tick at which it passed the depth it is rated for; nan: never
     bottom: float  # 1: it lies on the bottom at the end
     depth: float  # m, at the end

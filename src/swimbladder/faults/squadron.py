@@ -13,12 +13,14 @@ from swimbladder.dynamics import Plant
 from swimbladder.engine.chain import COEFFICIENTS, LEVELS, base_steps
 from swimbladder.engine.modes import COUNT
 from swimbladder.faults.draw import Course, Mission
-from swimbladder.faults.flight import FULL, OWN, fly
+from swimbladder.faults.flight import EARLY, FULL, OWN, fly
 from swimbladder.faults.glue import ALONE, DEAF, SUPERVISED, glue
 from swimbladder.faults.host import Board
 from swimbladder.faults.kinds import KINDS, Fault
-from swimbladder.faults.rows import Result, Trace
+from swimbladder.faults.rows import Condition, Result, Trace
+from swimbladder.faults.verdict import Outcome, outcomes
 from swimbladder.firmware.library import make_library
+from swimbladder.firmware.safety import supervisor_parameters
 
 __all__ = ["Flights", "Squadron", "sources"]
 
@@ -30,7 +32,8 @@ class Flights(NamedTuple):
 
     supervised: Array
     alone: Array
-    full: Array  # alone, and told to come up 60 s after the first onset
+    full: Array  # deaf to its reasons, and told to come up 60 s after the last fault acts
+    early: Array  # 60 s after the first does; nan unless it is of two, and lost in both above
 
 
 def sources(course: Course) -> dict[str, str]:
@@ -72,14 +75,22 @@ class Squadron:
         self._board = board
         self._room = _Room(board, math.ceil(latest.most / tick) + 2)
         self._none = np.zeros((0, len(Trace._fields)))
+        limits = supervisor_parameters(course.vehicle, tick)
+        self._longer = 1.0 + limits.rest / limits.again  # a slow actuator needs as many pushes
 
     def flights(self, mission: Mission) -> Flights:
         """Return how a mission with faults ends."""
-        return Flights(
-            self.flown(mission, SUPERVISED, OWN, self._none),
-            self.flown(mission, ALONE, OWN, self._none),
-            self.flown(mission, DEAF, FULL, self._none),
+        supervised = self.flown(mission, SUPERVISED, OWN, self._none)
+        alone = self.flown(mission, ALONE, OWN, self._none)
+        full = self.flown(mission, DEAF, FULL, self._none)
+        early = np.full(len(Result._fields), np.nan)
+        tick = mission.condition.tick
+        ended = outcomes(
+            np.array([supervised, full]), tick=tick, stay=mission.condition.stay * tick
         )
+        if len(mission.faults) > 1 and not np.any(ended == Outcome.SURFACED):
+            early = self.flown(mission, DEAF, EARLY, self._none)
+        return Flights(supervised, alone, full, early)
 
     def supervised(self, mission: Mission) -> Array:
         """Return how a supervised mission ends."""
@@ -87,21 +98,27 @@ class Squadron:
 
     def traced(self, mission: Mission, who: str, how: int) -> tuple[Array, Array]:
         """Return (result, rows [ticks flown, len(Trace)]) of a mission."""
-        rows = np.full((int(mission.condition.end) + 1, len(Trace._fields)), np.nan)
+        rows = np.full((int(self._condition(mission, who).end) + 1, len(Trace._fields)), np.nan)
         result = self.flown(mission, who, how, rows)
         return result, rows[: int(result[Result._fields.index("last")]) + 1]
+
+    def _condition(self, mission: Mission, who: str) -> Condition:
+        """Return what a mission is flown in; who rests between pushes has longer to come up."""
+        condition = mission.condition
+        longer = self._longer if who == SUPERVISED else 1.0
+        return condition._replace(end=math.ceil(longer * condition.end))
 
     def flown(self, mission: Mission, who: str, how: int, record: Array) -> Array:
         """Fly a mission with the board's functions `who`; fill record, return its result."""
         room, p = self._room, mission.plant
-        plant = Plant(*p)
-        parts = base_steps(plant, mission.condition.tick, 0.0)
+        plant, condition = Plant(*p), self._condition(mission, who)
+        parts = base_steps(plant, condition.tick, 0.0)
         nonlinear = bool(np.isfinite(plant.epsilon))
         result = np.zeros(len(Result._fields))
         begin, tick = self._board.addresses[who]
         fly(
-            p, np.array(mission.condition), mission.harms, mission.turns, mission.depths,
-            nonlinear, parts, how, begin, tick, room.memory, room.x, room.p, room.y, room.chains,
+            p, np.array(condition), mission.harms, mission.turns, mission.depths, nonlinear,
+            parts, how, begin, tick, room.memory, room.x, room.p, room.y, room.chains,
             room.built, room.late, record, result,
         )  # fmt: skip
         return result

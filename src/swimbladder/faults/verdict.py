@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 FACTS = 6  # number, onset, start, deepest set-point, bottom, supply
 HARMS = 2 * len(Harm._fields)
-WIDTH = FACTS + HARMS + 3 * len(Result._fields)
+WIDTH = FACTS + HARMS + 4 * len(Result._fields)
 TOGETHER = "two faults at once"
 MILD = 0.3  # of those that could be saved; fewer lost without a supervisor ask little of it
 
@@ -121,7 +121,7 @@ class Campaign:
         return column
 
     def result(self, flight: int, field: str) -> Array:
-        """Return a field of the flight: 0 supervised, 1 alone, 2 told to come up."""
+        """Return a field of the flight: 0 supervised, 1 alone, 2 and 3 told to come up."""
         at = FACTS + HARMS + flight * len(Result._fields) + Result._fields.index(field)
         column: Array = self.faulty[:, at]
         return column
@@ -136,7 +136,7 @@ class Campaign:
 
     @cached_property
     def recoverable(self) -> NDArray[np.bool_]:
-        """Whether full buoyancy, 60 s after the first onset, brings each vehicle up."""
+        """Whether full buoyancy, 60 s after the last fault begins to act, brings each up."""
         found: NDArray[np.bool_] = self.outcome(2) == Outcome.SURFACED
         return found
 
@@ -144,6 +144,16 @@ class Campaign:
     def lost(self) -> NDArray[np.intp]:
         """Numbers of the recoverable vehicles that the supervisor lost."""
         return np.flatnonzero(self.recoverable & (self.outcome(0) != Outcome.SURFACED))
+
+    @cached_property
+    def lost_early(self) -> NDArray[np.intp]:
+        """Numbers of those lost that full buoyancy 60 s after the first of two faults would save.
+
+        60 s after the second acts it does not: it is too late by then, or the second is a block
+        that has not shown before.
+        """
+        told: NDArray[np.bool_] = self.outcome(3) == Outcome.SURFACED
+        return np.flatnonzero(told & ~self.recoverable & (self.outcome(0) != Outcome.SURFACED))
 
     @cached_property
     def latch(self) -> Array:
@@ -257,6 +267,7 @@ class Campaign:
             "time_limit_s": self.course.time_limit,
             "recoverable": int(self.recoverable.sum()),
             "lost": self.lost,
+            "lost_early": self.lost_early,
             "lost_share_alone": self.lost_alone,
             "lost_share_alone_of_all": self.all_lost_alone,
             "kinds": [line._asdict() for line in self.lines()],

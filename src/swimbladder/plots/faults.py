@@ -99,7 +99,7 @@ def draw_mission(flown: Flown) -> Figure:
     )  # fmt: skip
     for rows, label, colour, style in zip(
         flown.rows[::-1],
-        ("told to come up 60 s after the onset", "without the supervisor", "supervised")[
+        ("told to come up 60 s after the faults act", "without the supervisor", "supervised")[
             -len(flown.rows) :
         ],
         (GREEN, GREY, BLUE)[-len(flown.rows) :],
