@@ -342,6 +342,10 @@ def test_two_dives_in_one_log_are_told(tmp_path: Path, made_up: Path) -> None:
     twice.write_text(MADE_UP + MADE_UP.replace("2031-03-01T1", "2031-03-02T1"))
     with pytest.raises(LogError, match="2 dives"):
         read_float_log(twice)
+    above = [line for line in twice.read_text().splitlines() if "T+21000mdegC" not in line]
+    twice.write_text("\n".join(above))  # no pressures at the surface
+    with pytest.raises(LogError, match="2 dives"):
+        read_float_log(twice)
     assert len(read_float_log(made_up)) == 4
 
 

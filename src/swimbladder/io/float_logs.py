@@ -55,7 +55,12 @@ def read_float_log(
     texts = log_format_name is None and not columns and is_mermaid(_beginning(path))
     if log_format_name == "mermaid" or texts:
         log = read_mermaid(path)
-        _refuse_dives(log.time, log.stage >= 0, log.stage == _NONE, path)
+        # while it comes up it may log no pressure, but it pumps
+        pumps = [action.time for action in log.actions if action.stage is None]
+        time = np.append(log.time, pumps)
+        stage = np.append(log.stage, np.full(len(pumps), _NONE))
+        order = np.argsort(time, kind="stable")
+        _refuse_dives(time[order], stage[order] >= 0, stage[order] == _NONE, path)
         return log
     form = LogFormat() if log_format_name is None else log_format(log_format_name)
     mapped = dict(columns or {})
