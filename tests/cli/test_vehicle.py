@@ -99,3 +99,9 @@ def test_bad_input_is_exit_code_2(capsys, tmp_path, monkeypatch, arguments, word
     assert captured.out == ""
     assert words in captured.err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_help_of_new_names_every_kind(capsys):
+    assert main(["vehicle", "new", "--help"]) == 0
+    told = capsys.readouterr().out
+    assert all(kind in told for kind in KINDS)

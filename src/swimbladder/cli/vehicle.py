@@ -91,7 +91,7 @@ def new(
         str,
         typer.Option(
             help="Actuator: electromechanical or electrohydraulic (from datasheets), identified, "
-            "unified, or positioner."
+            "unified, positioner, or pump-valve (a deep float's, for missions)."
         ),
     ] = "electromechanical",
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
