@@ -195,6 +195,38 @@ def test_a_pump_is_found_in_logged_runs(capsys, tmp_path):
     assert not (tmp_path / "alone" / "vehicle.toml").exists()
 
 
+def test_a_logged_voltage_counts_and_is_told(capsys, tmp_path):
+    """A battery that gives 15 to 12 V: the power goes with it, and so does the vehicle's pump."""
+    random = np.random.default_rng(8)
+    head, *rows = RUNS.splitlines()
+    cells = [row.split(",") for row in rows]
+    volts = random.uniform(12.0, 15.0, len(cells))
+    at = float(np.median(volts))
+    for row, u in zip(cells, volts, strict=True):
+        row[2] = f"{float(row[2]) * u / at:.5f}"
+    text = "\n".join(
+        [f"{head},mV", *(f"{','.join(r)},{u * 1e3:.6f}" for r, u in zip(cells, volts, strict=True))]
+    )
+    runs = tmp_path / "runs.csv"
+    runs.write_text(text + "\n")
+    words = [*COLUMNS, "--column", "voltage_V=mV@mV"]
+    out = tmp_path / "found"
+    told = answer(capsys, "example-float", "--fit", str(runs), *words, "--out", str(out))
+    without = answer(capsys, "--fit", str(runs), *COLUMNS, "--out", str(tmp_path / "without"))
+    assert told["reference_voltage_V"] == pytest.approx(at, rel=1e-6)
+    assert without["reference_voltage_V"] is None
+    assert told["power_rms_W"] < 0.3
+    assert without["power_rms_W"] > 2.0 * told["power_rms_W"]
+    low, high = told["parameters"]["idle_power"]["ci95"]
+    assert low < 8.0 < high
+    said = " ".join(told["sentences"])
+    assert f"{at:.4g} V, the median" in said
+    assert "The vehicle's supply gives" in said
+    pump = load_vehicle(out / "vehicle.toml").actuator.pump
+    assert pump.power_per_pressure > told["parameters"]["power_per_pressure"]["value"]  # 14.4 V
+    assert "The vehicle's supply gives" in (out / "vehicle.toml").read_text().replace("\n# ", " ")
+
+
 def test_a_fit_without_volumes_keeps_the_vehicles_delivery_or_says_why_not(capsys, tmp_path):
     (tmp_path / "runs.csv").write_text(RUNS.replace("volume_mL", "unused"))
     runs, out = str(tmp_path / "runs.csv"), str(tmp_path / "o")

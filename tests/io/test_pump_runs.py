@@ -49,8 +49,21 @@ def test_other_names_units_and_rows(tmp_path):
     assert found.pressure == pytest.approx([1e5, 1e7])
     assert found.power == pytest.approx([7.5, 14.5])
     assert found.volume == pytest.approx([8e-6, 7e-5])
+    assert found.voltage == pytest.approx([15.0, 14.5])
     assert found.dive is None
     assert any("2 of 3 rows" in line for line in found.report)
+
+
+def test_a_voltage_beside_the_power(tmp_path):
+    text = "duration_s,pressure_Pa,power_W,mV\n10,1e5,7,14500\n20,1e7,15,\n"
+    found = read_pump_runs(table(tmp_path, text), columns={"voltage_V": "mV@mV"})
+    assert list(found.power) == [7.0, 15.0]
+    assert found.voltage == pytest.approx([14.5, np.nan], nan_ok=True)
+    assert read_pump_runs(table(tmp_path, text)).voltage is None
+    own = text.replace("mV", "voltage_V,current_A").replace(",\n", ",14.2,1\n")
+    both = read_pump_runs(table(tmp_path, own.replace("14500", "14.5,9")))
+    assert list(both.power) == [7.0, 15.0]  # what was drawn is stated, not V I
+    assert list(both.voltage) == [14.5, 14.2]
 
 
 @pytest.mark.parametrize(
@@ -65,6 +78,7 @@ def test_other_names_units_and_rows(tmp_path):
         (HEAD + "10,1e5,7e6,1e-5,20,1\n", {}, 'State its unit: --column "power_W=NAME@mW"'),
         (HEAD + "10,1e5,7,1e-5,20,1\n", {"depth_m": "d"}, "no such column of a table of runs"),
         (HEAD + "10,1e5,7,1e-5,20,1\n", {"power_W": "watts"}, "watts"),
+        ("duration_s,pressure_Pa,power_W,voltage_V\n10,1e5,7,14500\n", {}, "voltage_V=NAME@mV"),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path, text, columns, words):

@@ -25,6 +25,7 @@ def test_three_numbers_tell_the_floats_power_to_0_4_w(told):
     assert len(fit.parameters) == 3
     assert fit.kept.sum() > 900
     assert fit.power_rms < 0.4
+    assert 14.4 < fit.reference_voltage < 14.7
     low, high = fit.parameters["power_per_pressure"].ci95
     # What its notes found by hand: 6.77 W + 7.59 mW/dbar over 667 of these runs.
     assert low < 7.59e-7 < high
@@ -73,6 +74,7 @@ def test_the_gliders_valves_are_orifices(data_dir):
 def test_the_study_prints_its_tables(data_dir, capsys):
     assert main([str(data_dir)]) == 0
     said = capsys.readouterr().out
-    assert "rms 0.3" in said
+    assert "rms 0.26" in said
+    assert "(without voltages 0.30" in said
     assert "SG249" in said
     assert main([]) == 2

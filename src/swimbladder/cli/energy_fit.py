@@ -63,12 +63,13 @@ def fit_runs(
                     "or leave the vehicle out",
                 )  # fmt: skip
             fitted = fitted_vehicle(v, found)
-        answer = {**fit_json(found), "sentences": fit_sentences(found), "report": table.report}
+        said = fit_sentences(found, fitted)
+        answer = {**fit_json(found), "sentences": said, "report": table.report}
         files = write_fit(found, fitted, out, answer=json_text(answer))
     if json:
         emit_json({**answer, "files": [str(path) for path in files]})
         return
-    _print_fit(found, fit_sentences(found))
+    _print_fit(found, said)
     for line in table.report:
         output.print(line, soft_wrap=True)
     for written in files:

@@ -5,6 +5,11 @@ Each run of the pump against a pressure p over a time t, at a temperature T, has
     mean power     P = idle + per_pressure p + per_kelvin (T - 15 degC) - lost_energy/t
     volume         V = (delivery - slip p) t - start_volume
 
+Where the battery's voltage U under load was logged too, the power is that times U/U_ref, U_ref the
+runs' median: at one pressure a motor draws the same current, and turns as fast as its voltage lets
+it (steady torque and back EMF of a motor at full voltage). A driver that holds the speed undoes
+that, so the voltage counts only where dives are told better by the others with it than without.
+
 Both are linear in what is not known, and solved by least squares. What is lost at the start is in
 them where runs of several lengths tell it; a power that was read at the end of a run has none.
 Powers weigh by their time, so that the energy fits; volumes weigh alike, as a meter's error does.
@@ -23,11 +28,9 @@ from scipy.stats import t as student
 
 from swimbladder.energy.least import Least
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.oil import ATMOSPHERIC_PRESSURE
-from swimbladder.parameters import PowerLawPump, PumpAndValve, Vehicle
 from swimbladder.steady_drives import REFERENCE_TEMPERATURE
 
-__all__ = ["Estimate", "PumpFit", "PumpRuns", "fit_pump", "fitted_vehicle"]
+__all__ = ["Estimate", "PumpFit", "PumpRuns", "fit_pump"]
 
 Array = NDArray[np.float64]
 _FEWEST = 3  # dives, or runs where no dives are told apart: fewer leave no spread to be known
@@ -37,6 +40,7 @@ _UNITS = {
     "lost_energy": "J", "delivery": "m3/s", "slip": "m3/s/Pa", "start_volume": "m3",
 }  # fmt: skip
 _ENOUGH = 15  # runs, five for each of three numbers, that may tell what a start loses
+_KNOWN = 0.8  # share of the runs with a temperature or voltage, for it to count
 _WARM = 0.5  # K, standard deviation of the temperatures that tell a dependence on them
 _LENGTHS = 0.1  # relative standard deviation of the durations that tell what a start loses
 
@@ -51,6 +55,7 @@ class PumpRuns:
     volume: Array | None = None  # m3 pressed out
     temperature: Array | None = None  # degC
     dive: Array | None = None  # number of the dive
+    voltage: Array | None = None  # V at the battery while the pump runs
     report: tuple[str, ...] = ()
 
 
@@ -87,11 +92,17 @@ class PumpFit:
     clusters: int  # dives, or runs where no dives are told apart
     dives: tuple[Predicted, ...] = field(default=())  # each from all the others
     without: dict[float, dict[str, float]] = field(default_factory=dict)  # numbers without a dive
+    reference_voltage: float | None = None  # V, at which the powers hold; None: whatever it was
 
     def value(self, name: str) -> float:
         """Return a number, 0 where it was not among the unknown ones."""
         found = self.parameters.get(name)
         return 0.0 if found is None else found.value
+
+    @property
+    def voltage_share(self) -> Array:
+        """Return each run's voltage over the reference [n], 1 where it is not known or counts."""
+        return _share(self.runs, self.reference_voltage)
 
 
 def fit_pump(
@@ -101,12 +112,15 @@ def fit_pump(
     shortest: float = 0.0,
     start: bool = True,
     temperature: bool = True,
+    voltage: bool = True,
 ) -> PumpFit:
     """Return power law and delivery of a pump from its runs.
 
     power_at: whether a run's power is its mean or was read at its end. shortest: runs shorter than
     this [s] are left out. start, temperature: whether these terms may be fitted, where the runs can
-    tell them. Raises NoAnswerError where the runs cannot tell what is asked, naming what lacks.
+    tell them. voltage: whether the battery's may count, where it tells dives better; runs without
+    one are taken as at the reference. Raises NoAnswerError where the runs cannot tell what is
+    asked, naming what lacks.
     """
     finite = np.isfinite(runs.duration) & np.isfinite(runs.pressure) & np.isfinite(runs.power)
     kept = finite & (runs.duration > 0.0) & (runs.duration >= shortest)
@@ -118,7 +132,7 @@ def fit_pump(
     design = _Design(runs, warm, power_at, start and _tell_a_start(runs.duration[kept]))
     groups = np.unique(dive[kept])
     _check(runs, kept, groups)
-    powers = Least.of(*design.power(kept), dive[kept])
+    powers, reference = _powers(design, kept, dive, _reference(runs, kept) if voltage else None)
     parameters = _estimates(design.power_names, powers)
     power_rms = float(np.sqrt(np.mean(powers.residual**2)))
     volume_rms, volumes = float("nan"), None
@@ -141,36 +155,8 @@ def fit_pump(
     )  # fmt: skip
     return PumpFit(
         runs=runs, kept=kept, parameters=parameters, power_rms=power_rms, volume_rms=volume_rms,
-        clusters=len(groups), dives=dives, without=without,
+        clusters=len(groups), dives=dives, without=without, reference_voltage=reference,
     )  # fmt: skip
-
-
-def fitted_vehicle(vehicle: Vehicle, fit: PumpFit) -> Vehicle:
-    """Return a pump-and-valve vehicle with the pump that runs told.
-
-    A slip, start loss or warmth below 0 is not distinguishable from none, and taken as 0. Without
-    measured volumes delivery, slip and start loss stay, where the vehicle has a power law.
-    Logged pressures are the sea's above the atmosphere, and the pump beats besides what the
-    reservoir's gas lacks of an atmosphere.
-    """
-    a = vehicle.actuator
-    assert isinstance(a, PumpAndValve)
-    old = a.pump if isinstance(a.pump, PowerLawPump) else None
-    told = "delivery" in fit.parameters
-    assert told or old is not None
-    lack = ATMOSPHERIC_PRESSURE - a.internal_pressure
-    slip, per_pressure = max(fit.value("slip"), 0.0), max(fit.value("power_per_pressure"), 0.0)
-    pump = PowerLawPump(
-        delivery=fit.value("delivery") + slip * lack if told or old is None else old.delivery,
-        slip=slip if told or old is None else old.slip,
-        idle_power=fit.value("idle_power") - per_pressure * lack,
-        power_per_pressure=per_pressure,
-        power_per_temperature=min(fit.value("power_per_temperature"), 0.0),
-        stall_pressure=None if old is None else old.stall_pressure,
-    )
-    start = max(fit.value("start_volume"), 0.0) if told else a.start_volume
-    actuator = a.model_copy(update={"pump": pump, "start_volume": start})
-    return vehicle.model_copy(update={"actuator": actuator})
 
 
 class _Design:
@@ -184,6 +170,7 @@ class _Design:
         self.power_names += ["power_per_temperature"] if warm is not None else []
         self.power_names += ["lost_energy"] if self.lost else []
         self.volume_names = ["delivery", "slip"] + (["start_volume"] if start else [])
+        self.share: Array | None = None  # of the reference voltage, where the power goes with it
 
     def power(self, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
         """Return matrix, powers [W] and weights of the powers of some rows."""
@@ -192,7 +179,8 @@ class _Design:
         columns += [] if self.warm is None else [self.warm[rows] - REFERENCE_TEMPERATURE]
         columns += [-1.0 / r.duration[rows]] if self.lost else []
         weight = np.ones(int(rows.sum())) if self.end else r.duration[rows]
-        return np.column_stack(columns), r.power[rows], weight
+        A = np.column_stack(columns)
+        return A if self.share is None else A * self.share[rows, None], r.power[rows], weight
 
     def volume(self, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
         """Return matrix, volumes [m3] and weights of the volumes of some rows."""
@@ -201,6 +189,43 @@ class _Design:
         t = r.duration[rows]
         columns = [t, -r.pressure[rows] * t] + ([-np.ones(t.size)] if self.start else [])
         return np.column_stack(columns), r.volume[rows], np.ones(t.size)
+
+
+def _powers(
+    design: _Design, kept: NDArray[np.bool_], dive: Array, reference: float | None
+) -> tuple[Least, float | None]:
+    """Return the solution of the powers, and the reference voltage [V] where the voltage counts."""
+    plain = Least.of(*design.power(kept), dive[kept])
+    if reference is None:
+        return plain, None
+    missed = _missed(design, kept, dive, plain)
+    design.share = _share(design.runs, reference)
+    scaled = Least.of(*design.power(kept), dive[kept])
+    if _missed(design, kept, dive, scaled) < missed:
+        return scaled, reference
+    design.share = None
+    return plain, None
+
+
+def _missed(design: _Design, kept: NDArray[np.bool_], dive: Array, found: Least) -> float:
+    """Return the weighted squares of what the powers of each dive are off the others' law."""
+    A, power, weight = design.power(kept)
+    numbers = np.array([found.without[float(number)] for number in dive[kept]])
+    return float(weight @ (power - np.sum(A * numbers, axis=1)) ** 2)
+
+
+def _reference(runs: PumpRuns, kept: NDArray[np.bool_]) -> float | None:
+    """Return the median voltage [V] of the runs that count, None where too few have one."""
+    if runs.voltage is None:
+        return None
+    known = kept & (runs.voltage > 0.0)
+    return float(np.median(runs.voltage[known])) if known.sum() >= _KNOWN * kept.sum() else None
+
+
+def _share(runs: PumpRuns, reference: float | None) -> Array:
+    if runs.voltage is None or reference is None:
+        return np.ones(runs.duration.size)
+    return np.where(runs.voltage > 0.0, runs.voltage / reference, 1.0)
 
 
 def _estimates(names: list[str], found: Least) -> dict[str, Estimate]:
@@ -249,7 +274,7 @@ def _warm(runs: PumpRuns, kept: NDArray[np.bool_]) -> Array | None:
     if T is None:
         return None
     known = kept & np.isfinite(T)
-    if known.sum() < 0.8 * kept.sum() or np.std(T[known]) < _WARM:
+    if known.sum() < _KNOWN * kept.sum() or np.std(T[known]) < _WARM:
         return None
     return T
 

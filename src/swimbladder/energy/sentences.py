@@ -8,8 +8,10 @@ import numpy as np
 
 from swimbladder.energy.chain import DriveEnergy
 from swimbladder.energy.fit import PumpFit
+from swimbladder.energy.fitted import voltage_factor
 from swimbladder.energy.thruster import Thruster
 from swimbladder.energy.versus import Hovering, Profiling
+from swimbladder.parameters import Vehicle
 from swimbladder.units import rounded
 
 __all__ = ["assumptions", "drive_sentences", "fit_sentences", "versus_sentences"]
@@ -115,8 +117,8 @@ def _assumed(thruster: Thruster) -> bool:
     )
 
 
-def fit_sentences(fit: PumpFit) -> tuple[str, ...]:
-    """Return what the runs tell, and how well dives are told by the others."""
+def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> tuple[str, ...]:
+    """Return what the runs tell, how well dives are told by the others, and what a vehicle got."""
     said = [
         f"{int(fit.kept.sum())} runs"
         + (f" of {fit.clusters} dives" if fit.dives else "")
@@ -138,12 +140,36 @@ def fit_sentences(fit: PumpFit) -> tuple[str, ...]:
                 f"Each dive's volume: within {_percent(np.median(np.abs(volume)))} (median), "
                 f"{_percent(np.max(np.abs(volume)))} at worst."
             )
+    said += _voltage(fit, vehicle)
     left = int((~fit.kept).sum())
     if left:
         said.append(f"{left} runs were left out: too short, or without pressure or power.")
     if "delivery" not in fit.parameters:
         said.append("No volumes were measured: the delivery is not told.")
     return tuple(said)
+
+
+def _voltage(fit: PumpFit, vehicle: Vehicle | None) -> list[str]:
+    """Return what the battery's voltage has to do with the powers."""
+    volts = np.array([]) if fit.runs.voltage is None else fit.runs.voltage[fit.kept]
+    volts = volts[volts > 0.0]
+    if fit.reference_voltage is None:
+        return [] if not volts.size else [
+            f"The voltage, {volts.min():.4g} to {volts.max():.4g} V, is not counted: dives are "
+            "told no better with it, or too few runs have one."
+        ]  # fmt: skip
+    said = [
+        f"Power goes with the battery's voltage under load, {volts.min():.4g} to "
+        f"{volts.max():.4g} V; the numbers are those at {fit.reference_voltage:.4g} V, the median."
+    ]
+    if vehicle is not None and vehicle.supply is not None:
+        factor = voltage_factor(vehicle.supply, fit)
+        what = "power and delivery" if "delivery" in fit.parameters else "power"
+        said.append(
+            f"The vehicle's supply gives {factor * fit.reference_voltage:.4g} V under that load: "
+            f"its {what} {'are' if 'and' in what else 'is'} {factor:.3g} times that."
+        )
+    return said
 
 
 def _percent(share: float) -> str:

@@ -28,8 +28,10 @@ RUN_COLUMNS = {
     "temperature_degC": "degC",
     "dive": "",
 }
-"""The columns of a table of runs and their units; power, or voltage and current."""
+"""The columns of a table of runs and their units; power, or voltage and current, or power and
+voltage."""
 _MOST = 1e5  # W: no battery that floats gives as much
+_HIGHEST = 1000.0  # V: a battery's voltage above is in the wrong unit
 _LONGEST = 86400.0  # s: a run of more than a day is a duration in the wrong unit
 
 
@@ -42,6 +44,7 @@ class RunTable(NamedTuple):
     volume: Array | None  # m3
     temperature: Array | None  # degC
     dive: Array | None  # -
+    voltage: Array | None  # V
     report: tuple[str, ...]
 
 
@@ -83,7 +86,7 @@ def read_pump_runs(
     _check_power(power, "power_W" if "power_W" in values else "current_A", path)
     return RunTable(
         values["duration_s"], values["pressure_Pa"], power, values.get("volume_m3"),
-        values.get("temperature_degC"), values.get("dive"), found.report,
+        values.get("temperature_degC"), values.get("dive"), values.get("voltage_V"), found.report,
     )  # fmt: skip
 
 
@@ -102,7 +105,6 @@ def _sources(
             )  # fmt: skip
         sources[name] = fitting[0]
     if "power_W" in sources:
-        sources.pop("voltage_V", None)
         sources.pop("current_A", None)
     needed = ["duration_s", "pressure_Pa"]
     needed += [] if "power_W" in sources else ["voltage_V", "current_A"]
@@ -124,6 +126,7 @@ def _check(values: Mapping[str, Array], line: NDArray[np.int64], path: str | Pat
         ("pressure_Pa", -2e5, 1.2e8, "Pa", "pressure_Pa=NAME@dbar"),
         ("temperature_degC", -5.0, 60.0, "degC", "temperature_degC=NAME@degC"),
         ("volume_m3", -0.1, 0.1, "m3", "volume_m3=NAME@mL"),
+        ("voltage_V", -_HIGHEST, _HIGHEST, "V", "voltage_V=NAME@mV"),
     ):
         v = values.get(name)
         if v is None:

@@ -94,6 +94,7 @@ def fit_json(fit: PumpFit) -> dict[str, Any]:
         "clusters": fit.clusters,
         "power_rms_W": fit.power_rms,
         "volume_rms_m3": fit.volume_rms,
+        "reference_voltage_V": fit.reference_voltage,
         "parameters": {name: e._asdict() for name, e in fit.parameters.items()},
         "dives": [
             {
@@ -117,7 +118,9 @@ def write_fit(fit: PumpFit, vehicle: Vehicle | None, out: Path, *, answer: str) 
         write_atomically(folder / "pump.json", answer + "\n")
         save(figure, folder / "pump.png")
         if vehicle is not None:
-            head = "\n".join(["Pump found by swimbladder energy --fit.", *fit_sentences(fit)])
+            head = "\n".join(
+                ["Pump found by swimbladder energy --fit.", *fit_sentences(fit, vehicle)]
+            )
             write_atomically(folder / "vehicle.toml", vehicle_file(vehicle, head=head))
 
     publish(out, write)
