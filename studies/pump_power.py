@@ -36,6 +36,7 @@ __all__ = [
 Array = NDArray[np.float64]
 _NEAR = 120.0  # s between a run and the nearest pressure, where the run itself has none
 _LONG = 20.0  # s, of a run whose power has settled: the float's own logs settle in 10 s
+_SAGS = 0.97  # of the median voltage: a battery that rested for hours gives less at first
 _STEADY = 8.0  # s, of a glider's run long enough to tell its rate of delivery
 _SPLIT = 0.5  # share of the spread of rates that two pumps leave at most, where there are two
 _BLED = 3e-6  # m3, less is no bleeding
@@ -111,6 +112,15 @@ def float_table(runs: PumpRuns) -> tuple[PumpFit, pd.DataFrame]:
         )  # fmt: skip
     table = pd.DataFrame(rows, columns=["dive", "runs", "deepest_dbar", "measured_J", "told_J"])
     return fitted, table.assign(error=table.told_J / table.measured_J - 1.0)
+
+
+def _off(fit: PumpFit) -> Array:
+    """Return what the float's powers are above its law [W], the runs that count."""
+    r, kept = fit.runs, fit.kept
+    assert r.temperature is not None
+    told = fit.value("idle_power") + fit.value("power_per_pressure") * r.pressure[kept]
+    told += fit.value("power_per_temperature") * (r.temperature[kept] - 15.0)
+    return np.asarray(r.power[kept] - told * fit.voltage_share[kept])
 
 
 def _only(runs: PumpRuns, rows: NDArray[np.bool_]) -> PumpRuns:
@@ -294,6 +304,10 @@ def main(arguments: list[str]) -> int:
         print(f"mermaid_p0051: {int(fit.kept.sum())} runs over {_LONG:g} s, rms "
               f"{fit.power_rms:.3f} W at {fit.reference_voltage:.2f} V (without voltages "
               f"{plain.power_rms:.3f} W); {_numbers(fit)}")  # fmt: skip
+        weak = fit.kept & (fit.voltage_share < _SAGS)
+        with_it, without_it = (np.sqrt(np.mean(_off(f)[weak[f.kept]] ** 2)) for f in (fit, plain))
+        print(f"{int(weak.sum())} of them below {_SAGS * (fit.reference_voltage or 0.0):.2f} V: "
+              f"rms {with_it:.3f} W (without voltages {without_it:.3f} W)")  # fmt: skip
         worst = table.reindex(table.error.abs().sort_values(ascending=False).index)
         print(f"{len(table)} dives, each told by the others: median error "
               f"{table.error.abs().median():.1%}, worst {table.error.abs().max():.1%}, "

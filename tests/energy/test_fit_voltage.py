@@ -98,7 +98,7 @@ def test_a_driver_that_holds_the_speed_is_not_scaled():
     assert any("is not counted" in said for said in fit_sentences(fit))
 
 
-def test_runs_without_a_voltage_are_taken_as_at_the_reference():
+def test_runs_without_a_voltage_are_taken_as_at_the_reference_and_few_tell_nothing():
     runs = sagging_runs(np.random.default_rng(4), 10)
     lost = np.arange(runs.power.size) % 7 == 0
     volts = np.where(lost, np.nan, runs.voltage)
@@ -109,6 +109,8 @@ def test_runs_without_a_voltage_are_taken_as_at_the_reference():
     same = fit_pump(replace(runs, voltage=filled))
     for name, e in same.parameters.items():
         assert fit.parameters[name].ci95 == pytest.approx(e.ci95, rel=1e-9)
+    steady = replace(runs, voltage=14.5 + 1e-3 * (runs.voltage - 14.5))
+    assert fit_pump(steady).reference_voltage is None  # which of the two is better is chance
     few = np.where(np.arange(runs.power.size) % 3 == 0, np.nan, runs.voltage)
     assert fit_pump(replace(runs, voltage=few)).reference_voltage is None
 
@@ -130,7 +132,7 @@ def test_a_motor_by_its_own_equations_is_told_at_another_battery():
 
     The oracle knows resistance, back EMF and friction. Viscous friction makes its current depend on
     the speed a little, most where the pressure is low: the power there goes with V^1 to V^2, and
-    the law comes at least twice as near as without voltages, within 7 %.
+    the law comes at least twice as near as without voltages, within 7 %; the delivery within 2 %.
     """
     vehicle = load_vehicle("example-float")
     random = np.random.default_rng(5)
@@ -150,9 +152,9 @@ def test_a_motor_by_its_own_equations_is_told_at_another_battery():
     )  # fmt: skip
     told = pump_run(fitted_vehicle(small, fit).actuator.pump, at, water=vehicle.water)
     unscaled = pump_run(fitted_vehicle(small, plain).actuator.pump, at, water=vehicle.water)
-    for name, true in (("power", true_power), ("rate", true_rate)):
+    for name, true, within in (("power", true_power, 0.07), ("rate", true_rate, 0.02)):
         off = np.abs(getattr(told, name) / true - 1.0)
-        assert np.all(off < 0.07)
+        assert np.all(off < within)
         assert np.all(off < 0.5 * np.abs(getattr(unscaled, name) / true - 1.0))
 
 

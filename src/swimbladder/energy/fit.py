@@ -39,6 +39,7 @@ _UNITS = {
     "idle_power": "W", "power_per_pressure": "W/Pa", "power_per_temperature": "W/K",
     "lost_energy": "J", "delivery": "m3/s", "slip": "m3/s/Pa", "start_volume": "m3",
 }  # fmt: skip
+_VOLTS = 0.005  # relative standard deviation of the voltages that tell whether power goes with them
 _ENOUGH = 15  # runs, five for each of three numbers, that may tell what a start loses
 _KNOWN = 0.8  # share of the runs with a temperature or voltage, for it to count
 _WARM = 0.5  # K, standard deviation of the temperatures that tell a dependence on them
@@ -215,11 +216,13 @@ def _missed(design: _Design, kept: NDArray[np.bool_], dive: Array, found: Least)
 
 
 def _reference(runs: PumpRuns, kept: NDArray[np.bool_]) -> float | None:
-    """Return the median voltage [V] of the runs that count, None where too few have one."""
+    """Return the median voltage [V] of the runs, None where too few have one or it is the same."""
     if runs.voltage is None:
         return None
-    known = kept & (runs.voltage > 0.0)
-    return float(np.median(runs.voltage[known])) if known.sum() >= _KNOWN * kept.sum() else None
+    volts = runs.voltage[kept & (runs.voltage > 0.0)]
+    if volts.size < _KNOWN * kept.sum() or np.std(volts) < _VOLTS * np.mean(volts):
+        return None
+    return float(np.median(volts))
 
 
 def _share(runs: PumpRuns, reference: float | None) -> Array:

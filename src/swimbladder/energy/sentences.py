@@ -156,7 +156,7 @@ def _voltage(fit: PumpFit, vehicle: Vehicle | None) -> list[str]:
     if fit.reference_voltage is None:
         return [] if not volts.size else [
             f"The voltage, {volts.min():.4g} to {volts.max():.4g} V, is not counted: dives are "
-            "told no better with it, or too few runs have one."
+            "told no better with it, or it hardly varies, or too few runs have one."
         ]  # fmt: skip
     said = [
         f"Power goes with the battery's voltage under load, {volts.min():.4g} to "
