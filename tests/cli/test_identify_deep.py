@@ -137,3 +137,52 @@ def test_casts_of_one_file(capsys, tmp_path, files):
     assert main([*start, "--cast-where", "dive=1,2", *out]) == 2
     assert "2 casts for 1 dives" in capsys.readouterr().err
     assert main([*start, str(dive), "--cast-where", "dive=1,2", *out]) == 0
+
+
+def test_logs_of_two_floats(capsys, tmp_path, files):
+    """Of the same dive, once with valve runs as logged and once with twice their seconds."""
+    _, _, dive = files
+    other = tmp_path / "other.csv"
+    lines = []
+    for line in dive.read_text().splitlines():
+        cells = line.split(",")
+        if cells[-1].replace(".", "").isdigit():
+            cells[-1] = str(2.0 * float(cells[-1]))
+        lines.append(",".join(cells))
+    other.write_text("\n".join(lines) + "\n")
+    out = tmp_path / "out"
+    held = ("--set", "drag=165 N s2/m2", "--set", "stiffening=3e-18 1/Pa2")
+    assert run(files, out, str(other), *held) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.startswith("Not identified: one set of parameters does not tell these dives.")
+    assert "other.csv (book off by" in said or "dive.csv (book off by" in said
+    assert "the dives" not in said[said.index("95 % interval") : said.index("looks deepest")]
+    assert not (out / "vehicle.toml").exists()
+    kept = json.loads((out / "deep.json").read_text())
+    assert kept["parameters"]["valve"]["ci95"] is None
+    assert {told["source"] for told in kept["dives"]} == {"dive.csv", "other.csv"}
+
+
+def test_a_number_without_a_place(capsys, tmp_path, files):
+    """Temperatures of a sensor that tells a twentieth of the hull's warmth, the other way round."""
+    _, cast, dive = files
+    water = np.genfromtxt(cast, delimiter=",", names=True)
+    lines = dive.read_text().splitlines()
+    odd = [f"{lines[0]},temperature_degC"]
+    for line in lines[1:]:
+        p = line.split(",")[1]
+        if not p:
+            odd.append(f"{line},")
+            continue
+        warm = np.interp(float(p) / 1e4, water["pressure_dbar"], water["temperature_degC"])
+        odd.append(f"{line},{15.0 - 0.04 * (warm - 15.0):.5f}")
+    dive.write_text("\n".join(odd) + "\n")
+    out = tmp_path / "out"
+    assert run(files, out, "--prior", "thermal_expansion=0 +- 2e-3 1/K") == 1
+    said = capsys.readouterr().out.splitlines()[0]
+    assert said.startswith("thermal_expansion comes out -0.00")
+    assert "vehicle.toml cannot hold" in said
+    assert "Check temperature_degC of the log" in said
+    assert {p.name for p in out.iterdir()} == {"deep.png", "deep.csv", "deep.json"}
+    assert run(files, out, "--set", "drag_up=0.02") == 2
+    assert "no vehicle's file may hold it" in " ".join(capsys.readouterr().err.split())

@@ -29,7 +29,7 @@ def dive(time, pressure, temperature, acts=(), pumps=()):
     bare = dict.fromkeys(Pieces.__dataclass_fields__, NONE)
     return DeepDive(
         name="made up", time=time, pressure=pressure, temperature=temperature,
-        leaked=np.zeros(n), action_time=acts, action_seconds=np.ones(len(acts)),
+        unwarmed=0, leaked=np.zeros(n), action_time=acts, action_seconds=np.ones(len(acts)),
         action_pumps=np.asarray(pumps, dtype=bool), action_bypass=np.zeros(len(acts), dtype=bool),
         action_volume=np.zeros(len(acts)), action_short=np.zeros(len(acts)),
         action_pressure=np.zeros(len(acts)), water_pressure=LEVELS, water_density=density,

@@ -121,9 +121,10 @@ def _parameters(found: DeepIdentification) -> object:
         shown = shown_unit(e.unit) if e.unit else ""
         factor = unit_factor(e.unit, shown) if e.unit else 1.0
         low, high = (factor * x for x in e.ci95)
+        sure = [f"{factor * e.std:.2g}", f"{low:.4g} to {high:.4g}"]
         table.add_row(
-            name, f"{factor * e.value:.4g}", f"{factor * e.std:.2g}", f"{low:.4g} to {high:.4g}",
-            shown or "-", words[e.origin],
+            name, f"{factor * e.value:.4g}", *(("-", "-") if found.doubted else sure),
+            shown or "-", "not told" if found.doubted and e.origin != "set" else words[e.origin],
         )  # fmt: skip
     return table
 

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.hull import weighing
+from swimbladder.errors import InputError
 from swimbladder.identify.deep_dive import DeepDive, deep_dive
+from swimbladder.identify.deep_doubt import Held, doubted, doubts, held, restless
 from swimbladder.identify.deep_fit import DeepFit, balance, fit_deep
 from swimbladder.identify.deep_model import (
     CAST,
@@ -23,9 +24,10 @@ from swimbladder.identify.deep_model import (
     priors_of,
 )
 from swimbladder.identify.deep_replay import Replay, replay
+from swimbladder.identify.deep_vehicle import identified_vehicle, out_of_place
 from swimbladder.identify.estimates import Estimate, Prior, estimate
 from swimbladder.io.float_log import FloatLog
-from swimbladder.parameters import HullPart, PhysicalMotion, PowerLawPump, PumpAndValve, Vehicle
+from swimbladder.parameters import PowerLawPump, PumpAndValve, Vehicle
 from swimbladder.seawater import Column
 
 __all__ = [
@@ -38,7 +40,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_STIFFENS = 1e-20  # 1/Pa2, the least that a vehicle's file has
 _SELDOM = 1800.0  # s, between two looks
 _CONTRADICT = 0.5  # of what dives say that counts: chance leaves more, with some 50 squares
 _FAR = 2.5  # deviations of a prior, one in eighty by chance
@@ -53,6 +54,7 @@ class Told:
     book: Array  # m3 [n], at each look
     speed: Array  # m/s [n], measured less modelled
     replay: Replay
+    held: Held  # how far off that is, in times the noise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +62,7 @@ class DeepIdentification:
     """Parameters from deep dives.
 
     identified: whether all that was asked for is told by the data. sentences: what a user has to
-    know, the answer first.
+    know, the answer first. doubted: whether dives are off beyond doubt: intervals are nothing then.
     """
 
     vehicle: Vehicle
@@ -69,6 +71,7 @@ class DeepIdentification:
     parameters: Mapping[str, Estimate]
     dives: tuple[Told, ...]
     identified: bool
+    doubted: bool
     sentences: tuple[str, ...]
     assumptions: tuple[str, ...]
 
@@ -77,7 +80,10 @@ class DeepIdentification:
         return {
             "vehicle": self.vehicle.name,
             "identified": self.identified,
-            "parameters": {name: e.to_json() for name, e in self.parameters.items()},
+            "parameters": {
+                name: e.to_json() | ({"std": None, "ci95": None} if self.doubted else {})
+                for name, e in self.parameters.items()
+            },
             "noise": {
                 "pressure_Pa": self.fit.noise.pressure,
                 "water_m_s": self.fit.noise.water,
@@ -91,9 +97,13 @@ class DeepIdentification:
                     "source": told.dive.name,
                     "looks": len(told.book),
                     "deepest_Pa": float(told.dive.pressure.max()),
-                    "start_volume": told.start.to_json(),
+                    "start_volume": told.start.to_json()
+                    | ({"std": None, "ci95": None} if self.doubted else {}),
                     "book_rms_m3": _rms(told.book),
                     "speed_rms_m_s": _rms(told.speed),
+                    "book_over_noise": told.held.book,
+                    "speed_over_noise": told.held.speeds,
+                    "apart": told.held.apart,
                     "replay_rms_Pa": _rms(told.replay.at(told.dive.time) - told.dive.pressure),
                 }
                 for told in self.dives
@@ -130,6 +140,7 @@ def identify_deep(
         for log, column in zip(logs, each, strict=True)
     ]
     body, known = body_of(vehicle), priors_of(vehicle, priors or {})
+    _check_place(vehicle, known, fixed or {}, priors or {})
     run = ("bypass",) if any(dive.action_bypass.any() for dive in dives) else ()
     names = tuple(free or [n for n in (*DEFAULT, *run) if n not in (fixed or {})])
     advance(0.1)
@@ -140,14 +151,36 @@ def identify_deep(
     told = tuple(_told(body, fit, k, dive) for k, dive in enumerate(dives))
     advance(0.1)
     untold = [name for name in fit.names if not fit.told(name)]
-    asked = [name for name in untold if name in (free or ())]
-    good = not asked and len(untold) < len(fit.names)
+    asked = [name for name in untold if name in (free or ()) or len(untold) == len(fit.names)]
+    doubt = doubted([one.held for one in told], fit.worth)
+    # A compressibility that dives hardly tell is held at 0, as `identified_vehicle` does.
+    placed = [
+        n for n in fit.names if n not in asked and (n not in untold or n != "compressibility")
+    ]
+    strange = out_of_place(vehicle, fit.values, placed)
+    good = not (asked or doubt or strange)
     return DeepIdentification(
         vehicle=vehicle, fit=fit, parameters=parameters,
         result_vehicle=identified_vehicle(vehicle, fit.values) if good else vehicle,
-        dives=told, identified=good,
-        sentences=_sentences(fit, told, untold, good), assumptions=_assumptions(vehicle, fit),
+        dives=told, identified=good, doubted=doubt,
+        sentences=_sentences(fit, told, untold, asked, strange),
+        assumptions=_assumptions(vehicle, fit, dives),
     )  # fmt: skip
+
+
+def _check_place(
+    vehicle: Vehicle, known: Mapping[str, Prior], fixed: Mapping[str, float],
+    priors: Mapping[str, Prior],
+) -> None:  # fmt: skip
+    """Raise InputError for a given value that has no place in a vehicle's file."""
+    values = {name: known[name].mean for name in DEEP} | dict(fixed)
+    for option, names in (("--set", fixed), ("--prior", priors)):
+        for name in names:
+            if name in DEEP and out_of_place(vehicle, values, [name]):
+                raise InputError(
+                    "no vehicle's file may hold it", field=option, unit=DEEP[name].unit,
+                    value=f"{name}={values[name]:g}", remedy="Check the number and its unit",
+                )  # fmt: skip
 
 
 def _estimate(fit: DeepFit, name: str, fixed: Mapping[str, float]) -> Estimate:
@@ -161,13 +194,14 @@ def _told(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> Told:
     return Told(
         dive=dive, start=estimate(start, float(np.sqrt(fit.covariance[i, i])), "m3"),
         book=balance(body, fit.values, start, dive), speed=fit.residuals[k],
-        replay=replay(body, fit.values, start, dive),
+        replay=replay(body, fit.values, start, dive), held=held(body, fit, k, dive),
     )  # fmt: skip
 
 
 def _sentences(
-    fit: DeepFit, told: Sequence[Told], untold: Sequence[str], good: bool
-) -> tuple[str, ...]:
+    fit: DeepFit, told: Sequence[Told], untold: Sequence[str], missed: Sequence[str],
+    strange: Sequence[str],
+) -> tuple[str, ...]:  # fmt: skip
     book = _rms(np.concatenate([one.book for one in told]))
     count = len(told)
     found = [
@@ -175,11 +209,17 @@ def _sentences(
         f"closes to {1e6 * book:.2g} mL rms, speeds from look to look to "
         f"{1e3 * _rms(np.concatenate([one.speed for one in told])):.2g} mm/s rms."
     ]
-    if not good:
-        found.insert(0, "The data do not tell what was asked: " + ", ".join(untold) + ".")
+    off = [one.held for one in told]
+    doubt = doubts(
+        [one.dive.name for one in told], off, [_rms(one.book) for one in told], fit.worth
+    )
+    if doubted(off, fit.worth):
+        return (*doubt, *found, *restless(fit.noise))
+    if missed:
+        found.insert(0, "The data do not tell what was asked: " + ", ".join(missed) + ".")
     elif untold:
         found.append(f"Hardly told by these dives, and near what was known: {', '.join(untold)}.")
-    found += contradictions(fit)
+    found = [*strange, *found, *doubt, *restless(fit.noise), *contradictions(fit)]
     anchors = [n for n in ("drag", "pump_delivery", "valve") if n in fit.names]
     if len(anchors) == 3 and not any(fit.told(name) for name in anchors):
         found.append(
@@ -220,7 +260,7 @@ def contradictions(fit: DeepFit) -> list[str]:
     return found
 
 
-def _assumptions(vehicle: Vehicle, fit: DeepFit) -> tuple[str, ...]:
+def _assumptions(vehicle: Vehicle, fit: DeepFit, dives: Sequence[DeepDive]) -> tuple[str, ...]:
     said = [
         f"{name} {prior.mean:.4g} +- {prior.std:.2g} {DEEP[name].unit}".rstrip()
         for name, prior in fit.priors.items()
@@ -243,60 +283,28 @@ def _assumptions(vehicle: Vehicle, fit: DeepFit) -> tuple[str, ...]:
         f"known before: {'; '.join(said)}",
         f"the vehicle weighs {body.mass:.6g} kg and displaces {body.volume * 1e3:.6g} L without "
         "trapped air, as in its file; trim_error is what makes vehicle.toml weigh that",
-        *bypass, *place,
+        *bypass, *place, *_warmths(dives),
         f"the cast errs by {cast}, 1 sigma; the water moves by {1e3 * fit.noise.water:.1f} mm/s "
         f"that last {fit.noise.lasts / 60.0:.0f} min, as the dives tell",
     )  # fmt: skip
 
 
-def identified_vehicle(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
-    """Return the vehicle of these values, but for what its file has no place for.
-
-    That is the delivery of a pump that is described by its motor. Mass and hull without trapped air
-    are those of `body_of`, so trim_error moves with trapped air, and with the hull's warmth where
-    [water] is not as warm as reference_temperature.
-    """
-    body, hull, actuator = body_of(vehicle), vehicle.hull, vehicle.actuator
-    assert isinstance(actuator, PumpAndValve)
-    pump = actuator.pump
-    if isinstance(pump, PowerLawPump):
-        pump = pump.model_copy(update={
-            "delivery": pump.delivery * values["pump_delivery"],
-            "slip": pump.slip * values["pump_delivery"] + pump.delivery * values["pump_slip"],
-        })  # fmt: skip
-    stiffening = values["stiffening"]
-    part = HullPart(
-        name="hull", volume=body.volume, compressibility=max(values["compressibility"], 0.0),
-        thermal_expansion=values["thermal_expansion"],
-        stiffening=stiffening if abs(stiffening) >= _STIFFENS else 0.0,
-    )  # fmt: skip
-    bypass = actuator.bypass
-    if bypass is not None:
-        bypass = bypass.model_copy(update={"flow": bypass.flow * values["bypass"]})
-    changed = actuator.model_copy(update={
-        "pump": pump,
-        "valve": actuator.valve.model_copy(
-            update={"flow": actuator.valve.flow * values["valve"]}
-        ),
-        "bypass": bypass,
-        "start_volume": max(actuator.start_volume + values["pump_start"], 0.0),
-        "creep": max(values["creep"], 0.0),
-    })  # fmt: skip
-    motion: dict[str, Any] = {"drag": vehicle.drag.model_copy(
-        update={"k_dt": values["drag"], "rising_ratio": values["drag_up"]}
-    )}  # fmt: skip
-    if isinstance(vehicle.motion, PhysicalMotion):
-        more = (values["inertia"] - 1.0) * vehicle.mass
-        motion["added_mass"] = max(vehicle.motion.added_mass + more, 0.0)
-    air = values["trapped_air"]
-    found = vehicle.model_copy(update={
-        "actuator": changed,
-        "hull": hull.model_copy(update={
-            "displaced_volume": body.volume + air, "parts": (part,), "trapped_air": air,
-        }),
-        "motion": vehicle.motion.model_copy(update=motion),
-    })  # fmt: skip
-    return weighing(found, body.mass)
+def _warmths(dives: Sequence[DeepDive]) -> list[str]:
+    """Say of hull temperatures that were not logged."""
+    found = []
+    for dive in dives:
+        if dive.unwarmed == len(dive.time):
+            found.append(
+                f"{dive.name} has no temperatures of the hull: it is as warm as the water of the "
+                "cast at each moment"
+            )
+        elif dive.unwarmed:
+            found.append(
+                f"{dive.name} lacks {dive.unwarmed} of {len(dive.time)} temperatures of the hull: "
+                "they are filled by time, between those before and after, with the water's of the "
+                "cast and the difference from it"
+            )
+    return found
 
 
 def _rms(x: Array) -> float:

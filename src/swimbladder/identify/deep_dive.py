@@ -63,6 +63,7 @@ class DeepDive:
     time: Array  # s [n]
     pressure: Array  # Pa [n]
     temperature: Array  # degC of the hull [n]
+    unwarmed: int  # looks without a logged temperature of the hull
     leaked: Array  # m3 [n], as the vehicle's file has it, since the dive began
     action_time: Array  # s [m], the beginning
     action_seconds: Array  # s [m]
@@ -83,8 +84,9 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     """Return the part of a log in which the vehicle was under water by itself.
 
     Where the log tells of stages, those of the mission; else all from the first to the last sample
-    below 10 m. Without temperatures the hull is taken to have the water's. Raises InputError where
-    there is no dive, where nothing tells what the drive did, or where the cast ends above it.
+    below 10 m. Missing temperatures of the hull are filled, all of them with the water's. Raises
+    InputError where there is no dive, where nothing tells what the drive did, or where the cast
+    ends above it.
     """
     staged = bool(np.any(log.stage >= 0))
     used = log.stage >= 0 if staged else np.ones(len(log), dtype=bool)
@@ -108,9 +110,8 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
             "above the dive's deepest sample", file=log.source, field="--cast",
             remedy="Give a cast that goes as deep",
         )  # fmt: skip
-    temperature = log.temperature[used][rising]
-    if not np.isfinite(temperature).all():
-        temperature = np.interp(pressure, column.pressure, column.temperature)
+    logged = log.temperature[used][rising]
+    temperature = _warmth(time, logged, np.interp(pressure, column.pressure, column.temperature))
     actions = [a for a in log.actions if time[0] - 1.0 <= a.time <= time[-1]]
     if not actions:
         raise InputError(
@@ -144,8 +145,8 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     runs = _Runs(begun, seconds, pumps, bypass)
     return DeepDive(
         name=name or log.source, time=time, pressure=pressure, temperature=temperature,
-        leaked=leaked, action_time=begun, action_seconds=seconds, action_pumps=pumps,
-        action_bypass=bypass,
+        unwarmed=int(np.sum(~np.isfinite(logged))), leaked=leaked, action_time=begun,
+        action_seconds=seconds, action_pumps=pumps, action_bypass=bypass,
         action_volume=np.where(pumps, out, np.where(bypass, by, let_in)) * seconds,
         action_short=np.where(pumps, map_.start_volume.reshape(at.shape)[:, 0], 0.0),
         action_pressure=at.mean(axis=1), water_pressure=levels, water_density=density,
@@ -153,6 +154,18 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
         stroke=vehicle.stroke.maximum - vehicle.stroke.minimum,
         pieces=_pieces(time, pressure, temperature, leaked, runs, levels, density, column.gravity),
     )  # fmt: skip
+
+
+def _warmth(time: Array, logged: Array, water: Array) -> Array:
+    """Return the hull's temperature [degC] [n], where it is not logged from its neighbours in time.
+
+    Between them its difference from the water's of the cast is linear; without any it is 0.
+    """
+    known = np.isfinite(logged)
+    if not known.any():
+        return water
+    apart = np.interp(time, time[known], (logged - water)[known])
+    return np.where(known, logged, water + apart)
 
 
 class _Runs(NamedTuple):

@@ -25,17 +25,17 @@ from swimbladder.identify.deep_dive import DeepDive
 from swimbladder.identify.deep_filter import GATE, V0
 from swimbladder.identify.deep_model import Body, check_deep_names, drag_volume, excess
 from swimbladder.identify.deep_path import Filtered, Noise, Path, deep_path, filtered
-from swimbladder.identify.deep_worth import DiveTold, dissent
+from swimbladder.identify.deep_worth import DiveTold, apart, dissent
 from swimbladder.identify.estimates import Prior
 
-__all__ = ["DeepFit", "balance", "fit_deep", "start_volume"]
+__all__ = ["FACTOR", "NOISES", "DeepFit", "balance", "fit_deep", "start_volume"]
 
 Array = NDArray[np.float64]
 
 # Before: a typical value, and by which factor it may be off. Oil and runs are held tightly: left to
 # themselves they would explain what drag and hull should, and no book would have to close.
 NOISES = Noise(pressure=300.0, water=3e-3, drift=5e-10, runs=3e-3, lasts=300.0)
-_FACTOR = Noise(*(math.log(factor) for factor in (3.0, 3.0, 1.3, 1.2, 2.0)))
+FACTOR = Noise(*(math.log(factor) for factor in (3.0, 3.0, 1.3, 1.2, 2.0)))
 # Below these nothing is believed: resolution, the quietest sea, oil and hull, valves.
 _LEAST = Noise(pressure=30.0, water=3e-4, drift=1e-10, runs=1e-3, lasts=30.0)
 _TOLD = 0.8  # of the prior's deviation: a parameter that the data narrow less is from its prior
@@ -64,6 +64,7 @@ class DeepFit:
     covariance: Array
     noise: Noise
     worth: float  # share of the information that counts in covariance
+    apart: tuple[float, ...]  # how far each dive by itself is from this, in its deviations
     priors: Mapping[str, Prior]
     innovations: tuple[Array, ...]  # of each dive, of all looks but the first, in their deviations
     residuals: tuple[Array, ...]  # m/s, of each piece: measured less told from the look before
@@ -144,7 +145,8 @@ def fit_deep(
     ])  # fmt: skip
     return DeepFit(
         names=names, values=problem.values(x), covariance=whole, noise=problem.noise(x),
-        starts=np.array([f.start for f in found.filtered]), worth=worth, priors=dict(priors),
+        starts=np.array([f.start for f in found.filtered]), worth=worth,
+        apart=apart(found.told), priors=dict(priors),
         innovations=tuple(f.innovation / np.sqrt(f.variance) for f in found.filtered),
         residuals=tuple(
             _residuals(path, f) for path, f in zip(problem.paths, found.filtered, strict=True)
@@ -194,7 +196,7 @@ class _Problem:
         at = x[len(self.names) :].tolist()
         return Noise(*(
             math.hypot(typical * math.exp(width * a), least)
-            for typical, width, a, least in zip(NOISES, _FACTOR, at, _LEAST, strict=True)
+            for typical, width, a, least in zip(NOISES, FACTOR, at, _LEAST, strict=True)
         ))  # fmt: skip
 
     def filtered(self, x: Array) -> list[Filtered]:

@@ -35,6 +35,7 @@ __all__ = [
     "Body",
     "DeepName",
     "body_of",
+    "cast_volume",
     "check_deep_names",
     "check_deep_request",
     "drag_volume",
@@ -81,6 +82,7 @@ CAST: dict[str, DeepName] = {
     "cast_density": DeepName("kg/m3", "error of the cast that differs between depths", 0.0, 4e-3),
     "cast_heave": DeepName("m", "by how much layers lie elsewhere than in the cast", 0.0, 5.0),
 }
+_RHO = 1027.0  # kg/m3, to turn an error of density into one of volume
 DEFAULT = tuple(name for name in DEEP if name not in ("trapped_air", "pump_slip", "bypass"))
 
 
@@ -135,6 +137,12 @@ def priors_of(vehicle: Vehicle, given: Mapping[str, Prior]) -> dict[str, Prior]:
         name: given.get(name, Prior(mean[name], about.relative * abs(mean[name]) + about.absolute))
         for name, about in (DEEP | CAST).items()
     }
+
+
+def cast_volume(body: Body, priors: Mapping[str, Prior], layers: Array) -> Array:
+    """Return by what neutral volumes err with the cast [m3] [n], 1 sigma; layers: [m3/m] [n]."""
+    sensor = priors["cast_density"].std * body.mass / _RHO**2
+    return np.hypot(sensor, priors["cast_heave"].std * np.abs(layers))
 
 
 def check_deep_names(names: Sequence[str], option: str) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swimbladder.identify.deep_dive import DeepDive, nodes
 from swimbladder.identify.deep_filter import DYNAMIC, RATE, V0, D, P, U, W, Z, filter_kernel
-from swimbladder.identify.deep_model import Body, hull_volume, run_volumes
+from swimbladder.identify.deep_model import Body, cast_volume, hull_volume, run_volumes
 from swimbladder.identify.deep_water import displaced_variance
 from swimbladder.identify.estimates import Prior
 
@@ -26,7 +26,6 @@ _SPACING = 1e4  # Pa, of the water's table
 _KNOTS, _WIDER = (0.0, 2e5, 5e5), 1.6  # Pa, of the cast's error; each further one so much deeper
 _SPEED_STD = 0.02  # m/s, of the speed at the beginning: that between the first two looks
 _START = (2.0, 5e-6)  # share of what drag carries then, and m3: of the volume that it asks for
-_RHO = 1027.0  # kg/m3, to turn an error of density into one of volume
 
 
 class Noise(NamedTuple):
@@ -97,15 +96,14 @@ def deep_path(
     knots = list(_KNOTS)
     while knots[-1] < dive.pressure.max():
         knots.append(knots[-1] * _WIDER)
-    sensor = priors["cast_density"].std * body.mass / _RHO**2
-    heave = priors["cast_heave"].std * np.abs(np.interp(knots, grid, layers))
     weight = float(np.interp(measured[0], grid, density)) * dive.gravity
     return Path(
         dive=dive, time=time, measured=measured, steps=steps, sample=sample,
         runs=runs, begun=begun,
         leaked=np.interp(middle, dive.time, dive.leaked), idle=middle - time[0] - ran,
         warmth=np.interp(middle, dive.time, dive.temperature), grid=grid, density=density,
-        layers=layers, knots=np.array(knots), width=np.hypot(sensor, heave),
+        layers=layers, knots=np.array(knots),
+        width=cast_volume(body, priors, np.interp(knots, grid, layers)),
         speed=float((measured[1] - measured[0]) / (time[1] - time[0])) / weight,
     )  # fmt: skip
 

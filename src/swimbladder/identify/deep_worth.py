@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["DiveTold", "dissent"]
+__all__ = ["DiveTold", "apart", "dissent"]
 
 Array = NDArray[np.float64]
 
@@ -28,14 +28,23 @@ def dissent(dives: Sequence[DiveTold]) -> float:
     (*Phys. Rev.* 40, 1932, 207) widens measurements of one quantity by that contradict each other;
     here with priors, so that what a dive hardly tells hardly counts. 1 for a single dive.
     """
-    prior = np.eye(len(dives[0].gradient))
-
-    def count(information: Array) -> float:
-        return float(np.trace(np.linalg.solve(information + prior, information)))
-
-    each = sum(count(dive.information) for dive in dives)
-    free = each - count(np.sum([dive.information for dive in dives], axis=0))
+    each = sum(_count(dive.information) for dive in dives)
+    free = each - _count(np.sum([dive.information for dive in dives], axis=0))
     if free < 0.5:  # they tell nothing that others tell too
         return 1.0
-    off = [d.gradient @ np.linalg.solve(d.information + prior, d.gradient) for d in dives]
-    return float(sum(off)) / free
+    return sum(_off(dive) for dive in dives) / free
+
+
+def apart(dives: Sequence[DiveTold]) -> tuple[float, ...]:
+    """Return how far each dive by itself is from what fits all, rms in its own deviations."""
+    return tuple(float(np.sqrt(_off(d) / max(_count(d.information), 1.0))) for d in dives)
+
+
+def _count(information: Array) -> float:
+    """Return how many parameters are told, less what priors tell."""
+    return float(np.trace(np.linalg.solve(information + np.eye(len(information)), information)))
+
+
+def _off(dive: DiveTold) -> float:
+    prior = np.eye(len(dive.gradient))
+    return float(dive.gradient @ np.linalg.solve(dive.information + prior, dive.gradient))
