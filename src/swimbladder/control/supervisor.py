@@ -134,9 +134,9 @@ def watch_stops(
     if beyond > p.grown:
         s = s._replace(top=volume, stops=0)
     if asked > p.stop_rate and abs(rate) < p.stop_least:
-        if beyond < -p.grown:
-            s = s._replace(top=volume, stops=0)
-        s = s._replace(stops=more(s.stops, 1))
+        s = s._replace(stops=tally(beyond >= -p.grown, s.stops, p.stops))
+        if s.stops == 0:
+            s = s._replace(top=volume)
     return s
 
 
@@ -361,7 +361,9 @@ def watch_push(p: SupervisorParameters, s: SupervisorState, sinks: bool) -> Supe
     """
     turns = s.turns
     if not s.measured:
-        return s._replace(turns=1 if turns == 2 or turns == 3 else turns)
+        s = s._replace(astray=more(s.astray, 1))
+        lasts = turns == 4 and not (sinks and s.astray >= p.again)
+        return s._replace(turns=turns if turns < 2 or lasts else 1)
     gained = s.volume - s.pushed
     if gained > p.grown:
         return s._replace(pushed=s.volume, astray=0, turns=4 if turns > 1 else turns)
@@ -382,7 +384,9 @@ def bring_up(p: SupervisorParameters, s: SupervisorState, good: bool) -> Supervi
     """Command full buoyancy in pushes and rests; ask for the drop weight where it does not rise."""
     if s.reason == 0:
         s = s._replace(reason=first_of(s.reasons), from_depth=s.depth, pushed=s.volume)
-    sinks = good and s.depth > p.surface and s.depth - s.z1 > p.still_distance
+    moved = s.depth - s.z1
+    moves = good and s.depth > p.surface and abs(moved) > p.still_distance
+    sinks = moves and moved > 0.0
     s = watch_push(p, s, sinks)
     command = p.surface_command if s.phase < p.push else p.hold_command
     phase = more(s.phase, 1)
@@ -391,7 +395,8 @@ def bring_up(p: SupervisorParameters, s: SupervisorState, good: bool) -> Supervi
         phase = s.phase
     if phase >= p.push:
         grows = phase == p.push and s.astray < p.again and s.measured
-        if sinks or grows or phase >= more(p.push, p.rest):
+        gains = (moves or grows) and s.volume < p.volume_high
+        if sinks or gains or phase >= more(p.push, p.rest):
             phase = less(p.push, p.again)
             s = s._replace(pushed=s.volume)
     s = s._replace(command=command, phase=phase, window=more(s.window, 1))
