@@ -216,7 +216,7 @@ def test_noise_comes_from_the_seed(capsys, tmp_path):
         (["--target", "5", "--bottom", "4.5"], "--target", "below the bottom at 4.5 m"),
         (["--start", "5", "--bottom", "450 cm"], "--start", "or a deeper bottom (--bottom)"),
         (["--target", "101"], "--target", "rated for 100 m"),
-        (["--target", "90"], "--target", "Stay above 86.63 m, to which the stroke suffices"),
+        (["--target", "90"], "--target", "passes that depth sinks"),
         (["--target", "3 kg"], "--target", "Give it in m"),
         (["--target", "nan"], "--target", "not a number"),
         (["--duration", "0"], "--duration", "must be above 0"),

@@ -52,7 +52,8 @@ def test_a_stroke_smaller_than_the_neutral_volume_says_how_deep_it_suffices(feup
     check_mission(feup, mission(setpoints=to(deepest - 0.01)))
     with pytest.raises(InputError, match="350 cm3") as caught:
         check_mission(feup, mission(setpoints=to(deepest + 0.01)))
-    assert f"Stay above {deepest:.4g} m, to which the stroke suffices" in str(caught.value)
+    said = str(caught.value)
+    assert f"The stroke ends at {deepest:.4g} m: ask for less by more than a step" in said
 
 
 def test_a_stiff_hull_runs_out_at_the_other_end(feup):
@@ -62,8 +63,24 @@ def test_a_stiff_hull_runs_out_at_the_other_end(feup):
     hull = hull.model_copy(update={"psi": -5e-6, "depth_limit": None})
     stiff = stiff.model_copy(update={"hull": hull})
     # 50 cm3 - 5 cm3/m z = -350 cm3 at 80 m
-    with pytest.raises(InputError, match="Stay above 80 m"):
+    with pytest.raises(InputError, match="ends at 80 m: ask for less, or lengthen"):
         check_mission(stiff, mission(setpoints=to(80.5)))
+
+
+@pytest.mark.parametrize(
+    ("psi", "trim", "words"),
+    [
+        (-1e-6, 360e-6, "suffices below 10 m: ask for more"),  # 360 - 1 z = 350 cm3 at 10 m
+        (1e-6, -360e-6, "suffices below 10 m: ask for more"),
+        (0.0, 360e-6, "Trim the vehicle otherwise"),
+        (1e-6, 360e-6, "Trim the vehicle otherwise"),  # at no depth at all
+    ],
+)
+def test_a_vehicle_that_is_trimmed_beyond_its_stroke(feup, psi, trim, words):
+    hull = feup.hull.model_copy(update={"psi": psi})
+    light = feup.model_copy(update={"hull": hull, "trim_error": trim})
+    with pytest.raises(InputError, match=words):
+        check_mission(light, mission(start_depth=20.0, setpoints=to(3.0)))
 
 
 def test_a_vehicle_without_a_controller(feup):

@@ -299,6 +299,19 @@ def _check_depth(
         )
 
 
+def _within_stroke(vehicle: Vehicle, outwards: bool) -> str:
+    """Return what to do where the stroke ends, at its largest volume (outwards) or its least."""
+    end = vehicle.stroke.maximum if outwards else vehicle.stroke.minimum
+    psi, over = vehicle.hull.psi, end - vehicle.trim_error
+    if psi == 0.0 or over / psi <= 0.0:  # at no depth, or at none below the surface
+        return "Trim the vehicle otherwise (trim_error), or lengthen the stroke"
+    depth = over / psi
+    if outwards != (psi > 0.0):
+        return f"The stroke suffices below {depth:.4g} m: ask for more, or lengthen it"
+    less = " by more than a step overshoots, for what passes that depth sinks" if outwards else ""
+    return f"The stroke ends at {depth:.4g} m: ask for less{less}, or lengthen the stroke"
+
+
 def _check_stroke(
     vehicle: Vehicle, depth: float, field: str, of_cast: Callable[[float], float] | None
 ) -> None:
@@ -306,10 +319,7 @@ def _check_stroke(
     if stroke.minimum < neutral < stroke.maximum:
         return
     if of_cast is None:
-        end = stroke.maximum if neutral >= stroke.maximum else stroke.minimum
-        deepest = (end - vehicle.trim_error) / vehicle.hull.psi
-        where, remedy = "there", f"Stay above {deepest:.4g} m, to which the stroke suffices, or "
-        remedy += "lengthen it"
+        where, remedy = "there", _within_stroke(vehicle, neutral >= stroke.maximum)
     else:
         where = "there, in the water of the cast"
         remedy = "Trim the vehicle for this water (`swimbladder ballast --cast` says how, and "
