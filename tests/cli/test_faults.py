@@ -73,6 +73,7 @@ def test_without_a_compiler_one_line_says_what_to_install(capsys, tmp_path, monk
     ("options", "said"),
     [
         (["--mission", "x"], "--mission"),
+        (["--mission", "999999999"], "eight digits at most"),
         (["--depth", "5"], "--depth"),
         (["--missions", "0"], "--missions"),
     ],

@@ -217,6 +217,17 @@ def test_bad_options_are_one_paragraph_and_write_nothing(capsys, pool, tmp_path,
     assert not out.exists()
 
 
+def test_runs_of_a_pump_need_a_vehicle_that_has_one(capsys, tmp_path):
+    dive, cast = tmp_path / "dive.csv", tmp_path / "cast.csv"
+    dive.write_text("time_s,pressure_Pa,pump_s\n0,0,\n60,9e4,5\n", encoding="ascii")
+    rows = "0,15,35\n10,14,35\n20,13,35\n"
+    cast.write_text(f"pressure_dbar,temperature_degC,salinity\n{rows}", encoding="ascii")
+    given = (dive, "--vehicle", "feup-em", "--cast", cast, "--out", tmp_path / "out")
+    _, err = run(capsys, *given, code=2)
+    assert "(pump_s), and the vehicle 'feup-em' has no pump and valve" in err
+    assert not (tmp_path / "out").exists()
+
+
 def test_an_out_that_is_a_file(capsys, pool, tmp_path):
     out = tmp_path / "out"
     out.write_text("mine", encoding="ascii")

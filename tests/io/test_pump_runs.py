@@ -72,6 +72,7 @@ def test_a_voltage_beside_the_power(tmp_path):
         ("duration_s,pressure_Pa\n10,1e5\n", {}, "no column voltage_V, or power_W"),
         ("duration_s,pressure_Pa,power_W\n10,1000,7\n10,2000,8\n", {}, "likely in dbar or bar"),
         ("duration_s,pressure_Pa,power_W\n10,1e5,7\n1e6,1e7,8\n", {}, "line 3, duration_s"),
+        ("duration_s,pressure_Pa,power_W\n10,1e5,7\n-9,1e7,8\n", {}, "Mend the row, or leave"),
         ("duration_s,pressure_Pa,power_W\n10,1e5,7\n10,2e9,8\n", {}, "line 3, pressure_Pa"),
         (HEAD + "10,1e5,7,12,20,1\n", {}, "line 2, volume_m3"),
         (HEAD + "10,1e5,-7,1e-5,20,1\n", {}, "Give what is drawn as positive numbers"),

@@ -164,7 +164,8 @@ def test_drag_that_is_quadratic_is_planned_as_it_is():
         (FEUP, (1.5, 3.0), {"goal": "fun"}, InputError, "no such goal"),
         (FEUP, (1.5, 3.0), {"duration": 20.0}, InputError, "looks for the duration"),
         (FEUP, (1.5, 3.0), {"goal": "effort", "arrive": "band"}, InputError, "end at rest"),
-        (FEUP, (1.5, 3.0), {"band": 0.0}, InputError, "share below 1"),
+        (FEUP, (1.5, 3.0), {"band": 0.0}, InputError, "must be more than 0"),
+        (FEUP, (1.5, 3.0), {"margin": 1.2}, InputError, r"0 or more, .*got 120\.0, .* %"),
         (TANK, (0.5, 1.0), {"supply": 5.0}, InputError, "takes a volume"),
     ],
 )  # fmt: skip

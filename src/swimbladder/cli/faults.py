@@ -93,7 +93,8 @@ def _one(
     number = mission.removeprefix("h")
     if not (number.isascii() and number.isdigit() and len(number) < 9):
         raise InputError(
-            "a mission is a number, or one with an h before it", field="--mission", value=mission,
+            "a mission is a number of eight digits at most, or one with an h before it",
+            field="--mission", value=mission,
             remedy="Write it like 17, or h17 for a healthy one",
         )  # fmt: skip
     with progress("loading the simulator"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,6 +25,7 @@ from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.io.logs import Log
+    from swimbladder.parameters import Vehicle
 
 __all__ = ["identify"]
 
@@ -158,6 +160,8 @@ def identify(
     seen: set[Path] = set()
     for log in chosen(logs, where or []):
         quiet = log.path in seen
+        if cast and not quiet:
+            _refuse_runs(log.path, v, mapped)
         given.append(read(log, v, columns=mapped, log_format=log_format, quiet=quiet))
         seen.add(log.path)
     with progress("loading the simulator"):
@@ -187,6 +191,19 @@ def identify(
             for sentence in (f.sentence for f in found.findings if f.severity == "no"):
                 console.print(sentence, markup=False, soft_wrap=True)
         raise typer.Exit(1)
+
+
+def _refuse_runs(path: Path, vehicle: Vehicle, mapped: Mapping[str, str]) -> None:
+    """Raise InputError where a log tells of runs of a pump or valve that the vehicle lacks."""
+    from swimbladder.io.logs import header_names
+
+    runs = {"pump_s", "valve_s", "bypass_s"} & {*header_names(path), *mapped}
+    if runs:
+        raise InputError(
+            f"{path} tells of runs of a pump or valve ({', '.join(sorted(runs))}), and the vehicle "
+            f"{vehicle.name!r} has no pump and valve", field="--vehicle", value=vehicle.name,
+            remedy="Give a vehicle whose actuator is of kind pump-valve, like example-float",
+        )  # fmt: skip
 
 
 def _doing(count: int) -> str:

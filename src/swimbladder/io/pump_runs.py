@@ -133,9 +133,12 @@ def _check(values: Mapping[str, Array], line: NDArray[np.int64], path: str | Pat
             continue
         bad = np.flatnonzero((v < low) | (v > high))
         if bad.size:
+            below = name == "duration_s" and v[bad[0]] < 0.0
             raise LogError(
-                "no run of a pump has this", file=path, line=int(line[bad[0]]), field=name,
-                value=float(v[bad[0]]), unit=unit, remedy=f'State its unit: --column "{remedy}"',
+                "a run lasts no less than 0 s" if below else "no run of a pump has this",
+                file=path, line=int(line[bad[0]]), field=name, value=float(v[bad[0]]), unit=unit,
+                remedy="Mend the row, or leave the cell empty: a run that is not known is left out"
+                if below else f'State its unit: --column "{remedy}"',
             )  # fmt: skip
     pressure = values["pressure_Pa"]
     known = pressure[np.isfinite(pressure)]

@@ -75,8 +75,10 @@ def task_of(
     for name, share in (("--band", band), ("--margin", margin)):
         if not (0.0 < share < 1.0 or (share == 0.0 and name == "--margin")):
             raise InputError(
-                "must be a share below 1", field=name, value=share, remedy='Write it like "5 %"'
-            )
+                "must be 0 or more, and less than the whole" if name == "--margin"
+                else "must be more than 0, and less than the whole",
+                field=name, value=100.0 * share, unit="%", remedy='Write it like "5 %"',
+            )  # fmt: skip
     if supply is not None:
         vehicle = _with_supply(vehicle, supply)
     p = plant(vehicle, bottom_depth=bottom_depth)
