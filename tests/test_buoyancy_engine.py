@@ -20,6 +20,7 @@ from swimbladder.parameters import (
     Positioner,
     PowerLawPump,
     PumpAndValve,
+    Supply,
     UnifiedActuator,
     Valve,
 )
@@ -300,6 +301,42 @@ def test_a_positioner_draws_what_it_is_said_to():
     assert found.rate_out == pytest.approx(2 * [a.speed * a.piston_area])
     assert list(found.power_in) == [3.0, 3.0]
     assert list(found.holding_power) == [0.5, 0.5]
+    assert math.isnan(be.drive_map(vehicle, [0.0], power=False).power_out[0])
+
+
+def test_driver_and_battery_of_a_positioner_take_their_share():
+    """E i = P + R_b i^2 by Kirchhoff, P being the motor's power over the driver's efficiency."""
+    vehicle = load_vehicle("ntnu-bv")
+    known = vehicle.actuator.model_copy(update={"moving_power": 3.0, "holding_power": 0.5})
+    supply = Supply(voltage=12.0, internal_resistance=2.0)
+    fed = changed(vehicle, actuator=known, driver=Driver(efficiency=0.8), supply=supply)
+    found = be.drive_map(fed, [0.0, 1e5])
+    for cells, motor in ((found.power_out, 3.0), (found.power_in, 3.0), (found.holding_power, 0.5)):
+        current = brentq(lambda i, P=motor / 0.8: 12.0 * i - 2.0 * i**2 - P, 0.0, 3.0, xtol=1e-15)
+        assert cells == pytest.approx(2 * [12.0 * current], rel=1e-12)
+    weak = changed(fed, supply=supply.model_copy(update={"internal_resistance": 12.0}))
+    with pytest.raises(NoAnswerError, match=r"the positioner's motor draws up to 3\.75 W, .* 3 W"):
+        be.drive_map(weak, [0.0])
+
+
+def test_oil_that_compresses_nothing_is_said():
+    paper, built = load_vehicle("example-eh"), load_vehicle("example-float")
+    assert paper.actuator.drive.oil is not None
+    assert "actuator.drive.oil change nothing here" in be.oil_note(paper)
+    line = Oil(volume=1e-4, trapped_air=0.01)
+    no_line = changed(built, actuator=built.actuator.model_copy(update={"line": None}))
+    with_line = changed(built, actuator=built.actuator.model_copy(update={"line": line}))
+    assert "the same numbers as actuator.line" in be.oil_note(no_line)
+    assert be.oil_note(with_line) is None
+    assert be.oil_note(load_vehicle("example-em")) is None
+    # what the note says: no rate, power or start of the map depends on the oil of the pump
+    drive = built.actuator.pump.drive
+    foam = Oil(volume=1e-3, bulk_modulus=1e8, trapped_air=0.3)
+    pump = built.actuator.pump.model_copy(update={"drive": drive.model_copy(update={"oil": foam})})
+    other = changed(built, actuator=built.actuator.model_copy(update={"pump": pump}))
+    for a, b in zip(be.drive_map(built, PRESSURES), be.drive_map(other, PRESSURES), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert np.all(be.drive_map(with_line, PRESSURES[1:]).start_volume > 4.5e-6)
 
 
 def test_voltages_and_positions_have_no_pump_and_valve():

@@ -20,9 +20,11 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.parameters import (
     DatasheetPump,
+    ElectrohydraulicActuator,
     IdentifiedActuator,
     Positioner,
     PumpAndValve,
+    Supply,
     UnifiedActuator,
     Vehicle,
 )
@@ -35,10 +37,11 @@ from swimbladder.steady_drives import (
     full_voltage,
     motor_point,
     pump_run,
+    terminal_power,
     valve_flow,
 )
 
-__all__ = ["DriveMap", "check_power_known", "drive_map", "steady_point"]
+__all__ = ["DriveMap", "check_power_known", "drive_map", "oil_note", "steady_point"]
 
 Array = NDArray[np.float64]
 
@@ -82,7 +85,7 @@ def drive_map(
     if isinstance(a, PumpAndValve):
         return _pump_and_valve(vehicle, a, p, np.asarray(temperature, float))
     if isinstance(a, Positioner):
-        return _positioner(a, p)
+        return _positioner(vehicle, a, p)
     if isinstance(a, IdentifiedActuator):
         return _rates_only(vehicle, p)
     found = unified(a, vehicle.water)
@@ -122,6 +125,23 @@ def check_power_known(vehicle: Vehicle) -> None:
             )
     if missing:
         raise NoAnswerError(f"the electrical power is not known: {missing}")
+
+
+def oil_note(vehicle: Vehicle) -> str | None:
+    """Return what an oil that is given, and compresses nothing here, would take; None: nothing."""
+    a = vehicle.actuator
+    if isinstance(a, PumpAndValve):
+        if a.line is not None or not isinstance(a.pump, DatasheetPump) or a.pump.drive.oil is None:
+            return None
+        field, how = "actuator.pump.drive.oil", "give the same numbers"
+    elif isinstance(a, ElectrohydraulicActuator) and a.drive.oil is not None:
+        field, how = "actuator.drive.oil", "write the actuator as kind pump-valve, with them"
+    else:
+        return None
+    return (
+        f"bulk modulus and trapped air of {field} change nothing here: for what each start of the "
+        f"pump loses to them, {how} as actuator.line"
+    )
 
 
 def steady_point(
@@ -165,13 +185,7 @@ def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> Dr
             reservoir=a.internal_pressure,
         )
         short = short + start.shortfall
-    power_out = battery_power(run.power, supply)
-    if supply is not None and np.isnan(power_out).any():
-        most = supply.voltage**2 / (4.0 * supply.internal_resistance)
-        raise NoAnswerError(
-            f"the pump draws up to {np.max(run.power):.3g} W, and the battery gives {most:.3g} W "
-            "at most (supply.voltage, supply.internal_resistance)"
-        )
+    power_out = _from_battery(run.power, supply, "the pump")
     power_in = battery_power(np.full(p.shape, a.valve.power), supply)
     bypass_in = power_bypass = nothing
     if a.bypass is not None:
@@ -191,9 +205,30 @@ def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> Dr
     )
 
 
-def _positioner(a: Positioner, p: Array) -> DriveMap:
-    moving = np.full(p.shape, np.nan if a.moving_power is None else a.moving_power)
-    held = np.full(p.shape, np.nan if a.moving_power is None else a.holding_power)
+def _from_battery(power: Array, supply: Supply | None, what: str) -> Array:
+    """Return what leaves the cells [W]; raises NoAnswerError where the battery cannot give it."""
+    drawn = battery_power(power, supply)
+    if supply is not None and np.isnan(drawn).any():
+        most = supply.voltage**2 / (4.0 * supply.internal_resistance)
+        raise NoAnswerError(
+            f"{what} draws up to {np.max(power):.3g} W, and the battery gives {most:.3g} W "
+            "at most (supply.voltage, supply.internal_resistance)"
+        )
+    return drawn
+
+
+def _positioner(vehicle: Vehicle, a: Positioner, p: Array) -> DriveMap:
+    moving = held = np.full(p.shape, np.nan)
+    if a.moving_power is not None:
+        moving, held = (
+            _from_battery(
+                terminal_power(np.full(p.shape, power), vehicle.driver), vehicle.supply, what
+            )
+            for power, what in (
+                (a.moving_power, "the positioner's motor"),
+                (a.holding_power, "holding the positioner"),
+            )
+        )
     rate, nothing = np.full(p.shape, a.speed * a.piston_area), np.zeros(p.shape)
     return DriveMap(p, rate, moving, rate, moving, nothing, held, nothing, nothing, nothing)
 

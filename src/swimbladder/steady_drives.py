@@ -30,6 +30,7 @@ __all__ = [
     "full_voltage",
     "motor_point",
     "pump_run",
+    "terminal_power",
     "valve_flow",
 ]
 
@@ -121,7 +122,7 @@ def motor_point(
 ) -> SteadyPoint:
     """Return a motor at each voltage u [V] and depth z [m] [n], through driver and battery."""
     d = steady_drive(a, water, voltage=u, depth=z)
-    terminals = _terminals(np.asarray(d.supply), driver)
+    terminals = terminal_power(np.asarray(d.supply), driver)
     return SteadyPoint(u, d, terminals, battery_power(terminals, supply))
 
 
@@ -150,7 +151,7 @@ def battery_power(power: Array, supply: Supply | None) -> Array:
     return np.asarray(E * supply_current(P=np.asarray(power, float), E=E, R_b=R_b))
 
 
-def _terminals(motor: Array, driver: Driver | None) -> Array:
+def terminal_power(motor: Array, driver: Driver | None) -> Array:
     """Return the power at the battery's terminals [W] for that at the motor's [n]."""
     if driver is None:
         return motor

@@ -1,12 +1,14 @@
 """Missions against SciPy, against the paper's model, and against their own books."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import swimbladder as sb
+from swimbladder.buoyancy_engine import drive_map
 from swimbladder.hull import neutral_volume
 from swimbladder.io.mission import Mission
 from swimbladder.mission.books import close_books
@@ -309,7 +311,23 @@ def test_an_empty_battery_loses_the_vehicle(profiler, sea):
     supply = profiler.supply.model_copy(update={"capacity": 0.5 * one})
     flown = fly_mission(profiler.model_copy(update={"supply": supply}), phases(), sea)
     assert flown.stop is Stop.BATTERY_EMPTY
-    assert MissionResult(flown, None).battery_cycles == 0
+    result = MissionResult(flown, None)
+    assert result.battery_cycles == 0
+    # what it says is short is power over rate at that depth, for all that is not out
+    found = re.fullmatch(
+        r"in the phase '(\w+)' of cycle 1, at ([\d.]+) m, ([\d.e+]+) J short of what it takes to "
+        r"press out the ([\d.]+) cm3 inside there", result.reasons[1],
+    )  # fmt: skip
+    assert found is not None
+    z, v = flown.rows[-1, Row.Z], flown.rows[-1, Row.V]
+    drive = drive_map(profiler, np.interp(z, sea.depth, sea.pressure))
+    inside = profiler.stroke.maximum - v
+    assert found[1] == Mission(phases=phases().phases).titles[int(flown.rows[-1, Row.PHASE])]
+    assert float(found[2]) == pytest.approx(z, abs=0.051)
+    assert float(found[3]) == pytest.approx(
+        inside * drive.power_out[0] / drive.rate_out[0], rel=6e-3
+    )
+    assert float(found[4]) == pytest.approx(1e6 * inside, rel=6e-4)
 
 
 def test_a_phase_out_of_time_is_told_and_the_next_begins(profiler, sea):
@@ -323,6 +341,29 @@ def test_a_phase_out_of_time_is_told_and_the_next_begins(profiler, sea):
     assert len(times(flown, Note.ARRIVED)) >= 2
     assert math.isnan(flown.cycles[0, Cycle.ARRIVAL])
     assert flown.stop is Stop.FINISHED
+    reached = np.interp(600.0, flown.rows[:, Row.T], flown.rows[:, Row.Z])
+    said = MissionResult(flown, None).reasons[1]
+    assert f"it was at {reached:.1f} m, {145.0 - reached:.1f} m short of the 5 m around" in said
+
+
+def test_a_surface_that_is_not_reached_says_how_deep_it_is(profiler, sea):
+    late = [phase.model_dump(exclude_none=True) for phase in phases().phases]
+    late[-1]["timeout"] = 60.0
+    flown = fly_mission(profiler, Mission(phases=late), sea)
+    assert flown.stop is Stop.DID_NOT_SURFACE
+    z, v = flown.rows[-1, Row.Z], flown.rows[-1, Row.V]
+    lacking = 1e6 * (profiler.stroke.maximum - v)
+    said = MissionResult(flown, None).reasons[1]
+    assert f"it was at {z:.1f} m, {z:.1f} m short, with {lacking:.3g} cm3 not out" in said
+
+
+def test_of_two_phases_of_a_name_each_is_told(profiler, sea):
+    """The first of two is out of time, the second is not."""
+    twice = [phase.model_dump(exclude_none=True) for phase in phases().phases]
+    twice = [twice[0] | {"timeout": 600.0}, twice[0] | {"depth": 55.0}, twice[-1]]
+    result = MissionResult(fly_mission(profiler, Mission(phases=twice), sea), None)
+    assert result.missed == {"descend (1)": 1}
+    assert not result.completed
 
 
 def test_a_hold_lasts_from_its_arrival(profiler, sea):
@@ -345,6 +386,10 @@ def test_every_run_keeps_the_longest_and_its_quantum(profiler, sea):
     )  # those that fill the bladder end when it is full
     pumped = over[controlled & (begun[: len(over), Drive.WHAT] == Note.PUMP)]
     assert np.allclose(pumped / 0.5, np.round(pumped / 0.5), atol=1e-6)
+    # so are the runs that let in, from the first one on, which dives
+    let = over[np.isin(begun[: len(over), Drive.WHAT], [Note.VALVE, Note.BYPASS])]
+    assert begun[0, Drive.WHAT] == Note.BYPASS
+    assert np.allclose(let / 0.5, np.round(let / 0.5), atol=1e-6)
     assert Doing.PUMPING in flown.rows[:, Row.DOING]
 
 

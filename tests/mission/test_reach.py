@@ -127,6 +127,8 @@ def test_a_mission_has_one_of_the_two_tables(profiler):
         Mission(phases=[{"kind": "surface", "duration": 60.0, "depth": 3.0}])
     with pytest.raises(InputError, match="a phase 'park' needs it"):
         Mission(phases=[{"kind": "park", "depth": 3.0}])
+    with pytest.raises(InputError, match="it lasts for its duration, the way there included"):
+        Mission(phases=[{"kind": "park", "depth": 3.0, "duration": 60.0, "timeout": 60.0}])
     with pytest.raises(InputError, match="reaches the surface"):
         Mission(phases=[{"kind": "descend", "depth": 3.0, "tolerance": 3.0}])
     with pytest.raises(InputError, match="there are 51 phases"):

@@ -6,8 +6,8 @@ from scipy.integrate import quad, solve_ivp
 
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_mission, load_vehicle
-from swimbladder.mission.core.moves import measured
 from swimbladder.mission.core.names import At, Drive, Given, Note, Now
+from swimbladder.mission.core.sensing import measured
 from swimbladder.mission.flight import fly_mission
 from swimbladder.mission.prepare import make_plan
 from swimbladder.mission.swell import seen_share, waves_of

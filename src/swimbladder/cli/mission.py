@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swimbladder.cli.cast_unit import doubted_unit
 from swimbladder.cli.casts import (
     Columns,
     Inversions,
@@ -60,7 +61,7 @@ def mission(
         str | None, typer.Option(metavar="TIME", help="After it no cycle begins.")
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Of the depth sensor's noise (no noise).")
+        int | None, typer.Option(min=0, help="Of the sensors' noise (no noise).")
     ] = None,
     begin: Annotated[
         str | None, typer.Option(metavar="TIME", help="ISO 8601, for the netCDF (2000-01-01).")
@@ -155,17 +156,18 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
     from swimbladder.mission.reach import check_column
     from swimbladder.seawater import cast_column, uniform_column
 
+    deepest = max([task.start_depth, *(p.depth for p in task.phases if p.depth is not None)])
     if cast is None:
         if task.latitude is not None:
             raise InputError(
                 "it says where a cast was taken, and there is none", field="latitude",
                 value=task.latitude, unit="deg", remedy="Give --cast, or leave it out",
             )  # fmt: skip
-        deepest = max([task.start_depth, *(p.depth for p in task.phases if p.depth is not None)])
         return uniform_column(vehicle.water, _MARGIN * deepest + _BELOW)
     with progress("tabulating the water"):
         column = cast_column(cast)
-    check_column(task, column)
+    with doubted_unit([cast], deepest, vehicle.hull.depth_limit):
+        check_column(task, column)
     return column
 
 
@@ -247,7 +249,7 @@ def _print(found: MissionResult, cast: Cast | None, files: list[Path]) -> None:
         output.print(f"cast: {remark}", soft_wrap=True)
     output.print("")
     output.print(found.sentence, soft_wrap=True)
-    for line in (*found.holding, *found.reasons):
+    for line in (*found.holding, *found.reasons, *found.notes):
         output.print(line, soft_wrap=True)
     output.print("")
     heading, *lines = cycle_words(found)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from swimbladder.buoyancy_engine import oil_note
 from swimbladder.energy.chain import DriveEnergy
 from swimbladder.energy.fit import PumpFit
 from swimbladder.energy.fitted import voltage_factor
@@ -105,7 +106,8 @@ def assumptions(found: DriveEnergy, thruster: Thruster) -> tuple[str, ...]:
         + ")",
         "steady speeds at full voltage; processor, sensors and driver's standby not counted",
     ]
-    return (*said, *found.column.report)
+    oil = oil_note(found.vehicle)
+    return (*said, *(() if oil is None else (oil,)), *found.column.report)
 
 
 def _assumed(thruster: Thruster) -> bool:

@@ -58,7 +58,8 @@ class Phase(Parameters):
     )
     timeout: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
         None, description="time to arrive in, after which the next phase begins (after surface the "
-        "mission ends); not given: twice the way at its speeds, slower near the depth, and an hour"
+        "mission ends); not given: twice the way at its speeds, slower near the depth, and an "
+        "hour; park has none"
     )  # fmt: skip
     check_interval: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
         None, description="between two looks at depth and speed; not given: park 10 min, the "
@@ -79,6 +80,13 @@ class Phase(Parameters):
                 raise refusal(f"a phase {self.kind!r} needs it", f"Add a line {name} = ...", name)
             if given and not wanted:
                 raise refusal(f"a phase {self.kind!r} has none", "Leave the line out", name)
+        if self.kind == "park" and self.timeout is not None:
+            raise refusal(
+                "a phase 'park' has none: it lasts for its duration, the way there included",
+                'Leave the line out, lengthen the duration, or write kind = "hold", which lasts '
+                "from its arrival",
+                "timeout",
+            )
         if self.depth is not None and (self.tolerance or 0.0) >= self.depth:
             raise refusal(
                 f"it reaches the surface from {self.depth:g} m",
@@ -145,6 +153,15 @@ class Mission(Parameters):
     def pairs(self) -> list[tuple[float, float]]:
         """The set-points as (time [s], depth [m])."""
         return [(point.time, point.depth) for point in self.setpoints]
+
+    @property
+    def titles(self) -> list[str]:
+        """What the phases are called; one whose name others have too with its place from 1."""
+        titles = [phase.title for phase in self.phases]
+        return [
+            title if titles.count(title) == 1 else f"{title} ({place})"
+            for place, title in enumerate(titles, start=1)
+        ]
 
     @property
     def span(self) -> float:

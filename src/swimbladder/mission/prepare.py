@@ -215,6 +215,8 @@ def _given(
         Given.MAKES_UP: 1.0 if reckoning.starts else 0.0,
         Given.FOLLOWS: 1.0 / lag if lag > 0.0 else 0.0,
         Given.EXPANSION: heat_expansion(vehicle) if lag > 0.0 else 0.0,
+        Given.VOLUME_NOISE: vehicle.sensors.volume_noise,
+        Given.VOLUME_QUANTUM: vehicle.sensors.volume_quantum,
     }
     return np.array([values[key] for key in list(Given)[: int(Given.COUNT)]])
 

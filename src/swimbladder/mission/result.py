@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.buoyancy_engine import oil_note
 from swimbladder.hull import linear_psi
 from swimbladder.mission.books import MissionBooks, close_books
 from swimbladder.mission.core.names import (
@@ -27,6 +28,7 @@ from swimbladder.mission.core.names import (
 from swimbladder.mission.flight import Flight
 from swimbladder.mission.prepare import HELD
 from swimbladder.mission.reach import Reach
+from swimbladder.mission.shortfall import battery_words, timeout_words
 
 __all__ = ["REASONS", "MissionResult", "span_words"]
 
@@ -69,8 +71,8 @@ class MissionResult:
     def _counts(self, column: Cycle) -> dict[str, int]:
         bits = self.flight.cycles[:, column].astype(np.int64)
         counts = {
-            phase.title: int(np.sum(bits >> n & 1))
-            for n, phase in enumerate(self.flight.mission.phases)
+            title: int(np.sum(bits >> n & 1))
+            for n, title in enumerate(self.flight.mission.titles)
         }
         return {name: count for name, count in counts.items() if count}
 
@@ -82,12 +84,14 @@ class MissionResult:
         """
         kept = self.flight.accounts[int(Account.COUNT) :].reshape(-1, int(Holding.COUNT))
         return {
-            phase.title: {
+            title: {
                 "share": float(one[Holding.INSIDE] / one[Holding.TIME]),
                 "rms": float(np.sqrt(one[Holding.SQUARES] / one[Holding.TIME])),
                 "farthest": float(one[Holding.MOST]),
             }
-            for phase, one in zip(self.flight.mission.phases, kept, strict=True)
+            for title, phase, one in zip(
+                self.flight.mission.titles, self.flight.mission.phases, kept, strict=True
+            )
             if phase.kind in ("park", "hold") and one[Holding.TIME] > 0.0
         }
 
@@ -105,13 +109,19 @@ class MissionResult:
     @property
     def holding(self) -> list[str]:
         """How each park and hold went, in sentences."""
-        phases = {p.title: n for n, p in enumerate(self.flight.mission.phases)}
+        phases = {title: n for n, title in enumerate(self.flight.mission.titles)}
         return [
             f"{name}: within {self.flight.plan.stages[phases[name], Stage.TOLERANCE]:g} m for "
             f"{100.0 * one['share']:.0f} % of the time since it arrived, {one['rms']:.3g} m rms, "
             f"{one['farthest']:.3g} m at most"
             for name, one in self.held.items()
         ]
+
+    @property
+    def notes(self) -> list[str]:
+        """What of the vehicle's file changes nothing here, in sentences."""
+        oil = oil_note(self.flight.vehicle)
+        return [] if oil is None else [oil]
 
     @property
     def cycles(self) -> int:
@@ -188,10 +198,14 @@ class MissionResult:
         flown = f"{self.cycles} of {asked:.0f} cycles, " if np.isfinite(asked) else ""
         flown = "" if self.flight.stop is Stop.FINISHED else flown
         found = [f"{REASONS[self.flight.stop]}, after {flown}{span_words(self.flight.duration)}"]
+        if self.flight.stop is Stop.BATTERY_EMPTY:
+            found.append(battery_words(self.flight))
+        numbers = {title: n for n, title in enumerate(self.flight.mission.titles)}
         found += [
             f"the phase {name!r} ran out of time in {count} of {len(self.flight.cycles)} "
-            f"cycle{'s' if len(self.flight.cycles) > 1 else ''}: give it a longer timeout (a park "
-            "a longer duration), more speed, or a wider tolerance"
+            f"cycle{'s' if len(self.flight.cycles) > 1 else ''}: "
+            f"{timeout_words(self.flight, numbers[name])}. Give it a longer timeout (a park a "
+            "longer duration), more speed, or a wider tolerance"
             for name, count in self.missed.items()
         ]
         found += [
@@ -230,6 +244,7 @@ class MissionResult:
             "completed": self.completed,
             "stop": f.stop.name.lower().replace("_", "-"),
             "reasons": self.reasons,
+            "notes": self.notes,
             "cycles": self.cycles,
             "duration_s": f.duration,
             "deepest_m": deepest,

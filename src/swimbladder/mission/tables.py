@@ -50,11 +50,11 @@ def trajectory_columns(result: MissionResult) -> dict[str, Array]:
 def events_csv(flight: Flight) -> str:
     """Return what happened as CSV: time, what, depth, volume, a number that belongs to it."""
     lines = ["time_s,what,depth_m,volume_m3,number,phase"]
-    phase = ""
+    phase, titles = "", flight.mission.titles
     for note in _without_bobbing(flight):
         kind = Note(int(note[Drive.WHAT]))
         if kind is Note.PHASE:
-            phase = flight.mission.phases[int(note[Drive.NUMBER])].title
+            phase = titles[int(note[Drive.NUMBER])]
         what = kind.name.lower().replace("_", "-")
         t, z, v, number = (float(note[k]) for k in (Drive.T, Drive.Z, Drive.V, Drive.NUMBER))
         named = phase.replace('"', '""')

@@ -244,8 +244,10 @@ class Positioner(Parameters):
         description="area of the piston in contact with the water A"
     )
     moving_power: Annotated[float, Unit("W"), Field(ge=0.0)] | None = Field(
-        None, description="electrical power while the piston moves; not given: not known"
+        None,
+        description="electrical power of the motor while the piston moves; driver and battery "
+        "take theirs besides; not given: not known",
     )
     holding_power: Annotated[float, Unit("W"), Field(ge=0.0)] = Field(
-        0.0, description="electrical power while the piston is held"
+        0.0, description="electrical power of the motor while the piston is held"
     )

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from swimbladder.closed_loop.dispatch import compilable
 from swimbladder.control import hold, rate
 from swimbladder.control.deadband import DeadbandParameters, DeadbandState
@@ -24,8 +22,9 @@ from swimbladder.mission.core.names import (
     Stage,
     Table,
 )
+from swimbladder.mission.core.sensing import measured, measured_volume, noise
 
-__all__ = ["FULL", "end_run", "look", "measured", "note", "start_run"]
+__all__ = ["FULL", "end_run", "look", "note", "start_run"]
 
 RateParameters, RateState = rate.RateParameters, rate.RateState
 _law_step = inlined(compilable(rate.step))
@@ -39,13 +38,13 @@ T_PRIMED, T_PHASE = int(Now.T_PRIMED), int(Now.T_PHASE)
 T_BEGIN, Z_LOOK, LAW = int(Now.T_BEGIN), int(Now.Z_LOOK), int(Now.LAW)
 T_END = int(Now.T_END)
 DOING, RESTS, NEW_LAW = int(At.DOING), int(At.RESTS), int(At.NEW_LAW)
-DRAWS, SEED, PHASE, LOOKS = int(At.DRAWS), int(At.SEED), int(At.PHASE), int(At.LOOKS)
+SEED, PHASE, LOOKS = int(At.SEED), int(At.PHASE), int(At.LOOKS)
 ARRIVED = int(At.ARRIVED)
 STEP, V_MIN, V_MAX = int(Given.STEP), int(Given.V_MIN), int(Given.V_MAX)
 START = int(Table.START)
 BY_VOLUME, QUANTUM, LONGEST = int(Given.BY_VOLUME), int(Given.QUANTUM), int(Given.LONGEST)
-DELIVERY, NOISE, RESOLUTION = int(Given.DELIVERY), int(Given.NOISE), int(Given.RESOLUTION)
-MAKES_UP = int(Given.MAKES_UP)
+DELIVERY, MAKES_UP = int(Given.DELIVERY), int(Given.MAKES_UP)
+VOLUME_NOISE, VOLUME_QUANTUM = int(Given.VOLUME_NOISE), int(Given.VOLUME_QUANTUM)
 NEUTRAL_TOP, SHALLOW = int(Given.NEUTRAL_TOP), int(Given.SHALLOW)
 KIND, DEPTH, SPEED, STAGE_LAW = int(Stage.KIND), int(Stage.DEPTH), int(Stage.SPEED), int(Stage.LAW)
 SURFACE, CAPTURE, STAGE_HOLD = int(Kind.SURFACE), int(Stage.CAPTURE), int(Stage.HOLD)
@@ -61,6 +60,7 @@ N_V, N_NUMBER = int(Drive.V), int(Drive.NUMBER)
 
 FULL = 1e-3  # share of the stroke that may be lacking where all volume counts as out
 _FRESH = 2.0  # s, of the first step after the drive has started or stopped
+_PAST = 1e-6  # of a quantum, past the edge between two of its steps
 _SINKS = 0.05  # m; deeper by less since the last look, it still floats
 
 
@@ -78,35 +78,34 @@ def note(notes, counts, x, what, number):  # type: ignore[no-untyped-def]
 
 
 @part
-def _random(seed, draw):  # type: ignore[no-untyped-def]
-    """Return a number in (0, 1) that depends on seed and count only (splitmix64, Steele 2014)."""
-    s = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(draw) * np.uint64(
-        0xD1B54A32D192ED03
-    )
-    for _ in range(2):
-        s += np.uint64(0x9E3779B97F4A7C15)
-        s = (s ^ (s >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        s = (s ^ (s >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        s = s ^ (s >> np.uint64(31))
-    return (float(s >> np.uint64(11)) + 0.5) * 2.0**-53
+def _end_of(p, at, doing, goal):  # type: ignore[no-untyped-def]
+    """Return the volume [m3] at which the measured one comes to a goal, by noise and quantum."""
+    if at[SEED] < 0:
+        return goal
+    q = p[VOLUME_QUANTUM]
+    if q > 0.0 and doing == PUMPING:
+        goal = q * (math.ceil(goal / q - _PAST) - 0.5 + _PAST)
+    elif q > 0.0:
+        goal = q * (math.floor(goal / q + _PAST) + 0.5 - _PAST)
+    if p[VOLUME_NOISE] > 0.0:
+        goal -= noise(at, p[VOLUME_NOISE])
+    return goal
 
 
 @part
-def measured(p, waves, x, at):  # type: ignore[no-untyped-def]
-    """Return the depth as the sensor gives it: with swell, white noise and quantum where seeded."""
-    swell = 0.0
-    for k in range(waves.shape[0]):
-        if waves[k, 5] < 0.0:
-            angle = waves[k, 1] * x[T] + waves[k, 2]
-            swell += waves[k, 0] * math.exp(-waves[k, 4] * max(x[Z], 0.0)) * math.sin(angle)
-    if at[SEED] < 0:
-        return x[Z] - swell
-    a, b = _random(at[SEED], at[DRAWS]), _random(at[SEED], at[DRAWS] + 1)
-    at[DRAWS] += 2
-    z = x[Z] - swell + p[NOISE] * math.sqrt(-2.0 * math.log(a)) * math.cos(2.0 * math.pi * b)
-    if p[RESOLUTION] > 0.0:
-        z = p[RESOLUTION] * math.floor(z / p[RESOLUTION] + 0.5)
-    return z
+def _run_to(p, table, x, at, accounts, notes, counts, doing, seen, goal, longest):  # type: ignore[no-untyped-def]
+    """Start a run from a measured volume to a measured goal [m3]; none where it is past it."""
+    end = _end_of(p, at, doing, goal)
+    if (end - x[V] if doing == PUMPING else x[V] - end) > 0.0:
+        start_run(p, table, x, at, accounts, notes, counts, doing, goal - seen, end, longest)
+
+
+@part
+def _in_steps(p, length):  # type: ignore[no-untyped-def]
+    """Return the length of a run [s] as the processor's clock gives it."""
+    if p[QUANTUM] > 0.0:
+        return p[QUANTUM] * math.floor(length / p[QUANTUM] + 0.5)
+    return length
 
 
 @part
@@ -146,11 +145,15 @@ def end_run(x, at, notes, counts):  # type: ignore[no-untyped-def]
 
 
 @part
-def _change(p, table, x, at, accounts, notes, counts, wanted, longest):  # type: ignore[no-untyped-def]
-    """Start the run that a wanted change of volume [m3] takes, for `longest` [s] at most."""
+def _change(p, table, x, at, accounts, notes, counts, volume, wanted, longest):  # type: ignore[no-untyped-def]
+    """Start the run that a wanted change of volume [m3] takes, for `longest` [s] at most.
+
+    volume: as it was measured [m3], where it is.
+    """
     doing = PUMPING if wanted > 0.0 else LETTING_IN
     if p[BY_VOLUME] > 0.0:
-        start_run(p, table, x, at, accounts, notes, counts, doing, wanted, x[V] + wanted, longest)
+        goal = volume + wanted
+        _run_to(p, table, x, at, accounts, notes, counts, doing, volume, goal, longest)
         return
     rate_now = value(table, p[STEP], RATE_OUT if wanted > 0.0 else RATE_IN, max(x[Z], 0.0))[0]
     length = longest
@@ -159,8 +162,7 @@ def _change(p, table, x, at, accounts, notes, counts, wanted, longest):  # type:
         if wanted > 0.0 and p[MAKES_UP] > 0.0:
             lost = value(table, p[STEP], START, max(x[Z], 0.0))[0]
         length = min((abs(wanted) + lost) / rate_now, longest)
-    if p[QUANTUM] > 0.0:
-        length = p[QUANTUM] * math.floor(length / p[QUANTUM] + 0.5)
+    length = _in_steps(p, length)
     if length > 0.0:
         end = math.inf if wanted > 0.0 else -math.inf
         start_run(p, table, x, at, accounts, notes, counts, doing, wanted, end, length)
@@ -179,17 +181,17 @@ def _dive(p, table, stage, x, at, accounts, notes, counts, seen, longest):  # ty
     doing, flow = (BYPASSING, by_bypass) if by_bypass > by_valve else (LETTING_IN, by_valve)
     slack = stage[STAGE_LAW] * stage[SPEED] * stage[SPEED]
     if p[BY_VOLUME] > 0.0:
-        goal = p[NEUTRAL_TOP] - slack
-        if x[V] <= goal and seen - x[Z_LOOK] < _SINKS:
-            goal = x[V] - slack
-        if x[V] > goal:
-            start_run(p, table, x, at, accounts, notes, counts, doing, goal - x[V], goal, longest)
+        goal, volume = p[NEUTRAL_TOP] - slack, measured_volume(p, x, at)
+        if volume <= goal and seen - x[Z_LOOK] < _SINKS:
+            goal = volume - slack
+        if volume > goal:
+            _run_to(p, table, x, at, accounts, notes, counts, doing, volume, goal, longest)
     elif seen - x[Z_LOOK] < _SINKS:
         wanted = slack
         if x[T] == x[T_PHASE]:  # it floats with all volume out, and knows how much that is
             wanted += p[V_MAX] - p[NEUTRAL_TOP]
         if flow > 0.0:
-            longest = min(longest, wanted / flow)
+            longest = max(_in_steps(p, min(longest, wanted / flow)), p[QUANTUM])
         start_run(p, table, x, at, accounts, notes, counts, doing, -wanted, -math.inf, longest)
     x[Z_LOOK] = seen
 
@@ -202,7 +204,7 @@ def _hold(p, table, stage, x, at, accounts, notes, counts, seen):  # type: ignor
         h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], h[8], h[9], h[10], h[11], h[12], h[13],
         h[14], h[15], h[16], h[17], h[18], h[19], h[20],
     )  # fmt: skip
-    now = Measurement(x[T], seen - stage[DEPTH], x[V])
+    now = Measurement(x[T], seen - stage[DEPTH], measured_volume(p, x, at))
     if at[NEW_LAW] == 1:
         state = _hold_begin(law, now, x[W_SEEN])
         at[NEW_LAW] = 0
@@ -218,7 +220,8 @@ def _hold(p, table, stage, x, at, accounts, notes, counts, seen):  # type: ignor
     x[W_SEEN] = state.speed
     x[T_LOOK] = x[T] + pause
     if wanted != 0.0:
-        _change(p, table, x, at, accounts, notes, counts, wanted, min(p[LONGEST], pause))
+        longest = min(p[LONGEST], pause)
+        _change(p, table, x, at, accounts, notes, counts, now.volume, wanted, longest)
 
 
 @part
@@ -257,7 +260,7 @@ def look(p, table, waves, stage, x, at, accounts, notes, counts):  # type: ignor
         if at[CAPTURED] == 1:
             _hold(p, table, stage, x, at, accounts, notes, counts, seen)
             return
-    now = Measurement(x[T], seen, x[V])
+    now = Measurement(x[T], seen, measured_volume(p, x, at))
     reference = 0.0 if surface else stage[DEPTH]
     if at[NEW_LAW] == 1:
         state = _law_initial(law, now, reference)
@@ -271,7 +274,7 @@ def look(p, table, waves, stage, x, at, accounts, notes, counts):  # type: ignor
     x[LAW + 4], x[LAW + 5], x[LAW + 6] = state[4], state[5], state[6]
     x[W_SEEN] = state[6]
     if wanted != 0.0:
-        _change(p, table, x, at, accounts, notes, counts, wanted, longest)
+        _change(p, table, x, at, accounts, notes, counts, now.volume, wanted, longest)
     x[T_LOOK] = x[T] + pause
     if at[DOING] != NOTHING:
         x[T_LOOK] = max(x[T_LOOK], x[T_MOVE])

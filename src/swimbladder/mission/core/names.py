@@ -89,7 +89,9 @@ class Given(IntEnum):
     MAKES_UP = 42  # 1: a run is longer by what its start falls short of
     FOLLOWS = 43  # 1/s, how fast the hull takes the water's temperature; 0: at once
     EXPANSION = 44  # m3/K, of a hull that does not take it at once
-    COUNT = 45
+    VOLUME_NOISE = 45  # m3, of a measured volume, 1 sigma
+    VOLUME_QUANTUM = 46  # m3, its quantum
+    COUNT = 47
 
 
 class Stage(IntEnum):
