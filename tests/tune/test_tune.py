@@ -179,9 +179,12 @@ def test_a_sensor_too_bad_for_a_fast_law_is_said():
 @pytest.mark.slow
 def test_a_positioner_is_tuned_too():
     found = tune(
-        load_vehicle("ntnu-bv"), law="position-observer", depths=(0.0, 1.4), step=(0.4, 1.0),
+        load_vehicle("ntnu-bv"), law="position-observer", depths=(0.0, 0.9), step=(0.4, 1.0),
         runs=20,
     )  # fmt: skip
+    assert found.judged == (0.0, 0.4, 0.9, 1.0)  # the step leaves the range, and that is said
+    leaves = "0.4 to 1 m, leaves the depths of 0 to 0.9 m (--depth): the margins are judged at 1 m"
+    assert any(leaves in words for words in found.assumptions)
     assert falls_short(found.margins, WANTED) == ()
     assert found.nominal.settle_median < 35.0  # the float's own PID takes 70 s
     assert found.to_json()["supply_V"] is None
@@ -269,6 +272,7 @@ LIGHT = FEUP.model_copy(update={  # it needs its stroke near the surface, and le
         (FEUP, {"depths": (5.0, 2.0)}, InputError, "no range"),
         (FEUP, {"delay": 1.5}, InputError, "share of the sample"),
         (FEUP, {"supply": 20.0}, InputError, "not above the vehicle's"),
+        (FEUP, {"supply": -1.0}, InputError, "^--supply: .* Give more than 0 V, and up to 12 V"),
         (FEUP, {"step": (2.0, 2.0)}, InputError, "no step"),
         (load_vehicle("ntnu-bv"), {}, InputError, "Choose from position-observer"),
         (FEUP, {"law": "position-observer"}, InputError, "commands a volume"),

@@ -56,14 +56,14 @@ def tune(
     p = plant(vehicle)
     if supply is not None and not vehicle.voltage_driven:
         raise InputError(
-            "a positioner has a supply of its own", field="supply", value=supply, unit="V",
+            "a positioner has a supply of its own", field="--supply", value=supply, unit="V",
             remedy="Leave it out",
         )  # fmt: skip
     least = _LOW * p.supply if supply is None else supply
     if not 0.0 < least <= p.supply:
         raise InputError(
-            "the least supply must be above 0 and not above the vehicle's", field="supply",
-            value=least, unit="V", remedy=f"Give up to {p.supply:g} V",
+            "the least supply must be above 0 and not above the vehicle's", field="--supply",
+            value=least, unit="V", remedy=f"Give more than 0 V, and up to {p.supply:g} V",
         )  # fmt: skip
     around = region(vehicle)
     ends = _step(depths, step)
@@ -106,6 +106,7 @@ def tune(
         assumptions=(
             *around.words,
             sensor,
+            *_outside(depths, ends),
             f"the supply falls to {least:.3g} V"
             if math.isfinite(least)
             else f"the positioner moves {1e6 * p.rate:.3g} cm3/s",
@@ -236,6 +237,18 @@ def _step(depths: tuple[float, float], given: tuple[float, float] | None) -> tup
         return given
     shallow = depths[0] + min(1.5, 0.3 * (depths[1] - depths[0]))
     return shallow, min(shallow + 1.5, depths[1])
+
+
+def _outside(depths: tuple[float, float], step: tuple[float, float]) -> list[str]:
+    """Return what there is to say of a step that leaves the range of depths [m]."""
+    beyond = [f"{end:g} m" for end in step if not depths[0] <= end <= depths[1]]
+    if not beyond:
+        return []
+    return [
+        f"the step of the trials, {step[0]:g} to {step[1]:g} m, leaves the depths of "
+        f"{depths[0]:g} to {depths[1]:g} m (--depth): the margins are judged at "
+        f"{' and '.join(beyond)} as well"
+    ]
 
 
 def _watched(vehicle: Vehicle, supply: float, distance: float, h: float) -> float:
