@@ -208,6 +208,18 @@ def test_noise_comes_from_the_seed(capsys, tmp_path):
     assert not np.array_equal(depths[1], depths[3])
 
 
+@pytest.mark.parametrize("sensor", ['depth_noise = "2 mm"', 'volume_quantum = "1 cm3"'])
+def test_a_seed_without_noise_is_said_to_change_nothing(capsys, tmp_path, sensor):
+    noisy = vehicle_file(tmp_path, "[controller]\n", f"[sensors]\n{sensor}\n[controller]\n")
+    given = ("--duration", "30", "--seed", "1", "--out", str(tmp_path))
+    assert answer(capsys, noisy, *given)["notes"] == []
+    notes = answer(capsys, "feup-em", *given)["notes"]
+    assert [note.partition(":")[0] for note in notes] == ["--seed 1 changes nothing"]
+    assert answer(capsys, "feup-em", *given[:2], *given[4:])["notes"] == []
+    assert main(["simulate", "feup-em", *given]) == 0
+    assert "--seed 1 changes nothing" in " ".join(capsys.readouterr().out.split())
+
+
 @pytest.mark.parametrize(
     ("arguments", "place", "words"),
     [

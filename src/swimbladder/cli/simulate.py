@@ -122,7 +122,7 @@ def simulate(
     folder = make_folder(out)
     s = _run(v, task, seed, water)
     files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)
-    notes = _notes(s, water, medium)
+    notes = [*_notes(s, water, medium), *_seed_unused(v, seed)]
     answer = answer_of(s, task, steps_of(s, task), files, water, notes)
     if json:
         emit_json(answer)
@@ -224,6 +224,18 @@ def _notes(s: Solution, column: Column | None, medium: Medium | None) -> list[st
             f"{column.deepest:.4g} m: below, its last gradient goes on"
         )
     return notes
+
+
+def _seed_unused(vehicle: Vehicle, seed: int | None) -> list[str]:
+    """Return what has to be said of a seed for sensors that have no noise."""
+    known = vehicle.sensors
+    noises = (known.depth_noise, known.volume_noise, known.depth_quantum, known.volume_quantum)
+    if seed is None or any(noises):
+        return []
+    return [
+        f"--seed {seed} changes nothing: the vehicle's sensors have neither noise nor quantum "
+        "(its table [sensors])"
+    ]
 
 
 def _run(vehicle: Vehicle, task: Mission, seed: int | None, column: Column | None) -> Solution:
