@@ -665,6 +665,32 @@ def test_the_deep_is_warm_in_fahrenheit_only(tmp_path):
     read_cast(csv(tmp_path, {"pressure_dbar": p, "temperature_degC": red, "salinity": s}))
 
 
+def test_the_abyss_is_warm_in_kilopascals_only(tmp_path):
+    p, t, s = sea(600.0)
+    columns = {"pressure": 10.0 * p, "temperature": 8.0 + (t - 13.2), "salinity": s - 3.5}
+    error = refused(csv(tmp_path, columns))
+    assert "warmer than any sea" in str(error)
+    assert '--column "pressure_dbar=pressure@kPa"' in error.remedy
+    read_cast(csv(tmp_path, columns), columns={"pressure_dbar": "pressure@kPa"})
+
+
+@pytest.mark.parametrize(
+    ("deepest", "potential", "salinity"),
+    [
+        (5350.0, 13.9, 38.7),  # Calypso Deep, the Mediterranean's deepest
+        (5650.0, 9.85, 34.45),  # the Sulu Sea
+        (7800.0, 3.95, 34.99),  # the Cayman Trough
+        (11000.0, 1.05, 34.7),  # Challenger Deep
+    ],
+)
+def test_the_warmest_deeps_are_not_refused(tmp_path, deepest, potential, salinity):
+    """Water of one potential temperature and salinity; in situ it gets warmer downwards."""
+    p = np.arange(0.0, deepest, 50.0)
+    t = gsw.t_from_CT(gsw.SR_from_SP(salinity), potential, p)
+    columns = {"pressure_dbar": p, "temperature_degC": t, "salinity": np.full_like(p, salinity)}
+    assert read_cast(csv(tmp_path, columns), inversions="keep").pressure[-1] == p[-1]
+
+
 def test_names_of_the_hydrographers(tmp_path):
     p, t, s = sea()
     cast = read_cast(csv(tmp_path, {"CTDPRS": p, "CTDTMP": t, "CTDSAL": s}), **PLACE)

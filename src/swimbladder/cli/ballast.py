@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swimbladder.cli.cast_unit import doubted_unit
 from swimbladder.cli.casts import (
     Columns,
     Inversions,
@@ -222,7 +223,8 @@ def _columns(
         warned += above_rating(casts[ends.index(shallowest)].name, shallowest, limit, "--deepest")
     else:
         down = asked
-    columns = [cast_column(cast, down) for cast in casts]
+    with doubted_unit(casts, down, limit):
+        columns = [cast_column(cast, down) for cast in casts]
     return columns, [*said, *dict.fromkeys(s for column in columns for s in column.report)], warned
 
 

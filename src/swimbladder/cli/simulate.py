@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swimbladder.cli.cast_unit import doubted_unit
 from swimbladder.cli.casts import (
     Columns,
     Inversions,
@@ -205,7 +206,8 @@ def _water(
         from swimbladder.seawater import cast_column
 
         column = cast_column(casts[0], step=_ROWS)
-        reach = max([task.start_depth, *(point.depth for point in task.setpoints)])
+    reach = max([task.start_depth, *(point.depth for point in task.setpoints)])
+    with doubted_unit(casts, reach, vehicle.hull.depth_limit):
         return column, medium_of(vehicle, column, reach=reach)
 
 

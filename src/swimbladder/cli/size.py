@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from swimbladder.cli.cast_unit import doubted_unit
 from swimbladder.cli.casts import (
     Columns,
     Inversions,
@@ -140,6 +141,7 @@ def size(
     typed: dict[str, str | None] = {named[name]: text for name, (text, _) in numbers.items()}
     typed |= {"--longest-travel": longest_travel, "--largest-mass": largest_mass}
     with (
+        doubted_unit(casts, wished["depth"], vehicle.hull.depth_limit),
         said_as_typed(
             typed, **named, cycles="--cycles", longest_travel="--longest-travel",
             largest_mass="--largest-mass",

@@ -8,6 +8,7 @@ others; of each sample only what its quality flags call good (Argo user's manual
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ def netcdf_cast(
     """
     variables = read_variables(data, path)
     if is_profiles(variables):
-        return _argo(variables, path, profile), None
+        return replace(_argo(variables, path, profile), unit_stated=True), None
     return _plain(variables, path, columns), profile
 
 

@@ -49,6 +49,7 @@ class RawCast:
     longitude: float | None = None
     name: str = ""
     names: dict[str, str] = field(default_factory=dict)  # of the file's columns, where known
+    unit_stated: bool = False  # that of pressure, by the user or by a format that knows no other
     report: list[str] = field(default_factory=list)
 
     def __len__(self) -> int:

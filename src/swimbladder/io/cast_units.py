@@ -16,13 +16,16 @@ from numpy.typing import NDArray
 from swimbladder.io.cast_raw import RawCast
 from swimbladder.units import unit_factor
 
-__all__ = ["DEEPEST", "MOST_SALT", "WARMEST", "check_units"]
+__all__ = ["DEEPEST", "MOST_SALT", "WARMEST", "by_depth", "check_units"]
 
 Array = NDArray[np.float64]
 
 DEEPEST = 11_500.0  # dbar: Challenger Deep has 11 250
 COLDEST, WARMEST = -3.0, 45.0  # degC; freezing at 34 and 1000 dbar is -2.6
 _DEEP, _WARM = 300.0, 25.0  # dbar, degC: below it no sea is as warm; the Red Sea has 22
+# (dbar, degC) too: the Red Sea ends at 3000 m, the Mediterranean has 15 down to 5270 m, the Sulu
+# Sea 11 to 5600 m, the Cayman Trough 5 at 7700 m, and other trenches less
+_ABYSS = ((5800.0, 5.5), (3200.0, 16.0))
 MOST_SALT = 42.0  # practical salinity: where PSS-78 ends, above the northern Red Sea's 41
 _PRESSURES = ("bar", "mbar", "kPa", "MPa", "Pa", "psi")
 _FITS = 0.05  # of the pressure: fresh, salt and gauge with one density differ by less
@@ -37,6 +40,11 @@ _ROWS = 3  # at least, that tell how warm the deep is
 _SURE = 10.0  # m or dbar that a cast has to go over, for its unit to be told
 
 
+def by_depth(raw: RawCast) -> bool:
+    """Say whether depths beside tell the unit of the pressures."""
+    return raw.pressure is not None and raw.depth is not None and bool(np.ptp(raw.depth) > _SURE)
+
+
 def check_units(raw: RawCast) -> RawCast:
     """Return the cast; where its pressures hold the atmosphere too, without that.
 
@@ -44,6 +52,7 @@ def check_units(raw: RawCast) -> RawCast:
     """
     _temperature(raw)
     raw = _pressure(_downward(raw))
+    _abyss(raw)
     _salt(raw)
     return raw
 
@@ -67,6 +76,21 @@ def _temperature(raw: RawCast) -> None:
     raise raw.refused(
         what, field="temperature_degC", value=round(middle, 3), unit="degC", remedy=remedy
     )
+
+
+def _abyss(raw: RawCast) -> None:
+    """Hold temperatures against those of the deepest seas: a cast in kPa is ten times as deep."""
+    if raw.pressure is None:
+        return
+    for limit, warm in _ABYSS:
+        deep = raw.temperature[raw.pressure > limit]
+        if len(deep) >= _ROWS and np.median(deep) > warm:
+            raise raw.refused(
+                f"{np.median(deep):.4g} degC below {limit:g} dbar is warmer than any sea as deep",
+                field="pressure_dbar", value=float(np.max(raw.pressure)), unit="dbar",
+                remedy=f"Is it in kPa or mbar? Then map it with {_map(raw, 'kPa')} (or @mbar); if "
+                "not, check which column is the temperature",
+            )  # fmt: skip
 
 
 def _downward(raw: RawCast) -> RawCast:
@@ -98,7 +122,8 @@ def _pressure(raw: RawCast) -> RawCast:
                 remedy="Check the unit: a depth in cm is mapped as NAME@cm",
             )  # fmt: skip
         return raw
-    if raw.depth is not None and np.ptp(raw.depth) > _SURE:
+    if by_depth(raw):
+        assert raw.depth is not None
         return _by_depth(raw, p, raw.depth)
     if raw.density is not None and raw.salinity is not None:
         _by_density(raw, p, raw.density, raw.salinity)

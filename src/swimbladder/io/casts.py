@@ -21,7 +21,7 @@ from swimbladder.io.cast_netcdf import netcdf_cast
 from swimbladder.io.cast_raw import RawCast, place_of
 from swimbladder.io.cast_rows import averaged, one_leg, without_spikes
 from swimbladder.io.cast_stable import Inversions, stable
-from swimbladder.io.cast_units import MOST_SALT, check_units
+from swimbladder.io.cast_units import MOST_SALT, by_depth, check_units
 from swimbladder.io.log_format import LogColumn, LogFormat, log_format
 from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import read_bytes
@@ -73,7 +73,7 @@ def read_cast(
         if is_netcdf(data):
             raw, profile = netcdf_cast(data, file, columns or {}, profile)
         else:
-            raw = cnv_cast(data, file, columns or {})
+            raw = replace(cnv_cast(data, file, columns or {}), unit_stated=True)
     else:
         raw = _text_cast(file, columns or {}, where or {}, form, salinity)
     raw = replace(
@@ -81,6 +81,8 @@ def read_cast(
         latitude=raw.latitude if latitude is None else latitude,
         longitude=raw.longitude if longitude is None else longitude,
     )
+    if "@" in (columns or {}).get("pressure_dbar", ""):
+        raw = replace(raw, unit_stated=True)
     return _cast(_whole(_salted(raw, salinity)), profile, inversions)
 
 
@@ -162,6 +164,7 @@ def _cast(raw: RawCast, profile: int | None, inversions: Inversions) -> Cast:
     import gsw
 
     raw = check_units(raw)
+    told = raw.unit_stated or raw.pressure is None or by_depth(raw)
     guide = raw.pressure if raw.pressure is not None else raw.depth
     assert guide is not None
     raw = raw.only(one_leg(raw, guide, profile))
@@ -188,6 +191,7 @@ def _cast(raw: RawCast, profile: int | None, inversions: Inversions) -> Cast:
     return Cast(
         pressure=pressure, SA=SA, CT=CT, latitude=latitude, longitude=raw.longitude,
         name=f"{raw.path.name} {raw.name}".strip(), report=tuple(raw.report),
+        pressure_column=None if told else raw.names.get("pressure_dbar", "NAME"),
     )  # fmt: skip
 
 

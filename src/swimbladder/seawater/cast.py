@@ -28,7 +28,8 @@ class Cast:
     """Absolute Salinity and Conservative Temperature over increasing pressure [n].
 
     latitude and longitude in degrees, longitude None where it is not known. report: what a reader
-    assumed, averaged and left out.
+    assumed, averaged and left out. pressure_column: the file's column of pressures whose unit
+    nothing but its name tells; None where more does.
     """
 
     pressure: Array  # dbar, above the atmosphere
@@ -38,6 +39,7 @@ class Cast:
     longitude: float | None = None
     name: str = ""
     report: tuple[str, ...] = ()
+    pressure_column: str | None = None
 
     def __post_init__(self) -> None:
         """Refuse what is no profile."""
