@@ -322,11 +322,12 @@ def test_driver_and_battery_of_a_positioner_take_their_share():
 def test_oil_that_compresses_nothing_is_said():
     paper, built = load_vehicle("example-eh"), load_vehicle("example-float")
     assert paper.actuator.drive.oil is not None
-    assert "actuator.drive.oil change nothing here" in be.oil_note(paper)
+    assert "the oil in actuator.drive.oil, its bulk modulus" in be.oil_note(paper)
+    assert "as kind pump-valve and give actuator.line" in be.oil_note(paper)
     line = Oil(volume=1e-4, trapped_air=0.01)
     no_line = changed(built, actuator=built.actuator.model_copy(update={"line": None}))
     with_line = changed(built, actuator=built.actuator.model_copy(update={"line": line}))
-    assert "the same numbers as actuator.line" in be.oil_note(no_line)
+    assert "to them, give actuator.line" in be.oil_note(no_line)
     assert be.oil_note(with_line) is None
     assert be.oil_note(load_vehicle("example-em")) is None
     # what the note says: no rate, power or start of the map depends on the oil of the pump

@@ -133,14 +133,15 @@ def oil_note(vehicle: Vehicle) -> str | None:
     if isinstance(a, PumpAndValve):
         if a.line is not None or not isinstance(a.pump, DatasheetPump) or a.pump.drive.oil is None:
             return None
-        field, how = "actuator.pump.drive.oil", "give the same numbers"
+        field, how = "actuator.pump.drive.oil", "give"
     elif isinstance(a, ElectrohydraulicActuator) and a.drive.oil is not None:
-        field, how = "actuator.drive.oil", "write the actuator as kind pump-valve, with them"
+        field, how = "actuator.drive.oil", "write the actuator as kind pump-valve and give"
     else:
         return None
     return (
-        f"bulk modulus and trapped air of {field} change nothing here: for what each start of the "
-        f"pump loses to them, {how} as actuator.line"
+        f"the oil in {field}, its bulk modulus and trapped air, changes nothing here. For what "
+        f"each start of the pump loses to them, {how} actuator.line (volume, bulk_modulus, "
+        "trapped_air): the oil between pump and check valve"
     )
 
 

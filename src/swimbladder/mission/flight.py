@@ -65,8 +65,9 @@ def fly_mission(
     """Fly a mission with phases to its end.
 
     waves: of `seawater.motion_table`; waves, cycles, span [s]: in the place of the mission's.
-    seed: of the sensors' noise, None: they have neither noise nor quantum. reckoning: where the processor errs about its
-    drive. start_volume [m3]: at a start_depth other than 0, in the place of the neutral one. keep:
+    seed: of the sensors' noise, None: they have neither noise nor quantum. reckoning: where the
+    processor errs about its drive. start_volume [m3]: at a start_depth other than 0, in the place
+    of the neutral one. keep:
     a folder for what is flown, so that a flight that was killed goes on there, to the same end bit
     for bit. advance: called with the share of the mission that was flown. Raises NoAnswerError as
     `buoyancy_engine.drive_map` does.
