@@ -71,8 +71,7 @@ class MissionResult:
     def _counts(self, column: Cycle) -> dict[str, int]:
         bits = self.flight.cycles[:, column].astype(np.int64)
         counts = {
-            title: int(np.sum(bits >> n & 1))
-            for n, title in enumerate(self.flight.mission.titles)
+            title: int(np.sum(bits >> n & 1)) for n, title in enumerate(self.flight.mission.titles)
         }
         return {name: count for name, count in counts.items() if count}
 
