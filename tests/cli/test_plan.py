@@ -47,6 +47,7 @@ def test_an_interruption_says_how_to_go_on_and_writes_nothing(capsys, tmp_path, 
         (["--step", "1.5:3", "--goal", "tim"], 2, "Choose from time"),
         (["--step", "1.5:3", "--goal", "energy"], 1, "torque constant"),
         (["--step", "1.5:95"], 1, "the stroke"),
+        (["--step", "1.5:86"], 1, "no plan that the vehicle would follow"),
     ],
 )
 def test_refusals_name_what_is_wrong_and_write_nothing(capsys, tmp_path, options, code, words):

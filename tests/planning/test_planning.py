@@ -193,6 +193,26 @@ def test_what_the_refusal_offers_is_enough(words, option, given):
         plan(FEUP, 3.0, 1.5, goal="effort", **{**given, option: 0.98 * offered})
 
 
+@pytest.mark.parametrize("step", [(1.5, 86.0), (60.0, 1.5)])
+def test_a_plan_that_the_simulator_leaves_by_far_is_none_and_what_is_offered_is_one(step):
+    """What is offered keeps within the tenth of the step by which the other is refused."""
+    with pytest.raises(NoAnswerError, match="no plan that the vehicle would follow") as refused:
+        plan(FEUP, *step)
+    assert "with --goal effort, of a smoother motion, or with --arrive rest" in str(refused.value)
+    assert float(str(refused.value).split("up to ")[1].split()[0]) > 0.1 * abs(step[1] - step[0])
+    for offered in ({"goal": "effort"}, {"arrive": "rest"}):
+        assert plan(FEUP, *step, **offered).residual < 0.1 * abs(step[1] - step[0])
+
+
+def test_a_plan_that_misses_the_band_by_little_says_so_in_metres():
+    found = plan(FEUP, 1.5, 70.0)
+    assert found.task.band < found.residual < 0.1 * 68.5
+    said = " ".join(found.sentences)
+    assert "(inside 1.37 m of the target for good)" in said
+    assert f"keeps within {float(f'{found.residual:.2g}'):g} m of it. That is more than" in said
+    assert "shorter sample time" not in said  # 0.15 s misses by more
+
+
 def test_corner_and_interior_are_optima_of_the_same_program():
     """Two solvers that share no code agree on what a step lacks, and on what cannot be."""
     task = task_of(FEUP, 1.5, 3.0)

@@ -9,8 +9,12 @@ from typing import Any
 from swimbladder.linear.models import Array
 from swimbladder.planning.least import LeastTime
 from swimbladder.planning.task import Task
+from swimbladder.units import rounded
 
 __all__ = ["Plan"]
+
+
+_LOST = 0.1  # of the step: a motion that far from the plan is another
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,7 +43,7 @@ class Plan:
         """What there is to say."""
         t, h = self.task, self.task.sample_time
         step = f"from {t.start:g} to {t.target:g} m"
-        into = f"inside {1e3 * t.band:.3g} mm of the target for good"
+        into = f"inside {_length(t.band)} of the target for good"
         every = "every plan" if self.proven else "every plan near it"
         where = into if self.arrive == "band" else "at rest there"
         limits = _limits(t)
@@ -47,7 +51,7 @@ class Plan:
             f"The least time {step} is {self.least.time:.4g} s ({where}), sampled every {h:g} s"
             f"{limits}: a sample sooner "
             + (
-                f"{every} misses by {1e3 * self.least.short:.3g} mm or more."
+                f"{every} misses by {_length(self.least.short)} or more."
                 if self.arrive == "band"
                 else f"no {every.removeprefix('every ')} comes to rest."
             )
@@ -69,15 +73,29 @@ class Plan:
             "No limit is reached."
         )  # fmt: skip
         said.append(
-            f"The simulator, given the plan's commands, keeps within {1e3 * self.residual:.2g} mm "
+            f"The simulator, given the plan's commands, keeps within {_length(self.residual, 2)} "
             "of it."
         )
         if self.residual > t.band:
             said.append(
-                "That is more than the band: followed blindly this plan does not arrive. Plan with "
-                "a shorter sample time, or let a controller follow it."
+                "That is more than the band: followed blindly this plan does not arrive. Let a "
+                f"controller follow it, or {self.nearer}."
             )
         return tuple(said)
+
+    @property
+    def lost(self) -> bool:
+        """Whether the simulator, given the commands, leaves the plan by far: it is none then."""
+        t = self.task
+        return self.residual > max(t.band, _LOST * abs(t.target - t.start))
+
+    @property
+    def nearer(self) -> str:
+        """What to ask for instead where the simulator does not keep to the plan."""
+        if self.goal != "time":
+            return "plan a shorter step"
+        smoother = "plan it with --goal effort, of a smoother motion"
+        return smoother if self.arrive == "rest" else f"{smoother}, or with --arrive rest"
 
     def to_json(self) -> dict[str, Any]:
         """Return the answer in SI units."""
@@ -114,6 +132,12 @@ class Plan:
         }
         name = "reference_volume_m3" if self.task.plant.positioner else "voltage_V"
         return {**known, name: self.command}
+
+
+def _length(length: float, digits: int = 3) -> str:
+    """Return a length [m] in mm, or in m from 1 m on."""
+    size, unit = (length, "m") if length >= 1.0 else (1e3 * length, "mm")
+    return f"{rounded(size, digits)} {unit}"
 
 
 def _limits(task: Task) -> str:

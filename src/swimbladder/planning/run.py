@@ -21,6 +21,7 @@ from swimbladder.planning.programme import Answer, Goal, Near, scale_of, solve
 from swimbladder.planning.result import Plan
 from swimbladder.planning.sides import best_sides
 from swimbladder.planning.task import Task, task_of
+from swimbladder.units import rounded
 
 __all__ = ["ARRIVALS", "GOALS", "plan"]
 
@@ -64,7 +65,25 @@ def plan(
         answer = _best(task, goal, near, end, course, advance or (lambda _: None))
         if answer is None:
             raise _impossible(task, end, least, course)
-    return _plan_of(task, goal, arrive, answer, least, near if near is not None else end)
+    found = _plan_of(task, goal, arrive, answer, least, near if near is not None else end)
+    if found.lost:
+        raise _lost(found)
+    return found
+
+
+def _lost(found: Plan) -> NoAnswerError:
+    """Return why a plan is none that the simulator, given its commands, leaves by far."""
+    t = found.task
+    away = "stops before its end"
+    if math.isfinite(found.residual):
+        away = f"is up to {rounded(found.residual, 2)} m from it"
+    grows = " At these depths what little it is off grows"
+    if t.vehicle.hull.psi > 0.0:
+        grows += ", for the deeper the vehicle, the more volume it needs"
+    return NoAnswerError(
+        f"no plan that the vehicle would follow: given the commands found from {t.start:g} to "
+        f"{t.target:g} m, the simulator {away}.{grows}. Rather {found.nearer}"
+    )
 
 
 def _check(goal: str, arrive: str | None, duration: float | None) -> str:
