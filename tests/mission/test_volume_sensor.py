@@ -10,7 +10,9 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.mission.core.names import Doing, Drive, Note, Row, Stop
 from swimbladder.mission.flight import fly_mission
+from swimbladder.mission.result import MissionResult
 from swimbladder.seawater import uniform_column
+from tests.mission.conftest import phases
 
 FEUP = load_vehicle("feup-em")
 MISSION = Mission(
@@ -44,6 +46,16 @@ def test_without_a_seed_volumes_are_true():
     np.testing.assert_array_equal(plain.rows, noisy.rows)
     begin, end, wanted = runs(plain).T
     assert np.allclose(end - begin, wanted, rtol=0.0, atol=1e-12)
+
+
+def test_a_pump_that_runs_for_a_time_says_that_no_volume_is_measured(profiler, sea):
+    sensors = profiler.sensors.model_copy(update={"volume_noise": 1e-6})
+    noisy = profiler.model_copy(update={"sensors": sensors})
+    flights = [fly_mission(vehicle, phases(), sea, seed=1) for vehicle in (profiler, noisy)]
+    np.testing.assert_array_equal(flights[0].rows, flights[1].rows)
+    said = [" ".join(MissionResult(flight, None).notes) for flight in flights]
+    assert ["no volume is measured" in words for words in said] == [False, True]
+    assert not MissionResult(flown(volume_noise=1e-7), None).notes
 
 
 @pytest.mark.parametrize("quantum", [2e-8, 5e-7])

@@ -120,7 +120,15 @@ class MissionResult:
     def notes(self) -> list[str]:
         """What of the vehicle's file changes nothing here, in sentences."""
         oil = oil_note(self.flight.vehicle)
-        return [] if oil is None else [oil]
+        found = [] if oil is None else [oil]
+        sensors = self.flight.vehicle.sensors
+        by_time = self.flight.plan.given[Given.BY_VOLUME] == 0.0
+        if by_time and (sensors.volume_noise or sensors.volume_quantum):
+            found.append(
+                "sensors.volume_noise and sensors.volume_quantum change nothing here: pump and "
+                "valve run for a time, and no volume is measured"
+            )
+        return found
 
     @property
     def cycles(self) -> int:
