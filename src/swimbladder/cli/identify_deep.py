@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
 from swimbladder.cli.casts import casts_beside_logs, pairs
 from swimbladder.cli.common import console, emit_json, json_text, output, progress
+from swimbladder.cli.identify_view import number_table
 from swimbladder.cli.logs import Chosen, selections
 from swimbladder.cli.settings import known, once, setting
 from swimbladder.errors import InputError
@@ -102,20 +103,10 @@ def _print(found: DeepIdentification, notes: Sequence[str], files: Sequence[Path
         output.print(f"wrote {path}", soft_wrap=True)
 
 
-def _table(headings: Sequence[str]) -> Any:
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    table.add_column(headings[0], overflow="fold")
-    for heading in headings[1:]:
-        table.add_column(heading, justify="right", no_wrap=True)
-    return table
-
-
 def _parameters(found: DeepIdentification) -> object:
     from swimbladder.units import shown_unit, unit_factor
 
-    table = _table(("", "value", "1 sigma", "95 % interval", "unit", "from"))
+    table = number_table(("", "value", "1 sigma", "95 % interval", "unit", "from"))
     words = {"data": "the dives", "prior": "its prior", "set": "set"}
     for name, e in found.parameters.items():
         shown = shown_unit(e.unit) if e.unit else ""
@@ -130,7 +121,9 @@ def _parameters(found: DeepIdentification) -> object:
 
 
 def _dives(found: DeepIdentification) -> object:
-    table = _table(("dive", "looks", "deepest", "book off by", "speed off by", "replay off by"))
+    table = number_table(
+        ("dive", "looks", "deepest", "book off by", "speed off by", "replay off by")
+    )
     for told, numbers in zip(found.dives, found.to_json()["dives"], strict=True):
         table.add_row(
             told.dive.name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
     from swimbladder.identify.paper import PaperFits
     from swimbladder.identify.posterior import Posterior
 
-__all__ = ["print_found"]
+__all__ = ["number_table", "print_found"]
 
 
 def print_found(
@@ -69,7 +70,7 @@ def _posterior(drawn: Posterior) -> Any:
     from swimbladder.identify.model import NAMES
     from swimbladder.units import shown_unit, unit_factor
 
-    table = _table(("posterior", "median", "95 % of the draws", "unit"))
+    table = number_table(("posterior", "median", "95 % of the draws", "unit"))
     for name in drawn.names:
         unit = NAMES[name].unit
         shown = shown_unit(unit)
@@ -78,7 +79,8 @@ def _posterior(drawn: Posterior) -> Any:
     return table
 
 
-def _table(headings: tuple[str, ...]) -> Any:
+def number_table(headings: Sequence[str]) -> Any:
+    """Return a table of names, and numbers to the right of them."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, collapse_padding=True)
@@ -91,7 +93,7 @@ def _table(headings: tuple[str, ...]) -> Any:
 def _parameters(found: Identification) -> object:
     from swimbladder.report.words import rows
 
-    table = _table(("", "value", "1 sigma", "95 % interval", "unit", "from"))
+    table = number_table(("", "value", "1 sigma", "95 % interval", "unit", "from"))
     words = {"data": "the logs", "prior": "its prior", "set": "set"}
     for r in rows(found):
         table.add_row(r.name, r.value, r.std, r.ci95, r.unit, words[r.origin])
@@ -99,7 +101,7 @@ def _parameters(found: Identification) -> object:
 
 
 def _choices(found: Identification) -> object:
-    table = _table(("drag", "psi", "rms", "behind the best", "probability"))
+    table = number_table(("drag", "psi", "rms", "behind the best", "probability"))
     words = {"free": "estimated", "prior": "with its prior", "set": "as set", "zero": "left out"}
     best = min(c.bic for c in found.choices)
     for c in found.choices:
@@ -117,7 +119,7 @@ def _logs(found: Identification) -> object:
     from swimbladder.plots.identify import labels
     from swimbladder.report.words import row
 
-    table = _table(("log", "rms", "samples", "outliers", "neutral volume off by"))
+    table = number_table(("log", "rms", "samples", "outliers", "neutral volume off by"))
     for label, e in zip(labels(found), found.experiments, strict=True):
         r = row("", e.estimates["neutral_error"])
         table.add_row(
