@@ -4,7 +4,8 @@ import pytest
 
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
-from swimbladder.io.mission import MOST_SAMPLES, Mission, check_mission
+from swimbladder.io.mission import Mission
+from swimbladder.io.mission_check import MOST_SAMPLES, check_mission
 
 
 @pytest.fixture(scope="module")

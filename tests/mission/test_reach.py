@@ -6,7 +6,8 @@ import pytest
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.hull import neutral_volume
 from swimbladder.io.config import load_vehicle
-from swimbladder.io.mission import Mission, check_mission
+from swimbladder.io.mission import Mission
+from swimbladder.io.mission_check import check_mission
 from swimbladder.mission.core.names import Given
 from swimbladder.mission.orders import drag_coefficient, law_parameters
 from swimbladder.mission.prepare import make_plan

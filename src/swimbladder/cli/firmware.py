@@ -75,7 +75,8 @@ def firmware(
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
-    from swimbladder.io.mission import Mission, Setpoint, check_mission
+    from swimbladder.io.mission import Mission, Setpoint
+    from swimbladder.io.mission_check import check_mission
 
     v = load_vehicle(vehicle, sampled=True)
     _check_law(v, law)

@@ -100,7 +100,7 @@ def simulate(
     from swimbladder.hull import mass_doubt
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import make_folder
-    from swimbladder.io.mission import check_mission
+    from swimbladder.io.mission_check import check_mission
 
     v = load_vehicle(vehicle, sampled=True)
     task = _mission(mission, start=start, target=target, duration=duration, bottom=bottom)

@@ -121,7 +121,7 @@ def stability(
 def _print(found: Stability, files: list[Path]) -> None:
     from rich.table import Table
 
-    from swimbladder.stability.result import cycle_rows, robustness_rows
+    from swimbladder.stability.tables import cycle_rows, robustness_rows
 
     output.print(
         f"{found.vehicle}, law {found.law}, sampled every {found.sample_time:g} s", soft_wrap=True

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from swimbladder.firmware.calls import is_count
 from swimbladder.firmware.expressions import Expressions
+from swimbladder.firmware.flow import always_returns, inside, is_docstring, stores
 from swimbladder.firmware.tree import (
     COUNT,
     FLOAT,
@@ -79,7 +80,7 @@ class Body:
         self.returns: Type | None = None
         if is_count(source.function, source.function.__annotations__.get("return")):
             self.returns = COUNT
-        self._stored = _stores(definition)
+        self._stored = stores(definition)
         self._loaded = {
             n.id for n in ast.walk(definition)
             if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)
@@ -97,7 +98,7 @@ class Body:
                 body.append(Assign(name, Name(inner, kind)))
                 self.variables[name] = kind
         body += self._block(definition.body)
-        if not _always_returns(body):
+        if not always_returns(body):
             self.source.refuse(None, "the function may end without a return", "Return everywhere")
         assert self.returns is not None
         words = (ast.get_docstring(definition) or "").split("\n\n")[0]
@@ -109,10 +110,10 @@ class Body:
     def _block(self, statements: list[ast.stmt]) -> list[Statement]:
         done: list[Statement] = []
         for n, statement in enumerate(statements):
-            if n == 0 and _is_docstring(statement):
+            if n == 0 and is_docstring(statement):
                 continue
             done += self._statement(statement)
-            if _always_returns(done):
+            if always_returns(done):
                 if n + 1 < len(statements):
                     self.source.refuse(
                         statements[n + 1], "what comes after a return is never done", "Remove it"
@@ -180,7 +181,7 @@ class Body:
         found: set[str] = set()
         for node in ast.walk(self.source.tree):
             if isinstance(node, ast.For):
-                found |= set(_stores(node))
+                found |= set(stores(node))
         return found
 
     def _temporary(self, value: Expression) -> tuple[list[Statement], Name]:
@@ -224,9 +225,9 @@ class Body:
         after_yes = self.meaning
         self.meaning = dict(before)
         no = self._block(node.orelse)
-        if _always_returns(no):
+        if always_returns(no):
             self.meaning = after_yes
-        elif not _always_returns(yes):  # a name means something only where it does after both
+        elif not always_returns(yes):  # a name means something only where it does after both
             self.meaning = {
                 name: value for name, value in self.meaning.items() if after_yes.get(name) == value
             }
@@ -243,12 +244,12 @@ class Body:
         if not 1 <= count <= _MOST_TURNS:
             source.refuse(node.iter, f"not 1 to {_MOST_TURNS} turns", "Choose another count")
         counter = self._target(node.target)
-        if counter in _stores(ast.Module(node.body, [])) or counter in self.variables:
+        if counter in stores(ast.Module(node.body, [])) or counter in self.variables:
             source.refuse(node, f"{counter!r} is a variable too", "Give the counter its own name")
         before = self.meaning.get(counter)
         self.meaning[counter] = Name(counter, INT)
         body = self._block(node.body)
-        if any(isinstance(s, Return) for s in _inside(body)):
+        if any(isinstance(s, Return) for s in inside(body)):
             source.refuse(node, "a law does not return out of a loop", "Return after it")
         self.meaning.pop(counter)
         if before is not None:
@@ -272,38 +273,3 @@ class Body:
                 node, "the function returns values of different types", "Return one type everywhere"
             )
         return got
-
-
-def _is_docstring(node: ast.stmt) -> bool:
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
-
-
-def _stores(tree: ast.AST) -> dict[str, int]:
-    """Return how often each name is assigned to."""
-    found: dict[str, int] = {}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            found[node.id] = found.get(node.id, 0) + 1
-    return found
-
-
-def _inside(statements: list[Statement] | tuple[Statement, ...]) -> list[Statement]:
-    found: list[Statement] = []
-    for s in statements:
-        found.append(s)
-        if isinstance(s, If):
-            found += _inside(s.yes) + _inside(s.no)
-        elif isinstance(s, For):
-            found += _inside(s.body)
-    return found
-
-
-def _always_returns(statements: list[Statement] | tuple[Statement, ...]) -> bool:
-    last = statements[-1] if statements else None
-    if isinstance(last, If):
-        return _always_returns(last.yes) and _always_returns(last.no)
-    return isinstance(last, Return)

@@ -18,7 +18,7 @@ from swimbladder.identify_actuator.model import LOGARITHMIC, drive_of
 from swimbladder.identify_actuator.profile import profile_of_T1
 from swimbladder.identify_actuator.response import steady_speed
 from swimbladder.identify_actuator.result import Step
-from swimbladder.identify_actuator.voltage import VoltageFit, named
+from swimbladder.identify_actuator.voltage_fit import VoltageFit, named
 
 __all__ = ["by_direction", "covariance_of", "from_voltage", "steps_of"]
 

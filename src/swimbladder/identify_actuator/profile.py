@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from swimbladder.identify_actuator.estimate import Estimate, bounded, estimated
-from swimbladder.identify_actuator.voltage import VoltageFit, solve
+from swimbladder.identify_actuator.voltage import solve
+from swimbladder.identify_actuator.voltage_fit import VoltageFit
 
 __all__ = ["profile_of_T1"]
 

@@ -9,7 +9,7 @@ from swimbladder.identify_actuator.estimate import Estimate, shown
 from swimbladder.identify_actuator.from_moves import MovesFit
 from swimbladder.identify_actuator.result import Finding
 from swimbladder.identify_actuator.soft import SoftStart
-from swimbladder.identify_actuator.voltage import VoltageFit
+from swimbladder.identify_actuator.voltage_fit import VoltageFit
 
 __all__ = ["ASSUMPTIONS", "logs_differ", "of_moves", "of_voltage", "untold_of"]
 

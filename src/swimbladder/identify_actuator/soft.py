@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from swimbladder.identify_actuator.bench import Bench
 from swimbladder.identify_actuator.model import Problem
-from swimbladder.identify_actuator.voltage import VoltageFit, named, solve
+from swimbladder.identify_actuator.voltage import solve
+from swimbladder.identify_actuator.voltage_fit import VoltageFit, named
 
 __all__ = ["SoftStart", "slewed", "soft_start"]
 

@@ -1,9 +1,4 @@
-"""A cast in a netCDF file: CF and OG1 by standard name, and Argo's profile files.
-
-Of an Argo file the adjusted values are taken where there are any, and in the modes A and D no
-others; of each sample only what its quality flags call good (Argo user's manual, reference table 2:
-1 good, 2 probably good, 5 changed, 8 interpolated).
-"""
+"""A cast in a netCDF file: CF and OG1 by standard name; Argo's profile files by `cast_argo`."""
 
 from __future__ import annotations
 
@@ -14,22 +9,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError, LogError
-from swimbladder.io.cast_columns import CAST_COLUMNS, NAMES, cast_unit, check_names, kind_of
+from swimbladder.errors import LogError
+from swimbladder.io.cast_argo import argo_cast, is_profiles
+from swimbladder.io.cast_columns import CAST_COLUMNS, NAMES, check_names, kind_of
 from swimbladder.io.cast_raw import RawCast, place_of
-from swimbladder.io.log_text import counted
+from swimbladder.io.cast_variables import by_flags, in_unit, raw_cast
 from swimbladder.io.netcdf_in import Variable, read_variables
-from swimbladder.units import unit_factor
 
-__all__ = ["is_profiles", "netcdf_cast"]
+__all__ = ["netcdf_cast"]
 
 Array = NDArray[np.float64]
-_GOOD = set("1258")
-_UNJUDGED = set("09")  # no quality control, and missing: NaN tells of the second
-_ARGO = {"pressure_dbar": "PRES", "temperature_degC": "TEMP", "salinity": "PSAL"}
 _FEWEST = 2
-_SEVERAL = 2
-_SHOWN = 4  # profiles, where there are too many
 
 
 def netcdf_cast(
@@ -42,15 +32,8 @@ def netcdf_cast(
     """
     variables = read_variables(data, path)
     if is_profiles(variables):
-        return replace(_argo(variables, path, profile), unit_stated=True), None
+        return replace(argo_cast(variables, path, profile), unit_stated=True), None
     return _plain(variables, path, columns), profile
-
-
-def is_profiles(variables: Mapping[str, Variable]) -> bool:
-    """Say whether these are the variables of an Argo profile file."""
-    return all(name in variables for name in ("PRES", "TEMP")) and (
-        variables["PRES"].values.ndim == 2
-    )
 
 
 def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, str]) -> RawCast:
@@ -65,8 +48,8 @@ def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, 
         if found is None:
             continue
         variable, unit = found
-        values[name] = _in_unit(name, variable, variables[variable], path, report, unit)
-        _by_flags(variable, variables, values[name], path, report)
+        values[name] = in_unit(name, variable, variables[variable], path, report, unit)
+        by_flags(variable, variables, values[name], path, report)
     rows = {n: np.ravel(v) for n, v in values.items() if v.size == size}
     if size is not None and not {"pressure_dbar", "depth_m"} & set(rows):
         _refuse_grid(values, path)
@@ -91,7 +74,7 @@ def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, 
         for n in ("latitude", "longitude")
         if n in values
     }
-    return _raw(rows, path, report, latitude=place.get("latitude"),
+    return raw_cast(rows, path, report, latitude=place.get("latitude"),
                 longitude=place.get("longitude"))  # fmt: skip
 
 
@@ -141,174 +124,4 @@ def _chosen(
     raise LogError(
         f"several variables may be the {name.split('_')[0]}", file=path, field=name,
         value=", ".join(named), remedy=f'Choose one with --column "{name}=NAME"',
-    )  # fmt: skip
-
-
-def _in_unit(
-    name: str, found: str, variable: Variable, path: Path, report: list[str],
-    stated: str | None = None,
-) -> Array:  # fmt: skip
-    """Return the numbers of a variable in the unit of the column; `stated` is over its own."""
-    if not variable.numeric:
-        raise LogError(
-            "no numbers but texts", file=path, field=found,
-            remedy=f'Choose another variable with --column "{name}=NAME"',
-        )  # fmt: skip
-    values = np.asarray(variable.values, dtype=np.float64)
-    said = variable.attributes.get("units", "") if stated is None else stated
-    unit, wanted = cast_unit(said), CAST_COLUMNS[name]
-    if unit == "K" and wanted == "degC":
-        report.append(f"{found} is in kelvin; 273.15 subtracted")
-        return values - 273.15
-    if not said:
-        report.append(f"{name} read from {found}, which has no unit: taken to be {wanted or 'one'}")
-        return values
-    try:
-        factor = unit_factor(unit, wanted)
-    except InputError as error:
-        raise LogError(
-            error.what, file=path, field=found, value=said, unit=wanted or "none",
-            remedy="Correct the variable's attribute `units`",
-        ) from None  # fmt: skip
-    report.append(f"{name} read from {found}" + ("" if factor == 1.0 else f", times {factor:g}"))
-    return values * factor
-
-
-def _by_flags(
-    found: str, variables: Mapping[str, Variable], values: Array, path: Path, report: list[str]
-) -> None:
-    """Blank the values that their quality flags do not call good.
-
-    Raises LogError for flags that are not one for each value.
-    """
-    named = next((n for n in (f"{found}_QC", f"{found}_qc") if n in variables), None)
-    if named is None:
-        return
-    texts = _flag_texts(variables[named], values.shape)
-    if texts is None:
-        raise LogError(
-            f"not one quality flag for each value of {found}", file=path, field=named,
-            remedy="Give the flags the shape of the values, or write what is good to a CSV",
-        )  # fmt: skip
-    bad = np.isfinite(values) & ~np.isin(texts, list(_GOOD | _UNJUDGED))
-    if bad.any():
-        report.append(f"{counted(int(bad.sum()), 'value')} of {found} flagged as bad left out")
-        values[bad] = np.nan
-
-
-def _flag_texts(flags: Variable, shape: tuple[int, ...]) -> NDArray[np.str_] | None:
-    """Return a flag for each value: numbers as digits, strings of flags taken apart."""
-    if flags.numeric:
-        digits = np.nan_to_num(flags.values, nan=9.0).astype(int).astype(np.str_)
-        return digits if digits.shape == shape else None
-    if flags.values.shape == shape:  # a text for each, as xarray writes them
-        return np.array([str(text)[:1] for text in np.ravel(flags.values)]).reshape(shape)
-    letters = np.array([list(str(row).ljust(shape[-1])[: shape[-1]]) for row in
-                        np.ravel(flags.values)], dtype=np.str_)  # fmt: skip
-    return letters.reshape(shape) if letters.size == np.prod(shape) else None
-
-
-def _argo(variables: Mapping[str, Variable], path: Path, profile: int | None) -> RawCast:
-    """Return one profile of an Argo file: the primary one, or that asked for."""
-    report: list[str] = []
-    n = _number(variables, path, profile, report)
-    mode = _letters(variables, "DATA_MODE", n)
-    rows: dict[str, Array] = {}
-    for name, plain in _ARGO.items():
-        if plain not in variables:
-            continue
-        found = plain
-        adjusted = variables.get(f"{plain}_ADJUSTED")
-        if adjusted is not None and np.isfinite(np.asarray(adjusted.values[n], float)).any():
-            found = f"{plain}_ADJUSTED"
-        elif adjusted is not None and mode in ("A", "D"):
-            raise LogError(
-                f"in mode {mode} no value of {plain} was found fit to be adjusted: none is good",
-                file=path, field=f"{plain}_ADJUSTED",
-                remedy="Take another profile; if you trust its raw values, write them to a CSV",
-            )  # fmt: skip
-        values = _in_unit(name, found, variables[found], path, report)
-        if values.shape != variables["PRES"].values.shape:
-            raise LogError(
-                "not as many values as pressures", file=path, field=found,
-                remedy="Fetch the file anew: every profile has a value per level",
-            )  # fmt: skip
-        _by_flags(found, variables, values, path, report)
-        rows[name] = values[n]
-    where = {}
-    for name, variable in (("latitude", "LATITUDE"), ("longitude", "LONGITUDE")):
-        if variable in variables:
-            at = np.ravel(np.asarray(variables[variable].values, float))[n : n + 1]
-            where[name] = place_of(name, at, report)
-    return _raw(rows, path, report, name=_platform(variables, n), **where)
-
-
-def _number(
-    variables: Mapping[str, Variable], path: Path, profile: int | None, report: list[str]
-) -> int:
-    """Return the profile that is asked for, from 0: else the only one, or only primary one.
-
-    Raises LogError where there are several, or fewer than asked for.
-    """
-    pressures = np.asarray(variables["PRES"].values, float)
-    count = len(pressures)
-    if profile is not None and profile > count:
-        raise LogError(
-            f"the file has {counted(count, 'profile')}", file=path, field="--profile",
-            value=profile, remedy=f"Choose from 1 to {count}",
-        )  # fmt: skip
-    if profile is not None or count < _SEVERAL:
-        return (profile or 1) - 1
-    held = [k for k in range(count) if np.isfinite(pressures[k]).any()]
-    primary = [k for k in held if _scheme(variables, k).startswith("primary")]
-    found = primary or held or [0]
-    if len(found) > 1:
-        some = ", ".join(
-            f"{k + 1}: {f'{_platform(variables, k)} to'.strip()} {np.nanmax(pressures[k]):.0f} dbar"
-            for k in found[:_SHOWN]
-        )
-        raise LogError(
-            f"there are {len(found)} profiles in it "
-            f"({some}{', ...' if len(found) > _SHOWN else ''})",
-            file=path, field="profile", remedy="Choose one with --profile N",
-        )  # fmt: skip
-    why = "the primary sampling" if primary else "the only one with pressures"
-    report.append(f"profile {found[0] + 1} of {count} taken, {why}")
-    return found[0]
-
-
-def _scheme(variables: Mapping[str, Variable], n: int) -> str:
-    schemes = variables.get("VERTICAL_SAMPLING_SCHEME")
-    texts = np.zeros(0) if schemes is None or schemes.numeric else np.ravel(schemes.values)
-    return str(texts[n]).lower() if n < len(texts) else ""
-
-
-def _letters(variables: Mapping[str, Variable], name: str, n: int) -> str:
-    """Return the n-th letter of a variable of one for each profile; "" where there is none."""
-    found = variables.get(name)
-    letters = "" if found is None or found.numeric else "".join(map(str, np.ravel(found.values)))
-    return letters[n : n + 1]
-
-
-def _platform(variables: Mapping[str, Variable], n: int) -> str:
-    number, cycle = variables.get("PLATFORM_NUMBER"), variables.get("CYCLE_NUMBER")
-    parts = []
-    if number is not None and not number.numeric:
-        parts.append(f"float {str(np.ravel(number.values)[n]).strip(chr(0) + ' ')}")
-    if cycle is not None and cycle.numeric and np.isfinite(np.ravel(cycle.values)[n]):
-        parts.append(f"cycle {int(np.ravel(cycle.values)[n])}")
-    return " ".join(parts)
-
-
-def _raw(
-    rows: Mapping[str, Array], path: Path, report: list[str], *, latitude: float | None = None,
-    longitude: float | None = None, name: str = "",
-) -> RawCast:  # fmt: skip
-    count = len(rows["temperature_degC"])
-    return RawCast(
-        path=path, pressure=rows.get("pressure_dbar"), depth=rows.get("depth_m"),
-        temperature=rows["temperature_degC"], salinity=rows.get("salinity"),
-        conductivity=rows.get("conductivity_S_m"), density=rows.get("density_kg_m3"),
-        row=np.arange(1, count + 1), row_name="sample", latitude=latitude,
-        longitude=longitude, name=name, report=report,
     )  # fmt: skip

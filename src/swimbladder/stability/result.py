@@ -1,9 +1,8 @@
-"""What `stability` found, in sentences, as tables and for JSON."""
+"""What `stability` found, in sentences and for JSON."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,7 +13,7 @@ from swimbladder.stability.recover import Map, Verdict
 from swimbladder.stability.robust import Stood
 from swimbladder.tune.margins import decibels, falls_short
 
-__all__ = ["Confirmed", "Stability", "cycle_rows", "modulus", "robustness_rows"]
+__all__ = ["Confirmed", "Stability", "length", "modulus"]
 
 
 class Confirmed(NamedTuple):
@@ -231,7 +230,7 @@ def _cycle_words(c: Confirmed) -> str:
         return f"{head}: the describing function predicts no limit cycle{seen}."
     kind = "a limit cycle" if p.cycle.stable else "the edge of what decays, an unstable cycle,"
     said = (
-        f"{head}: the describing function predicts {kind} of {_length(p.depth_amplitude)} every "
+        f"{head}: the describing function predicts {kind} of {length(p.depth_amplitude)} every "
         f"{p.cycle.period:.3g} s"
     )
     if not p.cycle.believed:
@@ -242,10 +241,10 @@ def _cycle_words(c: Confirmed) -> str:
     if s is None:
         return f"{said}; the simulation, begun at rest, found no such edge."
     if not s.cycles:
-        return f"{said}; the simulation shows no steady cycle (within {_length(s.farthest)})."
+        return f"{said}; the simulation shows no steady cycle (within {length(s.farthest)})."
     a, t = c.errors
     return (
-        f"{said}; the simulation shows {_length(s.amplitude)} every {s.period:.3g} s "
+        f"{said}; the simulation shows {length(s.amplitude)} every {s.period:.3g} s "
         f"({100 * a:+.0f} %, {100 * t:+.0f} %)."
     )
 
@@ -254,7 +253,8 @@ def _late(s: Stood) -> str:
     return f" and {s.delay:g} s late" if s.delay else ""
 
 
-def _length(x: float) -> str:
+def length(x: float) -> str:
+    """Return a length [m] as text, below 1 m in millimetres."""
     return f"{x:.3g} m" if x >= 1.0 else f"{1e3 * x:.3g} mm"
 
 
@@ -264,43 +264,6 @@ def _time(mode: Mode) -> str:
 
 def _period(mode: Mode) -> str:
     return f"{2.0 * math.pi / mode.frequency:.3g} s" if mode.frequency > 0.0 else "never"
-
-
-def cycle_rows(cycles: Sequence[Confirmed]) -> list[tuple[str, ...]]:
-    """Return the table of limit cycles: foretold beside simulated."""
-    rows: list[tuple[str, ...]] = []
-    for c in cycles:
-        p, s = c.predicted, c.seen
-        kind, foretold = "none", ("", "")
-        if p.cycle is not None:
-            kind = "stable" if p.cycle.stable else "edge"
-            if not p.cycle.believed:
-                kind += ", not relied on"
-            foretold = (_length(p.depth_amplitude), f"{p.cycle.period:.3g} s")
-        seen = ("none", "")
-        if s is not None and s.cycles:
-            seen = (_length(s.amplitude), f"{s.period:.3g} s")
-        a, t = c.errors
-        error = "" if math.isnan(a) else f"{100 * a:+.0f} %, {100 * t:+.0f} %"
-        rows.append((p.source, kind, *foretold, *seen, error))
-    return rows
-
-
-def robustness_rows(stood: Sequence[Stood]) -> list[tuple[str, ...]]:
-    """Return the table of robustness: law, delay, then what share settled with each gain."""
-    gains = sorted({s.gain for s in stood})
-    rows: list[tuple[str, ...]] = []
-    for law, delay in dict.fromkeys((s.law, s.delay) for s in stood):
-        own = {s.gain: s for s in stood if (s.law, s.delay) == (law, delay)}
-        cells = [
-            f"{100 * own[g].settled:.0f}{'!' if own[g].radius >= 1.0 else ''} "
-            f"({100 * own[g].overshoot_95:.1f})"
-            if g in own
-            else ""
-            for g in gains
-        ]
-        rows.append((law, f"{delay:g} s", *cells))
-    return rows
 
 
 def modulus(value: float) -> str:
