@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from swimbladder.errors import NoAnswerError
-from swimbladder.parameters import Phase, Supply, Vehicle
+from swimbladder.parameters import Load, Phase, Supply, Vehicle
 
 __all__ = [
     "WARM",
@@ -21,6 +21,7 @@ __all__ = [
     "charge_after",
     "endurance",
     "hotel_power",
+    "load_is_on",
     "surfacing_energy",
     "usable_charge",
     "usable_share",
@@ -95,9 +96,14 @@ def hotel_power(vehicle: Vehicle, phase: Phase | None = None) -> float:
 
     None: of what is on in all phases.
     """
-    on = [load.power for load in vehicle.loads if not load.phases or phase in load.phases]
+    on = [load.power for load in vehicle.loads if load_is_on(load, phase)]
     standby = 0.0 if vehicle.driver is None else vehicle.driver.standby_power
     return sum(on) + standby
+
+
+def load_is_on(load: Load, phase: str | None) -> bool:
+    """Return whether a load is on in a kind of phase; None: in all of them."""
+    return not load.phases or phase in load.phases
 
 
 def surfacing_energy(vehicle: Vehicle) -> float:

@@ -12,6 +12,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from swimbladder.mission.core.names import Drive, Note, Row
 from swimbladder.mission.flight import fly_mission
+from swimbladder.mission.power import drive_energy
 from swimbladder.mission.prepare import Accuracy
 from swimbladder.parameters import Oil, PowerLawPump
 from tests.mission.conftest import phases
@@ -63,7 +64,7 @@ def test_a_run_is_that_of_the_lines_pressure(profiler, sea, volume, air):
     rows = flight.rows[np.concatenate(([True], np.diff(flight.rows[:, Row.T]) > 0.0))]
     depth = CubicHermiteSpline(rows[:, Row.T], rows[:, Row.Z], rows[:, Row.W])
     pressure = CubicHermiteSpline(sea.depth, sea.pressure, sea.density * sea.gravity)
-    spent = flight.rows[:, [Row.T, Row.DRIVE_ENERGY]].T
+    spent = flight.rows[:, Row.T], drive_energy(flight.rows)
     deep = flight.notes[flight.notes[:, Drive.Z] > 30.0]
     pumped = np.flatnonzero(deep[:, Drive.WHAT] == Note.PUMP)
     assert pumped.size >= 3

@@ -8,15 +8,29 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.battery import surfacing_energy
+from swimbladder.battery import load_is_on, surfacing_energy
 from swimbladder.mission.core.names import Account, At, Given, Kind, Now, Table
 from swimbladder.mission.flight import Flight
 from swimbladder.mission.prepare import Plan
+from swimbladder.parameters import Load
 from swimbladder.seawater import look_up
 
-__all__ = ["MissionBooks", "close_books", "consumers", "potential"]
+__all__ = [
+    "HOLDING",
+    "PUMP",
+    "SELF_DISCHARGE",
+    "STANDBY",
+    "VALVE",
+    "MissionBooks",
+    "close_books",
+    "consumers",
+    "load_name",
+    "potential",
+]
 
 Array = NDArray[np.float64]
+PUMP, VALVE, HOLDING = "pump", "valve", "holding"
+STANDBY, SELF_DISCHARGE = "driver's standby", "self-discharge"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,25 +57,29 @@ class MissionBooks:
         return abs(self.residue) / max(self.throughput, 1e-12)
 
 
+def load_name(load: Load) -> str:
+    """Return what a load is called beside the drive's consumers, whose names it may not take."""
+    taken = load.name in (PUMP, VALVE, HOLDING, STANDBY, SELF_DISCHARGE)
+    return f"{load.name} (load)" if taken else load.name
+
+
 def consumers(flight: Flight) -> dict[str, float]:
     """Return the energy that each consumer took from the battery [J]."""
     a, vehicle = flight.accounts, flight.vehicle
     times = {kind: float(a[Account.T_KIND + kind]) for kind in Kind}
     energy = {
-        "pump": float(a[Account.PUMP_ENERGY]),
-        "valve": float(a[Account.VALVE_ENERGY]),
-        "holding": float(a[Account.HOLDING_ENERGY]),
+        PUMP: float(a[Account.PUMP_ENERGY]),
+        VALVE: float(a[Account.VALVE_ENERGY]),
+        HOLDING: float(a[Account.HOLDING_ENERGY]),
     }
     if vehicle.driver is not None and vehicle.driver.standby_power > 0.0:
-        energy["driver's standby"] = vehicle.driver.standby_power * sum(times.values())
+        energy[STANDBY] = vehicle.driver.standby_power * sum(times.values())
     sessions = surfacing_energy(vehicle)
     surfacings = float(a[Account.SURFACING_ENERGY]) / sessions if sessions > 0.0 else 0.0
     for load in vehicle.loads:
-        on = sum(
-            t for kind, t in times.items() if not load.phases or kind.name.lower() in load.phases
-        )
-        energy[load.name] = load.power * on + load.energy_per_surfacing * surfacings
-    energy["self-discharge"] = float(a[Account.SELF_DISCHARGED])
+        on = sum(t for kind, t in times.items() if load_is_on(load, kind.name.lower()))
+        energy[load_name(load)] = load.power * on + load.energy_per_surfacing * surfacings
+    energy[SELF_DISCHARGE] = float(a[Account.SELF_DISCHARGED])
     return {name: value for name, value in energy.items() if value != 0.0}
 
 
@@ -103,10 +121,10 @@ def close_books(flight: Flight) -> MissionBooks:
     drive += account[Account.HOLDING_ENERGY]
     sinks = {
         "loads": sum(battery.values()) - drive - account[Account.SELF_DISCHARGED],
-        "self-discharge": account[Account.SELF_DISCHARGED],
+        SELF_DISCHARGE: account[Account.SELF_DISCHARGED],
         "pump and its driver": account[Account.PUMP_ENERGY] - account[Account.PUMP_WORK],
         "valve and its flow": account[Account.VALVE_ENERGY] + account[Account.LET_IN_WORK],
-        "holding": account[Account.HOLDING_ENERGY],
+        HOLDING: account[Account.HOLDING_ENERGY],
         "leakage": account[Account.LEAK_WORK],
         "drag": account[Account.DRAG],
         "bottom": account[Account.BLOWS],

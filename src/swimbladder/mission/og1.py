@@ -17,6 +17,7 @@ import numpy as np
 
 from swimbladder.io.files import write_through
 from swimbladder.mission.core.names import Doing, Row
+from swimbladder.mission.power import power_names
 from swimbladder.mission.result import MissionResult
 from swimbladder.mission.tables import trajectory_columns
 
@@ -52,6 +53,10 @@ _FLAGGED = (
 _SENSOR = "SENSOR_SIMULATION_0"
 _NOT_STATED = "not stated"
 _AT = "N_MEASUREMENTS"
+_MEAN = (
+    "The sum of power times the time to the next measurement is all the energy taken; what is "
+    "taken once at a surfacing is spread over the rest of that phase"
+)
 _Table = dict[str, tuple[str, Any, dict[str, Any]]]
 
 
@@ -165,10 +170,12 @@ def _own(result: MissionResult) -> _Table:
         }),
     }  # fmt: skip
     if result.energy_known:
-        data["POWER"] = (_AT, columns["power_W"], {
-            "long_name": "mean electrical power from the battery until the next measurement",
-            "units": "W",
-        })  # fmt: skip
+        names = power_names(list(result.books.battery))
+        for consumer, name in {"the battery": "power_W", **names}.items():
+            data[name.removesuffix("_W").upper()] = (_AT, columns[name], {
+                "long_name": f"mean electrical power until the next measurement: {consumer}",
+                "units": "W", "comment": _MEAN,
+            })  # fmt: skip
         if "battery" in columns:
             data["BATTERY"] = (_AT, columns["battery"], {
                 "long_name": "share of the full battery that is left", "units": "1",

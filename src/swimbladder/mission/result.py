@@ -26,6 +26,7 @@ from swimbladder.mission.core.names import (
     Stop,
 )
 from swimbladder.mission.flight import Flight
+from swimbladder.mission.power import drawn_energy
 from swimbladder.mission.prepare import HELD
 from swimbladder.mission.reach import Reach
 from swimbladder.mission.shortfall import battery_words, timeout_words
@@ -293,7 +294,7 @@ class MissionResult:
         rows = self.flight.rows
         if full <= 0.0 or not self.energy_known:
             return np.full(len(rows), np.nan)
-        return np.asarray(1.0 - rows[:, Row.TOTAL_ENERGY] / full)
+        return np.asarray(1.0 - drawn_energy(rows) / full)
 
 
 def _joules(energy: float) -> str:

@@ -9,6 +9,13 @@ from numpy.typing import NDArray
 
 from swimbladder.mission.core.names import Account, Cycle, Doing, Drive, Given, Note, Row
 from swimbladder.mission.flight import Flight
+from swimbladder.mission.power import (
+    consumer_energy,
+    drawn_energy,
+    drive_energy,
+    mean_power,
+    power_names,
+)
 from swimbladder.mission.result import MissionResult
 
 __all__ = ["cycle_columns", "cycle_words", "events_csv", "speeds", "trajectory_columns"]
@@ -20,9 +27,6 @@ _DEPTHS = 50  # rows of the table of speeds
 def trajectory_columns(result: MissionResult) -> dict[str, Array]:
     """Return the columns of trajectory.csv: a row per step of the engine."""
     rows = result.flight.rows
-    power = np.zeros(len(rows))
-    dt, energy = np.diff(rows[:, Row.T]), np.diff(rows[:, Row.TOTAL_ENERGY])
-    power[:-1] = np.divide(energy, dt, out=np.zeros(len(dt)), where=dt > 0.0)
     columns = {
         "time_s": rows[:, Row.T],
         "depth_m": rows[:, Row.Z],
@@ -36,11 +40,14 @@ def trajectory_columns(result: MissionResult) -> dict[str, Array]:
         "doing": np.where(rows[:, Row.DOING] == Doing.PRIMING, Doing.PUMPING, rows[:, Row.DOING]),
     }
     if result.energy_known:
-        columns |= {
-            "power_W": power,
-            "drive_energy_J": rows[:, Row.DRIVE_ENERGY],
-            "energy_J": rows[:, Row.TOTAL_ENERGY],
+        energy = consumer_energy(result.flight)
+        power = {
+            name: mean_power(rows[:, Row.T], energy[consumer])
+            for consumer, name in power_names(list(energy)).items()
         }
+        columns["power_W"] = np.sum([np.zeros(len(rows)), *power.values()], axis=0)
+        columns |= power
+        columns |= {"drive_energy_J": drive_energy(rows), "energy_J": drawn_energy(rows)}
         charge = result.charge()
         if not np.isnan(charge).all():
             columns["battery"] = charge

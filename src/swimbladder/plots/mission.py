@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from itertools import cycle, product
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,15 +12,19 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from swimbladder.hull import neutral_volume
+from swimbladder.mission.books import HOLDING, PUMP, VALVE
 from swimbladder.mission.core.names import Drive, Note, Now, Row
+from swimbladder.mission.power import consumer_energy, drawn_energy, mean_power
 from swimbladder.mission.result import MissionResult
 from swimbladder.mission.tables import cycle_columns, speeds
 from swimbladder.plots.style import (
+    BLACK,
     BLUE,
     GREEN,
     GREY,
     ORANGE,
     PURPLE,
+    SKY,
     VERMILION,
     depth_axis,
     label_panels,
@@ -33,20 +40,24 @@ _MINUTE, _HOUR, _DAY = 60.0, 3600.0, 86400.0
 @styled
 def draw_mission(result: MissionResult) -> Figure:
     """Return the figure of a mission: the first cycle in depth and volume, then all cycles."""
-    figure = Figure(figsize=(9.5, 8.0))
-    axes = figure.subplots(3, 2)
+    rows: Any = [["depth", "speed"], ["volume", "neutral"], ["energy", "battery"]]
+    rows[2:2] = [["power", "power"]] if result.energy_known else []
+    figure = Figure(figsize=(9.5, 2.7 * len(rows)))
+    axes = figure.subplot_mosaic(rows)
     flight = result.flight
     title = f"{flight.vehicle.name}: {flight.mission.name or 'mission'}, {flight.column.source}"
     figure.suptitle(title, fontsize=11.0)
     first = result.flight.rows[result.flight.rows[:, Row.CYCLE] == 0.0]
     unit, words = _unit(float(first[-1, Row.T]))
-    _depth(result, first, unit, words, axes[0, 0])
-    _speed(result, axes[0, 1])
-    _volume(result, first, unit, words, axes[1, 0])
-    _neutral(result, first, axes[1, 1])
-    _energy(result, axes[2, 0])
-    _battery(result, axes[2, 1])
-    label_panels(list(axes.flat))
+    _depth(result, first, unit, words, axes["depth"])
+    _speed(result, axes["speed"])
+    _volume(result, first, unit, words, axes["volume"])
+    _neutral(result, first, axes["neutral"])
+    if result.energy_known:
+        _power(result, len(first), unit, words, axes["power"])
+    _energy(result, axes["energy"])
+    _battery(result, axes["battery"])
+    label_panels(list(axes.values()))
     return figure
 
 
@@ -107,6 +118,28 @@ def _neutral(result: MissionResult, first: Array, axes: Axes) -> None:
     axes.legend(loc="best")
 
 
+def _power(result: MissionResult, count: int, unit: float, words: str, axes: Axes) -> None:
+    """Draw each consumer's power over the first `count` rows, as steps on a logarithmic scale."""
+    time, energy = result.flight.rows[:, Row.T], consumer_energy(result.flight)
+    shown = np.flatnonzero(np.diff(time[: count + 1], append=np.inf)[:count] > 0.0)
+    power = {name: mean_power(time, taken)[shown] for name, taken in energy.items()}
+    t = time[shown] / unit
+    drawn = np.concatenate([values[values > 0.0] for values in power.values()])
+    least, most = float(drawn.min()), float(drawn.max())
+    own = {PUMP: VERMILION, VALVE: GREEN, HOLDING: PURPLE}
+    others = cycle(product(("-", "--", ":"), (BLUE, ORANGE, SKY, BLACK, GREY)))
+    axes.set_yscale("log")
+    for name, values in power.items():
+        style, colour = ("-", own[name]) if name in own else next(others)
+        # what is off is far below the axis: a run of seconds in days is a stroke, not a dot
+        axes.step(t, np.where(values > 0.0, values, 1e-6 * least), style,
+                  where="post", color=colour, lw=1.2, label=name)  # fmt: skip
+    axes.set_ylim(0.5 * least, 2.0 * most)
+    axes.set_ylabel("power [W]")
+    axes.set_xlabel(f"time in the first cycle [{words}]")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+
+
 def _energy(result: MissionResult, axes: Axes) -> None:
     columns = cycle_columns(result)
     axes.set_xlabel("cycle")
@@ -133,7 +166,7 @@ def _battery(result: MissionResult, axes: Axes) -> None:
     rows, charge = result.flight.rows, result.charge()
     unit, words = _unit(float(result.flight.end[Now.T]))
     if np.isnan(charge).all():
-        axes.plot(rows[:, Row.T] / unit, rows[:, Row.TOTAL_ENERGY] / 1e3, color=BLUE)
+        axes.plot(rows[:, Row.T] / unit, drawn_energy(rows) / 1e3, color=BLUE)
         axes.set_ylabel("energy drawn [kJ]")
     else:
         axes.plot(rows[:, Row.T] / unit, 100.0 * charge, color=BLUE)

@@ -50,7 +50,9 @@ VALVE_ENERGY, HOLDING_ENERGY = int(Account.VALVE_ENERGY), int(Account.HOLDING_EN
 LOAD_ENERGY, SELF_DISCHARGED = int(Account.LOAD_ENERGY), int(Account.SELF_DISCHARGED)
 T_KIND, R_T, R_Z, R_W, R_V = int(Account.T_KIND), int(Row.T), int(Row.Z), int(Row.W), int(Row.V)
 R_PHASE, R_DOING, R_CYCLE = int(Row.PHASE), int(Row.DOING), int(Row.CYCLE)
-R_DRIVE, R_TOTAL, NOTE_EMERGED = int(Row.DRIVE_ENERGY), int(Row.TOTAL_ENERGY), int(Note.EMERGED)
+R_PUMP, R_VALVE, R_HOLDING = int(Row.PUMP_ENERGY), int(Row.VALVE_ENERGY), int(Row.HOLDING_ENERGY)
+R_LOAD, R_SURFACING = int(Row.LOAD_ENERGY), int(Row.SURFACING_ENERGY)
+R_LOST, NOTE_EMERGED = int(Row.SELF_DISCHARGED), int(Note.EMERGED)
 NOTE_SUBMERGED, NOTE_BOTTOM = int(Note.SUBMERGED), int(Note.BOTTOM)
 NOTE_LEFT, NOTE_UPPER = int(Note.LEFT_BOTTOM), int(Note.UPPER_STOP)
 NOTE_LOWER, NOTE_DEEP, STOP_LOST = int(Note.LOWER_STOP), int(Note.TOO_DEEP), int(Stop.LOST)
@@ -66,12 +68,22 @@ def _row(rows, counts, x, at, accounts):  # type: ignore[no-untyped-def]
     if n < rows.shape[0]:
         rows[n, R_T], rows[n, R_Z], rows[n, R_W], rows[n, R_V] = x[T], x[Z], x[W], x[V]
         rows[n, R_PHASE], rows[n, R_DOING], rows[n, R_CYCLE] = at[PHASE], at[DOING], at[CYCLE]
-        drive = accounts[PUMP_ENERGY] + accounts[VALVE_ENERGY] + accounts[HOLDING_ENERGY]
-        rows[n, R_DRIVE] = drive
-        rows[n, R_TOTAL] = (
-            drive + accounts[LOAD_ENERGY] + accounts[SURFACING_ENERGY] + accounts[SELF_DISCHARGED]
-        )
+        rows[n, R_PUMP], rows[n, R_VALVE] = accounts[PUMP_ENERGY], accounts[VALVE_ENERGY]
+        rows[n, R_HOLDING], rows[n, R_LOAD] = accounts[HOLDING_ENERGY], accounts[LOAD_ENERGY]
+        rows[n, R_SURFACING] = accounts[SURFACING_ENERGY]
+        rows[n, R_LOST] = accounts[SELF_DISCHARGED]
         counts[0] = n + 1
+
+
+@part
+def _begin_row(rows, counts, x, at, accounts):  # type: ignore[no-untyped-def]
+    """Let the last row say what is done from here on; a new one where it is of an earlier time."""
+    if rows.shape[0] > 0:
+        last = counts[0] - 1
+        if last < 0 or (rows[last, R_DOING] != at[DOING] and rows[last, R_T] < x[T]):
+            _row(rows, counts, x, at, accounts)
+        else:
+            rows[last, R_DOING] = at[DOING]
 
 
 @part
@@ -151,6 +163,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
             if at[DOING] == PRIMING:
                 until = min(until, x[T_PRIMED])
         if until > x[T]:
+            _begin_row(rows, counts, x, at, accounts)
             kind = int(stages[at[PHASE], KIND])
             arrived, depth = at[ARRIVED] == 1, x[Z]
             if at[RESTS] == 1 or at[PLACE] == 2:

@@ -248,11 +248,15 @@ class Row(IntEnum):
     W = 2  # m/s through the water
     V = 3
     PHASE = 4
-    DOING = 5
+    DOING = 5  # until the next row
     CYCLE = 6
-    DRIVE_ENERGY = 7  # J so far
-    TOTAL_ENERGY = 8  # J so far
-    COUNT = 9
+    PUMP_ENERGY = 7  # J so far, as in `Account`, like the next five
+    VALVE_ENERGY = 8
+    HOLDING_ENERGY = 9
+    LOAD_ENERGY = 10
+    SURFACING_ENERGY = 11
+    SELF_DISCHARGED = 12
+    COUNT = 13
 
 
 class Note(IntEnum):
