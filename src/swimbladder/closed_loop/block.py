@@ -116,7 +116,8 @@ class Block:
             lanes=lanes, law=law, parameters=law.parameters(*(float(v[0]) for v in values)),
             clock=clock, parts=parts,
             nonlinear=bool(np.any(np.isfinite(plants[index("epsilon")]))),
-            depths=np.ascontiguousarray(np.broadcast_to(depths, (len(clock.given), lanes))),
+            # a copy: a view that cannot be written has a type, and so a kernel, of its own
+            depths=np.array(np.broadcast_to(depths, (len(clock.given), lanes)), order="C"),
             work=work,
             noise=None if seeds is None
             else [np.random.Generator(np.random.Philox(np.random.SeedSequence(s))) for s in seeds],
