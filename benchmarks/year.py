@@ -1,14 +1,15 @@
 """A year of ten-day cycles: the package's mission against SciPy's solve_ivp at equal error.
 
 SciPy is given what the processor did and when, so that it looks at nothing, decides nothing and
-keeps no books: it integrates from one run of pump or valve to the next. Its tolerance is the
-loosest decade at which its depths at all those instants are as near to DOP853 at 1e-11 as the
-package's. The float stays below the surface, where bobbing would cost SciPy most of its time.
+keeps no books: it integrates from one run of pump or valve to the next. Its tolerance is searched
+until its depths at all those instants are as far from DOP853 at 1e-11 as the package's. The float
+stays below the surface, where bobbing would cost SciPy most of its time.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import process_time
 from typing import Any
@@ -26,11 +27,13 @@ from swimbladder.mission.flight import Flight, fly_mission
 from swimbladder.mission.prepare import Plan, first_state
 from swimbladder.seawater import look_up, uniform_column
 
-__all__ = ["Peer", "compare", "report"]
+__all__ = ["Peer", "Tried", "compare", "equal_error", "report"]
 
 DAY = 86400.0
 GOAL = 0.3  # s of processor time for the package's year
 METHODS = ("LSODA", "RK45", "DOP853", "Radau")
+ALIKE = 1.1  # two errors of a ratio nearer to 1 are called equal
+_LOOSEST, _TIGHTEST = -2.0, -11.0  # decades of rtol
 _ML = 1e6  # volumes are counted in cm3
 _DOING = {Note.VALVE: Table.RATE_IN, Note.BYPASS: Table.BYPASS}
 
@@ -43,6 +46,43 @@ class Peer:
     seconds: float
     error: float
     tolerance: float | None = None
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A run at a relative tolerance: its largest depth error [m] and its processor time [s]."""
+
+    tolerance: float
+    error: float
+    seconds: float
+
+
+def equal_error(run: Callable[[float], Tried], wanted: float) -> Tried:
+    """Return the run whose error [m] is nearest to `wanted`, by the logarithm.
+
+    Half decades of the tolerance, from loose to tight, until the error is below `wanted`; then
+    halves, quarters, eighths and sixteenths of the last of them, until the error is within `ALIKE`:
+    it does not fall evenly with the tolerance, so that halving towards it could miss it.
+    Raises ArithmeticError where no tolerance is tight enough.
+    """
+
+    def off(one: Tried) -> float:
+        return abs(math.log(one.error / wanted))
+
+    decade = _LOOSEST
+    best = last = run(10.0**decade)
+    while last.error > wanted:
+        decade -= 0.5
+        if decade < _TIGHTEST:
+            raise ArithmeticError(f"no tolerance has an error of {wanted:g} m")
+        last = run(10.0**decade)
+        best = min(best, last, key=off)
+    shares = [n / parts for parts in (2, 4, 8, 16) for n in range(1, parts, 2)]
+    for share in shares if decade < _LOOSEST else ():
+        if off(best) < math.log(ALIKE):
+            break
+        best = min(best, run(10.0 ** (decade + 0.5 * share)), key=off)
+    return best
 
 
 def compare(*, quick: bool) -> list[Peer]:
@@ -66,12 +106,14 @@ def compare(*, quick: bool) -> list[Peer]:
     seconds = min(_alone(flight.plan, task) for _ in range(5))
     found = [Peer("swimbladder", seconds * cycles, ours)]
     for method in METHODS[:1] if quick else METHODS:
-        for decade in range(2, 11):
-            depths, taken = _replay(flight, method, 10.0**-decade)
-            error = float(np.max(np.abs(depths - right)))
-            if error <= ours:
-                break
-        found.append(Peer(f"SciPy, {method}", taken * cycles, error, 10.0**-decade))
+
+        def run(tolerance: float, method: str = method) -> Tried:
+            depths, taken = _replay(flight, method, tolerance)
+            return Tried(tolerance, float(np.max(np.abs(depths - right))), taken)
+
+        chosen = equal_error(run, ours)
+        taken = min(run(chosen.tolerance).seconds for _ in range(1 if quick else 3))
+        found.append(Peer(f"SciPy, {method}", taken * cycles, chosen.error, chosen.tolerance))
     return found
 
 
@@ -80,7 +122,7 @@ def report(peers: list[Peer]) -> str:
     ours = peers[0].seconds
     lines = [
         (p.name, number(p.seconds), ratio(p.seconds, ours), number(p.error, 2),
-         "-" if p.tolerance is None else f"{p.tolerance:.0e}")
+         "-" if p.tolerance is None else f"{p.tolerance:.1e}")
         for p in peers
     ]  # fmt: skip
     headings = ["A year of ten-day cycles", "s of processor", "to ours", "depth error [m]", "rtol"]

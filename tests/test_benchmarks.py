@@ -11,6 +11,7 @@ from benchmarks.mission import BOTTOM, Fleet, Mission, fleet, mission
 from benchmarks.reference import Reference, reference
 from benchmarks.run import main
 from benchmarks.table import number, ratio, render
+from benchmarks.year import ALIKE, Tried, equal_error
 from swimbladder.io.config import load_vehicle
 
 SHORT_STROKE = 15  # this vehicle of the fleet meets its end stops
@@ -99,6 +100,25 @@ def test_tables() -> None:
     assert ratio(3.0, 2.0) == "1.5 x"
     assert ratio(None, 2.0) == "-"
     assert render(["a", "b"], [["name", "1"]]).splitlines() == ["a     b", "----  -", "name  1"]
+
+
+@pytest.mark.parametrize("order", [0.6, 1.0, 1.3])
+def test_equal_error_finds_the_tolerance_of_a_method_of_any_order(order) -> None:
+    found = equal_error(lambda tolerance: Tried(tolerance, 40.0 * tolerance**order, 0.0), 6.8e-3)
+    assert 1.0 / ALIKE < found.error / 6.8e-3 < ALIKE
+    assert found.tolerance == pytest.approx((6.8e-3 / 40.0) ** (1.0 / order), rel=0.2)
+
+
+def test_equal_error_takes_the_nearest_where_the_error_jumps() -> None:
+    """Of errors a decade apart none is alike: the nearest is told, not the first below."""
+
+    def run(tolerance: float) -> Tried:
+        return Tried(tolerance, 10.0 ** np.floor(np.log10(tolerance) + 1e-9), 0.0)
+
+    assert equal_error(run, 2e-4).error == pytest.approx(1e-4)
+    assert equal_error(run, 8e-4).error == pytest.approx(1e-3)
+    with pytest.raises(ArithmeticError, match="no tolerance"):
+        equal_error(run, 1e-15)
 
 
 @pytest.mark.slow
