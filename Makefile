@@ -23,7 +23,7 @@ demo: $(INSTALLED) ## Reproduce the paper and write the report
 	@echo "The report is in $(CURDIR)/report/paper"
 
 test: lint ## Lint, check types and layers, and run every test
-	@$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
+	@PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 lint: $(INSTALLED) ## Check style, types and layers
 	@$(BIN)/ruff check
