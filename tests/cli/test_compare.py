@@ -199,3 +199,28 @@ def test_a_mission_of_the_real_float(capsys, data_dir, tmp_path):
     b = answer(capsys, *common, "--drive", "setpoint", "--fit", "none")
     assert b["rms_m"] < 0.021
     assert b["piston_rms_m"] < 0.0011
+
+
+def still(folder):
+    """A vehicle that hangs where it is neutral, by a sensor that does not move."""
+    path = folder / "still.csv"
+    rows = [f"{0.5 * k},2.0,8.08e-6" for k in range(100)]
+    path.write_text("\n".join(["time_s,depth_m,volume_m3", *rows]), encoding="ascii")
+    return str(path)
+
+
+def test_what_is_below_any_sensor_is_printed_as_zero(capsys, tmp_path):
+    words = ["compare", still(tmp_path), "--vehicle", "feup-em", "--out", str(tmp_path)]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert "start_speed = 0 m/s +- 0 m/s" in out
+    assert "start_depth = 2 m" in out
+    assert "nan" not in out  # no variance, of which a share could be explained
+
+
+def test_identify_says_that_nothing_moved(capsys, tmp_path):
+    out = tmp_path / "out"
+    words = ["identify", still(tmp_path), "--vehicle", "feup-em", "--out", str(out)]
+    assert main(words) == 1
+    assert "the depth stays at 2 m" in capsys.readouterr().err
+    assert not out.exists()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from swimbladder.seawater import Column
 
 __all__ = ["compare"]
+
+_ROUNDING = 1e-6  # of a difference that a log tells: less is no number to print
 
 
 def compare(
@@ -224,6 +227,11 @@ def _compare(
     task.files = tuple(files)
 
 
+def _cleared(value: float, least: float) -> float:
+    """Return a number, 0 where it is smaller than anything that can be measured."""
+    return value if abs(value) >= least else 0.0
+
+
 def _print(tasks: list[_Task]) -> None:
     """Print a row for each log, then what was fitted, noted and written."""
     from rich.table import Table
@@ -242,7 +250,7 @@ def _print(tasks: list[_Task]) -> None:
             r.record.drive,
             f"{1e3 * r.rms:.1f} mm",
             f"{1e3 * r.bias:+.1f} mm",
-            f"{100.0 * r.variance_explained:.2f} %",
+            f"{100.0 * r.variance_explained:.2f} %" if math.isfinite(r.variance_explained) else "-",
             f"{1e3 * r.largest:.1f} mm",
             str(r.n),
         )
@@ -260,14 +268,16 @@ def _print(tasks: list[_Task]) -> None:
 
 def _print_one(task: _Task, r: Comparison, said: set[str]) -> None:
     """Print what was fitted, the notes not yet said, and the files."""
+    from swimbladder.comparison.fittable import FITTABLE
+
     for name, fitted in r.fitted.items():
         unit = shown_unit(fitted.unit)
-        value = format_quantity(fitted.value, fitted.unit, unit)
-        spread = ""
+        least = _ROUNDING * FITTABLE[name].scale
+        value = format_quantity(_cleared(fitted.value, least), fitted.unit, unit)
+        spread = ", which this log cannot tell"
         if fitted.std is not None:
-            spread = f" +- {format_quantity(fitted.std, fitted.unit, unit, digits=2)}"
-        else:
-            spread = ", which this log cannot tell"
+            std = _cleared(fitted.std, least)
+            spread = f" +- {format_quantity(std, fitted.unit, unit, digits=2)}"
         output.print(f"fitted to this log: {name} = {value}{spread}")
     piston = r.to_json()["piston_rms_m"]
     if piston is not None:

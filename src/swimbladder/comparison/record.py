@@ -8,6 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.comparison.clock import refuse_wrong_clock
 from swimbladder.comparison.water import layers_of
 from swimbladder.engine.layers import NO_LAYERS, Layers
 from swimbladder.errors import InputError, LogError
@@ -171,6 +172,10 @@ def record(
             unit="m",
             remedy="Check the unit of the depth, or give another --surface-margin or --bottom",
         )
+    refuse_wrong_clock(
+        log, vehicle, under & clear, volume=volume if chosen == "volume" else None,
+        voltage=log.voltage if chosen == "voltage" else None,
+    )  # fmt: skip
     time = log.time - log.time[0]
     reference = log.reference_depth
     return Record(

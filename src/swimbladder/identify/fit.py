@@ -25,7 +25,7 @@ from swimbladder.identify.noise import (
 from swimbladder.identify.problem import VOLUME, Problem
 from swimbladder.identify.start import regression
 
-__all__ = ["Fit", "fit", "refine"]
+__all__ = ["Fit", "fit", "inverse_of", "refine"]
 
 Array = NDArray[np.float64]
 Found = tuple[float, Array, Array]  # objective, x, noise [m] of each experiment
@@ -266,7 +266,7 @@ def finish(problem: Problem, x: Array) -> Fit:
     slopes = [root[part, None] * slope[part] for part in rows]
     A = sum((X.T @ X for X in slopes), np.zeros((len(x), len(x))))
     prior = P.T @ P
-    inverse = _inverse(A + prior)
+    inverse = inverse_of(A + prior)
     left = [root[part] * residual[part] for part in rows]
     seen = tuple(autoregression(u) for u in left)
     found = colours(slopes, left, seen, inverse, prior)
@@ -277,11 +277,11 @@ def finish(problem: Problem, x: Array) -> Fit:
         x=x, residual=residual, weight=weight, noise=noise,
         objective=_objective(problem, x, residual, noise), slope=slope,
         colour=seen, noise_colour=found,
-        information=A + prior, covariance=covariance, data=A @ _inverse(B) @ A,
+        information=A + prior, covariance=covariance, data=A @ inverse_of(B) @ A,
     )  # fmt: skip
 
 
-def _inverse(M: NDArray[np.float64]) -> Array:
+def inverse_of(M: NDArray[np.float64]) -> Array:
     """Return the inverse of a symmetric matrix, through entries of one size each.
 
     Directions of which nothing is known get a variance that is huge, not infinite.

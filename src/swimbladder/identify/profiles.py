@@ -10,7 +10,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import least_squares
 
 from swimbladder.identify.estimates import Z95
-from swimbladder.identify.fit import Fit
+from swimbladder.identify.fit import Fit, inverse_of
 from swimbladder.identify.model import NAMES
 from swimbladder.identify.problem import Problem
 from swimbladder.identify.result import Profile
@@ -32,7 +32,7 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
     """
     root = np.sqrt(fit.weight) / np.repeat(fit.noise, np.diff(problem.rows))
     spread = math.sqrt(fit.covariance[i, i])
-    plain = np.linalg.solve(fit.information, np.eye(len(fit.x))[i])
+    plain = inverse_of(fit.information)[:, i]
     naive = max(float(plain[i]), 1e-300)
     ratio = naive / spread**2
     others = np.delete(np.arange(len(fit.x)), i)

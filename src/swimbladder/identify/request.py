@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from swimbladder.comparison.record import Drive, Record
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.identify.estimates import Prior
 from swimbladder.identify.model import NAMES, Model, check_names
 from swimbladder.identify.problem import Problem
@@ -14,7 +16,9 @@ from swimbladder.io.logs import Log
 from swimbladder.parameters import Vehicle
 from swimbladder.units import format_quantity
 
-__all__ = ["assumptions", "check_logs", "check_parameters", "driven_by"]
+__all__ = ["assumptions", "check_logs", "check_motion", "check_parameters", "driven_by"]
+
+_STILL = 1e-4  # m, below which no sensor measures
 
 
 def check_logs(
@@ -36,6 +40,17 @@ def check_logs(
             "a set-point does not drive the vehicle without its controller", field="--drive",
             value=drive, remedy="Choose volume or voltage",
         )  # fmt: skip
+
+
+def check_motion(records: Sequence[Record]) -> None:
+    """Raise NoAnswerError where no vehicle of the records moved by what a sensor can tell."""
+    ranges = [float(np.ptp(r.depth[r.compared])) for r in records]
+    if max(ranges) < _STILL:
+        raise NoAnswerError(
+            "the data do not tell how the vehicle moves: the depth stays at "
+            f"{float(records[0].depth[records[0].compared][0]):.4g} m. Check which column is the "
+            "depth, or record steps of the volume"
+        )
 
 
 def driven_by(log: Log, vehicle: Vehicle) -> Drive:

@@ -25,7 +25,13 @@ from swimbladder.identify.outcome import dry_mass, identified_vehicle
 from swimbladder.identify.posterior import sample
 from swimbladder.identify.problem import VOLUME, Problem
 from swimbladder.identify.profiles import profile
-from swimbladder.identify.request import assumptions, check_logs, check_parameters, driven_by
+from swimbladder.identify.request import (
+    assumptions,
+    check_logs,
+    check_motion,
+    check_parameters,
+    driven_by,
+)
 from swimbladder.identify.result import Finding, Identification, Profile
 from swimbladder.identify.tell import untold
 from swimbladder.identify.walk import fit_walk
@@ -74,6 +80,7 @@ def identify(
                surface_margin=surface_margin, column=water)
         for log, water in zip(logs, waters, strict=True)
     ]  # fmt: skip
+    check_motion(records)
     model = model_of(vehicle, law=drag, bottom_depth=bottom_depth)
     names = tuple(free) if free is not None else default_names(model.law, list(fixed))
     voltage = any(r.drive == "voltage" for r in records)
