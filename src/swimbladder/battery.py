@@ -22,6 +22,8 @@ __all__ = [
     "endurance",
     "hotel_power",
     "load_is_on",
+    "needed_capacity",
+    "share_in_cold",
     "surfacing_energy",
     "usable_charge",
     "usable_share",
@@ -42,10 +44,18 @@ def capacity(vehicle: Vehicle) -> float:
     return vehicle.supply.capacity
 
 
+def share_in_cold(cold_share: Any, temperature: Any) -> Any:
+    """Return the share that can be drawn at a `temperature` [degC] of what 20 degC gives.
+
+    cold_share: at 0 degC. Arrays too.
+    """
+    lost = 1.0 - np.asarray(cold_share, float)
+    return np.clip(1.0 - lost * (WARM - np.asarray(temperature, float)) / WARM, 0.0, 1.0)[()]
+
+
 def usable_share(supply: Supply, temperature: Any) -> Any:
     """Return the share of the capacity that can be drawn at a `temperature` [degC]; arrays too."""
-    share = 1.0 - (1.0 - supply.cold_share) * (WARM - np.asarray(temperature, float)) / WARM
-    return np.clip(share, 0.0, 1.0)[()]
+    return share_in_cold(supply.cold_share, temperature)
 
 
 def usable_charge(supply: Supply, charge: Any, temperature: Any) -> Any:
@@ -69,6 +79,23 @@ def charge_after(charge: Any, power: Any, duration: Any, self_discharge: float) 
     # (1 - exp(-x))/x is 1 where nothing is lost.
     mean = np.divide(-np.expm1(-x), x, out=np.ones(np.shape(x)), where=x > 0.0)
     return (np.asarray(charge, float) * kept - power * duration * mean)[()]
+
+
+def needed_capacity(energy: Any, duration: Any, share: Any, self_discharge: Any) -> Any:
+    """Return the full charge [J] of which `energy` [J], drawn evenly over `duration` [s], is there.
+
+    share: of the full charge that may be gone by then [-]; the cold, or a reserve, keeps the rest.
+    self_discharge [1/s]. The inverse of `endurance`: C e^{-x} - E (1 - e^{-x})/x = C (1 - share)
+    with x = s t. inf where self-discharge alone takes more than that share. Arrays too.
+    """
+    x = np.asarray(self_discharge, float) * np.asarray(duration, float)
+    mean = np.divide(-np.expm1(-x), x, out=np.ones(np.shape(x)), where=x > 0.0)
+    left = np.asarray(share, float) + np.expm1(-x)
+    taken = np.asarray(energy, float) * mean
+    return np.divide(
+        taken, left, out=np.full(np.broadcast_shapes(taken.shape, left.shape), np.inf),
+        where=left > 0.0,
+    )[()]  # fmt: skip
 
 
 def endurance(supply: Supply, power: float, temperature: float = WARM) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,6 +20,9 @@ from swimbladder.cli.casts import (
     asked_casts,
 )
 from swimbladder.cli.common import emit_json, output, progress, quantity, said_as_typed
+
+if TYPE_CHECKING:
+    from swimbladder.sizing import Parts
 
 __all__ = ["size"]
 
@@ -72,6 +75,16 @@ def size(
     battery_reserve: Annotated[
         str, typer.Option(metavar="SHARE", help="Of the battery, that is not flown with.")
     ] = "10 %",
+    coldest: Annotated[
+        str | None,
+        typer.Option(metavar="TEMP", help="Water that the battery is in (the cast's, or 4 degC)."),
+    ] = None,
+    driver_efficiency: Annotated[
+        str | None, typer.Option(metavar="SHARE", help="Of the motor's driver (the list's).")
+    ] = None,
+    driver_standby: Annotated[
+        str | None, typer.Option(metavar="POWER", help="That it draws all the time (the list's).")
+    ] = None,
     longest_travel: Annotated[
         str, typer.Option(metavar="LENGTH", help="Of a piston that there is room for.")
     ] = "0.6 m",
@@ -122,6 +135,7 @@ def size(
     wished = {n: quantity(text, unit, named[n]) or 0.0 for n, (text, unit) in numbers.items()}
     travel = quantity(longest_travel, "m", "--longest-travel") or 0.0
     mass = quantity(largest_mass, "kg", "--largest-mass")
+    cold = quantity(coldest, "degC", "--coldest")
     check_place(out)
     casts = asked_casts(
         [] if cast is None else [cast], column=column, where=where, log_format=log_format,
@@ -137,19 +151,20 @@ def size(
         from swimbladder.seawater import cast_column
 
         sea = cast_column(casts[0])
-    listed = load_parts(parts)
+    listed = _with_driver(load_parts(parts), driver_efficiency, driver_standby)
     typed: dict[str, str | None] = {named[name]: text for name, (text, _) in numbers.items()}
+    typed |= {"--coldest": coldest}
     typed |= {"--longest-travel": longest_travel, "--largest-mass": largest_mass}
     with (
         doubted_unit(casts, wished["depth"], vehicle.hull.depth_limit),
         said_as_typed(
-            typed, **named, cycles="--cycles", longest_travel="--longest-travel",
-            largest_mass="--largest-mass",
+            typed, **named, cycles="--cycles", coldest="--coldest",
+            longest_travel="--longest-travel", largest_mass="--largest-mass",
         ),
         progress("weighing drives", total=6.0) as advance,
     ):  # fmt: skip
         found = find(
-            vehicle, Dive(cycles=cycles, **wished), column=sea, parts=listed,
+            vehicle, Dive(cycles=cycles, coldest=cold, **wished), column=sea, parts=listed,
             longest_travel=travel, largest_mass=math.inf if mass is None else mass,
             least="mass" if least == "mass" else "energy", advance=advance,
         )  # fmt: skip
@@ -164,3 +179,26 @@ def size(
     output.print("")
     for path in files:
         output.print(f"wrote {path}", soft_wrap=True)
+
+
+def _with_driver(parts: Parts, efficiency: str | None, standby: str | None) -> Parts:
+    """Return a list of parts with the driver that was asked for."""
+    from swimbladder.errors import InputError
+
+    asked = {
+        "efficiency": quantity(efficiency, "", "--driver-efficiency"),
+        "standby_power": quantity(standby, "W", "--driver-standby"),
+    }
+    share, power = asked["efficiency"], asked["standby_power"]
+    if share is not None and not 0.0 < share <= 1.0:
+        raise InputError(
+            "a share above 0 and up to 1 is needed", field="--driver-efficiency", value=efficiency,
+            remedy='Write a share like "92 %"',
+        )  # fmt: skip
+    if power is not None and not 0.0 <= power < float("inf"):
+        raise InputError(
+            "it cannot be negative", field="--driver-standby", value=standby,
+            remedy="Check the number and its unit",
+        )  # fmt: skip
+    given = {key: value for key, value in asked.items() if value is not None}
+    return parts.model_copy(update={"driver": parts.driver.model_copy(update=given)})

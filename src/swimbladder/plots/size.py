@@ -148,16 +148,41 @@ def _label(what: str, name: str) -> str:
 
 @styled
 def draw_wishes(found: Sizing) -> Figure:
-    """Return what each wish costs: the least mass and its stroke as depth, time, ... change."""
+    """Return what each wish costs: the least mass and its stroke as depth, time, ... change.
+
+    Behind them where the chosen drive's battery goes.
+    """
     sweeps = [sweep for sweep in found.sweeps if len(sweep.values) > 1]
-    figure = Figure(figsize=(10.5, 2.9 * math.ceil(max(len(sweeps), 1) / 3)))
-    panels = figure.subplots(max(math.ceil(len(sweeps) / 3), 1), 3, squeeze=False)
-    for axes, sweep in zip(panels.flat, sweeps, strict=False):
+    count = len(sweeps) + 1
+    figure = Figure(figsize=(10.5, 2.9 * math.ceil(count / 3)))
+    panels = list(figure.subplots(math.ceil(count / 3), 3, squeeze=False).flat)
+    for axes, sweep in zip(panels, sweeps, strict=False):
         _wish(axes, sweep, getattr(found.asked.dive, sweep.what))
-    for axes in list(panels.flat)[len(sweeps) :]:
+    _spent(panels[len(sweeps)], found)
+    for axes in panels[count:]:
         axes.set_visible(False)
-    label_panels(list(panels.flat)[: len(sweeps)])
+    label_panels(panels[:count])
     return figure
+
+
+def _spent(axes: Axes, found: Sizing) -> None:
+    """Draw what becomes of the battery's energy."""
+    budget, best, dive = found.weighed.spent, found.best, found.asked.dive
+    drive = dive.cycles * found.weighed.cycle_energy[best] - budget.driver_loss[best]
+    driver = budget.driver_loss[best] + budget.driver_standby[best]
+    bars = {
+        "drive": drive, "driver": driver, "hotel": budget.drawn[best] - drive - driver,
+        "self-discharge": budget.self_discharged[best],
+        f"cold, {found.asked.coldest:.3g} °C": budget.cold[best],
+        "reserve": budget.reserve[best], "not usable": budget.unusable[best],
+    }  # fmt: skip
+    energy = [float(value) / 3600.0 for value in bars.values()]
+    colors = [BLUE] * 3 + [ORANGE] * 4  # drawn, and not to be had
+    axes.barh(range(len(bars)), energy, color=colors, height=0.7)
+    axes.set_yticks(range(len(bars)), list(bars), fontsize=8.0)
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("of the chosen battery [Wh] (orange: not drawn)")
 
 
 def _wish(axes: Axes, sweep: Sweep, asked: float) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from swimbladder.actuator import unified
 from swimbladder.parameters import (
+    Driver,
     ElectrohydraulicActuator,
     ElectromechanicalActuator,
     HydraulicDrive,
@@ -128,6 +129,7 @@ class Batch:
     battery_resistance: NDArray[np.float64]
     drive_mass: NDArray[np.float64]
     of_parts: Mapping[tuple[str, str], NDArray[np.float64]]
+    driver: Driver
 
     def number(self, part: str, what: str) -> NDArray[np.float64]:
         """Return the number `what` of each combination's `part`, infinite without one, [n]."""
@@ -150,10 +152,10 @@ def combinations(parts: Parts, water: Water) -> Batch:
             Combination(**common, gear=gear, screw=screw, piston=piston)
             for gear, screw, piston in screws
         ]
-    return _batch(found, water)
+    return _batch(found, water, parts.driver)
 
 
-def _batch(found: list[Combination], water: Water) -> Batch:
+def _batch(found: list[Combination], water: Water, driver: Driver) -> Batch:
     """Return the combinations' constants; each drive is worked out once, not per battery."""
     known: dict[tuple[float | int, ...], tuple[float, ...]] = {}
     rows = []
@@ -174,6 +176,7 @@ def _batch(found: list[Combination], water: Water) -> Batch:
         supply=columns[9], battery_resistance=columns[10],
         drive_mass=np.array([c.drive_mass for c in found]),
         of_parts={(part, what): _number(found, part, what) for part, what in _NUMBERS},
+        driver=driver,
     )  # fmt: skip
 
 
@@ -188,6 +191,6 @@ _NUMBERS = (
     ("pump", "largest_speed"), ("pump", "at_rest"), ("amplifier", "area_ratio"),
     ("gear", "rated_torque"), ("screw", "largest_force"), ("screw", "lead"),
     ("screw", "efficiency"), ("piston", "area"), ("battery", "usable"),
-    ("battery", "specific_energy"),
+    ("battery", "specific_energy"), ("battery", "cold_share"), ("battery", "self_discharge"),
 )  # fmt: skip
 _DRIVE = ("motor", "pump", "amplifier", "gear", "screw", "piston")

@@ -29,6 +29,7 @@ class Dive:
     to work [-]; stall_reserve: how much deeper than `depth` the motor has to hold, as a share [-].
     corrections: share by which a flown dive takes longer and more energy than the straight one [-];
     surface_time per cycle [s]; battery_reserve: share of the battery that is not flown with [-].
+    coldest: of the water on the way [degC]; None: as the column of water has it.
     Raises InputError where a number cannot be.
     """
 
@@ -46,6 +47,7 @@ class Dive:
     corrections: float = 0.2
     surface_time: float = 900.0
     battery_reserve: float = 0.1
+    coldest: float | None = None
     battery_low: float = 0.8
     stall_reserve: float = 0.25
 
@@ -64,6 +66,11 @@ class Dive:
                     "it cannot be negative", field=name, value=value, unit=unit,
                     remedy="Check the number and its unit",
                 )  # fmt: skip
+        if self.coldest is not None and not -5.0 <= self.coldest <= 60.0:
+            raise InputError(
+                "water is between -5 and 60 degC", field="coldest", value=self.coldest,
+                unit="degC", remedy="Check the number and its unit",
+            )  # fmt: skip
         for name in ("reserve", "corrections"):
             if getattr(self, name) > 1.0:
                 raise InputError(
@@ -107,7 +114,7 @@ class Needs:
     out, all [n]. neutral: the change of the neutral volume from the surface down [m3] [n]. drive:
     volume that keeps the speed, mean of down and up [m3], trim: half-width that is covered [m3],
     stroke: from stop to stop [m3], lowest: where the inner stop is, counted from neutral at the
-    surface [m3], rate: while pressing out at `depth` [m3/s].
+    surface [m3], rate: while pressing out at `depth` [m3/s], coldest: water on the way [degC].
     """
 
     dive: Dive
@@ -120,6 +127,7 @@ class Needs:
     stroke: float
     lowest: float
     rate: float
+    coldest: float
 
     @property
     def bottom_pressure(self) -> float:
@@ -177,8 +185,10 @@ def needs(body: Vehicle, column: Column, dive: Dive) -> Needs:
     moved[1:] += np.maximum(change, 0.0)  # on the way down: a hull that gives way, trapped air
     moved[:-1] += np.maximum(-change, 0.0)  # on the way up
     moved[0] += max(dive.freeboard - up, 0.0)
+    way = column.temperature[column.depth <= dive.depth]
     return Needs(
         dive=dive,
+        coldest=float(way.min()) if dive.coldest is None else dive.coldest,
         depth=grid,
         pressure=pressure,
         moved=moved,

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from swimbladder.errors import InputError
 from swimbladder.io.config import file_text, read_model
-from swimbladder.parameters import Motor, Parameters, Unit
+from swimbladder.parameters import Driver, Motor, Parameters, Unit
 
 __all__ = [
     "Amplifier",
@@ -139,9 +139,15 @@ class BatteryKind(Parameters):
     specific_energy: Annotated[float, Unit("J/kg"), _Positive] = Field(
         description="energy per mass of the pack"
     )
-    usable: _Share = Field(description="share of it that can be taken out")
+    usable: _Share = Field(description="share of it that can be taken out at 20 degC")
     resistance: Annotated[float, Unit("ohm/V"), Field(ge=0.0)] = Field(
         0.0, description="internal resistance per open-circuit voltage"
+    )
+    cold_share: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)] = Field(
+        1.0, description="share of what can be taken out at 20 degC that 0 degC leaves"
+    )
+    self_discharge: Annotated[float, Unit("1/s"), Field(ge=0.0, le=1e-6)] = Field(
+        0.0, description="share of what is in it that is lost per time"
     )
 
 
@@ -167,6 +173,7 @@ class Parts(Parameters):
     batteries: Annotated[tuple[BatteryKind, ...], Field(min_length=1)] = Field(
         description="kinds of batteries"
     )
+    driver: Driver = Field(Driver(), description="the motor's driver; not given: it loses nothing")
 
 
 def load_parts(path: str | Path | None = None) -> Parts:

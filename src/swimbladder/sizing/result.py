@@ -19,6 +19,7 @@ from swimbladder.parameters import (
     Valve,
     Vehicle,
 )
+from swimbladder.sizing.budget import Budget
 from swimbladder.sizing.candidates import PARTS
 from swimbladder.sizing.run import Sizing
 from swimbladder.sizing.weigh import REQUIREMENTS
@@ -31,6 +32,7 @@ _REPLACED = {
     "loads", "driver",
 }  # fmt: skip
 _EVACUATED = 2e4  # Pa
+_YEAR = 365.25 * 86400.0  # s
 __all__ = ["columns", "sentences", "sized_vehicle", "to_json"]
 
 
@@ -60,6 +62,7 @@ def sentences(found: Sizing) -> list[str]:
         f"rest; {dive.cycles} cycles need {w.battery_energy[b] / 3600.0:.0f} Wh of "
         f"{c.battery.name}, {rounded(float(w.battery_mass[b]), 2)} kg. Drive and battery weigh "
         f"{rounded(float(w.mass[b]), 2)} kg.",
+        _battery(found),
         f"Tightest: {REQUIREMENTS[tight]}, {100.0 * (w.margins[tight][b] - 1.0):.0f} % to spare.",
     ]
     if np.ptp(found.column.density) == 0.0:
@@ -81,7 +84,33 @@ def _stall(depth: float) -> str:
 
 def _hotel(found: Sizing) -> float:
     dive = found.asked.dive
-    return dive.hotel * dive.cycle_time + dive.surface_energy
+    power = dive.hotel + found.batch.driver.standby_power
+    return power * dive.cycle_time + dive.surface_energy
+
+
+def _battery(found: Sizing) -> str:
+    """Return what of the battery does not move or measure anything, in a sentence."""
+    spent, asked = _spent(found, found.best), found.asked
+    years = asked.dive.cycles * asked.dive.cycle_time / _YEAR
+    lasting = f"{years:.1f} years" if years >= 1.0 else f"{12.0 * years:.1f} months"
+
+    def share(*names: str) -> str:
+        return f"{100.0 * sum(spent[name] for name in names) / spent['carried']:.1f} %"
+
+    return (
+        f"Of the battery {share('drawn')} is drawn "
+        f"({share('driver_loss', 'driver_standby')} by the driver), {share('cold')} is not to be "
+        f"had in water of {asked.coldest:.3g} degC, {share('self_discharged')} is lost by itself "
+        f"in {lasting}, {share('reserve')} is reserve and {share('unusable')} cannot be taken out "
+        "at all."
+    )
+
+
+def _spent(found: Sizing, index: int) -> dict[str, float]:
+    return {
+        field.name: float(getattr(found.weighed.spent, field.name)[index])
+        for field in dataclasses.fields(Budget) if field.name != "life"
+    }  # fmt: skip
 
 
 def sized_vehicle(found: Sizing) -> Vehicle:
@@ -101,6 +130,7 @@ def sized_vehicle(found: Sizing) -> Vehicle:
         "supply": f"{source}; {c.battery.name}, "
         f"{rounded(float(found.weighed.battery_mass[found.best]), 2)} kg",
         "loads": "asked for: --hotel and --surfacing",
+        "driver": found.parts.provenance.get("driver", "as in the list of parts"),
         "stroke": "sized: " + ", ".join(
             f"{name} {volume * 1e6:.0f} cm3" for name, volume in asked.shares.items()
         ),
@@ -125,7 +155,9 @@ def sized_vehicle(found: Sizing) -> Vehicle:
             "supply": Supply(
                 voltage=c.supply, internal_resistance=c.supply * c.battery.resistance,
                 capacity=float(found.weighed.battery_energy[found.best]) * c.battery.usable,
+                cold_share=c.battery.cold_share, self_discharge=c.battery.self_discharge,
             ),
+            "driver": found.batch.driver,
             "stroke": Stroke(minimum=-half, maximum=half),
             "loads": (Load(
                 name="all but the drive", power=asked.dive.hotel,
@@ -172,6 +204,10 @@ def columns(found: Sizing) -> dict[str, list[Any]]:
         "holding_power_W": w.holding_power, "stall_depth_m": w.stall, "turn_time_s": w.turn_time,
         "piston_travel_m": np.where(w.travel > 0.0, w.travel, np.nan),
     }  # fmt: skip
+    numbers |= {
+        f"battery_{field.name}_J": getattr(w.spent, field.name)
+        for field in dataclasses.fields(Budget) if field.name not in ("carried", "life")
+    }  # fmt: skip
     numbers |= {f"margin_{name.replace(' ', '_')}": margin for name, margin in w.margins.items()}
     return table | {name: values[order].tolist() for name, values in numbers.items()}
 
@@ -216,6 +252,7 @@ def _one(found: Sizing, index: int) -> dict[str, Any]:
         "mass": float(w.mass[index]),
         "battery_mass": float(w.battery_mass[index]),
         "battery_energy": float(w.battery_energy[index]),
+        "battery": _spent(found, index),
         "cycle_energy": float(w.cycle_energy[index]),
         "energy_per_volume": float(w.energy_per_volume[index]),
         "rate": float(w.rate[index]),

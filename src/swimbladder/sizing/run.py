@@ -22,6 +22,9 @@ __all__ = ["Choice", "Sizing", "Sweep", "size"]
 
 Least = Literal["mass", "energy"]
 _AS_GOOD = 1.002
+# degC where no cast says: water is densest there and fills deep lakes; the oceans have 2 to 5 degC
+# at 1000 m (Talley et al., "Descriptive Physical Oceanography", 6th ed. 2011, ch. 4)
+_COLDEST = 4.0
 _SWEPT = {
     "depth": (0.5, 0.75, 1.0, 1.25, 1.5, 2.0),
     "turn_time": (0.25, 0.5, 1.0, 2.0, 4.0),
@@ -95,11 +98,13 @@ def size(
     """Return the drive and battery that do a dive with the least `least`, of all that parts make.
 
     body: its hull, mass and drag are used, its drive and stroke are not. column: the water; that
-    of the body where not given. longest_travel of a piston [m], largest_mass of drive and battery
-    [kg]. Raises NoAnswerError where no combination will do: which requirement is in the way, and by
-    how much.
+    of the body where not given, with a battery at 4 degC. longest_travel of a piston [m],
+    largest_mass of drive and battery [kg]. Raises NoAnswerError where no combination will do: which
+    requirement is in the way, and by how much.
     """
     parts = load_parts() if parts is None else parts
+    if column is None and dive.coldest is None:
+        dive = dataclasses.replace(dive, coldest=_COLDEST)
     _check(body, dive, longest_travel, largest_mass)
     batch = combinations(parts, body.water)
 

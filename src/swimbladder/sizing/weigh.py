@@ -17,8 +17,10 @@ from swimbladder.electric import (
     winding_current,
 )
 from swimbladder.parameters import Water
+from swimbladder.sizing.budget import Budget, budget
 from swimbladder.sizing.candidates import Batch
 from swimbladder.sizing.needs import Needs
+from swimbladder.steady_drives import terminal_power
 
 __all__ = ["REQUIREMENTS", "Weighed", "weigh"]
 
@@ -35,6 +37,7 @@ REQUIREMENTS = {
     "screw force": "the axial load of the screw",
     "gear torque": "the torque of the gear's output",
     "piston travel": "the longest travel that there is room for",
+    "battery life": "the charge that time alone leaves, against what cold and reserve keep back",
     "mass": "the mass that drive and battery may have together",
 }
 
@@ -45,7 +48,7 @@ class Weighed:
 
     margins: what a candidate can over what is asked, by requirement; at least 1 is good enough.
     rate [m3/s] at the depth, motor speed [rad/s], voltage [V] and current [A] there, energy per
-    volume [J/m3], energy per cycle of the drive [J], battery_energy to be carried [J],
+    volume [J/m3], energy per cycle of the drive [J], spent: where the battery goes,
     battery_mass and mass [kg], stall [m], travel of the piston [m] (0 for none).
     """
 
@@ -57,12 +60,17 @@ class Weighed:
     energy_per_volume: NDArray[np.float64]
     cycle_energy: NDArray[np.float64]
     holding_power: NDArray[np.float64]
-    battery_energy: NDArray[np.float64]
+    spent: Budget
     battery_mass: NDArray[np.float64]
     mass: NDArray[np.float64]
     stall: NDArray[np.float64]
     turn_time: NDArray[np.float64]
     travel: NDArray[np.float64]
+
+    @property
+    def battery_energy(self) -> NDArray[np.float64]:
+        """Energy of new cells at 20 degC that has to be carried [J] [n]."""
+        return self.spent.carried
 
     @property
     def worst(self) -> NDArray[np.float64]:
@@ -112,8 +120,14 @@ def _picked(paces: list[Weighed], which: NDArray[np.int64]) -> Weighed:
     numbers: dict[str, Any] = {
         field.name: pick([getattr(p, field.name) for p in paces])
         for field in dataclasses.fields(Weighed)
-        if field.name != "margins"
+        if field.name not in ("margins", "spent")
     }
+    numbers["spent"] = Budget(
+        **{
+            field.name: pick([getattr(p.spent, field.name) for p in paces])
+            for field in dataclasses.fields(Budget)
+        }
+    )
     margins = {name: pick([p.margins[name] for p in paces]) for name in paces[0].margins}
     return Weighed(margins=margins, **numbers)
 
@@ -137,6 +151,7 @@ def _at_pace(
     i = winding_current(u=u, omega=omega, R=b.resistance, k_emf=b.k_T)
     with np.errstate(invalid="ignore"):
         P = electrical_power(u=u, i=i)
+        P = terminal_power(P, b.driver)
         i_b = supply_current(P=P, E=b.supply, R_b=b.battery_resistance)
     per_volume = b.supply * i_b / rate
     bottom = z[:, -1]
@@ -160,15 +175,19 @@ def _at_pace(
     pump_pressure = np.where(np.isfinite(amplified), pressure / amplified, 0.0)
     holding = _holding(b, z[:, -1])
     resting = np.where(screw, 0.0, b.number("pump", "at_rest"))
-    leaked = resting * pressure / np.where(screw, 1.0, amplified**2) * per_volume[:, -1]
-    pressed = np.sum(asked.moved * per_volume, axis=1) * (1.0 + dive.corrections)
-    cycle = pressed + (holding + leaked) * dive.park_time
-    hotel = dive.hotel * dive.cycle_time + dive.surface_energy
-    flown = dive.cycles * (cycle + hotel) / (1.0 - dive.battery_reserve)
-    carried = flown / b.number("battery", "usable")
-    battery_mass = carried / b.number("battery", "specific_energy")
+    seeps = resting * pressure / np.where(screw, 1.0, amplified**2)
+
+    def per_cycle(energy: NDArray[np.float64], held: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what a cycle takes [J] of an energy per volume [J/m3] and of holding [W]."""
+        pressed: NDArray[np.float64] = np.sum(asked.moved * energy, axis=1)
+        return pressed * (1.0 + dive.corrections) + (held + seeps * energy[:, -1]) * dive.park_time
+
+    cycle = per_cycle(per_volume, holding)
+    lost = 1.0 - b.driver.efficiency
+    spent = budget(b, asked, cycle=cycle, driver_loss=lost * per_cycle(P / rate, holding))
+    battery_mass = spent.carried / b.number("battery", "specific_energy")
     mass = b.drive_mass + battery_mass
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         margins = {
             "battery power": b.supply[:, 0] ** 2
             / (4.0 * b.battery_resistance[:, 0] * np.maximum(P[:, -1], 1e-12)),
@@ -181,7 +200,9 @@ def _at_pace(
             "screw force": b.number("screw", "largest_force") / force,
             "gear torque": b.number("gear", "rated_torque") / output,
             "piston travel": longest_travel / travel,
-            "mass": largest_mass / mass,
+            "battery life": spent.life,
+            # with a battery that cannot be, it is that which is in the way
+            "mass": np.where(np.isfinite(mass), largest_mass / mass, np.inf),
         }
     fastest = _largest_rate(b, z[:, -1], available)
     return Weighed(
@@ -193,7 +214,7 @@ def _at_pace(
         energy_per_volume=per_volume[:, -1],
         cycle_energy=cycle,
         holding_power=holding,
-        battery_energy=carried,
+        spent=spent,
         battery_mass=battery_mass,
         mass=mass,
         stall=deepest,
@@ -206,12 +227,13 @@ def _holding(b: Batch, z: NDArray[np.float64]) -> NDArray[np.float64]:
     """Power [W] that holds a back-drivable screw at the depth's pressure; pumps have valves.
 
     The sea turns the motor back with eta^2 k_z z, less dry friction; holding it takes that torque
-    over k_T as a current, which is all lost in the winding.
+    over k_T as a current, which is all lost in the winding, and in the driver before.
     """
     back = b.efficiency[:, 0] ** 2 * b.k_z[:, 0] * z - b.friction_torque[:, 0]
     current = np.maximum(back, 0.0) / b.k_T[:, 0]
     screw = np.isfinite(b.number("piston", "area"))
-    return np.where(screw, current**2 * b.resistance[:, 0], 0.0)
+    power = terminal_power(current**2 * b.resistance[:, 0], b.driver)
+    return np.where(screw, power, 0.0)
 
 
 def _largest_rate(
