@@ -9,6 +9,9 @@ The examples of a page run in order, in a folder of their own that holds a `my-f
 
 ``<!-- exit 2 -->`` above a block: its last command ends so; ``<!-- not run: why -->``: it is not;
 ``<!-- as in docs/PAGE -->``: that page runs it, and prints what stands here too.
+
+The README's commands are processes of their own; those of the other pages are forks of one process
+that has imported everything (`warm.py`).
 """
 
 import contextlib
@@ -22,6 +25,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+
+from tests.docs.warm import CLIENT
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -92,29 +97,54 @@ def same(printed: str, promised: str) -> bool:
     return re.fullmatch(pattern, trimmed(printed), re.DOTALL) is not None
 
 
-def shell(command: str, folder: Path) -> tuple[int, str]:
-    """Run a command with the installed command line first on the path."""
-    programs = str(Path(sys.executable).parent)
-    surroundings = {
-        **os.environ, "PATH": programs + os.pathsep + os.environ["PATH"], "COLUMNS": "100",
+def surroundings(*programs: Path) -> dict[str, str]:
+    """Return the environment of a command; `programs`: folders that come first on the path."""
+    path = os.pathsep.join([*map(str, programs), str(Path(sys.executable).parent)])
+    return {
+        **os.environ, "PATH": path + os.pathsep + os.environ["PATH"], "COLUMNS": "100",
         "NO_COLOR": "1", "MPLBACKEND": "Agg",
     }  # fmt: skip
+
+
+def shell(command: str, folder: Path, *programs: Path) -> tuple[int, str]:
+    """Run a command with the installed command line first on the path, or what is in `programs`."""
     done = subprocess.run(
-        ["bash", "-ec", command], cwd=folder, env=surroundings, text=True, encoding="utf-8",
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300, check=False,
+        ["bash", "-ec", command], cwd=folder, env=surroundings(*programs), text=True,
+        encoding="utf-8", stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300,
+        check=False,
     )  # fmt: skip
     # the first command that needs a kernel says that it compiles
     lines = [line for line in done.stdout.splitlines() if not line.startswith("compiling the ")]
     return done.returncode, "\n".join(lines)
 
 
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    """A folder with a `swimbladder` that is a fork of a process which has imported everything."""
+    folder = tmp_path_factory.mktemp("warm")
+    client, address = folder / "swimbladder", str(folder / "socket")
+    client.write_text(CLIENT.format(python=sys.executable, address=address), encoding="utf-8")
+    client.chmod(0o755)
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.docs.warm", address], cwd=ROOT, env=surroundings(),
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as server:  # fmt: skip
+        assert server.stdout.readline() == "ready\n"
+        yield folder
+        server.stdin.close()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_the_examples_of_a_page_run_and_print_what_stands_there(page, tmp_path, monkeypatch):
+def test_the_examples_of_a_page_run_and_print_what_stands_there(
+    page, tmp_path, monkeypatch, request
+):
     monkeypatch.chdir(tmp_path)
     blocks = [block for block in blocks_of(page) if block.language in RUN]
+    commands = any(block.language in ("sh", "console") for block in blocks)
+    programs = [request.getfixturevalue("warm")] if commands and page != PAGES[0] else []
     if any("my-float.toml" in block.body for block in blocks):
-        assert shell("swimbladder vehicle new my-float.toml", tmp_path)[0] == 0
+        assert shell("swimbladder vehicle new my-float.toml", tmp_path, *programs)[0] == 0
     names: dict[str, object] = {"__name__": "__main__"}
     printed = ""
     for block in blocks:
@@ -126,10 +156,10 @@ def test_the_examples_of_a_page_run_and_print_what_stands_there(page, tmp_path, 
         elif block.language == "toml":
             _toml(block, tmp_path, place)
         elif block.language == "sh":
-            code, output = shell(block.body, tmp_path)
+            code, output = shell(block.body, tmp_path, *programs)
             assert code == block.exit_code, f"{place}: exit code {code}\n{output}"
         elif block.language == "console":
-            _console(block, tmp_path, place)
+            _console(block, tmp_path, place, programs)
 
 
 def _python(block: Block, names: dict[str, object], place: str) -> str:
@@ -149,10 +179,10 @@ def _toml(block: Block, folder: Path, place: str) -> None:
         (folder / block.name).write_text(block.body, encoding="utf-8")
 
 
-def _console(block: Block, folder: Path, place: str) -> None:
+def _console(block: Block, folder: Path, place: str, programs: list[Path]) -> None:
     commands = commands_of(block)
     for number, (command, promised) in enumerate(commands, start=1):
-        code, output = shell(command, folder)
+        code, output = shell(command, folder, *programs)
         expected = block.exit_code if number == len(commands) else 0
         assert code == expected, f"{place}: {command}: exit code {code}\n{output}"
         assert same(output, promised), f"{place}: {command} prints\n{output}"
