@@ -27,6 +27,7 @@ __all__ = [
     "Vehicle",
     "float_runs",
     "float_table",
+    "glider_laws",
     "glider_runs",
     "glider_tables",
     "glider_valves",
@@ -130,7 +131,7 @@ def _only(runs: PumpRuns, rows: NDArray[np.bool_]) -> PumpRuns:
     return PumpRuns(
         duration=runs.duration[rows], pressure=runs.pressure[rows], power=runs.power[rows],
         volume=part(runs.volume), temperature=part(runs.temperature), dive=part(runs.dive),
-        voltage=part(runs.voltage),
+        voltage=part(runs.voltage), time=part(runs.time),
     )  # fmt: skip
 
 
@@ -161,6 +162,7 @@ def glider_runs(folder: Path) -> list[Vehicle]:
             power=(own.gc_vbd_volts * own.gc_vbd_i).to_numpy(),
             volume=own.volume.to_numpy(),
             dive=own.dive.to_numpy(float),
+            time=own.gc_st_secs.to_numpy(float),
         )
         found.append(Vehicle(str(name), runs, _split(runs)))
     return found
@@ -216,6 +218,15 @@ def _split(runs: PumpRuns) -> float | None:
     return float(0.5 * (p[k - 1] + p[k]))
 
 
+def glider_laws(vehicle: Vehicle) -> list[PumpFit]:
+    """Return the fits to a glider's runs, one for each of its pumps, the shallower first."""
+    runs = vehicle.runs
+    sides = [np.ones(runs.power.size, bool)]
+    if vehicle.split is not None:
+        sides = [runs.pressure < vehicle.split, runs.pressure >= vehicle.split]
+    return [_fitted(_only(runs, side)) for side in sides]
+
+
 def glider_tables(vehicle: Vehicle) -> tuple[list[PumpFit], pd.DataFrame, pd.DataFrame]:
     """Return the fits (one for each pump), the dives, and efficiency over depth.
 
@@ -225,10 +236,7 @@ def glider_tables(vehicle: Vehicle) -> tuple[list[PumpFit], pd.DataFrame, pd.Dat
     runs = vehicle.runs
     assert runs.dive is not None
     assert runs.volume is not None
-    sides = [np.ones(runs.power.size, bool)]
-    if vehicle.split is not None:
-        sides = [runs.pressure < vehicle.split, runs.pressure >= vehicle.split]
-    fits = [_fitted(_only(runs, side)) for side in sides]
+    fits = glider_laws(vehicle)
     dives: dict[float, list[float]] = {}
     for fit in fits:
         for d in fit.dives:

@@ -42,7 +42,8 @@ def fit_runs(
     least = quantity(shortest, "s", "--shortest") or 0.0
     at: Literal["mean", "end"] = "end" if power_at == "end" else "mean"
     with progress("reading and fitting"):
-        from swimbladder.energy import PumpRuns, fit_pump, fitted_vehicle
+        from swimbladder.energy import PumpRuns, check_runs, fit_pump, fitted_vehicle
+        from swimbladder.energy.logged import usable_runs
         from swimbladder.energy.sentences import fit_sentences
         from swimbladder.io.pump_runs import read_pump_runs
         from swimbladder.report.energy import fit_json, write_fit
@@ -52,7 +53,13 @@ def fit_runs(
             columns=pairs(column, "--column"),
             where=pairs(where, "--where"),
         )
-        found = fit_pump(PumpRuns(**table._asdict()), power_at=at, shortest=least)
+        runs = PumpRuns(**table._asdict())
+        limit = None if v is None else v.hull.depth_limit
+        try:
+            check_runs(runs, usable_runs(runs, least), depth_limit=limit)
+        except InputError as error:
+            raise error.at(file=path) from None
+        found = fit_pump(runs, power_at=at, shortest=least)
         fitted = None
         if v is not None and isinstance(v.actuator, PumpAndValve):
             if "delivery" not in found.parameters and not isinstance(v.actuator.pump, PowerLawPump):
@@ -79,6 +86,8 @@ def fit_runs(
 def _print_fit(found: PumpFit, said: tuple[str, ...]) -> None:
     from rich.table import Table
 
+    from swimbladder.energy import efficiency_bands
+
     for sentence in said:
         output.print(sentence, soft_wrap=True)
     output.print("")
@@ -95,3 +104,15 @@ def _print_fit(found: PumpFit, said: tuple[str, ...]) -> None:
         table.add_row(name, *(f"{x * factor:.4g}" for x in numbers), unit)
     output.print(table)
     output.print("")
+    bands = efficiency_bands(found)
+    if bands:
+        rows = Table(box=None, pad_edge=False, collapse_padding=True)
+        for heading in ("dbar", "runs", "mL a run", "J a run", "efficiency", "by the law"):
+            rows.add_column(heading, justify="right")
+        for b in bands:
+            rows.add_row(
+                f"{b.pressure / 1e4:.0f}", f"{b.runs}", f"{1e6 * b.volume:.3g}",
+                f"{b.energy:.4g}", f"{b.efficiency:.3f}", f"{b.told:.3f}",
+            )  # fmt: skip
+        output.print(rows)
+        output.print("")

@@ -27,13 +27,12 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from swimbladder.energy.least import Least
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.energy.logged import FEWEST, PumpRuns, check_groups, usable_runs
 from swimbladder.steady_drives import REFERENCE_TEMPERATURE
 
-__all__ = ["Estimate", "PumpFit", "PumpRuns", "fit_pump"]
+__all__ = ["Estimate", "PumpFit", "fit_pump"]
 
 Array = NDArray[np.float64]
-_FEWEST = 3  # dives, or runs where no dives are told apart: fewer leave no spread to be known
 _BLOCKS = 300  # groups of runs where no dives are told apart, at most
 _UNITS = {
     "idle_power": "W", "power_per_pressure": "W/Pa", "power_per_temperature": "W/K",
@@ -44,20 +43,6 @@ _ENOUGH = 15  # runs, five for each of three numbers, that may tell what a start
 _KNOWN = 0.8  # share of the runs with a temperature or voltage, for it to count
 _WARM = 0.5  # K, standard deviation of the temperatures that tell a dependence on them
 _LENGTHS = 0.1  # relative standard deviation of the durations that tell what a start loses
-
-
-@dataclass(frozen=True, kw_only=True)
-class PumpRuns:
-    """Runs of a pump, one a row [n]; NaN in what was not logged."""
-
-    duration: Array  # s
-    pressure: Array  # Pa above the atmosphere
-    power: Array  # W, mean over the run or read at its end
-    volume: Array | None = None  # m3 pressed out
-    temperature: Array | None = None  # degC
-    dive: Array | None = None  # number of the dive
-    voltage: Array | None = None  # V at the battery while the pump runs
-    report: tuple[str, ...] = ()
 
 
 class Estimate(NamedTuple):
@@ -123,8 +108,7 @@ def fit_pump(
     one are taken as at the reference. Raises NoAnswerError where the runs cannot tell what is
     asked, naming what lacks.
     """
-    finite = np.isfinite(runs.duration) & np.isfinite(runs.pressure) & np.isfinite(runs.power)
-    kept = finite & (runs.duration > 0.0) & (runs.duration >= shortest)
+    kept = usable_runs(runs, shortest)
     dive = _blocks(kept.size) if runs.dive is None else runs.dive
     kept &= np.isfinite(dive)
     warm = _warm(runs, kept) if temperature else None
@@ -132,7 +116,7 @@ def fit_pump(
         kept &= np.isfinite(warm)
     design = _Design(runs, warm, power_at, start and _tell_a_start(runs.duration[kept]))
     groups = np.unique(dive[kept])
-    _check(runs, kept, groups)
+    check_groups(runs, kept, groups)
     powers, reference = _powers(design, kept, dive, _reference(runs, kept) if voltage else None)
     parameters = _estimates(design.power_names, powers)
     power_rms = float(np.sqrt(np.mean(powers.residual**2)))
@@ -140,7 +124,7 @@ def fit_pump(
     measured = np.zeros(kept.size, bool)
     if runs.volume is not None:
         measured = kept & np.isfinite(runs.volume)
-        if len(np.unique(dive[measured])) >= _FEWEST:
+        if len(np.unique(dive[measured])) >= FEWEST:
             volumes = Least.of(*design.volume(measured), dive[measured])
             parameters |= _estimates(design.volume_names, volumes)
             volume_rms = float(np.sqrt(np.mean(volumes.residual**2)))
@@ -285,24 +269,3 @@ def _warm(runs: PumpRuns, kept: NDArray[np.bool_]) -> Array | None:
 def _tell_a_start(duration: Array) -> bool:
     """Return whether runs are enough, and of lengths that differ, to tell what a start loses."""
     return bool(duration.size >= _ENOUGH and np.std(duration) > _LENGTHS * np.mean(duration))
-
-
-def _check(runs: PumpRuns, kept: NDArray[np.bool_], groups: Array) -> None:
-    what = "runs" if runs.dive is None else "dives"
-    if len(groups) < _FEWEST:
-        raise NoAnswerError(
-            f"{len(groups)} {what} with duration, pressure and power are too few to tell how sure "
-            f"a power law is: log {_FEWEST} or more"
-        )
-    span = float(np.ptp(runs.pressure[kept]))
-    if span < 1e4:
-        raise NoAnswerError(
-            f"all runs are within {span / 1e4:.2g} dbar: nothing tells how power and delivery "
-            "depend on pressure. Log runs at several depths"
-        )
-    if np.any(runs.pressure[kept] < -2e5) or np.any(runs.pressure[kept] > 1.2e8):
-        raise InputError(
-            "no pressure of a sea", field="pressure_Pa", unit="Pa",
-            value=float(runs.pressure[kept][np.argmax(np.abs(runs.pressure[kept]))]),
-            remedy='State its unit: --column "pressure_Pa=NAME@dbar"',
-        )  # fmt: skip

@@ -17,6 +17,7 @@ from swimbladder.units import rounded
 
 __all__ = ["assumptions", "drive_sentences", "fit_sentences", "versus_sentences"]
 
+_LEAST, _MOST = 0.1, 1.1  # efficiencies that no pump has are beyond
 _DAY, _HOUR, _MINUTE = 86400.0, 3600.0, 60.0
 
 
@@ -142,6 +143,12 @@ def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> tuple[str, ..
                 f"Each dive's volume: within {_percent(np.median(np.abs(volume)))} (median), "
                 f"{_percent(np.max(np.abs(volume)))} at worst."
             )
+    reaches = _reaches(fit)
+    if reaches is not None and not _LEAST < reaches < _MOST:
+        said.append(
+            "Check the units of pressure and volume: of what more pressure takes, "
+            f"{_percent(reaches)} would reach the water; pumps have 30 to 90 %."
+        )
     said += _voltage(fit, vehicle)
     left = int((~fit.kept).sum())
     if left:
@@ -149,6 +156,15 @@ def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> tuple[str, ..
     if "delivery" not in fit.parameters:
         said.append("No volumes were measured: the delivery is not told.")
     return tuple(said)
+
+
+def _reaches(fit: PumpFit) -> float | None:
+    """Return the delivery over the power per pressure [-]; None where it is not told.
+
+    That is the efficiency of the part of the power that grows with the pressure.
+    """
+    slope = fit.value("power_per_pressure")
+    return fit.value("delivery") / slope if "delivery" in fit.parameters and slope > 0.0 else None
 
 
 def _voltage(fit: PumpFit, vehicle: Vehicle | None) -> list[str]:

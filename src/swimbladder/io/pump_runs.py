@@ -27,6 +27,7 @@ RUN_COLUMNS = {
     "volume_m3": "m3",
     "temperature_degC": "degC",
     "dive": "",
+    "time_s": "s",
 }
 """The columns of a table of runs and their units; power, or voltage and current, or power and
 voltage."""
@@ -45,6 +46,7 @@ class RunTable(NamedTuple):
     temperature: Array | None  # degC
     dive: Array | None  # -
     voltage: Array | None  # V
+    time: Array | None  # s, when a run begins
     report: tuple[str, ...]
 
 
@@ -86,7 +88,8 @@ def read_pump_runs(
     _check_power(power, "power_W" if "power_W" in values else "current_A", path)
     return RunTable(
         values["duration_s"], values["pressure_Pa"], power, values.get("volume_m3"),
-        values.get("temperature_degC"), values.get("dive"), values.get("voltage_V"), found.report,
+        values.get("temperature_degC"), values.get("dive"), values.get("voltage_V"),
+        values.get("time_s"), found.report,
     )  # fmt: skip
 
 

@@ -10,9 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.energy import DriveEnergy, Hovering, Profiling, PumpFit
+from swimbladder.energy import (
+    DriveEnergy,
+    Hovering,
+    Profiling,
+    PumpFit,
+    efficiency_bands,
+    run_columns,
+)
 from swimbladder.energy.sentences import fit_sentences
 from swimbladder.io.files import publish, write_atomically
+from swimbladder.io.tables import write_csv
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.parameters import Vehicle
 from swimbladder.plots.energy import draw_energy, draw_fit, draw_versus
@@ -104,18 +112,27 @@ def fit_json(fit: PumpFit) -> dict[str, Any]:
             }
             for d in fit.dives
         ],
+        "efficiency": [
+            {
+                "runs": b.runs, "pressure_Pa": b.pressure, "volume_m3": b.volume,
+                "energy_J": b.energy, "efficiency": b.efficiency, "told": b.told,
+            }
+            for b in efficiency_bands(fit)
+        ],
     }  # fmt: skip
 
 
 def write_fit(fit: PumpFit, vehicle: Vehicle | None, out: Path, *, answer: str) -> list[Path]:
-    """Write pump.json, pump.png and, with a vehicle, vehicle.toml into `out`; return the paths.
+    """Write pump.json, runs.csv, pump.png and, with a vehicle, vehicle.toml into `out`.
 
-    answer: the text of pump.json. Raises InputError where the folder cannot be written.
+    Return the paths. answer: the text of pump.json. Raises InputError where the folder cannot be
+    written.
     """
     figure = draw_fit(fit)
 
     def write(folder: Path) -> None:
         write_atomically(folder / "pump.json", answer + "\n")
+        write_csv(folder / "runs.csv", run_columns(fit))
         save(figure, folder / "pump.png")
         if vehicle is not None:
             head = "\n".join(
@@ -124,7 +141,9 @@ def write_fit(fit: PumpFit, vehicle: Vehicle | None, out: Path, *, answer: str) 
             write_atomically(folder / "vehicle.toml", vehicle_file(vehicle, head=head))
 
     publish(out, write)
-    names = ["pump.json", "pump.png"] + (["vehicle.toml"] if vehicle is not None else [])
+    names = ["pump.json", "runs.csv", "pump.png"] + (
+        ["vehicle.toml"] if vehicle is not None else []
+    )
     return [out / name for name in names]
 
 
