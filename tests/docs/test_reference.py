@@ -226,7 +226,7 @@ def test_what_reproduce_writes(capsys, tmp_path):
 
 
 def test_what_energy_writes(capsys, tmp_path):
-    columns, dives, keys, fitted = rows("files-written.md", "energy")
+    columns, dives, keys, each, fitted = rows("files-written.md", "energy")
     told = answer(capsys, "energy", "example-float", "--out", str(tmp_path / "cost"))
     names = {name for key in keys for name in key.replace("`", "").split(", ")}
     assert names == set(told)
@@ -241,6 +241,7 @@ def test_what_energy_writes(capsys, tmp_path):
     ]
     runs.write_text("duration_s,pressure_Pa,power_W,dive\n" + "\n".join(lines) + "\n")
     found = answer(capsys, "energy", "--fit", str(runs), "--out", str(tmp_path / "fit"))
+    assert header(tmp_path / "fit" / "runs.csv") == list(each)
     names = {name for key in fitted for name in key.replace("`", "").split(", ")}
     assert names == set(found)
     assert set(re.findall(r"`([^`]+)`", fitted["dives"][0])) == set(found["dives"][0])
