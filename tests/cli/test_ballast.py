@@ -169,8 +169,8 @@ def test_a_cast_that_ends_far_above_the_rating_is_refused_unless_that_is_asked(
     bar.write_text("\n".join(["pressure,temperature,salinity", *lines]) + "\n")
     assert run(bar, out) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "it ends at 108 m, and the vehicle is rated for 1000 m" in said
-    assert "Is its pressure in bar" in said
+    assert "the cast ends at 108 m if it is in dbar" in said
+    assert "if it is in bar; the vehicle is rated for 1000 m" in said
     assert not out.exists()
     assert run(bar, out, "--column", "pressure_dbar=pressure@bar") == 0
     assert "warning" not in capsys.readouterr().out

@@ -14,7 +14,7 @@ from swimbladder.closed_loop import drive, simulate, simulate_ensemble
 from swimbladder.closed_loop.water import medium_of
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.engine.cache import on_compile
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError
 from swimbladder.hull import linear_psi
 from swimbladder.io.mission import Mission
 from swimbladder.mission.core.names import Row
@@ -332,7 +332,7 @@ def test_a_cast_compiles_nothing_anew():
 
 def test_what_the_water_does_not_allow_is_said():
     v = afloat(paper(), depth=5.0)
-    with pytest.raises(NoAnswerError, match=r"fjord ends at 39\.\d+ m, .* above the 45 m asked"):
+    with pytest.raises(InputError, match=r"fjord ends at 39\.\d+ m, .* above the 45 m asked"):
         simulate_step(v, 45.0)
     heavy = v.model_copy(update={"trim_error": v.trim_error + 9e-4})
     with pytest.raises(InputError, match="does not hold the neutral volume at 4 m"):

@@ -192,6 +192,22 @@ def test_density_in_situ_tells_of_the_unit_of_pressure(tmp_path, unit, factor):
     assert any("is it that in situ?" in line for line in cast.report)
 
 
+@pytest.mark.parametrize(("unit", "per_dbar"), [("mbar", 100.0), ("kPa", 10.0), ("Pa", 1e4)])
+def test_a_logger_that_counts_from_vacuum_is_told_by_the_air(tmp_path, unit, per_dbar):
+    p, t, s = sea(20.0, 0.5)
+    counted = per_dbar * (p + 10.1325)
+    path = csv(tmp_path, {"pressure": counted, "temp": t, "psal": s})
+    error = refused(path)
+    assert f"in {unit} that is the atmosphere" in str(error)
+    assert f"with {10.1325 * per_dbar:g} {unit} of air subtracted" in error.remedy
+    column = {"pressure_dbar": f"pressure@{unit}"}
+    assert any("of a sensor in air" in line for line in read_cast(path, columns=column).report)
+    path = csv(tmp_path, {"pressure": per_dbar * p, "temp": t, "psal": s})
+    cast = read_cast(path, columns=column)
+    assert cast.pressure[-1] == pytest.approx(p[-1])
+    assert not any("air" in line for line in cast.report)
+
+
 def test_pressures_with_the_atmosphere_in_them(tmp_path):
     p, t, s = sea()
     depth = -gsw.z_from_p(p, 45.0)

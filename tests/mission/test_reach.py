@@ -22,7 +22,7 @@ def reach(vehicle, mission, column):
 
 
 def test_a_cast_that_ends_above_the_target(sea):
-    with pytest.raises(NoAnswerError, match="ends at 400 m, 50 m above the 450 m"):
+    with pytest.raises(InputError, match="ends at 400 m, 50 m above the 450 m"):
         check_column(phases(deep=450.0), sea)
 
 

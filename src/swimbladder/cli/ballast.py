@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.cast_unit import doubted_unit
+from swimbladder.cli.cast_unit import refuse_doubted_unit
 from swimbladder.cli.casts import (
     Columns,
     Inversions,
@@ -212,6 +212,7 @@ def _columns(
         assert down is not None
         column = uniform_column(vehicle.water, down, step=down / 1000.0)
         return [column], [f"no cast: {column.source}, as in the vehicle's file"], []
+    refuse_doubted_unit(casts, asked, limit)
     said: list[str] = []
     warned: list[str] = []
     if asked is None:
@@ -223,8 +224,7 @@ def _columns(
         warned += above_rating(casts[ends.index(shallowest)].name, shallowest, limit, "--deepest")
     else:
         down = asked
-    with doubted_unit(casts, down, limit):
-        columns = [cast_column(cast, down) for cast in casts]
+    columns = [cast_column(cast, down) for cast in casts]
     return columns, [*said, *dict.fromkeys(s for column in columns for s in column.report)], warned
 
 

@@ -1,66 +1,73 @@
 """Whether a cast that goes so deep may be in another unit of pressure than it is taken to be in.
 
 Physics tells a wrong unit at times, and readers refuse it then. Mostly it does not: water that is
-cold at 200 m is as real as water that is cold at 2000. What the vehicle is for tells more.
+cold at 200 m is as real as water that is cold at 2000. What the vehicle is for tells more, and
+where it speaks for another unit the file has to say which, in a header at least: a vehicle
+ballasted for the wrong water is lost.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from swimbladder.cli.common import console
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError
 from swimbladder.units import unit_factor
 
 if TYPE_CHECKING:
     from swimbladder.seawater import Cast
 
-__all__ = ["doubted_unit"]
+__all__ = ["refuse_doubted_unit"]
 
-_UNITS = ("bar", "MPa", "kPa", "mbar")  # a power of ten off dbar: others are off by little
+_LARGER, _SMALLER = ("bar", "MPa"), ("kPa", "mbar")  # powers of ten off dbar: others are off little
 _NEAR = (0.75, 1.25)  # of the rating, where a cast for a vehicle ends
+_DEEPER = 2.2  # of the rating: deep casts are taken for shallower vehicles too, 2000 m for 1000
 _BEYOND = 4.0  # times the depth asked for: as deep as a cast for it goes, where there is no rating
 _SHALLOW = 0.25  # of the rating: less is no cast for the vehicle
 _SHOWN = 10.0  # m below which a depth is shown with a decimal
 
 
-@contextmanager
-def doubted_unit(casts: list[Cast], asked: float, rating: float | None) -> Iterator[None]:
-    """Warn on stderr of casts that would fit the vehicle in another unit of pressure.
+def refuse_doubted_unit(
+    casts: Sequence[Cast], asked: float | None, rating: float | None, *, option: str = "--column"
+) -> None:
+    """Raise InputError for a cast whose file states no unit and that fits the vehicle in another.
 
-    asked: the deepest place [m] that is asked for. An error from inside about a cast that ends
-    above it says so too.
+    Where a header states dbar that is a warning on stderr.
+    asked: the deepest place [m] that is asked for, none: near the rating. rating [m], none: not
+    known. option: the one that maps columns.
     """
-    doubts = [text for cast in casts if (text := _doubt(cast, asked, rating))]
-    if not doubts:
-        yield
-        return
-    try:
-        yield
-    except NoAnswerError as error:
-        raise NoAnswerError(". ".join([str(error).rstrip("."), *doubts])) from None
-    except InputError as error:
-        raise type(error)(
-            error.what, file=error.file, line=error.line, field=error.field, value=error.value,
-            unit=error.unit, remedy=". ".join([(error.remedy or "").rstrip("."), *doubts]),
-        ) from None  # fmt: skip
-    for text in doubts:
-        console.print(f"warning: {text}", soft_wrap=True, markup=False)
+    if asked is None:
+        asked = 0.0 if rating is None else _NEAR[0] * rating
+    for cast in casts:
+        others = _others(cast, asked, rating)
+        if not others:
+            continue
+        name = cast.pressure_column
+        fits = " or ".join(f"{_metres(depth)} if it is in {unit}" for unit, depth in others.items())
+        rated = "" if rating is None else f"; the vehicle is rated for {rating:g} m"
+        said = " or ".join(f'"pressure_dbar={name}@{unit}"' for unit in (*others, "dbar"))
+        ends = f"the cast ends at {_metres(_down(cast, 'dbar'))} if it is in dbar, at {fits}{rated}"
+        remedy = f"Say which, with {option} {said}"
+        if not cast.unit_named:
+            raise InputError(
+                f"the column {name!r} states no unit: {ends}", file=cast.name or None,
+                field="pressure_dbar", remedy=remedy,
+            )  # fmt: skip
+        console.print(
+            f"warning: {cast.name}: the column {name!r} is taken at its word: {ends}. {remedy}",
+            soft_wrap=True, markup=False,
+        )  # fmt: skip
 
 
-def _doubt(cast: Cast, asked: float, rating: float | None) -> str | None:
-    """Return what is said of a cast whose end fits in another unit; None where there is none."""
-    import gsw
+def _others(cast: Cast, asked: float, rating: float | None) -> dict[str, float]:
+    """Return the units in which a cast would fit the vehicle better, with the depth [m] of its end.
 
+    None where the user or physics tells the unit, or the cast fits in dbar.
+    """
     if cast.pressure_column is None:
-        return None
-
-    def down(unit: str) -> float:
-        return -float(gsw.z_from_p(cast.pressure[-1] * unit_factor(unit, "dbar"), cast.latitude))
-
-    end = down("dbar")
+        return {}
+    end = _down(cast, "dbar")
     most = _BEYOND * asked if rating is None else max(_NEAR[1] * rating, asked)
     least = asked
     if rating is not None and end > most:  # in kPa it may even end above what is asked for
@@ -68,17 +75,18 @@ def _doubt(cast: Cast, asked: float, rating: float | None) -> str | None:
     elif rating is not None and end >= asked:  # it does; only a cast for this vehicle is a doubt
         least = max(asked, _NEAR[0] * rating)
     if least <= end <= most:
-        return None
-    fits = {unit: depth for unit in _UNITS if least <= (depth := down(unit)) <= most}
-    if not fits:
-        return None
-    others = " or ".join(f"{_metres(depth)} if it is in {unit}" for unit, depth in fits.items())
-    rated = "" if rating is None else f", the vehicle is rated for {rating:g} m"
-    said = " or ".join(f'"pressure_dbar={cast.pressure_column}@{unit}"' for unit in (*fits, "dbar"))
-    return (
-        f"{cast.name or 'the cast'} ends at {_metres(end)} if its pressure is in dbar, at {others}"
-        f"{rated}: say which, with --column {said}"
-    )
+        return {}
+    deeper = most if rating is None else max(_DEEPER * rating, asked)
+    limits = dict.fromkeys(_LARGER, deeper) | dict.fromkeys(_SMALLER, most)
+    ends = {unit: _down(cast, unit) for unit in limits}
+    return {unit: depth for unit, depth in ends.items() if least <= depth <= limits[unit]}
+
+
+def _down(cast: Cast, unit: str) -> float:
+    """Return the depth [m] at which a cast ends if its numbers are in a unit of pressure."""
+    import gsw
+
+    return -float(gsw.z_from_p(cast.pressure[-1] * unit_factor(unit, "dbar"), cast.latitude))
 
 
 def _metres(depth: float) -> str:

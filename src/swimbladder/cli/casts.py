@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from swimbladder.cli.cast_unit import refuse_doubted_unit
 from swimbladder.cli.common import progress, quantity
 from swimbladder.cli.logs import pair
 from swimbladder.errors import InputError
@@ -78,11 +79,13 @@ _SHALLOW = 0.1  # m, rows of the water of a shallow log: a halocline has half a 
 
 
 def water_of_logs(
-    casts: Sequence[Path], where: Sequence[str], column: Sequence[str], profile: int | None
-) -> list[Column]:
+    casts: Sequence[Path], where: Sequence[str], column: Sequence[str], profile: int | None,
+    rating: float | None,
+) -> list[Column]:  # fmt: skip
     """Return the water of casts for logs of a shallow vehicle, finely; none where none is given.
 
-    Raises InputError where a cast cannot be read, or something is said of none.
+    rating: how deep the vehicle goes [m]. Raises InputError where a cast cannot be read or may be
+    in another unit, or something is said of none.
     """
     for option, given in (("where", where), ("column", column), ("profile", profile)):
         if given and not casts:
@@ -94,6 +97,7 @@ def water_of_logs(
     from swimbladder.seawater import cast_column
 
     found = casts_beside_logs(casts, where, column, profile)
+    refuse_doubted_unit(found, 0.0, rating, option="--cast-column")
     return [cast_column(cast, step=_SHALLOW) for cast in found]
 
 

@@ -117,7 +117,9 @@ def compare(
     tasks = [_Task(log, mapped, log_format) for log in chosen(logs, where or [])]
     from swimbladder.comparison.water import water_of_each
 
-    found = water_of_logs(cast or (), cast_where or (), cast_column or (), cast_profile)
+    found = water_of_logs(
+        cast or (), cast_where or (), cast_column or (), cast_profile, v.hull.depth_limit
+    )
     waters = water_of_each(len(tasks), found)
     for task, name, water in zip(tasks, _file_names(tasks), waters, strict=True):
         task.name, task.water = name, water

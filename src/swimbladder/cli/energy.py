@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.cast_unit import doubted_unit
+from swimbladder.cli.cast_unit import refuse_doubted_unit
 from swimbladder.cli.casts import (
     Columns,
     Inversions,
@@ -196,12 +196,12 @@ def _water(v: Vehicle, casts: list[Cast], wanted: float | None) -> tuple[Column,
     if not casts:
         deepest = _DEEP if deepest is None else deepest
         return uniform_column(v.water, deepest, step=min(1.0, abs(deepest) / 100.0)), []
+    refuse_doubted_unit(casts[:1], wanted, rating)
     whole = cast_column(casts[0], None)
     if wanted is None and (deepest is None or whole.deepest <= deepest):
         return whole, above_rating(casts[0].name, whole.deepest, deepest, "--depth")
     assert deepest is not None
-    with doubted_unit(casts[:1], deepest, rating):
-        return cast_column(casts[0], deepest), []
+    return cast_column(casts[0], deepest), []
 
 
 def _print(found: DriveEnergy, said: list[str], rests: tuple[str, ...]) -> None:

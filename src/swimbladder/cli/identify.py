@@ -153,7 +153,9 @@ def identify(
         "profiles": profiles,
         "walk": walk,
         "posterior": seed if posterior else None,
-        "columns": water_of_logs(cast or (), cast_where or (), cast_column or (), cast_profile),
+        "columns": water_of_logs(
+            cast or (), cast_where or (), cast_column or (), cast_profile, v.hull.depth_limit
+        ),
     }
     mapped = dict(pair(text, "--column") for text in column or [])
     given: list[Log] = []

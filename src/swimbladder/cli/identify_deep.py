@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from swimbladder.cli.cast_unit import refuse_doubted_unit
 from swimbladder.cli.casts import casts_beside_logs, pairs
 from swimbladder.cli.common import console, emit_json, json_text, output, progress
 from swimbladder.cli.identify_view import number_table
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from swimbladder.parameters import Vehicle
 
 __all__ = ["identify_deep", "refuse_others"]
+
+_DBAR = 1e4  # Pa
 
 
 def refuse_others(given: Mapping[str, object]) -> None:
@@ -43,6 +46,9 @@ def identify_deep(
 
     given: how the vehicle was named.
     """
+    import gsw
+    import numpy as np
+
     from swimbladder.identify.deep_model import CAST, DEEP, check_deep_request
     from swimbladder.io.files import check_place
     from swimbladder.io.float_logs import read_float_log
@@ -64,6 +70,9 @@ def identify_deep(
                 log.path, log_format_name=log_format, columns=mapped, where=log.where
             ))  # fmt: skip
     found_casts = casts_beside_logs(casts, cast_where, cast_columns, cast_profile)
+    deepest = max(float(np.nanmax(log.pressure)) for log in read) / _DBAR
+    reach = -float(gsw.z_from_p(deepest, found_casts[0].latitude))
+    refuse_doubted_unit(found_casts, reach, vehicle.hull.depth_limit, option="--cast-column")
 
     from swimbladder.identify.deep import identify_deep as identify
     from swimbladder.report.deep import write_deep

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.cast_unit import doubted_unit
+from swimbladder.cli.cast_unit import refuse_doubted_unit
 from swimbladder.cli.casts import (
     Columns,
     Inversions,
@@ -164,10 +164,10 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
                 value=task.latitude, unit="deg", remedy="Give --cast, or leave it out",
             )  # fmt: skip
         return uniform_column(vehicle.water, _MARGIN * deepest + _BELOW)
+    refuse_doubted_unit([cast], deepest, vehicle.hull.depth_limit)
     with progress("tabulating the water"):
         column = cast_column(cast)
-    with doubted_unit([cast], deepest, vehicle.hull.depth_limit):
-        check_column(task, column)
+    check_column(task, column)
     return column
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.cast_unit import doubted_unit
+from swimbladder.cli.cast_unit import refuse_doubted_unit
 from swimbladder.cli.casts import (
     Columns,
     Inversions,
@@ -197,18 +197,18 @@ def _water(
 ) -> tuple[Column | None, Medium | None]:
     """Return the water of a cast and the vehicle in it; nothing where there is no cast.
 
-    Raises NoAnswerError where it ends above a depth that is asked for.
+    Raises InputError where it ends above a depth that is asked for.
     """
     if not casts:
         return None, None
+    reach = max([task.start_depth, *(point.depth for point in task.setpoints)])
+    refuse_doubted_unit(casts, reach, vehicle.hull.depth_limit)
     with progress("tabulating the water"):
         from swimbladder.closed_loop.water import medium_of
         from swimbladder.seawater import cast_column
 
         column = cast_column(casts[0], step=_ROWS)
-    reach = max([task.start_depth, *(point.depth for point in task.setpoints)])
-    with doubted_unit(casts, reach, vehicle.hull.depth_limit):
-        return column, medium_of(vehicle, column, reach=reach)
+    return column, medium_of(vehicle, column, reach=reach)
 
 
 def _notes(s: Solution, column: Column | None, medium: Medium | None) -> list[str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.cast_unit import doubted_unit
+from swimbladder.cli.cast_unit import refuse_doubted_unit
 from swimbladder.cli.casts import (
     Columns,
     Inversions,
@@ -151,12 +151,12 @@ def size(
         from swimbladder.seawater import cast_column
 
         sea = cast_column(casts[0])
+        refuse_doubted_unit(casts, wished["depth"], vehicle.hull.depth_limit)
     listed = _with_driver(load_parts(parts), driver_efficiency, driver_standby)
     typed: dict[str, str | None] = {named[name]: text for name, (text, _) in numbers.items()}
     typed |= {"--coldest": coldest}
     typed |= {"--longest-travel": longest_travel, "--largest-mass": largest_mass}
     with (
-        doubted_unit(casts, wished["depth"], vehicle.hull.depth_limit),
         said_as_typed(
             typed, **named, cycles="--cycles", coldest="--coldest",
             longest_travel="--longest-travel", largest_mass="--largest-mass",

@@ -16,7 +16,7 @@ import numpy as np
 
 from swimbladder.dynamics import Plant, plant
 from swimbladder.engine.layers import NO_LAYERS, Layers, layers_from
-from swimbladder.errors import NoAnswerError
+from swimbladder.errors import InputError
 from swimbladder.hull import along_hull, neutral_volume
 from swimbladder.parameters import Vehicle
 from swimbladder.seawater import Column
@@ -46,7 +46,7 @@ def medium_of(
     """Return a vehicle in the water of a column, or in its own where that is None.
 
     reach: the greatest depth it is asked to go to [m]. bottom_depth [m].
-    Raises NoAnswerError where the column ends above, InputError as `dynamics.plant` does.
+    Raises InputError where the column ends above, and as `dynamics.plant` does.
     """
     own = plant(vehicle, bottom_depth=bottom_depth)
     k_b = vehicle.water.specific_weight
@@ -69,10 +69,13 @@ def medium_of(
 
 
 def check_reach(column: Column, reach: float) -> None:
-    """Raise NoAnswerError where the water is not known as deep as a vehicle is asked to go [m]."""
+    """Raise InputError where the water is not known as deep as a vehicle is asked to go [m]."""
     if reach > column.deepest + column.step:
-        raise NoAnswerError(
+        raise InputError(
             f"{column.source or 'the water'} ends at {column.deepest:.4g} m, "
-            f"{reach - column.deepest:.3g} m above the {reach:g} m asked for. "
-            "Take a cast that goes as deep, or ask for a lesser depth"
+            f"{reach - column.deepest:.3g} m above the {reach:g} m asked for",
+            field="cast",
+            value=round(column.deepest, 3),
+            unit="m",
+            remedy="Take a cast that goes as deep, or ask for a lesser depth",
         )

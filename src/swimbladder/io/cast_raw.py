@@ -50,6 +50,7 @@ class RawCast:
     name: str = ""
     names: dict[str, str] = field(default_factory=dict)  # of the file's columns, where known
     unit_stated: bool = False  # that of pressure, by the user or by a format that knows no other
+    unit_named: str | None = None  # the same by the name of its column, or its attribute
     report: list[str] = field(default_factory=list)
 
     def __len__(self) -> int:

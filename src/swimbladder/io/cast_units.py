@@ -30,6 +30,7 @@ MOST_SALT = 42.0  # practical salinity: where PSS-78 ends, above the northern Re
 _PRESSURES = ("bar", "mbar", "kPa", "MPa", "Pa", "psi")
 _FITS = 0.05  # of the pressure: fresh, salt and gauge with one density differ by less
 _ATMOSPHERE = (9.6, 10.7)  # dbar, with weather
+_IN_AIR = ("mbar", "kPa", "Pa")  # units in which loggers count from vacuum
 _SHARES = 0.05  # salinity: the largest of a sea is that as a share of mass, and a soft lake's
 _SALT_FITS, _SALT_WRONG = 0.02, 0.1
 _SEAS = (1.0, 7.5)  # S/m: a brackish sea in winter, and the Red Sea in summer at depth
@@ -125,6 +126,7 @@ def _pressure(raw: RawCast) -> RawCast:
     if by_depth(raw):
         assert raw.depth is not None
         return _by_depth(raw, p, raw.depth)
+    _by_air(raw, float(np.min(p)))
     if raw.density is not None and raw.salinity is not None:
         _by_density(raw, p, raw.density, raw.salinity)
     if raw.conductivity is not None and raw.salinity is not None:
@@ -140,6 +142,27 @@ def _pressure(raw: RawCast) -> RawCast:
             + _map(raw, "UNIT"),
         )  # fmt: skip
     return raw
+
+
+def _by_air(raw: RawCast, least: float) -> None:
+    """Hold the least pressure [dbar] against the atmosphere's: a logger in air shows that."""
+    if raw.unit_stated or raw.unit_named is not None:
+        if _ATMOSPHERE[0] <= least <= _ATMOSPHERE[1]:
+            raw.report.append(
+                f"the pressures begin at {least:.2f} dbar, as those of a sensor in air that counts "
+                "from vacuum: if it does, subtract 10.13 dbar in the file"
+            )
+        return
+    for unit in _IN_AIR:
+        in_unit = least * unit_factor(unit, "dbar")
+        if _ATMOSPHERE[0] <= in_unit <= _ATMOSPHERE[1]:
+            raise raw.refused(
+                f"the pressures begin at {least:.6g}: in {unit} that is the atmosphere, in dbar a "
+                "cast that begins deep",
+                field="pressure_dbar", value=least,
+                remedy=f"Say which: {_map(raw, unit)}, with {10.1325 / unit_factor(unit, 'dbar'):g}"
+                f" {unit} of air subtracted in the file before; or {_map(raw, 'dbar')}",
+            )  # fmt: skip
 
 
 def _map(raw: RawCast, unit: str, column: str = "pressure_dbar") -> str:

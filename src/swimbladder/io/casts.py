@@ -72,6 +72,7 @@ def read_cast(
             )  # fmt: skip
         if is_netcdf(data):
             raw, profile = netcdf_cast(data, file, columns or {}, profile)
+            raw = replace(raw, unit_named="dbar")  # by its attribute, or its convention
         else:
             raw = replace(cnv_cast(data, file, columns or {}), unit_stated=True)
     else:
@@ -93,10 +94,12 @@ def _text_cast(
     """Return the cast of a text or a Parquet file, read as logs are."""
     form = given if isinstance(given, LogFormat) else log_format(given) if given else LogFormat()
     names: dict[str, str] = {}
+    units: dict[str, str | None] = {}
 
     def sources(header: Sequence[str]) -> dict[str, LogColumn]:
         found = cast_sources(columns, header, path, salted=salinity is not None)
         names.update({name: column.name for name, column in found.items()})
+        units.update({name: column.unit for name, column in found.items()})
         return found
 
     table = read_table(path, form, {**form.where, **where}, sources, [], CAST_COLUMNS)
@@ -112,7 +115,7 @@ def _text_cast(
         conductivity=values.get("conductivity_S_m"), density=values.get("density_kg_m3"),
         row=table.line, latitude=place["latitude"], longitude=place["longitude"],
         name=", ".join(f"{name}={value}" for name, value in where.items()),
-        names=names, report=report,
+        names=names, report=report, unit_named=units.get("pressure_dbar"),
     )  # fmt: skip
 
 
@@ -164,7 +167,8 @@ def _cast(raw: RawCast, profile: int | None, inversions: Inversions) -> Cast:
     import gsw
 
     raw = check_units(raw)
-    told = raw.unit_stated or raw.pressure is None or by_depth(raw)
+    other = raw.unit_named not in (None, "dbar")  # who writes that has looked
+    told = raw.unit_stated or other or raw.pressure is None or by_depth(raw)
     guide = raw.pressure if raw.pressure is not None else raw.depth
     assert guide is not None
     raw = raw.only(one_leg(raw, guide, profile))
@@ -192,6 +196,7 @@ def _cast(raw: RawCast, profile: int | None, inversions: Inversions) -> Cast:
         pressure=pressure, SA=SA, CT=CT, latitude=latitude, longitude=raw.longitude,
         name=f"{raw.path.name} {raw.name}".strip(), report=tuple(raw.report),
         pressure_column=None if told else raw.names.get("pressure_dbar", "NAME"),
+        unit_named=raw.unit_named is not None,
     )  # fmt: skip
 
 

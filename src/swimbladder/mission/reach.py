@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.buoyancy_engine import drive_map
-from swimbladder.errors import NoAnswerError
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.mission.core.names import Given, Stage, Table
 from swimbladder.mission.holding import check_holds
@@ -44,14 +44,15 @@ class Reach:
 
 
 def check_column(mission: Mission, column: Column) -> None:
-    """Raise NoAnswerError where the water is not known as deep as the mission goes."""
+    """Raise InputError where the water is not known as deep as the mission goes."""
     for phase in mission.phases:
         if phase.depth is not None and phase.depth > column.deepest + column.step:
-            raise NoAnswerError(
+            raise InputError(
                 f"{column.source or 'the water'} ends at {column.deepest:.0f} m, "
                 f"{phase.depth - column.deepest:.0f} m above the {phase.depth:g} m of the phase "
-                f"{phase.title!r}. Take a cast that goes as deep, or ask for a lesser depth"
-            )
+                f"{phase.title!r}", field="cast", value=round(column.deepest, 1), unit="m",
+                remedy="Take a cast that goes as deep, or ask for a lesser depth",
+            )  # fmt: skip
 
 
 def check_reach(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:

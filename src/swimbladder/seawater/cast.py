@@ -29,7 +29,7 @@ class Cast:
 
     latitude and longitude in degrees, longitude None where it is not known. report: what a reader
     assumed, averaged and left out. pressure_column: the file's column of pressures whose unit
-    nothing but its name tells; None where more does.
+    nothing but its name tells, if anything; None where more does. unit_named: whether that does.
     """
 
     pressure: Array  # dbar, above the atmosphere
@@ -40,6 +40,7 @@ class Cast:
     name: str = ""
     report: tuple[str, ...] = ()
     pressure_column: str | None = None
+    unit_named: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what is no profile."""
