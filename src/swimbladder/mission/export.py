@@ -17,8 +17,9 @@ __all__ = ["float_configuration"]
 def float_configuration(result: MissionResult) -> dict[str, Any]:
     """Return the float as VirtualFleet's configuration file takes it (version 2.0).
 
-    Its one vertical speed is the distance over the time of all ways of the mission; the table of
-    speeds over depth says how far that is from the truth.
+    Its one vertical speed is that of the ways up, distance over time: VirtualFleet 0.5.3 rises with
+    it and sinks with a third of it (`ArgoFloatKernel`). Hours and depths are whole numbers, since
+    its particles (`ArgoParticle`) cut off what is behind the point.
     """
     flight = result.flight
     phases = flight.mission.phases
@@ -27,18 +28,20 @@ def float_configuration(result: MissionResult) -> dict[str, Any]:
     cycles = flight.cycles[: max(result.cycles, 1)]
     length = float(np.mean(cycles[:, Cycle.T_END] - cycles[:, Cycle.T_BEGIN]))
     table = speeds(flight)
-    crossed = np.concatenate([table["sinking_m_s"], table["rising_m_s"]])
+    rising = table["rising_m_s"]
+    crossed = rising if np.isfinite(rising).any() else table["sinking_m_s"]
     crossed = crossed[np.isfinite(crossed)]
     speed = float(len(crossed) / np.sum(1.0 / crossed)) if crossed.size else 0.0
+    hours = _whole(length / 3600.0)
     life = result.battery_cycles or result.cycles
     values: list[tuple[str, float | int, str, str, str]] = [
-        ("cycle_duration", length / 3600.0, "Maximum length of float complete cycle", "hours",
+        ("cycle_duration", hours, "Maximum length of float complete cycle", "hours",
          "CONFIG_CycleTime_hours"),
         ("life_expectancy", life, "Maximum number of completed cycle", "cycle",
          "CONFIG_MaxCycles_NUMBER"),
-        ("parking_depth", parked[0] if parked else max(depths), "Drifting depth", "m",
+        ("parking_depth", _whole(parked[0] if parked else max(depths)), "Drifting depth", "m",
          "CONFIG_ParkPressure_dbar"),
-        ("profile_depth", max(depths), "Maximum profile depth", "m",
+        ("profile_depth", _whole(max(depths)), "Maximum profile depth", "m",
          "CONFIG_ProfilePressure_dbar"),
         ("vertical_speed", speed, "Vertical profiling speed", "m/s", ""),
     ]  # fmt: skip
@@ -55,3 +58,8 @@ def float_configuration(result: MissionResult) -> dict[str, Any]:
             for name, value, words, unit, key in values
         ],
     }  # fmt: skip
+
+
+def _whole(value: float) -> float:
+    """Return the nearest whole number above 0."""
+    return float(max(round(value), 1))
