@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from swimbladder.mission.orders import approach_time, runaway
 from swimbladder.mission.prepare import make_plan
 from swimbladder.mission.reach import check_reach
 from swimbladder.mission.rescue import return_depth
-from swimbladder.parameters import HullPart
+from swimbladder.parameters import HullPart, Sensors
 from swimbladder.seawater import uniform_column
 
 FEUP = load_vehicle("feup-em")
@@ -150,13 +151,47 @@ def test_looks_that_are_too_seldom_are_refused_with_the_limit():
 
 def test_a_band_below_what_the_law_resolves_is_refused_and_the_one_it_names_is_not():
     vehicle = load_vehicle("example-float")
-    with pytest.raises(NoAnswerError, match=r"changes the volume by 1 cm3 .* Allow 2.1 m"):
+    with pytest.raises(NoAnswerError, match=r"changes the volume by 0.2 cm3 .* Allow 0.95 m"):
         check_reach(
-            vehicle, task(150.0, 1.0), make_plan(vehicle, task(150.0, 1.0), water(vehicle, 150.0))
+            vehicle, task(150.0, 0.9), make_plan(vehicle, task(150.0, 0.9), water(vehicle, 150.0))
         )
-    assert accepted(vehicle, task(150.0, 2.2))
-    _, share = held(vehicle, task(150.0, 1.0))
+    assert accepted(vehicle, task(150.0, 1.0))
+    _, share = held(vehicle, task(150.0, 0.9))
     assert share < 0.9  # flown all the same, it is no holding
+
+
+@pytest.mark.parametrize("name", ["feup-em", "example-em", "ntnu-bv", "example-float"])
+@pytest.mark.parametrize("tolerance", [1e-3, 4e-3, 0.02])
+def test_the_band_that_is_named_is_accepted(name, tolerance):
+    """Whatever it says to allow is enough: rounded up, and with the looks of that band."""
+    vehicle, depth = load_vehicle(name), 10.0
+    message = refused(vehicle, task(depth, tolerance))
+    if message is None:
+        return
+    named = float(re.search(r"Allow ([\d.e-]+) m", message)[1])
+    assert named > tolerance
+    assert accepted(vehicle, task(depth, named))
+
+
+def test_noise_that_is_assumed_is_said_to_be():
+    bare = FEUP.model_copy(update={"sensors": Sensors()})
+    message = refused(bare, task(10.0, 1e-3))
+    assert "0.001 m 1 sigma, which is assumed where sensors state no more" in message
+    assert "better sensor" not in message
+    noisy = FEUP.model_copy(update={"sensors": Sensors(depth_noise=0.02)})
+    message = refused(noisy, task(10.0, 0.05))
+    assert "0.02 m (sensors)" in message
+    assert "better sensor" in message
+
+
+def refused(vehicle, mission):
+    """Return why a mission is refused; None: it is not."""
+    column = water(vehicle, mission.phases[0].depth)
+    try:
+        check_reach(vehicle, mission, make_plan(vehicle, mission, column))
+    except NoAnswerError as error:
+        return str(error)
+    return None
 
 
 def test_the_least_band_by_hand():

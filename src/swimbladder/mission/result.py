@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -26,6 +27,7 @@ from swimbladder.mission.core.names import (
     Stop,
 )
 from swimbladder.mission.flight import Flight
+from swimbladder.mission.holding import coarse_words
 from swimbladder.mission.power import drawn_energy
 from swimbladder.mission.prepare import HELD
 from swimbladder.mission.reach import Reach
@@ -112,7 +114,7 @@ class MissionResult:
         phases = {title: n for n, title in enumerate(self.flight.mission.titles)}
         return [
             f"{name}: within {self.flight.plan.stages[phases[name], Stage.TOLERANCE]:g} m for "
-            f"{100.0 * one['share']:.0f} % of the time since it arrived, {one['rms']:.3g} m rms, "
+            f"{_percent(one['share'])} % of the time since it arrived, {one['rms']:.3g} m rms, "
             f"{one['farthest']:.3g} m at most"
             for name, one in self.held.items()
         ]
@@ -129,6 +131,15 @@ class MissionResult:
                 "sensors.volume_noise and sensors.volume_quantum change nothing here: pump and "
                 "valve run for a time, and no volume is measured"
             )
+        for phase, stage in zip(self.flight.mission.phases, self.flight.plan.stages, strict=True):
+            tolerance = float(stage[Stage.TOLERANCE])
+            if phase.depth is not None and tolerance >= phase.depth:
+                whose = "by default " if phase.tolerance is None else ""
+                found.append(
+                    f"the tolerance of the phase {phase.title!r}, {whose}{tolerance:g} m, reaches "
+                    f"from its {phase.depth:g} m to the surface: that it was kept says nothing. "
+                    "Give a smaller one (tolerance)"
+                )
         return found
 
     @property
@@ -220,6 +231,7 @@ class MissionResult:
             f"the phase {name!r} was in its tolerance for less than {100.0 * HELD:.0f} % of its "
             f"time in {count} of {len(self.flight.cycles)} cycles: that is no holding. Look more "
             "often (check_interval), go slower, or allow more"
+            f"{coarse_words(self.flight.mission, self.flight.plan, numbers[name])}"
             for name, count in self.not_held.items()
         ]
         landed = int(np.sum(self.flight.notes[:, Drive.WHAT] == Note.BOTTOM))
@@ -295,6 +307,11 @@ class MissionResult:
         if full <= 0.0 or not self.energy_known:
             return np.full(len(rows), np.nan)
         return np.asarray(1.0 - drawn_energy(rows) / full)
+
+
+def _percent(share: float) -> str:
+    """Return a share in percent, cut off rather than rounded: 100 is all of it."""
+    return f"{math.floor(1000.0 * share + 1e-9) / 10.0:g}"
 
 
 def _joules(energy: float) -> str:
