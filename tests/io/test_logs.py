@@ -301,3 +301,18 @@ def test_a_mission_of_a_real_float(data_dir: Path) -> None:
     assert set(log.reference_depth) == {0.5, 1.35}
     assert "--where" in str(refused(path, log_format="ntnu-bv"))
     assert "t_s" in str(refused(path))
+
+
+def test_columns_that_are_likely_are_proposed_together(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "run,time [s],depth [cm],volume [mL],voltage_V,Speed 1,Speed 2\n1,0,2,3,4,5,6\n"
+    )
+    with pytest.raises(LogError) as caught:
+        read_log(path)
+    proposed = '--column "time_s=time [s]" --column "depth_m=depth [cm]" --column "volume_m3='
+    assert f'Perhaps {proposed}volume [mL]".' in str(caught.value)  # two may be the speed
+    path.write_text("t,z\n1,0\n")
+    with pytest.raises(LogError) as caught:
+        read_log(path)
+    assert "Perhaps" not in str(caught.value)

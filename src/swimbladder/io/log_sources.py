@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
@@ -91,9 +92,23 @@ def column_sources(
                 file=path,
                 field=name,
                 remedy=f"Say which one it is with --column {name}=NAME or in a [log] table"
-                f"{or_pressure}; columns of the file: {listed(header)}",
+                f"{or_pressure}; columns of the file: {listed(header)}{_likely(header, sources)}",
             )
     return sources
+
+
+def _likely(header: Sequence[str], sources: Mapping[str, LogColumn]) -> str:
+    """Return the options that map what is not read yet, where one column alone has the word."""
+    words: dict[str, list[str]] = {}
+    for column in header:
+        words.setdefault(re.split(r"[^a-z]", column.strip().lower())[0], []).append(column)
+    found = [
+        f'--column "{name}={column}"'
+        for name in COLUMNS
+        for column in words.get(name.rpartition("_")[0], [])
+        if name not in sources and len(words[name.rpartition("_")[0]]) == 1
+    ]
+    return f". Perhaps {' '.join(found)}" if found else ""
 
 
 def _one(name: str, column: LogColumn, header: list[str], path: str | Path) -> LogColumn:
