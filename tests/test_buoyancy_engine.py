@@ -24,6 +24,7 @@ from swimbladder.parameters import (
     UnifiedActuator,
     Valve,
 )
+from swimbladder.pump_start import pump_start
 
 PRESSURES = np.array([0.0, 2e5, 1e6, 5e6, 1e7, 1.9e7])
 ATMOSPHERE = 101325.0
@@ -213,6 +214,15 @@ def test_a_start_falls_short_by_what_its_line_takes():
     assert found.start_volume[0] == pytest.approx(1e-6)
     # At 19 MPa the air is as good as gone, the oil 1.3 % smaller.
     assert found.start_volume[-1] == pytest.approx(1e-6 + 2e-6 + 1.8e-5 * 1.9e7 / 1.5e9, rel=0.05)
+    # while it fills, the pump takes what the line's pressure does, not what the sea's would
+    full = (found.start_volume[-1] - 1e-6) / found.rate_out[-1] * found.power_out[-1]
+    start = pump_start(
+        line, lambda dp: 1e-6 + 0.0 * dp, PRESSURES[-1:] + ATMOSPHERE,
+        power=lambda dp: 7.0 + 1e-6 * dp,
+    )  # fmt: skip
+    assert found.start_saving[-1] == pytest.approx(full - start.energy[0], rel=1e-9)
+    assert 0.4 * full < found.start_saving[-1] < full
+    assert np.all(be.drive_map(pump_vehicle(pump, start_volume=1e-6), PRESSURES).start_saving == 0)
     assert sd.delivered(1e-6, 10.0, 4e-6) == pytest.approx(6e-6)
     assert sd.delivered(1e-6, 2.0, 4e-6) == 0.0
 

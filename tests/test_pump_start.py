@@ -3,29 +3,36 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
 
 from swimbladder.parameters import Oil
-from swimbladder.pump_start import line_compliance, pump_start
+from swimbladder.pump_start import line_compliance, line_curves, pump_start
 
 ATMOSPHERE = 101325.0
 
 
-def by_scipy(oil, rate, load, reservoir, n):
-    """The time at which the line reaches the load, integrating eq. (1) in time."""
+def power(dp):
+    return 7.0 + 2e-6 * dp
 
-    def slope(_, p):
-        gas = oil.volume * oil.trapped_air * (ATMOSPHERE / p[0]) ** (1.0 / n)
-        beta_e = oil.volume / ((oil.volume - gas) / oil.bulk_modulus + gas / (n * p[0]))
-        return [beta_e / oil.volume * rate(p[0] - reservoir)]
 
-    def there(_, p):
-        return p[0] - load
+def by_scipy(oil, rate, load, reservoir, n, ratio=1.0):
+    """Time at which the line reaches the load, and the energy, integrating eq. (1) in time."""
+
+    def slope(_, y):
+        p, head = y[0], ratio * (y[0] - reservoir)
+        gas = oil.volume * oil.trapped_air * (ATMOSPHERE / p) ** (1.0 / n)
+        beta_e = oil.volume / ((oil.volume - gas) / oil.bulk_modulus + gas / (n * p))
+        return [beta_e / oil.volume * ratio * rate(head), power(head)]
+
+    def there(_, y):
+        return y[0] - reservoir - (load - reservoir) / ratio
 
     there.terminal = True
     found = solve_ivp(
-        slope, (0.0, 1e4), [reservoir], method="Radau", events=there, rtol=1e-10, atol=1e-3
-    )
-    return float(found.t_events[0][0])
+        slope, (0.0, 1e4), [reservoir, 0.0], method="Radau", events=there, rtol=1e-10,
+        atol=[1e-3, 1e-9],
+    )  # fmt: skip
+    return float(found.t_events[0][0]), float(found.y_events[0][0][1])
 
 
 @pytest.mark.parametrize("air", [0.0, 0.001, 0.1])
@@ -37,9 +44,71 @@ def test_the_time_is_that_of_the_differential_equation(air, load, n):
     def rate(dp):
         return 1e-6 - 2e-14 * dp
 
-    found = pump_start(oil, rate, np.array([load]), reservoir=0.85e5, polytropic=n)
-    expected = by_scipy(oil, rate, load, 0.85e5, n)
-    assert found.duration[0] == pytest.approx(expected, rel=1e-6)
+    found = pump_start(oil, rate, np.array([load]), power=power, reservoir=0.85e5, polytropic=n)
+    time, energy = by_scipy(oil, rate, load, 0.85e5, n)
+    assert found.duration[0] == pytest.approx(time, rel=1e-6)
+    assert found.energy[0] == pytest.approx(energy, rel=1e-6)
+
+
+def test_an_amplifier_has_the_line_at_a_lower_pressure_and_gives_less_water():
+    oil = Oil(volume=5e-5, bulk_modulus=1.4e9, trapped_air=0.02)
+
+    def rate(dp):
+        return 1e-6 - 2e-14 * dp
+
+    found = pump_start(oil, rate, np.array([1e7]), power=power, reservoir=0.85e5, ratio=3.0)
+    time, energy = by_scipy(oil, rate, 1e7, 0.85e5, 1.4, ratio=3.0)
+    assert found.duration[0] == pytest.approx(time, rel=1e-6)
+    assert found.energy[0] == pytest.approx(energy, rel=1e-6)
+
+
+@pytest.mark.parametrize("highest", [2e7, 8e7])
+def test_the_curves_of_a_line_are_its_starts_up_to_the_stall(highest):
+    oil = Oil(volume=5e-5, bulk_modulus=1.4e9, trapped_air=0.02)
+
+    def rate(dp):
+        return 1e-6 - 2e-14 * dp  # nothing from 50 MPa on
+
+    found = line_curves(oil, rate, power, highest, 41, slip=2e-14, reservoir=0.85e5, ratio=2.0)
+    head = 2.0 * 0.85e5 * np.expm1(found.step * np.arange(41.0))
+    if highest < 5e7:
+        assert found.top == np.inf
+        assert head[-1] == pytest.approx(highest, rel=1e-9)
+    else:
+        assert rate(head[-1]) == pytest.approx(1e-3 * rate(0.0), rel=1e-6)
+    start = pump_start(oil, rate, head[:-1] + 0.85e5, power=power, reservoir=0.85e5, ratio=2.0)
+    assert found.time[:-1, 0] == pytest.approx(start.duration, rel=1e-7)
+    assert found.energy[:-1, 0] == pytest.approx(start.energy, rel=1e-7)
+
+
+@pytest.mark.parametrize(("air", "end"), [(0.0, 1e3), (0.05, 1e3), (0.05, 3e6)])
+def test_a_line_empties_through_a_pump_that_stands(air, end):
+    """Radau from 10 MPa down to a head; the curves say it by the integral less its logarithm."""
+    oil, slip = Oil(volume=1e-4, bulk_modulus=1.4e9, trapped_air=air), 2e-14
+
+    def slope(_, y):  # of the logarithm of the head
+        p = 0.85e5 + np.exp(y[0])
+        return [-slip / line_compliance(oil, np.array(p))]
+
+    def there(_, y):
+        return y[0] - np.log(end)
+
+    there.terminal = True
+    fall = solve_ivp(
+        slope, (0.0, 1e5), [np.log(1e7)], method="Radau", events=there, rtol=1e-10, atol=1e-10
+    )
+    found = line_curves(
+        oil, lambda dp: 1e-6 + 0.0 * dp, power, 1e7, 201, slip=slip, reservoir=0.85e5
+    )
+    first = float(line_compliance(oil, np.array(0.85e5))) / slip
+
+    def at(head):
+        y = np.log1p(head / 0.85e5)
+        rows = found.step * np.arange(201.0)
+        curve = CubicHermiteSpline(rows, found.falling[:, 0], found.falling[:, 1])
+        return -first * np.log(head) - float(curve(y))
+
+    assert at(end) - at(1e7) == pytest.approx(float(fall.t_events[0][0]), rel=1e-6)
 
 
 @pytest.mark.parametrize("n", [1.0, 1.4])

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swimbladder.actuator import reduced, unified
+from swimbladder.actuator import leakage_coefficient, reduced, unified
 from swimbladder.errors import NoAnswerError
 from swimbladder.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.parameters import (
@@ -23,12 +23,13 @@ from swimbladder.parameters import (
     ElectrohydraulicActuator,
     IdentifiedActuator,
     Positioner,
+    PowerLawPump,
     PumpAndValve,
     Supply,
     UnifiedActuator,
     Vehicle,
 )
-from swimbladder.pump_start import pump_start
+from swimbladder.pump_start import LineCurves, line_curves, pump_start
 from swimbladder.steady_drives import (
     REFERENCE_TEMPERATURE,
     SteadyPoint,
@@ -41,7 +42,15 @@ from swimbladder.steady_drives import (
     valve_flow,
 )
 
-__all__ = ["DriveMap", "check_power_known", "drive_map", "oil_note", "steady_point"]
+__all__ = [
+    "DriveMap",
+    "LineMap",
+    "check_power_known",
+    "drive_map",
+    "line_map",
+    "oil_note",
+    "steady_point",
+]
 
 Array = NDArray[np.float64]
 
@@ -63,6 +72,17 @@ class DriveMap(NamedTuple):
     bypass_in: Array  # m3/s let in through the bypass, 0 without one
     power_bypass: Array  # W while it does
     start_volume: Array  # m3 that each start of the pump falls short of rate_out times its run
+    start_saving: Array  # J by which a start takes less than power_out for as long: its line fills
+
+
+class LineMap(NamedTuple):
+    """The oil line of a pump and valve as a mission takes it; see `pump_start.LineCurves`."""
+
+    curves: LineCurves
+    warmth: Array  # J/K [n, 2] by which `curves.energy`, of `temperature`, grows in warmer water
+    temperature: float  # degC
+    slip: float  # m3/s/Pa of the water, through the pump while it stands
+    ratio: float  # pressure amplifier
 
 
 def drive_map(
@@ -175,18 +195,21 @@ def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> Dr
     run = pump_run(
         a.pump, head, water=vehicle.water, supply=supply, driver=vehicle.driver, temperature=T
     )
-    short = np.full(p.shape, a.start_volume)
+    power_out = _from_battery(run.power, supply, "the pump")
+    short, saving = np.full(p.shape, a.start_volume), nothing
     if a.line is not None:
+        warm = np.broadcast_to(T, p.shape)[:, None]
         start = pump_start(
             a.line,
-            lambda dp: (
-                pump_run(a.pump, dp, water=vehicle.water, supply=supply, driver=vehicle.driver).rate
-            ),
+            lambda dp: _running(vehicle, a, dp, warm if dp.ndim > 1 else T)[0],
             p + ATMOSPHERIC_PRESSURE,
+            power=lambda dp: _running(vehicle, a, dp, warm)[1],
             reservoir=a.internal_pressure,
+            ratio=_amplifier(a),
         )
         short = short + start.shortfall
-    power_out = _from_battery(run.power, supply, "the pump")
+        full = np.divide(start.shortfall, run.rate, out=np.zeros(p.shape), where=run.rate > 0.0)
+        saving = power_out * full - start.energy
     power_in = battery_power(np.full(p.shape, a.valve.power), supply)
     bypass_in = power_bypass = nothing
     if a.bypass is not None:
@@ -203,7 +226,56 @@ def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> Dr
         bypass_in=bypass_in,
         power_bypass=power_bypass,
         start_volume=short,
+        start_saving=saving,
     )
+
+
+def line_map(vehicle: Vehicle, deepest: float, count: int) -> LineMap | None:
+    """Return what a vehicle's oil line does down to a pressure `deepest` [Pa], in `count` rows.
+
+    None where no line is given: the oil is incompressible, as the paper's.
+    """
+    a = vehicle.actuator
+    if not isinstance(a, PumpAndValve) or a.line is None:
+        return None
+
+    def curves(temperature: float) -> LineCurves:
+        assert a.line is not None
+        return line_curves(
+            a.line,
+            lambda dp: _running(vehicle, a, dp, temperature)[0],
+            lambda dp: _running(vehicle, a, dp, temperature)[1],
+            deepest + ATMOSPHERIC_PRESSURE - a.internal_pressure,
+            count,
+            slip=slip,
+            reservoir=a.internal_pressure,
+            ratio=ratio,
+        )
+
+    ratio = _amplifier(a)
+    if isinstance(a.pump, PowerLawPump):
+        slip = a.pump.slip
+    else:
+        drive, water = a.pump.drive, vehicle.water
+        leak = leakage_coefficient(
+            k_pl=drive.pump_leakage, rho=water.density, g=water.gravity, n_h=ratio
+        )
+        slip = leak / water.specific_weight
+    found, warmer = curves(REFERENCE_TEMPERATURE), curves(REFERENCE_TEMPERATURE + 1.0)
+    return LineMap(found, warmer.energy - found.energy, REFERENCE_TEMPERATURE, slip, ratio)
+
+
+def _amplifier(a: PumpAndValve) -> float:
+    return a.pump.drive.area_ratio if isinstance(a.pump, DatasheetPump) else 1.0
+
+
+def _running(vehicle: Vehicle, a: PumpAndValve, head: Array, T: ArrayLike) -> tuple[Array, Array]:
+    """Return delivery [m3/s] and what leaves the cells [W] against each `head` [Pa]."""
+    run = pump_run(
+        a.pump, head, water=vehicle.water, supply=vehicle.supply, driver=vehicle.driver,
+        temperature=T,
+    )  # fmt: skip
+    return run.rate, battery_power(run.power, vehicle.supply)
 
 
 def _from_battery(power: Array, supply: Supply | None, what: str) -> Array:
@@ -231,7 +303,7 @@ def _positioner(vehicle: Vehicle, a: Positioner, p: Array) -> DriveMap:
             )
         )
     rate, nothing = np.full(p.shape, a.speed * a.piston_area), np.zeros(p.shape)
-    return DriveMap(p, rate, moving, rate, moving, nothing, held, nothing, nothing, nothing)
+    return DriveMap(p, rate, moving, rate, moving, nothing, held, *4 * (nothing,))
 
 
 def _rates_only(vehicle: Vehicle, p: Array) -> DriveMap:
@@ -244,9 +316,7 @@ def _rates_only(vehicle: Vehicle, p: Array) -> DriveMap:
     drawn = np.maximum(a.gain * (E + a.load_back * z - a.friction), 0.0)
     unknown, nothing = np.full(p.shape, np.nan), np.zeros(p.shape)
     out = np.maximum(pressed - leak, 0.0)
-    return DriveMap(
-        p, out, unknown, drawn + leak, unknown, leak, unknown, nothing, nothing, nothing
-    )
+    return DriveMap(p, out, unknown, drawn + leak, unknown, leak, unknown, *4 * (nothing,))
 
 
 def _voltage_driven(vehicle: Vehicle, a: UnifiedActuator, p: Array) -> DriveMap:
@@ -265,6 +335,4 @@ def _voltage_driven(vehicle: Vehicle, a: UnifiedActuator, p: Array) -> DriveMap:
     leak, nothing = np.asarray(a.k_l * z), np.zeros(p.shape)
     rate_out = np.maximum(rate_out, 0.0)
     rate_in = np.maximum(-rate_in, 0.0)
-    return DriveMap(
-        p, rate_out, power_out, rate_in, power_in, leak, holding, nothing, nothing, nothing
-    )
+    return DriveMap(p, rate_out, power_out, rate_in, power_in, leak, holding, *4 * (nothing,))

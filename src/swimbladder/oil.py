@@ -1,6 +1,7 @@
 """How far the oil of an electrohydraulic drive gives way (eqs 1-2).
 
-The model takes the oil as incompressible. These functions say by how much that is wrong.
+The model takes the oil as incompressible but in the line of a pump and valve (`pump_start`). These
+functions say by how much that is wrong.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ def hovering(found: DriveEnergy, thruster: Thruster, *, weight_error: float) -> 
     column, m = found.column, found.map
     weight = column.density * column.gravity * weight_error
     power = thruster.checked().power(weight, column.density)
-    once = found.per_volume * (weight_error + m.start_volume)
+    once = found.per_volume * (weight_error + m.start_volume) - m.start_saving
     hold = m.holding_power + np.where(m.leakage > 0.0, m.leakage * found.per_volume, 0.0)
     spared = power - hold
     later = np.divide(once, spared, out=np.full(spared.shape, np.inf), where=spared > 0.0)

@@ -11,6 +11,9 @@ from swimbladder.parameters.schema import Parameters, Unit, refusal
 
 __all__ = ["DatasheetPump", "PowerLawPump", "Pump", "PumpAndValve", "Valve"]
 
+_ATMOSPHERE = 101325.0  # Pa, at which the share of trapped air counts
+_VACUUM = 1e3  # Pa; a gas rotary pump goes no lower, and oil gives off what it has dissolved
+
 
 class PowerLawPump(Parameters):
     """A pump as measured: delivery and electrical power, both linear in the pressure it beats.
@@ -24,7 +27,8 @@ class PowerLawPump(Parameters):
         description="volume pressed out per time against no pressure"
     )
     slip: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = Field(
-        0.0, description="delivery lost per pressure while it runs"
+        0.0,
+        description="delivery lost per pressure while it runs; through it `line` empties at rest",
     )
     idle_power: Annotated[float, Unit("W"), Field(ge=0.0)] = Field(
         description="electrical power while it runs against no pressure"
@@ -86,8 +90,8 @@ class PumpAndValve(Parameters):
         None, description="a wide valve that empties the bladder at the surface"
     )
     line: Oil | None = Field(
-        None, description="the oil between pump and check valve, which each start has to press to "
-        "the sea's pressure first"
+        None, description="the oil between pump and check valve, which has to come to the sea's "
+        "pressure before anything is pressed out, and empties through the pump while it stands"
     )  # fmt: skip
     internal_pressure: Annotated[float, Unit("Pa"), Field(ge=0.0, le=2e5)] = Field(
         101325.0, description="absolute pressure of the gas around the oil reservoir in the hull"
@@ -118,6 +122,14 @@ class PumpAndValve(Parameters):
                 "Check both times",
                 "longest_run",
             )
+        if self.line is not None:
+            least = self.line.trapped_air * _ATMOSPHERE
+            if self.internal_pressure <= max(least, _VACUUM):
+                raise refusal(
+                    "the line at rest would be full of the air in its oil, or of its vapour",
+                    f"Give a pressure above {max(least, _VACUUM):g} Pa, or leave out actuator.line",
+                    "internal_pressure",
+                )
         pump = self.pump
         if isinstance(pump, DatasheetPump) and self.leakage > pump.drive.pump_leakage > 0.0:
             raise refusal(

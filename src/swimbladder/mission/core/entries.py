@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 from swimbladder.engine.cache import inlined, part
-from swimbladder.mission.core.motion import displaced, drag, inside, lagging, rate_of, terms, value
+from swimbladder.mission.core.line import advance_line, stalls
+from swimbladder.mission.core.lookup import value
+from swimbladder.mission.core.motion import displaced, drag, inside, lagging, rate_of, terms
 from swimbladder.mission.core.names import Account, At, Doing, Given, Now, Table
 from swimbladder.seawater.motion import moved
 
@@ -13,6 +15,7 @@ __all__ = ["book", "enter", "enter_energy", "power"]
 
 T, Z, W, V, CHARGE = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.CHARGE)
 HULL, FOLLOWS, HEAT = int(Now.HULL), int(Given.FOLLOWS), int(Account.HEAT)
+SHUT = int(At.SHUT)
 DOING, PLACE, STEP, MASS = int(At.DOING), int(At.PLACE), int(Given.STEP), int(Given.MASS)
 SELF_DISCHARGE, NOTHING, PUMPING = int(Given.SELF_DISCHARGE), int(Doing.NOTHING), int(Doing.PUMPING)
 PRIMING, LETTING_IN, PRESSURE = int(Doing.PRIMING), int(Doing.LETTING_IN), int(Table.PRESSURE)
@@ -34,7 +37,7 @@ _INNER = 0.5 - 0.1 * math.sqrt(5.0)
 def book(p, table, waves, x, at, accounts, loads, h, work):  # type: ignore[no-untyped-def]
     """Enter a step of h [s] to work[0] in the accounts, by Lobatto's rule on its cubic."""
     y, k1, k2 = work[0], work[2], work[3]
-    doing = at[DOING]
+    doing, shut = at[DOING], at[SHUT] == 1
     sums = work[4]
     sums[:] = 0.0
     for n in range(4):
@@ -45,29 +48,32 @@ def book(p, table, waves, x, at, accounts, loads, h, work):  # type: ignore[no-u
         v = inside(x[V], y[2], k1[2], k2[2], s)
         sums[0] += share * p[MASS] * drag(p, w)[0] * w
         sums[1] += share * power(p, table, doing, z)
-        rate = rate_of(p, table, doing, z, v)[0]
-        if rate != 0.0:
-            sums[2] += share * rate * value(table, p[STEP], PRESSURE, z)[0]
-        elif doing == PUMPING:
-            sums[3] += share
         way, dz = 0.0, w
         hull = inside(x[HULL], y[3], k1[3], k2[3], s)
         if waves.shape[0] > 0:
             t = x[T] + s * h
-            dz, pull, _, _ = terms(p, table, waves, doing, at[PLACE] == 1, t, z, w, v, hull)
+            dz, pull, _, _ = terms(
+                p, table, waves, doing, shut, at[PLACE] == 1, t, z, w, v, hull
+            )  # fmt: skip
             sums[4] += share * p[MASS] * (pull + drag(p, w)[0]) * (dz - w)
             way = _moved(waves, z, t)[0]
             slope = value(table, p[STEP], PRESSURE, z)[1]
             sums[4] -= share * slope * displaced(p, table, z, way)[0] * dz
+        rate = rate_of(p, table, doing, shut, z, v, dz)[0]
+        if rate != 0.0:
+            sums[2] += share * rate * value(table, p[STEP], PRESSURE, z)[0]
+        elif doing == PUMPING or stalls(p, table, at, z):
+            sums[3] += share
         if p[FOLLOWS] > 0.0:
             slope = value(table, p[STEP], PRESSURE, z)[1]
             sums[5] -= share * slope * lagging(p, table, z - way, hull)[0] * dz
     accounts[DRAG] += sums[0]
     accounts[FORCED] += sums[4]
     accounts[HEAT] += sums[5]
-    enter(accounts, doing, y[2] - x[V], sums[2], sums[1], h)
+    energy = advance_line(p, table, x, at, y[0], h, sums[1])
+    enter(accounts, doing, y[2] - x[V], sums[2], energy, h)
     accounts[STALLED] += sums[3]
-    enter_energy(p, x, accounts, sums[1], loads, h)
+    enter_energy(p, x, accounts, energy, loads, h)
 
 
 @part

@@ -6,7 +6,18 @@ import math
 
 from swimbladder.control.rate import RateParameters
 from swimbladder.engine.cache import part
-from swimbladder.mission.core.leap import AIR, BOTTOM, LEVEL, LOST, SURFACE, TOO_DEEP, VOLUME, leap
+from swimbladder.mission.core.leap import (
+    AIR,
+    BOTTOM,
+    LEVEL,
+    LOST,
+    SURFACE,
+    TOO_DEEP,
+    VALVE,
+    VOLUME,
+    leap,
+)
+from swimbladder.mission.core.line import fill_lacks, turn_valve, valve_turns
 from swimbladder.mission.core.moves import end_run, look, note, start_run
 from swimbladder.mission.core.names import (
     Account,
@@ -45,6 +56,7 @@ TOLERANCE, LOADS = int(Stage.TOLERANCE), int(Stage.LOADS)
 DEAD, TO_SURFACE = int(Stage.LAW) + RateParameters._fields.index("dead"), int(Kind.SURFACE)
 NOTHING, PUMPING, PRIMING = int(Doing.NOTHING), int(Doing.PUMPING), int(Doing.PRIMING)
 T_PRIMED, BLOWS = int(Now.T_PRIMED), int(Account.BLOWS)
+LINE, DELIVERY, SHUT = int(Given.LINE), int(Given.DELIVERY), int(At.SHUT)
 SURFACING_ENERGY, PUMP_ENERGY = int(Account.SURFACING_ENERGY), int(Account.PUMP_ENERGY)
 VALVE_ENERGY, HOLDING_ENERGY = int(Account.VALVE_ENERGY), int(Account.HOLDING_ENERGY)
 LOAD_ENERGY, SELF_DISCHARGED = int(Account.LOAD_ENERGY), int(Account.SELF_DISCHARGED)
@@ -60,6 +72,7 @@ STOP_EMPTY, LEFT_WATER, STUCK = int(Stop.BATTERY_EMPTY), int(Stop.LEFT_WATER), i
 _ROOM = 8  # rows or notes that one pass of the loop may add
 _RESCUE = 30.0 * 86400.0  # s to come up in after the alarm; a vehicle that floats deeper is lost
 _PASSES = 200  # without time passing: a fault of the model
+_FULL = 1e-9  # s; a line that lacks less is full
 
 
 @part
@@ -112,6 +125,8 @@ def _happen(p, table, stages, x, at, accounts, notes, counts, event):  # type: i
         _at_volume(p, x, at, notes, counts)
     elif event == LOST:
         at[STOP] = STOP_LOST
+    elif event == VALVE:
+        turn_valve(p, table, x, at)
 
 
 @part
@@ -160,8 +175,10 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
         until = min(x[T_LOOK], x[T_END])
         if at[DOING] != NOTHING:
             until = min(until, x[T_MOVE])
-            if at[DOING] == PRIMING:
+            if at[DOING] == PRIMING and at[SHUT] == 0:
                 until = min(until, x[T_PRIMED])
+            elif at[DOING] == PRIMING and at[PLACE] == 2:
+                until = min(until, x[T] + fill_lacks(p, table, x) / p[DELIVERY])
         if until > x[T]:
             _begin_row(rows, counts, x, at, accounts)
             kind = int(stages[at[PHASE], KIND])
@@ -217,7 +234,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
 @part
 def _decide(p, table, waves, stages, x, at, accounts, notes, counts):  # type: ignore[no-untyped-def]
     """End a run whose time is over, look where it is time, and see whether it floats."""
-    if at[DOING] == PRIMING and x[T] >= x[T_PRIMED]:
+    if at[DOING] == PRIMING and at[SHUT] == 0 and x[T] >= x[T_PRIMED]:
         at[DOING] = PUMPING
     if at[DOING] != NOTHING and x[T] >= x[T_MOVE]:
         end_run(x, at, notes, counts)
@@ -235,3 +252,7 @@ def _decide(p, table, waves, stages, x, at, accounts, notes, counts):  # type: i
             _press_out(p, table, x, at, accounts, notes, counts)
         else:
             look(p, table, waves, stages[at[PHASE]], x, at, accounts, notes, counts)
+    if p[LINE] > 0.0 and at[STOP] == 0:
+        early = _FULL if at[DOING] == PRIMING and at[PLACE] == 2 else 0.0
+        if valve_turns(p, table, waves, x, at, 0.0, x[Z], x[W]) > -early:
+            turn_valve(p, table, x, at)

@@ -11,10 +11,13 @@ import math
 
 from swimbladder.engine.cache import part
 from swimbladder.mission.core.entries import book
+from swimbladder.mission.core.line import relieve, valve_turns
 from swimbladder.mission.core.motion import inside, rosenbrock, terms
 from swimbladder.mission.core.names import At, Doing, Given, Now
 
-__all__ = ["AIR", "BOTTOM", "GUARDS", "LEVEL", "LOST", "SURFACE", "TOO_DEEP", "VOLUME", "leap"]
+__all__ = [
+    "AIR", "BOTTOM", "GUARDS", "LEVEL", "LOST", "SURFACE", "TOO_DEEP", "VALVE", "VOLUME", "leap",
+]  # fmt: skip
 
 T, Z, W, V, H, V_MOVE = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.H), int(Now.V_MOVE)
 Z_MOST, V_LEAST, V_MOST, DOING = int(Now.Z_MOST), int(Now.V_LEAST), int(Now.V_MOST), int(At.DOING)
@@ -25,16 +28,17 @@ Z_LOST, DEEPEST, V_MIN = int(Given.Z_LOST), int(Given.DEEPEST), int(Given.V_MIN)
 V_MAX, RTOL, ATOL_Z = int(Given.V_MAX), int(Given.RTOL), int(Given.ATOL_Z)
 ATOL_W, ATOL_V, LONGEST_STEP = int(Given.ATOL_W), int(Given.ATOL_V), int(Given.LONGEST_STEP)
 NOTHING, PUMPING, PRIMING = int(Doing.NOTHING), int(Doing.PUMPING), int(Doing.PRIMING)
-GUARDS = 7
-SURFACE, BOTTOM, AIR, LEVEL, TOO_DEEP, VOLUME, LOST = range(GUARDS)
+LINE, SHUT = int(Given.LINE), int(At.SHUT)
+GUARDS = 8
+SURFACE, BOTTOM, AIR, LEVEL, TOO_DEEP, VOLUME, LOST, VALVE = range(GUARDS)
 _SHORTEST = 1e-9  # s; a step that has to be shorter is taken all the same
 _EDGE = 1e-13  # how near a guard's zero is near enough, of its unit (m, m3 times 1e4)
 _V_SCALE = 1e4  # guards of volumes are counted in tenths of litres, to be of the size of metres
 
 
 @part
-def _fill(p, x, at, level, z, v, found):  # type: ignore[no-untyped-def]
-    """Fill found [GUARDS]: above 0 where something has happened."""
+def _fill(p, table, waves, x, at, level, t, z, w, v, found):  # type: ignore[no-untyped-def]
+    """Fill found [GUARDS]: above 0 where something has happened t [s] into the step."""
     if at[PLACE] == 1:
         found[SURFACE] = z - p[Z_SURFACE]
     else:
@@ -57,13 +61,16 @@ def _fill(p, x, at, level, z, v, found):  # type: ignore[no-untyped-def]
     else:
         found[VOLUME] = (p[V_MIN] - v) * _V_SCALE if v < x[V] else -1.0
     found[LOST] = z - p[Z_LOST]
+    found[VALVE] = -1.0
+    if p[LINE] > 0.0:
+        found[VALVE] = valve_turns(p, table, waves, x, at, t, z, w)
 
 
 @part
 def _step(p, table, waves, x, at, h, work):  # type: ignore[no-untyped-def]
     rosenbrock(
-        p, table, waves, at[DOING], at[PLACE] == 1, x[T], x[Z], x[W], x[V], x[HULL], h,
-        work[0], work[1], work[2], work[3],
+        p, table, waves, at[DOING], at[SHUT] == 1, at[PLACE] == 1, x[T], x[Z], x[W], x[V], x[HULL],
+        h,        work[0], work[1], work[2], work[3],
     )  # fmt: skip
 
 
@@ -74,7 +81,7 @@ def leap(p, table, waves, x, at, accounts, loads, level, until, work):  # type: 
     level: depth of arrival [m], negative from below, 0 none. work: [6, 8] to write in.
     """
     y, e, before, after = work[0], work[1], work[4], work[5]
-    _fill(p, x, at, level, x[Z], x[V], before)
+    _fill(p, table, waves, x, at, level, 0.0, x[Z], x[W], x[V], before)
     left = until - x[T]
     h = min(x[H], left, p[LONGEST_STEP])
     while True:
@@ -98,7 +105,7 @@ def leap(p, table, waves, x, at, accounts, loads, level, until, work):  # type: 
     x[H] = max(h * factor, x[H] if h == left else 0.0)
     at[STEPS] += 1
     event = -1
-    _fill(p, x, at, level, y[0], y[2], after)
+    _fill(p, table, waves, x, at, level, h, y[0], y[1], y[2], after)
     middle = inside(x[Z], y[0], work[2, 0], work[3, 0], 0.5)
     edge = middle < p[Z_SURFACE] if at[PLACE] == 0 else middle > p[Z_SURFACE]
     for n in range(GUARDS):
@@ -111,6 +118,8 @@ def leap(p, table, waves, x, at, accounts, loads, level, until, work):  # type: 
     x[Z], x[W], x[V], x[HULL] = y[0], y[1], y[2], y[3]
     if x[Z] > x[Z_MOST]:
         x[Z_MOST] = x[Z]
+    if p[LINE] > 0.0 and event != VOLUME and at[DOING] != PUMPING and at[DOING] != PRIMING:
+        relieve(p, table, x, accounts, h)
     x[V_LEAST] = min(x[V_LEAST], x[V])
     if at[PLACE] == 0:
         x[V_MOST] = max(x[V_MOST], x[V])
@@ -126,7 +135,7 @@ def _located(p, table, waves, x, at, level, h, work):  # type: ignore[no-untyped
         low, high = 0.0, 0.0
         for k in range(1, 5):  # a turn may hide two crossings
             s = min(0.25 * k, share)
-            _between(p, x, at, level, work, s)
+            _between(p, table, waves, x, at, level, h, work, s)
             if found[n] > max(before[n], 0.0):
                 high = s
                 break
@@ -137,7 +146,7 @@ def _located(p, table, waves, x, at, level, h, work):  # type: ignore[no-untyped
             continue
         for _ in range(50):
             s = 0.5 * (low + high)
-            _between(p, x, at, level, work, s)
+            _between(p, table, waves, x, at, level, h, work, s)
             if found[n] > max(before[n], 0.0):
                 high = s
             else:
@@ -149,13 +158,15 @@ def _located(p, table, waves, x, at, level, h, work):  # type: ignore[no-untyped
     t = h * share
     for _ in range(4):
         _step(p, table, waves, x, at, t, work)
-        _fill(p, x, at, level, y[0], y[2], found)
+        if event == VALVE:
+            break
+        _fill(p, table, waves, x, at, level, t, y[0], y[1], y[2], found)
         gone = found[event]
         if abs(gone) < _EDGE:
             break
         emerging = at[PLACE] == 1
         rates = terms(
-            p, table, waves, at[DOING], emerging, x[T] + t, y[0], y[1], y[2], y[3]
+            p, table, waves, at[DOING], at[SHUT] == 1, emerging, x[T] + t, y[0], y[1], y[2], y[3]
         )  # fmt: skip
         rise = abs(rates[0]) if event != VOLUME else abs(rates[2]) * _V_SCALE
         if rise <= abs(gone) / h:
@@ -171,8 +182,9 @@ def _located(p, table, waves, x, at, level, h, work):  # type: ignore[no-untyped
 
 
 @part
-def _between(p, x, at, level, work, s):  # type: ignore[no-untyped-def]
+def _between(p, table, waves, x, at, level, h, work, s):  # type: ignore[no-untyped-def]
     """Fill work[5] with the guards at a share s of the step."""
     z = inside(x[Z], work[0, 0], work[2, 0], work[3, 0], s)
     v = inside(x[V], work[0, 2], work[2, 2], work[3, 2], s)
-    _fill(p, x, at, level, z, v, work[5])
+    w = inside(x[W], work[0, 1], work[2, 1], work[3, 1], s)
+    _fill(p, table, waves, x, at, level, s * h, z, w, v, work[5])

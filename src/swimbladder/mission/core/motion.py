@@ -4,7 +4,7 @@
 
     dz/dt = w + u(z, t)                                 u: vertical speed of the water
     m dw/dt = p'(z) (V_neutral(z, t) - V) - F_d(w) + rho g A_w (z_surface - z)+
-    dV/dt = rate of what the drive does, over depth
+    dV/dt = rate of what the drive does, over depth, and what the oil line gives (`line`)
     dT/dt = (T_water - T)/tau                           T: temperature of the hull
 
 w is relative to the water. Water that moves carries the vehicle along: its acceleration acts on the
@@ -29,6 +29,8 @@ from __future__ import annotations
 import math
 
 from swimbladder.engine.cache import inlined, part
+from swimbladder.mission.core.line import line_flow
+from swimbladder.mission.core.lookup import value
 from swimbladder.mission.core.names import Doing, Given, Table
 from swimbladder.seawater.motion import moved
 
@@ -41,7 +43,6 @@ __all__ = [
     "rosenbrock",
     "slope_of_force",
     "terms",
-    "value",
 ]
 
 _moved = inlined(moved)
@@ -55,6 +56,7 @@ D_L, D_B, D_0, D_T = int(Given.D_L), int(Given.D_B), int(Given.D_0), int(Given.D
 EPSILON, A_S, Z_SURFACE = int(Given.EPSILON), int(Given.A_S), int(Given.Z_SURFACE)
 V_MIN, DELIVERY, FLOW = int(Given.V_MIN), int(Given.DELIVERY), int(Given.FLOW)
 RISING, FOLLOWS, EXPANSION = int(Given.RISING), int(Given.FOLLOWS), int(Given.EXPANSION)
+LINE = int(Given.LINE)
 PUMPING, LETTING_IN = int(Doing.PUMPING), int(Doing.LETTING_IN)
 BYPASSING, PRIMING = int(Doing.BYPASSING), int(Doing.PRIMING)
 
@@ -76,31 +78,6 @@ H34, H35 = 24.76722511418386, -6.594389125716872
 
 
 @part
-def value(table, step, what, z):  # type: ignore[no-untyped-def]
-    """Return value, slope and curvature of a column of the table at depth z [m]; straight beyond.
-
-    The cubic of `swimbladder.seawater.look_up`, with the curvature that a Jacobian takes.
-    """
-    last = table.shape[0] - 2
-    s = z / step
-    k = min(max(int(s), 0), last)
-    s = s - k
-    a, b = table[k, what], table[k + 1, what]
-    da, db = table[k, what + 1] * step, table[k + 1, what + 1] * step
-    if s < 0.0:
-        return a + da * s, da / step, 0.0
-    if s > 1.0:
-        return b + db * (s - 1.0), db / step, 0.0
-    c2 = 3.0 * (b - a) - 2.0 * da - db
-    c3 = 2.0 * (a - b) + da + db
-    return (
-        a + s * (da + s * (c2 + s * c3)),
-        (da + s * (2.0 * c2 + 3.0 * s * c3)) / step,
-        (2.0 * c2 + 6.0 * s * c3) / (step * step),
-    )
-
-
-@part
 def drag(p, w):  # type: ignore[no-untyped-def]
     """Return drag over mass [m/s2] and its derivative [1/s], eq. (16), other while rising."""
     size = abs(w)
@@ -112,8 +89,20 @@ def drag(p, w):  # type: ignore[no-untyped-def]
 
 
 @part
-def rate_of(p, table, doing, z, V):  # type: ignore[no-untyped-def]
-    """Return dV/dt [m3/s] and its slope over depth [m2/s]."""
+def rate_of(p, table, doing, shut, z, V, dz):  # type: ignore[no-untyped-def]
+    """Return dV/dt [m3/s], and its slopes over depth z [m2/s] and over dz [m2], m/s, being dz/dt.
+
+    shut: whether the check valve behind an oil line is.
+    """
+    rate, slope = _drive_rate(p, table, doing, z, V)
+    if p[LINE] == 0.0 or shut or doing != PUMPING:
+        return rate, slope, 0.0
+    flow, by_depth, by_speed = line_flow(p, table, z, dz)
+    return rate + flow, slope + by_depth, by_speed
+
+
+@part
+def _drive_rate(p, table, doing, z, V):  # type: ignore[no-untyped-def]
     if doing == PUMPING:
         return _positive(table, p[STEP], RATE_OUT, z, p[DELIVERY])
     if doing == LETTING_IN:
@@ -134,7 +123,7 @@ def _positive(table, step, what, z, sign):  # type: ignore[no-untyped-def]
 
 
 @part
-def terms(p, table, waves, doing, emerging, t, z, w, V, hull):  # type: ignore[no-untyped-def]
+def terms(p, table, waves, doing, shut, emerging, t, z, w, V, hull):  # type: ignore[no-untyped-def]
     """Return dz/dt, dw/dt, dV/dt and d hull/dt; hull: its temperature [degC]."""
     _weight, slope, _ = value(table, p[STEP], PRESSURE, z)
     neutral, _, _ = value(table, p[STEP], NEUTRAL, z)
@@ -150,7 +139,7 @@ def terms(p, table, waves, doing, emerging, t, z, w, V, hull):  # type: ignore[n
         more, _, colder, _ = lagging(p, table, z - way, hull)
         pull += slope * more / p[MASS]
         warms = p[FOLLOWS] * colder
-    return w + u, pull, rate_of(p, table, doing, z, V)[0], warms
+    return w + u, pull, rate_of(p, table, doing, shut, z, V, w + u)[0], warms
 
 
 @part
@@ -201,14 +190,13 @@ def slope_of_force(p, table, emerging, z, V, hull, way, stretch):  # type: ignor
 
 
 @part
-def rosenbrock(p, table, waves, doing, emerging, t, z, w, V, hull, h, y, e, k1, k2):  # type: ignore[no-untyped-def]
+def rosenbrock(p, table, waves, doing, shut, emerging, t, z, w, V, hull, h, y, e, k1, k2):  # type: ignore[no-untyped-def]
     """Fill y with the state [4] after a step h [s], e with its error, k1, k2 with the cubic's part.
 
     Between, at the share s of the step: x (1 - s) + s (y + (1 - s) (k1 + s k2)).
     """
     g = 1.0 / (GAMMA * h)
     jw = -drag(p, w)[1]
-    r = rate_of(p, table, doing, z, V)[1]
     way, u, uz, ut, wt, stretch = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     if waves.shape[0] > 0:
         uz, ut, stretch = _change(waves, z, t)
@@ -219,6 +207,10 @@ def rosenbrock(p, table, waves, doing, emerging, t, z, w, V, hull, h, y, e, k1, 
         _, slope, bend = value(table, p[STEP], PRESSURE, z)
         jz += (bend * more + slope * (by_depth + by_way * stretch)) / p[MASS]
         wt = slope * by_way * u / p[MASS]
+    _, r, rw = rate_of(p, table, doing, shut, z, V, w + u)
+    r += rw * uz
+    Vt = rw * ut
+    jw += jV * rw / g
     jT, warms, Tt = 0.0, 0.0, 0.0
     if p[FOLLOWS] > 0.0:
         jT = jV * p[EXPANSION]
@@ -227,62 +219,68 @@ def rosenbrock(p, table, waves, doing, emerging, t, z, w, V, hull, h, y, e, k1, 
         wt -= jT * Tt / p[FOLLOWS]
         warms *= 1.0 - stretch
     gT = g + p[FOLLOWS]
-    # (g - J) U = b, from the bottom up: V and T by z, w by z
+    # (g - J) U = b, from the bottom up: V by z and w, T by z, w by z
     below = (g - jw) * (g - uz) - jz - jV * r / g - jT * warms / gT
 
-    f0, f1, f2, f3 = terms(p, table, waves, doing, emerging, t, z, w, V, hull)
-    b0, b1, b2, b3 = f0 + h * D1 * ut, f1 + h * D1 * wt, f2, f3 + h * D1 * Tt
+    f0, f1, f2, f3 = terms(p, table, waves, doing, shut, emerging, t, z, w, V, hull)
+    b0, b1, b2, b3 = f0 + h * D1 * ut, f1 + h * D1 * wt, f2 + h * D1 * Vt, f3 + h * D1 * Tt
     a0 = (b1 + (g - jw) * b0 + jV * b2 / g + jT * b3 / gT) / below
-    a1, a2, a3 = (g - uz) * a0 - b0, (b2 + r * a0) / g, (b3 + warms * a0) / gT
+    a1 = (g - uz) * a0 - b0
+    a2, a3 = (b2 + r * a0 + rw * a1) / g, (b3 + warms * a0) / gT
 
-    f0, f1, f2, f3 = terms(p, table, waves, doing, emerging, t + T2 * h, z + A21 * a0, w + A21 * a1,
-                           V + A21 * a2, hull + A21 * a3)  # fmt: skip
+    f0, f1, f2, f3 = terms(p, table, waves, doing, shut, emerging, t + T2 * h, z + A21 * a0,
+                           w + A21 * a1, V + A21 * a2, hull + A21 * a3)  # fmt: skip
     b0, b1 = f0 + C21 * a0 / h + h * D2 * ut, f1 + C21 * a1 / h + h * D2 * wt
-    b2, b3 = f2 + C21 * a2 / h, f3 + C21 * a3 / h + h * D2 * Tt
+    b2, b3 = f2 + C21 * a2 / h + h * D2 * Vt, f3 + C21 * a3 / h + h * D2 * Tt
     c0 = (b1 + (g - jw) * b0 + jV * b2 / g + jT * b3 / gT) / below
-    c1, c2, c3 = (g - uz) * c0 - b0, (b2 + r * c0) / g, (b3 + warms * c0) / gT
+    c1 = (g - uz) * c0 - b0
+    c2, c3 = (b2 + r * c0 + rw * c1) / g, (b3 + warms * c0) / gT
 
-    f0, f1, f2, f3 = terms(p, table, waves, doing, emerging, t + T3 * h, z + A31 * a0 + A32 * c0,
-                           w + A31 * a1 + A32 * c1, V + A31 * a2 + A32 * c2,
-                           hull + A31 * a3 + A32 * c3)  # fmt: skip
+    f0, f1, f2, f3 = terms(p, table, waves, doing, shut, emerging, t + T3 * h,
+                           z + A31 * a0 + A32 * c0, w + A31 * a1 + A32 * c1,
+                           V + A31 * a2 + A32 * c2, hull + A31 * a3 + A32 * c3)  # fmt: skip
     b0 = f0 + (C31 * a0 + C32 * c0) / h + h * D3 * ut
     b1 = f1 + (C31 * a1 + C32 * c1) / h + h * D3 * wt
-    b2 = f2 + (C31 * a2 + C32 * c2) / h
+    b2 = f2 + (C31 * a2 + C32 * c2) / h + h * D3 * Vt
     b3 = f3 + (C31 * a3 + C32 * c3) / h + h * D3 * Tt
     d0 = (b1 + (g - jw) * b0 + jV * b2 / g + jT * b3 / gT) / below
-    d1, d2, d3 = (g - uz) * d0 - b0, (b2 + r * d0) / g, (b3 + warms * d0) / gT
+    d1 = (g - uz) * d0 - b0
+    d2, d3 = (b2 + r * d0 + rw * d1) / g, (b3 + warms * d0) / gT
 
-    f0, f1, f2, f3 = terms(p, table, waves, doing, emerging, t + T4 * h,
+    f0, f1, f2, f3 = terms(p, table, waves, doing, shut, emerging, t + T4 * h,
                            z + A41 * a0 + A42 * c0 + A43 * d0, w + A41 * a1 + A42 * c1 + A43 * d1,
                            V + A41 * a2 + A42 * c2 + A43 * d2,
                            hull + A41 * a3 + A42 * c3 + A43 * d3)  # fmt: skip
     b0 = f0 + (C41 * a0 + C42 * c0 + C43 * d0) / h + h * D4 * ut
     b1 = f1 + (C41 * a1 + C42 * c1 + C43 * d1) / h + h * D4 * wt
-    b2 = f2 + (C41 * a2 + C42 * c2 + C43 * d2) / h
+    b2 = f2 + (C41 * a2 + C42 * c2 + C43 * d2) / h + h * D4 * Vt
     b3 = f3 + (C41 * a3 + C42 * c3 + C43 * d3) / h + h * D4 * Tt
     e0 = (b1 + (g - jw) * b0 + jV * b2 / g + jT * b3 / gT) / below
-    e1, e2, e3 = (g - uz) * e0 - b0, (b2 + r * e0) / g, (b3 + warms * e0) / gT
+    e1 = (g - uz) * e0 - b0
+    e2, e3 = (b2 + r * e0 + rw * e1) / g, (b3 + warms * e0) / gT
 
     z5 = z + A51 * a0 + A52 * c0 + A53 * d0 + A54 * e0
     w5 = w + A51 * a1 + A52 * c1 + A53 * d1 + A54 * e1
     V5 = V + A51 * a2 + A52 * c2 + A53 * d2 + A54 * e2
     T5 = hull + A51 * a3 + A52 * c3 + A53 * d3 + A54 * e3
-    f0, f1, f2, f3 = terms(p, table, waves, doing, emerging, t + h, z5, w5, V5, T5)
+    f0, f1, f2, f3 = terms(p, table, waves, doing, shut, emerging, t + h, z5, w5, V5, T5)
     b0 = f0 + (C51 * a0 + C52 * c0 + C53 * d0 + C54 * e0) / h
     b1 = f1 + (C51 * a1 + C52 * c1 + C53 * d1 + C54 * e1) / h
     b2 = f2 + (C51 * a2 + C52 * c2 + C53 * d2 + C54 * e2) / h
     b3 = f3 + (C51 * a3 + C52 * c3 + C53 * d3 + C54 * e3) / h
     g0 = (b1 + (g - jw) * b0 + jV * b2 / g + jT * b3 / gT) / below
-    g1, g2, g3 = (g - uz) * g0 - b0, (b2 + r * g0) / g, (b3 + warms * g0) / gT
+    g1 = (g - uz) * g0 - b0
+    g2, g3 = (b2 + r * g0 + rw * g1) / g, (b3 + warms * g0) / gT
 
     z5, w5, V5, T5 = z5 + g0, w5 + g1, V5 + g2, T5 + g3
-    f0, f1, f2, f3 = terms(p, table, waves, doing, emerging, t + h, z5, w5, V5, T5)
+    f0, f1, f2, f3 = terms(p, table, waves, doing, shut, emerging, t + h, z5, w5, V5, T5)
     b0 = f0 + (C61 * a0 + C62 * c0 + C63 * d0 + C64 * e0 + C65 * g0) / h
     b1 = f1 + (C61 * a1 + C62 * c1 + C63 * d1 + C64 * e1 + C65 * g1) / h
     b2 = f2 + (C61 * a2 + C62 * c2 + C63 * d2 + C64 * e2 + C65 * g2) / h
     b3 = f3 + (C61 * a3 + C62 * c3 + C63 * d3 + C64 * e3 + C65 * g3) / h
     e[0] = (b1 + (g - jw) * b0 + jV * b2 / g + jT * b3 / gT) / below
-    e[1], e[2], e[3] = (g - uz) * e[0] - b0, (b2 + r * e[0]) / g, (b3 + warms * e[0]) / gT
+    e[1] = (g - uz) * e[0] - b0
+    e[2], e[3] = (b2 + r * e[0] + rw * e[1]) / g, (b3 + warms * e[0]) / gT
     y[0], y[1], y[2], y[3] = z5 + e[0], w5 + e[1], V5 + e[2], T5 + e[3]
     k1[0] = H21 * a0 + H22 * c0 + H23 * d0 + H24 * e0 + H25 * g0
     k1[1] = H21 * a1 + H22 * c1 + H23 * d1 + H24 * e1 + H25 * g1

@@ -9,7 +9,8 @@ from swimbladder.control import hold, rate
 from swimbladder.control.deadband import DeadbandParameters, DeadbandState
 from swimbladder.control.law import Measurement
 from swimbladder.engine.cache import inlined, part
-from swimbladder.mission.core.motion import value
+from swimbladder.mission.core.line import fill_lacks
+from swimbladder.mission.core.lookup import value
 from swimbladder.mission.core.names import (
     Account,
     At,
@@ -44,6 +45,7 @@ STEP, V_MIN, V_MAX = int(Given.STEP), int(Given.V_MIN), int(Given.V_MAX)
 START = int(Table.START)
 BY_VOLUME, QUANTUM, LONGEST = int(Given.BY_VOLUME), int(Given.QUANTUM), int(Given.LONGEST)
 DELIVERY, MAKES_UP = int(Given.DELIVERY), int(Given.MAKES_UP)
+LINE, RUN_UP, SHUT = int(Given.LINE), int(Given.RUN_UP), int(At.SHUT)
 VOLUME_NOISE, VOLUME_QUANTUM = int(Given.VOLUME_NOISE), int(Given.VOLUME_QUANTUM)
 NEUTRAL_TOP, SHALLOW = int(Given.NEUTRAL_TOP), int(Given.SHALLOW)
 KIND, DEPTH, SPEED, STAGE_LAW = int(Stage.KIND), int(Stage.DEPTH), int(Stage.SPEED), int(Stage.LAW)
@@ -120,9 +122,15 @@ def start_run(p, table, x, at, accounts, notes, counts, doing, wanted, volume, l
         return
     at[DOING] = doing
     at[RESTS] = 0
+    if p[LINE] == 0.0:
+        at[SHUT] = 0
     short = value(table, p[STEP], START, max(x[Z], 0.0))[0]
     delivery = p[DELIVERY] * value(table, p[STEP], RATE_OUT, max(x[Z], 0.0))[0]
-    if doing == PUMPING and short > 0.0 and delivery > 0.0:
+    if doing == PUMPING and p[LINE] > 0.0:
+        at[DOING] = PRIMING
+        at[SHUT] = 1
+        x[T_PRIMED] = math.inf
+    elif doing == PUMPING and short > 0.0 and delivery > 0.0:
         at[DOING] = PRIMING
         x[T_PRIMED] = x[T] + short / delivery
     x[V_MOVE] = volume
@@ -138,6 +146,7 @@ def start_run(p, table, x, at, accounts, notes, counts, doing, wanted, volume, l
 def end_run(x, at, notes, counts):  # type: ignore[no-untyped-def]
     """Stop the drive."""
     at[DOING] = NOTHING
+    at[SHUT] = 1
     note(notes, counts, x, RUN_OVER, x[T] - x[T_BEGIN])
     x[T_MOVE] = math.inf
     x[V_MOVE] = math.nan
@@ -161,6 +170,8 @@ def _change(p, table, x, at, accounts, notes, counts, volume, wanted, longest): 
         lost = 0.0
         if wanted > 0.0 and p[MAKES_UP] > 0.0:
             lost = value(table, p[STEP], START, max(x[Z], 0.0))[0]
+            if p[LINE] > 0.0:  # what its line still holds it need not press into it
+                lost = p[RUN_UP] + rate_now * fill_lacks(p, table, x)
         length = min((abs(wanted) + lost) / rate_now, longest)
     length = _in_steps(p, length)
     if length > 0.0:

@@ -23,7 +23,10 @@ __all__ = [
 
 
 class Table(IntEnum):
-    """Columns of the table over depth [n, WIDTH]: value, and its slope in the next."""
+    """Columns of the table [n, WIDTH]: value, and its slope in the next; over depth but the last.
+
+    Those from FILLING on are over ln(p/reservoir), p being the pressure in the oil line.
+    """
 
     PRESSURE = 0  # Pa above the atmosphere
     NEUTRAL = 2  # m3, volume at which the vehicle rests
@@ -38,7 +41,11 @@ class Table(IntEnum):
     START = 20  # m3 that each start of the pump falls short
     LAYERS = 22  # m3, neutral volume less what pressure does to water and hull
     TEMPERATURE = 24  # degC of the water
-    WIDTH = 26
+    FILLING = 26  # s, from the reservoir's pressure to p by the pump
+    FILL_ENERGY = 28  # J that takes, in water of 0 degC
+    FILL_WARMTH = 30  # J/K more in warmer water
+    EMPTYING = 32  # s, see `line`
+    WIDTH = 34
 
 
 class Given(IntEnum):
@@ -91,7 +98,18 @@ class Given(IntEnum):
     EXPANSION = 44  # m3/K, of a hull that does not take it at once
     VOLUME_NOISE = 45  # m3, of a measured volume, 1 sigma
     VOLUME_QUANTUM = 46  # m3, its quantum
-    COUNT = 47
+    LINE = 47  # m3, of the oil line; 0: the oil is incompressible
+    LINE_GAS = 48  # m3 of air in it at the reservoir's pressure
+    LINE_MODULUS = 49  # Pa, of its oil
+    LINE_POWER = 50  # -, one over the polytropic exponent of its air
+    LINE_RATIO = 51  # -, the water's pressure over the line's
+    RESERVOIR = 52  # Pa, absolute
+    HEAD_AFLOAT = 53  # Pa, of the atmosphere over the reservoir
+    SLIP = 54  # m3/s/Pa by which the line empties through a pump that stands
+    RUN_UP = 55  # m3 that a start falls short beside what the line takes
+    LINE_STEP = 56  # of ln(p/reservoir) from row to row
+    LINE_TOP = 57  # ln(p/reservoir) at which the pump stalls; inf: above all that is reckoned with
+    COUNT = 58
 
 
 class Stage(IntEnum):
@@ -149,7 +167,8 @@ class Now(IntEnum):
     W_SEEN = 23  # m/s, speed as the processor knew it last
     LAW = 24  # the numbers that the law remembers, in its order: 7 of `rate`, 15 of `deadband`
     HULL = 39  # degC of the hull
-    COUNT = 40
+    LINE_LEVEL = 40  # -, ln(p/reservoir) of the oil line
+    COUNT = 41
 
 
 class At(IntEnum):
@@ -173,7 +192,8 @@ class At(IntEnum):
     LOOKS = 15
     NOT_HELD = 16  # parks and holds of the cycle that were out of their tolerance too long
     CAPTURED = 17  # 1: `control.hold` flies
-    COUNT = 18
+    SHUT = 18  # 1: the check valve behind the oil line is
+    COUNT = 19
 
 
 class Doing(IntEnum):

@@ -140,7 +140,7 @@ def afloat(p, table, stages, x, at, accounts, notes, counts):  # type: ignore[no
         x[CHARGE] -= p[SURFACING]
         arrive(stages, x, at, notes, counts)
         x[T_LOOK] = math.inf
-        if rate_of(p, table, NOTHING, x[Z], x[V])[0] != 0.0:
+        if rate_of(p, table, NOTHING, True, x[Z], x[V], 0.0)[0] != 0.0:
             x[T_LOOK] = x[T] + stages[at[PHASE], DEAD]
 
 

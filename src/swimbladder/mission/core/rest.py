@@ -6,7 +6,9 @@ import math
 
 from swimbladder.engine.cache import part
 from swimbladder.mission.core.entries import enter, enter_energy, power
-from swimbladder.mission.core.motion import drag, lagging, rate_of, slope_of_force, terms, value
+from swimbladder.mission.core.line import advance_line, stalls
+from swimbladder.mission.core.lookup import value
+from swimbladder.mission.core.motion import drag, lagging, rate_of, slope_of_force, terms
 from swimbladder.mission.core.names import Account, At, Doing, Given, Now, Table
 
 __all__ = ["lift_volume", "settle", "stay"]
@@ -17,6 +19,7 @@ RESTS, STEP, MASS, A_S = int(At.RESTS), int(Given.STEP), int(Given.MASS), int(Gi
 Z_SURFACE, V_MIN, V_MAX = int(Given.Z_SURFACE), int(Given.V_MIN), int(Given.V_MAX)
 REST_DEEP, REST_AFLOAT, NOTHING = int(Given.REST_DEEP), int(Given.REST_AFLOAT), int(Doing.NOTHING)
 PUMPING, PRESSURE, NEUTRAL = int(Doing.PUMPING), int(Table.PRESSURE), int(Table.NEUTRAL)
+SHUT = int(At.SHUT)
 TRIM, GIVE, SETTLED = int(Given.TRIM), int(Given.GIVE), int(Account.SETTLED)
 STALLED, HULL, FOLLOWS = int(Account.STALLED), int(Now.HULL), int(Given.FOLLOWS)
 _EDGE = 1e-13  # how near a guard's zero is near enough, of its unit (m, m3 times 1e4)
@@ -32,7 +35,7 @@ def stay(p, table, x, at, accounts, loads, until):  # type: ignore[no-untyped-de
     Return 1 where it reached the end of its move or an end stop, 2 what lifts it off the bottom,
     3 what sinks it from the surface, else 0.
     """
-    rate = rate_of(p, table, at[DOING], x[Z], x[V])[0]
+    rate = rate_of(p, table, at[DOING], at[SHUT] == 1, x[Z], x[V], 0.0)[0]
     colder = 0.0
     if p[FOLLOWS] > 0.0:
         more, _, colder, _ = lagging(p, table, x[Z], x[HULL])
@@ -59,8 +62,9 @@ def stay(p, table, x, at, accounts, loads, until):  # type: ignore[no-untyped-de
             ended, change = 0, rate * h
     pressure = value(table, p[STEP], PRESSURE, x[Z])[0]
     energy = power(p, table, at[DOING], x[Z]) * h
+    energy = advance_line(p, table, x, at, x[Z], h, energy)
     enter(accounts, at[DOING], change, change * pressure, energy, h)
-    if at[DOING] == PUMPING and rate == 0.0:
+    if (at[DOING] == PUMPING and rate == 0.0) or stalls(p, table, at, x[Z]):
         accounts[STALLED] += h
     enter_energy(p, x, accounts, energy, loads, h)
     x[T] = until if ended == 0 else x[T] + h
@@ -102,7 +106,7 @@ def settle(p, table, waves, x, at, accounts):  # type: ignore[no-untyped-def]
     for k in range(waves.shape[0]):
         if waves[k, 5] > 0.0:
             return
-    if rate_of(p, table, NOTHING, x[Z], x[V])[0] != 0.0 and (
+    if rate_of(p, table, NOTHING, True, x[Z], x[V], 0.0)[0] != 0.0 and (
         at[PLACE] != 1 or x[V] <= sink_volume(p, table, x[HULL]) + _EDGE
     ):
         return  # it drifts with what leaks; afloat the hull gives way by next to nothing
@@ -112,7 +116,7 @@ def settle(p, table, waves, x, at, accounts):  # type: ignore[no-untyped-def]
     if stiffness <= 0.0:
         return
     _, pull, _, _ = terms(
-        p, table, waves, NOTHING, emerging, x[T], x[Z], x[W], x[V], x[HULL]
+        p, table, waves, NOTHING, True, emerging, x[T], x[Z], x[W], x[V], x[HULL]
     )  # fmt: skip
     way = (pull + drag(p, x[W])[0]) / stiffness
     limit = p[REST_AFLOAT] if emerging else p[REST_DEEP]
