@@ -11,7 +11,7 @@ from benchmarks.mission import BOTTOM, Fleet, Mission, fleet, mission
 from benchmarks.reference import Reference, reference
 from benchmarks.run import main
 from benchmarks.table import number, ratio, render
-from benchmarks.year import ALIKE, Tried, equal_error
+from benchmarks.year import ALIKE, Tried, at_error, bracket
 from swimbladder.io.config import load_vehicle
 
 SHORT_STROKE = 15  # this vehicle of the fleet meets its end stops
@@ -103,22 +103,30 @@ def test_tables() -> None:
 
 
 @pytest.mark.parametrize("order", [0.6, 1.0, 1.3])
-def test_equal_error_finds_the_tolerance_of_a_method_of_any_order(order) -> None:
-    found = equal_error(lambda tolerance: Tried(tolerance, 40.0 * tolerance**order, 0.0), 6.8e-3)
-    assert 1.0 / ALIKE < found.error / 6.8e-3 < ALIKE
-    assert found.tolerance == pytest.approx((6.8e-3 / 40.0) ** (1.0 / order), rel=0.2)
-
-
-def test_equal_error_takes_the_nearest_where_the_error_jumps() -> None:
-    """Of errors a decade apart none is alike: the nearest is told, not the first below."""
+def test_time_at_equal_error_of_a_method_of_any_order(order) -> None:
+    """An error of 40 tolerance**order in a time of 2 tolerance**-0.2: powers are interpolated."""
 
     def run(tolerance: float) -> Tried:
-        return Tried(tolerance, 10.0 ** np.floor(np.log10(tolerance) + 1e-9), 0.0)
+        return Tried(tolerance, 40.0 * tolerance**order, 2.0 * tolerance**-0.2)
 
-    assert equal_error(run, 2e-4).error == pytest.approx(1e-4)
-    assert equal_error(run, 8e-4).error == pytest.approx(1e-3)
-    with pytest.raises(ArithmeticError, match="no tolerance"):
-        equal_error(run, 1e-15)
+    above, below = bracket(run, 6.8e-3)
+    assert below.error <= 6.8e-3 < above.error < ALIKE * below.error
+    exact = 2.0 * (6.8e-3 / 40.0) ** (-0.2 / order)
+    assert at_error(above, below, 6.8e-3) == pytest.approx(exact, rel=1e-9)
+
+
+def test_the_nearest_errors_are_taken_where_they_jump() -> None:
+    """Errors a decade apart, and one nearer that a halving would pass by."""
+
+    def run(tolerance: float) -> Tried:
+        error = 10.0 ** np.floor(np.log10(tolerance) + 1e-9)
+        return Tried(tolerance, 3e-4 if 8e-4 < tolerance < 9e-4 else error, 1.0)
+
+    above, below = bracket(run, 2e-4)
+    assert (above.error, below.error) == pytest.approx((3e-4, 1e-4))
+    for wanted, side in ((1e-15, "below"), (1.0, "above")):
+        with pytest.raises(ArithmeticError, match=side):
+            bracket(run, wanted)
 
 
 @pytest.mark.slow
