@@ -43,7 +43,7 @@ def test_the_closed_form_has_the_vehicles_own_force():
 
 
 @pytest.mark.parametrize(
-    ("factor", "unit"), [(1e3, "ms"), (1e6, "us"), (1.0 / 60.0, "min")]
+    ("factor", "unit"), [(1e3, "ms"), (1e6, "us"), (1 / 60, "min"), (60.0, "s"), (1e-3, "s")]
 )  # fmt: skip
 def test_another_unit_is_named(pool, factor, unit):
     wrong = replace(pool, time=factor * pool.time)

@@ -307,6 +307,7 @@ def test_depths_in_the_wrong_unit_give_a_mass_that_cannot_be():
         found = identify(logs, FEUP_EM, fixed={"psi": 0.0}, neutral_std=math.inf, **QUICK)
         sentences = [f.sentence for f in found.findings if f.kind == "mass"]
         assert any(word in s and "Check the units" in s for s in sentences)
+        assert not found.identified
 
 
 def test_a_simulated_log_without_noise_gives_intervals_that_hold_the_truth():

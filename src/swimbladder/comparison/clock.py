@@ -23,7 +23,10 @@ __all__ = ["refuse_wrong_clock"]
 Array = NDArray[np.float64]
 
 # true time over time as read: what it is called, and how it is mapped
-_UNITS = {1e-3: ("milliseconds", "ms"), 1e-6: ("microseconds", "us"), 60.0: ("minutes", "min")}
+_UNITS = {
+    1e-3: ("milliseconds", "ms"), 1e-6: ("microseconds", "us"), 60.0: ("minutes", "min"),
+    1e3: ("seconds", "s"), 1.0 / 60.0: ("seconds", "s"),
+}  # fmt: skip
 _ALIKE = (0.3, 3.0)  # of the vehicle's force: another vehicle of the kind, whose file is a guess
 _FAR = (0.1, 10.0)
 _TOLD = 0.6  # of the variance: the motion is that of the volume

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 _SURE = 3.0  # standard deviations
 _GRAVITY = 9.80665  # m/s2; to within a percent everywhere
 _LIGHTEST, _HEAVIEST = 0.9, 4.0  # of the water displaced
+_NONE = (0.5, 10.0)  # of it: no vehicle is so light or so heavy, but one in other units
 _FOLLOWED = 0.05  # of the depths' deviation: what is left over where the model follows
 _MANY = 0.02  # share of the samples
 
@@ -207,6 +208,7 @@ def _neutral(problem: Problem, fit: Fit) -> list[Finding]:
 def _mass(problem: Problem, fit: Fit, dry_mass: float | None) -> list[Finding]:
     m = problem.model.mass(problem.named(fit.x))
     of_water = problem.model.specific_weight / _GRAVITY * problem.model.displaced
+    least, most = _NONE[0] * of_water, _NONE[1] * of_water
     wrong = ""
     if dry_mass is not None and m < 0.98 * dry_mass:
         wrong = f"less than the vehicle's dry mass of {dry_mass:.3g} kg"
@@ -224,9 +226,9 @@ def _mass(problem: Problem, fit: Fit, dry_mass: float | None) -> list[Finding]:
         return []
     return [
         Finding(
-            "mass", "warning",
+            "mass", "no" if not least < m < most else "warning",
             f"The mass that follows, rho g T2/K2 = {m:.3g} kg, is {wrong}. Check the units of the "
-            "logged volume and depth, and the piston's area.",
+            "logged volume, depth and time, the piston's area and hull.displaced_volume.",
         )
     ]  # fmt: skip
 
