@@ -4,8 +4,9 @@ Vehicles are drawn from what is said to be known of them, and dived by the missi
 law at the controls, in water with internal waves; a log is made of what a float would log, with a
 pressure sensor's noise and resolution, and each is identified with a cast that errs: taken a day
 before, when the waves lay elsewhere, by a CTD that is off. Printed are how often the 95 % intervals
-held the truth, and how far off the values were in standard deviations. A run that was interrupted
-goes on where it stopped.
+held the truth, and how far off the values were in standard deviations. With `--together N` each
+vehicle dives N times, in waves and with a cast of its own each time, and the dives are identified
+together. A run that was interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -125,11 +126,23 @@ def drawn(index: int, *, seed: int = 1) -> Dived:
     return Dived(values, _log(flight, waves, rng), _cast(waves, rng), flight)
 
 
-def outcome(index: int, *, seed: int = 1) -> dict[str, Any]:
-    """Return what came of a dive, by name: error in deviations, deviation over its prior's."""
+def again(first: Dived, index: int, dive: int, *, seed: int = 1) -> Dived:
+    """Return another dive of the same vehicle, in other waves and with a cast of its own."""
+    rng = np.random.default_rng([seed, index, dive])
+    flown = identified_vehicle(the_vehicle(), first.values)
+    while True:
+        waves = _waves(rng)
+        flight = fly_mission(flown, _MISSION, _sea(), waves=waves, accuracy=_EXACT)
+        if flight.stop is Stop.FINISHED and float(np.max(flight.rows[:, Row.Z])) > 700.0:
+            return Dived(first.values, _log(flight, waves, rng), _cast(waves, rng), flight)
+
+
+def outcome(index: int, *, seed: int = 1, together: int = 1) -> dict[str, Any]:
+    """Return what came of a vehicle, by name: error in deviations, deviation over its prior's."""
     dived, vehicle, priors = drawn(index, seed=seed), the_vehicle(), known()
-    dive = deep_dive(dived.log, dived.column, vehicle)
-    fit = fit_deep(body_of(vehicle), [dive], priors, free=DEFAULT)
+    each = [dived, *(again(dived, index, k, seed=seed) for k in range(1, together))]
+    dives = [deep_dive(one.log, one.column, vehicle) for one in each]
+    fit = fit_deep(body_of(vehicle), dives, priors, free=DEFAULT)
     return {
         "index": index,
         "error": {n: (fit.values[n] - dived.values[n]) / fit.std(n) for n in fit.names},
@@ -221,15 +234,16 @@ def _log(flight: Flight, waves: Array, rng: np.random.Generator) -> FloatLog:
 def main(given: Sequence[str] | None = None) -> int:
     """Run the study, print its table, and return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m studies.deep_calibration", description=__doc__)
-    parser.add_argument("--dives", type=int, default=300, help="how many (300)")
+    parser.add_argument("--dives", type=int, default=300, help="how many vehicles (300)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     parser.add_argument("--seed", type=int, default=1, help="of all that is drawn (1)")
+    parser.add_argument("--together", type=int, default=1, metavar="N", help="dives a vehicle (1)")
     parser.add_argument("--out", type=Path, default=Path("report/calibration"), metavar="DIR")
     options = parser.parse_args(given)
-    if min(options.dives, options.jobs) < 1:
-        parser.error("--dives and --jobs: at least 1")
+    if min(options.dives, options.jobs, options.together) < 1:
+        parser.error("--dives, --jobs and --together: at least 1")
     options.out.mkdir(parents=True, exist_ok=True)
-    path = options.out / f"deep-{options.seed}-{_fingerprint()}.jsonl"
+    path = options.out / f"deep-{options.seed}-{options.together}-{_fingerprint()}.jsonl"
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
     found = {one["index"]: one for one in map(_read, lines) if one is not None}
     missing = [k for k in range(options.dives) if k not in found]
@@ -239,11 +253,14 @@ def main(given: Sequence[str] | None = None) -> int:
         path.open("a", encoding="utf-8") as file,
         ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool,
     ):
-        for one in pool.map(partial(outcome, seed=options.seed), missing):
+        for one in pool.map(
+            partial(outcome, seed=options.seed, together=options.together), missing
+        ):
             found[one["index"]] = one
             file.write(json.dumps(one) + "\n")
             file.flush()
-    print(f"{options.dives} dives, each by itself, 95 % intervals")
+    by = "each by itself" if options.together == 1 else f"{options.together} dives each together"
+    print(f"{options.dives} vehicles, {by}, 95 % intervals")
     print("| parameter | hold, % | mean error, sigma | rms error, sigma | sigma over prior's |")
     print("|---|---:|---:|---:|---:|")
     for name, held, mean, rms, narrowed in summary([found[k] for k in range(options.dives)]):

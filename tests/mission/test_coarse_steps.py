@@ -51,7 +51,7 @@ def shares(vehicle: Vehicle, count: int) -> np.ndarray:
 
 
 def test_steps_of_a_fifth_of_the_band_hold_and_of_the_whole_band_by_chance() -> None:
-    """Floats a few percent apart: all hold with the file's step, some do not with the whole band's."""
+    """Floats a few percent apart: all hold with the file's step, not all with the whole band's."""
     vehicle = load_vehicle("example-float")
     assert shares(vehicle, 12).min() > 0.95
     coarse = shares(stepping(vehicle, "1 cm3"), 12)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.identify.deep_differ import between_json, differences, hardly
 from swimbladder.identify.deep_dive import DeepDive, deep_dive
 from swimbladder.identify.deep_doubt import Held, doubted, doubts, held, restless
 from swimbladder.identify.deep_fit import DeepFit, balance, fit_deep
@@ -40,8 +41,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_SELDOM = 1800.0  # s, between two looks
-_CONTRADICT = 0.5  # of what dives say that counts: chance leaves more, with some 50 squares
 _FAR = 2.5  # deviations of a prior, one in eighty by chance
 
 
@@ -92,6 +91,7 @@ class DeepIdentification:
                 "runs": self.fit.noise.runs,
             },
             "worth": self.fit.worth,
+            "between": between_json(self.fit),
             "dives": [
                 {
                     "source": told.dive.name,
@@ -217,8 +217,8 @@ def _sentences(
         return (*doubt, *found, *restless(fit.noise))
     if missed:
         found.insert(0, "The data do not tell what was asked: " + ", ".join(missed) + ".")
-    elif untold:
-        found.append(f"Hardly told by these dives, and near what was known: {', '.join(untold)}.")
+    else:
+        found += hardly(fit, untold)
     found = [*strange, *found, *doubt, *restless(fit.noise), *contradictions(fit)]
     anchors = [n for n in ("drag", "pump_delivery", "valve") if n in fit.names]
     if len(anchors) == 3 and not any(fit.told(name) for name in anchors):
@@ -226,19 +226,7 @@ def _sentences(
             "The absolute size of drag, pump and valve together rests on their priors; how they "
             "compare is told by the dives."
         )
-    seldom = sum(int(np.sum(np.diff(one.dive.time) > _SELDOM)) for one in told)
-    if fit.worth < _CONTRADICT:
-        found.append(
-            f"The dives are {fit.worth**-0.5:.2g} times farther apart than each says by itself: "
-            "something differs between them that has no parameter. The intervals are widened by "
-            "that."
-        )
-    if seldom:
-        found.append(
-            f"{seldom} look{'s come' if seldom > 1 else ' comes'} more than half an hour after the "
-            "one before. What happened between counts as the model has it, so the intervals are "
-            "narrower than they should be: see how parameters differ without one dive or the other."
-        )
+    found += differences(fit, [one.dive for one in told])
     return tuple(found)
 
 

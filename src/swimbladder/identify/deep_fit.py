@@ -4,8 +4,8 @@ The likelihood is that of the filter in `deep_filter`, so that lag, moving water
 and a volume that drifts count as what they are; how large these are is estimated too. The best
 values are found by scoring, with Fisher's information of normal innovations e of variance S, the
 sum of de de'/S + dS dS'/(2 S^2), whose inverse, priors included, is the covariance (e.g. Harvey,
-*Forecasting, Structural Time Series Models and the Kalman Filter*, 1989, section 3.4). Where dives
-contradict each other, it counts for less (`deep_worth`).
+*Forecasting, Structural Time Series Models and the Kalman Filter*, 1989, section 3.4). That of
+several dives is by how far each, identified by itself, lies from what fits all (`deep_between`).
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError
+from swimbladder.identify.deep_between import Alone, Between, between, square_error
 from swimbladder.identify.deep_dive import DeepDive
 from swimbladder.identify.deep_filter import GATE, V0
 from swimbladder.identify.deep_model import Body, check_deep_names, drag_volume, excess
@@ -63,7 +64,8 @@ class DeepFit:
     starts: Array  # m3 [dives]
     covariance: Array
     noise: Noise
-    worth: float  # share of the information that counts in covariance
+    worth: float  # share of what dives say that counts, by how far apart they are
+    between: Between | None  # the dives each by itself, in deviations of the priors; None: one dive
     apart: tuple[float, ...]  # how far each dive by itself is from this, in its deviations
     priors: Mapping[str, Prior]
     innovations: tuple[Array, ...]  # of each dive, of all looks but the first, in their deviations
@@ -119,21 +121,21 @@ def fit_deep(
         raise InputError(
             "nothing is left to identify", field="--free", remedy="Leave one parameter free"
         )
-    problem = _Problem(body, [deep_path(d, body, priors) for d in dives], priors, names, fixed)
-    count = len(names)
-    x = np.append(_guess(problem), np.zeros(len(NOISES)))
-    known, noises = np.arange(count), np.arange(count, len(x))
+    paths, count = [deep_path(d, body, priors) for d in dives], len(names)
+    problem, apiece = _Problem(body, paths, priors, names, fixed), 1.0
+    if len(paths) > 1:  # and each by itself, which takes as long together
+        apiece = 0.5
+    differing: Between | None = None
     with threadpool_limits(limits=1):
-        for stride in _STRIDES:
-            x = _best(problem, x, noises, stride)
-            x = _best(problem, x, known, stride)
-            advance(1.0 / len(_STRIDES))
-        found = problem.slopes(x, known)
-        for _ in range(_AXES):
-            found = problem.slopes(x, known, found.information)
-    prior = np.eye(count)
+        x, found = _searched(problem, lambda share: advance(apiece * share))
+        covariance = np.linalg.inv(found.told[0].information + np.eye(count))
+        if len(paths) > 1:
+            differing = between([
+                _alone(_Problem(body, [path], priors, names, fixed), advance, apiece / len(paths))
+                for path in paths
+            ])  # fmt: skip
+            covariance = square_error(differing, x[:count])
     worth = min(1.0, 1.0 / dissent(found.told))
-    covariance = np.linalg.inv(worth * sum(one.information for one in found.told) + prior)
     # Of the starts: what the filter does not know, and what the parameters do not.
     moves = found.starts[:, :count]
     moved = moves @ covariance @ moves.T
@@ -145,7 +147,7 @@ def fit_deep(
     ])  # fmt: skip
     return DeepFit(
         names=names, values=problem.values(x), covariance=whole, noise=problem.noise(x),
-        starts=np.array([f.start for f in found.filtered]), worth=worth,
+        starts=np.array([f.start for f in found.filtered]), worth=worth, between=differing,
         apart=apart(found.told), priors=dict(priors),
         innovations=tuple(f.innovation / np.sqrt(f.variance) for f in found.filtered),
         residuals=tuple(
@@ -261,6 +263,27 @@ class _Problem:
                 (share * f.innovation / np.sqrt(f.variance)) @ d, (d * share[:, None]).T @ d
             ))  # fmt: skip
         return _Slopes(here, S, gradient, information, starts, told)
+
+
+def _searched(problem: _Problem, advance: Callable[[float], None]) -> tuple[Array, _Slopes]:
+    """Return the x of least cost, and the likelihood there along the parameters."""
+    count = len(problem.names)
+    x = np.append(_guess(problem), np.zeros(len(NOISES)))
+    known, noises = np.arange(count), np.arange(count, len(x))
+    for stride in _STRIDES:
+        x = _best(problem, x, noises, stride)
+        x = _best(problem, x, known, stride)
+        advance(1.0 / len(_STRIDES))
+    found = problem.slopes(x, known)
+    for _ in range(_AXES):
+        found = problem.slopes(x, known, found.information)
+    return x, found
+
+
+def _alone(problem: _Problem, advance: Callable[[float], None], part: float) -> Alone:
+    """Return what one dive tells by itself; `part` of the work."""
+    x, found = _searched(problem, lambda share: advance(part * share))
+    return Alone(x[: len(problem.names)], found.told[0].information)
 
 
 def _guess(problem: _Problem) -> Array:
