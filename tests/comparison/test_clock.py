@@ -114,3 +114,9 @@ def test_a_real_float_is_told_too(data_dir):
         except LogError as error:
             told += "@ms" in str(error)
     assert told >= 11
+
+
+def test_depths_that_count_upward_are_told(pool):
+    turned = replace(pool, depth=-pool.depth)
+    with pytest.raises(LogError, match='say depth_positive = "up" in the \\[log\\] table'):
+        record(turned, own(), drive="volume")

@@ -316,3 +316,10 @@ def test_columns_that_are_likely_are_proposed_together(tmp_path):
     with pytest.raises(LogError) as caught:
         read_log(path)
     assert "Perhaps" not in str(caught.value)
+
+
+def test_times_that_are_all_the_same_are_named(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,depth_m\n5,1\n5,2\n5,3\n")
+    with pytest.raises(LogError, match=r"1 usable sample of 3 are too few; .*dropped"):
+        read_log(path)

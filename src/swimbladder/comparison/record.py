@@ -170,7 +170,10 @@ def record(
             field="depth_m",
             value=float(log.depth.max()),
             unit="m",
-            remedy="Check the unit of the depth, or give another --surface-margin or --bottom",
+            remedy='The depths are negative: where they count upward, say depth_positive = "up" in '
+            "the [log] table of --log-format"
+            if np.median(log.depth) < 0.0
+            else "Check the unit of the depth, or give another --surface-margin or --bottom",
         )
     refuse_wrong_clock(
         log, vehicle, under & clear, volume=volume if chosen == "volume" else None,

@@ -22,6 +22,7 @@ from swimbladder.io.log_depth import to_depth
 from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, log_format
 from swimbladder.io.log_sources import column_sources, mapped_columns, wanted_names
 from swimbladder.io.log_table import Table, read_header, read_table
+from swimbladder.io.log_text import counted
 
 __all__ = ["Log", "header_names", "read_log"]
 
@@ -138,11 +139,12 @@ def _log(
         several += "choose a part of it with part = 1 in its [log] table, "
     data, line = in_order(data, line, form, path, several, report)
     if len(line) < 2:
+        dropped = "".join(f"; {note}" for note in report if "dropped" in note)
         raise LogError(
-            f"{len(line)} usable samples are too few",
+            f"{counted(len(line), 'usable sample')} of {len(table.line)} are too few{dropped}",
             file=path,
             field="rows",
-            remedy="Give a log with a row per sample",
+            remedy="Give a log with a row per sample, each with its time",
         )
     for name in list(data):
         if not np.isfinite(data[name]).any():
