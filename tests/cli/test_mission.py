@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from swimbladder.cli import main
+from swimbladder.mission.words import _percent
 
 MISSION = """
 schema_version = 1
@@ -158,6 +159,37 @@ duration = "10 min"
     assert answer["held"]["hold"]["share"] == pytest.approx(share, abs=0.03)
     farthest = np.max(np.abs(table["depth_m"] - 3.0)[first:])
     assert answer["held"]["hold"]["farthest"] == pytest.approx(farthest, rel=1e-6)
+
+
+def test_a_band_that_reaches_to_the_surface_is_said_to_say_nothing(task, capsys):
+    task.write_text("""schema_version = 1
+[[phases]]
+kind = "descend"
+depth = "4 m"
+[[phases]]
+kind = "surface"
+duration = "5 min"
+""")
+    main(["mission", "example-float", str(task), "--out", "flown", "--json"])
+    notes = json.loads(capsys.readouterr().out)["notes"]
+    assert sum("reach from its 4 m to the surface" in note for note in notes) == 1
+
+
+def test_pictures_of_an_earlier_flight_do_not_stay(task, capsys):
+    words = ["mission", "example-float", str(task), "--out", "flown"]
+    assert main([*words, "--plot", "--netcdf"]) == 0
+    Path("flown/mine.txt").write_text("kept")
+    assert main(words) == 0
+    capsys.readouterr()
+    left = {path.name for path in Path("flown").iterdir()}
+    assert not left & {"mission.nc", "mission.png"}
+    assert "mine.txt" in left
+
+
+def test_a_share_is_cut_off_rather_than_rounded():
+    assert [_percent(share) for share in (1.0, 0.99996, 0.9, 0.8999, 0.29)] == [
+        "100", "99.9", "90", "89.9", "29",
+    ]  # fmt: skip
 
 
 def test_a_first_depth_that_is_missed_is_not_said_to_be_reached(task, capsys):

@@ -13,7 +13,7 @@ from swimbladder.campaign.draw import Drawn, Spread
 from swimbladder.campaign.run import Fact
 from swimbladder.io.mission import Mission
 from swimbladder.mission.core.names import Stop
-from swimbladder.mission.result import REASONS
+from swimbladder.mission.words import REASONS
 from swimbladder.parameters import Vehicle
 from swimbladder.seawater import Column
 

@@ -198,7 +198,7 @@ def _write(
     found: MissionResult, out: Path, answer: dict[str, Any], cast: Cast | None,
     begin: datetime.datetime | None, *, netcdf: bool, plot: bool,
 ) -> list[Path]:  # fmt: skip
-    """Write the files and return their paths."""
+    """Write the files, take away those of an earlier flight, and return their paths."""
     from swimbladder.io.files import publish, write_atomically
     from swimbladder.io.tables import write_csv
     from swimbladder.mission.export import float_configuration
@@ -229,14 +229,16 @@ def _write(
             save(draw_mission(found), folder / "mission.png")
 
     publish(out, write)
+    for name in sorted({"mission.nc", "mission.png"} - set(names)):
+        (out / name).unlink(missing_ok=True)  # those of another flight
     return [out / name for name in names]
 
 
 def _print(found: MissionResult, cast: Cast | None, files: list[Path]) -> None:
     from rich.table import Table
 
-    from swimbladder.mission.result import span_words
     from swimbladder.mission.tables import cycle_words
+    from swimbladder.mission.words import span_words
 
     flight = found.flight
     output.print(

@@ -128,7 +128,7 @@ def _allowed(least: Callable[[float], float], tolerance: float) -> str:
 
 def _to(value: float, digits: int, way: str) -> str:
     """Return a number to so many digits, never below it or never above it."""
-    exact = Decimal(repr(value))
+    exact = Decimal(repr(float(value)))
     last = Decimal(1).scaleb(exact.adjusted() - digits + 1)
     return rounded(float(exact.quantize(last, rounding=way)), digits)
 

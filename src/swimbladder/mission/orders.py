@@ -27,7 +27,7 @@ _LOOKS, _PARKED = 60.0, 600.0  # s between two looks on the way, and parked
 _RUN = 15.0  # s in which a speed is measured
 ASLEEP = 0.5  # e-folds that an error may grow by between two looks
 _RUNS = 0.3  # likewise in a minute, above which a vehicle is not left to the law `rate`
-_LEAST_NOISE = 1e-3  # m, of any depth
+LEAST_NOISE = 1e-3  # m, of any depth
 
 
 def drag_coefficient(vehicle: Vehicle, speed: float) -> float:
@@ -145,9 +145,9 @@ def hold_parameters(
     longest = phase.check_interval or (_PARKED if phase.kind == "park" else 4.0 * _LOOKS)
     lag = interval - T2 * (1.0 - math.exp(-interval / T2))
     found = DeadbandParameters(
-        K2=K2, T2=T2, psi=psi, depth_noise=max(noise, _LEAST_NOISE),
+        K2=K2, T2=T2, psi=psi, depth_noise=max(noise, LEAST_NOISE),
         # the neutral volume goes along with layers and with a psi that changes on the way
-        neutral_step=max(abs(psi) * fastest * interval, _LEAST_NOISE / (K2 * lag)),
+        neutral_step=max(abs(psi) * fastest * interval, LEAST_NOISE / (K2 * lag)),
         band=tolerance, speed_band=0.3 * fastest, fastest=fastest, k_z=gains.k_z,
         k_w=gains.k_w, growth=gains.growth, interval=interval,
         longest=max(min(gains.longest, longest), interval), k_pV=0.0,

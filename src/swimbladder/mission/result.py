@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,43 +9,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.buoyancy_engine import oil_note
 from swimbladder.hull import linear_psi
 from swimbladder.mission.books import MissionBooks, close_books
 from swimbladder.mission.core.names import (
     Account,
     At,
     Cycle,
-    Drive,
     Given,
     Holding,
-    Note,
     Now,
     Row,
-    Stage,
     Stop,
 )
 from swimbladder.mission.flight import Flight
-from swimbladder.mission.holding import coarse_words
 from swimbladder.mission.power import drawn_energy
-from swimbladder.mission.prepare import HELD
 from swimbladder.mission.reach import Reach
-from swimbladder.mission.shortfall import battery_words, timeout_words
+from swimbladder.mission.words import holding_words, note_words, reason_words, span_words
 
-__all__ = ["REASONS", "MissionResult", "span_words"]
+__all__ = ["MissionResult"]
 
 Array = NDArray[np.float64]
-
-REASONS = {
-    Stop.FINISHED: "the mission came to its end",
-    Stop.RESERVE: "the battery came to its reserve (safety.battery)",
-    Stop.DID_NOT_SURFACE: "it did not come to the surface in the time that the phase has",
-    Stop.PASSED_DEPTH: "it sank below the depth it may go to, pressed all volume out and came up",
-    Stop.LOST: "it sank and did not come up again: it is lost",
-    Stop.BATTERY_EMPTY: "the battery ran empty: it is lost",
-    Stop.LEFT_WATER: "the hull left the water: check mass, waterplane area and height",
-    Stop.STUCK: "it changed its mode 200 times in no time: a fault of the model, please report it",
-}
 
 
 @dataclass(frozen=True)
@@ -111,36 +93,12 @@ class MissionResult:
     @property
     def holding(self) -> list[str]:
         """How each park and hold went, in sentences."""
-        phases = {title: n for n, title in enumerate(self.flight.mission.titles)}
-        return [
-            f"{name}: within {self.flight.plan.stages[phases[name], Stage.TOLERANCE]:g} m for "
-            f"{_percent(one['share'])} % of the time since it arrived, {one['rms']:.3g} m rms, "
-            f"{one['farthest']:.3g} m at most"
-            for name, one in self.held.items()
-        ]
+        return holding_words(self)
 
     @property
     def notes(self) -> list[str]:
-        """What of the vehicle's file changes nothing here, in sentences."""
-        oil = oil_note(self.flight.vehicle)
-        found = [] if oil is None else [oil]
-        sensors = self.flight.vehicle.sensors
-        by_time = self.flight.plan.given[Given.BY_VOLUME] == 0.0
-        if by_time and (sensors.volume_noise or sensors.volume_quantum):
-            found.append(
-                "sensors.volume_noise and sensors.volume_quantum change nothing here: pump and "
-                "valve run for a time, and no volume is measured"
-            )
-        for phase, stage in zip(self.flight.mission.phases, self.flight.plan.stages, strict=True):
-            tolerance = float(stage[Stage.TOLERANCE])
-            if phase.depth is not None and tolerance >= phase.depth:
-                whose = "by default " if phase.tolerance is None else ""
-                found.append(
-                    f"the tolerance of the phase {phase.title!r}, {whose}{tolerance:g} m, reaches "
-                    f"from its {phase.depth:g} m to the surface: that it was kept says nothing. "
-                    "Give a smaller one (tolerance)"
-                )
-        return found
+        """What of the vehicle's file changes nothing here, and what the answer hides."""
+        return note_words(self)
 
     @property
     def cycles(self) -> int:
@@ -213,42 +171,7 @@ class MissionResult:
     @property
     def reasons(self) -> list[str]:
         """Why the mission ended, and what was not met on the way."""
-        asked = float(self.flight.plan.given[Given.LAST_CYCLE])
-        flown = f"{self.cycles} of {asked:.0f} cycles, " if np.isfinite(asked) else ""
-        flown = "" if self.flight.stop is Stop.FINISHED else flown
-        found = [f"{REASONS[self.flight.stop]}, after {flown}{span_words(self.flight.duration)}"]
-        if self.flight.stop is Stop.BATTERY_EMPTY:
-            found.append(battery_words(self.flight))
-        numbers = {title: n for n, title in enumerate(self.flight.mission.titles)}
-        found += [
-            f"the phase {name!r} ran out of time in {count} of {len(self.flight.cycles)} "
-            f"cycle{'s' if len(self.flight.cycles) > 1 else ''}: "
-            f"{timeout_words(self.flight, numbers[name])}. Give it a longer timeout (a park a "
-            "longer duration), more speed, or a wider tolerance"
-            for name, count in self.missed.items()
-        ]
-        found += [
-            f"the phase {name!r} was in its tolerance for less than {100.0 * HELD:.0f} % of its "
-            f"time in {count} of {len(self.flight.cycles)} cycles: that is no holding. Look more "
-            "often (check_interval), go slower, or allow more"
-            f"{coarse_words(self.flight.mission, self.flight.plan, numbers[name])}"
-            for name, count in self.not_held.items()
-        ]
-        landed = int(np.sum(self.flight.notes[:, Drive.WHAT] == Note.BOTTOM))
-        if landed:
-            found.append(
-                f"it came down on the bottom at {self.flight.mission.bottom:g} m {landed} "
-                f"time{'s' if landed > 1 else ''}"
-            )
-        deepest = float(np.max(self.flight.cycles[:, Cycle.DEEPEST]))
-        if deepest > self.flight.column.deepest:
-            found.append(
-                f"it went down to {deepest:.0f} m, where the water is not known: below "
-                f"{self.flight.column.deepest:.0f} m it goes on as it ends there"
-            )
-        if not self.energy_known:
-            found.append(self.flight.plan.energy_known)
-        return found
+        return reason_words(self)
 
     def to_json(self) -> dict[str, Any]:
         """Return the answer as plain values, SI."""
@@ -309,27 +232,6 @@ class MissionResult:
         return np.asarray(1.0 - drawn_energy(rows) / full)
 
 
-def _percent(share: float) -> str:
-    """Return a share in percent, cut off rather than rounded: 100 is all of it."""
-    return f"{math.floor(1000.0 * share + 1e-9) / 10.0:g}"
-
-
 def _joules(energy: float) -> str:
     """Return an energy with its unit: "36 J", "12.7 kJ"."""
     return f"{energy / 1e3:.3g} kJ" if abs(energy) >= 1e3 else f"{energy:.3g} J"
-
-
-def span_words(seconds: float | None) -> str:
-    """Return a time in the two largest units that it takes: "3 h 10 min"."""
-    if seconds is None:
-        return "never"
-    if seconds < 60.0:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60.0)
-    days, rest = divmod(minutes, 1440)
-    hours, minutes = divmod(rest, 60)
-    if days >= 10:
-        return f"{days} d"
-    if days:
-        return f"{days} d {hours} h"
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min"
