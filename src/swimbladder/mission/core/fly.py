@@ -17,7 +17,7 @@ from swimbladder.mission.core.leap import (
     VOLUME,
     leap,
 )
-from swimbladder.mission.core.line import fill_lacks, turn_valve, valve_turns
+from swimbladder.mission.core.line import empty_line, fill_lacks, turn_valve, valve_turns
 from swimbladder.mission.core.moves import end_run, look, note, start_run
 from swimbladder.mission.core.names import (
     Account,
@@ -223,6 +223,8 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
         if passes > _PASSES:
             at[STOP] = STUCK
         if at[STOP] != 0:
+            if p[LINE] > 0.0 and at[DOING] != PUMPING and at[DOING] != PRIMING:
+                empty_line(p, table, x)
             _row(rows, counts, x, at, accounts)
             if not over:
                 close_cycle(x, at, accounts, cycles, counts)

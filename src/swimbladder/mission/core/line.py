@@ -33,12 +33,14 @@ from swimbladder.mission.core.names import Account, At, Doing, Given, Now, Table
 from swimbladder.seawater.motion import moved
 
 __all__ = [
-    "advance_line", "fill_lacks", "line_flow", "relieve", "stalls", "turn_valve", "valve_turns",
+    "advance_line", "empty_line", "fill_lacks", "line_flow", "relieve", "stalls", "turn_valve",
+    "valve_turns",
 ]  # fmt: skip
 
 _moved = inlined(moved)
 
 T, Z, V, H, LEVEL = int(Now.T), int(Now.Z), int(Now.V), int(Now.H), int(Now.LINE_LEVEL)
+T_LEVEL = int(Now.T_LEVEL)
 T_PRIMED, PUMPED, PUMP_WORK = int(Now.T_PRIMED), int(Account.PUMPED), int(Account.PUMP_WORK)
 DOING, SHUT = int(At.DOING), int(At.SHUT)
 PUMPING, PRIMING = int(Doing.PUMPING), int(Doing.PRIMING)
@@ -53,7 +55,7 @@ FILL_WARMTH, EMPTYING = int(Table.FILL_WARMTH), int(Table.EMPTYING)
 _HIGHEST = 40.0  # e^40 of the reservoir's pressure: no sea, where the table goes on straight
 _HALVINGS = 60  # to the last bit of a pressure
 _MUCH = 1e-8  # m3 that a line gives in one step of a vehicle that rises, at most about
-_EMPTY = 1e-12  # share of the reservoir's pressure above it that does not count
+_EMPTY = 1e-9  # share of the reservoir's pressure above it that does not count
 _SEATS = 1e-15  # m3/s of flow back that shut it
 _FLOW_SCALE = 1e6  # the guard of a flow counts in mL/s
 
@@ -182,14 +184,21 @@ def advance_line(p, table, x, at, z, h, energy):  # type: ignore[no-untyped-def]
         return energy
     if at[SHUT] == 0:
         x[LEVEL] = _sea(p, table, z)
+        x[T_LEVEL] = x[T] + h
     elif at[DOING] == PRIMING:
+        x[T_LEVEL] = x[T] + h
         share = p[DELIVERY]
         x[LEVEL], cold, by_warmth = _filled(p, table, x[LEVEL], share * h)
         warmth = value(table, p[STEP], TEMPERATURE, max(x[Z], 0.0))[0]
         return (cold + by_warmth * warmth) / share
-    else:
-        x[LEVEL] = _emptied(p, table, x[LEVEL], h)
-    return energy
+    return energy  # what a line loses at rest is seen when it matters: `empty_line`
+
+
+@part
+def empty_line(p, table, x):  # type: ignore[no-untyped-def]
+    """Let the line be as empty as it is by now, while the pump stands."""
+    x[LEVEL] = _emptied(p, table, x[LEVEL], x[T] - x[T_LEVEL])
+    x[T_LEVEL] = x[T]
 
 
 @part
@@ -209,6 +218,9 @@ def relieve(p, table, x, accounts, h):  # type: ignore[no-untyped-def]
     """
     sea = _sea(p, table, x[Z])
     if x[LEVEL] <= sea or x[V] >= p[V_MAX]:
+        return
+    empty_line(p, table, x)
+    if x[LEVEL] <= sea:
         return
     held = _held(p, x[LEVEL])
     given = held - _held(p, sea)
@@ -256,7 +268,7 @@ def valve_turns(p, table, waves, x, at, t, z, w):  # type: ignore[no-untyped-def
 @part
 def turn_valve(p, table, x, at):  # type: ignore[no-untyped-def]
     """Open or shut the check valve of a pump that runs: the line is at the pressure of the sea."""
-    x[LEVEL] = _sea(p, table, x[Z])
+    x[LEVEL], x[T_LEVEL] = _sea(p, table, x[Z]), x[T]
     if at[SHUT] == 0:
         at[SHUT] = 1
         at[DOING] = PRIMING

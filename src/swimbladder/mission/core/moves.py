@@ -9,7 +9,7 @@ from swimbladder.control import hold, rate
 from swimbladder.control.deadband import DeadbandParameters, DeadbandState
 from swimbladder.control.law import Measurement
 from swimbladder.engine.cache import inlined, part
-from swimbladder.mission.core.line import fill_lacks
+from swimbladder.mission.core.line import empty_line, fill_lacks
 from swimbladder.mission.core.lookup import value
 from swimbladder.mission.core.names import (
     Account,
@@ -127,6 +127,7 @@ def start_run(p, table, x, at, accounts, notes, counts, doing, wanted, volume, l
     short = value(table, p[STEP], START, max(x[Z], 0.0))[0]
     delivery = p[DELIVERY] * value(table, p[STEP], RATE_OUT, max(x[Z], 0.0))[0]
     if doing == PUMPING and p[LINE] > 0.0:
+        empty_line(p, table, x)
         at[DOING] = PRIMING
         at[SHUT] = 1
         x[T_PRIMED] = math.inf
@@ -171,6 +172,7 @@ def _change(p, table, x, at, accounts, notes, counts, volume, wanted, longest): 
         if wanted > 0.0 and p[MAKES_UP] > 0.0:
             lost = value(table, p[STEP], START, max(x[Z], 0.0))[0]
             if p[LINE] > 0.0:  # what its line still holds it need not press into it
+                empty_line(p, table, x)
                 lost = p[RUN_UP] + rate_now * fill_lacks(p, table, x)
         length = min((abs(wanted) + lost) / rate_now, longest)
     length = _in_steps(p, length)

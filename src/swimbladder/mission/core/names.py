@@ -168,7 +168,8 @@ class Now(IntEnum):
     LAW = 24  # the numbers that the law remembers, in its order: 7 of `rate`, 15 of `deadband`
     HULL = 39  # degC of the hull
     LINE_LEVEL = 40  # -, ln(p/reservoir) of the oil line
-    COUNT = 41
+    T_LEVEL = 41  # s, when it was that
+    COUNT = 42
 
 
 class At(IntEnum):
