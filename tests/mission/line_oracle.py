@@ -32,16 +32,17 @@ class Line:
         def slope(t, y):
             p = np.exp(np.clip(y[0], 9.0, 20.0))
             head = self.ratio * (p - self.reservoir)  # as the water has it
-            out = OPENS * max(head + self.reservoir - sea(t), 0.0)
+            out = OPENS * max(head + self.reservoir - sea(begin + t), 0.0)
             flow = self.delivery(head) if pumps else -self.slip * head
             rate = self.ratio * (flow - out) / (self.give(p) * p)
             return [rate, 1e6 * out, self.power(head) if pumps else 0.0]
 
-        # Radau's Jacobian by differences overflows on its way, and is found all the same
-        with np.errstate(over="ignore"):
+        # Radau's Jacobian by differences may overflow, and its last step be of rounding: it goes on
+        with np.errstate(over="ignore", divide="ignore"):
             found = solve_ivp(
-                slope, (begin, end), y, method="Radau", rtol=tolerance, atol=[1e-12, 1e-9, 1e-8],
-                first_step=min(1e-6, end - begin), max_step=max((end - begin) / 20.0, 1e-6),
+                slope, (0.0, end - begin), y, method="Radau", rtol=tolerance,
+                atol=[1e-12, 1e-9, 1e-8], first_step=min(1e-6, end - begin),
+                max_step=max((end - begin) / 20.0, 1e-6),
             )  # fmt: skip
         assert found.success
         return found.y[:, -1]
