@@ -1,5 +1,6 @@
 """What every test may lean on: no window, a thread, no deadline on compilation, measured data."""
 
+import gc
 import os
 from collections import Counter
 from pathlib import Path
@@ -28,6 +29,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         weights[item.path] += _SLOW if item.get_closest_marker("slow") else 1
     items.sort(key=lambda item: -weights[item.path])
+
+
+def pytest_collection_finish() -> None:
+    """Leave what was imported and collected to no garbage collector; compilers make little."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(100_000, 50, 50)
 
 
 @pytest.fixture(scope="session")
