@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swimbladder.actuator import leakage_coefficient, reduced, unified
+from swimbladder.actuator import reduced, unified
 from swimbladder.errors import NoAnswerError
 from swimbladder.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.parameters import (
@@ -23,13 +23,12 @@ from swimbladder.parameters import (
     ElectrohydraulicActuator,
     IdentifiedActuator,
     Positioner,
-    PowerLawPump,
     PumpAndValve,
     Supply,
     UnifiedActuator,
     Vehicle,
 )
-from swimbladder.pump_start import LineCurves, line_curves, pump_start
+from swimbladder.pump_start import pump_start
 from swimbladder.steady_drives import (
     REFERENCE_TEMPERATURE,
     SteadyPoint,
@@ -44,11 +43,11 @@ from swimbladder.steady_drives import (
 
 __all__ = [
     "DriveMap",
-    "LineMap",
     "check_power_known",
     "drive_map",
-    "line_map",
     "oil_note",
+    "pressure_ratio",
+    "running_pump",
     "steady_point",
 ]
 
@@ -73,16 +72,6 @@ class DriveMap(NamedTuple):
     power_bypass: Array  # W while it does
     start_volume: Array  # m3 that each start of the pump falls short of rate_out times its run
     start_saving: Array  # J by which a start takes less than power_out for as long: its line fills
-
-
-class LineMap(NamedTuple):
-    """The oil line of a pump and valve as a mission takes it; see `pump_start.LineCurves`."""
-
-    curves: LineCurves
-    warmth: Array  # J/K [n, 2] by which `curves.energy`, of `temperature`, grows in warmer water
-    temperature: float  # degC
-    slip: float  # m3/s/Pa of the water, through the pump while it stands
-    ratio: float  # pressure amplifier
 
 
 def drive_map(
@@ -201,11 +190,11 @@ def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> Dr
         warm = np.broadcast_to(T, p.shape)[:, None]
         start = pump_start(
             a.line,
-            lambda dp: _running(vehicle, a, dp, warm if dp.ndim > 1 else T)[0],
+            lambda dp: running_pump(vehicle, a, dp, warm if dp.ndim > 1 else T)[0],
             p + ATMOSPHERIC_PRESSURE,
-            power=lambda dp: _running(vehicle, a, dp, warm)[1],
+            power=lambda dp: running_pump(vehicle, a, dp, warm)[1],
             reservoir=a.internal_pressure,
-            ratio=_amplifier(a),
+            ratio=pressure_ratio(a),
         )
         short = short + start.shortfall
         full = np.divide(start.shortfall, run.rate, out=np.zeros(p.shape), where=run.rate > 0.0)
@@ -230,50 +219,21 @@ def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> Dr
     )
 
 
-def line_map(vehicle: Vehicle, deepest: float, count: int) -> LineMap | None:
-    """Return what a vehicle's oil line does down to a pressure `deepest` [Pa], in `count` rows.
-
-    None where no line is given: the oil is incompressible, as the paper's.
-    """
-    a = vehicle.actuator
-    if not isinstance(a, PumpAndValve) or a.line is None:
-        return None
-
-    def curves(temperature: float) -> LineCurves:
-        assert a.line is not None
-        return line_curves(
-            a.line,
-            lambda dp: _running(vehicle, a, dp, temperature)[0],
-            lambda dp: _running(vehicle, a, dp, temperature)[1],
-            deepest + ATMOSPHERIC_PRESSURE - a.internal_pressure,
-            count,
-            slip=slip,
-            reservoir=a.internal_pressure,
-            ratio=ratio,
-        )
-
-    ratio = _amplifier(a)
-    if isinstance(a.pump, PowerLawPump):
-        slip = a.pump.slip
-    else:
-        drive, water = a.pump.drive, vehicle.water
-        leak = leakage_coefficient(
-            k_pl=drive.pump_leakage, rho=water.density, g=water.gravity, n_h=ratio
-        )
-        slip = leak / water.specific_weight
-    found, warmer = curves(REFERENCE_TEMPERATURE), curves(REFERENCE_TEMPERATURE + 1.0)
-    return LineMap(found, warmer.energy - found.energy, REFERENCE_TEMPERATURE, slip, ratio)
-
-
-def _amplifier(a: PumpAndValve) -> float:
+def pressure_ratio(a: PumpAndValve) -> float:
+    """Return the ratio of the pressure amplifier behind a pump [-], 1 without one."""
     return a.pump.drive.area_ratio if isinstance(a.pump, DatasheetPump) else 1.0
 
 
-def _running(vehicle: Vehicle, a: PumpAndValve, head: Array, T: ArrayLike) -> tuple[Array, Array]:
-    """Return delivery [m3/s] and what leaves the cells [W] against each `head` [Pa]."""
+def running_pump(
+    vehicle: Vehicle, a: PumpAndValve, head: Array, temperature: ArrayLike
+) -> tuple[Array, Array]:
+    """Return delivery [m3/s] and what leaves the cells [W] against each `head` [Pa] [n].
+
+    temperature: of the water [degC] [n] or one.
+    """
     run = pump_run(
         a.pump, head, water=vehicle.water, supply=vehicle.supply, driver=vehicle.driver,
-        temperature=T,
+        temperature=temperature,
     )  # fmt: skip
     return run.rate, battery_power(run.power, vehicle.supply)
 

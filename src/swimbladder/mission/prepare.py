@@ -9,19 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.battery import hotel_power, surfacing_energy, usable_charge
-from swimbladder.buoyancy_engine import LineMap, drive_map, line_map
+from swimbladder.buoyancy_engine import drive_map
 from swimbladder.dynamics import drag_terms
 from swimbladder.engine.modes import DEEPEST
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.hull import heat_expansion, layered_volume, neutral_volume
 from swimbladder.io.mission import Mission
 from swimbladder.mission.core.names import Account, At, Given, Holding, Kind, Now, Stage, Table
+from swimbladder.mission.oil_line import line_columns, line_given
 from swimbladder.mission.orders import approach_time, hold_parameters, law_parameters
 from swimbladder.mission.rescue import return_depth
 from swimbladder.mission.swell import waves_of
-from swimbladder.oil import ATMOSPHERIC_PRESSURE
-from swimbladder.parameters import Actuator, PumpAndValve, Vehicle
-from swimbladder.pump_start import POLYTROPIC
+from swimbladder.parameters import PumpAndValve, Vehicle
 from swimbladder.seawater import Column, check_motion, look_up
 from swimbladder.seawater.lookup import slopes
 
@@ -37,7 +36,6 @@ __all__ = [
 Array = NDArray[np.float64]
 
 HELD = 0.9  # share of its time that a park or hold has to be within its tolerance
-_BEYOND = 1.2  # of the column's pressure: so far the oil line is tabulated
 SHALLOW = 5.0  # m; a float of the MERMAID kind counts as diving from 0.5 bar on
 
 
@@ -145,14 +143,8 @@ def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
         # NaN: not known, or a load beyond the battery, at which nothing is moved
         table[:, place] = np.nan_to_num(values, nan=0.0)
         table[:, place + 1] = slopes(table[:, place], column.step)
-    line = _line_map(vehicle, column)
-    if line is not None:
-        cold = line.curves.energy - line.temperature * line.warmth
-        for place, pair in (
-            (Table.FILLING, line.curves.time), (Table.FILL_ENERGY, cold),
-            (Table.FILL_WARMTH, line.warmth), (Table.EMPTYING, line.curves.falling),
-        ):  # fmt: skip
-            table[:, place : place + 2] = np.nan_to_num(pair, nan=0.0)
+    for place, pair in line_columns(vehicle, column).items():
+        table[:, place : place + 2] = np.nan_to_num(pair, nan=0.0)
     return np.ascontiguousarray(table), why
 
 
@@ -228,32 +220,8 @@ def _given(
         Given.EXPANSION: heat_expansion(vehicle) if lag > 0.0 else 0.0,
         Given.VOLUME_NOISE: vehicle.sensors.volume_noise,
         Given.VOLUME_QUANTUM: vehicle.sensors.volume_quantum,
-    } | _line(a, _line_map(vehicle, column))
+    } | line_given(vehicle, column)
     return np.array([values[key] for key in list(Given)[: int(Given.COUNT)]])
-
-
-def _line_map(vehicle: Vehicle, column: Column) -> LineMap | None:
-    """Return the vehicle's oil line, in as many rows as the table over depth has."""
-    return line_map(vehicle, _BEYOND * float(column.pressure[-1]), len(column.depth))
-
-
-def _line(a: Actuator, line: LineMap | None) -> dict[Given, float]:
-    if line is None or not isinstance(a, PumpAndValve) or a.line is None:
-        return dict.fromkeys(list(Given)[int(Given.LINE) : int(Given.COUNT)], 0.0)
-    air = (ATMOSPHERIC_PRESSURE / a.internal_pressure) ** (1.0 / POLYTROPIC)
-    return {
-        Given.LINE: a.line.volume,
-        Given.LINE_GAS: a.line.volume * a.line.trapped_air * air,
-        Given.LINE_MODULUS: a.line.bulk_modulus,
-        Given.LINE_POWER: 1.0 / POLYTROPIC,
-        Given.LINE_RATIO: line.ratio,
-        Given.RESERVOIR: a.internal_pressure,
-        Given.HEAD_AFLOAT: ATMOSPHERIC_PRESSURE - a.internal_pressure,
-        Given.SLIP: line.slip,
-        Given.RUN_UP: a.start_volume,
-        Given.LINE_STEP: line.curves.step,
-        Given.LINE_TOP: line.curves.top,
-    }
 
 
 def _self_discharge(vehicle: Vehicle) -> float:
