@@ -13,6 +13,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.parameters import (
     ElectromechanicalActuator,
+    Oil,
     PowerLawPump,
     PumpAndValve,
     Valve,
@@ -90,6 +91,27 @@ def test_hovering_breaks_even_where_energies_are_equal():
     power = THRUSTER.power(2e-5 * RHO * G, RHO)
     assert hover.thruster_power == pytest.approx(power, rel=1e-12)
     assert hover.break_even == pytest.approx(2e-5 * 2e7 / power, rel=1e-12)
+
+
+def test_an_oil_line_is_filled_at_the_power_of_its_own_pressure():
+    """1 mL/s with 7 W and 2 uW/Pa: the integral of P C/Q over the pressure by quadpack."""
+    pump = PowerLawPump(delivery=1e-6, idle_power=7.0, power_per_pressure=2e-6)
+    line = Oil(volume=1e-4, bulk_modulus=1.4e9, trapped_air=0.05)
+    actuator = PumpAndValve(pump=pump, valve=Valve(flow=1e-9), line=line)
+    vehicle = load_vehicle("example-float").model_copy(update={"actuator": actuator})
+    supply = vehicle.supply.model_copy(update={"internal_resistance": 0.0})
+    vehicle = vehicle.model_copy(update={"supply": supply})
+    found = drive_energy(vehicle, uniform_column(vehicle.water, 500.0))
+    rest, head = 101325.0, found.column.pressure[-1]
+
+    def drawn(p):
+        gas = line.volume * line.trapped_air * (rest / p) ** (1.0 / 1.4)
+        give = (line.volume - gas) / line.bulk_modulus + gas / (1.4 * p)
+        return (7.0 + 2e-6 * (p - rest)) * give / 1e-6
+
+    fill = quad(drawn, rest, rest + head, epsrel=1e-10, limit=200)[0]
+    hover = hovering(found, THRUSTER, weight_error=1e-6)
+    assert hover.engine_energy[-1] == pytest.approx(7.0 + 2e-6 * head + fill, rel=1e-8)
 
 
 def test_holding_and_leaking_are_paid_all_the_time():
