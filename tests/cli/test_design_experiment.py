@@ -70,6 +70,7 @@ def test_a_no_is_exit_code_1(capsys, tmp_path):
         (["--time", "1 min"], "too short"),
         (["--pool-depth", "1 m"], "leaves no travel"),
         (["--sensor-std", "2 s"], "--sensor-std"),
+        (["--sensor-std", "0"], "it must be above 0 where there is no --quantum"),
     ],
 )
 def test_what_is_refused_names_the_option(capsys, tmp_path, options, said):

@@ -192,7 +192,10 @@ def _setting(
         quantum = sensors.depth_quantum
     if not (noise > 0.0 or quantum > 0.0):
         raise InputError(
-            "the noise of the depth sensor is not known", field="--sensor-std", unit="m",
+            "the noise of the depth sensor is not known"
+            if sensor_std is None
+            else "it must be above 0 where there is no --quantum: no sensor is without either",
+            field="--sensor-std", value=sensor_std, unit="m",
             remedy="Give it, 1 sigma, like 2 mm: log the vehicle lying on the bottom to see it",
         )  # fmt: skip
     if neutral_std is None:
