@@ -74,8 +74,8 @@ def test_a_pump_that_delivers_less_gives_less_than_the_table(vehicle, column):
     weak.given[Given.DELIVERY] = 0.8
     rate = float(plan.table[0, Table.RATE_OUT])
     doing = int(Doing.PUMPING)
-    assert rate_of(plan.given, plan.table, doing, 0.0, 0.0)[0] == rate
-    assert rate_of(weak.given, weak.table, doing, 0.0, 0.0)[0] == 0.8 * rate
+    assert rate_of(plan.given, plan.table, doing, False, 0.0, 0.0, 0.0)[0] == rate
+    assert rate_of(weak.given, weak.table, doing, False, 0.0, 0.0, 0.0)[0] == 0.8 * rate
 
 
 def test_draws_are_normal_cut_and_the_same_in_every_campaign():
