@@ -300,9 +300,13 @@ def test_the_battery_ends_the_mission_at_its_reserve(profiler, sea):
 
 def test_a_vehicle_that_came_down_on_the_bottom_is_said_to(profiler, sea):
     """A park that lies on the bottom is within its tolerance; the answer says why."""
-    result = MissionResult(fly_mission(profiler, phases(bottom_depth=148.5), sea), None)
-    assert "it came down on the bottom at 148.5 m 1 time" in result.reasons
-    clear = MissionResult(fly_mission(profiler, phases(bottom_depth=300.0), sea), None)
+    # in steps of 1 cm3 it comes some decimetres below the depth that was asked for
+    parameters = profiler.controller.parameters | {"volume_step": 1e-6}
+    controller = profiler.controller.model_copy(update={"parameters": parameters})
+    vehicle = profiler.model_copy(update={"controller": controller})
+    result = MissionResult(fly_mission(vehicle, phases(bottom_depth=150.5), sea), None)
+    assert "it came down on the bottom at 150.5 m 1 time" in result.reasons
+    clear = MissionResult(fly_mission(vehicle, phases(bottom_depth=300.0), sea), None)
     assert not any("bottom" in reason for reason in clear.reasons)
 
 
