@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.deep_data import dives_of
+from swimbladder.identify.deep_differ import between_json
 from swimbladder.identify.deep_dive import DeepDive
 from swimbladder.identify.deep_fit import DeepFit, balance, fit_deep, start_volume
 from swimbladder.identify.deep_model import DEEP, DEFAULT, Body, body_of, priors_of, run_volumes
@@ -184,7 +185,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("data", type=Path, help="folder of measured data")
     fit, dives, predictions, body = study(parser.parse_args().data / "mermaid_p0051")
-    print("| parameter | value | 1 sigma | unit | from |\n|---|---:|---:|---|---|")
+    print("| parameter | value | 1 sigma | unit | from | each dive by itself | differ, 1 sigma |")
+    print("|---|---:|---:|---|---|---:|---:|")
+    between = between_json(fit) or {}
     for name in fit.names:
         unit = DEEP[name].unit
         shown = shown_unit(unit) if unit else ""
@@ -192,7 +195,8 @@ def main() -> None:
         told = "the dives" if fit.told(name) else "its prior"
         print(
             f"| {name} | {factor * fit.values[name]:.4g} | {factor * fit.std(name):.2g} "
-            f"| {shown} | {told} |"
+            f"| {shown} | {told} | {factor * between[name]['value']:.3g} "
+            f"+- {factor * between[name]['std']:.2g} | {factor * between[name]['differ']:.2g} |"
         )
     books = [
         1e6 * balance(body, fit.values, float(start), dive)

@@ -283,3 +283,35 @@ def runs(samples: list[tuple[float, float, str]]):
         if last - first >= 12:
             yield samples[first:last]
         first = last
+
+
+@pytest.mark.parametrize(("slope", "dead"), [(5e-6, 60.0), (4e-6, 60.0), (8e-6, 30.0)])
+def test_a_steep_thermocline_is_passed_at_the_excess_of_each_look(slope: float, dead: float):
+    """Where drag carries the excess at once, w' = -N'/(2c): c w^2/N' metres from look to look."""
+    law = FLOAT._replace(
+        coefficient=1e-3, tolerance=5.0, near=10.0, far=20.0, far_speed=0.1, near_speed=0.1,
+        slow_speed=0.1, speed_band=0.02, speed_step=0.0, volume_step=0.0, dead=dead, run=10.0,
+        window=60.0,
+    )  # fmt: skip
+    target, time, depth, excess = 3000.0, 0.0, 100.0, 0.0
+    state = initial(law, Measurement(time=time, depth=depth, volume=math.nan), target)
+    marks = []
+    for _ in range(60):
+        change, state, wait = step(
+            law, state, Measurement(time=time, depth=depth, volume=math.nan), target
+        )
+        if change < 0.0:
+            marks.append((time, depth))
+        excess -= change
+        # exact: excess = c w^2, d(excess)/dz = -N'
+        speed = math.sqrt(excess / law.coefficient)
+        rests = min(wait, 2.0 * law.coefficient * speed / slope)
+        left = speed - 0.5 * slope / law.coefficient * rests
+        depth += 0.5 * (speed + left) * rests
+        excess = law.coefficient * left * left
+        time += wait
+    passes = np.diff(np.array(marks), axis=0)
+    assert len(passes) > 20
+    per_look = law.coefficient * law.far_speed**2 / slope
+    assert passes[1:, 1] == pytest.approx(per_look)
+    assert passes[1:, 0] == pytest.approx(law.dead + law.run)

@@ -2,16 +2,19 @@
 
 from dataclasses import replace
 
+import gsw
 import numpy as np
 import pytest
 from scipy.stats import norm
 
+from studies.deep_calibration import drawn, known, the_vehicle
 from swimbladder.identify.deep import identify_deep
 from swimbladder.identify.deep_doubt import Held, doubted, doubts, held, restless
 from swimbladder.identify.deep_fit import NOISES, balance
 from swimbladder.identify.deep_model import body_of
 from swimbladder.identify.deep_path import Noise
 from swimbladder.identify.estimates import Prior
+from swimbladder.seawater import Cast, cast_column
 from tests.identify.deep import made_up_column, made_up_vehicle
 from tests.identify.test_deep import TRUTH, two_dives
 
@@ -108,3 +111,34 @@ def test_bounds_and_words() -> None:
     assert restless(NOISES._replace(water=8.9e-3)) == []
     (said,) = restless(NOISES._replace(water=0.02))
     assert "moves by 20 mm/s, where 3 mm/s are usual" in said
+
+
+def test_a_wrong_cast_passes_for_another_hull_unless_the_hull_is_known() -> None:
+    """3 K and 0.5 in salinity more around 600 dbar: one dive is told all the same, and it is said.
+
+    Water and hull are one function of pressure, so that only what is known of the hull shows it.
+    """
+    dived, vehicle = drawn(0, seed=5), the_vehicle()
+    p = np.arange(0.0, 1201.0, 5.0)
+    bump = np.exp(-(((p - 600.0) / 200.0) ** 2))
+    salt = 35.0 + 0.3 * np.exp(-p / 300.0) + 0.5 * bump
+    warm = 4.5 + 12.0 * np.exp(-p / 150.0) + 3.0 * bump
+    SA = gsw.SA_from_SP(salt, p, -30.0, 43.0)
+    cast = Cast(pressure=p, SA=SA, CT=gsw.CT_from_t(SA, warm, p), latitude=43.0)
+    column = cast_column(cast)
+    blind = identify_deep([dived.log], [column], vehicle)
+    assert not blind.doubted
+    hull = blind.parameters["stiffening"]
+    assert abs(hull.value - dived.values["stiffening"]) > 5.0 * hull.std
+    assert any("Nor does one tell a wrong cast from another hull" in x for x in blind.sentences)
+    about = known()
+    told = identify_deep(
+        [dived.log], [column], vehicle,
+        priors={n: about[n] for n in ("compressibility", "stiffening", "thermal_expansion")},
+    )  # fmt: skip
+    assert any("deviations from what was known before" in x for x in told.sentences)
+    right = identify_deep(
+        [dived.log], [dived.column], vehicle,
+        priors={n: about[n] for n in ("compressibility", "stiffening", "thermal_expansion")},
+    )  # fmt: skip
+    assert not any("deviations from what was known before" in x for x in right.sentences)

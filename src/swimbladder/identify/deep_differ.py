@@ -64,7 +64,9 @@ def differences(fit: DeepFit, dives: Sequence[DeepDive]) -> list[str]:
         )
         return [
             "The intervals are of this dive: one cannot tell by how much dives of this vehicle "
-            f"differ.{late} Give several dives."
+            f"differ.{late} Nor does one tell a wrong cast from another hull: compressibility, "
+            "stiffening and thermal_expansion take up what the cast is off by. Give several dives "
+            "with casts of their own, or what you know of the hull (--prior)."
         ]
     found = []
     if fit.worth < _CONTRADICT:
