@@ -10,7 +10,6 @@ from swimbladder.energy.sentences import fit_sentences
 from swimbladder.errors import InputError
 from tests.energy.test_fit import TRUTH, runs
 
-
 PER_PRESSURE = 1.5e-6  # W/Pa: 80 % of what pressure takes reaches the water
 
 
