@@ -131,6 +131,9 @@ def test_a_header_that_states_dbar_makes_it_a_warning(capsys, tmp_path):
         said = " ".join(capsys.readouterr().err.split())
         assert f"warning: bar.csv: the column '{header}' is taken at its word" in said
         assert f'"pressure_dbar={header}@bar"' in said
+    lake = read_cast(written(tmp_path, "dbar", 15.0, header="Pressure [dbar]"))
+    assert refused(lake, 6.0, 100.0) == ""  # in bar it would end at 150 m
+    assert capsys.readouterr().err == ""
     cast = read_cast(written(tmp_path, "bar", header="Pressure [bar]"))
     assert refused(cast, 180.0, 2000.0) == ""
     assert capsys.readouterr().err == ""

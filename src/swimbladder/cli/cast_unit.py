@@ -76,7 +76,9 @@ def _others(cast: Cast, asked: float, rating: float | None) -> dict[str, float]:
         least = max(asked, _NEAR[0] * rating)
     if least <= end <= most:
         return {}
-    deeper = most if rating is None else max(_DEEPER * rating, asked)
+    deeper = most  # a header is believed unless another unit fits exactly
+    if rating is not None and not cast.unit_named:
+        deeper = max(_DEEPER * rating, asked)
     limits = dict.fromkeys(_LARGER, deeper) | dict.fromkeys(_SMALLER, most)
     ends = {unit: _down(cast, unit) for unit in limits}
     return {unit: depth for unit, depth in ends.items() if least <= depth <= limits[unit]}
