@@ -79,7 +79,9 @@ FAULTS = {
     "beyond": (lambda: lambda _, s: s._replace(depth=1e6), Reason.DEPTH_IMPOSSIBLE, 5.2),
     "late": (lambda: lambda t, s: s._replace(depth_age=t), Reason.DEPTH_LATE, 6.3),
     "frozen": (lambda: frozen("depth"), Reason.DEPTH_FROZEN, 36.0),
-    "at 0": (lambda: lambda _, s: s._replace(depth=0.0), Reason.DEPTH_FROZEN, 23.0),
+    "at 0": (
+        lambda: lambda _, s: s._replace(depth=0.0), Reason.NOT_MOVING_AS_MODELLED, 23.0,
+    ),
     "no volume": (lambda: lambda _, s: s._replace(volume=math.inf), Reason.VOLUME_MISSING, 5.2),
     "odd volume": (lambda: lambda _, s: s._replace(volume=1e-3), Reason.VOLUME_IMPOSSIBLE, 5.2),
     "stuck": (lambda: frozen("volume"), Reason.NOT_FOLLOWING, 40.0),
@@ -424,18 +426,21 @@ class TestSafeAction:
 
     def driven(
         self, drive: Any, volume: float, seconds: float = 60.0, *, sinks: float = 0.0,
-        least: float = -3.5e-4, lost: Any = lambda _: False,
+        least: float = -3.5e-4, lost: Any = lambda _: False, stuck_from: float = math.inf,
     ) -> list[tuple[float, float]]:  # fmt: skip
         """Return (command, volume) of a leaking vehicle; drive: (time, command) -> m3/s.
 
-        sinks [m/s]; least [m3]: where it ends inwards; lost: whether the volume is not seen at t.
+        sinks [m/s]; least [m3]: where it ends inwards; lost: whether the volume is not seen at t;
+        stuck_from [s]: it reads the same from then on.
         """
         p, n = self.limits, round(seconds / 0.3)
         s = SUPERVISOR.initial(p, WET, 1.0)
         rows = []
+        read = volume
         for k in range(n):
+            read = volume if 0.3 * k < stuck_from else read
             seen = WET._replace(
-                volume=math.nan if lost(0.3 * k) else volume, depth=2.0 + sinks * 0.3 * k
+                volume=math.nan if lost(0.3 * k) else read, depth=2.0 + sinks * 0.3 * k
             )
             command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
             rows.append((command, volume))
@@ -447,13 +452,63 @@ class TestSafeAction:
         rows = self.driven(lambda _, u: -p.rate * u, 0.0)
         assert rows[0][0] == p.surface_command
         assert min(volume for _, volume in rows) > -5e-5
-        assert rows[-1] == (p.away_command, pytest.approx(3.5e-4))
+        assert rows[-1][0] == p.away_hold == 0.0
+        assert rows[-1][1] == pytest.approx(3.5e-4)
         at_the_end = self.driven(lambda _, u: -p.rate * u, -3.5e-4)
-        assert at_the_end[-1][1] == pytest.approx(3.5e-4)
+        assert at_the_end[-1][1] >= p.volume_high
+
+    def test_a_turned_push_at_its_end_is_not_driven_back_by_wires_that_are_mended_unseen(self):
+        """The volume is stuck there: a push the wrong way would end at the inner end, unseen."""
+        p = self.limits
+
+        def mended(t, u):
+            return (-1.0 if t < 40.0 else 1.0) * p.rate * u
+
+        rows = self.driven(mended, 0.0, 300.0, lost=lambda t: t > 30.0)
+        assert rows[-1] == (p.away_hold, rows[120][1])
+        assert rows[-1][1] >= p.volume_high
+        stuck = self.driven(mended, 0.0, 300.0, stuck_from=30.0)
+        assert stuck[-1] == (p.away_hold, stuck[120][1])
+
+    def test_a_turned_push_of_which_nothing_is_seen_is_given_up_where_the_vehicle_sinks(self):
+        """The wires are mended before the end, and then the volume is lost."""
+        p = self.limits
+        again = 0.3 * int(p.again)
+        rows = self.driven(
+            lambda t, u: (-1.0 if t < 6.0 else 1.0) * p.rate * u, 0.0, 200.0, sinks=0.02,
+            lost=lambda t: t > 5.0,
+        )  # fmt: skip
+        turned = [k for k, (command, _) in enumerate(rows) if command == p.away_command]
+        assert 0.3 * len(turned) == pytest.approx(again + 5.0, abs=2.0)
+        assert rows[-1] == (p.surface_command, pytest.approx(3.5e-4))
+
+    def test_a_tick_that_is_lost_ends_a_try_but_not_a_turned_push_that_gained(self):
+        p = self.limits
+        s = SUPERVISOR.initial(p, WET, 1.0)
+        volume, commands = 0.0, []
+        for k in range(40):
+            lost = 1 if k in {4, 5, 12} else 0
+            command, s, _ = SUPERVISOR.step(p, s, WET._replace(volume=volume, lost=lost), 0.0)
+            commands.append(command)
+            volume -= 0.3 * p.rate * command
+        assert commands[3] == p.away_command  # a try
+        assert p.away_command in commands[12:14]
+
+    def test_a_volume_that_stays_behind_over_a_reset_turns_the_push(self):
+        """A dying cell resets the board at the first tick of each push; the wires are swapped."""
+        p, volume, s = self.limits, 1e-4, None
+        for _ in range(60):
+            before, s = s, SUPERVISOR.initial(p, WET, 1.0)
+            if before is not None:
+                s = s._replace(turns=before.turns, pushed=before.pushed)
+            command, s, _ = SUPERVISOR.step(p, s, WET._replace(volume=volume), 0.0)
+            volume = min(volume - 0.3 * p.rate * command, 3.5e-4)
+        assert volume >= p.volume_high
+        assert s.turns == 4
 
     def test_wires_that_are_mended_are_found_too(self):
         p = self.limits
-        rows = self.driven(lambda t, u: (-1.0 if t < 20.0 else 1.0) * p.rate * u, 0.0)
+        rows = self.driven(lambda t, u: (-1.0 if t < 6.0 else 1.0) * p.rate * u, 0.0)
         assert rows[-1] == (p.surface_command, pytest.approx(3.5e-4))
 
     def test_swapped_wires_of_a_slow_actuator_are_found(self):
@@ -466,7 +521,7 @@ class TestSafeAction:
     def test_a_turned_push_stays_where_the_volume_goes_missing_once_it_grew(self):
         p = self.limits
         rows = self.driven(lambda _, u: -p.rate * u, 0.0, lost=lambda t: t > 3.0)
-        assert rows[-1] == (p.away_command, pytest.approx(3.5e-4))
+        assert rows[-1] == (p.away_command, pytest.approx(3.5e-4))  # it does not see its end
         never = self.driven(lambda _, u: -p.rate * u, 0.0, lost=lambda t: t > 0.5)
         assert never[-1][0] == p.surface_command
 
@@ -474,7 +529,8 @@ class TestSafeAction:
         """It stands against the block; while the vehicle sinks the other way is tried."""
         p = self.limits
         rows = self.driven(lambda _, u: -p.rate * u, 0.0, 120.0, sinks=0.02, least=0.0)
-        assert rows[-1] == (p.away_command, pytest.approx(3.5e-4))
+        assert rows[-1][0] in {p.away_command, p.away_hold}
+        assert rows[-1][1] >= p.volume_high - 0.3 * 12.0 * p.rate
         resting = self.driven(lambda _, u: -p.rate * u, 0.0, 120.0, least=0.0)
         assert p.away_command not in {command for command, _ in resting}
 

@@ -127,6 +127,12 @@ def test_what_the_actuator_does(rig):
     assert np.array_equal(reversed_["applied"][40:], -reversed_["command"][40:])
     _, loose = rig.fly((Fault.RUNS_ON, 9.0, 0, 3, ALWAYS), target=25.0, ticks=100)
     assert set(loose["applied"][3:33]) == {-12.0}
+    # a board that is reset commands nothing meanwhile: the driver had its direction before
+    _, reset = rig.fly(
+        (Fault.RESETS, 1.2, 0, 4, ALWAYS), (Fault.RUNS_ON, 9.0, 0, 10, ALWAYS), target=1.0, ticks=40
+    )
+    assert reset["command"][10] == 0.0
+    assert reset["applied"][10] == 12.0
     stroke = 700e-6
     result, blocked = rig.fly((Fault.BLOCKED_OUT, 0.01, 0, 10, ALWAYS), target=10.0, ticks=600)
     most = blocked["volume"][10] + 0.01 * stroke

@@ -116,9 +116,10 @@ def vehicle(made: Library, folder: Path, mcu: str) -> Chip:
     return Chip(folder, mcu, [*sources, HERE / "vehicle.c"], inputs=inputs, outputs=["<f4", "<u2"])
 
 
-def vehicle_twin(made: Library, spoil: Any = None) -> VehicleTwin:
+def vehicle_twin(made: Library, spoil: Any = None, **more: Any) -> VehicleTwin:
     """Return the twin of a library's vehicle, in float32."""
-    more = {} if spoil is None else {"spoil": spoil}
+    if spoil is not None:
+        more["spoil"] = spoil
     own = twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
     return VehicleTwin(twin_of(made), made.supervisor, supervisor=own, **more)
 

@@ -1,6 +1,7 @@
 """The supervisor's C, compiled, against its float32 twin, to the bit."""
 
 import ctypes
+import functools
 import math
 from functools import cache
 from typing import Any
@@ -125,6 +126,35 @@ SEEN = Watched(2.0, 0.1, 1e-5, 12.0, False, 0, 0)
 _STRETCHES = st.lists(st.tuples(_TICKS, st.integers(1, 40)), min_size=1, max_size=12)
 
 
+def test_a_reset_leaves_what_the_last_push_did(both):
+    """It is taken over after a reset only, and not from memory that holds something else."""
+    made, in_c = both
+    twin_of = functools.partial(chip.vehicle_twin, made)
+    wet = SEEN._replace(leak=True)
+    falling = [wet._replace(volume=np.float32(1e-4 - 1e-5 * k)) for k in range(20)]
+
+    def after(anew, memory=None):
+        in_c.begin(anew=False)
+        beside = twin_of()
+        for seen in falling:
+            assert in_c.tick(seen, 3.0) == said_by(beside, seen, 3.0)
+        room = bytearray(in_c.room.raw if memory is None else memory)
+        in_c.room = ctypes.create_string_buffer(bytes(room), len(room))
+        in_c.c.begin(ctypes.addressof(in_c.room), int(anew))
+        again = twin_of(after_reset=anew, before=beside.state if memory is None else None)
+        said = []
+        for seen in falling[10:11]:
+            said.append(in_c.tick(seen, 3.0))
+            assert said[-1] == said_by(again, seen, 3.0)
+        return again.state.turns, beside.state.turns
+
+    kept, before = after(True)
+    assert kept == before == 1  # it fell both ways: as it was, for good
+    assert after(False)[0] != 1
+    for filled in (0, 0xFF, 0x55):
+        assert after(True, bytes([filled]) * len(in_c.room.raw))[0] != 1
+
+
 @settings(max_examples=40)
 @given(stretches=_STRETCHES, anew=st.booleans(), reference=st.sampled_from([3.0, math.nan]))
 def test_any_faults_are_met_as_by_the_twin_and_the_state_stays_finite(
@@ -151,7 +181,8 @@ def test_any_faults_are_met_as_by_the_twin_and_the_state_stays_finite(
             p = made.supervisor
             if latched:
                 turned = np.float32(p.away_command)
-                assert got[0] in (np.float32(p.surface_command), np.float32(p.hold_command), turned)
+                calm = (np.float32(p.hold_command), np.float32(p.away_hold))
+                assert got[0] in (np.float32(p.surface_command), *calm, turned)
     assert latched or not anew
 
 

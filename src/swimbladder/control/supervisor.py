@@ -156,21 +156,21 @@ def watch_rate(p: SupervisorParameters, s: SupervisorState, volume: float) -> Su
 
 
 def believable(p: SupervisorParameters, s: SupervisorState, seen: Watched, since: Count) -> bool:
-    """Return whether a depth can be: new, in the sensor's range, near the last good one."""
+    """Return whether a depth can be: in the sensor's range, near the last good one."""
     possible = p.depth_least <= seen.depth <= p.depth_most
     change = abs(seen.depth - s.depth)
     near = change <= p.step or since == NEVER or change <= times(since, p.fastest) + p.jump
-    late = seen.depth_age > p.late_age
-    return possible and near and not late
+    return possible and near
 
 
 def count_blind(
-    p: SupervisorParameters, s: SupervisorState, seen: Watched, good: bool, measured: bool
-) -> SupervisorState:
+    p: SupervisorParameters, s: SupervisorState, seen: Watched, late: bool, good: bool,
+    measured: bool,
+) -> SupervisorState:  # fmt: skip
     """Count the ticks without a good depth and without a good volume, and tell why at the limit."""
     blind = share(0 if good else 4, s.blind, p.blind_quarters)
     if blind >= p.blind_quarters and s.blind < p.blind_quarters:
-        if seen.depth_age > p.late_age:
+        if late:
             blind = more(blind, 2)
         elif math.isfinite(seen.depth):
             blind = more(blind, 1)
@@ -228,27 +228,24 @@ def watch_motion(
     p: SupervisorParameters, s: SupervisorState, depth: float, n: float, room: float, anew: bool
 ) -> SupervisorState:
     """Ask which neutral volume the motion means, and whether the vehicle can have it."""
-    bad = not anew
-    wrong = s.wrong
     s = smooth_motion(s, depth, n, 1.0 if anew else p.smoothing)
     s = s._replace(settled=0 if anew else more(s.settled, 1))
-    if not anew:
-        own = room
-        center = 0.0
-        if s.known >= p.known:
-            own = p.neutral_change + p.psi_range * abs(depth - s.own_depth)
-            center = s.own
-        bad = s.still >= p.still and abs(n - center) > own
-        if s.settled >= p.settle:
-            push = needed(p, s, depth)
-            missed = p.model_error * abs(push)
-            off = abs(s.n2 + push - center)
-            own = own + missed
-            bad = bad or off > own
-            if off > own + own:  # beyond doubt: it counts three times
-                wrong = min(more(wrong, 2), p.wrong)
-            if missed < p.calm:
-                s = learn(p, s, depth, s.n2 + push, room)
+    own = room
+    center = 0.0
+    if s.known >= p.known:
+        own = p.neutral_change + p.psi_range * abs(depth - s.own_depth)
+        center = s.own
+    off = abs(n - center) if s.still >= p.still else 0.0
+    if s.settled >= p.settle:
+        push = needed(p, s, depth)
+        missed = p.model_error * abs(push)
+        off = max(off, abs(s.n2 + push - center) - missed)
+        if missed < p.calm:
+            s = learn(p, s, depth, s.n2 + push, room)
+    wrong = s.wrong
+    if off > own + own:  # beyond doubt: it counts three times
+        wrong = min(more(wrong, 2), p.wrong)
+    bad = off > own and not anew
     return s._replace(wrong=tally(bad, wrong, p.wrong))
 
 
@@ -283,7 +280,7 @@ def watch_deep(
 ) -> SupervisorState:
     """Count the ticks in which the vehicle was too deep, or was to be before it can turn round."""
     wrong = depth > p.depth_limit
-    if speed > 0.0 and not wrong:
+    if not wrong:
         turn = max(p.neutral_deepest - volume, 0.0) * p.per_turn_rate + p.coast
         wrong = speed * turn > p.deepest - depth
     return s._replace(deep=tally(wrong, s.deep, p.deep))
@@ -352,57 +349,67 @@ def first_of(bits: Count) -> Count:
     return number
 
 
-def watch_push(p: SupervisorParameters, s: SupervisorState, sinks: bool) -> SupervisorState:
+def watch_push(
+    p: SupervisorParameters, s: SupervisorState, sinks: bool, high: bool, blind: bool
+) -> SupervisorState:
     """Turn the push round where the volume goes away from where it is sent, and once back.
 
     At the inner end, or where it stands for long while the vehicle sinks, little is lost by trying.
-    One that is no more before it grew the other way, or a tick that is lost, turns the push back. A
-    rest in which the sea drives it in is over.
+    A try ends at a tick that is lost, or does not see the volume. What a turned push gained stays
+    turned until the volume falls, or stands while the vehicle sinks. A rest in which the sea drives
+    it in is over.
     """
     turns = s.turns
-    if not s.measured:
-        s = s._replace(astray=more(s.astray, 1))
-        lasts = turns == 4 and not (sinks and s.astray >= p.again)
-        return s._replace(turns=turns if turns < 2 or lasts else 1)
     gained = s.volume - s.pushed
-    if gained > p.grown:
+    if s.measured and gained > p.grown:
         return s._replace(pushed=s.volume, astray=0, turns=4 if turns > 1 else turns)
     late = s.astray >= p.astray
-    fell = gained < -p.away or (turns == 3 and late and gained < -p.grown)
-    soon = turns == 2 or s.volume < p.volume_low
-    stands = late if soon else sinks and s.astray >= (p.again if turns > 1 else p.push)
-    s = s._replace(pushed=s.volume if fell else s.pushed, astray=more(s.astray, 1))
+    inward = gained < -p.grown
+    fell = gained < -p.away or (inward and late and turns == 3)
+    patience = p.again if turns > 1 and not high else p.push
+    stands = sinks and not inward and s.astray >= patience
+    if turns == 2 or (s.volume < p.volume_low and not blind):
+        stands = late
+    if turns == 0 and (blind or high):
+        stands = False
+    s = s._replace(astray=more(s.astray, 1))
+    if fell:
+        s = s._replace(pushed=s.volume)
     if fell and s.phase >= p.push:
-        s = s._replace(phase=less(p.push, p.again))
-    elif turns != 1 and (fell or (stands and s.volume < p.volume_high)):
-        turns = 1 if turns > 0 else (3 if fell else 2)
-        s = s._replace(astray=0, turns=turns)
+        s = s._replace(astray=0, phase=less(p.push, p.again))
+    elif turns != 1 and (fell or stands or (blind and 1 < turns < 4)):
+        s = s._replace(astray=0, turns=1 if turns > 1 else (3 if fell else 2), phase=0)
     return s
 
 
-def bring_up(p: SupervisorParameters, s: SupervisorState, good: bool) -> SupervisorState:
+def bring_up(
+    p: SupervisorParameters, s: SupervisorState, good: bool, lost: Count
+) -> SupervisorState:
     """Command full buoyancy in pushes and rests; ask for the drop weight where it does not rise."""
     if s.reason == 0:
-        s = s._replace(reason=first_of(s.reasons), from_depth=s.depth, pushed=s.volume)
+        s = s._replace(reason=first_of(s.reasons), from_depth=s.depth)
+    up = s.depth <= p.surface
+    high = s.volume >= p.volume_high
     moved = s.depth - s.z1
-    moves = good and s.depth > p.surface and abs(moved) > p.still_distance
+    moves = good and not up and abs(moved) > p.still_distance
     sinks = moves and moved > 0.0
-    s = watch_push(p, s, sinks)
+    s = watch_push(p, s, sinks, high, lost > 0 or not s.measured)
     command = p.surface_command if s.phase < p.push else p.hold_command
     phase = more(s.phase, 1)
     if s.turns > 1:
         command = p.away_command
-        phase = s.phase
-    if phase >= p.push:
-        grows = phase == p.push and s.astray < p.again and s.measured
-        gains = (moves or grows) and s.volume < p.volume_high
+        phase = 0
+        if high and s.astray >= p.astray:
+            command = p.away_hold
+            phase = p.push
+    elif phase >= p.push:
+        gains = (moves or s.astray < p.again) and not high
         if sinks or gains or phase >= more(p.push, p.rest):
             phase = less(p.push, p.again)
             s = s._replace(pushed=s.volume)
     s = s._replace(command=command, phase=phase, window=more(s.window, 1))
     if s.window >= p.release:
-        risen = good and (s.depth <= p.surface or s.depth <= s.from_depth - p.rise)
-        if not risen:
+        if not (good and (up or s.depth <= s.from_depth - p.rise)):
             s = s._replace(release=True)
         s = s._replace(window=0, from_depth=s.depth)
     return s
@@ -416,8 +423,8 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
         measured=False, volume_blind=0, command=0.0, lag=0.0, asked=0.0, following=0, z1=0.0,
         z2=0.0, n1=0.0, n2=0.0, settled=0, anchor=0.0, still=0, wrong=0, own=0.0, own_depth=0.0,
         weight=0.5, known=0, deep=0, battery=0, leak=0, missed=0, reason=0, reasons=0, phase=0,
-        window=0, from_depth=0.0, release=False, pushed=0.0, astray=0, turns=0, top=0.0, stops=0,
-        unproven=0,
+        window=0, from_depth=0.0, release=False, pushed=parameters.volume_least, astray=0, turns=0,
+        top=0.0, stops=0, unproven=0,
     )  # fmt: skip
 
 
@@ -428,41 +435,35 @@ def step(
     p = parameters
     lost = seen.lost
     since = more(more(state.since, 1), lost)
-    good = believable(p, state, seen, since)
+    late = seen.depth_age > p.late_age
+    good = not late and believable(p, state, seen, since)
     depth = seen.depth if good else state.depth
     measured = p.volume_least <= seen.volume <= p.volume_most
     volume = seen.volume if measured else state.volume
-    gap = since > p.gap or state.volume_blind > p.gap
-
     s = count_time(p, state, lost)
-    followed = measured and lost == 0
-    if followed and s.measured:
+    if measured and lost == 0 and s.measured:
         s = watch_rate(p, s, volume)
-    s = count_blind(p, s, seen, good, measured)
-    known = good and measured
+    s = count_blind(p, s, seen, late, good, measured)
     n = volume - p.psi * depth - p.neutral
     room = p.neutral_range + p.psi_range * abs(depth)
-    resting = known and rests(p, depth, n, room)
-    speed = 0.0
-    if known:
-        s = watch_still(p, s, depth)
-        s = watch_motion(p, s, depth, n, room, resting or gap)
-        speed = (depth - s.z1) * p.per_tau
+    resting = rests(p, depth, n, room)
     if good:
+        s = watch_still(p, s, depth)
+        s = watch_motion(p, s, depth, n, room, resting or since > p.gap)
         s = watch_sameness(p, s, seen, depth, resting)
-        s = watch_deep(p, s, depth, speed, volume)
+        s = watch_deep(p, s, depth, (depth - s.z1) * p.per_tau, volume)
         since = 0
     s = watch_board(p, s, seen)
-    if p.same_tried < NEVER and known and not resting and s.known >= p.known:
+    if p.same_tried < NEVER and good and measured and not resting and s.known >= p.known:
         s = watch_reach(p, s, n - s.own)
         if s.unproven == NEVER:
             wanted = p.surface_command
     s = s._replace(
-        since=since, depth=depth, volume=volume, measured=followed, command=wanted,
+        since=since, depth=depth, volume=volume, measured=measured, command=wanted,
         reasons=reasons_of(p, s),
     )  # fmt: skip
     if s.reasons > 0:
-        s = bring_up(p, s, good)
+        s = bring_up(p, s, good, lost)
     return s.command, s, p.S_p
 
 

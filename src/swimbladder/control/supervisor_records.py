@@ -32,6 +32,7 @@ class SupervisorParameters(NamedTuple):
     surface_command: float  # V or m3, that makes the vehicle lightest
     hold_command: float  # V or m3, that keeps it so
     away_command: float  # V or m3, that makes it heaviest; lightest with the wires swapped
+    away_hold: float  # V or m3, that then keeps it lightest enough
     push: Count  # ticks of the surface command at first
     again: Count  # ticks of it after a rest
     rest: Count  # ticks of the hold command in between
@@ -169,7 +170,7 @@ class SupervisorState(NamedTuple):
 
 
 SUPERVISOR_UNITS = {
-    **dict.fromkeys(("surface_command", "hold_command", "away_command"), "V or m3"),
+    **dict.fromkeys(("surface_command", "hold_command", "away_command", "away_hold"), "V or m3"),
     **dict.fromkeys(("S_p", "late_age", "coast"), "s"),
     **dict.fromkeys(
         ("push", "again", "rest", "release", "blind", "gap", "same", "same_begun", "same_moved",

@@ -227,6 +227,10 @@ def driven(base, p, harms, k, tick, u, before, volume, kept):  # type: ignore[no
 
     before: what it got a tick ago; volume [m3]: where it is, from mid-stroke.
     """
+    positioner = base[POSITIONER] != 0.0
+    way = before - (volume if positioner else 0.0)
+    if way != 0.0:
+        kept[_LOOSE] = math.copysign(1.0, way)
     for n in range(harms.shape[0]):
         harm = harms[n]
         if not _on(harm, k):
@@ -235,9 +239,6 @@ def driven(base, p, harms, k, tick, u, before, volume, kept):  # type: ignore[no
         if kind == REVERSED:
             u = -u
         elif kind == RUNS_ON and (k - harm[_BEGIN]) * tick < harm[_FIRST]:
-            positioner = base[POSITIONER] != 0.0
-            if k == harm[_BEGIN]:
-                kept[_LOOSE] = 1.0 if before > (volume if positioner else 0.0) else -1.0
             if positioner:
                 u = base[V_MAX] if kept[_LOOSE] > 0.0 else base[V_MIN]
             else:

@@ -224,7 +224,8 @@ def _fly(  # type: ignore[no-untyped-def]
             u_board, told = base[V_MAX] if positioner else base[SUPPLY], True
         else:
             if must_begin:
-                memory[:] = 0xA5 if restarted else 0
+                if not restarted:
+                    memory[:] = 0  # a reset leaves it as it is
                 call_begin(begin, memory.ctypes.data, np.int32(restarted))  # type: ignore[call-arg]
                 must_begin = False
             seen[0], seen[1], seen[2] = depth, age, volume_seen

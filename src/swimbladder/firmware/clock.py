@@ -19,6 +19,7 @@ from swimbladder.control.supervisor_records import SupervisorParameters, Watched
 __all__ = ["ControllerTwin", "VehicleTwin", "wait_in_ticks"]
 
 _MOST_TICKS = 1_000_000
+_SOON = 3  # ticks: a push that lasted longer has been judged before a reset
 
 
 def wait_in_ticks(next_s: Any, tick_s: Any) -> int:
@@ -98,20 +99,26 @@ class VehicleTwin:
     """A controller under its supervisor, in the arithmetic of the supervisor that it is given.
 
     limits: the supervisor's parameters; supervisor: its `twin` for the bits of the C, SUPERVISOR
-    itself for double precision. spoil: (tick, what is seen) -> what the board makes of it, to fly
-    with faults. A vehicle is a law that `simulate` flies.
+    itself for double precision. before: the state at the reset, of which it keeps what the last
+    push did. spoil: (tick, what is seen) -> what the board makes of it, to fly with faults. A
+    vehicle is a law that `simulate` flies.
     """
 
     def __init__(
         self, controller: ControllerTwin, limits: SupervisorParameters, *,
-        supervisor: Law = SUPERVISOR, after_reset: bool = False,
+        supervisor: Law = SUPERVISOR, after_reset: bool = False, before: Any = None,
         spoil: Callable[[int, Watched], Watched] = lambda _, seen: seen,
     ) -> None:  # fmt: skip
         self.controller, self.limits, self.supervisor = controller, limits, supervisor
         self.spoil = spoil
         self.ticks = 0
         nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
-        self.state = supervisor.initial(limits, nothing, 1.0 if after_reset else 0.0)
+        state = supervisor.initial(limits, nothing, 1.0 if after_reset else 0.0)
+        if after_reset and before is not None:
+            state = state._replace(turns=before.turns)
+            if before.phase < _SOON:
+                state = state._replace(pushed=before.pushed)
+        self.state = state
 
     @property
     def reason(self) -> Reason | None:

@@ -113,6 +113,7 @@ def supervisor_parameters(
         surface_command=p.supply if voltage else p.V_max,
         hold_command=hold if voltage else p.V_max,
         away_command=-p.supply if voltage else p.V_min,
+        away_hold=0.0 if voltage else p.V_min,
         push=ticks(2.0 * stroke_s, tick), rest=ticks(_REST_S, tick),
         again=ticks(max(_LEAST_PUSH_S, 0.5 * stroke_s), tick),
         grown=grown, astray=ticks(follow, tick),
@@ -144,7 +145,9 @@ def supervisor_parameters(
         drag_linear=p.d_l / (p.a_b * tau), drag_blunt=p.d_b / p.a_b, drag_0=p.d_0 / p.a_b,
         drag_square=p.d_t / p.a_b, epsilon=p.epsilon, per_tau=1.0 / tau,
         smoothing=tick / (tau + tick),
-        settle=ticks(_SETTLE * tau, tick), wrong=patience + still,
+        settle=ticks(_SETTLE * tau, tick),
+        # one that is driven off twice the band counts threefold until it has left its place
+        wrong=max(patience + still, math.ceil(1.25 * still)),
         surface=p.z_surface + _AFLOAT,
         aground=floor - max(0.1, 0.02 * floor) - moving if floor < math.inf else math.inf,
         still_distance=moving + 0.02, still=still,
