@@ -201,4 +201,15 @@ def _with_driver(parts: Parts, efficiency: str | None, standby: str | None) -> P
             remedy="Check the number and its unit",
         )  # fmt: skip
     given = {key: value for key, value in asked.items() if value is not None}
-    return parts.model_copy(update={"driver": parts.driver.model_copy(update=given)})
+    if not given:
+        return parts
+    options = {"efficiency": "--driver-efficiency", "standby_power": "--driver-standby"}
+    source = "asked for: " + " and ".join(options[key] for key in given)
+    if len(given) < len(options):
+        source += "; the rest " + parts.provenance.get("driver", "as in the list of parts")
+    return parts.model_copy(
+        update={
+            "driver": parts.driver.model_copy(update=given),
+            "provenance": {**parts.provenance, "driver": source},
+        }
+    )

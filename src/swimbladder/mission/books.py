@@ -78,7 +78,8 @@ def consumers(flight: Flight) -> dict[str, float]:
     surfacings = float(a[Account.SURFACING_ENERGY]) / sessions if sessions > 0.0 else 0.0
     for load in vehicle.loads:
         on = sum(t for kind, t in times.items() if load_is_on(load, kind.name.lower()))
-        energy[load_name(load)] = load.power * on + load.energy_per_surfacing * surfacings
+        taken = load.power * on + load.energy_per_surfacing * surfacings
+        energy[load_name(load)] = energy.get(load_name(load), 0.0) + taken  # two may have one name
     energy[SELF_DISCHARGE] = float(a[Account.SELF_DISCHARGED])
     return {name: value for name, value in energy.items() if value != 0.0}
 

@@ -52,7 +52,8 @@ def consumer_energy(flight: Flight) -> dict[str, Array]:
     surfacings = _spread(rows) / (session or 1.0)
     for load in vehicle.loads:
         on = lasting([load_is_on(load, kind) for kind in kinds])
-        energy[load_name(load)] = load.power * on + load.energy_per_surfacing * surfacings
+        taken = load.power * on + load.energy_per_surfacing * surfacings
+        energy[load_name(load)] = energy.get(load_name(load), 0.0) + taken
     energy[SELF_DISCHARGE] = rows[:, Row.SELF_DISCHARGED]
     return {name: value for name, value in energy.items() if value[-1] != 0.0}
 

@@ -124,7 +124,10 @@ def _power(result: MissionResult, count: int, unit: float, words: str, axes: Axe
     shown = np.flatnonzero(np.diff(time[: count + 1], append=np.inf)[:count] > 0.0)
     power = {name: mean_power(time, taken)[shown] for name, taken in energy.items()}
     t = time[shown] / unit
-    drawn = np.concatenate([values[values > 0.0] for values in power.values()])
+    drawn = np.concatenate([np.zeros(0), *(values[values > 0.0] for values in power.values())])
+    if not drawn.size:
+        axes.set_visible(False)
+        return
     least, most = float(drawn.min()), float(drawn.max())
     own = {PUMP: VERMILION, VALVE: GREEN, HOLDING: PURPLE}
     others = cycle(product(("-", "--", ":"), (BLUE, ORANGE, SKY, BLACK, GREY)))

@@ -64,5 +64,5 @@ def budget(b: Batch, asked: Needs, *, cycle: Array, driver_loss: Array) -> Budge
             cold=capacity * (1.0 - warm),
             reserve=capacity * warm * dive.battery_reserve,
             unusable=capacity / usable - capacity,
-            life=np.exp(-lost * duration) / (1.0 - flown),
+            life=np.where(flown > 0.0, np.exp(-lost * duration) / (1.0 - flown), 0.0),
         )
