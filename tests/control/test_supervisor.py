@@ -387,16 +387,16 @@ class TestReach:
         force = 1.0 / (p.inertia / p.per_tau**2)  # m/s2 per m3, a_b
         seen = math.sqrt(2.0 * 0.4 / (force * p.grown))
         assert p.same_tried == math.ceil(2.0 * seen / 0.3)
-        assert p.unproven == 100
+        assert p.unproven == math.ceil(20.0 / 0.3)
 
     @pytest.mark.parametrize(("psi", "given", "ticks"), [
-        (-1.0, None, NEVER), (0.0, None, NEVER), (-1.0, "1 min", 200), (4.04, "1 min", 200),
-        (4.04, None, 100),
+        (-1.0, None, (NEVER, NEVER)), (0.0, None, (NEVER, NEVER)), (-1.0, "1 min", (200, 200)),
+        (4.04, "1 min", (200, 200)), (4.04, None, (67, 100)),
     ])  # fmt: skip
     def test_a_hull_that_comes_to_rest_by_itself_is_left_alone(self, psi, given, ticks):
         hull = paper().hull.model_copy(update={"psi": psi * 1e-6})
         p = supervisor_parameters(paper(hull=hull, supervisor=Supervisor(prove_after=given)), 0.3)
-        assert p.unproven == p.same_tried == ticks
+        assert (p.unproven, p.same_tried) == ticks
 
     @pytest.mark.parametrize("n", [0, 1, 2, 3, 16, 17, 1000, 4095, 65534, NEVER])
     def test_times(self, n):
@@ -525,14 +525,12 @@ class TestSafeAction:
         never = self.driven(lambda _, u: -p.rate * u, 0.0, lost=lambda t: t > 0.5)
         assert never[-1][0] == p.surface_command
 
-    def test_a_piston_that_is_blocked_inwards_with_its_wires_swapped(self):
-        """It stands against the block; while the vehicle sinks the other way is tried."""
+    def test_a_volume_that_stands_short_of_its_inner_end_is_pushed_on_the_way_it_was(self):
+        """The reading may be stuck: a try would cost a vehicle that is coming round its depth."""
         p = self.limits
-        rows = self.driven(lambda _, u: -p.rate * u, 0.0, 120.0, sinks=0.02, least=0.0)
-        assert rows[-1][0] in {p.away_command, p.away_hold}
-        assert rows[-1][1] >= p.volume_high - 0.3 * 12.0 * p.rate
-        resting = self.driven(lambda _, u: -p.rate * u, 0.0, 120.0, least=0.0)
-        assert p.away_command not in {command for command, _ in resting}
+        for sinks in (0.0, 0.02):
+            rows = self.driven(lambda *_: 0.0, 0.0, 300.0, sinks=sinks)
+            assert p.away_command not in {command for command, _ in rows}
 
     def test_a_rest_ends_where_the_sea_drives_the_piston_in(self):
         """The motor's load is three times what it was: the voltage that should hold does not."""

@@ -242,10 +242,10 @@ def watch_motion(
         off = max(off, abs(s.n2 + push - center) - missed)
         if missed < p.calm:
             s = learn(p, s, depth, s.n2 + push, room)
-    wrong = s.wrong
-    if off > own + own:  # beyond doubt: it counts three times
-        wrong = min(more(wrong, 2), p.wrong)
     bad = off > own and not anew
+    wrong = s.wrong
+    if bad and off > own + own:  # beyond doubt: it counts three times
+        wrong = min(more(wrong, 2), p.wrong)
     return s._replace(wrong=tally(bad, wrong, p.wrong))
 
 
@@ -366,12 +366,10 @@ def watch_push(
     late = s.astray >= p.astray
     inward = gained < -p.grown
     fell = gained < -p.away or (inward and late and turns == 3)
-    patience = p.again if turns > 1 and not high else p.push
-    stands = sinks and not inward and s.astray >= patience
-    if turns == 2 or (s.volume < p.volume_low and not blind):
+    patience = p.push if high else p.again
+    stands = turns > 1 and sinks and not inward and s.astray >= patience
+    if turns == 2 or not (blind or turns > 3 or s.volume >= p.volume_low):
         stands = late
-    if turns == 0 and (blind or high):
-        stands = False
     s = s._replace(astray=more(s.astray, 1))
     if fell:
         s = s._replace(pushed=s.volume)
@@ -406,7 +404,6 @@ def bring_up(
         gains = (moves or s.astray < p.again) and not high
         if sinks or gains or phase >= more(p.push, p.rest):
             phase = less(p.push, p.again)
-            s = s._replace(pushed=s.volume)
     s = s._replace(command=command, phase=phase, window=more(s.window, 1))
     if s.window >= p.release:
         if not (good and (up or s.depth <= s.from_depth - p.rise)):
