@@ -124,7 +124,7 @@ def line_curves(
     """
     last = _stall(rate, highest)
     top = math.log1p(last / (ratio * reservoir))
-    step = top / (count - 1.0) if top > 0.0 else 1.0
+    step = top / (count - 1.0) if top > 0.0 else 1e-3  # no place is reached: any that is finite
     y = step * np.arange(float(count))
     inner = y[:-1, None] + 0.5 * step * (1.0 + _FEW_NODES)
 
