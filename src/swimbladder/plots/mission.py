@@ -94,7 +94,8 @@ def _speed(result: MissionResult, axes: Axes) -> None:
     axes.set_xlim(left=0.0)
     depth_axis(axes)
     axes.set_xlabel("mean vertical speed [cm/s]")
-    axes.legend(loc="best")
+    if axes.lines:
+        axes.legend(loc="best")
 
 
 def _volume(result: MissionResult, first: Array, unit: float, words: str, axes: Axes) -> None:
@@ -161,8 +162,9 @@ def _energy(result: MissionResult, axes: Axes) -> None:
             axes.bar(columns["cycle"], values, bottom=below, color=colour, label=words, width=0.9)
             below = below + values
     axes.set_ylabel("energy per cycle [kJ]")
-    axes.set_ylim(0.0, 1.4 * float(below.max()))
-    axes.legend(loc="upper right", ncols=2, fontsize=8)
+    if below.any():
+        axes.set_ylim(0.0, 1.4 * float(below.max()))
+        axes.legend(loc="upper right", ncols=2, fontsize=8)
 
 
 def _battery(result: MissionResult, axes: Axes) -> None:
