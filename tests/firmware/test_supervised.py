@@ -155,6 +155,24 @@ def test_a_reset_leaves_what_the_last_push_did(both):
         assert after(True, bytes([filled]) * len(in_c.room.raw))[0] != 1
 
 
+@pytest.mark.parametrize(("turns", "way", "volumes"), [
+    (4, "away_command", [9e-5, 9e-5, 9e-5]),
+    (4, "away_command", [math.nan, 9e-5, 9e-5]),
+    (0, "surface_command", [math.nan, 1e-4, 1e-4]),
+    (0, "surface_command", [9.9e-5, 1e-4, 1e-4]),
+])  # fmt: skip
+def test_what_a_push_did_outlives_a_reset(turns, way, volumes):
+    """The sea drives the piston in by 10 cm3 meanwhile, or the first volume is not measured."""
+    made = library()
+    before = chip.vehicle_twin(made, after_reset=True).state
+    before = before._replace(turns=turns, phase=0, pushed=np.float32(1e-4))
+    vehicle = chip.vehicle_twin(made, after_reset=True, before=before)
+    for volume in volumes:
+        command = vehicle.tick(SEEN._replace(volume=volume), 3.0)
+        assert command == np.float32(getattr(made.supervisor, way))
+    assert vehicle.state.turns == turns
+
+
 @settings(max_examples=40)
 @given(stretches=_STRETCHES, anew=st.booleans(), reference=st.sampled_from([3.0, math.nan]))
 def test_any_faults_are_met_as_by_the_twin_and_the_state_stays_finite(

@@ -354,10 +354,9 @@ def watch_push(
 ) -> SupervisorState:
     """Turn the push round where the volume goes away from where it is sent, and once back.
 
-    At the inner end, or where it stands for long while the vehicle sinks, little is lost by trying.
-    A try ends at a tick that is lost, or does not see the volume. What a turned push gained stays
-    turned until the volume falls, or stands while the vehicle sinks. A rest in which the sea drives
-    it in is over.
+    At the inner end little is lost by trying; a try ends at a tick that is lost, or does not see
+    the volume. What a turned push gained stays turned until the volume falls, or stands while the
+    vehicle sinks. A rest in which the sea drives it in is over.
     """
     turns = s.turns
     gained = s.volume - s.pushed

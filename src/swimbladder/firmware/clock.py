@@ -20,6 +20,7 @@ __all__ = ["ControllerTwin", "VehicleTwin", "wait_in_ticks"]
 
 _MOST_TICKS = 1_000_000
 _SOON = 3  # ticks: a push that lasted longer has been judged before a reset
+_TURNS = 4  # turns of a push that gained the other way round
 
 
 def wait_in_ticks(next_s: Any, tick_s: Any) -> int:
@@ -116,8 +117,8 @@ class VehicleTwin:
         state = supervisor.initial(limits, nothing, 1.0 if after_reset else 0.0)
         if after_reset and before is not None:
             state = state._replace(turns=before.turns)
-            if before.phase < _SOON:
-                state = state._replace(pushed=before.pushed)
+            if before.phase < _SOON and before.turns < _TURNS:
+                state = state._replace(pushed=before.pushed, volume=before.pushed)
         self.state = state
 
     @property
