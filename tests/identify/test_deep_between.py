@@ -1,11 +1,16 @@
 """Dives that differ: against conjugate normal results, quadrature, and draws of vehicles."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
 from swimbladder.identify.deep_between import TYPICAL, Alone, Between, between, square_error
+from swimbladder.identify.deep_differ import hardly
+from swimbladder.identify.deep_fit import _LEAST, DeepFit
+from swimbladder.identify.deep_model import Prior
 
 Z95 = 1.959964
 
@@ -80,3 +85,22 @@ def test_a_set_elsewhere_has_the_way_there_in_its_error() -> None:
     # the mean square of x_0 - x for x of that distribution
     x = norm.rvs(size=20000, random_state=1) * 0.2
     assert error[0, 0] == pytest.approx(np.mean((-1.0 - x) ** 2), rel=0.02)
+
+
+def test_what_each_dive_tells_by_itself_is_told_though_the_set_does_not_tell_it() -> None:
+    """The set of several dives is off by its bias too; a parameter that was asked for is known."""
+    priors = {name: Prior(1.0, 0.5) for name in ("drag", "valve", "slip")}
+    fit = DeepFit(
+        names=tuple(priors), values={"drag": 2.0, "valve": 1.1, "slip": 3.0}, starts=np.zeros(2),
+        covariance=np.diag([0.45, 0.45, 0.45, 1.0, 1.0]) ** 2, noise=_LEAST, worth=1.0,
+        between=Between(np.zeros(3), np.diag([0.1, 0.9, 0.9]) ** 2, np.zeros(3)), apart=(),
+        priors=priors, innovations=(), residuals=(),
+    )  # fmt: skip
+    assert not any(map(fit.told, priors))
+    assert [name for name in priors if fit.told_apart(name)] == ["drag"]
+    near, off, apart = hardly(fit, list(priors))
+    assert near.endswith("valve.")
+    assert off.endswith("slip.")
+    assert apart.startswith("Told by each dive by itself")
+    assert apart.endswith("drag.")
+    assert not replace(fit, between=None).told_apart("drag")

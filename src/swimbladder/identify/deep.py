@@ -151,7 +151,8 @@ def identify_deep(
     told = tuple(_told(body, fit, k, dive) for k, dive in enumerate(dives))
     advance(0.1)
     untold = [name for name in fit.names if not fit.told(name)]
-    asked = [name for name in untold if name in (free or ()) or len(untold) == len(fit.names)]
+    missed = [name for name in untold if not fit.told_apart(name)]
+    asked = [name for name in missed if name in (free or ()) or len(missed) == len(fit.names)]
     doubt = doubted([one.held for one in told], fit.worth)
     # A compressibility that dives hardly tell is held at 0, as `identified_vehicle` does.
     placed = [

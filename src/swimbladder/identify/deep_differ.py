@@ -37,9 +37,13 @@ def hardly(fit: DeepFit, untold: Sequence[str]) -> list[str]:
     """Say what dives hardly tell, near what was known before and elsewhere."""
     near: list[str] = []
     off: list[str] = []
+    apart: list[str] = []
     for name in untold:
         prior = fit.priors[name]
-        (near if abs(fit.values[name] - prior.mean) <= prior.std else off).append(name)
+        if fit.told_apart(name):
+            apart.append(name)
+        else:
+            (near if abs(fit.values[name] - prior.mean) <= prior.std else off).append(name)
     found = []
     if near:
         found.append(f"Hardly told by these dives, and near what was known: {', '.join(near)}.")
@@ -47,6 +51,11 @@ def hardly(fit: DeepFit, untold: Sequence[str]) -> list[str]:
         found.append(
             "Known no better than before, though the set that fits all dives has them elsewhere: "
             f"{', '.join(off)}."
+        )
+    if apart:
+        found.append(
+            "Told by each dive by itself ('between' in deep.json), and not by the set that fits "
+            f"all: {', '.join(apart)}."
         )
     return found
 

@@ -82,6 +82,13 @@ class DeepFit:
         """Whether the data narrow what was known of a parameter before."""
         return name in self.names and self.std(name) < _TOLD * self.priors[name].std
 
+    def told_apart(self, name: str) -> bool:
+        """Whether the dives, each by itself, narrow what was known of a parameter before."""
+        if self.between is None or name not in self.names:
+            return False
+        i = self.names.index(name)
+        return float(np.sqrt(self.between.covariance[i, i])) < _TOLD
+
 
 def balance(body: Body, values: Mapping[str, float], start: float, dive: DeepDive) -> Array:
     """Return what the book of volumes is off by, E less what drag and inertia take [m3] [n]."""
