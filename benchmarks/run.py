@@ -91,7 +91,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(render(["Command line", "s", "of processor", "goal"], rows))
     print(f"\nTook {perf_counter() - begin:.0f} s")
     if options.json is not None:
-        write_atomically(options.json, json.dumps(result, indent=1) + "\n")
+        write_atomically(options.json, json.dumps(result, indent=1, default=asdict) + "\n")
     return 0
 
 

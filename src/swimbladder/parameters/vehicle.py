@@ -126,7 +126,7 @@ class Supervisor(Parameters):
     prove_after: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
         None, description="a vehicle that begins to sink is pushed outward for a moment where its "
         "actuator has not shown for so long that it can, and so is one whose depth was the very "
-        "same for so long; not given: 25 s and 30 s, or never where psi is not above 0"
+        "same for so long; not given: 30 s, or never where psi is not above 0"
     )  # fmt: skip
     hold_voltage: Annotated[float, Unit("V"), Field(ge=0.0)] | None = Field(
         None, description="voltage that keeps the volume at its largest; not given: what the sea's "
