@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _SURE = 3.0  # standard deviations
 _GRAVITY = 9.80665  # m/s2; to within a percent everywhere
 _LIGHTEST, _HEAVIEST = 0.9, 4.0  # of the water displaced
-_NONE = (0.1, 30.0)  # of it: only other units make a vehicle so light or so heavy
+_NONE = (0.25, 10.0)  # of it: only other units make a vehicle so light or so heavy
 _FOLLOWED = 0.05  # of the depths' deviation: what is left over where the model follows
 _MANY = 0.02  # share of the samples
 
