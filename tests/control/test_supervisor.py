@@ -387,7 +387,7 @@ class TestReach:
         force = 1.0 / (p.inertia / p.per_tau**2)  # m/s2 per m3, a_b
         seen = math.sqrt(2.0 * 0.4 / (force * p.grown))
         assert p.same_tried == math.ceil(2.0 * seen / 0.3)
-        assert p.unproven == math.ceil(30.0 / 0.3)
+        assert p.unproven == 100
 
     @pytest.mark.parametrize(("psi", "given", "ticks"), [
         (-1.0, None, (NEVER, NEVER)), (0.0, None, (NEVER, NEVER)), (-1.0, "1 min", (200, 200)),

@@ -49,7 +49,7 @@ _REACH, _SINKS = 2.0, 0.6  # of that, by which a push shows that it can, and bef
 _NOISY, _NOISY_WEIGHT, _SAME_NOISY = 0.42, 0.005, 44
 _GROWN_SHARE = 2e-3  # of half the stroke
 _STILL_S = 5.0
-_UNPROVEN_S, _TRIED_S = 30.0, 30.0  # s, in which what was shown of actuator, and depth, counts
+_UNPROVEN_S = 30.0  # s, in which what was shown of the actuator counts
 _REST_S, _LEAST_PUSH_S = 20.0, 10.0
 _RELEASE_S = 60.0
 _RISE = 1.0  # m
@@ -104,8 +104,7 @@ def supervisor_parameters(
     # and in a pool it would end the very sinking that is measured
     if given.prove_after is not None or (p.psi > 0.0 and not in_pool):
         proof = ticks(given.prove_after or _UNPROVEN_S, tick)
-        tried = ticks(given.prove_after or _TRIED_S, tick)
-        tried = max(tried, ticks(2.0 * math.sqrt(2.0 * moving / (p.a_b * grown)), tick))
+        tried = max(proof, ticks(2.0 * math.sqrt(2.0 * moving / (p.a_b * grown)), tick))
     stop_rate = max(_STOP_SHARE * full_rate, 3.0 * grown / tick)
     if voltage and tick <= p.T1:  # the motor's own lag would look like a stop
         stop_rate = math.inf
