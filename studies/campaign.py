@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from studies.bound import bounds
-from studies.scenarios import K_B, NEUTRAL_STD, Campaign, Kept, Scenario, draw
+from studies.scenarios import DENSITY, K_B, NEUTRAL_STD, Campaign, Kept, Scenario, draw
 from studies.summary import Z95
 from studies.truth import Array
 from swimbladder.errors import NoAnswerError
@@ -115,5 +115,9 @@ def vehicle(scenario: Scenario, guess: Mapping[str, float]) -> Vehicle:
             dry_mass=guess["T2"] * k_dl,
             drag=Drag(law="blended", k_dl=k_dl, k_dt=guess["drag_quadratic"]),
         )
-    hull = paper.hull.model_copy(update={"psi": guess["psi"]})
+    update = {"psi": guess["psi"]}
+    if scenario.random:  # of another mass than the paper's: it displaces about as much
+        mass = guess["mass"] if "mass" in guess else guess["T2"] * K_B / guess["K2"]
+        update["displaced_volume"] = mass / DENSITY
+    hull = paper.hull.model_copy(update=update)
     return paper.model_copy(update={"motion": motion, "hull": hull})

@@ -14,7 +14,8 @@ from studies.truth import Array, Body, Motor, Step, follow
 
 __all__ = ["SCENARIOS", "Campaign", "Kept", "Scenario", "draw"]
 
-K_B = 1000.0 * 9.80665  # N/m3, fresh water
+DENSITY = 1000.0  # kg/m3, fresh water
+K_B = DENSITY * 9.80665  # N/m3
 POOL = 4.5  # m
 CLEARANCE = 0.75  # m, of the depths of rest from bottom and surface
 TRAVEL = 3.0  # m, at which a record ends
