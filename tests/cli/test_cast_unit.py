@@ -1,6 +1,7 @@
 """A cast whose pressure may be in another unit: what the commands that ask for a depth say."""
 
 import gsw
+import h5netcdf
 import numpy as np
 import pytest
 
@@ -137,6 +138,43 @@ def test_a_header_that_states_dbar_makes_it_a_warning(capsys, tmp_path):
     cast = read_cast(written(tmp_path, "bar", header="Pressure [bar]"))
     assert refused(cast, 180.0, 2000.0) == ""
     assert capsys.readouterr().err == ""
+
+
+def in_netcdf(folder, unit, name, attribute):
+    """The same sea in a netCDF file: its variable of pressures so called, with such `units`."""
+    table = np.loadtxt(written(folder, unit), delimiter=",", skiprows=1)
+    path = folder / "cast.nc"
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = {"N": len(table)}
+        units = (attribute, "degree_Celsius", "1")
+        for called, unit_of, v in zip((name, "TEMP", "PSAL"), units, table.T, strict=True):
+            variable = file.create_variable(called, ("N",), "f8", data=v)
+            if unit_of:
+                variable.attrs["units"] = unit_of
+    return path
+
+
+@pytest.mark.parametrize(
+    ("unit", "name", "attribute", "what"),
+    [
+        ("bar", "PRES", "", "the column 'PRES' states no unit"),  # as a CSV's
+        ("bar", "pressure_dbar", "", "taken at its word"),
+        ("bar", "PRES", "decibar", "taken at its word"),
+        ("bar", "PRES_BAR", "", ""),
+        ("kPa", "PRES_KPA", "", ""),
+        ("kPa", "PRES", "kPa", ""),
+        ("dbar", "pressure_kPa", "dbar", ""),  # the attribute counts before the name
+    ],
+)
+def test_a_netcdf_file_is_held_to_the_same_rule(capsys, tmp_path, unit, name, attribute, what):
+    cast = read_cast(in_netcdf(tmp_path, unit, name, attribute))
+    said = refused(cast, 180.0, 2000.0) + " ".join(capsys.readouterr().err.split())
+    assert what in said if what else not said
+    assert ("warning" in said) == (what == "taken at its word")
+    if what:
+        assert f'"pressure_dbar={name}@bar" or "pressure_dbar={name}@dbar"' in said
+    else:
+        assert cast.pressure[-1] == pytest.approx(2000.0)
 
 
 def test_either_unit_that_is_said_is_taken(tmp_path):

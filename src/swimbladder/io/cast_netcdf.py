@@ -13,7 +13,7 @@ from swimbladder.errors import LogError
 from swimbladder.io.cast_argo import argo_cast, is_profiles
 from swimbladder.io.cast_columns import CAST_COLUMNS, NAMES, check_names, kind_of
 from swimbladder.io.cast_raw import RawCast, place_of
-from swimbladder.io.cast_variables import by_flags, in_unit, raw_cast
+from swimbladder.io.cast_variables import by_flags, in_unit, raw_cast, unit_said
 from swimbladder.io.netcdf_in import Variable, read_variables
 
 __all__ = ["netcdf_cast"]
@@ -74,8 +74,13 @@ def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, 
         for n in ("latitude", "longitude")
         if n in values
     }
-    return raw_cast(rows, path, report, latitude=place.get("latitude"),
-                longitude=place.get("longitude"))  # fmt: skip
+    names = {name: found[0] for name, found in chosen.items() if found is not None}
+    down = chosen["pressure_dbar"]
+    said = down and unit_said("pressure_dbar", down[0], variables[down[0]], down[1])
+    return raw_cast(
+        rows, path, report, latitude=place.get("latitude"), longitude=place.get("longitude"),
+        names=names, unit_named=said,
+    )  # fmt: skip
 
 
 def _refuse_grid(values: Mapping[str, Array], path: Path) -> None:

@@ -9,17 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.io.cast_columns import CAST_COLUMNS, cast_unit
+from swimbladder.io.cast_columns import CAST_COLUMNS, cast_unit, kind_of
 from swimbladder.io.cast_raw import RawCast
 from swimbladder.io.log_text import counted
 from swimbladder.io.netcdf_in import Variable
 from swimbladder.units import unit_factor
 
-__all__ = ["by_flags", "in_unit", "raw_cast"]
+__all__ = ["by_flags", "in_unit", "raw_cast", "unit_said"]
 
 Array = NDArray[np.float64]
 _GOOD = set("1258")  # Argo user's manual, reference table 2
 _UNJUDGED = set("09")  # no quality control, and missing: NaN tells of the second
+
+
+def unit_said(name: str, found: str, variable: Variable, stated: str | None = None) -> str | None:
+    """Return the unit of a variable that is the column `name`: as stated, by its attribute, or by
+    its name as that of a CSV's column; None where nothing says one.
+    """
+    said = variable.attributes.get("units", "") if stated is None else stated
+    if said:
+        return cast_unit(said)
+    kind = kind_of(found)
+    return kind[1] if kind is not None and kind[0] == name else None
 
 
 def in_unit(
@@ -36,20 +47,20 @@ def in_unit(
             remedy=f'Choose another variable with --column "{name}=NAME"',
         )  # fmt: skip
     values = np.asarray(variable.values, dtype=np.float64)
-    said = variable.attributes.get("units", "") if stated is None else stated
-    unit, wanted = cast_unit(said), CAST_COLUMNS[name]
+    unit, wanted = unit_said(name, found, variable, stated), CAST_COLUMNS[name]
     if unit == "K" and wanted == "degC":
         report.append(f"{found} is in kelvin; 273.15 subtracted")
         return values - 273.15
-    if not said:
+    if unit is None:
         report.append(f"{name} read from {found}, which has no unit: taken to be {wanted or 'one'}")
         return values
     try:
         factor = unit_factor(unit, wanted)
     except InputError as error:
         raise LogError(
-            error.what, file=path, field=found, value=said, unit=wanted or "none",
-            remedy="Correct the variable's attribute `units`",
+            error.what, file=path, field=found, value=unit, unit=wanted or "none",
+            remedy="Correct the variable's attribute `units`"
+            + (f', or say the unit with --column "{name}={found}@{wanted}"' if wanted else ""),
         ) from None  # fmt: skip
     report.append(f"{name} read from {found}" + ("" if factor == 1.0 else f", times {factor:g}"))
     return values * factor
@@ -91,14 +102,18 @@ def _flag_texts(flags: Variable, shape: tuple[int, ...]) -> NDArray[np.str_] | N
 
 def raw_cast(
     rows: Mapping[str, Array], path: Path, report: list[str], *, latitude: float | None = None,
-    longitude: float | None = None, name: str = "",
+    longitude: float | None = None, name: str = "", names: Mapping[str, str] | None = None,
+    unit_named: str | None = None,
 ) -> RawCast:  # fmt: skip
-    """Return the columns of a profile, each [n], as a cast as it stands in its file."""
+    """Return the columns of a profile, each [n], as a cast as it stands in its file.
+
+    names: of the variables, by column; unit_named: that of pressure, where the file says one.
+    """
     count = len(rows["temperature_degC"])
     return RawCast(
         path=path, pressure=rows.get("pressure_dbar"), depth=rows.get("depth_m"),
         temperature=rows["temperature_degC"], salinity=rows.get("salinity"),
         conductivity=rows.get("conductivity_S_m"), density=rows.get("density_kg_m3"),
         row=np.arange(1, count + 1), row_name="sample", latitude=latitude,
-        longitude=longitude, name=name, report=report,
+        longitude=longitude, name=name, report=report, names=dict(names or {}), unit_named=unit_named,
     )  # fmt: skip

@@ -72,7 +72,6 @@ def read_cast(
             )  # fmt: skip
         if is_netcdf(data):
             raw, profile = netcdf_cast(data, file, columns or {}, profile)
-            raw = replace(raw, unit_named="dbar")  # by its attribute, or its convention
         else:
             raw = replace(cnv_cast(data, file, columns or {}), unit_stated=True)
     else:
