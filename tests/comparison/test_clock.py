@@ -1,5 +1,6 @@
 """Times in another unit than they are read in, told by volume and depth beside them."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,9 +8,10 @@ import pytest
 
 import swimbladder as sb
 from swimbladder.cli import main
-from swimbladder.comparison.clock import _fits, refuse_wrong_clock
+from swimbladder.comparison.clock import _UNITS, _fits, refuse_wrong_clock
 from swimbladder.comparison.record import record
 from swimbladder.errors import LogError
+from swimbladder.io.log_time import TimeColumn
 from swimbladder.io.logs import Log, read_log
 
 
@@ -42,14 +44,37 @@ def test_the_closed_form_has_the_vehicles_own_force():
     assert _fits(t, 2.0 * depth, volume, even).force == pytest.approx(2.0, abs=4e-3)
 
 
-@pytest.mark.parametrize(
-    ("factor", "unit"), [(1e3, "ms"), (1e6, "us"), (1 / 60, "min"), (60.0, "s"), (1e-3, "s")]
-)  # fmt: skip
-def test_another_unit_is_named(pool, factor, unit):
-    wrong = replace(pool, time=factor * pool.time)
-    with pytest.raises(LogError, match=f'time_s=NAME@{unit}"'):
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
+
+
+@pytest.mark.parametrize("read", SECONDS)
+@pytest.mark.parametrize("true", SECONDS)
+def test_the_unit_that_the_numbers_are_in_is_named(pool, tmp_path, true, read):
+    """Whatever unit they were read in: 1000 times too short is s read as ms, and ms read as us."""
+    path = tmp_path / "log.csv"
+    rows = np.column_stack([pool.time / SECONDS[true], pool.depth, pool.volume])
+    np.savetxt(path, rows, delimiter=",", header="t,depth_m,volume_m3", comments="", fmt="%.12g")
+    log = read_log(path, columns={"time_s": f"t@{read}"})
+    if true == read:
+        assert record(log, own(), drive="volume").duration == pytest.approx(120.0)
+        return
+    with pytest.raises(LogError, match=f'--column "time_s=t@{true}"') as refused:
+        record(log, own(), drive="volume")
+    assert f"where the times are {_UNITS[true]} only" in refused.value.what
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1e-3, "1e+03"), (60.0, "0.0167")])
+def test_where_no_unit_fits_the_factor_is_told(pool, factor, said):
+    wrong = replace(pool, time=factor * pool.time)  # in seconds, as far as the log knows
+    with pytest.raises(LogError, match=re.escape(f"{said} times as long only")) as refused:
         record(wrong, own(), drive="volume")
-    assert record(pool, own(), drive="volume").duration == pytest.approx(120.0)
+    assert "@" not in refused.value.remedy
+
+
+def test_times_that_are_texts_have_no_unit_to_be_mapped_in(pool):
+    wrong = replace(pool, time=60.0 * pool.time, times=TimeColumn("clock", None))
+    with pytest.raises(LogError, match="Check what the times count, and their pattern"):
+        record(wrong, own(), drive="volume")
 
 
 def test_a_vehicle_that_is_twice_as_heavy_or_free_is_none_of_another_unit(pool):

@@ -8,6 +8,7 @@ takes up start, speed, neutral volume and its drift. With times read 1000 times 
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,16 +18,16 @@ from swimbladder.dynamics import plant
 from swimbladder.errors import LogError
 from swimbladder.io.logs import Log
 from swimbladder.parameters import Vehicle
+from swimbladder.units import unit_factor
 
 __all__ = ["refuse_wrong_clock"]
 
 Array = NDArray[np.float64]
 
-# true time over time as read: what it is called, and how it is mapped
 _UNITS = {
-    1e-3: ("milliseconds", "ms"), 1e-6: ("microseconds", "us"), 60.0: ("minutes", "min"),
-    1e3: ("seconds", "s"), 1.0 / 60.0: ("seconds", "s"),
+    "s": "seconds", "ms": "milliseconds", "us": "microseconds", "min": "minutes", "h": "hours",
 }  # fmt: skip
+_FACTORS = (1e-3, 1e-6, 60.0, 1e3, 1.0 / 60.0)  # true time over time as read, if that is no unit's
 _ALIKE = (0.3, 3.0)  # of the vehicle's force: another vehicle of the kind, whose file is a guess
 _FAR = (0.1, 10.0)
 _TOLD = 0.6  # of the variance: the motion is that of the volume
@@ -56,16 +57,38 @@ def refuse_wrong_clock(
 
     if read_with(1.0).near(*_FAR):
         return
-    for factor, (name, unit) in _UNITS.items():
+    for factor, unit in _others(log.times.seconds):
         found = read_with(factor)
-        if found.near(*_ALIKE) and found.explained > _TOLD:
-            raise LogError(
-                f"as read the samples are {np.median(np.diff(t)):.4g} s apart, and what drives the "
-                f"vehicle goes with its depths where the times are {name} only",
-                file=log.source, field="time_s", value=float(log.time[-1] - log.time[0]),
-                unit="s from first to last",
-                remedy=f'Map them as what they are: --column "time_s=NAME@{unit}"',
-            )  # fmt: skip
+        if not (found.near(*_ALIKE) and found.explained > _TOLD):
+            continue
+        only, remedy = (
+            f"{factor:.3g} times as long only",
+            "Check what the times count, and their pattern",
+        )
+        if unit is not None:
+            only = f"{_UNITS[unit]} only"
+            remedy = f'Map them as what they are: --column "time_s={log.times.name}@{unit}"'
+        raise LogError(
+            f"as read the samples are {np.median(np.diff(t)):.4g} s apart, and what drives the "
+            f"vehicle goes with its depths where the times are {only}",
+            file=log.source, field="time_s", value=float(log.time[-1] - log.time[0]),
+            unit="s from first to last", remedy=remedy,
+        )  # fmt: skip
+
+
+def _others(seconds: float | None) -> list[tuple[float, str | None]]:
+    """Return by what times may be off, with the unit that their numbers are in then.
+
+    seconds: what a number was taken for, None: the times are texts.
+    """
+    if seconds is None:
+        return [(factor, None) for factor in _FACTORS]
+    units = {unit: unit_factor(unit, "s") / seconds for unit in _UNITS}
+    found: list[tuple[float, str | None]] = [
+        (factor, unit) for unit, factor in units.items() if not math.isclose(factor, 1.0)
+    ]
+    left = [f for f in _FACTORS if not any(math.isclose(f, known) for known in units.values())]
+    return [*found, *((factor, None) for factor in left)]
 
 
 class _Fit(NamedTuple):

@@ -69,7 +69,10 @@ def argo_cast(variables: Mapping[str, Variable], path: Path, profile: int | None
         if variable in variables:
             at = np.ravel(np.asarray(variables[variable].values, float))[n : n + 1]
             where[name] = place_of(name, at, report)
-    return raw_cast(rows, path, report, name=_platform(variables, n), **where)
+    return raw_cast(
+        rows, path, report, name=_platform(variables, n), latitude=where.get("latitude"),
+        longitude=where.get("longitude"),
+    )  # fmt: skip
 
 
 def _number(

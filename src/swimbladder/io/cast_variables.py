@@ -115,5 +115,6 @@ def raw_cast(
         temperature=rows["temperature_degC"], salinity=rows.get("salinity"),
         conductivity=rows.get("conductivity_S_m"), density=rows.get("density_kg_m3"),
         row=np.arange(1, count + 1), row_name="sample", latitude=latitude,
-        longitude=longitude, name=name, report=report, names=dict(names or {}), unit_named=unit_named,
+        longitude=longitude, name=name, report=report, names=dict(names or {}),
+        unit_named=unit_named,
     )  # fmt: skip

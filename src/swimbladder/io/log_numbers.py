@@ -14,7 +14,13 @@ from swimbladder.errors import InputError, LogError
 from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, column_factor
 from swimbladder.io.log_rows import Column
 from swimbladder.io.log_text import counted
-from swimbladder.io.log_time import counter_seconds, reads_text, text_seconds, time_remedy
+from swimbladder.io.log_time import (
+    TimeColumn,
+    counter_seconds,
+    reads_text,
+    text_seconds,
+    time_remedy,
+)
 from swimbladder.io.log_where import column_texts, number
 
 __all__ = ["ColumnReader"]
@@ -41,6 +47,7 @@ class ColumnReader:
         self.units = units
         self.path, self.form, self.columns, self.line = path, form, columns, line
         self.report, self.conversions = report, list[str]()
+        self.times = TimeColumn()
         self._missing = frozenset(_MISSING | {text.strip().lower() for text in form.missing})
         self._bad: dict[int, Callable[[], LogError]] = {}
 
@@ -58,6 +65,7 @@ class ColumnReader:
     def in_unit(self, name: str, column: LogColumn, values: Array) -> Array:
         """Return a column in the unit of its name; raises LogError where its own unit is none."""
         if name == "time_s" and reads_text(column):
+            self.times = TimeColumn(column.name, None)
             return values
         factor = None
         if name == "time_s":
@@ -65,6 +73,8 @@ class ColumnReader:
                 values, column, self.form, self.line, self.path, self.report
             )
         factor = factor if factor is not None else self._factor(name, column)
+        if name == "time_s":
+            self.times = TimeColumn(column.name, 1.0 if factor is None else factor)
         unit = self.units[name]
         if column.name != name:
             stated = f"taken to be in {unit}" if factor is None else f"times {factor:g} for {unit}"

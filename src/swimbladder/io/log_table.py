@@ -15,6 +15,7 @@ from swimbladder.io.log_numbers import ColumnReader
 from swimbladder.io.log_parquet import ParquetRows, is_parquet
 from swimbladder.io.log_rows import Column, Rows, Sheet
 from swimbladder.io.log_text import read_bytes
+from swimbladder.io.log_time import TimeColumn
 from swimbladder.io.log_where import RowTest, column_texts, none_chosen
 
 __all__ = ["Table", "read_header", "read_table"]
@@ -27,13 +28,14 @@ Choose = Callable[[list[str]], dict[str, LogColumn]]
 class Table:
     """Columns of numbers in the units of their names, NaN where there is none.
 
-    parts: how many times the header stands in the file.
+    parts: how many times the header stands in the file; times: where the times are from.
     """
 
     values: dict[str, Array]
     line: NDArray[np.int64]
     parts: int
     report: tuple[str, ...]
+    times: TimeColumn
 
 
 def read_header(path: str | Path) -> list[str]:
@@ -95,7 +97,9 @@ def read_table(
         more = ", ..." if len(unused) > 12 else ""
         report.append(f"columns not used: {', '.join(name[:40] for name in unused[:12])}{more}")
     report += reader.conversions
-    return Table(values=values, line=line, parts=sheet.parts, report=tuple(report))
+    return Table(
+        values=values, line=line, parts=sheet.parts, report=tuple(report), times=reader.times
+    )
 
 
 def _sheet(path: str | Path, form: LogFormat, wanted: Sequence[Collection[str]]) -> Sheet:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from swimbladder.errors import LogError
 from swimbladder.io.log_format import LogColumn, LogFormat, bracketed
 from swimbladder.io.log_text import counted
 
-__all__ = ["counter_seconds", "reads_text", "text_seconds", "time_remedy"]
+__all__ = ["TimeColumn", "counter_seconds", "reads_text", "text_seconds", "time_remedy"]
 
 Array = NDArray[np.float64]
 Instant = Callable[[str], tuple[float, bool]]
@@ -25,6 +26,16 @@ _COUNTERS = (16, 24, 32)  # bits of the counters that are common
 _DIRECTIVES = set("YymdHMSfIpzjbB%")
 _DATES, _YEARS = set("mdjbB"), set("Yy")
 _PATTERN = 'unit = "%d.%m.%Y %H:%M:%S" says day, month, year'
+
+
+class TimeColumn(NamedTuple):
+    """The column that times are read from, and what a number in it counts as [s].
+
+    None where the times are texts or have been counted otherwise.
+    """
+
+    name: str = "NAME"
+    seconds: float | None = 1.0
 
 
 def reads_text(column: LogColumn) -> bool:

@@ -23,6 +23,7 @@ from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, log_format
 from swimbladder.io.log_sources import column_sources, mapped_columns, wanted_names
 from swimbladder.io.log_table import Table, read_header, read_table
 from swimbladder.io.log_text import counted
+from swimbladder.io.log_time import TimeColumn
 
 __all__ = ["Log", "header_names", "read_log"]
 
@@ -40,6 +41,7 @@ class Log:
     reference_piston, counts from the same zero. depth is NaN where it was not measured: in places
     or throughout, and only where the caller did not require it. line: where each sample stands in
     the file. suspect: the samples that stand far off, alone. gaps: (time before, time after).
+    times: which column of the file they are, and what a number in it was taken for.
     """
 
     source: str
@@ -59,6 +61,7 @@ class Log:
     suspect: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     gaps: tuple[tuple[float, float], ...] = ()  # s
     report: tuple[str, ...] = ()
+    times: TimeColumn = field(default_factory=TimeColumn)
 
     def __post_init__(self) -> None:
         """Make a log of which nothing is said to be suspect say so for every sample."""
@@ -175,6 +178,7 @@ def _log(
         suspect=suspect,
         gaps=gaps,
         report=tuple(report),
+        times=table.times,
     )
     return log.only(~suspect) if form.spikes == "drop" else log
 
