@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -281,3 +282,13 @@ def test_the_answer_is_whole(found: Sizing) -> None:
     text = " ".join(sentences(found))
     assert "1000 m" in text
     assert "cm3" in text
+
+
+def test_the_parts_of_the_battery_are_all_of_it_and_the_reserve_is_of_what_the_cold_leaves(
+    found: Sizing,
+) -> None:
+    said = next(sentence for sentence in sentences(found) if sentence.startswith("Of the battery"))
+    drawn, _, cold, lost, kept, stated, unusable = map(float, re.findall(r"([\d.]+) %", said))
+    assert drawn + cold + lost + kept + unusable == pytest.approx(100.0, abs=0.3)  # rounded
+    assert stated == 100.0 * DIVE.battery_reserve
+    assert kept == pytest.approx(stated / 100.0 * (100.0 - unusable - cold), abs=0.1)

@@ -101,8 +101,9 @@ def _battery(found: Sizing) -> str:
         f"Of the battery {share('drawn')} is drawn "
         f"({share('driver_loss', 'driver_standby')} by the driver), {share('cold')} is not to be "
         f"had in water of {asked.coldest:.3g} degC, {share('self_discharged')} is lost by itself "
-        f"in {lasting}, {share('reserve')} is reserve and {share('unusable')} cannot be taken out "
-        "at all."
+        f"in {lasting}, {share('reserve')} is not flown with (the reserve, "
+        f"{100.0 * asked.dive.battery_reserve:g} % of what can be had in that water), and "
+        f"{share('unusable')} cannot be taken out at all."
     )
 
 
