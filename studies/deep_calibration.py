@@ -3,10 +3,12 @@
 Vehicles are drawn from what is said to be known of them, and dived by the mission engine, its own
 law at the controls, in water with internal waves; a log is made of what a float would log, with a
 pressure sensor's noise and resolution, and each is identified with a cast that errs: taken a day
-before, when the waves lay elsewhere, by a CTD that is off. Printed are how often the 95 % intervals
-held the truth, and how far off the values were in standard deviations. With `--together N` each
-vehicle dives N times, in waves and with a cast of its own each time, and the dives are identified
-together. A run that was interrupted goes on where it stopped.
+before, when the waves lay elsewhere, by a CTD that is off. Printed are how often intervals held the
+truth, and how far off the values were in standard deviations. With `--together N` each vehicle
+dives N times, in waves and with a cast of its own each time, and the dives are identified together;
+with `--differ S` each of these dives has parameters of its own, S deviations of what is known
+before (1 sigma) about the vehicle's, which are the truth. A run that was interrupted goes on where
+it stopped.
 """
 
 from __future__ import annotations
@@ -17,218 +19,81 @@ import os
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from hashlib import sha256
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import gsw
 import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
+from scipy.stats import norm
 
 import swimbladder
-from swimbladder.identify.deep import identified_vehicle
+from studies import deep_drawn
+from studies.deep_drawn import again, drawn, known, the_vehicle
 from swimbladder.identify.deep_dive import deep_dive
 from swimbladder.identify.deep_fit import fit_deep
-from swimbladder.identify.deep_model import DEEP, DEFAULT, body_of, priors_of
-from swimbladder.identify.estimates import Z95, Prior
-from swimbladder.io.config import load_vehicle
-from swimbladder.io.float_log import Action, Device, FloatLog
-from swimbladder.io.mission import Mission
-from swimbladder.mission.core.names import Drive, Note, Row, Stop
-from swimbladder.mission.flight import Flight, fly_mission
-from swimbladder.mission.prepare import Accuracy
-from swimbladder.parameters import PhysicalMotion, PowerLawPump, PumpAndValve, Vehicle
-from swimbladder.seawater import Cast, Column, cast_column
-from swimbladder.seawater.motion import moved
+from swimbladder.identify.deep_model import DEFAULT, body_of
 
-__all__ = ["Dived", "drawn", "main", "outcome", "summary"]
-
-Array = NDArray[np.float64]
-
-LATITUDE = 43.0
-COWL = 3.0  # kg
-DAY = 86400.0  # s, by which the cast is older than the dive
-NOISE, RESOLUTION = 300.0, 100.0  # Pa, of the pressure sensor
-EVERY = 60.0  # s, between two looks that are logged; and one at each run of pump and valve
-LAYERS_MOVE = 4.0  # m rms at mid-depth, and some 2 mm/s: Garrett and Munk's sea
-WAVES = 16
-FASTEST, SLOWEST = 1200.0, 50_000.0  # s: above the buoyancy period, near the inertial one
-OFF = {"salinity": 0.01, "temperature": 0.002, "drift": 0.005}  # PSS-78, K, PSS-78 over the cast
-# Errors of a cm at most: beside 3 cm of noise.
-_EXACT = Accuracy(relative=1e-6, depth=1e-3, speed=1e-5)
-_DEVICES: dict[Note, Device] = {Note.PUMP: "pump", Note.VALVE: "valve", Note.BYPASS: "bypass"}
-_MISSION = Mission(
-    phases=[
-        {"kind": "hold", "depth": 800.0, "duration": 10_800.0},
-        {"kind": "surface", "duration": 600.0},
-    ]
-)  # fmt: skip
+__all__ = ["Score", "main", "outcome", "summary"]
 
 
-@dataclass(frozen=True)
-class Dived:
-    """A dive of known parameters as a float logs it, and the water as a cast tells it."""
+def outcome(
+    index: int, *, seed: int = 1, together: int = 1, differ: float = 0.0
+) -> dict[str, Any]:  # fmt: skip
+    """Return what came of a vehicle, by name: error in deviations, deviation over its prior's.
 
-    values: dict[str, float]
-    log: FloatLog
-    column: Column
-    flight: Flight
-
-
-@cache
-def the_vehicle() -> Vehicle:
-    """Return example-float with a pump whose delivery is a number of its file.
-
-    And with a cowl of water: an inertia that is drawn less has to have its place in added_mass.
+    Of several dives also those of what each tells by itself, `between`.
     """
-    vehicle = load_vehicle("example-float")
-    assert isinstance(vehicle.actuator, PumpAndValve)
-    pump = PowerLawPump(delivery=8e-7, slip=5e-15, idle_power=7.0, power_per_pressure=8e-7)
-    motion = vehicle.motion
-    assert isinstance(motion, PhysicalMotion)
-    return vehicle.model_copy(update={
-        "actuator": vehicle.actuator.model_copy(update={"pump": pump}),
-        "motion": motion.model_copy(update={"added_mass": motion.added_mass + COWL}),
-    })  # fmt: skip
-
-
-@cache
-def known() -> dict[str, Prior]:
-    """Return what is known of a vehicle before: its file, and what a maker can say."""
-    return priors_of(the_vehicle(), {
-        "compressibility": Prior(2.46e-10, 0.2e-10), "stiffening": Prior(0.0, 2e-18),
-        "thermal_expansion": Prior(7.7e-5, 0.8e-5), "drag_up": Prior(1.0, 0.1),
-        "pump_delivery": Prior(1.0, 0.1), "valve": Prior(1.0, 0.1),
-        "pump_start": Prior(0.0, 1e-6), "creep": Prior(5e-11, 2e-11),
-    })  # fmt: skip
-
-
-def drawn(index: int, *, seed: int = 1) -> Dived:
-    """Return dive number `index`, the same for the same seed."""
-    rng = np.random.default_rng([seed, index])
-    priors = known()
-    while True:
-        values = {name: priors[name].mean for name in DEEP}
-        for name in DEFAULT:
-            values[name] += priors[name].std * rng.normal()
-        waves = _waves(rng)
-        flown = identified_vehicle(the_vehicle(), values)
-        asked = values["inertia"] * the_vehicle().mass
-        if values["creep"] < 0.0 or flown.mass > asked + 1e-9:  # no place in a vehicle's file
-            continue
-        flight = fly_mission(flown, _MISSION, _sea(), waves=waves, accuracy=_EXACT)
-        if flight.stop is Stop.FINISHED and float(np.max(flight.rows[:, Row.Z])) > 700.0:
-            break
-    return Dived(values, _log(flight, waves, rng), _cast(waves, rng), flight)
-
-
-def again(first: Dived, index: int, dive: int, *, seed: int = 1) -> Dived:
-    """Return another dive of the same vehicle, in other waves and with a cast of its own."""
-    rng = np.random.default_rng([seed, index, dive])
-    flown = identified_vehicle(the_vehicle(), first.values)
-    while True:
-        waves = _waves(rng)
-        flight = fly_mission(flown, _MISSION, _sea(), waves=waves, accuracy=_EXACT)
-        if flight.stop is Stop.FINISHED and float(np.max(flight.rows[:, Row.Z])) > 700.0:
-            return Dived(first.values, _log(flight, waves, rng), _cast(waves, rng), flight)
-
-
-def outcome(index: int, *, seed: int = 1, together: int = 1) -> dict[str, Any]:
-    """Return what came of a vehicle, by name: error in deviations, deviation over its prior's."""
     dived, vehicle, priors = drawn(index, seed=seed), the_vehicle(), known()
-    each = [dived, *(again(dived, index, k, seed=seed) for k in range(1, together))]
+    if differ:
+        each = [again(dived, index, k + 1, seed=seed, differ=differ) for k in range(together)]
+    else:
+        each = [dived, *(again(dived, index, k, seed=seed) for k in range(1, together))]
     dives = [deep_dive(one.log, one.column, vehicle) for one in each]
     fit = fit_deep(body_of(vehicle), dives, priors, free=DEFAULT)
-    return {
+    found: dict[str, Any] = {
         "index": index,
         "error": {n: (fit.values[n] - dived.values[n]) / fit.std(n) for n in fit.names},
         "narrowed": {n: fit.std(n) / priors[n].std for n in fit.names},
     }
+    if fit.between is not None:
+        std = np.sqrt(np.diag(fit.between.covariance))
+        true = np.array([(dived.values[n] - priors[n].mean) / priors[n].std for n in fit.names])
+        off = (fit.between.value - true) / std
+        found["between"] = {
+            "error": dict(zip(fit.names, off.tolist(), strict=True)),
+            "narrowed": dict(zip(fit.names, std.tolist(), strict=True)),
+        }
+    return found
 
 
-def summary(found: Sequence[dict[str, Any]]) -> list[tuple[str, float, float, float, float]]:
-    """Return by name: share of intervals that hold, mean error, rms error, deviation over prior."""
+class Score(NamedTuple):
+    """How the intervals of a parameter do."""
+
+    name: str
+    held: float  # share of the 95 % intervals that hold the truth
+    mean: float  # of the errors, in deviations
+    rms: float
+    narrowed: float  # deviation over its prior's, median
+    half: float  # share of the 50 % intervals that hold
+    most: float  # of the 80 % intervals
+
+
+def summary(found: Sequence[dict[str, Any]]) -> list[Score]:
+    """Return how the intervals of each parameter do, and of all together."""
+    names = list(found[0]["error"])
     rows = []
-    for name in found[0]["error"]:
-        e = np.array([one["error"][name] for one in found])
-        narrowed = float(np.median([one["narrowed"][name] for one in found]))
-        rows.append((
-            name, float(np.mean(np.abs(e) <= Z95)), float(e.mean()),
-            float(np.sqrt(np.mean(e * e))), narrowed,
+    for name, of in [*((name, [name]) for name in names), ("all", names)]:
+        e = np.array([[one["error"][n] for n in of] for one in found])
+        half, most, held = (
+            float(np.mean(np.abs(e) <= norm.ppf(0.5 + 0.5 * p))) for p in (0.5, 0.8, 0.95)
+        )
+        rows.append(Score(
+            name, held, float(e.mean()), float(np.sqrt(np.mean(e * e))),
+            float(np.median([[one["narrowed"][n] for n in of] for one in found])), half, most,
         ))  # fmt: skip
     return rows
-
-
-_LEVELS = np.arange(0.0, 1201.0, 5.0)  # dbar
-_WARM = 4.5 + 12.0 * np.exp(-_LEVELS / 150.0)  # degC
-_SALT = 35.0 + 0.3 * np.exp(-_LEVELS / 300.0)  # PSS-78
-
-
-@cache
-def _sea() -> Column:
-    return _column(_SALT, _WARM)
-
-
-def _column(salt: Array, warm: Array) -> Column:
-    SA = gsw.SA_from_SP(salt, _LEVELS, -30.0, LATITUDE)
-    CT = gsw.CT_from_t(SA, warm, _LEVELS)
-    return cast_column(Cast(pressure=_LEVELS, SA=SA, CT=CT, latitude=LATITUDE))
-
-
-def _waves(rng: np.random.Generator) -> Array:
-    """Return internal waves of speeds that are white between the slowest and the fastest."""
-    depth = 2000.0
-    rows = []
-    for _ in range(WAVES):
-        period = float(np.exp(rng.uniform(np.log(FASTEST), np.log(SLOWEST))))
-        mode = int(rng.integers(1, 7))
-        rows.append((
-            np.sqrt(period), 2.0 * np.pi / period, rng.uniform(0.0, 2.0 * np.pi),
-            mode * np.pi / depth, 0.0, depth,
-        ))  # fmt: skip
-    waves = np.array(rows)
-    # the mean square of sin(mode z) sin(omega t) is 1/4
-    waves[:, 0] *= LAYERS_MOVE / np.sqrt(0.25 * np.sum(waves[:, 0] ** 2))
-    return waves
-
-
-def _cast(waves: Array, rng: np.random.Generator) -> Column:
-    """Return the water as it was measured a day before."""
-    rest = _LEVELS - np.array([moved(waves, float(z), -DAY)[0] for z in _LEVELS])
-    drift = OFF["drift"] * rng.normal() * _LEVELS / _LEVELS[-1]
-    return _column(
-        np.interp(rest, _LEVELS, _SALT) + OFF["salinity"] * rng.normal() + drift,
-        np.interp(rest, _LEVELS, _WARM) + OFF["temperature"] * rng.normal(),
-    )
-
-
-def _log(flight: Flight, waves: Array, rng: np.random.Generator) -> FloatLog:
-    rows = flight.rows[np.append(np.diff(flight.rows[:, Row.T]) > 0.0, True)]
-    t, z = rows[:, Row.T], rows[:, Row.Z]
-    u = np.array([moved(waves, *at)[1] for at in zip(z.tolist(), t.tolist(), strict=True)])
-    way = CubicHermiteSpline(t, z, rows[:, Row.W] + u)
-    notes, actions = flight.notes, []
-    for k, note in enumerate(notes):
-        device = _DEVICES.get(Note(int(note[Drive.WHAT])))
-        if device is not None:
-            over = next(n for n in notes[k:] if int(n[Drive.WHAT]) == Note.RUN_OVER)
-            seconds = float(over[Drive.NUMBER])
-            actions.append(Action(
-                device=device, time=float(note[Drive.T]), asked=seconds, seconds=seconds
-            ))  # fmt: skip
-    time = np.union1d(np.arange(0.0, t[-1], EVERY), [a.time for a in actions])
-    pressure = np.interp(way(time), flight.column.depth, flight.column.pressure)
-    pressure = pressure + NOISE * rng.normal(size=len(time))
-    return FloatLog(
-        source=f"dive {flight.begin[0]:g}", time=time,
-        pressure=RESOLUTION * np.round(pressure / RESOLUTION),
-        temperature=np.full(len(time), np.nan), stage=np.full(len(time), -2, dtype=np.int64),
-        actions=tuple(actions),
-    )  # fmt: skip
 
 
 def main(given: Sequence[str] | None = None) -> int:
@@ -238,12 +103,18 @@ def main(given: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     parser.add_argument("--seed", type=int, default=1, help="of all that is drawn (1)")
     parser.add_argument("--together", type=int, default=1, metavar="N", help="dives a vehicle (1)")
+    parser.add_argument(
+        "--differ", type=float, default=0.0, metavar="S", help="with --together: dives differ (0)"
+    )
     parser.add_argument("--out", type=Path, default=Path("report/calibration"), metavar="DIR")
     options = parser.parse_args(given)
     if min(options.dives, options.jobs, options.together) < 1:
         parser.error("--dives, --jobs and --together: at least 1")
+    if options.differ < 0.0 or (options.differ > 0.0 and options.together == 1):
+        parser.error("--differ: 0 or more, and dives of one vehicle differ: --together 2 or more")
     options.out.mkdir(parents=True, exist_ok=True)
-    path = options.out / f"deep-{options.seed}-{options.together}-{_fingerprint()}.jsonl"
+    what = f"{options.seed}-{options.together}-{options.differ:g}"
+    path = options.out / f"deep-{what}-{_fingerprint()}.jsonl"
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
     found = {one["index"]: one for one in map(_read, lines) if one is not None}
     missing = [k for k in range(options.dives) if k not in found]
@@ -253,19 +124,35 @@ def main(given: Sequence[str] | None = None) -> int:
         path.open("a", encoding="utf-8") as file,
         ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool,
     ):
-        for one in pool.map(
-            partial(outcome, seed=options.seed, together=options.together), missing
-        ):
+        work = partial(outcome, seed=options.seed, together=options.together, differ=options.differ)
+        for one in pool.map(work, missing):
             found[one["index"]] = one
             file.write(json.dumps(one) + "\n")
             file.flush()
-    by = "each by itself" if options.together == 1 else f"{options.together} dives each together"
-    print(f"{options.dives} vehicles, {by}, 95 % intervals")
-    print("| parameter | hold, % | mean error, sigma | rms error, sigma | sigma over prior's |")
-    print("|---|---:|---:|---:|---:|")
-    for name, held, mean, rms, narrowed in summary([found[k] for k in range(options.dives)]):
-        print(f"| {name} | {100.0 * held:.1f} | {mean:+.2f} | {rms:.2f} | {narrowed:.2f} |")
+    all_found = [found[k] for k in range(options.dives)]
+    if options.together == 1:
+        _print(f"{options.dives} vehicles, each by itself", all_found)
+        return 0
+    by = (
+        f"{options.dives} vehicles, {options.together} dives each that differ by {options.differ:g}"
+    )
+    _print(f"{by}: the set that fits all looks", all_found)
+    _print(f"{by}: what the dives tell each by itself", [one["between"] for one in all_found])
     return 0
+
+
+def _print(title: str, found: Sequence[dict[str, Any]]) -> None:
+    print(f"{title}\n")
+    print(
+        "| parameter | 95 % hold, % | 80 % hold | 50 % hold | mean error, sigma | rms error, sigma "
+        "| sigma over prior's |\n|---|---:|---:|---:|---:|---:|---:|"
+    )
+    for x in summary(found):
+        print(
+            f"| {x.name} | {100.0 * x.held:.1f} | {100.0 * x.most:.1f} | {100.0 * x.half:.1f} "
+            f"| {x.mean:+.2f} | {x.rms:.2f} | {x.narrowed:.2f} |"
+        )
+    print()
 
 
 def _read(line: str) -> dict[str, Any] | None:
@@ -280,7 +167,11 @@ def _read(line: str) -> dict[str, Any] | None:
 def _fingerprint() -> str:
     """Return a name for the code that the results depend on."""
     package = Path(swimbladder.__file__).parent
-    used = [Path(__file__), *sorted((package / "identify").glob("deep*.py"))]
+    used = [
+        Path(__file__),
+        Path(deep_drawn.__file__),
+        *sorted((package / "identify").glob("deep*.py")),
+    ]
     used += sorted((package / "mission").rglob("*.py"))
     digest = sha256()
     for file in used:

@@ -116,13 +116,14 @@ def test_intervals_hold_as_often_as_they_say() -> None:
 
     `studies.deep_calibration` is the same with 300 dives.
     """
-    rows = summary([outcome(index, seed=2) for index in range(_DIVES)])
-    assert {row[0] for row in rows} == set(DEFAULT)
-    held = np.array([row[1] for row in rows])
+    *rows, whole = summary([outcome(index, seed=2) for index in range(_DIVES)])
+    assert {row.name for row in rows} == set(DEFAULT)
+    held = np.array([row.held for row in rows])
+    assert whole.held == pytest.approx(np.mean(held))
     # Binomial, of parameters that go together: fewer of all in one of a thousand such tests.
     assert np.mean(held) > 0.86
     assert held.min() >= binom.ppf(1e-3 / len(rows), _DIVES, 0.95) / _DIVES
-    narrowed = {row[0]: row[4] for row in rows}
+    narrowed = {row.name: row.narrowed for row in rows}
     assert max(narrowed[name] for name in ("drag", "pump_delivery", "valve", "drag_up")) < 0.6
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from studies.deep_calibration import drawn, known, the_vehicle
+from studies.deep_drawn import drawn, known, the_vehicle
 from swimbladder.identify.deep import identify_deep
 from swimbladder.identify.deep_doubt import Held, doubted, doubts, held, restless
 from swimbladder.identify.deep_fit import NOISES, balance

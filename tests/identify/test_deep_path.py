@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from studies import deep_calibration as study
+from studies import deep_drawn as study
 from swimbladder.identify.deep_dive import deep_dive
 from swimbladder.identify.deep_model import body_of, priors_of, run_volumes
 from swimbladder.identify.deep_path import Noise, deep_path, drive_volume, filtered
