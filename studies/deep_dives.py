@@ -8,15 +8,15 @@ DATA is the folder of measured data; its `mermaid_p0051` is read. One set of par
 deep dives closes the book of volumes; then each dive is predicted with the parameters of the
 others: its pressure at each run of pump or valve and its times of arrival, from 50 dbar down to the
 surface, in one go. Of the dive itself only the first two hours are used, for the volume it began
-with. Beside it a float of constant speeds, likewise from the other dives. What came out:
-`docs/explanation/deep-dives.md`.
+with. Beside it a float of constant speeds, likewise from the other dives. And what the sets without
+one dive, and each dive by itself, have. What came out: `docs/explanation/deep-dives.md`.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -29,11 +29,12 @@ from swimbladder.identify.deep_dive import DeepDive
 from swimbladder.identify.deep_fit import DeepFit, balance, fit_deep, start_volume
 from swimbladder.identify.deep_model import DEEP, DEFAULT, Body, body_of, priors_of, run_volumes
 from swimbladder.identify.deep_replay import Replay, replay
+from swimbladder.identify.estimates import Z95
 from swimbladder.io.config import load_vehicle
 from swimbladder.parameters import Vehicle
 from swimbladder.units import shown_unit, unit_factor
 
-__all__ = ["Prediction", "constant_speeds", "predict", "study"]
+__all__ = ["Prediction", "Study", "constant_speeds", "predict", "study"]
 
 Array = NDArray[np.float64]
 BEGIN = 5e5  # Pa: above it the sea is not what it was when the cast was taken
@@ -158,18 +159,38 @@ def _ahead(
     return found
 
 
-def study(folder: Path) -> tuple[DeepFit, list[DeepDive], list[Prediction], Body]:
-    """Return the fit to all deep dives, and each predicted from the others."""
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """The fit to all deep dives, and of each dive those without it and of it alone."""
+
+    body: Body
+    dives: list[DeepDive]
+    fit: DeepFit
+    others: list[DeepFit]
+    alone: list[DeepFit]
+    predictions: list[Prediction]  # from the others' set
+    means: list[Prediction]  # from what each of the others tells by itself
+
+
+def study(folder: Path) -> Study:
+    """Return all fits, and each dive predicted from the others."""
     vehicle = float_vehicle()
     body, priors = body_of(vehicle), priors_of(vehicle, {})
     dives = dives_of(folder, vehicle)
-    fit = fit_deep(body, dives, priors, free=DEFAULT)
-    predictions = []
+    others, alone, predictions, means = [], [], [], []
     for k, dive in enumerate(dives):
-        others = [*dives[:k], *dives[k + 1 :]]
-        found = fit_deep(body, others, priors, free=DEFAULT)
-        predictions.append(predict(body, found, dive, constant_speeds(others)))
-    return fit, dives, predictions, body
+        rest = [*dives[:k], *dives[k + 1 :]]
+        found, speeds = fit_deep(body, rest, priors, free=DEFAULT), constant_speeds(rest)
+        between = between_json(found) or {}
+        values = {**found.values, **{name: one["value"] for name, one in between.items()}}
+        others.append(found)
+        alone.append(fit_deep(body, [dive], priors, free=DEFAULT))
+        predictions.append(predict(body, found, dive, speeds))
+        means.append(predict(body, replace(found, values=values), dive, speeds))
+    return Study(
+        body=body, dives=dives, fit=fit_deep(body, dives, priors, free=DEFAULT), others=others,
+        alone=alone, predictions=predictions, means=means,
+    )  # fmt: skip
 
 
 def _rms(x: Array) -> float:
@@ -184,7 +205,8 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("data", type=Path, help="folder of measured data")
-    fit, dives, predictions, body = study(parser.parse_args().data / "mermaid_p0051")
+    told = study(parser.parse_args().data / "mermaid_p0051")
+    fit, dives, body = told.fit, told.dives, told.body
     print("| parameter | value | 1 sigma | unit | from | each dive by itself | differ, 1 sigma |")
     print("|---|---:|---:|---|---|---:|---:|")
     between = between_json(fit) or {}
@@ -192,10 +214,10 @@ def main() -> None:
         unit = DEEP[name].unit
         shown = shown_unit(unit) if unit else ""
         factor = unit_factor(unit, shown) if unit else 1.0
-        told = "the dives" if fit.told(name) else "its prior"
+        origin = "the dives" if fit.told(name) else "its prior"
         print(
             f"| {name} | {factor * fit.values[name]:.4g} | {factor * fit.std(name):.2g} "
-            f"| {shown} | {told} | {factor * between[name]['value']:.3g} "
+            f"| {shown} | {origin} | {factor * between[name]['value']:.3g} "
             f"+- {factor * between[name]['std']:.2g} | {factor * between[name]['differ']:.2g} |"
         )
     books = [
@@ -212,7 +234,28 @@ def main() -> None:
             f"| {pumped:.0f} |"
         )
     print(f"| all | | | {sum(map(len, books))} | {_rms(np.concatenate(books)):.2f} | |")
-    _print_predictions(predictions)
+    _print_sets(told)
+    _print_predictions(told.predictions)
+
+
+def _print_sets(told: Study) -> None:
+    fit = told.fit
+    print(
+        f"\nof what the dives say {fit.worth:.2f} counts\n\n| dive | drag by itself "
+        "| drag without it | drag_up without it "
+        "| parameters without it that lie in the intervals of all "
+        "| drag of the others by themselves | pressure at an action off by, dbar rms, told with "
+        "what these say in the mean |\n|---|---:|---:|---:|---:|---:|---:|"
+    )
+    for one, rest, mean in zip(told.alone, told.others, told.means, strict=True):
+        held = [abs(rest.values[n] - fit.values[n]) <= Z95 * fit.std(n) for n in fit.names]
+        drag = (between_json(rest) or {})["drag"]
+        print(
+            f"| {mean.dive.name} | {one.values['drag']:.1f} +- {one.std('drag'):.1f} "
+            f"| {rest.values['drag']:.1f} | {rest.values['drag_up']:.3f} "
+            f"| {sum(held)} of {len(held)} | {drag['value']:.1f} +- {drag['std']:.1f} "
+            f"| {_rms(mean.action_told - mean.action) / 1e4:.1f} |"
+        )
 
 
 def _print_predictions(predictions: list[Prediction]) -> None:

@@ -261,7 +261,7 @@ def _median(of: list[Told], name: str) -> float:
 
 
 def main() -> None:
-    """Print the table, or with --causes what each cause makes of it."""
+    """Print the table, and with --causes what each cause makes of it."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("data", type=Path, help="folder of measured data")
     parser.add_argument("--causes", action="store_true", help="leave one cause out at a time")
@@ -299,9 +299,6 @@ def main() -> None:
         vehicle=vehicle, reckoning=reckoning, reading=scatter.reading, dives=dives,
         starts=fit.starts, seas=[WaterMotion()] * SEAS, logs=logs, columns=columns,
     )  # fmt: skip
-    if options.causes:
-        _print_causes(flights, found, real, fit)
-        return
     print(
         "| dive | | to the target, h | actions | holding, h | actions | inside, % | rms, dbar "
         "| up, h | actions |\n|---|---|---:|---:|---:|---:|---:|---:|---:|---:|"
@@ -312,9 +309,13 @@ def main() -> None:
         print(_row(dive.name, "flown", other))
     print(_row("all", "logged", _whole(real)))
     print(_row("all", "flown", _whole(model)))
+    if options.causes:
+        _print_causes(flights, found, {"logged": real, "flown": model}, fit)
 
 
-def _print_causes(flights: Flights, found: Vehicle, real: list[Told], fit: DeepFit) -> None:
+def _print_causes(
+    flights: Flights, found: Vehicle, whole: dict[str, list[Told]], fit: DeepFit
+) -> None:
     """Print the sums over all dives with one cause after the other left out, or put in."""
     pump = flights.reckoning.pump
 
@@ -333,8 +334,7 @@ def _print_causes(flights: Flights, found: Vehicle, real: list[Told], fit: DeepF
         return [waves_of(speed, seed) for seed in range(SEAS)]
 
     cases: dict[str, list[Told]] = {
-        "logged": real,
-        "flown": flights.fly(),
+        **whole,
         "the processor knows its drive": replace(
             flights, vehicle=found, reckoning=Reckoning()
         ).fly(),
@@ -351,7 +351,7 @@ def _print_causes(flights: Flights, found: Vehicle, real: list[Told], fit: DeepF
         ),
         "one drag for both ways": replace(flights, vehicle=even_drag(flights.vehicle)).fly(),
     }  # fmt: skip
-    print("| | down, h | actions | holding | up, h | actions |\n|---|---:|---:|---:|---:|---:|")
+    print("\n| | down, h | actions | holding | up, h | actions |\n|---|---:|---:|---:|---:|---:|")
     for name, told in cases.items():
         t = _whole(told)
         print(
