@@ -15,6 +15,7 @@ from swimbladder.mission.holding import check_holds
 from swimbladder.mission.orders import law_parameters
 from swimbladder.mission.prepare import Plan
 from swimbladder.mission.rescue import return_depth
+from swimbladder.mission.starts import check_starts
 from swimbladder.parameters import PumpAndValve, Vehicle
 from swimbladder.seawater import Column, look_up
 from swimbladder.seawater.column import ATMOSPHERE
@@ -62,6 +63,7 @@ def check_reach(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:
     """
     _check_dive(vehicle, mission, plan)
     _check_stall(mission, plan)
+    check_starts(vehicle, mission, plan)
     found = reach_of(vehicle, mission, plan)
     stroke = vehicle.stroke
     length = stroke.maximum - stroke.minimum

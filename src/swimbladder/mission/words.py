@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swimbladder.buoyancy_engine import oil_note
-from swimbladder.mission.core.names import Cycle, Drive, Given, Note, Stage, Stop
+from swimbladder.mission.core.names import At, Cycle, Drive, Given, Note, Stage, Stop
 from swimbladder.mission.holding import coarse_words
 from swimbladder.mission.prepare import HELD
 from swimbladder.mission.shortfall import battery_words, timeout_words
+from swimbladder.mission.starts import starts_words
 
 if TYPE_CHECKING:
     from swimbladder.mission.result import MissionResult
@@ -28,6 +29,7 @@ REASONS = {
     Stop.LEFT_WATER: "the hull left the water: check mass, waterplane area and height",
     Stop.STUCK: "it changed its mode 200 times in no time: a fault of the model, please report it",
 }
+_MORE_TIME = "Give it a longer timeout (a park a longer duration), more speed, or a wider tolerance"
 
 
 def holding_words(result: MissionResult) -> list[str]:
@@ -75,10 +77,12 @@ def reason_words(result: MissionResult) -> list[str]:
     found += [
         f"the phase {name!r} ran out of time in {count} of {len(result.flight.cycles)} "
         f"cycle{'s' if len(result.flight.cycles) > 1 else ''}: "
-        f"{timeout_words(result.flight, numbers[name])}. Give it a longer timeout (a park a "
-        "longer duration), more speed, or a wider tolerance"
+        f"{timeout_words(result.flight, numbers[name])}. "
+        + (starts_words(result.flight, numbers[name]) or _MORE_TIME)
         for name, count in result.missed.items()
     ]
+    if result.flight.stop in (Stop.PASSED_DEPTH, Stop.LOST):
+        found += filter(None, [starts_words(result.flight, int(result.flight.whole[At.PHASE]))])
     found += [
         f"the phase {name!r} was in its tolerance for less than {100.0 * HELD:.0f} % of its "
         f"time in {count} of {len(result.flight.cycles)} cycles: that is no holding. Look more "
