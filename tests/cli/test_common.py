@@ -1,8 +1,10 @@
 """What the commands share: how each of them ends."""
 
 import json
+from io import StringIO
 
 import pytest
+from rich.table import Table
 
 from swimbladder.cli import common, main
 from swimbladder.errors import InputError, NoAnswerError
@@ -91,3 +93,38 @@ def test_what_is_kept_is_said_and_nothing_is_not_kept(capsys, tmp_path, error):
     said = "".join(capsys.readouterr().err.split())
     assert "".join(str(folder).split()) in said
     assert "thesamecommandagaingoeson" in said
+
+
+NUMBERS = [f"{12345678 + k}.{k:04d}" for k in range(12)]  # 168 columns with the spaces between
+
+
+def printed(**options):
+    """What stands in a file after a table of long numbers and a text."""
+    table = Table(box=None, pad_edge=False)
+    for k in range(len(NUMBERS)):
+        table.add_column(f"number {k}", justify="right")
+    table.add_column("words")
+    table.add_row(*NUMBERS, "what is said of them, in so many words that a line is long")
+    file = StringIO()
+    common.Output(file=file, **options).print(table)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("width", [30, 80, 100])
+def test_no_number_of_a_table_is_cut_in_a_terminal(width):
+    text = printed(force_terminal=True, color_system=None, width=width)
+    assert all(number in text for number in NUMBERS)
+    assert chr(0x2026) not in text  # the dots that rich ends what it cuts in
+    assert not any("that a line is long" in line for line in text.splitlines())  # words do wrap
+
+
+def test_in_a_pipe_a_row_of_a_table_is_a_line(monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    rows = printed().splitlines()
+    assert len(rows) == 2
+    assert rows[1].split()[: len(NUMBERS)] == NUMBERS
+    assert rows[1].rstrip().endswith("that a line is long")
+    monkeypatch.setenv("COLUMNS", "100")  # as asked for: words wrap, and numbers are whole
+    text = printed()
+    assert len(text.splitlines()) > 2
+    assert all(number in text for number in NUMBERS)

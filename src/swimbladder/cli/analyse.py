@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console, Group, RenderableType
+from rich.console import Console, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from swimbladder.cli.common import console, emit_json, output, progress, quantity
+from swimbladder.cli.common import Output, console, emit_json, output, progress, quantity
 
 if TYPE_CHECKING:
     from swimbladder.linear import Analysis, Margins
@@ -49,7 +49,7 @@ def analyse(
     if json:
         emit_json({**a.to_json(), "files": [str(path) for path in files]})
     else:
-        output.print(_report(a))
+        _show(a, output)
         for path in files:
             output.print(f"wrote {path}", soft_wrap=True)
     if not a.rests:
@@ -84,7 +84,7 @@ def _write(a: Analysis, out: Path) -> list[Path]:
 
     folder = make_folder(out)
     text = io.StringIO()
-    Console(file=text, width=100, color_system=None).print(_report(a))
+    _show(a, Output(file=text, width=100, color_system=None))
     report = "".join(line.rstrip() + "\n" for line in text.getvalue().splitlines())
     answer = json.dumps(a.to_json(), indent=2, allow_nan=False)
     files = [
@@ -102,8 +102,14 @@ def _write(a: Analysis, out: Path) -> list[Path]:
     return files
 
 
-def _report(a: Analysis) -> RenderableType:
-    """Everything there is to read, tables between the sentences."""
+def _show(a: Analysis, console: Console) -> None:
+    """Print everything there is to read, tables between the sentences."""
+    for part in _report(a):
+        console.print(part)
+
+
+def _report(a: Analysis) -> list[RenderableType]:
+    """Return what is printed, part by part."""
     said = a.findings
     parts: list[RenderableType] = [
         Text(f"Linear analysis of {a.vehicle.name} at {a.depth:g} m", style="bold")
@@ -115,7 +121,7 @@ def _report(a: Analysis) -> RenderableType:
     parts += _section("Depth", said["depth"], (_neutral_volume(a),))
     tables = () if a.closed_loop is None else (_modes(a), _margins(a))
     parts += _section("Closed loop", said["closed loop"], tables)
-    return Group(*parts)
+    return parts
 
 
 def _section(

@@ -15,12 +15,14 @@ from pathlib import Path, PurePath
 from typing import Any
 
 import typer
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.measure import Measurement
 
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.units import parse_quantity
 
 __all__ = [
+    "Output",
     "compile_notice",
     "console",
     "emit_json",
@@ -34,10 +36,57 @@ __all__ = [
     "typed_command",
 ]
 
+_WIDE = 10_000  # columns: any table
+
+
+class Output(Console):
+    """A console that cuts nothing out of a table, whatever the width.
+
+    A table is as wide as its longest words take, and in a pipe as its rows do; rich would end
+    numbers in dots, and a pipe has no width but the 80 columns it takes then.
+    """
+
+    _least = 0
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print as `Console` does."""
+        tables = [found for found in objects if not isinstance(found, str)]
+        for found in tables:
+            _whole(found)
+        self._least = max(map(self._width_of, tables), default=0)
+        try:
+            super().print(*objects, **{"crop": False, **options})
+        finally:
+            self._least = 0
+
+    @property
+    def options(self) -> ConsoleOptions:
+        """What is rendered with: at least as wide as the tables that are printed."""
+        found = super().options
+        return found.update(width=max(found.max_width, self._least))
+
+    def _width_of(self, table: RenderableType) -> int:
+        least, most = Measurement.get(self, super().options.update(width=_WIDE), table)
+        piped = not self.is_terminal and self._width is None  # COLUMNS of the environment gives one
+        return most if piped else least
+
+
+def _whole(found: object) -> None:
+    """Let a table, in a margin or not, break lines in its words only, and end nothing in dots."""
+    from rich.padding import Padding
+    from rich.table import Table
+
+    inner = found.renderable if isinstance(found, Padding) else found
+    if isinstance(inner, Table):
+        for column in inner.columns:
+            column.no_wrap = column.no_wrap or column.justify == "right"
+            column.overflow = "fold"
+
+
 # Notes, progress and errors.
 console = Console(stderr=True, highlight=False)
 # What was asked for, where it is not JSON.
-output = Console(highlight=False, markup=False, emoji=False)
+output = Output(highlight=False, markup=False, emoji=False)
 
 
 _INTERRUPTED = 130
