@@ -16,17 +16,20 @@ that has imported everything (`warm.py`).
 
 import contextlib
 import io
+import json
 import os
 import re
+import socket
 import subprocess
 import sys
+import threading
 import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
-from tests.docs.warm import CLIENT
+from tests.docs.warm import CRASHED, DIED, client
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -120,11 +123,17 @@ def shell(command: str, folder: Path, *programs: Path) -> tuple[int, str]:
 
 @pytest.fixture(scope="module")
 def warm(tmp_path_factory):
-    """A folder with a `swimbladder` that is a fork of a process which has imported everything."""
+    """A folder with a `swimbladder` that is a fork of a process which has imported everything.
+
+    Beside Linux it is the installed one: slower, and sure.
+    """
+    if sys.platform != "linux":
+        yield Path(sys.executable).parent
+        return
     folder = tmp_path_factory.mktemp("warm")
-    client, address = folder / "swimbladder", str(folder / "socket")
-    client.write_text(CLIENT.format(python=sys.executable, address=address), encoding="utf-8")
-    client.chmod(0o755)
+    program, address = folder / "swimbladder", str(folder / "socket")
+    program.write_text(client(address), encoding="utf-8")
+    program.chmod(0o755)
     with subprocess.Popen(
         [sys.executable, "-m", "tests.docs.warm", address], cwd=ROOT, env=surroundings(),
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
@@ -212,6 +221,38 @@ def test_links_lead_somewhere(page):
         if anchor:
             headings = re.findall(r"^#+ (.+)$", file.read_text(encoding="utf-8"), re.MULTILINE)
             assert anchor in {_anchor(heading) for heading in headings}, f"{target} in {page.name}"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the fork helper is for Linux")
+def test_a_fork_that_is_gone_is_no_answer_of_a_command(tmp_path):
+    """Exit code 1 says no; what died, or never ran, has a code of its own and says so."""
+    program = tmp_path / "swimbladder"
+    program.write_text(client(str(tmp_path / "socket")), encoding="utf-8")
+    program.chmod(0o755)
+    code, said = shell("swimbladder vehicle list", tmp_path, tmp_path)
+    assert (code, "No such file" in said, "or its fork, died" in said) == (DIED, True, True)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        listener.bind(str(tmp_path / "socket"))
+        listener.listen()
+        gone = threading.Thread(target=lambda: listener.accept()[0].close())
+        gone.start()
+        code, said = shell("swimbladder vehicle list", tmp_path, tmp_path)
+        gone.join()
+    assert code == DIED
+    assert "or its fork, died" in said
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the fork helper is for Linux")
+def test_a_traceback_in_a_fork_is_no_answer_of_a_command(warm, tmp_path):
+    assert shell("swimbladder vehicle show no-such", tmp_path, warm)[0] == 2
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as server:
+        server.connect(str(warm / "socket"))
+        with (tmp_path / "said").open("w") as file:
+            call = json.dumps([["vehicle", "list"], str(tmp_path / "gone"), {}]).encode()
+            socket.send_fds(server, [call], [file.fileno()] * 3)
+            assert server.recv(1) == bytes([CRASHED])
+    assert "FileNotFoundError" in (tmp_path / "said").read_text()
 
 
 @pytest.mark.slow

@@ -4,6 +4,10 @@
 the path: it hands its arguments, folder, environment and streams over, and exits with the code that
 comes back. A command so begun differs from a process of its own in what is imported already, no
 more; the examples of the README, and `tests/cli`, begin processes.
+
+No command ends with `CRASHED`, what is no answer but a traceback, of the command or of the fork
+before it; nor with `DIED`, a fork or a server that is gone. It is for Linux: macOS has no such
+sockets, and its frameworks do not survive a fork.
 """
 
 from __future__ import annotations
@@ -25,13 +29,25 @@ from typing import NoReturn
 CLIENT = """#!{python} -SI
 import json, os, socket, sys
 call = json.dumps([sys.argv[1:], os.getcwd(), dict(os.environ)]).encode()
-with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as server:
-    server.connect({address!r})
-    socket.send_fds(server, [call], [0, 1, 2])
-    answer = server.recv(1)
-sys.exit(answer[0] if answer else "the server of the examples died")
+answer = b""
+try:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as server:
+        server.connect({address!r})
+        socket.send_fds(server, [call], [0, 1, 2])
+        answer = server.recv(1)
+except OSError as error:
+    print(error, file=sys.stderr)
+if not answer:
+    print("the server of the examples, or its fork, died", file=sys.stderr)
+sys.exit(answer[0] if answer else {died})
 """
+CRASHED, DIED = 70, 71  # 70 is EX_SOFTWARE of sysexits.h; commands end with 0, 1, 2 or 130
 _MOST = 1 << 17  # bytes of a call
+
+
+def client(address: str) -> str:
+    """Return the program that has its command run by the server at an address."""
+    return CLIENT.format(python=sys.executable, address=address, died=DIED)
 
 
 def main(address: str) -> None:
@@ -71,7 +87,7 @@ def _serve(connection: socket.socket) -> NoReturn:
     """Run the call of a connection, in a child, and end it."""
     from swimbladder.cli import main as command
 
-    code = 1
+    code = CRASHED
     try:
         call, streams, _, _ = socket.recv_fds(connection, _MOST, 3)
         arguments, folder, environment = json.loads(call)
