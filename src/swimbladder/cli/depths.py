@@ -26,8 +26,9 @@ def with_sensor(vehicle: Vehicle, noise: str | None, quantum: str | None) -> Veh
     for name, value in changes.items():
         if not 0.0 <= value < 1e3:
             raise InputError(
-                "must be 0 or more", field=f"--{name.replace('_', '-')}", value=value, unit="m"
-            )
+                "must be 0 or more, and below 1 km", field=f"--{name.replace('_', '-')}",
+                value=value, unit="m", remedy='Give what the datasheet has, like "1 mm"; 0: none',
+            )  # fmt: skip
     return vehicle.model_copy(update={"sensors": vehicle.sensors.model_copy(update=changes)})
 
 

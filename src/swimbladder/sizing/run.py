@@ -155,7 +155,10 @@ def _check(body: Vehicle, dive: Dive, longest_travel: float, largest_mass: float
         ("longest_travel", longest_travel, "m"), ("largest_mass", largest_mass, "kg"),
     ):  # fmt: skip
         if not value > 0.0:
-            raise InputError("it has to be above 0", field=name, value=value, unit=unit)
+            raise InputError(
+                "it has to be above 0", field=name, value=value, unit=unit,
+                remedy="Check the number and its unit",
+            )  # fmt: skip
 
 
 def _score(weighed: Weighed, least: Least) -> NDArray[np.float64]:
