@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from swimbladder.errors import InputError
 from swimbladder.parameters import Hull, HullPart, PhysicalMotion, Vehicle
 from swimbladder.seawater import Column
 from swimbladder.seawater.column import ATMOSPHERE, water_compressibility
@@ -30,6 +31,7 @@ from swimbladder.seawater.lookup import slopes
 __all__ = [
     "PsiTerms",
     "along_hull",
+    "check_mass",
     "displaced_volume",
     "heat_expansion",
     "hull_parts",
@@ -45,6 +47,7 @@ __all__ = [
 Array = NDArray[np.float64]
 _ZERO_CELSIUS = 273.15  # K
 _CONTRADICT = 0.02  # of the mass: sea water against fresh is more
+_FEASIBLE = (0.5, 4.0)  # of it: heavier where the water that moves along counts too
 
 
 class PsiTerms(NamedTuple):
@@ -133,6 +136,27 @@ def mass_doubt(vehicle: Vehicle) -> str:
         f"the vehicle's file says a dry mass of {dry:.6g} kg, and a trim_error by which it weighs "
         f"{by_trim:.6g} kg: one of them is wrong by {100.0 * share:.2g} %"
     )
+
+
+def check_mass(vehicle: Vehicle) -> None:
+    """Raise InputError for a dry mass that no ballast and no water brings into balance.
+
+    What the hull displaces and trim_error tell what the vehicle weighs. The dry mass may differ as
+    far as it stands for the inertia with the water that moves along, and no farther.
+    """
+    if not isinstance(vehicle.motion, PhysicalMotion):
+        return
+    dry, by_trim = vehicle.motion.dry_mass, weight_mass(vehicle)
+    if _FEASIBLE[0] * by_trim < dry < _FEASIBLE[1] * by_trim:
+        return
+    displaced, ends = by_trim / vehicle.water.density, "sinks" if dry > by_trim else "floats"
+    raise InputError(
+        f"a vehicle that displaces {1e3 * displaced:.4g} L weighs about {by_trim:.4g} kg, by "
+        f"hull.displaced_volume and trim_error: with this it {ends} in any water, whatever its "
+        "drive does",
+        field="motion.dry_mass", value=dry, unit="kg",
+        remedy="Weigh it, and check the units of motion.dry_mass and hull.displaced_volume",
+    )  # fmt: skip
 
 
 def weighing(vehicle: Vehicle, mass: float) -> Vehicle:

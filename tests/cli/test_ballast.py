@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.hull import neutral_volume, weight_mass
+from swimbladder.hull import check_mass, neutral_volume, weight_mass
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.templates import vehicle_template
@@ -206,6 +206,33 @@ def test_a_dry_mass_that_contradicts_the_trim_is_told_first(capsys, tmp_path, sh
     mass = ["--mass", "28.19 kg", "--mass-std", "10 g", "--volume-std", "10 cm3"]
     assert main(["ballast", str(file), *mass, "--out", str(tmp_path / "out")]) in (0, 1)
     assert "warning" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("share", "said"), [(10.0, "sinks in any water"), (0.1, "floats in any water")]
+)
+@pytest.mark.parametrize("command", ["ballast", "mission", "campaign", "simulate"])
+def test_a_dry_mass_that_no_water_carries_is_refused(capsys, tmp_path, command, share, said):
+    """A factor 10 is a slip of the unit; a factor 3 may be inertia with the water that moves."""
+    kind, mass = ("electromechanical", 27.5) if command == "simulate" else ("pump-valve", 28.19)
+    file, task, out = tmp_path / "mine.toml", tmp_path / "task.toml", tmp_path / "out"
+    file.write_text(vehicle_template(kind).replace(f"{mass} kg", f"{mass * share:.6g} kg"))
+    task.write_text(
+        'schema_version = 1\n[[phases]]\nkind = "surface"\nduration = "1 min"\ntimeout = "2 min"\n'
+    )
+    more = {
+        "ballast": [], "mission": [str(task)], "campaign": [str(task), "--floats", "1"],
+        "simulate": ["--duration", "3 s"],
+    }[command]  # fmt: skip
+    assert main([command, str(file), *more, "--out", str(out)]) == 2
+    printed = " ".join(capsys.readouterr().err.split())
+    assert said in printed
+    assert ", motion.dry_mass: a vehicle that displaces" in printed
+    assert f"(got {mass * share:.6g}" in printed
+    assert not out.exists()
+    for believed in (0.6, 3.0):
+        file.write_text(vehicle_template(kind).replace(f"{mass} kg", f"{mass * believed:.6g} kg"))
+        check_mass(load_vehicle(file))
 
 
 def test_options_that_would_have_no_effect_are_refused(capsys, tmp_path, cast):

@@ -108,7 +108,7 @@ def ballast(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
-    v = load_vehicle(vehicle)
+    v = load_vehicle(vehicle, weighed=True)
     weighed = quantity(mass, "kg", "--mass")
     stds = {
         "mass": quantity(mass_std, "kg", "--mass-std"),

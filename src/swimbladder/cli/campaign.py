@@ -30,6 +30,7 @@ from swimbladder.cli.common import (
     quantity,
     said_as_typed,
 )
+from swimbladder.cli.masses import warn_of_mass
 
 if TYPE_CHECKING:
     from swimbladder.campaign.result import Campaign
@@ -89,7 +90,7 @@ def campaign(
     from swimbladder.io.config import load_mission, load_vehicle
     from swimbladder.io.files import check_place
 
-    v, task = load_vehicle(vehicle), load_mission(mission)
+    v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
     check_phases(task, mission)
     span = asked_span(duration)
     trim, psi = quantity(trim_std, "m3", "--trim-std"), quantity(psi_std, "m3/m", "--psi-std")
@@ -99,6 +100,7 @@ def campaign(
         latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
         place=task.latitude,
     )  # fmt: skip
+    warn_of_mass(v)
     columns = [water(v, task, one) for one in casts] or [water(v, task, None)]
     with progress("loading the simulator"):
         from swimbladder.campaign.draw import Spread

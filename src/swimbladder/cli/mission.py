@@ -30,6 +30,7 @@ from swimbladder.cli.common import (
     progress,
     quantity,
 )
+from swimbladder.cli.masses import warn_of_mass
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ def mission(
     from swimbladder.io.config import load_mission, load_vehicle
     from swimbladder.io.files import check_place
 
-    v, task = load_vehicle(vehicle), load_mission(mission)
+    v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
     check_phases(task, mission)
     span = asked_span(duration)
     start = _moment(begin)
@@ -105,6 +106,7 @@ def mission(
         inversions=inversions, place=task.latitude,
     )  # fmt: skip
     read = casts[0] if casts else None
+    warn_of_mass(v)
     found = _fly(v, task, water(v, task, read), cycles, span, seed, out)
     answer = found.to_json()
     with progress("writing the files"):

@@ -23,6 +23,7 @@ from swimbladder.cli.casts import (
     asked_casts,
 )
 from swimbladder.cli.common import compile_notice, console, emit_json, progress, quantity
+from swimbladder.cli.masses import warn_of_mass
 from swimbladder.cli.simulate_files import answer_of, print_answer, steps_of, write_files
 from swimbladder.errors import InputError
 
@@ -97,12 +98,11 @@ def simulate(
 
     Exit code 1 when the simulation stopped before its end; the files are written all the same.
     """
-    from swimbladder.hull import mass_doubt
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import make_folder
     from swimbladder.io.mission_check import check_mission
 
-    v = load_vehicle(vehicle, sampled=True)
+    v = load_vehicle(vehicle, sampled=True, weighed=True)
     task = _mission(mission, start=start, target=target, duration=duration, bottom=bottom)
     casts = asked_casts(
         [] if cast is None else [cast], column=column, where=where, log_format=log_format,
@@ -114,12 +114,7 @@ def simulate(
     neutral = None if medium is None else medium.neutral_volume
     with _located(mission):
         check_mission(v, task, names=names, neutral=neutral)
-    doubt = mass_doubt(v)
-    if doubt:
-        console.print(
-            f"warning: {doubt}; it sinks and rises by trim_error, and the dry mass is its inertia",
-            soft_wrap=True,
-        )
+    warn_of_mass(v)
     folder = make_folder(out)
     s = _run(v, task, seed, water)
     files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)

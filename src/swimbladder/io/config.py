@@ -12,6 +12,7 @@ from swimbladder.actuator import refuse_pump_and_valve
 from swimbladder.control.registry import LAWS, MISSION_LAWS, bind
 from swimbladder.dynamics import even_drag, plant
 from swimbladder.errors import InputError
+from swimbladder.hull import check_mass
 from swimbladder.io.mission import Mission
 from swimbladder.io.presets import preset_names, preset_text
 from swimbladder.io.toml_lines import key_lines
@@ -32,10 +33,13 @@ _SCHEMA_REMEDY = f"Write schema_version = {SCHEMA_VERSION} on the first line"
 _Model = TypeVar("_Model", bound=Parameters)
 
 
-def load_vehicle(name_or_path: str | Path, *, sampled: bool = False) -> Vehicle:
+def load_vehicle(
+    name_or_path: str | Path, *, sampled: bool = False, weighed: bool = False
+) -> Vehicle:
     """Return the vehicle of a preset's name or of a TOML file.
 
     sampled: refuse one whose drive has no loop of voltages or positions, a pump and valve.
+    weighed: refuse one whose dry mass no water carries.
     Raises InputError with file, line, field, value, unit and remedy.
     """
     preset = _preset(name_or_path)
@@ -45,6 +49,8 @@ def load_vehicle(name_or_path: str | Path, *, sampled: bool = False) -> Vehicle:
     try:
         if sampled:
             refuse_pump_and_valve(vehicle.actuator)
+        if weighed:
+            check_mass(vehicle)
         _check_parts_fit(vehicle if sampled else even_drag(vehicle))
     except InputError as error:
         raise _at(error, text, file) from None
