@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from swimbladder.engine.cache import inlined, part
 from swimbladder.parameters import Water
 from swimbladder.seawater import Cast, cast_column, look_up, uniform_column, water_table
-from swimbladder.seawater.lookup import DENSITY, PRESSURE, TEMPERATURE, slopes
+from swimbladder.seawater.lookup import DENSITY, PRESSURE, TEMPERATURE, look_up_bent, slopes
 
 
 def deep(step=1.0):
@@ -20,7 +20,7 @@ def deep(step=1.0):
 
 COLUMN = deep()
 TABLE = water_table(COLUMN)
-_kernel_part = inlined(look_up)
+_kernel_part = inlined(look_up_bent)
 
 
 @part
@@ -95,4 +95,16 @@ def test_a_kernel_gets_what_python_gets():
     for z in (-1.0, 0.0, 0.3, 17.25, 1999.0, 2500.0):
         for what in (PRESSURE, DENSITY, TEMPERATURE):
             found = compiled(TABLE, 1.0, what, z)
-            np.testing.assert_allclose(found, look_up(TABLE, 1.0, what, z), rtol=1e-13)
+            np.testing.assert_allclose(found, look_up_bent(TABLE, 1.0, what, z), rtol=1e-13)
+
+
+@pytest.mark.parametrize("what", [PRESSURE, DENSITY, TEMPERATURE])
+@pytest.mark.parametrize("z", [-3.0, 0.4, 17.25, 1999.6, 2500.0])
+def test_the_curvature_is_that_of_the_slope(what, z):
+    """The slope is a parabola between two rows, so that a central difference of it is exact."""
+    h = 0.05
+    above, below = look_up(TABLE, 1.0, what, z - h)[1], look_up(TABLE, 1.0, what, z + h)[1]
+    found = look_up_bent(TABLE, 1.0, what, z)
+    scale = max(abs(below), abs(above))
+    assert found[2] == pytest.approx((below - above) / (2.0 * h), abs=1e-10 * scale)
+    assert found[:2] == look_up(TABLE, 1.0, what, z)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swimbladder.engine.cache import part
 from swimbladder.seawater import look_up
-from swimbladder.seawater.lookup import slopes
+from swimbladder.seawater.lookup import look_up_bent, slopes
 
 __all__ = ["NO_LAYERS", "Layers", "layered", "layers_from"]
 
@@ -53,7 +53,7 @@ class Layers(NamedTuple):
 
 NO_LAYERS = Layers(np.empty((0, 2)), 1.0, 0.0, 0.0)
 
-_look_up = part(look_up)
+_look_up_bent = part(look_up_bent)
 
 
 def layers_from(volume: Array, step: float) -> Layers:
@@ -71,4 +71,5 @@ def layered(layers, z):  # type: ignore[no-untyped-def]
     """Return what layers add to the neutral volume [m3] at depth z [m], and its slope [m3/m]."""
     if layers.table.shape[0] == 0:
         return 0.0, 0.0
-    return _look_up(layers.table, layers.step, 0, z)
+    added, slope, _ = _look_up_bent(layers.table, layers.step, 0, z)
+    return added, slope

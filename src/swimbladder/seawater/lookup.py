@@ -1,9 +1,9 @@
 """A column as one array, and its values at any depth: cubic Hermite, one read, no search.
 
-`look_up` is plain Python on scalars; kernels inline it (`engine.cache.inlined`). Slopes are those
-of Fritsch and Butland (1984, SIAM J. Sci. Stat. Comput. 5, 300), so that what rises between two
-depths of the column rises all the way between them: the lookup makes no density inversion of its
-own.
+`look_up_bent` is plain Python on scalars; kernels compile it (`engine.cache.part`). Slopes are
+those of Fritsch and Butland (1984, SIAM J. Sci. Stat. Comput. 5, 300), so that what rises between
+two depths of the column rises all the way between them: the lookup makes no density inversion of
+its own.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swimbladder.seawater.column import Column
 
-__all__ = ["DENSITY", "PRESSURE", "TEMPERATURE", "look_up", "slopes", "water_table"]
+__all__ = ["DENSITY", "PRESSURE", "TEMPERATURE", "look_up", "look_up_bent", "slopes", "water_table"]
 
 Array = NDArray[np.float64]
 PRESSURE, DENSITY, TEMPERATURE = 0, 2, 4  # columns of a table; the slope stands one further
@@ -45,6 +45,11 @@ def look_up(table: Array, step: float, what: int, z: float) -> tuple[float, floa
     what: the column of the value, its slope being the next. Beyond the ends the end's value goes
     on along the end's slope.
     """
+    return look_up_bent(table, step, what, z)[:2]
+
+
+def look_up_bent(table: Array, step: float, what: int, z: float) -> tuple[float, float, float]:
+    """Return what `look_up` does and the curvature, which a Jacobian takes; kernels compile it."""
     last = table.shape[0] - 2
     s = z / step
     k = min(max(int(s), 0), last)
@@ -52,9 +57,13 @@ def look_up(table: Array, step: float, what: int, z: float) -> tuple[float, floa
     a, b = table[k, what], table[k + 1, what]
     da, db = table[k, what + 1] * step, table[k + 1, what + 1] * step
     if s < 0.0:
-        return a + da * s, da / step
+        return a + da * s, da / step, 0.0
     if s > 1.0:
-        return b + db * (s - 1.0), db / step
+        return b + db * (s - 1.0), db / step, 0.0
     c2 = 3.0 * (b - a) - 2.0 * da - db
     c3 = 2.0 * (a - b) + da + db
-    return a + s * (da + s * (c2 + s * c3)), (da + s * (2.0 * c2 + 3.0 * s * c3)) / step
+    return (
+        a + s * (da + s * (c2 + s * c3)),
+        (da + s * (2.0 * c2 + 3.0 * s * c3)) / step,
+        (2.0 * c2 + 6.0 * s * c3) / (step * step),
+    )
