@@ -134,6 +134,8 @@ def test_a_header_that_states_dbar_makes_it_a_warning(capsys, tmp_path):
         assert f'"pressure_dbar={header}@bar"' in said
     lake = read_cast(written(tmp_path, "dbar", 15.0, header="Pressure [dbar]"))
     assert refused(lake, 6.0, 100.0) == ""  # in bar it would end at 150 m
+    deep = read_cast(written(tmp_path, "dbar", 2000.0, header="Pressure [dbar]"))
+    assert refused(deep, 30.0, 1000.0) == ""  # in kPa it would end at 200 m
     assert capsys.readouterr().err == ""
     cast = read_cast(written(tmp_path, "bar", header="Pressure [bar]"))
     assert refused(cast, 180.0, 2000.0) == ""

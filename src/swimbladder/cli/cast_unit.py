@@ -76,8 +76,10 @@ def _others(cast: Cast, asked: float, rating: float | None) -> dict[str, float]:
         least = max(asked, _NEAR[0] * rating)
     if least <= end <= most:
         return {}
-    deeper = most  # a header is believed unless another unit fits exactly
-    if rating is not None and not cast.unit_named:
+    deeper = most
+    if rating is not None and cast.unit_named:  # believed unless another unit fits exactly
+        least = max(least, _NEAR[0] * rating)
+    elif rating is not None:
         deeper = max(_DEEPER * rating, asked)
     limits = dict.fromkeys(_LARGER, deeper) | dict.fromkeys(_SMALLER, most)
     ends = {unit: _down(cast, unit) for unit in limits}
