@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from studies.deep_data import columns_of, dives_of, logs_of
 from studies.deep_dives import float_vehicle
-from studies.deep_readings import RUN, creep_at_rest, hull_time, rests, speed_scatter
+from studies.deep_readings import RUN, creep_at_rest, hull_time, rests, speed_scatter, warmer
 from swimbladder.dynamics import even_drag
 from swimbladder.identify.deep import identified_vehicle
 from swimbladder.identify.deep_dive import DeepDive
@@ -54,6 +54,7 @@ BOTTOM = 2500.0  # m, of the Ligurian Sea
 SLOWEST, FASTEST = 62_700.0, 7_200.0  # s: inertial at 43.4 degrees north, buoyancy at 500 m
 WAVES, MODES = 12, 4
 SEAS = 15  # with other scatter, and waves of other phases; medians over them are told
+SHALLOW = 2e5  # Pa, where the sea is warm and the hull has hardly cooled
 WATER = 1e-3  # m/s, with --causes: what is left at rest were mostly more than of such waves
 
 
@@ -274,6 +275,8 @@ def main() -> None:
     logs, columns = {log.source: log for log in logs_of(folder)}, columns_of(folder)
     real = [logged(logs[dive.name], dive) for dive in dives]
     tau, off = hull_time(dives, columns)
+    excess = ", ".join(f"{kelvin:.1f}" for kelvin in warmer(dives, columns, SHALLOW))
+    print(f"at {SHALLOW / 1e4:.0f} dbar on the way down the hulls are warmer by {excess} K")
     scatter = speed_scatter(dives, [one.leave for one in real])
     at_rest = [
         rest

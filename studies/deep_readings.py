@@ -22,7 +22,16 @@ from swimbladder.identify.deep_dive import DeepDive
 from swimbladder.identify.deep_model import Body, drag_volume, hull_volume
 from swimbladder.seawater import Column
 
-__all__ = ["RUN", "Rest", "Scatter", "creep_at_rest", "hull_time", "rests", "speed_scatter"]
+__all__ = [
+    "RUN",
+    "Rest",
+    "Scatter",
+    "creep_at_rest",
+    "hull_time",
+    "rests",
+    "speed_scatter",
+    "warmer",
+]
 
 Array = NDArray[np.float64]
 RUN = 26.0  # s, between the two readings that tell a speed on the way
@@ -64,6 +73,17 @@ def hull_time(dives: Sequence[DeepDive], columns: Mapping[str, Column]) -> tuple
 
     found = least_squares(off, [np.log(1800.0)])
     return float(np.exp(found.x[0])), float(np.sqrt(np.mean(found.fun**2)))
+
+
+def warmer(dives: Sequence[DeepDive], columns: Mapping[str, Column], pressure: float) -> Array:
+    """Return how much warmer the hull is than the cast at a pressure [Pa] on the way down [K]."""
+    found = []
+    for dive in dives:
+        way = slice(0, int(np.argmax(dive.pressure)) + 1)
+        column = columns[dive.name]
+        hull = np.interp(pressure, dive.pressure[way], dive.temperature[way])
+        found.append(hull - np.interp(pressure, column.pressure, column.temperature))
+    return np.array(found)
 
 
 def _follows(tau: float, start: float, t: Array, water: Array) -> Array:
