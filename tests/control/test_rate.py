@@ -214,6 +214,7 @@ def test_the_volumes_are_those_that_the_float_wanted(data_dir: Path) -> None:
             change = volume_change(p, float(row["v_from_mbar_s"]), float(row["v_to_mbar_s"]))
             found.append(abs(1e6 * change - float(row["want_mL"])))
     off = np.array(found)
+    print(f"{len(off)} decisions, the very volume in {np.mean(off < 1e-6):.2%}")
     assert len(off) > 2900
     assert np.mean(off < 1e-6) > 0.995
 
@@ -255,6 +256,7 @@ def test_it_acts_when_the_float_acted(data_dir: Path) -> None:
             actions += bool(did)
             agreed += bool(did) == (decision.change != 0.0)
             speeds += bool(did) and decision.speed == did[0][1]
+    print(f"{count} looks, {agreed / count:.2%} agree; {actions} act, {speeds / actions:.2%} alike")
     assert count > 800
     assert actions > 400
     assert agreed / count > 0.98
