@@ -80,7 +80,7 @@ FAULTS = {
     "late": (lambda: lambda t, s: s._replace(depth_age=t), Reason.DEPTH_LATE, 6.3),
     "frozen": (lambda: frozen("depth"), Reason.DEPTH_FROZEN, 36.0),
     "at 0": (
-        lambda: lambda _, s: s._replace(depth=0.0), Reason.NOT_MOVING_AS_MODELLED, 23.0,
+        lambda: lambda _, s: s._replace(depth=0.0), Reason.NOT_MOVING_AS_MODELLED, 30.0,
     ),
     "no volume": (lambda: lambda _, s: s._replace(volume=math.inf), Reason.VOLUME_MISSING, 5.2),
     "odd volume": (lambda: lambda _, s: s._replace(volume=1e-3), Reason.VOLUME_IMPOSSIBLE, 5.2),

@@ -235,7 +235,7 @@ def watch_motion(
     if s.known >= p.known:
         own = p.neutral_change + p.psi_range * abs(depth - s.own_depth)
         center = s.own
-    off = abs(n - center) if s.still >= p.still else 0.0
+    off = abs(s.n1 - center) if s.still >= p.still else 0.0
     if s.settled >= p.settle:
         push = needed(p, s, depth)
         missed = p.model_error * abs(push)

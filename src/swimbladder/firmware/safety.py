@@ -42,7 +42,7 @@ _RARE = 1e-12  # chance that noise gives the same depth all along
 _AT_LEAST_S = 10.0  # s, of the very same depth: a slow sensor repeats itself
 _HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
 _MOVED_SHARE = 0.025  # of half the stroke, with which a depth cannot stay the same
-_REACH, _SINKS = 2.0, 0.6  # of that, by which a push shows that it can, and before what weight
+_REACH, _SINKS = 4.0, 0.6  # of that, by which a push shows that it can, and before what weight
 # On the edge between two quanta noise turns the depth in a quarter of the ticks; the mean of 200 is
 # within 0.16 of that. 0.42 means sigma above the quantum: a sample is then the same with a chance
 # of 0.38. The number is for 0.53, that of 0.7 quanta: 44 samples, 1e-12.
