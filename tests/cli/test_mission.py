@@ -112,6 +112,22 @@ def _as_virtualfleet_reads_it(config):
             assert item["value"] == np.int32(item["value"]) > 0
 
 
+def test_a_mission_that_only_comes_up_is_one(task, capsys):
+    task.write_text("""schema_version = 1
+start_depth = "200 m"
+[[phases]]
+kind = "surface"
+duration = "10 min"
+""")
+    assert main(["mission", "example-float", str(task), "--out", "flown"]) == 0
+    capsys.readouterr()
+    values = {
+        item["name"]: item["value"]
+        for item in json.loads(Path("flown/float.json").read_text())["parameters"]
+    }
+    assert values["parking_depth"] == values["profile_depth"] == 200.0
+
+
 def test_what_cannot_be_met_is_said_before_flying(task, capsys):
     text = MISSION.replace('depth = "60 m"', 'depth = "2500 m"')
     task.write_text(text)

@@ -1,6 +1,7 @@
 """Vehicles and missions from files: what is read, and where an error is said to be."""
 
 import random
+import re
 import string
 
 import pytest
@@ -297,3 +298,22 @@ def test_no_bytes_end_in_anything_but_an_input_error(tmp_path_factory, content):
     path = saved(tmp_path_factory.mktemp("bytes"), content)
     with pytest.raises(InputError):
         load_vehicle(path)
+
+
+@pytest.mark.parametrize(
+    ("line", "wrong", "said"),
+    [
+        ('dead = "60 s"', 'dead = "-5 s"', "controller.parameters.dead: must be 0.05 or more"),
+        ('run = "10 s"', "run = 0", "controller.parameters.run: must be 0.05 or more"),
+        ('far_speed = "10 cm/s"', "far_speed = 0", "parameters.far_speed: must be above 0"),
+        ('volume_step = "0.2 cm3"', "volume_step = -1", "parameters.volume_step: must be 0 or"),
+    ],
+)
+def test_a_law_of_missions_whose_numbers_are_none_is_refused(tmp_path, line, wrong, said):
+    text = preset_text("example-float")
+    assert line in text
+    path = tmp_path / "mine.toml"
+    path.write_text(text.replace(line, wrong))
+    with pytest.raises(InputError, match=re.escape(said)) as refused:
+        load_vehicle(path)
+    assert refused.value.line == 1 + text[: text.index(line)].count("\n")

@@ -143,3 +143,23 @@ def test_what_energy_is_not_known_is_said(sea):
     plan = make_plan(vehicle, phases(), sea)
     assert "actuator.motor.resistance" in plan.energy_known
     assert np.all(np.isfinite(plan.table))
+
+
+@pytest.mark.parametrize(
+    ("lines", "field"),
+    [
+        ({"deep": 1.0e5}, "phases[0].depth"),
+        ({"start_depth": 2.0e4}, "start_depth"),
+        ({"start_depth": 300.0, "bottom_depth": 200.0}, "start_depth"),
+    ],
+)
+def test_depths_of_no_sea_are_refused(lines, field):
+    with pytest.raises(InputError) as refused:
+        phases(**lines)
+    assert refused.value.field == field
+
+
+def test_a_mission_does_not_begin_below_where_it_may_go(profiler):
+    column = uniform_column(profiler.water, 2600.0)
+    with pytest.raises(NoAnswerError, match=r"mission begins at 2500 m, 500 m below the 2000 m"):
+        reach(profiler, phases(start_depth=2500.0), column)

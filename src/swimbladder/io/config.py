@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from swimbladder.actuator import refuse_pump_and_valve
+from swimbladder.control.rate import RATE
 from swimbladder.control.registry import LAWS, MISSION_LAWS, bind
 from swimbladder.dynamics import even_drag, plant
 from swimbladder.errors import InputError
@@ -30,6 +31,10 @@ __all__ = [
 
 SCHEMA_VERSION = 1
 _SCHEMA_REMEDY = f"Write schema_version = {SCHEMA_VERSION} on the first line"
+_LEAST = {"dead": 0.05, "run": 0.05}  # s, of the law `rate`
+_ABOVE_0 = {
+    "coefficient", "tolerance", "slow_speed", "near_speed", "far_speed", "ascent_speed", "window",
+}  # fmt: skip
 _Model = TypeVar("_Model", bound=Parameters)
 
 
@@ -64,7 +69,8 @@ def _check_parts_fit(vehicle: Vehicle) -> None:
         plant(vehicle)
     if vehicle.controller is None:
         return
-    law, _ = bind(vehicle.controller)
+    law, parameters = bind(vehicle.controller)
+    _check_ranges(law.name, parameters)
     if law.command != command:
         known = {**LAWS, **MISSION_LAWS}
         fitting = [name for name, other in known.items() if other.command == command]
@@ -74,6 +80,21 @@ def _check_parts_fit(vehicle: Vehicle) -> None:
             value=law.name,
             remedy=f"Choose one of: {', '.join(fitting)}",
         )
+
+
+def _check_ranges(law: str, parameters: Any) -> None:
+    """Raise InputError where a parameter of the law `rate` is out of range.
+
+    A float that looks without a pause is flown for ever.
+    """
+    for name, value in parameters._asdict().items() if law == RATE.name else ():
+        least = _LEAST.get(name, 0.0)
+        if value < least or (value == 0.0 and name in _ABOVE_0):
+            raise InputError(
+                "must be above 0" if name in _ABOVE_0 else f"must be {least:g} or more",
+                field=f"controller.parameters.{name}", value=value, unit=RATE.units[name],
+                remedy="Check the number and its unit",
+            )  # fmt: skip
 
 
 def vehicle_text(name_or_path: str | Path) -> str:

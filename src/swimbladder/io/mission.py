@@ -15,6 +15,7 @@ from swimbladder.seawater import WaterMotion
 __all__ = ["Mission", "Phase", "Safety", "Setpoint"]
 
 _MOST_PHASES = 50  # whether each was missed is kept as a bit of a double's 53
+_DEEPEST, _NO_SEA = 11_000.0, "no sea is so deep"  # m; Challenger Deep: 10,935 m
 
 
 class Setpoint(Parameters):
@@ -57,7 +58,7 @@ class Phase(Parameters):
         "mission ends); not given: twice the way at its speeds, slower near the depth, and an "
         "hour; park has none"
     )  # fmt: skip
-    check_interval: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+    check_interval: Annotated[float, Unit("s"), Field(ge=0.1)] | None = Field(
         None, description="between two looks at depth and speed; not given: park 10 min, the "
         "others as in the vehicle's law `rate`, 60 s where it has another"
     )  # fmt: skip
@@ -196,7 +197,16 @@ class Mission(Parameters):
                 f"there are {len(self.phases)} phases, and more than {_MOST_PHASES} are not kept",
                 "Repeat a shorter list by `cycles`", "phases",
             )  # fmt: skip
+        if self.start_depth > _DEEPEST:
+            raise refusal(_NO_SEA, "Check the unit", "start_depth")
+        if self.start_depth > self.bottom:
+            raise refusal(
+                f"the depth is below the bottom at {self.bottom:g} m", "Check both depths",
+                "start_depth",
+            )  # fmt: skip
         for index, phase in enumerate(self.phases):
+            if phase.depth is not None and phase.depth > _DEEPEST:
+                raise refusal(_NO_SEA, "Check the unit", "phases", index, "depth")
             if phase.depth is not None and phase.depth > self.bottom:
                 raise refusal(
                     f"the depth is below the bottom at {self.bottom:g} m", "Check both depths",

@@ -24,6 +24,7 @@ def float_configuration(result: MissionResult) -> dict[str, Any]:
     flight = result.flight
     phases = flight.mission.phases
     depths = [phase.depth for phase in phases if phase.depth is not None]
+    depths = depths or [flight.mission.start_depth]  # it comes up, and no more
     parked = [p.depth for p in phases if p.kind == "park" and p.depth is not None]
     cycles = flight.cycles[: max(result.cycles, 1)]
     length = float(np.mean(cycles[:, Cycle.T_END] - cycles[:, Cycle.T_BEGIN]))

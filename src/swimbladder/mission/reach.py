@@ -144,12 +144,12 @@ def _check_depths(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
     why = "below which it could not come up" if back < limit else "hull.depth_limit"
     if mission.safety.deepest is not None:
         why = "safety.deepest"
-    for phase, stage in zip(mission.phases, plan.stages, strict=True):
-        depth = float(stage[Stage.DEPTH])
-        if depth > deepest:
+    ways = [(f"the phase {p.title!r} goes to", p.depth) for p in mission.phases]
+    for what, depth in [("the mission begins at", mission.start_depth), *ways]:
+        if depth is not None and depth > deepest:
             raise NoAnswerError(
-                f"the phase {phase.title!r} goes to {depth:g} m, {depth - deepest:.4g} m below "
-                f"the {deepest:g} m that {vehicle.name!r} may go to ({why}). Ask for less"
+                f"{what} {depth:g} m, {depth - deepest:.4g} m below the {deepest:g} m that "
+                f"{vehicle.name!r} may go to ({why}). Ask for less"
             )
 
 
