@@ -117,3 +117,15 @@ def test_what_is_no_profile_is_refused(pressure, salinity):
 def test_a_column_needs_a_depth_and_a_step(deepest, step):
     with pytest.raises(InputError, match="not above 0"):
         uniform_column(Water(), deepest, step=step)
+
+
+@pytest.mark.parametrize(("top", "end"), [(51.0, 2000.0), (1500.0, 2000.0), (11.0, 20.0)])
+def test_a_cast_that_begins_far_below_the_surface_is_refused(top, end):
+    """As one that ends above the target: there is no water to reckon with."""
+    p = np.linspace(top, end, 20)
+    cast = Cast(pressure=p, SA=np.full(20, 35.0), CT=np.linspace(10.0, 5.0, 20))
+    with pytest.raises(InputError, match=f"begins at {top:.0f} dbar") as refused:
+        cast_column(cast)
+    assert "a row at 0 dbar" in refused.value.remedy
+    known = Cast(pressure=np.append(0.0, p), SA=np.full(21, 35.0), CT=np.linspace(12.0, 5.0, 21))
+    assert cast_column(known).report == ()

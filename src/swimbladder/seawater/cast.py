@@ -64,7 +64,7 @@ def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) 
     """Return a cast as a column down to `deepest` [m], to its own end where that is None.
 
     Above its first row the cast goes on as it begins, for at most a step below its last as it ends.
-    Raises InputError where it ends above `deepest`.
+    Raises InputError where it ends above `deepest`, or begins far below the surface.
     """
     import gsw
 
@@ -96,6 +96,14 @@ def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) 
     pressure = np.interp(depth, z_ends, np.append(fine, end + 2.0 * step / slope))
     SA, CT = (np.interp(pressure, cast.pressure, v) for v in (cast.SA, cast.CT))
     report = list(cast.report)
+    if top > max(_NEAR, min(_FAR, 0.5 * end)):
+        raise InputError(
+            f"the cast {cast.name or 'given'} begins at {top:.0f} dbar, and of the water above, "
+            "where a vehicle floats and dives, it says nothing",
+            field="cast", value=round(top, 1), unit="dbar",
+            remedy="Take one that begins near the surface, or add a row at 0 dbar with the "
+            "temperature and salinity that the surface has",
+        )  # fmt: skip
     if top > _NEAR:
         report.append(f"the cast begins at {top:.1f} dbar and is taken to be the same above")
     return Column(
@@ -111,6 +119,7 @@ def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) 
 
 
 _NEAR = 3.0  # dbar from the surface at which casts are used to begin
+_FAR = 50.0  # dbar: the warm layer of a summer, some kg/m3 lighter, is shallower
 
 
 def _gravity(cast: Cast, pressure: float) -> float:
