@@ -11,7 +11,7 @@ it pumps or bleeds once and sleeps. The speeds asked for fall in steps: far from
 it, and nearer still; within the tolerance it is 0.
 
 Read from the logs of a float of the MERMAID kind (OSEAN, firmware 452.012.300 V2.x, 2020): its
-settings `far`, `near`, `rate`, `ascent`, `dead` and `coeff`, and what it did at each of 2,982
+settings `far`, `near`, `rate`, `ascent`, `dead` and `coeff`, and what it did at each of 2,997
 decisions (`docs/explanation/deep-dives.md` has the tables). Speeds are whole mbar/s there and
 volumes whole 2 mL, and both steps decide what it does: a speed below half a step is rest.
 
