@@ -13,7 +13,7 @@ from swimbladder.actuator import unified
 from swimbladder.buoyancy_engine import drive_map
 from swimbladder.electric import steady_drive
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.hull import neutral_volume
+from swimbladder.hull import neutral_volume, weight_mass
 from swimbladder.io.config import read_model
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.parameters import Vehicle
@@ -292,3 +292,20 @@ def test_the_parts_of_the_battery_are_all_of_it_and_the_reserve_is_of_what_the_c
     assert drawn + cold + lost + kept + unusable == pytest.approx(100.0, abs=0.3)  # rounded
     assert stated == 100.0 * DIVE.battery_reserve
     assert kept == pytest.approx(stated / 100.0 * (100.0 - unusable - cold), abs=0.1)
+
+
+def test_a_battery_heavier_than_the_body_is_none(found: Sizing) -> None:
+    """1 kW at all times is two megawatt-hours: no limit was asked for, and the body has one."""
+    dive = dataclasses.replace(DIVE, hotel=1000.0)
+    with pytest.raises(NoAnswerError, match=r" has \d % of the mass .* that of the body at most"):
+        size(BODY, dive, parts=_few(), sweeps=False)
+    assert weight_mass(BODY) / found.weighed.mass[found.best] == pytest.approx(
+        found.weighed.margins["mass"][found.best], rel=1e-12
+    )
+
+
+def test_a_stroke_that_the_body_has_no_room_for_is_none() -> None:
+    trim = BODY.hull.displaced_volume / 8.0  # 1.96 sigma to both sides, and a tenth: over half
+    with pytest.raises(NoAnswerError, match=r" has \d+ % of the room that the body has for the"):
+        size(BODY, dataclasses.replace(DIVE, trim=trim), parts=_few(), sweeps=False)
+    assert size(BODY, dataclasses.replace(DIVE, trim=0.8 * trim), parts=_few(), sweeps=False)

@@ -89,7 +89,7 @@ def size(
         str, typer.Option(metavar="LENGTH", help="Of a piston that there is room for.")
     ] = "0.6 m",
     largest_mass: Annotated[
-        str | None, typer.Option(metavar="MASS", help="Of drive and battery (no limit).")
+        str | None, typer.Option(metavar="MASS", help="Of drive and battery (the body's).")
     ] = None,
     column: Columns = None,
     where: Where = None,

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.hull import weight_mass
 from swimbladder.parameters import Vehicle
 from swimbladder.seawater import Column, uniform_column
 from swimbladder.sizing.candidates import Batch, Combination, combinations
@@ -22,6 +23,7 @@ __all__ = ["Choice", "Sizing", "Sweep", "size"]
 
 Least = Literal["mass", "energy"]
 _AS_GOOD = 1.002
+_ROOM = 0.5  # of the body: what the drive lets in has to find room inside, beside all else
 # degC where no cast says: water is densest there and fills deep lakes; the oceans have 2 to 5 degC
 # at 1000 m (Talley et al., "Descriptive Physical Oceanography", 6th ed. 2011, ch. 4)
 _COLDEST = 4.0
@@ -99,7 +101,8 @@ def size(
 
     body: its hull, mass and drag are used, its drive and stroke are not. column: the water; that
     of the body where not given, with a battery at 4 degC. longest_travel of a piston [m],
-    largest_mass of drive and battery [kg]. Raises NoAnswerError where no combination will do: which
+    largest_mass of drive and battery [kg], which the body bounds too, as its volume does the
+    stroke. Raises NoAnswerError where no combination will do: which
     requirement is in the way, and by how much.
     """
     parts = load_parts() if parts is None else parts
@@ -112,8 +115,10 @@ def size(
         water = uniform_column(body.water, wish.depth * 1.001) if column is None else column
         asked = needs(body, water, wish)
         found = weigh(
-            batch, asked, body.water, longest_travel=longest_travel, largest_mass=largest_mass
-        )
+            batch, asked, body.water, longest_travel=longest_travel,
+            largest_mass=min(largest_mass, weight_mass(body)),
+            largest_stroke=_ROOM * body.hull.displaced_volume,
+        )  # fmt: skip
         return asked, found
 
     asked, weighed = solve(dive)
@@ -248,12 +253,15 @@ def _none(batch: Batch, weighed: Weighed, dive: Dive) -> NoAnswerError:
     """Say which requirement is in the way of the nearest drive, and what leaving it out gives."""
     nearest = int(np.argmax(weighed.worst))
     missing = min(weighed.margins, key=lambda m: weighed.margins[m][nearest])
-    short = float(weighed.margins[missing][nearest])
     without = {}
     for name in REQUIREMENTS:
         others = np.stack([m for other, m in weighed.margins.items() if other != name])
-        without[name] = int(np.count_nonzero(np.min(others, axis=0) >= 1.0))
-    helps = [f"{name} ({count})" for name, count in without.items() if count]
+        without[name] = np.min(others, axis=0) >= 1.0
+    helps = [f"{name} ({met.sum()})" for name, met in without.items() if met.any()]
+    if helps:  # what lacks one thing is nearer than what lacks a little of several
+        missing = max(without, key=lambda name: int(without[name].sum()))
+        nearest = int(np.argmax(np.where(without[missing], weighed.margins[missing], -np.inf)))
+    short = float(weighed.margins[missing][nearest])
     alone = (
         "Left out one at a time, these requirements leave drives: " + ", ".join(helps)
         if helps

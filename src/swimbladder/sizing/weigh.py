@@ -38,7 +38,8 @@ REQUIREMENTS = {
     "gear torque": "the torque of the gear's output",
     "piston travel": "the longest travel that there is room for",
     "battery life": "the charge that time alone leaves, against what cold and reserve keep back",
-    "mass": "the mass that drive and battery may have together",
+    "stroke": "the room that the body has for the stroke, half of what it displaces",
+    "mass": "the mass that drive and battery may have together, that of the body at most",
 }
 
 
@@ -91,6 +92,7 @@ def weigh(
     *,
     longest_travel: float,
     largest_mass: float = math.inf,
+    largest_stroke: float = math.inf,
 ) -> Weighed:
     """Return how each candidate meets what is asked, at the pace that makes it lightest.
 
@@ -98,9 +100,10 @@ def weigh(
     friction and the battery's resistance take more than that saves. The driver holds the speed at
     that rate q: u = (k_v omega + k_z z + T_b)/k_u with omega = (q + k_l z)/k_q, eqs (11)-(12) at
     rest; z stands for the pressure. longest_travel of the piston [m]; largest_mass of drive and
-    battery [kg].
+    battery [kg], largest_stroke [m3]: what the body has room for.
     """
-    paces = [_at_pace(batch, asked, water, pace, longest_travel, largest_mass) for pace in _PACES]
+    limits = longest_travel, largest_mass, largest_stroke
+    paces = [_at_pace(batch, asked, water, pace, limits) for pace in _PACES]
     scores = np.array([np.where(p.feasible, p.mass, np.inf) for p in paces])
     worst = np.array([p.worst for p in paces])
     which = np.where(
@@ -137,11 +140,11 @@ def _at_pace(
     asked: Needs,
     water: Water,
     pace: float,
-    longest_travel: float,
-    largest_mass: float,
+    limits: tuple[float, float, float],
 ) -> Weighed:
     """Return how each candidate does at one pace; largest rate and stall do not depend on it."""
     dive = asked.dive
+    longest_travel, largest_mass, largest_stroke = limits
     b: Any = batch  # the functions of `electric` take arrays for constants too
     rate = pace * asked.rate
     z = asked.pressure[np.newaxis, :] / water.specific_weight
@@ -201,6 +204,7 @@ def _at_pace(
             "gear torque": b.number("gear", "rated_torque") / output,
             "piston travel": longest_travel / travel,
             "battery life": spent.life,
+            "stroke": np.full(len(mass), largest_stroke / stroke),
             # with a battery that cannot be, it is that which is in the way
             "mass": np.where(np.isfinite(mass), largest_mass / mass, np.inf),
         }
