@@ -234,6 +234,7 @@ def main() -> None:
             f"| {pumped:.0f} |"
         )
     print(f"| all | | | {sum(map(len, books))} | {_rms(np.concatenate(books)):.2f} | |")
+    print(f"\nspeeds from look to look {1e3 * _rms(np.concatenate(fit.residuals)):.1f} mm/s rms")
     _print_sets(told)
     _print_predictions(told.predictions)
 
