@@ -1,7 +1,10 @@
 """What the commands share: how each of them ends."""
 
 import json
+import subprocess
+import sys
 from io import StringIO
+from pathlib import Path
 
 import pytest
 from rich.table import Table
@@ -128,3 +131,15 @@ def test_in_a_pipe_a_row_of_a_table_is_a_line(monkeypatch):
     text = printed()
     assert len(text.splitlines()) > 2
     assert all(number in text for number in NUMBERS)
+
+
+def test_a_reader_that_has_seen_enough_is_no_answer():
+    """As of `swimbladder vehicle list | head -1`: 141 as shells have it, not the 1 that says no."""
+    with subprocess.Popen(
+        [Path(sys.executable).parent / "swimbladder", "vehicle", "list"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as command:  # fmt: skip
+        command.stdout.close()
+        said = command.stderr.read()
+        assert command.wait() == 141
+    assert "Traceback" not in said

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import enum
+import errno
 import json
 import math
 import shutil
@@ -89,7 +90,7 @@ console = Console(stderr=True, highlight=False)
 output = Output(highlight=False, markup=False, emoji=False)
 
 
-_INTERRUPTED = 130
+_INTERRUPTED, _PIPE_CLOSED = 130, 141  # 128 and the number of the signal, as shells have it
 _Usage = typer.BadParameter.__mro__[1]  # UsageError, of click or of typer's own copy of it
 
 
@@ -114,6 +115,8 @@ def run(function: Callable[[], object], *, json: bool = False) -> int:
     except KeyboardInterrupt:
         return _interrupted(json)
     except SystemExit as stop:
+        if getattr(stop.__context__, "errno", None) == errno.EPIPE:
+            return _PIPE_CLOSED  # typer's code is 1, and that says no
         if stop.code == _INTERRUPTED:  # what typer makes of an interruption
             return _interrupted(json)
         if json and not _printed and isinstance(stop.__context__, _Usage):
