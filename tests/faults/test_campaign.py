@@ -134,6 +134,7 @@ def test_outcomes_of_rows_made_by_hand():
     fine = Result(
         stop=0.0, last=1000.0, arrived=800.0, beyond=math.nan, bottom=0.0, depth=0.0, deepest=9.0,
         latched=math.nan, reason=0.0, released=math.nan, resets=0.0, acting=1.0,
+        up=700.0, filled=-1.0,
     )  # fmt: skip
     rows = [
         (fine, Outcome.SURFACED),
@@ -143,6 +144,11 @@ def test_outcomes_of_rows_made_by_hand():
         (fine._replace(arrived=math.nan, bottom=1.0), Outcome.BOTTOM),
         (fine._replace(arrived=math.nan, stop=float(LEFT_WATER)), Outcome.SURFACED),
         (fine._replace(arrived=math.nan, stop=float(TOO_DEEP)), Outcome.STOPPED),
+        (fine._replace(filled=1.0), Outcome.SURFACED),
+        (fine._replace(arrived=math.nan, bottom=1.0, filled=1.0), Outcome.FILLED),
+        (fine._replace(beyond=5.0, filled=1.0), Outcome.FILLED),
+        (fine._replace(beyond=5.0, filled=1.0, up=math.nan), Outcome.BEYOND),
+        (fine._replace(filled=1.0, stop=float(TOO_DEEP), arrived=math.nan), Outcome.STOPPED),
     ]
     found = outcomes(np.array([row for row, _ in rows]), tick=0.3, stay=60.0)
     assert found.tolist() == [float(outcome) for _, outcome in rows]

@@ -245,6 +245,22 @@ def test_a_vehicle_that_bobs_has_come_up(rig):
     result, flown = rig.fly(harm, leak, ticks=3000, how=1, full_after=0.0, stay=stay, bottom=40.0)
     assert np.nanmin(flown["depth"]) < 1.0
     assert math.isnan(result[RESULT.arrived])
+    up = int(result[RESULT.up])
+    assert flown["depth"][up] <= 1.0 + 1e-9 < flown["depth"][:up].min()
+    assert result[RESULT.filled] == 1.0
+    # the sum of forces says so too: water against all that the volume displaces beyond neutral
+    p = plant(rig.vehicle)
+    left = up + int(np.flatnonzero(flown["depth"][up:] <= 1.0).max())
+    spare = p.V_max - p.V_0 - p.psi * flown["depth"][left:] - flown["water"][left:]
+    assert np.all(flown["volume"][left : left + 20] > 0.98 * p.V_max)
+    assert spare[0] > 0.0 > spare[-1]
+    # not filled: it could go out further
+    block = (Fault.BLOCKED_OUT, 0.5, 0, 0, ALWAYS)
+    result, flown = rig.fly(
+        harm, leak, block, ticks=3000, how=1, full_after=0.0, stay=stay, bottom=40.0
+    )
+    assert flown["volume"].max() < 0.97 * p.V_max
+    assert result[RESULT.filled] == -1.0
     # nor does a law count that was near the surface before it was told
     result, flown = rig.fly(ticks=100, depth=0.8, quiet_at=60.0)
     assert result[RESULT.arrived] == 60.0

@@ -160,6 +160,13 @@ def _print(flown: Campaign, files: list[Path]) -> None:
             "or the second had not shown",
             soft_wrap=True,
         )
+    if len(flown.filled):
+        output.print(
+            f"{len(flown.filled)} of those that came up were there no later than with full "
+            "buoyancy 60 s after the faults act, and were then filled by a leak, their volume "
+            "all out: nobody can command more",
+            soft_wrap=True,
+        )
     if flown.lost_alone < MILD:
         output.print(
             f"the faults are mild for this law: without the supervisor less than {MILD:.0%} of "

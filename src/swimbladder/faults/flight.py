@@ -19,9 +19,11 @@ from swimbladder.engine.layers import Layers
 from swimbladder.engine.modes import (
     KAPPA,
     POSITIONER,
+    PSI,
     RATE,
     SAG,
     SUPPLY,
+    V_0,
     V_MAX,
     V_MIN,
     Z_BOTTOM,
@@ -50,6 +52,7 @@ __all__ = ["EARLY", "FULL", "OWN", "fly"]
 # `full_after` the first does.
 OWN, FULL, EARLY = 0, 1, 2
 _RAN, _MISSED, _OFF = 0.0, 1.0, 2.0
+_NEARLY = 0.01  # of the stroke: a volume so near its largest is all out
 
 (
     END, TICK, START_DEPTH, START_VOLUME, DEPTH_NOISE, DEPTH_QUANTUM, VOLUME_NOISE,
@@ -58,7 +61,7 @@ _RAN, _MISSED, _OFF = 0.0, 1.0, 2.0
 ) = CONDITION  # fmt: skip
 (
     STOP, LAST, ARRIVED, BEYOND, ON_BOTTOM, DEPTH, DEEPEST, LATCHED, REASON, RELEASED,
-    RESETS_, ACTING,
+    RESETS_, ACTING, UP, FILLED,
 ) = RESULT  # fmt: skip
 
 
@@ -90,6 +93,21 @@ def _swell(c, z, t):  # type: ignore[no-untyped-def]
     omega = c[SWELL_OMEGA]
     fades = math.exp(-omega * omega / c[GRAVITY] * max(z, 0.0))
     return c[SWELL] * fades * math.cos(omega * t + c[SWELL_PHASE])
+
+
+@part
+def _filled(base, volume, lifting, z, afloat, before):  # type: ignore[no-untyped-def]
+    """Return 1 once a vehicle is heavy with all its volume [m3] out since it was at the surface.
+
+    0: all out, and not heavy; -1: not all out, or not there. lifting [m3]: volume less the water.
+    """
+    if volume < base[V_MAX] - _NEARLY * (base[V_MAX] - base[V_MIN]):
+        return -1.0
+    if afloat:
+        return 0.0
+    if before == 0.0 and lifting < base[V_0] + base[PSI] * z:
+        return 1.0
+    return before
 
 
 def _source() -> str:
@@ -127,6 +145,7 @@ def _fly(  # type: ignore[no-untyped-def]
     seen, said = np.zeros(8, np.float32), np.zeros(4, np.float32)
     result[:] = np.nan
     result[STOP], result[ON_BOTTOM], result[REASON], result[RESETS_] = 0.0, 0.0, 0.0, 0.0
+    result[FILLED] = -1.0
     positioner = base[POSITIONER] != 0.0
     stroke = base[V_MAX] - base[V_MIN]
     lost, water, shift = 0, 0.0, 0.0
@@ -158,6 +177,10 @@ def _fly(  # type: ignore[no-untyped-def]
         quiet = told or k >= c[QUIET_AT] or k > result[LATCHED]
         afloat = z <= base[Z_SURFACE] + c[BAND]
         below = 0.0 if afloat else below + 1.0
+        if afloat and quiet and math.isnan(result[UP]):
+            result[UP] = k
+        if result[FILLED] < 1.0 or afloat:
+            result[FILLED] = _filled(base, volume, x[1], z, afloat, result[FILLED])
         if not quiet or below > c[STAY]:  # one that came up fast bobs, and comes back sooner
             result[ARRIVED] = np.nan
         elif afloat and math.isnan(result[ARRIVED]):

@@ -62,6 +62,8 @@ class Result(NamedTuple):
     released: float  # tick at which it asked for the release of a weight; nan: never
     resets: float  # of the board
     acting: float  # tick at which the first fault began to act; nan: none did
+    up: float  # tick at which it first was at the surface, as asked for; nan: never
+    filled: float  # 1: heavy with all its volume out since it was there last; 0, -1: not
 
 
 class Trace(NamedTuple):

@@ -46,20 +46,22 @@ class Outcome(IntEnum):
     BOTTOM = 2
     NOT_UP = 3
     STOPPED = 4
+    FILLED = 5
 
     @property
     def words(self) -> str:
         """What a reader of the table sees."""
         return (
             "surfaced", "beyond the rated depth", "on the bottom", "not at the surface",
-            "the simulation stopped",
+            "the simulation stopped", "surfaced and was filled by the leak",
         )[self]  # fmt: skip
 
 
 def outcomes(results: Array, *, tick: float, stay: float) -> Array:
     """Return the Outcome of each result [n, len(Result)]; stay [s] at the surface: what is asked.
 
-    A vehicle that leaps out of the water surfaced too.
+    A vehicle that leaps out of the water surfaced too. One that was at the surface and then was heavy
+    with all its volume out was filled: no command helps it any more.
     """
     r = Result(*results.T)
     up = (r.last - r.arrived) * tick >= math.floor(stay / tick) * tick
@@ -69,6 +71,8 @@ def outcomes(results: Array, *, tick: float, stay: float) -> Array:
     found[r.stop == LEFT_WATER] = Outcome.SURFACED
     found[r.bottom == 1.0] = Outcome.BOTTOM
     found[~np.isnan(r.beyond)] = Outcome.BEYOND
+    ended = (found != Outcome.SURFACED) & (found != Outcome.STOPPED)
+    found[ended & ~np.isnan(r.up) & (r.filled == 1.0)] = Outcome.FILLED
     return found
 
 
@@ -140,10 +144,30 @@ class Campaign:
         found: NDArray[np.bool_] = self.outcome(2) == Outcome.SURFACED
         return found
 
+    def came_up(self, flight: int, *, told: int = 2) -> NDArray[np.bool_]:
+        """Whether a flight of each mission surfaced, or was filled and no later up than one told.
+
+        The told flight stays for a minute, and what fills the one fills the other in the end.
+        """
+        found = self.outcome(flight)
+        sooner = self.result(flight, "up") <= self.result(told, "up")
+        up: NDArray[np.bool_] = (found == Outcome.SURFACED) | ((found == Outcome.FILLED) & sooner)
+        return up
+
     @cached_property
     def lost(self) -> NDArray[np.intp]:
         """Numbers of the recoverable vehicles that the supervisor lost."""
-        return np.flatnonzero(self.recoverable & (self.outcome(0) != Outcome.SURFACED))
+        return np.flatnonzero(self.recoverable & ~self.came_up(0))
+
+    @cached_property
+    def filled(self) -> NDArray[np.intp]:
+        """Numbers of the recoverable vehicles that were up no later, and were filled all the same.
+
+        They count as saved: the sea drives a heavy vehicle down, whatever is commanded.
+        """
+        return np.flatnonzero(
+            self.recoverable & self.came_up(0) & (self.outcome(0) == Outcome.FILLED)
+        )
 
     @cached_property
     def lost_early(self) -> NDArray[np.intp]:
@@ -153,7 +177,7 @@ class Campaign:
         that has not shown before.
         """
         told: NDArray[np.bool_] = self.outcome(3) == Outcome.SURFACED
-        return np.flatnonzero(told & ~self.recoverable & (self.outcome(0) != Outcome.SURFACED))
+        return np.flatnonzero(told & ~self.recoverable & ~self.came_up(0, told=3))
 
     @cached_property
     def latch(self) -> Array:
@@ -164,13 +188,13 @@ class Campaign:
     @property
     def lost_alone(self) -> float:
         """Share of the recoverable vehicles that are lost without the supervisor."""
-        alone = self.recoverable & (self.outcome(1) != Outcome.SURFACED)
+        alone = self.recoverable & ~self.came_up(1)
         return float(np.sum(alone) / max(1, np.sum(self.recoverable)))
 
     @property
     def all_lost_alone(self) -> float:
         """Share of all vehicles with faults that are lost without the supervisor."""
-        return float(np.mean(self.outcome(1) != Outcome.SURFACED))
+        return float(np.mean(~self.came_up(1)))
 
     @property
     def false_alarms(self) -> NDArray[np.intp]:
@@ -220,7 +244,7 @@ class Campaign:
 
     def _line(self, name: str, family: str, chosen: NDArray[np.bool_]) -> Line:
         able = self.recoverable & chosen
-        saved, alone = self.outcome(0) == Outcome.SURFACED, self.outcome(1) == Outcome.SURFACED
+        saved, alone = self.came_up(0), self.came_up(1)
         latch = self.latch[chosen & ~np.isnan(self.latch)]
         return Line(
             name=name, family=family, missions=int(chosen.sum()), recoverable=int(able.sum()),
@@ -268,6 +292,7 @@ class Campaign:
             "recoverable": int(self.recoverable.sum()),
             "lost": self.lost,
             "lost_early": self.lost_early,
+            "filled": self.filled,
             "lost_share_alone": self.lost_alone,
             "lost_share_alone_of_all": self.all_lost_alone,
             "kinds": [line._asdict() for line in self.lines()],
