@@ -60,8 +60,8 @@ class Outcome(IntEnum):
 def outcomes(results: Array, *, tick: float, stay: float) -> Array:
     """Return the Outcome of each result [n, len(Result)]; stay [s] at the surface: what is asked.
 
-    A vehicle that leaps out of the water surfaced too. One that was at the surface and then was heavy
-    with all its volume out was filled: no command helps it any more.
+    A vehicle that leaps out of the water surfaced too. One that was at the surface and then
+    heavy with all its volume out was filled: no command helps it any more.
     """
     r = Result(*results.T)
     up = (r.last - r.arrived) * tick >= math.floor(stay / tick) * tick
