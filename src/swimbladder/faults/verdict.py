@@ -189,7 +189,7 @@ class Campaign:
     def lost_alone(self) -> float:
         """Share of the recoverable vehicles that are lost without the supervisor."""
         alone = self.recoverable & ~self.came_up(1)
-        return float(np.sum(alone) / max(1, np.sum(self.recoverable)))
+        return int(alone.sum()) / max(1, int(self.recoverable.sum()))
 
     @property
     def all_lost_alone(self) -> float:
