@@ -9,6 +9,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from swimbladder.energy import Thruster, drive_energy, hovering, profiling
+from swimbladder.energy.sentences import versus_sentences
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.parameters import (
@@ -200,3 +201,17 @@ def test_each_way_is_paid_with_its_own_drag():
     np.testing.assert_allclose(dive.engine[1:], 1.6 * force / (RHO * G) * 2e7, rtol=1e-6)
     per_metre = [THRUSTER.power(share * force, RHO, 0.2) / 0.2 for share in (1.0, 0.6)]
     np.testing.assert_allclose(dive.thruster, sum(per_metre) * dive.depth, rtol=1e-6)
+
+
+def test_a_battery_too_weak_for_pump_and_valve_makes_no_dive():
+    """14.4 V behind 50 ohm gives 1 W at most, and the valve takes 4 W: nothing goes out or in."""
+    vehicle = load_vehicle("example-float")
+    weak = vehicle.supply.model_copy(update={"internal_resistance": 50.0})
+    vehicle = vehicle.model_copy(update={"supply": weak})
+    found = drive_energy(vehicle, uniform_column(vehicle.water, 1000.0))
+    dive = profiling(found, Thruster(), speed=0.1)
+    assert np.isnan(dive.engine).all()
+    assert np.isfinite(dive.thruster).all()
+    hover = hovering(found, Thruster(), weight_error=1e-5)
+    said = " ".join(versus_sentences(hover, dive, found))
+    assert "not by this engine, the drive stalls on the way" in said

@@ -92,7 +92,9 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
     weight = density * column.gravity
     out = np.interp(z, column.depth, found.per_volume)
     flows = np.isfinite(found.per_volume_in)  # at the very surface nothing presses the oil in
-    into = np.interp(z, column.depth[flows], found.per_volume_in[flows])
+    into = np.full(z.shape, np.nan)  # nothing comes in: a battery too weak for the valve
+    if flows.any():
+        into = np.interp(z, column.depth[flows], found.per_volume_in[flows])
     m = found.map
     idle = m.holding_power + np.where(m.leakage > 0.0, m.leakage * found.per_volume, 0.0)
     rest = np.interp(z, column.depth, idle)
