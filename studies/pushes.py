@@ -55,6 +55,7 @@ def _vehicle() -> Vehicle:
 def _law(name: str, vehicle: Vehicle) -> tuple[Law, Any]:
     """Return a law and its parameters: the paper's, or of rounded knobs."""
     if name == CASCADE.name:
+        assert vehicle.controller is not None
         return bind(vehicle.controller)[:2]
     setting = setting_of(vehicle, sample_time=_TICK, supply=_SUPPLY, neutral_range=_RANGE)
     return tunable(name), gains(name, setting, _KNOBS[name])

@@ -17,7 +17,7 @@ def test_a_way_down_is_longer_with_pushes():
     assert without.pushed == 0.0 < with_.pushed
     assert with_.arrival > without.arrival
     assert with_.moved > without.moved
-    assert not (with_.alarm or without.alarm)
+    assert [with_.alarm, without.alarm] == [False, False]
 
 
 def test_the_command_prints_a_row_for_each_law_with_and_without(capsys, monkeypatch):
