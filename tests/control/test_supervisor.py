@@ -500,7 +500,7 @@ class TestSafeAction:
         for _ in range(60):
             before, s = s, SUPERVISOR.initial(p, WET, 1.0)
             if before is not None:
-                s = s._replace(turns=before.turns, pushed=before.pushed, volume=before.pushed)
+                s = s._replace(turns=before.turns, pushed=before.volume, volume=before.volume)
             command, s, _ = SUPERVISOR.step(p, s, WET._replace(volume=volume), 0.0)
             volume = min(volume - 0.3 * p.rate * command, 3.5e-4)
         assert volume >= p.volume_high

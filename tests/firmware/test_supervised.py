@@ -165,12 +165,34 @@ def test_what_a_push_did_outlives_a_reset(turns, way, volumes):
     """The sea drives the piston in by 10 cm3 meanwhile, or the first volume is not measured."""
     made = library()
     before = chip.vehicle_twin(made, after_reset=True).state
-    before = before._replace(turns=turns, phase=0, pushed=np.float32(1e-4))
+    before = before._replace(turns=turns, phase=0, reason=1, volume=np.float32(1e-4))
     vehicle = chip.vehicle_twin(made, after_reset=True, before=before)
     for volume in volumes:
         command = vehicle.tick(SEEN._replace(volume=volume), 3.0)
         assert command == np.float32(getattr(made.supervisor, way))
     assert vehicle.state.turns == turns
+
+
+@pytest.mark.parametrize(("pushing", "lost", "turned"), [
+    (True, 1e-6, False),  # the sea takes a little more than a push gives
+    (True, 2e-5, True),  # the push takes as well: wires the wrong way round
+    (False, 2e-5, False),  # the law had brought it in
+])  # fmt: skip
+def test_only_what_a_reset_finds_lost_since_the_last_push_turns_it(pushing, lost, turned):
+    """A dying cell resets the board at the first tick of every push."""
+    made = library()
+    vehicle, volume = chip.vehicle_twin(made, after_reset=True), np.float32(1e-4)
+    before = vehicle.state._replace(phase=0, reason=1 if pushing else 0, volume=volume)
+    given = []
+    for _ in range(20 if pushing else 1):
+        vehicle = chip.vehicle_twin(made, after_reset=True, before=before)
+        volume = np.float32(volume - lost)
+        given.append(vehicle.tick(SEEN._replace(volume=volume), 3.0))
+        before = vehicle.state
+        if given[-1] == np.float32(made.supervisor.away_command):
+            break
+    assert (given[-1] == np.float32(made.supervisor.away_command)) == turned
+    assert len(given) == (1 if turned or not pushing else 20)
 
 
 @settings(max_examples=40)

@@ -117,8 +117,8 @@ class VehicleTwin:
         state = supervisor.initial(limits, nothing, 1.0 if after_reset else 0.0)
         if after_reset and before is not None:
             state = state._replace(turns=before.turns)
-            if before.phase < _SOON and before.turns < _TURNS:
-                state = state._replace(pushed=before.pushed, volume=before.pushed)
+            if before.reason > 0 and before.phase < _SOON and before.turns < _TURNS:
+                state = state._replace(pushed=before.volume, volume=before.volume)
         self.state = state
 
     @property
