@@ -203,6 +203,22 @@ def test_a_board_that_is_reset_begins_its_mission_anew(rig):
     assert np.all(flown["reference"][157:197] == 20.0)
 
 
+def test_a_positioner_that_stalled_goes_on_with_the_command_it_has(rig_of):
+    rig = rig_of("ntnu-bv", (1.0, 1.5))
+    p = plant(rig.vehicle)
+    harm = (Fault.STALLED, 0, 0, 10, 60)
+    start = rig.vehicle.neutral_volume(1.0)
+    _, flown = rig.fly(
+        harm, (Fault.DEPTH_NAN, 0, 0, 0, ALWAYS), depth=1.0, ticks=90, how=1, full_after=20.0
+    )
+    assert flown["command"][21:] == pytest.approx(p.V_max)
+    assert np.all(flown["volume"][20:61] == flown["volume"][20])
+    moved = p.rate * rig.tick * np.arange(1, 30)
+    after = np.minimum(flown["volume"][20] + moved, p.V_max)
+    assert flown["volume"][61:90] == pytest.approx(after, abs=1e-12)
+    assert flown["volume"][89] > start
+
+
 def test_told_to_come_up_it_does_so_at_full_voltage(rig):
     result, flown = rig.fly((Fault.DEPTH_NAN, 0, 0, 100, ALWAYS), ticks=1500, how=1)
     assert np.all(flown["command"][300:] == 12.0)

@@ -18,6 +18,8 @@ from swimbladder.engine.cache import compiled, inlined, part
 from swimbladder.engine.layers import Layers
 from swimbladder.engine.modes import (
     KAPPA,
+    MOVING_IN,
+    MOVING_OUT,
     POSITIONER,
     PSI,
     RATE,
@@ -192,8 +194,10 @@ def _fly(  # type: ignore[no-untyped-def]
         if changes(harms, k):
             suffer(base, p, harms, k, volume, shift)
             built[:] = 0
-            if positioner and x[0] != 0.0:
-                x[0] = math.copysign(p[RATE], x[0])
+            if mode % 10 == MOVING_OUT:  # a positioner on its way, also one that could not move
+                x[0] = p[RATE]
+            elif mode % 10 == MOVING_IN:
+                x[0] = -p[RATE]
         if act < harms.shape[0]:
             act = acted(base, p, harms, k, tick, x[1], kept)
             if act > 0 and math.isnan(result[ACTING]):
