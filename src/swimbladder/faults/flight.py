@@ -102,7 +102,10 @@ def _filled(base, volume, lifting, z, afloat, before):  # type: ignore[no-untype
     """Return 1 once a vehicle is heavy with all its volume [m3] out since it was at the surface.
 
     0: all out, and not heavy; -1: not all out, or not there. lifting [m3]: volume less the water.
+    What is filled stays so until it is at the surface again.
     """
+    if before > 0.0 and not afloat:
+        return before
     if volume < base[V_MAX] - _NEARLY * (base[V_MAX] - base[V_MIN]):
         return -1.0
     if afloat:
@@ -181,8 +184,7 @@ def _fly(  # type: ignore[no-untyped-def]
         below = 0.0 if afloat else below + 1.0
         if afloat and quiet and math.isnan(result[UP]):
             result[UP] = k
-        if result[FILLED] < 1.0 or afloat:
-            result[FILLED] = _filled(base, volume, x[1], z, afloat, result[FILLED])
+        result[FILLED] = _filled(base, volume, x[1], z, afloat, result[FILLED])
         if not quiet or below > c[STAY]:  # one that came up fast bobs, and comes back sooner
             result[ARRIVED] = np.nan
         elif afloat and math.isnan(result[ARRIVED]):

@@ -16,11 +16,11 @@ from swimbladder.control.law import NEVER, Law, Measurement
 from swimbladder.control.supervisor import SUPERVISOR, Reason, reasons_in
 from swimbladder.control.supervisor_records import SupervisorParameters, Watched
 
-__all__ = ["ControllerTwin", "VehicleTwin", "wait_in_ticks"]
+__all__ = ["MOST_TURNS", "SOON", "ControllerTwin", "VehicleTwin", "wait_in_ticks"]
 
 _MOST_TICKS = 1_000_000
-_SOON = 3  # ticks: a push that lasted longer has been judged before a reset
-_TURNS = 4  # turns of a push that gained the other way round
+SOON = 3  # ticks: a push that lasted longer has been judged before a reset
+MOST_TURNS = 4  # turns of a push that gained the other way round
 
 
 def wait_in_ticks(next_s: Any, tick_s: Any) -> int:
@@ -117,7 +117,7 @@ class VehicleTwin:
         state = supervisor.initial(limits, nothing, 1.0 if after_reset else 0.0)
         if after_reset and before is not None:
             state = state._replace(turns=before.turns)
-            if before.reason > 0 and before.phase < _SOON and before.turns < _TURNS:
+            if before.reason > 0 and before.phase < SOON and before.turns < MOST_TURNS:
                 state = state._replace(pushed=before.volume, volume=before.volume)
         self.state = state
 

@@ -21,6 +21,7 @@ from swimbladder.control.supervisor_records import SupervisorParameters, Watched
 from swimbladder.errors import InputError
 from swimbladder.firmware.c99 import MEASUREMENT_H, write_c99
 from swimbladder.firmware.c_names import c_field, c_float, c_law, c_number
+from swimbladder.firmware.clock import MOST_TURNS, SOON
 from swimbladder.firmware.golden import Golden, command_limits, fly
 from swimbladder.firmware.meanings import facts_of
 from swimbladder.firmware.pool import (
@@ -246,6 +247,8 @@ def _facts(
         "low_text": f"{low:.6g}",
         "high_text": f"{high:.6g}",
         "first": c_float(first),
+        "soon": SOON,
+        "most_turns": MOST_TURNS,
         "digits": 3 if volts else 9,
         "header": columns,
         "drive": "put the voltage on the motor, positive: the volume grows" if volts
