@@ -60,7 +60,10 @@ def run_missions(
     for field, count in (("--missions", missions), ("--healthy", healthy)):
         if not 1 <= count <= 10_000_000:
             raise InputError(
-                "must be a whole number from 1 to 10 million", field=field, value=count
+                "must be a whole number from 1 to 10 million",
+                field=field,
+                value=count,
+                remedy="Give some hundreds to try, 100000 to prove",
             )
     course = course_of(vehicle, depths)
     files = sources(course)
