@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from swimbladder.parameters import (
+from swimbladder.vehicle import (
     ElectrohydraulicActuator,
     ElectromechanicalActuator,
     IdentifiedActuator,

@@ -18,16 +18,16 @@ from swimbladder.control.observer import (
     moves,
     step,
 )
-from swimbladder.dynamics import plant
-from swimbladder.io.config import load_vehicle
-from swimbladder.tune.gains import Knobs, gains, setting_of
-from swimbladder.tune.motion import (
+from swimbladder.design.tuning.gains import Knobs, gains, setting_of
+from swimbladder.design.tuning.motion import (
     filter_gains,
     held_motion,
     hold_gains,
     motion_over_sample,
     runaway,
 )
+from swimbladder.io.config import load_vehicle
+from swimbladder.physics.dynamics import plant
 
 VEHICLE = load_vehicle("feup-em")
 PLANT = plant(VEHICLE)

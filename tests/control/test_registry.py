@@ -7,7 +7,7 @@ import pytest
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters
 from swimbladder.errors import InputError
-from swimbladder.parameters import Controller
+from swimbladder.vehicle import Controller
 from tests.vehicles import TABLE_3
 
 

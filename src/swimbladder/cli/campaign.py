@@ -33,7 +33,7 @@ from swimbladder.cli.common import (
 from swimbladder.cli.masses import warn_of_mass
 
 if TYPE_CHECKING:
-    from swimbladder.campaign.result import Campaign
+    from swimbladder.sim.campaign.result import Campaign
 
 __all__ = ["campaign"]
 
@@ -103,11 +103,11 @@ def campaign(
     warn_of_mass(v)
     columns = [water(v, task, one) for one in casts] or [water(v, task, None)]
     with progress("loading the simulator"):
-        from swimbladder.campaign.draw import Spread
-        from swimbladder.campaign.result import Campaign
-        from swimbladder.campaign.run import fly_floats
-        from swimbladder.mission.prepare import make_plan
-        from swimbladder.mission.reach import check_reach
+        from swimbladder.sim.campaign.draw import Spread
+        from swimbladder.sim.campaign.result import Campaign
+        from swimbladder.sim.campaign.run import fly_floats
+        from swimbladder.sim.mission.prepare import make_plan
+        from swimbladder.sim.mission.reach import check_reach
 
     assert trim is not None
     assert psi is not None

@@ -272,7 +272,7 @@ _told: list[bool] = []  # whether it has been said that something is compiled
 @contextlib.contextmanager
 def compile_notice() -> Iterator[None]:
     """Say on stderr what is waited for when the simulator has to be compiled."""
-    from swimbladder.engine.cache import on_compile
+    from swimbladder.sim.engine.cache import on_compile
 
     def notice() -> None:
         if not _told:

@@ -35,9 +35,9 @@ from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.io.mission import Mission
-    from swimbladder.mission.result import MissionResult
-    from swimbladder.parameters import Vehicle
-    from swimbladder.seawater import Cast, Column
+    from swimbladder.physics.seawater import Cast, Column
+    from swimbladder.sim.mission.result import MissionResult
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["asked_span", "check_phases", "mission", "water"]
 
@@ -155,8 +155,8 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
 
     Raises NoAnswerError where the cast ends above.
     """
-    from swimbladder.mission.reach import check_column
-    from swimbladder.seawater import cast_column, uniform_column
+    from swimbladder.physics.seawater import cast_column, uniform_column
+    from swimbladder.sim.mission.reach import check_column
 
     deepest = max([task.start_depth, *(p.depth for p in task.phases if p.depth is not None)])
     if cast is None:
@@ -182,10 +182,10 @@ def _fly(
     seed: int | None, out: Path,
 ) -> MissionResult:  # fmt: skip
     with progress("loading the simulator"):
-        from swimbladder.mission.flight import fly_mission
-        from swimbladder.mission.prepare import make_plan
-        from swimbladder.mission.reach import check_reach
-        from swimbladder.mission.result import MissionResult
+        from swimbladder.sim.mission.flight import fly_mission
+        from swimbladder.sim.mission.prepare import make_plan
+        from swimbladder.sim.mission.reach import check_reach
+        from swimbladder.sim.mission.result import MissionResult
 
     reach = check_reach(vehicle, task, make_plan(vehicle, task, column))
     with kept(_unfinished(out)), compile_notice(), progress("flying", 1.0) as advance:
@@ -203,9 +203,9 @@ def _write(
     """Write the files, take away those of an earlier flight, and return their paths."""
     from swimbladder.io.files import publish, write_atomically
     from swimbladder.io.tables import write_csv
-    from swimbladder.mission.export import float_configuration
-    from swimbladder.mission.og1 import og1_dataset, write_og1
-    from swimbladder.mission.tables import cycle_columns, events_csv, speeds, trajectory_columns
+    from swimbladder.sim.mission.export import float_configuration
+    from swimbladder.sim.mission.og1 import og1_dataset, write_og1
+    from swimbladder.sim.mission.tables import cycle_columns, events_csv, speeds, trajectory_columns
 
     names = ["mission.json", "trajectory.csv", "events.csv", "cycles.csv", "vertical-speed.csv"]
     names += ["float.json"] + ["mission.nc"] * netcdf + ["mission.png"] * plot
@@ -225,8 +225,8 @@ def _write(
             )  # fmt: skip
             write_og1(data, folder / "mission.nc")
         if plot:
-            from swimbladder.plots.mission import draw_mission
-            from swimbladder.plots.style import save
+            from swimbladder.show.plots.mission import draw_mission
+            from swimbladder.show.plots.style import save
 
             save(draw_mission(found), folder / "mission.png")
 
@@ -239,8 +239,8 @@ def _write(
 def _print(found: MissionResult, cast: Cast | None, files: list[Path]) -> None:
     from rich.table import Table
 
-    from swimbladder.mission.tables import cycle_words
-    from swimbladder.mission.words import span_words
+    from swimbladder.sim.mission.tables import cycle_words
+    from swimbladder.sim.mission.words import span_words
 
     flight = found.flight
     output.print(

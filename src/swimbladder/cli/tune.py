@@ -19,7 +19,7 @@ from swimbladder.cli.common import (
 from swimbladder.cli.depths import depth_pair, with_sensor
 
 if TYPE_CHECKING:
-    from swimbladder.tune import Tuning
+    from swimbladder.design.tuning import Tuning
 
 __all__ = ["tune"]
 
@@ -96,8 +96,8 @@ def tune(
     }
     check_place(out)
     with progress("loading the simulator"):
-        from swimbladder.report.tune import write_tuning
-        from swimbladder.tune import tune as find
+        from swimbladder.design.tuning import tune as find
+        from swimbladder.show.report.tune import write_tuning
     with compile_notice(), progress("looking for gains", 1.0) as advance:
         found = find(v, **options, advance=advance)
     answer = found.to_json()

@@ -17,9 +17,9 @@ from swimbladder.control.pulse import PULSE
 from swimbladder.control.rate import RATE
 from swimbladder.control.sea_cascade import SEA_CASCADE
 from swimbladder.errors import InputError
-from swimbladder.parameters import Controller
-from swimbladder.parameters.schema import did_you_mean
 from swimbladder.units import parse_quantity
+from swimbladder.vehicle import Controller
+from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["LAWS", "MISSION_LAWS", "bind", "law_by_name", "law_parameters"]
 

@@ -8,16 +8,16 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from swimbladder.actuator import refuse_pump_and_valve
 from swimbladder.control.rate import RATE
 from swimbladder.control.registry import LAWS, MISSION_LAWS, bind
-from swimbladder.dynamics import even_drag, plant
 from swimbladder.errors import InputError
-from swimbladder.hull import check_mass
 from swimbladder.io.mission import Mission
 from swimbladder.io.presets import preset_names, preset_text
 from swimbladder.io.toml_lines import key_lines
-from swimbladder.parameters import Parameters, Vehicle, input_error
+from swimbladder.physics.actuator import refuse_pump_and_valve
+from swimbladder.physics.dynamics import even_drag, plant
+from swimbladder.physics.hull import check_mass
+from swimbladder.vehicle import Parameters, Vehicle, input_error
 
 __all__ = [
     "Mission",
