@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from swimbladder.sim.closed_loop.by_hand import as_law
 
 from swimbladder.design.law_comparison.contenders import PAPER, own
 from swimbladder.design.law_comparison.fly import Flown, fly, measure, no_energy, summarise
@@ -13,6 +12,7 @@ from swimbladder.design.law_comparison.swell import depth_error
 from swimbladder.design.tuning.region import region
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
+from swimbladder.sim.closed_loop.function import as_law
 
 FEUP = load_vehicle("feup-em")
 
