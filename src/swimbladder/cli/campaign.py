@@ -88,7 +88,7 @@ def campaign(
     """
     from swimbladder.cli.mission import asked_span, check_phases, water
     from swimbladder.io.config import load_mission, load_vehicle
-    from swimbladder.io.files import check_place
+    from swimbladder.io.files import check_place, unfinished
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
     check_phases(task, mission)
@@ -123,7 +123,7 @@ def campaign(
     plans = [make_plan(v, task, one) for one in columns]
     for plan in plans:
         check_reach(v, task, plan)
-    aside = out.parent / f".{out.name}-unfinished"
+    aside = unfinished(out)
     with kept(aside), compile_notice(), progress("flying", 1.0) as advance:
         table = fly_floats(
             v, task, columns, floats=floats, seed=seed, spread=spread, cycles=cycles, span=span,

@@ -58,7 +58,7 @@ def faults(
     """
     from swimbladder.cli.depths import depth_pair
     from swimbladder.io.config import load_vehicle
-    from swimbladder.io.files import check_place
+    from swimbladder.io.files import check_place, unfinished
 
     v = load_vehicle(vehicle, sampled=True)
     depths = None if depth is None else depth_pair(depth, "--depth")
@@ -69,7 +69,7 @@ def faults(
     with progress("loading the simulator"):
         from swimbladder.cli.faults_files import write_campaign
         from swimbladder.sim.faults import run_missions
-    keep = out.parent / f".{out.name}-unfinished"
+    keep = unfinished(out)
     with kept(keep), compile_notice(), progress("flying missions", 1.0) as advance:
         flown = run_missions(
             v, missions=missions, healthy=healthy, seed=seed, depths=depths, keep=keep,

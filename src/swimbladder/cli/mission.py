@@ -93,13 +93,14 @@ def mission(
     A run that is killed goes on where it was.
     """
     from swimbladder.io.config import load_mission, load_vehicle
-    from swimbladder.io.files import check_place
+    from swimbladder.io.files import check_place, unfinished
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
     check_phases(task, mission)
     span = asked_span(duration)
-    start = _moment(begin)
+    start = _moment(begin) or _BEGIN
     check_place(out)
+    keep = unfinished(out)
     casts = asked_casts(
         [] if cast is None else [cast], column=column, where=where, log_format=log_format,
         profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
@@ -107,11 +108,11 @@ def mission(
     )  # fmt: skip
     read = casts[0] if casts else None
     warn_of_mass(v)
-    found = _fly(v, task, water(v, task, read), cycles, span, seed, out)
+    found = _fly(v, task, water(v, task, read), cycles, span, seed, keep)
     answer = found.to_json()
     with progress("writing the files"):
         files = _write(found, out, answer, read, start, netcdf=netcdf, plot=plot)
-    shutil.rmtree(_unfinished(out), ignore_errors=True)
+    shutil.rmtree(keep, ignore_errors=True)
     if json:
         emit_json({**answer, "files": [str(path) for path in files]})
     else:
@@ -173,13 +174,9 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
     return column
 
 
-def _unfinished(out: Path) -> Path:
-    return out.parent / f".{out.name}-unfinished"
-
-
 def _fly(
     vehicle: Vehicle, task: Mission, column: Column, cycles: int | None, span: float | None,
-    seed: int | None, out: Path,
+    seed: int | None, keep: Path,
 ) -> MissionResult:  # fmt: skip
     with progress("loading the simulator"):
         from swimbladder.sim.mission.flight import fly_mission
@@ -188,9 +185,9 @@ def _fly(
         from swimbladder.sim.mission.result import MissionResult
 
     reach = check_reach(vehicle, task, make_plan(vehicle, task, column))
-    with kept(_unfinished(out)), compile_notice(), progress("flying", 1.0) as advance:
+    with kept(keep), compile_notice(), progress("flying", 1.0) as advance:
         flown = fly_mission(
-            vehicle, task, column, cycles=cycles, span=span, seed=seed, keep=_unfinished(out),
+            vehicle, task, column, cycles=cycles, span=span, seed=seed, keep=keep,
             advance=advance,
         )  # fmt: skip
     return MissionResult(flown, reach)
@@ -198,7 +195,7 @@ def _fly(
 
 def _write(
     found: MissionResult, out: Path, answer: dict[str, Any], cast: Cast | None,
-    begin: datetime.datetime | None, *, netcdf: bool, plot: bool,
+    begin: datetime.datetime, *, netcdf: bool, plot: bool,
 ) -> list[Path]:  # fmt: skip
     """Write the files, take away those of an earlier flight, and return their paths."""
     from swimbladder.io.files import publish, write_atomically
@@ -216,10 +213,12 @@ def _write(
         write_atomically(folder / "events.csv", events_csv(found.flight))
         write_csv(folder / "cycles.csv", cycle_columns(found))
         write_csv(folder / "vertical-speed.csv", speeds(found.flight))
-        write_atomically(folder / "float.json", json_text(float_configuration(found)) + "\n")
+        write_atomically(
+            folder / "float.json", json_text(float_configuration(found, begin=begin)) + "\n"
+        )
         if netcdf:
             data = og1_dataset(
-                found, begin=begin or _BEGIN,
+                found, begin=begin,
                 latitude=None if cast is None else cast.latitude,
                 longitude=None if cast is None else cast.longitude,
             )  # fmt: skip

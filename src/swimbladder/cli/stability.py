@@ -65,7 +65,7 @@ def stability(
     that it is unstable, and with which parameters. A run that was killed goes on where it was.
     """
     from swimbladder.io.config import load_vehicle
-    from swimbladder.io.files import check_place, publish, write_atomically
+    from swimbladder.io.files import check_place, publish, unfinished, write_atomically
 
     v = load_vehicle(vehicle, sampled=True)
     options: dict[str, Any] = {
@@ -80,7 +80,7 @@ def stability(
         "draws": draws,
     }
     check_place(out)
-    keep = out.parent / f".{out.name}-parts"
+    keep = unfinished(out)
     with progress("loading the simulator"):
         from swimbladder.design.stability import stability as find
         from swimbladder.design.stability.parts import Parts

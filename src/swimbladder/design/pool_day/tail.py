@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,7 +15,9 @@ from numpy.typing import NDArray
 from swimbladder.design.pool_day.events import Sample
 from swimbladder.errors import LogError
 from swimbladder.estimation.comparison.record import piston_area
+from swimbladder.io.files import read_at_most, temporary_folder
 from swimbladder.io.log_format import LogFormat
+from swimbladder.io.log_text import MOST_BYTES
 from swimbladder.io.logs import Log, read_log
 from swimbladder.vehicle import Vehicle
 
@@ -55,7 +58,7 @@ class Tail:
     def look(self) -> Growth:
         """Return what is new; raises LogError where the file is no such log."""
         try:
-            data = self.path.read_bytes()
+            data = read_at_most(self.path, MOST_BYTES)
         except FileNotFoundError:
             return Growth([], False, "missing")
         except OSError as error:
@@ -79,8 +82,9 @@ class Tail:
 
     def _rows(self, data: bytes) -> NDArray[np.float64] | None:
         """Return all rows of the text; None where it is too short to be a log yet."""
-        with tempfile.TemporaryDirectory(prefix="swimbladder-") as folder:
-            copy = Path(folder) / self.path.name
+        folder = temporary_folder(Path(tempfile.gettempdir()))
+        try:
+            copy = folder / self.path.name
             copy.write_bytes(data)
             try:
                 log = read_log(copy, columns=self.columns, log_format=self.log_format)
@@ -93,6 +97,8 @@ class Tail:
                 if data.count(b"\n") + data.count(b"\r") > _EARLY:
                     raise self.trouble from None
                 return None
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
         self.trouble, self.report = None, log.report
         return rows
 

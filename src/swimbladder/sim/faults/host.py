@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.io.files import temporary_folder
 
 __all__ = ["Board", "compiler"]
 
@@ -53,7 +54,7 @@ class Board:
 
     def __init__(self, files: Mapping[str, str], names: tuple[str, ...]) -> None:
         cc = compiler()
-        self._folder = Path(tempfile.mkdtemp(prefix="swimbladder-board-"))
+        self._folder = temporary_folder(Path(tempfile.gettempdir()))
         try:
             for name, text in files.items():
                 (self._folder / name).write_text(text, encoding="utf-8")

@@ -3,19 +3,41 @@
 from __future__ import annotations
 
 import datetime
+import os
 from typing import Any
 
 import numpy as np
 
+from swimbladder.errors import InputError
 from swimbladder.sim.mission.core.names import Cycle
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import speeds
 
-__all__ = ["float_configuration"]
+__all__ = ["created", "float_configuration"]
 
 
-def float_configuration(result: MissionResult) -> dict[str, Any]:
+def created(begin: datetime.datetime) -> datetime.datetime:
+    """Return when results say that they were made: the same for the same run.
+
+    It is the time of SOURCE_DATE_EPOCH where the environment sets it, else the mission's begin.
+    Raises InputError where that variable is no number of seconds since 1970.
+    """
+    given = os.environ.get("SOURCE_DATE_EPOCH")
+    if not given:
+        return begin.astimezone(datetime.UTC)
+    try:
+        return datetime.datetime.fromtimestamp(int(given), datetime.UTC)
+    except (ValueError, OverflowError, OSError):
+        raise InputError(
+            "not a number of seconds since 1970", field="SOURCE_DATE_EPOCH", value=given, unit="s",
+            remedy="Set the environment variable to a whole number, or unset it",
+        ) from None  # fmt: skip
+
+
+def float_configuration(result: MissionResult, *, begin: datetime.datetime) -> dict[str, Any]:
     """Return the float as VirtualFleet's configuration file takes it (version 2.0).
+
+    begin: of the mission, see `created`.
 
     Its one vertical speed is that of the ways up, distance over time: VirtualFleet 0.5.3 rises with
     it and sinks with a third of it (`ArgoFloatKernel`). Hours and depths are whole numbers, since
@@ -46,9 +68,8 @@ def float_configuration(result: MissionResult) -> dict[str, Any]:
          "CONFIG_ProfilePressure_dbar"),
         ("vertical_speed", speed, "Vertical profiling speed", "m/s", ""),
     ]  # fmt: skip
-    now = datetime.datetime.now(datetime.UTC)
     return {
-        "created": now.isoformat(),
+        "created": created(begin).isoformat(),
         "version": "2.0",
         "name": flight.vehicle.name,
         "parameters": [

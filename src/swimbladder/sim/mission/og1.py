@@ -17,6 +17,7 @@ import numpy as np
 
 from swimbladder.io.files import write_through
 from swimbladder.sim.mission.core.names import Doing, Row
+from swimbladder.sim.mission.export import created
 from swimbladder.sim.mission.power import power_names
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import trajectory_columns
@@ -223,7 +224,6 @@ def _attributes(result: MissionResult, begin: datetime.datetime, stamp: str) -> 
     flight = result.flight
     name = flight.vehicle.name
     source = f"swimbladder {version('swimbladder')}"
-    now = datetime.datetime.now(datetime.UTC)
     end = begin + datetime.timedelta(seconds=flight.duration)
     return {
         "title": f"{name}: {flight.mission.name or 'mission'}, simulated",
@@ -244,10 +244,10 @@ def _attributes(result: MissionResult, begin: datetime.datetime, stamp: str) -> 
         "start_date": stamp,
         "time_coverage_start": stamp,
         "time_coverage_end": f"{end.astimezone(datetime.UTC):%Y%m%dT%H%M%S}",
-        "date_created": f"{now:%Y%m%dT%H%M%S}",
+        "date_created": f"{created(begin):%Y%m%dT%H%M%S}",
         "source": source,
         "comment": "A simulation, no measurement: there are no sensors, no GPS fixes and no QC",
-        "history": f"{now:%Y-%m-%dT%H:%M:%SZ} written by {source}",
+        "history": f"written by {source}",
     }
 
 
