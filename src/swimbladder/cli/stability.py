@@ -83,7 +83,7 @@ def stability(
     keep = unfinished(out)
     with progress("loading the simulator"):
         from swimbladder.design.stability import stability as find
-        from swimbladder.design.stability.parts import Parts
+        from swimbladder.jobs import Store
         from swimbladder.show.plots.stability import draw_recovery, draw_robustness
         from swimbladder.show.plots.style import save
     doing = "looking for what is unstable"
@@ -108,7 +108,7 @@ def stability(
         names.append("robustness.png")
     with progress("writing the pictures"):
         publish(out, write)
-    Parts(keep).forget()
+    Store(keep).forget()
     files = [out / name for name in names]
     if json:
         emit_json({**answer, "files": [str(path) for path in files]})

@@ -14,15 +14,23 @@ import shutil
 import stat
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from swimbladder.errors import InputError
 
 __all__ = [
-    "check_place", "make_folder", "publish", "read_at_most", "remove_leftovers", "temporary_folder",
-    "unfinished", "write_atomically", "write_through",
-]  # fmt: skip
+    "check_place",
+    "make_folder",
+    "publish",
+    "read_at_most",
+    "remove_leftovers",
+    "source_hash",
+    "temporary_folder",
+    "unfinished",
+    "write_atomically",
+    "write_through",
+]
 
 _MARK = ".swimbladder-"
 _OLD = 86_400.0  # s after which what another machine left is no longer being written
@@ -209,3 +217,14 @@ def _refused(out: Path, error: OSError) -> InputError:
         f"cannot write the files: {error.strerror or error}", file=out, field="--out",
         remedy="Choose a folder that can be written with --out",
     )  # fmt: skip
+
+
+def source_hash(paths: Iterable[Path]) -> str:
+    """Return a hash of source files: of their names and what is in them."""
+    digest = hashlib.sha256()
+    try:
+        for path in sorted(paths):
+            digest.update(path.name.encode() + path.read_bytes())
+    except OSError:  # inside an archive: the version has to do
+        digest.update(b"no source")
+    return digest.hexdigest()[:16]

@@ -8,10 +8,10 @@ from swimbladder.design.law_comparison import SCENARIOS, bench
 from swimbladder.design.law_comparison import run as running
 from swimbladder.design.law_comparison.bounds import Asked, least_times
 from swimbladder.design.law_comparison.contenders import LeftOut
-from swimbladder.design.law_comparison.store import Store
 from swimbladder.design.planning import least_time
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
+from swimbladder.jobs import Store
 
 FEUP, TANK = load_vehicle("feup-em"), load_vehicle("ntnu-bv")
 FEW = tuple(s for s in SCENARIOS if s.name in ("step-down", "step-uncertain", "hold", "hold-drift"))

@@ -9,11 +9,11 @@ from typing import Any
 from swimbladder.control.law import Law
 from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters
 from swimbladder.design.law_comparison.scenarios import LOW_SUPPLY, Places
-from swimbladder.design.law_comparison.store import Store
 from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.gains import TUNABLE
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.io.config import load_vehicle
+from swimbladder.jobs import Store
 from swimbladder.vehicle import Controller, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 

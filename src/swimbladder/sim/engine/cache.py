@@ -21,6 +21,8 @@ from numba import types
 from numba.core import event
 from numba.extending import intrinsic
 
+from swimbladder.io.files import source_hash
+
 __all__ = [
     "OPTIONS",
     "cache_folder",
@@ -54,14 +56,9 @@ _SOURCES = (
 @cache
 def cache_folder() -> Path:
     """Return the folder of the compiled kernels; SWIMBLADDER_CACHE_DIR overrides its parent."""
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    try:
-        for pattern in _SOURCES:
-            for source in sorted(_PACKAGE.glob(pattern)):
-                digest.update(source.name.encode() + source.read_bytes())
-    except OSError:  # inside an archive: the version has to do
-        digest.update(b"no source")
-    return _parent() / f"kernels-{digest.hexdigest()[:16]}"
+    sources = source_hash(path for pattern in _SOURCES for path in _PACKAGE.glob(pattern))
+    versions = hashlib.sha256(f"{numba.__version__} {sys.version} {sources}".encode())
+    return _parent() / f"kernels-{versions.hexdigest()[:16]}"
 
 
 def _parent() -> Path:
