@@ -27,7 +27,7 @@ from swimbladder.control.supervisor import SUPERVISOR
 from swimbladder.control.supervisor_records import Watched
 from swimbladder.sim.closed_loop import simulate
 from tests.codegen.build import run, write
-from tests.codegen.laws import bits, controlled, laid_out, layout
+from tests.codegen.laws import bits, controlled, laid_out, layout, scalars_of
 
 HERE = Path(__file__).parent / "simavr"
 MCUS = ("atmega328p", "atmega2560")
@@ -128,7 +128,7 @@ def frames(law: Law, folder: Path, mcu: str) -> Chip:
     """Return a chip that runs a law's functions on any numbers."""
     source = write(law, folder)
     name = f"swb_{c_law(law.name)}"
-    parameters, state = ([kind for kind, _ in layout(record, align=False).fields.values()]
+    parameters, state = (scalars_of(layout(record, align=False))
                          for record in (law.parameters, law.state))  # fmt: skip
     flags = [
         f'-DLAW_HEADER="{source.header_name}"', f"-DPARAMETERS={name}_parameters",

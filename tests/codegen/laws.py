@@ -1,9 +1,9 @@
 """For every law a vehicle that it holds, its parameters there, and an hour's mission with noise."""
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from swimbladder.control.registry import LAWS, bind
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Controller, Sensors, Vehicle
+from swimbladder.vehicle.records import field_types, from_numbers, is_record, leaf_names, leaves
 from tests.control.examples import ADRC_FAST, S_P, SEA, SLEEPER
 from tests.vehicles import paper
 
@@ -73,7 +74,7 @@ def example(name: str) -> Example:
 def controlled(name: str) -> Vehicle:
     """Return a law's vehicle with a controller of that law."""
     vehicle, parameters, tick = example(name)
-    numbers = {n: x for n, x in parameters._asdict().items() if n != "S_p"}
+    numbers = {n: x for n, x in leaves(parameters).items() if n != "S_p"}
     own = Controller(law=name, sample_time=tick, parameters=numbers)
     return vehicle.model_copy(update={"controller": own})
 
@@ -133,11 +134,19 @@ def bits(*values: Any) -> tuple[Any, ...]:
 
 
 def layout(kind: type[Any], *, align: bool = True) -> np.dtype[Any]:
-    """Return how C lays out a NamedTuple of numbers, counts and truths."""
-    hints = get_type_hints(kind, include_extras=True)
+    """Return how C lays out a NamedTuple of numbers, counts, truths and such NamedTuples."""
     scalars = [(float, "<f4"), (Count, "<u2"), (bool, "?")]
-    fields = [(n, next(s for hint, s in scalars if hint == hints[n])) for n in kind._fields]
+    fields = [
+        (n, layout(t, align=align) if is_record(t) else next(s for hint, s in scalars if hint == t))
+        for n, t in field_types(kind).items()
+    ]
     return np.dtype(fields, align=align)
+
+
+def scalars_of(form: np.dtype[Any]) -> list[np.dtype[Any]]:
+    """Return the types of the numbers in a layout."""
+    inner = [kind for kind, *_ in form.fields.values()] if form.fields else []
+    return [s for kind in inner for s in scalars_of(kind)] if form.fields else [form]
 
 
 def laid_out(form: np.dtype[Any], *values: Any) -> bytes:
@@ -152,7 +161,15 @@ def laid_out(form: np.dtype[Any], *values: Any) -> bytes:
 
 def in_float64(value: Any) -> Any:
     """Return a named tuple of float32 as one of floats."""
-    return type(value)(*map(float, value))
+    return from_numbers(type(value), map(float, flat(value)))
+
+
+def split(law: Law, frame: Sequence[Any], seen: type[Any] = Measurement) -> tuple[Any, ...]:
+    """Return parameters, state, what is seen and the reference of a frame of numbers."""
+    p = len(leaf_names(law.parameters))
+    s = p + len(leaf_names(law.state))
+    parameters = from_numbers(law.parameters, frame[:p])
+    return parameters, from_numbers(law.state, frame[p:s]), seen(*frame[s:-1]), frame[-1]
 
 
 def random_calls(name: str, count: int) -> list[tuple[Any, ...]]:

@@ -13,18 +13,26 @@ FEW = 2
 BELOW = -0.25
 
 
-class OddParameters(NamedTuple):
+class Slope(NamedTuple):
     k: float  # 1/s */ not the end of a comment
+
+
+class OddParameters(NamedTuple):
+    slope: Slope
     register: float  # a word of C
     B1: float  # a macro of Arduino
     S_p: float  # s
     most: Count  # -
 
 
-class OddState(NamedTuple):
-    sum: float  # m
+class Found(NamedTuple):
     m: float  # m, the name of an argument in C
     best: float  # m
+
+
+class OddState(NamedTuple):
+    sum: float  # m
+    found: Found
     int: Count  # -, a word of C
     on: bool
 
@@ -54,7 +62,16 @@ def three(x: float):
 def spread(both: Both, p: OddParameters) -> float:
     inner = both.second
     near, far, _ = inner
-    return far - near + both.first.far * p.k
+    return far - near + both.first.far * steep(p.slope)
+
+
+def steep(slope: Slope) -> float:
+    return slope.k
+
+
+def better(found: Found, by: float) -> Found:
+    found = found._replace(best=min(found.best, by))
+    return found._replace(m=found.best, best=found.m) if by > 63.0 else found
 
 
 def chosen(a: pair, b: pair, first: bool) -> pair:
@@ -62,9 +79,9 @@ def chosen(a: pair, b: pair, first: bool) -> pair:
 
 
 def grown(state: OddState, by: float) -> OddState:
-    state = OddState(state.sum + by, state.m, state.best, state.int, state.on)
+    state = OddState(state.sum + by, state.found, state.int, state.on)
     if by > 2.0:
-        state = OddState(state.sum, state.m + by, best=state.best, int=7, on=False)
+        state = OddState(state.sum, Found(state.found.m + by, state.found.best), int=7, on=False)
     return state
 
 
@@ -99,9 +116,10 @@ def total(n: Count) -> float:
 
 def initial(parameters: OddParameters, measurement: Measurement, reference: float) -> OddState:
     if not math.isfinite(measurement.depth):
-        return OddState(0.0, 0.0, FAR, 0, True)
+        return OddState(0.0, Found(0.0, FAR), 0, True)
     n = ticked(3, parameters.most, False)
-    return OddState(reference - measurement.depth, 0, min(FAR, 64.0), n, reference > 0.5)
+    found = Found(0, min(FAR, 64.0))
+    return OddState(reference - measurement.depth, found, n, reference > 0.5)
 
 
 def step(parameters, state, measurement, reference):
@@ -126,12 +144,13 @@ def step(parameters, state, measurement, reference):
     reference += x
     _, unread, _ = three(reference)
     state = grown(state, p.register)
-    best = min(state.best, math.fabs(command))
+    old = state.found
+    best = better(old, math.fabs(command)).best
     float_ = +p.B1
     n = ticked(state.int, p.most, state.on or above)
     best = best + total(n)
     on = not state.on if n > 6 else p.most == state.int
-    after = OddState(sum=state.sum + y * float_, m=state.sum, best=best, int=n, on=on)
+    after = OddState(sum=state.sum + y * float_, found=Found(m=state.sum, best=best), int=n, on=on)
     if command > 64.0:
         return command, state, p.S_p
     if command < -64.0:

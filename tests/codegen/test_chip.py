@@ -13,8 +13,9 @@ from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Measurement
 from swimbladder.control.registry import LAWS
 from swimbladder.io.config import load_vehicle
+from swimbladder.vehicle.records import from_numbers
 from tests.codegen import chip
-from tests.codegen.laws import EXAMPLES, bits, example, random_calls, twin_of
+from tests.codegen.laws import EXAMPLES, bits, random_calls, split, twin_of
 from tests.codegen.odd import ODD, OddParameters, OddState
 from tests.codegen.test_library import library
 
@@ -58,13 +59,11 @@ def test_a_blind_while_is_met_to_the_bit_on_the_chip(name, tmp_path):
 
 def test_any_numbers_give_the_same_bits_on_the_chip(name, tmp_path):
     """NaN, infinities, subnormals: the floating point of avr-libc, in software, against numpy."""
-    law, parameters = twin_of(name), example(name).parameters
+    law = twin_of(name)
     on_chip = chip.frames(LAWS[name], tmp_path, "atmega328p")
-    p, s = len(parameters), len(law.state._fields)
     for frame in random_calls(name, 300):
-        given = type(parameters)(*frame[:p])
-        state, seen = law.state(*frame[p : p + s]), Measurement(*frame[p + s : p + s + 3])
-        expected = law.initial(given, seen, frame[-1]), law.step(given, state, seen, frame[-1])
+        given, state, seen, reference = split(law, frame)
+        expected = law.initial(given, seen, reference), law.step(given, state, seen, reference)
         assert bits(on_chip.answer(*frame)) == bits(*expected)
     on_chip.close()
 
@@ -80,7 +79,8 @@ def test_every_construct_gives_the_same_bits_on_the_chip(tmp_path):
             at = rng.random(11) < 0.3
             frame[at] = rng.integers(0, 2**32, at.sum(), np.uint32).view("f4")
         most, count = (int(rng.choice([k, 9 + k, 65535 - k])) for k in rng.integers(0, 9, 2))
-        p, s = OddParameters(*frame[:4], most), OddState(*frame[4:7], count, bool(n % 3))
+        p = from_numbers(OddParameters, (*frame[:4], most))
+        s = from_numbers(OddState, (*frame[4:7], count, bool(n % 3)))
         m = Measurement(*frame[7:10])
         expected = law.initial(p, m, frame[10]), law.step(p, s, m, frame[10])
         assert bits(on_chip.answer(p, s, m, frame[10])) == bits(*expected)
@@ -88,7 +88,7 @@ def test_every_construct_gives_the_same_bits_on_the_chip(tmp_path):
 
 
 def square_root(p, state, measurement, reference):
-    return math.sqrt(reference), state, math.copysign(p.k, measurement.depth)
+    return math.sqrt(reference), state, math.copysign(p.slope.k, measurement.depth)
 
 
 def test_the_square_root_is_rounded_rightly_on_the_chip(tmp_path):

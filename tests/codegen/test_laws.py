@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.tree import FLOAT
-from swimbladder.control.law import Measurement
 from swimbladder.control.registry import LAWS
+from swimbladder.vehicle.records import from_numbers
 from tests.codegen.build import STRICT, Compiled, Program, run, write
 from tests.codegen.laws import (
     EXAMPLES,
@@ -22,6 +22,7 @@ from tests.codegen.laws import (
     hour,
     in_float64,
     random_calls,
+    split,
     twin_of,
 )
 
@@ -62,7 +63,7 @@ def test_the_hour_asks_the_law_for_something(name):
 
 def test_the_twin_is_near_the_law_in_double_precision(name):
     parameters, calls, law = example(name).parameters, hour(name), LAWS[name]
-    rounded = type(parameters)(*(float(np.float32(x)) for x in parameters))
+    rounded = from_numbers(type(parameters), map(_rounded, flat(parameters)))
     far, commands = [], []
     for call in calls[:3000]:
         command, _, _ = law.step(
@@ -74,6 +75,10 @@ def test_the_twin_is_near_the_law_in_double_precision(name):
     # A gain on a difference of depths takes the last bit of a depth to some 1e-4 of the command;
     # where a law decides, a last bit may decide otherwise, once in a long while.
     assert np.quantile(far, 0.998) < 5e-4 * span
+
+
+def _rounded(x):
+    return float(np.float32(x))
 
 
 _EDGES = (math.nan, math.inf, -math.inf, -0.0, 0.0, 1e-45, -1e-45, 1.1754942e-38, 3.4028235e38, 1.0)
@@ -106,25 +111,21 @@ def _near(numbers: list[float], drawn: bytes) -> list[float]:
 def test_random_calls_are_equal_to_the_bit(name, compiled, data):
     law, parameters = twin_of(name), example(name).parameters
     call = data.draw(st.sampled_from(hour(name)[:: 1 + len(hour(name)) // 50]))
-    numbers = [float(x) for x in (*parameters, *call.state, *call.measurement, call.reference)]
+    numbers = [float(x) for x in flat(parameters, call.state, call.measurement, call.reference)]
     size = _BYTES * len(numbers)
     near = _near(numbers, data.draw(st.binary(min_size=size, max_size=size)))
-    n, m = len(parameters), len(call.state)
-    p, state = type(parameters)(*near[:n]), law.state(*near[n : n + m])
-    seen, reference = Measurement(*near[n + m : -1]), near[-1]
+    p, state, seen, reference = split(law, near)
     command, after, next_s = law.step(p, state, seen, reference)
     assert bits(compiled.step(p, state, seen, reference)) == bits(command, after, next_s)
     assert bits(compiled.initial(p, seen, reference)) == bits(law.initial(p, seen, reference))
 
 
 def _same_as_the_twin(name: str, program: Program) -> None:
-    law, parameters = twin_of(name), example(name).parameters
-    p, s = len(parameters), len(law.state._fields)
+    law = twin_of(name)
     frames = random_calls(name, 3000)
     for frame, answer in zip(frames, program.answers(frames), strict=True):
-        given = type(parameters)(*frame[:p])
-        state, seen = law.state(*frame[p : p + s]), Measurement(*frame[p + s : p + s + 3])
-        expected = law.initial(given, seen, frame[-1]), law.step(given, state, seen, frame[-1])
+        given, state, seen, reference = split(law, frame)
+        expected = law.initial(given, seen, reference), law.step(given, state, seen, reference)
         assert bits(tuple(answer)) == bits(*expected)
 
 
@@ -193,4 +194,6 @@ def test_fast_math_is_refused(tmp_path):
 
 def test_the_states_of_laws_are_floats(name):
     """``swb_controller`` looks for NaN in them, four bytes at a time."""
-    assert {kind for _, kind in read_law(LAWS[name]).state.fields} == {FLOAT}
+    records = read_law(LAWS[name]).state.own()
+    kinds = {kind for record in records for _, kind in record.fields}
+    assert kinds - set(records) == {FLOAT}

@@ -20,7 +20,7 @@ from swimbladder.errors import InputError
 from tests.codegen import odd
 from tests.codegen.build import STRICT, Compiled, run, write
 from tests.codegen.laws import bits
-from tests.codegen.odd import ODD, OddParameters, OddState
+from tests.codegen.odd import ODD, Found, OddParameters, OddState, Slope
 
 TWIN = twin(ODD)
 # Eighths of small numbers: sums and products are exact in float32 as in Python's own floats.
@@ -36,8 +36,10 @@ def compiled(request, tmp_path_factory):
 
 @settings(max_examples=500)
 @given(
-    parameters=st.builds(OddParameters, EIGHTHS, EIGHTHS, EIGHTHS, EIGHTHS, COUNTS),
-    state=st.builds(OddState, EIGHTHS, EIGHTHS, EIGHTHS, COUNTS, st.booleans()),
+    parameters=st.builds(
+        OddParameters, st.builds(Slope, EIGHTHS), EIGHTHS, EIGHTHS, EIGHTHS, COUNTS
+    ),
+    state=st.builds(OddState, EIGHTHS, st.builds(Found, EIGHTHS, EIGHTHS), COUNTS, st.booleans()),
     seen=st.builds(Measurement, EIGHTHS, EIGHTHS, EIGHTHS),
     reference=st.one_of(EIGHTHS, st.just(math.inf)),
 )
@@ -54,7 +56,8 @@ def test_every_construct_means_what_it_means_in_python(parameters, state, seen, 
     most=COUNTS, n=COUNTS, on=st.booleans(),
 )  # fmt: skip
 def test_every_construct_is_the_same_to_the_bit_in_c(compiled, numbers, most, n, on):
-    p, s = OddParameters(*numbers[:4], most), OddState(*numbers[4:7], n, on)
+    p = OddParameters(Slope(numbers[0]), *numbers[1:4], most)
+    s = OddState(numbers[4], Found(*numbers[5:7]), n, on)
     m = Measurement(*numbers[7:10])
     reference = numbers[10]
     assert bits(compiled.step(p, s, m, reference)) == bits(TWIN.step(p, s, m, reference))
@@ -445,15 +448,17 @@ def test_parameters_that_are_no_floats_are_refused():
 
 class B(NamedTuple):
     within: S
+    x: float
 
 
-def test_records_in_the_state_are_refused():
+def test_two_numbers_of_one_name_are_refused():
     law = Law(
-        name="wrong", summary="", command="voltage", parameters=Q, state=B, units={}, step=power,
+        name="wrong", summary="", command="voltage", parameters=B, state=S, units={}, step=power,
         initial=start,
     )  # fmt: skip
-    with pytest.raises(InputError, match="'within' of the state is a NamedTuple"):
+    with pytest.raises(InputError, match="'x' stands in B twice") as caught:
         read_law(law)
+    assert "a name of its own" in str(caught.value)
 
 
 def test_one_class_for_parameters_and_state_is_refused():

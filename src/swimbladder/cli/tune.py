@@ -17,6 +17,7 @@ from swimbladder.cli.common import (
     typed_command,
 )
 from swimbladder.cli.depths import depth_pair, with_sensor
+from swimbladder.vehicle.records import leaves
 
 if TYPE_CHECKING:
     from swimbladder.design.tuning import Tuning
@@ -126,7 +127,7 @@ def _print(found: Tuning, files: list[Path]) -> None:
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for heading in ("parameter", "value", "unit"):
         table.add_column(heading, justify="right" if heading == "value" else "left")
-    for name, value in found.parameters._asdict().items():
+    for name, value in leaves(found.parameters).items():
         unit = found.law.units[name]
         shown = shown_unit(unit)
         table.add_row(name, f"{float(value) * unit_factor(unit, shown):.5g}", shown)

@@ -59,15 +59,13 @@ def write_c99(program: Program, *, private: bool = False) -> CSource:
 def _header(program: Program, private: bool) -> str:
     law = c_law(program.name)
     guard = f"SWB_{law.upper()}_H"
-    units = dict(program.units)
     parts = [
         _remark(
             f"The control law {program.name}: {shortened(program.words)}. Written by swimbladder "
             "from the law's Python source; all numbers are SI."
         ),
         f"#ifndef {guard}", f"#define {guard}", "", *_included(program), *_standard(program),
-        "#ifdef __cplusplus", 'extern "C" {', "#endif", "", *_own_measurement(program),
-        _struct(program.name, program.parameters, units), _struct(program.name, program.state, {}),
+        "#ifdef __cplusplus", 'extern "C" {', "#endif", "", *_structs(program),
         *([] if private else _prototypes(program)),
         "#ifdef __cplusplus", "}", "#endif", "", "#endif", "",
     ]  # fmt: skip
@@ -97,18 +95,20 @@ def _included(program: Program) -> list[str]:
 
 def _standard(program: Program) -> list[str]:
     """Return the headers of the types that the law's own records have."""
-    own = (program.parameters, program.state, program.measurement)
-    kinds = {kind for record in own for _, kind in record.fields}
+    kinds = {kind for record in program.own() for _, kind in record.fields}
     wanted = {BOOL: "#include <stdbool.h>", COUNT: "#include <stdint.h>"}
     found = [line for kind, line in wanted.items() if kind in kinds]
     return [*found, ""] if found else []
 
 
-def _own_measurement(program: Program) -> list[str]:
-    """Return what the law sees, where that is not what every law does."""
-    if program.measurement.name == "measurement":
-        return []
-    return [_struct(program.name, program.measurement, {})]
+def _structs(program: Program) -> list[str]:
+    """Return the law's own records, save what it sees where every law sees that."""
+    units, with_unit = dict(program.units), program.parameters.own()
+    return [
+        _struct(program.name, record, units if record in with_unit else {})
+        for record in program.own()
+        if record.name != "measurement"
+    ]
 
 
 def _initial(program: Program) -> str:
@@ -146,20 +146,20 @@ def _source(program: Program, private: bool) -> str:
     types = {c_record(program.name, r) for r in program.records}
     names = {f: _helper(f"swb_{law}_{f.name}", types) for f in program.helpers}
     fields = fields_read(program)
-    placed, state = in_place(program), program.state
+    placed = in_place(program)
 
     def text_of(f: Function, home: Home | None = None) -> FunctionText:
-        return FunctionText(program.name, f, names, fields, home)
+        return FunctionText(program.name, f, names, fields, home, placed)
 
     calls = calls_of(program)
     helpers = {
-        names[f]: text_of(f, home_of(f, state, placed) if f in placed else None).helper(
+        names[f]: text_of(f, home_of(f, f.returns, placed) if f in placed else None).helper(
             names[f], calls[f]
         )
         for f in program.helpers
     }
     initial = text_of(program.initial)
-    step = text_of(program.step, home_of(program.step, state, placed))
+    step = text_of(program.step, home_of(program.step, program.state, placed))
     linkage = "static " if private else ""
     entries = [
         initial.initial(f"{linkage}void {_initial(program)}"),
@@ -167,7 +167,7 @@ def _source(program: Program, private: bool) -> str:
     ]
     used = _used("\n".join(entries), helpers)
     functions = "\n".join([*(helpers[n] for n in helpers if n in used), *entries])
-    own = {program.parameters.name, program.state.name, program.measurement.name}
+    own = {record.name for record in program.own()}
     structs = [
         _struct(program.name, r, {}, fields)
         for r in program.records

@@ -24,6 +24,7 @@ from swimbladder.codegen.tree import (
     Not,
     Number,
     Record,
+    place_of,
 )
 
 __all__ = ["ExpressionText"]
@@ -59,7 +60,7 @@ class ExpressionText:
         """Return where a record stands: a pointer's name, or ``&`` and a place."""
         if isinstance(e, Name):
             return self.names[e.name] if e.name in self.pointers else f"&{self.names[e.name]}"
-        if isinstance(e, Field) and isinstance(_root(e), Name):
+        if isinstance(e, Field) and isinstance(place_of(e)[0], Name):
             return f"&{self.value(e)}"
         assert isinstance(e.type, Record)
         text = self.braces(e) if isinstance(e, Make) else self.value(e)
@@ -127,9 +128,3 @@ class ExpressionText:
             ]
             return f"{self.functions[e.function]}({', '.join(given)})", _ATOM
         return f"({c_record(self.law, e.type)}){self.braces(e)}", _ATOM
-
-
-def _root(e: Expression) -> Expression:
-    while isinstance(e, Field):
-        e = e.of
-    return e

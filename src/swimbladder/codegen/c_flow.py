@@ -112,7 +112,7 @@ def fields_read(program: Program) -> dict[str, set[str]]:
         for part in parts(alive(function.body)):
             if isinstance(part, Field):
                 read[part.of.type.name].add(part.name)
-    own = {program.parameters.name, program.state.name, program.measurement.name}
+    own = {record.name for record in program.own()}
     for record in program.records:
         if record.name in own or record.kind is None or not read[record.name]:
             read[record.name] = {name for name, _ in record.fields}

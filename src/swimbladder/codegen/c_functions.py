@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
+from collections.abc import Collection, Iterator
 
 from swimbladder.codegen.c_expressions import ExpressionText
-from swimbladder.codegen.c_flow import alive, assigned, inner_home, mentioned, parts
+from swimbladder.codegen.c_flow import alive, assigned, inner_home, mentioned
 from swimbladder.codegen.c_names import c_field, c_local, c_type, wrapped
 from swimbladder.codegen.c_places import Home
 from swimbladder.codegen.tree import (
@@ -22,9 +24,12 @@ from swimbladder.codegen.tree import (
     Number,
     Record,
     Statement,
+    place_of,
 )
 
 __all__ = ["FunctionText", "shortened"]
+
+Path = tuple[str, ...]  # names of fields that lead to a place in the state
 
 _COPIES = 6  # of a function of numbers; calls of it take less than more of them
 _ZEROS = 4  # fields; from more than these on memset is shorter
@@ -41,8 +46,9 @@ class FunctionText:
     def __init__(
         self, law: str, function: Function, names: dict[Function, str],
         fields: dict[str, set[str]], home: Home | None = None,
+        placed: Collection[Function] = (),
     ) -> None:  # fmt: skip
-        self.law, self.function = law, function
+        self.law, self.function, self.placed = law, function, placed
         self.home = {name for name in home or () if name is not None}
         self.body = alive(function.body)
         self.taken: set[str] = set()
@@ -245,22 +251,25 @@ class FunctionText:
             if text != "*state":
                 self._line(f"*state = {text};")
             return
-        if self._ends == "initial" and sum(map(_is_zero, value.values)) > _ZEROS:
+        kept = list(self._new(value))
+        zeros = [e for _, e in kept if _is_zero(e)]
+        if self._ends == "initial" and len(zeros) > _ZEROS:
             self._line("memset(state, 0, sizeof *state);")
-            kept = tuple((n, e) for n, e in self._new(value) if not _is_zero(e))
-        else:
-            kept = self._new(value)
-        pairs: list[tuple[str, str]] = []
-        for name, e in kept:
+            kept = [(path, e) for path, e in kept if not _is_zero(e)]
+        pairs: list[tuple[Path, str]] = []
+        for path, e in kept:
+            if isinstance(e, Call) and e.function in self.placed:
+                self._line(f"{self.expressions.value(e)};")
+                continue
             text = self.expressions.value(e)
-            if self._reads(e) & {before for before, _ in pairs}:
-                after = c_local(f"new_{name}", self.taken)
+            if any(_meet(read, before) for read in self._reads(e) for before, _ in pairs):
+                after = c_local(f"new_{path[-1]}", self.taken)
                 self._line(f"const {c_type(self.law, e.type)} {after} = {text};")
                 text = after
-            pairs.append((name, text))
+            pairs.append((path, text))
         at = self._state()
-        for name, text in pairs:
-            self._line(f"{at}->{c_field(name)} = {text};")
+        for path, text in pairs:
+            self._line(f"{at}->{'.'.join(map(c_field, path))} = {text};")
 
     def _state(self) -> str:
         return next((self.names[name] for name in self.home), "state")
@@ -270,26 +279,31 @@ class FunctionText:
         own = {self.function.parameters[1][0]} if self._ends == "step" else set()
         return self.home | own
 
-    def _new(self, value: Make) -> tuple[tuple[str, Expression], ...]:
-        """Return the fields that change, and their values."""
-        old, pairs = self._old(), zip(value.type.fields, value.values, strict=True)
-        return tuple(
-            (name, e) for (name, _), e in pairs
-            if not (
-                isinstance(e, Field) and isinstance(e.of, Name) and e.of.name in old
-                and e.name == name
-            )
-        )  # fmt: skip
+    def _new(self, value: Make, path: Path = ()) -> Iterator[tuple[Path, Expression]]:
+        """Yield the place in the state of each number that changes, and its value."""
+        old = self._old()
+        for (name, _), e in zip(value.type.fields, value.values, strict=True):
+            root, names = place_of(e)
+            if isinstance(e, Make):
+                yield from self._new(e, (*path, name))
+            elif not (isinstance(root, Name) and root.name in old and names == (*path, name)):
+                yield (*path, name), e
 
-    def _reads(self, e: Expression) -> set[str]:
-        """Return the fields of the old state that an expression reads."""
-        old, found = self._old(), list(parts(e))
-        read = {f.name for f in found if isinstance(f, Field)}
-        whole = [a for c in found if isinstance(c, Call) for a in c.arguments]
-        for a in whole:
-            if isinstance(a, Name) and a.name in old and isinstance(a.type, Record):
-                read |= {name for name, _ in a.type.fields}
-        return read
+    def _reads(self, e: Expression) -> list[Path]:
+        """Return the places in the old state that an expression reads."""
+        old = self._old()
+        if isinstance(e, Name | Field):
+            root, names = place_of(e)
+            if isinstance(root, Name):
+                return [names] if root.name in old else []
+        inner = (getattr(e, f.name) for f in dataclasses.fields(e) if f.name != "type")
+        flat = (x for part in inner for x in (part if isinstance(part, tuple) else (part,)))
+        return [p for x in flat if isinstance(x, Expression) for p in self._reads(x)]
+
+
+def _meet(a: Path, b: Path) -> bool:
+    """Return whether two places in a record are the same, or one within the other."""
+    return all(x == y for x, y in zip(a, b, strict=False))
 
 
 def _is_zero(e: Expression) -> bool:

@@ -16,6 +16,8 @@ from swimbladder.codegen.tree import (
     Record,
     Return,
     Statement,
+    Type,
+    place_of,
 )
 
 __all__ = ["Home", "home_of", "in_place"]
@@ -24,19 +26,21 @@ Home = tuple[str, str | None]  # the parameter that is the state, and the variab
 
 
 def in_place(program: Program) -> frozenset[Function]:
-    """Return the functions that can be given the state to change.
+    """Return the functions that can be given the state, or a record in it, to change.
 
-    Each takes one state and returns one, and wherever it is called its result takes the place of
-    the state that it was given.
+    Each takes one such record and returns one, and wherever it is called its result takes the place
+    of the record that it was given.
     """
     hosts = [*program.helpers]
     hosts += [f for f in (program.step, program.initial) if f not in program.helpers]
-    found = {f for f in program.helpers if f.returns == program.state and _given(f, program.state)}
+    records = program.state.own()
+    found = {f for f in program.helpers if f.returns in records and _given(f, f.returns)}
     while True:
         left = set(found)
         for host in hosts:
             homed = host in found or (host is program.step and host not in program.helpers)
-            home = home_of(host, program.state, found) if homed else None
+            state = program.state if host is program.step else host.returns
+            home = home_of(host, state, found) if homed else None
             if home is None:
                 left -= {host, *_called(host.body)}
         if left == found:
@@ -44,7 +48,7 @@ def in_place(program: Program) -> frozenset[Function]:
         found = left
 
 
-def home_of(function: Function, state: Record, placed: Collection[Function]) -> Home | None:
+def home_of(function: Function, state: Type, placed: Collection[Function]) -> Home | None:
     """Return the state that a function can change where it stands, None where it cannot."""
     given = _given(function, state)
     body = alive(function.body)
@@ -63,7 +67,7 @@ def home_of(function: Function, state: Record, placed: Collection[Function]) -> 
     return (given, own) if _ends_well(body, {given, own}, placed) else None
 
 
-def _given(function: Function, state: Record) -> str | None:
+def _given(function: Function, state: Type) -> str | None:
     """Return the one parameter that is a state."""
     found = [name for name, kind in function.parameters if kind == state]
     return found[0] if len(found) == 1 else None
@@ -83,10 +87,43 @@ def _ends_well(body: tuple[Statement, ...], names: set[str], placed: Collection[
         if new is None:
             continue
         if isinstance(new, Call) and new.function in placed and isinstance(s, Assign):
-            expected += 1
-        elif not (isinstance(new, Make) or (isinstance(new, Name) and new.name in names)):
+            expected += _in_its_place(new, names, ())
+        elif isinstance(new, Make):
+            expected += _only_change(new, names, placed)
+        elif not (isinstance(new, Name) and new.name in names):
             return False
     return expected == sum(f in placed for f in _called(body))
+
+
+def _only_change(
+    new: Make, names: set[str], placed: Collection[Function], path: tuple[str, ...] = ()
+) -> bool:
+    """Return whether all that is new is what one function makes of a record in its place."""
+    changed = []
+    for (name, _), e in zip(new.type.fields, new.values, strict=True):
+        root, at = place_of(e)
+        if not (isinstance(root, Name) and root.name in names and at == (*path, name)):
+            changed.append((name, e))
+    if len(changed) != 1:
+        return False
+    ((name, e),) = changed
+    if isinstance(e, Make):
+        return _only_change(e, names, placed, (*path, name))
+    if not (isinstance(e, Call) and e.function in placed):
+        return False
+    return _in_its_place(e, names, (*path, name))
+
+
+def _in_its_place(call: Call, names: set[str], path: tuple[str, ...]) -> bool:
+    """Return whether a call is given the record at a place of the state, and nothing around it."""
+    here = 0
+    for argument in call.arguments:
+        root, place = place_of(argument)
+        if isinstance(argument.type, Record) and isinstance(root, Name) and root.name in names:
+            if place != path and all(a == b for a, b in zip(place, path, strict=False)):
+                return False
+            here += place == path
+    return here == 1
 
 
 def _called(body: tuple[Statement, ...]) -> list[Function]:

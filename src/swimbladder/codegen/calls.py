@@ -22,6 +22,7 @@ from swimbladder.codegen.tree import (
     Number,
     Record,
     Type,
+    place_of,
 )
 from swimbladder.control.law import Count, less, more
 
@@ -123,7 +124,7 @@ class Calls:
         """Return a copy of a named tuple with some of its fields changed."""
         of = self.of.read(of_node)
         fields = [keyword.arg for keyword in node.keywords]
-        if not (isinstance(of, Name) and isinstance(of.type, Record)):
+        if not (isinstance(place_of(of)[0], Name) and isinstance(of.type, Record)):
             self.source.refuse(node, "this is no name of a NamedTuple", "Give it a name first")
         if node.args or not all(field and of.type.type_of(field) for field in fields):
             self.source.refuse(node, "the arguments are not its fields", "Write field=value")

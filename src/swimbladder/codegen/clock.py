@@ -15,6 +15,7 @@ import numpy as np
 from swimbladder.control.law import NEVER, Law, Measurement
 from swimbladder.control.supervisor import SUPERVISOR, Reason, reasons_in
 from swimbladder.control.supervisor_records import SupervisorParameters, Watched
+from swimbladder.vehicle.records import numbers
 
 __all__ = ["MOST_TURNS", "SOON", "ControllerTwin", "VehicleTwin", "wait_in_ticks"]
 
@@ -87,7 +88,7 @@ class ControllerTwin:
                 return
             state = self.law.initial(self.parameters, seen, reference)
         command, after, next_s = self.law.step(self.parameters, state, seen, reference)
-        if not all(map(math.isfinite, (command, *after))):
+        if not all(map(math.isfinite, (command, *numbers(after)))):
             self.missed += 1
             return
         self.state = after

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -36,6 +36,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.files import check_place, publish
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.records import leaves
 
 __all__ = ["Library", "make_library", "write_library"]
 
@@ -68,11 +69,11 @@ class Library:
             "tick_s": self.tick_s,
             "parameters": {
                 name: {"value": float(np.float32(value)), "unit": self.law.units[name]}
-                for name, value in self.parameters._asdict().items()
+                for name, value in leaves(self.parameters).items()
             },
             "supervisor": {
                 name: {"value": _finite(value), "unit": SUPERVISOR.units[name]}
-                for name, value in self.supervisor._asdict().items()
+                for name, value in leaves(self.supervisor).items()
             },
             "golden": {
                 "start_depth_m": self.start_depth,
@@ -260,11 +261,18 @@ def _facts(
 
 
 def _numbers(parameters: Any, units: Mapping[str, str]) -> list[tuple[str, str, str]]:
-    """Return (field, value, unit) of each parameter, as C has them."""
-    return [
-        (c_field(name), c_number(value, COUNT if isinstance(value, int) else FLOAT), units[name])
-        for name, value in parameters._asdict().items()
-    ]
+    """Return (designator, value, unit) of each parameter, as C has them."""
+
+    def of(record: Any, within: str) -> Iterator[tuple[str, str, str]]:
+        for name, value in record._asdict().items():
+            here = f"{within}{c_field(name)}"
+            if isinstance(value, tuple):
+                yield from of(value, f"{here}.")
+            else:
+                kind = COUNT if isinstance(value, int) else FLOAT
+                yield here, c_number(value, kind), units[name]
+
+    return list(of(parameters, ""))
 
 
 def _render(template: str, facts: Mapping[str, Any]) -> str:

@@ -17,6 +17,7 @@ from swimbladder.control.supervisor_records import SupervisorParameters
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.records import leaves
 
 __all__ = [
     "PoolDay",
@@ -61,7 +62,7 @@ class PoolDay(NamedTuple):
             "minutes": self.rehearsal.minutes,
             "parameters": {
                 name: {"value": float(np.float32(value)), "unit": POOL.units[name]}
-                for name, value in self.parameters._asdict().items()
+                for name, value in leaves(self.parameters).items()
             },
         }
 

@@ -25,6 +25,7 @@ from swimbladder.codegen.tree import (
     Return,
     Statement,
     Type,
+    place_of,
 )
 
 if TYPE_CHECKING:
@@ -164,6 +165,12 @@ class Body:
             once = self._stored.get(name) == 1 and self._stored.get(value.name, 0) <= 1
             if once and name not in self.variables and value.name not in self._loops():
                 self.meaning[name] = value  # another name for the same record
+                return []
+        root, inner = place_of(value)
+        if inner and isinstance(value.type, Record) and isinstance(root, Name):
+            fixed = root.name in dict(self.parameters) and root.name not in self._stored
+            if fixed and self._stored.get(name) == 1:
+                self.meaning[name] = value  # another name for a part of what was given
                 return []
         if name not in self._loaded:
             return []  # nothing reads it, and no value has an effect of its own

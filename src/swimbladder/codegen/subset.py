@@ -12,7 +12,6 @@ import builtins
 import inspect
 import math
 import re
-import typing
 from collections.abc import Callable, Mapping
 from types import FunctionType
 from typing import Any, NoReturn
@@ -30,6 +29,7 @@ from swimbladder.codegen.tree import (
 )
 from swimbladder.control.law import Count, Law, Measurement
 from swimbladder.errors import InputError
+from swimbladder.vehicle.records import field_types, is_record, leaf_names
 
 __all__ = ["Source", "read_law"]
 
@@ -48,13 +48,7 @@ def read_law(law: Law, seen: type[Any] = Measurement) -> Program:
     parameters = reader.record(law.parameters, name="parameters")
     state = reader.record(law.state, name="state")
     measurement = reader.record(seen, name="measurement" if seen is Measurement else "seen")
-    for record in (parameters, state):
-        for field, kind in record.fields:
-            if isinstance(kind, Record):
-                raise InputError(
-                    f"the field {field!r} of the {record.name} is a NamedTuple",
-                    field=f"law {law.name!r}", remedy="Give each of its numbers a field",
-                )  # fmt: skip
+    leaf_names(law.parameters)  # refuses two of the same name
     step = reader.function(law.step, (parameters, state, measurement, FLOAT))
     initial = reader.function(law.initial, (parameters, measurement, FLOAT))
     _check_entry(law, "step", step, law.step, (FLOAT, state, FLOAT))
@@ -154,19 +148,14 @@ class _Reader:
             if known.kind is kind:
                 return known
         fields: list[tuple[str, Type]] = []
-        for field in kind._fields:
-            written = kind.__annotations__.get(field)
-            if isinstance(written, typing.ForwardRef):
-                written = written.__forward_arg__
-            if isinstance(written, str) and written not in ("float", "bool"):
-                written = vars(inspect.getmodule(kind) or math).get(written, written)
-            if written in (float, "float"):
+        for field, written in field_types(kind).items():
+            if written is float:
                 fields.append((field, FLOAT))
-            elif written in (bool, "bool"):
+            elif written is bool:
                 fields.append((field, BOOL))
             elif written == Count:
                 fields.append((field, COUNT))
-            elif isinstance(written, type) and hasattr(written, "_fields"):
+            elif is_record(written):
                 fields.append((field, self.record(written, source, at)))
             else:
                 refuse(f"the field {field!r} of {kind.__name__} is no float")

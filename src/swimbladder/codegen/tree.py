@@ -39,6 +39,7 @@ __all__ = [
     "Scalar",
     "Statement",
     "Type",
+    "place_of",
 ]
 
 
@@ -63,6 +64,14 @@ class Record:
     def type_of(self, name: str) -> Type | None:
         """Return the type of a field, None where there is none of that name."""
         return dict(self.fields).get(name)
+
+    def own(self) -> tuple[Record, ...]:
+        """Return the records that it is made of, each after those in it, and itself."""
+        found: list[Record] = []
+        for _, kind in self.fields:
+            if isinstance(kind, Record):
+                found += (record for record in kind.own() if record not in found)
+        return (*found, self)
 
 
 Type = Scalar | Record
@@ -100,6 +109,15 @@ class Field:
     of: Expression
     name: str
     type: Type
+
+
+def place_of(e: Expression) -> tuple[Expression, tuple[str, ...]]:
+    """Return what a field belongs to and the names that lead from there to it."""
+    names: list[str] = []
+    while isinstance(e, Field):
+        names.insert(0, e.name)
+        e = e.of
+    return e, tuple(names)
 
 
 @dataclass(frozen=True)
@@ -260,3 +278,8 @@ class Program:
     initial: Function
     words: str
     units: tuple[tuple[str, str], ...]
+
+    def own(self) -> tuple[Record, ...]:
+        """Return the records of its parameters, its state and what it sees, inner ones first."""
+        roots = (self.measurement, self.parameters, self.state)
+        return tuple(dict.fromkeys(record for root in roots for record in root.own()))

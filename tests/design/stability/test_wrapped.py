@@ -10,6 +10,7 @@ from swimbladder.design.stability.wrapped import WRAPPED, wrapped
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import simulate_ensemble
+from swimbladder.vehicle.records import leaf_names
 
 FEUP = load_vehicle("feup-em")
 P = plant(FEUP)
@@ -30,8 +31,8 @@ def flown(numbers=NUMBERS, **wrong):
 def test_every_law_of_the_registry_is_wrapped():
     assert set(WRAPPED) == set(LAWS)
     for form in WRAPPED.values():
-        fields = form.law.parameters._fields
-        assert fields[: len(form.inner.parameters._fields)] == form.inner.parameters._fields
+        fields, own = leaf_names(form.law.parameters), leaf_names(form.inner.parameters)
+        assert fields[: len(own)] == own
         assert set(form.law.units) >= set(fields) - {"S_p"}
 
 
@@ -92,7 +93,7 @@ def test_a_sleeping_law_sleeps_as_long_when_late():
         before = state
         _, state, wait = form.law.step(parameters, state, now, 2.0)
         assert wait == 0.5 * H
-        if state.voltage != before.voltage or k == 0:
+        if state.inner.voltage != before.inner.voltage or k == 0:
             waits.append(0.5 * H * k)
     # Woken when it asked to be, each time.
     expected, t = [], 0.0

@@ -15,6 +15,7 @@ from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.io.config import load_vehicle
 from swimbladder.jobs import Store
 from swimbladder.vehicle import Controller, Vehicle
+from swimbladder.vehicle.records import leaves
 from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["GOALS", "IN_FILE", "PAPER", "Contender", "LeftOut", "choose_laws", "own", "tuned"]
@@ -47,7 +48,7 @@ class Contender:
 
     def controller(self) -> Controller:
         """Return it as a vehicle's [controller]."""
-        numbers = {n: v for n, v in self.parameters._asdict().items() if n != "S_p"}
+        numbers = {n: v for n, v in leaves(self.parameters).items() if n != "S_p"}
         return Controller(law=self.law.name, sample_time=self.sample_time, parameters=numbers)
 
 
@@ -137,7 +138,7 @@ def tuned(
                 vehicle, law=name, goal=goal, depths=(where.least, where.most), step=step,
                 sample_time=sample_time, supply=least, runs=_TRIALS, advance=tell,
             )  # fmt: skip
-            numbers = {n: v for n, v in found.parameters._asdict().items() if n != "S_p"}
+            numbers = {n: v for n, v in leaves(found.parameters).items() if n != "S_p"}
             kept = {"numbers": numbers, "sample_time": found.sample_time}
         except SwimbladderError as error:
             kept = {"why": str(error)}

@@ -15,6 +15,7 @@ from swimbladder.design.law_comparison.fly import Result
 from swimbladder.design.law_comparison.pareto import front
 from swimbladder.design.law_comparison.scenarios import Placed, Places
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.records import leaves
 
 __all__ = ["COSTS", "Bench", "Row", "Trace"]
 
@@ -157,7 +158,7 @@ class Bench:
                     "unbeaten": unbeaten,
                     "reference": row is self.reference,
                     "sample_time_s": row.who.sample_time,
-                    "parameters": dict(row.who.parameters._asdict()),
+                    "parameters": leaves(row.who.parameters),
                     "results": {name: result_json(r) for name, r in row.results.items()},
                 }
                 for row, unbeaten in zip(self.rows, self.unbeaten, strict=True)

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from swimbladder.design.linear.models import Array, StateSpace
+from swimbladder.vehicle.records import from_numbers, leaf_names, numbers
 
 __all__ = ["LinearLaw", "SampledLoop", "command_slope", "discretise", "linearise_law"]
 
@@ -52,10 +53,10 @@ def linearise_law(
     def outputs(x: Array, inputs: Array) -> Array:
         depth, volume, wanted = inputs.tolist()
         seen = measurement._replace(depth=depth, volume=volume)
-        command, after, _ = step(parameters, type(state)(*x.tolist()), seen, wanted)
-        return np.array([*after, command], dtype=np.float64)
+        command, after, _ = step(parameters, from_numbers(type(state), x.tolist()), seen, wanted)
+        return np.array([*numbers(after), command], dtype=np.float64)
 
-    x0 = np.array(list(state), dtype=np.float64)
+    x0 = np.array(list(numbers(state)), dtype=np.float64)
     u0 = np.array([measurement.depth, measurement.volume, reference], dtype=np.float64)
     u_steps = np.array([1e-4, 1e-7, 1e-4])
     rest = outputs(x0, u0)[:-1]
@@ -83,7 +84,7 @@ def linearise_law(
     smooth = bool(even[loop].all()) and bool(np.any(slopes[[*keep, n], n]))
     A, B = slopes[np.ix_(keep, keep)], slopes[np.ix_(keep, range(n, n + 3))]
     C, D = slopes[np.ix_([n], keep)], slopes[np.ix_([n], range(n, n + 3))]
-    names = tuple(type(state)._fields[i] for i in keep)
+    names = tuple(leaf_names(type(state))[i] for i in keep)
     system = StateSpace(
         A=A, B=B, C=C, D=D, states=names, inputs=_INPUTS, outputs=("command",),
         sample_time=sample_time,

@@ -21,6 +21,7 @@ from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, discretise
 from swimbladder.design.stability.cycles import Cycle, balance
 from swimbladder.design.stability.describing import Nonlinearity, play, quantiser, relay, saturation
 from swimbladder.physics.dynamics import Plant
+from swimbladder.vehicle.records import from_leaves, leaves
 
 __all__ = ["Predicted", "broken_at_volume", "inner_gain", "predict", "rests_within", "without_rest"]
 
@@ -53,7 +54,8 @@ def rests_within(parameters: Any) -> float:
 
 def without_rest(parameters: Any) -> Any:
     """Return the law's parameters without its dead zone and pauses: its linear part."""
-    return parameters._replace(**{n: 0.0 for n in (*_RESTS, _NEAR) if hasattr(parameters, n)})
+    resting = dict.fromkeys((*_RESTS, _NEAR), 0.0)
+    return from_leaves(type(parameters), leaves(parameters) | resting)
 
 
 def broken_at_volume(p: Plant, law: LinearLaw, *, depth: float, k_pV: float) -> StateSpace:

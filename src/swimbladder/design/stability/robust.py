@@ -87,7 +87,7 @@ def robustness(
     found = []
     for late in (False, True):
         for gain in gains:
-            asked = ("robustness", law.name, tuple(parameters), gain, late, step, draws, supply)
+            asked = ("robustness", law.name, parameters, gain, late, step, draws, supply)
             settled, over, farthest, moved = parts.get(partial(run, gain, late), *asked)
             delay = 0.5 * sample_time if late else 0.0
             radius = _radius(law, parameters, region, step.target, sample_time, gain, delay)

@@ -30,6 +30,7 @@ from swimbladder.errors import InputError
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.records import from_numbers, numbers
 from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["stability"]
@@ -223,7 +224,7 @@ def _robustness(
         if name != law.name:
             other = TUNABLE[name][0]
             values = parts.get(partial(_tuned, vehicle, name, depths), "tuned", name, depths)
-            chosen.append((other, other.parameters(*values)))
+            chosen.append((other, from_numbers(other.parameters, values)))
     found: list[Stood] = []
     for one, its in chosen:
         found += robustness(
@@ -235,4 +236,4 @@ def _robustness(
 
 def _tuned(vehicle: Vehicle, name: str, depths: tuple[float, float]) -> list[float]:
     found = tune(vehicle, law=name, goal=goals_of(name)[0], depths=depths, runs=_TUNED)
-    return [float(np.asarray(x)) for x in found.parameters]
+    return [float(np.asarray(x)) for x in numbers(found.parameters)]

@@ -24,28 +24,28 @@ def step(parameters, state, measurement, reference):
     passed = state.w_left - 0.5 * p.w_tick
     command = state.w_next
     left = passed
-    inner = Inner({inner})
+    inner = state.inner
     if p.w_late < 0.5 or state.w_left <= 0.25 * p.w_tick:
-        raw, inner, wait = law_step(Parameters({parameters}), inner, measurement, reference)
+        raw, inner, wait = law_step(p.inner, inner, measurement, reference)
         scaled = p.w_gain * raw
         if p.w_quantum > 0.0:
             scaled = p.w_quantum * math.floor(scaled / p.w_quantum + 0.5)
         if p.w_late < 0.5:
-            return scaled, State({packed}, scaled, scaled, 0.0), wait
+            return scaled, State(inner, scaled, scaled, 0.0), wait
         ticks = max(math.ceil(wait / p.w_tick - 1e-9), 1)
         left = ticks * p.w_tick - 0.5 * p.w_tick
         held = command
         command = scaled
     else:
         held = command
-    return held, State({packed}, held, command, left), 0.5 * p.w_tick
+    return held, State(inner, held, command, left), 0.5 * p.w_tick
 
 
 def initial(parameters, measurement, reference):
     p = parameters
-    inner = law_initial(Parameters({parameters}), measurement, reference)
+    inner = law_initial(p.inner, measurement, reference)
     rest = p.w_rest
-    return State({packed}, rest, rest, 0.0)
+    return State(inner, rest, rest, 0.0)
 """
 
 
@@ -63,36 +63,34 @@ class Wrapped(NamedTuple):
 
         sample_time [s]: the law's own; quantum [V]; rest [V]: command before the first one comes.
         """
-        return self.law.parameters(*numbers, gain, float(late), quantum, sample_time, rest)
+        return self.law.parameters(numbers, gain, float(late), quantum, sample_time, rest)
 
     def tick(self, sample_time: float, *, late: bool) -> float:
         """Return the sample time to run it with [s]."""
         return 0.5 * sample_time if late else sample_time
 
 
+def _record(name: str, inner: type[Any], more: tuple[str, ...]) -> Any:
+    """Return a class of named tuples in this module: a law's own, and more numbers."""
+    made: Any = namedtuple(name, ("inner", *more))  # type: ignore[misc]
+    made.__module__, made.__annotations__ = __name__, {"inner": inner}
+    globals()[name] = made
+    return made
+
+
 def _wrap(law: Law) -> Wrapped:
     import math
 
     name = "".join(part.title() for part in law.name.split("-"))
-    own, states = law.parameters._fields, law.state._fields
-    extra = ("w_gain", "w_late", "w_quantum", "w_tick", "w_rest")
-    Parameters = namedtuple(f"Wrapped{name}Parameters", (*own, *extra))  # type: ignore[misc]
-    State = namedtuple(f"Wrapped{name}State", (*states, "w_held", "w_next", "w_left"))  # type: ignore[misc]
-    for made in (Parameters, State):
-        made.__module__ = __name__
-        globals()[made.__name__] = made
+    given = ("w_gain", "w_late", "w_quantum", "w_tick", "w_rest")
+    kept = ("w_held", "w_next", "w_left")
+    Parameters = _record(f"Wrapped{name}Parameters", law.parameters, given)
+    State = _record(f"Wrapped{name}State", law.state, kept)
     space: dict[str, Any] = {
-        "__name__": __name__, "math": math, "Inner": law.state, "State": State,
-        "Parameters": law.parameters, "law_step": law.step, "law_initial": law.initial,
+        "__name__": __name__, "math": math, "State": State, "law_step": law.step,
+        "law_initial": law.initial,
     }  # fmt: skip
-    exec(  # the fields are known to the compiler only as source
-        _STEP.format(
-            inner=", ".join(f"state.{n}" for n in states),
-            parameters=", ".join(f"p.{n}" for n in own),
-            packed=", ".join(f"inner.{n}" for n in states),
-        ),
-        space,
-    )
+    exec(_STEP, space)  # one for each law: the compiler finds it by its parameters
     units = {**law.units, "w_gain": "", "w_late": "", "w_quantum": "", "w_tick": "s", "w_rest": ""}
     return Wrapped(
         Law(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from swimbladder.control.adrc import ADRC, AdrcParameters, adrc_gains
 from swimbladder.control.cascade import CASCADE, CascadeParameters
@@ -34,6 +34,7 @@ from swimbladder.design.tuning.motion import (
 )
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant
+from swimbladder.vehicle.records import from_leaves
 from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["TUNABLE", "Knobs", "Recipe", "Setting", "gains", "setting_of", "tunable"]
@@ -51,6 +52,9 @@ _AHEAD = 0.2  # of the time that a pulse is for: how far ahead an error is predi
 _SHORTEST = 10.0  # samples, of a target's way
 _FADING = 0.25  # of an error, that deadband leaves in an interval
 _STEP = 10.0  # times the noise: what a change of the neutral volume moves in an interval
+
+
+Kind = TypeVar("Kind")
 
 
 def tunable(name: str) -> Law:
@@ -124,11 +128,9 @@ def _observer(s: Setting, k: Knobs) -> ObserverParameters:
             "a_z": float(F[0, 0]), "a_w": float(F[0, 1]), "a_V": float(G[0]), "r_z": r_z,
             "r_w": r_w, "n_z": float(N[0]), "n_w": float(N[1]), "n_b": float(N[2]),
         }  # fmt: skip
-    return ObserverParameters(
-        **_floats(found), **rest,
-        # A depth error that asks for half the room, by k_z.
-        farthest=_STROKE * _room(s.plant) / found["k_z"],
-    )  # fmt: skip
+    # A depth error that asks for half the room, by k_z.
+    rest["farthest"] = _STROKE * _room(s.plant) / found["k_z"]
+    return _record(ObserverParameters, found | rest)
 
 
 def _pulse(s: Setting, k: Knobs) -> PulseParameters:
@@ -151,18 +153,14 @@ def _pulse(s: Setting, k: Knobs) -> PulseParameters:
             "a_V": G[0], "homing": -w, "p_z": p_z, "rate": rate, "swing": rate / p.gain,
             "learn": _LEARNT * small, "n_z": N[0], "n_w": N[1], "n_b": N[2],
         }  # fmt: skip
-    return PulseParameters(
-        **_floats(found), **_floats(rest), farthest=_STROKE * _room(p) / found["k_z"]
-    )
+    rest["farthest"] = _STROKE * _room(p) / found["k_z"]
+    return _record(PulseParameters, found | rest)
 
 
 def _position_observer(s: Setting, k: Knobs) -> PositionObserverParameters:
-    found = _floats(_feedback(s, k))
-    for name in ("k_V", "depth_voltage", "limit"):  # a positioner has its own
-        del found[name]
-    return PositionObserverParameters(
-        **found, rate=s.plant.rate, farthest=_STROKE * _room(s.plant) / found["k_z"]
-    )
+    found = _feedback(s, k)
+    own = {"rate": s.plant.rate, "farthest": _STROKE * _room(s.plant) / found["k_z"]}
+    return _record(PositionObserverParameters, found | own)
 
 
 def _jerk(s: Setting, k: Knobs) -> float:
@@ -184,10 +182,11 @@ def _fastest(p: Plant, jerk: float) -> float:
 def _planned(s: Setting, k: Knobs) -> PlannedParameters:
     p = s.plant
     d, a = stiffness(p)
-    return PlannedParameters(
-        **_floats(_feedback(s, k)), inertia=1.0 / a, laminar=d, quadratic=p.d_t, share=k.share,
-        speed=_fastest(p, _jerk(s, k)), rate=1.0 / p.gain,
-    )  # fmt: skip
+    own = {
+        "inertia": 1.0 / a, "laminar": d, "quadratic": p.d_t, "share": k.share,
+        "speed": _fastest(p, _jerk(s, k)), "rate": 1.0 / p.gain,
+    }  # fmt: skip
+    return _record(PlannedParameters, _feedback(s, k) | own)
 
 
 def _target(s: Setting, k: Knobs) -> dict[str, float]:
@@ -241,8 +240,8 @@ def _deadband(s: Setting, k: Knobs) -> DeadbandParameters:
     )  # fmt: skip
 
 
-def _floats(found: Mapping[str, Any]) -> dict[str, float]:
-    return {name: float(value) for name, value in found.items()}
+def _record(kind: type[Kind], found: Mapping[str, Any]) -> Kind:
+    return from_leaves(kind, {name: float(value) for name, value in found.items()})
 
 
 class Recipe(NamedTuple):

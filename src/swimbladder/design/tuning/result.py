@@ -13,6 +13,7 @@ from swimbladder.design.tuning.margins import Loop, Worst, decibels, loops
 from swimbladder.design.tuning.trial import Step, Traces, Trial
 from swimbladder.physics.dynamics import Plant
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.records import leaves
 
 __all__ = ["Tuning"]
 
@@ -127,7 +128,7 @@ class Tuning:
             "hold_m": self.held or None,
             "parameters": {
                 name: {"value": float(value), "unit": self.law.units[name]}
-                for name, value in self.parameters._asdict().items()
+                for name, value in leaves(self.parameters).items()
             },
             "knobs": self.knobs._asdict(),
             "margins": None

@@ -18,6 +18,7 @@ from swimbladder.design.tuning.trial import Step, traces
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import Controller, Vehicle
+from swimbladder.vehicle.records import leaves
 
 __all__ = ["GOALS", "tune"]
 
@@ -83,7 +84,7 @@ def tune(
     numbers = found.parameters
     controller = Controller(
         law=law, sample_time=h,
-        parameters={n: v for n, v in numbers._asdict().items() if n != "S_p"},
+        parameters={n: v for n, v in leaves(numbers).items() if n != "S_p"},
     )  # fmt: skip
     shown = (
         traces(vehicle, chosen, numbers, watched, sample_time=h, region=None, runs=_SHOWN[0],

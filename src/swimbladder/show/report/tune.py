@@ -15,6 +15,7 @@ from swimbladder.show.plots.style import save, svg_text
 from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
 from swimbladder.show.report.html import inline_svg, render
 from swimbladder.units import shown_unit, unit_factor
+from swimbladder.vehicle.records import leaves
 
 __all__ = ["write_tuning"]
 
@@ -64,7 +65,7 @@ def _page(found: Tuning, images: Mapping[str, str], command: str) -> str:
         "depths": ", ".join(f"{z:g}" for z in found.judged),
         "parameters": [
             (name, f"{float(value) * unit_factor(unit, shown_unit(unit)):.5g}", shown_unit(unit))
-            for name, value in found.parameters._asdict().items()
+            for name, value in leaves(found.parameters).items()
             for unit in (found.law.units[name],)
         ],
     }

@@ -22,6 +22,7 @@ from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
 from swimbladder.sim.engine.modes import COUNT
 from swimbladder.vehicle import Sensors
+from swimbladder.vehicle.records import from_leaves, leaf_names
 
 __all__ = ["Block", "Schedule", "schedule", "work_space"]
 
@@ -89,17 +90,17 @@ class Block:
     ) -> Block:  # fmt: skip
         """Return a block of plants [len(Plant), lanes] that start at (q, V, z, w) [4, lanes].
 
-        parameters: of the law, each a number or an array [lanes]. depth_error [m] and neutral [m3],
-        [ticks + 1, lanes]: added to the measured depth, and to the neutral volume from a tick on.
-        layers: of the water, for all lanes.
+        parameters: of the law by name, each a number or an array [lanes]. depth_error [m] and
+        neutral [m3], [ticks + 1, lanes]: added to the measured depth, and to the neutral volume
+        from a tick on. layers: of the water, for all lanes.
         """
         lanes = plants.shape[1]
         index = Plant._fields.index
-        values = [np.broadcast_to(np.asarray(v, float), (lanes,)) for v in parameters]
-        work = np.zeros((rows(len(law.parameters._fields), len(law.state._fields)), lanes))
+        values = {n: np.broadcast_to(np.asarray(v, float), (lanes,)) for n, v in parameters.items()}
+        work = np.zeros((rows(len(values), len(leaf_names(law.state))), lanes))
         work[Row.Q : Row.Q + 4] = start
         work[Row.PLANT : Row.PLANT + len(Plant._fields)] = plants
-        work[Row.LAW : Row.LAW + len(values)] = values
+        work[Row.LAW : Row.LAW + len(values)] = [values[n] for n in leaf_names(law.parameters)]
         positioner = plants[index("positioner")] != 0.0
         supply = plants[index("supply")]
         work[Row.LOW_U] = np.where(positioner, plants[index("V_min")], -supply)
@@ -114,8 +115,8 @@ class Block:
         n = clock.ticks + 1
         unset = np.full((len(RECORDED), n if record else 0, lanes), np.nan)
         return cls(
-            lanes=lanes, law=law, parameters=law.parameters(*(float(v[0]) for v in values)),
-            clock=clock, parts=parts,
+            lanes=lanes, law=law, clock=clock, parts=parts,
+            parameters=from_leaves(law.parameters, {n: float(v[0]) for n, v in values.items()}),
             nonlinear=bool(np.any(np.isfinite(plants[index("epsilon")]))),
             # a copy: a view that cannot be written has a type, and so a kernel, of its own
             depths=np.array(np.broadcast_to(depths, (len(clock.given), lanes)), order="C"),
@@ -148,8 +149,8 @@ class Block:
             chains = work_space(self.lanes)
         built = np.zeros((self.lanes, COUNT), np.uint8)
         flat = self.work.reshape(-1)
-        state = self.law.state(*(0.0 for _ in self.law.state._fields))
-        fields = self.law.state._fields
+        fields = leaf_names(self.law.state)
+        state = from_leaves(self.law.state, dict.fromkeys(fields, 0.0))
         row = fields.index("volume_reference") if "volume_reference" in fields else -1
         trim, now = self.work[_V_0].copy(), np.zeros(self.lanes)
         sigma = self.work[Row.DEPTH_NOISE].copy()

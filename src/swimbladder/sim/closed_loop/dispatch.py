@@ -6,6 +6,7 @@ class of `parameters`, and the kernel's code on disk is found again by the same 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from functools import cache
 from types import FunctionType
@@ -17,8 +18,9 @@ from numba.extending import overload
 from swimbladder.control.law import Law
 from swimbladder.errors import InputError
 from swimbladder.sim.engine.cache import inlined
+from swimbladder.vehicle.records import from_numbers, leaf_names, numbers
 
-__all__ = ["compilable", "enroll", "gather", "law_initial", "law_step", "scatter_where"]
+__all__ = ["compilable", "enroll", "extent", "gather", "law_initial", "law_step", "scatter_where"]
 
 _INLINE: Any = {"forceinline": True}
 _LAWS: dict[type[Any], Law] = {}
@@ -84,43 +86,71 @@ def _law_initial(parameters, measurement, reference):  # type: ignore[no-untyped
     return lambda parameters, measurement, reference: initial(parameters, measurement, reference)
 
 
+def extent(like: Any) -> int:
+    """Return how many numbers a named tuple holds, those of the named tuples in it included."""
+    return len(leaf_names(type(like)))
+
+
 def gather(like: Any, work: Any, start: int, stride: int) -> Any:
     """Return a named tuple of the class of `like` from work[start], work[start + stride], ..."""
-    kind = type(like)
-    return kind(*(work[start + n * stride] for n in range(len(kind._fields))))
+    return from_numbers(type(like), (work[start + n * stride] for n in range(extent(like))))
 
 
 def scatter_where(due: bool, values: Any, work: Any, start: int, stride: int) -> None:
-    """Write a named tuple's fields to work[start], work[start + stride], ... where `due`."""
-    for n, value in enumerate(values):
+    """Write a named tuple's numbers to work[start], work[start + stride], ... where `due`."""
+    for n, value in enumerate(numbers(values)):
         if due:
             work[start + n * stride] = value
 
 
 def _function(source: str, **names: Any) -> Any:
     space = dict(names)
-    exec(source, space)  # the field count is known to the compiler only as source
+    exec(source, space)  # the fields are known to the compiler only as source
     return space["f"]
+
+
+def _class_of(form: Any) -> Any:
+    """Return the class of a named tuple's numba type, None of another."""
+    return form.instance_class if isinstance(form, types.NamedTuple | types.NamedUniTuple) else None
+
+
+def _paths(form: Any, path: str) -> list[str]:
+    """Return the source of each number of a named tuple that `path` names."""
+    if _class_of(form) is None:
+        return [path]
+    return [p for n, inner in enumerate(form.types) for p in _paths(inner, f"{path}[{n}]")]
+
+
+@overload(extent, jit_options=_INLINE)
+def _extent(like):  # type: ignore[no-untyped-def]
+    count = len(_paths(like, ""))
+    return lambda like: count  # noqa: ARG005
 
 
 @overload(gather, jit_options=_INLINE)
 def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    if not isinstance(like, types.NamedTuple | types.NamedUniTuple):
+    if _class_of(like) is None:
         return None
-    fields = ", ".join(
-        f"work[start + {n} * stride]" for n in range(len(like.instance_class._fields))
-    )
-    return _function(
-        f"def f(like, work, start, stride):\n    return Kind({fields})", Kind=like.instance_class
-    )
+    kinds: dict[str, Any] = {}
+    rows = (f"work[start + {n} * stride]" for n in itertools.count())
+
+    def made(form: Any) -> str:
+        kind = _class_of(form)
+        if kind is None:
+            return next(rows)
+        name = f"Kind{len(kinds)}"
+        kinds[name] = kind
+        return f"{name}({', '.join(map(made, form.types))})"
+
+    return _function(f"def f(like, work, start, stride):\n    return {made(like)}", **kinds)
 
 
 @overload(scatter_where, jit_options=_INLINE)
 def _scatter_where(due, values, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    if not isinstance(values, types.NamedTuple | types.NamedUniTuple):
+    if _class_of(values) is None:
         return None
     lines = "".join(
-        f"    i = start + {n} * stride\n    work[i] = values[{n}] if due else work[i]\n"
-        for n in range(len(values.instance_class._fields))
+        f"    i = start + {n} * stride\n    work[i] = {path} if due else work[i]\n"
+        for n, path in enumerate(_paths(values, "values"))
     )
     return _function(f"def f(due, values, work, start, stride):\n{lines}")

@@ -171,7 +171,7 @@ class _Run:
 
     law: Law
     plants: NDArray[np.float64]
-    values: list[NDArray[np.float64]]
+    values: dict[str, NDArray[np.float64]]
     clock: Schedule
     parts: int
     depths: NDArray[np.float64]
@@ -195,7 +195,8 @@ class _Run:
         count = self.plants.shape[1]
         lanes = np.minimum(np.arange(first, first + BLOCK), count - 1)
         block = Block.lay_out(
-            plants=self.plants[:, lanes], law=self.law, parameters=[v[lanes] for v in self.values],
+            plants=self.plants[:, lanes], law=self.law,
+            parameters={n: v[lanes] for n, v in self.values.items()},
             clock=self.clock, parts=self.parts, depths=self.depths[:, lanes],
             start=self.start[:, lanes], sensors=self.sensors,
             seeds=None if self.seed is None else [[self.seed, int(i)] for i in lanes],

@@ -12,27 +12,28 @@ from numpy.typing import ArrayLike, NDArray
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.block import Schedule
+from swimbladder.vehicle.records import leaves
 
 __all__ = ["check_starts", "series", "spread", "vary_plants"]
 
 
 def vary_plants(
     p: Plant, numbers: Any, vary: Mapping[str, ArrayLike], count: int
-) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
-    """Return plants [len(Plant), count] and the law's parameters, each [count].
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+    """Return plants [len(Plant), count] and the law's parameters by name, each [count].
 
     Raises InputError for a name that neither has, or a mass or time constant that cannot be.
     """
     plants = np.repeat(np.array(p)[:, None], count, axis=1)
-    values = [np.full(count, float(value)) for value in numbers]
+    values = {name: np.full(count, float(value)) for name, value in leaves(numbers).items()}
     for name, given in vary.items():
         array = spread(given, count, f"vary[{name!r}]", "")
         if name in Plant._fields:
             plants[Plant._fields.index(name)] = array
-        elif name in numbers._fields:
-            values[numbers._fields.index(name)] = array
+        elif name in values:
+            values[name] = array
         else:
-            known = (*Plant._fields, *numbers._fields)
+            known = (*Plant._fields, *values)
             near = difflib.get_close_matches(name, known, n=1)
             raise InputError(
                 "neither the plant nor the law has such a parameter",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from swimbladder.control.law import Measurement
-from swimbladder.sim.closed_loop.dispatch import gather, law_step, scatter_where
+from swimbladder.sim.closed_loop.dispatch import extent, gather, law_step, scatter_where
 from swimbladder.sim.closed_loop.rows import (
     APPLIED,
     COMMAND,
@@ -138,7 +138,7 @@ def judge(S, W_, i, since):  # type: ignore[no-untyped-def]
 @inlined
 def decide(S, W_, i, like, like_state, t, per_tick):  # type: ignore[no-untyped-def]
     """Call the law of lane i, keep what it says where it is due; return the input as applied."""
-    row = (LAW + len(like)) * W_ + i
+    row = (LAW + extent(like)) * W_ + i
     seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
     parameters = gather(like, S, LAW * W_ + i, W_)
     state = gather(like_state, S, row, W_)

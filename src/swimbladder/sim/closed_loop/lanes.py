@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from swimbladder.control.law import Measurement
-from swimbladder.sim.closed_loop.dispatch import gather, law_initial, scatter_where
+from swimbladder.sim.closed_loop.dispatch import extent, gather, law_initial, scatter_where
 from swimbladder.sim.closed_loop.lane import commit, decide, judge, leap_lane, set_mode
 from swimbladder.sim.closed_loop.rows import (
     APPLIED,
@@ -112,7 +112,7 @@ def _start_laws(S, token, like, t):  # type: ignore[no-untyped-def]
     for i in range(W_):
         seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
         state = law_initial(gather(like, S, LAW * W_ + i, W_), seen, S[REFERENCE * W_ + i])
-        scatter_where(True, state, S, (LAW + len(like)) * W_ + i, W_)
+        scatter_where(True, state, S, (LAW + extent(like)) * W_ + i, W_)
 
 
 @compiled
@@ -160,7 +160,7 @@ def run_block(  # type: ignore[no-untyped-def]
             judge(S, W_, i, since)
             decide(S, W_, i, like, like_state, t, 1.0 / tick)
         if record.shape[1] > 0:
-            _record(S, token, record, k, len(like), state_row)
+            _record(S, token, record, k, extent(like), state_row)
         if k == turn.shape[0] - 1:
             break
         for n in range(parts):

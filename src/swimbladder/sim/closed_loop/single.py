@@ -21,6 +21,7 @@ from swimbladder.sim.closed_loop.solution import Solution, StopReason, assemble,
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.chain import book_steps
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.records import leaf_names, leaves
 
 __all__ = ["check_counts", "check_setpoints", "check_start", "choose_law", "simulate"]
 
@@ -72,7 +73,8 @@ def simulate(
     clock = schedule(times, duration, tick)
     divided = book_steps(p, tick, start_speed, layers) if parts is None else parts
     block = Block.lay_out(
-        plants=np.array(p)[:, None], law=chosen, parameters=numbers, clock=clock, parts=divided,
+        plants=np.array(p)[:, None], law=chosen, parameters=leaves(numbers), clock=clock,
+        parts=divided,
         depths=np.array(depths)[:, None], start=np.array(start)[:, None], sensors=vehicle.sensors,
         seeds=None if seed is None else [[seed, 0]], record=True, books=True, events=True,
         layers=layers,
@@ -138,7 +140,7 @@ def choose_law(
             f"not the parameters of the law {law.name!r}",
             field="parameters",
             value=parameters,
-            remedy=f"Give a {law.parameters.__name__}: {', '.join(law.parameters._fields)}",
+            remedy=f"Give a {law.parameters.__name__}: {', '.join(leaf_names(law.parameters))}",
         )
     command = "voltage" if vehicle.voltage_driven else "volume"
     if law.command != command:
