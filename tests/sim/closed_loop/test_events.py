@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from swimbladder.sim.closed_loop import Event, Solution, StopReason, drive, simulate
 from swimbladder.vehicle import Drag, Hull, IdentifiedActuator
@@ -104,6 +105,56 @@ class TestEndStops:
         k_l = 2e-12 * 9806.65
         np.testing.assert_allclose(ours.motor_rate[there], k_l * ours.depth[there], rtol=1e-9)
         assert times(ours, "left the upper end stop") == [10.0]
+
+    def test_a_stop_pushes_and_never_pulls(self) -> None:
+        """A leaking pump leaves the stop where it would leave a very stiff spring.
+
+        Its rate is k_l z there. Sinking, the leakage grows by k_l w, and the motor has to speed up
+        to keep the volume: the stop is left before the motor's steady rate is down to k_l z.
+        """
+        K, T1, k_l, load, stop = 5e-6, 0.4, 1e-7, 0.2, 350e-6
+        vehicle = paper(
+            actuator=IdentifiedActuator(
+                K1=K / 5e-3, T1=T1, piston_area=5e-3, k_l=k_l, depth_voltage=load
+            ),
+            trim_error=stop - 4.04e-6 * 10.0,
+        )  # fmt: skip
+        commands = [(0.0, 12.0), (0.5, 2.23)]
+        start = dict(depth=10.0, volume=stop, speed=0.1)
+        ours, theirs = both(vehicle, commands, 3.0, **start)
+        agree(ours, theirs)
+        left = times(ours, "left the upper end stop")[0]
+        assert 0.6 < left < 2.0
+
+        def rates(_t: float, x: np.ndarray, volts: float) -> list[float]:
+            q, over, z, w = x  # volumes in cm3, over: beyond the stop
+            rate = q - 1e6 * k_l * z
+            push = max(1e9 * over + 1e5 * rate, 0.0) if over > 0.0 else 0.0
+            sink = 7935.54 * (4.04e-6 * (z - 10.0) - 1e-6 * over) - w
+            return [(1e6 * K * (volts - load * z) - q - push) / T1, rate, w, sink / 36.3]
+
+        x = np.array([1e6 * k_l * 10.0, 0.0, 10.0, 0.1])
+        for (t, volts), end in zip(commands, (0.5, 3.0), strict=True):
+            spring = solve_ivp(
+                rates, (t, end), x, args=(volts,), method="Radau", rtol=1e-9, atol=1e-12,
+                dense_output=True,
+            )  # fmt: skip
+            x = spring.y[:, -1]
+        after = ours.time > left
+        np.testing.assert_allclose(
+            1e6 * (ours.volume[after] - stop), spring.sol(ours.time[after])[1], rtol=1e-3, atol=1e-6
+        )
+
+    def test_a_vehicle_that_rises_rests_at_the_stop_as_the_leakage_slackens(self) -> None:
+        """From a counter-example: between k_l (z + T1 w) and k_l z it left and met it each tick."""
+        K, T1, k_l = 5e-6, 0.4, 1e-7
+        vehicle = paper(actuator=IdentifiedActuator(K1=K / 5e-3, T1=T1, piston_area=5e-3, k_l=k_l))
+        volts = k_l * (10.0 - 0.5 * T1 * 0.2) / K
+        ours, theirs = both(
+            vehicle, [(0.0, volts)], 5.0, depth=10.0, volume=350e-6, speed=-0.2
+        )  # fmt: skip
+        agree(ours, theirs)
+        assert times(ours, "left the upper end stop") == []
 
     def test_leaking_pump_must_overtake_the_leakage_to_leave_the_lower_stop(self) -> None:
         vehicle = pump(leak=2e-11)

@@ -4,13 +4,21 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.position_pid import POSITION_PID, PositionPidParameters
 from swimbladder.sim.closed_loop import Solution, StopReason, simulate
-from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle import (
+    Drag,
+    Hull,
+    IdentifiedActuator,
+    PhysicalMotion,
+    Stroke,
+    Supply,
+    Vehicle,
+)
 from tests.vehicles import vehicles
 
 ARRAYS = ("depth", "speed", "volume", "motor_rate", "command", "reference", "time")
@@ -46,6 +54,7 @@ def sound(s: Solution, bottom: float) -> None:
     assert s.volume.min() >= stroke.minimum - 1e-12
     assert s.volume.max() <= stroke.maximum + 1e-12
     times = [e.time for e in s.events]
+    assert len(times) <= 20 * n + 50, "chatter below the limit"
     assert times == sorted(times)
     if s.vehicle.voltage_driven:
         supply = s.vehicle.supply
@@ -54,7 +63,37 @@ def sound(s: Solution, bottom: float) -> None:
     assert np.isfinite(s.books.energy_residue)
 
 
+def light(
+    *, K1: float, T1: float, k_l: float, stroke: float, psi: float, area: float, mass: float,
+    trim_error: float = 0.0,
+) -> Vehicle:  # fmt: skip
+    """A vehicle that the property below once failed for, by the numbers that mattered."""
+    return Vehicle(
+        name="counter-example",
+        actuator=IdentifiedActuator(K1=K1, T1=T1, piston_area=5e-3, k_l=k_l),
+        supply=Supply(voltage=12.0),
+        stroke=Stroke(minimum=-stroke, maximum=stroke),
+        hull=Hull(displaced_volume=0.03, psi=psi, waterplane_area=area, height=1.0),
+        motion=PhysicalMotion(dry_mass=mass, drag=Drag(law="linear", k_dl=1.0)),
+        trim_error=trim_error,
+    )
+
+
 @settings(max_examples=150)
+@example(  # left the upper stop and met it again, while the leakage slackened
+    vehicle=light(
+        K1=0.0152, T1=0.368, k_l=9.12e-9, stroke=911.9e-6, psi=1.042e-5, area=0.0498, mass=7.389
+    ),
+    tick=0.05, strength=0.01, start="surface", share=1.0, speed=0.0, targets=[2.46e-10], seed=None,
+)  # fmt: skip
+@example(  # neutral at the surface: rounding moved it in and out
+    vehicle=light(
+        K1=0.0008054662277904188, T1=0.36787944117144233, k_l=0.0, stroke=4.8327973667425135e-05,
+        psi=2.7615984952814365e-06, area=0.0820849986238988, mass=260.4732060371668,
+        trim_error=4.832797366742514e-06,
+    ),
+    tick=0.05, strength=0.01, start="surface", share=None, speed=0.0, targets=[0.0], seed=None,
+)  # fmt: skip
 @given(
     vehicle=vehicles(),
     tick=st.sampled_from([0.05, 0.3, 0.5, 2.0]),
@@ -82,9 +121,8 @@ def test_any_vehicle_on_any_mission(  # type: ignore[no-untyped-def]
         duration=40.0 * tick * len(targets), start_depth=depth, start_volume=volume,
         start_speed=speed, bottom_depth=bottom, seed=seed,
     )  # fmt: skip
+    sound(s, bottom)
     leaks_in_air = getattr(vehicle.actuator, "k_l", 0.0) > 0.0 and s.depth.min() < 0.0
-    if not leaks_in_air:
-        sound(s, bottom)
     if s.stop is StopReason.FINISHED:
         assert s.time[-1] == pytest.approx(40.0 * tick * len(targets))
         assert s.books.relative_energy_residue <= 1e-3 or leaks_in_air

@@ -60,6 +60,9 @@ class Where(IntEnum):
 # once in a step, with its greatest speed at an end: (pi/2)^2, rounded down.
 SLOW_BOBBING = 2.0
 QUICK_BOBBING = 0.06  # the same, above which nonlinear drag and the accounts want smaller steps
+# Distance from the surface [m] plus speed [m/s] under which only rounding moves a vehicle: one that
+# is neutral there would pass the surface at each step.
+_STILL = 1e-12
 DEEPEST = 12000.0  # m; no sea is deeper
 COUNT = 60  # 3 places x 2 (limited by the supply or not) x 10 states of the actuator
 
@@ -206,6 +209,20 @@ def _turning(p, u, z, q):  # type: ignore[no-untyped-def]
     return STUCK
 
 
+@part
+def _stop_pushes(p, u, q, z, w):  # type: ignore[no-untyped-def]
+    """Return whether the upper end stop pushes against a motor that holds the volume there.
+
+    A free motor would then deliver more than what leaks. The leakage changes by k_l w: what turns
+    the motor faster or slower with it comes from the stop too, which cannot pull.
+    """
+    v = _applied(p, u, q)
+    if p[K_L] == 0.0:
+        return v >= p[LOAD_BACK] * z - p[FRICTION]
+    free = p[GAIN] * (v - p[LOAD_DRIVE] * z - p[FRICTION])
+    return free >= p[K_L] * (z + p[T1] * w)
+
+
 @compiled
 def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
     """Return (new mode or -1, q, w, whether the state was reset) at a state and an input.
@@ -225,6 +242,8 @@ def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
         return -3, q, w, False
     elif z > p[Z_BOTTOM] or (z == p[Z_BOTTOM] and w > 0.0):
         new_where, w, reset = BOTTOM, 0.0, True
+    elif abs(z - p[Z_SURFACE]) + abs(w) < _STILL:
+        pass
     elif where == SUBMERGED:
         if z < p[Z_SURFACE] or (z == p[Z_SURFACE] and w < 0.0):
             new_where = EMERGING
@@ -234,7 +253,8 @@ def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
         return -2, q, w, False
     # the actuator
     if act in (FORWARD, BACKWARD):
-        if p[V_MAX] < V or (p[V_MAX] == V and q > p[K_L] * z):
+        at_upper = p[V_MAX] == V and q > p[K_L] * z
+        if p[V_MAX] < V or (at_upper and _stop_pushes(p, u, q, z, w)):
             new_act, q, reset = UPPER, p[K_L] * z, True
         elif p[V_MIN] > V or (p[V_MIN] == V and q < p[K_L] * z):
             # the pump may still turn outwards, slower than the leakage
@@ -251,15 +271,9 @@ def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
         else:
             new_act = _turning(p, u, z, 0.0)
     elif act == UPPER:
-        v = _applied(p, u, q)
-        if p[K_L] > 0.0:
-            if p[GAIN] * (v - p[LOAD_DRIVE] * z - p[FRICTION]) < p[K_L] * z:
-                new_act = _turning(p, u, z, q)
-                if new_act == BACKWARD and q > 0.0:
-                    new_act = FORWARD
-        elif v < p[LOAD_BACK] * z - p[FRICTION]:
-            q = 0.0
-            new_act = _turning(p, u, z, 0.0)
+        if not _stop_pushes(p, u, q, z, w):
+            q = p[K_L] * z  # but for rounding, it is
+            new_act = _turning(p, u, z, q)
     elif act == LOWER:
         v = _applied(p, u, 0.0)
         if v > p[LOAD_DRIVE] * z + p[FRICTION]:
