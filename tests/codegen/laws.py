@@ -9,11 +9,11 @@ import numpy as np
 
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Count, Law, Measurement
+from swimbladder.control.records import field_types, from_numbers, is_record, leaf_names, leaves
 from swimbladder.control.registry import LAWS, bind
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Controller, Sensors, Vehicle
-from swimbladder.vehicle.records import field_types, from_numbers, is_record, leaf_names, leaves
 from tests.control.examples import ADRC_FAST, S_P, SEA, SLEEPER
 from tests.vehicles import paper
 

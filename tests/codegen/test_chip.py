@@ -11,9 +11,9 @@ import pytest
 from swimbladder.codegen.library import make_library
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Measurement
+from swimbladder.control.records import from_numbers
 from swimbladder.control.registry import LAWS
 from swimbladder.io.config import load_vehicle
-from swimbladder.vehicle.records import from_numbers
 from tests.codegen import chip
 from tests.codegen.laws import EXAMPLES, bits, random_calls, split, twin_of
 from tests.codegen.odd import ODD, OddParameters, OddState

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from swimbladder.control.law import Measurement
 from swimbladder.control.observer import OBSERVER, initial, step
 from swimbladder.control.observers import Estimate, Trust, estimate, moves
+from swimbladder.control.records import numbers
 from swimbladder.design.tuning.gains import Knobs, gains, setting_of
 from swimbladder.design.tuning.motion import (
     filter_gains,
@@ -21,7 +22,6 @@ from swimbladder.design.tuning.motion import (
 )
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
-from swimbladder.vehicle.records import numbers
 
 VEHICLE = load_vehicle("feup-em")
 PLANT = plant(VEHICLE)

@@ -5,10 +5,10 @@ import inspect
 import pytest
 
 from swimbladder.control.cascade import CASCADE, CascadeParameters
+from swimbladder.control.records import leaf_names
 from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters
 from swimbladder.errors import InputError
 from swimbladder.vehicle import Controller
-from swimbladder.vehicle.records import leaf_names
 from tests.vehicles import TABLE_3
 
 

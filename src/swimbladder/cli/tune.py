@@ -17,7 +17,7 @@ from swimbladder.cli.common import (
     typed_command,
 )
 from swimbladder.cli.depths import depth_pair, with_sensor
-from swimbladder.vehicle.records import leaves
+from swimbladder.control.records import leaves
 
 if TYPE_CHECKING:
     from swimbladder.design.tuning import Tuning

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from swimbladder.control.law import NEVER, Law, Measurement
+from swimbladder.control.records import numbers
 from swimbladder.control.supervisor import SUPERVISOR, Reason, reasons_in
 from swimbladder.control.supervisor_records import SupervisorParameters, Watched
-from swimbladder.vehicle.records import numbers
 
 __all__ = ["MOST_TURNS", "SOON", "ControllerTwin", "VehicleTwin", "wait_in_ticks"]
 

@@ -11,13 +11,13 @@ from swimbladder.codegen.pool_twin import Rehearsal, float32_twin, rehearse
 from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.protocol import POOL
 from swimbladder.control.protocol_records import MARGIN, PoolParameters, procedure_for
+from swimbladder.control.records import leaves
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SeaCascadeParameters, sea_cascade_gains
 from swimbladder.control.supervisor_records import SupervisorParameters
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.records import leaves
 
 __all__ = [
     "PoolDay",

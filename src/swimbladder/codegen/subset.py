@@ -28,8 +28,8 @@ from swimbladder.codegen.tree import (
     Type,
 )
 from swimbladder.control.law import Count, Law, Measurement
+from swimbladder.control.records import field_types, is_record, leaf_names
 from swimbladder.errors import InputError
-from swimbladder.vehicle.records import field_types, is_record, leaf_names
 
 __all__ = ["Source", "read_law"]
 

@@ -15,11 +15,11 @@ from swimbladder.control.position_observer import POSITION_OBSERVER
 from swimbladder.control.position_pid import POSITION_PID
 from swimbladder.control.pulse import PULSE
 from swimbladder.control.rate import RATE
+from swimbladder.control.records import from_leaves, leaf_names
 from swimbladder.control.sea_cascade import SEA_CASCADE
 from swimbladder.errors import InputError
 from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Controller
-from swimbladder.vehicle.records import from_leaves, leaf_names
 from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["LAWS", "MISSION_LAWS", "bind", "law_by_name", "law_parameters"]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from swimbladder.control.records import leaf_names
 from swimbladder.control.registry import LAWS, bind
 from swimbladder.design.linear.models import linearise
 from swimbladder.design.linear.sampled import discretise
@@ -10,7 +11,6 @@ from swimbladder.design.stability.wrapped import WRAPPED, wrapped
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import simulate_ensemble
-from swimbladder.vehicle.records import leaf_names
 
 FEUP = load_vehicle("feup-em")
 P = plant(FEUP)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from swimbladder.control.law import Law
+from swimbladder.control.records import leaves
 from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters
 from swimbladder.design.law_comparison.scenarios import LOW_SUPPLY, Places
 from swimbladder.design.tuning import tune
@@ -15,7 +16,6 @@ from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.io.config import load_vehicle
 from swimbladder.jobs import Store
 from swimbladder.vehicle import Controller, Vehicle
-from swimbladder.vehicle.records import leaves
 from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["GOALS", "IN_FILE", "PAPER", "Contender", "LeftOut", "choose_laws", "own", "tuned"]

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.control.records import leaves
 from swimbladder.design.law_comparison.contenders import PAPER, Contender, LeftOut
 from swimbladder.design.law_comparison.fly import Result
 from swimbladder.design.law_comparison.pareto import front
 from swimbladder.design.law_comparison.scenarios import Placed, Places
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.records import leaves
 
 __all__ = ["COSTS", "Bench", "Row", "Trace"]
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
+from swimbladder.control.records import from_numbers, leaf_names, numbers
 from swimbladder.design.linear.models import Array, StateSpace
-from swimbladder.vehicle.records import from_numbers, leaf_names, numbers
 
 __all__ = ["LinearLaw", "SampledLoop", "command_slope", "discretise", "linearise_law"]
 

@@ -16,12 +16,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from swimbladder.control.records import from_leaves, leaves
 from swimbladder.design.linear.models import StateSpace, linearise
 from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, discretise
 from swimbladder.design.stability.cycles import Cycle, balance
 from swimbladder.design.stability.describing import Nonlinearity, play, quantiser, relay, saturation
 from swimbladder.physics.dynamics import Plant
-from swimbladder.vehicle.records import from_leaves, leaves
 
 __all__ = ["Predicted", "broken_at_volume", "inner_gain", "predict", "rests_within", "without_rest"]
 

@@ -12,6 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from swimbladder.control.law import Law
+from swimbladder.control.records import from_numbers, numbers
 from swimbladder.control.registry import bind
 from swimbladder.design.stability.around import look_around
 from swimbladder.design.stability.confirm import edge, hold
@@ -30,7 +31,6 @@ from swimbladder.errors import InputError
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.records import from_numbers, numbers
 from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["stability"]

@@ -22,6 +22,7 @@ from swimbladder.control.position_observer import (
     PositionObserverParameters,
 )
 from swimbladder.control.pulse import PULSE, PulseParameters
+from swimbladder.control.records import from_leaves
 from swimbladder.control.sea_cascade import SEA_CASCADE, SeaCascadeParameters, sea_cascade_gains
 from swimbladder.design.tuning.knobs import Knobs, Setting, setting_of
 from swimbladder.design.tuning.motion import (
@@ -34,7 +35,6 @@ from swimbladder.design.tuning.motion import (
 )
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant
-from swimbladder.vehicle.records import from_leaves
 from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["TUNABLE", "Knobs", "Recipe", "Setting", "gains", "setting_of", "tunable"]

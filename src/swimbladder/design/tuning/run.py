@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from threadpoolctl import threadpool_limits
 
+from swimbladder.control.records import leaves
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.tuning.energy import winding
 from swimbladder.design.tuning.gains import TUNABLE, setting_of, tunable
@@ -18,7 +19,6 @@ from swimbladder.design.tuning.trial import Step, traces
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import Controller, Vehicle
-from swimbladder.vehicle.records import leaves
 
 __all__ = ["GOALS", "tune"]
 

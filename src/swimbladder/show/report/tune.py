@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
+from swimbladder.control.records import leaves
 from swimbladder.design.tuning import Tuning
 from swimbladder.design.tuning.margins import WANTED
 from swimbladder.design.tuning.trial import Trial
@@ -15,7 +16,6 @@ from swimbladder.show.plots.style import save, svg_text
 from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
 from swimbladder.show.report.html import inline_svg, render
 from swimbladder.units import shown_unit, unit_factor
-from swimbladder.vehicle.records import leaves
 
 __all__ = ["write_tuning"]
 

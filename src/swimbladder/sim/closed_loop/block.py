@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.law import Law
+from swimbladder.control.records import from_leaves, leaf_names
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.dispatch import enroll
 from swimbladder.sim.closed_loop.lanes import measure_block, start_block
@@ -22,7 +23,6 @@ from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
 from swimbladder.sim.engine.modes import COUNT
 from swimbladder.vehicle import Sensors
-from swimbladder.vehicle.records import from_leaves, leaf_names
 
 __all__ = ["Block", "Schedule", "schedule", "work_space"]
 

@@ -16,9 +16,9 @@ from numba import types
 from numba.extending import overload
 
 from swimbladder.control.law import Law
+from swimbladder.control.records import from_numbers, leaf_names, numbers
 from swimbladder.errors import InputError
 from swimbladder.sim.engine.cache import inlined
-from swimbladder.vehicle.records import from_numbers, leaf_names, numbers
 
 __all__ = ["compilable", "enroll", "extent", "gather", "law_initial", "law_step", "scatter_where"]
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from swimbladder.control.records import leaves
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.block import Schedule
-from swimbladder.vehicle.records import leaves
 
 __all__ = ["check_starts", "series", "spread", "vary_plants"]
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.law import Law
+from swimbladder.control.records import leaf_names, leaves
 from swimbladder.control.registry import bind
 from swimbladder.errors import InputError
 from swimbladder.physics.seawater import Column
@@ -21,7 +22,6 @@ from swimbladder.sim.closed_loop.solution import Solution, StopReason, assemble,
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.chain import book_steps
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.records import leaf_names, leaves
 
 __all__ = ["check_counts", "check_setpoints", "check_start", "choose_law", "simulate"]
 
