@@ -1,15 +1,20 @@
 """Compiled code on disk: found again, never stale, and nothing lost where it cannot be written."""
 
 import os
+import random
+import resource
 import shutil
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import swimbladder
 from swimbladder.sim.closed_loop.outside import fingerprint
+from swimbladder.sim.engine import cache as engine_cache
 
 PACKAGE = Path(swimbladder.__file__).parent
 FOLDER = "from swimbladder.sim.engine.cache import cache_folder; print(cache_folder().name)"
@@ -114,6 +119,121 @@ def test_a_cache_that_cannot_be_written_is_done_without(tmp_path: Path) -> None:
     assert (told, kept) == ("1", "False")
     assert mode == python(STEP, cache=tmp_path / "cache").split()[0]
     assert blocked.read_text() == "in the way"
+
+
+def twice(x: float) -> float:
+    return 2.0 * x
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache of its own for this process, of which nothing was said so far."""
+    folder = tmp_path / "kernels"
+    monkeypatch.setattr(engine_cache, "cache_folder", lambda: folder)
+    monkeypatch.setattr(engine_cache._Kept, "said", False)
+    return folder
+
+
+def kept(notice: Callable[[], None] = lambda: None) -> bool:
+    """Run a kernel as a new process would; return whether its code was found on disk."""
+    kernel = engine_cache.compiled(twice)
+    with engine_cache.on_compile(notice):
+        assert kernel(3.0) == 6.0
+    return bool(kernel.stats.cache_hits)
+
+
+def damaged(content: bytes, how: str) -> bytes:
+    half = len(content) // 2
+    return {
+        "emptied": b"",
+        "random bytes": random.Random(1).randbytes(len(content)),
+        "cut off": content[:half],
+        "one bit": content[:half] + bytes([content[half] ^ 1]) + content[half + 1 :],
+    }[how]
+
+
+@pytest.mark.parametrize("what", ["nbi", "nbc"])
+@pytest.mark.parametrize("how", ["emptied", "random bytes", "cut off", "one bit"])
+def test_damaged_code_is_compiled_again_and_kept(
+    how: str, what: str, folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert not kept()
+    assert kept()
+    (file,) = folder.rglob(f"*.{what}")
+    file.write_bytes(damaged(file.read_bytes(), how))
+    notices: list[int] = []
+    assert not kept(lambda: notices.append(1))
+    assert notices == []  # the warning says it
+    (message,) = caplog.messages
+    assert message.startswith(f"cannot read compiled code in {folder} ({file.name} was altered): ")
+    assert kept()
+
+
+def test_an_index_that_cannot_be_read_is_done_without(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A folder where the file should be: neither read nor replaced, by root either."""
+    assert not kept()
+    (index,) = folder.rglob("*.nbi")
+    index.unlink()
+    index.mkdir()
+    assert not kept()
+    assert not kept()
+    (message,) = caplog.messages
+    assert "cannot read compiled code" in message
+    assert "(Is a directory)" in message
+
+
+@pytest.mark.parametrize("size", [0, 2000], ids=["nothing fits", "the index fits"])
+def test_a_disk_that_is_full_ends_no_run(
+    size: int, folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """No file may grow beyond a limit: the system refuses to write more."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        assert not kept()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    (message,) = caplog.messages
+    assert "cannot keep compiled code" in message
+    assert "(File too large)" in message
+    assert [path.suffix for path in folder.rglob("*.*")] == [".nbi"] * (size > 0)
+    assert not kept()
+    assert kept()
+
+
+def test_folders_of_sources_that_are_used_no_more_go_after_a_month(tmp_path: Path) -> None:
+    month = 30 * 86400.0
+    ages = {"kernels-" + 16 * "a": month + 60.0, "kernels-" + 16 * "b": month - 60.0}
+    ages |= {"kernels-mine": 2 * month, "notes": 2 * month}
+    for name, age in ages.items():
+        (tmp_path / name).mkdir()
+        os.utime(tmp_path / name, (time.time() - age,) * 2)
+    python("import swimbladder.sim.engine.advance", cache=tmp_path)
+    left = {folder.name for folder in tmp_path.iterdir()}
+    assert set(ages) - left == {"kernels-" + 16 * "a"}
+    (ours,) = left - set(ages)
+    os.utime(tmp_path / ours, (time.time() - 20 * 86400.0,) * 2)  # used again: young again
+    python(FOLDER, cache=tmp_path)
+    assert time.time() - (tmp_path / ours).stat().st_mtime < 3600.0
+
+
+def test_a_damaged_index_costs_a_command_one_line(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "swimbladder", "simulate", "feup-em", "--json"]
+    run = dict(capture_output=True, text=True, timeout=300, check=False)
+    first = subprocess.run(command, **run)  # type: ignore[call-overload]
+    assert first.returncode == 0, first.stderr
+    folder = tmp_path / engine_cache.cache_folder().name
+    shutil.copytree(engine_cache.cache_folder(), folder)
+    index = next(folder.rglob("*start_block-*.nbi"))
+    index.write_bytes(b"")
+    again = subprocess.run(
+        command, env=os.environ | {"SWIMBLADDER_CACHE_DIR": str(tmp_path)}, **run
+    )  # type: ignore[call-overload]
+    assert (again.returncode, again.stdout) == (0, first.stdout)
+    assert again.stderr.count("\n") == 1
+    assert f"{index.name} was altered" in again.stderr
 
 
 FACTOR = 2.0
