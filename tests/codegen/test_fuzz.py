@@ -13,17 +13,28 @@ from tests.codegen.build import run
     [name if name == "cascade" else pytest.param(name, marks=pytest.mark.slow) for name in LAWS],
 )
 def test_a_short_run_breaks_nothing(name, tmp_path):
+    _breaks_nothing(name, tmp_path, runs=2000)
+
+
+@pytest.mark.prove
+@pytest.mark.usefixtures("clang")
+@pytest.mark.parametrize("name", LAWS)
+def test_a_long_run_breaks_nothing(name, tmp_path):
+    _breaks_nothing(name, tmp_path, runs=100_000)
+
+
+def _breaks_nothing(name, tmp_path, runs):
     """By libFuzzer where clang has it, else with as many random inputs; the seed is fixed."""
     made = fuzz.library(name)
     if fuzz.has_libfuzzer():
-        done = fuzz.fuzz(made, tmp_path, runs=2000)
+        done = fuzz.fuzz(made, tmp_path, runs=runs)
         assert done.crash is None, done.said[-4000:]
-        assert done.runs >= 2000
+        assert done.runs >= runs
         reached, lines = map(int, done.covered.split(" of "))
         assert reached > 0.7 * lines  # the inputs that are kept reach far
     else:
         program = fuzz.build(made, tmp_path, "random")
-        assert b"2000 runs" in run(program, "2000", "1").stdout
+        assert f"{runs} runs".encode() in run(program, str(runs), "1").stdout
 
 
 @pytest.mark.usefixtures("gcc")
