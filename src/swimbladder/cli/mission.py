@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,6 +31,7 @@ from swimbladder.cli.common import (
     output,
     progress,
     quantity,
+    said_as_typed,
 )
 from swimbladder.cli.masses import warn_of_mass
 from swimbladder.errors import InputError
@@ -39,7 +42,7 @@ if TYPE_CHECKING:
     from swimbladder.sim.mission.result import MissionResult
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["asked_span", "check_phases", "mission", "water"]
+__all__ = ["asked_of", "mission", "water"]
 
 _MARGIN = 1.1  # of the deepest phase: how far down the vehicle's own water is tabulated, and
 _BELOW = 50.0  # m more
@@ -96,8 +99,7 @@ def mission(
     from swimbladder.io.files import check_place, unfinished
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
-    check_phases(task, mission)
-    span = asked_span(duration)
+    span = quantity(duration, "s", "--duration")
     start = _moment(begin) or _BEGIN
     check_place(out)
     keep = unfinished(out)
@@ -108,7 +110,8 @@ def mission(
     )  # fmt: skip
     read = casts[0] if casts else None
     warn_of_mass(v)
-    found = _fly(v, task, water(v, task, read), cycles, span, seed, keep)
+    with asked_of(mission, task, duration=duration):
+        found = _fly(v, task, water(v, task, read), cycles, span, seed, keep)
     answer = found.to_json()
     with progress("writing the files"):
         files = _write(found, out, answer, read, start, netcdf=netcdf, plot=plot)
@@ -121,22 +124,18 @@ def mission(
         raise typer.Exit(1)
 
 
-def check_phases(task: Mission, path: Path) -> None:
-    """Raise InputError where a mission has set-points and no phases."""
-    if not task.phases:
-        raise InputError(
-            "the mission has set-points, and this command takes phases", file=path,
-            field="setpoints", remedy="Fly it with `swimbladder simulate`, or write [[phases]]",
-        )  # fmt: skip
+@contextlib.contextmanager
+def asked_of(path: Path, task: Mission, **typed: str | None) -> Iterator[None]:
+    """Say in InputErrors of the block where it was asked: an option, or the mission's file."""
+    from swimbladder.io.config import locate
 
-
-def asked_span(duration: str | None) -> float | None:
-    """Return the time after which no cycle begins [s]; raises InputError for none."""
-    span = quantity(duration, "s", "--duration")
-    if span is not None and not span > 0.0:
-        raise InputError("it must be above 0", field="--duration", value=duration, unit="s",
-                         remedy="Check the number and its unit")  # fmt: skip
-    return span
+    try:
+        with said_as_typed({f"--{name}": text for name, text in typed.items()},
+                           **{name: f"--{name}" for name in typed}):  # fmt: skip
+            yield
+    except InputError as error:
+        field = (error.field or "-").split("[")[0].split(".")[0]
+        raise (locate(error, path) if hasattr(task, field) else error) from None
 
 
 def _moment(text: str | None) -> datetime.datetime | None:
@@ -152,12 +151,8 @@ def _moment(text: str | None) -> datetime.datetime | None:
 
 
 def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
-    """Return the water of a cast, or the vehicle's own, as deep as a mission goes.
-
-    Raises NoAnswerError where the cast ends above.
-    """
+    """Return the water of a cast, or the vehicle's own, as deep as a mission goes."""
     from swimbladder.physics.seawater import cast_column, uniform_column
-    from swimbladder.sim.mission.reach import check_column
 
     deepest = max([task.start_depth, *(p.depth for p in task.phases if p.depth is not None)])
     if cast is None:
@@ -169,9 +164,7 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
         return uniform_column(vehicle.water, _MARGIN * deepest + _BELOW)
     refuse_doubted_unit([cast], deepest, vehicle.hull.depth_limit)
     with progress("tabulating the water"):
-        column = cast_column(cast)
-    check_column(task, column)
-    return column
+        return cast_column(cast)
 
 
 def _fly(
@@ -180,17 +173,14 @@ def _fly(
 ) -> MissionResult:  # fmt: skip
     with progress("loading the simulator"):
         from swimbladder.sim.mission.flight import fly_mission
-        from swimbladder.sim.mission.prepare import make_plan
-        from swimbladder.sim.mission.reach import check_reach
         from swimbladder.sim.mission.result import MissionResult
 
-    reach = check_reach(vehicle, task, make_plan(vehicle, task, column))
     with kept(keep), compile_notice(), progress("flying", 1.0) as advance:
         flown = fly_mission(
             vehicle, task, column, cycles=cycles, span=span, seed=seed, keep=keep,
             advance=advance,
         )  # fmt: skip
-    return MissionResult(flown, reach)
+    return MissionResult(flown, flown.reach)
 
 
 def _write(

@@ -267,7 +267,7 @@ def test_it_pumps_itself_off_the_bottom(profiler, sea):
     task = phases(deep=180.0, tolerance=4.0, bottom_depth=185.0)
     stages = [phase.model_dump(exclude_none=True) for phase in task.phases]
     stages[0]["speed"] = 1.0
-    flown = fly_mission(profiler, Mission(phases=stages, bottom_depth=185.0), sea)
+    flown = fly_mission(profiler, Mission(phases=stages, bottom_depth=185.0), sea, checked=False)
     assert len(times(flown, Note.BOTTOM)) >= 1
     assert len(times(flown, Note.LEFT_BOTTOM)) >= 1
     assert np.max(flown.rows[:, Row.Z]) == 185.0
@@ -278,7 +278,9 @@ def test_it_pumps_itself_off_the_bottom(profiler, sea):
 def test_below_its_depth_it_presses_all_out_and_comes_up(profiler, sea):
     task = phases(deep=150.0, safety={"deepest": 151.0})
     fast = [{**phase.model_dump(exclude_none=True), "speed": 0.5} for phase in task.phases]
-    flown = fly_mission(profiler, Mission(phases=fast, safety={"deepest": 151.0}), sea)
+    flown = fly_mission(
+        profiler, Mission(phases=fast, safety={"deepest": 151.0}), sea, checked=False
+    )
     assert flown.stop is Stop.PASSED_DEPTH
     assert len(times(flown, Note.TOO_DEEP)) == 1
     assert flown.end[Now.V] == pytest.approx(profiler.stroke.maximum, rel=1e-3)
@@ -338,7 +340,7 @@ def test_a_phase_out_of_time_is_told_and_the_next_begins(profiler, sea):
     task = phases()
     slow = [phase.model_dump(exclude_none=True) for phase in task.phases]
     slow[0]["timeout"] = 600.0
-    flown = fly_mission(profiler, Mission(phases=slow), sea)
+    flown = fly_mission(profiler, Mission(phases=slow), sea, checked=False)
     assert int(flown.cycles[0, Cycle.MISSED]) & 1
     assert times(flown, Note.OUT_OF_TIME)[0] == 600.0
     # the profile arrives at its 20 m, from the other side: that is no arrival at 150 m
@@ -353,7 +355,7 @@ def test_a_phase_out_of_time_is_told_and_the_next_begins(profiler, sea):
 def test_a_surface_that_is_not_reached_says_how_deep_it_is(profiler, sea):
     late = [phase.model_dump(exclude_none=True) for phase in phases().phases]
     late[-1]["timeout"] = 60.0
-    flown = fly_mission(profiler, Mission(phases=late), sea)
+    flown = fly_mission(profiler, Mission(phases=late), sea, checked=False)
     assert flown.stop is Stop.DID_NOT_SURFACE
     z, v = flown.rows[-1, Row.Z], flown.rows[-1, Row.V]
     lacking = 1e6 * (profiler.stroke.maximum - v)
@@ -365,7 +367,7 @@ def test_of_two_phases_of_a_name_each_is_told(profiler, sea):
     """The first of two is out of time, the second is not."""
     twice = [phase.model_dump(exclude_none=True) for phase in phases().phases]
     twice = [twice[0] | {"timeout": 600.0}, twice[0] | {"depth": 55.0}, twice[-1]]
-    result = MissionResult(fly_mission(profiler, Mission(phases=twice), sea), None)
+    result = MissionResult(fly_mission(profiler, Mission(phases=twice), sea, checked=False), None)
     assert result.missed == {"descend (1)": 1}
     assert not result.completed
 

@@ -15,6 +15,7 @@ from swimbladder.sim.mission.core import kernel
 from swimbladder.sim.mission.core.names import Account, At, Doing, Drive, Note, Now, Row
 from swimbladder.sim.mission.flight import Flight, fly_mission
 from swimbladder.sim.mission.prepare import Accuracy, Reckoning, first_state, make_plan
+from swimbladder.sim.mission.reach import reach_of
 from swimbladder.vehicle import DatasheetPump, Oil, PowerLawPump
 from tests.sim.mission.conftest import phases
 from tests.sim.mission.line_oracle import Line, runs_of, sea_of
@@ -65,7 +66,7 @@ def one_run(vehicle, depth, speed, duration, after, *, bottom=None, reckoning=No
     return Flight(
         vehicle=vehicle, mission=task, column=column, plan=plan, rows=rows[: counts[0]],
         notes=notes[: counts[1]], cycles=np.zeros((0, 60)), begin=begin, end=x, whole=at,
-        accounts=accounts, stop=stop,
+        accounts=accounts, stop=stop, reach=reach_of(vehicle, task, plan),
     )  # fmt: skip
 
 
@@ -113,7 +114,7 @@ def test_every_run_of_a_mission_begins_with_what_the_line_still_holds(profiler, 
     """The line from the start to the surface, pauses of minutes to hours, by SciPy in one piece."""
     oil = Oil(volume=volume, bulk_modulus=1.4e9, trapped_air=air)
     vehicle, hand = with_line(profiler, oil), by_hand(oil)
-    flight = fly_mission(vehicle, phases(), sea, accuracy=TIGHT)
+    flight = fly_mission(vehicle, phases(), sea, accuracy=TIGHT, checked=False)
     pressure = sea_of(flight)
     y, t, held = np.array([np.log(RESERVOIR), 0.0, 0.0]), 0.0, 0
     runs = [(a, b) for a, b in runs_of(flight) if pressure(a) > 2e5]
@@ -202,7 +203,7 @@ def test_a_weak_pump_in_cold_water_fills_its_line_for_longer_and_dearer(profiler
 @pytest.mark.parametrize("air", [0.0, 0.05])
 def test_energy_and_volume_add_up(profiler, sea, air):
     vehicle = with_line(profiler, Oil(volume=1e-4, trapped_air=air), resistance=0.15)
-    books = close_books(fly_mission(vehicle, phases(), sea, accuracy=TIGHT))
+    books = close_books(fly_mission(vehicle, phases(), sea, accuracy=TIGHT, checked=False))
     assert books.relative_residue < 1e-6
     assert abs(books.volume_residue) < 1e-12
     assert books.battery["pump"] > 0.0
@@ -228,7 +229,7 @@ def test_a_stiff_line_is_the_papers_incompressible_oil(profiler, sea):
     none = fly_mission(with_line(profiler, None), phases(), sea, accuracy=TIGHT)
     for modulus, off in ((1.5e12, 1e-4), (9e14, 2e-7)):
         stiff = with_line(profiler, Oil(volume=5e-5, bulk_modulus=modulus))
-        flight = fly_mission(stiff, phases(), sea, accuracy=TIGHT)
+        flight = fly_mission(stiff, phases(), sea, accuracy=TIGHT, checked=False)
         for what in (Account.PUMP_ENERGY, Account.PUMPED, Account.DRAG):
             assert flight.accounts[what] == pytest.approx(none.accounts[what], rel=off)
 

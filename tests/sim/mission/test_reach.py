@@ -12,7 +12,7 @@ from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.mission.core.names import Given
 from swimbladder.sim.mission.orders import drag_coefficient, law_parameters
 from swimbladder.sim.mission.prepare import make_plan
-from swimbladder.sim.mission.reach import check_column, check_reach
+from swimbladder.sim.mission.reach import check_flight, check_reach
 from swimbladder.sim.mission.rescue import return_depth
 from tests.sim.mission.conftest import phases
 
@@ -21,9 +21,9 @@ def reach(vehicle, mission, column):
     return check_reach(vehicle, mission, make_plan(vehicle, mission, column))
 
 
-def test_a_cast_that_ends_above_the_target(sea):
+def test_a_cast_that_ends_above_the_target(profiler, sea):
     with pytest.raises(InputError, match="ends at 400 m, 50 m above the 450 m"):
-        check_column(phases(deep=450.0), sea)
+        check_flight(profiler, phases(deep=450.0), sea, cycles=None, span=None)
 
 
 def test_a_stroke_too_short_says_where_and_by_how_much(profiler, sea):

@@ -18,6 +18,7 @@ from swimbladder.sim.campaign.draw import Drawn, Spread, draw, varied
 from swimbladder.sim.mission.core import kernel
 from swimbladder.sim.mission.core.names import Account, At, Cycle, Drive, Now, Row
 from swimbladder.sim.mission.prepare import Plan, first_state, make_plan
+from swimbladder.sim.mission.reach import check_flight, check_reach
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["Fact", "fly_floats"]
@@ -52,7 +53,8 @@ def fly_floats(
 
     columns: the waters that floats are drawn into. cycles, span [s]: in the place of the mission's.
     keep: a folder for what is done, so that a campaign that was killed goes on there. advance:
-    called with the share that was done. Raises InputError for a number of floats out of range.
+    called with the share that was done. Raises InputError for a number of floats out of range, and
+    what `fly_mission` raises in each of the waters.
     """
     if not 1 <= floats <= MOST:
         raise InputError(
@@ -60,10 +62,12 @@ def fly_floats(
             remedy="Give --floats 4000",
         )  # fmt: skip
     spread = spread or Spread()
-    plans = [make_plan(vehicle, mission, c, cycles=cycles, span=span) for c in columns]
-    kept = Store(
-        keep, seed, spread, [(p.given, p.table, p.waves, p.stages) for p in plans]
-    )  # fmt: skip
+    plans = []
+    for column in columns:
+        check_flight(vehicle, mission, column, cycles=cycles, span=span)
+        plans.append(make_plan(vehicle, mission, column, cycles=cycles, span=span))
+        check_reach(vehicle, mission, plans[-1])
+    kept = Store(keep, seed, spread, [(p.given, p.table, p.waves, p.stages) for p in plans])
     table = np.empty((floats, int(Fact.COUNT)))
 
     def chunk(first: int) -> Array:

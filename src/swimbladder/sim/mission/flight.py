@@ -25,6 +25,7 @@ from swimbladder.sim.mission.core.names import (
     Stop,
 )
 from swimbladder.sim.mission.prepare import Accuracy, Plan, Reckoning, first_state, make_plan
+from swimbladder.sim.mission.reach import Reach, check_flight, check_reach, reach_of
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["Flight", "fly_mission", "thinned"]
@@ -40,7 +41,8 @@ class Flight:
     """What the kernel gave: see `mission.core.names` for the columns.
 
     rows [n, Row.COUNT], notes [k, Drive.COUNT], cycles [c, ...]; begin and end: of
-    `Now`, whole: of `At`, accounts: of `Account`, the last three at the end.
+    `Now`, whole: of `At`, accounts: of `Account`, the last three at the end. reach: what it takes
+    of the stroke.
     """
 
     vehicle: Vehicle
@@ -55,6 +57,7 @@ class Flight:
     whole: NDArray[np.int64]
     accounts: Array
     stop: Stop
+    reach: Reach
 
     @property
     def duration(self) -> float:
@@ -66,7 +69,7 @@ def fly_mission(
     vehicle: Vehicle, mission: Mission, column: Column, *, waves: Array | None = None,
     cycles: int | None = None, span: float | None = None, seed: int | None = None,
     accuracy: Accuracy | None = None, reckoning: Reckoning | None = None,
-    start_volume: float | None = None, keep: Path | None = None,
+    start_volume: float | None = None, keep: Path | None = None, checked: bool = True,
     advance: Callable[[float], None] = lambda _: None,
 ) -> Flight:  # fmt: skip
     """Fly a mission with phases to its end.
@@ -76,13 +79,18 @@ def fly_mission(
     processor errs about its drive. start_volume [m3]: at a start_depth other than 0, in the place
     of the neutral one. keep:
     a folder for what is flown, so that a flight that was killed goes on there, to the same end bit
-    for bit. advance: called with the share of the mission that was flown. Raises NoAnswerError as
-    `buoyancy_engine.drive_map` does.
+    for bit. checked: refuse what physics tells cannot be done; else it is flown to whatever end it
+    has. advance: called with the share of the mission that was flown.
+
+    Raises InputError where vehicle, mission and water do not go together, NoAnswerError for a
+    mission that cannot be done and as `buoyancy_engine.drive_map` does.
     """
+    check_flight(vehicle, mission, column, cycles=cycles, span=span)
     plan = make_plan(
         vehicle, mission, column, waves=waves, cycles=cycles, span=span, accuracy=accuracy,
         reckoning=reckoning,
     )  # fmt: skip
+    reach = (check_reach if checked else reach_of)(vehicle, mission, plan)
     x, at, accounts = first_state(plan, mission, seed=seed, volume=start_volume)
     begin = x.copy()
     parts: list[tuple[Array, Array, Array]] = []
@@ -119,7 +127,7 @@ def fly_mission(
     return Flight(
         vehicle=vehicle, mission=mission, column=column, plan=plan, rows=together[0],
         notes=together[1], cycles=together[2], begin=begin, end=x, whole=at, accounts=accounts,
-        stop=Stop(int(at[At.STOP])),
+        stop=Stop(int(at[At.STOP])), reach=reach,
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.buoyancy_engine import drive_map
+from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column, look_up
 from swimbladder.physics.seawater.column import ATMOSPHERE
 from swimbladder.sim.mission.core.names import Given, Stage, Table
@@ -20,7 +22,7 @@ from swimbladder.sim.mission.rescue import return_depth
 from swimbladder.sim.mission.starts import check_starts
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
-__all__ = ["Need", "Reach", "check_column", "check_reach", "reach_of"]
+__all__ = ["Need", "Reach", "check_flight", "check_reach", "reach_of"]
 
 Array = NDArray[np.float64]
 
@@ -44,14 +46,35 @@ class Reach:
     margin: float  # -, what is left at the nearer end, over the whole stroke
 
 
-def check_column(mission: Mission, column: Column) -> None:
-    """Raise InputError where the water is not known as deep as the mission goes."""
-    for phase in mission.phases:
-        if phase.depth is not None and phase.depth > column.deepest + column.step:
+def check_flight(
+    vehicle: Vehicle, mission: Mission, column: Column, *, cycles: float | None, span: float | None
+) -> None:
+    """Raise InputError where vehicle, mission and water do not go together.
+
+    cycles, span [s]: in the place of the mission's.
+    """
+    if not mission.phases:
+        raise InputError(
+            "the mission has set-points, and this takes phases", field="setpoints",
+            remedy="Fly it with `swimbladder simulate`, or write [[phases]]",
+        )  # fmt: skip
+    check_mass(vehicle)
+    if cycles is not None and not (cycles >= 1 and cycles == math.floor(cycles)):
+        raise InputError(
+            "it must be a whole number of at least 1", field="cycles", value=cycles,
+            remedy="Give how often the phases are repeated",
+        )  # fmt: skip
+    if span is not None and not span > 0.0:
+        raise InputError("it must be above 0", field="duration", value=span, unit="s",
+                         remedy="Check the number and its unit")  # fmt: skip
+    places = [("the start of the mission", mission.start_depth)]
+    places += [(f"the phase {p.title!r}", p.depth) for p in mission.phases if p.depth is not None]
+    for what, depth in places:
+        if depth > column.deepest + column.step:
             raise InputError(
                 f"{column.source or 'the water'} ends at {column.deepest:.0f} m, "
-                f"{phase.depth - column.deepest:.0f} m above the {phase.depth:g} m of the phase "
-                f"{phase.title!r}", field="cast", value=round(column.deepest, 1), unit="m",
+                f"{depth - column.deepest:.0f} m above the {depth:g} m of {what}",
+                field="cast", value=round(column.deepest, 1), unit="m",
                 remedy="Take a cast that goes as deep, or ask for a lesser depth",
             )  # fmt: skip
 

@@ -8,7 +8,7 @@ through the pump.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,9 +18,11 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import look_up
 from swimbladder.sim.mission.core.line import empty_line, fill_lacks
 from swimbladder.sim.mission.core.names import Drive, Given, Note, Now, Stage, Table
-from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.vehicle import PumpAndValve, Vehicle
+
+if TYPE_CHECKING:
+    from swimbladder.sim.mission.flight import Flight
 
 __all__ = ["Runs", "Start", "check_starts", "runs_of", "start_of", "starts_words"]
 
