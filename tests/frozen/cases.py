@@ -117,7 +117,7 @@ CASES: tuple[Case, ...] = (
         _case(f"stability-{v}", f"stability {v} --cells 5 --within 100~s --depth 0:{deep}~m")
         for v, deep in (("feup-em", 5), ("ntnu-bv", 1))
     ),
-    _case("size", "size"),
+    _case("size", "size example-eh --depth 800~m --parts parts.toml"),
     _case("mission", "mission example-float mission.toml --netcdf"),
     _case("mission-cast", "mission example-float mission.toml --cast cast.csv --cycles 2"),
     *(_case(f"mission-{v}", f"mission {v} mission.toml") for v in LOOPS),
