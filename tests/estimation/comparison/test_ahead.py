@@ -151,8 +151,11 @@ def test_the_command_tells_and_writes_it(written, tmp_path, capsys):
 
     assert main([*arguments, "--out", str(tmp_path), "--walk", "0.1 cm3/s^0.5"]) == 0
     shown = capsys.readouterr().out
-    assert "walk: 0.1 cm3/s^0.5, given" in shown
-    assert "skill" in shown
+    assert "0.1 cm3/s^0.5" in shown
+    assert main([*arguments, "--out", str(tmp_path), "--walk", "0.1 cm3/s^0.5", "--json"]) == 0
+    given = json.loads(capsys.readouterr().out)["ahead"]["noise"]["walk"]
+    assert given["value"] == pytest.approx(1e-7)
+    assert given["origin"] == "given"
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.physics.hull import neutral_volume, weight_mass
 from swimbladder.vehicle import Oil, Valve
 from tests.estimation.motion.deep import dived, made_up_column, made_up_log, made_up_vehicle
+from tests.quoted import numbers
 
 TRUTH = {
     "drag": 165.0, "drag_up": 0.8, "compressibility": 3.1e-10, "stiffening": 3e-18,
@@ -148,7 +149,8 @@ def test_what_is_told_and_what_is_not(scene) -> None:
     assert fit.told("compressibility")
     found = identify_deep([log], [column], vehicle, free=["drag_up", "compressibility"])
     assert not found.identified
-    assert found.sentences[0] == "The data do not tell what was asked: drag_up."
+    assert "drag_up" in found.sentences[0]
+    assert "compressibility" not in found.sentences[0]
     assert found.result_vehicle is vehicle
     assert found.parameters["drag_up"].origin == "prior"
     assert not any("narrower" in said for said in found.sentences)
@@ -158,12 +160,12 @@ def test_what_is_told_and_what_is_not(scene) -> None:
         stage=log.stage[seen],
     )  # fmt: skip
     gone = identify_deep([seldom], [column], vehicle, free=["drag_up", "compressibility"])
-    assert "1 look comes more than half an hour after" in gone.sentences[-1]
-    assert not any("one of the two is wrong" in said for said in found.sentences)
+    assert 1.0 in numbers(gone.sentences[-1])  # one gap
+    assert 1.0 not in numbers(found.sentences[-1])
+    assert contradictions(fit) == []
     shifted = {**fit.priors, "compressibility": Prior(1.2 * TRUTH["compressibility"], 3e-12)}
     far = contradictions(replace(fit, priors=shifted))
     assert [said.split()[0] for said in far] == ["compressibility"]
-    assert "one of the two is wrong" in far[0]
 
 
 def test_an_identified_vehicle(scene) -> None:
@@ -215,10 +217,10 @@ def test_dives_that_contradict_each_other_widen_the_intervals(scene) -> None:
     held = {name: TRUTH[name] for name in ("drag", "stiffening", "inertia", "pump_start")}
     agreed = identify_deep(logs, [column], vehicle, fixed=held)
     assert agreed.fit.worth > 0.5
-    assert not any("farther apart" in said for said in agreed.sentences)
     told = identify_deep([*logs, *others], [column], vehicle, fixed=held)
     assert told.fit.worth < 0.4
-    assert any("times farther apart than each says by itself" in said for said in told.sentences)
+    apart = float(f"{told.fit.worth**-0.5:.2g}")  # how far, over what each says by itself
+    assert any(apart in numbers(said) for said in told.sentences)
     assert told.to_json()["worth"] == told.fit.worth
     # Four dives that agree would tell more than two.
     valve, before = told.parameters["valve"], agreed.parameters["valve"]

@@ -17,6 +17,7 @@ from swimbladder.estimation.motion.estimates import Prior
 from swimbladder.physics.seawater import Cast, cast_column
 from tests.estimation.motion.deep import made_up_column, made_up_vehicle
 from tests.estimation.motion.test_deep import TRUTH, two_dives
+from tests.quoted import numbers
 
 HELD = {name: TRUTH[name] for name in ("drag", "stiffening", "inertia", "pump_start")}
 
@@ -76,16 +77,15 @@ def test_logs_of_two_floats_are_not_identified(scene) -> None:
     assert not found.identified
     assert found.result_vehicle is vehicle
     first = found.sentences[0]
-    assert first.startswith("Not identified: one set of parameters does not tell these dives.")
     off = {told.dive.name for told in found.dives if told.held.apart > 4.0}
     assert off
     assert off <= {log.source for log in named if log.source in first}
-    assert "cast of another season or place, or a log of another float" in first
     answer = found.to_json()
     assert not answer["identified"]
     assert all(e["std"] is e["ci95"] is None for e in answer["parameters"].values())
     assert all(dive["start_volume"]["ci95"] is None for dive in answer["dives"])
-    assert not any("widened" in said for said in found.sentences)
+    # no ratio by which intervals are wider: there are none
+    assert float(f"{found.fit.worth**-0.5:.2g}") not in numbers(" ".join(found.sentences[1:]))
 
 
 def test_bounds_and_words() -> None:
@@ -93,24 +93,25 @@ def test_bounds_and_words() -> None:
     fine, odd, wrong = Held(1.0, 1.1, 1.0), Held(2.9, 1.0, 1.0), Held(1.0, 7.5, 1.0)
     assert doubts(names, [fine, fine], books, 1.0) == []
     (said,) = doubts(names, [fine, odd], books, 0.3)
-    assert said.startswith("Off by many times the noise: b.csv (book off by 12 mL rms, 2.9 times")
+    assert "b.csv" in said
+    assert "a.csv" not in said
+    assert {12.0, 2.9} <= numbers(said)  # mL rms, times the noise
     assert not doubted([fine, odd], 0.3)
     assert doubted([fine, wrong], 1.0)
     (said,) = doubts(names, [odd, wrong], books, 1.0)
-    assert said.startswith("Not identified")
-    assert "a.csv (book" in said
-    assert "from look to look 7.5 times" in said
+    assert "a.csv" in said
+    assert {12.0, 2.9, 7.5} <= numbers(said)
     # Dives that are told, each by what the others are not: 5 times farther apart than they say.
     far = [fine._replace(apart=3.0), fine._replace(apart=5.5)]
     assert doubted(far, 0.04)
     (said,) = doubts(names, far, books, 0.04)
-    assert "b.csv (book" in said
-    assert "elsewhere by 5.5 deviations" in said
+    assert "b.csv" in said
+    assert 5.5 in numbers(said)
     assert "a.csv" not in said
     assert restless(NOISES) == []
     assert restless(NOISES._replace(water=8.9e-3)) == []
     (said,) = restless(NOISES._replace(water=0.02))
-    assert "moves by 20 mm/s, where 3 mm/s are usual" in said
+    assert {20.0, 3.0} <= numbers(said)  # mm/s
 
 
 def test_a_wrong_cast_passes_for_another_hull_unless_the_hull_is_known() -> None:
@@ -130,7 +131,6 @@ def test_a_wrong_cast_passes_for_another_hull_unless_the_hull_is_known() -> None
     assert not blind.doubted
     hull = blind.parameters["stiffening"]
     assert abs(hull.value - dived.values["stiffening"]) > 5.0 * hull.std
-    assert any("Nor does one tell a wrong cast from another hull" in x for x in blind.sentences)
     about = known()
     told = identify_deep(
         [dived.log], [column], vehicle,

@@ -100,10 +100,10 @@ def test_a_given_value_without_a_place_is_refused(scene) -> None:
         vehicle, body_of(vehicle), column, TRUTH, np.random.default_rng(5), runs=RUNS, hours=12.0,
         start=begin_of(body_of(vehicle), TRUTH, column, 0.05),
     )  # fmt: skip
-    with pytest.raises(InputError, match=r"--set: no vehicle's file may hold it.*drag_up=0\.05"):
+    with pytest.raises(InputError, match=r"^--set: .*drag_up=0\.05"):
         identify_deep([log], [column], vehicle, fixed={"drag_up": 0.05})
     known = {"thermal_expansion": Prior(1.0, 0.1)}
-    with pytest.raises(InputError, match="--prior: no vehicle's file may hold it"):
+    with pytest.raises(InputError, match=r"^--prior: "):
         identify_deep([log], [column], vehicle, priors=known)
 
 

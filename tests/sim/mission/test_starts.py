@@ -14,6 +14,7 @@ from swimbladder.sim.mission.reach import check_reach, reach_of
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.starts import runs_of, start_of, starts_words
 from swimbladder.vehicle import Oil
+from tests.quoted import numbers
 from tests.sim.mission.conftest import phases
 from tests.sim.mission.test_line import PUMP, RESERVOIR, by_hand, with_line
 
@@ -68,11 +69,12 @@ def test_runs_shorter_than_a_start_are_refused_before_flying(profiler, sea, more
         if share > 1.0:
             check_reach(vehicle, task, plan)
             continue
-        with pytest.raises(NoAnswerError, match="no run of the pump is long enough") as refused:
+        with pytest.raises(NoAnswerError) as refused:
             check_reach(vehicle, task, plan)
         said = str(refused.value)
-        assert said.startswith("at 150 m, where the phase 'profile' begins to rise")
-        assert f"a run {share * start.time:.3g} s at most (actuator.longest_run)" in said
+        assert "'profile'" in said
+        assert "actuator.longest_run" in said
+        assert {150.0, float(f"{share * start.time:.3g}")} <= numbers(said)  # m, s
 
 
 def test_a_look_that_comes_before_a_start_is_over_is_what_limits(profiler, sea):
@@ -80,8 +82,9 @@ def test_a_look_that_comes_before_a_start_is_over_is_what_limits(profiler, sea):
     stages[RISING]["check_interval"] = 4.0  # 2 s of them to measure the speed
     task = Mission(phases=stages)
     vehicle = with_line(profiler, None, start_volume=3e-6)
-    with pytest.raises(NoAnswerError, match=r"a run 2 s at most \(the next look .* check_interval"):
+    with pytest.raises(NoAnswerError, match="check_interval") as refused:
         check_reach(vehicle, task, make_plan(vehicle, task, sea))
+    assert 2.0 in numbers(refused.value)  # s, the longest run
 
 
 @pytest.mark.parametrize("longest", [0.5, 1.0])  # s: nothing pressed out, and little
