@@ -13,6 +13,7 @@ import pytest
 from swimbladder.errors import LogError
 from swimbladder.io.float_logs import read_float_log
 from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
+from tests.quoted import refused
 
 # Made up in the manner of such a float: a dive to 30 bar, with the mishaps that logs have.
 MADE_UP = """\
@@ -205,9 +206,9 @@ def test_what_is_no_such_log(tmp_path: Path, made_up: Path) -> None:
     assert not is_mermaid("2031-03-01T10:00:00:[OTHER ,0001]x\n")
     other = tmp_path / "other.csv"
     other.write_text("time_s,depth_m\n0,1\n")
-    with pytest.raises(LogError, match="no line with a pressure"):
+    with refused(LogError, field="[PRESS ,0038]"):
         read_mermaid(other)
-    with pytest.raises(LogError, match="no such file"):
+    with refused(LogError, field="file"):
         read_mermaid(tmp_path / "none.LOG")
 
 

@@ -14,6 +14,7 @@ from swimbladder.sim.mission.orders import drag_coefficient, law_parameters
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.reach import check_flight, check_reach
 from swimbladder.sim.mission.rescue import return_depth
+from tests.quoted import refused
 from tests.sim.mission.conftest import phases
 
 
@@ -22,7 +23,7 @@ def reach(vehicle, mission, column):
 
 
 def test_a_cast_that_ends_above_the_target(profiler, sea):
-    with pytest.raises(InputError, match="ends at 400 m, 50 m above the 450 m"):
+    with refused(InputError, field="cast", value=400.0, holds={50.0, 400.0, 450.0}):
         check_flight(profiler, phases(deep=450.0), sea, cycles=None, span=None)
 
 
@@ -35,7 +36,7 @@ def test_a_stroke_too_short_says_where_and_by_how_much(profiler, sea):
     assert found.most.volume == pytest.approx(within.max() + law, rel=1e-12)
     assert found.least.volume == pytest.approx(within.min() - law, rel=1e-12)
     stroke = profiler.stroke.model_copy(update={"maximum": found.most.volume - 1e-6})
-    with pytest.raises(NoAnswerError, match=r"too short at 0 m by 1 cm3: to rise at 0.1 m/s"):
+    with refused(NoAnswerError, holds={0.0, 0.1, 1.0}):
         reach(profiler.model_copy(update={"stroke": stroke}), task, sea)
 
 
@@ -57,7 +58,7 @@ def test_a_drive_that_stalls_above_the_target(profiler):
     pump = profiler.actuator.pump.model_copy(update={"motor": weak})
     actuator = profiler.actuator.model_copy(update={"pump": pump})
     vehicle = profiler.model_copy(update={"actuator": actuator})
-    with pytest.raises(NoAnswerError, match=r"the drive stalls at \d+ m, \d+ m above the 1000 m"):
+    with refused(NoAnswerError, holds={1000.0}):
         reach(vehicle, phases(deep=1000.0), column)
 
 
@@ -65,12 +66,12 @@ def test_a_depth_below_the_rating_and_a_time_too_short(profiler, sea):
     shallow = profiler.model_copy(
         update={"hull": profiler.hull.model_copy(update={"depth_limit": 120.0})}
     )
-    with pytest.raises(NoAnswerError, match=r"30 m below the 120 m .* \(hull.depth_limit\)"):
+    with pytest.raises(NoAnswerError, match=r"30 m .* 120 m .* \(hull.depth_limit\)"):
         reach(shallow, phases(), sea)
     stages = [phase.model_dump(exclude_none=True) for phase in phases().phases]
     stages[0]["timeout"] = 1000.0
     # 145 m to the edge of the tolerance at 0.1 m/s
-    with pytest.raises(NoAnswerError, match="1000 s, is too short by 450 s"):
+    with refused(NoAnswerError, holds={450.0, 1000.0}):
         reach(profiler, Mission(phases=stages), sea)
 
 
@@ -100,7 +101,7 @@ def test_where_it_could_not_come_up_it_may_not_go():
 def test_a_hull_under_pressure_does_not_dive(profiler, sea):
     actuator = profiler.actuator.model_copy(update={"internal_pressure": 1.2e5})
     vehicle = profiler.model_copy(update={"actuator": actuator})
-    with pytest.raises(NoAnswerError, match=r"does not dive: .* is 0.19 bar above"):
+    with refused(NoAnswerError, holds={0.19}):
         reach(vehicle, phases(), sea)
     reach(vehicle, phases(start_depth=30.0), sea)  # under water the sea presses it in
 
@@ -120,21 +121,21 @@ def test_a_look_comes_as_often_as_the_phase_says(profiler):
 def test_a_mission_has_one_of_the_two_tables(profiler):
     del profiler
     both = {"setpoints": [{"time": 0.0, "depth": 1.0}], "start_depth": 0.0, "duration": 9.0}
-    with pytest.raises(InputError, match="this one has both"):
+    with refused(InputError, field="setpoints"):
         Mission(phases=[{"kind": "surface", "duration": 60.0}], **both)
-    with pytest.raises(InputError, match="this one has neither"):
+    with refused(InputError, field="phases"):
         Mission(start_depth=1.0)
-    with pytest.raises(InputError, match="a phase 'surface' has none"):
+    with refused(InputError, field="phases[0].depth", value=3.0):
         Mission(phases=[{"kind": "surface", "duration": 60.0, "depth": 3.0}])
-    with pytest.raises(InputError, match="a phase 'park' needs it"):
+    with refused(InputError, field="phases[0].duration"):
         Mission(phases=[{"kind": "park", "depth": 3.0}])
-    with pytest.raises(InputError, match="it lasts for its duration, the way there included"):
+    with refused(InputError, field="phases[0].timeout", value=60.0):
         Mission(phases=[{"kind": "park", "depth": 3.0, "duration": 60.0, "timeout": 60.0}])
-    with pytest.raises(InputError, match="reaches the surface"):
+    with refused(InputError, field="phases[0].tolerance", value=3.0):
         Mission(phases=[{"kind": "descend", "depth": 3.0, "tolerance": 3.0}])
-    with pytest.raises(InputError, match="there are 51 phases"):
+    with refused(InputError, field="phases", holds={51.0}):
         Mission(phases=[{"kind": "surface", "duration": 60.0}] * 51)
-    with pytest.raises(InputError, match="this command takes set-points"):
+    with refused(InputError, field="phases"):
         check_mission(load_vehicle("feup-em"), phases())
 
 
@@ -161,5 +162,5 @@ def test_depths_of_no_sea_are_refused(lines, field):
 
 def test_a_mission_does_not_begin_below_where_it_may_go(profiler):
     column = uniform_column(profiler.water, 2600.0)
-    with pytest.raises(NoAnswerError, match=r"mission begins at 2500 m, 500 m below the 2000 m"):
+    with refused(NoAnswerError, holds={500.0, 2000.0, 2500.0}):
         reach(profiler, phases(start_depth=2500.0), column)
