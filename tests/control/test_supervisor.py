@@ -219,6 +219,38 @@ class TestFaults:
         assert seconds(math.inf) == math.inf
 
 
+@pytest.mark.parametrize(
+    ("count", "reason", "bad"),
+    [
+        ("leak", Reason.LEAK, {"leak": True}),
+        ("battery", Reason.BATTERY_LOW, {"battery": 8.0}),
+        ("blind", Reason.VOLUME_MISSING, {"volume": math.nan}),
+        ("deep", Reason.DEPTH_LIMIT, {"depth": 95.0}),
+    ],
+)
+@pytest.mark.parametrize(
+    ("bads", "at"),
+    [
+        (1, None),  # 1, 0, 1, 0
+        (2, None),  # 1 2, 0, 1 2, 0
+        (3, 38),  # 1 2 3, 1, 2 3 4, 2: one more a round of four; 10 11 12 in the tenth
+        (5, 20),  # 1 to 5, 3, 4 to 8, 6, 7 to 11, 9, 10 11 12 in the fourth round of six
+    ],
+)
+def test_what_fails_more_than_two_thirds_of_the_time_is_a_reason(count, reason, bad, bads, at):
+    """A good tick takes two bad ones away, of a limit of 12."""
+    p = supervisor_parameters(paper(), 0.3)
+    p = p._replace(**{count: 12}, fastest=math.inf, step=math.inf, jump=math.inf)
+    s = SUPERVISOR.initial(p, CALM, 0.0)
+    first = None
+    for k in range(60):
+        seen = CALM._replace(**bad) if k % (bads + 1) < bads else CALM
+        _, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+        if first is None and reason in reasons_in(s.reasons):
+            first = k
+    assert first == at
+
+
 @pytest.mark.parametrize("name", LAWS)
 class TestHealthy:
     """What must never be a reason."""
