@@ -196,8 +196,9 @@ class Run:
 
     def kernels(self) -> Path:
         """Return the folder of the kernels of the tree as it is now."""
+        ask = "import swimbladder.sim.engine.cache as c; print(c.cache_folder())"
         done = subprocess.run(
-            [sys.executable, "-c", "import swimbladder.engine.cache as c; print(c.cache_folder())"],
+            [sys.executable, "-c", ask],
             env=self.environment(), cwd=self.copy() / "tree", capture_output=True, text=True,
             check=False,
         )  # fmt: skip

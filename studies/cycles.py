@@ -18,13 +18,13 @@ from swimbladder.cli.common import progress
 from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SEA_CASCADE, SeaCascadeParameters, sea_cascade_gains
-from swimbladder.dynamics import plant
+from swimbladder.design.stability.confirm import Seen, edge, hold
+from swimbladder.design.stability.predict import Predicted, predict, without_rest
+from swimbladder.design.tuning.gains import gains, setting_of, tunable
+from swimbladder.design.tuning.margins import at_rest
 from swimbladder.io.config import load_vehicle
-from swimbladder.parameters import IdentifiedActuator, Vehicle
-from swimbladder.stability.confirm import Seen, edge, hold
-from swimbladder.stability.predict import Predicted, predict, without_rest
-from swimbladder.tune.gains import gains, setting_of, tunable
-from swimbladder.tune.margins import at_rest
+from swimbladder.physics.dynamics import plant
+from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
 __all__ = ["CASES", "Case", "foretold", "main", "row", "simulated"]
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from swimbladder.parameters import (
+from swimbladder.vehicle import (
     ElectrohydraulicActuator,
     ElectromechanicalActuator,
     IdentifiedActuator,
@@ -269,9 +269,14 @@ class Oracle:
             )
         if mode.stop == "upper":
             if m.k_l > 0.0:
-                g["left the upper end stop"] = lambda y: (
-                    m.k_l * y[2] - m.k_q * m.k_u / m.k_v * surplus(y)
-                )
+
+                def pull(y: np.ndarray) -> float:
+                    # the torque of the stop, in m3/s: what turns the rotor as the leakage changes
+                    slackening = 0.0 if mode.ground else m.lam / m.k_v * y[3]
+                    torque = m.k_q * m.k_u / m.k_v * surplus(y)
+                    return m.k_l * (y[2] + slackening) - torque
+
+                g["left the upper end stop"] = pull
             else:
                 g["left the upper end stop"] = deficit
         elif mode.stop == "lower":

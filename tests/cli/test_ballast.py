@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.hull import check_mass, neutral_volume, weight_mass
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.templates import vehicle_template
-from swimbladder.seawater import cast_column
+from swimbladder.physics.hull import check_mass, neutral_volume, weight_mass
+from swimbladder.physics.seawater import cast_column
 from tests.docs.test_reference import rows
 
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.design import load_plan
+from swimbladder.design.experiments import load_plan
 
 QUICK = [
     "design-experiment", "feup-em", "--pool-depth", "4.5 m", "--sensor-std", "2 mm", "--settling",

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.energy import Thruster, drive_energy, hovering, profiling
+from swimbladder.design.energy import Thruster, drive_energy, hovering, profiling
 from swimbladder.io.config import load_vehicle
-from swimbladder.seawater import uniform_column
+from swimbladder.physics.seawater import uniform_column
 
 
 def answer(capsys, *words):

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.faults.table import MISSION_COLUMNS, TRACE_COLUMNS
-from tests.firmware.conftest import gcc
+from swimbladder.sim.faults.table import MISSION_COLUMNS, TRACE_COLUMNS
+from tests.codegen.conftest import gcc
 
 __all__ = ["gcc"]
 

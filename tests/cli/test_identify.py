@@ -8,7 +8,7 @@ import pytest
 
 from swimbladder.cli import main
 from swimbladder.io.config import load_vehicle
-from tests.identify.pool import campaign, pool_log
+from tests.estimation.motion.pool import campaign, pool_log
 
 STEPS = (2e-5, -3e-5, 4.5e-5, -7.5e-5)
 TRUTH = {"K2": 7935.54, "T2": 36.3, "psi": 4.04e-6}

@@ -11,7 +11,7 @@ import pytest
 from studies.benches import Motor, measured, random_moves, steps, travel
 from swimbladder.cli import main
 from swimbladder.io.config import load_vehicle
-from swimbladder.report import symbols
+from swimbladder.show.report import symbols
 
 
 def write(path, **columns):

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.identify.deep_model import body_of
+from swimbladder.estimation.motion.deep_model import body_of
 from swimbladder.io.config import load_vehicle
 from tests.docs.test_reference import rows
-from tests.identify.deep import dived, made_up_column, made_up_vehicle
-from tests.identify.test_deep import RUNS, TRUTH, begin_of
+from tests.estimation.motion.deep import dived, made_up_column, made_up_vehicle
+from tests.estimation.motion.test_deep import RUNS, TRUTH, begin_of
 
 
 @pytest.fixture

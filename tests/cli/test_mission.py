@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.mission.words import _percent
+from swimbladder.sim.mission.words import _percent
 
 MISSION = """
 schema_version = 1

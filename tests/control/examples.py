@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.closed_loop import simulate
 from swimbladder.control.adrc import AdrcParameters, adrc_gains
 from swimbladder.control.deadband import DeadbandParameters, deadband_gains
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.sea_cascade import SeaCascadeParameters, sea_cascade_gains
-from swimbladder.dynamics import plant
-from swimbladder.parameters import Vehicle
+from swimbladder.physics.dynamics import plant
+from swimbladder.sim.closed_loop import simulate
+from swimbladder.vehicle import Vehicle
 from tests.vehicles import paper
 
 S_P = 0.3

@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from swimbladder.closed_loop import simulate, step_metrics
 from swimbladder.control.adrc import ADRC, AdrcState, adrc_gains, initial, observe, step
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.law import Measurement
-from swimbladder.dynamics import State, motor_rhs
-from swimbladder.linear import SampledLoop, linearise, linearise_law, loop_margins
+from swimbladder.design.linear import SampledLoop, linearise, linearise_law, loop_margins
+from swimbladder.physics.dynamics import State, motor_rhs
+from swimbladder.sim.closed_loop import simulate, step_metrics
 from tests.control.examples import ADRC_FAST, PLANT, S_P, blind, by_hand
 from tests.oracle import TABLE_3
 from tests.vehicles import paper

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Measurement
 from swimbladder.control.rate import (
     RATE,
@@ -28,7 +29,6 @@ from swimbladder.control.rate import (
 )
 from swimbladder.control.registry import LAWS, MISSION_LAWS, law_by_name, law_parameters
 from swimbladder.errors import InputError
-from swimbladder.firmware.twin import twin
 
 # The settings of the float whose logs were read, one mbar taken as a centimetre of water.
 FLOAT = RateParameters(

@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from swimbladder.closed_loop import simulate, step_metrics
 from swimbladder.control import cascade
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.law import Measurement
 from swimbladder.control.sea_cascade import SEA_CASCADE, SeaCascadeParameters, initial, step
-from swimbladder.dynamics import State, motor_rhs
-from swimbladder.linear import SampledLoop, linearise, linearise_law, loop_margins
-from swimbladder.parameters import IdentifiedMotion, Sensors
+from swimbladder.design.linear import SampledLoop, linearise, linearise_law, loop_margins
+from swimbladder.physics.dynamics import State, motor_rhs
+from swimbladder.sim.closed_loop import simulate, step_metrics
+from swimbladder.vehicle import IdentifiedMotion, Sensors
 from tests.control.examples import PLANT, S_P, SEA, blind, by_hand
 from tests.oracle import TABLE_3
 from tests.vehicles import paper

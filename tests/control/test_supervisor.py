@@ -6,16 +6,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from swimbladder.closed_loop import simulate
+from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
+from swimbladder.codegen.golden import command_limits
+from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.control.law import NEVER
 from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import SUPERVISOR, Reason, reasons_in, times
 from swimbladder.control.supervisor_records import Watched
-from swimbladder.firmware.clock import ControllerTwin, VehicleTwin
-from swimbladder.firmware.golden import command_limits
-from swimbladder.firmware.safety import supervisor_parameters
-from swimbladder.parameters import Sensors, Supervisor
-from tests.firmware.laws import example
+from swimbladder.sim.closed_loop import simulate
+from swimbladder.vehicle import Sensors, Supervisor
+from tests.codegen.laws import example
 from tests.vehicles import paper
 
 NOISY = Sensors(depth_noise="2 mm", depth_quantum="5 mm", volume_noise="0.2 cm3")

@@ -33,7 +33,7 @@ from swimbladder.cli.common import (
 from swimbladder.cli.masses import warn_of_mass
 
 if TYPE_CHECKING:
-    from swimbladder.campaign.result import Campaign
+    from swimbladder.sim.campaign.result import Campaign
 
 __all__ = ["campaign"]
 
@@ -88,7 +88,7 @@ def campaign(
     """
     from swimbladder.cli.mission import asked_span, check_phases, water
     from swimbladder.io.config import load_mission, load_vehicle
-    from swimbladder.io.files import check_place
+    from swimbladder.io.files import check_place, unfinished
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
     check_phases(task, mission)
@@ -103,11 +103,11 @@ def campaign(
     warn_of_mass(v)
     columns = [water(v, task, one) for one in casts] or [water(v, task, None)]
     with progress("loading the simulator"):
-        from swimbladder.campaign.draw import Spread
-        from swimbladder.campaign.result import Campaign
-        from swimbladder.campaign.run import fly_floats
-        from swimbladder.mission.prepare import make_plan
-        from swimbladder.mission.reach import check_reach
+        from swimbladder.sim.campaign.draw import Spread
+        from swimbladder.sim.campaign.result import Campaign
+        from swimbladder.sim.campaign.run import fly_floats
+        from swimbladder.sim.mission.prepare import make_plan
+        from swimbladder.sim.mission.reach import check_reach
 
     assert trim is not None
     assert psi is not None
@@ -123,7 +123,7 @@ def campaign(
     plans = [make_plan(v, task, one) for one in columns]
     for plan in plans:
         check_reach(v, task, plan)
-    aside = out.parent / f".{out.name}-unfinished"
+    aside = unfinished(out)
     with kept(aside), compile_notice(), progress("flying", 1.0) as advance:
         table = fly_floats(
             v, task, columns, floats=floats, seed=seed, spread=spread, cycles=cycles, span=span,
