@@ -11,11 +11,13 @@ from swimbladder.codegen.golden import command_limits
 from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.control.law import NEVER
 from swimbladder.control.registry import LAWS
-from swimbladder.control.supervisor import SUPERVISOR, Reason, reasons_in, times
+from swimbladder.control.supervisor import SUPERVISOR, Reason, expected_rate, reasons_in, times
 from swimbladder.control.supervisor_records import Watched
+from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors, Supervisor
 from tests.codegen.laws import example
+from tests.oracle import Machine
 from tests.vehicles import paper
 
 NOISY = Sensors(depth_noise="2 mm", depth_quantum="5 mm", volume_noise="0.2 cm3")
@@ -252,6 +254,43 @@ def test_what_fails_more_than_two_thirds_of_the_time_is_a_reason(count, reason, 
 
 
 @pytest.mark.parametrize("name", LAWS)
+def drives():
+    """Return vehicles: a load alone; with leakage; with friction, and losses of either way."""
+    smooth, em = paper(), load_vehicle("example-em")
+    leaky = smooth.actuator.model_copy(update={"k_l": 1e-7})
+    motor = em.actuator.motor.model_copy(update={"friction_torque": 3e-3})
+    rough = em.actuator.model_copy(update={"motor": motor})
+    return [
+        smooth,
+        smooth.model_copy(update={"actuator": leaky}),
+        em.model_copy(update={"actuator": rough}),
+    ]
+
+
+@pytest.mark.parametrize("vehicle", drives(), ids=["smooth", "leaky", "rough"])
+def test_the_rate_that_is_expected_is_that_of_the_papers_torques_at_even_speed(vehicle):
+    """Eqs (11), (12): k_v omega = k_u u - k_z z -+ T_b, or nothing where friction holds it."""
+    p, m = supervisor_parameters(vehicle, 0.3), Machine(vehicle)
+    for depth in (0.0, 5.0, 40.0):
+        for u in np.linspace(-12.0, 12.0, 97):
+            s = SUPERVISOR.initial(p, CALM, 0.0)._replace(command=float(u), depth=depth)
+            drives = m.k_u * u - m.k_z * depth - m.T_b
+            driven = m.k_u * u - m.k_z_back * depth + m.T_b
+            torque = max(drives, 0.0) + min(driven, 0.0)
+            due = m.k_q * torque / m.k_v - m.k_l * depth
+            assert expected_rate(p, s) == pytest.approx(due, rel=1e-9, abs=1e-15)
+
+
+def test_the_rate_of_a_positioner_is_what_is_left_within_its_speed():
+    vehicle = load_vehicle("ntnu-bv")
+    p = supervisor_parameters(vehicle, 0.5)
+    speed = 2.44e-3 * vehicle.actuator.piston_area
+    for volume, command in ((0.0, 1e-7), (0.0, -1e-7), (1e-6, 2e-5), (1e-6, -2e-5), (3e-6, 3e-6)):
+        s = SUPERVISOR.initial(p, CALM, 0.0)._replace(command=command, volume=volume)
+        due = max(-speed, min(speed, (command - volume) / 0.5))
+        assert expected_rate(p, s) == pytest.approx(due, rel=1e-9, abs=1e-18)
+
+
 class TestHealthy:
     """What must never be a reason."""
 
