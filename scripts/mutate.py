@@ -173,6 +173,13 @@ class Run:
         self._copies = iter(range(10**6))
         self._lock = threading.Lock()
         self._usual: dict[tuple[str, str], float] = {}  # s that the unchanged tree takes
+        self._running: set[subprocess.Popen[bytes]] = set()
+
+    def close(self) -> None:
+        """End what runs, and delete the copies."""
+        for process in list(self._running):
+            _end(process)
+        shutil.rmtree(self.folder, ignore_errors=True)
 
     def copy(self) -> Path:
         """Return this thread's copy of the tree."""
@@ -213,11 +220,13 @@ class Run:
                 [*command, *shlex.split(arguments)], cwd=copy / "tree", env=self.environment(),
                 stdout=printed, stderr=subprocess.STDOUT, start_new_session=os.name != "nt",
             )  # fmt: skip
+            self._running.add(process)
             try:
                 code = process.wait(limit)
             except subprocess.TimeoutExpired:
                 return TIMEOUT, ""
             finally:
+                self._running.discard(process)
                 if process.poll() is None:
                     _end(process)
             printed.seek(0)
@@ -350,12 +359,13 @@ def main(words: Sequence[str] | None = None) -> int:
             done[key] = ended
         return done[key]
 
+    pool = concurrent.futures.ThreadPoolExecutor(given.jobs)
     try:
-        with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
-            tested = [m for m, reason in zip(chosen, reasons, strict=True) if not reason]
-            ended = dict(zip(tested, pool.map(one, tested), strict=True))
+        tested = [m for m, reason in zip(chosen, reasons, strict=True) if not reason]
+        ended = dict(zip(tested, pool.map(one, tested), strict=True))
     finally:
-        shutil.rmtree(run.folder, ignore_errors=True)
+        pool.shutdown(wait=False, cancel_futures=True)
+        run.close()
     rows = [(m, ended.get(m, SURVIVED), why) for m, why in zip(chosen, reasons, strict=True)]
     share = table(rows, print)
     print(f"{100.0 * share:.1f} % of {len(tested)} caught; asked for {100.0 * given.least:g} %")
@@ -363,4 +373,5 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     sys.exit(main())

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import ast
 import json
+import os
 import shlex
+import subprocess
+import sys
 import tempfile
+import time
 import tomllib
 
 import pytest
@@ -130,6 +134,21 @@ def test_a_mutant_that_never_ends_is_ended(tree):
     run = mutate.Run(tree, {"src/tiny.py": ["tests/test_tiny.py"]}, 1.0, [])
     assert run.test(endless)[0] == "timeout"
     assert (run.copy() / "tree" / "src" / "tiny.py").read_text() == source
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGTERM cannot be caught there")
+def test_a_run_that_is_ended_leaves_no_copies_behind(tree):
+    (tree / "tests" / "test_tiny.py").write_text(
+        "import time\ndef test():\n    open('begun', 'w').close()\n    time.sleep(600)\n"
+    )
+    command = [sys.executable, mutate.__file__, "--root", str(tree), "--number", "2"]
+    process = subprocess.Popen(command, env=os.environ | {"TMPDIR": str(tree.parent)})
+    until = time.monotonic() + 60.0
+    while not list(tree.parent.glob("mutants-*/0/tree/begun")) and time.monotonic() < until:
+        time.sleep(0.1)
+    process.terminate()
+    assert process.wait(30.0) == 143
+    assert sorted(path.name for path in tree.parent.iterdir()) == ["tree"]
 
 
 def test_tests_that_fail_without_a_change_and_stale_entries_are_refused(tree):
