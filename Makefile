@@ -36,6 +36,7 @@ prove: $(INSTALLED) ## Hunt for counter-examples and prove what takes long (agai
 	  $(BIN)/pytest -q -n 2 -m hypothesis --hypothesis-profile=prove --hypothesis-seed=$$seed || exit; \
 	done
 	@$(BIN)/pytest -n 2 -m "prove and not hypothesis"
+	@$(BIN)/python scripts/mutate.py --number 300 --seed 1 --jobs 2
 
 lint: $(INSTALLED) ## Check style, types and layers
 	@$(BIN)/ruff check

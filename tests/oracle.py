@@ -47,6 +47,7 @@ class Machine:
     k_emf: float = 0.0
     E: float = math.inf
     R_b: float = 0.0
+    lost: float = 0.0  # m3, by which the vehicle is heavier than its volume says: water, swell
 
     def __post_init__(self) -> None:
         v = self.vehicle
@@ -121,7 +122,7 @@ class Machine:
     def weight(self, V: float, z: float) -> float:
         """Net force downwards but for drag [N], eqs (13), (15), (31) and the emerged hull."""
         emerged = self.rho_g * self.A_w * max(self.z_s - z, 0.0)
-        return self.rho_g * (self.psi * z + self.V_0 - V) + emerged
+        return self.rho_g * (self.psi * z + self.V_0 + self.lost - V) + emerged
 
     def full_duty(self, omega: float, sign: float) -> float:
         """|u| [V] at the motor with the battery switched right through, at most E."""

@@ -11,11 +11,13 @@ from swimbladder.codegen.golden import command_limits
 from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.control.law import NEVER
 from swimbladder.control.registry import LAWS
-from swimbladder.control.supervisor import SUPERVISOR, Reason, reasons_in, times
+from swimbladder.control.supervisor import SUPERVISOR, Reason, expected_rate, reasons_in, times
 from swimbladder.control.supervisor_records import Watched
+from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors, Supervisor
 from tests.codegen.laws import example
+from tests.oracle import Machine
 from tests.vehicles import paper
 
 NOISY = Sensors(depth_noise="2 mm", depth_quantum="5 mm", volume_noise="0.2 cm3")
@@ -219,7 +221,76 @@ class TestFaults:
         assert seconds(math.inf) == math.inf
 
 
+@pytest.mark.parametrize(
+    ("count", "reason", "bad"),
+    [
+        ("leak", Reason.LEAK, {"leak": True}),
+        ("battery", Reason.BATTERY_LOW, {"battery": 8.0}),
+        ("blind", Reason.VOLUME_MISSING, {"volume": math.nan}),
+        ("deep", Reason.DEPTH_LIMIT, {"depth": 95.0}),
+    ],
+)
+@pytest.mark.parametrize(
+    ("bads", "at"),
+    [
+        (1, None),  # 1, 0, 1, 0
+        (2, None),  # 1 2, 0, 1 2, 0
+        (3, 38),  # 1 2 3, 1, 2 3 4, 2: one more a round of four; 10 11 12 in the tenth
+        (5, 20),  # 1 to 5, 3, 4 to 8, 6, 7 to 11, 9, 10 11 12 in the fourth round of six
+    ],
+)
+def test_what_fails_more_than_two_thirds_of_the_time_is_a_reason(count, reason, bad, bads, at):
+    """A good tick takes two bad ones away, of a limit of 12."""
+    p = supervisor_parameters(paper(), 0.3)
+    p = p._replace(**{count: 12}, fastest=math.inf, step=math.inf, jump=math.inf)
+    s = SUPERVISOR.initial(p, CALM, 0.0)
+    first = None
+    for k in range(60):
+        seen = CALM._replace(**bad) if k % (bads + 1) < bads else CALM
+        _, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+        if first is None and reason in reasons_in(s.reasons):
+            first = k
+    assert first == at
+
+
 @pytest.mark.parametrize("name", LAWS)
+def drives():
+    """Return vehicles: a load alone; with leakage; with friction, and losses of either way."""
+    smooth, em = paper(), load_vehicle("example-em")
+    leaky = smooth.actuator.model_copy(update={"k_l": 1e-7})
+    motor = em.actuator.motor.model_copy(update={"friction_torque": 3e-3})
+    rough = em.actuator.model_copy(update={"motor": motor})
+    return [
+        smooth,
+        smooth.model_copy(update={"actuator": leaky}),
+        em.model_copy(update={"actuator": rough}),
+    ]
+
+
+@pytest.mark.parametrize("vehicle", drives(), ids=["smooth", "leaky", "rough"])
+def test_the_rate_that_is_expected_is_that_of_the_papers_torques_at_even_speed(vehicle):
+    """Eqs (11), (12): k_v omega = k_u u - k_z z -+ T_b, or nothing where friction holds it."""
+    p, m = supervisor_parameters(vehicle, 0.3), Machine(vehicle)
+    for depth in (0.0, 5.0, 40.0):
+        for u in np.linspace(-12.0, 12.0, 97):
+            s = SUPERVISOR.initial(p, CALM, 0.0)._replace(command=float(u), depth=depth)
+            drives = m.k_u * u - m.k_z * depth - m.T_b
+            driven = m.k_u * u - m.k_z_back * depth + m.T_b
+            torque = max(drives, 0.0) + min(driven, 0.0)
+            due = m.k_q * torque / m.k_v - m.k_l * depth
+            assert expected_rate(p, s) == pytest.approx(due, rel=1e-9, abs=1e-15)
+
+
+def test_the_rate_of_a_positioner_is_what_is_left_within_its_speed():
+    vehicle = load_vehicle("ntnu-bv")
+    p = supervisor_parameters(vehicle, 0.5)
+    speed = 2.44e-3 * vehicle.actuator.piston_area
+    for volume, command in ((0.0, 1e-7), (0.0, -1e-7), (1e-6, 2e-5), (1e-6, -2e-5), (3e-6, 3e-6)):
+        s = SUPERVISOR.initial(p, CALM, 0.0)._replace(command=command, volume=volume)
+        due = max(-speed, min(speed, (command - volume) / 0.5))
+        assert expected_rate(p, s) == pytest.approx(due, rel=1e-9, abs=1e-18)
+
+
 class TestHealthy:
     """What must never be a reason."""
 

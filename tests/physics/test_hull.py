@@ -1,5 +1,7 @@
 """The hull: the paper's psi z in its limit, each law against finite differences and SymPy."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 import sympy
@@ -8,6 +10,7 @@ from scipy.integrate import quad
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.hull import (
+    check_mass,
     displaced_volume,
     hull_parts,
     linear_psi,
@@ -80,6 +83,25 @@ def test_the_water_carries_the_weight_wherever_it_rests():
     np.testing.assert_allclose(column.density * displaced, weight_mass(vehicle), rtol=1e-13)
     heavier = neutral_volume(vehicle, column, mass=weight_mass(vehicle) + 0.1)
     np.testing.assert_allclose(heavier - volume, 0.1 / column.density, rtol=1e-9)
+
+
+def test_parts_have_their_volume_at_the_reference_temperature_and_grow_in_the_heat():
+    vehicle = with_hull(parts=(TUBE,), displaced_volume=30e-3, reference_temperature=12.0)
+    for T in (2.0, 12.0, 32.0):
+        due = 30e-3 * (1.0 + 7e-5 * (T - 12.0))
+        assert float(displaced_volume(vehicle, 0.0, T)) == pytest.approx(due, rel=1e-12)
+
+
+def test_a_mass_that_no_water_carries_is_refused():
+    """From half of what is displaced to four times that, water that moves along included."""
+    vehicle = load_vehicle("ntnu-bv")
+    weighs = weight_mass(vehicle)
+    for share, well in ((0.49, False), (0.51, True), (3.9, True), (4.1, False)):
+        motion = vehicle.motion.model_copy(update={"dry_mass": share * weighs})
+        heavy = vehicle.model_copy(update={"motion": motion})
+        said = "sinks in any water" if share > 1.0 else "floats in any water"
+        with nullcontext() if well else pytest.raises(InputError, match=said):
+            check_mass(heavy)
 
 
 def test_boyle_and_gay_lussac():

@@ -23,8 +23,8 @@ TICK = 0.3
 class Rig:
     """A vehicle, its course and its squadron; flies missions that a test writes."""
 
-    def __init__(self, name, squadron, course):
-        self.vehicle, self.squadron, self.course = load_vehicle(name), squadron, course
+    def __init__(self, vehicle, squadron, course):
+        self.vehicle, self.squadron, self.course = vehicle, squadron, course
         self.tick = course.vehicle.controller.sample_time
 
     def fly(
@@ -74,15 +74,17 @@ class Rig:
 
 @pytest.fixture(scope="session")
 def rig_of(request):
-    """Rigs by the vehicle's name, each compiled once."""
+    """Rigs of presets and of vehicles by their names, each compiled once."""
     request.getfixturevalue("gcc")
     made, boards = {}, []
 
-    def get(name, depths=None):
+    def get(asked, depths=None):
+        name = asked if isinstance(asked, str) else asked.name
         if name not in made:
-            course = course_of(load_vehicle(name), depths)
+            vehicle = load_vehicle(asked) if isinstance(asked, str) else asked
+            course = course_of(vehicle, depths)
             boards.append(board_of(course))
-            made[name] = Rig(name, Squadron(course, boards[-1]), course)
+            made[name] = Rig(vehicle, Squadron(course, boards[-1]), course)
         return made[name]
 
     yield get
