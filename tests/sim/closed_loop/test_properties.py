@@ -17,6 +17,7 @@ from swimbladder.vehicle import (
     PhysicalMotion,
     Stroke,
     Supply,
+    UnifiedActuator,
     Vehicle,
 )
 from tests.vehicles import vehicles
@@ -85,6 +86,17 @@ def light(
         K1=0.0152, T1=0.368, k_l=9.12e-9, stroke=911.9e-6, psi=1.042e-5, area=0.0498, mass=7.389
     ),
     tick=0.05, strength=0.01, start="surface", share=1.0, speed=0.0, targets=[2.46e-10], seed=None,
+)  # fmt: skip
+@example(  # stuck at the upper stop while leakage in air pressed the volume beyond it
+    vehicle=light(
+        K1=1.0, T1=1.0, k_l=0.0, stroke=0.0009118819655545162, psi=1.0421508177765899e-05,
+        area=0.049787068367863944, mass=7.38905609893065,
+    ).model_copy(update={"actuator": UnifiedActuator(
+        inertia=0.001255161230831118, k_u=0.05, k_v=0.003411881965554517,
+        k_q=5.185389388316432e-06, k_z=0.050851298844933335, k_l=9.118819655545162e-09,
+        efficiency=1.0, friction_torque=0.02, resistance=1.0, emf_constant=0.05,
+    )}),
+    tick=0.05, strength=0.3, start="surface", share=1.0, speed=0.0, targets=[0.0], seed=None,
 )  # fmt: skip
 @example(  # neutral at the surface: rounding moved it in and out
     vehicle=light(

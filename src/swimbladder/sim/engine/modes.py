@@ -219,8 +219,10 @@ def _stop_pushes(p, u, q, z, w):  # type: ignore[no-untyped-def]
     v = _applied(p, u, q)
     if p[K_L] == 0.0:
         return v >= p[LOAD_BACK] * z - p[FRICTION]
-    free = p[GAIN] * (v - p[LOAD_DRIVE] * z - p[FRICTION])
-    return free >= p[K_L] * (z + p[T1] * w)
+    load = p[LOAD_DRIVE] * z + p[FRICTION]
+    if z < 0.0:  # in air the leakage turns the motor back
+        load = p[LOAD_BACK] * z - p[FRICTION]
+    return p[GAIN] * (v - load) >= p[K_L] * (z + p[T1] * w)
 
 
 @compiled
@@ -268,6 +270,8 @@ def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
     elif act == STUCK:
         if p[V_MIN] > V or (p[V_MIN] == V and p[K_L] * z > 0.0):
             new_act, reset = LOWER, True
+        elif p[V_MAX] < V or (p[V_MAX] == V and p[K_L] * z < 0.0):
+            new_act, q, reset = UPPER, p[K_L] * z, True
         else:
             new_act = _turning(p, u, z, 0.0)
     elif act == UPPER:
