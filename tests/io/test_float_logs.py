@@ -297,7 +297,7 @@ def test_the_kind_of_log_is_seen(tmp_path: Path, made_up: Path) -> None:
     table = tmp_path / "dive.csv"
     table.write_text("time_s,pressure_Pa,pump_s\n0,0,1\n60,1e5,\n")
     assert len(read_float_log(table)) == 2
-    with pytest.raises(LogError, match="no line with a pressure"):
+    with refused(LogError, field="[PRESS ,0038]"):
         read_float_log(table, log_format_name="mermaid")
 
 
@@ -337,15 +337,15 @@ def test_two_dives_in_one_log_are_told(tmp_path: Path, made_up: Path) -> None:
     path.write_text("\n".join(["time_s,pressure_Pa,pump_s", *rows[:6]]))
     assert len(read_float_log(path)) == 6
     path.write_text("\n".join(["time_s,pressure_Pa,pump_s", *rows]))
-    with pytest.raises(LogError, match="2 dives: after 480 s the float dives again"):
+    with refused(LogError, field="log", holds={2.0, 480.0}):
         read_float_log(path)
     twice = tmp_path / "twice.LOG"
     twice.write_text(MADE_UP + MADE_UP.replace("2031-03-01T1", "2031-03-02T1"))
-    with pytest.raises(LogError, match="2 dives"):
+    with refused(LogError, field="log", holds={2.0}):
         read_float_log(twice)
     above = [line for line in twice.read_text().splitlines() if "T+21000mdegC" not in line]
     twice.write_text("\n".join(above))  # no pressures at the surface
-    with pytest.raises(LogError, match="2 dives"):
+    with refused(LogError, field="log", holds={2.0}):
         read_float_log(twice)
     assert len(read_float_log(made_up)) == 4
 
@@ -353,7 +353,7 @@ def test_two_dives_in_one_log_are_told(tmp_path: Path, made_up: Path) -> None:
 def test_columns_that_are_not_there(tmp_path: Path) -> None:
     path = tmp_path / "dive.csv"
     path.write_text("time_s,pressure_Pa,pump_s\n0,1,1\n60,2,\n")
-    with pytest.raises(LogError, match="no such column of a float's log"):
+    with refused(LogError, field="pump_seconds"):
         read_float_log(path, columns={"pump_seconds": "pump_s"})
-    with pytest.raises(LogError, match="no such column"):
+    with refused(LogError, field="pump_s", value="pump"):
         read_float_log(path, columns={"pump_s": "pump"})

@@ -7,6 +7,7 @@ from swimbladder.design.energy import PumpRuns, fit_pump, fitted_vehicle
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Valve
+from tests.quoted import refused
 
 TRUTH = {
     "idle_power": 7.0, "power_per_pressure": 7.5e-7, "power_per_temperature": -0.12,
@@ -98,7 +99,7 @@ def test_runs_that_tell_nothing_are_refused():
         duration=told.duration[few], pressure=told.pressure[few], power=told.power[few],
         dive=told.dive[few],
     )  # fmt: skip
-    with pytest.raises(NoAnswerError, match="2 dives with duration"):
+    with refused(NoAnswerError, holds={2.0}):
         fit_pump(two)
     with pytest.raises(NoAnswerError, match="at several depths"):
         fit_pump(
@@ -107,7 +108,7 @@ def test_runs_that_tell_nothing_are_refused():
             )
         )
     one_deep = np.where(told.dive == 0, told.pressure, 0.0)
-    with pytest.raises(NoAnswerError, match=r"\bdive 0\b"):
+    with refused(NoAnswerError, holds={0.0}):
         fit_pump(
             PumpRuns(duration=told.duration, pressure=one_deep, power=told.power, dive=told.dive)
         )

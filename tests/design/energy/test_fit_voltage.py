@@ -11,6 +11,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.steady_drives import pump_run
 from swimbladder.vehicle import Supply
+from tests.quoted import refused
 
 TRUTH = {
     "idle_power": 7.0, "power_per_pressure": 7.5e-7, "power_per_temperature": -0.12,
@@ -173,5 +174,5 @@ def test_the_vehicle_is_told_how_its_supply_differs():
         assert getattr(found, name) == pytest.approx(factor * getattr(same, name), rel=1e-12)
     assert any(f"power and delivery are {factor:.3g} times" in s for s in fit_sentences(fit, own))
     dead = float_.model_copy(update={"supply": Supply(voltage=5.0, internal_resistance=50.0)})
-    with pytest.raises(InputError, match="takes all of the supply's 5 V"):
+    with refused(InputError, field="supply.internal_resistance", value=50.0, holds={5.0}):
         fitted_vehicle(dead, fit)

@@ -6,6 +6,7 @@ from swimbladder.design.law_comparison.scenarios import SCENARIOS, place, places
 from swimbladder.design.planning import least_time
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
+from tests.quoted import refused
 
 FEUP = load_vehicle("feup-em")
 PRESETS = ("feup-em", "ntnu-bv", "example-em", "example-eh")
@@ -52,10 +53,10 @@ def test_what_ends_the_range_is_named_and_true():
 
 
 def test_a_range_that_cannot_be_is_refused():
-    with pytest.raises(NoAnswerError, match=r"at 86\.63 m its neutral volume leaves the stroke"):
+    with refused(NoAnswerError, holds={86.63}):
         places(FEUP, (0.0, 90.0))
     for given in ((5.0, 2.0), (-1.0, 3.0), (0.0, float("inf")), (2.0, 2.0), (0.0, -1.0)):
-        with pytest.raises(InputError, match="no range of depths"):
+        with refused(InputError, field="--depth"):
             places(FEUP, given)
 
 

@@ -12,7 +12,7 @@ from swimbladder.errors import InputError, LogError, NoAnswerError
 from swimbladder.estimation.actuator import PARAMETERS, identify_actuator
 from swimbladder.estimation.actuator.bench import bench as make_bench
 from swimbladder.estimation.actuator.soft import slewed
-from tests.quoted import numbers
+from tests.quoted import numbers, refused
 
 LEVELS = [3.0, -3.0, 6.0, -6.0, 12.0, -12.0]
 
@@ -310,17 +310,17 @@ def test_what_does_not_move_or_has_no_voltage_is_refused():
         identify_actuator([replace(log, voltage=0.0 * log.voltage)])
     with pytest.raises(NoAnswerError, match="does not move"):
         identify_actuator([bench([0.2, -0.2])])
-    with pytest.raises(LogError, match="against the voltage"):
+    with refused(LogError, field="piston_m"):
         identify_actuator([replace(log, piston=-log.piston)])
-    with pytest.raises(LogError, match="no position"):
+    with refused(LogError, field="piston_m or volume_m3"):
         identify_actuator([replace(log, piston=None)])
-    with pytest.raises(LogError, match="too few"):
+    with refused(LogError, field="piston_m"):
         identify_actuator([log.only(np.arange(len(log)) < 5)])
-    with pytest.raises(InputError, match="no such parameter"):
+    with refused(InputError, field="NAME", value="K3"):
         identify_actuator([log], fixed={"K3": 1.0})
-    with pytest.raises(InputError, match="different kinds"):
+    with refused(InputError, field="LOG"):
         identify_actuator([log, replace(log, voltage=None)])
-    with pytest.raises(InputError, match="no logs"):
+    with refused(InputError, field="LOG"):
         identify_actuator([])
 
 

@@ -14,6 +14,7 @@ from swimbladder.estimation.comparison.predict import stages
 from swimbladder.estimation.comparison.record import record
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log, read_log
+from tests.quoted import refused
 
 WEIGHT = 1000.0 * 9.80665  # N/m3, of the water of both vehicles
 ALL = ("neutral_volume", "mass", "drag", "drag_quadratic", "psi")
@@ -153,7 +154,7 @@ def test_a_drift_of_the_neutral_volume_is_found(float_vehicle, voyage):
     c = compare(log, float_vehicle, fit=("neutral_volume", "neutral_drift", "start_speed"))
     assert c.rms < 1e-4
     assert c.fitted["neutral_drift"].value == pytest.approx(drift, rel=1e-3)
-    with pytest.raises(InputError, match="drift"):
+    with refused(InputError, field="--fit", value="neutral_drift"):
         compare(with_reference(log), float_vehicle, drive="setpoint", fit=("neutral_drift",))
 
 
@@ -175,7 +176,7 @@ def test_a_volume_of_many_strokes_is_in_another_unit(float_vehicle, voyage):
     stroke = float_vehicle.stroke
     share = (stroke.maximum - stroke.minimum) / np.ptp(voyage.volume)
     compare(replace(voyage, volume=4.9 * share * voyage.volume), float_vehicle, fit=())
-    with pytest.raises(LogError, match="the vehicle's stroke is") as caught:
+    with refused(LogError, field="volume_m3") as caught:
         compare(replace(voyage, volume=5.1 * share * voyage.volume), float_vehicle)
     assert caught.value.field == "volume_m3"
 
@@ -225,7 +226,7 @@ def test_a_log_that_starts_and_ends_at_the_surface(float_vehicle):
     assert np.abs(c.residual).max() < 1e-4  # simulated where it is not compared
     assert c.n == (depth >= 0.1).sum() < len(time)
     assert any("emerges" in note for note in c.notes)
-    with pytest.raises(InputError, match="afloat"):
+    with refused(InputError, field="--fit", value="start_speed"):
         compare(log, float_vehicle, fit=("start_speed",))
 
 
@@ -398,24 +399,24 @@ def test_a_start_under_water_leaves_out_how_the_vehicle_got_there(float_vehicle)
     assert found.fitted["start_depth"].value == pytest.approx(0.9, abs=1e-3)
     assert any("begun 30 s after" in note for note in found.notes)
     never = replace(surfaced, depth=np.full(len(surfaced), 0.02))
-    with pytest.raises(LogError, match="clear of surface and bottom"):
+    with refused(LogError, field="depth_m", value=0.02):
         compare(never, float_vehicle, submerged=True)
 
 
 def test_a_vehicle_and_a_log_that_do_not_fit(float_vehicle, paper_vehicle, voyage):
-    with pytest.raises(InputError, match="no such term"):
+    with refused(InputError, field="--fit", value="drag_quadratic"):
         compare(voyage, paper_vehicle, fit=("drag_quadratic",))
     bare = float_vehicle.model_copy(update={"controller": None})
-    with pytest.raises(InputError, match="no controller"):
+    with refused(InputError, field="controller"):
         compare(with_reference(voyage), bare, drive="setpoint")
     pump = load_vehicle("example-eh")
     piston = replace(voyage, volume=None, piston=voyage.volume)
-    with pytest.raises(LogError, match="nothing that drives"):
+    with refused(LogError, field="volume_m3, piston_m, voltage_V or reference_depth_m"):
         compare(piston, pump)
-    with pytest.raises(InputError, match="has none"):
+    with refused(InputError, field="actuator.kind", value="electrohydraulic"):
         compare(piston, pump, drive="volume")
     short = {k: v[:9] for k, v in vars(voyage).items() if isinstance(v, np.ndarray)}
-    with pytest.raises(LogError, match="too few"):
+    with refused(LogError, field="volume"):
         compare(replace(voyage, **short), float_vehicle)
 
 

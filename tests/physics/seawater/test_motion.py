@@ -20,6 +20,7 @@ from swimbladder.physics.seawater.motion import (
 )
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.vehicle import Water
+from tests.quoted import refused
 
 SEA = WaterMotion(
     internal_waves=(
@@ -76,7 +77,7 @@ def test_no_internal_wave_is_faster_than_the_buoyancy_frequency():
     wave = {"amplitude": 1.0, "water_depth": 2000.0}
     check_motion(WaterMotion(internal_waves=({"period": 1.01 * period, **wave},)), column)
     fast = WaterMotion(internal_waves=({"period": 0.99 * period, **wave},))
-    with pytest.raises(InputError, match="no internal wave is that fast") as caught:
+    with refused(InputError, field="water_motion.internal_waves[0].period") as caught:
         check_motion(fast, column)
     assert caught.value.field == "water_motion.internal_waves[0].period"
     check_motion(fast, uniform_column(Water(), 100.0))  # not known there: no layers
