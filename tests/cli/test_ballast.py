@@ -122,7 +122,7 @@ def test_a_mass_on_the_scale_takes_the_place_of_the_trim(capsys, tmp_path, cast)
     [
         (["--deepest", "2000 m"], "deeper than the vehicle is rated for, 1000 m"),
         (["--neutral-depth", "500 dbar"], "--neutral-depth"),
-        (["--mass", "45 g"], "does not weigh this"),
+        (["--mass", "45 g"], "--mass"),
         (["--ballast", "cork"], "no such ballast"),
         (["--ballast", "900 kg/m3"], "not denser than the water"),
         (["--probability", "99"], "--probability"),

@@ -193,7 +193,7 @@ def test_a_vehicle_file_that_is_not_ours_is_left_alone(capsys, pool, made, tmp_p
         (["--free", "K2,T9"], "--free: there is no such parameter (got 'T9')"),
         (["--free", "none"], "--free: nothing is left to identify"),
         (["--free", "mass"], "--free: the drag law linear has no such parameter"),
-        (["--free", "psi,K1"], "--free: a logged volume does not tell the actuator's"),
+        (["--free", "psi,K1"], "--free: a logged volume"),
         (["--set", "psi=2 cm3"], "--set psi: the unit 'cm3' is of another kind"),
         (["--set", "psi=1", "--set", "psi=2"], "--set: given twice"),
         (["--set", "K2=-1"], "--set: it must be above 0"),
