@@ -58,7 +58,7 @@ def _cases() -> Iterator[Case]:
     yield Case("12 V, the paper's cascade: edge", "voltage limit", vehicle, cascade, numbers)
     # a tuned cascade at a lower frequency, so that it moves little
     quiet = SeaCascadeParameters(
-        **sea_cascade_gains(p.a_b, p.d_l, p.gain, 0.125, _TICK)._asdict(), target_weight=1.0,
+        gains=sea_cascade_gains(p.a_b, p.d_l, p.gain, 0.125, _TICK), target_weight=1.0,
         smoothing=0.07, leash=0.0, fastest=0.25, jerk=0.007, shortest=3.0,
         volume_per_speed=p.d_l / p.a_b, volume_per_acceleration=1.0 / p.a_b, psi=p.psi,
         depth_voltage=p.load_drive, rate_per_volt=p.gain, voltage_limit=_SUPPLY,

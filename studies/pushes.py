@@ -70,7 +70,8 @@ def cost(
     low, high = command_limits(vehicle)
     limits = supervisor_parameters(vehicle, _TICK)
     if not pushes:
-        limits = limits._replace(same_tried=NEVER, unproven=NEVER)
+        off = limits.proof._replace(same_tried=NEVER, unproven=NEVER)
+        limits = limits._replace(proof=off)
     own = ControllerTwin(law, parameters, tick_s=_TICK, low=low, high=high)
     board = VehicleTwin(own, limits)
     pushed = 0

@@ -54,7 +54,7 @@ def test_without_libfuzzer_random_inputs_do(tmp_path):
         ),
         ("swb_controller.c", "if (!swb_known(command) || ", "if (", "the command is finite"),
         (
-            "swb_vehicle.c", "v->reason = (uint8_t)v->state.reason;",
+            "swb_vehicle.c", "v->reason = (uint8_t)v->state.rescue.reason;",
             "v->reason = seen->leak ? 2u : 0u;", "a reason is among the reasons",
         ),
         (

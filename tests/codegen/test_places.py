@@ -4,6 +4,7 @@
 import math
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,8 +14,11 @@ from swimbladder.codegen.c_places import in_place
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Law, Measurement
+from swimbladder.control.registry import law_parameters
+from swimbladder.sim.closed_loop import simulate, simulate_ensemble
 from tests.codegen.build import Compiled
 from tests.codegen.laws import bits
+from tests.vehicles import paper
 
 
 class P(NamedTuple):
@@ -150,3 +154,84 @@ def test_a_state_of_zeros_keeps_its_sign(tmp_path):
     assert "memset" in write_c99(read_law(law)).source
     said = Compiled(law, tmp_path).initial(P(1.0), Measurement(0.0, 0.0, 0.0), 0.0)
     assert [math.copysign(1.0, x) for x in said] == [1.0, 1.0, -1.0, 1.0, 1.0, 1.0]
+
+
+class Slope(NamedTuple):
+    error: float  # m
+    change: float  # m, over a sample, smoothed
+
+
+class Share(NamedTuple):
+    old: float  # -
+    new: float  # -
+
+
+class Gains(NamedTuple):
+    k: float  # V/m
+    d: float  # V/m
+    share: Share
+
+
+class Nested(NamedTuple):
+    gains: Gains
+    limit: float  # V
+    S_p: float  # s
+
+
+class Remembered(NamedTuple):
+    slope: Slope
+    ticks: float  # -
+
+
+def followed(share, slope, error):
+    change = share.old * slope.change + share.new * (error - slope.error)
+    return Slope(error, change)
+
+
+def nested_initial(p, m, reference):
+    return Remembered(Slope(reference - m.depth, 0.0), 0.0)
+
+
+def nested_step(p, state, m, reference):
+    slope = followed(p.gains.share, state.slope, reference - m.depth)
+    wanted = -p.gains.k * slope.error - p.gains.d * slope.change
+    command = min(max(wanted, -p.limit), p.limit)
+    return command, Remembered(slope, state.ticks + 1.0), p.S_p
+
+
+NESTED = Law(
+    name="nested", summary="a law of nested records", command="voltage", parameters=Nested,
+    state=Remembered, step=nested_step, initial=nested_initial,
+    units={"k": "V/m", "d": "V/m", "old": "", "new": "", "limit": "V", "S_p": "s"},
+)  # fmt: skip
+
+
+@pytest.mark.usefixtures("gcc")
+def test_a_law_of_nested_records_flies_and_its_c_agrees_to_the_bit(tmp_path):
+    text = {"k": "1.5 V/m", "d": 4.0, "old": 0.7, "new": 0.3, "limit": "6 V"}
+    p = law_parameters(NESTED, text, sample_time=0.3)
+    assert p == Nested(Gains(1.5, 4.0, Share(0.7, 0.3)), 6.0, 0.3)
+    compiled, beside, states = Compiled(NESTED, tmp_path), twin(NESTED), []
+
+    def by_hand(seen, reference):
+        state = states[-1] if states else NESTED.initial(p, seen, reference)
+        command, after, _ = NESTED.step(p, state, seen, reference)
+        states.append(after)
+        assert bits(compiled.step(p, state, seen, reference)) == bits(
+            beside.step(p, state, seen, reference)
+        )
+        return command
+
+    run = dict(setpoints=[(0.0, 2.0)], start_depth=1.5, duration=60.0, sample_time=0.3, seed=1)
+    alone = simulate(paper(), law=NESTED, parameters=p, **run)
+    beside_it = simulate(paper(), law=by_hand, **run)
+    np.testing.assert_allclose(alone.command, beside_it.command, rtol=0.0, atol=1e-9)
+    varied = simulate_ensemble(
+        paper(), law=NESTED, parameters=p, sample_time=0.3, setpoints=[(0.0, 2.0)],
+        start_depth=1.5, duration=60.0, count=2, vary={"k": [1.5, 3.0]}, keep="trajectory",
+    )  # fmt: skip
+    steeper = simulate(
+        paper(), law=NESTED, parameters=p._replace(gains=p.gains._replace(k=3.0)),
+        **run | {"seed": None},
+    )  # fmt: skip
+    np.testing.assert_allclose(varied["command"][:, 1], steeper.command, rtol=0.0, atol=1e-9)

@@ -14,8 +14,8 @@ from swimbladder.codegen.pool import PoolOptions, board_procedure, plan_pool_day
 from swimbladder.codegen.pool_twin import PoolTwin, rehearse
 from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.twin import twin
-from swimbladder.control.law import NEVER, Measurement
-from swimbladder.control.protocol import POOL, PoolState
+from swimbladder.control.law import NEVER
+from swimbladder.control.protocol import POOL
 from swimbladder.control.protocol_records import Does
 from swimbladder.control.supervisor import SUPERVISOR, Reason
 from swimbladder.control.supervisor_records import Watched
@@ -23,7 +23,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import Sensors
 from tests.codegen.build import STRICT, Compiled, Program, run, write
-from tests.codegen.laws import bits, controlled, flat
+from tests.codegen.laws import bits, controlled, flat, split
 from tests.codegen.pool_day import (
     ARDUINO,
     SENSORS,
@@ -81,14 +81,11 @@ def _frames(count):
 
 
 def _same_as_the_twin(program):
-    law, p, s = twin(POOL), len(POOL.parameters._fields), len(POOL.state._fields)
+    law = twin(POOL)
     frames = _frames(3000)
     for frame, answer in zip(frames, program.answers(frames), strict=True):
-        parameters, state = POOL.parameters(*frame[:p]), PoolState(*frame[p : p + s])
-        seen = Measurement(*frame[p + s : p + s + 3])
-        expected = (
-            law.initial(parameters, seen, frame[-1]), law.step(parameters, state, seen, frame[-1])
-        )  # fmt: skip
+        given, state, seen, reference = split(POOL, frame)
+        expected = law.initial(given, seen, reference), law.step(given, state, seen, reference)
         assert bits(tuple(answer)) == bits(*expected)
 
 
@@ -155,7 +152,9 @@ class Spoilt(PoolTwin):
         before = bits(self.in_c.tick(seen, may_begin=may_begin))
         command = super().tick(seen, may_begin=may_begin)
         s = self.state
-        self.unequal += before != bits(command, self.watch.reasons, int(s.phase), int(s.gave_up_in))
+        self.unequal += before != bits(
+            command, self.watch.rescue.reasons, int(s.phase), int(s.gave_up_in)
+        )
         self.went.add(self.phase.does)
         return command
 
@@ -379,7 +378,7 @@ def test_the_files_of_a_library_with_a_pool():
 def test_its_supervisor_pushes_only_where_the_file_asks_for_it():
     vehicle, pool = load_vehicle("feup-em"), PoolOptions(4.5)
     asked = vehicle.supervisor.model_copy(update={"prove_after": 30.0})
-    assert make_library(vehicle, duration=30.0).supervisor.unproven < NEVER
+    assert make_library(vehicle, duration=30.0).supervisor.proof.unproven < NEVER
     assert supervisor_parameters(vehicle, 0.3, in_pool=True).unproven == NEVER
     asking = vehicle.model_copy(update={"supervisor": asked})
     with pytest.raises(NoAnswerError, match="glide"):  # a push ends what sinks for half a minute

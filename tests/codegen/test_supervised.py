@@ -21,7 +21,6 @@ from swimbladder.control.law import NEVER, Law
 from swimbladder.control.supervisor import SUPERVISOR, Reason
 from swimbladder.control.supervisor_records import (
     SupervisorParameters,
-    SupervisorState,
     Watched,
 )
 from swimbladder.errors import InputError
@@ -30,7 +29,7 @@ from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors, Supervisor
 from tests.codegen import chip
 from tests.codegen.build import STRICT, Program, run
-from tests.codegen.laws import bits, controlled, flat
+from tests.codegen.laws import bits, controlled, flat, split
 from tests.vehicles import paper
 
 _CALLS = """\
@@ -98,7 +97,7 @@ def said_by(vehicle: VehicleTwin, seen: Watched, reference: float) -> tuple[Any,
     """Return what the twin says, in the form of the C's."""
     command = vehicle.tick(seen, reference)
     s = vehicle.state
-    return command, int(s.reason), int(s.reasons), int(s.release)
+    return command, int(s.rescue.reason), int(s.rescue.reasons), int(s.rescue.release)
 
 
 @pytest.fixture(scope="module", params=["feup-em", "ntnu-bv"])
@@ -146,7 +145,7 @@ def test_a_reset_leaves_what_the_last_push_did(both):
         for seen in falling[10:11]:
             said.append(in_c.tick(seen, 3.0))
             assert said[-1] == said_by(again, seen, 3.0)
-        return again.state.turns, beside.state.turns
+        return again.state.push.turns, beside.state.push.turns
 
     kept, before = after(True)
     assert kept == before == 1  # it fell both ways: as it was, for good
@@ -170,7 +169,7 @@ def test_what_a_push_did_outlives_a_reset(turns, way, volumes):
     for volume in volumes:
         command = vehicle.tick(SEEN._replace(volume=volume), 3.0)
         assert command == np.float32(getattr(made.supervisor, way))
-    assert vehicle.state.turns == turns
+    assert vehicle.state.push.turns == turns
 
 
 @pytest.mark.parametrize(("pushing", "lost", "turned"), [
@@ -189,9 +188,9 @@ def test_only_what_a_reset_finds_lost_since_the_last_push_turns_it(pushing, lost
         volume = np.float32(volume - lost)
         given.append(vehicle.tick(SEEN._replace(volume=volume), 3.0))
         before = vehicle.state
-        if given[-1] == np.float32(made.supervisor.away_command):
+        if given[-1] == np.float32(made.supervisor.push.away_command):
             break
-    assert (given[-1] == np.float32(made.supervisor.away_command)) == turned
+    assert (given[-1] == np.float32(made.supervisor.push.away_command)) == turned
     assert len(given) == (1 if turned or not pushing else 20)
 
 
@@ -220,9 +219,9 @@ def test_any_faults_are_met_as_by_the_twin_and_the_state_stays_finite(
             latched = got[1] > 0
             p = made.supervisor
             if latched:
-                turned = np.float32(p.away_command)
-                calm = (np.float32(p.hold_command), np.float32(p.away_hold))
-                assert got[0] in (np.float32(p.surface_command), *calm, turned)
+                turned = np.float32(p.push.away_command)
+                calm = (np.float32(p.push.hold_command), np.float32(p.push.away_hold))
+                assert got[0] in (np.float32(p.push.surface_command), *calm, turned)
     assert latched or not anew
 
 
@@ -253,10 +252,8 @@ def _varied(rng: np.random.Generator, value: Any, kind: int) -> Any:
 
 
 def expected_of(law: Law, frame: tuple[Any, ...]) -> tuple[Any, ...]:
-    p, s = len(SupervisorParameters._fields), len(SupervisorState._fields)
-    given, state = SupervisorParameters(*frame[:p]), SupervisorState(*frame[p : p + s])
-    seen = Watched(*frame[p + s : -1])
-    return law.initial(given, seen, frame[-1]), law.step(given, state, seen, frame[-1])
+    given, state, seen, reference = split(law, frame, Watched)
+    return law.initial(given, seen, reference), law.step(given, state, seen, reference)
 
 
 @pytest.mark.usefixtures("gcc", "clang")
@@ -280,7 +277,7 @@ class Spoilt:
     """An hour in which every sensor fails for a while, too short to be a reason, then for good."""
 
     def __init__(self, p: SupervisorParameters, last: int) -> None:
-        self.short, self.last = int(min(p.blind, p.leak)) - 1, last
+        self.short, self.last = int(min(p.volume.blind, p.board.leak)) - 1, last
         self.rng = np.random.default_rng(3)
 
     def __call__(self, k: int, seen: Watched) -> Watched:
@@ -309,7 +306,11 @@ def test_an_hour_with_faults_is_the_same_to_the_bit(tmp_path):
         command = beside(measured, reference)
         got = in_c.tick(seen_by[-1][0], reference)
         s = beside.state
-        unequal += bits(got[0]) != bits(command) or got[1:] != (s.reason, s.reasons, s.release)
+        unequal += bits(got[0]) != bits(command) or got[1:] != (
+            s.rescue.reason,
+            s.rescue.reasons,
+            s.rescue.release,
+        )
         reasons.append(beside.reason)
         return command
 
@@ -321,7 +322,7 @@ def test_an_hour_with_faults_is_the_same_to_the_bit(tmp_path):
     assert len(reasons) == 12_001
     assert unequal == 0
     first = next(k for k, reason in enumerate(reasons) if reason is not None)
-    assert first == 11_000 + made.supervisor.blind - 1
+    assert first == 11_000 + made.supervisor.volume.blind - 1
     assert reasons[-1] is Reason.DEPTH_MISSING
     assert flown.depth[-1] < 0.1
 
@@ -339,8 +340,8 @@ def test_reasons_have_words_in_c(tmp_path):
     assert [number for number, *_ in meanings(library().supervisor)] == list(range(1, 16))
     p = library().supervisor
     said = " ".join(readme.split())
-    assert f"heavier than {p.sinks * 1e6:.3g} cm3" in said
-    assert f"not been {p.reach * 1e6:.3g} cm3 above the neutral one in the last 30 s" in said
+    assert f"heavier than {p.proof.sinks * 1e6:.3g} cm3" in said
+    assert f"not been {p.proof.reach * 1e6:.3g} cm3 above the neutral one in the last 30 s" in said
     assert "the command is 12 V, whatever the law says" in said
 
 
@@ -383,17 +384,17 @@ class TestNumbers:
     def test_the_papers_vehicle(self):
         """Worked by hand from the paper's numbers."""
         p = supervisor_parameters(paper(sensors=Sensors(depth_noise="2 mm")), 0.3)
-        assert p.surface_command == 12.0
-        assert p.battery_low == pytest.approx(9.6)
+        assert p.push.surface_command == 12.0
+        assert p.board.battery_low == pytest.approx(9.6)
         # full buoyancy of 350 cm3 lifts to 350/4.04 m; with 87.5 cm3 and 30 % of psi less
-        assert p.deepest == pytest.approx(350.0 / 4.04)
-        assert p.depth_limit == pytest.approx((350.0 - 87.5) / (4.04 * 1.3))
+        assert p.deep.deepest == pytest.approx(350.0 / 4.04)
+        assert p.deep.depth_limit == pytest.approx((350.0 - 87.5) / (4.04 * 1.3))
         # there the motor at 9.6 V moves 3.33 cm3/s/V (9.6 V - 0.07707 V/m z)
-        rate = 3.33e-6 * (9.6 - 0.07707 * p.depth_limit)
-        assert p.per_turn_rate == pytest.approx(1.0 / rate)
-        assert p.push == math.ceil(2.0 * 700e-6 / rate / 0.3)
-        assert p.hold_command == pytest.approx(0.07707 * p.deepest)
-        assert p.same == math.ceil(10.0 / 0.3)  # noise without a quantum never repeats
+        rate = 3.33e-6 * (9.6 - 0.07707 * p.deep.depth_limit)
+        assert p.deep.per_turn_rate == pytest.approx(1.0 / rate)
+        assert p.push.push == math.ceil(2.0 * 700e-6 / rate / 0.3)
+        assert p.push.hold_command == pytest.approx(0.07707 * p.deep.deepest)
+        assert p.same.same == math.ceil(10.0 / 0.3)  # noise without a quantum never repeats
 
     @pytest.mark.parametrize(("noise", "quantum"), [(0.002, 0.005), (0.002, 0.008), (0.001, 0.002)])
     def test_the_same_depth_again_is_as_rare_as_is_said(self, noise, quantum):
@@ -402,8 +403,8 @@ class TestNumbers:
         rng = np.random.default_rng(1)
         samples = np.round(rng.normal(0.0, noise, 200_000) / quantum)
         chance = np.mean(samples == 0.0)  # in the middle of its quantum: the worst place
-        assert chance**p.same < 1.2e-12
-        assert p.same == max(math.ceil(10 / 0.3), p.same)
+        assert chance**p.same.same < 1.2e-12
+        assert p.same.same == max(math.ceil(10 / 0.3), p.same.same)
 
     def test_a_quantum_that_hides_the_noise_says_nothing(self):
         sensors = Sensors(depth_noise="1 mm", depth_quantum="10 mm")
@@ -411,8 +412,8 @@ class TestNumbers:
 
     def test_time_is_counted_in_blocks(self):
         p = supervisor_parameters(paper(supervisor=Supervisor(time_limit="90 d")), 0.3)
-        assert p.time_blocks * 4096 + p.time_ticks == 90 * 86400 / 0.3
-        assert p.time_blocks * 4096 > 2**24
+        assert p.time.time_blocks * 4096 + p.time.time_ticks == 90 * 86400 / 0.3
+        assert p.time.time_blocks * 4096 > 2**24
 
     @pytest.mark.parametrize(
         ("given", "said"),
@@ -429,5 +430,7 @@ class TestNumbers:
 
     def test_a_positioner_goes_to_its_end(self):
         p = supervisor_parameters(controlled("position-pid"), 0.5)
-        assert p.surface_command == p.hold_command == load_vehicle("ntnu-bv").stroke.maximum
-        assert p.battery_low == 0.0
+        assert (
+            p.push.surface_command == p.push.hold_command == load_vehicle("ntnu-bv").stroke.maximum
+        )
+        assert p.board.battery_low == 0.0

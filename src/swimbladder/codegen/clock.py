@@ -117,31 +117,34 @@ class VehicleTwin:
         nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
         state = supervisor.initial(limits, nothing, 1.0 if after_reset else 0.0)
         if after_reset and before is not None:
-            state = state._replace(turns=before.turns)
-            if before.reason > 0 and before.phase < SOON and before.turns < MOST_TURNS:
-                state = state._replace(pushed=before.volume, volume=before.volume)
+            push = state.push._replace(turns=before.push.turns)
+            soon = before.rescue.reason > 0 and before.push.phase < SOON
+            if soon and push.turns < MOST_TURNS:
+                push = push._replace(pushed=before.volume.volume)
+                state = state._replace(volume=state.volume._replace(volume=push.pushed))
+            state = state._replace(push=push)
         self.state = state
 
     @property
     def reason(self) -> Reason | None:
         """The first reason; None while the law commands."""
-        number = int(self.state.reason)
+        number = int(self.state.rescue.reason)
         return Reason(number) if number else None
 
     @property
     def reasons(self) -> tuple[Reason, ...]:
         """Every reason so far."""
-        return reasons_in(self.state.reasons)
+        return reasons_in(self.state.rescue.reasons)
 
     @property
     def release(self) -> bool:
         """Whether the drop weight is to go."""
-        return bool(self.state.release)
+        return bool(self.state.rescue.release)
 
     def tick(self, seen: Watched, reference: float) -> Any:
         """Return the command from this tick on; `missed` of what is seen is the controller's."""
         wanted = self.controller.command
-        if self.state.reason == 0 and not self.state.restarted:  # else left alone: it may hang
+        if not (self.state.rescue.reason or self.state.restarted):  # else left alone: it may hang
             wanted = self.controller.tick(seen.depth, seen.volume, reference)
         self.ticks += 1
         seen = seen._replace(missed=min(self.controller.missed, NEVER))

@@ -109,11 +109,11 @@ def make_library(
     law, parameters, tick_s = choose_law(vehicle, None, None, None)
     limits = supervisor_parameters(vehicle, tick_s, in_pool=pool is not None)
     for name, depth in (("start", start_depth), ("target", target)):
-        if depth > limits.depth_limit:
+        if depth > limits.deep.depth_limit:
             raise InputError(
                 "deeper than the supervisor allows", field=f"--{name}", value=depth, unit="m",
-                remedy=f"Give up to {limits.depth_limit:.4g} m, or say more of the vehicle in its "
-                "[supervisor] table",
+                remedy=f"Give up to {limits.deep.depth_limit:.4g} m, or say more of the vehicle "
+                "in its [supervisor] table",
             )  # fmt: skip
     program = read_law(law)
     first = 0.0 if law.command == "voltage" else vehicle.stroke.maximum
@@ -129,7 +129,7 @@ def make_library(
         **facts_of(limits),
         "start": f"{start_depth:g}", "goal": f"{target:g}", "target": c_float(target),
         "ticks": len(golden.depth), "pool": day is not None, "day": False,
-        "pushes": limits.same_tried < NEVER,
+        "pushes": limits.proof.same_tried < NEVER,
     }  # fmt: skip
     if day is not None:
         facts |= pool_facts(day) | {"pool_numbers": _numbers(day.parameters, POOL.units)}

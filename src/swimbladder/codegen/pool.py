@@ -136,8 +136,8 @@ def board_procedure(
     margin = max(MARGIN, 6.0 * sensors.depth_noise + 2.0 * sensors.depth_quantum)
     _check_pool(options, p, limits, margin)
     _check_volumes(options, p, limits)
-    top = limits.volume_high
-    lifts = top > p.V_0 + limits.neutral_range + p.psi * options.depth
+    top = limits.volume.volume_high
+    lifts = top > p.V_0 + limits.neutral.neutral_range + p.psi * options.depth
     one = procedure_for(
         _loop(vehicle, p, S_p), rate_per_volt=p.gain, limit=p.supply,
         load_voltage=p.load_drive + p.k_l / p.gain, pool_depth=options.depth,
@@ -147,8 +147,8 @@ def board_procedure(
         shallow=p.z_surface + options.clearance, surface=p.z_surface + margin,
         bottom=options.depth - margin, rounds=float(options.rounds),
         more=(options.last - options.first) / max(options.rounds - 1, 1),
-        depth_least=limits.depth_least, depth_most=options.depth + _OVER,
-        volume_least=limits.volume_least, volume_most=limits.volume_most,
+        depth_least=limits.depth.depth_least, depth_most=options.depth + _OVER,
+        volume_least=limits.volume.volume_least, volume_most=limits.volume.volume_most,
         end_volume=top if lifts else p.V_max,
     )  # fmt: skip
 
@@ -159,9 +159,9 @@ def _loop(vehicle: Vehicle, p: Plant, S_p: float) -> CascadeParameters:
         if isinstance(own, CascadeParameters):
             return own
         if isinstance(own, SeaCascadeParameters):
-            return CascadeParameters(own.k_pV, own.k_pz, own.k_iz, own.k_dz, S_p)
+            return CascadeParameters(*own.gains, S_p)
     made = sea_cascade_gains(p.a_b, p.d_l, p.gain, bandwidth=_BANDWIDTH / S_p, S_p=S_p)
-    return CascadeParameters(made.k_pV, made.k_pz, made.k_iz, made.k_dz, S_p)
+    return CascadeParameters(*made, S_p)
 
 
 def _check_pool(
@@ -183,11 +183,11 @@ def _check_pool(
             field="--pool", value=options.depth, unit="m",
             remedy="Choose a deeper pool or a smaller --pool-clearance",
         )  # fmt: skip
-    if not options.depth < limits.depth_limit:
+    if not options.depth < limits.deep.depth_limit:
         raise InputError(
             "the supervisor brings the vehicle up from there",
             field="--pool", value=options.depth, unit="m",
-            remedy=f"Stay above {limits.depth_limit:.4g} m, or see supervisor.depth_limit",
+            remedy=f"Stay above {limits.deep.depth_limit:.4g} m, or see supervisor.depth_limit",
         )  # fmt: skip
 
 
@@ -207,18 +207,19 @@ def _check_volumes(options: PoolOptions, p: Plant, limits: SupervisorParameters)
     deep = p.V_0 + p.psi * (options.depth - options.clearance)
     shallow = p.V_0 + p.psi * (p.z_surface + options.clearance)
     high, low = max(deep, shallow), min(deep, shallow)
-    fits = min(limits.volume_high - high, low - limits.volume_low) - limits.neutral_range
+    ends, unsure = limits.volume, limits.neutral.neutral_range
+    fits = min(ends.volume_high - high, low - ends.volume_low) - unsure
     if not fits > 0.0:
         raise InputError(
             "the stroke has no room for a change of volume, should the neutral volume be off by "
-            f"{limits.neutral_range * 1e6:.3g} cm3 (supervisor.neutral_range)",
+            f"{unsure * 1e6:.3g} cm3 (supervisor.neutral_range)",
             field="--pool", value=options.depth, unit="m", remedy="Trim the vehicle to mid-stroke",
         )  # fmt: skip
     for change in (options.first, options.last):
         if not 0.0 < change <= fits:
             raise InputError(
                 "a change of volume has to be above 0 and to fit the stroke, should the neutral "
-                f"volume be off by {limits.neutral_range * 1e6:.3g} cm3",
+                f"volume be off by {unsure * 1e6:.3g} cm3",
                 field="--pool-volumes", value=change * 1e6, unit="cm3",
                 remedy=f"Give at most {fits * 1e6:.3g} cm3, or a smaller supervisor.neutral_range",
             )  # fmt: skip

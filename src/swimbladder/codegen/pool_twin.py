@@ -67,12 +67,12 @@ class PoolTwin:
     @property
     def reason(self) -> Reason | None:
         """The supervisor's first reason; None while the procedure commands."""
-        number = int(self.watch.reason)
+        number = int(self.watch.rescue.reason)
         return Reason(number) if number else None
 
     def tick(self, seen: Watched, *, may_begin: bool) -> Any:
         """Return the command [V] from this tick on; once the supervisor has a reason it is over."""
-        go = -1.0 if self.watch.reason > 0 else 1.0 if may_begin else 0.0
+        go = -1.0 if self.watch.rescue.reason > 0 else 1.0 if may_begin else 0.0
         measured = Measurement(0.0, seen.depth, seen.volume)
         wanted, self.state, _ = self.procedure.step(self.parameters, self.state, measured, go)
         seen = seen._replace(missed=0)
@@ -118,8 +118,8 @@ def rehearse(
     flown = simulate(
         vehicle, setpoints=[(0.0, pool_depth)], law=every_tick, sample_time=tick, seed=seed,
         duration=_AFLOAT + _AFTER + beside.parameters.rounds * _LONGEST,
-        start_depth=p.z_surface, start_volume=beside.limits.volume_high, bottom_depth=pool_depth,
-        progress=progress,
+        start_depth=p.z_surface, start_volume=beside.limits.volume.volume_high,
+        bottom_depth=pool_depth, progress=progress,
     )  # fmt: skip
     depth, volume, may_begin, command, phase = (
         np.array(column, kind)

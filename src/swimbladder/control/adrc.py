@@ -114,9 +114,9 @@ def observe(p: AdrcParameters, before: AdrcState, volume: float, depth: float) -
             z = depth
         else:
             e = depth - z
-            z = z + p.l_z * e
-            w = w + p.l_w * e
-            f = f + p.l_f * e
+            z = z + p.gains.l_z * e
+            w = w + p.gains.l_w * e
+            f = f + p.gains.l_f * e
     return Observed(
         limited(z, -_DEEPEST, _DEEPEST),
         limited(w, -_QUICKEST, _QUICKEST),
@@ -185,7 +185,7 @@ def step(
     error = target.depth - seen.depth
     if p.leash > 0.0:
         error = limited(error, -p.leash, p.leash)
-    a = target.acceleration + p.k_p * error + p.k_d * (target.speed - seen.speed)
+    a = target.acceleration + p.gains.k_p * error + p.gains.k_d * (target.speed - seen.speed)
     a = a + p.drag * seen.speed
     U = p.psi * seen.depth + (seen.disturbance - a) / p.b
     U = limited(U, p.volume_min, p.volume_max)

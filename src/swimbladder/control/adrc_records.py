@@ -23,11 +23,7 @@ class AdrcParameters(NamedTuple):
     b: float  # 1/m2/s2, acceleration per volume, K2/T2
     drag: float  # 1/s, deceleration per speed, 1/T2; 0: part of the disturbance
     psi: float  # m3/m, neutral volume per depth; 0: part of the disturbance
-    k_p: float  # 1/s2
-    k_d: float  # 1/s
-    l_z: float  # -
-    l_w: float  # 1/s
-    l_f: float  # 1/s2
+    gains: AdrcGains
     k_pV: float  # V/m3
     leash: float  # m, largest error that counts; 0: any
     fastest: float  # m/s, of the target; 0: no limit

@@ -197,7 +197,7 @@ def step(
         error = target.depth - depth
         if p.leash > 0.0:
             error = min(max(error, -p.leash), p.leash)
-        U = p.k_pz * error + p.k_dz / p.S_p * slope + before.integral
+        U = p.gains.k_pz * error + p.gains.k_dz / p.S_p * slope + before.integral
         U = U + (p.psi * depth - need)
 
     within = min(max(U, p.volume_min), p.volume_max)
@@ -207,12 +207,12 @@ def step(
         gap = within - measurement.volume
         if abs(gap) >= p.dead_zone * (_BROUGHT if before.moving > 0.0 else 1.0):
             moving = 1.0
-            voltage = p.k_pV * gap + voltage
+            voltage = p.gains.k_pV * gap + voltage
             if p.rate_per_volt > 0.0:
                 voltage = voltage + (need - need_later) / (p.S_p * p.rate_per_volt)
     limited = min(max(voltage, -p.voltage_limit), p.voltage_limit)
 
-    change = p.k_iz * p.S_p * error
+    change = p.gains.k_iz * p.S_p * error
     over = max(voltage - p.voltage_limit, U - p.volume_max) > 0.0
     under = min(voltage + p.voltage_limit, U - p.volume_min) < 0.0
     integral = before.integral

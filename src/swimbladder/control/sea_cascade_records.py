@@ -19,10 +19,7 @@ class SeaCascadeGains(NamedTuple):
 class SeaCascadeParameters(NamedTuple):
     """The paper's gains and what the sea adds; an addition whose number is 0 is left out."""
 
-    k_pV: float  # V/m3
-    k_pz: float  # m3/m
-    k_iz: float  # m3/s/m
-    k_dz: float  # m3 s/m
+    gains: SeaCascadeGains
     target_weight: float  # -, of the target's motion in the derivative; 1 as the paper has it
     smoothing: float  # -, weight of the newest difference in the derivative; 1: no smoothing
     leash: float  # m, largest error that counts

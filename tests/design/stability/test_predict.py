@@ -20,7 +20,7 @@ P = plant(FEUP)
 LAW, NUMBERS = bind(FEUP.controller)
 H, DEPTH = 0.3, 2.0
 QUIET = SEA._replace(
-    **sea_cascade_gains(P.a_b, P.d_l, P.gain, 0.125, H)._asdict(), smoothing=0.07, dead_zone=1.5e-6
+    gains=sea_cascade_gains(P.a_b, P.d_l, P.gain, 0.125, H), smoothing=0.07, dead_zone=1.5e-6
 )
 
 

@@ -284,7 +284,7 @@ def test_a_vehicle_that_bobs_has_come_up(rig):
 
 def test_who_rests_between_pushes_has_longer_to_come_up(rig):
     limits = supervisor_parameters(rig.vehicle, rig.tick)
-    for who, longer in (("alone", 1.0), ("supervised", 1.0 + limits.rest / limits.again)):
+    for who, longer in (("alone", 1.0), ("supervised", 1.0 + limits.push.rest / limits.push.again)):
         result, _ = rig.fly(who=who, ticks=200)
         assert result[RESULT.last] == math.ceil(200 * longer)
 

@@ -44,12 +44,14 @@ class Predicted(NamedTuple):
 
 def inner_gain(parameters: Any) -> float | None:
     """Return the law's gain from a volume error to the voltage [V/m3], where it has one."""
-    return next((float(getattr(parameters, n)) for n in _INNER if hasattr(parameters, n)), None)
+    known = leaves(parameters)
+    return next((float(known[n]) for n in _INNER if n in known), None)
 
 
 def rests_within(parameters: Any) -> float:
     """Return the volume error at which the law lets the motor rest [m3]."""
-    return next((float(getattr(parameters, n)) for n in _RESTS if hasattr(parameters, n)), 0.0)
+    known = leaves(parameters)
+    return next((float(known[n]) for n in _RESTS if n in known), 0.0)
 
 
 def without_rest(parameters: Any) -> Any:

@@ -205,7 +205,7 @@ def _sea_cascade(s: Setting, k: Knobs) -> SeaCascadeParameters:
     d, a = stiffness(p)
     own = sea_cascade_gains(a, d, p.gain, k.frequency, h)._replace(k_pV=k.inner / p.gain)
     return SeaCascadeParameters(
-        **own._asdict(), **_target(s, k), target_weight=1.0,
+        gains=own, **_target(s, k), target_weight=1.0,
         smoothing=1.0 - math.exp(-k.sharpness * k.frequency * h), volume_per_speed=d / a,
         volume_per_acceleration=1.0 / a, dead_zone=k.dead,
     )  # fmt: skip
@@ -215,7 +215,7 @@ def _adrc(s: Setting, k: Knobs) -> AdrcParameters:
     p, w = s.plant, k.frequency
     d, a = stiffness(p)
     own = adrc_gains(w, k.sharpness * w, s.sample_time, k.learning * w)
-    return AdrcParameters(**own._asdict(), **_target(s, k), b=a, drag=d, k_pV=k.inner / p.gain)
+    return AdrcParameters(gains=own, **_target(s, k), b=a, drag=d, k_pV=k.inner / p.gain)
 
 
 def _deadband(s: Setting, k: Knobs) -> DeadbandParameters:

@@ -113,7 +113,7 @@ def course_of(vehicle: Vehicle, depths: tuple[float, float] | None) -> Course:
 
 def _range_of(vehicle: Vehicle, least: float, depths: tuple[float, float] | None) -> Range:
     assert vehicle.controller is not None
-    limit = supervisor_parameters(vehicle, vehicle.controller.sample_time).depth_limit
+    limit = supervisor_parameters(vehicle, vehicle.controller.sample_time).deep.depth_limit
     if depths is not None:
         if not (least <= depths[0] < depths[1]):
             raise InputError(

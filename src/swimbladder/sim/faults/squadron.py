@@ -76,7 +76,8 @@ class Squadron:
         self._room = _Room(board, math.ceil(latest.most / tick) + 2)
         self._none = np.zeros((0, len(Trace._fields)))
         limits = supervisor_parameters(course.vehicle, tick)
-        self._longer = 1.0 + limits.rest / limits.again  # a slow actuator needs as many pushes
+        # a slow actuator needs as many pushes
+        self._longer = 1.0 + limits.push.rest / limits.push.again
 
     def flights(self, mission: Mission) -> Flights:
         """Return how a mission with faults ends."""

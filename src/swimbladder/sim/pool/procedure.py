@@ -126,7 +126,7 @@ def run_procedure(
     s = simulate(
         vehicle, setpoints=[(0.0, pool_depth)], duration=duration, start_depth=pool_depth,
         start_volume=vehicle.neutral_volume(pool_depth) - sink, bottom_depth=pool_depth, seed=seed,
-        law=law, sample_time=parameters.S_p,
+        law=law, sample_time=parameters.loop.S_p,
     )  # fmt: skip
     index = np.array([int(state.phase) for _, state, _ in notes])
     began = {int(i): int(np.argmax(index == i)) for i in np.unique(index)}
@@ -141,7 +141,7 @@ def run_procedure(
         start = float(np.mean(seen_depth[halted : first + 1]))
         beyond = np.abs(seen_depth[first:last] - start) > travel
         part = slice(first, first + int(np.argmax(np.append(beyond, True))))
-        stands = min(glide + math.ceil(1.0 / parameters.S_p), last)
+        stands = min(glide + math.ceil(1.0 / parameters.loop.S_p), last)
         experiments.append(
             Experiment(
                 step=named[i].step,
