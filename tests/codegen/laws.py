@@ -9,7 +9,14 @@ import numpy as np
 
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Count, Law, Measurement
-from swimbladder.control.records import field_types, from_numbers, is_record, leaf_names, leaves
+from swimbladder.control.records import (
+    field_types,
+    from_leaves,
+    from_numbers,
+    is_record,
+    leaf_names,
+    leaves,
+)
 from swimbladder.control.registry import LAWS, bind
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
@@ -162,6 +169,11 @@ def laid_out(form: np.dtype[Any], *values: Any) -> bytes:
 def in_float64(value: Any) -> Any:
     """Return a named tuple of float32 as one of floats."""
     return from_numbers(type(value), map(float, flat(value)))
+
+
+def changed(record: Any, **numbers: Any) -> Any:
+    """Return limits or a state with other numbers, wherever they stand."""
+    return from_leaves(type(record), leaves(record) | numbers)
 
 
 def split(law: Law, frame: Sequence[Any], seen: type[Any] = Measurement) -> tuple[Any, ...]:

@@ -29,7 +29,7 @@ from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors, Supervisor
 from tests.codegen import chip
 from tests.codegen.build import STRICT, Program, run
-from tests.codegen.laws import bits, controlled, flat, split
+from tests.codegen.laws import bits, changed, controlled, flat, split
 from tests.vehicles import paper
 
 _CALLS = """\
@@ -164,11 +164,11 @@ def test_what_a_push_did_outlives_a_reset(turns, way, volumes):
     """The sea drives the piston in by 10 cm3 meanwhile, or the first volume is not measured."""
     made = library()
     before = chip.vehicle_twin(made, after_reset=True).state
-    before = before._replace(turns=turns, phase=0, reason=1, volume=np.float32(1e-4))
+    before = changed(before, turns=turns, phase=0, reason=1, volume=np.float32(1e-4))
     vehicle = chip.vehicle_twin(made, after_reset=True, before=before)
     for volume in volumes:
         command = vehicle.tick(SEEN._replace(volume=volume), 3.0)
-        assert command == np.float32(getattr(made.supervisor, way))
+        assert command == np.float32(getattr(made.supervisor.push, way))
     assert vehicle.state.push.turns == turns
 
 
@@ -181,7 +181,7 @@ def test_only_what_a_reset_finds_lost_since_the_last_push_turns_it(pushing, lost
     """A dying cell resets the board at the first tick of every push."""
     made = library()
     vehicle, volume = chip.vehicle_twin(made, after_reset=True), np.float32(1e-4)
-    before = vehicle.state._replace(phase=0, reason=1 if pushing else 0, volume=volume)
+    before = changed(vehicle.state, phase=0, reason=1 if pushing else 0, volume=volume)
     given = []
     for _ in range(20 if pushing else 1):
         vehicle = chip.vehicle_twin(made, after_reset=True, before=before)

@@ -16,8 +16,7 @@ from swimbladder.control.supervisor_records import Watched
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors, Supervisor
-from swimbladder.vehicle.records import from_leaves, leaves
-from tests.codegen.laws import example
+from tests.codegen.laws import changed, example
 from tests.oracle import Machine
 from tests.vehicles import paper
 
@@ -25,11 +24,6 @@ NOISY = Sensors(depth_noise="2 mm", depth_quantum="5 mm", volume_noise="0.2 cm3"
 CLEAN = Sensors()
 CALM = Watched(2.0, 0.1, 1e-5, 12.0, False, 0, 0)
 WET = CALM._replace(leak=True)
-
-
-def changed(record: Any, **numbers: Any) -> Any:
-    """Return limits or a state with other numbers, wherever they stand."""
-    return from_leaves(type(record), leaves(record) | numbers)
 
 
 class Flown(NamedTuple):
