@@ -18,8 +18,9 @@ from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import NEVER, Law
-from swimbladder.control.supervisor import SUPERVISOR, Reason
-from swimbladder.control.supervisor_records import (
+from swimbladder.control.supervisor import (
+    SUPERVISOR,
+    Reason,
     SupervisorParameters,
     Watched,
 )

@@ -6,8 +6,7 @@ import math
 from typing import Any
 
 from swimbladder.control.law import NEVER, Count
-from swimbladder.control.supervisor import Reason
-from swimbladder.control.supervisor_records import SupervisorParameters
+from swimbladder.control.supervisor import Reason, SupervisorParameters
 
 __all__ = ["facts_of", "meanings", "summary"]
 

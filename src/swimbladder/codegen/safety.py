@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from swimbladder.control.law import NEVER
-from swimbladder.control.supervisor_records import (
+from swimbladder.control.supervisor import (
     BoardLimits,
     DeepLimits,
     DepthLimits,
@@ -123,113 +123,78 @@ def supervisor_parameters(
     if voltage and tick <= p.T1:  # the motor's own lag would look like a stop
         stop_rate = math.inf
     return SupervisorParameters(
-        S_p=tick,
-        per_tick=1.0 / tick,
+        S_p=tick, per_tick=1.0 / tick,
         push=PushLimits(
             surface_command=p.supply if voltage else p.V_max,
             hold_command=hold if voltage else p.V_max,
-            away_command=-p.supply if voltage else p.V_min,
-            away_hold=0.0 if voltage else p.V_min,
-            push=ticks(2.0 * stroke_s, tick),
-            again=ticks(max(_LEAST_PUSH_S, 0.5 * stroke_s), tick),
-            rest=ticks(_REST_S, tick),
-            grown=grown,
-            away=_AWAY * grown + (p.T1 * full_rate if voltage else 0.0),
-            astray=ticks(follow, tick),
-            release=ticks(given.release_time or 2.0 * stroke_s + _RELEASE_S, tick),
-            rise=_RISE,
+            away_command=-p.supply if voltage else p.V_min, away_hold=0.0 if voltage else p.V_min,
+            push=ticks(2.0 * stroke_s, tick), again=ticks(max(_LEAST_PUSH_S, 0.5 * stroke_s), tick),
+            rest=ticks(_REST_S, tick), grown=grown,
+            away=_AWAY * grown + (p.T1 * full_rate if voltage else 0.0), astray=ticks(follow, tick),
+            release=ticks(given.release_time or 2.0 * stroke_s + _RELEASE_S, tick), rise=_RISE,
         ),
         depth=DepthLimits(
             depth_least=p.z_air - _AIR_PRESSURE,
             depth_most=min(1.5 * deepest + 10.0, _DEEPEST) if deepest < math.inf else _DEEPEST,
-            fastest=fastest,
-            jump=moving + 0.05,
-            step=fastest + moving + 0.05,
-            late_age=given.late or max(2.0 * tick, 1.0),
-            blind_quarters=_quarters(patience),
+            fastest=fastest, jump=moving + 0.05, step=fastest + moving + 0.05,
+            late_age=given.late or max(2.0 * tick, 1.0), blind_quarters=_quarters(patience),
             gap=patience,
         ),
         volume=VolumeLimits(
-            blind=patience,
-            volume_least=p.V_min - 2.0 * _END_SHARE * half,
+            blind=patience, volume_least=p.V_min - 2.0 * _END_SHARE * half,
             volume_most=p.V_max + 2.0 * _END_SHARE * half,
             volume_low=p.V_min + 2.0 * _END_SHARE * half,
             volume_high=p.V_max - 2.0 * _END_SHARE * half,
         ),
         rate=RateLimits(
-            positioner=p.positioner,
-            rate=p.gain if voltage else p.rate,
-            load_drive=p.load_drive,
-            load_back=p.load_back,
-            friction=p.friction,
-            leakage=p.k_l,
-            rate_smoothing=tick / (follow + tick),
-            rate_share=_RATE_SHARE,
+            positioner=p.positioner, rate=p.gain if voltage else p.rate, load_drive=p.load_drive,
+            load_back=p.load_back, friction=p.friction, leakage=p.k_l,
+            rate_smoothing=tick / (follow + tick), rate_share=_RATE_SHARE,
             rate_least=(_RATE_LEAST if voltage else _RATE_LEAST_POSITIONER) * full_rate,
-            stop_rate=stop_rate,
-            stop_least=grown / tick,
-            stops=_STOPS,
-            following=patience,
+            stop_rate=stop_rate, stop_least=grown / tick, stops=_STOPS, following=patience,
         ),
         same=SameLimits(
-            same=same,
-            same_begun=ticks(2.0 * tau, tick),
-            same_moved=ticks(3.0 * tau, tick),
-            moved=moved,
-            same_noisy=max(ticks(_AT_LEAST_S, tick), _SAME_NOISY),
-            noisy=_NOISY,
+            same=same, same_begun=ticks(2.0 * tau, tick), same_moved=ticks(3.0 * tau, tick),
+            moved=moved, same_noisy=max(ticks(_AT_LEAST_S, tick), _SAME_NOISY), noisy=_NOISY,
             noisy_weight=_NOISY_WEIGHT,
         ),
         proof=ProofLimits(
-            same_tried=tried, unproven=proof, sinks=_SINKS * moved, reach=_REACH * moved
+            same_tried=tried, unproven=proof, sinks=_SINKS * moved, reach=_REACH * moved,
         ),
         neutral=NeutralLimits(
-            psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range
+            psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range,
         ),
         motion=MotionLimits(
-            neutral_change=change,
-            known=ticks(_KNOWN_S, tick),
-            forgetting=tick / (_FORGET_S + tick),
-            calm=_CALM_SHARE * change,
-            model_error=given.model_error,
-            inertia=1.0 / (p.a_b * tau * tau),
-            drag_linear=p.d_l / (p.a_b * tau),
-            epsilon=p.epsilon,
-            drag_blunt=p.d_b / p.a_b,
-            drag_0=p.d_0 / p.a_b,
-            drag_square=p.d_t / p.a_b,
-            per_tau=1.0 / tau,
-            smoothing=tick / (tau + tick),
-            settle=ticks(_SETTLE * tau, tick),
+            neutral_change=change, known=ticks(_KNOWN_S, tick),
+            forgetting=tick / (_FORGET_S + tick), calm=_CALM_SHARE * change,
+            model_error=given.model_error, inertia=1.0 / (p.a_b * tau * tau),
+            drag_linear=p.d_l / (p.a_b * tau), epsilon=p.epsilon, drag_blunt=p.d_b / p.a_b,
+            drag_0=p.d_0 / p.a_b, drag_square=p.d_t / p.a_b, per_tau=1.0 / tau,
+            smoothing=tick / (tau + tick), settle=ticks(_SETTLE * tau, tick),
             # one that is driven off twice the band counts threefold until it has left its place
             wrong=max(patience + still, math.ceil(1.25 * still)),
         ),
         rest=RestLimits(
             surface=p.z_surface + _AFLOAT,
             aground=floor - max(0.1, 0.02 * floor) - moving if floor < math.inf else math.inf,
-            still_distance=moving + 0.02,
-            still=still,
+            still_distance=moving + 0.02, still=still,
         ),
         deep=DeepLimits(
-            depth_limit=depth_limit,
-            deepest=deepest,
+            depth_limit=depth_limit, deepest=deepest,
             neutral_deepest=p.V_0 + neutral_range + p.psi * min(deepest, _DEEPEST),
-            per_turn_rate=1.0 / turn_rate,
-            coast=min(1.0 / drag_per_mass(1.0, p), _COAST_S),
+            per_turn_rate=1.0 / turn_rate, coast=min(1.0 / drag_per_mass(1.0, p), _COAST_S),
             deep=max(2, ticks(_SHORT_S, tick)),
         ),
         board=BoardLimits(
-            battery_low=battery_low,
-            battery=ticks(_BATTERY_S, tick),
-            leak=max(2, ticks(_SHORT_S, tick)),
-            missed=max(3, ticks(_NO_COMMAND_S, tick)),
+            battery_low=battery_low, battery=ticks(_BATTERY_S, tick),
+            leak=max(2, ticks(_SHORT_S, tick)), missed=max(3, ticks(_NO_COMMAND_S, tick)),
         ),
         time=TimeLimits(
             lost_quarters=_quarters(patience),
             time_blocks=NEVER if whole is None else whole // _BLOCK,
             time_ticks=0 if whole is None else whole % _BLOCK,
         ),
-    )
+    )  # fmt: skip
 
 
 def ticks(seconds: float, tick: float) -> int:
