@@ -281,12 +281,13 @@ def tests_for(path: str, mapping: dict[str, list[str]]) -> list[str]:
 
 
 def key_of(root: Path, mutant: Mutant, tests: list[str]) -> str:
-    """Return what a result is kept under: the changed file, and the tests as they are."""
+    """Return what a result is kept under: the changed file, and the tests and their neighbours."""
     digest = hashlib.sha256(f"{mutant.path}\n{mutant.text}\n{tests}".encode())
     for word in shlex.split(" ".join(tests)):
         file = root / word.partition("::")[0]
         if file.is_file():
-            digest.update(file.read_bytes())
+            for each in sorted(file.parent.glob("*.py")):  # with what the tests stand on
+                digest.update(each.read_bytes())
     return digest.hexdigest()[:24]
 
 
