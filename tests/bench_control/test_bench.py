@@ -8,9 +8,9 @@ from swimbladder.bench_control import SCENARIOS, bench
 from swimbladder.bench_control import run as running
 from swimbladder.bench_control.bounds import Asked, least_times
 from swimbladder.bench_control.contenders import LeftOut
-from swimbladder.bench_control.store import Store
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
+from swimbladder.jobs import Store
 from swimbladder.planning import least_time
 
 FEUP, TANK = load_vehicle("feup-em"), load_vehicle("ntnu-bv")

@@ -7,8 +7,8 @@ from swimbladder.closed_loop import simulate
 from swimbladder.control.registry import bind
 from swimbladder.dynamics import plant
 from swimbladder.io.config import load_vehicle
+from swimbladder.jobs import Store
 from swimbladder.stability import recover
-from swimbladder.stability.parts import Parts
 from swimbladder.stability.reach import holdable_depth
 from swimbladder.stability.recover import Verdict, recovery_maps
 
@@ -19,7 +19,7 @@ OPTIONS = dict(sample_time=0.3, depths=(0.0, 95.0), within=600.0, band=0.05, cel
 
 @pytest.fixture(scope="module")
 def maps():
-    return recovery_maps(FEUP, LAW, NUMBERS, parts=Parts(None), **OPTIONS)
+    return recovery_maps(FEUP, LAW, NUMBERS, parts=Store(None), **OPTIONS)
 
 
 def test_nothing_recovers_from_where_no_controller_could(maps):
@@ -69,7 +69,7 @@ def test_a_run_that_was_killed_goes_on(tmp_path, monkeypatch, maps):
         return real(*args, **options)
 
     monkeypatch.setattr(recover, "simulate_ensemble", killed)
-    parts = Parts(tmp_path / "parts", "this vehicle")
+    parts = Store(tmp_path / "parts", "this vehicle")
     with pytest.raises(KeyboardInterrupt):
         recovery_maps(FEUP, LAW, NUMBERS, parts=parts, **OPTIONS)
     again = recovery_maps(FEUP, LAW, NUMBERS, parts=parts, **OPTIONS)
@@ -78,9 +78,9 @@ def test_a_run_that_was_killed_goes_on(tmp_path, monkeypatch, maps):
         assert np.array_equal(one.verdicts, other.verdicts)
         assert np.array_equal(one.seconds, other.seconds, equal_nan=True)
     # Another vehicle's parts are not taken; spoilt ones are computed anew.
-    assert Parts(tmp_path / "parts", "another").get("x", lambda: [1.5, None]) == [1.5, None]
+    assert Store(tmp_path / "parts", "another").get(lambda: [1.5, None], "x") == [1.5, None]
     for path in (tmp_path / "parts").iterdir():
         path.write_text("{", encoding="utf-8")
-    assert Parts(tmp_path / "parts", "another").get("x", lambda: 2) == 2
+    assert Store(tmp_path / "parts", "another").get(lambda: 2, "x") == 2
     parts.forget()
     assert not (tmp_path / "parts").exists()

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from swimbladder.bench_control.scenarios import LOW_SUPPLY, Places
-from swimbladder.bench_control.store import Store
 from swimbladder.control.law import Law
 from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.io.config import load_vehicle
+from swimbladder.jobs import Store
 from swimbladder.parameters import Controller, Vehicle
 from swimbladder.parameters.schema import did_you_mean
 from swimbladder.tune import tune

@@ -28,8 +28,8 @@ from swimbladder.bench_control.scenarios import (
     place,
     places,
 )
-from swimbladder.bench_control.store import Store
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.jobs import Store, each
 from swimbladder.parameters import Vehicle
 from swimbladder.tune.region import Region, region
 
@@ -143,33 +143,29 @@ def _fly_all(
             "flown", vehicle, who.law.name, who.parameters, who.sample_time, p.scenario, p.start,
             p.target, p.duration, runs, seed,
         )  # fmt: skip
-        kept = store.read(*inputs)
-        if kept is None:
+
+        def flight() -> dict[str, Any]:
             flown, time, depth = fly(vehicle, who, p, region=around, runs=runs, seed=seed)
             result = summarise(flown, is_step=p.is_step)
-            kept = {"result": result._asdict(), "time": time.tolist(), "depth": depth.tolist()}
-            store.write(kept, *inputs)
-        return _read(kept)
+            return {"result": result._asdict(), "time": time.tolist(), "depth": depth.tolist()}
+
+        return _read(store.get(flight, *inputs))
 
     jobs = [(who, p) for who in contenders for p in placed]
-    found: list[tuple[Result, Trace]] = []
-    with ThreadPoolExecutor() as pool:
-        try:
-            for answer in pool.map(one, jobs):
-                found.append(answer)
-                advance(1.0 / len(jobs))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    found: dict[int, tuple[Result, Trace]] = {}
+    for n, answer in each(lambda n: one(jobs[n]), range(len(jobs))):
+        found[n] = answer
+        advance(1.0 / len(jobs))
     rows = []
     for n, who in enumerate(contenders):
-        part = found[n * len(placed) : (n + 1) * len(placed)]
-        named = [(p.scenario.name, r, t) for p, (r, t) in zip(placed, part, strict=True)]
+        named = {
+            p.scenario.name: found[n * len(placed) + k] for k, p in enumerate(placed)
+        }  # fmt: skip
         rows.append(
             Row(
                 who=who,
-                results={name: r for name, r, _ in named},
-                traces={name: t for name, _, t in named},
+                results={name: result for name, (result, _) in named.items()},
+                traces={name: trace for name, (_, trace) in named.items()},
             )
         )
     return rows

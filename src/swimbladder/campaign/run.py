@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from enum import IntEnum
 from pathlib import Path
 
@@ -15,8 +12,8 @@ from numpy.typing import NDArray
 
 from swimbladder.campaign.draw import Drawn, Spread, draw, varied
 from swimbladder.errors import InputError
-from swimbladder.io.files import make_folder, write_through
 from swimbladder.io.mission import Mission
+from swimbladder.jobs import Store, each
 from swimbladder.mission.core import kernel
 from swimbladder.mission.core.names import Account, At, Cycle, Drive, Now, Row
 from swimbladder.mission.prepare import Plan, first_state, make_plan
@@ -64,26 +61,23 @@ def fly_floats(
         )  # fmt: skip
     spread = spread or Spread()
     plans = [make_plan(vehicle, mission, c, cycles=cycles, span=span) for c in columns]
-    folder = None if keep is None else make_folder(keep / _key(plans, spread, seed))
+    kept = Store(
+        keep, seed, spread, [(p.given, p.table, p.waves, p.stages) for p in plans]
+    )  # fmt: skip
+    table = np.empty((floats, int(Fact.COUNT)))
 
     def chunk(first: int) -> Array:
         end = min(first + CHUNK, floats)
-        path = None if folder is None else folder / f"{first}-{end}.npy"
-        if path is not None and path.exists():
-            rows: Array = np.load(path)
-        else:
-            rows = np.stack([_one(plans, mission, spread, seed, n) for n in range(first, end)])
-            if path is not None:
-                write_through(path, lambda place: np.save(place, rows))
-        advance(len(rows) / floats)
-        return rows
 
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        try:
-            return np.concatenate(list(pool.map(chunk, range(0, floats, CHUNK))))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+        def rows() -> Array:
+            return np.stack([_one(plans, mission, spread, seed, n) for n in range(first, end)])
+
+        return kept.get(rows, "floats", first, end)
+
+    for first, rows in each(chunk, range(0, floats, CHUNK)):
+        table[first : first + len(rows)] = rows
+        advance(len(rows) / floats)
+    return table
 
 
 def _one(plans: Sequence[Plan], mission: Mission, spread: Spread, seed: int, number: int) -> Array:
@@ -122,15 +116,3 @@ def _one(plans: Sequence[Plan], mission: Mission, spread: Spread, seed: int, num
             accounts[Account.PUMP_RUNS], x[Now.CHARGE],
         ]
     )  # fmt: skip
-
-
-def _key(plans: Sequence[Plan], spread: Spread, seed: int) -> str:
-    """Return what kept chunks go by: they are of these plans, this spread, seed and code."""
-    digest = hashlib.sha256(f"{spread!r} {seed} {CHUNK}".encode())
-    for plan in plans:
-        for array in (plan.given, plan.table, plan.waves, plan.stages):
-            digest.update(np.ascontiguousarray(array).tobytes())
-    here = Path(__file__).parent
-    for source in sorted([*here.glob("*.py"), *(here.parent / "mission").rglob("*.py")]):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]

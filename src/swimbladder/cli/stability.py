@@ -82,10 +82,10 @@ def stability(
     check_place(out)
     keep = out.parent / f".{out.name}-parts"
     with progress("loading the simulator"):
+        from swimbladder.jobs import Store
         from swimbladder.plots.stability import draw_recovery, draw_robustness
         from swimbladder.plots.style import save
         from swimbladder.stability import stability as find
-        from swimbladder.stability.parts import Parts
     doing = "looking for what is unstable"
     with kept(keep), compile_notice(), progress(doing, 1.0) as advance:
         found = find(v, **options, keep=keep, advance=advance)
@@ -108,7 +108,7 @@ def stability(
         names.append("robustness.png")
     with progress("writing the pictures"):
         publish(out, write)
-    Parts(keep).forget()
+    Store(keep).forget()
     files = [out / name for name in names]
     if json:
         emit_json({**answer, "files": [str(path) for path in files]})

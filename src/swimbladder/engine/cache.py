@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -29,6 +29,7 @@ __all__ = [
     "is_cached",
     "on_compile",
     "part",
+    "source_hash",
     "wide",
 ]
 
@@ -54,14 +55,20 @@ _SOURCES = (
 @cache
 def cache_folder() -> Path:
     """Return the folder of the compiled kernels; SWIMBLADDER_CACHE_DIR overrides its parent."""
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
+    sources = source_hash(path for pattern in _SOURCES for path in _PACKAGE.glob(pattern))
+    versions = hashlib.sha256(f"{numba.__version__} {sys.version} {sources}".encode())
+    return _parent() / f"kernels-{versions.hexdigest()[:16]}"
+
+
+def source_hash(paths: Iterable[Path]) -> str:
+    """Return a hash of source files: of their names and what is in them."""
+    digest = hashlib.sha256()
     try:
-        for pattern in _SOURCES:
-            for source in sorted(_PACKAGE.glob(pattern)):
-                digest.update(source.name.encode() + source.read_bytes())
+        for path in sorted(paths):
+            digest.update(path.name.encode() + path.read_bytes())
     except OSError:  # inside an archive: the version has to do
         digest.update(b"no source")
-    return _parent() / f"kernels-{digest.hexdigest()[:16]}"
+    return digest.hexdigest()[:16]
 
 
 def _parent() -> Path:

@@ -7,14 +7,13 @@ moves the hull just so, and leaves the exponentials as they are. d is held over 
 
 from __future__ import annotations
 
-import hashlib
 import math
 from pathlib import Path
 
 import numpy as np
 
 from swimbladder.engine.advance import DONE, advance
-from swimbladder.engine.cache import compiled, inlined, part
+from swimbladder.engine.cache import compiled, inlined, part, source_hash
 from swimbladder.engine.layers import Layers
 from swimbladder.engine.modes import (
     KAPPA,
@@ -113,14 +112,6 @@ def _filled(base, volume, lifting, z, afloat, before):  # type: ignore[no-untype
     if before == 0.0 and lifting < base[V_0] + base[PSI] * z:
         return 1.0
     return before
-
-
-def _source() -> str:
-    """Return what the kept code goes by: a hash of all that is compiled into the kernel here."""
-    digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(source.read_bytes())
-    return f"faults-{digest.hexdigest()[:16]}"
 
 
 def _fly(  # type: ignore[no-untyped-def]
@@ -312,4 +303,4 @@ def _fly(  # type: ignore[no-untyped-def]
         result[ON_BOTTOM] = 1.0
 
 
-fly = compiled(_fly, under=_source())
+fly = compiled(_fly, under=f"faults-{source_hash(Path(__file__).parent.glob('*.py'))}")

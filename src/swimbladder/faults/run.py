@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +16,7 @@ from swimbladder.faults.glue import ALONE, DEAF, SUPERVISED
 from swimbladder.faults.host import Board
 from swimbladder.faults.squadron import Squadron, sources
 from swimbladder.faults.verdict import FACTS, HARMS, WIDTH, Campaign
-from swimbladder.io.files import make_folder, write_through
+from swimbladder.jobs import Store, each
 from swimbladder.parameters import Vehicle
 
 __all__ = ["board_of", "check_controller", "run_missions"]
@@ -68,7 +66,7 @@ def run_missions(
     course = course_of(vehicle, depths)
     files = sources(course)
     with Board(files, (ALONE, SUPERVISED, DEAF)) as board:
-        kept = None if keep is None else make_folder(keep / _key(course, seed, files))
+        kept = Store(keep, course, seed, files)
         squadron = Squadron(course, board)
         total = missions + healthy
         tables = [
@@ -78,57 +76,28 @@ def run_missions(
     return Campaign(course=course, seed=seed, faulty=tables[0], healthy=tables[1])
 
 
-def _key(course: Course, seed: int, files: dict[str, str]) -> str:
-    """Return what kept missions go by: they are of this vehicle, seed, C and code."""
-    digest = hashlib.sha256(f"{course!r} {seed} {CHUNK} {sorted(files.items())!r}".encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
-
-
 def _all(
-    squadron: Squadron, course: Course, seed: int, count: int, healthy: bool, kept: Path | None,
+    squadron: Squadron, course: Course, seed: int, count: int, healthy: bool, kept: Store,
     advance: Callable[[float], None],
 ) -> Array:  # fmt: skip
     """Return a row per mission [count, WIDTH]."""
     table = np.empty((count, WIDTH))
-    firsts = iter(range(0, count, CHUNK))
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        waiting: dict[Future[Array], int] = {}
-        try:
-            while True:
-                while len(waiting) < 2 * (os.cpu_count() or 1):
-                    first = next(firsts, None)
-                    if first is None:
-                        break
-                    future = pool.submit(
-                        _chunk, squadron, course, seed, first, min(first + CHUNK, count), healthy,
-                        kept,
-                    )  # fmt: skip
-                    waiting[future] = first
-                if not waiting:
-                    return table
-                done, _ = wait(waiting, return_when=FIRST_COMPLETED)
-                for future in done:
-                    first = waiting.pop(future)
-                    rows = future.result()
-                    table[first : first + len(rows)] = rows
-                    advance(len(rows))
-        except BaseException:
-            for future in waiting:
-                future.cancel()
-            raise
+
+    def chunk(first: int) -> Array:
+        end = min(first + CHUNK, count)
+        fly = partial(_rows, squadron, course, seed, first, end, healthy)
+        return kept.get(fly, "healthy" if healthy else "faulty", first, end)
+
+    for first, rows in each(chunk, range(0, count, CHUNK)):
+        table[first : first + len(rows)] = rows
+        advance(len(rows))
+    return table
 
 
-def _chunk(
-    squadron: Squadron, course: Course, seed: int, first: int, end: int, healthy: bool,
-    kept: Path | None,
-) -> Array:  # fmt: skip
-    """Return the rows of missions first to end, from disk where they are there."""
-    name = f"{'healthy' if healthy else 'faulty'}-{first}-{end}.npy"
-    if kept is not None and (kept / name).exists():
-        rows: Array = np.load(kept / name)
-        return rows
+def _rows(
+    squadron: Squadron, course: Course, seed: int, first: int, end: int, healthy: bool
+) -> Array:
+    """Return the rows of missions first to end, flown."""
     rows = np.full((end - first, WIDTH), np.nan)
     for row, number in zip(rows, range(first, end), strict=True):
         mission = draw(course, seed=seed, number=number, healthy=healthy)
@@ -142,6 +111,4 @@ def _chunk(
         for n, result in enumerate(flown):
             at = FACTS + HARMS + n * len(result)
             row[at : at + len(result)] = result
-    if kept is not None:
-        write_through(kept / name, lambda path: np.save(path, rows))
     return rows

@@ -20,13 +20,12 @@ that is off by so much (Huber).
 
 from __future__ import annotations
 
-import hashlib
 import math
 from pathlib import Path
 
 import numpy as np
 
-from swimbladder.engine.cache import compiled
+from swimbladder.engine.cache import compiled, source_hash
 from swimbladder.identify.deep_glide import glide
 from swimbladder.identify.deep_water import AWAY, swing
 
@@ -135,14 +134,7 @@ def _filter(  # type: ignore[no-untyped-def]
     return 0
 
 
-def _name() -> str:
-    digest = hashlib.sha256()
-    try:
-        for source in ("deep_filter.py", "deep_glide.py", "deep_water.py"):
-            digest.update(Path(__file__).with_name(source).read_bytes())
-    except OSError:  # inside an archive: the version has to do
-        digest.update(b"no source")
-    return f"deep-{digest.hexdigest()[:16]}"
-
-
-filter_kernel = compiled(_filter, under=_name())
+_SOURCES = ("deep_filter.py", "deep_glide.py", "deep_water.py")
+filter_kernel = compiled(
+    _filter, under=f"deep-{source_hash(Path(__file__).with_name(name) for name in _SOURCES)}"
+)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
-import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.io.files import make_folder, write_atomically
 from swimbladder.io.mission import Mission
+from swimbladder.jobs import Store
 from swimbladder.mission.core import kernel
 from swimbladder.mission.core.names import Account, At, Cycle, Drive, Given, Now, Row, Stage, Stop
 from swimbladder.mission.prepare import Accuracy, Plan, Reckoning, first_state, make_plan
@@ -79,9 +76,10 @@ def fly_mission(
     x, at, accounts = first_state(plan, mission, seed=seed, volume=start_volume)
     begin = x.copy()
     parts: list[tuple[Array, Array, Array]] = []
-    store = None if keep is None else _Store(make_folder(keep), _key(plan, x, at))
-    if store is not None:
-        parts = store.read(x, at, accounts)
+    store = Store(keep, plan.given, plan.table, plan.waves, plan.stages, x.copy(), at.copy())
+    while (kept := store.read("part", len(parts))) is not None:
+        parts.append((kept["rows"], kept["notes"], kept["cycles"]))
+        x[:], at[:], accounts[:] = kept["x"], kept["at"], kept["accounts"]
     whole, told, spacing = _whole(plan), 0.0, _length(plan) / _MOST
     work = np.zeros((6, 8))
     while at[At.STOP] == 0:
@@ -104,8 +102,9 @@ def fly_mission(
             table[: counts[2]].copy(),
         )
         parts.append(part)
-        if store is not None:
-            store.write(len(parts) - 1, part, x, at, accounts)
+        state = {"x": x, "at": at, "accounts": accounts}
+        named = dict(zip(("rows", "notes", "cycles"), part, strict=True))
+        store.write(named | state, "part", len(parts) - 1)
     together = [np.concatenate([part[n] for part in parts]) for n in range(3)]
     return Flight(
         vehicle=vehicle, mission=mission, column=column, plan=plan, rows=together[0],
@@ -146,45 +145,3 @@ def _whole(plan: Plan) -> Callable[[Array, NDArray[np.int64]], float]:
         return float(max(at[At.CYCLE] / cycles, x[Now.T] / span, drawn))
 
     return share
-
-
-def _key(plan: Plan, x: Array, at: NDArray[np.int64]) -> str:
-    """Return what kept parts go by: they are of this plan, start and code."""
-    digest = hashlib.sha256()
-    for array in (plan.given, plan.table, plan.waves, plan.stages, x, at):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    for source in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-class _Store:
-    """Parts of a flight on disk, and the state after the last one."""
-
-    def __init__(self, folder: Path, key: str) -> None:
-        self.folder = make_folder(folder / key)
-
-    def read(
-        self, x: Array, at: NDArray[np.int64], accounts: Array
-    ) -> list[tuple[Array, Array, Array]]:
-        """Return the parts that are there, and put the state after them into x, at, accounts."""
-        parts: list[tuple[Array, Array, Array]] = []
-        while True:
-            try:
-                with np.load(self.folder / f"{len(parts)}.npz") as kept:
-                    part = (kept["rows"], kept["notes"], kept["cycles"])
-                    state = (kept["x"], kept["at"], kept["accounts"])
-            except (OSError, ValueError, KeyError, BadZipFile):
-                return parts
-            parts.append(part)
-            for target, found in zip((x, at, accounts), state, strict=True):
-                target[:] = found
-
-    def write(
-        self, number: int, part: tuple[Array, Array, Array], x: Array, at: NDArray[np.int64],
-        accounts: Array,
-    ) -> None:  # fmt: skip
-        """Keep a part and the state after it."""
-        buffer = io.BytesIO()
-        np.savez(buffer, rows=part[0], notes=part[1], cycles=part[2], x=x, at=at, accounts=accounts)
-        write_atomically(self.folder / f"{number}.npz", buffer.getvalue())

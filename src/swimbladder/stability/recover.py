@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from swimbladder.closed_loop import simulate_ensemble
 from swimbladder.control.law import Law
 from swimbladder.dynamics import plant
+from swimbladder.jobs import Store
 from swimbladder.parameters import Vehicle
-from swimbladder.stability.parts import Parts
 from swimbladder.stability.reach import edge_speed, falls, holdable_depth
 
 __all__ = ["Map", "Verdict", "recovery_maps"]
@@ -86,7 +86,7 @@ class Map:
 
 def recovery_maps(
     vehicle: Vehicle, law: Law, parameters: Any, *, sample_time: float,
-    depths: tuple[float, float], within: float, band: float, cells: int, parts: Parts,
+    depths: tuple[float, float], within: float, band: float, cells: int, parts: Store,
     advance: Callable[[float], None] = lambda _: None,
 ) -> tuple[Map, ...]:  # fmt: skip
     """Return the map of steps, and at three depths that of depth errors and speeds.
@@ -156,7 +156,7 @@ class _Runs:
     sample_time: float
     within: float
     band: float
-    parts: Parts
+    parts: Store
 
     def run(
         self, depth: Array, target: Array, speed: Array, volume: Array, asked: NDArray[np.bool_],
@@ -169,7 +169,7 @@ class _Runs:
         for first in range(0, len(cells), _CHUNK):
             chosen = tuple(cells[first : first + _CHUNK].T)
             starts = np.stack([a[chosen] for a in (depth, target, speed, volume)])
-            found = self.parts.get(("map", starts.tolist()), partial(self._chunk, *starts))
+            found = self.parts.get(partial(self._chunk, *starts), "map", starts)
             verdicts[chosen] = found["verdicts"]
             seconds[chosen] = [math.nan if t is None else t for t in found["seconds"]]
             advance(min(_CHUNK, len(cells) - first) / len(cells))

@@ -11,11 +11,11 @@ import numpy as np
 
 from swimbladder.control.law import Law
 from swimbladder.dynamics import plant
+from swimbladder.jobs import Store
 from swimbladder.linear.margins import spectral_radius
 from swimbladder.linear.models import linearise
 from swimbladder.linear.sampled import SampledLoop
 from swimbladder.parameters import Vehicle
-from swimbladder.stability.parts import Parts
 from swimbladder.stability.predict import without_rest
 from swimbladder.stability.wrapped import wrapped
 from swimbladder.tune.margins import at_rest
@@ -52,7 +52,7 @@ def settling_band(parameters: Any, step: Step, quantum: float) -> float:
 
 def robustness(
     vehicle: Vehicle, law: Law, parameters: Any, *, sample_time: float, region: Region, step: Step,
-    draws: int, supply: float | None, parts: Parts, gains: Sequence[float] = GAINS,
+    draws: int, supply: float | None, parts: Store, gains: Sequence[float] = GAINS,
     advance: Callable[[float], None] = lambda _: None,
 ) -> tuple[Stood, ...]:  # fmt: skip
     """Return what a law stands: each gain, without and with half a sample of extra delay.
@@ -88,7 +88,7 @@ def robustness(
     for late in (False, True):
         for gain in gains:
             asked = ("robustness", law.name, tuple(parameters), gain, late, step, draws, supply)
-            settled, over, farthest, moved = parts.get(asked, partial(run, gain, late))
+            settled, over, farthest, moved = parts.get(partial(run, gain, late), *asked)
             delay = 0.5 * sample_time if late else 0.0
             radius = _radius(law, parameters, region, step.target, sample_time, gain, delay)
             found.append(

@@ -15,11 +15,11 @@ from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
 from swimbladder.dynamics import Plant, plant
 from swimbladder.errors import InputError
+from swimbladder.jobs import Store
 from swimbladder.parameters import Vehicle
 from swimbladder.parameters.schema import did_you_mean
 from swimbladder.stability.around import look_around
 from swimbladder.stability.confirm import edge, hold
-from swimbladder.stability.parts import Parts
 from swimbladder.stability.predict import Predicted, predict, without_rest
 from swimbladder.stability.recover import Map, recovery_maps
 from swimbladder.stability.result import Confirmed, Stability
@@ -65,7 +65,7 @@ def stability(
     law, numbers = bind(vehicle.controller)
     h = vehicle.controller.sample_time
     low, high = depths
-    parts = Parts(keep, vehicle.model_dump_json(), depths, within, _BAND)
+    parts = Store(keep, vehicle, depths, within, _BAND)
     unmet: list[str] = []
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         smooth = without_rest(numbers)
@@ -210,7 +210,7 @@ def _simulated(
 
 def _robustness(
     vehicle: Vehicle, law: Law, numbers: Any, laws: Sequence[str], depths: tuple[float, float],
-    within: float, draws: int, parts: Parts, tell: Callable[[float], None],
+    within: float, draws: int, parts: Store, tell: Callable[[float], None],
 ) -> tuple[Stood, ...]:  # fmt: skip
     assert vehicle.controller is not None
     h = vehicle.controller.sample_time
@@ -222,7 +222,7 @@ def _robustness(
     for name in dict.fromkeys(laws):
         if name != law.name:
             other = TUNABLE[name][0]
-            values = parts.get(("tuned", name, depths), partial(_tuned, vehicle, name, depths))
+            values = parts.get(partial(_tuned, vehicle, name, depths), "tuned", name, depths)
             chosen.append((other, other.parameters(*values)))
     found: list[Stood] = []
     for one, its in chosen:
