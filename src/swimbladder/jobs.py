@@ -31,6 +31,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 from zipfile import BadZipFile
@@ -38,7 +39,6 @@ from zipfile import BadZipFile
 import numpy as np
 from pydantic import BaseModel
 
-import swimbladder
 from swimbladder.engine.cache import source_hash
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.files import make_folder, write_through
@@ -51,6 +51,7 @@ __all__ = [
     "each",
     "identity",
     "place_files",
+    "release",
     "run",
     "software",
 ]
@@ -73,6 +74,11 @@ def software() -> str:
     return source_hash(
         path for path in _PACKAGE.rglob("*.py") if path.relative_to(_PACKAGE).parts[0] not in _SHOWN
     )
+
+
+def release() -> str:
+    """Return the version of this package and the hash of its source, for messages."""
+    return f"{version('swimbladder')}, its source {software()}"
 
 
 def identity(*values: Any) -> str:
@@ -298,13 +304,13 @@ def _by_threads(job: Job, chunks: list[int], workers: Workers, tell: Callable[[]
 def _by_processes(job: Job, chunks: list[int], workers: Workers, tell: Callable[[], None]) -> None:
     """Do chunks by processes; those of a pool that broke by another."""
     job.create()
-    name, version, tries = job.name, software(), 0
+    name, source, tries = job.name, software(), 0
     spawn = multiprocessing.get_context("spawn")  # a fork has locks of threads that it has not
     while chunks:
         before = len(chunks)
         try:
             with ProcessPoolExecutor(workers.local, spawn, initializer=_end_with_parent) as pool:
-                futures = [pool.submit(_do, name, version, job, chunk) for chunk in chunks]
+                futures = [pool.submit(_do, name, source, job, chunk) for chunk in chunks]
                 try:
                     left = set(futures)
                     while left:
@@ -341,12 +347,12 @@ def _end_with_parent() -> None:
 _MET: dict[str, Job] = {}  # by its name: with it stays what a job makes once for all its chunks
 
 
-def _do(name: str, version: str, job: Job, chunk: int) -> None:
+def _do(name: str, source: str, job: Job, chunk: int) -> None:
     """Do a chunk in a process that may be anywhere."""
-    if version != software():
+    if source != software():
         raise InputError(
-            f"a worker has another version of swimbladder: {swimbladder.__version__}, its source "
-            f"{software()}, where {version} is needed", field="--executor",
+            f"a worker has another version of swimbladder: {release()}, where {source} is needed",
+            field="--executor",
             remedy="Install the same on all machines",
         )  # fmt: skip
     known = _MET.setdefault(name, job)
@@ -420,13 +426,11 @@ def _check_versions(client: Any) -> None:
         import importlib
 
         try:
-            package = importlib.import_module("swimbladder")
-            source = importlib.import_module("swimbladder.jobs").software()
+            return str(importlib.import_module("swimbladder.jobs").release())
         except (ImportError, AttributeError) as error:
             return f"none that can be used: {error}"
-        return f"{package.__version__}, its source {source}"
 
-    here = f"{swimbladder.__version__}, its source {software()}"
+    here = release()
     for worker, found in sorted(client.run(there, on_error="return").items()):
         if found != here:
             raise InputError(
@@ -440,7 +444,7 @@ def _send(
     distributed: Any, client: Any, job: Job, chunks: list[int], tell: Callable[[], None]
 ) -> None:
     """Have workers of a cluster do chunks; what is done is read from the disk."""
-    name, version, left, waiting = job.name, software(), iter(chunks), dict[Any, int]()
+    name, source, left, waiting = job.name, software(), iter(chunks), dict[Any, int]()
     sent = client.submit(_same, job, key=f"swimbladder-{name}", pure=False)
     seen = time.monotonic()
     while True:
@@ -448,7 +452,7 @@ def _send(
         room = 32 + 4 * sum(client.nthreads().values()) if client.status == "running" else 0
         for chunk in left if len(waiting) < room else ():
             key = f"swimbladder-{name}-{chunk}"
-            waiting[client.submit(_do, name, version, sent, chunk, key=key, pure=False)] = chunk
+            waiting[client.submit(_do, name, source, sent, chunk, key=key, pure=False)] = chunk
             if len(waiting) >= room:
                 break
         if not waiting:

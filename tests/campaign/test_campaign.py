@@ -285,7 +285,7 @@ def test_the_store_of_another_campaign_is_refused(change, words, job):
 def test_the_store_of_another_version_is_refused(job, monkeypatch):
     job(floats=4).create()
     monkeypatch.setattr("swimbladder.campaign.run.software", lambda: "edited")
-    with pytest.raises(InputError, match=r"what differs: version .*its source edited"):
+    with pytest.raises(InputError, match=r"what differs: version \(this is .*, its source"):
         run(job(floats=4), Workers())
 
 

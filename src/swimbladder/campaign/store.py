@@ -16,16 +16,16 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-import swimbladder
 from swimbladder.errors import InputError
 from swimbladder.io.files import make_folder
-from swimbladder.jobs import place_files
+from swimbladder.jobs import place_files, release
 from swimbladder.mission.core.names import Stop
 
 if TYPE_CHECKING:
@@ -118,11 +118,10 @@ class Layout:
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             raise self._refused("this is no store of a campaign") from None
         if differ:
-            here = swimbladder.__version__
-            source = f" (this is swimbladder {here}, its source {self.hashes['version']})"
+            here = f" (this is swimbladder {release()})"
             raise self._refused(
                 "this is the store of another campaign; what differs: " + ", ".join(differ)
-                + source * ("version" in differ)
+                + here * ("version" in differ)
             )  # fmt: skip
         return True
 
@@ -260,7 +259,7 @@ class Layout:
         return {
             "Conventions": "CF-1.11",
             "title": f"{self.about['vehicle']}, {self.floats} floats on a mission",
-            "source": f"swimbladder {swimbladder.__version__}",
+            "source": f"swimbladder {version('swimbladder')}",
             "campaign": dict(self.about), "hashes": dict(self.hashes),
         }  # fmt: skip
 
