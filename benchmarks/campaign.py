@@ -14,11 +14,11 @@ from statistics import median
 from time import perf_counter, time
 
 from benchmarks.table import number, ratio, render
-from swimbladder.campaign.run import Floats
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.jobs import EXECUTORS, Workers, run
-from swimbladder.seawater import uniform_column
+from swimbladder.physics.seawater import uniform_column
+from swimbladder.sim.campaign.run import Floats
 
 __all__ = ["Speed", "compare", "report"]
 

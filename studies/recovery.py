@@ -17,9 +17,9 @@ from studies.tuned import gains_of
 from swimbladder.cli.common import progress
 from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
+from swimbladder.design.stability.recover import Map, Verdict, recovery_maps
 from swimbladder.io.config import load_vehicle
 from swimbladder.jobs import Store
-from swimbladder.stability.recover import Map, Verdict, recovery_maps
 
 __all__ = ["lines", "main", "maps_of"]
 

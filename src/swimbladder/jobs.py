@@ -39,9 +39,8 @@ from zipfile import BadZipFile
 import numpy as np
 from pydantic import BaseModel
 
-from swimbladder.engine.cache import source_hash
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
-from swimbladder.io.files import make_folder, write_through
+from swimbladder.io.files import make_folder, source_hash, write_through
 
 __all__ = [
     "EXECUTORS",
@@ -60,7 +59,7 @@ Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
 _PACKAGE = Path(__file__).resolve().parent
-_SHOWN = ("cli", "plots", "report", "web")  # parts of the package that compute nothing
+_SHOWN = ("cli", "show")  # parts of the package that compute nothing
 _REMARKS = {"provenance", "description"}  # of a vehicle: nothing depends on them
 EXECUTORS = ("threads", "processes", "dask")
 _POLL = 0.5  # s, between two looks at the markers

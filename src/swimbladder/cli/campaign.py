@@ -26,17 +26,18 @@ from swimbladder.cli.common import (
     kept,
     output,
     progress,
+    quantity,
     said_as_typed,
 )
 from swimbladder.cli.masses import warn_of_mass
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.campaign.draw import Spread
-    from swimbladder.campaign.result import Campaign
-    from swimbladder.campaign.sensitivity import Sensitivity
-    from swimbladder.campaign.store import Layout
-    from swimbladder.parameters import Vehicle
+    from swimbladder.sim.campaign.draw import Spread
+    from swimbladder.sim.campaign.result import Campaign
+    from swimbladder.sim.campaign.sensitivity import Sensitivity
+    from swimbladder.sim.campaign.store import Layout
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["campaign"]
 
@@ -115,13 +116,12 @@ def campaign(
 
     Exit code 1: a float did not do every phase. A run that is killed goes on where it was.
     """
-    from swimbladder.cli.mission import asked_span, check_phases, water
+    from swimbladder.cli.mission import asked_of, water
     from swimbladder.io.config import load_mission, load_vehicle
     from swimbladder.io.files import check_place
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
-    check_phases(task, mission)
-    span, (number, parts) = asked_span(duration), _part(part)
+    span, (number, parts) = quantity(duration, "s", "--duration"), _part(part)
     check_place(out)
     casts = asked_casts(
         cast or [], column=column, where=where, log_format=log_format, profile=profile,
@@ -129,22 +129,25 @@ def campaign(
         place=task.latitude,
     )  # fmt: skip
     warn_of_mass(v)
-    columns = [water(v, task, one) for one in casts] or [water(v, task, None)]
+    with asked_of(mission, task):
+        columns = [water(v, task, one) for one in casts] or [water(v, task, None)]
     with progress("loading the simulator"):
-        from swimbladder.campaign.result import Campaign
-        from swimbladder.campaign.run import Floats
-        from swimbladder.campaign.sensitivity import Sensitivity
         from swimbladder.jobs import Workers, run
+        from swimbladder.sim.campaign.result import Campaign
+        from swimbladder.sim.campaign.run import Floats
+        from swimbladder.sim.campaign.sensitivity import Sensitivity
 
     who = Workers(executor=executor, count=workers, scheduler=scheduler, part=(number, parts))
     stated = {
         "trim": trim_std, "psi": psi_std, "drag": drag_std, "pump": pump_std,
     }  # fmt: skip
-    job = Floats(
-        vehicle=v, mission=task, columns=columns, floats=floats, seed=seed, cycles=cycles,
-        spread=_spread(v, spread, identified, stated), span=span, sensitivity=sensitivity,
-        store=(out / "campaign.zarr").absolute(),
-    )  # fmt: skip
+    drawn = _spread(v, spread, identified, stated)
+    with asked_of(mission, task, duration=duration):
+        job = Floats(
+            vehicle=v, mission=task, columns=columns, floats=floats, seed=seed, cycles=cycles,
+            spread=drawn, span=span, sensitivity=sensitivity,
+            store=(out / "campaign.zarr").absolute(),
+        )  # fmt: skip
     layout = job.layout
     doing = f"flying {layout.floats} floats"
     job.check()
@@ -193,8 +196,8 @@ def _spread(
     vehicle: Vehicle, file: Path | None, identified: bool, stated: dict[str, str | None]
 ) -> Spread:
     """Return the spread of a file, or the usual one; as identified; with what options state."""
-    from swimbladder.campaign.draw import Spread
     from swimbladder.io.config import file_text, read_model
+    from swimbladder.sim.campaign.draw import Spread
 
     found = Spread() if file is None else read_model(Spread, file_text(file), file)
     if identified:
@@ -235,8 +238,8 @@ def _write(
         write_atomically(folder / names[0], json_text(answer) + "\n")
         write_csv(folder / names[1], found.columns_csv)
         if indices is not None:
-            from swimbladder.plots.campaign import draw_sensitivity
-            from swimbladder.plots.style import save
+            from swimbladder.show.plots.campaign import draw_sensitivity
+            from swimbladder.show.plots.style import save
 
             save(draw_sensitivity(indices), folder / names[2])
 
