@@ -12,7 +12,6 @@ import argparse
 from collections.abc import Sequence
 
 import numpy as np
-from swimbladder.design.stability.parts import Parts
 
 from studies.tuned import gains_of
 from swimbladder.cli.common import progress
@@ -20,6 +19,7 @@ from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
 from swimbladder.design.stability.recover import Map, Verdict, recovery_maps
 from swimbladder.io.config import load_vehicle
+from swimbladder.jobs import Store
 
 __all__ = ["lines", "main", "maps_of"]
 
@@ -35,7 +35,7 @@ def maps_of(name: str, deepest: float, *, cells: int = _CELLS) -> tuple[Map, ...
     with progress(f"maps of {name}", 1.0) as advance:
         return recovery_maps(
             vehicle, law, numbers, sample_time=_TICK, depths=(0.0, deepest), within=_WITHIN,
-            band=max(_BAND, getattr(numbers, "band", 0.0)), cells=cells, parts=Parts(None),
+            band=max(_BAND, getattr(numbers, "band", 0.0)), cells=cells, parts=Store(None),
             advance=advance,
         )  # fmt: skip
 

@@ -1,30 +1,59 @@
-"""Long work in chunks: on all cores, kept on disk in case of a kill, by a hash of what was asked.
+"""Long work in chunks: on all cores or a cluster, kept on disk in case of a kill.
 
-What a chunk gave is kept under a hash of the question and of the source that computes, so that a
-run that was killed goes on, and an edited package computes anew.
+A `Store` keeps answers under a hash of the question and of the source that computes, so that a run
+that was killed goes on, and an edited package computes anew. `each` does items by threads. A `Job`
+is work that outgrows this process: any process can do a chunk of it, and what is done is known
+from the disk alone, by a marker that is written last; `run` does it.
 """
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import hashlib
+import importlib
 import json
+import multiprocessing
 import os
 import shutil
+import tempfile
+import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import fields, is_dataclass
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 from zipfile import BadZipFile
 
 import numpy as np
 from pydantic import BaseModel
 
+from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.files import make_folder, source_hash, write_through
 
-__all__ = ["Store", "each", "identity", "software"]
+__all__ = [
+    "EXECUTORS",
+    "Job",
+    "Store",
+    "Workers",
+    "each",
+    "identity",
+    "place_files",
+    "release",
+    "run",
+    "software",
+]
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -32,6 +61,10 @@ Answer = TypeVar("Answer")
 _PACKAGE = Path(__file__).resolve().parent
 _SHOWN = ("cli", "show")  # parts of the package that compute nothing
 _REMARKS = {"provenance", "description"}  # of a vehicle: nothing depends on them
+EXECUTORS = ("threads", "processes", "dask")
+_POLL = 0.5  # s, between two looks at the markers
+_PATIENCE = 10.0  # s, with a scheduler that does not answer
+_TRIES = 3  # times that workers may die one after the other without a chunk that is done
 
 
 @cache
@@ -40,6 +73,11 @@ def software() -> str:
     return source_hash(
         path for path in _PACKAGE.rglob("*.py") if path.relative_to(_PACKAGE).parts[0] not in _SHOWN
     )
+
+
+def release() -> str:
+    """Return the version of this package and the hash of its source, for messages."""
+    return f"{version('swimbladder')}, its source {software()}"
 
 
 def identity(*values: Any) -> str:
@@ -163,3 +201,309 @@ def each(
         finally:
             for future in waiting:
                 future.cancel()
+
+
+class Job(Protocol):
+    """Work in chunks that any process can do from a pickle of it, in any order, also twice."""
+
+    @property
+    def name(self) -> str:
+        """The same for the same job everywhere, another for every other."""
+
+    @property
+    def count(self) -> int:
+        """How many chunks there are."""
+
+    def check(self) -> bool:
+        """Return whether something is on disk; raises InputError where it is another job's."""
+
+    def create(self) -> None:
+        """Make the place on disk where there is none yet, whoever else does so just now."""
+
+    def do(self, chunk: int) -> None:
+        """Do a chunk: put what comes of it on disk, and its marker last."""
+
+    def done(self) -> set[int]:
+        """Return the chunks whose marker stands."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Workers:
+    """Who does a job.
+
+    executor: one of `EXECUTORS`. count: of threads, processes or local dask workers; a worker for
+    each core where not given. scheduler: address of a dask scheduler that runs, or the file that it
+    wrote; without one dask's workers are local. part: (k, n) for each nth chunk from the kth, from
+    1: n such runs, started in any order on any machines, do all of it.
+    Raises InputError for what cannot be.
+    """
+
+    executor: str = "threads"
+    count: int | None = None
+    scheduler: str | None = None
+    part: tuple[int, int] = (1, 1)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        k, n = self.part
+        for fits, field, value, what, remedy in (
+            (self.executor in EXECUTORS, "--executor", self.executor, "no such executor",
+             f"Choose from {', '.join(EXECUTORS)}"),
+            (self.count is None or 1 <= self.count <= 4096, "--workers", self.count,
+             "must be a whole number from 1 to 4096", "Leave it out for one on each core"),
+            (self.scheduler is None or self.executor == "dask", "--scheduler", self.scheduler,
+             "only dask has a scheduler", "Give --executor dask"),
+            (self.scheduler is None or self.count is None, "--workers", self.count,
+             "a scheduler has workers of its own", "Leave it out"),
+            (1 <= k <= n <= 1_000_000, "--part", f"{k}/{n}", "no part of a whole",
+             "Give a number and how many there are, from --part 1/8 to --part 8/8"),
+        ):  # fmt: skip
+            if not fits:
+                raise InputError(what, field=field, value=value, remedy=remedy)
+
+    @property
+    def local(self) -> int:
+        """How many work on this machine."""
+        return self.count or os.cpu_count() or 1
+
+
+def run(job: Job, workers: Workers, advance: Callable[[float], None] = lambda _: None) -> bool:
+    """Do what is not done yet of a job; return whether all of it is done, whoever did it.
+
+    advance: called with the share of the job that was done, by these workers or others.
+    Raises InputError where the executor cannot be had, or its workers have another version of
+    this software; NoAnswerError where they died. Where it fails, what is done stays done.
+    """
+    job.check()
+    k, n = workers.part
+    done = job.done()
+    ours = [chunk for chunk in range(k - 1, job.count, n) if chunk not in done]
+    told = 0
+
+    def tell() -> None:
+        nonlocal told
+        found = len(job.done())
+        advance((found - told) / job.count)
+        told = found
+
+    tell()
+    if ours:
+        do = {"threads": _by_threads, "processes": _by_processes, "dask": _by_dask}
+        do[workers.executor](job, ours, workers, tell)
+        tell()
+    return len(job.done()) == job.count
+
+
+def _by_threads(job: Job, chunks: list[int], workers: Workers, tell: Callable[[], None]) -> None:
+    job.create()
+    for _ in each(job.do, chunks, workers=workers.local):
+        tell()
+
+
+def _by_processes(job: Job, chunks: list[int], workers: Workers, tell: Callable[[], None]) -> None:
+    """Do chunks by processes; those of a pool that broke by another."""
+    job.create()
+    name, source, tries = job.name, software(), 0
+    spawn = multiprocessing.get_context("spawn")  # a fork has locks of threads that it has not
+    while chunks:
+        before = len(chunks)
+        try:
+            with ProcessPoolExecutor(workers.local, spawn, initializer=_end_with_parent) as pool:
+                futures = [pool.submit(_do, name, source, job, chunk) for chunk in chunks]
+                try:
+                    left = set(futures)
+                    while left:
+                        finished, left = wait(left, _POLL, FIRST_COMPLETED)
+                        for future in finished:
+                            future.result()
+                        tell()
+                finally:
+                    pool.shutdown(wait=False, cancel_futures=True)
+        except BrokenProcessPool:
+            pass
+        done = job.done()
+        chunks = [chunk for chunk in chunks if chunk not in done]
+        tries = 0 if len(chunks) < before else tries + 1
+        if tries >= _TRIES:
+            raise NoAnswerError(
+                f"the worker processes died {tries} times without doing anything. Look for what "
+                "kills them, such as too little memory, or use --executor threads"
+            )
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that made it ends, also by a kill."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+_MET: dict[str, Job] = {}  # by its name: with it stays what a job makes once for all its chunks
+
+
+def _do(name: str, source: str, job: Job, chunk: int) -> None:
+    """Do a chunk in a process that may be anywhere."""
+    if source != software():
+        raise InputError(
+            f"a worker has another version of swimbladder: {release()}, where {source} is needed",
+            field="--executor",
+            remedy="Install the same on all machines",
+        )  # fmt: skip
+    known = _MET.setdefault(name, job)
+    if chunk not in known.done():
+        known.do(chunk)
+
+
+def _by_dask(job: Job, chunks: list[int], workers: Workers, tell: Callable[[], None]) -> None:
+    try:
+        distributed = importlib.import_module("distributed")
+    except ImportError:
+        raise InputError(
+            "dask.distributed is not installed", field="--executor", value="dask",
+            remedy="pip install 'swimbladder[cluster]', or use --executor processes",
+        ) from None  # fmt: skip
+    with contextlib.ExitStack() as stack:
+        address: Any = workers.scheduler
+        if address is None:
+            address = stack.enter_context(
+                distributed.LocalCluster(
+                    n_workers=workers.local,
+                    threads_per_worker=1,
+                    dashboard_address=None,
+                    silence_logs=50,
+                )
+            )
+        elif Path(address).is_file():
+            address = _written_address(Path(address))
+        client = stack.enter_context(_client(distributed, address))
+        stack.enter_context(client.as_current())
+        _check_versions(client)
+        job.create()
+        _send(distributed, client, job, chunks, tell)
+
+
+def _written_address(file: Path) -> str:
+    """Return the address in a file that a scheduler wrote."""
+    try:
+        return str(json.loads(file.read_text(encoding="utf-8"))["address"])
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(
+            "no file that a scheduler wrote", file=file, field="--scheduler",
+            remedy="Give the file of dask scheduler --scheduler-file FILE, or an address like "
+            "tcp://host:8786",
+        ) from None  # fmt: skip
+
+
+def _client(distributed: Any, address: Any) -> Any:
+    async def knock() -> None:
+        comm = await distributed.core.connect(address, timeout=_PATIENCE)
+        await comm.close()
+
+    try:
+        if isinstance(address, str):  # a client that finds nobody complains for long
+            asyncio.run(knock())
+        return distributed.Client(
+            address, timeout=_PATIENCE, set_as_default=False, name="swimbladder"
+        )
+    except (OSError, ValueError) as error:  # a TimeoutError is one too
+        raise InputError(
+            f"no scheduler answers there: {error}", field="--scheduler", value=str(address),
+            remedy="Give the address of a dask scheduler that runs, like tcp://host:8786, or the "
+            "file that it wrote (--scheduler-file)",
+        ) from None  # fmt: skip
+
+
+def _check_versions(client: Any) -> None:
+    """Raise InputError where a worker has not the source that this process has."""
+
+    def there() -> str:  # goes by value: a worker may know nothing of this module
+        import importlib
+
+        try:
+            return str(importlib.import_module("swimbladder.jobs").release())
+        except (ImportError, AttributeError) as error:
+            return f"none that can be used: {error}"
+
+    here = release()
+    for worker, found in sorted(client.run(there, on_error="return").items()):
+        if found != here:
+            raise InputError(
+                f"the worker {worker} has another version of swimbladder: {found}; here it is "
+                f"{here}", field="--scheduler",
+                remedy="Install the same on all machines, and start the workers again",
+            )  # fmt: skip
+
+
+def _send(
+    distributed: Any, client: Any, job: Job, chunks: list[int], tell: Callable[[], None]
+) -> None:
+    """Have workers of a cluster do chunks; what is done is read from the disk."""
+    name, source, left, waiting = job.name, software(), iter(chunks), dict[Any, int]()
+    sent = client.submit(_same, job, key=f"swimbladder-{name}", pure=False)
+    seen = time.monotonic()
+    while True:
+        # few wait at a time: they are all to be told again when a worker dies
+        room = 32 + 4 * sum(client.nthreads().values()) if client.status == "running" else 0
+        for chunk in left if len(waiting) < room else ():
+            key = f"swimbladder-{name}-{chunk}"
+            waiting[client.submit(_do, name, source, sent, chunk, key=key, pure=False)] = chunk
+            if len(waiting) >= room:
+                break
+        if not waiting:
+            return
+        with contextlib.suppress(distributed.TimeoutError):
+            distributed.wait(list(waiting), timeout=_POLL, return_when="FIRST_COMPLETED")
+        if client.status == "running":
+            seen = time.monotonic()
+        for future in [one for one in waiting if one.done()]:
+            if future.status == "error":
+                raise _reason(future.exception())
+            if future.status == "finished":
+                del waiting[future]
+        if any(one.cancelled() for one in waiting) or time.monotonic() - seen > _PATIENCE:
+            raise NoAnswerError(
+                "the scheduler no longer answers. What is done stays done: the same command goes "
+                "on there with a scheduler that runs"
+            )
+        tell()
+
+
+def _same(job: Job) -> Job:
+    return job
+
+
+def _reason(error: BaseException) -> BaseException:
+    """Return an error of a worker as one of ours where it is about workers that died."""
+    if isinstance(error, SwimbladderError) or type(error).__name__ != "KilledWorker":
+        return error
+    return NoAnswerError(
+        f"{str(error).rstrip('.')}. What is done stays done: the same command goes on there"
+    )
+
+
+def place_files(folder: Path, files: Mapping[str, bytes], *, aside: Path) -> None:
+    """Put files into a folder, each whole or not at all; after it they outlive a loss of power.
+
+    aside: a folder on the same disk, for what is not whole yet.
+    """
+    with tempfile.TemporaryDirectory(dir=aside) as made:
+        for number, (key, content) in enumerate(files.items()):
+            path, target = Path(made, str(number)), folder / key
+            with path.open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            target.parent.mkdir(parents=True, exist_ok=True)
+            path.replace(target)
+    if os.name == "posix":  # elsewhere a folder cannot be opened
+        for parent in {(folder / key).parent for key in files}:
+            handle = os.open(parent, os.O_RDONLY)
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)

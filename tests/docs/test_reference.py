@@ -279,12 +279,18 @@ def test_what_mission_and_campaign_write(capsys, tmp_path):
     happened = {line.split(",")[1] for line in (out / "events.csv").read_text().splitlines()[1:]}
     assert {"phase", "arrived", "bypass", "afloat"} <= happened
     assert all(f"`{what}`" in text for what in happened)
-    columns, keys = rows("files-written.md", "campaign")
+    columns, keys, indices = rows("files-written.md", "campaign")
     out = tmp_path / "array"
     told = answer(capsys, "campaign", "example-float", str(dive), "--floats", "3", "--out",
                   str(out))  # fmt: skip
     check(keys, told)
     assert header(out / "floats.csv") == list(columns)
+    told = answer(capsys, "campaign", "example-float", str(dive), "--floats", "100", "--out",
+                  str(tmp_path / "indices"), "--sensitivity")  # fmt: skip
+    check(indices, told["sensitivity"])
+    promised = set(re.findall(r"`(\w+)`", indices["outputs"][0]))
+    (some, *_) = [one for one in told["sensitivity"]["outputs"] if one["indices"]]
+    assert promised == set(some) | set(some["indices"][0])
 
 
 def test_what_vehicle_prints(capsys):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import shutil
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,7 +18,6 @@ from swimbladder.cli.casts import (
     Salinity,
     Where,
     asked_casts,
-    share,
 )
 from swimbladder.cli.common import (
     compile_notice,
@@ -31,9 +30,14 @@ from swimbladder.cli.common import (
     said_as_typed,
 )
 from swimbladder.cli.masses import warn_of_mass
+from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
+    from swimbladder.sim.campaign.draw import Spread
     from swimbladder.sim.campaign.result import Campaign
+    from swimbladder.sim.campaign.sensitivity import Sensitivity
+    from swimbladder.sim.campaign.store import Layout
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["campaign"]
 
@@ -56,15 +60,40 @@ def campaign(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all that is drawn.")] = 1,
     trim_std: Annotated[
-        str, typer.Option(metavar="VOLUME", help="1 sigma of the neutral volume.")
-    ] = "5 cm3",
+        str | None, typer.Option(metavar="VOLUME", help="1 sigma of the neutral volume (5 cm3).")
+    ] = None,
     psi_std: Annotated[
-        str, typer.Option(metavar="PSI", help="1 sigma of the hull's compression.")
-    ] = "0.002 cm3/m",
-    drag_std: Annotated[str, typer.Option(metavar="SHARE", help="1 sigma of the drag.")] = "10 %",
+        str | None,
+        typer.Option(metavar="PSI", help="1 sigma of the hull's compression (0.002 cm3/m)."),
+    ] = None,
+    drag_std: Annotated[
+        str | None, typer.Option(metavar="SHARE", help="1 sigma of the drag (10 %).")
+    ] = None,
     pump_std: Annotated[
-        str, typer.Option(metavar="SHARE", help="1 sigma of the pump's delivery.")
-    ] = "5 %",
+        str | None, typer.Option(metavar="SHARE", help="1 sigma of the pump's delivery (5 %).")
+    ] = None,
+    spread: Annotated[
+        Path | None, typer.Option("--spread", metavar="FILE", help="TOML file with all of these.")
+    ] = None,
+    identified: Annotated[
+        bool, typer.Option("--identified", help="Spread as identified of the vehicle, correlated.")
+    ] = False,
+    sensitivity: Annotated[
+        bool, typer.Option("--sensitivity", help="Sobol indices: what the outcome comes from.")
+    ] = False,
+    executor: Annotated[
+        str, typer.Option(metavar="WHO", help="threads, processes or dask.")
+    ] = "threads",
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="How many (one on each core).")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="WHERE", help="Address of a dask scheduler, or the file it wrote."),
+    ] = None,
+    part: Annotated[
+        str | None, typer.Option(metavar="K/N", help="Fly one part of N, into the same folder.")
+    ] = None,
     column: Columns = None,
     where: Where = None,
     log_format: LogFormat = None,
@@ -82,17 +111,17 @@ def campaign(
 ) -> None:
     """Fly many floats on a mission: how many do it, how long their batteries last.
 
-    Trim, hull, drag and pump differ, and the water where several casts are given.
+    Trim, hull, drag and pump differ, and the water where several casts are given. All results go to
+    campaign.zarr in the folder, a chunk of floats at a time, by as many workers as there are.
 
     Exit code 1: a float did not do every phase. A run that is killed goes on where it was.
     """
     from swimbladder.cli.mission import asked_of, water
     from swimbladder.io.config import load_mission, load_vehicle
-    from swimbladder.io.files import check_place, unfinished
+    from swimbladder.io.files import check_place
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
-    span = quantity(duration, "s", "--duration")
-    trim, psi = quantity(trim_std, "m3", "--trim-std"), quantity(psi_std, "m3/m", "--psi-std")
+    span, (number, parts) = quantity(duration, "s", "--duration"), _part(part)
     check_place(out)
     casts = asked_casts(
         cast or [], column=column, where=where, log_format=log_format, profile=profile,
@@ -103,60 +132,122 @@ def campaign(
     with asked_of(mission, task):
         columns = [water(v, task, one) for one in casts] or [water(v, task, None)]
     with progress("loading the simulator"):
-        from swimbladder.sim.campaign.draw import Spread
+        from swimbladder.jobs import Workers, run
         from swimbladder.sim.campaign.result import Campaign
-        from swimbladder.sim.campaign.run import fly_floats
-        from swimbladder.sim.mission.prepare import make_table
+        from swimbladder.sim.campaign.run import Floats
+        from swimbladder.sim.campaign.sensitivity import Sensitivity
 
-    assert trim is not None
-    assert psi is not None
-    typed = {
-        "--trim-std": trim_std, "--psi-std": psi_std, "--drag-std": drag_std,
-        "--pump-std": pump_std,
+    who = Workers(executor=executor, count=workers, scheduler=scheduler, part=(number, parts))
+    stated = {
+        "trim": trim_std, "psi": psi_std, "drag": drag_std, "pump": pump_std,
     }  # fmt: skip
-    with said_as_typed(typed):
-        spread = Spread(
-            trim=trim, psi=psi, drag=share(drag_std, "--drag-std"),
-            pump=share(pump_std, "--pump-std"),
+    drawn = _spread(v, spread, identified, stated)
+    with asked_of(mission, task, duration=duration):
+        job = Floats(
+            vehicle=v, mission=task, columns=columns, floats=floats, seed=seed, cycles=cycles,
+            spread=drawn, span=span, sensitivity=sensitivity,
+            store=(out / "campaign.zarr").absolute(),
         )  # fmt: skip
-    aside = unfinished(out)
-    with (
-        asked_of(mission, task, duration=duration), kept(aside), compile_notice(),
-        progress("flying", 1.0) as advance,
-    ):  # fmt: skip
-        table = fly_floats(
-            v, task, columns, floats=floats, seed=seed, spread=spread, cycles=cycles, span=span,
-            keep=aside, advance=advance,
-        )  # fmt: skip
+    layout = job.layout
+    doing = f"flying {layout.floats} floats"
+    job.check()
+    with kept(job.store), compile_notice(), progress(doing, 1.0) as advance:
+        whole = run(job, who, advance)
+    if not whole:
+        _unfinished(layout, part or "1/1", json)
+        return
+    layout.tidy()
+    table, energy_unknown = layout.table(), job.plans[0].energy_known
+    indices = None
+    if job.design is not None:
+        indices = Sensitivity(design=job.design, table=table, energy_unknown=energy_unknown)
     found = Campaign(
-        vehicle=v, mission=task, columns=columns, spread=spread, seed=seed, table=table,
-        energy_unknown=make_table(v, columns[0])[1],
+        vehicle=v, mission=task, columns=columns, spread=job.spread, seed=seed,
+        table=table if indices is None else indices.independent, energy_unknown=energy_unknown,
     )  # fmt: skip
-    files = _write(found, out)
-    shutil.rmtree(aside, ignore_errors=True)
+    answer = found.to_json()
+    with progress("writing the results"):
+        if indices is not None:
+            answer["sensitivity"] = indices.to_json()
+        files = [out / "campaign.zarr", *_write(replace(found, table=table), answer, indices, out)]
     if json:
-        emit_json({**found.to_json(), "files": [str(path) for path in files]})
+        emit_json({**answer, "files": [str(path) for path in files]})
     else:
-        _print(found, files)
-    if not found.good.all():
+        _print(found, indices, files)
+    if indices is None and not found.good.all():
         raise typer.Exit(1)
 
 
-def _write(found: Campaign, out: Path) -> list[Path]:
+def _part(text: str | None) -> tuple[int, int]:
+    """Return which part of how many is asked for."""
+    if text is None:
+        return 1, 1
+    try:
+        number, total = (int(piece) for piece in text.split("/"))
+    except ValueError:
+        raise InputError(
+            "no part of a whole", field="--part", value=text,
+            remedy="Give a number and how many there are, from --part 1/8 to --part 8/8",
+        ) from None  # fmt: skip
+    return number, total
+
+
+def _spread(
+    vehicle: Vehicle, file: Path | None, identified: bool, stated: dict[str, str | None]
+) -> Spread:
+    """Return the spread of a file, or the usual one; as identified; with what options state."""
+    from swimbladder.io.config import file_text, read_model
+    from swimbladder.sim.campaign.draw import Spread
+
+    found = Spread() if file is None else read_model(Spread, file_text(file), file)
+    if identified:
+        try:
+            found = found.identified(vehicle)
+        except InputError as error:
+            raise InputError(error.what, field="--identified", remedy=error.remedy) from None
+    options = {f"--{name}-std": text for name, text in stated.items()}
+    names = {name: f"--{name}-std" for name in stated}
+    given = {name: text for name, text in stated.items() if text is not None}
+    with said_as_typed(options, **names):
+        return Spread(**{**found.model_dump(), **given})
+
+
+def _unfinished(layout: Layout, part: str, json: bool) -> None:
+    """Say how far the campaign is of which this was a part."""
+    done = len(layout.done())
+    sentence = (
+        f"part {part} is flown: {done} of {layout.count} chunks of the campaign are done, the "
+        "others are for other parts"
+    )
+    if json:
+        emit_json({"sentence": sentence, "chunks": layout.count, "done": done,
+                   "files": [str(layout.folder)]})  # fmt: skip
+    else:
+        output.print(sentence, soft_wrap=True)
+
+
+def _write(
+    found: Campaign, answer: dict[str, Any], indices: Sensitivity | None, out: Path
+) -> list[Path]:
     from swimbladder.io.files import publish, write_atomically
     from swimbladder.io.tables import write_csv
 
-    names = ["campaign.json", "floats.csv"]
+    names = ["campaign.json", "floats.csv"] + ["sensitivity.png"] * (indices is not None)
 
     def write(folder: Path) -> None:
-        write_atomically(folder / names[0], json_text(found.to_json()) + "\n")
+        write_atomically(folder / names[0], json_text(answer) + "\n")
         write_csv(folder / names[1], found.columns_csv)
+        if indices is not None:
+            from swimbladder.show.plots.campaign import draw_sensitivity
+            from swimbladder.show.plots.style import save
+
+            save(draw_sensitivity(indices), folder / names[2])
 
     publish(out, write)
     return [out / name for name in names]
 
 
-def _print(found: Campaign, files: list[Path]) -> None:
+def _print(found: Campaign, indices: Sensitivity | None, files: list[Path]) -> None:
     from rich.table import Table
 
     output.print(found.sentence, soft_wrap=True)
@@ -177,5 +268,30 @@ def _print(found: Campaign, files: list[Path]) -> None:
     for words, unit, middle, low, high in found.spreads():
         numbers.add_row(words, f"{middle:.4g}", f"{low:.4g}", f"{high:.4g}", unit)
     output.print(numbers)
+    if indices is not None:
+        _print_indices(indices)
     for path in files:
         output.print(f"wrote {path}", soft_wrap=True)
+
+
+def _print_indices(found: Sensitivity) -> None:
+    from rich.table import Table
+
+    output.print("")
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    for heading in ("output", "comes from", "first order", "95 %", "total", "95 % "):
+        table.add_column(
+            heading, justify="left" if heading in ("output", "comes from") else "right"
+        )
+    for one in found.outputs:
+        for name, index in zip(found.design.names, one.indices, strict=False):
+            (low, high), (least, most) = index.first_ci95, index.total_ci95
+            table.add_row(
+                one.name if name == found.design.names[0] else "", name, f"{index.first:.2f}",
+                f"{low:.2f} to {high:.2f}", f"{index.total:.2f}", f"{least:.2f} to {most:.2f}",
+            )  # fmt: skip
+    if table.rows:
+        output.print(table)
+    for one in found.outputs:
+        if one.why:
+            output.print(f"{one.name}: no indices, as {one.why}", soft_wrap=True)

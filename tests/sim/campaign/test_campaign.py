@@ -1,24 +1,29 @@
 """An array of floats: each is the mission of such a float, draws are fair, kills lose nothing."""
 
 import json
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray
 
 from swimbladder.cli import main
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
+from swimbladder.jobs import Workers, run
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.campaign.draw import Drawn, Spread, draw, varied
 from swimbladder.sim.campaign.result import share_interval
-from swimbladder.sim.campaign.run import Fact, fly_floats
+from swimbladder.sim.campaign.run import Fact, Floats
+from swimbladder.sim.campaign.store import FLOATS
 from swimbladder.sim.mission.core.motion import rate_of
-from swimbladder.sim.mission.core.names import Account, Doing, Given, Table
+from swimbladder.sim.mission.core.names import Account, Doing, Given, Holding, Row, Table
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
+from swimbladder.vehicle import Identified
 
 TASK = Mission(
     phases=[
@@ -40,23 +45,58 @@ def column(vehicle):
     return uniform_column(vehicle.water, 150.0)
 
 
-def test_a_float_that_does_not_differ_flies_the_mission(vehicle, column):
+@pytest.fixture
+def job(vehicle, column, tmp_path):
+    def made(**options):
+        store = tmp_path / "out" / "campaign.zarr"
+        given = {"vehicle": vehicle, "mission": TASK, "columns": [column], "store": store}
+        return Floats(**{**given, **options})
+
+    return made
+
+
+def flown(job, **workers):
+    assert run(job, Workers(**workers))
+    return job.layout.table()
+
+
+def test_a_float_that_does_not_differ_flies_the_mission(vehicle, column, job):
     same = Spread(trim=0.0, psi=0.0, drag=0.0, pump=0.0)
-    row = fly_floats(vehicle, TASK, [column], floats=1, spread=same)[0]
-    flown = fly_mission(vehicle, TASK, column)
-    assert row[Fact.DURATION] == flown.duration
+    one = job(floats=1, spread=same)
+    row = flown(one)[0]
+    alone = fly_mission(vehicle, TASK, column)
+    assert row[Fact.DURATION] == alone.duration
     drive = sum(
-        flown.accounts[a]
+        alone.accounts[a]
         for a in (Account.PUMP_ENERGY, Account.VALVE_ENERGY, Account.HOLDING_ENERGY)
     )
     assert row[Fact.DRIVE] == pytest.approx(drive, rel=1e-12)
     assert row[Fact.CYCLES] == 2.0
+    held = alone.accounts[Account.COUNT :].reshape(-1, int(Holding.COUNT)).sum(axis=0)
+    rms = (held[Holding.SQUARES] / held[Holding.TIME]) ** 0.5
+    assert row[Fact.HOLDING] == pytest.approx(rms, rel=1e-12)
+    # the same, cycle by cycle, against the trajectory
+    with xarray.open_zarr(one.store, chunks=None) as data:
+        cycle = alone.rows[:, Row.CYCLE]
+        for n in range(2):
+            rows = alone.rows[cycle == n]
+            found = data.isel(float=0, cycle=n)
+            assert float(found.deepest) == pytest.approx(rows[:, Row.Z].max(), abs=0.01)
+            assert float(found.begin) == pytest.approx(rows[0, Row.T], abs=1e-6)
+        assert float(data.drive_energy.sum()) == pytest.approx(drive, rel=1e-12)
+        assert float(data.battery_energy.sum()) == pytest.approx(row[Fact.DRAWN], rel=1e-12)
+        assert float(data.end[0, 1]) == row[Fact.DURATION]
+        under = alone.rows[alone.rows[:, Row.Z] > 1.0]
+        margin = under[:, Row.V].min() - vehicle.stroke.minimum
+        above = vehicle.stroke.maximum - under[:, Row.V].max()
+        assert float(row[Fact.MARGIN]) <= min(margin, above) + 1e-9
+        assert float(data.stroke_margin.min()) == row[Fact.MARGIN]
 
 
 def test_a_float_that_is_trimmed_otherwise_is_one_with_more_ballast(vehicle, column):
     """The trim drawn is the file's trim_error; only the processor does not know of it."""
     plan = make_plan(vehicle, TASK, column)
-    drawn = np.array([8e-6, 3e-9, 1.2, 0.9, 0.0])
+    drawn = np.array([8e-6, 3e-9, 1.2, 0.9, 1.0, 0.0])
     g = varied(plan, drawn).given
     hull = vehicle.hull.model_copy(update={"psi": vehicle.hull.psi + 3e-9, "parts": ()})
     plain = vehicle.model_copy(update={"hull": vehicle.hull.model_copy(update={"parts": ()})})
@@ -66,6 +106,11 @@ def test_a_float_that_is_trimmed_otherwise_is_one_with_more_ballast(vehicle, col
     assert g[Given.NEUTRAL_TOP] == plan.given[Given.NEUTRAL_TOP]
     assert g[Given.D_T] == pytest.approx(1.2 * vehicle.drag.k_dt / vehicle.mass)
     assert g[Given.DELIVERY] == 0.9
+    # with twice the mass a force makes half the acceleration
+    slow = varied(plan, np.array([0.0, 0.0, 1.0, 1.0, 2.0, 0.0])).given
+    for place in (Given.D_L, Given.D_B, Given.D_0, Given.D_T, Given.A_S):
+        assert slow[place] == 0.5 * plan.given[place]
+    assert slow[Given.MASS] == 2.0 * plan.given[Given.MASS]
 
 
 def test_a_pump_that_delivers_less_gives_less_than_the_table(vehicle, column):
@@ -100,20 +145,180 @@ def test_the_interval_of_a_share_is_that_of_its_tails():
     assert share_interval(50, 50)[1] == 1.0
 
 
-def test_a_stopped_campaign_goes_on_to_the_same_table(vehicle, column, tmp_path):
-    whole = fly_floats(vehicle, TASK, [column], floats=120, seed=2)
+def test_correlated_inputs_go_together_and_are_cut():
+    pairs = [{"of": ("psi", "drag"), "value": 0.8}, {"of": ("drag", "mass"), "value": -0.5}]
+    spread = Spread(mass=0.1, correlation=pairs)
+    many = np.stack([draw(spread, seed=7, number=n, casts=1) for n in range(8000)])
+    found = np.corrcoef(many[:, : int(Drawn.CAST)].T)
+    assert np.allclose(found, spread.matrix, atol=0.04)  # three sigma
+    assert np.std(many[:, Drawn.DRAG]) == pytest.approx(spread.drag, rel=0.05)
+    assert np.max(np.abs(many[:, Drawn.DRAG] - 1.0)) <= 3.0 * spread.drag * (1.0 + 1e-12)
+    assert spread.groups == [("trim",), ("psi", "drag", "mass"), ("pump",)]
 
-    def stop(_):
-        raise KeyboardInterrupt
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"drag": 2.0}, "drag"),
+        ({"correlation": [{"of": ("psi", "psi"), "value": 0.5}]}, "not two inputs"),
+        ({"correlation": [{"of": ("psi", "lift"), "value": 0.5}]}, "correlation"),
+        (
+            {
+                "correlation": [
+                    {"of": ("psi", "drag"), "value": 0.9},
+                    {"of": ("drag", "pump"), "value": 0.9},
+                    {"of": ("psi", "pump"), "value": -0.9},
+                ]
+            },
+            "contradict each other",
+        ),
+    ],
+)
+def test_what_is_no_spread_is_refused(given, words):
+    with pytest.raises(InputError, match=words):
+        Spread(**given)
+
+
+def test_the_spread_identified_is_that_of_drawn_parameters(vehicle):
+    """Against a draw of K2 and T2 themselves: mass is T2/K2, the laminar drag 1/K2."""
+    K2, T2, psi = 16.0, 20.0, 1e-8
+    sigma = np.array([0.02 * K2, 0.03 * T2, 1e-9])
+    C = np.outer(sigma, sigma) * np.array([[1.0, 0.7, 0.2], [0.7, 1.0, 0.0], [0.2, 0.0, 1.0]])
+    known = Identified(
+        names=("K2", "T2", "psi"), values=(K2, T2, psi), covariance=C.tolist(), neutral_std=1e-6
+    )
+    one = vehicle.model_copy(update={"identified": known})
+    found = Spread(pump=0.04).identified(one)
+    k, t, p = np.random.default_rng(1).multivariate_normal([K2, T2, psi], C, 200_000).T
+    drag, mass = K2 / k, (t / k) / (T2 / K2)
+    assert found.drag == pytest.approx(np.std(drag), rel=0.02)
+    assert found.mass == pytest.approx(np.std(mass), rel=0.02)
+    assert found.psi == pytest.approx(1e-9, rel=1e-9)
+    assert (found.trim, found.pump) == (1e-6, 0.04)
+    names = ["psi", "drag", "mass"]
+    at = [("trim", "psi", "drag", "pump", "mass").index(n) for n in names]
+    assert np.allclose(found.matrix[np.ix_(at, at)], np.corrcoef([p, drag, mass]), atol=0.02)
+    assert found.groups == [("trim",), ("psi", "drag", "mass"), ("pump",)]
+    with pytest.raises(InputError, match="nothing was identified"):
+        Spread().identified(vehicle)
+
+
+def test_a_stopped_campaign_goes_on_to_the_same_store(job, tmp_path):
+    whole = flown(job(floats=40, seed=2))
+    told = []
+
+    def stop(share):
+        told.append(share)
+        if share:
+            raise KeyboardInterrupt
+
+    again = job(floats=40, seed=2, store=tmp_path / "again" / "campaign.zarr")
     with pytest.raises(KeyboardInterrupt):
-        fly_floats(vehicle, TASK, [column], floats=120, seed=2, keep=tmp_path, advance=stop)
-    kept = sorted(tmp_path.rglob("*.npy"))
-    assert kept
-    before = [path.stat().st_mtime_ns for path in kept]
-    again = fly_floats(vehicle, TASK, [column], floats=120, seed=2, keep=tmp_path)
-    assert np.array_equal(whole, again, equal_nan=True)
-    assert [path.stat().st_mtime_ns for path in kept] == before
+        run(again, Workers(count=1), stop)
+    done = again.done()
+    assert 1 <= len(done) < again.count
+    before = {n: (again.store / "stop" / "c" / str(n)).stat().st_mtime_ns for n in done}
+    # what is not flown reads as missing
+    with xarray.open_zarr(again.store, chunks=None) as data:
+        some = data.flown.values == 1
+        assert some.sum() == len(done) * again.layout.chunk
+        assert np.array_equal(np.isfinite(data.duration.values), some)
+        assert np.array_equal(data.stop.values > 0, some)
+    assert np.array_equal(flown(again), whole, equal_nan=True)
+    assert before == {n: (again.store / "stop" / "c" / str(n)).stat().st_mtime_ns for n in done}
+    # and is done when it is asked for again
+    shares = []
+    assert run(again, Workers(executor="processes"), shares.append)
+    assert sum(shares) == 1.0
+
+
+def test_parts_fill_one_store_in_any_order(job, tmp_path):
+    one = job(floats=40, seed=2)
+    flown(one)
+    parts = job(floats=40, seed=2, store=tmp_path / "parts.zarr")
+    assert [run(parts, Workers(part=(k, 3))) for k in (3, 1)] == [False, False]
+    assert run(parts, Workers(part=(2, 3)))
+    names = [p.relative_to(one.store) for p in one.store.rglob("*") if p.is_file()]
+    assert len(names) > 100
+    for name in names:
+        assert (one.store / name).read_bytes() == (parts.store / name).read_bytes(), name
+    assert {p.relative_to(parts.store) for p in parts.store.rglob("*") if p.is_file()} == {*names}
+
+
+def test_the_store_says_what_is_in_it(job):
+    one = job(floats=4)
+    flown(one)
+    with xarray.open_zarr(one.store, chunks=None) as data:
+        assert dict(data.sizes) == {"float": 4, "cycle": 2}
+        assert data.attrs["Conventions"].startswith("CF-")
+        assert data.deepest.dims == ("float", "cycle")
+        for name, variable in data.variables.items():
+            assert {"units", "long_name"} <= set(variable.attrs), name
+        assert data.deepest.attrs["standard_name"] == "depth"
+        assert len(data.stop.attrs["flag_meanings"].split()) == len(data.stop.attrs["flag_values"])
+        assert np.array_equal(data["drive_energy_in_all"], one.layout.table()[:, Fact.DRIVE])
+    assert len(FLOATS) == Fact.COUNT
+    # the unit of every variable is one that the udunits of CF knows
+    from pint import UnitRegistry
+
+    units = UnitRegistry()
+    for variable in data.variables.values():
+        units.parse_units(variable.attrs["units"].replace(" m-1", "/m").replace("m3", "m**3"))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"seed": 2}, "what differs: seed"),
+        ({"floats": 5}, "what differs: number of floats"),
+        ({"cycles": 1}, "what differs: cycles and duration"),
+        ({"spread": Spread(drag=0.2)}, "what differs: spread"),
+        ({"mission": TASK.model_copy(update={"start_depth": 5.0})}, "what differs: mission"),
+    ],
+)
+def test_the_store_of_another_campaign_is_refused(change, words, job):
+    job(floats=4).create()
+    with pytest.raises(InputError, match=words):
+        run(job(**{"floats": 4, **change}), Workers())
+
+
+def test_the_store_of_another_version_is_refused(job, monkeypatch):
+    job(floats=4).create()
+    monkeypatch.setattr("swimbladder.sim.campaign.run.software", lambda: "edited")
+    with pytest.raises(InputError, match=r"what differs: version \(this is .*, its source"):
+        run(job(floats=4), Workers())
+
+
+def test_a_folder_that_is_no_store_is_refused(job):
+    one = job(floats=4)
+    one.store.mkdir(parents=True)
+    with pytest.raises(InputError, match="no store of a campaign"):
+        run(one, Workers())
+    (one.store / "zarr.json").write_text("{}")
+    with pytest.raises(InputError, match="no store of a campaign"):
+        run(one, Workers())
+
+
+def test_cycles_without_an_end_are_refused(job):
+    up = [{"kind": "descend", "depth": 50.0}, {"kind": "profile", "depth": 20.0}]
+    endless = Mission(phases=up, duration=1e6)
+    with pytest.raises(InputError, match="--cycles"):
+        job(floats=4, mission=endless)
+    assert job(floats=4, mission=endless, cycles=3).layout.cycles == 3
+    # a year of cycles of at least 1500 s
+    assert job(floats=4, cycles=None, span=15e3, mission=TASK).layout.cycles == 2
+    long = TASK.model_copy(update={"cycles": None, "duration": 15e3})
+    assert job(floats=4, mission=long).layout.cycles == 11
+
+
+def test_a_job_travels_without_its_plans(job):
+    one = job(floats=40)
+    one.create()
+    there = pickle.loads(pickle.dumps(one))
+    assert "plans" not in vars(there)
+    assert there.name == one.name
+    there.do(0)
+    assert one.done() == {0}
 
 
 def test_the_command(tmp_path, monkeypatch, capsys):
@@ -131,6 +336,7 @@ def test_the_command(tmp_path, monkeypatch, capsys):
     assert "--duration: it must be above 0" in capsys.readouterr().err
     assert main(["campaign", "example-float", "m.toml", "--trim-std=-2 cm3"]) == 2
     said = capsys.readouterr().err
-    assert "--trim-std: not between 0 and 1 (got '-2 cm3', expected unit m3). Give 1 sigma." in said
-    with pytest.raises(InputError, match="--drag-std"):
-        Spread(drag=2.0)
+    assert "--trim-std" in said
+    assert "-2 cm3" in said
+    assert main(["campaign", "example-float", "m.toml", "--part", "3 of 4"]) == 2
+    assert "--part" in capsys.readouterr().err

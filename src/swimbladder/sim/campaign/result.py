@@ -17,7 +17,7 @@ from swimbladder.sim.mission.core.names import Stop
 from swimbladder.sim.mission.words import REASONS
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Campaign", "share_interval"]
+__all__ = ["Campaign", "good_floats", "share_interval"]
 
 Array = NDArray[np.float64]
 
@@ -30,6 +30,11 @@ def share_interval(count: int, total: int, level: float = 0.95) -> tuple[float, 
     low = float(beta.ppf(tail, count, total - count + 1)) if count > 0 else 0.0
     high = float(beta.ppf(1.0 - tail, count + 1, total - count)) if count < total else 1.0
     return low, high
+
+
+def good_floats(table: Array) -> NDArray[np.bool_]:
+    """Return which floats flew every cycle that was asked for, with every phase done."""
+    return np.asarray((table[:, Fact.STOP] == Stop.FINISHED) & (table[:, Fact.MISSED] == 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +52,7 @@ class Campaign:
     @property
     def good(self) -> NDArray[np.bool_]:
         """Which floats flew every cycle that was asked for, with every phase done."""
-        stop = self.table[:, Fact.STOP]
-        return np.asarray((stop == Stop.FINISHED) & (self.table[:, Fact.MISSED] == 0.0))
+        return good_floats(self.table)
 
     def shares(self) -> list[tuple[str, int, float, tuple[float, float]]]:
         """Return (what, floats, share, its 95 % interval) of every way it ended."""
@@ -106,6 +110,7 @@ class Campaign:
             "psi_m3_m": t[:, Drawn.PSI],
             "drag_factor": t[:, Drawn.DRAG],
             "pump_factor": t[:, Drawn.PUMP],
+            "mass_factor": t[:, Drawn.MASS],
             "cast": t[:, Drawn.CAST] + 1.0,
             "stop": t[:, Fact.STOP],
             "cycles": t[:, Fact.CYCLES],
@@ -114,6 +119,8 @@ class Campaign:
             "deepest_m": t[:, Fact.DEEPEST],
             "duration_s": t[:, Fact.DURATION],
             "pump_runs": t[:, Fact.PUMP_RUNS],
+            "holding_error_m": t[:, Fact.HOLDING],
+            "stroke_margin_m3": t[:, Fact.MARGIN],
         }
         if not self.energy_unknown:
             found |= {"drive_J": t[:, Fact.DRIVE], "drawn_J": t[:, Fact.DRAWN]}
@@ -129,7 +136,7 @@ class Campaign:
             "seed": self.seed,
             "sentence": self.sentence,
             "good": int(np.sum(self.good)),
-            "spread": vars(self.spread),
+            "spread": self.spread.model_dump(mode="json", exclude={"schema_version"}),
             "shares": [
                 {"what": words, "floats": n, "share": share, "ci95": list(interval)}
                 for words, n, share, interval in self.shares()

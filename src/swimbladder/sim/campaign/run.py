@@ -1,122 +1,255 @@
-"""All floats of a campaign on all cores, chunk by chunk, kept on disk until it is done."""
+"""A campaign as a job: which floats there are, how one is flown, and what is kept of it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission
-from swimbladder.jobs import Store, each
+from swimbladder.jobs import identity, software
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.campaign.draw import Drawn, Spread, draw, varied
+from swimbladder.sim.campaign.sobol import Design
+from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
 from swimbladder.sim.mission.core import kernel
-from swimbladder.sim.mission.core.names import Account, At, Cycle, Drive, Now, Row
+from swimbladder.sim.mission.core.names import (
+    Account,
+    At,
+    Cycle,
+    Drive,
+    Given,
+    Holding,
+    Now,
+    Row,
+    Stage,
+)
 from swimbladder.sim.mission.prepare import Plan, first_state, make_plan
 from swimbladder.sim.mission.reach import check_flight, check_reach
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Fact", "fly_floats"]
+__all__ = ["Fact", "Floats"]
 
 Array = NDArray[np.float64]
-CHUNK = 50
+CHUNK = 50  # floats at most
+_PARTS = 16  # chunks that a small campaign has all the same
 MOST = 1_000_000
+_LONGEST = 100_000  # cycles
 
 
 class Fact(IntEnum):
     """Columns of the table of floats; what was drawn stands in the first ones."""
 
     STOP = int(Drawn.COUNT)
-    CYCLES = 6
-    MISSED = 7  # phases that ran out of time, or did not hold
-    ARRIVAL = 8  # s, mean over the cycles that arrived at the first phase's depth; nan: none did
-    DEEPEST = 9  # m
-    DURATION = 10  # s
-    DRIVE = 11  # J, of pump, valve and holding
-    DRAWN = 12  # J from the battery
-    PUMP_RUNS = 13
-    LEFT = 14  # J in the battery
-    COUNT = 15
+    CYCLES = 7
+    MISSED = 8  # phases that ran out of time, or did not hold
+    ARRIVAL = 9  # s, mean over the cycles that arrived at the first phase's depth; nan: none did
+    DEEPEST = 10  # m
+    DURATION = 11  # s
+    DRIVE = 12  # J, of pump, valve and holding
+    DRAWN = 13  # J from the battery
+    PUMP_RUNS = 14
+    LEFT = 15  # J in the battery
+    HOLDING = 16  # m rms, from the depths of parks and holds since their arrival; nan: none did
+    MARGIN = 17  # m3 of the stroke that was never used, at the end where least was left
+    COUNT = 18
 
 
-def fly_floats(
-    vehicle: Vehicle, mission: Mission, columns: Sequence[Column], *, floats: int, seed: int = 1,
-    spread: Spread | None = None, cycles: int | None = None, span: float | None = None,
-    keep: Path | None = None, advance: Callable[[float], None] = lambda _: None,
-) -> Array:  # fmt: skip
-    """Return a row for each float [floats, Fact.COUNT].
+@dataclass(frozen=True, kw_only=True)
+class Floats:
+    """Floats of a vehicle on a mission, each a little different, in chunks that any process flies.
 
     columns: the waters that floats are drawn into. cycles, span [s]: in the place of the mission's.
-    keep: a folder for what is done, so that a campaign that was killed goes on there. advance:
-    called with the share that was done. Raises InputError for a number of floats out of range, and
-    what `fly_mission` raises in each of the waters.
+    sensitivity: whether the floats are those of a design for Sobol indices, as many as fit into
+    `floats`. store: the zarr folder of the results. Raises InputError for numbers out of range,
+    for cycles without an end, and for a mission that the vehicle cannot do.
     """
-    if not 1 <= floats <= MOST:
-        raise InputError(
-            "must be a whole number from 1 to a million", field="--floats", value=floats,
-            remedy="Give --floats 4000",
-        )  # fmt: skip
-    spread = spread or Spread()
-    plans = []
-    for column in columns:
-        check_flight(vehicle, mission, column, cycles=cycles, span=span)
-        plans.append(make_plan(vehicle, mission, column, cycles=cycles, span=span))
-        check_reach(vehicle, mission, plans[-1])
-    kept = Store(keep, seed, spread, [(p.given, p.table, p.waves, p.stages) for p in plans])
-    table = np.empty((floats, int(Fact.COUNT)))
 
-    def chunk(first: int) -> Array:
-        end = min(first + CHUNK, floats)
+    vehicle: Vehicle
+    mission: Mission
+    columns: Sequence[Column]
+    floats: int
+    store: Path
+    seed: int = 1
+    spread: Spread = field(default_factory=Spread)
+    cycles: int | None = None
+    span: float | None = None
+    sensitivity: bool = False
 
-        def rows() -> Array:
-            return np.stack([_one(plans, mission, spread, seed, n) for n in range(first, end)])
+    def __post_init__(self) -> None:
+        """Refuse what cannot be flown; the rest of the work knows that it can."""
+        if not 1 <= self.floats <= MOST:
+            raise InputError(
+                "must be a whole number from 1 to a million", field="--floats", value=self.floats,
+                remedy="Give --floats 4000",
+            )  # fmt: skip
+        for column in self.columns:
+            check_flight(self.vehicle, self.mission, column, cycles=self.cycles, span=self.span)
+        for plan in self.plans:
+            check_reach(self.vehicle, self.mission, plan)
+        self._most_cycles()
 
-        return kept.get(rows, "floats", first, end)
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process needs: plans are made there again."""
+        return {key: value for key, value in vars(self).items() if key not in _MADE}
 
-    for first, rows in each(chunk, range(0, floats, CHUNK)):
-        table[first : first + len(rows)] = rows
-        advance(len(rows) / floats)
-    return table
-
-
-def _one(plans: Sequence[Plan], mission: Mission, spread: Spread, seed: int, number: int) -> Array:
-    """Fly one float and return its row; only sums are kept."""
-    drawn = draw(spread, seed=seed, number=number, casts=len(plans))
-    plan = varied(plans[int(drawn[Drawn.CAST])], drawn)
-    x, at, accounts = first_state(plan, mission, seed=seed * MOST + number)
-    nothing = np.zeros((0, int(Row.COUNT))), np.zeros((0, int(Drive.COUNT)))
-    cycle = np.zeros((1, int(Cycle.ACCOUNTS) + int(Account.COUNT)))
-    counts, work = np.zeros(3, dtype=np.int64), np.zeros((6, 8))
-    missed, deepest, arrivals, arrived = 0, 0.0, 0.0, 0
-    while at[At.STOP] == 0:
-        counts[:] = 0
-        kernel.fly_kernel(
-            plan.given, plan.table, plan.waves, plan.stages, x, at, accounts, *nothing, cycle,
-            counts, work,
-        )  # fmt: skip
-        if counts[2]:
-            late = int(cycle[0, Cycle.MISSED]) | int(cycle[0, Cycle.NOT_HELD])
-            missed += late.bit_count()
-            deepest = max(deepest, float(cycle[0, Cycle.DEEPEST]))
-            if not math.isnan(cycle[0, Cycle.ARRIVAL]):
-                arrivals, arrived = arrivals + float(cycle[0, Cycle.ARRIVAL]), arrived + 1
-    drive = sum(
-        float(accounts[a])
-        for a in (Account.PUMP_ENERGY, Account.VALVE_ENERGY, Account.HOLDING_ENERGY)
-    )
-    rest = sum(
-        float(accounts[a])
-        for a in (Account.LOAD_ENERGY, Account.SURFACING_ENERGY, Account.SELF_DISCHARGED)
-    )
-    return np.array(
-        [
-            *drawn, float(at[At.STOP]), float(at[At.CYCLE]), missed,
-            arrivals / arrived if arrived else math.nan, deepest, x[Now.T], drive, drive + rest,
-            accounts[Account.PUMP_RUNS], x[Now.CHARGE],
+    @cached_property
+    def plans(self) -> list[Plan]:
+        """A plan for each water."""
+        return [
+            make_plan(self.vehicle, self.mission, c, cycles=self.cycles, span=self.span)
+            for c in self.columns
         ]
-    )  # fmt: skip
+
+    @cached_property
+    def design(self) -> Design | None:
+        """Which floats give the Sobol indices; None where that is not asked for."""
+        if not self.sensitivity:
+            return None
+        sensors = self.vehicle.sensors
+        noisy = sensors.depth_noise > 0.0 or sensors.volume_noise > 0.0
+        return Design.of(
+            self.spread, casts=len(self.columns), noisy=noisy, seed=self.seed, floats=self.floats
+        )
+
+    @cached_property
+    def layout(self) -> Layout:
+        """The shape of the store, and what it says of the campaign."""
+        count = self.floats if self.design is None else self.design.floats
+        energy = self.plans[0].energy_known
+        return Layout(
+            folder=self.store, floats=count, cycles=self._most_cycles(),
+            chunk=min(max(math.ceil(count / _PARTS), 1), CHUNK),
+            about={
+                "vehicle": self.vehicle.name, "mission": self.mission.name,
+                "waters": [column.source for column in self.columns], "seed": self.seed,
+                "spread": self.spread.model_dump(mode="json"), "energy_unknown": energy,
+            },
+            hashes={
+                "vehicle": identity(self.vehicle), "mission": identity(self.mission),
+                "cast": identity(list(self.columns)), "seed": identity(self.seed),
+                "spread": identity(self.spread), "number of floats": identity(self.floats),
+                "cycles and duration": identity(self.cycles, self.span),
+                "kind of draws": identity(self.sensitivity), "version": software(),
+            },
+        )  # fmt: skip
+
+    @property
+    def name(self) -> str:
+        """A name by which the same job is known everywhere."""
+        return identity(self.layout.hashes)
+
+    @property
+    def count(self) -> int:
+        """How many chunks there are."""
+        return self.layout.count
+
+    def check(self) -> bool:
+        """Return whether the store is there; raises InputError where it is another campaign's."""
+        return self.layout.check()
+
+    def create(self) -> None:
+        """Make the store where there is none yet."""
+        self.layout.create()
+
+    def do(self, chunk: int) -> None:
+        """Fly the floats of a chunk and write them to the store."""
+        numbers = self.layout.numbers(chunk)
+        flown = [self._one(n) for n in numbers]
+        floats = dict(zip(FLOATS, np.array([row for row, _ in flown]).T, strict=True))
+        width = self.layout.cycles
+        cycles = np.full((len(CYCLES), len(flown), width), np.nan)
+        for n, (_, rows) in enumerate(flown):
+            cycles[:, n, : len(rows)] = np.array(rows).reshape(-1, len(CYCLES)).T
+        self.layout.write(chunk, floats | dict(zip(CYCLES, cycles, strict=True)))
+
+    def done(self) -> set[int]:
+        """Return the chunks that are done."""
+        return self.layout.done()
+
+    def _most_cycles(self) -> int:
+        """Return how many cycles there can be: as many as asked for, or as fit into the time."""
+        g, stages = self.plans[0].given, self.plans[0].stages
+        last, span = float(g[Given.LAST_CYCLE]), float(g[Given.LAST_TIME])
+        shortest = float(np.sum(stages[:, Stage.DURATION]))
+        if math.isfinite(span) and shortest > 0.0:
+            last = min(last, math.floor(span / shortest) + 1.0)
+        if last > _LONGEST:
+            raise InputError(
+                f"a float may do more than {_LONGEST} cycles", field="--cycles",
+                value=last, remedy="Say how many cycles it does at most: --cycles 1000",
+            )  # fmt: skip
+        return int(last)
+
+    def _one(self, number: int) -> tuple[list[float], list[list[float]]]:
+        """Fly one float; return its row of `Fact`, and a row of `CYCLES` for each cycle."""
+        if self.design is None:
+            drawn = draw(self.spread, seed=self.seed, number=number, casts=len(self.columns))
+            noise = number
+        else:
+            drawn, noise = self.design.drawn(number)
+        plan = varied(self.plans[int(drawn[Drawn.CAST])], drawn)
+        x, at, accounts = first_state(plan, self.mission, seed=self.seed * MOST + noise)
+        nothing = np.zeros((0, int(Row.COUNT))), np.zeros((0, int(Drive.COUNT)))
+        cycle = np.zeros((1, int(Cycle.ACCOUNTS) + int(Account.COUNT)))
+        counts, work = np.zeros(3, dtype=np.int64), np.zeros((6, 8))
+        before, rows = np.zeros(int(Account.COUNT)), list[list[float]]()
+        low, high = math.inf, -math.inf
+        while at[At.STOP] == 0:
+            counts[:] = 0
+            kernel.fly_kernel(
+                plan.given, plan.table, plan.waves, plan.stages, x, at, accounts, *nothing, cycle,
+                counts, work,
+            )  # fmt: skip
+            if counts[2]:
+                now = cycle[0, Cycle.ACCOUNTS :].copy()
+                rows.append(_cycle(cycle[0], now - before, plan.given))
+                before = now
+                low = min(low, float(cycle[0, Cycle.V_LEAST]))
+                high = max(high, float(cycle[0, Cycle.V_MOST]))
+        low, high = min(low, float(x[Now.V_LEAST])), max(high, float(x[Now.V_MOST]))
+        kept = np.array(rows).reshape(-1, len(CYCLES)).T
+        by = dict(zip(CYCLES, kept, strict=True))
+        held = accounts[Account.COUNT :].reshape(-1, int(Holding.COUNT)).sum(axis=0)
+        time = float(held[Holding.TIME])
+        arrived = by["arrival"][np.isfinite(by["arrival"])].tolist()
+        drive, other = _energies(accounts)
+        g = plan.given
+        return [
+            *drawn, float(at[At.STOP]), float(at[At.CYCLE]), float(np.sum(by["phases_missed"])),
+            sum(arrived) / len(arrived) if arrived else math.nan,
+            max([0.0, *by["deepest"].tolist()]), float(x[Now.T]), drive, drive + other,
+            float(accounts[Account.PUMP_RUNS]), float(x[Now.CHARGE]),
+            math.sqrt(float(held[Holding.SQUARES]) / time) if time > 0.0 else math.nan,
+            float(min(low - g[Given.V_MIN], g[Given.V_MAX] - high)),
+        ], rows  # fmt: skip
+
+
+_MADE = ("plans", "design", "layout")
+
+
+def _energies(accounts: Array) -> tuple[float, float]:
+    """Return the energy of the drive, and of all else [J]."""
+    drive = (Account.PUMP_ENERGY, Account.VALVE_ENERGY, Account.HOLDING_ENERGY)
+    other = (Account.LOAD_ENERGY, Account.SURFACING_ENERGY, Account.SELF_DISCHARGED)
+    return sum(float(accounts[a]) for a in drive), sum(float(accounts[a]) for a in other)
+
+
+def _cycle(row: Array, accounts: Array, given: Array) -> list[float]:
+    """Return what is kept of a cycle, in the order of `CYCLES`; accounts: of this cycle alone."""
+    drive, other = _energies(accounts)
+    late = int(row[Cycle.MISSED]) | int(row[Cycle.NOT_HELD])
+    margin = min(row[Cycle.V_LEAST] - given[Given.V_MIN], given[Given.V_MAX] - row[Cycle.V_MOST])
+    return [
+        float(row[Cycle.T_BEGIN]), float(row[Cycle.T_END]), float(row[Cycle.ARRIVAL]),
+        float(row[Cycle.SURFACED]), float(row[Cycle.DEEPEST]), float(late.bit_count()),
+        float(margin), drive, drive + other, float(accounts[Account.PUMP_RUNS]),
+    ]  # fmt: skip

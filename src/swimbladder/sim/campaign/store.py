@@ -1,0 +1,271 @@
+"""What is kept of a campaign: a zarr store of floats and cycles, written chunk by chunk.
+
+The store is shaped before anything is flown. Whoever flew a chunk of floats writes it: every
+variable's part beside the store first, then into its place, and the part of `flown` last. That is
+the marker: where it stands, all the others do, also after a loss of power. Nothing in the store
+depends on when, where or in which order it was flown.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError
+from swimbladder.io.files import make_folder, unfinished
+from swimbladder.jobs import place_files, release
+from swimbladder.sim.mission.core.names import Stop
+
+if TYPE_CHECKING:
+    import zarr
+
+__all__ = ["CYCLES", "FLOATS", "Layout"]
+
+Array = NDArray[np.float64]
+MARKER = "flown"
+_MOST_WIDE = 1024  # cycles in a chunk
+
+
+class _Kept(NamedTuple):
+    """What a variable is: its unit as CF writes it, and its names."""
+
+    units: str
+    long_name: str
+    standard_name: str = ""
+
+
+# In the order of `run.Fact`.
+FLOATS = {
+    "trim": _Kept("m3", "neutral volume more than the vehicle file says"),
+    "psi": _Kept("m3 m-1", "hull compression more than the vehicle file says, volume per depth"),
+    "drag_factor": _Kept("1", "drag over that of the vehicle file"),
+    "pump_factor": _Kept("1", "delivery of the pump over that of the vehicle file"),
+    "mass_factor": _Kept("1", "accelerated mass over that of the vehicle file"),
+    "cast": _Kept("1", "index of the water, from 0"),
+    "stop": _Kept("1", "why it ended"),
+    "cycles": _Kept("1", "cycles flown"),
+    "phases_missed_in_all": _Kept("1", "phases that ran out of time or were not held"),
+    "arrival_mean": _Kept("s", "mean time from the begin of a cycle to its first depth"),
+    "deepest_of_all": _Kept("m", "greatest depth", "depth"),
+    "duration": _Kept("s", "time flown"),
+    "drive_energy_in_all": _Kept("J", "electrical energy of pump, valve and holding"),
+    "battery_energy_in_all": _Kept("J", "energy drawn from the battery"),
+    "pump_runs_in_all": _Kept("1", "runs of the pump"),
+    "charge": _Kept("J", "energy left in the battery"),
+    "holding_error": _Kept("m", "rms distance from the depths of parks and holds after arrival"),
+    "stroke_margin_of_all": _Kept("m3", "stroke that was never used, at the end with the least"),
+}
+# In the order of `run._cycle`.
+CYCLES = {
+    "begin": _Kept("s", "time since the start at which the cycle begins"),
+    "end": _Kept("s", "time since the start at which the cycle ends"),
+    "arrival": _Kept("s", "time from the begin of the cycle to its first depth"),
+    "surfaced": _Kept("s", "time since the start at which it was afloat again"),
+    "deepest": _Kept("m", "greatest depth of the cycle", "depth"),
+    "phases_missed": _Kept("1", "phases that ran out of time or were not held"),
+    "stroke_margin": _Kept("m3", "stroke that was not used, at the end with the least"),
+    "drive_energy": _Kept("J", "electrical energy of pump, valve and holding"),
+    "battery_energy": _Kept("J", "energy drawn from the battery"),
+    "pump_runs": _Kept("1", "runs of the pump"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """The shape of a campaign's store: `floats` by `cycles`, in chunks of `chunk` floats.
+
+    about: what the store says of the campaign. hashes: of each thing that the results depend on.
+    """
+
+    folder: Path
+    floats: int
+    cycles: int
+    chunk: int
+    about: Mapping[str, Any]
+    hashes: Mapping[str, str]
+
+    @property
+    def count(self) -> int:
+        """How many chunks there are."""
+        return -(-self.floats // self.chunk)
+
+    def numbers(self, chunk: int) -> range:
+        """Return the floats of a chunk."""
+        return range(chunk * self.chunk, min((chunk + 1) * self.chunk, self.floats))
+
+    def check(self) -> bool:
+        """Return whether the store is there; raises InputError where it is another campaign's."""
+        try:
+            text = (self.folder / "zarr.json").read_text(encoding="utf-8")
+            found = json.loads(text)["attributes"]["hashes"]
+            differ = [key for key, value in self.hashes.items() if found.get(key) != value]
+        except FileNotFoundError:
+            if self.folder.exists():
+                raise self._refused("this is no store of a campaign") from None
+            return False
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            raise self._refused("this is no store of a campaign") from None
+        if differ:
+            here = f" (this is swimbladder {release()})"
+            raise self._refused(
+                "this is the store of another campaign; what differs: " + ", ".join(differ)
+                + here * ("version" in differ)
+            )  # fmt: skip
+        return True
+
+    def _refused(self, what: str) -> InputError:
+        return InputError(
+            what, file=self.folder, field="--out",
+            remedy="Choose another folder with --out, or remove that one",
+        )  # fmt: skip
+
+    def create(self) -> None:
+        """Make the store where there is none yet; whole, whoever else makes it just now.
+
+        Raises InputError where there is another campaign's.
+        """
+        if self.check():
+            return
+        make_folder(self.folder.parent)
+        try:
+            made = Path(tempfile.mkdtemp(dir=self._aside()))
+            for key, content in self._empty.items():
+                (made / key).parent.mkdir(parents=True, exist_ok=True)
+                (made / key).write_bytes(content)
+            made.chmod(0o755)
+            try:
+                made.rename(self.folder)
+            except OSError:  # another was faster
+                shutil.rmtree(made)
+        except OSError as error:
+            raise InputError(
+                f"cannot make the store: {error.strerror or error}", file=self.folder,
+                field="--out", remedy="Choose another folder with --out",
+            ) from error  # fmt: skip
+        self.check()
+
+    def done(self) -> set[int]:
+        """Return the chunks whose marker stands."""
+        try:
+            return {int(name) for name in os.listdir(self.folder / MARKER / "c") if name.isdigit()}
+        except FileNotFoundError:
+            return set()
+
+    def write(self, chunk: int, values: Mapping[str, Array]) -> None:
+        """Write what was flown of a chunk, its marker last."""
+        import zarr
+        from zarr.core.buffer import cpu
+        from zarr.storage import MemoryStore
+
+        held: dict[str, Any] = {
+            key: cpu.Buffer.from_bytes(content)
+            for key, content in self._empty.items() if key.endswith("zarr.json")
+        }  # fmt: skip
+        group = zarr.open_group(MemoryStore(held), mode="r+")
+        numbers = self.numbers(chunk)
+        rows = slice(numbers.start, numbers.stop)
+        for name, found in values.items():
+            _array(group, name)[rows] = found
+        _array(group, MARKER)[rows] = 1
+        files = {key: buffer.to_bytes() for key, buffer in held.items() if "/c/" in key}
+        marker = f"{MARKER}/c/{chunk}"
+        last = files.pop(marker)
+        try:
+            place_files(self.folder, files, aside=self._aside())
+            place_files(self.folder, {marker: last}, aside=self._aside())
+        except FileNotFoundError:
+            if chunk not in self.done():  # else another has done it, and cleared up
+                raise
+
+    def tidy(self) -> None:
+        """Remove what kills left beside the store."""
+        shutil.rmtree(self._aside(), ignore_errors=True)
+
+    def table(self) -> Array:
+        """Return the floats' variables [floats, len(FLOATS)]; nan where they are not flown."""
+        import zarr
+
+        group = zarr.open_group(self.folder, mode="r")
+        return np.column_stack([np.asarray(_array(group, name)[:], float) for name in FLOATS])
+
+    def _aside(self) -> Path:
+        """Return the folder for what is not whole yet: on the same disk, outside the store."""
+        return make_folder(unfinished(self.folder))
+
+    @cached_property
+    def _empty(self) -> dict[str, bytes]:
+        """The store's files before anything is flown."""
+        import zarr
+        from zarr.codecs import ZstdCodec
+        from zarr.storage import MemoryStore
+
+        held: dict[str, Any] = {}
+        group = zarr.create_group(MemoryStore(held), attributes=self._attributes())
+
+        def create(name: str, data: Any, kept: _Kept, **more: Any) -> None:
+            wide = data.ndim == 2
+            attributes = {"long_name": kept.long_name, "units": kept.units, **more}
+            if kept.standard_name:
+                attributes["standard_name"] = kept.standard_name
+            made = group.create_array(
+                name, shape=data.shape, dtype=data.dtype,
+                chunks=(self.chunk, min(self.cycles, _MOST_WIDE))[: data.ndim]
+                if name not in _AXES else data.shape,
+                fill_value=np.nan if data.dtype.kind == "f" else 0, filters=None,
+                compressors=[ZstdCodec(level=3, checksum=True)],
+                dimension_names=("float", "cycle")[: 1 + wide] if name != "cycle" else ("cycle",),
+                attributes=attributes,
+            )  # fmt: skip
+            if name in _AXES:
+                made[:] = data
+
+        for name, long_name, count in (
+            ("float", "number of the float", self.floats),
+            ("cycle", "number of the cycle", self.cycles),
+        ):
+            create(name, np.arange(1, count + 1, dtype=np.int32), _Kept("1", long_name))
+        one = np.broadcast_to(np.float64(), (self.floats,))
+        for name, kept in FLOATS.items():
+            if name == "stop":
+                words = " ".join(["not_flown", *(s.name.lower() for s in Stop if s)])
+                flags = {"flag_values": [int(s) for s in Stop], "flag_meanings": words}
+                create(name, one.astype(np.int8), kept, **flags)
+            else:
+                create(name, one, kept)
+        for name, kept in CYCLES.items():
+            create(name, np.broadcast_to(np.float64(), (self.floats, self.cycles)), kept)
+        create(
+            MARKER, one.astype(np.int8), _Kept("1", "whether the float was flown"),
+            flag_values=[0, 1], flag_meanings="not_flown flown",
+        )  # fmt: skip
+        with warnings.catch_warnings():  # that version 3 of the format does not know of it yet
+            warnings.simplefilter("ignore")
+            zarr.consolidate_metadata(group.store)
+        return {key: buffer.to_bytes() for key, buffer in held.items()}
+
+    def _attributes(self) -> dict[str, Any]:
+        return {
+            "Conventions": "CF-1.11",
+            "title": f"{self.about['vehicle']}, {self.floats} floats on a mission",
+            "source": f"swimbladder {version('swimbladder')}",
+            "campaign": dict(self.about), "hashes": dict(self.hashes),
+        }  # fmt: skip
+
+
+_AXES = ("float", "cycle")
+
+
+def _array(group: zarr.Group, name: str) -> Any:
+    return group[name]
