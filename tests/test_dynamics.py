@@ -12,11 +12,14 @@ from swimbladder.dynamics import (
     State,
     acceleration,
     drag_force,
+    drag_law,
     drag_per_mass,
+    drag_terms,
     even_drag,
     motor_rhs,
     plant,
     positioner_rhs,
+    terminal_speed,
 )
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle, vehicle_text
@@ -233,3 +236,25 @@ def test_a_drag_that_differs_up_and_down_is_refused_where_loops_are_closed(tmp_p
     with pytest.raises(InputError, match="a drag between the two"):
         plant(vehicle)
     assert plant(even_drag(vehicle)) == plant(load_vehicle("example-eh"))
+
+
+@pytest.mark.parametrize("pull", [0.0, 1e-4, 0.013, 0.3, 5.0])
+@pytest.mark.parametrize("drag", [LINEAR, QUADRATIC, BLENDED, SWITCHED, LITERAL])
+def test_at_the_terminal_speed_drag_balances_the_pull(drag: Drag, pull: float) -> None:
+    """Just below it drag is less than the pull, just above it more; also where the drag jumps."""
+    p = plant(pump(drag=drag))
+    found = terminal_speed(p, pull)
+    if pull == 0.0:
+        assert found == 0.0
+        return
+    assert drag_per_mass(found * (1.0 - 1e-9), p) < pull < drag_per_mass(found * (1.0 + 1e-9), p)
+
+
+@pytest.mark.parametrize("w", [-0.3, -0.02, 0.01, 0.049, 0.2])
+@pytest.mark.parametrize("drag", [LINEAR, QUADRATIC, BLENDED, SWITCHED, LITERAL])
+def test_the_slope_of_the_drag_is_that_of_its_difference(drag: Drag, w: float) -> None:
+    terms, h = drag_terms(drag, 40.0), 1e-6
+    force, slope, rest = drag_law(w, *terms)
+    secant = (drag_law(w + h, *terms)[0] - drag_law(w - h, *terms)[0]) / (2.0 * h)
+    assert slope == pytest.approx(secant, rel=1e-7)
+    assert force == pytest.approx(terms[0] * w - rest, rel=1e-14)

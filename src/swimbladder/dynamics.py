@@ -26,12 +26,14 @@ __all__ = [
     "State",
     "acceleration",
     "drag_force",
+    "drag_law",
     "drag_per_mass",
     "drag_terms",
     "even_drag",
     "motor_rhs",
     "plant",
     "positioner_rhs",
+    "terminal_speed",
 ]
 
 
@@ -147,7 +149,7 @@ def _sag(supply: Supply, actuator: ReducedActuator) -> float:
 
 
 def drag_terms(drag: Drag, m: float) -> tuple[float, float, float, float, float]:
-    """Return (d_l, d_b, d_0, d_t, epsilon) while sinking: see drag_per_mass."""
+    """Return (d_l, d_b, d_0, d_t, epsilon) while sinking: see drag_law."""
     k_dl, k_dt, eps = drag.k_dl, drag.k_dt, drag.epsilon
     if drag.law == "linear":
         return k_dl / m, 0.0, 0.0, 0.0, math.inf
@@ -168,20 +170,42 @@ def even_drag(vehicle: Vehicle) -> Vehicle:
     return vehicle.model_copy(update={"motion": motion.model_copy(update={"drag": drag})})
 
 
+def drag_law(
+    w: float, d_l: float, d_b: float, d_0: float, d_t: float, epsilon: float
+) -> tuple[float, float, float]:
+    """Return drag over mass F_d(w)/m [m/s2] at a speed w [m/s], its slope [1/s], and d_l w less it.
+
+    Eq. (16), symmetric in speed (the paper tests w, not |w|); the terms are those of Plant.
+    Compiled kernels are made of this function too, for many vehicles at once: it has no branches.
+    """
+    size = abs(w)
+    laminar = (size <= epsilon) & (epsilon > 0.0)
+    beside = d_l * size - (d_b * size + d_0 + d_t * size * size)
+    beside = beside if w > 0.0 else -beside
+    rest = 0.0 if laminar | (size == 0.0) else beside
+    return d_l * w - rest, d_l if laminar else d_b + 2.0 * d_t * size, rest
+
+
 def drag_per_mass(w: float, p: Plant) -> float:
-    """Drag over mass F_d(w)/m [m/s2], eq. (16), symmetric in speed (the paper tests w, not |w|)."""
-    if abs(w) <= p.epsilon and p.epsilon > 0.0:
-        return p.d_l * w
-    return p.d_b * w + math.copysign(p.d_0 + p.d_t * w * w, w) if w != 0.0 else 0.0
+    """Drag over mass F_d(w)/m [m/s2], eq. (16)."""
+    return drag_law(w, p.d_l, p.d_b, p.d_0, p.d_t, p.epsilon)[0]
 
 
 def drag_force(drag: Drag, w: float) -> float:
     """Drag F_d(w) [N] at a speed w [m/s], eq. (16), symmetric but for `rising_ratio`."""
     share = 1.0 if w >= 0.0 else drag.rising_ratio
-    d_l, d_b, d_0, d_t, epsilon = drag_terms(drag, 1.0 / share)
-    if abs(w) <= epsilon and epsilon > 0.0:
-        return d_l * w
-    return d_b * w + math.copysign(d_0 + d_t * w * w, w) if w != 0.0 else 0.0
+    return drag_law(w, *drag_terms(drag, 1.0 / share))[0]
+
+
+def terminal_speed(p: Plant, pull: float) -> float:
+    """Return the speed [m/s] at which the drag over mass is `pull` [m/s2], not below 0."""
+    if pull <= 0.0:
+        return 0.0
+    if pull <= p.d_l * p.epsilon:
+        return pull / p.d_l
+    beyond = max(pull - p.d_0, 0.0)
+    root = p.d_b + math.sqrt(p.d_b * p.d_b + 4.0 * p.d_t * beyond)
+    return max(2.0 * beyond / root, p.epsilon)  # epsilon: where the drag jumps past the pull
 
 
 def acceleration(V: float, z: float, w: float, p: Plant) -> float:

@@ -8,8 +8,9 @@ import pytest
 from scipy.linalg import expm
 
 from swimbladder.dynamics import Plant, plant
-from swimbladder.engine.chain import ALPHA, BETA, COEFFICIENTS, LEVELS, build_chain, drag_rest
+from swimbladder.engine.chain import ALPHA, BETA, COEFFICIENTS, LEVELS, build_chain
 from swimbladder.engine.modes import Act, Where
+from swimbladder.engine.modes import drag as drag_of
 from tests.vehicles import BLENDED, LITERAL, QUADRATIC, SWITCHED, paper, pump, screw, stepper
 
 VEHICLES = {
@@ -186,4 +187,4 @@ def test_rest_of_the_drag(drag) -> None:
         }[drag.law]
         laminar = 0.0 if drag.law == "quadratic" else drag.k_dl * w
         expected = (laminar - math.copysign(force, w)) / m
-        assert drag_rest(np.array(p), w) == pytest.approx(expected, rel=1e-12, abs=1e-18)
+        assert drag_of(np.array(p), w)[2] == pytest.approx(expected, rel=1e-12, abs=1e-18)

@@ -68,6 +68,7 @@ from swimbladder.engine.modes import (
     Z_AIR,
     Z_BOTTOM,
     Z_SURFACE,
+    drag_at,
     resting_volume,
     split,
 )
@@ -233,10 +234,7 @@ def _rest(S, W_, i, w):  # type: ignore[no-untyped-def]
     """Return N(w) of lane i, see engine.chain.drag_rest."""
     d_l, d_b = S[(PLANT + D_L) * W_ + i], S[(PLANT + D_B) * W_ + i]
     d_0, d_t = S[(PLANT + D_0) * W_ + i], S[(PLANT + D_T) * W_ + i]
-    m = abs(w)
-    rest = d_l * m - (d_b * m + d_0 + d_t * m * m)
-    rest = rest if w > 0.0 else -rest
-    return 0.0 if (m <= S[(PLANT + EPSILON) * W_ + i]) | (m == 0.0) else rest
+    return drag_at(w, d_l, d_b, d_0, d_t, S[(PLANT + EPSILON) * W_ + i])[2]
 
 
 @inlined

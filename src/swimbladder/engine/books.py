@@ -13,13 +13,11 @@ import math
 from enum import IntEnum
 
 from swimbladder.engine.cache import compiled, part
-from swimbladder.engine.chain import drag_rest
 from swimbladder.engine.layers import layered
 from swimbladder.engine.modes import (
     A_B,
     A_S,
     BACKWARD,
-    D_L,
     FORWARD,
     FRICTION,
     GAIN,
@@ -40,6 +38,7 @@ from swimbladder.engine.modes import (
     UPPER,
     V_0,
     Z_SURFACE,
+    drag,
     split,
     supply_limit,
 )
@@ -82,7 +81,7 @@ def _simpson(a, b, c, h):  # type: ignore[no-untyped-def]
 
 @part
 def _drag_power(p, w):  # type: ignore[no-untyped-def]
-    return w * (p[D_L] * w - drag_rest(p, w))
+    return w * drag(p, w)[0]
 
 
 @compiled

@@ -17,15 +17,7 @@ import numpy as np
 from swimbladder.dynamics import Plant
 from swimbladder.engine.cache import compiled, inlined, part
 from swimbladder.engine.layers import NO_LAYERS, Layers, layered
-from swimbladder.engine.modes import (
-    A_B,
-    D_0,
-    D_B,
-    D_L,
-    D_T,
-    EPSILON,
-    linear_part,
-)
+from swimbladder.engine.modes import A_B, EPSILON, drag, linear_part
 from swimbladder.errors import InputError
 
 __all__ = [
@@ -39,7 +31,6 @@ __all__ = [
     "book_steps",
     "build_chain",
     "copy",
-    "drag_rest",
     "leap",
 ]
 
@@ -152,17 +143,6 @@ def build_chain(p, mode, h, chain):  # type: ignore[no-untyped-def]
 
 
 @part
-def drag_rest(p, w):  # type: ignore[no-untyped-def]
-    """Return N(w) [m/s2]: what the laminar part d_l w leaves out of minus drag over mass."""
-    magnitude = abs(w)
-    if magnitude <= p[EPSILON]:
-        return 0.0
-    turbulent = p[D_B] * magnitude + p[D_0] + p[D_T] * magnitude * magnitude
-    rest = p[D_L] * magnitude - turbulent
-    return rest if w > 0.0 else -rest
-
-
-@part
 def _branch(p, w):  # type: ignore[no-untyped-def]
     """Return the branch of a switched drag law: 0 laminar, 1 and -1 turbulent; 0 of other laws."""
     epsilon = p[EPSILON]
@@ -196,13 +176,13 @@ def leap(chain, level, p, layers, nonlinear, x, u, y):  # type: ignore[no-untype
             + half[_BU + 3] * u
             + half[_B1 + 3]
         )
-        N0 = drag_rest(p, w)
+        N0 = drag(p, w)[2]
         wa = w_half + c[ALPHA] * N0
-        Na = drag_rest(p, wa)
+        Na = drag(p, wa)[2]
         wb = w_half + c[ALPHA] * Na
-        Nb = drag_rest(p, wb)
+        Nb = drag(p, wb)[2]
         wc = y[3] + c[BETA] * N0 + c[ALPHA] * (2.0 * Nb - N0)
-        Nc = drag_rest(p, wc)
+        Nc = drag(p, wc)[2]
         for r in range(5):
             y[r] += c[_F1 + r] * N0 + c[_F2 + r] * (Na + Nb) + c[_F3 + r] * Nc
         branch = _branch(p, w)
@@ -215,7 +195,7 @@ def leap(chain, level, p, layers, nonlinear, x, u, y):  # type: ignore[no-untype
 @part
 def _rest(p, layers, z, w):  # type: ignore[no-untyped-def]
     """Return N(z, w) [m/s2]: nonlinear drag, and the pull of what layers add at depth z."""
-    return drag_rest(p, w) + p[A_B] * layered(layers, z)[0]
+    return drag(p, w)[2] + p[A_B] * layered(layers, z)[0]
 
 
 @part

@@ -10,8 +10,8 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import NamedTuple
 
-from swimbladder.dynamics import Plant
-from swimbladder.engine.cache import compiled, part
+from swimbladder.dynamics import Plant, drag_law
+from swimbladder.engine.cache import compiled, inlined, part
 from swimbladder.engine.layers import layered
 
 __all__ = [
@@ -22,6 +22,8 @@ __all__ = [
     "SLOW_BOBBING",
     "Act",
     "Where",
+    "drag",
+    "drag_at",
     "event",
     "first_mode",
     "linear_part",
@@ -103,6 +105,15 @@ assert LANE._fields == Plant._fields
     POSITIONER, T1, GAIN, LOAD_DRIVE, LOAD_BACK, FRICTION, K_L, RATE, V_MIN, V_MAX, SUPPLY, SAG,
     KAPPA, A_B, PSI, V_0, D_L, D_B, D_0, D_T, EPSILON, Z_SURFACE, A_S, Z_AIR, Z_BOTTOM,
 ) = LANE  # fmt: skip
+
+
+drag_at = inlined(drag_law)
+
+
+@part
+def drag(p, w):  # type: ignore[no-untyped-def]
+    """Return drag over mass [m/s2], its slope [1/s] and N(w), see dynamics.drag_law."""
+    return drag_at(w, p[D_L], p[D_B], p[D_0], p[D_T], p[EPSILON])
 
 
 @part

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.dynamics import Plant, plant
+from swimbladder.dynamics import Plant, plant, terminal_speed
 from swimbladder.errors import InputError
 from swimbladder.faults.kinds import Fault, draw_fault, kinds_of
 from swimbladder.faults.rows import Condition, Harm
@@ -224,11 +224,7 @@ def _set_points(
 def _rise_speed(p: Plant, depth: float) -> float:
     """Return the terminal speed [m/s] of full buoyancy half way up from a depth [m]."""
     lift = p.V_max - p.V_0 - 0.5 * p.psi * depth
-    pull = p.a_b * max(lift, 0.05 * (p.V_max - p.V_min))
-    if math.isinf(p.epsilon):
-        return pull / p.d_l
-    linear, turbulent = p.d_b, p.d_t  # d_t w^2 + d_b w = pull
-    return (math.sqrt(linear**2 + 4.0 * turbulent * pull) - linear) / (2.0 * turbulent)
+    return terminal_speed(p, p.a_b * max(lift, 0.05 * (p.V_max - p.V_min)))
 
 
 def _condition(

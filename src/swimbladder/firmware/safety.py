@@ -6,7 +6,7 @@ import math
 
 from swimbladder.control.law import NEVER
 from swimbladder.control.supervisor_records import SupervisorParameters
-from swimbladder.dynamics import Plant, drag_per_mass, plant
+from swimbladder.dynamics import Plant, drag_per_mass, plant, terminal_speed
 from swimbladder.errors import InputError
 from swimbladder.parameters import Vehicle
 
@@ -92,7 +92,7 @@ def supervisor_parameters(
     if given.frozen is not None:
         same = ticks(given.frozen, tick)
     patience = max(3, ticks(given.patience, tick))
-    fastest = (_terminal_speed(p, half + neutral_range) + _WATER_SPEED) * tick
+    fastest = (terminal_speed(p, p.a_b * (half + neutral_range)) + _WATER_SPEED) * tick
     moving = 6.0 * noise + 2.0 * quantum
     still = ticks(max(_STILL_S, math.sqrt(6.0 * (moving + 0.02) / (p.a_b * change))), tick)
     whole = None if given.time_limit is None else math.ceil(given.time_limit / tick - 1e-6)
@@ -260,12 +260,3 @@ def _same_ticks(noise: float, quantum: float, tick: float) -> int:
     if samples * tick > _HIDDEN_S or samples > _COUNTED:
         return NEVER
     return max(ticks(_AT_LEAST_S, tick), math.ceil(samples))
-
-
-def _terminal_speed(p: Plant, volume: float) -> float:
-    """Return the speed [m/s] at which the drag balances a volume [m3] beyond the neutral one."""
-    low, high = 0.0, 100.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if drag_per_mass(middle, p) < p.a_b * volume else (low, middle)
-    return high

@@ -22,7 +22,6 @@ from swimbladder.engine.layers import layered
 from swimbladder.engine.modes import (
     A_B,
     A_S,
-    D_0,
     D_B,
     D_L,
     D_T,
@@ -30,6 +29,7 @@ from swimbladder.engine.modes import (
     PSI,
     Z_BOTTOM,
     Z_SURFACE,
+    drag,
 )
 
 __all__ = ["BOBBING_DAMPING", "transition"]
@@ -147,27 +147,15 @@ def _laminar(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-unt
 
 
 @part
-def _drag(p, w):  # type: ignore[no-untyped-def]
-    """Return drag over mass [m/s2] and its slope [1/s], eq. (16)."""
-    magnitude = abs(w)
-    if magnitude <= p[EPSILON] and p[EPSILON] > 0.0:
-        return p[D_L] * w, p[D_L]
-    force = p[D_B] * magnitude + p[D_T] * magnitude * magnitude
-    if magnitude > 0.0:
-        force += p[D_0]
-    return (force if w > 0.0 else -force), p[D_B] + 2.0 * p[D_T] * magnitude
-
-
-@part
 def _slopes(p, layers, x, V, walk2, jolt2, tau, out):  # type: ignore[no-untyped-def]
     """Right-hand side of x: z, w, then F's columns (z and w rows of each), then Q's five parts.
 
     V: volume less neutral volume [m3]; tau: time since the step began [s].
     """
     z, w = x[0], x[1]
-    drag, bends = _drag(p, w)
+    taken, bends, _ = drag(p, w)
     added, steeper = layered(layers, z)
-    force = p[A_B] * (p[PSI] * z + added - V) - drag
+    force = p[A_B] * (p[PSI] * z + added - V) - taken
     pull, damping = p[A_B] * (p[PSI] + steeper), bends
     if z < p[Z_SURFACE]:
         bobbing = 2.0 * BOBBING_DAMPING * math.sqrt(p[A_S])
@@ -272,9 +260,9 @@ def transition(p, layers, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ign
         for j in range(3):
             F[i, j] = 1.0 if i == j else 0.0
             Q[i, j] = 0.0
-    drag, _ = _drag(p, w)
+    taken = drag(p, w)[0]
     steady = p[A_B] * (p[PSI] * z + layered(layers, z)[0] + V0)
-    pulls = (steady - p[A_B] * Va - drag, steady - p[A_B] * Vb - drag)
+    pulls = (steady - p[A_B] * Va - taken, steady - p[A_B] * Vb - taken)
     up = max(-w, 0.0) * h + 0.5 * max(-min(pulls[0], pulls[1]), 0.0) * h * h
     down = max(w, 0.0) * h + 0.5 * max(pulls[0], pulls[1], 0.0) * h * h
     rises = z - up <= p[Z_SURFACE]

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from swimbladder.dynamics import Plant, drag_per_mass
+from swimbladder.dynamics import Plant, drag_law
 from swimbladder.linear.models import Array, linearise
 
-__all__ = ["STATES", "Steps", "drag_slope", "steps_along"]
+__all__ = ["STATES", "Steps", "drag_along", "steps_along"]
 
 STATES = ("q", "V", "z", "w")
 
@@ -53,9 +53,8 @@ def steps_along(p: Plant, h: float, speed: Array, back: NDArray[np.bool_]) -> St
                 M[chosen, :4, :4] = model.A
                 M[chosen, :4, 4] = model.B[:, 0]
                 M[chosen, 0, 5] = -p.gain * friction / p.T1
-    slope = drag_slope(p, w)
+    drag, slope = drag_along(p, w)
     M[:, 3, 3] = -slope
-    drag = np.array([drag_per_mass(float(x), p) for x in w])
     M[:, 3, 5] = p.a_b * p.V_0 + slope * w - drag
     E = _exponential(M * h)
     A, B, c = E[:, :4, :4].copy(), E[:, :4, 4].copy(), E[:, :4, 5].copy()
@@ -81,8 +80,8 @@ def _of_positioner(p: Plant) -> Array:
     return A
 
 
-def drag_slope(p: Plant, w: Array) -> Array:
-    """Return the slope of drag over mass [1/s] at the speeds w [m/s]."""
-    size = np.abs(w)
-    laminar = (size <= p.epsilon) & (p.epsilon > 0.0)
-    return np.where(laminar, p.d_l, p.d_b + 2.0 * p.d_t * size)
+def drag_along(p: Plant, w: Array) -> tuple[Array, Array]:
+    """Return drag over mass [m/s2] and its slope [1/s] at the speeds w [m/s]."""
+    terms = (p.d_l, p.d_b, p.d_0, p.d_t, p.epsilon)
+    found = np.array([drag_law(x, *terms)[:2] for x in w.tolist()])
+    return found[:, 0], found[:, 1]

@@ -29,6 +29,7 @@ from __future__ import annotations
 import math
 
 from swimbladder.engine.cache import inlined, part
+from swimbladder.engine.modes import drag_at
 from swimbladder.mission.core.line import line_flow
 from swimbladder.mission.core.lookup import value
 from swimbladder.mission.core.names import Doing, Given, Table
@@ -80,12 +81,9 @@ H34, H35 = 24.76722511418386, -6.594389125716872
 @part
 def drag(p, w):  # type: ignore[no-untyped-def]
     """Return drag over mass [m/s2] and its derivative [1/s], eq. (16), other while rising."""
-    size = abs(w)
     share = p[RISING] if w < 0.0 else 1.0
-    if size <= p[EPSILON] and p[EPSILON] > 0.0:
-        return share * p[D_L] * w, share * p[D_L]
-    force = p[D_B] * w + math.copysign(p[D_0] + p[D_T] * size * size, w)
-    return share * force, share * (p[D_B] + 2.0 * p[D_T] * size)
+    force, slope, _ = drag_at(w, p[D_L], p[D_B], p[D_0], p[D_T], p[EPSILON])
+    return share * force, share * slope
 
 
 @part
