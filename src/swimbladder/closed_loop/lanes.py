@@ -49,23 +49,22 @@ from swimbladder.engine.books import decays, enter
 from swimbladder.engine.cache import compiled, inlined, part, wide
 from swimbladder.engine.chain import leap
 from swimbladder.engine.modes import EPSILON, first_mode
+from swimbladder.engine.sensor import Sensor, measured
 
 LAW_NOT_FINITE = 5
 
-__all__ = ["LAW_NOT_FINITE", "run_block", "start_block"]
+__all__ = ["LAW_NOT_FINITE", "measure_block", "run_block", "start_block"]
 
 
-@part
-def _measure(S, token, noise, k):  # type: ignore[no-untyped-def]
-    """Write what noisy sensors say: the state, noise, then the quantum."""
+@compiled
+def measure_block(S, token, noise, k):  # type: ignore[no-untyped-def]
+    """Write what the sensors give."""
     W_ = len(token)
     for i in range(W_):
-        z = S[Z * W_ + i] + S[DEPTH_NOISE * W_ + i] * noise[k, 0, i]
-        v = S[V * W_ + i] + S[VOLUME_NOISE * W_ + i] * noise[k, 1, i]
-        dz = S[DEPTH_QUANTUM * W_ + i]
-        dv = S[VOLUME_QUANTUM * W_ + i]
-        S[SEEN_DEPTH * W_ + i] = dz * np.floor(z / dz + 0.5) if dz > 0.0 else z
-        S[SEEN_VOLUME * W_ + i] = dv * np.floor(v / dv + 0.5) if dv > 0.0 else v
+        of_depth = Sensor(S[DEPTH_NOISE * W_ + i], S[DEPTH_QUANTUM * W_ + i])
+        of_volume = Sensor(S[VOLUME_NOISE * W_ + i], S[VOLUME_QUANTUM * W_ + i])
+        S[SEEN_DEPTH * W_ + i] = measured(of_depth, S[Z * W_ + i], noise[k, 0, i])
+        S[SEEN_VOLUME * W_ + i] = measured(of_volume, S[V * W_ + i], noise[k, 1, i])
 
 
 @part
@@ -145,7 +144,7 @@ def run_block(  # type: ignore[no-untyped-def]
         if k == 0 or turn[k] != turn[k - 1]:
             _set_targets(S, token, depths[turn[k]])
         if noise.shape[0] > 0:
-            _measure(S, token, noise, k - first)
+            measure_block(S, token, noise, k - first)
         if k == 0:
             _start_laws(S, token, like, t)
         if whole and k < turn.shape[0] - 1:

@@ -23,6 +23,7 @@ from swimbladder.engine.modes import (
     V_MAX,
     V_MIN,
 )
+from swimbladder.engine.sensor import quantised
 from swimbladder.faults.kinds import Fault
 
 __all__ = [
@@ -76,8 +77,7 @@ def see_depth(harms, k, tick, depth, quantum, kept, late):  # type: ignore[no-un
             depth *= 1.0 + harm[_FIRST]
         elif kind == DEPTH_NOISE:
             depth += harm[_FIRST] * np.random.normal()  # noqa: NPY002
-    if quantum > 0.0:
-        depth = quantum * math.floor(depth / quantum + 0.5)
+    depth = quantised(depth, quantum)
     late[k % late.shape[0]] = depth
     age = 0.0
     for n in range(harms.shape[0]):
@@ -115,8 +115,7 @@ def see_volume(harms, k, tick, volume, quantum, stroke, kept):  # type: ignore[n
         harm = harms[n]
         if _on(harm, k) and int(harm[_KIND]) == VOLUME_DRIFT:
             volume += harm[_FIRST] * stroke * tick * (k - harm[_BEGIN])
-    if quantum > 0.0:
-        volume = quantum * math.floor(volume / quantum + 0.5)
+    volume = quantised(volume, quantum)
     for n in range(harms.shape[0]):
         harm = harms[n]
         if not _on(harm, k):

@@ -23,7 +23,7 @@ from swimbladder.mission.core.names import (
     Stage,
     Table,
 )
-from swimbladder.mission.core.sensing import measured, measured_volume, noise
+from swimbladder.mission.core.sensing import measured, measured_volume, normal
 
 __all__ = ["FULL", "end_run", "look", "note", "start_run"]
 
@@ -90,7 +90,7 @@ def _end_of(p, at, doing, goal):  # type: ignore[no-untyped-def]
     elif q > 0.0:
         goal = q * (math.floor(goal / q + _PAST) + 0.5 - _PAST)
     if p[VOLUME_NOISE] > 0.0:
-        goal -= noise(at, p[VOLUME_NOISE])
+        goal -= p[VOLUME_NOISE] * normal(at)
     return goal
 
 

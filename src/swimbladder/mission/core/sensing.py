@@ -7,9 +7,11 @@ import math
 import numpy as np
 
 from swimbladder.engine.cache import part
+from swimbladder.engine.sensor import Sensor
+from swimbladder.engine.sensor import measured as reading
 from swimbladder.mission.core.names import At, Given, Now
 
-__all__ = ["measured", "measured_volume", "noise"]
+__all__ = ["measured", "measured_volume", "normal"]
 
 T, Z, V = int(Now.T), int(Now.Z), int(Now.V)
 DRAWS, SEED, BY_VOLUME = int(At.DRAWS), int(At.SEED), int(Given.BY_VOLUME)
@@ -32,11 +34,11 @@ def _random(seed, draw):  # type: ignore[no-untyped-def]
 
 
 @part
-def noise(at, sigma):  # type: ignore[no-untyped-def]
-    """Draw a normal number of standard deviation `sigma` (Box and Muller 1958)."""
+def normal(at):  # type: ignore[no-untyped-def]
+    """Draw a number of the standard normal distribution (Box and Muller 1958)."""
     a, b = _random(at[SEED], at[DRAWS]), _random(at[SEED], at[DRAWS] + 1)
     at[DRAWS] += 2
-    return sigma * math.sqrt(-2.0 * math.log(a)) * math.cos(2.0 * math.pi * b)
+    return math.sqrt(-2.0 * math.log(a)) * math.cos(2.0 * math.pi * b)
 
 
 @part
@@ -49,20 +51,13 @@ def measured(p, waves, x, at):  # type: ignore[no-untyped-def]
             swell += waves[k, 0] * math.exp(-waves[k, 4] * max(x[Z], 0.0)) * math.sin(angle)
     if at[SEED] < 0:
         return x[Z] - swell
-    z = x[Z] - swell + noise(at, p[NOISE])
-    if p[RESOLUTION] > 0.0:
-        z = p[RESOLUTION] * math.floor(z / p[RESOLUTION] + 0.5)
-    return z
+    return reading(Sensor(p[NOISE], p[RESOLUTION]), x[Z] - swell, normal(at))
 
 
 @part
 def measured_volume(p, x, at):  # type: ignore[no-untyped-def]
     """Return the volume as the sensor gives it [m3]: with white noise and quantum where seeded."""
-    v = x[V]
     if at[SEED] < 0 or p[BY_VOLUME] == 0.0:
-        return v
-    if p[VOLUME_NOISE] > 0.0:
-        v += noise(at, p[VOLUME_NOISE])
-    if p[VOLUME_QUANTUM] > 0.0:
-        v = p[VOLUME_QUANTUM] * math.floor(v / p[VOLUME_QUANTUM] + 0.5)
-    return v
+        return x[V]
+    drawn = normal(at) if p[VOLUME_NOISE] > 0.0 else 0.0
+    return reading(Sensor(p[VOLUME_NOISE], p[VOLUME_QUANTUM]), x[V], drawn)
