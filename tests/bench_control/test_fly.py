@@ -10,7 +10,7 @@ from swimbladder.bench_control.fly import Flown, fly, measure, no_energy, summar
 from swimbladder.bench_control.scenarios import SCENARIOS, Placed, Scenario, place, places
 from swimbladder.bench_control.swell import depth_error
 from swimbladder.closed_loop import simulate
-from swimbladder.closed_loop.by_hand import as_law
+from swimbladder.closed_loop.function import as_law
 from swimbladder.io.config import load_vehicle
 from swimbladder.tune.region import region
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.closed_loop.dispatch import enroll
-from swimbladder.closed_loop.lanes import start_block
+from swimbladder.closed_loop.lanes import measure_block, start_block
 from swimbladder.closed_loop.outside import kernel_of
 from swimbladder.closed_loop.rows import RECORDED, Row, rows
 from swimbladder.control.law import Law
@@ -28,6 +28,7 @@ __all__ = ["Block", "Schedule", "schedule", "work_space"]
 _EVENTS = 2000  # passages kept of each vehicle; more are counted
 _V_0 = Row.PLANT + Plant._fields.index("V_0")
 _CHUNK = 4096  # ticks between calls: progress, interruption, memory of the noise
+_SHOWN = 256  # ticks between calls of `progress` where every tick is a call
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,10 +133,12 @@ class Block:
         self,
         progress: Callable[[int], None] | None = None,
         chains: NDArray[np.float64] | None = None,
+        ask: Callable[[int], None] | None = None,
     ) -> None:
         """Run to the end; `progress` gets the number of ticks done after each chunk.
 
-        chains: work space of an earlier run of as many lanes, see `work_space`.
+        chains: work space of an earlier run of as many lanes, see `work_space`. ask: called with
+        the number of each tick before the law is, once the sensors have measured.
         """
         enroll(self.law)
         token = (0.0,) * self.lanes
@@ -156,33 +159,38 @@ class Block:
                 self.work[[Row.DEPTH_QUANTUM, Row.VOLUME_QUANTUM]] = 0.0  # ideal sensors
         start_block(flat, token, self.clock.tick / self.parts, chains, built, self.layers)
         kernel = kernel_of(self.law)
-        for first, last in self._spans():
+        unseen = np.zeros((0, 2, self.lanes))
+        for first, last in self._spans(_CHUNK if ask is None else 1):
             if self.neutral is not None and np.any(self.neutral[first] != now):
                 now = self.neutral[first]
                 self.work[_V_0] = trim + now
                 built[:] = 0
                 start_block(flat, token, self.clock.tick / self.parts, chains, built, self.layers)
                 self.work[Row.SLOW][self.work[Row.STOPPED] != 0.0] = 1.0  # as the kernel left them
+            noise = self._amiss(first, last, sigma)
+            if ask is not None:
+                if len(noise):
+                    measure_block(flat, token, noise, 0)
+                    noise = unseen
+                ask(first)
             kernel(
                 flat, token, bend, self.parameters, state, first, last, self.clock.tick, self.parts,
-                self.clock.turn, self.clock.given, self.depths, self._amiss(first, last, sigma),
-                self.record, row, chains, built, self.books, self.log, self.noted,
-                self.layers,
+                self.clock.turn, self.clock.given, self.depths, noise, self.record, row, chains,
+                built, self.books, self.log, self.noted, self.layers,
             )  # fmt: skip
-            if progress is not None:
+            if progress is not None and (ask is None or last % _SHOWN == 0):
                 progress(last)
             if bool(np.all(self.work[Row.STOPPED] != 0.0)):
                 break
 
-    def _spans(self) -> Iterator[tuple[int, int]]:
-        """Yield (first, end) of the ticks between which the neutral volume stays as it is."""
+    def _spans(self, most: int) -> Iterator[tuple[int, int]]:
+        """Yield (first, end) of at most so many ticks, in which the neutral volume stays."""
         end = self.clock.ticks + 1
-        cuts = set(range(0, end, _CHUNK)) | {end}
-        if self.neutral is not None:
-            cuts |= set(
-                (1 + np.flatnonzero(np.any(np.diff(self.neutral, axis=0), axis=1))).tolist()
-            )
-        yield from itertools.pairwise(sorted(cuts))
+        if self.neutral is None:
+            yield from ((k, min(k + most, end)) for k in range(0, end, most))
+            return
+        turns = 1 + np.flatnonzero(np.any(np.diff(self.neutral, axis=0), axis=1))
+        yield from itertools.pairwise(sorted({*range(0, end, most), end, *turns.tolist()}))
 
     def _amiss(self, first: int, last: int, sigma: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what the sensors add to the state over their noise, [ticks, 2, lanes], or nothing.

@@ -22,7 +22,7 @@ from swimbladder.engine.cache import compiled
 
 __all__ = ["fingerprint", "kernel_of"]
 
-_OWN = "swimbladder.control."
+_OWN = ("swimbladder.control.", "swimbladder.closed_loop.")
 _PLAIN = (bool, int, float, complex, str, bytes, type(None))
 
 

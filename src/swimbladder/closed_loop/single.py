@@ -60,7 +60,7 @@ def simulate(
         chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time)
         function = None
     else:
-        from swimbladder.closed_loop.by_hand import as_law
+        from swimbladder.closed_loop.function import as_law
 
         chosen, numbers, tick = as_law(vehicle, law, sample_time)
         function = law
@@ -80,9 +80,9 @@ def simulate(
     if function is None:
         block.run(progress)
     else:
-        from swimbladder.closed_loop.by_hand import run_by_hand
+        from swimbladder.closed_loop.function import run_function
 
-        run_by_hand(block, function, progress)
+        run_function(block, function, progress)
     stop = list(StopReason)[int(block.work[Row.STOPPED, 0])]
     n = clock.ticks + 1 if stop is StopReason.FINISHED else int(block.work[Row.STOP_TICK, 0]) + 1
     last = block.work[Row.Q : Row.Q + 4, 0]

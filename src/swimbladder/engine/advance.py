@@ -46,7 +46,6 @@ __all__ = [
     "TOO_DEEP",
     "advance",
     "follow",
-    "step_once",
 ]
 
 DONE, LEFT_WATER, TOO_DEEP, CHATTERS, NOT_FINITE = 0, 1, 2, 3, 4
@@ -185,12 +184,6 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
                     put_at_limit(p, mode, x, books)
             break
     return mode, DONE
-
-
-@compiled
-def step_once(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count):  # type: ignore[no-untyped-def]
-    """Take one step from Python; see `advance`."""
-    return advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count)
 
 
 @compiled
