@@ -11,7 +11,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from swimbladder.dynamics import Plant, drag_law
-from swimbladder.engine.cache import compiled, inlined, part
+from swimbladder.engine.cache import inlined, part, shared
 from swimbladder.engine.layers import layered
 
 __all__ = [
@@ -206,7 +206,7 @@ def _turning(p, u, z, q):  # type: ignore[no-untyped-def]
     return STUCK
 
 
-@compiled
+@shared
 def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
     """Return (new mode or -1, q, w, whether the state was reset) at a state and an input.
 
@@ -291,7 +291,7 @@ def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
     return new_mode, q, w, reset
 
 
-@compiled
+@shared
 def first_mode(p, layers, q, V, z, w, u):  # type: ignore[no-untyped-def]
     """Return (mode, q) that a state starts in; q of a positioner is its rate, 0 at its target."""
     where = SUBMERGED
