@@ -107,6 +107,8 @@ def _function(source: str, **names: Any) -> Any:
 def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
     if not isinstance(like, types.NamedTuple | types.NamedUniTuple):
         return None
+    if any(isinstance(field, types.Array) for field in like):  # not of a lane: handed through
+        return lambda like, work, start, stride: like  # noqa: ARG005
     fields = ", ".join(
         f"work[start + {n} * stride]" for n in range(len(like.instance_class._fields))
     )
