@@ -13,7 +13,11 @@ HEADERS := /usr/include/simavr/sim_avr.h /usr/lib/avr/include/avr/io.h
 PACKAGES := gcc g++ clang gcc-avr avr-libc simavr libsimavr-dev libelf-dev gcc-arm-none-eabi \
   libnewlib-arm-none-eabi cppcheck
 
-.PHONY: help demo test lint format bench calibrate lock python tools clean
+# Where `make prove` begins to draw examples, and how often it draws all of them anew.
+SEED ?= $(shell od -An -N3 -tu4 /dev/urandom | tr -d ' ')
+ROUNDS ?= 10
+
+.PHONY: help demo test prove lint format bench calibrate lock python tools clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  \1\t\2/p' Makefile | expand -t 12
@@ -24,6 +28,15 @@ demo: $(INSTALLED) ## Reproduce the paper and write the report
 
 test: lint ## Lint, check types and layers, and run every test
 	@PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+prove: SEED := $(SEED)
+prove: $(INSTALLED) ## Hunt for counter-examples and prove what takes long (again: SEED=N ROUNDS=1)
+	@for seed in $$(seq $(SEED) $$(($(SEED) + $(ROUNDS) - 1))); do \
+	  echo "Random examples of every property; the same again: make prove SEED=$$seed ROUNDS=1"; \
+	  $(BIN)/pytest -q -n 2 -m hypothesis --hypothesis-profile=prove --hypothesis-seed=$$seed || exit; \
+	done
+	@$(BIN)/pytest -n 2 -m "prove and not hypothesis"
+	@$(BIN)/python scripts/mutate.py --number 300 --seed 1 --jobs 2
 
 lint: $(INSTALLED) ## Check style, types and layers
 	@$(BIN)/ruff check

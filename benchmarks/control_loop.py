@@ -16,7 +16,7 @@ import control
 import numpy as np
 
 from benchmarks.mission import Array, Fleet, Mission
-from swimbladder.dynamics import Plant
+from swimbladder.physics.dynamics import Plant
 
 __all__ = ["VERSION", "depths"]
 

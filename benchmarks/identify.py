@@ -13,7 +13,7 @@ from benchmarks.scipy_fit import INTEGRATORS, Answer, Flight, Task, descend, pro
 from benchmarks.table import number, ratio, render
 from studies.campaign import arguments, logs, vehicle
 from studies.scenarios import NEUTRAL_STD, SCENARIOS, Campaign, draw
-from swimbladder.identify import Identification, identify
+from swimbladder.estimation.motion import Identification, identify
 
 __all__ = ["GOALS", "Timing", "fits", "report"]
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.registry import bind
-from swimbladder.dynamics import Plant, plant
 from swimbladder.io.config import load_vehicle
-from swimbladder.parameters import Vehicle
+from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.vehicle import Vehicle
 
 __all__ = ["BOTTOM", "START", "Array", "Fleet", "Mission", "fleet", "mission"]
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.mission import BOTTOM, Array, Fleet, Mission
-from swimbladder.closed_loop import StopReason, simulate, simulate_ensemble
-from swimbladder.parameters import Vehicle
+from swimbladder.sim.closed_loop import StopReason, simulate, simulate_ensemble
+from swimbladder.vehicle import Vehicle
 
 __all__ = ["depth", "depths", "summaries"]
 

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from benchmarks.mission import Array, Fleet, Mission
 from swimbladder.control.cascade import initial, step
 from swimbladder.control.law import Measurement
-from swimbladder.dynamics import Plant
+from swimbladder.physics.dynamics import Plant
 
 __all__ = ["Reference", "follow", "reference"]
 

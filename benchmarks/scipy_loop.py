@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import odeint, solve_ivp
 
 from benchmarks.mission import Array, Fleet, Mission
-from swimbladder.dynamics import Plant
+from swimbladder.physics.dynamics import Plant
 
 __all__ = ["METHODS", "depths"]
 

@@ -22,11 +22,21 @@ from benchmarks.mission import Array
 from benchmarks.table import number, ratio, render
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
-from swimbladder.mission.core import kernel
-from swimbladder.mission.core.names import Account, At, Cycle, Drive, Given, Note, Now, Row, Table
-from swimbladder.mission.flight import Flight, fly_mission
-from swimbladder.mission.prepare import Plan, first_state
-from swimbladder.seawater import look_up, uniform_column
+from swimbladder.physics.seawater import look_up, uniform_column
+from swimbladder.sim.mission.core import kernel
+from swimbladder.sim.mission.core.names import (
+    Account,
+    At,
+    Cycle,
+    Drive,
+    Given,
+    Note,
+    Now,
+    Row,
+    Table,
+)
+from swimbladder.sim.mission.flight import Flight, fly_mission
+from swimbladder.sim.mission.prepare import Plan, first_state
 
 __all__ = ["Peer", "Tried", "at_error", "bracket", "compare", "report"]
 

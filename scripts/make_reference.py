@@ -19,10 +19,10 @@ from swimbladder.io.files import write_atomically
 from swimbladder.io.log_format import LogColumns, LogFormat
 from swimbladder.io.mission import Mission, Phase, Safety, Setpoint
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
-from swimbladder.parameters import Vehicle, field_unit
-from swimbladder.parameters.schema import dotted, listed_model, models_in, tags_of
-from swimbladder.seawater import InternalWave, Swell
+from swimbladder.physics.seawater import InternalWave, Swell
 from swimbladder.units import _TABLE
+from swimbladder.vehicle import Vehicle, field_unit
+from swimbladder.vehicle.schema import dotted, listed_model, models_in, tags_of
 
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"
 _REGION = re.compile(r"(<!-- made from the schema: (\w+) -->\n).*?(<!-- end -->)", flags=re.DOTALL)

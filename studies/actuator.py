@@ -19,8 +19,8 @@ import numpy as np
 from studies.benches import Motor, random_bench, random_motor, random_moves
 from swimbladder.cli.common import progress
 from swimbladder.errors import NoAnswerError
-from swimbladder.identify_actuator import ActuatorIdentification, identify_actuator
-from swimbladder.identify_actuator import gains as spreads
+from swimbladder.estimation.actuator import ActuatorIdentification, identify_actuator
+from swimbladder.estimation.actuator import gains as spreads
 
 __all__ = ["CASES", "Score", "main", "same_gains", "score"]
 

@@ -27,7 +27,7 @@ from swimbladder.io.files import write_atomically
 __all__ = ["main", "study"]
 
 _AT_ONCE = 10  # campaigns that a process is handed
-_STUDIED = ("identify", "comparison", "closed_loop", "engine", "linear", "parameters")
+_STUDIED = ("estimation", "sim/closed_loop", "sim/engine", "design/linear", "vehicle")
 
 
 def main(given: Sequence[str] | None = None) -> int:

@@ -14,10 +14,10 @@ from studies.scenarios import DENSITY, K_B, NEUTRAL_STD, Campaign, Kept, Scenari
 from studies.summary import Z95
 from studies.truth import Array
 from swimbladder.errors import NoAnswerError
-from swimbladder.identify import Prior, identify
+from swimbladder.estimation.motion import Prior, identify
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
-from swimbladder.parameters import Drag, IdentifiedMotion, PhysicalMotion, Vehicle
+from swimbladder.vehicle import Drag, IdentifiedMotion, PhysicalMotion, Vehicle
 
 __all__ = ["arguments", "logs", "outcome", "vehicle"]
 

@@ -18,13 +18,13 @@ from swimbladder.cli.common import progress
 from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SEA_CASCADE, SeaCascadeParameters, sea_cascade_gains
-from swimbladder.dynamics import plant
+from swimbladder.design.stability.confirm import Seen, edge, hold
+from swimbladder.design.stability.predict import Predicted, predict, without_rest
+from swimbladder.design.tuning.gains import gains, setting_of, tunable
+from swimbladder.design.tuning.margins import at_rest
 from swimbladder.io.config import load_vehicle
-from swimbladder.parameters import IdentifiedActuator, Vehicle
-from swimbladder.stability.confirm import Seen, edge, hold
-from swimbladder.stability.predict import Predicted, predict, without_rest
-from swimbladder.tune.gains import gains, setting_of, tunable
-from swimbladder.tune.margins import at_rest
+from swimbladder.physics.dynamics import plant
+from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
 __all__ = ["CASES", "Case", "foretold", "main", "row", "simulated"]
 
@@ -58,7 +58,7 @@ def _cases() -> Iterator[Case]:
     yield Case("12 V, the paper's cascade: edge", "voltage limit", vehicle, cascade, numbers)
     # a tuned cascade at a lower frequency, so that it moves little
     quiet = SeaCascadeParameters(
-        **sea_cascade_gains(p.a_b, p.d_l, p.gain, 0.125, _TICK)._asdict(), target_weight=1.0,
+        gains=sea_cascade_gains(p.a_b, p.d_l, p.gain, 0.125, _TICK), target_weight=1.0,
         smoothing=0.07, leash=0.0, fastest=0.25, jerk=0.007, shortest=3.0,
         volume_per_speed=p.d_l / p.a_b, volume_per_acceleration=1.0 / p.a_b, psi=p.psi,
         depth_voltage=p.load_drive, rate_per_volt=p.gain, voltage_limit=_SUPPLY,

@@ -31,9 +31,9 @@ from scipy.stats import norm
 import swimbladder
 from studies import deep_drawn
 from studies.deep_drawn import again, drawn, known, the_vehicle
-from swimbladder.identify.deep_dive import deep_dive
-from swimbladder.identify.deep_fit import fit_deep
-from swimbladder.identify.deep_model import DEFAULT, body_of
+from swimbladder.estimation.motion.deep_dive import deep_dive
+from swimbladder.estimation.motion.deep_fit import fit_deep
+from swimbladder.estimation.motion.deep_model import DEFAULT, body_of
 
 __all__ = ["Score", "main", "outcome", "summary"]
 
@@ -170,9 +170,9 @@ def _fingerprint() -> str:
     used = [
         Path(__file__),
         Path(deep_drawn.__file__),
-        *sorted((package / "identify").glob("deep*.py")),
+        *sorted((package / "estimation" / "motion").glob("deep*.py")),
     ]
-    used += sorted((package / "mission").rglob("*.py"))
+    used += sorted((package / "sim" / "mission").rglob("*.py"))
     digest = sha256()
     for file in used:
         digest.update(file.read_bytes())

@@ -9,10 +9,10 @@ import gsw
 import numpy as np
 import pandas as pd
 
-from swimbladder.identify.deep_dive import DeepDive, deep_dive
+from swimbladder.estimation.motion.deep_dive import DeepDive, deep_dive
 from swimbladder.io.float_log import Action, Device, FloatLog, Stage, Wish
-from swimbladder.parameters import Vehicle
-from swimbladder.seawater import Cast, Column, cast_column
+from swimbladder.physics.seawater import Cast, Column, cast_column
+from swimbladder.vehicle import Vehicle
 
 __all__ = ["columns_of", "dives_of", "logs_of"]
 

@@ -24,15 +24,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.deep_data import dives_of
-from swimbladder.identify.deep_differ import between_json
-from swimbladder.identify.deep_dive import DeepDive
-from swimbladder.identify.deep_fit import DeepFit, balance, fit_deep, start_volume
-from swimbladder.identify.deep_model import DEEP, DEFAULT, Body, body_of, priors_of, run_volumes
-from swimbladder.identify.deep_replay import Replay, replay
-from swimbladder.identify.estimates import Z95
+from swimbladder.estimation.motion.deep_differ import between_json
+from swimbladder.estimation.motion.deep_dive import DeepDive
+from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep, start_volume
+from swimbladder.estimation.motion.deep_model import (
+    DEEP,
+    DEFAULT,
+    Body,
+    body_of,
+    priors_of,
+    run_volumes,
+)
+from swimbladder.estimation.motion.deep_replay import Replay, replay
+from swimbladder.estimation.motion.estimates import Z95
 from swimbladder.io.config import load_vehicle
-from swimbladder.parameters import Vehicle
 from swimbladder.units import shown_unit, unit_factor
+from swimbladder.vehicle import Vehicle
 
 __all__ = ["Prediction", "Study", "constant_speeds", "predict", "study"]
 

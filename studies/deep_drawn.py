@@ -17,18 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from swimbladder.identify.deep import identified_vehicle
-from swimbladder.identify.deep_model import DEEP, DEFAULT, priors_of
-from swimbladder.identify.estimates import Prior
+from swimbladder.estimation.motion.deep import identified_vehicle
+from swimbladder.estimation.motion.deep_model import DEEP, DEFAULT, priors_of
+from swimbladder.estimation.motion.estimates import Prior
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.float_log import Action, Device, FloatLog
 from swimbladder.io.mission import Mission
-from swimbladder.mission.core.names import Drive, Note, Row, Stop
-from swimbladder.mission.flight import Flight, fly_mission
-from swimbladder.mission.prepare import Accuracy
-from swimbladder.parameters import PhysicalMotion, PowerLawPump, PumpAndValve, Vehicle
-from swimbladder.seawater import Cast, Column, cast_column
-from swimbladder.seawater.motion import moved
+from swimbladder.physics.seawater import Cast, Column, cast_column
+from swimbladder.physics.seawater.motion import moved
+from swimbladder.sim.mission.core.names import Drive, Note, Row, Stop
+from swimbladder.sim.mission.flight import Flight, fly_mission
+from swimbladder.sim.mission.prepare import Accuracy
+from swimbladder.vehicle import PhysicalMotion, PowerLawPump, PumpAndValve, Vehicle
 
 __all__ = ["Dived", "again", "drawn", "known", "the_vehicle"]
 
@@ -134,7 +134,7 @@ def _flown(values: dict[str, float], waves: Array) -> Flight | None:
     asked = values["inertia"] * the_vehicle().mass
     if values["creep"] < 0.0 or vehicle.mass > asked + 1e-9:
         return None
-    flight = fly_mission(vehicle, _MISSION, _sea(), waves=waves, accuracy=_EXACT)
+    flight = fly_mission(vehicle, _MISSION, _sea(), waves=waves, accuracy=_EXACT, checked=False)
     deep = float(np.max(flight.rows[:, Row.Z])) > 700.0
     return flight if flight.stop is Stop.FINISHED and deep else None
 

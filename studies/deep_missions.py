@@ -4,9 +4,9 @@
 
     python -m studies.deep_missions DATA
 
-Each logged deep dive is flown again by `swimbladder.mission`: the vehicle as identified from all
-deep dives (`studies.deep_dives`), in the water of that dive, with the law `rate` and the settings
-of that dive (near, far, dead time, and `stab`, the looks over which a speed at rest is measured).
+Each logged deep dive is flown again by `swimbladder.sim.mission`: the vehicle as identified from
+all deep dives (`studies.deep_dives`), in the water of that dive, with the law `rate` and the
+settings of that dive (near, far, dead time, and `stab`, the looks that a speed at rest takes).
 It begins where the log of the dive begins, with the volume that closed its book there, and with
 the temperature that the hull had, and is told only where to go, when to leave and to come up. What
 pump and valve give is not what the float's processor reckons with: its runs are as long as its own
@@ -29,18 +29,18 @@ from numpy.typing import NDArray
 from studies.deep_data import columns_of, dives_of, logs_of
 from studies.deep_dives import float_vehicle
 from studies.deep_readings import RUN, creep_at_rest, hull_time, rests, speed_scatter, warmer
-from swimbladder.dynamics import even_drag
-from swimbladder.identify.deep import identified_vehicle
-from swimbladder.identify.deep_dive import DeepDive
-from swimbladder.identify.deep_fit import DeepFit, fit_deep
-from swimbladder.identify.deep_model import DEFAULT, body_of, priors_of
+from swimbladder.estimation.motion.deep import identified_vehicle
+from swimbladder.estimation.motion.deep_dive import DeepDive
+from swimbladder.estimation.motion.deep_fit import DeepFit, fit_deep
+from swimbladder.estimation.motion.deep_model import DEFAULT, body_of, priors_of
 from swimbladder.io.float_log import FloatLog, Stage
 from swimbladder.io.mission import Mission
-from swimbladder.mission.core.names import Drive, Note, Row
-from swimbladder.mission.flight import fly_mission
-from swimbladder.mission.prepare import Reckoning
-from swimbladder.parameters import Controller, PumpAndValve, Sensors, Vehicle
-from swimbladder.seawater import Column, WaterMotion
+from swimbladder.physics.dynamics import even_drag
+from swimbladder.physics.seawater import Column, WaterMotion
+from swimbladder.sim.mission.core.names import Drive, Note, Row
+from swimbladder.sim.mission.flight import fly_mission
+from swimbladder.sim.mission.prepare import Reckoning
+from swimbladder.vehicle import Controller, PumpAndValve, Sensors, Vehicle
 
 __all__ = ["Told", "as_reckoned", "flown", "logged", "with_law"]
 
@@ -191,7 +191,8 @@ def flown(
         ],
     )  # fmt: skip
     flight = fly_mission(
-        vehicle, mission, column, reckoning=reckoning, start_volume=volume, seed=seed
+        vehicle, mission, column, reckoning=reckoning, start_volume=volume, seed=seed,
+        checked=False,
     )  # fmt: skip
     time, z = flight.rows[:, Row.T], flight.rows[:, Row.Z]
     # a hold may go below the cast: its water goes on as it ends there

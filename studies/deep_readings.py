@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize_scalar
 from scipy.special import log_ndtr
 
-from swimbladder.identify.deep_dive import DeepDive
-from swimbladder.identify.deep_model import Body, drag_volume, hull_volume
-from swimbladder.seawater import Column
+from swimbladder.estimation.motion.deep_dive import DeepDive
+from swimbladder.estimation.motion.deep_model import Body, drag_volume, hull_volume
+from swimbladder.physics.seawater import Column
 
 __all__ = [
     "RUN",

@@ -22,11 +22,18 @@ import numpy as np
 
 from studies.deep_data import dives_of
 from studies.deep_dives import float_vehicle
-from swimbladder.identify.deep_differ import between_json
-from swimbladder.identify.deep_dive import DeepDive
-from swimbladder.identify.deep_fit import DeepFit, balance, fit_deep
-from swimbladder.identify.deep_model import CAST, DEFAULT, Body, body_of, priors_of, run_volumes
-from swimbladder.identify.estimates import Prior
+from swimbladder.estimation.motion.deep_differ import between_json
+from swimbladder.estimation.motion.deep_dive import DeepDive
+from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep
+from swimbladder.estimation.motion.deep_model import (
+    CAST,
+    DEFAULT,
+    Body,
+    body_of,
+    priors_of,
+    run_volumes,
+)
+from swimbladder.estimation.motion.estimates import Prior
 
 __all__ = ["Variant", "main"]
 

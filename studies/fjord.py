@@ -20,18 +20,18 @@ import numpy as np
 
 from studies.fjord_line import columns, line_table
 from studies.tank import HORIZONS
-from swimbladder.comparison import compare, record
-from swimbladder.comparison.ahead import look_ahead
-from swimbladder.comparison.record import piston_area
-from swimbladder.identify.model import model_of
-from swimbladder.identify.outcome import identified_vehicle
-from swimbladder.identify.walk import WalkFit, fit_walk
+from swimbladder.estimation.comparison import compare, record
+from swimbladder.estimation.comparison.ahead import look_ahead
+from swimbladder.estimation.comparison.record import piston_area
+from swimbladder.estimation.motion.model import model_of
+from swimbladder.estimation.motion.outcome import identified_vehicle
+from swimbladder.estimation.motion.walk import WalkFit, fit_walk
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.log_format import log_format
 from swimbladder.io.logs import Log, read_log
-from swimbladder.parameters import Vehicle
-from swimbladder.seawater import Column, cast_column
+from swimbladder.physics.seawater import Column, cast_column
+from swimbladder.vehicle import Vehicle
 
 __all__ = ["LOGS", "load", "main", "sea_vehicle", "upright", "water"]
 

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.comparison import compare
+from swimbladder.estimation.comparison import compare
 from swimbladder.io.logs import Log
-from swimbladder.parameters import Vehicle
-from swimbladder.seawater import Column
+from swimbladder.physics.seawater import Column
+from swimbladder.vehicle import Vehicle
 
 __all__ = ["columns", "line_table", "turning"]
 

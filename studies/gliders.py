@@ -30,8 +30,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from swimbladder.hull import displaced_volume, weight_mass
-from swimbladder.parameters import (
+from swimbladder.physics.hull import displaced_volume, weight_mass
+from swimbladder.vehicle import (
     Hull,
     HullPart,
     IdentifiedActuator,

@@ -16,7 +16,7 @@ from pathlib import Path
 import pandas as pd
 
 from studies.pump_power import Vehicle, glider_laws, glider_runs
-from swimbladder.energy import efficiency_bands, run_columns
+from swimbladder.design.energy import efficiency_bands, run_columns
 from swimbladder.io.files import make_folder, write_atomically
 
 __all__ = ["main", "summary", "table"]

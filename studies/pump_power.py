@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from swimbladder.energy import PumpFit, PumpRuns, fit_pump
+from swimbladder.design.energy import PumpFit, PumpRuns, fit_pump
 from swimbladder.errors import NoAnswerError
 
 __all__ = [

@@ -15,16 +15,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from studies.reversals import KNOBS as SLOW
-from swimbladder.closed_loop import simulate
+from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
+from swimbladder.codegen.golden import command_limits
+from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.control.cascade import CASCADE
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.registry import bind
-from swimbladder.firmware.clock import ControllerTwin, VehicleTwin
-from swimbladder.firmware.golden import command_limits
-from swimbladder.firmware.safety import supervisor_parameters
+from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.io.config import load_vehicle
-from swimbladder.parameters import Vehicle
-from swimbladder.tune.gains import gains, setting_of, tunable
+from swimbladder.sim.closed_loop import simulate
+from swimbladder.vehicle import Vehicle
 
 __all__ = ["Cost", "cost", "main"]
 
@@ -70,7 +70,8 @@ def cost(
     low, high = command_limits(vehicle)
     limits = supervisor_parameters(vehicle, _TICK)
     if not pushes:
-        limits = limits._replace(same_tried=NEVER, unproven=NEVER)
+        off = limits.proof._replace(same_tried=NEVER, unproven=NEVER)
+        limits = limits._replace(proof=off)
     own = ControllerTwin(law, parameters, tick_s=_TICK, low=low, high=high)
     board = VehicleTwin(own, limits)
     pushed = 0

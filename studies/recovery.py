@@ -12,14 +12,14 @@ import argparse
 from collections.abc import Sequence
 
 import numpy as np
+from swimbladder.design.stability.parts import Parts
 
 from studies.tuned import gains_of
 from swimbladder.cli.common import progress
 from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
+from swimbladder.design.stability.recover import Map, Verdict, recovery_maps
 from swimbladder.io.config import load_vehicle
-from swimbladder.stability.parts import Parts
-from swimbladder.stability.recover import Map, Verdict, recovery_maps
 
 __all__ = ["lines", "main", "maps_of"]
 

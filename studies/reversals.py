@@ -14,11 +14,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from swimbladder.dynamics import plant
+from swimbladder.design.tuning.gains import Knobs, gains, setting_of, tunable
+from swimbladder.design.tuning.region import region
+from swimbladder.design.tuning.trial import Step, traces
 from swimbladder.io.config import load_vehicle
-from swimbladder.tune.gains import Knobs, gains, setting_of, tunable
-from swimbladder.tune.region import region
-from swimbladder.tune.trial import Step, traces
+from swimbladder.physics.dynamics import plant
 
 __all__ = ["KNOBS", "asked", "main"]
 

@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
-from swimbladder.dynamics import plant
-from swimbladder.engine.cache import compiled, part
+from swimbladder.design.tuning.motion import stiffness
+from swimbladder.design.tuning.region import WALK
 from swimbladder.io.config import load_vehicle
-from swimbladder.tune.motion import stiffness
-from swimbladder.tune.region import WALK
+from swimbladder.physics.dynamics import plant
+from swimbladder.sim.engine.cache import compiled, part
 
 __all__ = ["Drift", "Grid", "drift_of", "fewest", "least_cost", "stage_cost", "transition"]
 

@@ -29,12 +29,21 @@ from studies.noise import Noise
 from studies.scenarios import K_B, NEUTRAL_STD, POOL
 from studies.summary import binomial_interval
 from studies.truth import Array, Body, Motor, Step, follow
-from swimbladder.guide import Asked, Operator, PoolDay, Rules, Sample, Target, Task, paper_tasks
-from swimbladder.guide.verdict import LEAST, State
-from swimbladder.identify import Identification, identify
+from swimbladder.design.pool_day import (
+    Asked,
+    Operator,
+    PoolDay,
+    Rules,
+    Sample,
+    Target,
+    Task,
+    paper_tasks,
+)
+from swimbladder.design.pool_day.verdict import LEAST, State
+from swimbladder.estimation.motion import Identification, identify
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.files import write_atomically
-from swimbladder.parameters import IdentifiedActuator, IdentifiedMotion, Sensors, Vehicle
+from swimbladder.vehicle import IdentifiedActuator, IdentifiedMotion, Sensors, Vehicle
 
 __all__ = ["FIXED", "days", "main", "performer", "run_day", "table"]
 
@@ -49,7 +58,7 @@ _REST_SPEED = 0.2e-3  # m/s, left at the end of a rest
 _JITTER = 1e-6  # m3, of the volume while the loop holds the depth
 _QUANTUM = 0.75e-6  # m3, of the piston's sensor
 _LONGEST = 400.0  # s, of a glide
-_STUDIED = ("guide", "identify")
+_STUDIED = ("design/pool_day", "estimation")
 
 Perform = Callable[[Task], Array]  # a task to its log: time [s], depth [m], volume [m3]
 

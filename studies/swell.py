@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from studies.tuned import FAST, gains_of, noisy
-from swimbladder.closed_loop import simulate_ensemble
+from swimbladder.sim.closed_loop import simulate_ensemble
 
 __all__ = ["main", "swayed"]
 

@@ -21,19 +21,19 @@ from pathlib import Path
 import numpy as np
 
 from studies.tank_table import Row, parameters, table
-from swimbladder.comparison import Record, compare, record
-from swimbladder.comparison.ahead import Ahead, look_ahead
-from swimbladder.comparison.record import piston_area
-from swimbladder.dynamics import plant
-from swimbladder.identify.between import between_logs
-from swimbladder.identify.model import model_of
-from swimbladder.identify.outcome import identified_vehicle
-from swimbladder.identify.walk import WalkFit, fit_walk
+from swimbladder.estimation.comparison import Record, compare, record
+from swimbladder.estimation.comparison.ahead import Ahead, look_ahead
+from swimbladder.estimation.comparison.record import piston_area
+from swimbladder.estimation.kalman.depth_filter import Noise, Samples, Start, filter_depth
+from swimbladder.estimation.motion.between import between_logs
+from swimbladder.estimation.motion.model import model_of
+from swimbladder.estimation.motion.outcome import identified_vehicle
+from swimbladder.estimation.motion.walk import WalkFit, fit_walk
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.files import write_atomically
 from swimbladder.io.logs import Log, read_log
-from swimbladder.kalman.depth_filter import Noise, Samples, Start, filter_depth
-from swimbladder.parameters import Vehicle
+from swimbladder.physics.dynamics import plant
+from swimbladder.vehicle import Vehicle
 
 __all__ = [
     "HORIZONS", "judge", "load", "logs_folder", "main", "tank_logs", "train", "warmed",

@@ -24,18 +24,18 @@ from threadpoolctl import threadpool_limits
 
 from studies.tank import TRAIN, bottom_of, load, logs_folder, tank_logs, train
 from studies.tank_law import FITTING, position_observer_gains
-from swimbladder.closed_loop import simulate, simulate_ensemble
-from swimbladder.comparison import compare, record
-from swimbladder.comparison.record import Record
 from swimbladder.control.law import Law
 from swimbladder.control.position_observer import POSITION_OBSERVER
 from swimbladder.control.position_pid import POSITION_PID
 from swimbladder.control.registry import law_parameters
+from swimbladder.design.tuning.region import member
 from swimbladder.errors import SwimbladderError
+from swimbladder.estimation.comparison import compare, record
+from swimbladder.estimation.comparison.record import Record
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
-from swimbladder.parameters import Sensors, Vehicle
-from swimbladder.tune.region import member
+from swimbladder.sim.closed_loop import simulate, simulate_ensemble
+from swimbladder.vehicle import Sensors, Vehicle
 
 __all__ = ["Behaviour", "behaviour", "main", "pid_of", "replay"]
 

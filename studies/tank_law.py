@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from swimbladder.control.position_observer import PositionObserverParameters
-from swimbladder.parameters import Vehicle
-from swimbladder.tune.gains import Knobs, gains, setting_of
+from swimbladder.design.tuning.gains import Knobs, gains, setting_of
+from swimbladder.vehicle import Vehicle
 
 __all__ = ["FITTING", "position_observer_gains"]
 

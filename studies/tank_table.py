@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swimbladder.identify.walk import WalkFit
-from swimbladder.parameters import Vehicle
+from swimbladder.estimation.motion.walk import WalkFit
+from swimbladder.vehicle import Vehicle
 
 __all__ = ["Row", "parameters", "pooled", "table"]
 

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from swimbladder.hull import displaced_volume
-from swimbladder.parameters import (
+from swimbladder.physics.hull import displaced_volume
+from swimbladder.vehicle import (
     Hull,
     IdentifiedActuator,
     IdentifiedMotion,

@@ -16,11 +16,11 @@ from studies.reversals import KNOBS as QUIET_KNOBS
 from swimbladder.cli.common import progress
 from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
+from swimbladder.design.tuning import Tuning, tune
+from swimbladder.design.tuning.gains import Knobs, gains, setting_of, tunable
+from swimbladder.design.tuning.trial import Step, Trial, trial
 from swimbladder.io.config import load_vehicle
-from swimbladder.parameters import Vehicle
-from swimbladder.tune import Tuning, tune
-from swimbladder.tune.gains import Knobs, gains, setting_of, tunable
-from swimbladder.tune.trial import Step, Trial, trial
+from swimbladder.vehicle import Vehicle
 
 __all__ = ["FAST", "KNOBS", "QUIET", "gains_of", "main", "noisy", "row", "tuned"]
 

@@ -13,11 +13,12 @@ os.environ["MPLBACKEND"] = "Agg"
 # other. Set before numpy is imported, and for the commands that tests run.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# The first example of a property may compile a kernel. On a server the examples are the same in
-# every run, so that a change is judged by what it changes; at a desk they are drawn anew.
-hypothesis.settings.register_profile("swimbladder", deadline=None)
-hypothesis.settings.register_profile("server", deadline=None, derandomize=True)
-hypothesis.settings.load_profile("server" if os.environ.get("CI") else "swimbladder")
+# The first example of a property may compile a kernel. The examples are the same in every run, so
+# that a change is judged by what it changes; `make prove` hunts for new ones (profile "prove", with
+# --hypothesis-seed), and what it finds is kept as an @example.
+hypothesis.settings.register_profile("swimbladder", deadline=None, derandomize=True)
+hypothesis.settings.register_profile("prove", deadline=None, max_examples=1000, print_blob=True)
+hypothesis.settings.load_profile("swimbladder")
 
 
 _SLOW = 20  # a test that is marked so takes as long as so many others

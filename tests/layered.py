@@ -5,7 +5,7 @@ from scipy.integrate import solve_ivp
 
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
-from swimbladder.seawater import Column
+from swimbladder.physics.seawater import Column
 
 G, SEA, FRESHER = 9.80665, 1025.0, 1019.0  # m/s2, kg/m3 below and above the halocline
 MIDDLE, WIDTH = 1.2, 0.25  # m

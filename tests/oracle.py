@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from swimbladder.parameters import (
+from swimbladder.vehicle import (
     ElectrohydraulicActuator,
     ElectromechanicalActuator,
     IdentifiedActuator,
@@ -47,6 +47,7 @@ class Machine:
     k_emf: float = 0.0
     E: float = math.inf
     R_b: float = 0.0
+    lost: float = 0.0  # m3, by which the vehicle is heavier than its volume says: water, swell
 
     def __post_init__(self) -> None:
         v = self.vehicle
@@ -121,7 +122,7 @@ class Machine:
     def weight(self, V: float, z: float) -> float:
         """Net force downwards but for drag [N], eqs (13), (15), (31) and the emerged hull."""
         emerged = self.rho_g * self.A_w * max(self.z_s - z, 0.0)
-        return self.rho_g * (self.psi * z + self.V_0 - V) + emerged
+        return self.rho_g * (self.psi * z + self.V_0 + self.lost - V) + emerged
 
     def full_duty(self, omega: float, sign: float) -> float:
         """|u| [V] at the motor with the battery switched right through, at most E."""
@@ -268,9 +269,14 @@ class Oracle:
             )
         if mode.stop == "upper":
             if m.k_l > 0.0:
-                g["left the upper end stop"] = lambda y: (
-                    m.k_l * y[2] - m.k_q * m.k_u / m.k_v * surplus(y)
-                )
+
+                def pull(y: np.ndarray) -> float:
+                    # the torque of the stop, in m3/s: what turns the rotor as the leakage changes
+                    slackening = 0.0 if mode.ground else m.lam / m.k_v * y[3]
+                    torque = m.k_q * m.k_u / m.k_v * surplus(y)
+                    return m.k_l * (y[2] + slackening) - torque
+
+                g["left the upper end stop"] = pull
             else:
                 g["left the upper end stop"] = deficit
         elif mode.stop == "lower":

@@ -7,14 +7,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from swimbladder.actuator import unified
-from swimbladder.buoyancy_engine import drive_map
-from swimbladder.closed_loop import simulate, step_metrics
 from swimbladder.control.law import Measurement
 from swimbladder.control.registry import bind, law_parameters
-from swimbladder.dynamics import State, motor_rhs, plant
-from swimbladder.electric import steady_drive
 from swimbladder.io.config import load_vehicle
+from swimbladder.physics.actuator import unified
+from swimbladder.physics.buoyancy_engine import drive_map
+from swimbladder.physics.dynamics import State, motor_rhs, plant
+from swimbladder.physics.electric import steady_drive
+from swimbladder.sim.closed_loop import simulate, step_metrics
 from swimbladder.units import to_si
 
 ATMOSPHERE = 101325.0

@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from swimbladder.parameters import (
+from swimbladder.vehicle import (
     Controller,
     Drag,
     ElectrohydraulicActuator,

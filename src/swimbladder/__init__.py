@@ -13,9 +13,8 @@ The map: what a vehicle is and is asked to do, ``Vehicle``, ``load_vehicle``, ``
 ``Mission``, ``load_mission``; how it moves, ``simulate``, ``simulate_ensemble``, ``drive``,
 ``Solution``, ``StopReason``, ``step_metrics``; a controller of your own, ``Law``, ``Measurement``;
 what its linear model says, ``analyse``; what a measured log says, ``read_log``, ``compare``; how
-logs become parameters with intervals, the package ``swimbladder.identify`` with its function
-``identify`` and ``Prior``, what was known before; what goes wrong, ``SwimbladderError`` with
-``InputError`` and ``NoAnswerError``.
+logs become parameters with intervals, ``identify`` with ``Prior``, what was known before; what goes
+wrong, ``SwimbladderError`` with ``InputError`` and ``NoAnswerError``.
 
 All numbers are SI; depth is positive down; a positive volume makes the vehicle lighter.
 """
@@ -26,9 +25,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from swimbladder import identify as identify
-    from swimbladder.analysis import analyse
-    from swimbladder.closed_loop import (
+    from swimbladder.control.law import Law, Measurement
+    from swimbladder.design.analysis import analyse
+    from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
+    from swimbladder.estimation.comparison import compare
+    from swimbladder.estimation.motion import Prior, identify
+    from swimbladder.io.config import load_mission, load_vehicle
+    from swimbladder.io.logs import read_log
+    from swimbladder.io.mission import Mission
+    from swimbladder.io.presets import preset_names
+    from swimbladder.sim.closed_loop import (
         Solution,
         StopReason,
         drive,
@@ -36,14 +42,7 @@ if TYPE_CHECKING:
         simulate_ensemble,
         step_metrics,
     )
-    from swimbladder.comparison import compare
-    from swimbladder.control.law import Law, Measurement
-    from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
-    from swimbladder.io.config import load_mission, load_vehicle
-    from swimbladder.io.logs import read_log
-    from swimbladder.io.mission import Mission
-    from swimbladder.io.presets import preset_names
-    from swimbladder.parameters import Vehicle
+    from swimbladder.vehicle import Vehicle
 
 __version__ = "0.1.0.dev0"
 __all__ = [
@@ -52,6 +51,7 @@ __all__ = [
     "Measurement",
     "Mission",
     "NoAnswerError",
+    "Prior",
     "Solution",
     "StopReason",
     "SwimbladderError",
@@ -59,6 +59,7 @@ __all__ = [
     "analyse",
     "compare",
     "drive",
+    "identify",
     "load_mission",
     "load_vehicle",
     "preset_names",
@@ -70,8 +71,8 @@ __all__ = [
 
 # Where each name lives; it is imported when it is first used, so that `import swimbladder` is free.
 _HOMES = {
-    "analysis": ("analyse",),
-    "closed_loop": (
+    "design.analysis": ("analyse",),
+    "sim.closed_loop": (
         "Solution",
         "StopReason",
         "drive",
@@ -79,23 +80,21 @@ _HOMES = {
         "simulate_ensemble",
         "step_metrics",
     ),
-    "comparison": ("compare",),
+    "estimation.comparison": ("compare",),
+    "estimation.motion": ("Prior", "identify"),
     "control.law": ("Law", "Measurement"),
     "errors": ("InputError", "NoAnswerError", "SwimbladderError"),
     "io.config": ("load_mission", "load_vehicle"),
     "io.logs": ("read_log",),
     "io.mission": ("Mission",),
     "io.presets": ("preset_names",),
-    "parameters": ("Vehicle",),
+    "vehicle": ("Vehicle",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
-_PACKAGES = ("identify",)  # public as packages: their functions have the package's name
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name from where it lives."""
-    if name in _PACKAGES:
-        return import_module(f"{__name__}.{name}")
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
@@ -105,4 +104,4 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     """Return the public names, imported or not."""
-    return sorted({*globals(), *__all__, *_PACKAGES})
+    return sorted({*globals(), *__all__})

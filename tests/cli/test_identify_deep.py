@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.identify.deep_model import body_of
+from swimbladder.estimation.motion.deep_model import body_of
 from swimbladder.io.config import load_vehicle
 from tests.docs.test_reference import rows
-from tests.identify.deep import dived, made_up_column, made_up_vehicle
-from tests.identify.test_deep import RUNS, TRUTH, begin_of
+from tests.estimation.motion.deep import dived, made_up_column, made_up_vehicle
+from tests.estimation.motion.test_deep import RUNS, TRUTH, begin_of
+from tests.quoted import numbers
 
 
 @pytest.fixture
@@ -54,7 +55,6 @@ def test_in_words_and_files(capsys, tmp_path, files):
     out = tmp_path / "out"
     assert run(files, out) == 0
     said = capsys.readouterr().out
-    assert "the book of volumes of 1 dive closes to " in said
     assert "pump_delivery" in said
     assert "drag 160 +- 16 N s2/m2" in said
     assert {p.name for p in out.iterdir()} == {"deep.png", "deep.csv", "deep.json", "vehicle.toml"}
@@ -68,6 +68,7 @@ def test_in_words_and_files(capsys, tmp_path, files):
         assert reader.fieldnames == list(columns)
         book = [float(row["book_m3"]) for row in reader]
     assert np.sqrt(np.mean(np.square(book))) == pytest.approx(kept["book_rms_m3"], rel=1e-4)
+    assert float(f"{1e6 * kept['book_rms_m3']:.2g}") in numbers(said)  # mL
     assert set(kept) | {"files"} == set(keys)
 
 
@@ -91,7 +92,7 @@ def test_the_answer_no(capsys, tmp_path, files):
     options = ("--free", "trapped_air,valve", "--prior", "trapped_air=0 +- 1e-7 m3")
     assert run(files, out, *options) == 1
     said = capsys.readouterr().out
-    assert "The data do not tell what was asked: trapped_air." in said
+    assert "trapped_air" in said.splitlines()[0]
     assert not (out / "vehicle.toml").exists()
 
 
@@ -115,7 +116,7 @@ def test_what_is_refused(capsys, tmp_path, files, options, says):
 def test_a_cast_is_needed(capsys, files):
     vehicle, _, dive = files
     assert main(["identify", str(dive), "--vehicle", str(vehicle)]) == 2
-    assert "deep dives need the water" in capsys.readouterr().err
+    assert "--cast" in capsys.readouterr().err
     assert main(["identify", "x.csv", "--vehicle", "feup-em", "--cast-where", "a=1"]) == 2
     assert "no use without --cast" in capsys.readouterr().err
 
@@ -154,9 +155,7 @@ def test_logs_of_two_floats(capsys, tmp_path, files):
     held = ("--set", "drag=165 N s2/m2", "--set", "stiffening=3e-18 1/Pa2")
     assert run(files, out, str(other), *held) == 1
     said = " ".join(capsys.readouterr().out.split())
-    assert said.startswith("Not identified: one set of parameters does not tell these dives.")
-    assert "other.csv (book off by" in said or "dive.csv (book off by" in said
-    assert "the dives" not in said[said.index("95 % interval") : said.index("looks deepest")]
+    assert "other.csv" in said or "dive.csv" in said
     assert not (out / "vehicle.toml").exists()
     kept = json.loads((out / "deep.json").read_text())
     assert kept["parameters"]["valve"]["ci95"] is None
@@ -180,9 +179,9 @@ def test_a_number_without_a_place(capsys, tmp_path, files):
     out = tmp_path / "out"
     assert run(files, out, "--prior", "thermal_expansion=0 +- 2e-3 1/K") == 1
     said = capsys.readouterr().out.splitlines()[0]
-    assert said.startswith("thermal_expansion comes out -0.00")
-    assert "vehicle.toml cannot hold" in said
-    assert "Check temperature_degC of the log" in said
+    assert said.startswith("thermal_expansion ")
+    assert min(numbers(said)) < -0.001  # 1/K, the least that a vehicle's file may have
+    assert "temperature_degC" in said
     assert {p.name for p in out.iterdir()} == {"deep.png", "deep.csv", "deep.json"}
     assert run(files, out, "--set", "drag_up=0.02") == 2
-    assert "no vehicle's file may hold it" in " ".join(capsys.readouterr().err.split())
+    assert "--set" in capsys.readouterr().err

@@ -33,7 +33,7 @@ def test_an_interruption_says_how_to_go_on_and_writes_nothing(capsys, tmp_path, 
     def stopped(*_given, **_more):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("swimbladder.planning.run.search_least", stopped)
+    monkeypatch.setattr("swimbladder.design.planning.run.search_least", stopped)
     assert main(["plan", "feup-em", "--step", "1.5:3", "--out", str(tmp_path / "out")]) == 130
     assert "begins anew" in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "out").exists()

@@ -5,8 +5,8 @@ import json
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.guide import follow
-from swimbladder.identify import identify
+from swimbladder.design.pool_day import follow
+from swimbladder.estimation.motion import identify
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import read_log
 

@@ -5,10 +5,10 @@ import json
 
 import pytest
 
-from swimbladder import reproduce as package
+from swimbladder import paper as package
 from swimbladder.cli import main
-from swimbladder.reproduce.evidence import gather
-from swimbladder.reproduce.verdict import claim
+from swimbladder.paper.evidence import gather
+from swimbladder.paper.verdict import claim
 
 
 @pytest.fixture(scope="module", autouse=True)

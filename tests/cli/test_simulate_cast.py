@@ -9,7 +9,7 @@ import pytest
 import swimbladder as sb
 from swimbladder.cli import main
 from swimbladder.io.casts import read_cast
-from swimbladder.seawater import cast_column
+from swimbladder.physics.seawater import cast_column
 
 
 @pytest.fixture(scope="module")

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.closed_loop import simulate
 from swimbladder.control.adrc import AdrcParameters, adrc_gains
 from swimbladder.control.deadband import DeadbandParameters, deadband_gains
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.sea_cascade import SeaCascadeParameters, sea_cascade_gains
-from swimbladder.dynamics import plant
-from swimbladder.parameters import Vehicle
+from swimbladder.physics.dynamics import plant
+from swimbladder.sim.closed_loop import simulate
+from swimbladder.vehicle import Vehicle
 from tests.vehicles import paper
 
 S_P = 0.3
@@ -19,7 +19,7 @@ PLANT = plant(paper())
 K2, T2 = 7935.54, 36.3
 
 SEA = SeaCascadeParameters(
-    **sea_cascade_gains(PLANT.a_b, PLANT.d_l, PLANT.gain, 0.35, S_P)._asdict(),
+    gains=sea_cascade_gains(PLANT.a_b, PLANT.d_l, PLANT.gain, 0.35, S_P),
     target_weight=1.0, smoothing=0.5, leash=0.0, fastest=0.25, jerk=0.007, shortest=3.0,
     volume_per_speed=PLANT.d_l / PLANT.a_b, volume_per_acceleration=1.0 / PLANT.a_b,
     psi=PLANT.psi, depth_voltage=PLANT.load_drive, rate_per_volt=PLANT.gain, voltage_limit=12.0,
@@ -27,8 +27,8 @@ SEA = SeaCascadeParameters(
 )  # fmt: skip
 
 ADRC_FAST = AdrcParameters(
-    b=PLANT.a_b, drag=PLANT.d_l, psi=PLANT.psi, **adrc_gains(0.2, 1.2, S_P, 0.05)._asdict(),
-    k_pV=SEA.k_pV, leash=0.0, fastest=0.25, jerk=0.007, shortest=3.0,
+    b=PLANT.a_b, drag=PLANT.d_l, psi=PLANT.psi, gains=adrc_gains(0.2, 1.2, S_P, 0.05),
+    k_pV=SEA.gains.k_pV, leash=0.0, fastest=0.25, jerk=0.007, shortest=3.0,
     depth_voltage=PLANT.load_drive, rate_per_volt=PLANT.gain, voltage_limit=12.0,
     volume_min=PLANT.V_min, volume_max=PLANT.V_max, S_p=S_P,
 )  # fmt: skip
@@ -37,7 +37,7 @@ SLEEPER = DeadbandParameters(
     K2=K2, T2=T2, psi=PLANT.psi, depth_noise=0.003, neutral_step=1e-7, band=0.2, speed_band=0.01,
     fastest=0.05,
     **deadband_gains(K2, T2, PLANT.psi, 15.0, creep=PLANT.gain * PLANT.load_drive)._asdict(),
-    interval=15.0, k_pV=SEA.k_pV, tolerance=5e-8, depth_voltage=PLANT.load_drive,
+    interval=15.0, k_pV=SEA.gains.k_pV, tolerance=5e-8, depth_voltage=PLANT.load_drive,
     rate_per_volt=PLANT.gain, voltage_limit=12.0, volume_min=PLANT.V_min,
     volume_max=PLANT.V_max, S_p=S_P,
 )  # fmt: skip

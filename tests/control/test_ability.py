@@ -5,11 +5,11 @@ import pytest
 
 from swimbladder.control.ability import learn_ability, usable
 from swimbladder.control.registry import LAWS
+from swimbladder.design.stability.wrapped import wrapped
+from swimbladder.design.tuning.gains import Knobs, gains, setting_of
+from swimbladder.design.tuning.region import region
+from swimbladder.design.tuning.trial import Step, traces
 from swimbladder.io.config import load_vehicle
-from swimbladder.stability.wrapped import wrapped
-from swimbladder.tune.gains import Knobs, gains, setting_of
-from swimbladder.tune.region import region
-from swimbladder.tune.trial import Step, traces
 
 H = 0.3
 KNOBS = {

@@ -8,17 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from swimbladder.closed_loop import simulate, step_metrics
 from swimbladder.control.adrc import ADRC, AdrcState, adrc_gains, initial, observe, step
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.law import Measurement
-from swimbladder.dynamics import State, motor_rhs
-from swimbladder.linear import SampledLoop, linearise, linearise_law, loop_margins
+from swimbladder.design.linear import SampledLoop, linearise, linearise_law, loop_margins
+from swimbladder.physics.dynamics import State, motor_rhs
+from swimbladder.sim.closed_loop import simulate, step_metrics
 from tests.control.examples import ADRC_FAST, PLANT, S_P, blind, by_hand
 from tests.oracle import TABLE_3
 from tests.vehicles import paper
 
-HAN = ADRC_FAST._replace(drag=0.0, psi=0.0, **adrc_gains(0.2, 1.2, S_P)._asdict())
+HAN = ADRC_FAST._replace(drag=0.0, psi=0.0, gains=adrc_gains(0.2, 1.2, S_P))
 NOWHERE = initial(ADRC_FAST, Measurement(0.0, 2.0, 0.0), 2.0)
 
 
@@ -33,7 +33,7 @@ def error_map(p) -> np.ndarray:
 
 @given(wide=st.floats(0.05, 8.0), slow=st.floats(0.01, 8.0), S_p=st.floats(0.05, 1.0))
 def test_the_observers_poles_are_where_they_were_asked_to_be(wide, slow, S_p) -> None:
-    p = HAN._replace(**adrc_gains(0.2, wide, S_p, slow)._asdict(), S_p=S_p, volume_max=1.0)
+    p = HAN._replace(gains=adrc_gains(0.2, wide, S_p, slow), S_p=S_p, volume_max=1.0)
     p = p._replace(volume_min=-1.0)
     asked = np.poly([math.exp(-wide * S_p)] * 2 + [math.exp(-slow * S_p)])
     np.testing.assert_allclose(np.poly(error_map(p)), asked, atol=1e-9)

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from swimbladder.closed_loop import simulate
 from swimbladder.control.deadband import (
     DEADBAND,
     deadband_gains,
@@ -18,8 +17,9 @@ from swimbladder.control.deadband import (
     step,
 )
 from swimbladder.control.law import Measurement
-from swimbladder.parameters import Hull, IdentifiedActuator, Sensors
-from swimbladder.stability.wrapped import wrapped
+from swimbladder.design.stability.wrapped import wrapped
+from swimbladder.sim.closed_loop import simulate
+from swimbladder.vehicle import Hull, IdentifiedActuator, Sensors
 from tests.control.examples import K2, S_P, SLEEPER, T2, blind, by_hand
 from tests.vehicles import paper
 

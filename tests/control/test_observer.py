@@ -9,25 +9,19 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from swimbladder.control.law import Measurement
-from swimbladder.control.observer import (
-    OBSERVER,
-    Estimate,
-    Observed,
-    estimate,
-    initial,
-    moves,
-    step,
-)
-from swimbladder.dynamics import plant
-from swimbladder.io.config import load_vehicle
-from swimbladder.tune.gains import Knobs, gains, setting_of
-from swimbladder.tune.motion import (
+from swimbladder.control.observer import OBSERVER, initial, step
+from swimbladder.control.observers import Estimate, Trust, estimate, moves
+from swimbladder.control.records import numbers
+from swimbladder.design.tuning.gains import Knobs, gains, setting_of
+from swimbladder.design.tuning.motion import (
     filter_gains,
     held_motion,
     hold_gains,
     motion_over_sample,
     runaway,
 )
+from swimbladder.io.config import load_vehicle
+from swimbladder.physics.dynamics import plant
 
 VEHICLE = load_vehicle("feup-em")
 PLANT = plant(VEHICLE)
@@ -89,10 +83,9 @@ def test_the_estimate_finds_a_neutral_volume_that_nobody_knew():
     volumes = 6e-6 + 15e-6 * np.sin(np.arange(600) / 25.0) + rng.normal(0.0, 0.5e-6, 600)
     truth = 3e-6
     path = sailed(volumes, 1.5, 0.0, truth)
-    model = Observed(*(getattr(p, name) for name in Observed._fields))
-    e = Estimate(1.5, 0.0, 0.0)
+    e = Estimate(1.5, 0.0, 0.0, volumes[0])
     for k in range(1, 600):
-        e = estimate(model, e, volumes[k - 1], volumes[k], path[k, 0])
+        e = estimate(p.model, p.model.trust, e, volumes[k], path[k, 0])
     assert e.depth == pytest.approx(path[-1, 0], abs=1e-5)
     assert e.speed == pytest.approx(path[-1, 1], abs=1e-5)
     assert e.neutral == pytest.approx(truth, abs=2e-8)
@@ -108,15 +101,15 @@ def test_a_sensor_that_fails_for_a_while_leaves_no_trace():
         volume = math.nan if 60 <= k < 65 else 6e-6
         voltage, state, _ = step(p, state, Measurement(k * H, depth, volume), 1.5)
         assert math.isfinite(voltage)
-        assert all(math.isfinite(x) for x in state)
-    assert state.depth == pytest.approx(path[-1, 0], abs=1e-4)
+        assert all(math.isfinite(x) for x in numbers(state))
+    assert state.estimate.depth == pytest.approx(path[-1, 0], abs=1e-4)
 
 
 def test_it_begins_at_rest_even_without_a_measurement():
     p = parameters(neutral=2e-6)
     state = initial(p, Measurement(0.0, math.nan, math.nan), 2.0)
-    assert state.depth == 2.0
-    assert state.volume == pytest.approx(2e-6 + p.psi * 2.0)
+    assert state.estimate.depth == 2.0
+    assert state.estimate.volume == pytest.approx(2e-6 + p.model.psi * 2.0)
     afloat = initial(p, Measurement(0.0, 0.0, 300e-6), 2.0)
     assert afloat.neutral == 2e-6  # a volume that lifts it out of the water is no neutral one
 
@@ -128,8 +121,8 @@ def test_the_motor_rests_within_its_dead_zone_and_stops_at_a_quarter_of_it():
     assert moves(0.9, 1.0, 1.0) == 1.0
     assert moves(0.2, 1.0, 1.0) == 0.0
     p = parameters(dead=5e-6)
-    state = initial(p, Measurement(0.0, 2.0, p.psi * 2.0), 2.0)
-    voltage, _, _ = step(p, state, Measurement(H, 2.001, p.psi * 2.0), 2.0)
+    state = initial(p, Measurement(0.0, 2.0, p.model.psi * 2.0), 2.0)
+    voltage, _, _ = step(p, state, Measurement(H, 2.001, p.model.psi * 2.0), 2.0)
     # At rest the voltage is the one that holds the piston against the sea, eq. (30).
     assert voltage == pytest.approx(p.depth_voltage * 2.0, rel=1e-2)
 
@@ -170,8 +163,8 @@ def test_near_the_set_point_the_motor_starts_when_a_prediction_leaves_the_band()
     k = KNOBS._replace(frequency=0.06, damping=0.85, learning=0.4, dead=1e-8, pause=25.0, band=0.03)
     p = gains("observer", s, k)
     rng = np.random.default_rng(3)
-    state = initial(p, Measurement(0.0, 2.0, p.psi * 2.0), 2.0)
-    x, before = np.array([2.0, 0.0]), p.psi * 2.0
+    state = initial(p, Measurement(0.0, 2.0, p.model.psi * 2.0), 2.0)
+    x, before = np.array([2.0, 0.0]), p.model.psi * 2.0
     volume, neutral, starts = before, 0.0, []
     F, G0, G1 = motion_over_sample(PLANT, H)
     for n in range(4000):
@@ -181,8 +174,9 @@ def test_near_the_set_point_the_motor_starts_when_a_prediction_leaves_the_band()
         if rested and after.moving > 0.0:
             starts.append(n * H)
             # With the volume as it was it would have left the band: SciPy.
-            off = volume - p.psi * 2.0 - after.neutral
-            ahead = held([after.depth - 2.0, after.speed], off, k.pause)[0, -1]
+            e = after.estimate
+            off = volume - p.model.psi * 2.0 - e.neutral
+            ahead = held([e.depth - 2.0, e.speed], off, k.pause)[0, -1]
             assert abs(ahead) > 0.03
         state = after
         neutral += rng.normal(0.0, 1e-6 * math.sqrt(H / 3600.0))
@@ -192,7 +186,12 @@ def test_near_the_set_point_the_motor_starts_when_a_prediction_leaves_the_band()
     assert len(starts) > 5
     assert np.diff(starts).min() >= p.pause - 1e-6
     # Farther away it does not wait.
-    _, after, _ = step(p, state._replace(depth=2.2), Measurement(0.0, 2.2, volume), 2.0)
+    _, after, _ = step(
+        p,
+        state._replace(estimate=state.estimate._replace(depth=2.2)),
+        Measurement(0.0, 2.2, volume),
+        2.0,
+    )
     assert after.moving == 1.0
 
 
@@ -212,15 +211,15 @@ def test_near_the_set_point_the_filter_is_the_kalman_filter_of_the_walk():
     expected = P - P[:, :1] @ P[:1] / (P[0, 0] + (noise * 1e3) ** 2)
 
     def errors(**changes):
-        model = Observed(*(getattr(p, name) for name in Observed._fields))
-        model = model._replace(l_z=p.n_z, l_w=p.n_w, l_b=p.n_b)._replace(**changes)
+        trust = Trust(*p.resting)._replace(**changes)
         rng = np.random.default_rng(4)
         found = []
-        x, b, e = np.array([2.0, 0.0]), 0.0, Estimate(2.0, 0.0, 0.0)
+        x, b, e = np.array([2.0, 0.0]), 0.0, None
         for n in range(40_000):
             volume = PLANT.psi * x[0] + b - 2e-5 * (2.0 - x[0]) + 3e-4 * x[1]  # keeps it there
             x = F @ x + (G0 + G1) * (volume - b)
-            e = estimate(model, e, volume, volume, x[0] + rng.normal(0.0, noise))
+            before = Estimate(2.0, 0.0, 0.0, volume) if e is None else e._replace(volume=volume)
+            e = estimate(p.model, trust, before, volume, x[0] + rng.normal(0.0, noise))
             b += rng.normal(0.0, s.walk * math.sqrt(H))
             if n > 1000:
                 found.append([e.depth - x[0], e.speed - x[1], e.neutral - b])
@@ -228,7 +227,7 @@ def test_near_the_set_point_the_filter_is_the_kalman_filter_of_the_walk():
 
     ours = errors()
     np.testing.assert_allclose(ours, np.sqrt(np.diag(expected)), rtol=0.06)
-    assert (errors(l_z=p.l_z, l_w=p.l_w, l_b=p.l_b) > ours).all()
+    assert (errors(**p.model.trust._asdict()) > ours).all()
 
 
 def test_farther_away_the_filter_is_the_one_that_the_margins_are_of():
@@ -236,11 +235,14 @@ def test_farther_away_the_filter_is_the_one_that_the_margins_are_of():
         "observer", setting_of(VEHICLE, sample_time=H, supply=12.0, neutral_range=20e-6),
         KNOBS._replace(pause=25.0, band=0.03),
     )  # fmt: skip
-    for depth, gain in ((2.0 + 0.5 * p.near, p.n_z), (2.0 + 2.0 * p.near, p.l_z)):
-        state = initial(p, Measurement(0.0, depth, p.psi * depth), 2.0)
+    for depth, gain in (
+        (2.0 + 0.5 * p.near, p.resting.n_z),
+        (2.0 + 2.0 * p.near, p.model.trust.l_z),
+    ):
+        state = initial(p, Measurement(0.0, depth, p.model.psi * depth), 2.0)
         found = []
         for innovation in (0.0, 1e-3):
-            seen = Measurement(H, depth + innovation, p.psi * depth)
+            seen = Measurement(H, depth + innovation, p.model.psi * depth)
             found.append(step(p, state, seen, 2.0)[1].depth)
         assert found[1] - found[0] == pytest.approx(1e-3 * gain, rel=1e-6)
 
@@ -252,7 +254,7 @@ def test_limits_hold_whatever_is_measured():
         voltage, after, _ = step(p, state, Measurement(H, depth, 0.0), 1.5)
         assert abs(voltage) <= p.limit
         assert p.volume_min <= after.volume_reference <= p.volume_max
-        assert abs(after.neutral - p.neutral) <= p.neutral_range
+        assert abs(after.estimate.neutral - p.model.neutral) <= p.model.neutral_range
 
 
 def test_the_poles_are_where_the_knobs_put_them():

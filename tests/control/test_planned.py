@@ -8,8 +8,8 @@ from scipy.optimize import linprog
 
 import swimbladder
 from swimbladder.control.planned import PLANNED, Path, along
+from swimbladder.design.tuning.gains import Knobs, gains, setting_of
 from swimbladder.io.config import load_vehicle
-from swimbladder.tune.gains import Knobs, gains, setting_of
 
 JERK, SPEED, H = 8.7e-3, 0.35, 0.3
 
@@ -106,7 +106,7 @@ def test_the_papers_step_is_near_the_bound_of_any_controller(vehicle, parameters
 
 def test_a_law_of_wrong_parameters_still_arrives(vehicle, parameters):
     rng = np.random.default_rng(4)
-    p = swimbladder.dynamics.plant(vehicle)
+    p = swimbladder.physics.dynamics.plant(vehicle)
     K2, T2 = rng.uniform(0.8, 1.2, (2, 50))
     settle, overshoot = settled(
         vehicle, parameters,

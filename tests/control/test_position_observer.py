@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from studies.tank_law import FITTING, position_observer_gains
-from swimbladder.closed_loop import simulate, step_metrics
 from swimbladder.control.law import Measurement
 from swimbladder.control.position_observer import POSITION_OBSERVER, initial, step
-from swimbladder.dynamics import plant
+from swimbladder.design.linear.models import linearise
+from swimbladder.design.linear.sampled import SampledLoop, linearise_law
+from swimbladder.design.planning import least_time
+from swimbladder.design.tuning.margins import WANTED, exactly, falls_short
 from swimbladder.io.config import load_vehicle
-from swimbladder.linear.models import linearise
-from swimbladder.linear.sampled import SampledLoop, linearise_law
-from swimbladder.parameters import Sensors
-from swimbladder.planning import least_time
-from swimbladder.tune.margins import WANTED, exactly, falls_short
+from swimbladder.physics.dynamics import plant
+from swimbladder.sim.closed_loop import simulate, step_metrics
+from swimbladder.vehicle import Sensors
 
 NOISE = 0.0103  # m, of the depths logged in the tank, as identified
 TANK = load_vehicle("ntnu-bv").model_copy(update={"sensors": Sensors(depth_noise=NOISE)})

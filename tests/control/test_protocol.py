@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from swimbladder.codegen.twin import twin
 from swimbladder.control import cascade, protocol
 from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.law import Measurement
 from swimbladder.control.protocol import EMPTY, POOL, Does, Window
 from swimbladder.control.protocol_records import procedure_for
-from swimbladder.firmware.twin import twin
 
 LOOP = CascadeParameters(k_pV=1.002e6, k_pz=-1.043e-4, k_iz=-7.486e-7, k_dz=-2.341e-3, S_p=0.3)
 dV = 30e-6
@@ -283,10 +283,10 @@ class TestWhatABoardNeeds:
         p = parameters(depth_most=6.0, depth_least=-1.0, volume_most=4e-4, volume_least=-4e-4)
         m = Machine(p)
         m.see(3.75, 15e-6, times=150)
-        loop = m.state[5:8]
+        loop = m.state.loop
         assert m.see(depth, volume) == pytest.approx(3.75 * 0.07707)
-        assert m.state.samples == 0.0
-        assert m.state[5:8] == loop  # the loop goes on where it was
+        assert m.state.window.samples == 0.0
+        assert m.state.loop == loop  # the loop goes on where it was
         assert m.until(Does.HALT, 3.75, 15e-6)[0] == 201
 
     def test_without_a_measurement_it_gives_up_after_a_while(self):
@@ -337,7 +337,7 @@ class TestWhatABoardNeeds:
 def test_float32_is_enough_for_a_minute(samples):
     """Means to 0.01 cm3 and 0.02 mm, the speed to a hundredth of what counts as rest."""
     law, S_p = twin(POOL), 60.0 / samples
-    p = parameters(S_p=S_p)
+    p = parameters(loop=LOOP._replace(S_p=S_p))
     random = np.random.default_rng(3)
     seconds = S_p * np.arange(samples)
     depths = (3.75 + 0.019 + 4e-4 * (seconds - 30.0) + 0.005 * random.normal(size=samples)).astype(
@@ -347,8 +347,8 @@ def test_float32_is_enough_for_a_minute(samples):
     state = law.initial(p, Measurement(0.0, depths[0], np.float32(3.3e-4)), 1.0)
     for z, V in zip(depths, volumes, strict=True):
         _, state, _ = law.step(p, state, Measurement(0.0, z, V), 1.0)
-    assert state.samples == samples
-    window = Window(*map(float, (state.samples, state.z, state.kz, state.V)))
+    assert state.window.samples == samples
+    window = Window(*map(float, state.window))
     exact = depths.astype(float), volumes.astype(float)
     assert float(state.neutral) + window.V / samples == pytest.approx(exact[1].mean(), abs=1e-8)
     assert 3.75 + window.z / samples == pytest.approx(exact[0].mean(), abs=2e-5)

@@ -10,11 +10,12 @@ from scipy.optimize import minimize
 from swimbladder.control.law import Measurement
 from swimbladder.control.observer import OBSERVER
 from swimbladder.control.pulse import PULSE, holds, initial, run, step
-from swimbladder.dynamics import plant
+from swimbladder.control.records import leaves, numbers
+from swimbladder.design.tuning.gains import Knobs, gains, setting_of
+from swimbladder.design.tuning.motion import held_motion, motion_over_sample, pulse_gains
+from swimbladder.design.tuning.trial import motor_starts, motor_turns
 from swimbladder.io.config import load_vehicle
-from swimbladder.tune.gains import Knobs, gains, setting_of
-from swimbladder.tune.motion import held_motion, motion_over_sample, pulse_gains
-from swimbladder.tune.trial import motor_starts, motor_turns
+from swimbladder.physics.dynamics import plant
 
 VEHICLE = load_vehicle("feup-em")
 PLANT = plant(VEHICLE)
@@ -68,10 +69,11 @@ class Flown:
         F, G0, G1 = motion_over_sample(PLANT, H)
         x, volume = np.array([z, w]), NEUTRAL + off
         state = initial(p, Measurement(0.0, 2.0 + z, PLANT.psi * (2.0 + z)), 2.0)
-        state = state._replace(volume=volume)
+        state = state._replace(estimate=state.estimate._replace(volume=volume))
         if known:  # the speed, as the filter would have it
             back = np.linalg.solve(F, x - (G0 + G1) * off)
-            state = state._replace(depth=2.0 + back[0], speed=back[1])
+            there = state.estimate._replace(depth=2.0 + back[0], speed=back[1])
+            state = state._replace(estimate=there)
         self.x, self.volumes, self.states, self.voltages = [x], [off], [state], []
         for n in range(samples):
             seen = Measurement(n * H, 2.0 + x[0], volume)
@@ -192,7 +194,7 @@ def test_nothing_moves_without_a_volume_and_limits_hold_whatever_is_measured():
             u, after, _ = step(p, state, Measurement(H, depth, volume), 2.0)
             assert abs(u) <= p.limit
             assert p.volume_min <= after.volume_reference <= p.volume_max
-            assert all(math.isfinite(x) for x in after)
+            assert all(math.isfinite(x) for x in numbers(after))
 
 
 def test_the_way_back_begins_half_a_sample_ahead():
@@ -222,8 +224,8 @@ def test_near_the_reference_the_filter_has_the_gains_of_a_neutral_volume_that_wa
     reference, gain
 ):
     p = parameters()
-    assert p.n_b != pytest.approx(p.l_b, rel=0.1)
+    assert p.resting.n_b != pytest.approx(p.model.trust.l_b, rel=0.1)
     state = initial(p, Measurement(0.0, 2.0, NEUTRAL), 2.0)
     _, after, _ = step(p, state, Measurement(H, 2.004, NEUTRAL), reference)
-    b = getattr(p, gain)
-    assert after.neutral - state.neutral == pytest.approx(b * 0.004, rel=1e-6)
+    b = leaves(p)[gain]
+    assert after.estimate.neutral - state.estimate.neutral == pytest.approx(b * 0.004, rel=1e-6)

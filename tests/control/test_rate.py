@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Measurement
 from swimbladder.control.rate import (
     RATE,
@@ -28,7 +29,7 @@ from swimbladder.control.rate import (
 )
 from swimbladder.control.registry import LAWS, MISSION_LAWS, law_by_name, law_parameters
 from swimbladder.errors import InputError
-from swimbladder.firmware.twin import twin
+from tests.quoted import refused
 
 # The settings of the float whose logs were read, one mbar taken as a centimetre of water.
 FLOAT = RateParameters(
@@ -46,7 +47,7 @@ def test_it_is_a_law_of_missions() -> None:
     assert set(RATE.units) == set(RATE.parameters._fields)
     said = {**FLOAT._asdict(), "coefficient": "160 cm3 s2/dm2", "near": "1500 cm"}
     assert law_parameters(RATE, said, sample_time=1.0) == pytest.approx(FLOAT)
-    with pytest.raises(InputError, match="needs this parameter"):
+    with refused(InputError, field="controller.parameters.tolerance"):
         law_parameters(RATE, {"coefficient": 0.016}, sample_time=1.0)
 
 

@@ -5,9 +5,10 @@ import inspect
 import pytest
 
 from swimbladder.control.cascade import CASCADE, CascadeParameters
+from swimbladder.control.records import leaf_names
 from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters
 from swimbladder.errors import InputError
-from swimbladder.parameters import Controller
+from swimbladder.vehicle import Controller
 from tests.vehicles import TABLE_3
 
 
@@ -17,7 +18,7 @@ def test_every_law_is_complete(name: str) -> None:
     assert law.name == name
     assert law.summary
     assert law.command in ("voltage", "volume")
-    assert set(law.units) == set(law.parameters._fields)
+    assert set(law.units) == set(leaf_names(law.parameters))
     assert len(law.state._fields) >= 1
     assert list(inspect.signature(law.step).parameters) == [
         "parameters", "state", "measurement", "reference",

@@ -8,20 +8,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from swimbladder.closed_loop import simulate, step_metrics
 from swimbladder.control import cascade
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.law import Measurement
-from swimbladder.control.sea_cascade import SEA_CASCADE, SeaCascadeParameters, initial, step
-from swimbladder.dynamics import State, motor_rhs
-from swimbladder.linear import SampledLoop, linearise, linearise_law, loop_margins
-from swimbladder.parameters import IdentifiedMotion, Sensors
+from swimbladder.control.sea_cascade import (
+    SEA_CASCADE,
+    SeaCascadeGains,
+    SeaCascadeParameters,
+    initial,
+    step,
+)
+from swimbladder.design.linear import SampledLoop, linearise, linearise_law, loop_margins
+from swimbladder.physics.dynamics import State, motor_rhs
+from swimbladder.sim.closed_loop import simulate, step_metrics
+from swimbladder.vehicle import IdentifiedMotion, Sensors
 from tests.control.examples import PLANT, S_P, SEA, blind, by_hand
 from tests.oracle import TABLE_3
 from tests.vehicles import paper
 
 BARE = SeaCascadeParameters(
-    **TABLE_3 | {"S_p": S_P}, target_weight=1.0, smoothing=1.0, leash=0.0, fastest=0.0, jerk=0.0,
+    gains=SeaCascadeGains(*(TABLE_3[name] for name in SeaCascadeGains._fields)), S_p=S_P,
+    target_weight=1.0, smoothing=1.0, leash=0.0, fastest=0.0, jerk=0.0,
     shortest=0.0, volume_per_speed=0.0, volume_per_acceleration=0.0, psi=0.0, depth_voltage=0.0,
     rate_per_volt=0.0, voltage_limit=1e9, volume_min=-1e9, volume_max=1e9, dead_zone=0.0,
 )  # fmt: skip
@@ -163,7 +170,7 @@ def test_the_integral_waits_at_the_voltages_limit_and_leaves_it_at_once() -> Non
     assert u == -12.0
     assert state.integral == -4.04e-6 * 2.0
     _, after, _ = step(p, state, Measurement(0.0, 2.0, 0.0), 1.999)
-    assert after.integral == pytest.approx(state.integral + p.k_iz * S_P * -0.001, rel=1e-9)
+    assert after.integral == pytest.approx(state.integral + p.gains.k_iz * S_P * -0.001, rel=1e-9)
 
 
 def test_a_reference_below_the_bottom_does_not_wind_it_up() -> None:
@@ -212,8 +219,9 @@ def test_a_new_set_point_makes_no_jump(papers, ours) -> None:
 
 def test_at_depth_nothing_is_left_to_integrate() -> None:
     """Neutral volume and load are fed forward: at 60 m, without the integral, it stands still."""
+    own = SEA.gains._replace(k_iz=0.0)
     ran = simulate(
-        paper(), law=SEA_CASCADE, parameters=SEA._replace(k_iz=0.0), sample_time=S_P,
+        paper(), law=SEA_CASCADE, parameters=SEA._replace(gains=own), sample_time=S_P,
         start_depth=60.0, setpoints=[(0.0, 60.0), (10.0, 70.0)], duration=400.0,
     )  # fmt: skip
     assert np.max(np.abs(ran.depth[:33] - 60.0)) < 1e-9
@@ -234,10 +242,14 @@ def test_its_transfer_function_by_hand() -> None:
     assert law.smooth
     for z in (0.5 + 0.7j, 1.5, -0.9j):
         F = SEA.smoothing / (1.0 - (1.0 - SEA.smoothing) / z)
-        pid = SEA.k_pz + SEA.k_dz * (1 - 1 / z) * F / S_P + SEA.k_iz * S_P / (z - 1)
+        pid = (
+            SEA.gains.k_pz + SEA.gains.k_dz * (1 - 1 / z) * F / S_P + SEA.gains.k_iz * S_P / (z - 1)
+        )
         depth, volume = law.system.at(z)[0, 0, :2]
-        assert depth == pytest.approx(SEA.k_pV * (SEA.psi - pid) + SEA.depth_voltage, rel=1e-6)
-        assert volume == pytest.approx(-SEA.k_pV, rel=1e-6)
+        assert depth == pytest.approx(
+            SEA.gains.k_pV * (SEA.psi - pid) + SEA.depth_voltage, rel=1e-6
+        )
+        assert volume == pytest.approx(-SEA.gains.k_pV, rel=1e-6)
 
 
 @pytest.mark.parametrize("depth", [0.5, 2.0, 20.0, 80.0])
@@ -254,19 +266,21 @@ def test_the_margins_of_the_recommended_gains(depth: float) -> None:
 
 
 def test_the_derivative_may_look_at_the_measured_depth_only() -> None:
-    p = SEA._replace(target_weight=0.0, k_pz=0.0, k_iz=0.0, jerk=0.0, fastest=0.0, shortest=0.0)
+    own = SEA.gains._replace(k_pz=0.0, k_iz=0.0)
+    p = SEA._replace(target_weight=0.0, gains=own, jerk=0.0, fastest=0.0, shortest=0.0)
     seen = Measurement(0.0, 2.0, 8.08e-6)
     _, after, _ = step(p, initial(p, seen, 2.0), seen, 3.0)
     assert after.volume_reference == pytest.approx(8.08e-6, rel=1e-12)
 
 
 def test_in_the_dead_zone_the_motor_rests_and_out_of_it_goes_all_the_way() -> None:
-    p = SEA._replace(dead_zone=4e-6, k_pz=0.0, k_dz=0.0, k_iz=0.0, psi=0.0)
+    own = SEA.gains._replace(k_pz=0.0, k_dz=0.0, k_iz=0.0)
+    p = SEA._replace(dead_zone=4e-6, gains=own, psi=0.0)
     load = p.depth_voltage * 2.0
     state = initial(p, Measurement(0.0, 2.0, 0.0), 2.0)
     for gap, moves in ((3.9e-6, False), (4.1e-6, True), (1.1e-6, True), (0.9e-6, False)):
         u, state, _ = step(p, state, Measurement(0.0, 2.0, -gap), 2.0)
-        assert u == pytest.approx(load + (p.k_pV * gap if moves else 0.0), rel=1e-12)
+        assert u == pytest.approx(load + (p.gains.k_pV * gap if moves else 0.0), rel=1e-12)
     u, _, _ = step(p, state, Measurement(0.0, 2.0, -1.1e-6), 2.0)
     assert u == load
 
@@ -294,7 +308,7 @@ def test_a_missing_depth_leaves_the_volume_where_it_was_asked() -> None:
     u, after, _ = step(SEA, state, Measurement(0.0, math.nan, 8.08e-6), 2.0)
     assert after.volume_reference == 2e-5
     assert after.integral == state.integral
-    assert u == pytest.approx(SEA.k_pV * (2e-5 - 8.08e-6) + SEA.depth_voltage * 2.0, rel=1e-9)
+    assert u == pytest.approx(SEA.gains.k_pV * (2e-5 - 8.08e-6) + SEA.depth_voltage * 2.0, rel=1e-9)
 
 
 def test_a_missing_volume_leaves_the_motor_holding() -> None:

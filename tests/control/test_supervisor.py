@@ -6,16 +6,24 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from swimbladder.closed_loop import simulate
+from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
+from swimbladder.codegen.golden import command_limits
+from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.control.law import NEVER
 from swimbladder.control.registry import LAWS
-from swimbladder.control.supervisor import SUPERVISOR, Reason, reasons_in, times
-from swimbladder.control.supervisor_records import Watched
-from swimbladder.firmware.clock import ControllerTwin, VehicleTwin
-from swimbladder.firmware.golden import command_limits
-from swimbladder.firmware.safety import supervisor_parameters
-from swimbladder.parameters import Sensors, Supervisor
-from tests.firmware.laws import example
+from swimbladder.control.supervisor import (
+    SUPERVISOR,
+    Reason,
+    Watched,
+    expected_rate,
+    reasons_in,
+    times,
+)
+from swimbladder.io.config import load_vehicle
+from swimbladder.sim.closed_loop import simulate
+from swimbladder.vehicle import Sensors, Supervisor
+from tests.codegen.laws import changed, example
+from tests.oracle import Machine
 from tests.vehicles import paper
 
 NOISY = Sensors(depth_noise="2 mm", depth_quantum="5 mm", volume_noise="0.2 cm3")
@@ -173,9 +181,9 @@ class TestFaults:
         limit = supervisor_parameters(example("cascade")[0], 0.3)
         fast = fly(setpoints=[(0.0, 60.0)], start_depth=5.0)
         assert fast.reason is Reason.DEPTH_LIMIT
-        first = np.flatnonzero(fast.ran.command == limit.surface_command)[0]
-        assert fast.ran.depth[first] < 0.7 * limit.depth_limit
-        assert fast.ran.depth.max() < limit.deepest
+        first = np.flatnonzero(fast.ran.command == limit.push.surface_command)[0]
+        assert fast.ran.depth[first] < 0.7 * limit.deep.depth_limit
+        assert fast.ran.depth.max() < limit.deep.deepest
         assert fast.ran.depth[-1] < 0.5
 
     def test_the_time_limit_counts_lost_ticks(self):
@@ -193,14 +201,14 @@ class TestFaults:
         assert flown.reason is None
         mute = fly(fault=None)
         p, state = mute.vehicle.limits, mute.vehicle.state
-        seen = CALM._replace(depth=float(mute.ran.depth[-1]), missed=p.missed)
+        seen = CALM._replace(depth=float(mute.ran.depth[-1]), missed=p.board.missed)
         _, after, _ = SUPERVISOR.step(p, state, seen, 0.0)
-        assert reasons_in(after.reasons) == (Reason.NO_COMMAND,)
+        assert reasons_in(after.rescue.reasons) == (Reason.NO_COMMAND,)
 
     def test_pushes_that_end_at_one_place(self):
         """Noise drives the volume to and fro; a block holds it back at its peaks only."""
         p = supervisor_parameters(example("cascade")[0], 0.3)
-        p = p._replace(same_tried=NEVER)  # the depth of this stand is the very same all along
+        p = changed(p, same_tried=NEVER)  # the depth of this stand is the very same all along
 
         def seconds(block: float) -> float:
             rng = np.random.default_rng(5)
@@ -208,18 +216,87 @@ class TestFaults:
             for k in range(2000):
                 wanted = min(max(1e6 * (8e-6 + rng.normal(0.0, 4e-6) - volume), -12.0), 12.0)
                 _, s, _ = SUPERVISOR.step(p, s, CALM._replace(volume=volume), wanted)
-                if s.reasons:
-                    assert s.reason == Reason.NOT_FOLLOWING
+                if s.rescue.reasons:
+                    assert s.rescue.reason == Reason.NOT_FOLLOWING
                     return 0.3 * k
-                push = wanted - p.load_drive * CALM.depth
-                volume = min(volume + 0.3 * p.rate * push, block)
+                push = wanted - p.rate.load_drive * CALM.depth
+                volume = min(volume + 0.3 * p.rate.rate * push, block)
             return math.inf
 
         assert seconds(9e-6) < 60.0
         assert seconds(math.inf) == math.inf
 
 
+@pytest.mark.parametrize(
+    ("count", "reason", "bad"),
+    [
+        ("leak", Reason.LEAK, {"leak": True}),
+        ("battery", Reason.BATTERY_LOW, {"battery": 8.0}),
+        ("blind", Reason.VOLUME_MISSING, {"volume": math.nan}),
+        ("deep", Reason.DEPTH_LIMIT, {"depth": 95.0}),
+    ],
+)
+@pytest.mark.parametrize(
+    ("bads", "at"),
+    [
+        (1, None),  # 1, 0, 1, 0
+        (2, None),  # 1 2, 0, 1 2, 0
+        (3, 38),  # 1 2 3, 1, 2 3 4, 2: one more a round of four; 10 11 12 in the tenth
+        (5, 20),  # 1 to 5, 3, 4 to 8, 6, 7 to 11, 9, 10 11 12 in the fourth round of six
+    ],
+)
+def test_what_fails_more_than_two_thirds_of_the_time_is_a_reason(count, reason, bad, bads, at):
+    """A good tick takes two bad ones away, of a limit of 12."""
+    p = supervisor_parameters(paper(), 0.3)
+    p = p._replace(**{count: 12}, fastest=math.inf, step=math.inf, jump=math.inf)
+    s = SUPERVISOR.initial(p, CALM, 0.0)
+    first = None
+    for k in range(60):
+        seen = CALM._replace(**bad) if k % (bads + 1) < bads else CALM
+        _, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+        if first is None and reason in reasons_in(s.reasons):
+            first = k
+    assert first == at
+
+
 @pytest.mark.parametrize("name", LAWS)
+def drives():
+    """Return vehicles: a load alone; with leakage; with friction, and losses of either way."""
+    smooth, em = paper(), load_vehicle("example-em")
+    leaky = smooth.actuator.model_copy(update={"k_l": 1e-7})
+    motor = em.actuator.motor.model_copy(update={"friction_torque": 3e-3})
+    rough = em.actuator.model_copy(update={"motor": motor})
+    return [
+        smooth,
+        smooth.model_copy(update={"actuator": leaky}),
+        em.model_copy(update={"actuator": rough}),
+    ]
+
+
+@pytest.mark.parametrize("vehicle", drives(), ids=["smooth", "leaky", "rough"])
+def test_the_rate_that_is_expected_is_that_of_the_papers_torques_at_even_speed(vehicle):
+    """Eqs (11), (12): k_v omega = k_u u - k_z z -+ T_b, or nothing where friction holds it."""
+    p, m = supervisor_parameters(vehicle, 0.3), Machine(vehicle)
+    for depth in (0.0, 5.0, 40.0):
+        for u in np.linspace(-12.0, 12.0, 97):
+            s = SUPERVISOR.initial(p, CALM, 0.0)._replace(command=float(u), depth=depth)
+            drives = m.k_u * u - m.k_z * depth - m.T_b
+            driven = m.k_u * u - m.k_z_back * depth + m.T_b
+            torque = max(drives, 0.0) + min(driven, 0.0)
+            due = m.k_q * torque / m.k_v - m.k_l * depth
+            assert expected_rate(p, s) == pytest.approx(due, rel=1e-9, abs=1e-15)
+
+
+def test_the_rate_of_a_positioner_is_what_is_left_within_its_speed():
+    vehicle = load_vehicle("ntnu-bv")
+    p = supervisor_parameters(vehicle, 0.5)
+    speed = 2.44e-3 * vehicle.actuator.piston_area
+    for volume, command in ((0.0, 1e-7), (0.0, -1e-7), (1e-6, 2e-5), (1e-6, -2e-5), (3e-6, 3e-6)):
+        s = SUPERVISOR.initial(p, CALM, 0.0)._replace(command=command, volume=volume)
+        due = max(-speed, min(speed, (command - volume) / 0.5))
+        assert expected_rate(p, s) == pytest.approx(due, rel=1e-9, abs=1e-18)
+
+
 class TestHealthy:
     """What must never be a reason."""
 
@@ -266,7 +343,7 @@ class TestHealthy:
         None for `planned`, which chases every wave: what it does then is not healthy.
         """
         height = 0.0 if name == "planned" else 0.1
-        range_ = supervisor_parameters(example(name)[0], example(name)[2]).neutral_range
+        range_ = supervisor_parameters(example(name)[0], example(name)[2]).neutral.neutral_range
 
         def sea(t, s):
             waves = height * math.sin(2.0 * math.pi * t / 8.0)
@@ -295,7 +372,7 @@ class TestShown:
 
     def test_a_leak_that_nothing_reports(self):
         """60 mL/min, seen as a volume that reads too large: 17.5 cm3 of change take 18 s."""
-        change = supervisor_parameters(example("cascade")[0], 0.3).neutral_change
+        change = supervisor_parameters(example("cascade")[0], 0.3).motion.neutral_change
         flown = fly(fault=lambda t, s: s._replace(volume=s.volume + 1e-6 * t))
         assert flown.reason is Reason.NOT_MOVING_AS_MODELLED
         assert change / 1e-6 < flown.after < change / 1e-6 + 50.0  # and psi, low passes, counting
@@ -307,13 +384,13 @@ class TestShown:
     def test_noise_that_shows_arms_the_watch_on_the_very_same_depth(self, sigma, quantum, seen):
         """Not where it only turns the depth on the edge between two quanta, at worst."""
         p = supervisor_parameters(example("cascade")[0].model_copy(update={"sensors": CLEAN}), 0.3)
-        assert p.same == NEVER
+        assert p.same.same == NEVER
         rng, s = np.random.default_rng(2), SUPERVISOR.initial(p, CALM, 0.0)
         for n in range(6000):
             step = 0.5 + rng.normal(0.0, sigma) if n < 5900 else 0.0
             depth = 2.0 + 0.002 * quantum * math.floor(step + 0.5)
             _, s, _ = SUPERVISOR.step(p, s, CALM._replace(depth=depth, volume=8.08e-6), 0.0)
-        assert (Reason.DEPTH_FROZEN in reasons_in(s.reasons)) is seen
+        assert (Reason.DEPTH_FROZEN in reasons_in(s.rescue.reasons)) is seen
 
     def test_a_depth_that_fails_a_third_of_the_time_is_none(self):
         rng = np.random.default_rng(4)
@@ -329,54 +406,59 @@ class TestReach:
 
     def after(self, p: Any, rows: list[tuple[float, float]], **state: Any) -> list[float]:
         """Return the commands over rows of (depth, volume), the law's being 0 V."""
-        s = SUPERVISOR.initial(p, CALM, 0.0)._replace(known=int(p.known), **state)
+        s = changed(SUPERVISOR.initial(p, CALM, 0.0), known=int(p.motion.known), **state)
         commands = []
         for depth, volume in rows:
             command, s, _ = SUPERVISOR.step(p, s, CALM._replace(depth=depth, volume=volume), 0.0)
-            assert not s.reasons
+            assert not s.rescue.reasons
             commands.append(command)
         return commands
 
     def test_it_is_shown_before_the_vehicle_sinks(self):
         p = self.limits
-        neutral = p.psi * 2.0
-        late = {"unproven": int(p.unproven)}
-        level = [(2.0, neutral - 0.9 * p.sinks)]
-        heavy = [(2.0, neutral - 1.1 * p.sinks)]
-        pushed = [(2.0, neutral), (2.0, neutral + 0.9 * p.reach), (2.0, neutral + 1.1 * p.reach)]
-        full = p.surface_command
+        neutral = p.neutral.psi * 2.0
+        late = {"unproven": int(p.proof.unproven)}
+        level = [(2.0, neutral - 0.9 * p.proof.sinks)]
+        heavy = [(2.0, neutral - 1.1 * p.proof.sinks)]
+        pushed = [
+            (2.0, neutral),
+            (2.0, neutral + 0.9 * p.proof.reach),
+            (2.0, neutral + 1.1 * p.proof.reach),
+        ]
+        full = p.push.surface_command
         assert self.after(p, level * 3, **late) == [0.0] * 3
         assert self.after(p, heavy * 3) == [0.0] * 3  # it has shown it of late
         # until it has, and then the law's again, however heavy
         shown = self.after(p, heavy + pushed + heavy * 3, **late)
         assert shown == [full] * 3 + [0.0] * 4
         # and not for as long as it counts
-        again = self.after(p, heavy * (int(p.unproven) + 3), unproven=0)
-        assert again.index(full) == p.unproven
+        again = self.after(p, heavy * (int(p.proof.unproven) + 3), unproven=0)
+        assert again.index(full) == p.proof.unproven
 
     def test_what_the_dive_has_shown_of_its_neutral_volume_counts(self):
-        p, late = self.limits, {"unproven": int(self.limits.unproven)}
-        rows = [(2.0, p.psi * 2.0)]
-        assert self.after(p, rows, own=0.9 * p.sinks, **late) == [0.0]
-        assert self.after(p, rows, own=1.1 * p.sinks, **late) == [p.surface_command]
+        p, late = self.limits, {"unproven": int(self.limits.proof.unproven)}
+        rows = [(2.0, p.neutral.psi * 2.0)]
+        assert self.after(p, rows, own=0.9 * p.proof.sinks, **late) == [0.0]
+        assert self.after(p, rows, own=1.1 * p.proof.sinks, **late) == [p.push.surface_command]
 
     def test_an_actuator_at_its_end_has_shown_what_it_can(self):
         p = self.limits
-        rows = [(2.0, 1.01 * p.volume_high)] * 2
-        assert self.after(p, rows, own=2.0 * p.volume_high, unproven=NEVER) == [
-            p.surface_command,
+        rows = [(2.0, 1.01 * p.volume.volume_high)] * 2
+        assert self.after(p, rows, own=2.0 * p.volume.volume_high, unproven=NEVER) == [
+            p.push.surface_command,
             0.0,
         ]
 
     def test_a_depth_that_is_the_very_same_is_moved(self):
-        p, n = self.limits, int(self.limits.same_tried)
-        still = [(2.0, p.psi * 2.0)]
+        p, n = self.limits, int(self.limits.proof.same_tried)
+        still = [(2.0, p.neutral.psi * 2.0)]
         commands = self.after(p, still * (n + 5))
         # the first tick has nothing before it that it could be the same as
-        assert commands.index(p.surface_command) == n
-        assert commands[n:] == [p.surface_command] * 5
-        moved = self.after(p, still * (n + 2) + [(1.99, p.psi * 2.0 + 1.1 * p.reach)] + still)
-        assert moved[-4:] == [p.surface_command] * 2 + [0.0] * 2
+        assert commands.index(p.push.surface_command) == n
+        assert commands[n:] == [p.push.surface_command] * 5
+        there = [(1.99, p.neutral.psi * 2.0 + 1.1 * p.proof.reach)]
+        moved = self.after(p, still * (n + 2) + there + still)
+        assert moved[-4:] == [p.push.surface_command] * 2 + [0.0] * 2
 
     def test_a_coarse_quantum_is_given_its_time(self):
         """A volume that is just known to have changed takes twice as long to be seen."""
@@ -384,10 +466,10 @@ class TestReach:
             update={"sensors": Sensors(depth_quantum="0.2 m")}
         )
         p = supervisor_parameters(vehicle, 0.3)
-        force = 1.0 / (p.inertia / p.per_tau**2)  # m/s2 per m3, a_b
-        seen = math.sqrt(2.0 * 0.4 / (force * p.grown))
-        assert p.same_tried == math.ceil(2.0 * seen / 0.3)
-        assert p.unproven == 100
+        force = 1.0 / (p.motion.inertia / p.motion.per_tau**2)  # m/s2 per m3, a_b
+        seen = math.sqrt(2.0 * 0.4 / (force * p.push.grown))
+        assert p.proof.same_tried == math.ceil(2.0 * seen / 0.3)
+        assert p.proof.unproven == 100
 
     @pytest.mark.parametrize(("psi", "given", "ticks"), [
         (-1.0, None, (NEVER, NEVER)), (0.0, None, (NEVER, NEVER)), (-1.0, "1 min", (200, 200)),
@@ -396,7 +478,7 @@ class TestReach:
     def test_a_hull_that_comes_to_rest_by_itself_is_left_alone(self, psi, given, ticks):
         hull = paper().hull.model_copy(update={"psi": psi * 1e-6})
         p = supervisor_parameters(paper(hull=hull, supervisor=Supervisor(prove_after=given)), 0.3)
-        assert (p.unproven, p.same_tried) == ticks
+        assert (p.proof.unproven, p.proof.same_tried) == ticks
 
     @pytest.mark.parametrize("n", [0, 1, 2, 3, 16, 17, 1000, 4095, 65534, NEVER])
     def test_times(self, n):
@@ -407,7 +489,7 @@ class TestSafeAction:
     limits = supervisor_parameters(example("cascade")[0], 0.3)
 
     def after(self, ticks: int, seen: Watched = WET, **state: Any) -> Any:
-        s = SUPERVISOR.initial(self.limits, seen, 1.0)._replace(**state)
+        s = changed(SUPERVISOR.initial(self.limits, seen, 1.0), **state)
         commands = []
         for _ in range(ticks):
             command, s, _ = SUPERVISOR.step(self.limits, s, seen, -12.0)
@@ -418,9 +500,9 @@ class TestSafeAction:
         p = self.limits
         lying = CALM._replace(depth=math.nan, volume=math.nan)
         commands, _ = self.after(1500, lying)
-        push, rest, again = int(p.push), int(p.rest), int(p.again)
-        turn = [p.hold_command] * rest + [p.surface_command] * again
-        expected = [p.surface_command] * push + turn * 10
+        push, rest, again = int(p.push.push), int(p.push.rest), int(p.push.again)
+        turn = [p.push.hold_command] * rest + [p.push.surface_command] * again
+        expected = [p.push.surface_command] * push + turn * 10
         assert commands == expected[:1500]
         assert self.after(1500)[0] == commands
 
@@ -449,38 +531,38 @@ class TestSafeAction:
 
     def test_wires_that_are_swapped_are_found_and_the_vehicle_lightened(self):
         p = self.limits
-        rows = self.driven(lambda _, u: -p.rate * u, 0.0)
-        assert rows[0][0] == p.surface_command
+        rows = self.driven(lambda _, u: -p.rate.rate * u, 0.0)
+        assert rows[0][0] == p.push.surface_command
         assert min(volume for _, volume in rows) > -5e-5
-        assert rows[-1][0] == p.away_hold == 0.0
+        assert rows[-1][0] == p.push.away_hold == 0.0
         assert rows[-1][1] == pytest.approx(3.5e-4)
-        at_the_end = self.driven(lambda _, u: -p.rate * u, -3.5e-4)
-        assert at_the_end[-1][1] >= p.volume_high
+        at_the_end = self.driven(lambda _, u: -p.rate.rate * u, -3.5e-4)
+        assert at_the_end[-1][1] >= p.volume.volume_high
 
     def test_a_turned_push_at_its_end_is_not_driven_back_by_wires_that_are_mended_unseen(self):
         """The volume is stuck there: a push the wrong way would end at the inner end, unseen."""
         p = self.limits
 
         def mended(t, u):
-            return (-1.0 if t < 40.0 else 1.0) * p.rate * u
+            return (-1.0 if t < 40.0 else 1.0) * p.rate.rate * u
 
         rows = self.driven(mended, 0.0, 300.0, lost=lambda t: t > 30.0)
-        assert rows[-1] == (p.away_hold, rows[120][1])
-        assert rows[-1][1] >= p.volume_high
+        assert rows[-1] == (p.push.away_hold, rows[120][1])
+        assert rows[-1][1] >= p.volume.volume_high
         stuck = self.driven(mended, 0.0, 300.0, stuck_from=30.0)
-        assert stuck[-1] == (p.away_hold, stuck[120][1])
+        assert stuck[-1] == (p.push.away_hold, stuck[120][1])
 
     def test_a_turned_push_of_which_nothing_is_seen_is_given_up_where_the_vehicle_sinks(self):
         """The wires are mended before the end, and then the volume is lost."""
         p = self.limits
-        again = 0.3 * int(p.again)
+        again = 0.3 * int(p.push.again)
         rows = self.driven(
-            lambda t, u: (-1.0 if t < 6.0 else 1.0) * p.rate * u, 0.0, 200.0, sinks=0.02,
+            lambda t, u: (-1.0 if t < 6.0 else 1.0) * p.rate.rate * u, 0.0, 200.0, sinks=0.02,
             lost=lambda t: t > 5.0,
         )  # fmt: skip
-        turned = [k for k, (command, _) in enumerate(rows) if command == p.away_command]
+        turned = [k for k, (command, _) in enumerate(rows) if command == p.push.away_command]
         assert 0.3 * len(turned) == pytest.approx(again + 5.0, abs=2.0)
-        assert rows[-1] == (p.surface_command, pytest.approx(3.5e-4))
+        assert rows[-1] == (p.push.surface_command, pytest.approx(3.5e-4))
 
     def test_a_tick_that_is_lost_ends_a_try_but_not_a_turned_push_that_gained(self):
         p = self.limits
@@ -490,9 +572,9 @@ class TestSafeAction:
             lost = 1 if k in {4, 5, 12} else 0
             command, s, _ = SUPERVISOR.step(p, s, WET._replace(volume=volume, lost=lost), 0.0)
             commands.append(command)
-            volume -= 0.3 * p.rate * command
-        assert commands[3] == p.away_command  # a try
-        assert p.away_command in commands[12:14]
+            volume -= 0.3 * p.rate.rate * command
+        assert commands[3] == p.push.away_command  # a try
+        assert p.push.away_command in commands[12:14]
 
     def test_a_volume_that_stays_behind_over_a_reset_turns_the_push(self):
         """A dying cell resets the board at the first tick of each push; the wires are swapped."""
@@ -500,55 +582,56 @@ class TestSafeAction:
         for _ in range(60):
             before, s = s, SUPERVISOR.initial(p, WET, 1.0)
             if before is not None:
-                s = s._replace(turns=before.turns, pushed=before.volume, volume=before.volume)
+                seen = before.volume.volume
+                s = changed(s, turns=before.push.turns, pushed=seen, volume=seen)
             command, s, _ = SUPERVISOR.step(p, s, WET._replace(volume=volume), 0.0)
-            volume = min(volume - 0.3 * p.rate * command, 3.5e-4)
-        assert volume >= p.volume_high
-        assert s.turns == 4
+            volume = min(volume - 0.3 * p.rate.rate * command, 3.5e-4)
+        assert volume >= p.volume.volume_high
+        assert s.push.turns == 4
 
     def test_wires_that_are_mended_are_found_too(self):
         p = self.limits
-        rows = self.driven(lambda t, u: (-1.0 if t < 6.0 else 1.0) * p.rate * u, 0.0)
-        assert rows[-1] == (p.surface_command, pytest.approx(3.5e-4))
+        rows = self.driven(lambda t, u: (-1.0 if t < 6.0 else 1.0) * p.rate.rate * u, 0.0)
+        assert rows[-1] == (p.push.surface_command, pytest.approx(3.5e-4))
 
     def test_swapped_wires_of_a_slow_actuator_are_found(self):
         """0.5 % of its speed: it is too slow to be told from one that stands, but it goes away."""
         p = self.limits
-        rows = self.driven(lambda _, u: -0.005 * p.rate * u, 0.0, 120.0)
+        rows = self.driven(lambda _, u: -0.005 * p.rate.rate * u, 0.0, 120.0)
         assert min(volume for _, volume in rows) > -1.0e-5
         assert rows[-1][1] > 0.0
 
     def test_a_turned_push_stays_where_the_volume_goes_missing_once_it_grew(self):
         p = self.limits
-        rows = self.driven(lambda _, u: -p.rate * u, 0.0, lost=lambda t: t > 3.0)
-        assert rows[-1] == (p.away_command, pytest.approx(3.5e-4))  # it does not see its end
-        never = self.driven(lambda _, u: -p.rate * u, 0.0, lost=lambda t: t > 0.5)
-        assert never[-1][0] == p.surface_command
+        rows = self.driven(lambda _, u: -p.rate.rate * u, 0.0, lost=lambda t: t > 3.0)
+        assert rows[-1] == (p.push.away_command, pytest.approx(3.5e-4))  # it does not see its end
+        never = self.driven(lambda _, u: -p.rate.rate * u, 0.0, lost=lambda t: t > 0.5)
+        assert never[-1][0] == p.push.surface_command
 
     def test_a_volume_that_stands_short_of_its_inner_end_is_pushed_on_the_way_it_was(self):
         """The reading may be stuck: a try would cost a vehicle that is coming round its depth."""
         p = self.limits
         for sinks in (0.0, 0.02):
             rows = self.driven(lambda *_: 0.0, 0.0, 300.0, sinks=sinks)
-            assert p.away_command not in {command for command, _ in rows}
+            assert p.push.away_command not in {command for command, _ in rows}
 
     def test_a_rest_ends_where_the_sea_drives_the_piston_in(self):
         """The motor's load is three times what it was: the voltage that should hold does not."""
-        p, end = self.limits, 0.3 * int(self.limits.push)
+        p, end = self.limits, 0.3 * int(self.limits.push.push)
         rows = self.driven(
-            lambda t, u: 1e-5 if u > p.hold_command else (-1e-5 if t > end else 0.0), 2e-4,
+            lambda t, u: 1e-5 if u > p.push.hold_command else (-1e-5 if t > end else 0.0), 2e-4,
             end + 60.0,
         )  # fmt: skip
-        resting = [volume for command, volume in rows if command == p.hold_command]
+        resting = [volume for command, volume in rows if command == p.push.hold_command]
         assert resting
-        assert min(resting) > 3.5e-4 - p.away - 2.0 * 0.3e-5
-        assert rows[-1][1] > 3.5e-4 - 2.0 * p.away
+        assert min(resting) > 3.5e-4 - p.push.away - 2.0 * 0.3e-5
+        assert rows[-1][1] > 3.5e-4 - 2.0 * p.push.away
 
     def test_there_is_no_rest_while_the_vehicle_sinks(self):
         p = self.limits
         rows = self.driven(lambda *_: 0.0, 0.0, 600.0, sinks=0.01)
         last = [command for command, _ in rows[-1000:]]
-        assert set(last) == {p.surface_command}
+        assert set(last) == {p.push.surface_command}
 
     def test_a_volume_that_lies_costs_one_try(self):
         """It reads inwards whatever is commanded: the push is turned round once, and back."""
@@ -557,10 +640,10 @@ class TestSafeAction:
         for _ in range(150):
             command, s, _ = SUPERVISOR.step(p, s, WET._replace(volume=volume), 0.0)
             commands.append(command)
-            volume = max(volume - 0.3 * 0.5 * p.rate * 12.0, -3.5e-4)
-        tried = commands.count(p.away_command) * 0.3
+            volume = max(volume - 0.3 * 0.5 * p.rate.rate * 12.0, -3.5e-4)
+        tried = commands.count(p.push.away_command) * 0.3
         assert 0.0 < tried < 5.0
-        assert commands[-1] == p.surface_command
+        assert commands[-1] == p.push.surface_command
 
     def test_a_volume_that_creeps_inwards_by_itself_costs_two_seconds(self):
         """0.15 % of the stroke a second, whatever is commanded, as beside a motor that is slow."""
@@ -570,9 +653,9 @@ class TestSafeAction:
             seen = WET._replace(volume=-0.3 * k * 1.5e-3 * 7e-4)
             command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
             commands.append(command)
-        tried = commands.count(p.away_command)
-        assert p.astray <= tried <= p.astray + 2
-        assert commands[-1] == p.surface_command
+        tried = commands.count(p.push.away_command)
+        assert p.push.astray <= tried <= p.push.astray + 2
+        assert commands[-1] == p.push.surface_command
 
     def test_wires_that_are_mended_unseen_are_found_as_the_vehicle_sinks(self):
         """The volume is stuck since the push was turned round and had grown."""
@@ -584,9 +667,9 @@ class TestSafeAction:
             seen = WET._replace(volume=volume, depth=depth)
             command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
             grew.append(command)
-        assert grew[20] == p.away_command
-        assert grew[80] == p.away_command  # it stands, and rises
-        assert grew[-1] == p.surface_command
+        assert grew[20] == p.push.away_command
+        assert grew[80] == p.push.away_command  # it stands, and rises
+        assert grew[-1] == p.push.surface_command
 
     def test_a_volume_that_lies_and_then_stands_is_not_believed_for_long(self):
         """It read inwards while the piston went out; then it is stuck, and the vehicle sinks."""
@@ -596,9 +679,9 @@ class TestSafeAction:
             seen = WET._replace(volume=-1e-5 * min(k, 1), depth=WET.depth + 0.03 * k)
             command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
             commands.append(command)
-        tried = commands.count(p.away_command)
-        assert 0 < tried <= p.again + 2
-        assert commands[-1] == p.surface_command
+        tried = commands.count(p.push.away_command)
+        assert 0 < tried <= p.push.again + 2
+        assert commands[-1] == p.push.surface_command
 
     def test_a_lost_tick_turns_a_try_back(self):
         """A pause of the board would make the try last."""
@@ -608,34 +691,34 @@ class TestSafeAction:
             seen = WET._replace(volume=-1e-5 * k, lost=1 if k == 2 else 0)
             command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
             commands.append(command)
-        assert commands[1] == p.away_command
-        assert set(commands[2:]) == {p.surface_command}
+        assert commands[1] == p.push.away_command
+        assert set(commands[2:]) == {p.push.surface_command}
 
     def test_a_slow_actuator_is_pushed_without_rests(self):
         """0.4 % of its speed; one that stands still rests."""
         p = self.limits
-        slow = self.driven(lambda _, u: 0.004 * p.rate * u, 0.0, 600.0)
-        assert {command for command, _ in slow} == {p.surface_command}
+        slow = self.driven(lambda _, u: 0.004 * p.rate.rate * u, 0.0, 600.0)
+        assert {command for command, _ in slow} == {p.push.surface_command}
         stalled = self.driven(lambda *_: 0.0, 0.0, 600.0)
-        assert {command for command, _ in stalled} == {p.surface_command, p.hold_command}
+        assert {command for command, _ in stalled} == {p.push.surface_command, p.push.hold_command}
 
     def test_the_first_cause_stays_and_the_others_are_gathered(self):
         p = self.limits
         _, s = self.after(1)
-        assert s.reason == Reason.RESTARTED
-        _, s = self.after(int(p.leak))
-        assert s.reason == Reason.RESTARTED
-        assert reasons_in(s.reasons) == (Reason.RESTARTED, Reason.LEAK)
+        assert s.rescue.reason == Reason.RESTARTED
+        _, s = self.after(int(p.board.leak))
+        assert s.rescue.reason == Reason.RESTARTED
+        assert reasons_in(s.rescue.reasons) == (Reason.RESTARTED, Reason.LEAK)
         again, healed, _ = SUPERVISOR.step(p, s, CALM, -12.0)
-        assert healed.reasons == s.reasons
-        assert again == p.surface_command
+        assert healed.rescue.reasons == s.rescue.reasons
+        assert again == p.push.surface_command
 
     def test_the_weight_goes_where_the_vehicle_does_not_rise(self):
         p = self.limits
-        assert self.after(int(p.release) - 1)[1].release is False
-        assert self.after(int(p.release))[1].release is True
+        assert self.after(int(p.push.release) - 1)[1].rescue.release is False
+        assert self.after(int(p.push.release))[1].rescue.release is True
         blind = CALM._replace(depth=math.nan)
-        assert self.after(int(p.release), blind)[1].release is True
+        assert self.after(int(p.push.release), blind)[1].rescue.release is True
 
     def test_the_weight_stays_where_it_rises_or_floats(self):
         flown = fly(fault=lambda _, s: s._replace(leak=True), duration=1500.0)
@@ -643,10 +726,10 @@ class TestSafeAction:
         assert not flown.vehicle.release
 
     def test_time_is_counted_beyond_what_16_bits_hold(self):
-        p = self.limits._replace(time_blocks=5000, time_ticks=3)
-        s = SUPERVISOR.initial(p, CALM, 0.0)._replace(block=4999, tick=4095)
+        p = changed(self.limits, time_blocks=5000, time_ticks=3)
+        s = changed(SUPERVISOR.initial(p, CALM, 0.0), block=4999, tick=4095)
         over = []
         for _ in range(6):
             _, s, _ = SUPERVISOR.step(p, s, CALM, 0.0)
-            over.append(Reason.TIME_LIMIT in reasons_in(s.reasons))
+            over.append(Reason.TIME_LIMIT in reasons_in(s.rescue.reasons))
         assert over == [False, False, False, False, True, True]

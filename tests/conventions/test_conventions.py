@@ -8,13 +8,13 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from swimbladder.actuator import reduced
-from swimbladder.closed_loop import StopReason, drive, simulate, simulate_ensemble, step_metrics
-from swimbladder.closed_loop.solution import _VARIABLES
-from swimbladder.dynamics import acceleration, drag_per_mass, plant
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.presets import preset_names
-from swimbladder.parameters import Drag, IdentifiedActuator, PhysicalMotion, Sensors
+from swimbladder.physics.actuator import reduced
+from swimbladder.physics.dynamics import acceleration, drag_per_mass, plant
+from swimbladder.sim.closed_loop import StopReason, drive, simulate, simulate_ensemble, step_metrics
+from swimbladder.sim.closed_loop.solution import _VARIABLES
+from swimbladder.vehicle import Drag, IdentifiedActuator, PhysicalMotion, Sensors
 
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "conventions.md"
 PRESETS = [n for n in preset_names() if load_vehicle(n).command != "volume change"]  # simulated

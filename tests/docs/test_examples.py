@@ -24,6 +24,7 @@ import subprocess
 import sys
 import threading
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,6 +49,7 @@ class Block(NamedTuple):
     body: str
     mark: str
     follows: str  # language of the block right above, "" where text stands between
+    at: int = 0  # where the body begins in the page
 
     @property
     def exit_code(self) -> int:
@@ -69,6 +71,7 @@ def blocks_of(page: Path, mark: str = "") -> list[Block]:
                 body=match["body"],
                 mark=match["mark"] or "",
                 follows=follows,
+                at=match.start("body"),
             )
         )
     if mark:
@@ -121,16 +124,15 @@ def shell(command: str, folder: Path, *programs: Path) -> tuple[int, str]:
     return done.returncode, "\n".join(lines)
 
 
-@pytest.fixture(scope="module")
-def warm(tmp_path_factory):
-    """A folder with a `swimbladder` that is a fork of a process which has imported everything.
+@contextlib.contextmanager
+def warm_programs(folder: Path) -> Iterator[Path]:
+    """Give a folder with a `swimbladder` that is a fork of a process which has imported everything.
 
     Beside Linux it is the installed one: slower, and sure.
     """
     if sys.platform != "linux":
         yield Path(sys.executable).parent
         return
-    folder = tmp_path_factory.mktemp("warm")
     program, address = folder / "swimbladder", str(folder / "socket")
     program.write_text(client(address), encoding="utf-8")
     program.chmod(0o755)
@@ -143,32 +145,68 @@ def warm(tmp_path_factory):
         server.stdin.close()
 
 
+class Ran(NamedTuple):
+    """An example that was run: a command, or a block of Python with the text block below it."""
+
+    block: Block  # what stands beside it
+    number: int  # of the command in its block, from 0
+    command: str
+    code: int
+    expected: int  # exit code
+    printed: str
+    promised: str | None  # None: it may print what it likes
+
+
+def run_page(page: Path, folder: Path, *programs: Path) -> Iterator[Ran]:
+    """Run the examples of a page one after the other in `folder`, the current one."""
+    blocks = [block for block in blocks_of(page) if block.language in RUN]
+    if any("my-float.toml" in block.body for block in blocks):
+        assert shell("swimbladder vehicle new my-float.toml", folder, *programs)[0] == 0
+    names: dict[str, object] = {"__name__": "__main__"}
+    printed = ""
+    for block in blocks:
+        if block.language == "python":
+            printed = _python(block, names, f"{page.name}, line {block.line}")
+        elif block.language == "text" and block.follows == "python":
+            yield Ran(block, 0, "it", 0, 0, printed, block.body)
+        elif block.language == "toml":
+            _toml(block, folder, f"{page.name}, line {block.line}")
+        elif block.language == "sh":
+            code, output = shell(block.body, folder, *programs)
+            yield Ran(block, 0, block.body, code, block.exit_code, output, None)
+        elif block.language == "console":
+            commands = commands_of(block)
+            for number, (command, promised) in enumerate(commands):
+                code, output = shell(command, folder, *programs)
+                expected = block.exit_code if number == len(commands) - 1 else 0
+                yield Ran(block, number, command, code, expected, output, promised)
+
+
+def needs_programs(page: Path) -> bool:
+    """Say whether a page has commands that a fork may run: the README's are run as installed."""
+    commands = [b.body for b in blocks_of(page) if b.language in ("sh", "console")]
+    return page != PAGES[0] and any("swimbladder" in body for body in commands)
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    with warm_programs(tmp_path_factory.mktemp("warm")) as folder:
+        yield folder
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_the_examples_of_a_page_run_and_print_what_stands_there(
     page, tmp_path, monkeypatch, request
 ):
     monkeypatch.chdir(tmp_path)
-    blocks = [block for block in blocks_of(page) if block.language in RUN]
-    commands = any(block.language in ("sh", "console") for block in blocks)
-    programs = [request.getfixturevalue("warm")] if commands and page != PAGES[0] else []
-    if any("my-float.toml" in block.body for block in blocks):
-        assert shell("swimbladder vehicle new my-float.toml", tmp_path, *programs)[0] == 0
-    names: dict[str, object] = {"__name__": "__main__"}
-    printed = ""
-    for block in blocks:
-        place = f"{page.relative_to(ROOT)}, line {block.line}"
-        if block.language == "python":
-            printed = _python(block, names, place)
-        elif block.language == "text" and block.follows == "python":
-            assert same(printed, block.body), f"{place}: it prints\n{printed}"
-        elif block.language == "toml":
-            _toml(block, tmp_path, place)
-        elif block.language == "sh":
-            code, output = shell(block.body, tmp_path, *programs)
-            assert code == block.exit_code, f"{place}: exit code {code}\n{output}"
-        elif block.language == "console":
-            _console(block, tmp_path, place, programs)
+    programs = [request.getfixturevalue("warm")] if needs_programs(page) else []
+    for ran in run_page(page, tmp_path, *programs):
+        place = f"{page.relative_to(ROOT)}, line {ran.block.line}: {ran.command}"
+        assert ran.code == ran.expected, f"{place}: exit code {ran.code}\n{ran.printed}"
+        if ran.promised is not None:
+            remedy = "(scripts/refresh_docs.py writes what it prints)"
+            assert same(ran.printed, ran.promised), f"{place} prints {remedy}\n{ran.printed}"
 
 
 def _python(block: Block, names: dict[str, object], place: str) -> str:
@@ -186,15 +224,6 @@ def _toml(block: Block, folder: Path, place: str) -> None:
         pytest.fail(f"{place}: not TOML: {error}")
     if block.name:
         (folder / block.name).write_text(block.body, encoding="utf-8")
-
-
-def _console(block: Block, folder: Path, place: str, programs: list[Path]) -> None:
-    commands = commands_of(block)
-    for number, (command, promised) in enumerate(commands, start=1):
-        code, output = shell(command, folder, *programs)
-        expected = block.exit_code if number == len(commands) else 0
-        assert code == expected, f"{place}: {command}: exit code {code}\n{output}"
-        assert same(output, promised), f"{place}: {command} prints\n{output}"
 
 
 def test_a_block_as_on_another_page_is_run_there_and_prints_the_same():

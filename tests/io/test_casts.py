@@ -15,7 +15,7 @@ from swimbladder.errors import InputError, LogError
 from swimbladder.io.cast_columns import CAST_COLUMNS, cast_unit, kind_of
 from swimbladder.io.cast_rows import legs
 from swimbladder.io.casts import read_cast
-from swimbladder.seawater import cast_column
+from swimbladder.physics.seawater import cast_column
 
 PLACE = {"latitude": 43.0, "longitude": 8.0}
 

@@ -2,11 +2,23 @@
 
 import os
 import stat
+import subprocess
+import sys
+import threading
+from pathlib import Path
 
 import pytest
 
 from swimbladder.errors import InputError
-from swimbladder.io.files import make_folder, write_atomically, write_through
+from swimbladder.io.files import (
+    check_place,
+    make_folder,
+    publish,
+    read_at_most,
+    temporary_folder,
+    write_atomically,
+    write_through,
+)
 
 
 def test_text_and_bytes_are_written_and_nothing_else_is_left(tmp_path):
@@ -62,3 +74,56 @@ def test_a_place_that_cannot_be_written_is_an_input_error(tmp_path):
 def test_folders_are_made_with_those_above(tmp_path):
     assert make_folder(tmp_path / "a" / "b").is_dir()
     assert make_folder(tmp_path / "a" / "b").is_dir()
+
+
+def dead_process():
+    """The number of a process that has ended."""
+    return subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"],
+                          capture_output=True, text=True, check=True).stdout.strip()  # fmt: skip
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere a process cannot be asked for")
+def test_what_a_killed_run_left_is_removed_and_what_is_being_written_stays(tmp_path):
+    mine = temporary_folder(tmp_path)
+    name = mine.name.replace(f"-{os.getpid()}-", f"-{dead_process()}-")
+    left = [tmp_path / name, tmp_path / "out" / f"{name}.csv"]
+    (left[0] / "figures").mkdir(parents=True)
+    left[1].parent.mkdir()
+    left[1].write_text("half")
+    theirs = tmp_path / ".swimbladder-00000000-1-aaaaaaaa"  # of another machine
+    theirs.mkdir()
+    other = tmp_path / ".out-settings"
+    other.mkdir()
+    check_place(tmp_path / "out")
+    publish(tmp_path / "out", lambda folder: (folder / "a.txt").write_text("a"))
+    assert sorted(tmp_path.iterdir()) == sorted([mine, theirs, other, tmp_path / "out"])
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["a.txt"]
+    os.utime(theirs, (0.0, 0.0))
+    make_folder(tmp_path)
+    assert not theirs.exists()
+    assert mine.exists()
+
+
+def test_a_file_is_read_to_a_limit_and_a_pipe_gives_its_content_again(tmp_path):
+    (tmp_path / "a").write_bytes(b"x" * 100)
+    assert read_at_most(tmp_path / "a", 100) == b"x" * 100
+    assert read_at_most(tmp_path / "a", 10) == b"x" * 11
+    if os.name != "posix":
+        return
+    assert read_at_most(Path("/dev/zero"), 1000) == bytes(1001)
+    assert read_at_most(Path("/dev/null"), 1000) == b""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=pipe.write_bytes, args=(b"first",))
+    writer.start()
+    assert read_at_most(pipe, 100) == b"first"
+    writer.join()
+    assert read_at_most(pipe, 100) == b"first"  # an error looks up its line
+
+
+def test_a_name_that_no_folder_can_have_is_refused_before_anything_is_done(tmp_path):
+    for name in ("x" * 244, "ψ" * 130, "x" * 300):
+        with pytest.raises(InputError, match="longer than 243 bytes") as caught:
+            check_place(tmp_path / name)
+        assert caught.value.field == "--out"
+    check_place(tmp_path / ("x" * 243))

@@ -13,6 +13,7 @@ import pytest
 from swimbladder.errors import LogError
 from swimbladder.io.float_logs import read_float_log
 from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
+from tests.quoted import refused
 
 # Made up in the manner of such a float: a dive to 30 bar, with the mishaps that logs have.
 MADE_UP = """\
@@ -205,9 +206,9 @@ def test_what_is_no_such_log(tmp_path: Path, made_up: Path) -> None:
     assert not is_mermaid("2031-03-01T10:00:00:[OTHER ,0001]x\n")
     other = tmp_path / "other.csv"
     other.write_text("time_s,depth_m\n0,1\n")
-    with pytest.raises(LogError, match="no line with a pressure"):
+    with refused(LogError, field="[PRESS ,0038]"):
         read_mermaid(other)
-    with pytest.raises(LogError, match="no such file"):
+    with refused(LogError, field="file"):
         read_mermaid(tmp_path / "none.LOG")
 
 
@@ -296,7 +297,7 @@ def test_the_kind_of_log_is_seen(tmp_path: Path, made_up: Path) -> None:
     table = tmp_path / "dive.csv"
     table.write_text("time_s,pressure_Pa,pump_s\n0,0,1\n60,1e5,\n")
     assert len(read_float_log(table)) == 2
-    with pytest.raises(LogError, match="no line with a pressure"):
+    with refused(LogError, field="[PRESS ,0038]"):
         read_float_log(table, log_format_name="mermaid")
 
 
@@ -306,7 +307,7 @@ def test_the_kind_of_log_is_seen(tmp_path: Path, made_up: Path) -> None:
         ("time_s,pump_s\n0,1\n60,\n", "no column pressure_Pa", "pressure_Pa"),
         ("time_s,pressure_Pa\n0,1\n60,2\n", "when pump or valve ran", "pump_s"),
         ("time_s,pressure_Pa,pump_s\n60,1,1\n0,2,\n", "do not increase", "time_s"),
-        ("time_s,pressure_Pa,pump_s\n0,101325,1\n60,2e5,\n", "looks absolute", "pressure_Pa"),
+        ("time_s,pressure_Pa,pump_s\n0,101325,1\n60,2e5,\n", "absolute", "pressure_Pa"),
         ("time_s,pressure_Pa,pump_s\n0,1,1\n60,,\n", "fewer than two", "pressure_Pa"),
         (
             "time_s,pressure_Pa,pump_s\n0,1,1\n60,2000,\n",
@@ -336,15 +337,15 @@ def test_two_dives_in_one_log_are_told(tmp_path: Path, made_up: Path) -> None:
     path.write_text("\n".join(["time_s,pressure_Pa,pump_s", *rows[:6]]))
     assert len(read_float_log(path)) == 6
     path.write_text("\n".join(["time_s,pressure_Pa,pump_s", *rows]))
-    with pytest.raises(LogError, match="2 dives: after 480 s the float dives again"):
+    with refused(LogError, field="log", holds={2.0, 480.0}):
         read_float_log(path)
     twice = tmp_path / "twice.LOG"
     twice.write_text(MADE_UP + MADE_UP.replace("2031-03-01T1", "2031-03-02T1"))
-    with pytest.raises(LogError, match="2 dives"):
+    with refused(LogError, field="log", holds={2.0}):
         read_float_log(twice)
     above = [line for line in twice.read_text().splitlines() if "T+21000mdegC" not in line]
     twice.write_text("\n".join(above))  # no pressures at the surface
-    with pytest.raises(LogError, match="2 dives"):
+    with refused(LogError, field="log", holds={2.0}):
         read_float_log(twice)
     assert len(read_float_log(made_up)) == 4
 
@@ -352,7 +353,7 @@ def test_two_dives_in_one_log_are_told(tmp_path: Path, made_up: Path) -> None:
 def test_columns_that_are_not_there(tmp_path: Path) -> None:
     path = tmp_path / "dive.csv"
     path.write_text("time_s,pressure_Pa,pump_s\n0,1,1\n60,2,\n")
-    with pytest.raises(LogError, match="no such column of a float's log"):
+    with refused(LogError, field="pump_seconds"):
         read_float_log(path, columns={"pump_seconds": "pump_s"})
-    with pytest.raises(LogError, match="no such column"):
+    with refused(LogError, field="pump_s", value="pump"):
         read_float_log(path, columns={"pump_s": "pump"})

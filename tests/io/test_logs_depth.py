@@ -10,6 +10,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.log_format import LogFormat
 from swimbladder.io.logs import read_log
 from tests.log_files import refused, table, write
+from tests.quoted import numbers
 
 POOL = 'water_density = "998 kg/m3"\n'
 PASCALS = {  # by definition: of the pound, the inch, the atmosphere
@@ -60,9 +61,10 @@ def test_pressure_alone_is_not_enough(tmp_path: Path) -> None:
     assert refused(path).field == "water_density"
     error = refused(path, log_format=LogFormat(water_density=998.0))
     assert error.field == "atmospheric_pressure"
-    assert "101325 Pa, looks absolute" in str(error)
+    assert 101325.0 in numbers(error)  # Pa
+    assert "absolute" in str(error)
     gauge = write(tmp_path, rows([12.0, 9_000.0], "pressure_Pa"))
-    assert "looks gauge" in str(refused(gauge, log_format=LogFormat(water_density=998.0)))
+    assert "gauge" in str(refused(gauge, log_format=LogFormat(water_density=998.0)))
 
 
 @pytest.mark.parametrize(

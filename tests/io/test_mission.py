@@ -6,6 +6,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.io.mission_check import MOST_SAMPLES, check_mission
+from tests.quoted import refused
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +52,7 @@ def test_a_stroke_smaller_than_the_neutral_volume_says_how_deep_it_suffices(feup
     # psi z = 350 cm3 at z = 350e-6/4.04e-6
     deepest = 350e-6 / 4.04e-6
     check_mission(feup, mission(setpoints=to(deepest - 0.01)))
-    with pytest.raises(InputError, match="350 cm3") as caught:
+    with refused(InputError, field="setpoints[1].depth", holds={350.0}) as caught:
         check_mission(feup, mission(setpoints=to(deepest + 0.01)))
     said = str(caught.value)
     assert f"The stroke ends at {deepest:.4g} m: ask for less by more than a step" in said
@@ -64,7 +65,7 @@ def test_a_stiff_hull_runs_out_at_the_other_end(feup):
     hull = hull.model_copy(update={"psi": -5e-6, "depth_limit": None})
     stiff = stiff.model_copy(update={"hull": hull})
     # 50 cm3 - 5 cm3/m z = -350 cm3 at 80 m
-    with pytest.raises(InputError, match="ends at 80 m: ask for less, or lengthen"):
+    with refused(InputError, field="setpoints[1].depth", value=80.5, holds={80.0}):
         check_mission(stiff, mission(setpoints=to(80.5)))
 
 
@@ -86,10 +87,10 @@ def test_a_vehicle_that_is_trimmed_beyond_its_stroke(feup, psi, trim, words):
 
 def test_a_vehicle_without_a_controller(feup):
     bare = feup.model_copy(update={"controller": None})
-    with pytest.raises(InputError, match=r"Add a table \[controller\]"):
+    with refused(InputError, field="controller"):
         check_mission(bare, mission())
     check_mission(bare, mission(), sample_time=0.5)
-    with pytest.raises(InputError, match="shorter than one sample of 500 s"):
+    with refused(InputError, field="duration", value=400.0, holds={500.0}):
         check_mission(bare, mission(), sample_time=500.0)
 
 
@@ -102,7 +103,7 @@ def test_fields_are_called_what_the_user_calls_them(feup):
 
 
 def test_order_is_checked_in_python_too():
-    with pytest.raises(InputError, match="Sort the set-points"):
+    with refused(InputError, field="setpoints[1].time", value=0.0):
         mission(setpoints=[{"time": 0.0, "depth": 1.0}, {"time": 0.0, "depth": 2.0}])
-    with pytest.raises(InputError, match=r"setpoints\[0\]\.time: the first set-point is at 1 s"):
+    with refused(InputError, field="setpoints[0].time", value=1.0):
         mission(setpoints=[{"time": 1.0, "depth": 1.0}])

@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.presets import preset_names, preset_text
-from swimbladder.parameters.schema import dotted
+from swimbladder.vehicle.schema import dotted
 
 
 def leaves(table, path=()):

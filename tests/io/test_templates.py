@@ -5,14 +5,14 @@ import tomllib
 
 import pytest
 
-from swimbladder.buoyancy_engine import drive_map
-from swimbladder.hull import neutral_volume, weight_mass
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.templates import KINDS, vehicle_template
-from swimbladder.parameters import Vehicle
-from swimbladder.parameters.schema import models_in, tags_of
-from swimbladder.seawater import uniform_column
+from swimbladder.physics.buoyancy_engine import drive_map
+from swimbladder.physics.hull import neutral_volume, weight_mass
+from swimbladder.physics.seawater import uniform_column
 from swimbladder.units import parse_quantity
+from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.schema import models_in, tags_of
 
 
 def loaded(folder, text):

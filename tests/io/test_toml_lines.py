@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swimbladder.io.toml_lines import key_lines
-from swimbladder.parameters.schema import dotted
+from swimbladder.vehicle.schema import dotted
 
 TEXT = '''\
 # hull.psi = 3

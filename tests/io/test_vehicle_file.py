@@ -10,7 +10,7 @@ from swimbladder.io.config import load_vehicle, read_model
 from swimbladder.io.presets import preset_names
 from swimbladder.io.templates import KINDS, vehicle_template
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.parameters import Identified, Vehicle
+from swimbladder.vehicle import Identified, Vehicle
 
 
 def again(vehicle):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from swimbladder.reproduce.evidence import gather
+from swimbladder.paper.evidence import gather
 
 
 @pytest.fixture(scope="session")

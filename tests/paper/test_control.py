@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from swimbladder.closed_loop import simulate, step_metrics
 from swimbladder.control import cascade
 from swimbladder.control.law import Measurement
 from swimbladder.control.registry import bind
 from swimbladder.io.config import load_vehicle
+from swimbladder.sim.closed_loop import simulate, step_metrics
 
 
 @pytest.fixture(scope="module")

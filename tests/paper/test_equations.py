@@ -5,14 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from swimbladder import actuator, oil
-from swimbladder.closed_loop import Solution
 from swimbladder.control import cascade
-from swimbladder.linear import StateSpace
-from swimbladder.reproduce import equations_actuator, equations_motion
-from swimbladder.reproduce.equations_actuator import actuator_checks
-from swimbladder.reproduce.equations_motion import motion_checks
-from swimbladder.reproduce.verdict import EquationCheck, deviation
+from swimbladder.design.linear import StateSpace
+from swimbladder.paper import equations_actuator, equations_motion
+from swimbladder.paper.equations_actuator import actuator_checks
+from swimbladder.paper.equations_motion import motion_checks
+from swimbladder.paper.verdict import EquationCheck, deviation
+from swimbladder.physics import actuator, oil
+from swimbladder.sim.closed_loop import Solution
 
 
 def checks(evidence):

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from swimbladder.actuator import unified
-from swimbladder.closed_loop import drive
-from swimbladder.dynamics import State, acceleration, drag_per_mass, motor_rhs, plant
 from swimbladder.io.config import load_vehicle
-from swimbladder.parameters import Drag, PhysicalMotion
+from swimbladder.physics.actuator import unified
+from swimbladder.physics.dynamics import State, acceleration, drag_per_mass, motor_rhs, plant
+from swimbladder.sim.closed_loop import drive
+from swimbladder.vehicle import Drag, PhysicalMotion
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ import pytest
 
 from studies import cycles
 from studies.cycles import CASES, foretold, main, row, simulated
-from swimbladder.dynamics import plant
-from swimbladder.stability.confirm import Seen
+from swimbladder.design.stability.confirm import Seen
+from swimbladder.physics.dynamics import plant
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.words)

@@ -6,7 +6,7 @@ import pytest
 from studies import deep_drawn
 from studies.deep_calibration import main, summary
 from studies.deep_drawn import again, drawn, known
-from swimbladder.identify.deep_model import DEFAULT
+from swimbladder.estimation.motion.deep_model import DEFAULT
 
 
 def test_dives_differ_by_so_many_deviations_of_what_is_known() -> None:

@@ -13,9 +13,9 @@ from studies.deep_readings import (
     rests,
     speed_scatter,
 )
-from swimbladder.identify.deep_dive import DeepDive, Pieces
-from swimbladder.identify.deep_model import Body
-from swimbladder.seawater import Column
+from swimbladder.estimation.motion.deep_dive import DeepDive, Pieces
+from swimbladder.estimation.motion.deep_model import Body
+from swimbladder.physics.seawater import Column
 
 NONE = np.zeros(0)
 MBAR, LOOK = 100.0, 86.0

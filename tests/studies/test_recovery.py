@@ -5,7 +5,7 @@ import pytest
 
 from studies import recovery
 from studies.recovery import lines, main, maps_of
-from swimbladder.stability.recover import Map, Verdict
+from swimbladder.design.stability.recover import Map, Verdict
 
 
 def made(verdicts, hopeless):

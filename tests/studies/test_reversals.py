@@ -5,7 +5,7 @@ from scipy.integrate import solve_ivp
 
 from studies import reversals
 from studies.reversals import asked, main
-from swimbladder.tune.trial import Step
+from swimbladder.design.tuning.trial import Step
 
 
 @pytest.mark.parametrize(("before", "after"), [(0.0, 0.22), (0.22, -0.22)])

@@ -9,10 +9,10 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_are
 
 from studies.starts import Drift, Grid, drift_of, fewest, least_cost, main, stage_cost, transition
+from swimbladder.design.tuning.gains import Knobs, gains, setting_of, tunable
+from swimbladder.design.tuning.region import region
+from swimbladder.design.tuning.trial import Step, trial
 from swimbladder.io.config import load_vehicle
-from swimbladder.tune.gains import Knobs, gains, setting_of, tunable
-from swimbladder.tune.region import region
-from swimbladder.tune.trial import Step, trial
 
 SEEN = math.hypot(2e-3, 5e-3 / math.sqrt(12.0))  # m: 2 mm of noise and a quantum of 5 mm
 ISSUE = drift_of("feup-em", noise=SEEN, sample_time=0.3)

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize
 
 from studies.trapped_air import Points, better_by, fit, lost_share, read_points
-from swimbladder.seawater.column import ATMOSPHERE
+from swimbladder.physics.seawater.column import ATMOSPHERE
 
 DEPTHS = np.array([1.0, 5.0, 10.0, 15.0, 18.0, 15.0, 10.0, 5.0, 1.0])
 

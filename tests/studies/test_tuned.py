@@ -6,9 +6,9 @@ import pytest
 
 from studies import tuned as study
 from studies.tuned import FAST, KNOBS, QUIET, gains_of, main, noisy, row
-from swimbladder.tune.margins import worst
-from swimbladder.tune.region import region
-from swimbladder.tune.trial import Trial
+from swimbladder.design.tuning.margins import worst
+from swimbladder.design.tuning.region import region
+from swimbladder.design.tuning.trial import Trial
 
 TRIAL = Trial(
     runs=200, settled=1.0, settle_median=16.2, settle_95=16.5, overshoot_median=0.002,

@@ -3,7 +3,7 @@
 Each command is a module of this package that holds what is registered under the same name: a
 function, or a ``typer.Typer`` where the command has commands of its own. Only the module of the
 command that was asked for is imported, so that ``--help`` answers at once. Exit codes: 0 done,
-1 the answer is "no", 2 bad input, 130 interrupted.
+1 the answer is "no", 2 bad input, 130 interrupted, 143 terminated.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Annotated
 
 import typer
 
-from swimbladder.cli.common import run
+from swimbladder.cli.common import run, stop_on_terminate
 
 __all__ = ["COMMANDS", "main"]
 
@@ -49,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line on `arguments` (the process's own when None); return the exit code."""
     if arguments is None:  # a process of our own: start-up makes many objects and no garbage
         gc.set_threshold(100_000, 50, 50)
+        stop_on_terminate()
     given = list(sys.argv[1:] if arguments is None else arguments)
     completing = "_SWIMBLADDER_COMPLETE" in os.environ
     named = next((word for word in given if not word.startswith("-")), None)

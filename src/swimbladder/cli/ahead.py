@@ -10,7 +10,7 @@ from swimbladder.errors import InputError
 from swimbladder.units import format_quantity
 
 if TYPE_CHECKING:
-    from swimbladder.comparison.ahead import Ahead
+    from swimbladder.estimation.comparison.ahead import Ahead
 
 __all__ = ["ahead_options", "print_ahead", "write_ahead"]
 
@@ -44,7 +44,7 @@ def ahead_options(text: str | None, **noises: str | None) -> dict[str, Any] | No
             "these are no times ahead", field="--ahead", value=text, unit="s",
             remedy='Give one or several, above 0 and different, as "10 s,60 s"',
         )  # fmt: skip
-    from swimbladder.comparison.unknowns import Tuning
+    from swimbladder.estimation.comparison.unknowns import Tuning
 
     return {"horizons": horizons, "tuning": Tuning(**given)}
 
@@ -55,7 +55,7 @@ def write_ahead(ahead: Ahead, folder: Path, name: str, *, plot: bool) -> list[Pa
 
     files = [write_csv(folder / f"{name}-ahead.csv", ahead.columns())]
     if plot:
-        from swimbladder.plots.ahead import plot_ahead
+        from swimbladder.show.plots.ahead import plot_ahead
 
         files.append(plot_ahead(ahead, folder / f"{name}-ahead.png"))
     return files

@@ -16,7 +16,7 @@ from rich.text import Text
 from swimbladder.cli.common import Output, console, emit_json, output, progress, quantity
 
 if TYPE_CHECKING:
-    from swimbladder.linear import Analysis, Margins
+    from swimbladder.design.linear import Analysis, Margins
 
 __all__ = ["analyse"]
 
@@ -62,10 +62,10 @@ def analyse(
 
 
 def _analysis(vehicle: str, depth: float) -> Analysis:
-    from swimbladder.analysis import analyse as analyse_vehicle
+    from swimbladder.design.analysis import analyse as analyse_vehicle
+    from swimbladder.design.linear.analyse import check_depth
     from swimbladder.errors import InputError
     from swimbladder.io.config import load_vehicle, locate
-    from swimbladder.linear.analyse import check_depth
 
     check_depth(depth, field="--depth")
     loaded = load_vehicle(vehicle, sampled=True)
@@ -92,8 +92,8 @@ def _write(a: Analysis, out: Path) -> list[Path]:
         write_atomically(folder / "analysis.txt", report),
     ]
     with progress("drawing"):
-        from swimbladder.plots import linear
-        from swimbladder.plots.style import save
+        from swimbladder.show.plots import linear
+        from swimbladder.show.plots.style import save
 
         pictures = {"open_loop": linear.draw_open_loop, "poles": linear.draw_poles}
         if a.closed_loop is not None:

@@ -26,9 +26,9 @@ from swimbladder.cli.common import emit_json, json_text, output, progress, quant
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.ballast import Ballasting
-    from swimbladder.parameters import Vehicle
-    from swimbladder.seawater import Cast, Column
+    from swimbladder.design.ballast import Ballasting
+    from swimbladder.physics.seawater import Cast, Column
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["ballast"]
 
@@ -143,9 +143,9 @@ def ballast(
         latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
     )  # fmt: skip
 
-    from swimbladder.ballast import Wish, unknown_of
-    from swimbladder.ballast import ballast as find
-    from swimbladder.report.ballast import write_ballasting
+    from swimbladder.design.ballast import Wish, unknown_of
+    from swimbladder.design.ballast import ballast as find
+    from swimbladder.show.report.ballast import write_ballasting
 
     columns, said, warned = _columns(v, casts, asked)
     v, told, doubt = _weighed(v, weighed)
@@ -170,7 +170,7 @@ def ballast(
 
 def _material(text: str) -> tuple[float, str]:
     """Return density [kg/m3] and name of ballast; infinite for what stands inside the hull."""
-    from swimbladder.ballast.run import MATERIALS
+    from swimbladder.design.ballast.run import MATERIALS
 
     if text == "inside":
         return math.inf, text
@@ -194,7 +194,7 @@ def _columns(
 
     Raises InputError where a cast ends so far above the rating that its unit may be wrong.
     """
-    from swimbladder.seawater import cast_column, uniform_column
+    from swimbladder.physics.seawater import cast_column, uniform_column
 
     limit = vehicle.hull.depth_limit
     if asked is not None and limit is not None and asked > limit:
@@ -233,8 +233,8 @@ def _weighed(vehicle: Vehicle, mass: float | None) -> tuple[Vehicle, str, list[s
 
     Raises InputError for a mass that the hull could not carry by far: a wrong unit or volume.
     """
-    from swimbladder.hull import mass_doubt, weighing, weight_mass
-    from swimbladder.parameters import PhysicalMotion
+    from swimbladder.physics.hull import mass_doubt, weighing, weight_mass
+    from swimbladder.vehicle import PhysicalMotion
 
     by_trim = weight_mass(vehicle)
     if mass is None:

@@ -20,8 +20,8 @@ from swimbladder.cli.depths import depth_pair, with_sensor
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.bench_control import Bench
-    from swimbladder.parameters import Vehicle
+    from swimbladder.design.law_comparison import Bench
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["bench_control"]
 
@@ -86,9 +86,9 @@ def bench_control(
     }
     check_place(out)
     with progress("loading the simulator"):
-        from swimbladder.bench_control import bench
         from swimbladder.cli.common import json_text
-        from swimbladder.report.bench_control import write_bench
+        from swimbladder.design.law_comparison import bench
+        from swimbladder.show.report.bench_control import write_bench
     with kept(out / "parts"), compile_notice(), progress("tuning and flying", 1.0) as advance:
         found = bench(v, **options, parts=out / "parts", advance=advance)
     if assumed:
@@ -114,7 +114,7 @@ def _sensed(vehicle: Vehicle, noise: str | None, quantum: str | None) -> tuple[V
 
 def _list(vehicle: str | None, depth: str | None, json: bool) -> None:
     """Print the scenarios, with the depths that a vehicle gives them where one is named."""
-    from swimbladder.bench_control.scenarios import SCENARIOS, place, places
+    from swimbladder.design.law_comparison.scenarios import SCENARIOS, place, places
 
     shown: dict[str, dict[str, Any]] = {one.name: {"words": one.words} for one in SCENARIOS}
     if vehicle is not None:
@@ -144,7 +144,7 @@ def _list(vehicle: str | None, depth: str | None, json: bool) -> None:
 def _print(found: Bench, files: list[Path]) -> None:
     from rich.table import Table
 
-    from swimbladder.report.bench_words import HEADINGS, SOON, STILL, notes, summary
+    from swimbladder.show.report.bench_words import HEADINGS, SOON, STILL, notes, summary
 
     output.print(
         f"{found.vehicle.name}, {len(found.rows)} "

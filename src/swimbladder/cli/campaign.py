@@ -33,7 +33,7 @@ from swimbladder.cli.common import (
 from swimbladder.cli.masses import warn_of_mass
 
 if TYPE_CHECKING:
-    from swimbladder.campaign.result import Campaign
+    from swimbladder.sim.campaign.result import Campaign
 
 __all__ = ["campaign"]
 
@@ -86,13 +86,12 @@ def campaign(
 
     Exit code 1: a float did not do every phase. A run that is killed goes on where it was.
     """
-    from swimbladder.cli.mission import asked_span, check_phases, water
+    from swimbladder.cli.mission import asked_of, water
     from swimbladder.io.config import load_mission, load_vehicle
-    from swimbladder.io.files import check_place
+    from swimbladder.io.files import check_place, unfinished
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
-    check_phases(task, mission)
-    span = asked_span(duration)
+    span = quantity(duration, "s", "--duration")
     trim, psi = quantity(trim_std, "m3", "--trim-std"), quantity(psi_std, "m3/m", "--psi-std")
     check_place(out)
     casts = asked_casts(
@@ -101,13 +100,13 @@ def campaign(
         place=task.latitude,
     )  # fmt: skip
     warn_of_mass(v)
-    columns = [water(v, task, one) for one in casts] or [water(v, task, None)]
+    with asked_of(mission, task):
+        columns = [water(v, task, one) for one in casts] or [water(v, task, None)]
     with progress("loading the simulator"):
-        from swimbladder.campaign.draw import Spread
-        from swimbladder.campaign.result import Campaign
-        from swimbladder.campaign.run import fly_floats
-        from swimbladder.mission.prepare import make_plan
-        from swimbladder.mission.reach import check_reach
+        from swimbladder.sim.campaign.draw import Spread
+        from swimbladder.sim.campaign.result import Campaign
+        from swimbladder.sim.campaign.run import fly_floats
+        from swimbladder.sim.mission.prepare import make_table
 
     assert trim is not None
     assert psi is not None
@@ -120,18 +119,18 @@ def campaign(
             trim=trim, psi=psi, drag=share(drag_std, "--drag-std"),
             pump=share(pump_std, "--pump-std"),
         )  # fmt: skip
-    plans = [make_plan(v, task, one) for one in columns]
-    for plan in plans:
-        check_reach(v, task, plan)
-    aside = out.parent / f".{out.name}-unfinished"
-    with kept(aside), compile_notice(), progress("flying", 1.0) as advance:
+    aside = unfinished(out)
+    with (
+        asked_of(mission, task, duration=duration), kept(aside), compile_notice(),
+        progress("flying", 1.0) as advance,
+    ):  # fmt: skip
         table = fly_floats(
             v, task, columns, floats=floats, seed=seed, spread=spread, cycles=cycles, span=span,
             keep=aside, advance=advance,
         )  # fmt: skip
     found = Campaign(
         vehicle=v, mission=task, columns=columns, spread=spread, seed=seed, table=table,
-        energy_unknown=plans[0].energy_known,
+        energy_unknown=make_table(v, columns[0])[1],
     )  # fmt: skip
     files = _write(found, out)
     shutil.rmtree(aside, ignore_errors=True)

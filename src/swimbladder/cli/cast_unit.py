@@ -16,7 +16,7 @@ from swimbladder.errors import InputError
 from swimbladder.units import unit_factor
 
 if TYPE_CHECKING:
-    from swimbladder.seawater import Cast
+    from swimbladder.physics.seawater import Cast
 
 __all__ = ["refuse_doubted_unit"]
 

@@ -15,7 +15,7 @@ from swimbladder.cli.logs import pair
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.seawater import Cast, Column
+    from swimbladder.physics.seawater import Cast, Column
 
 __all__ = [
     "CastColumns", "CastFiles", "CastProfile", "CastWhere", "Columns", "Inversions", "Latitude",
@@ -94,7 +94,7 @@ def water_of_logs(
             )
     if not casts:
         return []
-    from swimbladder.seawater import cast_column
+    from swimbladder.physics.seawater import cast_column
 
     found = casts_beside_logs(casts, where, column, profile)
     refuse_doubted_unit(found, 0.0, rating, option="--cast-column")

@@ -8,7 +8,9 @@ import enum
 import errno
 import json
 import math
+import os
 import shutil
+import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -34,6 +36,7 @@ __all__ = [
     "quantity",
     "run",
     "said_as_typed",
+    "stop_on_terminate",
     "typed_command",
 ]
 
@@ -90,24 +93,66 @@ console = Console(stderr=True, highlight=False)
 output = Output(highlight=False, markup=False, emoji=False)
 
 
-_INTERRUPTED, _PIPE_CLOSED = 130, 141  # 128 and the number of the signal, as shells have it
+# 128 and the number of the signal, as shells have it
+_INTERRUPTED, _PIPE_CLOSED, _TERMINATED = 130, 141, 143
+_terminated: list[bool] = []  # whether what interrupts was SIGTERM
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # of a stdout
 _Usage = typer.BadParameter.__mro__[1]  # UsageError, of click or of typer's own copy of it
+
+
+def stop_on_terminate() -> None:
+    """Let SIGTERM end this process as Ctrl-C does, with the exit code 143."""
+
+    def terminate(*_: object) -> None:
+        _terminated.append(True)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, terminate)
 
 
 def run(function: Callable[[], object], *, json: bool = False) -> int:
     """Call `function` and return the exit code.
 
-    A SwimbladderError becomes one paragraph on stderr and its own code, an interruption 130; any
-    other exception is a defect and keeps its traceback. json: where `function` ends so and has not
-    printed a JSON object, print one that says why.
+    A SwimbladderError becomes one paragraph on stderr and its own code, an interruption 130 (143
+    by SIGTERM), a stdout that takes no more 2; any other exception is a defect and keeps its
+    traceback. json: where `function` ends so and has not printed a JSON object, print one that says
+    why.
     """
     _printed.clear()
     _told.clear()
     try:
-        function()
-    except SwimbladderError as error:
+        code = _run(function, json=json)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError as error:
+        if error.errno == errno.EPIPE:
+            code = _PIPE_CLOSED
+        elif error.errno not in _FULL or error.filename is not None:
+            raise
+        else:
+            code = InputError.exit_code
+            _complain(
+                InputError(
+                    f"cannot write the answer: {error.strerror}", field="stdout",
+                    remedy="Send it where there is room",
+                )
+            )  # fmt: skip
+        with contextlib.suppress(OSError, ValueError):  # what is left cannot be written at the end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return code
+
+
+def _complain(error: SwimbladderError) -> None:
+    with contextlib.suppress(OSError):  # the exit code says it where stderr takes no more
         console.print("error: ", style="bold red", end="")
         console.print(str(error), markup=False, soft_wrap=True)
+
+
+def _run(function: Callable[[], object], *, json: bool) -> int:
+    try:
+        function()
+    except SwimbladderError as error:
+        _complain(error)
         if json and not _printed:
             place = {name: getattr(error, name, None) for name in ("file", "field")}
             emit_json({"error": str(error), "exit_code": error.exit_code, **place})
@@ -135,10 +180,11 @@ def _emit_usage(error: Any, code: object) -> None:
 
 
 def _interrupted(json: bool) -> int:
-    console.print("interrupted")
+    word, code = ("terminated", _TERMINATED) if _terminated else ("interrupted", _INTERRUPTED)
+    console.print(word)
     if json and not _printed:
-        emit_json({"error": "interrupted", "exit_code": _INTERRUPTED, "file": None, "field": None})
-    return _INTERRUPTED
+        emit_json({"error": word, "exit_code": code, "file": None, "field": None})
+    return code
 
 
 @contextlib.contextmanager
@@ -272,7 +318,7 @@ _told: list[bool] = []  # whether it has been said that something is compiled
 @contextlib.contextmanager
 def compile_notice() -> Iterator[None]:
     """Say on stderr what is waited for when the simulator has to be compiled."""
-    from swimbladder.engine.cache import on_compile
+    from swimbladder.sim.engine.cache import on_compile
 
     def notice() -> None:
         if not _told:

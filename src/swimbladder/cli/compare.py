@@ -28,10 +28,10 @@ from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.units import format_quantity, shown_unit
 
 if TYPE_CHECKING:
-    from swimbladder.comparison import Comparison
-    from swimbladder.comparison.ahead import Ahead
-    from swimbladder.parameters import Vehicle
-    from swimbladder.seawater import Column
+    from swimbladder.estimation.comparison import Comparison
+    from swimbladder.estimation.comparison.ahead import Ahead
+    from swimbladder.physics.seawater import Column
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["compare"]
 
@@ -115,7 +115,7 @@ def compare(
     )
     mapped = dict(pair(text, "--column") for text in column or [])
     tasks = [_Task(log, mapped, log_format) for log in chosen(logs, where or [])]
-    from swimbladder.comparison.water import water_of_each
+    from swimbladder.estimation.comparison.water import water_of_each
 
     found = water_of_logs(
         cast or (), cast_where or (), cast_column or (), cast_profile, v.hull.depth_limit
@@ -163,7 +163,7 @@ class _Task:
 
 
 def _drive(text: str | None) -> str | None:
-    from swimbladder.comparison import DRIVES
+    from swimbladder.estimation.comparison import DRIVES
 
     if text is not None and text not in DRIVES:
         raise InputError(
@@ -205,12 +205,12 @@ def _compare(
 
     log = read(task.log, vehicle, columns=task.columns, log_format=task.log_format)
     with progress("loading the simulator"):
-        from swimbladder.comparison import compare as compare_log
+        from swimbladder.estimation.comparison import compare as compare_log
 
     with compile_notice(), progress(f"comparing {task.log.label}", 1.0) as advance:
         task.result = compare_log(log, vehicle, **options, column=task.water, advance=advance)
     if look is not None:
-        from swimbladder.comparison.ahead import look_ahead
+        from swimbladder.estimation.comparison.ahead import look_ahead
 
         edges = {name: options[name] for name in ("bottom_depth", "surface_margin")}
         with compile_notice(), progress(f"predicting {task.log.label}", 1.0) as advance:
@@ -221,7 +221,7 @@ def _compare(
     files = [write_csv(folder / f"{task.name}.csv", task.result.columns())]
     if plot:
         with progress(f"drawing {task.name}.png"):
-            from swimbladder.plots.comparison import plot_comparison
+            from swimbladder.show.plots.comparison import plot_comparison
 
             files.append(plot_comparison(task.result, folder / f"{task.name}.png"))
     if task.ahead is not None:
@@ -270,7 +270,7 @@ def _print(tasks: list[_Task]) -> None:
 
 def _print_one(task: _Task, r: Comparison, said: set[str]) -> None:
     """Print what was fitted, the notes not yet said, and the files."""
-    from swimbladder.comparison.fittable import FITTABLE
+    from swimbladder.estimation.comparison.fittable import FITTABLE
 
     for name, fitted in r.fitted.items():
         unit = shown_unit(fitted.unit)

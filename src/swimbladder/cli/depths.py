@@ -8,7 +8,7 @@ from swimbladder.cli.common import quantity
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.parameters import Vehicle
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["depth_pair", "with_sensor"]
 

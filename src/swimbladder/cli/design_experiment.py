@@ -23,7 +23,7 @@ from swimbladder.cli.settings import held, priors
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.design import Design
+    from swimbladder.design.experiments import Design
 
 __all__ = ["design_experiment"]
 
@@ -151,8 +151,8 @@ def design_experiment(
     }
     check_place(out)
     with progress("loading the simulator"):
-        from swimbladder.design import design_experiment as find
-        from swimbladder.report.design import write_design
+        from swimbladder.design.experiments import design_experiment as find
+        from swimbladder.show.report.design import write_design
 
     with compile_notice(), progress("looking for the best experiments", 1.0) as advance:
         found = find(v, **options, advance=advance)
@@ -194,7 +194,7 @@ def _against(text: str) -> tuple[float, ...] | None:
 
 
 def _print(found: Design, files: list[Path]) -> None:
-    from swimbladder.report.design_words import comparison, headlines
+    from swimbladder.show.report.design_words import comparison, headlines
 
     output.print(
         f"{found.vehicle}, {found.question.model.law} drag, a pool of "
@@ -234,8 +234,8 @@ def _print(found: Design, files: list[Path]) -> None:
 def _experiments(found: Design) -> object:
     from rich.table import Table
 
-    from swimbladder.design.findings import percent
-    from swimbladder.report.design_words import moves
+    from swimbladder.design.experiments.findings import percent
+    from swimbladder.show.report.design_words import moves
 
     w = found.chosen
     table = Table(box=None, pad_edge=False, collapse_padding=True)
@@ -258,8 +258,8 @@ def _experiments(found: Design) -> object:
 def _parameters(found: Design) -> object:
     from rich.table import Table
 
-    from swimbladder.design.findings import percent
-    from swimbladder.report.words import row
+    from swimbladder.design.experiments.findings import percent
+    from swimbladder.show.report.words import row
 
     w = found.chosen
     table = Table(box=None, pad_edge=False, collapse_padding=True)

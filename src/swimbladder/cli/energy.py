@@ -24,9 +24,9 @@ from swimbladder.cli.casts import (
 from swimbladder.cli.common import emit_json, json_text, output, progress, quantity, said_as_typed
 
 if TYPE_CHECKING:
-    from swimbladder.energy import DriveEnergy
-    from swimbladder.parameters import Vehicle
-    from swimbladder.seawater import Cast, Column
+    from swimbladder.design.energy import DriveEnergy
+    from swimbladder.physics.seawater import Cast, Column
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["energy"]
 
@@ -143,9 +143,13 @@ def energy(
     }
     wanted = quantity(depth, "m", "--depth")
     with progress("reckoning"), said_as_typed(typed, deepest="--depth", cast="--cast"):
-        from swimbladder.energy import Thruster, drive_energy, hovering, profiling
-        from swimbladder.energy.sentences import assumptions, drive_sentences, versus_sentences
-        from swimbladder.report.energy import energy_json, write_energy
+        from swimbladder.design.energy import Thruster, drive_energy, hovering, profiling
+        from swimbladder.design.energy.sentences import (
+            assumptions,
+            drive_sentences,
+            versus_sentences,
+        )
+        from swimbladder.show.report.energy import energy_json, write_energy
 
         water, warned = _water(v, casts, wanted)
         found = drive_energy(v, water)
@@ -189,7 +193,7 @@ def _water(v: Vehicle, casts: list[Cast], wanted: float | None) -> tuple[Column,
 
     Raises InputError where a cast ends so far above the rating that its unit may be wrong.
     """
-    from swimbladder.seawater import cast_column, uniform_column
+    from swimbladder.physics.seawater import cast_column, uniform_column
 
     rating = v.hull.depth_limit
     deepest = wanted if wanted is not None else rating

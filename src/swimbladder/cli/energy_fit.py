@@ -9,8 +9,8 @@ from swimbladder.cli.casts import pairs
 from swimbladder.cli.common import emit_json, json_text, output, progress, quantity
 
 if TYPE_CHECKING:
-    from swimbladder.energy import PumpFit
-    from swimbladder.parameters import Vehicle
+    from swimbladder.design.energy import PumpFit
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["fit_runs"]
 
@@ -27,7 +27,7 @@ def fit_runs(
 ) -> None:
     """Find a pump in a CSV of its runs, print what it is and write `out`."""
     from swimbladder.errors import InputError
-    from swimbladder.parameters import PowerLawPump, PumpAndValve
+    from swimbladder.vehicle import PowerLawPump, PumpAndValve
 
     if power_at not in ("mean", "end"):
         raise InputError(
@@ -42,11 +42,11 @@ def fit_runs(
     least = quantity(shortest, "s", "--shortest") or 0.0
     at: Literal["mean", "end"] = "end" if power_at == "end" else "mean"
     with progress("reading and fitting"):
-        from swimbladder.energy import PumpRuns, check_runs, fit_pump, fitted_vehicle
-        from swimbladder.energy.logged import usable_runs
-        from swimbladder.energy.sentences import fit_sentences
+        from swimbladder.design.energy import PumpRuns, check_runs, fit_pump, fitted_vehicle
+        from swimbladder.design.energy.logged import usable_runs
+        from swimbladder.design.energy.sentences import fit_sentences
         from swimbladder.io.pump_runs import read_pump_runs
-        from swimbladder.report.energy import fit_json, write_fit
+        from swimbladder.show.report.energy import fit_json, write_fit
 
         table = read_pump_runs(
             path,
@@ -86,7 +86,7 @@ def fit_runs(
 def _print_fit(found: PumpFit, said: tuple[str, ...]) -> None:
     from rich.table import Table
 
-    from swimbladder.energy import efficiency_bands
+    from swimbladder.design.energy import efficiency_bands
 
     for sentence in said:
         output.print(sentence, soft_wrap=True)

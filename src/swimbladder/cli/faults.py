@@ -18,8 +18,8 @@ from swimbladder.cli.common import (
 from swimbladder.errors import InputError, NoAnswerError
 
 if TYPE_CHECKING:
-    from swimbladder.faults import Campaign
-    from swimbladder.parameters import Vehicle
+    from swimbladder.sim.faults import Campaign
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["faults"]
 
@@ -58,7 +58,7 @@ def faults(
     """
     from swimbladder.cli.depths import depth_pair
     from swimbladder.io.config import load_vehicle
-    from swimbladder.io.files import check_place
+    from swimbladder.io.files import check_place, unfinished
 
     v = load_vehicle(vehicle, sampled=True)
     depths = None if depth is None else depth_pair(depth, "--depth")
@@ -68,8 +68,8 @@ def faults(
         return
     with progress("loading the simulator"):
         from swimbladder.cli.faults_files import write_campaign
-        from swimbladder.faults import run_missions
-    keep = out.parent / f".{out.name}-unfinished"
+        from swimbladder.sim.faults import run_missions
+    keep = unfinished(out)
     with kept(keep), compile_notice(), progress("flying missions", 1.0) as advance:
         flown = run_missions(
             v, missions=missions, healthy=healthy, seed=seed, depths=depths, keep=keep,
@@ -99,7 +99,7 @@ def _one(
         )  # fmt: skip
     with progress("loading the simulator"):
         from swimbladder.cli.faults_files import write_one
-        from swimbladder.faults.one import fly_one
+        from swimbladder.sim.faults.one import fly_one
     with compile_notice(), progress("flying the mission"):
         flown = fly_one(
             vehicle, int(number), healthy=mission.startswith("h"), seed=seed, depths=depths
@@ -117,7 +117,7 @@ def _one(
 def _print(flown: Campaign, files: list[Path]) -> None:
     from rich.table import Table
 
-    from swimbladder.faults.verdict import MILD, rule_of_three
+    from swimbladder.sim.faults.verdict import MILD, rule_of_three
 
     course = flown.course
     assert course.vehicle.controller is not None

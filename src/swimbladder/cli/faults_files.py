@@ -6,12 +6,12 @@ import shutil
 from pathlib import Path
 
 from swimbladder.cli.common import json_text
-from swimbladder.faults import Campaign
-from swimbladder.faults.one import NAMES, Flown
-from swimbladder.faults.table import missions_csv, trace_csv
 from swimbladder.io.files import publish, write_atomically
-from swimbladder.plots.faults import draw_campaign, draw_mission
-from swimbladder.plots.style import save
+from swimbladder.show.plots.faults import draw_campaign, draw_mission
+from swimbladder.show.plots.style import save
+from swimbladder.sim.faults import Campaign
+from swimbladder.sim.faults.one import NAMES, Flown
+from swimbladder.sim.faults.table import missions_csv, trace_csv
 
 __all__ = ["write_campaign", "write_one"]
 

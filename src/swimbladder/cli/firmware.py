@@ -12,9 +12,9 @@ from swimbladder.cli.common import compile_notice, emit_json, output, progress, 
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.firmware.library import Library
-    from swimbladder.firmware.pool import PoolOptions
-    from swimbladder.parameters import Vehicle
+    from swimbladder.codegen.library import Library
+    from swimbladder.codegen.pool import PoolOptions
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["firmware"]
 
@@ -100,7 +100,7 @@ def firmware(
     check_mission(v, task, names=_OPTIONS)
     check_place(out)
     with progress("loading the simulator"):
-        from swimbladder.firmware.library import make_library, write_library
+        from swimbladder.codegen.library import make_library, write_library
 
     assert v.controller is not None
     ticks, done = time / v.controller.sample_time, 0
@@ -126,7 +126,7 @@ def _pool(
     depth: str | None, clearance: str | None, volumes: str | None, rounds: int | None
 ) -> PoolOptions | None:
     """Return what is said of the pool, None where nothing is."""
-    from swimbladder.firmware.pool import PoolOptions
+    from swimbladder.codegen.pool import PoolOptions
 
     others = {"--pool-clearance": clearance, "--pool-volumes": volumes, "--pool-rounds": rounds}
     metres = quantity(depth, "m", "--pool")
@@ -174,8 +174,8 @@ def _check_law(vehicle: Vehicle, law: str | None) -> None:
 
 
 def _print(made: Library, files: list[Path]) -> None:
-    from swimbladder.firmware.meanings import summary
-    from swimbladder.firmware.pool import pool_summary
+    from swimbladder.codegen.meanings import summary
+    from swimbladder.codegen.pool import pool_summary
 
     golden, unit = made.golden, "V" if made.law.command == "voltage" else "m3"
     low, high = made.limits

@@ -25,7 +25,7 @@ from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.io.logs import Log
-    from swimbladder.parameters import Vehicle
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["identify"]
 
@@ -167,9 +167,9 @@ def identify(
         given.append(read(log, v, columns=mapped, log_format=log_format, quiet=quiet))
         seen.add(log.path)
     with progress("loading the simulator"):
-        from swimbladder.identify import identify as identify_logs
-        from swimbladder.identify.paper import paper_fits
-        from swimbladder.report.identification import check_folder, write_identification
+        from swimbladder.estimation.motion import identify as identify_logs
+        from swimbladder.estimation.motion.paper import paper_fits
+        from swimbladder.show.report.identification import check_folder, write_identification
 
     check_place(out)
     check_folder(out, vehicle)

@@ -22,7 +22,7 @@ from swimbladder.cli.logs import LogForm, LogRows, chosen, pair, read
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from swimbladder.identify_actuator import ActuatorIdentification, Estimate
+    from swimbladder.estimation.actuator import ActuatorIdentification, Estimate
 
 __all__ = ["identify_actuator"]
 
@@ -69,7 +69,7 @@ def identify_actuator(
     From logs of voltage steps, or of moves at full speed where no voltage was logged. Several logs
     are of one actuator. Exit code 1 says that something asked for is not told by the logs.
     """
-    from swimbladder.identify_actuator import PARAMETERS
+    from swimbladder.estimation.actuator import PARAMETERS
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
@@ -86,7 +86,7 @@ def identify_actuator(
         for k, one in enumerate(chosen(logs, where or []))
     ]
     with progress("loading the fit"):
-        from swimbladder.identify_actuator import identify_actuator as identify
+        from swimbladder.estimation.actuator import identify_actuator as identify
 
     check_place(out)
     begun = time.perf_counter()
@@ -94,7 +94,7 @@ def identify_actuator(
         found = identify(given, v, fixed=fixed, asked=asked, advance=advance)
     seconds = time.perf_counter() - begun
     with progress("writing the report", 1.0) as advance:
-        from swimbladder.report.actuator import write_actuator
+        from swimbladder.show.report.actuator import write_actuator
 
         files, why = write_actuator(
             found, out, command=typed_command(), seconds=seconds, picture=plot, advance=advance
@@ -112,7 +112,7 @@ def identify_actuator(
 
 
 def _row(name: str, e: Estimate) -> tuple[str, ...]:
-    from swimbladder.identify_actuator.estimate import shown
+    from swimbladder.estimation.actuator.estimate import shown
 
     low, high = e.ci95
     if e.value is None:

@@ -17,8 +17,8 @@ from swimbladder.cli.settings import known, once, setting
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.identify.deep import DeepIdentification
-    from swimbladder.parameters import Vehicle
+    from swimbladder.estimation.motion.deep import DeepIdentification
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["identify_deep", "refuse_others"]
 
@@ -49,10 +49,10 @@ def identify_deep(
     import gsw
     import numpy as np
 
-    from swimbladder.identify.deep_model import CAST, DEEP, check_deep_request
+    from swimbladder.estimation.motion.deep_model import CAST, DEEP, check_deep_request
     from swimbladder.io.files import check_place
     from swimbladder.io.float_logs import read_float_log
-    from swimbladder.report.identification import check_folder
+    from swimbladder.show.report.identification import check_folder
 
     units = {name: about.unit for name, about in DEEP.items()}
     held = once([setting(text, units) for text in fixed], "--set")
@@ -74,9 +74,9 @@ def identify_deep(
     reach = -float(gsw.z_from_p(deepest, found_casts[0].latitude))
     refuse_doubted_unit(found_casts, reach, vehicle.hull.depth_limit, option="--cast-column")
 
-    from swimbladder.identify.deep import identify_deep as identify
-    from swimbladder.report.deep import write_deep
-    from swimbladder.seawater import cast_column
+    from swimbladder.estimation.motion.deep import identify_deep as identify
+    from swimbladder.physics.seawater import cast_column
+    from swimbladder.show.report.deep import write_deep
 
     columns = [cast_column(cast) for cast in found_casts]
     with progress("identifying from deep dives", 1.0) as advance:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from swimbladder.cli.common import output
 
 if TYPE_CHECKING:
-    from swimbladder.identify import Identification
-    from swimbladder.identify.paper import PaperFits
-    from swimbladder.identify.posterior import Posterior
+    from swimbladder.estimation.motion import Identification
+    from swimbladder.estimation.motion.paper import PaperFits
+    from swimbladder.estimation.motion.posterior import Posterior
 
 __all__ = ["number_table", "print_found"]
 
@@ -20,8 +20,8 @@ def print_found(
     found: Identification, paper: PaperFits | None, seconds: float, files: list[Path]
 ) -> None:
     """Print what was found: the answer first, then what it rests on."""
-    from swimbladder.plots.identify import labels
-    from swimbladder.report.words import correlations, findings, headlines, reading
+    from swimbladder.show.plots.identify import labels
+    from swimbladder.show.report.words import correlations, findings, headlines, reading
 
     samples = sum(int((e.weight > 0.0).sum()) for e in found.experiments)
     count = len(found.experiments)
@@ -67,7 +67,7 @@ def print_found(
 
 def _posterior(drawn: Posterior) -> Any:
     """Return median and interval of the draws as a table."""
-    from swimbladder.identify.model import NAMES
+    from swimbladder.estimation.motion.model import NAMES
     from swimbladder.units import shown_unit, unit_factor
 
     table = number_table(("posterior", "median", "95 % of the draws", "unit"))
@@ -91,7 +91,7 @@ def number_table(headings: Sequence[str]) -> Any:
 
 
 def _parameters(found: Identification) -> object:
-    from swimbladder.report.words import rows
+    from swimbladder.show.report.words import rows
 
     table = number_table(("", "value", "1 sigma", "95 % interval", "unit", "from"))
     words = {"data": "the logs", "prior": "its prior", "set": "set"}
@@ -116,8 +116,8 @@ def _choices(found: Identification) -> object:
 
 
 def _logs(found: Identification) -> object:
-    from swimbladder.plots.identify import labels
-    from swimbladder.report.words import row
+    from swimbladder.show.plots.identify import labels
+    from swimbladder.show.report.words import row
 
     table = number_table(("log", "rms", "samples", "outliers", "neutral volume off by"))
     for label, e in zip(labels(found), found.experiments, strict=True):

@@ -15,7 +15,7 @@ from swimbladder.errors import InputError, LogError
 if TYPE_CHECKING:
     from swimbladder.io.log_format import LogFormat
     from swimbladder.io.logs import Log
-    from swimbladder.parameters import Vehicle
+    from swimbladder.vehicle import Vehicle
 
 __all__ = [
     "Chosen",

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 from swimbladder.cli.common import console
 
 if TYPE_CHECKING:
-    from swimbladder.parameters import Vehicle
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["warn_of_mass"]
 
 
 def warn_of_mass(vehicle: Vehicle) -> None:
     """Say on stderr where a vehicle weighs another mass than its dry one."""
-    from swimbladder.hull import mass_doubt
+    from swimbladder.physics.hull import mass_doubt
 
     doubt = mass_doubt(vehicle)
     if doubt:

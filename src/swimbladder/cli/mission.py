@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,17 +31,18 @@ from swimbladder.cli.common import (
     output,
     progress,
     quantity,
+    said_as_typed,
 )
 from swimbladder.cli.masses import warn_of_mass
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.io.mission import Mission
-    from swimbladder.mission.result import MissionResult
-    from swimbladder.parameters import Vehicle
-    from swimbladder.seawater import Cast, Column
+    from swimbladder.physics.seawater import Cast, Column
+    from swimbladder.sim.mission.result import MissionResult
+    from swimbladder.vehicle import Vehicle
 
-__all__ = ["asked_span", "check_phases", "mission", "water"]
+__all__ = ["asked_of", "mission", "water"]
 
 _MARGIN = 1.1  # of the deepest phase: how far down the vehicle's own water is tabulated, and
 _BELOW = 50.0  # m more
@@ -93,13 +96,13 @@ def mission(
     A run that is killed goes on where it was.
     """
     from swimbladder.io.config import load_mission, load_vehicle
-    from swimbladder.io.files import check_place
+    from swimbladder.io.files import check_place, unfinished
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
-    check_phases(task, mission)
-    span = asked_span(duration)
-    start = _moment(begin)
+    span = quantity(duration, "s", "--duration")
+    start = _moment(begin) or _BEGIN
     check_place(out)
+    keep = unfinished(out)
     casts = asked_casts(
         [] if cast is None else [cast], column=column, where=where, log_format=log_format,
         profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
@@ -107,11 +110,12 @@ def mission(
     )  # fmt: skip
     read = casts[0] if casts else None
     warn_of_mass(v)
-    found = _fly(v, task, water(v, task, read), cycles, span, seed, out)
+    with asked_of(mission, task, duration=duration):
+        found = _fly(v, task, water(v, task, read), cycles, span, seed, keep)
     answer = found.to_json()
     with progress("writing the files"):
         files = _write(found, out, answer, read, start, netcdf=netcdf, plot=plot)
-    shutil.rmtree(_unfinished(out), ignore_errors=True)
+    shutil.rmtree(keep, ignore_errors=True)
     if json:
         emit_json({**answer, "files": [str(path) for path in files]})
     else:
@@ -120,22 +124,18 @@ def mission(
         raise typer.Exit(1)
 
 
-def check_phases(task: Mission, path: Path) -> None:
-    """Raise InputError where a mission has set-points and no phases."""
-    if not task.phases:
-        raise InputError(
-            "the mission has set-points, and this command takes phases", file=path,
-            field="setpoints", remedy="Fly it with `swimbladder simulate`, or write [[phases]]",
-        )  # fmt: skip
+@contextlib.contextmanager
+def asked_of(path: Path, task: Mission, **typed: str | None) -> Iterator[None]:
+    """Say in InputErrors of the block where it was asked: an option, or the mission's file."""
+    from swimbladder.io.config import locate
 
-
-def asked_span(duration: str | None) -> float | None:
-    """Return the time after which no cycle begins [s]; raises InputError for none."""
-    span = quantity(duration, "s", "--duration")
-    if span is not None and not span > 0.0:
-        raise InputError("it must be above 0", field="--duration", value=duration, unit="s",
-                         remedy="Check the number and its unit")  # fmt: skip
-    return span
+    try:
+        with said_as_typed({f"--{name}": text for name, text in typed.items()},
+                           **{name: f"--{name}" for name in typed}):  # fmt: skip
+            yield
+    except InputError as error:
+        field = (error.field or "-").split("[")[0].split(".")[0]
+        raise (locate(error, path) if hasattr(task, field) else error) from None
 
 
 def _moment(text: str | None) -> datetime.datetime | None:
@@ -151,12 +151,8 @@ def _moment(text: str | None) -> datetime.datetime | None:
 
 
 def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
-    """Return the water of a cast, or the vehicle's own, as deep as a mission goes.
-
-    Raises NoAnswerError where the cast ends above.
-    """
-    from swimbladder.mission.reach import check_column
-    from swimbladder.seawater import cast_column, uniform_column
+    """Return the water of a cast, or the vehicle's own, as deep as a mission goes."""
+    from swimbladder.physics.seawater import cast_column, uniform_column
 
     deepest = max([task.start_depth, *(p.depth for p in task.phases if p.depth is not None)])
     if cast is None:
@@ -168,44 +164,35 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
         return uniform_column(vehicle.water, _MARGIN * deepest + _BELOW)
     refuse_doubted_unit([cast], deepest, vehicle.hull.depth_limit)
     with progress("tabulating the water"):
-        column = cast_column(cast)
-    check_column(task, column)
-    return column
-
-
-def _unfinished(out: Path) -> Path:
-    return out.parent / f".{out.name}-unfinished"
+        return cast_column(cast)
 
 
 def _fly(
     vehicle: Vehicle, task: Mission, column: Column, cycles: int | None, span: float | None,
-    seed: int | None, out: Path,
+    seed: int | None, keep: Path,
 ) -> MissionResult:  # fmt: skip
     with progress("loading the simulator"):
-        from swimbladder.mission.flight import fly_mission
-        from swimbladder.mission.prepare import make_plan
-        from swimbladder.mission.reach import check_reach
-        from swimbladder.mission.result import MissionResult
+        from swimbladder.sim.mission.flight import fly_mission
+        from swimbladder.sim.mission.result import MissionResult
 
-    reach = check_reach(vehicle, task, make_plan(vehicle, task, column))
-    with kept(_unfinished(out)), compile_notice(), progress("flying", 1.0) as advance:
+    with kept(keep), compile_notice(), progress("flying", 1.0) as advance:
         flown = fly_mission(
-            vehicle, task, column, cycles=cycles, span=span, seed=seed, keep=_unfinished(out),
+            vehicle, task, column, cycles=cycles, span=span, seed=seed, keep=keep,
             advance=advance,
         )  # fmt: skip
-    return MissionResult(flown, reach)
+    return MissionResult(flown, flown.reach)
 
 
 def _write(
     found: MissionResult, out: Path, answer: dict[str, Any], cast: Cast | None,
-    begin: datetime.datetime | None, *, netcdf: bool, plot: bool,
+    begin: datetime.datetime, *, netcdf: bool, plot: bool,
 ) -> list[Path]:  # fmt: skip
     """Write the files, take away those of an earlier flight, and return their paths."""
     from swimbladder.io.files import publish, write_atomically
     from swimbladder.io.tables import write_csv
-    from swimbladder.mission.export import float_configuration
-    from swimbladder.mission.og1 import og1_dataset, write_og1
-    from swimbladder.mission.tables import cycle_columns, events_csv, speeds, trajectory_columns
+    from swimbladder.sim.mission.export import float_configuration
+    from swimbladder.sim.mission.og1 import og1_dataset, write_og1
+    from swimbladder.sim.mission.tables import cycle_columns, events_csv, speeds, trajectory_columns
 
     names = ["mission.json", "trajectory.csv", "events.csv", "cycles.csv", "vertical-speed.csv"]
     names += ["float.json"] + ["mission.nc"] * netcdf + ["mission.png"] * plot
@@ -216,17 +203,19 @@ def _write(
         write_atomically(folder / "events.csv", events_csv(found.flight))
         write_csv(folder / "cycles.csv", cycle_columns(found))
         write_csv(folder / "vertical-speed.csv", speeds(found.flight))
-        write_atomically(folder / "float.json", json_text(float_configuration(found)) + "\n")
+        write_atomically(
+            folder / "float.json", json_text(float_configuration(found, begin=begin)) + "\n"
+        )
         if netcdf:
             data = og1_dataset(
-                found, begin=begin or _BEGIN,
+                found, begin=begin,
                 latitude=None if cast is None else cast.latitude,
                 longitude=None if cast is None else cast.longitude,
             )  # fmt: skip
             write_og1(data, folder / "mission.nc")
         if plot:
-            from swimbladder.plots.mission import draw_mission
-            from swimbladder.plots.style import save
+            from swimbladder.show.plots.mission import draw_mission
+            from swimbladder.show.plots.style import save
 
             save(draw_mission(found), folder / "mission.png")
 
@@ -239,8 +228,8 @@ def _write(
 def _print(found: MissionResult, cast: Cast | None, files: list[Path]) -> None:
     from rich.table import Table
 
-    from swimbladder.mission.tables import cycle_words
-    from swimbladder.mission.words import span_words
+    from swimbladder.sim.mission.tables import cycle_words
+    from swimbladder.sim.mission.words import span_words
 
     flight = found.flight
     output.print(

@@ -21,7 +21,7 @@ from swimbladder.cli.common import (
 from swimbladder.cli.depths import depth_pair
 
 if TYPE_CHECKING:
-    from swimbladder.planning import Plan
+    from swimbladder.design.planning import Plan
 
 __all__ = ["plan"]
 
@@ -91,9 +91,9 @@ def plan(
     }
     check_place(out)
     with progress("loading the solvers"):
-        from swimbladder.planning import plan as find
-        from swimbladder.plots.plan import draw_plan
-        from swimbladder.plots.style import save
+        from swimbladder.design.planning import plan as find
+        from swimbladder.show.plots.plan import draw_plan
+        from swimbladder.show.plots.style import save
     with _told_how_to_go_on(), compile_notice(), progress("solving programs") as advance:
         found = find(
             v, start, target, goal=goal, arrive=arrive, band=share, margin=kept,

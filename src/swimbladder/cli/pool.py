@@ -18,10 +18,10 @@ from swimbladder.cli.pool_view import View, parameter_table
 from swimbladder.errors import InputError, SwimbladderError
 
 if TYPE_CHECKING:
-    from swimbladder.guide import News, PoolDay
-    from swimbladder.guide.files import Kept
+    from swimbladder.design.pool_day import News, PoolDay
+    from swimbladder.design.pool_day.files import Kept
     from swimbladder.io.plan import Plan
-    from swimbladder.parameters import Vehicle
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["pool"]
 
@@ -136,8 +136,8 @@ def pool(
         chosen.pool_depth if chosen else _POOL if simulate else None
     )  # fmt: skip
     with progress("loading the fit"):
-        from swimbladder.guide import PoolDay, finished, paper_tasks, plan_tasks, rehearse
-        from swimbladder.guide import follow as follow_log
+        from swimbladder.design.pool_day import PoolDay, finished, paper_tasks, plan_tasks, rehearse
+        from swimbladder.design.pool_day import follow as follow_log
 
         asked = asked_of(
             v, free=names(free), fixed=set_ or [], priors=prior or [], drag=drag,
@@ -226,7 +226,7 @@ def _begin(out: Path, vehicle: Vehicle, mode: str) -> list[Kept]:
     A rehearsal begins anew. Raises InputError where the folder holds the run of another vehicle, or
     one of the other kind.
     """
-    from swimbladder.guide.files import STATE, earlier, read_state
+    from swimbladder.design.pool_day.files import STATE, earlier, read_state
     from swimbladder.io.files import make_folder
 
     state = read_state(make_folder(out))

@@ -14,9 +14,9 @@ from swimbladder.errors import InputError, UnitError
 from swimbladder.units import parse_quantity
 
 if TYPE_CHECKING:
-    from swimbladder.guide import Asked, Rules, Target
+    from swimbladder.design.pool_day import Asked, Rules, Target
     from swimbladder.io.plan import Plan
-    from swimbladder.parameters import Vehicle
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["asked_of", "rules_of"]
 
@@ -31,7 +31,7 @@ def rules_of(vehicle: Vehicle, bottom: float | None, travel: str, plan: Plan | N
 
     Raises InputError for a distance that tells nothing.
     """
-    from swimbladder.guide import Rules
+    from swimbladder.design.pool_day import Rules
 
     far = quantity(travel, "m", "--travel")
     assert far is not None
@@ -74,8 +74,8 @@ def asked_of(
 
     Raises InputError for what this vehicle does not have.
     """
-    from swimbladder.guide import Asked
-    from swimbladder.identify.model import check_names, default_names, model_of
+    from swimbladder.design.pool_day import Asked
+    from swimbladder.estimation.motion.model import check_names, default_names, model_of
 
     known, before = held(fixed), priors_of(priors)
     model = model_of(vehicle, law=drag, bottom_depth=math.inf)
@@ -92,8 +92,8 @@ def asked_of(
 
 
 def _targets(text: str | None, each: str | None, names: Sequence[str]) -> tuple[Target, ...]:
-    from swimbladder.guide import Target
-    from swimbladder.identify.model import NAMES
+    from swimbladder.design.pool_day import Target
+    from swimbladder.estimation.motion.model import NAMES
 
     if text is not None and each is not None:
         raise InputError(

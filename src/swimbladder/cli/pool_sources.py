@@ -10,8 +10,8 @@ from swimbladder.cli.logs import pair
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.guide import Operator, Tail
-    from swimbladder.parameters import Vehicle
+    from swimbladder.design.pool_day import Operator, Tail
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["operator_of", "tail_of"]
 
@@ -23,7 +23,7 @@ def operator_of(
     sensor_std: str | None, seed: int,
 ) -> Operator:  # fmt: skip
     """Return who rehearses: the vehicle in simulated water `bottom` [m] deep."""
-    from swimbladder.guide import Operator
+    from swimbladder.design.pool_day import Operator
     from swimbladder.io.config import load_vehicle
 
     if speed is not None and not speed > 0.0:
@@ -61,7 +61,7 @@ def tail_of(
     wait: bool,
 ) -> tuple[Tail, float]:  # fmt: skip
     """Return what reads the log, and how long it waits for more [s]."""
-    from swimbladder.guide import Tail
+    from swimbladder.design.pool_day import Tail
     from swimbladder.io.log_format import LogFormat
     from swimbladder.io.log_format import log_format as named
 

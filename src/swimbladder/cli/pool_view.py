@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-    from swimbladder.guide import News, PoolDay
+    from swimbladder.design.pool_day import News, PoolDay
 
 __all__ = ["View", "parameter_table"]
 
@@ -26,7 +26,7 @@ def parameter_table(day: PoolDay) -> Table:
     """Return the parameters with their intervals, beside how well they are to be known."""
     from rich.table import Table
 
-    from swimbladder.report.words import rows
+    from swimbladder.show.report.words import rows
 
     table = Table(box=None, pad_edge=False)
     table.add_column("", no_wrap=True)

@@ -29,8 +29,8 @@ def reproduce(
     number of the paper, an equation or an independent check is not met and it is not known why.
     """
     with progress("loading the simulator"):
-        from swimbladder.reproduce import AMOUNT
-        from swimbladder.reproduce import reproduce as make_report
+        from swimbladder.paper import AMOUNT
+        from swimbladder.paper import reproduce as make_report
     with compile_notice(), progress("redoing the paper", AMOUNT) as advance:
         found = make_report(out, seed=seed, advance=advance)
     page = (out / "index.html").resolve()

@@ -12,7 +12,7 @@ from swimbladder.cli.logs import pair
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.identify import Prior
+    from swimbladder.estimation.motion import Prior
 
 __all__ = ["deviation", "held", "known", "once", "priors", "setting"]
 
@@ -36,7 +36,7 @@ def known(text: str, units: Mapping[str, str]) -> tuple[str, Prior]:
     A unit that stands at one of the numbers only counts for both; a deviation in % is of the mean.
     Raises InputError naming option and value.
     """
-    from swimbladder.identify import Prior
+    from swimbladder.estimation.motion import Prior
 
     name, value = _named(text, "--prior", units)
     field, unit = f"--prior {name}", units[name]
@@ -117,14 +117,14 @@ def once(pairs: Sequence[tuple[str, _Value]], option: str) -> dict[str, _Value]:
 
 
 def _units() -> dict[str, str]:
-    from swimbladder.identify.model import NAMES
+    from swimbladder.estimation.motion.model import NAMES
 
     return {name: about.unit for name, about in NAMES.items()}
 
 
 def _named(text: str, option: str, units: Mapping[str, str]) -> tuple[str, str]:
     """Return name and value of NAME=VALUE; raises InputError for a name that cannot be."""
-    from swimbladder.parameters.schema import did_you_mean
+    from swimbladder.vehicle.schema import did_you_mean
 
     name, value = pair(text, option)
     if name not in units:

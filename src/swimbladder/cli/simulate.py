@@ -28,11 +28,11 @@ from swimbladder.cli.simulate_files import answer_of, print_answer, steps_of, wr
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.closed_loop import Solution
-    from swimbladder.closed_loop.water import Medium
     from swimbladder.io.mission import Mission
-    from swimbladder.parameters import Vehicle
-    from swimbladder.seawater import Cast, Column
+    from swimbladder.physics.seawater import Cast, Column
+    from swimbladder.sim.closed_loop import Solution
+    from swimbladder.sim.closed_loop.water import Medium
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["simulate"]
 
@@ -199,8 +199,8 @@ def _water(
     reach = max([task.start_depth, *(point.depth for point in task.setpoints)])
     refuse_doubted_unit(casts, reach, vehicle.hull.depth_limit)
     with progress("tabulating the water"):
-        from swimbladder.closed_loop.water import medium_of
-        from swimbladder.seawater import cast_column
+        from swimbladder.physics.seawater import cast_column
+        from swimbladder.sim.closed_loop.water import medium_of
 
         column = cast_column(casts[0], step=_ROWS)
     return column, medium_of(vehicle, column, reach=reach)
@@ -238,7 +238,7 @@ def _seed_unused(vehicle: Vehicle, seed: int | None) -> list[str]:
 def _run(vehicle: Vehicle, task: Mission, seed: int | None, column: Column | None) -> Solution:
     """Simulate; say on stderr what is waited for."""
     with progress("loading the simulator"):
-        from swimbladder.closed_loop import simulate as simulate_closed_loop
+        from swimbladder.sim.closed_loop import simulate as simulate_closed_loop
 
     assert vehicle.controller is not None  # check_mission has seen to it
     samples = task.span / vehicle.controller.sample_time

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from swimbladder.cli.common import output, progress
 
 if TYPE_CHECKING:
-    from swimbladder.closed_loop import Solution
     from swimbladder.io.mission import Mission
-    from swimbladder.seawater import Column
+    from swimbladder.physics.seawater import Column
+    from swimbladder.sim.closed_loop import Solution
 
 __all__ = ["answer_of", "print_answer", "steps_of", "write_files"]
 
@@ -53,7 +53,7 @@ def write_files(
             files.append(write(folder / "trajectory.nc", s.dataset(), title=title))
     if plot:
         with progress("drawing trajectory.png"):
-            from swimbladder.plots import plot_solution
+            from swimbladder.show.plots import plot_solution
 
             files.append(folder / "trajectory.png")
             plot_solution(s, files[-1])
@@ -64,7 +64,7 @@ def steps_of(s: Solution, task: Mission) -> list[dict[str, Any]]:
     """Return what each set-point's step did, up to where the simulation came."""
     import numpy as np
 
-    from swimbladder.closed_loop import step_metrics
+    from swimbladder.sim.closed_loop import step_metrics
 
     steps = []
     ends = [point.time for point in task.setpoints[1:]] + [task.span]

@@ -22,7 +22,7 @@ from swimbladder.cli.casts import (
 from swimbladder.cli.common import emit_json, output, progress, quantity, said_as_typed
 
 if TYPE_CHECKING:
-    from swimbladder.sizing import Parts
+    from swimbladder.design.sizing import Parts
 
 __all__ = ["size"]
 
@@ -144,11 +144,11 @@ def size(
     )  # fmt: skip
     with progress("loading"):
         from swimbladder.cli.size_files import write_sizing
-        from swimbladder.sizing import Dive, load_parts, sentences, to_json
-        from swimbladder.sizing import size as find
+        from swimbladder.design.sizing import Dive, load_parts, sentences, to_json
+        from swimbladder.design.sizing import size as find
     sea = None
     if casts:
-        from swimbladder.seawater import cast_column
+        from swimbladder.physics.seawater import cast_column
 
         sea = cast_column(casts[0])
         refuse_doubted_unit(casts, wished["depth"], vehicle.hull.depth_limit)

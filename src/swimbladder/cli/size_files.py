@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from swimbladder.cli.common import json_text
+from swimbladder.design.sizing import Sizing, columns, sized_vehicle, to_json
 from swimbladder.io.files import publish, write_atomically
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.parameters import Vehicle
-from swimbladder.plots.size import draw_candidates, draw_parts, draw_wishes
-from swimbladder.plots.style import save
-from swimbladder.sizing import Sizing, columns, sized_vehicle, to_json
+from swimbladder.show.plots.size import draw_candidates, draw_parts, draw_wishes
+from swimbladder.show.plots.style import save
+from swimbladder.vehicle import Vehicle
 
 __all__ = ["write_sizing"]
 

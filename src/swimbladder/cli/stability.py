@@ -20,7 +20,7 @@ from swimbladder.cli.depths import depth_pair
 from swimbladder.errors import NoAnswerError
 
 if TYPE_CHECKING:
-    from swimbladder.stability import Stability
+    from swimbladder.design.stability import Stability
 
 __all__ = ["stability"]
 
@@ -65,7 +65,7 @@ def stability(
     that it is unstable, and with which parameters. A run that was killed goes on where it was.
     """
     from swimbladder.io.config import load_vehicle
-    from swimbladder.io.files import check_place, publish, write_atomically
+    from swimbladder.io.files import check_place, publish, unfinished, write_atomically
 
     v = load_vehicle(vehicle, sampled=True)
     options: dict[str, Any] = {
@@ -80,12 +80,12 @@ def stability(
         "draws": draws,
     }
     check_place(out)
-    keep = out.parent / f".{out.name}-parts"
+    keep = unfinished(out)
     with progress("loading the simulator"):
-        from swimbladder.plots.stability import draw_recovery, draw_robustness
-        from swimbladder.plots.style import save
-        from swimbladder.stability import stability as find
-        from swimbladder.stability.parts import Parts
+        from swimbladder.design.stability import stability as find
+        from swimbladder.jobs import Store
+        from swimbladder.show.plots.stability import draw_recovery, draw_robustness
+        from swimbladder.show.plots.style import save
     doing = "looking for what is unstable"
     with kept(keep), compile_notice(), progress(doing, 1.0) as advance:
         found = find(v, **options, keep=keep, advance=advance)
@@ -108,7 +108,7 @@ def stability(
         names.append("robustness.png")
     with progress("writing the pictures"):
         publish(out, write)
-    Parts(keep).forget()
+    Store(keep).forget()
     files = [out / name for name in names]
     if json:
         emit_json({**answer, "files": [str(path) for path in files]})
@@ -121,7 +121,7 @@ def stability(
 def _print(found: Stability, files: list[Path]) -> None:
     from rich.table import Table
 
-    from swimbladder.stability.tables import cycle_rows, robustness_rows
+    from swimbladder.design.stability.tables import cycle_rows, robustness_rows
 
     output.print(
         f"{found.vehicle}, law {found.law}, sampled every {found.sample_time:g} s", soft_wrap=True

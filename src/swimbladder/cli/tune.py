@@ -17,9 +17,10 @@ from swimbladder.cli.common import (
     typed_command,
 )
 from swimbladder.cli.depths import depth_pair, with_sensor
+from swimbladder.control.records import leaves
 
 if TYPE_CHECKING:
-    from swimbladder.tune import Tuning
+    from swimbladder.design.tuning import Tuning
 
 __all__ = ["tune"]
 
@@ -96,8 +97,8 @@ def tune(
     }
     check_place(out)
     with progress("loading the simulator"):
-        from swimbladder.report.tune import write_tuning
-        from swimbladder.tune import tune as find
+        from swimbladder.design.tuning import tune as find
+        from swimbladder.show.report.tune import write_tuning
     with compile_notice(), progress("looking for gains", 1.0) as advance:
         found = find(v, **options, advance=advance)
     answer = found.to_json()
@@ -126,7 +127,7 @@ def _print(found: Tuning, files: list[Path]) -> None:
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for heading in ("parameter", "value", "unit"):
         table.add_column(heading, justify="right" if heading == "value" else "left")
-    for name, value in found.parameters._asdict().items():
+    for name, value in leaves(found.parameters).items():
         unit = found.law.units[name]
         shown = shown_unit(unit)
         table.add_row(name, f"{float(value) * unit_factor(unit, shown):.5g}", shown)

@@ -12,7 +12,7 @@ from swimbladder.cli.common import console, emit_json, output
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.parameters import Vehicle
+    from swimbladder.vehicle import Vehicle
 
 __all__ = ["vehicle"]
 
@@ -100,7 +100,7 @@ def new(
     """Write a vehicle file to start from: every field, its unit, meaning and default."""
     from swimbladder.io.files import write_atomically
     from swimbladder.io.templates import KINDS, vehicle_template
-    from swimbladder.parameters.schema import did_you_mean
+    from swimbladder.vehicle.schema import did_you_mean
 
     if kind not in KINDS:
         raise InputError(
@@ -131,8 +131,8 @@ def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:
     from pydantic import BaseModel
 
     from swimbladder.control.registry import bind
-    from swimbladder.parameters import field_unit
-    from swimbladder.parameters.schema import dotted
+    from swimbladder.vehicle import field_unit
+    from swimbladder.vehicle.schema import dotted
 
     found: dict[str, dict[str, Any]] = {}
 
@@ -164,8 +164,8 @@ def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:
 
 def _derived(v: Vehicle) -> dict[str, tuple[float | None, str, str]]:
     """Return what follows from a vehicle's numbers, as {name: (value, unit, meaning)}."""
-    from swimbladder.actuator import reduced
-    from swimbladder.parameters import Positioner, PumpAndValve
+    from swimbladder.physics.actuator import reduced
+    from swimbladder.vehicle import Positioner, PumpAndValve
 
     stroke, psi = v.stroke, v.hull.psi
     found: dict[str, tuple[float | None, str, str]] = {
@@ -175,7 +175,7 @@ def _derived(v: Vehicle) -> dict[str, tuple[float | None, str, str]]:
         rate = v.actuator.speed * v.actuator.piston_area
         found["volume_rate_m3_s"] = (rate, "m3/s", "volume rate of the positioner")
     elif isinstance(v.actuator, PumpAndValve):
-        from swimbladder.buoyancy_engine import drive_map
+        from swimbladder.physics.buoyancy_engine import drive_map
 
         rate = float(drive_map(v, 0.0).rate_out[0])
         found["volume_rate_m3_s"] = (rate, "m3/s", "volume rate of the pump at the surface")

@@ -20,7 +20,8 @@ from typing import NamedTuple
 
 from swimbladder.control.ability import BEHIND, learn_ability, usable
 from swimbladder.control.law import Law, Measurement
-from swimbladder.control.observer import (
+from swimbladder.control.observers import (
+    OBSERVED_UNITS,
     Estimate,
     Observed,
     begin_estimate,
@@ -56,21 +57,7 @@ class Path(NamedTuple):
 class PlannedParameters(NamedTuple):
     """The observer's model and filter, the feedback, the path's bounds, the actuator's limits."""
 
-    f_zz: float  # -
-    f_zw: float  # s
-    f_wz: float  # 1/s
-    f_ww: float  # -
-    g_z0: float  # m/m3
-    g_z1: float  # m/m3
-    g_w0: float  # m/s/m3
-    g_w1: float  # m/s/m3
-    turbulent: float  # 1/m
-    l_z: float  # -
-    l_w: float  # 1/s
-    l_b: float  # m3/m
-    neutral: float  # m3
-    neutral_range: float  # m3
-    psi: float  # m3/m
+    model: Observed
     inertia: float  # m3 s2/m, T2/K2 = m/(rho g): volume per acceleration
     laminar: float  # 1/s, 1/T2
     quadratic: float  # 1/m, k_dt/m
@@ -91,10 +78,7 @@ class PlannedParameters(NamedTuple):
 class PlannedState(NamedTuple):
     """What the law remembers between samples."""
 
-    depth: float  # m, estimated
-    speed: float  # m/s, estimated
-    neutral: float  # m3, estimated
-    volume: float  # m3, measured at the sample before
+    estimate: Estimate
     path_depth: float  # m, where the path is at the sample to come
     path_speed: float  # m/s
     path_acceleration: float  # m/s2
@@ -150,23 +134,19 @@ def initial(
 ) -> PlannedState:
     """Start at rest with the volume as it is, the path where the vehicle is."""
     p = parameters
-    depth = measurement.depth if math.isfinite(measurement.depth) else reference
-    volume = measurement.volume if math.isfinite(measurement.volume) else p.neutral + p.psi * depth
-    e = begin_estimate(p.neutral, p.neutral_range, p.psi, depth, volume)
-    return PlannedState(
-        e.depth, e.speed, e.neutral, volume, depth, 0.0, 0.0, volume, 0.0, 0.0, 0.0, 1.0
-    )  # fmt: skip
+    e = begin_estimate(p.model, measurement, reference)
+    return PlannedState(e, e.depth, 0.0, 0.0, e.volume, 0.0, 0.0, 0.0, 1.0)
 
 
 def _volume(p: PlannedParameters, path: Path, neutral: float) -> float:
     drag = p.laminar * path.speed + p.quadratic * path.speed * abs(path.speed)
-    return p.psi * path.depth + neutral - p.inertia * (path.acceleration + drag)
+    return p.model.psi * path.depth + neutral - p.inertia * (path.acceleration + drag)
 
 
 def _where(p: PlannedParameters, e: Estimate, volume: float) -> Path:
     """Return the path's state that is the vehicle's: one that cannot follow begins anew there."""
     drag = p.laminar * e.speed + p.quadratic * e.speed * abs(e.speed)
-    return Path(e.depth, e.speed, (p.psi * e.depth + e.neutral - volume) / p.inertia - drag)
+    return Path(e.depth, e.speed, (p.model.psi * e.depth + e.neutral - volume) / p.inertia - drag)
 
 
 def _jerk(p: PlannedParameters, here: float, target: float) -> float:
@@ -186,25 +166,15 @@ def step(
 ) -> tuple[float, PlannedState, float]:
     """Return the voltage [V] that takes the volume along the path's, with feedback to the path."""
     p = parameters
-    volume = measurement.volume if math.isfinite(measurement.volume) else state.volume
-    model = Observed(
-        p.f_zz, p.f_zw, p.f_wz, p.f_ww, p.g_z0, p.g_z1, p.g_w0, p.g_w1, p.turbulent,
-        p.l_z, p.l_w, p.l_b, p.neutral, p.neutral_range, p.psi,
-    )  # fmt: skip
-    e = estimate(
-        model,
-        Estimate(state.depth, state.speed, state.neutral),
-        state.volume,
-        volume,
-        measurement.depth,
-    )
+    volume = measurement.volume if math.isfinite(measurement.volume) else state.estimate.volume
+    e = estimate(p.model, p.model.trust, state.estimate, volume, measurement.depth)
     here = Path(state.path_depth, state.path_speed, state.path_acceleration)
     target = reference if math.isfinite(reference) else state.path_depth
     if abs(state.volume_reference - volume) > BEHIND * p.S_p * p.limit / p.rate:
         here = _where(p, e, volume)
     ability = state.ability
     if math.isfinite(measurement.volume):
-        moved = (volume - state.volume) / p.S_p * p.rate
+        moved = (volume - state.estimate.volume) / p.S_p * p.rate
         ability = learn_ability(state.ability, state.drive, state.driven, moved, p.limit)
     jerk = usable(ability) * _jerk(p, here.depth, target)
     there = along(here, target, jerk, p.speed, p.S_p)
@@ -220,7 +190,7 @@ def step(
     return (
         voltage,
         PlannedState(
-            e.depth, e.speed, e.neutral, volume, there.depth, there.speed, there.acceleration,
+            e, there.depth, there.speed, there.acceleration,
             wanted, moving, voltage - load, state.drive, ability,
         ),
         p.S_p,
@@ -234,10 +204,7 @@ PLANNED = Law(
     parameters=PlannedParameters,
     state=PlannedState,
     units={
-        "f_zz": "", "f_zw": "s", "f_wz": "1/s", "f_ww": "",
-        "g_z0": "m/m3", "g_z1": "m/m3", "g_w0": "m/s/m3", "g_w1": "m/s/m3",
-        "turbulent": "1/m", "l_z": "", "l_w": "1/s", "l_b": "m3/m",
-        "neutral": "m3", "neutral_range": "m3", "psi": "m3/m",
+        **OBSERVED_UNITS,
         "inertia": "m2 s2", "laminar": "1/s", "quadratic": "1/m", "share": "", "speed": "m/s",
         "k_z": "m3/m", "k_w": "m3 s/m", "k_V": "V/m3", "dead": "m3", "rate": "V s/m3",
         "depth_voltage": "V/m", "limit": "V", "volume_min": "m3", "volume_max": "m3", "S_p": "s",

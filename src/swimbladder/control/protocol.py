@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 
 from swimbladder.control import cascade
-from swimbladder.control.cascade import CascadeParameters, CascadeState
+from swimbladder.control.cascade import CascadeState
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.protocol_records import (
     POOL_UNITS,
@@ -110,14 +110,14 @@ def slope(window: Window, S_p: float) -> float:
 def at_rest(p: PoolParameters, window: Window) -> bool:
     """Say whether a full window shows nearly no speed, near the depth that it counts from."""
     return (
-        abs(slope(window, p.S_p)) <= p.rest_speed
+        abs(slope(window, p.loop.S_p)) <= p.rest_speed
         and abs(window.z / window.samples) <= p.rest_distance
     )
 
 
 def full(p: PoolParameters, window: Window) -> bool:
     """Say whether a window is a minute long."""
-    return window.samples * p.S_p > p.minute - 0.5 * p.S_p
+    return window.samples * p.loop.S_p > p.minute - 0.5 * p.loop.S_p
 
 
 def can_be(p: PoolParameters, seen: Measurement) -> bool:
@@ -136,19 +136,19 @@ def next_phase(
     """Return the phase that a measurement belongs to; a good one only begins another."""
     if s.phase >= _DONE:
         return s.phase
-    missing = 0.0 if good else (s.blind + 1.0) * p.S_p
+    missing = 0.0 if good else (s.blind + 1.0) * p.loop.S_p
     if go < 0.0 or (s.phase >= _HOLD and missing > p.blind):
         return _GAVE_UP
     if s.phase < _HOLD:
         return _HOLD if good and go > 0.0 else s.phase
     up = s.phase < _HALF
     does = s.phase if up else s.phase - _HALF
-    late = s.ticks * p.S_p > p.patience
+    late = s.ticks * p.loop.S_p > p.patience
     if does == _HOLD:
         over = good and full(p, window) and at_rest(p, window)
         late = late and full(p, window)
     elif does == _HALT:
-        over = good and s.ticks * p.S_p > p.halt - 0.5 * p.S_p
+        over = good and s.ticks * p.loop.S_p > p.halt - 0.5 * p.loop.S_p
     elif does == _PULSE:
         over = s.pulses <= 0.0
     else:
@@ -166,14 +166,11 @@ def initial(parameters: PoolParameters, measurement: Measurement, go: float) -> 
     good = can_be(p, measurement)
     loop = CascadeState(0.0, 0.0, 0.0)
     if good:
-        loop = cascade.initial(
-            CascadeParameters(p.k_pV, p.k_pz, p.k_iz, p.k_dz, p.S_p), measurement, p.deep
-        )
+        loop = cascade.initial(p.loop, measurement, p.deep)
     return PoolState(
         phase=_HOLD if good and go > 0.0 else _WAITS, completed=0.0, ticks=0.0, blind=0.0,
         depth=measurement.depth if good else 0.0,
-        integral=loop.integral, error=loop.error, volume_reference=loop.volume_reference,
-        samples=0.0, z=0.0, kz=0.0, V=0.0, neutral=measurement.volume if good else 0.0,
+        loop=loop, window=Window(0.0, 0.0, 0.0, 0.0), neutral=measurement.volume if good else 0.0,
         pulse=0.0, pulses=0.0, gave_up_in=_WAITS,
     )  # fmt: skip
 
@@ -185,9 +182,8 @@ def step(
     p = parameters
     s = state
     seen = measurement
-    gains = CascadeParameters(p.k_pV, p.k_pz, p.k_iz, p.k_dz, p.S_p)
-    loop = CascadeState(s.integral, s.error, s.volume_reference)
-    window = Window(s.samples, s.z, s.kz, s.V)
+    loop = s.loop
+    window = s.window
     good = can_be(p, seen)
     phase = next_phase(p, s, window, seen.depth, good, go)
     up = phase < _HALF
@@ -205,7 +201,7 @@ def step(
         if phase == _GAVE_UP:
             gave_up_in = s.phase
         elif does == _HOLD:
-            loop = cascade.initial(gains, seen, target)
+            loop = cascade.initial(p.loop, seen, target)
             if s.phase == _LAST:
                 completed = s.completed + 1.0
         elif does == _HALT:
@@ -213,7 +209,7 @@ def step(
         elif does == _PULSE:
             change = p.change + p.more * s.completed
             asked = neutral + (change if up else -change) - seen.volume
-            pulse, pulses = timed(asked, p.rate_per_volt, p.limit, p.S_p)
+            pulse, pulses = timed(asked, p.rate_per_volt, p.limit, p.loop.S_p)
         elif phase == _DONE:
             completed = s.completed + 1.0
     if phase != s.phase or not good or full(p, window):
@@ -223,10 +219,10 @@ def step(
     command = p.load_voltage * depth
     if phase >= _DONE:
         if good and math.isfinite(p.end_volume):
-            command = command + p.k_pV * (p.end_volume - seen.volume)
+            command = command + p.loop.k_pV * (p.end_volume - seen.volume)
     elif phase >= _HOLD and does == _HOLD:
         if good:
-            command, loop, _ = cascade.step(gains, loop, seen, target)
+            command, loop, _ = cascade.step(p.loop, loop, seen, target)
             window = extend(window, seen.depth - target, seen.volume - neutral)
     elif does == _PULSE:
         command = pulse
@@ -234,10 +230,9 @@ def step(
     command = max(-p.limit, min(p.limit, command))  # upward, should it be no number
     return command, PoolState(
         phase=phase, completed=completed, ticks=ticks + 1.0, blind=0.0 if good else s.blind + 1.0,
-        depth=depth, integral=loop.integral, error=loop.error,
-        volume_reference=loop.volume_reference, samples=window.samples, z=window.z, kz=window.kz,
-        V=window.V, neutral=neutral, pulse=pulse, pulses=pulses, gave_up_in=gave_up_in,
-    ), p.S_p  # fmt: skip
+        depth=depth, loop=loop, window=window, neutral=neutral, pulse=pulse, pulses=pulses,
+        gave_up_in=gave_up_in,
+    ), p.loop.S_p  # fmt: skip
 
 
 POOL = Law(

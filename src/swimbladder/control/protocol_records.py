@@ -6,7 +6,7 @@ import math
 from enum import Enum
 from typing import NamedTuple
 
-from swimbladder.control.cascade import CASCADE, CascadeParameters
+from swimbladder.control.cascade import CASCADE, CascadeParameters, CascadeState
 
 __all__ = [
     "MARGIN",
@@ -54,11 +54,7 @@ class Phase(NamedTuple):
 class PoolParameters(NamedTuple):
     """The procedure, the loop that holds a depth in it, and what it knows of the actuator."""
 
-    k_pV: float  # V/m3, of the cascade, which may be tuned coarsely
-    k_pz: float  # m3/m
-    k_iz: float  # m3/s/m
-    k_dz: float  # m3 s/m
-    S_p: float  # s
+    loop: CascadeParameters  # which may be tuned coarsely
     deep: float  # m, where the vehicle rests in step (a)
     shallow: float  # m, and in step (c)
     surface: float  # m, where step (b) is over
@@ -80,11 +76,6 @@ class PoolParameters(NamedTuple):
     volume_least: float  # m3
     volume_most: float  # m3
     end_volume: float  # m3, to go to when it is over; infinite: the piston is held where it is
-
-    @property
-    def loop(self) -> CascadeParameters:
-        """The cascade that holds a depth."""
-        return CascadeParameters(self.k_pV, self.k_pz, self.k_iz, self.k_dz, self.S_p)
 
     @property
     def phases(self) -> tuple[Phase, ...]:
@@ -126,7 +117,7 @@ def procedure_for(
     Every measurement that is a number counts as possible, and at the end the piston is held.
     """
     return PoolParameters(
-        *loop, deep=pool_depth - clearance, shallow=clearance, surface=MARGIN,
+        loop=loop, deep=pool_depth - clearance, shallow=clearance, surface=MARGIN,
         bottom=pool_depth - MARGIN, change=change, more=0.0, rounds=1.0,
         rate_per_volt=rate_per_volt, limit=limit, load_voltage=load_voltage,
         minute=60.0, rest_speed=5e-4, rest_distance=0.02, halt=0.6, patience=1200.0, blind=10.0,
@@ -156,13 +147,8 @@ class PoolState(NamedTuple):
     ticks: float  # since the phase began
     blind: float  # ticks since the last measurement that can be
     depth: float  # m, of that one
-    integral: float  # m3, of the cascade, as are the next two
-    error: float  # m
-    volume_reference: float  # m3
-    samples: float  # -, of the window, as are the next three; depths count from the target
-    z: float  # m
-    kz: float  # m
-    V: float  # m3, beyond `neutral`
+    loop: CascadeState
+    window: Window  # depths count from the target, volumes from `neutral`
     neutral: float  # m3, mean volume of the last minute at rest
     pulse: float  # V
     pulses: float  # ticks of it that are left

@@ -23,13 +23,17 @@ import math
 from typing import NamedTuple
 
 from swimbladder.control.law import Law, Measurement
-from swimbladder.control.observer import (
+from swimbladder.control.observers import (
+    OBSERVED_UNITS,
+    RESTING_UNITS,
     Estimate,
     Observed,
+    Resting,
     begin_estimate,
     estimate,
     limited,
     moves,
+    trusted,
 )
 
 __all__ = ["PULSE", "PulseParameters", "PulseState", "Run", "initial", "run", "step"]
@@ -43,21 +47,7 @@ _BROUGHT = 0.25  # of the dead zone, within which a run is at its end
 class PulseParameters(NamedTuple):
     """The model, the filter, the feedback, the pulses and the actuator's limits."""
 
-    f_zz: float  # -
-    f_zw: float  # s
-    f_wz: float  # 1/s
-    f_ww: float  # -
-    g_z0: float  # m/m3
-    g_z1: float  # m/m3
-    g_w0: float  # m/s/m3
-    g_w1: float  # m/s/m3
-    turbulent: float  # 1/m
-    l_z: float  # -
-    l_w: float  # 1/s
-    l_b: float  # m3/m
-    neutral: float  # m3
-    neutral_range: float  # m3
-    psi: float  # m3/m
+    model: Observed
     k_z: float  # m3/m, volume per depth error
     k_w: float  # m3 s/m, volume per speed error
     k_V: float  # V/m3, voltage per volume error
@@ -73,9 +63,7 @@ class PulseParameters(NamedTuple):
     rate: float  # m3/s, at which the volume goes out and back
     swing: float  # V, which gives that rate
     learn: float  # -, of what a sample shows of the motor
-    n_z: float  # -, the filter's gains near the set-point, as l_z
-    n_w: float  # 1/s
-    n_b: float  # m3/m
+    resting: Resting
     farthest: float  # m, a depth error beyond which no more volume is asked for
     depth_voltage: float  # V/m, load of the sea
     limit: float  # V
@@ -87,10 +75,7 @@ class PulseParameters(NamedTuple):
 class PulseState(NamedTuple):
     """What the law remembers between samples."""
 
-    depth: float  # m, estimated
-    speed: float  # m/s, estimated
-    neutral: float  # m3, estimated
-    volume: float  # m3, measured at the sample before
+    estimate: Estimate
     volume_reference: float  # m3, asked for at the sample before
     holding: float  # -, 1: by pulses
     going: float  # -, 0: the motor rests; 1, -1: out, the volume growing or not; 2, -2: home
@@ -108,10 +93,8 @@ class Run(NamedTuple):
 def initial(parameters: PulseParameters, measurement: Measurement, reference: float) -> PulseState:
     """Start at rest with the volume as it is."""
     p = parameters
-    depth = measurement.depth if math.isfinite(measurement.depth) else reference
-    volume = measurement.volume if math.isfinite(measurement.volume) else p.neutral + p.psi * depth
-    e = begin_estimate(p.neutral, p.neutral_range, p.psi, depth, volume)
-    return PulseState(e.depth, e.speed, e.neutral, volume, volume, 0.0, 0.0, 0.0, 1.0)
+    e = begin_estimate(p.model, measurement, reference)
+    return PulseState(e, e.volume, 0.0, 0.0, 0.0, 1.0)
 
 
 def holds(p: PulseParameters, before: float, error: float, speed: float) -> float:
@@ -170,31 +153,21 @@ def step(
     """
     p = parameters
     measured = math.isfinite(measurement.volume)
-    volume = measurement.volume if measured else state.volume
+    volume = measurement.volume if measured else state.estimate.volume
     held = state.holding > 0.0
-    close = abs(reference - state.depth) < _LEARNT * p.near
-    model = Observed(
-        p.f_zz, p.f_zw, p.f_wz, p.f_ww, p.g_z0, p.g_z1, p.g_w0, p.g_w1, p.turbulent,
-        p.n_z if close else p.l_z, p.n_w if close else p.l_w, p.n_b if close else p.l_b,
-        p.neutral, p.neutral_range, p.psi,
-    )  # fmt: skip
-    e = estimate(
-        model,
-        Estimate(state.depth, state.speed, state.neutral),
-        state.volume,
-        volume,
-        measurement.depth,
-    )
+    close = abs(reference - state.estimate.depth) < _LEARNT * p.near
+    trust = trusted(p.model.trust, p.resting, close)
+    e = estimate(p.model, trust, state.estimate, volume, measurement.depth)
     error = limited(reference - e.depth, -p.farthest, p.farthest)
-    neutral = p.psi * (e.depth + error) + e.neutral
+    neutral = p.model.psi * (e.depth + error) + e.neutral
     hold = state.hold
     share = state.share
-    moved = volume - state.volume
+    moved = volume - state.estimate.volume
     if p.near > 0.0:
         per_volt = p.S_p * p.rate / p.swing
         expected = 0.0
         if not held and state.going > 0.0:
-            expected = per_volt * p.k_V * (state.volume_reference - state.volume)
+            expected = per_volt * p.k_V * (state.volume_reference - state.estimate.volume)
         if state.going == 0.0 or (not held and abs(moved) < p.dead):
             hold = hold - p.learn * (moved - expected) / per_volt
             most = p.depth_voltage * abs(e.depth) + p.swing  # the load of half the voltage
@@ -222,7 +195,7 @@ def step(
     voltage = p.depth_voltage * e.depth + hold + drive
     return (
         limited(voltage, -p.limit, p.limit),
-        PulseState(e.depth, e.speed, e.neutral, volume, wanted, holding, going, hold, share),
+        PulseState(e, wanted, holding, going, hold, share),
         p.S_p,
     )
 
@@ -234,14 +207,11 @@ PULSE = Law(
     parameters=PulseParameters,
     state=PulseState,
     units={
-        "f_zz": "", "f_zw": "s", "f_wz": "1/s", "f_ww": "",
-        "g_z0": "m/m3", "g_z1": "m/m3", "g_w0": "m/s/m3", "g_w1": "m/s/m3",
-        "turbulent": "1/m", "l_z": "", "l_w": "1/s", "l_b": "m3/m",
-        "neutral": "m3", "neutral_range": "m3", "psi": "m3/m",
+        **OBSERVED_UNITS,
         "k_z": "m3/m", "k_w": "m3 s/m", "k_V": "V/m3", "dead": "m3",
         "near": "m", "band": "m", "a_z": "", "a_w": "s", "a_V": "m/m3",
         "homing": "1/s", "p_z": "m3/m", "acceleration": "1/m2/s2", "rate": "m3/s", "swing": "V",
-        "learn": "", "n_z": "", "n_w": "1/s", "n_b": "m3/m", "farthest": "m",
+        "learn": "", **RESTING_UNITS, "farthest": "m",
         "depth_voltage": "V/m", "limit": "V", "volume_min": "m3", "volume_max": "m3", "S_p": "s",
     },
     step=step,

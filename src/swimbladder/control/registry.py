@@ -15,11 +15,12 @@ from swimbladder.control.position_observer import POSITION_OBSERVER
 from swimbladder.control.position_pid import POSITION_PID
 from swimbladder.control.pulse import PULSE
 from swimbladder.control.rate import RATE
+from swimbladder.control.records import from_leaves, leaf_names
 from swimbladder.control.sea_cascade import SEA_CASCADE
 from swimbladder.errors import InputError
-from swimbladder.parameters import Controller
-from swimbladder.parameters.schema import did_you_mean
 from swimbladder.units import parse_quantity
+from swimbladder.vehicle import Controller
+from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["LAWS", "MISSION_LAWS", "bind", "law_by_name", "law_parameters"]
 
@@ -61,7 +62,7 @@ def law_parameters(law: Law, values: Mapping[str, float | str], *, sample_time: 
 
     Raises InputError for a parameter that is unknown, missing or of the wrong unit.
     """
-    wanted = [name for name in law.parameters._fields if name != "S_p"]
+    wanted = [name for name in leaf_names(law.parameters) if name != "S_p"]
     where = "controller.parameters"
     for name in values:
         if name not in wanted:
@@ -84,9 +85,9 @@ def law_parameters(law: Law, values: Mapping[str, float | str], *, sample_time: 
             numbers[name] = parse_quantity(values[name], unit)
         except InputError as error:
             raise error.at(field=f"{where}.{name}") from None
-    if "S_p" in law.parameters._fields:
+    if "S_p" in leaf_names(law.parameters):
         numbers["S_p"] = sample_time
-    return law.parameters(**numbers)
+    return from_leaves(law.parameters, numbers)
 
 
 def bind(controller: Controller) -> tuple[Law, Any]:

@@ -17,15 +17,11 @@ volume is missing the motor holds against the sea.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from swimbladder.control.ability import BEHIND, learn_ability, usable
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.profile import Means, Target, approach, depart, means_between
-from swimbladder.control.sea_cascade_records import (
-    SEA_CASCADE_UNITS,
-    SeaCascadeGains,
-    SeaCascadeParameters,
-    SeaCascadeState,
-)
 
 __all__ = [
     "SEA_CASCADE",
@@ -40,6 +36,86 @@ __all__ = [
 _DEEPEST = 12000.0  # m, beyond it a depth is none
 _LARGEST = 1000.0  # m3, beyond it a volume is none
 _BROUGHT = 0.25  # share of the dead zone in which a volume counts as reached
+
+
+class SeaCascadeGains(NamedTuple):
+    """The cascade's own gains."""
+
+    k_pV: float  # V/m3
+    k_pz: float  # m3/m
+    k_iz: float  # m3/s/m
+    k_dz: float  # m3 s/m
+
+
+class SeaCascadeParameters(NamedTuple):
+    """The paper's gains and what the sea adds; an addition whose number is 0 is left out."""
+
+    gains: SeaCascadeGains
+    target_weight: float  # -, of the target's motion in the derivative; 1 as the paper has it
+    smoothing: float  # -, weight of the newest difference in the derivative; 1: no smoothing
+    leash: float  # m, largest error that counts
+    fastest: float  # m/s, of the target
+    jerk: float  # m/s3, of the target
+    shortest: float  # s, that the target takes for any change
+    volume_per_speed: float  # m3 s/m, 1/K2
+    volume_per_acceleration: float  # m3 s2/m, T2/K2
+    psi: float  # m3/m, neutral volume per depth
+    depth_voltage: float  # V/m, k_z/k_u
+    rate_per_volt: float  # m3/s/V, K1 A
+    voltage_limit: float  # V
+    volume_min: float  # m3
+    volume_max: float  # m3
+    dead_zone: float  # m3
+    S_p: float  # s
+
+
+class SeaCascadeState(NamedTuple):
+    """What the law remembers between samples."""
+
+    begun: float  # -, 1 once a depth and a volume have been seen
+    integral: float  # m3
+    difference: float  # m, weighted target less depth, when the depth was last seen
+    slope: float  # m, change of the difference over a sample, smoothed
+    missed: float  # -, samples since a depth was seen
+    depth: float  # m, last one seen
+    target: float  # m
+    speed: float  # m/s, of the target
+    acceleration: float  # m/s2, of the target
+    left: float  # s, that the target is still on its way
+    whole: float  # s, that this way takes in all; 0 for one that began in motion
+    jerk: float  # m/s3, of its first quarter
+    goal: float  # m, where it goes
+    need: float  # m3, of volume that its motion took at the sample before
+    moving: float  # -, 1 while the volume is brought out of the dead zone
+    volume: float  # m3, last one seen
+    drive: float  # V, beyond the load of the sea, at the sample before
+    driven: float  # V, at the one before that
+    ability: float  # -, share of its rate that the motor was seen to have
+    volume_reference: float  # m3
+
+
+SEA_CASCADE_UNITS = {
+    "k_pV": "V/m3",
+    "k_pz": "m3/m",
+    "k_iz": "m3/s/m",
+    "k_dz": "m3 s/m",
+    "target_weight": "",
+    "smoothing": "",
+    "leash": "m",
+    "fastest": "m/s",
+    "jerk": "m/s3",
+    "shortest": "s",
+    "volume_per_speed": "m3 s/m",
+    "volume_per_acceleration": "m3 s2/m",
+    "psi": "m3/m",
+    "depth_voltage": "V/m",
+    "rate_per_volt": "m3/s/V",
+    "voltage_limit": "V",
+    "volume_min": "m3",
+    "volume_max": "m3",
+    "dead_zone": "m3",
+    "S_p": "s",
+}
 
 
 def sea_cascade_gains(
@@ -197,7 +273,7 @@ def step(
         error = target.depth - depth
         if p.leash > 0.0:
             error = min(max(error, -p.leash), p.leash)
-        U = p.k_pz * error + p.k_dz / p.S_p * slope + before.integral
+        U = p.gains.k_pz * error + p.gains.k_dz / p.S_p * slope + before.integral
         U = U + (p.psi * depth - need)
 
     within = min(max(U, p.volume_min), p.volume_max)
@@ -207,12 +283,12 @@ def step(
         gap = within - measurement.volume
         if abs(gap) >= p.dead_zone * (_BROUGHT if before.moving > 0.0 else 1.0):
             moving = 1.0
-            voltage = p.k_pV * gap + voltage
+            voltage = p.gains.k_pV * gap + voltage
             if p.rate_per_volt > 0.0:
                 voltage = voltage + (need - need_later) / (p.S_p * p.rate_per_volt)
     limited = min(max(voltage, -p.voltage_limit), p.voltage_limit)
 
-    change = p.k_iz * p.S_p * error
+    change = p.gains.k_iz * p.S_p * error
     over = max(voltage - p.voltage_limit, U - p.volume_max) > 0.0
     under = min(voltage + p.voltage_limit, U - p.volume_min) < 0.0
     integral = before.integral

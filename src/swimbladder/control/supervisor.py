@@ -14,20 +14,352 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
+from typing import NamedTuple
 
 from swimbladder.control.law import NEVER, Count, Law, less, more
-from swimbladder.control.supervisor_records import (
-    SUPERVISOR_UNITS,
-    SupervisorParameters,
-    SupervisorState,
-    Watched,
-)
 
-__all__ = ["SUPERVISOR", "Reason", "initial", "reasons_in", "step"]
+__all__ = [
+    "SUPERVISOR",
+    "Reason",
+    "SupervisorParameters",
+    "SupervisorState",
+    "Watched",
+    "initial",
+    "reasons_in",
+    "step",
+]
 
 _BLOCK = 4096  # ticks that the fine count of time holds
 _MOST_LOST = _BLOCK - 1  # ticks that are counted at once
 _REASONS = 15
+
+
+class Watched(NamedTuple):
+    """What the supervisor sees at a tick; NaN for what the board has not, or could not measure."""
+
+    depth: float  # m, of the pressure sensor
+    depth_age: float  # s, since it was measured
+    volume: float  # m3
+    battery: float  # V
+    leak: bool  # water inside
+    lost: Count  # ticks that should have come since the last one
+    missed: Count  # calls in a row in which the law gave no command
+
+
+class PushLimits(NamedTuple):
+    """How the vehicle is brought up."""
+
+    surface_command: float  # V or m3, that makes the vehicle lightest
+    hold_command: float  # V or m3, that keeps it so
+    away_command: float  # V or m3, that makes it heaviest; lightest with the wires swapped
+    away_hold: float  # V or m3, that then keeps it lightest enough
+    push: Count  # ticks of the surface command at first
+    again: Count  # ticks of it after a rest
+    rest: Count  # ticks of the hold command in between
+    grown: float  # m3, by which the volume is known to have grown
+    away: float  # m3, by which a push that drives it away is known
+    astray: Count  # ticks in which a push moves it nowhere
+    release: Count  # ticks in which it has to rise
+    rise: float  # m, by so much
+
+
+class DepthLimits(NamedTuple):
+    """Which depths can be."""
+
+    depth_least: float  # m, the least that the sensor can mean
+    depth_most: float  # m, the largest
+    fastest: float  # m, that the depth may change in a tick
+    jump: float  # m, that it may change at once: noise, quantum
+    step: float  # m, both: that it may change from a tick to the next
+    late_age: float  # s, at which a depth is late
+    blind_quarters: Count  # quarters of ticks without a good depth, each good one takes one away
+    gap: Count  # ticks without a depth after which the model begins anew
+
+
+class VolumeLimits(NamedTuple):
+    """Which volumes can be, and where the stroke ends."""
+
+    blind: Count  # ticks without a good volume
+    volume_least: float  # m3, the least that the sensor can mean
+    volume_most: float  # m3, the largest
+    volume_low: float  # m3, below it the actuator may be at its end
+    volume_high: float  # m3, above it as well
+
+
+class RateLimits(NamedTuple):
+    """How the volume follows a command."""
+
+    positioner: float  # -, 1: commands are volumes
+    rate: float  # m3/s/V, K1 A; of a positioner m3/s
+    load_drive: float  # V/m, k_z/k_u while the motor drives
+    load_back: float  # V/m, while the sea drives it back
+    friction: float  # V
+    leakage: float  # m2/s, k_l
+    rate_smoothing: float  # -
+    rate_share: float  # -, of the rate asked for that may be missing
+    rate_least: float  # m3/s, that may be missing anyway
+    stop_rate: float  # m3/s, asked for, with which a push that ends where others did is a stop
+    stop_least: float  # m3/s, below which it has ended
+    stops: Count  # ticks of it
+    following: Count  # ticks in which the volume does not follow
+
+
+class SameLimits(NamedTuple):
+    """How long a depth can be the very same."""
+
+    same: Count  # ticks of the very same depth that noise does not allow
+    same_begun: Count  # ticks of it after which the volume has to stay as well
+    same_moved: Count  # ticks of it that are too many where it does not
+    moved: float  # m3, by so much
+    same_noisy: Count  # ticks of the very same depth where the sensor has shown its noise
+    noisy: float  # -, share of ticks in which the depth turns, where it has
+    noisy_weight: float  # -, of the newest in it
+
+
+class ProofLimits(NamedTuple):
+    """When the actuator has to show that it can push outward."""
+
+    same_tried: Count  # ticks of it after which the vehicle is pushed outward to see
+    unproven: Count  # ticks after which it has to show anew that the actuator can push outward
+    sinks: float  # m3, before it is heavier by so much
+    reach: float  # m3, by so much beyond the neutral volume
+
+
+class NeutralLimits(NamedTuple):
+    """Which neutral volume the vehicle can have."""
+
+    psi: float  # m3/m
+    psi_range: float  # m3/m, how well psi is known
+    neutral: float  # m3, neutral volume at the surface
+    neutral_range: float  # m3, how well it is known, drift included
+
+
+class MotionLimits(NamedTuple):
+    """How depth and volume belong together."""
+
+    neutral_change: float  # m3, how far it may walk from what the dive has shown
+    known: Count  # ticks in which the dive has to show it
+    forgetting: float  # -, least weight of the newest in it
+    calm: float  # m3, by which the model may miss where it is learnt
+    model_error: float  # -, share of the force on the vehicle that the model may miss
+    inertia: float  # m2, volume that the motion takes per second difference of the low passes
+    drag_linear: float  # m2, and per first difference
+    epsilon: float  # m/s, above which drag is not linear
+    drag_blunt: float  # m2 s, volume that drag takes there: per speed
+    drag_0: float  # m3
+    drag_square: float  # m s2, per speed squared
+    per_tau: float  # 1/s, 1 / the time of each low pass
+    smoothing: float  # -, weight of the newest in it
+    settle: Count  # ticks that they take
+    wrong: Count  # ticks in which depth and volume do not fit
+
+
+class RestLimits(NamedTuple):
+    """Where the vehicle may rest."""
+
+    surface: float  # m, from there up the vehicle may float
+    aground: float  # m, from there down it may lie on the bottom
+    still_distance: float  # m, within which a depth stands still
+    still: Count  # ticks that it has to
+
+
+class DeepLimits(NamedTuple):
+    """How deep it may be."""
+
+    depth_limit: float  # m
+    deepest: float  # m, that it must not pass before it turns round
+    neutral_deepest: float  # m3, largest neutral volume there
+    per_turn_rate: float  # s/m3, 1 / the least rate at the depth limit
+    coast: float  # s, in which drag takes speed away
+    deep: Count  # ticks too deep
+
+
+class BoardLimits(NamedTuple):
+    """What battery, leak sensor and law may do."""
+
+    battery_low: float  # V
+    battery: Count  # ticks below it
+    leak: Count  # ticks of leak
+    missed: Count  # calls without a command
+
+
+class TimeLimits(NamedTuple):
+    """How long the dive may take."""
+
+    lost_quarters: Count  # quarters of ticks lost, each that comes takes one away
+    time_blocks: Count  # of 4096 ticks
+    time_ticks: Count  # beyond them
+
+
+class SupervisorParameters(NamedTuple):
+    """Limits, times in whole ticks, and the model that depth and volume are held against.
+
+    A limit that is infinite, or in ticks NEVER, is off.
+    """
+
+    S_p: float  # s
+    per_tick: float  # 1/s, 1/S_p
+    push: PushLimits
+    depth: DepthLimits
+    volume: VolumeLimits
+    rate: RateLimits
+    same: SameLimits
+    proof: ProofLimits
+    neutral: NeutralLimits
+    motion: MotionLimits
+    rest: RestLimits
+    deep: DeepLimits
+    board: BoardLimits
+    time: TimeLimits
+
+
+class TimeWatch(NamedTuple):
+    """Ticks."""
+
+    tick: Count  # ticks since the start, up to 4096; without a time limit they are not counted
+    block: Count  # of 4096 ticks
+    lost: Count  # quarters of ticks
+
+
+class DepthWatch(NamedTuple):
+    """The last good depth."""
+
+    since: Count  # ticks since the last good depth; NEVER: any depth may be
+    depth: float  # m, last good one
+    blind: Count  # quarters of ticks; at its limit 0 to 2 more for what was wrong first
+
+
+class VolumeWatch(NamedTuple):
+    """The last good volume."""
+
+    volume: float  # m3, last good one
+    measured: bool  # at the last tick, and none was lost before it
+    volume_blind: Count  # ticks; at its limit 0 or 1 more
+
+
+class RateWatch(NamedTuple):
+    """The volume's rate against that asked for."""
+
+    lag: float  # m3/s, of the volume's rate behind that asked for
+    asked: float  # m3/s
+    following: Count  # ticks in which it did not
+    top: float  # m3, where pushes outward ended
+    stops: Count  # ticks in which they did
+
+
+class SameWatch(NamedTuple):
+    """Depths that are the very same."""
+
+    same: Count  # ticks in which the depth was the very same
+    rose: bool  # at the last new depth
+    sank: bool
+    noisy: float  # -, share of ticks in which the depth turned; it stays where it is enough
+    same_volume: float  # m3, n1 when the volume had to stay
+    frozen: bool
+
+
+class MotionWatch(NamedTuple):
+    """Depth and volume against the model."""
+
+    z1: float  # m, depth through a low pass
+    z2: float  # m, through a second
+    n1: float  # m3, volume beyond psi z and the neutral one through a low pass
+    n2: float  # m3, through a second
+    settled: Count  # ticks since they began
+    wrong: Count  # ticks in which depth and volume did not fit
+    own: float  # m3, by which the neutral volume is larger as the dive has shown it
+    own_depth: float  # m, where it did, on average
+    weight: float  # -, of the newest in them, about 1 / ticks
+    known: Count  # ticks in which it did
+
+
+class RestWatch(NamedTuple):
+    """A depth that stands still."""
+
+    anchor: float  # m, around it the depth stands still
+    still: Count  # ticks for which it has
+
+
+class BoardWatch(NamedTuple):
+    """Battery, leak sensor and law."""
+
+    battery: Count  # ticks
+    leak: Count  # ticks
+    missed: Count  # calls without a command
+
+
+class PushWatch(NamedTuple):
+    """The safe action, in its turn of pushes and rests."""
+
+    phase: Count  # ticks of the safe action, in its turn of pushes and rests
+    pushed: float  # m3, volume as far out as the push has brought it
+    astray: Count  # ticks since a push moved it out
+    turns: Count  # of the push: 1 for good the way it was; 2 tried, 3 as it fell, 4 as it grew so
+
+
+class Rescue(NamedTuple):
+    """Why the vehicle is brought up, and whether it comes."""
+
+    reason: Count  # the first one, 0: none
+    reasons: Count  # bits of all so far
+    window: Count  # ticks in which it has to rise
+    from_depth: float  # m, when they began
+    release: bool  # drop the weight
+
+
+class SupervisorState(NamedTuple):
+    """What the supervisor remembers between ticks."""
+
+    restarted: bool  # by a watchdog or a brown-out
+    command: float  # V or m3, given last
+    deep: Count  # ticks
+    unproven: Count  # ticks since it has shown that it can push outward; NEVER: it has to
+    time: TimeWatch
+    depth: DepthWatch
+    volume: VolumeWatch
+    rate: RateWatch
+    same: SameWatch
+    motion: MotionWatch
+    rest: RestWatch
+    board: BoardWatch
+    push: PushWatch
+    rescue: Rescue
+
+
+SUPERVISOR_UNITS = {
+    **dict.fromkeys(("surface_command", "hold_command", "away_command", "away_hold"), "V or m3"),
+    **dict.fromkeys(("S_p", "late_age", "coast"), "s"),
+    **dict.fromkeys(
+        ("push", "again", "rest", "release", "blind", "gap", "same", "same_begun", "same_moved",
+         "following", "stops", "settle", "wrong", "same_tried", "unproven", "still", "deep",
+         "battery", "leak", "missed", "known", "same_noisy", "astray", "time_ticks"),
+        "ticks",
+    ),
+    "time_blocks": "4096 ticks",
+    **dict.fromkeys(("blind_quarters", "lost_quarters"), "ticks/4"),
+    **dict.fromkeys(
+        ("rise", "depth_least", "depth_most", "fastest", "jump", "step", "surface", "aground",
+         "still_distance", "depth_limit", "deepest"),
+        "m",
+    ),
+    **dict.fromkeys(
+        ("moved", "sinks", "reach", "volume_least", "volume_most", "volume_low", "volume_high",
+         "neutral", "neutral_range", "neutral_deepest", "neutral_change", "calm", "grown"),
+        "m3",
+    ),
+    **dict.fromkeys(
+        ("positioner", "rate_smoothing", "rate_share", "model_error", "smoothing", "forgetting",
+         "noisy", "noisy_weight"),
+        "",
+    ),
+    "rate": "m3/s/V or m3/s", "load_drive": "V/m", "load_back": "V/m", "friction": "V",
+    **dict.fromkeys(("rate_least", "stop_rate", "stop_least"), "m3/s"),
+    "leakage": "m2/s", "away": "m3",
+    "per_turn_rate": "s/m3", "psi": "m3/m",
+    "psi_range": "m3/m", "per_tick": "1/s", "per_tau": "1/s", "inertia": "m2",
+    "drag_linear": "m2", "drag_blunt": "m2 s", "drag_0": "m3",
+    "drag_square": "m s2", "epsilon": "m/s", "battery_low": "V",
+}  # fmt: skip
 
 
 class Reason(IntEnum):
@@ -96,7 +428,7 @@ def times(n: Count, each: float) -> float:
     return total
 
 
-def count_time(p: SupervisorParameters, s: SupervisorState, lost: Count) -> SupervisorState:
+def count_time(p: TimeLimits, s: TimeWatch, lost: Count) -> TimeWatch:
     """Count the ticks that were lost, and this one."""
     half = more(lost, lost)
     s = s._replace(lost=share(more(half, half), s.lost, p.lost_quarters))
@@ -111,89 +443,94 @@ def count_time(p: SupervisorParameters, s: SupervisorState, lost: Count) -> Supe
 
 def expected_rate(p: SupervisorParameters, s: SupervisorState) -> float:
     """Return the volume rate [m3/s] that the last command should give at the last depth."""
-    if p.positioner > 0.0:
-        return min(max((s.command - s.volume) * p.per_tick, -p.rate), p.rate)
-    push = s.command - p.load_drive * s.depth
-    back = s.command - p.load_back * s.depth
-    if p.friction > 0.0:
-        push = push - p.friction
-        back = back + p.friction
+    if p.rate.positioner > 0.0:
+        gap = (s.command - s.volume.volume) * p.per_tick
+        return min(max(gap, -p.rate.rate), p.rate.rate)
+    push = s.command - p.rate.load_drive * s.depth.depth
+    back = s.command - p.rate.load_back * s.depth.depth
+    if p.rate.friction > 0.0:
+        push = push - p.rate.friction
+        back = back + p.rate.friction
     if push <= 0.0:
         push = min(back, 0.0)
-    rate = p.rate * push
-    if p.leakage > 0.0:
-        rate = rate - p.leakage * s.depth
+    rate = p.rate.rate * push
+    if p.rate.leakage > 0.0:
+        rate = rate - p.rate.leakage * s.depth.depth
     return rate
 
 
 def watch_stops(
-    p: SupervisorParameters, s: SupervisorState, asked: float, rate: float, volume: float
-) -> SupervisorState:
+    p: SupervisorParameters, s: RateWatch, asked: float, rate: float, volume: float
+) -> RateWatch:
     """Count the ticks in which a push outward ended where those before it did."""
     beyond = volume - s.top
-    if beyond > p.grown:
+    if beyond > p.push.grown:
         s = s._replace(top=volume, stops=0)
-    if asked > p.stop_rate and abs(rate) < p.stop_least:
-        s = s._replace(stops=tally(beyond >= -p.grown, s.stops, p.stops))
+    if asked > p.rate.stop_rate and abs(rate) < p.rate.stop_least:
+        s = s._replace(stops=tally(beyond >= -p.push.grown, s.stops, p.rate.stops))
         if s.stops == 0:
             s = s._replace(top=volume)
     return s
 
 
-def watch_rate(p: SupervisorParameters, s: SupervisorState, volume: float) -> SupervisorState:
+def watch_rate(
+    p: SupervisorParameters, s: RateWatch, asked: float, rate: float, volume: float
+) -> RateWatch:
     """Compare the volume's rate with what the command should give, both smoothed alike."""
-    rate = (volume - s.volume) * p.per_tick
-    asked = expected_rate(p, s)
-    if (asked > 0.0 and volume > p.volume_high) or (asked < 0.0 and volume < p.volume_low):
+    low, high = p.volume.volume_low, p.volume.volume_high
+    if (asked > 0.0 and volume > high) or (asked < 0.0 and volume < low):
         asked = rate  # at its end, or nearly: it may stop
-    if p.stop_rate < math.inf:
+    if p.rate.stop_rate < math.inf:
         s = watch_stops(p, s, asked, rate, volume)
-    lag = smoothed(s.lag, asked - rate, p.rate_smoothing)
-    asked = smoothed(s.asked, asked, p.rate_smoothing)
-    wrong = abs(lag) > p.rate_share * abs(asked) + p.rate_least
-    following = p.following if s.stops >= p.stops else tally(wrong, s.following, p.following)
+    lag = smoothed(s.lag, asked - rate, p.rate.rate_smoothing)
+    asked = smoothed(s.asked, asked, p.rate.rate_smoothing)
+    wrong = abs(lag) > p.rate.rate_share * abs(asked) + p.rate.rate_least
+    most = p.rate.following
+    following = most if s.stops >= p.rate.stops else tally(wrong, s.following, most)
     return s._replace(lag=lag, asked=asked, following=following)
 
 
-def believable(p: SupervisorParameters, s: SupervisorState, seen: Watched, since: Count) -> bool:
+def believable(p: DepthLimits, depth: float, last: float, since: Count) -> bool:
     """Return whether a depth can be: in the sensor's range, near the last good one."""
-    possible = p.depth_least <= seen.depth <= p.depth_most
-    change = abs(seen.depth - s.depth)
+    possible = p.depth_least <= depth <= p.depth_most
+    change = abs(depth - last)
     near = change <= p.step or since == NEVER or change <= times(since, p.fastest) + p.jump
     return possible and near
 
 
-def count_blind(
-    p: SupervisorParameters, s: SupervisorState, seen: Watched, late: bool, good: bool,
-    measured: bool,
-) -> SupervisorState:  # fmt: skip
-    """Count the ticks without a good depth and without a good volume, and tell why at the limit."""
+def count_blind(p: DepthLimits, s: DepthWatch, depth: float, late: bool, good: bool) -> DepthWatch:
+    """Count the quarters of ticks without a good depth; at the limit tell why."""
     blind = share(0 if good else 4, s.blind, p.blind_quarters)
     if blind >= p.blind_quarters and s.blind < p.blind_quarters:
         if late:
             blind = more(blind, 2)
-        elif math.isfinite(seen.depth):
+        elif math.isfinite(depth):
             blind = more(blind, 1)
-    volume_blind = tally(not measured, s.volume_blind, p.blind)
-    if volume_blind >= p.blind and s.volume_blind < p.blind and math.isfinite(seen.volume):
-        volume_blind = more(volume_blind, 1)
-    return s._replace(blind=blind, volume_blind=volume_blind)
+    return s._replace(blind=blind)
 
 
-def rests(p: SupervisorParameters, depth: float, n: float, room: float) -> bool:
+def count_unmeasured(p: VolumeLimits, s: VolumeWatch, volume: float, measured: bool) -> VolumeWatch:
+    """Count the ticks without a good volume; at the limit tell why."""
+    blind = tally(not measured, s.volume_blind, p.blind)
+    if blind >= p.blind and s.volume_blind < p.blind and math.isfinite(volume):
+        blind = more(blind, 1)
+    return s._replace(volume_blind=blind)
+
+
+def rests(p: RestLimits, depth: float, n: float, room: float) -> bool:
     """Return whether the vehicle may be afloat, or lie on the bottom."""
     afloat = depth <= p.surface and n >= -room
     return afloat or (p.aground < math.inf and depth >= p.aground and n <= room)
 
 
-def watch_still(p: SupervisorParameters, s: SupervisorState, depth: float) -> SupervisorState:
+def watch_still(p: RestLimits, s: RestWatch, depth: float) -> RestWatch:
     """Count the ticks in which the depth stayed where it was."""
     if abs(depth - s.anchor) > p.still_distance:
         return s._replace(anchor=depth, still=0)
     return s._replace(still=more(s.still, 1))
 
 
-def smooth_motion(s: SupervisorState, depth: float, n: float, weight: float) -> SupervisorState:
+def smooth_motion(s: MotionWatch, depth: float, n: float, weight: float) -> MotionWatch:
     """Put depth and volume through two low passes each; a weight of 1 begins them anew."""
     s = s._replace(z1=smoothed(s.z1, depth, weight))
     s = s._replace(z2=smoothed(s.z2, s.z1, weight))
@@ -201,7 +538,7 @@ def smooth_motion(s: SupervisorState, depth: float, n: float, weight: float) -> 
     return s._replace(n2=smoothed(s.n2, s.n1, weight))
 
 
-def needed(p: SupervisorParameters, s: SupervisorState, depth: float) -> float:
+def needed(p: MotionLimits, s: MotionWatch, depth: float) -> float:
     """Return the volume beyond the neutral one [m3] that the motion takes, eq. (13)."""
     later = s.z1 - s.z2
     drag = later * p.drag_linear
@@ -213,9 +550,7 @@ def needed(p: SupervisorParameters, s: SupervisorState, depth: float) -> float:
     return (depth - s.z1 - later) * p.inertia + drag
 
 
-def learn(
-    p: SupervisorParameters, s: SupervisorState, depth: float, n: float, room: float
-) -> SupervisorState:
+def learn(p: MotionLimits, s: MotionWatch, depth: float, n: float, room: float) -> MotionWatch:
     """Learn which neutral volume this dive has, within what is known of it before."""
     weight = s.weight
     if weight > p.forgetting:
@@ -225,42 +560,42 @@ def learn(
 
 
 def watch_motion(
-    p: SupervisorParameters, s: SupervisorState, depth: float, n: float, room: float, anew: bool
-) -> SupervisorState:
+    p: SupervisorParameters, s: MotionWatch, depth: float, n: float, room: float, stands: bool,
+    anew: bool,
+) -> MotionWatch:  # fmt: skip
     """Ask which neutral volume the motion means, and whether the vehicle can have it."""
-    s = smooth_motion(s, depth, n, 1.0 if anew else p.smoothing)
+    s = smooth_motion(s, depth, n, 1.0 if anew else p.motion.smoothing)
     s = s._replace(settled=0 if anew else more(s.settled, 1))
     own = room
     center = 0.0
-    if s.known >= p.known:
-        own = p.neutral_change + p.psi_range * abs(depth - s.own_depth)
+    if s.known >= p.motion.known:
+        own = p.motion.neutral_change + p.neutral.psi_range * abs(depth - s.own_depth)
         center = s.own
-    off = abs(s.n1 - center) if s.still >= p.still else 0.0
-    if s.settled >= p.settle:
-        push = needed(p, s, depth)
-        missed = p.model_error * abs(push)
+    off = abs(s.n1 - center) if stands else 0.0
+    if s.settled >= p.motion.settle:
+        push = needed(p.motion, s, depth)
+        missed = p.motion.model_error * abs(push)
         off = max(off, abs(s.n2 + push - center) - missed)
-        if missed < p.calm:
-            s = learn(p, s, depth, s.n2 + push, room)
+        if missed < p.motion.calm:
+            s = learn(p.motion, s, depth, s.n2 + push, room)
     bad = off > own and not anew
     wrong = s.wrong
     if bad and off > own + own:  # beyond doubt: it counts three times
-        wrong = min(more(wrong, 2), p.wrong)
-    return s._replace(wrong=tally(bad, wrong, p.wrong))
+        wrong = min(more(wrong, 2), p.motion.wrong)
+    return s._replace(wrong=tally(bad, wrong, p.motion.wrong))
 
 
 def watch_sameness(
-    p: SupervisorParameters, s: SupervisorState, seen: Watched, depth: float, resting: bool
-) -> SupervisorState:
-    """Count the ticks of the very same depth; a sample that is not new says nothing.
+    p: SameLimits, s: SameWatch, depth: float, before: float, n1: float, old: bool, resting: bool
+) -> SameWatch:
+    """Count the ticks of the very same depth; a sample that is not new, `old`, says nothing.
 
     Noise that turns the depth more often than on the edge between two quanta is seen for good.
     """
     same = s.same
-    old = seen.depth_age >= p.S_p
     if not old:
-        rose = depth < s.depth
-        sank = depth > s.depth
+        rose = depth < before
+        sank = depth > before
         same = 0 if rose or sank else more(same, 1)
         if s.noisy < p.noisy:
             fro = 1.0 if (rose and s.sank) or (sank and s.rose) else 0.0
@@ -268,25 +603,23 @@ def watch_sameness(
         s = s._replace(rose=rose, sank=sank)
     same_volume = s.same_volume
     if same <= p.same_begun:
-        same_volume = s.n1
+        same_volume = n1
     frozen = s.frozen or (p.same < NEVER and same >= p.same)
     frozen = frozen or (same >= p.same_noisy and s.noisy >= p.noisy)
-    away = same >= p.same_moved and not resting and abs(s.n1 - same_volume) > p.moved
+    away = same >= p.same_moved and not resting and abs(n1 - same_volume) > p.moved
     return s._replace(same=same, same_volume=same_volume, frozen=frozen or away)
 
 
-def watch_deep(
-    p: SupervisorParameters, s: SupervisorState, depth: float, speed: float, volume: float
-) -> SupervisorState:
-    """Count the ticks in which the vehicle was too deep, or was to be before it can turn round."""
+def watch_deep(p: DeepLimits, deep: Count, depth: float, speed: float, volume: float) -> Count:
+    """Return the ticks in which the vehicle was too deep, or was to be before it can turn round."""
     wrong = depth > p.depth_limit
     if not wrong:
         turn = max(p.neutral_deepest - volume, 0.0) * p.per_turn_rate + p.coast
         wrong = speed * turn > p.deepest - depth
-    return s._replace(deep=tally(wrong, s.deep, p.deep))
+    return tally(wrong, deep, p.deep)
 
 
-def watch_board(p: SupervisorParameters, s: SupervisorState, seen: Watched) -> SupervisorState:
+def watch_board(p: BoardLimits, s: BoardWatch, seen: Watched) -> BoardWatch:
     """Count the ticks of a low battery, of a leak, and the calls without a command."""
     low = p.battery_low > 0.0 and seen.battery < p.battery_low
     battery = tally(low, s.battery, p.battery)
@@ -297,43 +630,43 @@ def watch_board(p: SupervisorParameters, s: SupervisorState, seen: Watched) -> S
     return s._replace(battery=battery, leak=leak, missed=missed)
 
 
-def watch_reach(p: SupervisorParameters, s: SupervisorState, beyond: float) -> SupervisorState:
+def watch_reach(p: SupervisorParameters, s: SupervisorState, beyond: float) -> Count:
     """Ask for a push outward of a vehicle that begins to sink and has shown none of late.
 
     Also where its depth was the very same for long, to see whether it can change.
     """
-    if beyond > p.reach or s.volume > p.volume_high:
-        return s._replace(unproven=0)
-    due = s.unproven >= p.unproven and beyond < -p.sinks
-    return s._replace(unproven=NEVER if due or s.same >= p.same_tried else more(s.unproven, 1))
+    if beyond > p.proof.reach or s.volume.volume > p.volume.volume_high:
+        return 0
+    due = s.unproven >= p.proof.unproven and beyond < -p.proof.sinks
+    return NEVER if due or s.same.same >= p.proof.same_tried else more(s.unproven, 1)
 
 
 def reasons_of(p: SupervisorParameters, s: SupervisorState) -> Count:
     """Return the bits of the reasons that there are."""
     bits: Count = 1 if s.restarted else 0
-    if s.leak >= p.leak:
+    if s.board.leak >= p.board.leak:
         bits = bits | 2
-    if s.deep >= p.deep:
+    if s.deep >= p.deep.deep:
         bits = bits | 4
-    if s.blind >= p.blind_quarters:
-        kind = less(s.blind, p.blind_quarters)
+    if s.depth.blind >= p.depth.blind_quarters:
+        kind = less(s.depth.blind, p.depth.blind_quarters)
         bits = bits | (8 if kind == 0 else (16 if kind == 1 else 32))
-    if s.frozen:
+    if s.same.frozen:
         bits = bits | 64
-    if s.volume_blind >= p.blind:
-        bits = bits | (128 if s.volume_blind == p.blind else 256)
-    if s.following >= p.following:
+    if s.volume.volume_blind >= p.volume.blind:
+        bits = bits | (128 if s.volume.volume_blind == p.volume.blind else 256)
+    if s.rate.following >= p.rate.following:
         bits = bits | 512
-    if s.wrong >= p.wrong:
+    if s.motion.wrong >= p.motion.wrong:
         bits = bits | 1024
-    if s.battery >= p.battery:
+    if s.board.battery >= p.board.battery:
         bits = bits | 2048
-    if s.missed >= p.missed:
+    if s.board.missed >= p.board.missed:
         bits = bits | 4096
-    if s.lost >= p.lost_quarters:
+    if s.time.lost >= p.time.lost_quarters:
         bits = bits | 8192
-    if p.time_blocks < NEVER and s.block >= p.time_blocks:
-        over = s.block > p.time_blocks or s.tick > p.time_ticks
+    if p.time.time_blocks < NEVER and s.time.block >= p.time.time_blocks:
+        over = s.time.block > p.time.time_blocks or s.time.tick > p.time.time_ticks
         bits = bits | (16384 if over else 0)
     return bits
 
@@ -350,8 +683,9 @@ def first_of(bits: Count) -> Count:
 
 
 def watch_push(
-    p: SupervisorParameters, s: SupervisorState, sinks: bool, high: bool, blind: bool
-) -> SupervisorState:
+    p: SupervisorParameters, s: PushWatch, volume: float, measured: bool, sinks: bool, high: bool,
+    blind: bool,
+) -> PushWatch:  # fmt: skip
     """Turn the push round where the volume goes away from where it is sent, and once back.
 
     At the inner end little is lost by trying; a try ends at a tick that is lost, or does not see
@@ -359,21 +693,21 @@ def watch_push(
     vehicle sinks. A rest in which the sea drives it in is over.
     """
     turns = s.turns
-    gained = s.volume - s.pushed
-    if s.measured and gained > p.grown:
-        return s._replace(pushed=s.volume, astray=0, turns=4 if turns > 1 else turns)
-    late = s.astray >= p.astray
-    inward = gained < -p.grown
-    fell = gained < -p.away or (inward and late and turns == 3)
-    patience = p.push if high else p.again
+    gained = volume - s.pushed
+    if measured and gained > p.push.grown:
+        return s._replace(pushed=volume, astray=0, turns=4 if turns > 1 else turns)
+    late = s.astray >= p.push.astray
+    inward = gained < -p.push.grown
+    fell = gained < -p.push.away or (inward and late and turns == 3)
+    patience = p.push.push if high else p.push.again
     stands = turns > 1 and sinks and not inward and s.astray >= patience
-    if turns == 2 or not (blind or turns > 3 or s.volume >= p.volume_low):
+    if turns == 2 or not (blind or turns > 3 or volume >= p.volume.volume_low):
         stands = late
     s = s._replace(astray=more(s.astray, 1))
     if fell:
-        s = s._replace(pushed=s.volume)
-    if fell and s.phase >= p.push:
-        s = s._replace(astray=0, phase=less(p.push, p.again))
+        s = s._replace(pushed=volume)
+    if fell and s.phase >= p.push.push:
+        s = s._replace(astray=0, phase=less(p.push.push, p.push.again))
     elif turns != 1 and (fell or stands or (blind and 1 < turns < 4)):
         s = s._replace(astray=0, turns=1 if turns > 1 else (3 if fell else 2), phase=0)
     return s
@@ -383,44 +717,56 @@ def bring_up(
     p: SupervisorParameters, s: SupervisorState, good: bool, lost: Count
 ) -> SupervisorState:
     """Command full buoyancy in pushes and rests; ask for the drop weight where it does not rise."""
-    if s.reason == 0:
-        s = s._replace(reason=first_of(s.reasons), from_depth=s.depth)
-    up = s.depth <= p.surface
-    high = s.volume >= p.volume_high
-    moved = s.depth - s.z1
-    moves = good and not up and abs(moved) > p.still_distance
+    depth = s.depth.depth
+    if s.rescue.reason == 0:
+        reason = first_of(s.rescue.reasons)
+        s = s._replace(rescue=s.rescue._replace(reason=reason, from_depth=depth))
+    up = depth <= p.rest.surface
+    volume = s.volume.volume
+    high = volume >= p.volume.volume_high
+    moved = depth - s.motion.z1
+    moves = good and not up and abs(moved) > p.rest.still_distance
     sinks = moves and moved > 0.0
-    s = watch_push(p, s, sinks, high, lost > 0 or not s.measured)
-    command = p.surface_command if s.phase < p.push else p.hold_command
-    phase = more(s.phase, 1)
-    if s.turns > 1:
-        command = p.away_command
+    measured = s.volume.measured
+    blind = lost > 0 or not measured
+    s = s._replace(push=watch_push(p, s.push, volume, measured, sinks, high, blind))
+    command = p.push.surface_command if s.push.phase < p.push.push else p.push.hold_command
+    phase = more(s.push.phase, 1)
+    if s.push.turns > 1:
+        command = p.push.away_command
         phase = 0
-        if high and s.astray >= p.astray:
-            command = p.away_hold
-            phase = p.push
-    elif phase >= p.push:
-        gains = (moves or s.astray < p.again) and not high
-        if sinks or gains or phase >= more(p.push, p.rest):
-            phase = less(p.push, p.again)
-    s = s._replace(command=command, phase=phase, window=more(s.window, 1))
-    if s.window >= p.release:
-        if not (good and (up or s.depth <= s.from_depth - p.rise)):
-            s = s._replace(release=True)
-        s = s._replace(window=0, from_depth=s.depth)
+        if high and s.push.astray >= p.push.astray:
+            command = p.push.away_hold
+            phase = p.push.push
+    elif phase >= p.push.push:
+        gains = (moves or s.push.astray < p.push.again) and not high
+        if sinks or gains or phase >= more(p.push.push, p.push.rest):
+            phase = less(p.push.push, p.push.again)
+    window = more(s.rescue.window, 1)
+    s = s._replace(
+        command=command, push=s.push._replace(phase=phase), rescue=s.rescue._replace(window=window)
+    )
+    if s.rescue.window >= p.push.release:
+        if not (good and (up or depth <= s.rescue.from_depth - p.push.rise)):
+            s = s._replace(rescue=s.rescue._replace(release=True))
+        s = s._replace(rescue=s.rescue._replace(window=0, from_depth=depth))
     return s
 
 
 def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -> SupervisorState:
     """Return the state at the start; restarted: 1.0 after a watchdog's reset or a brown-out."""
     return SupervisorState(
-        restarted=restarted > 0.0, tick=0, block=0, lost=0, since=NEVER, depth=0.0, blind=0,
-        same=0, rose=False, sank=False, noisy=0.0, same_volume=0.0, frozen=False, volume=0.0,
-        measured=False, volume_blind=0, command=0.0, lag=0.0, asked=0.0, following=0, z1=0.0,
-        z2=0.0, n1=0.0, n2=0.0, settled=0, anchor=0.0, still=0, wrong=0, own=0.0, own_depth=0.0,
-        weight=0.5, known=0, deep=0, battery=0, leak=0, missed=0, reason=0, reasons=0, phase=0,
-        window=0, from_depth=0.0, release=False, pushed=parameters.volume_least, astray=0, turns=0,
-        top=0.0, stops=0, unproven=0,
+        restarted=restarted > 0.0, command=0.0, deep=0, unproven=0, time=TimeWatch(0, 0, 0),
+        depth=DepthWatch(since=NEVER, depth=0.0, blind=0), volume=VolumeWatch(0.0, False, 0),
+        rate=RateWatch(lag=0.0, asked=0.0, following=0, top=0.0, stops=0),
+        same=SameWatch(0, rose=False, sank=False, noisy=0.0, same_volume=0.0, frozen=False),
+        motion=MotionWatch(
+            z1=0.0, z2=0.0, n1=0.0, n2=0.0, settled=0, wrong=0, own=0.0, own_depth=0.0, weight=0.5,
+            known=0,
+        ),
+        rest=RestWatch(anchor=0.0, still=0), board=BoardWatch(0, 0, 0),
+        push=PushWatch(phase=0, pushed=parameters.volume.volume_least, astray=0, turns=0),
+        rescue=Rescue(reason=0, reasons=0, window=0, from_depth=0.0, release=False),
     )  # fmt: skip
 
 
@@ -430,35 +776,45 @@ def step(
     """Return the command [V or m3]: `wanted`, the law's, or full buoyancy for a reason."""
     p = parameters
     lost = seen.lost
-    since = more(more(state.since, 1), lost)
-    late = seen.depth_age > p.late_age
-    good = not late and believable(p, state, seen, since)
-    depth = seen.depth if good else state.depth
-    measured = p.volume_least <= seen.volume <= p.volume_most
-    volume = seen.volume if measured else state.volume
-    s = count_time(p, state, lost)
-    if measured and lost == 0 and s.measured:
-        s = watch_rate(p, s, volume)
-    s = count_blind(p, s, seen, late, good, measured)
-    n = volume - p.psi * depth - p.neutral
-    room = p.neutral_range + p.psi_range * abs(depth)
-    resting = rests(p, depth, n, room)
+    since = more(more(state.depth.since, 1), lost)
+    late = seen.depth_age > p.depth.late_age
+    good = not late and believable(p.depth, seen.depth, state.depth.depth, since)
+    depth = seen.depth if good else state.depth.depth
+    measured = p.volume.volume_least <= seen.volume <= p.volume.volume_most
+    volume = seen.volume if measured else state.volume.volume
+    s = state._replace(time=count_time(p.time, state.time, lost))
+    if measured and lost == 0 and s.volume.measured:
+        asked = expected_rate(p, s)
+        rate = (volume - s.volume.volume) * p.per_tick
+        s = s._replace(rate=watch_rate(p, s.rate, asked, rate, volume))
+    s = s._replace(depth=count_blind(p.depth, s.depth, seen.depth, late, good))
+    s = s._replace(volume=count_unmeasured(p.volume, s.volume, seen.volume, measured))
+    n = volume - p.neutral.psi * depth - p.neutral.neutral
+    room = p.neutral.neutral_range + p.neutral.psi_range * abs(depth)
+    resting = rests(p.rest, depth, n, room)
     if good:
-        s = watch_still(p, s, depth)
-        s = watch_motion(p, s, depth, n, room, resting or since > p.gap)
-        s = watch_sameness(p, s, seen, depth, resting)
-        s = watch_deep(p, s, depth, (depth - s.z1) * p.per_tau, volume)
+        s = s._replace(rest=watch_still(p.rest, s.rest, depth))
+        stands = s.rest.still >= p.rest.still
+        anew = resting or since > p.depth.gap
+        s = s._replace(motion=watch_motion(p, s.motion, depth, n, room, stands, anew))
+        before, n1 = s.depth.depth, s.motion.n1
+        old = seen.depth_age >= p.S_p
+        s = s._replace(same=watch_sameness(p.same, s.same, depth, before, n1, old, resting))
+        speed = (depth - s.motion.z1) * p.motion.per_tau
+        s = s._replace(deep=watch_deep(p.deep, s.deep, depth, speed, volume))
         since = 0
-    s = watch_board(p, s, seen)
-    if p.same_tried < NEVER and good and measured and not resting and s.known >= p.known:
-        s = watch_reach(p, s, n - s.own)
+    s = s._replace(board=watch_board(p.board, s.board, seen))
+    asks = p.proof.same_tried < NEVER and good
+    if asks and measured and not resting and s.motion.known >= p.motion.known:
+        s = s._replace(unproven=watch_reach(p, s, n - s.motion.own))
         if s.unproven == NEVER:
-            wanted = p.surface_command
+            wanted = p.push.surface_command
     s = s._replace(
-        since=since, depth=depth, volume=volume, measured=measured, command=wanted,
-        reasons=reasons_of(p, s),
+        depth=s.depth._replace(since=since, depth=depth),
+        volume=s.volume._replace(volume=volume, measured=measured), command=wanted,
     )  # fmt: skip
-    if s.reasons > 0:
+    s = s._replace(rescue=s.rescue._replace(reasons=reasons_of(p, s)))
+    if s.rescue.reasons > 0:
         s = bring_up(p, s, good, lost)
     return s.command, s, p.S_p
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from swimbladder.errors import InputError, LogError
 from swimbladder.io.log_format import LogColumn, bracketed
 from swimbladder.io.log_sources import column_readings, listed
-from swimbladder.parameters.schema import did_you_mean
 from swimbladder.units import unit_factor
+from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["CAST_COLUMNS", "NAMES", "cast_sources", "cast_unit", "check_names", "kind_of"]
 

@@ -26,8 +26,8 @@ from swimbladder.io.log_format import LogColumn, LogFormat, log_format
 from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import read_bytes
 from swimbladder.io.netcdf_in import is_netcdf
-from swimbladder.seawater import Cast
-from swimbladder.seawater.cast import pressure_of_depth
+from swimbladder.physics.seawater import Cast
+from swimbladder.physics.seawater.cast import pressure_of_depth
 
 __all__ = ["read_cast"]
 

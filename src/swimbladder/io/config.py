@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import tomllib
+from os.path import isfile  # unlike Path.is_file it takes a name of any length
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from swimbladder.actuator import refuse_pump_and_valve
 from swimbladder.control.rate import RATE
 from swimbladder.control.registry import LAWS, MISSION_LAWS, bind
-from swimbladder.dynamics import even_drag, plant
 from swimbladder.errors import InputError
-from swimbladder.hull import check_mass
+from swimbladder.io.files import read_at_most
 from swimbladder.io.mission import Mission
 from swimbladder.io.presets import preset_names, preset_text
 from swimbladder.io.toml_lines import key_lines
-from swimbladder.parameters import Parameters, Vehicle, input_error
+from swimbladder.physics.actuator import refuse_pump_and_valve
+from swimbladder.physics.dynamics import even_drag, plant
+from swimbladder.physics.hull import check_mass
+from swimbladder.vehicle import Parameters, Vehicle, input_error
 
 __all__ = [
     "Mission",
@@ -30,6 +32,7 @@ __all__ = [
 ]
 
 SCHEMA_VERSION = 1
+_MOST_BYTES = 1 << 24  # of a file: a mission of 300 000 set-points
 _SCHEMA_REMEDY = f"Write schema_version = {SCHEMA_VERSION} on the first line"
 _LEAST = {"dead": 0.05, "run": 0.05}  # s, of the law `rate`
 _ABOVE_0 = {
@@ -111,7 +114,7 @@ def _preset(name_or_path: str | Path) -> str | None:
     path = Path(name_or_path)
     if isinstance(name_or_path, Path) or name_or_path != path.name or path.suffix == ".toml":
         return None
-    return None if name_or_path not in preset_names() and path.is_file() else name_or_path
+    return None if name_or_path not in preset_names() and isfile(path) else name_or_path
 
 
 def load_mission(path: str | Path) -> Mission:
@@ -130,10 +133,13 @@ def locate(error: InputError, path: str | Path) -> InputError:
 def file_text(path: Path) -> str:
     """Return the text of a file.
 
-    Raises InputError where it cannot be read or is not UTF-8.
+    Raises InputError where it cannot be read, is larger than 16 MiB or is not UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8-sig")
+        data = read_at_most(path, _MOST_BYTES)
+        if len(data) <= _MOST_BYTES:
+            return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+        what, remedy = "larger than 16 MiB", "Check that it is the TOML file that is meant"
     except FileNotFoundError:
         what, remedy = "there is no such file", "Check the path"
     except IsADirectoryError:

@@ -1,17 +1,100 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, and files that are read to a limit.
+
+What is not whole yet stands in a temporary file or folder whose name tells the machine and the
+process that write it. Where that process was killed, the next run in the same place removes it.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
+import platform
 import shutil
+import stat
 import tempfile
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from swimbladder.errors import InputError
 
-__all__ = ["check_place", "make_folder", "publish", "write_atomically", "write_through"]
+__all__ = [
+    "check_place",
+    "make_folder",
+    "publish",
+    "read_at_most",
+    "remove_leftovers",
+    "source_hash",
+    "temporary_folder",
+    "unfinished",
+    "write_atomically",
+    "write_through",
+]
+
+_MARK = ".swimbladder-"
+_OLD = 86_400.0  # s after which what another machine left is no longer being written
+_LONGEST = 255 - len(".-unfinished")  # bytes of a folder's name
+_pipes: dict[tuple[int, int, int], bytes] = {}  # content of pipes, which give it once
+
+
+def read_at_most(path: Path, most: int) -> bytes:
+    """Return the content of a file; of one that is larger `most` + 1 bytes, so that it shows.
+
+    That holds for devices and pipes without an end too. What a pipe gave is kept, so that it can be
+    read again. Raises OSError and ValueError as `open` does.
+    """
+    about = path.stat()
+    pipe = (about.st_dev, about.st_ino, about.st_mtime_ns) if stat.S_ISFIFO(about.st_mode) else None
+    if pipe is not None and pipe in _pipes:
+        return _pipes[pipe]
+    with path.open("rb") as file:
+        data = file.read(most + 1)
+        if pipe is not None:
+            about = os.fstat(file.fileno())  # the time of what was written since
+            _pipes[about.st_dev, about.st_ino, about.st_mtime_ns] = data
+    return data
+
+
+def _prefix(process: int) -> str:
+    """Return how the names begin of what a process of this machine has not finished."""
+    machine = hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+    return f"{_MARK}{machine}-{process}-"
+
+
+def temporary_folder(parent: Path) -> Path:
+    """Make a folder that the next run in the same place removes where this process is killed."""
+    remove_leftovers(parent)
+    return Path(tempfile.mkdtemp(dir=parent, prefix=_prefix(os.getpid())))
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what runs that were killed left in a folder: of this machine, or a day old."""
+    with contextlib.suppress(OSError):
+        for path in folder.glob(f"{_MARK}*-*-*"):
+            process = path.name.removeprefix(_MARK).split("-")[1]
+            here = path.name.startswith(_prefix(int(process))) if process.isdecimal() else False
+            with contextlib.suppress(OSError):
+                old = time.time() - path.stat().st_mtime > _OLD
+                if not (old or (here and not _alive(int(process)))):
+                    continue
+                if path.is_dir():
+                    shutil.rmtree(path, ignore_errors=True)
+                else:
+                    path.unlink()
+
+
+def _alive(process: int) -> bool:
+    """Say whether a process of this machine runs; where that cannot be asked, that it does."""
+    if os.name != "posix":  # there os.kill would end it
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def write_atomically(path: str | Path, content: bytes | str) -> Path:
@@ -33,7 +116,7 @@ def write_through(path: str | Path, write: Callable[[Path], object]) -> Path:
     temporary: Path | None = None
     try:
         handle, name = tempfile.mkstemp(
-            dir=target.parent, prefix=f".{target.stem}-", suffix=target.suffix
+            dir=target.parent, prefix=_prefix(os.getpid()), suffix=target.suffix
         )
         os.close(handle)
         temporary = Path(name)
@@ -60,29 +143,42 @@ def write_through(path: str | Path, write: Callable[[Path], object]) -> Path:
 def make_folder(path: str | Path) -> Path:
     """Make a folder, and those above it, where they do not exist; return it.
 
-    Raises InputError where that is not possible.
+    What killed runs left in it is removed. Raises InputError where it cannot be made.
     """
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise InputError(
-            f"cannot make the folder: {error.strerror or error}",
+            f"cannot make the folder: {getattr(error, 'strerror', None) or error}",
             file=folder,
             field="--out",
             remedy="Choose another folder with --out",
         ) from error
+    remove_leftovers(folder)
     return folder
 
 
 def check_place(out: Path) -> None:
     """Raise InputError where the folder could not be made."""
-    if out.exists() and not out.is_dir():
+    if len(os.fsencode(out.name)) > _LONGEST:
+        raise InputError(
+            f"the name is longer than {_LONGEST} bytes", file=out, field="--out",
+            remedy="Choose a shorter name with --out",
+        )  # fmt: skip
+    make_folder(out.parent)
+    if out.is_dir():
+        remove_leftovers(out)
+    elif out.exists():
         raise InputError(
             "there is a file of that name, where the folder should be",
             file=out, field="--out", remedy="Choose another folder with --out",
         )  # fmt: skip
-    make_folder(out.parent)
+
+
+def unfinished(out: Path) -> Path:
+    """Return the folder beside `out` where work is kept until it is whole."""
+    return out.parent / f".{out.name}-unfinished"
 
 
 def publish(out: Path, write: Callable[[Path], None]) -> None:
@@ -92,7 +188,7 @@ def publish(out: Path, write: Callable[[Path], None]) -> None:
     is there stays. Raises InputError where that is not possible.
     """
     try:
-        temporary = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}-"))
+        temporary = temporary_folder(out.parent)
     except OSError as error:
         raise _refused(out, error) from error
     try:
@@ -121,3 +217,14 @@ def _refused(out: Path, error: OSError) -> InputError:
         f"cannot write the files: {error.strerror or error}", file=out, field="--out",
         remedy="Choose a folder that can be written with --out",
     )  # fmt: skip
+
+
+def source_hash(paths: Iterable[Path]) -> str:
+    """Return a hash of source files: of their names and what is in them."""
+    digest = hashlib.sha256()
+    try:
+        for path in sorted(paths):
+            digest.update(path.name.encode() + path.read_bytes())
+    except OSError:  # inside an archive: the version has to do
+        digest.update(b"no source")
+    return digest.hexdigest()[:16]

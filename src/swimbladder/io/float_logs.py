@@ -20,7 +20,7 @@ from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
 from swimbladder.io.log_sources import column_readings, listed
 from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import read_bytes
-from swimbladder.parameters.schema import did_you_mean
+from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["FLOAT_COLUMNS", "read_float_log"]
 

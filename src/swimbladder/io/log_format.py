@@ -34,9 +34,9 @@ from pydantic import BeforeValidator, Field, model_validator
 from swimbladder.errors import InputError
 from swimbladder.io.config import file_text, read_model
 from swimbladder.io.log_formats import format_names, format_text
-from swimbladder.parameters import Parameters, Unit
-from swimbladder.parameters.schema import did_you_mean, refusal
 from swimbladder.units import parse_quantity, unit_factor
+from swimbladder.vehicle import Parameters, Unit
+from swimbladder.vehicle.schema import did_you_mean, refusal
 
 __all__ = ["COLUMNS", "LogColumn", "LogColumns", "LogFormat", "column_factor", "log_format"]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from swimbladder.errors import LogError
 from swimbladder.io.log_depth import depth_source
 from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat
-from swimbladder.parameters.schema import did_you_mean
+from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["column_readings", "column_sources", "listed", "mapped_columns", "wanted_names"]
 

@@ -9,11 +9,12 @@ import zlib
 from pathlib import Path
 
 from swimbladder.errors import LogError
+from swimbladder.io.files import read_at_most
 from swimbladder.io.log_format import Encoding
 
-__all__ = ["counted", "read_bytes", "text_lines"]
+__all__ = ["MOST_BYTES", "counted", "read_bytes", "text_lines"]
 
-_MOST_BYTES = 1 << 28  # of a file, decompressed; taken apart it needs ten times that
+MOST_BYTES = 1 << 28  # of a file, decompressed; taken apart it needs ten times that
 _BOMS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF32_LE, "utf-32"),  # before UTF-16, whose mark begins the same
@@ -45,12 +46,11 @@ def read_bytes(path: str | Path) -> bytes:
     Raises LogError where it cannot be read or is larger than 256 MiB.
     """
     try:
-        with Path(path).open("rb") as file:
-            data = file.read(_MOST_BYTES + 1)
+        data = read_at_most(Path(path), MOST_BYTES)
         if data[:2] == b"\x1f\x8b":
             with gzip.GzipFile(fileobj=io.BytesIO(data)) as unpacked:
-                data = unpacked.read(_MOST_BYTES + 1)
-        if len(data) <= _MOST_BYTES:
+                data = unpacked.read(MOST_BYTES + 1)
+        if len(data) <= MOST_BYTES:
             return data
         what, remedy = "larger than 256 MiB", "Cut the log into parts"
     except FileNotFoundError:

@@ -8,9 +8,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from swimbladder.parameters import Parameters, Unit
-from swimbladder.parameters.schema import refusal
-from swimbladder.seawater import WaterMotion
+from swimbladder.physics.seawater import WaterMotion
+from swimbladder.vehicle import Parameters, Unit
+from swimbladder.vehicle.schema import refusal
 
 __all__ = ["Mission", "Phase", "Safety", "Setpoint"]
 

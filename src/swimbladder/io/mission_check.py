@@ -7,7 +7,7 @@ from functools import partial
 
 from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission
-from swimbladder.parameters import Vehicle
+from swimbladder.vehicle import Vehicle
 
 __all__ = ["MOST_SAMPLES", "check_mission"]
 

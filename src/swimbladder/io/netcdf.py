@@ -38,12 +38,11 @@ def write(
             "units": f"seconds since {utc:%Y-%m-%d %H:%M:%S.%f}",
             "calendar": "standard",
         }
-    now = datetime.datetime.now(datetime.UTC)
     stamped.attrs = dict(dataset.attrs) | {
         "Conventions": CONVENTIONS,
         "title": title,
         "source": source,
-        "history": f"{now:%Y-%m-%dT%H:%M:%SZ} written by {source}",
+        "history": f"written by {source}",  # no time: the same run writes the same bytes
     }
     encoding: dict[str, dict[str, Any]] = {
         str(name): {"zlib": True, "complevel": 1} for name in stamped.data_vars

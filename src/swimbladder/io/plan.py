@@ -14,9 +14,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from swimbladder.io.config import file_text, read_model
-from swimbladder.parameters import Parameters, Unit, field_unit
-from swimbladder.parameters.schema import refusal
 from swimbladder.units import format_quantity, parse_quantity
+from swimbladder.vehicle import Parameters, Unit, field_unit
+from swimbladder.vehicle.schema import refusal
 
 __all__ = ["Expected", "Move", "Plan", "PlannedExperiment", "Trace", "load_plan", "plan_file"]
 

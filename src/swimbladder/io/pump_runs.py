@@ -13,7 +13,7 @@ from swimbladder.errors import LogError
 from swimbladder.io.log_format import LogColumn, LogFormat, log_format
 from swimbladder.io.log_sources import column_readings, listed
 from swimbladder.io.log_table import read_table
-from swimbladder.parameters.schema import did_you_mean
+from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["RUN_COLUMNS", "RunTable", "read_pump_runs"]
 

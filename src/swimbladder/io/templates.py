@@ -11,8 +11,8 @@ from pydantic.fields import FieldInfo
 
 from swimbladder.control.registry import LAWS, MISSION_LAWS
 from swimbladder.io.template_examples import BODY, EXAMPLES, INSTEAD, Table
-from swimbladder.parameters import Vehicle, field_unit
-from swimbladder.parameters.schema import dotted, listed_model, models_in, tags_of
+from swimbladder.vehicle import Vehicle, field_unit
+from swimbladder.vehicle.schema import dotted, listed_model, models_in, tags_of
 
 __all__ = ["KINDS", "vehicle_template"]
 

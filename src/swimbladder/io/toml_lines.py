@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 
-from swimbladder.parameters.schema import dotted
+from swimbladder.vehicle.schema import dotted
 
 __all__ = ["key_lines"]
 

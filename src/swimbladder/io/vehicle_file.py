@@ -8,8 +8,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from swimbladder.parameters import Vehicle, field_unit
-from swimbladder.parameters.schema import dotted, listed_model
+from swimbladder.vehicle import Vehicle, field_unit
+from swimbladder.vehicle.schema import dotted, listed_model
 
 __all__ = ["vehicle_file"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import resources
 
 from swimbladder.errors import InputError
-from swimbladder.parameters.schema import did_you_mean
+from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["preset_names", "preset_text"]
 

@@ -1,0 +1,130 @@
+"""Which functions of a law change its state where it stands, in place of returning a copy."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from swimbladder.codegen.c_flow import alive, mentioned, names_read, parts
+from swimbladder.codegen.tree import (
+    Assign,
+    Call,
+    Expression,
+    Function,
+    Make,
+    Name,
+    Program,
+    Record,
+    Return,
+    Statement,
+    Type,
+    place_of,
+)
+
+__all__ = ["Home", "home_of", "in_place"]
+
+Home = tuple[str, str | None]  # the parameter that is the state, and the variable that lives there
+
+
+def in_place(program: Program) -> frozenset[Function]:
+    """Return the functions that can be given the state, or a record in it, to change.
+
+    Each takes one such record and returns one, and wherever it is called its result takes the place
+    of the record that it was given.
+    """
+    hosts = [*program.helpers]
+    hosts += [f for f in (program.step, program.initial) if f not in program.helpers]
+    records = program.state.own()
+    found = {f for f in program.helpers if f.returns in records and _given(f, f.returns)}
+    while True:
+        left = set(found)
+        for host in hosts:
+            homed = host in found or (host is program.step and host not in program.helpers)
+            state = program.state if host is program.step else host.returns
+            home = home_of(host, state, found) if homed else None
+            if home is None:
+                left -= {host, *_called(host.body)}
+        if left == found:
+            return frozenset(found)
+        found = left
+
+
+def home_of(function: Function, state: Type, placed: Collection[Function]) -> Home | None:
+    """Return the state that a function can change where it stands, None where it cannot."""
+    given = _given(function, state)
+    body = alive(function.body)
+    variables = [n for n, kind in function.variables if kind == state and n in mentioned(body)]
+    if given is None or len(variables) > 1:
+        return None
+    if not variables:
+        return (given, None) if _ends_well(body, {given}, placed) else None
+    (own,) = variables
+    first = next(n for n, s in enumerate(body) if own in mentioned(s))
+    begin = body[first]
+    if not (isinstance(begin, Assign) and begin.name == own and own not in names_read(begin)):
+        return None
+    if given in mentioned(body[first + 1 :]):
+        return None
+    return (given, own) if _ends_well(body, {given, own}, placed) else None
+
+
+def _given(function: Function, state: Type) -> str | None:
+    """Return the one parameter that is a state."""
+    found = [name for name, kind in function.parameters if kind == state]
+    return found[0] if len(found) == 1 else None
+
+
+def _ends_well(body: tuple[Statement, ...], names: set[str], placed: Collection[Function]) -> bool:
+    """Return whether every new state takes the place of the old one."""
+    expected = 0
+    for s in parts(body):
+        new: Expression | None = None
+        if isinstance(s, Assign) and s.name in names:
+            new = s.value
+        elif isinstance(s, Return):
+            new = s.value
+            if isinstance(new, Make) and new.type.kind is None:  # of a step
+                new = new.values[1]
+        if new is None:
+            continue
+        if isinstance(new, Call) and new.function in placed and isinstance(s, Assign):
+            expected += _in_its_place(new, names, ())
+        elif isinstance(new, Make):
+            expected += _only_change(new, names, placed)
+        elif not (isinstance(new, Name) and new.name in names):
+            return False
+    return expected == sum(f in placed for f in _called(body))
+
+
+def _only_change(
+    new: Make, names: set[str], placed: Collection[Function], path: tuple[str, ...] = ()
+) -> bool:
+    """Return whether all that is new is what one function makes of a record in its place."""
+    changed = []
+    for (name, _), e in zip(new.type.fields, new.values, strict=True):
+        root, at = place_of(e)
+        if not (isinstance(root, Name) and root.name in names and at == (*path, name)):
+            changed.append((name, e))
+    if len(changed) != 1:
+        return False
+    ((name, e),) = changed
+    if isinstance(e, Make):
+        return _only_change(e, names, placed, (*path, name))
+    if not (isinstance(e, Call) and e.function in placed):
+        return False
+    return _in_its_place(e, names, (*path, name))
+
+
+def _in_its_place(call: Call, names: set[str], path: tuple[str, ...]) -> bool:
+    """Return whether a call is given the record at a place of the state, and nothing around it."""
+    here = 0
+    for argument in call.arguments:
+        root, place = place_of(argument)
+        if isinstance(argument.type, Record) and isinstance(root, Name) and root.name in names:
+            if place != path and all(a == b for a, b in zip(place, path, strict=False)):
+                return False
+            here += place == path
+    return here == 1
+
+
+def _called(body: tuple[Statement, ...]) -> list[Function]:
+    return [part.function for part in parts(body) if isinstance(part, Call)]

@@ -1,0 +1,165 @@
+"""The twins of ``swb_controller`` and ``swb_vehicle``: a law called by a counter of ticks, watched.
+
+The C is ``templates/swb_controller.c.j2`` and ``swb_vehicle.c.j2``. A controller limits the law's
+command and holds the last one while none is to be had; a vehicle's supervisor overrides it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from swimbladder.control.law import NEVER, Law, Measurement
+from swimbladder.control.records import numbers
+from swimbladder.control.supervisor import (
+    SUPERVISOR,
+    Reason,
+    SupervisorParameters,
+    Watched,
+    reasons_in,
+)
+
+__all__ = ["MOST_TURNS", "SOON", "ControllerTwin", "VehicleTwin", "wait_in_ticks"]
+
+_MOST_TICKS = 1_000_000
+SOON = 3  # ticks: a push that lasted longer has been judged before a reset
+MOST_TURNS = 4  # turns of a push that gained the other way round
+
+
+def wait_in_ticks(next_s: Any, tick_s: Any) -> int:
+    """Return how many whole ticks there are until a law's next call, one at least.
+
+    next_s, tick_s: float32 [s]. A thousandth of a tick is rounding.
+    """
+    with np.errstate(all="ignore"):
+        if not np.float32(next_s) > np.float32(1.001) * np.float32(tick_s):
+            return 1
+        ticks = np.float32(next_s) / np.float32(tick_s)
+    if ticks >= np.float32(_MOST_TICKS):
+        return _MOST_TICKS
+    whole = int(ticks)
+    return whole + 1 if ticks - np.float32(whole) > np.float32(0.001) else whole
+
+
+class ControllerTwin:
+    """What the microcontroller does at every tick, in float32.
+
+    law: a law's `twin`; low, high: limits of the command; first: the command until there is one.
+    """
+
+    def __init__(
+        self, law: Law, parameters: Any, *, tick_s: float, low: float, high: float,
+        first: float = 0.0,
+    ) -> None:  # fmt: skip
+        self.law, self.parameters = law, parameters
+        self.tick_s = np.float32(tick_s)
+        self.low, self.high = np.float32(low), np.float32(high)
+        self.command = np.float32(first)
+        self.state: Any = None
+        self.ticks = 0
+        self.waiting = 0
+        self.missed = 0
+
+    def tick(self, depth: float, volume: float, reference: float) -> Any:
+        """Return the command from this tick on, of measurements at it [m, m3] and the depth asked.
+
+        Where the law's command or new state is not finite, only `missed` is changed: it counts
+        these.
+        """
+        if self.waiting == 0:
+            time: Any = np.float32(self.ticks) * self.tick_s
+            seen: tuple[Any, ...] = (time, np.float32(depth), np.float32(volume))
+            self._call(Measurement(*seen), np.float32(reference))
+        self.waiting -= 1
+        self.ticks += 1
+        return self.command
+
+    def sleep(self, ticks: int) -> int:
+        """Pass over ticks in which the command held, `waiting` at most; return how many."""
+        slept = min(ticks, self.waiting)
+        self.waiting -= slept
+        self.ticks += slept
+        return slept
+
+    def _call(self, seen: Measurement, reference: Any) -> None:
+        self.waiting = 1
+        state = self.state
+        if state is None:
+            if not all(map(math.isfinite, (seen.depth, seen.volume, reference))):
+                self.missed += 1
+                return
+            state = self.law.initial(self.parameters, seen, reference)
+        command, after, next_s = self.law.step(self.parameters, state, seen, reference)
+        if not all(map(math.isfinite, (command, *numbers(after)))):
+            self.missed += 1
+            return
+        self.state = after
+        self.missed = 0
+        self.command = min(max(command, self.low), self.high)
+        self.waiting = wait_in_ticks(next_s, self.tick_s)
+
+
+class VehicleTwin:
+    """A controller under its supervisor, in the arithmetic of the supervisor that it is given.
+
+    limits: the supervisor's parameters; supervisor: its `twin` for the bits of the C, SUPERVISOR
+    itself for double precision. before: the state at the reset, of which it keeps what the last
+    push did. spoil: (tick, what is seen) -> what the board makes of it, to fly with faults. A
+    vehicle is a law that `simulate` flies.
+    """
+
+    def __init__(
+        self, controller: ControllerTwin, limits: SupervisorParameters, *,
+        supervisor: Law = SUPERVISOR, after_reset: bool = False, before: Any = None,
+        spoil: Callable[[int, Watched], Watched] = lambda _, seen: seen,
+    ) -> None:  # fmt: skip
+        self.controller, self.limits, self.supervisor = controller, limits, supervisor
+        self.spoil = spoil
+        self.ticks = 0
+        nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
+        state = supervisor.initial(limits, nothing, 1.0 if after_reset else 0.0)
+        if after_reset and before is not None:
+            push = state.push._replace(turns=before.push.turns)
+            soon = before.rescue.reason > 0 and before.push.phase < SOON
+            if soon and push.turns < MOST_TURNS:
+                push = push._replace(pushed=before.volume.volume)
+                state = state._replace(volume=state.volume._replace(volume=push.pushed))
+            state = state._replace(push=push)
+        self.state = state
+
+    @property
+    def reason(self) -> Reason | None:
+        """The first reason; None while the law commands."""
+        number = int(self.state.rescue.reason)
+        return Reason(number) if number else None
+
+    @property
+    def reasons(self) -> tuple[Reason, ...]:
+        """Every reason so far."""
+        return reasons_in(self.state.rescue.reasons)
+
+    @property
+    def release(self) -> bool:
+        """Whether the drop weight is to go."""
+        return bool(self.state.rescue.release)
+
+    def tick(self, seen: Watched, reference: float) -> Any:
+        """Return the command from this tick on; `missed` of what is seen is the controller's."""
+        wanted = self.controller.command
+        if not (self.state.rescue.reason or self.state.restarted):  # else left alone: it may hang
+            wanted = self.controller.tick(seen.depth, seen.volume, reference)
+        self.ticks += 1
+        seen = seen._replace(missed=min(self.controller.missed, NEVER))
+        command, self.state, _ = self.supervisor.step(self.limits, self.state, seen, wanted)
+        return command
+
+    def __call__(self, seen: Measurement, reference: float) -> float:
+        """Return the command, as `simulate` asks for it; the board has no battery and leak sensor.
+
+        Depths are as old as 0 s; `spoil` may say otherwise.
+        """
+        watched = Watched(seen.depth, 0.0, seen.volume, math.nan, False, 0, 0)
+        return float(self.tick(self.spoil(self.ticks, watched), reference))

@@ -1,0 +1,296 @@
+"""The supervisor's numbers, from a vehicle: how deep, how long, how far from the model."""
+
+from __future__ import annotations
+
+import math
+
+from swimbladder.control.law import NEVER
+from swimbladder.control.supervisor import (
+    BoardLimits,
+    DeepLimits,
+    DepthLimits,
+    MotionLimits,
+    NeutralLimits,
+    ProofLimits,
+    PushLimits,
+    RateLimits,
+    RestLimits,
+    SameLimits,
+    SupervisorParameters,
+    TimeLimits,
+    VolumeLimits,
+)
+from swimbladder.errors import InputError
+from swimbladder.physics.dynamics import Plant, drag_per_mass, plant, terminal_speed
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["supervisor_parameters"]
+
+_COUNTED = NEVER - 1  # ticks
+_SURE_TO_MOVE = 0.95  # of the depth at which the motor stalls
+_BLOCK = 4096  # ticks, as the supervisor counts time
+_BATTERY_SHARE = 0.8  # of the supply: 9.6 of 12 V, near the knee of lead and of lithium cells
+_BATTERY_S = 10.0  # s, longer than a motor's start makes it sag
+_DEPTH_SHARE = 0.9  # of the deepest
+_NEUTRAL_SHARE = 0.25  # of half the stroke: trim, trapped air, a layer of 3 kg/m3 for `feup-em`
+_SHORT_S = 1.0  # s, for what needs no doubt: leak, depth limit
+_NO_COMMAND_S = 10.0
+_TAU_S = 7.0  # s, of each low pass: above a swell's period over 2 pi
+_SETTLE = 4.0  # of them: what they begin with is then 9 % of itself, (1 + 4) exp(-4)
+_CHANGE_SHARE = 0.2  # of neutral_range, that the neutral volume may change in a dive
+_CALM_SHARE = 0.25  # of that change, by which the model may miss where it is learnt
+_KNOWN_S = 10.0  # s, in which it is learnt, after the low passes have settled
+_FORGET_S = 1800.0  # s, in which it may walk off
+_FOLLOW_S = 2.0  # s, of the low pass on the volume's rate
+_RATE_SHARE = 0.6  # of the rate asked for
+_RATE_LEAST = 0.05  # of the full rate: friction and load that are not known take a twentieth
+_RATE_LEAST_POSITIONER = 0.15  # a position that is read off by as much as its drift asks for that
+_STOP_SHARE = 0.15  # of the full rate: what is asked for in a push that a block ends
+_STOPS = 6  # of them; the chance that healthy ones end twice at one place is some percent
+_AWAY = 5.0  # times what is known to have grown
+_END_SHARE = 0.05  # of the stroke, next to an end stop
+_WATER_SPEED = 1.0  # m/s, of swell
+_AIR_PRESSURE = 1.0  # m, 100 hPa: more than weather changes the surface's reading
+_AFLOAT = 0.5  # m, below the depth of emergence; weather and waves
+_RARE = 1e-12  # chance that noise gives the same depth all along
+_AT_LEAST_S = 10.0  # s, of the very same depth: a slow sensor repeats itself
+_HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
+_MOVED_SHARE = 0.025  # of half the stroke, with which a depth cannot stay the same
+_REACH, _SINKS = 4.0, 0.6  # of that, by which a push shows that it can, and before what weight
+# On the edge between two quanta noise turns the depth in a quarter of the ticks; the mean of 200 is
+# within 0.16 of that. 0.42 means sigma above the quantum: a sample is then the same with a chance
+# of 0.38. The number is for 0.53, that of 0.7 quanta: 44 samples, 1e-12.
+_NOISY, _NOISY_WEIGHT, _SAME_NOISY = 0.42, 0.005, 44
+_GROWN_SHARE = 2e-3  # of half the stroke
+_STILL_S = 5.0
+_UNPROVEN_S = 30.0  # s, in which what was shown of the actuator counts
+_REST_S, _LEAST_PUSH_S = 20.0, 10.0
+_RELEASE_S = 60.0
+_RISE = 1.0  # m
+_COAST_S = 60.0  # s, where there is hardly any drag
+_DEEPEST = 12000.0  # m, deeper than any sea
+
+
+def supervisor_parameters(
+    vehicle: Vehicle, sample_time: float, *, in_pool: bool = False
+) -> SupervisorParameters:
+    """Return the supervisor's numbers for a vehicle at a sample time [s].
+
+    Raises InputError where full buoyancy would not bring the vehicle up from its depth limit.
+    """
+    p, given, sensors = plant(vehicle), vehicle.supervisor, vehicle.sensors
+    tick = sample_time
+    half = 0.5 * (p.V_max - p.V_min)
+    neutral_range = given.neutral_range
+    if neutral_range is None:
+        neutral_range = min(_NEUTRAL_SHARE * half, 0.5 * (p.V_max - p.V_0))
+    change = given.neutral_change
+    if change is None:
+        change = _CHANGE_SHARE * neutral_range
+    psi_range = given.model_error * abs(p.psi)
+    battery_low = given.battery_low
+    if battery_low is None:
+        battery_low = _BATTERY_SHARE * p.supply if p.positioner == 0.0 else 0.0
+    depth_limit, deepest = _depths(vehicle, p, battery_low, neutral_range, psi_range)
+    bounded = min(depth_limit, _DEEPEST)
+    turn_rate = _rate(p, bounded, battery_low)
+    stroke_s = 2.0 * half / turn_rate
+    voltage = p.positioner == 0.0
+    hold = given.hold_voltage
+    if hold is None:
+        hold = min(p.supply, _held(p, min(deepest, _DEEPEST))) if voltage else 0.0
+    full_rate = p.rate if not voltage else p.gain * (p.supply - p.friction)
+    tau, follow = max(_TAU_S, 10.0 * tick), max(_FOLLOW_S, 5.0 * p.T1 if voltage else 0.0, 5 * tick)
+    noise, quantum = sensors.depth_noise, sensors.depth_quantum
+    same = _same_ticks(noise, quantum, tick)
+    if given.frozen is not None:
+        same = ticks(given.frozen, tick)
+    patience = max(3, ticks(given.patience, tick))
+    fastest = (terminal_speed(p, p.a_b * (half + neutral_range)) + _WATER_SPEED) * tick
+    moving = 6.0 * noise + 2.0 * quantum
+    still = ticks(max(_STILL_S, math.sqrt(6.0 * (moving + 0.02) / (p.a_b * change))), tick)
+    whole = None if given.time_limit is None else math.ceil(given.time_limit / tick - 1e-6)
+    floor = math.inf if given.bottom_depth is None else given.bottom_depth
+    grown = max(_GROWN_SHARE * half, 6.0 * sensors.volume_noise + 2.0 * sensors.volume_quantum)
+    moved = _MOVED_SHARE * half
+    proof = tried = NEVER
+    # with psi <= 0 a vehicle that sinks comes to rest by itself, and a push may be dear
+    # and in a pool it would end the very sinking that is measured
+    if given.prove_after is not None or (p.psi > 0.0 and not in_pool):
+        proof = ticks(given.prove_after or _UNPROVEN_S, tick)
+        tried = max(proof, ticks(2.0 * math.sqrt(2.0 * moving / (p.a_b * grown)), tick))
+    stop_rate = max(_STOP_SHARE * full_rate, 3.0 * grown / tick)
+    if voltage and tick <= p.T1:  # the motor's own lag would look like a stop
+        stop_rate = math.inf
+    return SupervisorParameters(
+        S_p=tick, per_tick=1.0 / tick,
+        push=PushLimits(
+            surface_command=p.supply if voltage else p.V_max,
+            hold_command=hold if voltage else p.V_max,
+            away_command=-p.supply if voltage else p.V_min, away_hold=0.0 if voltage else p.V_min,
+            push=ticks(2.0 * stroke_s, tick), again=ticks(max(_LEAST_PUSH_S, 0.5 * stroke_s), tick),
+            rest=ticks(_REST_S, tick), grown=grown,
+            away=_AWAY * grown + (p.T1 * full_rate if voltage else 0.0), astray=ticks(follow, tick),
+            release=ticks(given.release_time or 2.0 * stroke_s + _RELEASE_S, tick), rise=_RISE,
+        ),
+        depth=DepthLimits(
+            depth_least=p.z_air - _AIR_PRESSURE,
+            depth_most=min(1.5 * deepest + 10.0, _DEEPEST) if deepest < math.inf else _DEEPEST,
+            fastest=fastest, jump=moving + 0.05, step=fastest + moving + 0.05,
+            late_age=given.late or max(2.0 * tick, 1.0), blind_quarters=_quarters(patience),
+            gap=patience,
+        ),
+        volume=VolumeLimits(
+            blind=patience, volume_least=p.V_min - 2.0 * _END_SHARE * half,
+            volume_most=p.V_max + 2.0 * _END_SHARE * half,
+            volume_low=p.V_min + 2.0 * _END_SHARE * half,
+            volume_high=p.V_max - 2.0 * _END_SHARE * half,
+        ),
+        rate=RateLimits(
+            positioner=p.positioner, rate=p.gain if voltage else p.rate, load_drive=p.load_drive,
+            load_back=p.load_back, friction=p.friction, leakage=p.k_l,
+            rate_smoothing=tick / (follow + tick), rate_share=_RATE_SHARE,
+            rate_least=(_RATE_LEAST if voltage else _RATE_LEAST_POSITIONER) * full_rate,
+            stop_rate=stop_rate, stop_least=grown / tick, stops=_STOPS, following=patience,
+        ),
+        same=SameLimits(
+            same=same, same_begun=ticks(2.0 * tau, tick), same_moved=ticks(3.0 * tau, tick),
+            moved=moved, same_noisy=max(ticks(_AT_LEAST_S, tick), _SAME_NOISY), noisy=_NOISY,
+            noisy_weight=_NOISY_WEIGHT,
+        ),
+        proof=ProofLimits(
+            same_tried=tried, unproven=proof, sinks=_SINKS * moved, reach=_REACH * moved,
+        ),
+        neutral=NeutralLimits(
+            psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range,
+        ),
+        motion=MotionLimits(
+            neutral_change=change, known=ticks(_KNOWN_S, tick),
+            forgetting=tick / (_FORGET_S + tick), calm=_CALM_SHARE * change,
+            model_error=given.model_error, inertia=1.0 / (p.a_b * tau * tau),
+            drag_linear=p.d_l / (p.a_b * tau), epsilon=p.epsilon, drag_blunt=p.d_b / p.a_b,
+            drag_0=p.d_0 / p.a_b, drag_square=p.d_t / p.a_b, per_tau=1.0 / tau,
+            smoothing=tick / (tau + tick), settle=ticks(_SETTLE * tau, tick),
+            # one that is driven off twice the band counts threefold until it has left its place
+            wrong=max(patience + still, math.ceil(1.25 * still)),
+        ),
+        rest=RestLimits(
+            surface=p.z_surface + _AFLOAT,
+            aground=floor - max(0.1, 0.02 * floor) - moving if floor < math.inf else math.inf,
+            still_distance=moving + 0.02, still=still,
+        ),
+        deep=DeepLimits(
+            depth_limit=depth_limit, deepest=deepest,
+            neutral_deepest=p.V_0 + neutral_range + p.psi * min(deepest, _DEEPEST),
+            per_turn_rate=1.0 / turn_rate, coast=min(1.0 / drag_per_mass(1.0, p), _COAST_S),
+            deep=max(2, ticks(_SHORT_S, tick)),
+        ),
+        board=BoardLimits(
+            battery_low=battery_low, battery=ticks(_BATTERY_S, tick),
+            leak=max(2, ticks(_SHORT_S, tick)), missed=max(3, ticks(_NO_COMMAND_S, tick)),
+        ),
+        time=TimeLimits(
+            lost_quarters=_quarters(patience),
+            time_blocks=NEVER if whole is None else whole // _BLOCK,
+            time_ticks=0 if whole is None else whole % _BLOCK,
+        ),
+    )  # fmt: skip
+
+
+def ticks(seconds: float, tick: float) -> int:
+    """Return a time in whole ticks, rounded up, one at least.
+
+    Raises InputError where 16 bits do not count them.
+    """
+    whole = max(1, math.ceil(seconds / tick - 1e-6))
+    if whole > _COUNTED:
+        raise InputError(
+            f"{seconds:g} s are {whole:.3g} ticks of {tick:g} s, and the supervisor counts to "
+            f"{_COUNTED}",
+            field="supervisor", remedy="Give a shorter time, or a longer sample_time",
+        )  # fmt: skip
+    return whole
+
+
+def _quarters(whole: int) -> int:
+    """Return ticks in quarters of ticks, with room for what is added at the limit.
+
+    Raises InputError where 16 bits do not count them.
+    """
+    if 4 * whole > _COUNTED - 2:
+        raise InputError(
+            f"that many quarters of ticks are more than the supervisor counts to, {_COUNTED}",
+            field="supervisor.patience", value=whole, unit="ticks",
+            remedy="Give a shorter patience, or a longer sample_time",
+        )  # fmt: skip
+    return 4 * whole
+
+
+def _depths(
+    vehicle: Vehicle, p: Plant, volts: float, neutral_range: float, psi_range: float
+) -> tuple[float, float]:
+    """Return (depth limit, deepest from which the vehicle can come up) [m]; infinite: none known.
+
+    The hull bears it, full buoyancy is above the neutral volume, the motor moves at `volts`.
+    """
+    given, spare = vehicle.supervisor.depth_limit, p.V_max - p.V_0
+    rated = vehicle.hull.depth_limit or math.inf
+    lifted = spare / p.psi if p.psi > 0.0 else math.inf
+    load = p.gain * p.load_drive + p.k_l
+    free = p.gain * (volts - p.friction)
+    moved = free / load if load > 0.0 else math.inf
+    if p.positioner == 0.0 and free <= 0.0:
+        raise InputError(
+            f"at {volts:g} V the motor does not beat its friction, {p.friction:g} V",
+            field="supervisor.battery_low", value=volts, unit="V", remedy="Give a higher voltage",
+        )  # fmt: skip
+    if neutral_range >= spare:
+        raise InputError(
+            "the neutral volume may then be beyond the stroke, and full buoyancy not lift",
+            field="supervisor.neutral_range", value=neutral_range, unit="m3",
+            remedy=f"Trim the vehicle lighter, or give less than {spare * 1e6:.3g} cm3",
+        )  # fmt: skip
+    deepest, why = min(
+        (rated, "the hull is rated for (hull.depth_limit)"),
+        (lifted, "full buoyancy lifts the vehicle (stroke, psi)"),
+        (_SURE_TO_MOVE * moved, f"the motor moves at {volts:g} V (supervisor.battery_low)"),
+    )
+    if given is not None:
+        if given > deepest:
+            raise InputError(
+                f"deeper than the {deepest:.4g} m to which {why}",
+                field="supervisor.depth_limit", value=given, unit="m",
+                remedy=f"Give at most {deepest:.4g} m, less a margin to turn round in",
+            )  # fmt: skip
+        return given, deepest
+    slope = p.psi + psi_range
+    sure = (spare - neutral_range) / slope if slope > 0.0 else math.inf
+    return min(_DEPTH_SHARE * deepest, sure), deepest
+
+
+def _rate(p: Plant, depth: float, volts: float) -> float:
+    """Return the rate [m3/s] at which the volume grows at a depth [m] and a voltage."""
+    if p.positioner > 0.0:
+        return p.rate
+    return p.gain * (volts - p.load_drive * depth - p.friction) - p.k_l * depth
+
+
+def _held(p: Plant, depth: float) -> float:
+    """Return the voltage that holds the volume against the sea and the leakage at a depth [m]."""
+    return p.load_drive * depth + p.k_l * depth / p.gain
+
+
+def _same_ticks(noise: float, quantum: float, tick: float) -> int:
+    """Return how many samples of the very same depth noise makes as good as impossible.
+
+    White noise leaves a sample in its quantum with a chance of erf(q/(2 sqrt(2) sigma)) at most.
+    """
+    if noise == 0.0:
+        return NEVER
+    chance = math.erf(quantum / (2.0 * math.sqrt(2.0) * noise))
+    if chance >= 1.0:
+        return NEVER
+    samples = math.log(_RARE) / math.log(chance) if chance > 0.0 else 1.0
+    if samples * tick > _HIDDEN_S or samples > _COUNTED:
+        return NEVER
+    return max(ticks(_AT_LEAST_S, tick), math.ceil(samples))

@@ -1,0 +1,100 @@
+"""Named tuples within named tuples, as parameters and states of laws may be, seen as flat numbers.
+
+A number that is not a record itself is a leaf. Files, commands and reports name the leaves of a
+law's parameters, wherever they stand; the names of the records between are for its source.
+"""
+
+from __future__ import annotations
+
+import sys
+import typing
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from typing import Any, TypeVar
+
+from swimbladder.errors import InputError
+
+__all__ = [
+    "field_types",
+    "from_leaves",
+    "from_numbers",
+    "is_record",
+    "leaf_names",
+    "leaves",
+    "numbers",
+]
+
+
+Kind = TypeVar("Kind")
+
+
+def is_record(kind: type[Any]) -> bool:
+    """Return whether a field's type is a named tuple."""
+    return isinstance(kind, type) and hasattr(kind, "_fields")
+
+
+def field_types(kind: type[Any]) -> Mapping[str, Any]:
+    """Return the type of each field of a named tuple as it is annotated, float where it is not."""
+    known: Any = kind
+    return _types(known)
+
+
+@cache
+def _types(kind: Any) -> Mapping[str, Any]:
+    module, found = vars(sys.modules[kind.__module__]), {}
+    for field in kind._fields:
+        written = getattr(kind, "__annotations__", {}).get(field, float)
+        if isinstance(written, typing.ForwardRef):
+            written = written.__forward_arg__
+        if isinstance(written, str):
+            plain = {"float": float, "bool": bool}
+            written = plain.get(written) or module.get(written, written)
+        found[field] = written
+    return found
+
+
+def leaf_names(kind: type[Any]) -> tuple[str, ...]:
+    """Return the names of a law's parameters, in their order.
+
+    Raises InputError where two of them share a name.
+    """
+    found: list[str] = []
+    for field, written in field_types(kind).items():
+        found.extend(leaf_names(written) if is_record(written) else (field,))
+    twice = next((name for n, name in enumerate(found) if name in found[:n]), None)
+    if twice is not None:
+        raise InputError(
+            f"the field {twice!r} stands in {kind.__name__} twice", field=kind.__qualname__,
+            remedy="Give each number a name of its own, also across nested NamedTuples",
+        )  # fmt: skip
+    return tuple(found)
+
+
+def numbers(record: Any) -> Iterator[Any]:
+    """Yield the leaves of a record, in their order."""
+    for value in record:
+        if isinstance(value, tuple):
+            yield from numbers(value)
+        else:
+            yield value
+
+
+def leaves(record: Any) -> dict[str, Any]:
+    """Return the leaves of a record by name."""
+    return dict(zip(leaf_names(type(record)), numbers(record), strict=True))
+
+
+def from_numbers(kind: type[Kind], given: Iterable[Any]) -> Kind:
+    """Return a record of its leaves in their order."""
+    left = iter(given)
+
+    def made(kind: type[Any]) -> Any:
+        return kind(*(made(t) if is_record(t) else next(left) for t in field_types(kind).values()))
+
+    found: Kind = made(kind)
+    return found
+
+
+def from_leaves(kind: type[Kind], values: Mapping[str, Any]) -> Kind:
+    """Return a record of the values of its leaves; more of them than it has do no harm."""
+    return from_numbers(kind, (values[name] for name in leaf_names(kind)))

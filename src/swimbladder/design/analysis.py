@@ -1,0 +1,69 @@
+"""`analyse`: a vehicle with its control law, linearised and judged at the law's sample time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from swimbladder.control.law import Law, Measurement
+from swimbladder.control.registry import bind
+from swimbladder.design.linear import Analysis, LinearLaw, analyse_linear, linearise_law
+from swimbladder.design.linear.analyse import check_depth
+from swimbladder.errors import InputError
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["analyse", "law_at_rest"]
+
+
+def analyse(
+    vehicle: Vehicle,
+    *,
+    depth: float = 0.0,
+    law: Law | None = None,
+    parameters: Any = None,
+    sample_time: float | None = None,
+) -> Analysis:
+    """Return the linear analysis of a vehicle at rest at `depth` [m].
+
+    law, parameters, sample_time [s]: those of the vehicle's controller where not given; without
+    either, nothing is said of a closed loop. Raises InputError where the law commands what the
+    actuator does not take, or the depth is negative.
+    """
+    check_depth(depth)
+    controller = vehicle.controller
+    if law is None and controller is not None:
+        law, bound = bind(controller)
+        parameters = bound if parameters is None else parameters
+    if sample_time is None and controller is not None:
+        sample_time = controller.sample_time
+    if law is None:
+        return analyse_linear(vehicle, depth=depth)
+    if sample_time is None:
+        raise InputError(
+            "the law has no sample time, and the vehicle has no controller to take it from",
+            field="sample_time", unit="s", remedy="Give sample_time",
+        )  # fmt: skip
+    takes = "voltage" if vehicle.voltage_driven else "volume"
+    if law.command != takes:
+        raise InputError(
+            f"the law {law.name!r} commands a {law.command}, the actuator takes a {takes}",
+            field="controller.law", value=law.name, remedy=f"Choose a law that commands a {takes}",
+        )  # fmt: skip
+    at_rest = law_at_rest(law, parameters, vehicle, depth=depth, sample_time=sample_time)
+    if at_rest.smooth:
+        return analyse_linear(vehicle, depth=depth, law=at_rest, law_name=law.name)
+    note = (
+        f"The law {law.name!r} is not linear around rest (a dead band, a relay, a rounded command "
+        "or a limit right there): its closed loop has no poles or margins. Simulate it instead."
+    )
+    return analyse_linear(vehicle, depth=depth, notes=(note,))
+
+
+def law_at_rest(
+    law: Law, parameters: Any, vehicle: Vehicle, *, depth: float, sample_time: float
+) -> LinearLaw:
+    """Return the linear form of a law that holds a vehicle at `depth` [m], called every sample."""
+    seen = Measurement(0.0, depth, vehicle.neutral_volume(depth))
+    return linearise_law(
+        law.step, parameters=parameters, state=law.initial(parameters, seen, depth),
+        measurement=seen, reference=depth, tick=sample_time,
+    )  # fmt: skip

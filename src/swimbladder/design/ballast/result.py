@@ -1,0 +1,270 @@
+"""What comes out of ballasting: masses, needs and margins of the stroke, sentences, JSON."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.design.ballast.unknown import Unknown
+from swimbladder.physics.hull import PsiTerms
+from swimbladder.physics.seawater import Column
+from swimbladder.units import rounded
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Ballasting", "Curve", "Need", "Wish"]
+
+Array = NDArray[np.float64]
+_LIGHT = 5e-5  # kg, less is nothing
+_WORTH = 0.01  # share of the stroke that a better trim has to bring, to be spoken of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """What the ballast is to bring about; nothing: it stays as it is.
+
+    With a neutral depth the mass is for that, and the freeboard something that the stroke has to
+    do; without, the mass is for the freeboard.
+    """
+
+    neutral_depth: float | None = None  # m
+    volume: float = 0.0  # m3 of the drive at which it is neutral there
+    freeboard: float | None = None  # m of hull out of the water at the largest volume
+
+    @property
+    def asked_freeboard(self) -> float:
+        """The freeboard that the stroke has to give [m], 0 where the mass is chosen for it."""
+        return self.freeboard or 0.0 if self.neutral_depth is not None else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """Neutral volumes [m3] over depth [m], as it is and in the band of the probability [n]."""
+
+    depth: Array
+    nominal: Array
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Need:
+    """The volumes that one cast asks of the drive, and what is left of the stroke.
+
+    least, most: as the vehicle is [m3], at depths [m]. probability: that the stroke covers both.
+    margin_in, margin_out: what is left at the retracted and at the extended end, at the
+    probability asked for [m3]; negative: short of it.
+    """
+
+    source: str
+    least: float
+    least_depth: float
+    most: float
+    most_depth: float
+    probability: float
+    margin_in: float
+    margin_out: float
+    out_for: str  # what needs the largest volume: "rise" or "freeboard"
+
+    @property
+    def margin(self) -> float:
+        """The lesser of the two [m3]."""
+        return min(self.margin_in, self.margin_out)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ballasting:
+    """Everything that `ballast` found."""
+
+    vehicle: Vehicle  # as ballasted
+    given: Vehicle
+    wish: Wish
+    columns: tuple[Column, ...]
+    curves: tuple[Curve, ...]
+    needs: tuple[Need, ...]
+    unknown: Unknown
+    wanted: float  # probability
+    draws: int
+    speed: float  # m/s
+    added: float  # kg, negative: removed
+    added_volume: float  # m3 that it displaces
+    material: str
+    best: float  # kg to add beyond that, for equal margins at both ends in the worst cast
+    best_margin: float  # m3, then
+    freeboard: float  # m, at the largest volume
+    sure_freeboard: float  # m, what it has at least with the probability asked for
+    psi_depth: float  # m
+    psi: PsiTerms
+    spread: dict[str, float]  # m3, 1 sigma of the neutral volume at the deepest, by cause
+    assumptions: tuple[str, ...]
+
+    @property
+    def worst(self) -> Need:
+        """The need of the cast with the smallest probability, then margin."""
+        return min(self.needs, key=lambda need: (need.probability, need.margin))
+
+    @property
+    def covered(self) -> bool:
+        """Whether the stroke covers every cast with the probability asked for."""
+        return self.worst.probability >= self.wanted
+
+    @property
+    def stroke(self) -> float:
+        """The whole stroke [m3]."""
+        return self.vehicle.stroke.maximum - self.vehicle.stroke.minimum
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The answer in words."""
+        return (*self._mass_words(), *self._stroke_words(), self._psi_words())
+
+    def _mass_words(self) -> list[str]:
+        w, made = self.wish, []
+        if w.neutral_depth is not None:
+            made.append(
+                f"To be neutral at {w.neutral_depth:g} m with a volume of {_cm3(w.volume)}: "
+                f"{self._mass(self.added)}."
+            )
+        elif w.freeboard is not None:
+            made.append(
+                f"To float with {100.0 * w.freeboard:.3g} cm of hull out of the water at the "
+                f"largest volume: {self._mass(self.added)}."
+            )
+        made.append(
+            f"At the surface and the largest volume {100.0 * self.freeboard:.3g} cm of hull are "
+            f"out of the water, {100.0 * self.sure_freeboard:.3g} cm or more in "
+            f"{100.0 * self.wanted:g} % of cases."
+            if self.freeboard > 0.0
+            else "At the surface even the largest volume leaves the hull under water."
+        )
+        return made
+
+    def _mass(self, mass: float, *, again: bool = False) -> str:
+        if abs(mass) < _LIGHT:
+            return "add nothing"
+        where = "inside the hull" if self.material == "inside" else f"of {self.material} outside"
+        word = f"{'add' if mass > 0.0 else 'take away'}{' another' if again else ''}"
+        return f"{word} {_gram(abs(mass))} {where}"
+
+    def _stroke_words(self) -> list[str]:
+        need, stroke = self.worst, self.vehicle.stroke
+        deepest = self.columns[0].deepest
+        sea = f" in {need.source}, the worst of {len(self.needs)}" if len(self.needs) > 1 else ""
+        moving = f", at {100.0 * self.speed:g} cm/s too" if self.speed > 0.0 else ""
+        made = [
+            f"From the surface to {deepest:g} m it takes {_cm3(need.least)} (at "
+            f"{need.least_depth:g} m) to {_cm3(need.most)} (at {need.most_depth:g} m){moving}{sea};"
+            f" the stroke has {_cm3(stroke.minimum)} to {_cm3(stroke.maximum)}."
+        ]
+        percent = f"{100.0 * self.wanted:g} %"
+        chance = f"with a probability of {self._chance(need.probability)}"
+        if self.covered:
+            share = 100.0 * need.margin / self.stroke
+            made.append(
+                f"The stroke covers it {chance}; in {percent} of cases {_cm3(need.margin)} or "
+                f"more are left at the tighter end, a stroke margin of {share:.0f} %."
+            )
+        else:
+            made.append(f"The stroke does NOT cover it: it does {chance}, {percent} are asked for.")
+            made += self._short(need)
+        if self.best_margin - need.margin > _WORTH * self.stroke:
+            trim = self._mass(self.best, again=self.added * self.best > 0.0)
+            made.append(
+                f"With the best trim ({trim}) both ends have {_cm3(self.best_margin)} left."
+                if self.best_margin > 0.0
+                else f"With the best trim ({trim}) both ends are short by "
+                f"{_cm3(-self.best_margin)}: it takes a longer stroke or another hull."
+            )
+        return made
+
+    def _short(self, need: Need) -> list[str]:
+        made = []
+        percent = f"{100.0 * self.wanted:g} %"
+        if need.margin_in < 0.0:
+            made.append(
+                f"Short by {_cm3(-need.margin_in)} at the retracted end ({percent}): too light to "
+                f"sink past {need.least_depth:g} m."
+            )
+        if need.margin_out < 0.0:
+            what = (
+                f"to float with {100.0 * (self.wish.freeboard or 0.0):.3g} cm of freeboard"
+                if need.out_for == "freeboard"
+                else f"to rise from {need.most_depth:g} m"
+            )
+            made.append(
+                f"Short by {_cm3(-need.margin_out)} at the extended end ({percent}): too heavy "
+                f"{what}."
+            )
+        return made
+
+    def _chance(self, p: float) -> str:
+        if p >= 1.0 - 0.5 / self.draws:
+            return f"more than {100.0 * (1.0 - 3.0 / self.draws):.2f} %"
+        if p <= 0.5 / self.draws:
+            return f"less than {300.0 / self.draws:.2f} %"
+        return f"{100.0 * p:.3g} %"
+
+    def _psi_words(self) -> str:
+        t = self.psi
+        terms = ", ".join(
+            f"{name} {_small(value)}"
+            for name, value in (
+                ("hull", t.hull), ("heat", t.heat), ("trapped air", t.air), ("water", t.water),
+            )
+            if value != 0.0
+        )  # fmt: skip
+        return (
+            f"psi in this sea at {self.psi_depth:g} m: {_small(t.psi)} cm3/m ({terms}); the "
+            f"vehicle's file has {_small(self.given.hull.psi)}."
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the answer as JSON, SI."""
+        need = self.worst
+        return {
+            "vehicle": self.vehicle.name,
+            "covered": self.covered,
+            "probability": need.probability,
+            "probability_asked": self.wanted,
+            "margin_m3": need.margin,
+            "margin_share": need.margin / self.stroke,
+            "added_kg": self.added,
+            "added_volume_m3": self.added_volume,
+            "material": self.material,
+            "best_added_kg": self.best,
+            "best_margin_m3": self.best_margin,
+            "freeboard_m": self.freeboard,
+            "freeboard_sure_m": self.sure_freeboard,
+            "deepest_m": self.columns[0].deepest,
+            "speed_m_s": self.speed,
+            "stroke_m3": [self.vehicle.stroke.minimum, self.vehicle.stroke.maximum],
+            "casts": [
+                {
+                    "source": n.source, "least_m3": n.least, "least_depth_m": n.least_depth,
+                    "most_m3": n.most, "most_depth_m": n.most_depth,
+                    "probability": n.probability, "margin_in_m3": n.margin_in,
+                    "margin_out_m3": n.margin_out,
+                }
+                for n in self.needs
+            ],
+            "psi": {"depth_m": self.psi_depth, "psi_m3_m": self.psi.psi, **self.psi._asdict()},
+            "unknown": {k: v for k, v in asdict(self.unknown).items() if k != "said"},
+            "spread_m3": self.spread,
+            "trim_error_m3": self.vehicle.trim_error,
+            "sentences": list(self.sentences),
+            "assumptions": list(self.assumptions),
+        }  # fmt: skip
+
+
+def _cm3(volume: float) -> str:
+    return f"{rounded(1e6 * volume, 3)} cm3"
+
+
+def _gram(mass: float) -> str:
+    return f"{rounded(1e3 * mass, 3)} g" if mass < 1.0 else f"{mass:.4g} kg"
+
+
+def _small(psi: float) -> str:
+    return f"{1e6 * psi:.3g}"

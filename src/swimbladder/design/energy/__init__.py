@@ -1,0 +1,35 @@
+"""What changing the volume costs: over depth, against a thruster, and from logged runs of a pump.
+
+chain: joules per volume, rate, power and efficiencies over depth. thruster, versus: the same task
+by a thruster, after the question of Carneiro et al. (IEEE J. Oceanic Eng., 2020). fit: a pump's
+power law and delivery, with uncertainty, from runs that a vehicle logged. runs: each of them, and
+efficiency over pressure. fitted: a vehicle with that pump.
+"""
+
+from __future__ import annotations
+
+from swimbladder.design.energy.chain import DriveEnergy, drive_energy
+from swimbladder.design.energy.fit import PumpFit, fit_pump
+from swimbladder.design.energy.fitted import fitted_vehicle
+from swimbladder.design.energy.logged import PumpRuns, check_runs
+from swimbladder.design.energy.runs import Band, efficiency_bands, run_columns
+from swimbladder.design.energy.thruster import Thruster
+from swimbladder.design.energy.versus import Hovering, Profiling, hovering, profiling
+
+__all__ = [
+    "Band",
+    "DriveEnergy",
+    "Hovering",
+    "Profiling",
+    "PumpFit",
+    "PumpRuns",
+    "Thruster",
+    "check_runs",
+    "drive_energy",
+    "efficiency_bands",
+    "fit_pump",
+    "fitted_vehicle",
+    "hovering",
+    "profiling",
+    "run_columns",
+]

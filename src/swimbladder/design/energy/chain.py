@@ -1,0 +1,123 @@
+"""Joules per volume over depth, and where they go on the way from the battery to the water."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.physics.buoyancy_engine import DriveMap, drive_map, steady_point
+from swimbladder.physics.seawater import Column
+from swimbladder.physics.steady_drives import SteadyPoint
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["SHARES", "DriveEnergy", "drive_energy", "stall_pressure"]
+
+Array = NDArray[np.float64]
+SHARES = np.linspace(0.025, 1.0, 40)  # of the full voltage, in the efficiency map
+_DEEPEST_SEA = 1.12e8  # Pa, the bottom of the Challenger Deep: further down there is no stall
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveEnergy:
+    """An actuator over the depths of a column; arrays over its depths [n]."""
+
+    vehicle: Vehicle
+    column: Column
+    map: DriveMap
+    per_volume: Array  # J/m3 from the battery, pressed out; NaN where nothing comes out
+    per_volume_in: Array  # J/m3 let or drawn in; negative where the sea charges the battery
+    efficiency: Array  # -, p dV over the energy from the battery; NaN where nothing comes out
+    stages: dict[str, Array]  # -, its factors; empty where only the whole is known
+    stall: float  # Pa above the atmosphere; inf where it has none
+    stall_depth: float  # m; extrapolated below the column; inf where it has none
+    shares: Array  # -, of the full voltage [m]; empty where the voltage is not known
+    efficiencies: Array  # -, at each share and depth [m, n]; NaN where nothing comes out
+
+
+def drive_energy(vehicle: Vehicle, column: Column) -> DriveEnergy:
+    """Return what pressing volume out costs at each depth of a column.
+
+    Raises NoAnswerError, naming the fields, where the electrical power is not known.
+    """
+    p = column.pressure
+    found = drive_map(vehicle, p, temperature=column.temperature)
+    per_volume, efficiency = _out(p, found.rate_out, found.power_out)
+    inwards = found.rate_in > 0.0
+    nothing = np.full(p.shape, np.nan)
+    per_in = np.divide(found.power_in, found.rate_in, out=nothing.copy(), where=inwards)
+    point = steady_point(vehicle, p)
+    stages = {} if point is None else _stages(p, found, point)
+    shares, efficiencies = np.empty(0), np.empty((0, p.size))
+    if point is not None:
+        shares, rows = SHARES, []
+        for share in SHARES:
+            at = steady_point(vehicle, p, share=float(share))
+            assert at is not None  # as above
+            rows.append(_out(p, np.asarray(at.drive.volume_rate), at.cells)[1])
+        efficiencies = np.array(rows)
+    stall = stall_pressure(vehicle)
+    return DriveEnergy(
+        vehicle=vehicle, column=column, map=found, per_volume=per_volume, per_volume_in=per_in,
+        efficiency=efficiency, stages=stages, stall=stall, stall_depth=_depth(column, stall),
+        shares=shares, efficiencies=efficiencies,
+    )  # fmt: skip
+
+
+def stall_pressure(vehicle: Vehicle) -> float:
+    """Return the pressure above the atmosphere [Pa] at which nothing more is pressed out.
+
+    inf where that is deeper than any sea.
+    """
+
+    def rate(pressure: float) -> float:
+        return float(drive_map(vehicle, [pressure], power=False).rate_out[0])
+
+    if rate(_DEEPEST_SEA) > 0.0:
+        return float("inf")
+    if rate(0.0) <= 0.0:
+        return 0.0
+    low, high = 0.0, _DEEPEST_SEA
+    while high - low > 1.0:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if rate(middle) > 0.0 else (low, middle)
+    return low
+
+
+def _depth(column: Column, pressure: float) -> float:
+    """Return the depth of a pressure [m]; below the column with the density at its end."""
+    if pressure <= column.pressure[-1]:
+        return float(np.interp(pressure, column.pressure, column.depth))
+    weight = float(column.density[-1]) * column.gravity
+    return float(column.depth[-1] + (pressure - column.pressure[-1]) / weight)
+
+
+def _out(p: Array, rate: Array, power: Array) -> tuple[Array, Array]:
+    """Return energy per volume [J/m3] and efficiency [-] where volume is pressed out."""
+    drawn = (rate > 0.0) & (power > 0.0)
+    nothing = np.full(np.broadcast(rate, power).shape, np.nan)
+    per_volume = np.divide(power, rate, out=nothing.copy(), where=drawn)
+    return per_volume, np.divide(p, per_volume, out=nothing, where=drawn)
+
+
+def _stages(p: Array, found: DriveMap, point: SteadyPoint) -> dict[str, Array]:
+    """Return the factors of the efficiency; NaN where nothing is pressed against a pressure."""
+    d = point.drive
+    works = (found.rate_out > 0.0) & (p > 0.0)
+    pumped = np.asarray(d.sea + d.leakage)
+    shaft = pumped + d.transmission
+
+    def ratio(out: Array, into: Array) -> Array:
+        found = np.full(p.shape, np.nan)
+        np.divide(out, into, out=found, where=works)
+        return found
+
+    return {
+        "battery": ratio(point.terminals, point.cells),
+        "driver": ratio(np.asarray(d.supply), point.terminals),
+        "motor": ratio(shaft, np.asarray(d.supply)),
+        "transmission": ratio(pumped, shaft),
+        "leakage": ratio(np.asarray(d.sea), pumped),
+        "reservoir": ratio(p * np.asarray(d.volume_rate), np.asarray(d.sea)),
+    }

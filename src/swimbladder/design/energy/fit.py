@@ -1,0 +1,271 @@
+"""A pump's power law and delivery from runs that a vehicle logged, and how sure they are.
+
+Each run of the pump against a pressure p over a time t, at a temperature T, has::
+
+    mean power     P = idle + per_pressure p + per_kelvin (T - 15 degC) - lost_energy/t
+    volume         V = (delivery - slip p) t - start_volume
+
+Where the battery's voltage U under load was logged too, the power is that times U/U_ref, U_ref the
+runs' median: at one pressure a motor draws the same current, and turns as fast as its voltage lets
+it (steady torque and back EMF of a motor at full voltage). A driver that holds the speed undoes
+that, so the voltage counts only where dives are told better by the others with it than without.
+
+Both are linear in what is not known, and solved by least squares. What is lost at the start is in
+them where runs of several lengths tell it; a power that was read at the end of a run has none.
+Powers weigh by their time, so that the energy fits; volumes weigh alike, as a meter's error does.
+
+How sure they are: see `least`; what dives share is reckoned with.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from swimbladder.design.energy.least import Least
+from swimbladder.design.energy.logged import FEWEST, PumpRuns, check_groups, usable_runs
+from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
+
+__all__ = ["Estimate", "PumpFit", "fit_pump"]
+
+Array = NDArray[np.float64]
+_BLOCKS = 300  # groups of runs where no dives are told apart, at most
+_UNITS = {
+    "idle_power": "W", "power_per_pressure": "W/Pa", "power_per_temperature": "W/K",
+    "lost_energy": "J", "delivery": "m3/s", "slip": "m3/s/Pa", "start_volume": "m3",
+}  # fmt: skip
+_VOLTS = 0.005  # relative standard deviation of the voltages that tell whether power goes with them
+_ENOUGH = 15  # runs, five for each of three numbers, that may tell what a start loses
+_KNOWN = 0.8  # share of the runs with a temperature or voltage, for it to count
+_WARM = 0.5  # K, standard deviation of the temperatures that tell a dependence on them
+_LENGTHS = 0.1  # relative standard deviation of the durations that tell what a start loses
+
+
+class Estimate(NamedTuple):
+    """A number and how sure it is."""
+
+    value: float
+    std: float
+    ci95: tuple[float, float]
+    unit: str
+
+
+class Predicted(NamedTuple):
+    """A dive as it was, and as the other dives say it should have been."""
+
+    dive: float
+    runs: int
+    deepest: float  # Pa, greatest pressure
+    energy: float  # J
+    predicted: float  # J
+    volume: float  # m3, NaN where it was not measured
+    predicted_volume: float  # m3
+
+
+@dataclass(frozen=True, kw_only=True)
+class PumpFit:
+    """What runs of a pump tell."""
+
+    runs: PumpRuns
+    kept: NDArray[np.bool_]  # the runs that count
+    parameters: dict[str, Estimate]
+    power_rms: float  # W, of the powers
+    volume_rms: float  # m3, of the volumes; NaN without
+    clusters: int  # dives, or runs where no dives are told apart
+    dives: tuple[Predicted, ...] = field(default=())  # each from all the others
+    without: dict[float, dict[str, float]] = field(default_factory=dict)  # numbers without a dive
+    reference_voltage: float | None = None  # V, at which the powers hold; None: whatever it was
+
+    def value(self, name: str) -> float:
+        """Return a number, 0 where it was not among the unknown ones."""
+        found = self.parameters.get(name)
+        return 0.0 if found is None else found.value
+
+    @property
+    def voltage_share(self) -> Array:
+        """Return each run's voltage over the reference [n], 1 where it is not known or counts."""
+        return _share(self.runs, self.reference_voltage)
+
+
+def fit_pump(
+    runs: PumpRuns,
+    *,
+    power_at: Literal["mean", "end"] = "mean",
+    shortest: float = 0.0,
+    start: bool = True,
+    temperature: bool = True,
+    voltage: bool = True,
+) -> PumpFit:
+    """Return power law and delivery of a pump from its runs.
+
+    power_at: whether a run's power is its mean or was read at its end. shortest: runs shorter than
+    this [s] are left out. start, temperature: whether these terms may be fitted, where the runs can
+    tell them. voltage: whether the battery's may count, where it tells dives better; runs without
+    one are taken as at the reference. Raises NoAnswerError where the runs cannot tell what is
+    asked, naming what lacks.
+    """
+    kept = usable_runs(runs, shortest)
+    dive = _blocks(kept.size) if runs.dive is None else runs.dive
+    kept &= np.isfinite(dive)
+    warm = _warm(runs, kept) if temperature else None
+    if warm is not None:
+        kept &= np.isfinite(warm)
+    design = _Design(runs, warm, power_at, start and _tell_a_start(runs.duration[kept]))
+    groups = np.unique(dive[kept])
+    check_groups(runs, kept, groups)
+    powers, reference = _powers(design, kept, dive, _reference(runs, kept) if voltage else None)
+    parameters = _estimates(design.power_names, powers)
+    power_rms = float(np.sqrt(np.mean(powers.residual**2)))
+    volume_rms, volumes = float("nan"), None
+    measured = np.zeros(kept.size, bool)
+    if runs.volume is not None:
+        measured = kept & np.isfinite(runs.volume)
+        if len(np.unique(dive[measured])) >= FEWEST:
+            volumes = Least.of(*design.volume(measured), dive[measured])
+            parameters |= _estimates(design.volume_names, volumes)
+            volume_rms = float(np.sqrt(np.mean(volumes.residual**2)))
+    without = {
+        number: dict(zip(design.power_names, map(float, x), strict=True))
+        for number, x in powers.without.items()
+    }
+    for number, x in ({} if volumes is None else volumes.without).items():
+        without[number] |= dict(zip(design.volume_names, map(float, x), strict=True))
+    dives = () if runs.dive is None else tuple(
+        _predicted(runs, design, kept, measured, dive, number, powers, volumes)
+        for number in groups
+    )  # fmt: skip
+    return PumpFit(
+        runs=runs, kept=kept, parameters=parameters, power_rms=power_rms, volume_rms=volume_rms,
+        clusters=len(groups), dives=dives, without=without, reference_voltage=reference,
+    )  # fmt: skip
+
+
+class _Design:
+    """The rows of the two linear problems."""
+
+    def __init__(self, runs: PumpRuns, warm: Array | None, power_at: str, start: bool) -> None:
+        self.runs, self.warm, self.end = runs, warm, power_at == "end"
+        self.lost = start and not self.end
+        self.start = start
+        self.power_names = ["idle_power", "power_per_pressure"]
+        self.power_names += ["power_per_temperature"] if warm is not None else []
+        self.power_names += ["lost_energy"] if self.lost else []
+        self.volume_names = ["delivery", "slip"] + (["start_volume"] if start else [])
+        self.share: Array | None = None  # of the reference voltage, where the power goes with it
+
+    def power(self, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """Return matrix, powers [W] and weights of the powers of some rows."""
+        r = self.runs
+        columns = [np.ones(int(rows.sum())), r.pressure[rows]]
+        columns += [] if self.warm is None else [self.warm[rows] - REFERENCE_TEMPERATURE]
+        columns += [-1.0 / r.duration[rows]] if self.lost else []
+        weight = np.ones(int(rows.sum())) if self.end else r.duration[rows]
+        A = np.column_stack(columns)
+        return A if self.share is None else A * self.share[rows, None], r.power[rows], weight
+
+    def volume(self, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """Return matrix, volumes [m3] and weights of the volumes of some rows."""
+        r = self.runs
+        assert r.volume is not None
+        t = r.duration[rows]
+        columns = [t, -r.pressure[rows] * t] + ([-np.ones(t.size)] if self.start else [])
+        return np.column_stack(columns), r.volume[rows], np.ones(t.size)
+
+
+def _powers(
+    design: _Design, kept: NDArray[np.bool_], dive: Array, reference: float | None
+) -> tuple[Least, float | None]:
+    """Return the solution of the powers, and the reference voltage [V] where the voltage counts."""
+    plain = Least.of(*design.power(kept), dive[kept])
+    if reference is None:
+        return plain, None
+    missed = _missed(design, kept, dive, plain)
+    design.share = _share(design.runs, reference)
+    scaled = Least.of(*design.power(kept), dive[kept])
+    if _missed(design, kept, dive, scaled) < missed:
+        return scaled, reference
+    design.share = None
+    return plain, None
+
+
+def _missed(design: _Design, kept: NDArray[np.bool_], dive: Array, found: Least) -> float:
+    """Return the weighted squares of what the powers of each dive are off the others' law."""
+    A, power, weight = design.power(kept)
+    numbers = np.array([found.without[float(number)] for number in dive[kept]])
+    return float(weight @ (power - np.sum(A * numbers, axis=1)) ** 2)
+
+
+def _reference(runs: PumpRuns, kept: NDArray[np.bool_]) -> float | None:
+    """Return the median voltage [V] of the runs, None where too few have one or it is the same."""
+    if runs.voltage is None:
+        return None
+    volts = runs.voltage[kept & (runs.voltage > 0.0)]
+    if volts.size < _KNOWN * kept.sum() or np.std(volts) < _VOLTS * np.mean(volts):
+        return None
+    return float(np.median(volts))
+
+
+def _share(runs: PumpRuns, reference: float | None) -> Array:
+    if runs.voltage is None or reference is None:
+        return np.ones(runs.duration.size)
+    return np.where(runs.voltage > 0.0, runs.voltage / reference, 1.0)
+
+
+def _estimates(names: list[str], found: Least) -> dict[str, Estimate]:
+    factors = np.asarray(student.ppf(0.975, found.freedom), dtype=np.float64)
+    return {
+        name: Estimate(float(x), float(s), (float(x - factor * s), float(x + factor * s)),
+                       _UNITS[name])
+        for name, x, s, factor in zip(names, found.solution, found.std, factors, strict=True)
+    }  # fmt: skip
+
+
+def _predicted(
+    runs: PumpRuns,
+    design: _Design,
+    kept: NDArray[np.bool_],
+    measured: NDArray[np.bool_],
+    dive: Array,
+    number: float,
+    powers: Least,
+    volumes: Least | None,
+) -> Predicted:
+    rows = kept & (dive == number)
+    A, power, _ = design.power(rows)
+    t = runs.duration[rows]
+    energy = float((np.maximum(A @ powers.without[float(number)], 0.0) * t).sum())
+    volume = predicted = float("nan")
+    own = measured & rows
+    if volumes is not None and runs.volume is not None and own.any():
+        B, pressed, _ = design.volume(own)
+        volume = float(pressed.sum())
+        predicted = float(np.maximum(B @ volumes.without[float(number)], 0.0).sum())
+    return Predicted(
+        float(number), int(rows.sum()), float(runs.pressure[rows].max()),
+        float((power * t).sum()), energy, volume, predicted,
+    )  # fmt: skip
+
+
+def _blocks(count: int) -> Array:
+    """Return runs that no column groups as groups of one; of neighbours where they are many."""
+    return np.asarray(np.floor(np.arange(count) * min(1.0, _BLOCKS / max(count, 1))))
+
+
+def _warm(runs: PumpRuns, kept: NDArray[np.bool_]) -> Array | None:
+    """Return the temperatures [degC] where they tell a dependence, None otherwise."""
+    T = runs.temperature
+    if T is None:
+        return None
+    known = kept & np.isfinite(T)
+    if known.sum() < _KNOWN * kept.sum() or np.std(T[known]) < _WARM:
+        return None
+    return T
+
+
+def _tell_a_start(duration: Array) -> bool:
+    """Return whether runs are enough, and of lengths that differ, to tell what a start loses."""
+    return bool(duration.size >= _ENOUGH and np.std(duration) > _LENGTHS * np.mean(duration))

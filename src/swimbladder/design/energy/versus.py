@@ -1,0 +1,185 @@
+"""The same task by a buoyancy engine and by a thruster: hovering with a weight error, profiling.
+
+The question is that of J. Falcao Carneiro et al., IEEE J. Oceanic Eng. (2020); its text was not at
+hand, so that what follows is ours, from momentum theory and the vehicle's own numbers.
+
+Hovering: the vehicle weighs so much too much. The engine presses that volume out once, and then
+holds it; the thruster pushes all the time. After the break-even time the engine has taken less.
+
+Profiling: down to a depth and back at a constant speed. The engine makes the vehicle heavier than
+the water by the drag, then lighter, and follows the neutral volume on the way; the thruster's
+vehicle keeps one volume, neutral half-way between its extremes, and pushes against drag and what is
+left of weight. Processor and sensors take the same in both and are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.design.energy.chain import DriveEnergy
+from swimbladder.design.energy.thruster import Thruster
+from swimbladder.errors import InputError
+from swimbladder.physics.dynamics import drag_force
+from swimbladder.physics.hull import neutral_volume
+
+__all__ = ["Hovering", "Profiling", "hovering", "profiling"]
+
+Array = NDArray[np.float64]
+_POINTS = 200  # depths at which a dive is reckoned
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hovering:
+    """Holding a depth with a weight error; arrays over the column's depths [n]."""
+
+    weight_error: float  # m3 of water that it weighs too much
+    thrust: Array  # N
+    thruster_power: Array  # W
+    engine_energy: Array  # J, once; NaN beyond stall
+    engine_power: Array  # W, of holding the volume and pressing out what leaks in
+    break_even: Array  # s, after which the engine has taken less; inf where never
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profiling:
+    """A dive to each depth and back; arrays over the depths [k]. NaN where it cannot be done."""
+
+    speed: float  # m/s
+    depth: Array  # m, of the turn
+    engine: Array  # J
+    thruster: Array  # J
+    drag: Array  # J, done on the water by the drag down and up: 2 F z where that is the same
+    stroke_depth: float  # m, down to which the stroke suffices
+    break_even: float  # m, from where on the engine takes less; inf where never, 0 where always
+
+
+def hovering(found: DriveEnergy, thruster: Thruster, *, weight_error: float) -> Hovering:
+    """Return what holding each depth costs with a `weight_error` [m3], by engine and thruster.
+
+    Raises InputError where the weight error is not above 0.
+    """
+    _positive(weight_error, "--weight-error", "m3")
+    column, m = found.column, found.map
+    weight = column.density * column.gravity * weight_error
+    power = thruster.checked().power(weight, column.density)
+    once = found.per_volume * (weight_error + m.start_volume) - m.start_saving
+    hold = m.holding_power + np.where(m.leakage > 0.0, m.leakage * found.per_volume, 0.0)
+    spared = power - hold
+    later = np.divide(once, spared, out=np.full(spared.shape, np.inf), where=spared > 0.0)
+    return Hovering(
+        weight_error=weight_error, thrust=weight, thruster_power=power, engine_energy=once,
+        engine_power=hold, break_even=np.where(np.isfinite(once), later, np.inf),
+    )  # fmt: skip
+
+
+def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profiling:
+    """Return what a dive to each depth and back costs at a constant `speed` [m/s].
+
+    Raises InputError where the speed is not above 0.
+    """
+    _positive(speed, "--speed", "m/s")
+    thruster = thruster.checked()
+    vehicle, column = found.vehicle, found.column
+    z = np.linspace(0.0, column.deepest, _POINTS + 1)
+    neutral, density = (
+        np.interp(z, column.depth, v) for v in (neutral_volume(vehicle, column), column.density)
+    )
+    force, back = drag_force(vehicle.drag, speed), -drag_force(vehicle.drag, -speed)
+    weight = density * column.gravity
+    out = np.interp(z, column.depth, found.per_volume)
+    flows = np.isfinite(found.per_volume_in)  # at the very surface nothing presses the oil in
+    into = np.full(z.shape, np.nan)  # nothing comes in: a battery too weak for the valve
+    if flows.any():
+        into = np.interp(z, column.depth[flows], found.per_volume_in[flows])
+    m = found.map
+    idle = m.holding_power + np.where(m.leakage > 0.0, m.leakage * found.per_volume, 0.0)
+    rest = np.interp(z, column.depth, idle)
+    sinking, rising = neutral - force / weight, neutral + back / weight
+    down = _along(sinking, out, into)
+    up = _along(rising[::-1], out[::-1], into[::-1])
+    up = up[-1] - up[::-1]  # from each depth to the surface
+    turn = (rising - sinking) * out
+    surface = (rising[0] - sinking[0]) * into[0]
+    held = 2.0 * _summed(rest, z) / speed
+    engine = np.where(np.isfinite(turn), down + turn + up + surface + held, np.nan)
+    highest = np.maximum.accumulate(np.maximum(rising, sinking))
+    lowest = np.minimum.accumulate(np.minimum(rising, sinking))
+    fits = (highest <= vehicle.stroke.maximum) & (lowest >= vehicle.stroke.minimum)
+    engine = np.where(fits, engine, np.nan)
+    pushed = np.array([
+        _pushed(thruster, k, z, neutral, density, column.gravity, (force, back), speed)
+        for k in range(z.size)
+    ])  # fmt: skip
+    return Profiling(
+        speed=speed, depth=z, engine=engine, thruster=pushed, drag=(force + back) * z,
+        stroke_depth=float(z[np.argmin(fits) - 1]) if not fits.all() and fits[0]
+        else (math.inf if fits.all() else -math.inf),
+        break_even=_crossing(z, engine, pushed),
+    )  # fmt: skip
+
+
+def _positive(value: float, option: str, unit: str) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise InputError(
+            "not above 0", field=option, value=value, unit=unit, remedy="Give a number above 0"
+        )
+
+
+def _summed(values: Array, z: Array) -> Array:
+    """Return the integral over depth down to each depth, by trapezia."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(z)
+    return np.concatenate(([0.0], np.cumsum(steps)))
+
+
+def _along(volume: Array, out: Array, into: Array) -> Array:
+    """Return the energy [J] of following a volume up to each of its places."""
+    change = np.diff(volume)
+    cost = np.where(
+        change > 0.0, 0.5 * (out[1:] + out[:-1]) * change, -0.5 * (into[1:] + into[:-1]) * change
+    )
+    return np.concatenate(([0.0], np.cumsum(np.where(change == 0.0, 0.0, cost))))
+
+
+def _pushed(
+    thruster: Thruster,
+    k: int,
+    z: Array,
+    neutral: Array,
+    density: Array,
+    gravity: float,
+    force: tuple[float, float],
+    speed: float,
+) -> float:
+    """Return the energy [J] of a thruster for a dive to the k-th depth and back.
+
+    force: the drag down and up [N].
+    """
+    if k == 0:
+        return 0.0
+    part = neutral[: k + 1]
+    fixed = 0.5 * (part.min() + part.max())
+    lift = density[: k + 1] * gravity * (fixed - part)
+    power = sum(
+        thruster.power(one + way * lift, density[: k + 1], speed)
+        for one, way in zip(force, (1.0, -1.0), strict=True)
+    )  # fmt: skip
+    return float(_summed(np.asarray(power), z[: k + 1])[-1] / speed)
+
+
+def _crossing(z: Array, engine: Array, thruster: Array) -> float:
+    """Return the depth from which on the engine takes less than the thruster, as far as known."""
+    known = np.isfinite(engine) & (z > 0.0)
+    dearer = known & (engine >= thruster)
+    if not known.any():
+        return math.inf
+    if not dearer.any():
+        return 0.0
+    last = int(np.flatnonzero(dearer)[-1])
+    if last == int(np.flatnonzero(known)[-1]):
+        return math.inf
+    gap = engine[last : last + 2] - thruster[last : last + 2]
+    return float(z[last] + (z[last + 1] - z[last]) * gap[0] / (gap[0] - gap[1]))

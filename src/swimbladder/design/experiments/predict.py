@@ -1,0 +1,134 @@
+"""What `identify` will say of a set of records, before there are any, and what it rests on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.design.experiments.flight import Flight
+from swimbladder.design.experiments.knowledge import Question, problem_of, told
+from swimbladder.design.experiments.setting import Setting
+from swimbladder.estimation.motion.colour import Colour
+from swimbladder.estimation.motion.estimates import Estimate, estimate
+from swimbladder.estimation.motion.fit import Fit
+from swimbladder.estimation.motion.model import NAMES
+from swimbladder.estimation.motion.problem import Problem
+from swimbladder.estimation.motion.result import Finding
+from swimbladder.estimation.motion.tell import untold
+
+__all__ = ["Prediction", "predict"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """The covariance of a set of records, and where it comes from. Arrays in the order of names.
+
+    parameters: as `identify` will report them, its standard deviations and intervals. sources: the
+    shares of the variance that are due to the depths' noise, to the neutral volumes and to what was
+    known before. drift: what a drift of the neutral volumes adds, 1 sigma, in their units; `share`
+    puts both together, as a share of the parameter. open: what the records leave open.
+    """
+
+    names: tuple[str, ...]
+    parameters: dict[str, Estimate]
+    covariance: Array  # [p, p], of the values in SI
+    sources: dict[str, dict[str, float]]
+    drift: dict[str, float]
+    share: dict[str, float]
+    open: tuple[Finding, ...]
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation of the parameters [p, p]."""
+        size = np.sqrt(np.diag(self.covariance))
+        result: Array = self.covariance / np.outer(size, size)
+        return result
+
+
+def predict(flights: Sequence[Flight], question: Question, setting: Setting) -> Prediction:
+    """Return what the records of these flights will tell, all fitted together."""
+    problem = problem_of(flights, question, setting)
+    values, p = question.values, problem.shared
+    x = problem.begin(values)
+    for at in problem.starts_at[:-1]:
+        x[at + 1] = 0.0
+    J = problem.slope(x) / setting.depth_noise
+    data, P = J.T @ J, problem.prior_rows(x)[1]
+    C = _inverse(data + P.T @ P)
+    per = problem.per_entry(x)
+    drifts = [told(flight, question, values, setting).drift for flight in flights]
+    return Prediction(
+        names=problem.names,
+        parameters={
+            name: estimate(
+                values[name], float(per[i] * math.sqrt(C[i, i])), NAMES[name].unit,
+                logarithmic=problem.logarithmic[i],
+            )
+            for i, name in enumerate(problem.names)
+        },
+        covariance=C[:p, :p] * np.outer(per, per),
+        sources=_sources(problem, C, data, P),
+        **_drifted(problem, C, per, drifts, question, setting),
+        open=tuple(untold(problem, _fit(problem, x, J, data, P, C, setting))),
+    )  # fmt: skip
+
+
+def _inverse(M: Array) -> Array:
+    """Return the inverse of an information matrix; what nothing tells has a huge variance."""
+    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+    values, vectors = np.linalg.eigh(M / np.outer(size, size))
+    values = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))
+    result: Array = (vectors / values) @ vectors.T / np.outer(size, size)
+    return result
+
+
+def _sources(problem: Problem, C: Array, data: Array, P: Array) -> dict[str, dict[str, float]]:
+    """Return each variance's shares: C = C (data + priors) C, a sum over what the errors are of."""
+    parts = {
+        "noise": data,
+        "neutral volume": P[len(problem.priors) :].T @ P[len(problem.priors) :],
+        "prior": P[: len(problem.priors)].T @ P[: len(problem.priors)],
+    }
+    variance = {source: np.diag(C @ part @ C) for source, part in parts.items()}
+    whole = np.sum(list(variance.values()), axis=0)
+    return {
+        name: {source: float(v[i] / whole[i]) for source, v in variance.items()}
+        for i, name in enumerate(problem.names)
+    }
+
+
+def _drifted(
+    problem: Problem, C: Array, per: Array, drifts: Sequence[Array], question: Question,
+    setting: Setting,
+) -> dict[str, dict[str, float]]:  # fmt: skip
+    """Return what drifts add to the error [unit], and the shares of it all."""
+    p = problem.shared
+    size = np.array([question.size(name) for name in problem.names])
+    shares = C[:p, :p] * np.outer(per / size, per / size)
+    moved = shares @ np.stack(drifts, axis=1) * setting.drift_std
+    off = np.sqrt((moved**2).sum(axis=1))
+    both = np.sqrt(np.diag(shares) + off**2)
+    return {
+        "drift": {n: float(d) for n, d in zip(problem.names, off * size, strict=True)},
+        "share": {n: float(s) for n, s in zip(problem.names, both, strict=True)},
+    }
+
+
+def _fit(
+    problem: Problem, x: Array, J: Array, data: Array, P: Array, C: Array, setting: Setting
+) -> Fit:
+    """Return the fit that would be made if the records were as predicted."""
+    n, k = len(problem.measured), len(problem.experiments)
+    information: Array = data + P.T @ P
+    return Fit(
+        x=x, residual=np.zeros(n), weight=np.ones(n), noise=np.full(k, setting.depth_noise),
+        objective=0.0, slope=J * setting.depth_noise, colour=((),) * k,
+        noise_colour=(Colour((), 1.0),) * k,
+        information=information, covariance=C, data=data,
+    )  # fmt: skip

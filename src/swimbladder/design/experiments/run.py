@@ -1,0 +1,295 @@
+"""From a vehicle and a pool to the experiments to run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from swimbladder.control.protocol import Does
+from swimbladder.design.experiments.choose import criterion as criterion_of
+from swimbladder.design.experiments.draws import doubt, vehicles
+from swimbladder.design.experiments.findings import judge
+from swimbladder.design.experiments.knowledge import FEWEST, Question
+from swimbladder.design.experiments.library import sizes
+from swimbladder.design.experiments.result import Design
+from swimbladder.design.experiments.search import Search, search
+from swimbladder.design.experiments.setting import Ramps, Release, Setting, ramps
+from swimbladder.design.experiments.weigh import curve, deeper, weigh
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.estimation.comparison.record import piston_area
+from swimbladder.estimation.motion import NAMES, NEUTRAL_STD, Prior
+from swimbladder.estimation.motion.model import check_names, default_names, model_of
+from swimbladder.sim.pool import pool_parameters, run_procedure
+from swimbladder.units import format_quantity
+from swimbladder.vehicle import IdentifiedMotion, Vehicle
+
+__all__ = ["DRIFT_STD", "PAPER", "design_experiment", "paper_steps"]
+
+DRIFT_STD = 0.1e-6 / 60.0  # m3/s
+PAPER = tuple(sign * dV for dV in (20e-6, 30e-6, 45e-6, 75e-6) for sign in (1.0, -1.0))  # m3, 3.1
+_TIME = 3600.0  # s
+_SETTLING = 120.0  # s, where no procedure can be simulated
+_SETTLING_STEP = 30e-6  # m3, of the procedure that is simulated for it
+_DEEPER = 1.5
+_LARGER = 2.0  # of the largest size that a design has: what the curve goes to
+_WALK_TIME = 100.0  # s, over which a random walk is taken for a steady drift
+_UNLIMITED = 10_000
+_LEAST_TRAVEL = 0.2  # m
+
+
+def design_experiment(
+    vehicle: Vehicle, *, pool_depth: float, sensor_std: float | None = None,
+    quantum: float | None = None, sample_time: float | None = None,
+    neutral_std: float | None = None, drift_std: float | None = None,
+    free: Sequence[str] | None = None, fixed: Mapping[str, float] | None = None,
+    priors: Mapping[str, Prior] | None = None, drag: str | None = None, time: float | None = None,
+    releases: int | None = None, clearance: float = 0.75, settling: float | None = None,
+    rest: float = 5.0, longest: float = 240.0, moves: int = 4, largest: float = math.inf,
+    criterion: str = "largest", uncertainty: float | None = None,
+    against: Sequence[float] | None = None, advance: Callable[[float], None] | None = None,
+) -> Design:  # fmt: skip
+    """Return the experiments that tell most of a vehicle's motion in a pool time.
+
+    pool_depth, clearance: of the bottom, and of all records from it and from the surface [m].
+    sensor_std, quantum: of the logged depth [m]; sample_time [s]; neutral_std [m3] and drift_std
+    [m3/s]: of an experiment's neutral volume, 1 sigma: where not given, those of the vehicle. free,
+    fixed, priors, drag: as for `identify`. time: in the pool [s], that of the set `against` where
+    not given, else an hour; releases: at most. settling: until at rest before a release [s],
+    simulated where not given; rest: of that on record [s]; longest: of a record [s]; moves: changes
+    of volume in a record, at most; largest: change of volume [m3]. criterion: largest, D, A, or
+    names of parameters. uncertainty: 1 sigma, as a share, of the vehicle's values, over which the
+    design is good on average. against: volume changes [m3] of single steps to compare with, the
+    paper's eight where the vehicle's motion is an identified one; none where empty. advance: told
+    the share of the work done since last called.
+
+    Raises InputError where vehicle, pool and time leave nothing to do. What the experiments will
+    not tell is among the findings.
+    """
+    tell = advance or (lambda _: None)
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
+        question = _question(vehicle, free, dict(fixed or {}), dict(priors or {}), drag)
+        settled, how = _settling(vehicle, settling, pool_depth, clearance)
+        s = _setting(
+            vehicle, pool_depth=pool_depth, clearance=clearance, sensor_std=sensor_std,
+            quantum=quantum, sample_time=sample_time, neutral_std=neutral_std, drift_std=drift_std,
+            settling=settled, rest=rest, longest=longest, largest=largest, moves=moves,
+        )  # fmt: skip
+        tell(0.05)
+        limits = ramps(vehicle, s)
+        if uncertainty is not None and not 0.0 <= uncertainty <= 1.0:
+            raise InputError(
+                "it must be between 0 and 100 %", field="--uncertainty", value=uncertainty,
+                remedy="Give the share by which the vehicle may be off, like 30%",
+            )  # fmt: skip
+        others = vehicles(question, doubt(question, vehicle, uncertainty))
+        finder = Search(
+            question=question, setting=s, ramps=limits, vehicles=others,
+            judge=criterion_of(criterion, question.names),
+        )  # fmt: skip
+        rival = _rival(vehicle, against, limits, s)
+        budget = time or (sum(finder.of(r).cost for r in rival) if rival else _TIME)
+        chosen = search(finder, budget, releases or _UNLIMITED, lambda part: tell(0.75 * part))
+        ours = weigh(chosen, question, s, limits, others)
+        tell(0.07)
+        theirs = weigh(rival, question, s, limits, others) if rival else None
+        tell(0.07)
+        ends = sizes(question, limits, s)
+        end = min(limits.most, -limits.least, _LARGER * ends[-1])
+        buys = curve(question, s, limits, (ends[0], end), budget)
+        stretched = deeper(chosen, question, s, limits, _DEEPER)
+        tell(0.06)
+    return Design(
+        vehicle=vehicle.name, setting=s, question=question, criterion=criterion, budget=budget,
+        chosen=ours, against=theirs, rival=_rival_name(against), curve=buys,
+        piston_area=piston_area(vehicle), findings=judge(ours, buys, stretched, question, s),
+        assumptions=_assumptions(question, s, how, len(others)),
+    )  # fmt: skip
+
+
+def paper_steps(volumes: Sequence[float], setting: Setting) -> list[Release]:
+    """Return single steps as in section 3.1: up from near the bottom, down from near the surface.
+
+    volumes [m3].
+    """
+    return [
+        Release.to_and_fro(setting.deepest if v > 0.0 else setting.shallowest, [v], [])
+        for v in volumes
+    ]
+
+
+def _question(
+    vehicle: Vehicle, free: Sequence[str] | None, fixed: dict[str, float],
+    priors: dict[str, Prior], drag: str | None,
+) -> Question:  # fmt: skip
+    model = model_of(vehicle, law=drag, bottom_depth=math.inf)
+    names = tuple(free) if free is not None else default_names(model.law, list(fixed))
+    check_names(names, model, voltage=False, option="--free")
+    check_names(list(fixed), model, voltage=False, option="--set")
+    check_names(list(priors), model, voltage=False, option="--prior")
+    if not names:
+        raise InputError("nothing is left to identify", field="--free", remedy="Free a parameter")
+    for name in priors:
+        if name not in names:
+            raise InputError(
+                "it has a prior, but is not identified", field="--prior", value=name,
+                remedy=f"Name it in --free, which has {', '.join(names)}",
+            )  # fmt: skip
+    for name in names:
+        if name in fixed:
+            raise InputError(
+                "it is both set and to be identified", field="--set", value=name,
+                remedy="Leave it out of --free or of --set",
+            )  # fmt: skip
+    given = {**fixed, **{name: prior.mean for name, prior in priors.items()}}
+    for name, value in given.items():
+        if NAMES[name].logarithmic and not value > 0.0:
+            raise InputError(
+                "it must be above 0", field="--set" if name in fixed else "--prior", value=value,
+                unit=NAMES[name].unit, remedy="Check the number and its unit",
+            )  # fmt: skip
+    for name, prior in priors.items():
+        if not prior.std > 0.0:
+            raise InputError(
+                "its deviation has to be above 0", field="--prior",
+                value=f"{name} +- {prior.std:g}", remedy="Use --set for what is known exactly",
+            )  # fmt: skip
+    return Question(model, names, fixed, priors)
+
+
+def _settling(
+    vehicle: Vehicle, given: float | None, pool_depth: float, clearance: float
+) -> tuple[float, str]:
+    """Return the time until a vehicle is at rest [s], and where it comes from."""
+    if given is not None:
+        _check("--settling", given, "s", least=0.0)
+        return given, "as given"
+    try:
+        p = pool_parameters(vehicle, dV=_SETTLING_STEP, pool_depth=pool_depth, clearance=clearance)
+        run = run_procedure(vehicle, p, pool_depth=pool_depth, seed=None)
+    except (InputError, NoAnswerError):
+        return _SETTLING, "assumed: the procedure cannot be simulated with this vehicle's loop"
+    ends = [time for time, _, _ in run.phases[1:]]
+    waits = [
+        end - began
+        for (began, _, does), end in zip(run.phases[:-1], ends, strict=True)
+        if does in (Does.HOLD, Does.HALT)
+    ]
+    return sum(waits) / 2.0, "simulated: the procedure of section 3.1 with the vehicle's own loop"
+
+
+def _setting(
+    vehicle: Vehicle, *, sensor_std: float | None, quantum: float | None,
+    sample_time: float | None, neutral_std: float | None, drift_std: float | None, **others: Any,
+) -> Setting:  # fmt: skip
+    known, sensors = vehicle.identified, vehicle.sensors
+    noise = sensor_std
+    if noise is None:
+        noise = (known.depth_noise if known is not None else 0.0) or sensors.depth_noise
+    if quantum is None:
+        quantum = sensors.depth_quantum
+    if not (noise > 0.0 or quantum > 0.0):
+        raise InputError(
+            "the noise of the depth sensor is not known"
+            if sensor_std is None
+            else "it must be above 0 where there is no --quantum: no sensor is without either",
+            field="--sensor-std", value=sensor_std, unit="m",
+            remedy="Give it, 1 sigma, like 2 mm: log the vehicle lying on the bottom to see it",
+        )  # fmt: skip
+    if neutral_std is None:
+        neutral_std = (known.neutral_std if known is not None else 0.0) or NEUTRAL_STD
+    if drift_std is None:
+        walk = known.neutral_walk if known is not None else 0.0
+        drift_std = walk / math.sqrt(_WALK_TIME) if walk > 0.0 else DRIFT_STD
+    if sample_time is None:
+        sample_time = vehicle.controller.sample_time if vehicle.controller is not None else 0.3
+    s = Setting(
+        noise=noise, quantum=quantum, sample_time=sample_time, neutral_std=neutral_std,
+        drift_std=drift_std, **others,
+    )  # fmt: skip
+    _check_all(s)
+    return s
+
+
+def _check_all(s: Setting) -> None:
+    _check("--sensor-std", s.noise, "m", least=0.0)
+    _check("--quantum", s.quantum, "m", least=0.0)
+    _check("--sample-time", s.sample_time, "s", above=0.0)
+    _check("--neutral-std", s.neutral_std, "m3", above=0.0, finite=False)
+    _check("--drift", s.drift_std, "m3/s", least=0.0)
+    _check("--clearance", s.clearance, "m", above=0.0)
+    _check("--rest", s.rest, "s", least=0.0)
+    _check("--longest", s.longest, "s", above=FEWEST * s.sample_time)
+    _check("--largest", s.largest, "m3", above=0.0, finite=False)
+    _check("--moves", s.moves, "", least=1)
+    if s.deepest - s.shallowest < _LEAST_TRAVEL:
+        raise InputError(
+            f"a pool of {s.pool_depth:g} m leaves no travel, {s.clearance:g} m from surface and "
+            "bottom",
+            field="--pool-depth", value=s.pool_depth, unit="m",
+            remedy="Choose a deeper pool or a smaller --clearance",
+        )  # fmt: skip
+
+
+def _check(
+    field: str, value: float, unit: str, *, least: float = -math.inf, above: float = -math.inf,
+    finite: bool = True,
+) -> None:  # fmt: skip
+    """Raise InputError for a number that is out of bounds."""
+    if value >= least and value > above and (math.isfinite(value) or not finite):
+        return
+    bound = f"above {above:g}" if above > -math.inf else f"{least:g} or more"
+    raise InputError(
+        f"it must be {bound}", field=field, value=value, unit=unit,
+        remedy="Check the number and its unit",
+    )  # fmt: skip
+
+
+def _rival(
+    vehicle: Vehicle, against: Sequence[float] | None, limits: Ramps, setting: Setting
+) -> list[Release]:
+    """Return the releases to compare with; raises InputError for what the stroke cannot do."""
+    if against is None:
+        fits = all(limits.least <= dV <= limits.most for dV in PAPER)
+        own = isinstance(vehicle.motion, IdentifiedMotion)
+        return paper_steps(PAPER, setting) if fits and own else []
+    for dV in against:
+        if dV == 0.0 or not limits.least <= dV <= limits.most:
+            raise InputError(
+                f"this change of volume is not within {1e6 * limits.least:.0f} to "
+                f"{1e6 * limits.most:.0f} cm3, or none",
+                field="--against", value=f"{1e6 * dV:g} cm3", unit="cm3",
+                remedy="Choose others",
+            )  # fmt: skip
+    return paper_steps(against, setting)
+
+
+def _rival_name(against: Sequence[float] | None) -> str:
+    if against is None or tuple(against) == PAPER:
+        return "the paper's eight"
+    return f"steps of {', '.join(f'{1e6 * dV:g}' for dV in against)} cm3"
+
+
+def _assumptions(question: Question, s: Setting, how: str, count: int) -> tuple[str, ...]:
+    law, held = question.model.law, question.fixed
+    known = "not known"
+    if math.isfinite(s.neutral_std):
+        known = f"known to {format_quantity(s.neutral_std, 'm3', 'cm3', 2)}"
+    said = [
+        f"drag law: {law}",
+        f"depths every {s.sample_time:g} s, with a noise of {1e3 * s.depth_noise:.2g} mm (1 sigma, "
+        "rounding included), white",
+        f"each record begins {s.rest:g} s before the release; its neutral volume is {known} and "
+        f"drifts by {format_quantity(60.0 * s.drift_std, 'm3', 'cm3', 2)} a minute (1 sigma)",
+        f"{s.settling:.0f} s until at rest before a release ({how})",
+        f"good on average over {count} vehicles that it may be",
+        "volumes and depths are measured without an error of scale: 1 % of either is 1 % of K2",
+    ]
+    said += [
+        f"prior: {name} = {prior.mean:g} +- {prior.std:g} {NAMES[name].unit}"
+        for name, prior in question.priors.items()
+    ]
+    said += [f"held: {name} = {value:g} {NAMES[name].unit}" for name, value in held.items()]
+    return tuple(said)

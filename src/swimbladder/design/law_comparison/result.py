@@ -1,0 +1,199 @@
+"""What a bench found, for a person, for a table and for JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control.records import leaves
+from swimbladder.design.law_comparison.contenders import PAPER, Contender, LeftOut
+from swimbladder.design.law_comparison.fly import Result
+from swimbladder.design.law_comparison.pareto import front
+from swimbladder.design.law_comparison.scenarios import Placed, Places
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["COSTS", "Bench", "Row", "Trace"]
+
+Array = NDArray[np.float64]
+
+# What a law is judged by: name, unit, scenario, and the number of a Result that is to be small.
+COSTS = (
+    ("settling", "s", "step-down", "settle_median"),
+    ("hold", "m", "hold", "rms"),
+    ("drift", "m", "hold-drift", "rms"),
+    ("travel", "m3/s", "hold", "volume_rate"),
+    ("starts", "1/s", "hold", "starts_and_turns"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trace:
+    """The first run of a scenario: time [s] and depth [m]."""
+
+    time: Array
+    depth: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A contender with its result on every scenario, by name."""
+
+    who: Contender
+    results: Mapping[str, Result]
+    traces: Mapping[str, Trace]
+
+    def cost(self, scenario: str, field: str) -> float:
+        """Return one number of a result; nan where the scenario was not flown."""
+        found = self.results.get(scenario)
+        return math.nan if found is None else float(getattr(found, field))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """Every contender on every scenario, with the bounds that no controller can beat."""
+
+    vehicle: Vehicle
+    where: Places
+    placed: Sequence[Placed]
+    rows: Sequence[Row]
+    left_out: Sequence[LeftOut]
+    bounds: Mapping[str, float]  # s, of each step that has one
+    no_bound: Mapping[str, str]  # why a step has none
+    no_energy: str | None  # why the energy is not known
+    assumptions: Sequence[str]
+    runs: int
+    seed: int
+
+    @property
+    def reference(self) -> Row:
+        """The row that others are measured by: the paper's, a tuned cascade, or the file's."""
+        papers = [row for row in self.rows if row.who.tuning.startswith(PAPER)]
+        cascades = [row for row in self.rows if row.who.law.name == "cascade"]
+        return [*papers, *cascades, *self.rows][0]
+
+    @property
+    def unbeaten(self) -> tuple[bool, ...]:
+        """Whether no other row is nowhere worse and somewhere better in all of COSTS."""
+        costs = [[row.cost(s, field) for _, _, s, field in COSTS] for row in self.rows]
+        return tuple(bool(one) for one in front(costs))
+
+    def worst_overshoot(self, at: str) -> tuple[float, ...]:
+        """Return each row's largest 95 % overshoot over the nominal vehicle's steps there [-]."""
+        names = [
+            p.scenario.name
+            for p in self.placed
+            if p.is_step and not p.scenario.drawn and p.scenario.at == at
+        ]
+        return tuple(
+            max((row.cost(name, "overshoot_95") for name in names), default=math.nan)
+            for row in self.rows
+        )
+
+    @property
+    def lost(self) -> tuple[float, ...]:
+        """The share of runs that each row lost in its worst scenario [-]."""
+        return tuple(max(r.lost for r in row.results.values()) for row in self.rows)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What a person wants to know first: the soonest, the stillest, the thriftiest."""
+        said = []
+        bound = self.bounds.get("step-down")
+        alone = len(self.rows) == 1
+        for words, scenario, field, shown in (
+            (f"settles{'' if alone else ' soonest'} after a step, in 95 % of the runs",
+             "step-down", "settle_95", _seconds),
+            (f"holds{'' if alone else ' best'} while the trim drifts", "hold-drift", "rms",
+             _millimetres),
+            (f"moves{'' if alone else ' least'} while holding", "hold", "volume_rate", _litres),
+        ):  # fmt: skip
+            ranked = sorted(
+                (row for row in self.rows if math.isfinite(row.cost(scenario, field))),
+                key=lambda row: row.cost(scenario, field),
+            )
+            if not ranked:
+                continue
+            best, reference = ranked[0], self.reference
+            text = f"{best.who.name} {words}: {shown(best.cost(scenario, field))}"
+            if field == "settle_95" and bound:
+                ratio = best.cost(scenario, field) / bound
+                text += f", {ratio:.2f} of the least that any controller needs ({bound:.1f} s)"
+            if reference is not best:
+                text += f"; {reference.who.name}: {shown(reference.cost(scenario, field))}"
+            said.append(text + ".")
+        return tuple(said)
+
+    def assuming(self, words: str) -> Bench:
+        """Return it with one more thing that was assumed, in words."""
+        return replace(self, assumptions=(*self.assumptions, words))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in SI units, ready for JSON."""
+        return {
+            "vehicle": self.vehicle.name,
+            "runs": self.runs,
+            "seed": self.seed,
+            "depths_m": [self.where.least, self.where.most],
+            "scenarios": {
+                p.scenario.name: {
+                    "words": p.scenario.words,
+                    "start_m": p.start,
+                    "target_m": p.target,
+                    "duration_s": p.duration,
+                    "least_time_s": self.bounds.get(p.scenario.name),
+                    "no_least_time": self.no_bound.get(p.scenario.name),
+                }
+                for p in self.placed
+            },
+            "laws": [
+                {
+                    "name": row.who.name,
+                    "law": row.who.law.name,
+                    "tuning": row.who.tuning,
+                    "unbeaten": unbeaten,
+                    "reference": row is self.reference,
+                    "sample_time_s": row.who.sample_time,
+                    "parameters": leaves(row.who.parameters),
+                    "results": {name: result_json(r) for name, r in row.results.items()},
+                }
+                for row, unbeaten in zip(self.rows, self.unbeaten, strict=True)
+            ],
+            "left_out": {one.name: one.why for one in self.left_out},
+            "energy_unknown": self.no_energy,
+            "assumptions": list(self.assumptions),
+        }
+
+
+def result_json(r: Result) -> dict[str, float]:
+    """Return a result under names that say the unit."""
+    return {
+        "settled": r.settled,
+        "settle2_median_s": r.settle_median,
+        "settle2_95_s": r.settle_95,
+        "overshoot_median": r.overshoot_median,
+        "overshoot_95": r.overshoot_95,
+        "rms_m": r.rms,
+        "farthest_m": r.farthest,
+        "volume_rate_m3_s": r.volume_rate,
+        "starts_1_s": r.starts,
+        "turns_1_s": r.turns,
+        "power_W": r.power,
+        "lost": r.lost,
+    }
+
+
+def _seconds(x: float) -> str:
+    return f"{x:.1f} s" if math.isfinite(x) else "not within the time watched"
+
+
+def _millimetres(x: float) -> str:
+    return f"{1e3 * x:.2g} mm rms" if math.isfinite(x) else "unknown"
+
+
+def _litres(x: float) -> str:
+    return f"{3.6e6 * x:.2g} L/h" if math.isfinite(x) else "unknown"

@@ -1,0 +1,193 @@
+"""`bench`: contenders found, flown on every scenario, and kept as they come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swimbladder.design.law_comparison.bounds import Asked, least_times
+from swimbladder.design.law_comparison.contenders import (
+    GOALS,
+    Contender,
+    LeftOut,
+    choose_laws,
+    own,
+    tuned,
+)
+from swimbladder.design.law_comparison.fly import Result, fly, no_energy, summarise
+from swimbladder.design.law_comparison.result import Bench, Row, Trace
+from swimbladder.design.law_comparison.scenarios import (
+    LOW_SUPPLY,
+    SCENARIOS,
+    Placed,
+    Scenario,
+    place,
+    places,
+)
+from swimbladder.design.tuning.region import Region, region
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.jobs import Store, each
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["bench"]
+
+_TUNING, _FLYING = 0.7, 0.3  # shares of the work
+_PATIENCE = 180.0  # s, with the linear programs of the least times
+_FEWEST = 2
+
+
+def bench(
+    vehicle: Vehicle, *, laws: Sequence[str] | None = None, runs: int = 40,
+    depths: tuple[float, float] | None = None, seed: int = 1, sample_time: float | None = None,
+    scenarios: Sequence[Scenario] = SCENARIOS, tune_for: Sequence[str] = GOALS,
+    parts: Path | None = None, advance: Callable[[float], None] | None = None,
+) -> Bench:  # fmt: skip
+    """Return every law on the same scenarios, each tuned fast and tuned quiet for this vehicle.
+
+    laws: names; all that fit the actuator where not given. The vehicle's own controller is always
+    flown, and the paper's where the vehicle is the paper's. runs: of each scenario, with noise of
+    the vehicle's sensors. depths [m]: least and greatest; what rating, stroke and supply allow
+    where not given. sample_time [s]: of the tuned laws; the controller's where not given.
+    tune_for: goals of `tune`. parts: a folder where what is done is kept; a bench that was stopped
+    goes on there. advance: told the share of the work done.
+
+    Raises InputError for what cannot be; NoAnswerError where no controller is left to fly.
+    """
+    tell = advance or (lambda _: None)
+    if runs < _FEWEST:
+        raise InputError(
+            "too few runs", field="--runs", value=runs, remedy=f"Give {_FEWEST} or more"
+        )
+    if seed < 0:
+        raise InputError("must be 0 or more", field="--seed", value=seed, remedy="Give --seed 1")
+    names, left_out = choose_laws(vehicle, laws)
+    where = places(vehicle, depths)
+    placed = [place(one, vehicle, where) for one in scenarios]
+    around = region(vehicle)
+    store = Store(parts)
+    shallow = place(SCENARIOS[0], vehicle, where)
+    contenders: list[Contender] = own(vehicle)
+    jobs = [(name, goal) for name in names for goal in tune_for]
+    with ThreadPoolExecutor(1) as aside:  # they have a process of their own
+        bounding = aside.submit(_bounds, vehicle, placed, store)
+        for name, goal in jobs:
+            found = tuned(
+                vehicle, name, goal, where=where, step=(shallow.start, shallow.target),
+                sample_time=sample_time, store=store,
+                advance=lambda share: tell(_TUNING * share / len(jobs)),
+            )  # fmt: skip
+            if isinstance(found, LeftOut):
+                left_out.append(found)
+            else:
+                contenders.append(found)
+        if not contenders:
+            why = "; ".join(f"{one.name}: {one.why}" for one in left_out)
+            raise NoAnswerError(f"there is no controller to bench. {why}")
+        rows = _fly_all(
+            vehicle, contenders, placed, store, around=around, runs=runs, seed=seed,
+            advance=lambda share: tell(share * (_FLYING if jobs else _FLYING + _TUNING)),
+        )  # fmt: skip
+        bounds, missing = bounding.result()
+    return Bench(
+        vehicle=vehicle, where=where, placed=placed, rows=rows, left_out=left_out, bounds=bounds,
+        no_bound=missing, no_energy=no_energy(vehicle), runs=runs, seed=seed,
+        assumptions=_assumptions(vehicle, where.words, around),
+    )  # fmt: skip
+
+
+def _bounds(
+    vehicle: Vehicle, placed: Sequence[Placed], store: Store
+) -> tuple[dict[str, float], dict[str, str]]:
+    """Return the least time of each step of the nominal vehicle [s], or why there is none."""
+    steps = [p for p in placed if p.is_step]
+    missing = {p.scenario.name: "each vehicle drawn has its own" for p in steps if p.scenario.drawn}
+    steps = [p for p in steps if not p.scenario.drawn]
+    if vehicle.controller is None:
+        why = "the vehicle has no controller, so no sample time"
+        return {}, missing | {p.scenario.name: why for p in steps}
+    supply = None if vehicle.supply is None else vehicle.supply.voltage
+    asked = {
+        p.scenario.name: Asked(
+            p.start, p.target, None if supply is None else p.scenario.supply * supply
+        )
+        for p in steps
+    }
+    kept = {name: store.read("least-time", vehicle, one) for name, one in asked.items()}
+    wanted = [name for name in asked if kept[name] is None]
+    if wanted:
+        found = least_times(vehicle, [asked[name] for name in wanted], limit=_PATIENCE)
+        for name, answer in zip(wanted, found, strict=True):
+            kept[name] = answer
+            if "late" not in answer:
+                store.write(answer, "least-time", vehicle, asked[name])
+    answers = {name: answer for name, answer in kept.items() if answer is not None}
+    bounds = {name: float(one["time"]) for name, one in answers.items() if "time" in one}
+    return bounds, missing | {
+        name: str(one["why"]) for name, one in answers.items() if "time" not in one
+    }
+
+
+def _fly_all(
+    vehicle: Vehicle, contenders: Sequence[Contender], placed: Sequence[Placed], store: Store, *,
+    around: Region, runs: int, seed: int, advance: Callable[[float], None],
+) -> list[Row]:  # fmt: skip
+    """Fly every contender on every scenario; two or more at a time, as kernels let others run."""
+
+    def one(job: tuple[Contender, Placed]) -> tuple[Result, Trace]:
+        who, p = job
+        inputs = (
+            "flown", vehicle, who.law.name, who.parameters, who.sample_time, p.scenario, p.start,
+            p.target, p.duration, runs, seed,
+        )  # fmt: skip
+
+        def flight() -> dict[str, Any]:
+            flown, time, depth = fly(vehicle, who, p, region=around, runs=runs, seed=seed)
+            result = summarise(flown, is_step=p.is_step)
+            return {"result": result._asdict(), "time": time.tolist(), "depth": depth.tolist()}
+
+        return _read(store.get(flight, *inputs))
+
+    jobs = [(who, p) for who in contenders for p in placed]
+    found: dict[int, tuple[Result, Trace]] = {}
+    for n, answer in each(lambda n: one(jobs[n]), range(len(jobs))):
+        found[n] = answer
+        advance(1.0 / len(jobs))
+    rows = []
+    for n, who in enumerate(contenders):
+        named = {
+            p.scenario.name: found[n * len(placed) + k] for k, p in enumerate(placed)
+        }  # fmt: skip
+        rows.append(
+            Row(
+                who=who,
+                results={name: result for name, (result, _) in named.items()},
+                traces={name: trace for name, (_, trace) in named.items()},
+            )
+        )
+    return rows
+
+
+def _read(kept: dict[str, Any]) -> tuple[Result, Trace]:
+    trace = Trace(time=np.array(kept["time"]), depth=np.array(kept["depth"]))
+    return Result(**kept["result"]), trace
+
+
+def _assumptions(vehicle: Vehicle, range_words: str, around: Region) -> tuple[str, ...]:
+    sensors = vehicle.sensors
+    noise = f"depth noise of {1e3 * sensors.depth_noise:.2g} mm"
+    if sensors.depth_quantum > 0.0:
+        noise += f" and a quantum of {1e3 * sensors.depth_quantum:.2g} mm"
+    found = [f"depths {range_words}", noise]
+    if vehicle.supply is not None:
+        weak = LOW_SUPPLY * vehicle.supply.voltage
+        found.append(f"a low battery gives {weak:.3g} V, which the tuned laws reckon with")
+    found += [f"vehicles drawn: {words}" for words in around.words]
+    found.append(
+        "in swell depths are those in the water, which carries the vehicle along: the sensor reads "
+        "of the waves what the length of the hull leaves"
+    )
+    return tuple(found)

@@ -1,0 +1,226 @@
+"""The linear analysis of a vehicle, gathered: what it is, what it says, as JSON and as text."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from swimbladder.design.linear.closed import ClosedLoop, close
+from swimbladder.design.linear.depths import (
+    NeutralVolume,
+    Stall,
+    StiffHull,
+    double_integrator_phase_margin,
+    doubling_time,
+    neutral_volume,
+    stall,
+    stiff_hull,
+)
+from swimbladder.design.linear.findings import findings
+from swimbladder.design.linear.json_types import closed_loop_json, plain, routh_json
+from swimbladder.design.linear.models import (
+    OperatingPoint,
+    StateSpace,
+    linearise,
+    operating_point,
+    polynomials,
+)
+from swimbladder.design.linear.routh import RouthTable, routh_table
+from swimbladder.design.linear.sampled import LinearLaw
+from swimbladder.design.linear.transfer import TransferFunction, transfer_functions
+from swimbladder.errors import InputError
+from swimbladder.physics.dynamics import plant
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Analysis", "OpenLoop", "analyse_linear", "check_depth"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenLoop:
+    """The transfer function from the command to the depth, from the numerical linearisation."""
+
+    input: str  # "U", or "V" for a positioner
+    numerator: tuple[float, ...]  # descending powers of s
+    denominator: tuple[float, ...]  # normalised as (34), or (32), where they exist
+    poles: tuple[complex, ...]  # 1/s, eigenvalues, the largest real part first
+    doubling_time: float  # s, of the fastest growing disturbance; inf if none grows
+    routh: RouthTable
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Analysis:
+    """Everything that the linear models say of a vehicle at a depth."""
+
+    vehicle: Vehicle
+    depth: float  # m
+    operating_point: OperatingPoint
+    model: StateSpace
+    transfer_functions: tuple[TransferFunction, ...]
+    open_loop: OpenLoop
+    stiff_hull: StiffHull | None  # voltage-driven, psi not 0
+    double_integrator_phase_margin: float | None  # rad, eq. (35) under a gain of 1 V/m
+    stall: Stall | None  # voltage-driven
+    neutral: NeutralVolume
+    closed_loop: ClosedLoop | None  # vehicles with a controller
+    notes: tuple[str, ...] = ()  # what was left out, and why
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether the closed loop is stable; None without one."""
+        return None if self.closed_loop is None else self.closed_loop.stable
+
+    @property
+    def rests(self) -> bool:
+        """Whether stroke and supply hold the vehicle at the depth."""
+        stroke, p = self.vehicle.stroke, self.operating_point
+        held = self.stall is None or p.depth <= self.stall.holding_depth
+        return bool(held and stroke.minimum <= p.volume <= stroke.maximum)
+
+    @property
+    def findings(self) -> dict[str, tuple[str, ...]]:
+        """What the numbers mean, in sentences by subject."""
+        return findings(self)
+
+    def text(self) -> str:
+        """Return the findings as plain text, a paragraph each."""
+        title = f"Linear analysis of {self.vehicle.name} at {self.depth:g} m"
+        sentences = [s for subject in self.findings.values() for s in subject]
+        return "\n\n".join([title, *sentences]) + "\n"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything in JSON's own types, SI numbers; None for what is infinite."""
+        o, n, p = self.open_loop, self.neutral, self.operating_point
+        answer = {
+            "vehicle": self.vehicle.name,
+            "depth_m": self.depth,
+            "rests": self.rests,
+            "command": "voltage" if self.vehicle.voltage_driven else "volume",
+            "operating_point": {
+                "depth_m": p.depth,
+                "volume_m3": p.volume,
+                "motor_rate_m3_s": p.motor_rate,
+                "voltage_V": p.voltage if self.vehicle.voltage_driven else None,
+                "voltage_back_V": p.voltage_back if self.vehicle.voltage_driven else None,
+            },
+            "open_loop": {
+                "input": o.input,
+                "output": "Z",
+                "numerator": o.numerator,
+                "denominator": o.denominator,
+                "poles": o.poles,
+                "doubling_time_s": o.doubling_time,
+                "stable": o.routh.stable,
+            },
+            "routh": routh_json(o.routh),
+            "transfer_functions": [
+                {
+                    "equations": t.equations,
+                    "input": t.input,
+                    "output": t.output,
+                    "symbols": t.symbols,
+                    "numerator": t.numerator,
+                    "denominator": t.denominator,
+                    "poles": t.poles,
+                }
+                for t in self.transfer_functions
+            ],
+            "state_space": {
+                "states": self.model.states,
+                "inputs": self.model.inputs,
+                "outputs": self.model.outputs,
+                "A": self.model.A.tolist(),
+                "B": self.model.B.tolist(),
+                "C": self.model.C.tolist(),
+                "D": self.model.D.tolist(),
+            },
+            "stiff_hull": self.stiff_hull
+            and {
+                "psi_m3_m": self.stiff_hull.psi,
+                "poles": self.stiff_hull.poles,
+                "doubling_time_s": self.stiff_hull.doubling_time,
+                "poles_without_loads": self.stiff_hull.poles_without_loads,
+                "unstable": self.stiff_hull.unstable,
+            },
+            "double_integrator_phase_margin_rad": self.double_integrator_phase_margin,
+            "stall": self.stall
+            and {
+                "depth_m": self.stall.depth,
+                "depth_without_sag_m": self.stall.depth_without_sag,
+                "holding_depth_m": self.stall.holding_depth,
+                "back_drive_depth_m": self.stall.back_drive_depth,
+                "voltage_V": self.stall.voltage,
+                "extending_rate_m3_s": self.stall.extending_rate,
+                "depth_limit_m": self.vehicle.hull.depth_limit,
+                "within_limit": self.stall.within_limit,
+            },
+            "neutral_volume": {
+                "depth_m": n.depths,
+                "volume_m3": n.volumes,
+                "leaves_stroke_at_m": n.leaves_stroke,
+            },
+            "closed_loop": self.closed_loop and closed_loop_json(self.closed_loop),
+            "stable": self.stable,
+            "findings": self.findings,
+            "notes": self.notes,
+        }
+        return {key: plain(value) for key, value in answer.items()}
+
+
+def analyse_linear(
+    vehicle: Vehicle, *, depth: float = 0.0, law: LinearLaw | None = None, law_name: str = "",
+    notes: tuple[str, ...] = (),
+) -> Analysis:  # fmt: skip
+    """Return the linear analysis of a vehicle at rest at `depth` [m], with its law already linear.
+
+    Raises InputError where the depth is negative or not finite.
+    """
+    check_depth(depth)
+    p = plant(vehicle)
+    m, k_b = vehicle.mass, vehicle.water.specific_weight
+    model = linearise(p, depth=depth)
+    limit = vehicle.hull.depth_limit
+    phase = None
+    if not p.positioner and p.d_l > 0.0:
+        phase = double_integrator_phase_margin(
+            K1=p.gain, K2=p.a_b / p.d_l, A=1.0, T1=p.T1, T2=1.0 / p.d_l
+        )
+    return Analysis(
+        vehicle=vehicle,
+        depth=depth,
+        operating_point=operating_point(p, depth=depth),
+        model=model,
+        transfer_functions=transfer_functions(p, m=m, k_b=k_b),
+        open_loop=_open_loop(model, p.T1, p.d_l),
+        stiff_hull=stiff_hull(p),
+        double_integrator_phase_margin=phase,
+        stall=None if p.positioner else stall(p, depth=depth, depth_limit=limit),
+        neutral=neutral_volume(p, down_to=max(limit or 100.0, depth)),
+        closed_loop=None if law is None else close(p, law, name=law_name, depth=depth),
+        notes=notes,
+    )
+
+
+def check_depth(depth: float, *, field: str = "depth") -> None:
+    """Raise InputError, about `field`, where a depth [m] is negative or not finite."""
+    if not (math.isfinite(depth) and depth >= 0.0):
+        raise InputError(
+            "the depth must be finite and not negative", field=field, value=depth, unit="m",
+            remedy="Give a depth below the surface, positive down",
+        )  # fmt: skip
+
+
+def _open_loop(model: StateSpace, T1: float, d_l: float) -> OpenLoop:
+    """The numerical model's Z over its command, times T1 T2 as far as they exist."""
+    positioner = model.inputs == ("V",)
+    factor = (1.0 if positioner else T1) * (1.0 / d_l if d_l > 0.0 else 1.0)
+    numerator, denominator = polynomials(model.part(output="z", input=model.inputs[0]))
+    scaled = tuple(factor * c for c in denominator)
+    return OpenLoop(
+        input="V" if positioner else "U",
+        numerator=tuple(factor * c for c in numerator),
+        denominator=scaled,
+        poles=tuple(complex(x) for x in model.poles),
+        doubling_time=doubling_time(model),
+        routh=routh_table(scaled),
+    )

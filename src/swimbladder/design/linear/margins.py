@@ -1,0 +1,252 @@
+"""How far a sampled loop is from instability: gains, phase, delay, sensitivity.
+
+The plant is unstable in open loop, so no margin is read off one crossing: a gain margin counts only
+where the eigenvalues say that the loop is stable on its near side and unstable just beyond it.
+The frequency response comes from the state space, on a grid that is refined until neighbours differ
+by little and that no crossing hides in; every crossing is polished by root finding.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, minimize_scalar
+
+from swimbladder.design.linear.crossings import crossing_frequencies
+from swimbladder.design.linear.models import Array, StateSpace
+
+__all__ = [
+    "Margins",
+    "equivalent_poles",
+    "frequency_response",
+    "largest_delay",
+    "loop_margins",
+    "spectral_radius",
+]
+
+
+class Margins(NamedTuple):
+    """Margins of a loop L under negative feedback; of a stable closed loop only."""
+
+    gain_up: float  # -, factor by which the gain may grow; inf without a limit
+    gain_up_frequency: float  # rad/s, of the oscillation there; nan where there is no limit
+    gain_down: float  # -, factor to which it may fall; 0 without a limit
+    gain_down_frequency: float  # rad/s
+    phase: float  # rad, smallest turn either way that brings L to -1; inf if |L| is never 1
+    phase_frequency: float  # rad/s
+    delay: float  # s, smallest lag over its frequency; inf if |L| is never 1
+    delay_frequency: float  # rad/s
+    peak_sensitivity: float  # -, max |1/(1 + L)|
+    peak_frequency: float  # rad/s
+    disk: float  # -, balanced disk margin alpha, from 0 to 2
+    disk_frequency: float  # rad/s
+
+    @property
+    def disk_gain(self) -> float:
+        """Factor, up or down, that the gain may change by at the same time as disk_phase [-]."""
+        return (2.0 + self.disk) / (2.0 - self.disk) if self.disk < 2.0 else math.inf
+
+    @property
+    def disk_phase(self) -> float:
+        """Phase that may be lost or gained at the same time as disk_gain [rad]."""
+        return 2.0 * math.atan(self.disk / 2.0)
+
+
+def spectral_radius(matrix: Array) -> float:
+    """Return the largest modulus of an eigenvalue [-]; below 1 a sampled loop is stable."""
+    return float(np.max(np.abs(np.linalg.eigvals(matrix))))
+
+
+def equivalent_poles(poles: NDArray[Any], h: float) -> NDArray[np.complex128]:
+    """Return s = ln(z)/h [1/s] of poles z sampled every h [s]; -inf for a pole at 0."""
+    z = np.asarray(poles, dtype=np.complex128)
+    tiny = np.abs(z) < 1e-9
+    return np.where(tiny, -np.inf, np.log(np.where(tiny, 1.0, z)) / h)
+
+
+def frequency_response(
+    loop: StateSpace, *, step: float = 0.05
+) -> tuple[Array, NDArray[np.complex128]]:
+    """Return frequencies [rad/s] up to the Nyquist frequency and L there, one input, one output.
+
+    The grid is refined until L turns by less than `step` [rad] and grows by less than that factor
+    from point to point; between any two crossings of the real axis or the unit circle there is one.
+    """
+    h = _sample_time(loop)
+    L = _response(loop)
+    modes = np.concatenate([np.linalg.eigvals(loop.A), np.linalg.eigvals(loop.A - loop.B @ loop.C)])
+    s = equivalent_poles(modes[np.abs(modes) > 1e-6], h)
+    rates = np.abs(s[np.abs(s) > 1e-7 / h])
+    nyquist = math.pi / h
+    lowest = min(float(rates.min()) if rates.size else nyquist, nyquist) * 1e-3
+    crossings = crossing_frequencies(loop)
+    ends = np.concatenate([[lowest], crossings, [nyquist]])
+    marks = np.concatenate([rates, np.abs(s.imag), crossings, 0.5 * (ends[1:] + ends[:-1])])
+    # To both sides of a mark: right at a pole on the unit circle L has no value.
+    marks = np.concatenate([marks * (1.0 - 1e-6), marks * (1.0 + 1e-6)])
+    marks = marks[(marks > lowest) & (marks < nyquist)]
+    w = np.unique(np.concatenate([np.geomspace(lowest, nyquist, 200), marks]))
+    w[-1] = nyquist
+    values = L(w)
+    for _ in range(20):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            change = np.log(values[1:] / values[:-1])
+        coarse = ~(np.abs(change) < step) & (np.diff(w) > 1e-9 * w[1:])
+        if not coarse.any() or len(w) > 20_000:
+            break
+        new = np.sqrt(w[:-1] * w[1:])[coarse]
+        w, values = np.concatenate([w, new]), np.concatenate([values, L(new)])
+        order = np.argsort(w)
+        w, values = w[order], values[order]
+    return w, values
+
+
+def loop_margins(loop: StateSpace) -> Margins | None:
+    """Return the margins of a sampled loop, None where it is not stable as it is."""
+    if spectral_radius(loop.A - loop.B @ loop.C) >= 1.0:
+        return None
+    w, values = frequency_response(loop)
+    up, w_up, down, w_down = _gains(loop, w, values)
+    phase, w_phase, delay, w_delay = _phases(loop, w, values)
+    L = _response(loop)
+
+    def scalar(f: Callable[[Any], Any]) -> Callable[[float], float]:
+        return lambda x: float(np.abs(f(L(np.array([x]))[0])))
+
+    sensitivity, w_peak = _peak(scalar(lambda x: 1.0 / (1.0 + x)), w, np.abs(1.0 / (1.0 + values)))
+    # S - T over 2; at infinite gain it is -1/2.
+    skew, w_disk = _peak(
+        scalar(lambda x: 0.5 * (1.0 - x) / (1.0 + x)),
+        w,
+        np.abs(0.5 * (1.0 - values) / (1.0 + values)),
+    )
+    return Margins(
+        gain_up=up, gain_up_frequency=w_up, gain_down=down, gain_down_frequency=w_down,
+        phase=phase, phase_frequency=w_phase, delay=delay, delay_frequency=w_delay,
+        peak_sensitivity=sensitivity, peak_frequency=w_peak,
+        disk=min(1.0 / skew, 2.0), disk_frequency=w_disk,
+    )  # fmt: skip
+
+
+def _sample_time(loop: StateSpace) -> float:
+    if loop.sample_time is None or len(loop.inputs) != 1 or len(loop.outputs) != 1:
+        raise ValueError("margins are those of a sampled loop of one input and one output")
+    return loop.sample_time
+
+
+def _response(loop: StateSpace) -> Callable[[Array], NDArray[np.complex128]]:
+    h = _sample_time(loop)
+    return lambda w: loop.at(np.exp(1j * w * h))[:, 0, 0]
+
+
+def _gains(
+    loop: StateSpace, w: Array, values: NDArray[np.complex128]
+) -> tuple[float, float, float, float]:
+    """The nearest gains up and down at which a root of 1 + k L really leaves the unit circle."""
+    L = _response(loop)
+    candidates = [(float(-1.0 / values[-1].real), float(w[-1]))] if values[-1].real < 0.0 else []
+    steady = _steady(loop)
+    if steady is not None and steady < 0.0:
+        candidates.append((-1.0 / steady, 0.0))
+    turn = values.imag / np.abs(values)
+    for i in np.flatnonzero((turn[:-2] * turn[1:-1] <= 0.0) & (values.real[:-2] < 0.0)):
+        if turn[i] == turn[i + 1]:
+            continue
+        x = _root(lambda x: float(L(np.array([x]))[0].imag), w[i], w[i + 1])
+        real = float(L(np.array([x]))[0].real)
+        if real < 0.0:
+            candidates.append((-1.0 / real, x))
+
+    up = _first_unstable(loop, sorted(c for c in candidates if c[0] > 1.0), beyond=10.0)
+    falling = sorted((c for c in candidates if c[0] < 1.0), reverse=True)
+    down = _first_unstable(loop, falling, beyond=0.1)
+    return *(up or (math.inf, math.nan)), *(down or (0.0, math.nan))
+
+
+def _first_unstable(
+    loop: StateSpace, candidates: list[tuple[float, float]], *, beyond: float
+) -> tuple[float, float] | None:
+    """The first gain, with its frequency, that the loop is unstable behind.
+
+    Between two candidates nothing crosses, so one look halfway decides; right at a crossing of slow
+    roots rounding would.
+    """
+    for i, (k, w) in enumerate(candidates):
+        following = next((n for n, _ in candidates[i + 1 :] if abs(n / k - 1.0) > 1e-4), None)
+        halfway = math.sqrt(k * (k * beyond if following is None else following))
+        if spectral_radius(loop.A - halfway * loop.B @ loop.C) >= 1.0:
+            return k, w
+    return None
+
+
+def _steady(loop: StateSpace) -> float | None:
+    """L at frequency 0; None where an integrator makes it infinite."""
+    matrix = np.eye(len(loop.states)) - loop.A
+    if np.linalg.cond(matrix) > 1e13:
+        return None
+    return float((loop.C @ np.linalg.solve(matrix, loop.B) + loop.D)[0, 0])
+
+
+def _phases(
+    loop: StateSpace, w: Array, values: NDArray[np.complex128]
+) -> tuple[float, float, float, float]:
+    """Smallest turn that brings L to -1, and smallest delay, each with its frequency."""
+    L = _response(loop)
+    with np.errstate(divide="ignore"):
+        log = np.log(np.abs(values))
+    phase, delay = (math.inf, math.nan), (math.inf, math.nan)
+    for i in np.flatnonzero(np.sign(log[:-1]) != np.sign(log[1:])):
+        x = _root(lambda x: math.log(abs(L(np.array([x]))[0])), w[i], w[i + 1])
+        lag = (float(np.angle(L(np.array([x]))[0])) + math.pi) % (2.0 * math.pi)
+        phase = min(phase, (min(lag, 2.0 * math.pi - lag), x))
+        delay = min(delay, (lag / x, x))
+    return *phase, *delay
+
+
+def _root(f: Callable[[float], float], low: float, high: float) -> float:
+    """The zero of f in an interval; the nearer end where rounding has hidden the change of sign."""
+    at_low, at_high = f(low), f(high)
+    if at_low * at_high > 0.0:
+        return float(low if abs(at_low) < abs(at_high) else high)
+    return float(brentq(f, low, high, xtol=1e-15, rtol=1e-14))
+
+
+def _peak(f: Callable[[float], float], w: Array, values: Array) -> tuple[float, float]:
+    """Largest value and where, the grid's largest few maxima refined."""
+    best = (float(values[-1]), float(w[-1]))
+    inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
+    for i in sorted([0, *inner], key=lambda i: -values[i])[:5]:
+        best = max(best, (float(values[i]), float(w[i])))
+        found = minimize_scalar(
+            lambda x: -f(math.exp(x)),
+            bounds=(math.log(w[max(i - 1, 0)]), math.log(w[i + 1])),
+            method="bounded",
+            options={"xatol": 1e-10},
+        )
+        best = max(best, (-float(found.fun), math.exp(float(found.x))))
+    return best
+
+
+def largest_delay(closed: Callable[[float], Array], *, step: float, horizon: float) -> float:
+    """Return the delay [s] at which a loop stable without it first loses stability.
+
+    closed: delay [s] -> matrix of the closed loop; step: of the search [s]; horizon: where it ends
+    [s], inf is returned then; 0 where the loop is not stable without any delay.
+    """
+    if spectral_radius(closed(0.0)) >= 1.0:
+        return 0.0
+    low = 0.0
+    for i in range(1, math.ceil(horizon / step) + 1):
+        high = i * step
+        if spectral_radius(closed(high)) >= 1.0:
+            return float(
+                brentq(
+                    lambda d: spectral_radius(closed(d)) - 1.0, low, high, xtol=1e-12, rtol=1e-12
+                )
+            )
+        low = high
+    return math.inf

@@ -1,0 +1,228 @@
+"""State-space models: the plant's, differentiated numerically at rest, and the paper's (17)-(18).
+
+The nonlinear right-hand side is in pieces, so a linear model belongs to one of them. Here that is:
+submerged and off the bottom, between the end stops, at rest (a quadratic drag then has no slope, a
+switched one the laminar slope), the motor turning slowly against the pressure (or with it, on
+request). Dry friction shifts the voltage of rest and leaves the slopes alone, so it is not seen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swimbladder.physics.dynamics import Plant, State, acceleration, motor_rhs
+
+__all__ = [
+    "Array",
+    "OperatingPoint",
+    "StateSpace",
+    "balancing_scale",
+    "linearise",
+    "linearised_motion",
+    "operating_point",
+    "polynomials",
+]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StateSpace:
+    """A linear system x' = A x + B u, y = C x + D u; x[k+1] = ... where it has a sample time."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    sample_time: float | None = None  # s, None: continuous time
+
+    def __post_init__(self) -> None:
+        n, m, p = len(self.states), len(self.inputs), len(self.outputs)
+        for name, shape in (("A", (n, n)), ("B", (n, m)), ("C", (p, n)), ("D", (p, m))):
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name} is {getattr(self, name).shape}, expected {shape}")
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of A, the largest real part first [1/s], or [-] in discrete time."""
+        found = np.linalg.eigvals(self.A).astype(np.complex128)
+        return found[np.lexsort((-found.imag, -found.real))]
+
+    def part(self, *, output: str, input: str) -> StateSpace:
+        """Return the system from one input to one output."""
+        i, j = self.outputs.index(output), self.inputs.index(input)
+        return StateSpace(
+            A=self.A, B=self.B[:, [j]], C=self.C[[i]], D=self.D[[i]][:, [j]],
+            states=self.states, inputs=(input,), outputs=(output,), sample_time=self.sample_time,
+        )  # fmt: skip
+
+    def at(self, points: ArrayLike) -> NDArray[np.complex128]:
+        """Return C (p I - A)^-1 B + D at each complex p, of shape (points, outputs, inputs)."""
+        p = np.atleast_1d(np.asarray(points, dtype=np.complex128))
+        matrices = p[:, None, None] * np.eye(len(self.states)) - self.A
+        columns = np.broadcast_to(self.B.astype(np.complex128), (len(p), *self.B.shape))
+        found: Any = self.C @ np.linalg.solve(matrices, columns) + self.D
+        return found  # type: ignore[no-any-return]
+
+    def to_control(self) -> Any:
+        """Return the system as a python-control StateSpace."""
+        import control
+
+        dt = 0 if self.sample_time is None else self.sample_time
+        return control.ss(
+            self.A, self.B, self.C, self.D, dt, states=list(self.states),
+            inputs=list(self.inputs), outputs=list(self.outputs),
+        )  # fmt: skip
+
+
+class OperatingPoint(NamedTuple):
+    """The rest that a model is linearised about."""
+
+    depth: float  # m
+    volume: float  # m3, neutral there
+    motor_rate: float  # m3/s, what leaks away
+    voltage: float  # V, that turns the motor no further while it drives against the pressure
+    voltage_back: float  # V, below which the sea turns the motor back
+
+
+def operating_point(p: Plant, *, depth: float) -> OperatingPoint:
+    """Return the rest at `depth` [m]: its volume, and the voltages the motor stands between."""
+    q = p.k_l * depth
+    held = q / p.gain if p.gain > 0.0 else 0.0
+    return OperatingPoint(
+        depth=depth,
+        volume=p.psi * depth + p.V_0,
+        motor_rate=q,
+        voltage=p.load_drive * depth + p.friction + held,
+        voltage_back=p.load_back * depth - p.friction + held,
+    )
+
+
+def linearise(p: Plant, *, depth: float = 0.0, back_driving: bool = False) -> StateSpace:
+    """Return the linear model of a vehicle at rest at `depth` [m], submerged, by differences.
+
+    Voltage-driven: states (q, V, z, w) and input u [V], from motor_rhs, for a motor that drives
+    against the pressure or, with `back_driving`, is driven back. Positioner: states (z, w) and
+    input V [m3].
+    """
+    h_z = 0.5
+    z = max(depth, p.z_surface) + 2.0 * h_z
+    V = p.psi * z + p.V_0
+    h_w = 0.5 * p.epsilon if 0.0 < p.epsilon < math.inf else 1e-2
+    h_V = 1e-5
+    if p.positioner:
+        A = np.array([[0.0, 1.0], [0.0, 0.0]])
+        A[1, 0] = _slope(lambda x: (acceleration(V, x, 0.0, p),), z, h_z)[0]
+        A[1, 1] = _slope(lambda x: (acceleration(V, z, x, p),), 0.0, h_w)[0]
+        B = np.array([[0.0], [_slope(lambda x: (acceleration(x, z, 0.0, p),), V, h_V)[0]]])
+        return _with_outputs(A, B, states=("z", "w"), input="V", outputs=("z",))
+    h_q = p.gain  # what a volt drives
+    q = -2.0 * h_q if back_driving else 2.0 * h_q
+    x, u = State(q, V, z, 0.0), p.load_drive * z
+    A = np.empty((4, 4))
+    for name, h in zip(x._fields, (h_q, h_V, h_z, h_w), strict=True):
+        A[:, x._fields.index(name)] = _slope(
+            partial(_rates, name=name, x=x, u=u, p=p), getattr(x, name), h
+        )
+    B = np.array(_slope(lambda value: motor_rhs(x, value, p), u, 1.0))[:, None]
+    return _with_outputs(A, B, states=("q", "V", "z", "w"), input="u", outputs=("z", "V"))
+
+
+def _rates(value: float, *, name: str, x: State, u: float, p: Plant) -> State:
+    return motor_rhs(x._replace(**{name: value}), u, p)
+
+
+def _slope(f: Callable[[float], tuple[float, ...]], x: float, h: float) -> list[float]:
+    """Derivative at x: central differences over h and h/2, extrapolated to h = 0.
+
+    The extrapolation removes the |x| x of a drag: its central difference falls in proportion to h.
+    """
+
+    def central(h: float) -> list[float]:
+        return [(a - b) / (2.0 * h) for a, b in zip(f(x + h), f(x - h), strict=True)]
+
+    return [2.0 * half - whole for half, whole in zip(central(0.5 * h), central(h), strict=True)]
+
+
+def _with_outputs(
+    A: Array, B: Array, *, states: tuple[str, ...], input: str, outputs: tuple[str, ...]
+) -> StateSpace:
+    C = np.array([[float(name == output) for name in states] for output in outputs])
+    return StateSpace(
+        A=A,
+        B=B,
+        C=C,
+        D=np.zeros((len(outputs), 1)),
+        states=states,
+        inputs=(input,),
+        outputs=outputs,
+    )
+
+
+def linearised_motion(
+    *, inertia: float, k_u: float, k_v: float, k_q: float, k_z: float, k_l: float,
+    k_b: float, k_def: float, k_dl: float, m: float,
+) -> StateSpace:  # fmt: skip
+    """Return eqs (17)-(18) as a system with states (dV/dt, V, z, w) and input u.
+
+    inertia: lambda [kg m2]; k_u [N m/V]; k_v [N m s/rad]; k_q [m3/rad]; k_z [N m/m]; k_l [m2/s];
+    k_b [N/m3]; k_def [N/m]; k_dl [N s/m]; m [kg]. A torque scale common to inertia, k_u, k_v and
+    k_z cancels.
+    """
+    A = np.array(
+        [
+            [-k_v / inertia, 0.0, -(k_l * k_v + k_q * k_z) / inertia, -k_l],
+            [1.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+            [0.0, -k_b / m, k_def / m, -k_dl / m],
+        ]
+    )
+    B = np.array([[k_u * k_q / inertia], [0.0], [0.0], [0.0]])
+    return _with_outputs(A, B, states=("dV/dt", "V", "z", "w"), input="u", outputs=("z", "V"))
+
+
+def balancing_scale(A: Array) -> Array:
+    """Return units for the states, powers of 2, in which the elements of A are of like size.
+
+    LAPACK's balancing runs away where a state acts on others and none on it; the units stay
+    within a factor of 2^60 of each other here.
+    """
+    from scipy.linalg import matrix_balance
+
+    _, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    exponents = np.log2(scale)
+    found: Array = np.exp2(np.clip(exponents - np.round(np.median(exponents)), -30.0, 30.0))
+    return found
+
+
+def polynomials(system: StateSpace) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return numerator and monic denominator of a system of one input and one output.
+
+    Descending powers. The adjugate of s I - A is built term by term (Faddeev and Le Verrier) on the
+    balanced matrix, so that a coefficient that is zero by structure comes out as zero.
+    """
+    scale = balancing_scale(system.A)
+    balanced = system.A * scale / scale[:, None]
+    B, C = system.B / scale[:, None], system.C * scale
+    n = len(system.states)
+    adjugate, denominator, numerator = np.eye(n), [1.0], []
+    for k in range(1, n + 1):
+        numerator.append(float((C @ adjugate @ B)[0, 0]))
+        product = balanced @ adjugate
+        denominator.append(-float(np.trace(product)) / k)
+        adjugate = product + denominator[-1] * np.eye(n)
+    direct = float(system.D[0, 0])
+    full = [direct * a + b for a, b in zip(denominator, [0.0, *numerator], strict=True)]
+    while len(full) > 1 and full[0] == 0.0:
+        full.pop(0)
+    return tuple(full), tuple(denominator)

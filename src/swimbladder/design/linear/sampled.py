@@ -1,0 +1,240 @@
+"""The sampled loop: plant discretised exactly, law differentiated numerically, delays exact.
+
+Between samples the command is held, so the plant advances by a matrix exponential. A computation
+delay of any length, whole samples and a fraction, splits the step of the command inside a sample
+(modified discretisation); a delay of the depth sensor samples the depth inside the step before.
+Nothing is approximated but the nonlinearity.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+
+from swimbladder.control.records import from_numbers, leaf_names, numbers
+from swimbladder.design.linear.models import Array, StateSpace
+
+__all__ = ["LinearLaw", "SampledLoop", "command_slope", "discretise", "linearise_law"]
+
+_INPUTS = ("depth", "volume", "reference")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearLaw:
+    """A law at rest: inputs depth [m], volume [m3] and reference [m], output the command."""
+
+    system: StateSpace
+    smooth: bool  # whether near and far slopes to both sides agree, and the depth acts at all
+    sample_time: float  # s, between the calls it asks for
+
+
+def linearise_law(
+    step: Callable[..., Any], *, parameters: Any, state: Any, measurement: Any, reference: float,
+    tick: float,
+) -> LinearLaw:  # fmt: skip
+    """Return the linear form of any law, its `step` differentiated about rest by differences.
+
+    state, measurement: named tuples of floats, at rest: the reference is the depth measured; tick:
+    time in whole numbers of which the law is called [s]. States that act on nothing, or that
+    no measurement moves, are left out: a path that only the reference moves is no part of the loop,
+    and need not be linear. The slopes are those over 0.1 mm and 0.1 cm3, and what they move.
+    """
+    for _ in range(3):  # clocks and differences inside the law settle
+        measurement = measurement._replace(time=measurement.time + tick)
+        _, state, wait = step(parameters, state, measurement, reference)
+    sample_time = max(1, math.ceil(wait / tick - 1e-9)) * tick
+    measurement = measurement._replace(time=measurement.time + sample_time)
+
+    def outputs(x: Array, inputs: Array) -> Array:
+        depth, volume, wanted = inputs.tolist()
+        seen = measurement._replace(depth=depth, volume=volume)
+        command, after, _ = step(parameters, from_numbers(type(state), x.tolist()), seen, wanted)
+        return np.array([*numbers(after), command], dtype=np.float64)
+
+    x0 = np.array(list(numbers(state)), dtype=np.float64)
+    u0 = np.array([measurement.depth, measurement.volume, reference], dtype=np.float64)
+    u_steps = np.array([1e-4, 1e-7, 1e-4])
+    rest = outputs(x0, u0)[:-1]
+    moved = [np.abs(outputs(x0, u0 + d)[:-1] - rest) for d in np.diag(u_steps)]
+    x_steps = np.maximum(np.max(moved, axis=0), 1e-6 * np.abs(x0))
+    x_steps[x_steps == 0.0] = 1e-6
+    n = len(x0)
+    at, steps = np.concatenate([x0, u0]), np.concatenate([x_steps, u_steps])
+    here = outputs(x0, u0)
+
+    def odd_and_even(d: Array) -> tuple[Array, Array]:
+        above, below = outputs(*_split(at + d, n)), outputs(*_split(at - d, n))
+        return above - below, above + below - 2.0 * here
+
+    slopes, even = np.empty((n + 1, n + 3)), np.empty((n + 1, n + 3), dtype=bool)
+    for j, d in enumerate(np.diag(steps)):
+        swing, bend = odd_and_even(d)
+        third, _ = odd_and_even(d / 3.0)
+        slopes[:, j] = swing / (2.0 * steps[j])
+        unlike = np.maximum(np.abs(bend), np.abs(swing - 3.0 * third))
+        noise = 1e-12 * (np.abs(here) + np.abs(swing))
+        even[:, j] = unlike <= 1e-6 * np.abs(swing) + noise
+    keep = _acting(slopes, n)
+    loop = np.ix_([*keep, n], [*keep, n, n + 1])  # the reference is outside
+    smooth = bool(even[loop].all()) and bool(np.any(slopes[[*keep, n], n]))
+    A, B = slopes[np.ix_(keep, keep)], slopes[np.ix_(keep, range(n, n + 3))]
+    C, D = slopes[np.ix_([n], keep)], slopes[np.ix_([n], range(n, n + 3))]
+    names = tuple(leaf_names(type(state))[i] for i in keep)
+    system = StateSpace(
+        A=A, B=B, C=C, D=D, states=names, inputs=_INPUTS, outputs=("command",),
+        sample_time=sample_time,
+    )  # fmt: skip
+    return LinearLaw(system=system, smooth=smooth, sample_time=sample_time)
+
+
+def _split(x: Array, n: int) -> tuple[Array, Array]:
+    return x[:n], x[n:]
+
+
+def _acting(slopes: Array, n: int) -> list[int]:
+    """The states that a measurement reaches and that reach the command."""
+    linked = slopes[:n, :n] != 0.0
+    reached = (slopes[:n, n : n + 2] != 0.0).any(axis=1)
+    acting = slopes[n, :n] != 0.0
+    for _ in range(n):
+        reached |= linked[:, reached].any(axis=1)
+        acting |= linked[acting].any(axis=0)
+    return np.flatnonzero(reached & acting).tolist()
+
+
+def command_slope(law: LinearLaw, input: str) -> float:
+    """Return the settled change of the command per change of one measurement; inf if it drifts.
+
+    The other measurements and the reference stay: an integral of the depth error does not move.
+    """
+    system = law.system.part(output="command", input=input)
+    moved = system.B[:, 0] != 0.0
+    for _ in system.states:
+        moved |= (system.A[:, moved] != 0.0).any(axis=1)
+    A, B, C = system.A[np.ix_(moved, moved)], system.B[moved, 0], system.C[0, moved]
+    if np.any(np.abs(np.linalg.eigvals(A) - 1.0) < 1e-9):
+        return math.inf
+    return float(C @ np.linalg.solve(np.eye(len(B)) - A, B) + system.D[0, 0])
+
+
+def _held(A: Array, B: Array, h: float) -> tuple[Array, Array]:
+    """State and input matrix of a step of h [s] with the input held."""
+    n, m = B.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = A * h, B * h
+    exponential = expm(block)
+    return exponential[:n, :n], exponential[:n, n:]
+
+
+def _whole_and_fraction(delay: float, h: float) -> tuple[int, float]:
+    whole = math.floor(delay / h + 1e-12)
+    return whole, max(delay - whole * h, 0.0)
+
+
+def discretise(
+    plant: StateSpace, h: float, *, command_delay: float = 0.0, depth_delay: float = 0.0
+) -> StateSpace:
+    """Return a plant sampled every h [s]: input the command of this sample, outputs depth, volume.
+
+    command_delay: from the sample to the change of the command [s], depth_delay: age of the depth
+    that the law sees [s]; one of the two must be 0. A plant driven by its volume (a positioner's)
+    is taken to reach the volume commanded at once; its measured volume is the last one commanded.
+    """
+    if command_delay > 0.0 and depth_delay > 0.0:
+        raise ValueError("a delay of the command and one of the depth at once are not modelled")
+    n = len(plant.states)
+    own_volume = "V" in plant.states
+    whole, late = _whole_and_fraction(command_delay, h)
+    held = whole + (late > 0.0)
+    past = held if own_volume else max(held, whole + 1)  # commands that are remembered
+    depth_whole, depth_late = _whole_and_fraction(depth_delay, h)
+    depths = depth_whole + (depth_late > 0.0)  # depths that are remembered
+    size = n + past + depths
+    A, B = np.zeros((size, size)), np.zeros((size, 1))
+    A[:n, :n], _ = _held(plant.A, plant.B, h)
+    rest, early = _held(plant.A, plant.B, h - late)
+    terms = [(whole, early)]
+    if late > 0.0:
+        terms.append((whole + 1, rest @ _held(plant.A, plant.B, late)[1]))
+    for age, column in terms:
+        if age == 0:
+            B[:n] += column
+        else:
+            A[:n, [n + age - 1]] += column
+    if past:
+        B[n] = 1.0
+        A[n + 1 : n + past, n : n + past - 1] = np.eye(past - 1)
+    z = plant.C[[plant.outputs.index("z")]]
+    C = np.zeros((2, size))
+    C[0, :n] = z
+    if depths:
+        first = n + past
+        until, pushed = _held(plant.A, plant.B, h - depth_late)
+        A[first, :n], B[first] = z @ until, z @ pushed
+        if depth_late == 0.0:  # the depth of this very sample
+            A[first, :n], B[first] = z, 0.0
+        A[first + 1 :, first:-1] = np.eye(depths - 1)
+        C[0] = np.eye(size)[-1]
+    if own_volume:
+        C[1, :n] = plant.C[plant.outputs.index("V")]
+    else:
+        C[1, n + whole] = 1.0
+    names = (
+        *plant.states,
+        *(f"command[-{i}]" for i in range(1, past + 1)),
+        *(f"depth[-{i}]" for i in range(1, depths + 1)),
+    )
+    return StateSpace(
+        A=A, B=B, C=C, D=np.zeros((2, 1)), states=names, inputs=("command",),
+        outputs=("depth", "volume"), sample_time=h,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SampledLoop:
+    """A plant in continuous time and a law that samples it."""
+
+    plant: StateSpace
+    law: LinearLaw
+
+    def broken_at_command(self, *, command_delay: float = 0.0) -> StateSpace:
+        """Return the loop from the command at the plant to minus the command of the law."""
+        h = self.law.sample_time
+        p, k = discretise(self.plant, h, command_delay=command_delay), self.law.system
+        seen = [k.inputs.index(name) for name in p.outputs]
+        n, m = len(p.states), len(k.states)
+        A = np.block([[p.A, np.zeros((n, m))], [k.B[:, seen] @ p.C, k.A]])
+        return StateSpace(
+            A=A, B=np.vstack([p.B, np.zeros((m, 1))]), C=-np.hstack([k.D[:, seen] @ p.C, k.C]),
+            D=np.zeros((1, 1)), states=(*p.states, *k.states), inputs=("command",),
+            outputs=("command",), sample_time=h,
+        )  # fmt: skip
+
+    def broken_at_depth(
+        self, *, depth_delay: float = 0.0, command_delay: float = 0.0
+    ) -> StateSpace:
+        """Return the loop from the depth that the law sees to minus the depth; V stays fed back."""
+        h, k = self.law.sample_time, self.law.system
+        p = discretise(self.plant, h, depth_delay=depth_delay, command_delay=command_delay)
+        depth, volume = k.inputs.index("depth"), k.inputs.index("volume")
+        V = p.C[[p.outputs.index("volume")]]
+        z = p.C[[p.outputs.index("depth")]]
+        A = np.block([[p.A + p.B @ k.D[:, [volume]] @ V, p.B @ k.C], [k.B[:, [volume]] @ V, k.A]])
+        return StateSpace(
+            A=A, B=np.vstack([p.B @ k.D[:, [depth]], k.B[:, [depth]]]),
+            C=-np.hstack([z, np.zeros((1, len(k.states)))]), D=np.zeros((1, 1)),
+            states=(*p.states, *k.states), inputs=("depth",), outputs=("depth",), sample_time=h,
+        )  # fmt: skip
+
+    def closed(self, *, command_delay: float = 0.0, depth_delay: float = 0.0) -> Array:
+        """Return the matrix that takes the closed loop from one sample to the next."""
+        if depth_delay > 0.0:
+            loop = self.broken_at_depth(depth_delay=depth_delay)
+        else:
+            loop = self.broken_at_command(command_delay=command_delay)
+        return loop.A - loop.B @ loop.C

@@ -1,0 +1,7 @@
+"""Planned motions: a step of depth in least time, with least volume moved or least energy."""
+
+from swimbladder.design.planning.least import LeastTime, least_time
+from swimbladder.design.planning.result import Plan
+from swimbladder.design.planning.run import GOALS, plan
+
+__all__ = ["GOALS", "LeastTime", "Plan", "least_time", "plan"]

@@ -1,0 +1,247 @@
+"""A linear program over the samples of a task, and its answer with the proof of its optimum."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+
+from swimbladder.design.linear.models import Array
+from swimbladder.design.planning.motion import STATES, Steps
+from swimbladder.design.planning.solvers import Optimum, Problem, interior, vertex
+from swimbladder.design.planning.task import Task
+from swimbladder.errors import NoAnswerError
+
+__all__ = [
+    "Answer", "Flags", "Goal", "Near", "Scale", "answer_of", "columns_of", "driven_by", "posed",
+    "scale_of", "solve",
+]  # fmt: skip
+
+Flags = NDArray[np.bool_]
+
+_NEGLIGIBLE = 1e-12  # coefficients of scaled rows that only spoil the solver's pivots
+
+
+class Scale(NamedTuple):
+    """One of a state (q, V, z, w) and of the command, in SI: numbers of the program are near 1."""
+
+    state: Array  # [4]
+    command: float
+
+
+class Goal(NamedTuple):
+    """What a program minimises and what it asks for beyond the motion and its limits.
+
+    near: the depth is within the band from this sample on. rest: at rest at the target from this
+    sample on. relaxed: what may be exceeded, `near`, `rest` or a limit, by a slack that is
+    minimised; none: the volume moved is minimised.
+    """
+
+    near: int | None
+    rest: int
+    relaxed: str | None = None
+
+
+class Near(NamedTuple):
+    """Where a program stays, as its steps are for that course only; None: anywhere.
+
+    leash: speeds [n + 1] in m/s, and how far from them the speeds may go. back: in which samples
+    [n] the motor is driven back, drives no volume out, and in the others none in.
+    """
+
+    leash: tuple[Array, float] | None = None
+    back: Flags | None = None
+
+
+class Answer(NamedTuple):
+    """The optimum: states [n + 1, 4] and commands [n] in SI, the objective, and how sure it is."""
+
+    states: Array
+    commands: Array
+    objective: float  # slack in units of the scale, volume moved [m3], or energy [J]
+    gap: float  # of primal and dual objective, over 1 + their size
+    infeasibility: float  # largest residual of the scaled rows
+    proven: bool = True  # no motion is better; else: none near by
+    prices: Array | None = None  # [n] of staying on its side, in each sample; None: it need not
+
+
+class Rows:
+    """Rows of a sparse matrix that grow, and their right-hand sides."""
+
+    def __init__(self) -> None:
+        """Begin without rows."""
+        self.count = 0
+        self._at: list[tuple[Any, Any, Any]] = []
+        self._right: list[Array] = []
+
+    def add(self, right: Array, *entries: tuple[Any, Any]) -> None:
+        """Add rows: their right-hand sides [n], and (columns [n], coefficients [n] or one)."""
+        n = len(right)
+        rows = self.count + np.arange(n)
+        for columns, values in entries:
+            kept = np.abs(np.broadcast_to(values, n)) > _NEGLIGIBLE
+            self._at.append((rows[kept], columns[kept], np.broadcast_to(values, n)[kept]))
+        self._right.append(np.asarray(right, float))
+        self.count += n
+
+    def matrix(self, columns: int) -> csr_array[np.float64, tuple[int, int]]:
+        """Return the matrix [rows, columns]."""
+        rows, cols, values = (np.concatenate([part[i] for part in self._at]) for i in range(3))
+        return coo_array((values, (rows, cols)), shape=(self.count, columns)).tocsr()
+
+    @property
+    def right(self) -> Array:
+        """The right-hand sides [rows]."""
+        return np.concatenate(self._right)
+
+
+def scale_of(task: Task) -> Scale:
+    """Return the sizes that a task's numbers have."""
+    p = task.plant
+    u = task.command[1]
+    half = 0.5 * (task.volume[1] - task.volume[0])
+    q = p.rate if p.positioner else p.gain * u
+    state = np.array([q, min(half, q * task.brisk), task.distance, task.distance / task.brisk])
+    return Scale(state, u)
+
+
+def columns_of(n: int) -> tuple[Any, Any]:
+    """Return the columns of the states [n + 1, 4] and of the commands [n]."""
+    return np.arange(4 * (n + 1)).reshape(n + 1, 4), 4 * (n + 1) + np.arange(n)
+
+
+def dynamics_rows(task: Task, steps: Steps, scale: Scale) -> Rows:
+    """Return the equations of the start and of every sample, in scaled variables."""
+    n = len(steps.A)
+    x, u = columns_of(n)
+    S = scale.state
+    rows = Rows()
+    rows.add(np.array(task.state_of_rest(task.start)) / S, (x[0], 1.0))
+    for i in range(4):
+        entries = [(x[1:, i], 1.0), (u, -steps.B[:, i] * scale.command / S[i])]
+        entries += [(x[:-1, j], -steps.A[:, i, j] * S[j] / S[i]) for j in range(4)]
+        rows.add(steps.c[:, i] / S[i], *entries)
+    return rows
+
+
+def supply_rows(task: Task, n: int, scale: Scale) -> Rows | None:
+    """Return rows (<=) of a supply that sags with the current, at both ends of each sample."""
+    p = task.plant
+    if p.positioner or p.sag == 0.0:
+        return None
+    x, u = columns_of(n)
+    rows = Rows()
+    for sign in (1.0, -1.0):
+        for ends in (x[:-1, 0], x[1:, 0]):
+            rows.add(
+                np.full(n, task.command[1] / scale.command), (u, sign * (1.0 + p.sag)),
+                (ends, -sign * p.sag * p.kappa * scale.state[0] / scale.command),
+            )  # fmt: skip
+    return rows
+
+
+def solve(task: Task, steps: Steps, goal: Goal, near: Near | None = None) -> Answer | None:
+    """Return the optimum, None where nothing meets the demands.
+
+    Raises NoAnswerError where the solvers give up.
+    """
+    n = len(steps.A)
+    problem = posed(task, steps, goal, near)
+    try:
+        found = interior(problem)
+    except NoAnswerError:
+        found = vertex(problem)
+    if found is None:
+        return None
+    size = float(scale_of(task).state[STATES.index("V")]) if goal.relaxed is None else 1.0
+    return answer_of(task, n, found, near)._replace(objective=found.objective * size)
+
+
+def driven_by(task: Task, answer: Answer) -> Array:
+    """Return the volume [n + 1] in m3 that the motor has driven: what is there and what leaked."""
+    _, V, z, _ = answer.states.T
+    leaked = 0.5 * task.plant.k_l * task.sample_time * np.cumsum(z[1:] + z[:-1])
+    driven: Array = V + np.concatenate([[0.0], leaked])
+    return driven
+
+
+def answer_of(task: Task, n: int, found: Optimum, near: Near | None) -> Answer:
+    """Return a program's optimum over n samples in SI."""
+    held = near is not None and near.back is not None
+    scale = scale_of(task)
+    x, u = columns_of(n)
+    return Answer(
+        found.x[x] * scale.state, found.x[u] * scale.command, found.objective, found.gap,
+        found.infeasibility, prices=found.prices[-n:] if held else None,
+    )  # fmt: skip
+
+
+def posed(
+    task: Task, steps: Steps, goal: Goal, near: Near | None, *, costly: bool = True
+) -> Problem:  # fmt: skip
+    """Return the linear program, scaled: states and commands by `columns_of`, then what it adds.
+
+    costly: whether what the goal minimises is in it.
+    """
+    n = len(steps.A)
+    scale = scale_of(task)
+    x, u = columns_of(n)
+    count = 4 * (n + 1) + n
+    equal = dynamics_rows(task, steps, scale)
+    below = supply_rows(task, n, scale) or Rows()
+    low, high = np.full(count, -np.inf), np.full(count, np.inf)
+    S = scale.state
+    slack = None
+    cost: Array
+    if not costly:
+        cost = np.zeros(count)
+    elif goal.relaxed is None:
+        moved = count + np.arange(n)
+        count += n
+        for sign in (1.0, -1.0):
+            below.add(np.zeros(n), (x[1:, 1], sign), (x[:-1, 1], -sign), (moved, -1.0))
+        cost = np.concatenate([np.zeros(moved[0]), np.ones(n)])
+        low, high = np.append(low, np.zeros(n)), np.append(high, np.full(n, np.inf))
+    else:
+        slack = count
+        count += 1
+        cost = np.append(np.zeros(slack), 1.0)
+        low, high = np.append(low, 0.0), np.append(high, np.inf)
+
+    def limit(name: str, columns: Any, least: Any, most: Any) -> None:
+        """Keep variables within limits, scaled; or within them by the slack where relaxed."""
+        if name != goal.relaxed:
+            low[columns] = np.maximum(low[columns], least)
+            high[columns] = np.minimum(high[columns], most)
+            return
+        m = len(columns)
+        for sign, value in ((1.0, most), (-1.0, least)):
+            right = np.broadcast_to(sign * np.asarray(value, float), m)
+            if np.isfinite(right).all():
+                below.add(right, (columns, sign), (np.full(m, slack), -1.0))
+
+    limit("command", u, *(v / scale.command for v in task.command))
+    limit("volume", x[1:, 1], *(v / S[1] for v in task.volume))
+    limit("depth", x[1:, 2], *(v / S[2] for v in task.depth))
+    limit("speed", x[1:, 3], *(v / S[3] for v in task.speed))
+    if near is not None and near.leash is not None:
+        speeds, reach = near.leash
+        limit("course", x[1:, 3], (speeds[1:] - reach) / S[3], (speeds[1:] + reach) / S[3])
+    if goal.near is not None:
+        t = task.target
+        ends = (v / S[2] for v in (t - task.band, t + task.band))
+        limit("near", x[goal.near :, 2], *ends)
+    rest = np.array(task.state_of_rest(task.target)) / S
+    kept = [1, 2, 3] if task.plant.positioner else [0, 1, 2, 3]
+    for i in kept:
+        limit("rest", x[goal.rest :, i], rest[i], rest[i])
+    if near is not None and near.back is not None:  # last, for `answer_of`
+        side = np.where(near.back, 1.0, -1.0)
+        leak = side * 0.5 * task.plant.k_l * task.sample_time * S[2] / S[1]
+        entries = (x[1:, 1], side), (x[:-1, 1], -side), (x[1:, 2], leak), (x[:-1, 2], leak)
+        below.add(np.zeros(n), *entries)
+    G = below.matrix(count) if below.count else None
+    g = below.right if below.count else np.zeros(0)
+    return Problem(cost, equal.matrix(count), equal.right, G, g, low, high)

@@ -1,0 +1,234 @@
+"""`plan`: a step of depth in the least time, with the least volume moved or the least energy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from swimbladder.design.linear.models import Array
+from swimbladder.design.planning.course import Course, settle_course, sided, straight, stretched
+from swimbladder.design.planning.energy import electrical, least_energy, winding
+from swimbladder.design.planning.least import LeastTime, search_least
+from swimbladder.design.planning.motion import Steps
+from swimbladder.design.planning.programme import Answer, Goal, Near, scale_of, solve
+from swimbladder.design.planning.result import Plan
+from swimbladder.design.planning.sides import best_sides
+from swimbladder.design.planning.task import Task, task_of
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.sim.closed_loop import drive
+from swimbladder.units import rounded
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["ARRIVALS", "GOALS", "plan"]
+
+GOALS = ("time", "effort", "energy")
+ARRIVALS = ("band", "rest")
+
+_UNHURRIED = 2.0  # times the least time, where a goal other than time is given none
+_SPARE = 1.0 + 1e-3  # of a limit that is said to do: at the edge itself no solver is sure
+_AT_LIMIT = 2e-3  # of what is large, that counts as at a limit: tangents stop a little short of it
+
+
+def plan(
+    vehicle: Vehicle, start: float, target: float, *, goal: str = "time", arrive: str | None = None,
+    duration: float | None = None, sample_time: float | None = None, supply: float | None = None,
+    band: float = 0.02, margin: float = 0.0, speed_limit: float | None = None,
+    bottom_depth: float = math.inf, advance: Callable[[float], None] | None = None,
+) -> Plan:  # fmt: skip
+    """Return the best motion from rest at `start` to rest at `target` [m].
+
+    goal: time (the least until it has arrived; of the plans that do, one that moves least volume),
+    effort (least volume moved) or energy (least electrical energy into the motor), both at rest
+    after `duration` [s], twice the least time where not given. arrive: what arrival is for the goal
+    time: band (within `band` [-] of the step for good) or rest. The others are those of `task_of`.
+    advance: told of every program that was solved.
+
+    Raises InputError for what cannot be meant, NoAnswerError, with the limit in the way, for what
+    cannot be done.
+    """
+    arrive = _check(goal, arrive, duration)
+    task = task_of(
+        vehicle, start, target, sample_time=sample_time, supply=supply, band=band, margin=margin,
+        speed_limit=speed_limit, bottom_depth=bottom_depth,
+    )  # fmt: skip
+    if goal == "energy":
+        winding(task)
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
+        least, end, course = search_least(task, rest=arrive == "rest", advance=advance)
+        near = least.samples if arrive == "band" else None
+        if goal != "time":
+            end, near = _samples(task, least, duration), None
+        answer = _best(task, goal, near, end, course, advance or (lambda _: None))
+        if answer is None:
+            raise _impossible(task, end, least, course)
+    found = _plan_of(task, goal, arrive, answer, least, near if near is not None else end)
+    if found.lost:
+        raise _lost(found)
+    return found
+
+
+def _lost(found: Plan) -> NoAnswerError:
+    """Return why a plan is none that the simulator, given its commands, leaves by far."""
+    t = found.task
+    away = "stops before its end"
+    if math.isfinite(found.residual):
+        away = f"is up to {rounded(found.residual, 2)} m from it"
+    grows = " At these depths what little it is off grows"
+    if t.vehicle.hull.psi > 0.0:
+        grows += ", for the deeper the vehicle, the more volume it needs"
+    return NoAnswerError(
+        f"no plan that the vehicle would follow: given the commands found from {t.start:g} to "
+        f"{t.target:g} m, the simulator {away}.{grows}. Rather {found.nearer}"
+    )
+
+
+def _check(goal: str, arrive: str | None, duration: float | None) -> str:
+    if goal not in GOALS:
+        raise InputError(
+            "no such goal", field="--goal", value=goal, remedy=f"Choose from {', '.join(GOALS)}"
+        )
+    if arrive is not None and arrive not in ARRIVALS:
+        raise InputError(
+            "no such arrival", field="--arrive", value=arrive,
+            remedy=f"Choose from {', '.join(ARRIVALS)}",
+        )  # fmt: skip
+    if goal == "time":
+        if duration is not None:
+            raise InputError(
+                "the goal time looks for the duration itself", field="--duration", value=duration,
+                unit="s", remedy="Leave it out, or choose the goal effort or energy",
+            )  # fmt: skip
+        return arrive or "band"
+    if arrive == "band":
+        raise InputError(
+            f"the goal {goal} is for plans that end at rest", field="--arrive", value=arrive,
+            remedy="Leave it out",
+        )  # fmt: skip
+    if duration is not None and not 0.0 < duration < math.inf:
+        raise InputError("must be above 0", field="--duration", value=duration, unit="s")
+    return "rest"
+
+
+def _samples(task: Task, least: LeastTime, duration: float | None) -> int:
+    """Return the samples of a plan that takes `duration` [s]; raises where it is too short."""
+    if duration is None:
+        return math.ceil(_UNHURRIED * least.samples)
+    return max(math.floor(duration / task.sample_time + 1e-9), 1)
+
+
+def _best(
+    task: Task, goal: str, near: int | None, end: int, course: Course,
+    advance: Callable[[float], None],
+) -> Answer | None:  # fmt: skip
+    def program(steps: Steps, beside: Near) -> Answer | None:
+        advance(1.0)
+        if goal == "energy":
+            return least_energy(task, steps, end, beside)
+        return solve(task, steps, Goal(near=near, rest=end), beside)
+
+    begin = stretched(course, end)
+    if goal == "energy" and sided(task.plant):
+        answer = best_sides(task, program, begin)
+    else:
+        answer = settle_course(task, program, begin)[0]
+    if answer is None or (straight(task.plant) and not sided(task.plant)):
+        return answer
+    return answer._replace(proven=False)
+
+
+def _impossible(task: Task, end: int, least: LeastTime, course: Course) -> NoAnswerError:
+    """Return what is in the way, and how much more of each limit alone would do."""
+    sizes, kept = scale_of(task), 1.0 - task.margin
+    unit = ("cm3/s", 1e6) if task.plant.positioner else ("V", 1.0)
+    ways = [
+        ("command", "the piston's speed" if task.plant.positioner else "the voltage",
+         task.command[1], sizes.command, kept, *unit),
+        ("volume", "the stroke", 0.5 * (task.volume[1] - task.volume[0]), sizes.state[1],
+         kept, "cm3 to either side", 1e6),
+        ("speed", "the speed limit", task.speed[1], sizes.state[3], 1.0, "m/s", 1.0),
+    ]  # fmt: skip
+    found = []
+    for name, words, limit, size, share, shown, factor in ways:
+        if not math.isfinite(limit):
+            continue
+
+        def program(steps: Steps, beside: Near, name: str = name) -> Answer | None:
+            goal = Goal(near=None, rest=end, relaxed=name)
+            return solve(task, steps, goal, beside)
+
+        answer, _ = settle_course(task, program, stretched(course, end))
+        if answer is not None:
+            need = _no_less(factor * (limit + answer.objective * size) / share)
+            found.append(f"{words} {need:g} {shown} instead of {factor * limit / share:.4g}")
+    wider = f"; or, one of them alone: {', or '.join(found)}" if found else ""
+    return NoAnswerError(
+        f"the duration: at rest at {task.target:g} m in {end * task.sample_time:g} s is beyond "
+        f"this vehicle's limits. It takes {least.time:.4g} s at least{wider}"
+    )
+
+
+def _no_less(value: float) -> float:
+    """Return a number above 0 with three digits, rounded up and a little more: it has to do."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return math.ceil(value * _SPARE / unit) * unit
+
+
+def _plan_of(
+    task: Task, goal: str, arrive: str, answer: Answer, least: LeastTime, arrival: int
+) -> Plan:
+    h, n = task.sample_time, len(answer.commands)
+    time: Array = np.arange(n + 1, dtype=np.float64) * h
+    _, volume, depth, speed = answer.states.T
+    held = task.plant.load_drive * task.target
+    if task.plant.positioner:
+        command = np.append(volume[1:], volume[-1])
+        run = drive(
+            task.vehicle, time=time, volume=volume, start_depth=task.start,
+            bottom_depth=task.plant.z_bottom,
+        )  # fmt: skip
+    else:
+        command = np.append(answer.commands, held)
+        run = drive(
+            task.vehicle, time=time, voltage=command, start_depth=task.start,
+            bottom_depth=task.plant.z_bottom,
+        )  # fmt: skip
+    same = len(run.depth) == n + 1
+    residual = float(np.abs(run.depth - depth).max()) if same else math.inf
+    return Plan(
+        task=task, goal=goal, arrive=arrive, time=time, depth=depth, speed=speed, volume=volume,
+        command=command, arrival=arrival * h, least=least,
+        moved=float(np.abs(np.diff(volume)).sum()), energy=_energy(task, answer),
+        gap=answer.gap, proven=answer.proven, residual=residual, at_limit=_at_limit(task, answer),
+    )  # fmt: skip
+
+
+def _energy(task: Task, answer: Answer) -> float:
+    """Return the electrical energy into the motor [J], nan where not known."""
+    try:
+        return electrical(task, answer)
+    except NoAnswerError:
+        return math.nan
+
+
+def _at_limit(task: Task, answer: Answer) -> dict[str, float]:
+    """Return the share of the samples at each limit."""
+    _, V, z, w = answer.states.T
+    command = "piston speed" if task.plant.positioner else "voltage"
+    series: list[tuple[str, Any, tuple[float, float]]] = [
+        (command, answer.commands, task.command), ("stroke", V[1:], task.volume),
+        ("speed", w[1:], task.speed), ("depth", z[1:], task.depth),
+    ]  # fmt: skip
+    sizes = scale_of(task)
+    size = dict(
+        zip((command, "stroke", "depth", "speed"), (sizes.command, *sizes.state[1:]), strict=True)
+    )
+    return {
+        name: float(
+            np.mean((x <= low + _AT_LIMIT * size[name]) | (x >= high - _AT_LIMIT * size[name]))
+        )
+        for name, x, (low, high) in series
+    }

@@ -1,0 +1,156 @@
+"""What is planned: a vehicle from rest at one depth to rest at another, within its limits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from swimbladder.design.linear.depths import stall
+from swimbladder.design.linear.models import operating_point
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Task", "task_of"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """A step of depth, sampled, with what limits it; low and high of a limit in SI."""
+
+    vehicle: Vehicle
+    plant: Plant
+    start: float  # m
+    target: float  # m
+    sample_time: float  # s
+    band: float  # m, to either side of the target
+    command: tuple[float, float]  # V, or m3/s for a positioner
+    volume: tuple[float, float]  # m3
+    speed: tuple[float, float]  # m/s
+    depth: tuple[float, float]  # m
+    margin: float  # -, of supply and stroke, kept back
+
+    @property
+    def distance(self) -> float:
+        """Depth between start and target [m]."""
+        return abs(self.target - self.start)
+
+    @property
+    def brisk(self) -> float:
+        """Least time of the step without drag, psi and load [s]: (32 d/j)^(1/3) for a jerk j."""
+        p = self.plant
+        rate = p.rate if p.positioner else p.gain * self.command[1]
+        return math.cbrt(32.0 * self.distance / (p.a_b * rate))
+
+    def state_of_rest(self, depth: float) -> tuple[float, float, float, float]:
+        """Return (q, V, z, w) of the vehicle at rest, neutral, at a depth [m]."""
+        at = operating_point(self.plant, depth=depth)
+        return (at.motor_rate, at.volume, depth, 0.0)
+
+
+def task_of(
+    vehicle: Vehicle, start: float, target: float, *, sample_time: float | None = None,
+    supply: float | None = None, band: float = 0.02, margin: float = 0.0,
+    speed_limit: float | None = None, bottom_depth: float = math.inf,
+) -> Task:  # fmt: skip
+    """Return the task, checked.
+
+    start, target [m]. sample_time [s] and supply [V]: the vehicle's where not given. band [-]: of
+    the step, to either side of the target. margin [-]: share of supply (a positioner: of its
+    speed) and stroke left for feedback. speed_limit [m/s]. bottom_depth [m].
+
+    Raises InputError for what cannot be meant; NoAnswerError where stroke or supply do not hold
+    the vehicle at one of the two depths.
+    """
+    if sample_time is None:
+        if vehicle.controller is None:
+            raise InputError(
+                "the vehicle has no controller, so a plan needs a sample time",
+                field="--sample-time", unit="s", remedy='Give one, like "0.3 s"',
+            )  # fmt: skip
+        sample_time = vehicle.controller.sample_time
+    _positive(sample_time, "--sample-time", "s")
+    if speed_limit is not None:
+        _positive(speed_limit, "--speed-limit", "m/s")
+    for name, share in (("--band", band), ("--margin", margin)):
+        if not (0.0 < share < 1.0 or (share == 0.0 and name == "--margin")):
+            raise InputError(
+                "must be 0 or more, and less than the whole" if name == "--margin"
+                else "must be more than 0, and less than the whole",
+                field=name, value=100.0 * share, unit="%", remedy='Write it like "5 %"',
+            )  # fmt: skip
+    if supply is not None:
+        vehicle = _with_supply(vehicle, supply)
+    p = plant(vehicle, bottom_depth=bottom_depth)
+    shallowest = max(p.z_surface, 0.0)
+    rating = vehicle.hull.depth_limit
+    deepest = min(bottom_depth, math.inf if rating is None else rating)
+    for name, depth in (("the start", start), ("the target", target)):
+        if not shallowest <= depth <= deepest:
+            limit = f"{shallowest:g} m, where it begins to emerge"
+            if depth > deepest:
+                limit = f"{deepest:g} m, " + ("the bottom" if bottom_depth == deepest else
+                                              "its rating (hull.depth_limit)")  # fmt: skip
+            raise InputError(
+                f"{name} is beyond {limit}", field="--step", value=depth, unit="m",
+                remedy=f"Stay between {shallowest:g} and {deepest:g} m",
+            )  # fmt: skip
+    if start == target:
+        raise InputError(
+            "start and target are the same depth", field="--step", value=start, unit="m",
+            remedy='Give two depths, like "1.5:3 m"',
+        )  # fmt: skip
+    most = p.rate if p.positioner else p.supply
+    middle, half = 0.5 * (p.V_max + p.V_min), 0.5 * (p.V_max - p.V_min)
+    fastest = math.inf if speed_limit is None else speed_limit
+    task = Task(
+        vehicle=vehicle, plant=p, start=start, target=target, sample_time=sample_time,
+        band=band * abs(target - start),
+        command=(-most * (1.0 - margin), most * (1.0 - margin)),
+        volume=(middle - half * (1.0 - margin), middle + half * (1.0 - margin)),
+        speed=(-fastest, fastest), depth=(shallowest, deepest), margin=margin,
+    )  # fmt: skip
+    for depth in (start, target):
+        _check_held(task, depth)
+    return task
+
+
+def _check_held(task: Task, depth: float) -> None:
+    """Raise NoAnswerError where stroke or supply, less the margin, do not hold a depth."""
+    p = task.plant
+    less = f" less the margin of {100.0 * task.margin:g} %" if task.margin else ""
+    neutral = task.state_of_rest(depth)[1]
+    low, high = task.volume
+    if not low <= neutral <= high:
+        raise NoAnswerError(
+            f"the stroke{less}, {1e6 * low:.4g} to {1e6 * high:.4g} cm3, does not reach the volume "
+            f"at which the vehicle is neutral at {depth:g} m, {1e6 * neutral:.4g} cm3: trim it "
+            "otherwise, give it more stroke, or stay shallower"
+        )
+    if p.positioner:
+        return
+    limit = stall(p._replace(supply=task.command[1]), depth=depth, depth_limit=None).holding_depth
+    if depth >= limit:
+        raise NoAnswerError(
+            f"the depth load: with {task.command[1]:.4g} V{less} the motor cannot hold its volume "
+            f"below {limit:.4g} m, and {depth:g} m is asked for. It takes a higher supply, or "
+            "less depth"
+        )
+
+
+def _with_supply(vehicle: Vehicle, supply: float) -> Vehicle:
+    """Return the vehicle with that voltage [V]."""
+    if vehicle.supply is None:
+        raise InputError(
+            "the vehicle's actuator takes a volume, not a voltage", field="--supply", value=supply,
+            remedy="Leave the supply out",
+        )  # fmt: skip
+    _positive(supply, "--supply", "V")
+    return vehicle.model_copy(
+        update={"supply": vehicle.supply.model_copy(update={"voltage": supply})}
+    )
+
+
+def _positive(value: float, field: str, unit: str) -> None:
+    if not 0.0 < value < math.inf:
+        raise InputError("must be above 0", field=field, value=value, unit=unit)

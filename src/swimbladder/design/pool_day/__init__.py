@@ -1,0 +1,35 @@
+"""The pool procedure of section 3.1 as a guided day, on a simulated vehicle or a growing log.
+
+`segments` finds rest, changes of volume and glides in samples as they come, `tasks` says what is to
+be done, `day` keeps the experiments, identifies the vehicle after each and says when to stop
+(`verdict`) and what went wrong (`remarks`); `tail` reads a growing file, `rehearsal` simulates.
+"""
+
+from swimbladder.design.pool_day.day import Asked, News, PoolDay
+from swimbladder.design.pool_day.events import Sample
+from swimbladder.design.pool_day.follow import finished, follow, rehearse
+from swimbladder.design.pool_day.rehearsal import Operator
+from swimbladder.design.pool_day.rules import Rules
+from swimbladder.design.pool_day.segments import Segmenter
+from swimbladder.design.pool_day.tail import Tail
+from swimbladder.design.pool_day.tasks import Task, paper_tasks, plan_tasks
+from swimbladder.design.pool_day.verdict import Target, Verdict
+
+__all__ = [
+    "Asked",
+    "News",
+    "Operator",
+    "PoolDay",
+    "Rules",
+    "Sample",
+    "Segmenter",
+    "Tail",
+    "Target",
+    "Task",
+    "Verdict",
+    "finished",
+    "follow",
+    "paper_tasks",
+    "plan_tasks",
+    "rehearse",
+]

@@ -1,0 +1,200 @@
+"""A rehearsal: experiments on a simulated vehicle, one after the other.
+
+The operator works as section 3.1 of the paper: the vehicle's own loop brings it to rest, judged
+over a minute as `control.protocol` does; then the loop is open and the piston moves to where it is
+wanted. The operator goes by what is believed of the vehicle; the one in the water may be another.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control import protocol
+from swimbladder.control.law import Measurement
+from swimbladder.control.registry import bind
+from swimbladder.design.pool_day.hands import Hands, hands_of
+from swimbladder.design.pool_day.rules import Rules
+from swimbladder.design.pool_day.tasks import Task, Turn
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.sim.closed_loop import simulate
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Operator", "Performed"]
+
+Array = NDArray[np.float64]
+Does = Literal["hold", "halt", "move", "glide", "arrived", "over", "gave up"]
+
+_SINK = 0.1  # of the volume to the end of the stroke, below neutral: it lies on the bottom at first
+_HALT = 0.6  # s, for the motor to stop
+_AFTER = 3.0  # s of the glide's end that are logged before the loop is closed again
+_PATIENCE = 1200.0  # s, longest that coming to rest may take
+
+
+class Performed(NamedTuple):
+    """An experiment as logged; phases: when each began [s], and what it was."""
+
+    time: Array  # s
+    depth: Array  # m
+    volume: Array  # m3, from mid-stroke
+    command: Array  # V; m3 for a positioner
+    phases: tuple[tuple[float, Does], ...]
+
+
+class Operator:
+    """Does one experiment after the other, each from where the one before ended."""
+
+    def __init__(self, believed: Vehicle, truth: Vehicle, *, pool_depth: float, seed: int) -> None:
+        """Put the vehicle on the bottom.
+
+        Raises InputError where the procedure cannot be done with this vehicle.
+        """
+        if believed.controller is None:
+            raise InputError(
+                f"the vehicle {believed.name!r} has no controller to come to rest with",
+                field="controller", remedy="Add a [controller] table to the vehicle",
+            )  # fmt: skip
+        if truth.voltage_driven != believed.voltage_driven:
+            raise InputError(
+                "its actuator does not take the commands of the believed vehicle",
+                field="--truth", value=truth.name, remedy="Give one with the same kind of actuator",
+            )  # fmt: skip
+        self.believed, self.truth, self.pool_depth, self.seed = believed, truth, pool_depth, seed
+        self._time, self._runs = 0.0, 0
+        self._depth, self._speed = pool_depth, 0.0
+        neutral = truth.neutral_volume(pool_depth)
+        self._volume = neutral - _SINK * (neutral - truth.stroke.minimum)
+
+    def perform(self, task: Task) -> Performed:
+        """Return what is logged while a task is done, from coming to rest to the glide's end.
+
+        Raises NoAnswerError where the vehicle does not come to rest.
+        """
+        assert self.believed.controller is not None
+        work = _Work(self.believed, task)
+        notes: list[tuple[Measurement, float, Does]] = []
+
+        def law(seen: Measurement, _: float) -> tuple[float, float]:
+            command, does = work.step(seen)
+            notes.append((seen, command, does))
+            return command, math.inf if does in ("over", "gave up") else 0.0
+
+        s = simulate(
+            self.truth, setpoints=[(0.0, self.pool_depth)],
+            duration=_PATIENCE + task.longest + 120.0, start_depth=self._depth,
+            start_speed=self._speed, start_volume=self._volume, bottom_depth=self.pool_depth,
+            seed=self.seed + self._runs, law=law, sample_time=self.believed.controller.sample_time,
+        )  # fmt: skip
+        if notes[-1][2] != "over":
+            why = (
+                f"the vehicle did not come to rest at {task.start:.2f} m in {_PATIENCE / 60.0:g} "
+                "min. Tune its controller"
+                if s.finished else s.stop.value
+            )  # fmt: skip
+            raise NoAnswerError(
+                f"The rehearsal stopped at {self._time + notes[-1][0].time:.0f} s: {why}"
+            )
+        n = len(notes) - 1
+        began = self._time
+        self._time, self._runs = began + notes[-1][0].time, self._runs + 1
+        self._depth, self._speed, self._volume = (
+            float(values[n]) for values in (s.depth, s.speed, s.volume)
+        )
+        rows = [(began + m.time, m.depth, m.volume, u) for m, u, _ in notes[:-1]]
+        time, depth, volume, command = np.array(rows).T
+        phases: list[tuple[float, Does]] = []
+        for seen, _, does in notes[:-1]:
+            if not phases or phases[-1][1] != does:
+                phases.append((began + seen.time, does))
+        return Performed(time, depth, volume, command, tuple(phases))
+
+
+class _Work:
+    """One experiment: what the operator does at each sample."""
+
+    def __init__(self, vehicle: Vehicle, task: Task) -> None:
+        assert vehicle.controller is not None
+        assert task.start is not None
+        law, self._parameters = bind(vehicle.controller)
+        self._initial: Callable[..., Any] = law.initial
+        self._step: Callable[..., Any] = law.step
+        self._hands: Hands = hands_of(vehicle)
+        self._task, self._start = task, task.start
+        self._turns = [Turn(task.change, math.nan, task.change > 0.0), *task.turns]
+        self._rules = Rules()
+        self._does: Does = "hold"
+        self._state: Any = None
+        self._window = protocol.EMPTY
+        self._tick = vehicle.controller.sample_time
+        self._began = self._neutral = self._released = 0.0
+        self._seen: list[float] = []
+        self._deepest, self._shallowest = -math.inf, math.inf  # since the last change of volume
+
+    def step(self, seen: Measurement) -> tuple[float, Does]:
+        """Return the command and what it is for."""
+        if self._does == "hold":
+            self._hold(seen)
+        if self._does == "halt" and seen.time - self._began >= _HALT - 1e-9:
+            self._released = seen.time
+            self._move(seen)
+        if self._does == "move" and self._hands.done(seen):
+            self._does = "glide"
+        if self._does == "glide":
+            self._glide(seen)
+        elif self._does == "arrived" and seen.time - self._began > _AFTER:
+            self._does = "over"
+        if self._does == "hold":
+            command, self._state, _ = self._step(self._parameters, self._state, seen, self._start)
+            self._window = protocol.extend(self._window, seen.depth - self._start, seen.volume)
+            return float(command), "hold"
+        return self._hands.command(seen), self._does
+
+    def _hold(self, seen: Measurement) -> None:
+        """Bring the vehicle to rest; when it has been for a minute, open the loop."""
+        if self._state is None:
+            self._state = self._initial(self._parameters, seen, self._start)
+        w, r = self._window, self._rules
+        if w.samples * self._tick < r.minute - 1e-9:
+            return
+        still = abs(protocol.slope(w, self._tick)) <= r.rest_speed
+        if still and abs(w.z / w.samples) <= r.rest_distance:
+            self._neutral, self._began, self._does = w.V / w.samples, seen.time, "halt"
+            self._hands.stay(seen)
+        elif seen.time > _PATIENCE:
+            self._does = "gave up"
+            self._hands.stay(seen)
+        else:
+            self._window = protocol.EMPTY
+
+    def _move(self, seen: Measurement) -> None:
+        self._hands.go(self._neutral + self._turns.pop(0).volume, seen)
+        self._does, self._seen = "move", []
+        self._deepest, self._shallowest = -math.inf, math.inf
+
+    def _glide(self, seen: Measurement) -> None:
+        """Wait for the place of the next change of volume, or for the end."""
+        task = self._task
+        self._seen = [*self._seen[-2:], seen.depth]
+        depth = sorted(self._seen)[len(self._seen) // 2]
+        self._deepest, self._shallowest = max(self._deepest, depth), min(self._shallowest, depth)
+        if self._turns:
+            turn = self._turns[0]
+            passed = (
+                depth <= turn.depth < self._deepest if turn.up
+                else depth >= turn.depth > self._shallowest
+            )  # fmt: skip
+            if passed:
+                self._move(seen)
+                return
+        rising, sinking = depth < self._deepest - 0.02, depth > self._shallowest + 0.02
+        if (
+            (depth <= task.shallowest and rising)
+            or (depth >= task.deepest and sinking)
+            or seen.time - self._released > task.longest
+        ):
+            self._does, self._began = "arrived", seen.time
+            self._hands.stay(seen)

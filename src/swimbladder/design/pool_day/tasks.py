@@ -1,0 +1,133 @@
+"""Which experiments are due: those of a plan, or the paper's, cut to the vehicle's stroke."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from swimbladder.io.plan import Plan
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["PAPER", "Task", "Turn", "next_task", "paper_tasks", "plan_tasks", "undone"]
+
+PAPER = (20e-6, 30e-6, 45e-6, 75e-6)  # m3, section 3.1, each up and down
+_SHARE = 0.5  # of the volume that is free to either side of neutral
+_ALIKE = 1.25  # factor between two changes of volume that count as the same
+_MARGIN = 0.05  # m, of surface and bottom that counts as arrived
+
+
+class Turn(NamedTuple):
+    """A change of volume under way, when the depth passes a place."""
+
+    volume: float  # m3, above the one at rest
+    depth: float  # m
+    up: bool  # on the way up
+
+
+class Task(NamedTuple):
+    """An experiment to do: from rest, changes of volume, until the depth leaves a range."""
+
+    change: float  # m3, positive: it rises
+    start: float | None  # m, depth of rest; None: not known
+    turns: tuple[Turn, ...] = ()
+    shallowest: float = 0.0  # m
+    deepest: float = math.inf  # m
+    longest: float = 1200.0  # s
+
+    def sentence(self) -> str:
+        """Return what to do, from the beginning."""
+        up = self.change > 0.0
+        place = f"at {self.start:.2f} m" if self.start is not None else (
+            "near the bottom, clear of it" if up else "near the surface, all of it under water"
+        )  # fmt: skip
+        return f"Bring the vehicle to rest {place}; {self._change()}."
+
+    def release(self) -> str:
+        """Return what to do once the vehicle is at rest."""
+        text = self._change()
+        return f"{text[0].upper()}{text[1:]}."
+
+    def _change(self) -> str:
+        up = self.change > 0.0
+        first = (
+            f"{'increase' if up else 'decrease'} its volume by {1e6 * abs(self.change):.3g} cm3 "
+            "from the mean of the last minute"
+        )
+        if not self.turns:
+            return f"{first}, and let it {'rise' if up else 'sink'} without moving the piston"
+        then = "; ".join(
+            f"when it passes {turn.depth:g} m on its way {'up' if turn.up else 'down'}, go to "
+            f"{1e6 * turn.volume:+.3g} cm3 of that mean"
+            for turn in self.turns
+        )
+        return f"{first}; {then}"
+
+
+def paper_tasks(
+    vehicle: Vehicle, *, pool_depth: float | None, clearance: float = 0.75
+) -> tuple[Task, ...]:
+    """Return the paper's eight experiments, smaller where the stroke is too short for them.
+
+    pool_depth: depth of the bottom [m], None where it is not known; clearance: Delta_z [m], of the
+    depths of rest from bottom and surface.
+    """
+    top = vehicle.hull.emergence_depth
+    deep, shallow, end = None, None, math.inf
+    if pool_depth is not None:
+        clearance = min(clearance, (pool_depth - top) / 4.0)
+        deep, shallow, end = pool_depth - clearance, top + clearance, pool_depth - _MARGIN
+    stroke = vehicle.stroke
+    room = min(
+        stroke.maximum - vehicle.neutral_volume(deep if deep is not None else top),
+        vehicle.neutral_volume(shallow if shallow is not None else top) - stroke.minimum,
+    )
+    factor = min(1.0, _SHARE * room / PAPER[-1])
+    tasks = []
+    for size in PAPER:
+        change = float(f"{factor * size:.2g}")
+        for sign, start in ((1.0, deep), (-1.0, shallow)):
+            tasks.append(Task(sign * change, start, shallowest=top + _MARGIN, deepest=end))
+    return tuple(tasks)
+
+
+def plan_tasks(plan: Plan) -> tuple[Task, ...]:
+    """Return the experiments of a plan."""
+    return tuple(
+        Task(
+            one.moves[0].volume, one.start_depth,
+            tuple(
+                Turn(move.volume, move.depth, move.going == "up")
+                for move in one.moves[1:] if move.depth is not None
+            ),
+            plan.shallowest, plan.deepest, one.longest,
+        )
+        for one in plan.experiments
+    )  # fmt: skip
+
+
+def next_task(tasks: Sequence[Task], done: Sequence[float]) -> Task:
+    """Return the task that is due: the first of those done least often.
+
+    done: first changes of volume of the experiments so far [m3].
+    """
+    counts = _counts(tasks, done)
+    return tasks[counts.index(min(counts))]
+
+
+def undone(tasks: Sequence[Task], done: Sequence[float]) -> int:
+    """Return how many tasks have not been done yet; done: as for next_task."""
+    return _counts(tasks, done).count(0)
+
+
+def _counts(tasks: Sequence[Task], done: Sequence[float]) -> list[int]:
+    counts = [0] * len(tasks)
+    for change in done:
+        fitting = [i for i, task in enumerate(tasks) if _alike(task.change, change)]
+        if fitting:
+            counts[min(fitting, key=lambda i: counts[i])] += 1
+    return counts
+
+
+def _alike(a: float, b: float) -> bool:
+    return a * b > 0.0 and abs(math.log(a / b)) <= math.log(_ALIKE)

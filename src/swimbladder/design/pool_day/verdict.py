@@ -1,0 +1,213 @@
+"""Whether the parameters are known well enough to stop, and if not, whether more would help."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.estimation.motion import NAMES, Identification, Prior
+
+__all__ = ["LEAST", "MARGIN", "State", "Target", "Verdict", "forecast", "judge"]
+
+Array = NDArray[np.float64]
+
+LEAST = 4  # experiments; with fewer no trend with the size of the step can show
+MARGIN = 1.25  # by which a standard deviation has to be below its target; see studies.stopping
+_MOST = 12  # experiments more, beyond which another remedy is worth looking for
+_FAR = 200
+_SINGLE = ("drift", "outliers")  # kinds of finding on single experiments: see remarks.of_fit
+_SHARE = 0.5  # of a variance, from which something is said to limit it
+
+
+class Target(NamedTuple):
+    """How well a parameter has to be known: its standard deviation, relative or in its unit."""
+
+    name: str
+    std: float
+    relative: bool = True
+
+    def reached(self, value: float, std: float) -> bool:
+        """Say whether an estimate is that good, with a margin.
+
+        A day that ends as soon as its numbers look good ends on those that look too good.
+        """
+        return MARGIN * std <= self.limit(value)
+
+    def limit(self, value: float) -> float:
+        """Return the standard deviation aimed at, in the parameter's unit."""
+        return self.std * abs(value) if self.relative else self.std
+
+    def text(self) -> str:
+        """Return it as text."""
+        if self.relative:
+            return f"{self.name} to {100.0 * self.std:.3g} %"
+        return f"{self.name} to {self.std:.3g} {NAMES[self.name].unit}"
+
+
+class State:
+    """How a verdict comes out."""
+
+    GOOD = "good enough"
+    MORE = "more experiments"
+    LIMITED = "more of the same will not help"
+    WARNED = "something is wrong"
+
+
+class Verdict(NamedTuple):
+    """Whether to stop, in a word and in sentences."""
+
+    state: str
+    sentence: str
+    more: int | None = None  # experiments that would do, as far as can be foreseen
+    limits: Mapping[str, float] = {}  # share of the variance that is owed to what
+
+    @property
+    def good(self) -> bool:
+        """Whether the parameters are good enough."""
+        return self.state == State.GOOD
+
+
+def judge(
+    found: Identification | None, targets: Sequence[Target], *, priors: Mapping[str, Prior],
+    due: int, faults: Sequence[str], known_neutral: Callable[[], Identification],
+) -> Verdict:  # fmt: skip
+    """Return the verdict on an identification, None where there is none yet.
+
+    priors: those it was made with. due: experiments of the plan that are not done yet; what they
+    tell is not known from the others. faults: what is wrong with single experiments.
+    known_neutral: makes the same identification with exactly known neutral volumes; called only
+    where needed.
+    """
+    if found is None:
+        return Verdict(State.MORE, f"No experiment yet; at least {LEAST} are needed.", LEAST)
+    n = len(found.experiments)
+    untold = [f.sentence for f in found.findings if f.severity == "no"]
+    if n < LEAST:
+        lacking = LEAST - n
+        return Verdict(
+            State.MORE, f"At least {lacking} more: with fewer than {LEAST} experiments a fault of "
+            "the model cannot show.", lacking,
+        )  # fmt: skip
+    missed = [] if untold else [
+        t for t in targets
+        if not t.reached(found.parameters[t.name].value, found.parameters[t.name].std)
+    ]  # fmt: skip
+    warnings = [*faults, *(
+        f.sentence for f in found.findings if f.severity == "warning" and f.kind not in _SINGLE
+    )]  # fmt: skip
+    if not untold and not missed:
+        if warnings:
+            return Verdict(
+                State.WARNED, "The targets are met, but what was found speaks against the "
+                f"intervals: {' '.join(warnings)}",
+            )  # fmt: skip
+        return Verdict(State.GOOD, f"Good enough to stop: {_known(found, targets)}.")
+    if due:
+        how = _known(found, missed) if missed else f"{untold[0]}"
+        left = f"{due} experiment{'s' * (due > 1)} of the plan still to do"
+        return Verdict(State.MORE, f"Not yet: {how.rstrip('.')}; {left}.", due)
+    if untold:
+        return Verdict(State.LIMITED, f"More of the same will not help. {' '.join(untold)}")
+    more = forecast(found, targets, priors)
+    how = _known(found, missed)
+    if more is not None and more <= _MOST:
+        return Verdict(
+            State.MORE, f"Not yet: {how}. About {more} more experiment{'s' * (more > 1)} like "
+            "these should do.", more,
+        )  # fmt: skip
+    limits = _limits(found, missed, known_neutral)
+    need = f"about {more}" if more is not None else f"more than {_FAR}"
+    return Verdict(
+        State.LIMITED, f"More of the same will not help soon: {how}, and it would take {need} "
+        f"more experiments. {_instead(limits, missed, priors)}", more, limits,
+    )  # fmt: skip
+
+
+def forecast(
+    found: Identification, targets: Sequence[Target], priors: Mapping[str, Prior]
+) -> int | None:
+    """Return how many more experiments, like those done on average, reach the targets.
+
+    The information of the data grows with their number, that of the priors does not. None where
+    200 do not.
+    """
+    names = list(found.names)
+    size = np.array([abs(found.parameters[name].value) or 1.0 for name in names])
+    total = np.linalg.inv(found.covariance / np.outer(size, size))
+    known = np.zeros(len(names))
+    for name, prior in priors.items():
+        known[names.index(name)] = (size[names.index(name)] / prior.std) ** 2
+    data = total - np.diag(known)
+    n = len(found.experiments)
+    wanted = [
+        (
+            names.index(t.name),
+            t.limit(found.parameters[t.name].value) / MARGIN / size[names.index(t.name)],
+        )
+        for t in targets if t.name in names
+    ]  # fmt: skip
+    for more in range(1, _FAR + 1):
+        C = np.linalg.inv(np.diag(known) + data * (n + more) / n)
+        if all(C[i, i] <= limit**2 for i, limit in wanted):
+            return more
+    return None
+
+
+def _known(found: Identification, targets: Sequence[Target]) -> str:
+    parts = []
+    for t in targets:
+        e = found.parameters[t.name]
+        size, factor, unit = (abs(e.value), 100.0, "%") if t.relative else (1.0, 1.0, e.unit)
+        aim = f"target {factor * t.std:.3g} {unit}"
+        if e.std <= t.limit(e.value) < MARGIN * e.std:
+            aim += f", which {factor * t.std / MARGIN:.3g} {unit} is taken to reach"
+        parts.append(f"{t.name} is known to {factor * e.std / size:.2g} {unit} ({aim})")
+    return ", ".join(parts)
+
+
+def _limits(
+    found: Identification, missed: Sequence[Target], known_neutral: Callable[[], Identification]
+) -> dict[str, float]:
+    """Return which share of the worst variance would go if something else were known exactly."""
+    names = list(found.names)
+    worst = max(
+        missed, key=lambda t: found.parameters[t.name].std / t.limit(found.parameters[t.name].value)
+    )
+    i, C = names.index(worst.name), found.covariance
+    shares = {}
+    if "psi" in names and worst.name != "psi":
+        p = names.index("psi")
+        shares["psi"] = float(C[i, p] ** 2 / (C[i, i] * C[p, p]))
+    other = known_neutral()
+    if other.identified:
+        shares["neutral volume"] = max(0.0, 1.0 - float(other.covariance[i, i] / C[i, i]))
+    return shares
+
+
+def _instead(
+    limits: Mapping[str, float], missed: Sequence[Target], priors: Mapping[str, Prior]
+) -> str:
+    names = " and ".join(t.name for t in missed)
+    said = []
+    if limits.get("psi", 0.0) > _SHARE:
+        how = "a narrower prior" if "psi" in priors else "a prior"
+        said.append(
+            f"What limits {names} is psi ({100.0 * limits['psi']:.0f} % of the variance): give it "
+            f"{how} (--prior), from the volumes at which the vehicle rests at several depths, or "
+            "run changes of volume that differ more in size."
+        )
+    if limits.get("neutral volume", 0.0) > _SHARE:
+        said.append(
+            f"What limits {names} is the neutral volume before each experiment "
+            f"({100.0 * limits['neutral volume']:.0f} % of the variance): rest longer, use larger "
+            "changes of volume, or state it with --neutral-std if it is known better."
+        )
+    if not said:
+        said.append("What limits them is the noise of the depth: glide longer.")
+    said.append(
+        "A plan of `swimbladder design-experiment` may tell far more in the same time (--plan)."
+    )
+    return " ".join(said)

@@ -1,0 +1,29 @@
+"""Sizing: which pump or screw, motor, stroke and battery do a dive, of all that parts can make.
+
+::
+
+    Dive    what is asked for: depth, speed, turn time, trim to cover, cycles, hotel load
+    size    search every combination of parts -> Sizing: the best, the Pareto front, each trade-off
+    Parts   the list of parts; load_parts reads one from TOML
+"""
+
+from __future__ import annotations
+
+from swimbladder.design.sizing.needs import Dive, Needs, needs
+from swimbladder.design.sizing.parts import Parts, load_parts
+from swimbladder.design.sizing.result import columns, sentences, sized_vehicle, to_json
+from swimbladder.design.sizing.run import Sizing, size
+
+__all__ = [
+    "Dive",
+    "Needs",
+    "Parts",
+    "Sizing",
+    "columns",
+    "load_parts",
+    "needs",
+    "sentences",
+    "size",
+    "sized_vehicle",
+    "to_json",
+]

@@ -1,0 +1,201 @@
+"""What is asked of a buoyancy engine: volume, rate, pressure, energy, from the dive it is for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError
+from swimbladder.physics.dynamics import drag_force
+from swimbladder.physics.hull import neutral_volume
+from swimbladder.physics.seawater import Column
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Dive", "Needs", "needs"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dive:
+    """The dive that is asked for, and how well the vehicle is known.
+
+    Depth [m], speed down and up [m/s], turn_time: from sinking to rising at depth [s], trim: 1
+    sigma of the neutral volume [m3], probability that the stroke covers it [-], freeboard: volume
+    that lifts the antenna [m3], reserve of the stroke [-], cycles, park_time per cycle [s], hotel
+    load [W], surface_energy per cycle [J]. battery_low: share of the voltage at which it still has
+    to work [-]; stall_reserve: how much deeper than `depth` the motor has to hold, as a share [-].
+    corrections: share by which a flown dive takes longer and more energy than the straight one [-];
+    surface_time per cycle [s]; battery_reserve: share of the battery that is not flown with [-].
+    coldest: of the water on the way [degC]; None: as the column of water has it.
+    Raises InputError where a number cannot be.
+    """
+
+    depth: float
+    speed: float = 0.1
+    turn_time: float = 600.0
+    trim: float = 20e-6
+    probability: float = 0.95
+    freeboard: float = 0.0
+    reserve: float = 0.1
+    cycles: int = 200
+    park_time: float = 0.0
+    hotel: float = 0.02
+    surface_energy: float = 0.0
+    corrections: float = 0.2
+    surface_time: float = 900.0
+    battery_reserve: float = 0.1
+    coldest: float | None = None
+    battery_low: float = 0.8
+    stall_reserve: float = 0.25
+
+    def __post_init__(self) -> None:
+        for name, unit in _POSITIVE.items():
+            value = getattr(self, name)
+            if not value > 0.0 or not math.isfinite(value):
+                raise InputError(
+                    "it has to be above 0", field=name, value=value, unit=unit,
+                    remedy="Check the number and its unit",
+                )  # fmt: skip
+        for name, unit in _NOT_NEGATIVE.items():
+            value = getattr(self, name)
+            if not value >= 0.0 or not math.isfinite(value):
+                raise InputError(
+                    "it cannot be negative", field=name, value=value, unit=unit,
+                    remedy="Check the number and its unit",
+                )  # fmt: skip
+        if self.coldest is not None and not -5.0 <= self.coldest <= 60.0:
+            raise InputError(
+                "water is between -5 and 60 degC", field="coldest", value=self.coldest,
+                unit="degC", remedy="Check the number and its unit",
+            )  # fmt: skip
+        for name in ("reserve", "corrections"):
+            if getattr(self, name) > 1.0:
+                raise InputError(
+                    "more than all of it", field=name, value=getattr(self, name),
+                    remedy='Write a share like "10 %", which is 0.1',
+                )  # fmt: skip
+        if self.battery_reserve >= 1.0:
+            raise InputError(
+                "nothing of the battery is left to fly with", field="battery_reserve",
+                value=self.battery_reserve, remedy='Write a share like "10 %"',
+            )  # fmt: skip
+        for name in ("probability", "battery_low"):
+            value = getattr(self, name)
+            if not 0.0 < value <= 1.0 or (name == "probability" and value == 1.0):
+                raise InputError(
+                    "a share above 0 and below 1 is needed", field=name, value=value,
+                    remedy='Write a share like "95 %"',
+                )  # fmt: skip
+
+    @property
+    def cycle_time(self) -> float:
+        """Time of a cycle: down, parked, up and at the surface [s]."""
+        way = 2.0 * self.depth / self.speed * (1.0 + self.corrections)
+        return way + self.park_time + self.surface_time
+
+
+_POSITIVE = {"depth": "m", "speed": "m/s", "turn_time": "s", "cycles": ""}
+_PLACES = 41  # depths at which the energy of a cycle is summed up
+_NOT_NEGATIVE = {
+    "trim": "m3", "freeboard": "m3", "reserve": "", "park_time": "s", "hotel": "W",
+    "surface_energy": "J", "stall_reserve": "", "corrections": "", "surface_time": "s",
+    "battery_reserve": "",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Needs:
+    """What a dive asks of the drive.
+
+    depth [m], pressure [Pa] and moved [m3]: where in a cycle how much volume has to be pressed
+    out, all [n]. neutral: the change of the neutral volume from the surface down [m3] [n]. drive:
+    volume that keeps the speed, mean of down and up [m3], trim: half-width that is covered [m3],
+    stroke: from stop to stop [m3], lowest: where the inner stop is, counted from neutral at the
+    surface [m3], rate: while pressing out at `depth` [m3/s], coldest: water on the way [degC].
+    """
+
+    dive: Dive
+    depth: NDArray[np.float64]
+    pressure: NDArray[np.float64]
+    moved: NDArray[np.float64]
+    neutral: NDArray[np.float64]
+    drive: float
+    trim: float
+    stroke: float
+    lowest: float
+    rate: float
+    coldest: float
+
+    @property
+    def bottom_pressure(self) -> float:
+        """Pressure at the depth asked for [Pa above the atmosphere]."""
+        return float(self.pressure[-1])
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """What the stroke is made of [m3]."""
+        spread = float(np.ptp(self.neutral))
+        total = spread + 2.0 * self.drive + 2.0 * self.trim
+        freeboard = self.stroke / (1.0 + self.dive.reserve) - total
+        return {
+            "water and hull": spread,
+            "speed down and up": 2.0 * self.drive,
+            "trim not known": 2.0 * self.trim,
+            "freeboard": max(freeboard, 0.0),
+            "reserve": self.stroke * (1.0 - 1.0 / (1.0 + self.dive.reserve)),
+        }
+
+
+def needs(body: Vehicle, column: Column, dive: Dive) -> Needs:
+    """Return what a dive of a body through a column of water asks of its drive.
+
+    The stroke covers: the neutral volume from the surface to the depth; the volume that drives the
+    body down and up at the wanted speed, F_d(w)/(rho g), eq. (16); the trim that is not known, with
+    the wanted probability (it is normal and known by its deviation); the freeboard. In a cycle, 2
+    drive volumes are pressed out at the depth (one to stop, one to rise), what the neutral volume
+    grows by on the way down and on the way up, where it does, and the freeboard at the surface. The
+    rate is that of the turn, or that of a neutral volume that grows on the way down: a vehicle that
+    does not keep up with it sinks ever faster. Raises InputError where the
+    column ends above the depth.
+    """
+    if column.depth[-1] < dive.depth * (1.0 - 1e-9):
+        raise InputError(
+            f"the water is known down to {column.depth[-1]:.6g} m only",
+            field="depth", value=dive.depth, unit="m",
+            remedy="Give a cast that reaches the depth, or a smaller depth",
+        )  # fmt: skip
+    grid = np.linspace(0.0, dive.depth, _PLACES)
+    at = np.interp(grid, column.depth, neutral_volume(body, column))
+    neutral = at - at[0]
+    pressure = np.interp(grid, column.depth, column.pressure)
+    density = np.interp(grid, column.depth, column.density)
+    light = float(density.min()) * column.gravity
+    down, up = (abs(drag_force(body.drag, w)) / light for w in (dive.speed, -dive.speed))
+    drive = 0.5 * (down + up)
+    trim = NormalDist().inv_cdf(0.5 + 0.5 * dive.probability) * dive.trim
+    lowest = float(neutral.min()) - down - trim
+    highest = max(float(neutral.max()) + up, dive.freeboard) + trim
+    stroke = (highest - lowest) * (1.0 + dive.reserve)
+    moved = np.zeros_like(grid)
+    moved[-1] = 2.0 * drive
+    change = np.diff(neutral)
+    moved[1:] += np.maximum(change, 0.0)  # on the way down: a hull that gives way, trapped air
+    moved[:-1] += np.maximum(-change, 0.0)  # on the way up
+    moved[0] += max(dive.freeboard - up, 0.0)
+    way = column.temperature[column.depth <= dive.depth]
+    return Needs(
+        dive=dive,
+        coldest=float(way.min()) if dive.coldest is None else dive.coldest,
+        depth=grid,
+        pressure=pressure,
+        moved=moved,
+        neutral=neutral,
+        drive=drive,
+        trim=trim,
+        stroke=stroke,
+        lowest=lowest - (highest - lowest) * dive.reserve / 2.0,
+        rate=max(2.0 * drive / dive.turn_time, float(np.max(change / np.diff(grid))) * dive.speed),
+    )

@@ -1,0 +1,196 @@
+"""The parts that a buoyancy engine can be made of, as catalogues describe them."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from swimbladder.errors import InputError
+from swimbladder.io.config import file_text, read_model
+from swimbladder.vehicle import Driver, Motor, Parameters, Unit
+
+__all__ = [
+    "Amplifier",
+    "BatteryKind",
+    "Gear",
+    "MotorPart",
+    "Parts",
+    "Piston",
+    "Pump",
+    "Screw",
+    "load_parts",
+]
+
+_Name = Annotated[str, Field(min_length=1)]
+_Positive = Field(gt=0.0)
+_Mass = Annotated[float, Unit("kg"), Field(ge=0.0)]
+_Share = Annotated[float, Unit(""), Field(gt=0.0, le=1.0)]
+_Speed = Annotated[float, Unit("rad/s"), _Positive]
+_Torque = Annotated[float, Unit("N m"), _Positive]
+_Inertia = Annotated[float, Unit("kg m2"), Field(ge=0.0)]
+_Viscous = Annotated[float, Unit("N m s/rad"), Field(ge=0.0)]
+
+
+class MotorPart(Parameters):
+    """A DC motor as its data sheet lists it for one winding."""
+
+    name: _Name = Field(description="what it is called")
+    voltage: Annotated[float, Unit("V"), _Positive] = Field(
+        description="nominal voltage of the winding that the numbers are for"
+    )
+    resistance: Annotated[float, Unit("ohm"), _Positive] = Field(description="of that winding")
+    torque_constant: Annotated[float, Unit("N m/A"), _Positive] = Field(
+        description="of that winding"
+    )
+    rotor_inertia: Annotated[float, Unit("kg m2"), _Positive] = Field(description="of the rotor")
+    viscous_friction: _Viscous = Field(0.0, description="loss in proportion to speed")
+    friction_torque: Annotated[float, Unit("N m"), Field(ge=0.0)] = Field(
+        0.0, description="dry friction"
+    )
+    rated_torque: _Torque = Field(description="torque that it stands for hours")
+    largest_speed: _Speed = Field(description="speed that it may turn at")
+    mass: _Mass = Field(description="its mass")
+
+    def wound(self, voltage: float) -> Motor:
+        """Return the motor with a winding for another nominal voltage [V].
+
+        The same copper in more, thinner turns: the torque constant goes with the voltage, the
+        resistance with its square, and the losses at a torque stay what they are.
+        """
+        scale = voltage / self.voltage
+        return Motor(
+            resistance=self.resistance * scale * scale,
+            torque_constant=self.torque_constant * scale,
+            rotor_inertia=self.rotor_inertia,
+            viscous_friction=self.viscous_friction,
+            friction_torque=self.friction_torque,
+        )
+
+
+class Pump(Parameters):
+    """A pump of constant displacement."""
+
+    name: _Name = Field(description="what it is called")
+    displacement: Annotated[float, Unit("m3/rev"), _Positive] = Field(description="D_p")
+    efficiency: _Share = Field(description="mechanical efficiency eta_p")
+    leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = Field(0.0, description="k_pl")
+    resting_leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] | None = Field(
+        None,
+        description="leakage while it rests, behind its check valve; not given: as while it runs",
+    )
+    reflected_inertia: _Inertia = Field(0.0, description="of the pump at its shaft")
+    viscous_friction: _Viscous = Field(0.0, description="loss in proportion to speed")
+    largest_pressure: Annotated[float, Unit("Pa"), _Positive] = Field(
+        description="pressure it may work against"
+    )
+    largest_speed: _Speed = Field(description="speed that it may turn at")
+    mass: _Mass = Field(description="its mass")
+
+    @property
+    def at_rest(self) -> float:
+        """Leakage while it rests [m3/s/Pa]."""
+        return self.leakage if self.resting_leakage is None else self.resting_leakage
+
+
+class Amplifier(Parameters):
+    """Two pistons on a rod between pump and water; area ratio 1 and no mass: none at all."""
+
+    name: _Name = Field(description="what it is called")
+    area_ratio: Annotated[float, Unit(""), _Positive] = Field(description="n_h = A1/A2")
+    efficiency: _Share = Field(description="share of the work that its seals let through")
+    mass: _Mass = Field(description="its mass")
+
+
+class Gear(Parameters):
+    """A reduction gear between motor and screw."""
+
+    name: _Name = Field(description="what it is called")
+    ratio: Annotated[float, Unit(""), Field(ge=1.0)] = Field(description="motor turns per turn")
+    efficiency: _Share = Field(description="its efficiency")
+    rated_torque: _Torque = Field(description="torque that its output stands")
+    mass: _Mass = Field(description="its mass")
+
+
+class Screw(Parameters):
+    """A spindle with its nut."""
+
+    name: _Name = Field(description="what it is called")
+    lead: Annotated[float, Unit("m/rev"), _Positive] = Field(description="travel per turn")
+    efficiency: _Share = Field(description="from turning to travel")
+    largest_force: Annotated[float, Unit("N"), _Positive] = Field(description="axial load")
+    mass: _Mass = Field(description="its mass")
+
+
+class Piston(Parameters):
+    """A piston in contact with the water."""
+
+    name: _Name = Field(description="what it is called")
+    area: Annotated[float, Unit("m2"), _Positive] = Field(description="area in the water")
+    mass: _Mass = Field(description="its mass, with its cylinder")
+
+
+class BatteryKind(Parameters):
+    """Cells of one chemistry, as a pack."""
+
+    name: _Name = Field(description="what it is called")
+    specific_energy: Annotated[float, Unit("J/kg"), _Positive] = Field(
+        description="energy per mass of the pack"
+    )
+    usable: _Share = Field(description="share of it that can be taken out at 20 degC")
+    resistance: Annotated[float, Unit("ohm/V"), Field(ge=0.0)] = Field(
+        0.0, description="internal resistance per open-circuit voltage"
+    )
+    cold_share: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)] = Field(
+        1.0, description="share of what can be taken out at 20 degC that 0 degC leaves"
+    )
+    self_discharge: Annotated[float, Unit("1/s"), Field(ge=0.0, le=1e-6)] = Field(
+        0.0, description="share of what is in it that is lost per time"
+    )
+
+
+class Parts(Parameters):
+    """A list of parts; a vehicle is sized from what is in it and nothing else."""
+
+    schema_version: Literal[1] = Field(1, description="version of this file's format")
+    provenance: dict[str, str] = Field(
+        default_factory=dict, description='where the numbers come from: table = "source"'
+    )
+    supplies: Annotated[tuple[Annotated[float, Unit("V"), _Positive], ...], Field(min_length=1)] = (
+        Field(description="battery voltages to try")
+    )
+    windings: Annotated[tuple[Annotated[float, Unit(""), _Positive], ...], Field(min_length=1)] = (
+        Field((1.0,), description="windings to try, by their nominal voltage over the supply's")
+    )
+    motors: Annotated[tuple[MotorPart, ...], Field(min_length=1)] = Field(description="motors")
+    pumps: tuple[Pump, ...] = Field((), description="pumps")
+    amplifiers: tuple[Amplifier, ...] = Field((), description="pressure amplifiers, or none")
+    gears: tuple[Gear, ...] = Field((), description="gears")
+    screws: tuple[Screw, ...] = Field((), description="screws")
+    pistons: tuple[Piston, ...] = Field((), description="pistons")
+    batteries: Annotated[tuple[BatteryKind, ...], Field(min_length=1)] = Field(
+        description="kinds of batteries"
+    )
+    driver: Driver = Field(Driver(), description="the motor's driver; not given: it loses nothing")
+
+
+def load_parts(path: str | Path | None = None) -> Parts:
+    """Return the list of parts of a TOML file; of the one that comes with swimbladder when None.
+
+    Raises InputError with file, line, field, value, unit and remedy, and where neither a pump nor a
+    whole screw drive is in it.
+    """
+    if path is None:
+        text = resources.files(__package__).joinpath("parts.toml").read_text(encoding="utf-8")
+        return read_model(Parts, text, "parts.toml of swimbladder")
+    parts = read_model(Parts, file_text(Path(path)), path)
+    if not parts.pumps and not (parts.gears and parts.screws and parts.pistons):
+        raise InputError(
+            "neither a pump nor a whole screw drive (gear, screw and piston) is in the list",
+            file=path,
+            field="pumps",
+            remedy="Add [[pumps]] (and [[amplifiers]]), or [[gears]], [[screws]] and [[pistons]]",
+        )
+    return parts

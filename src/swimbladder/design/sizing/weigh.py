@@ -1,0 +1,252 @@
+"""How every candidate does: what it can against what is asked, and what it weighs and takes."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.design.sizing.budget import Budget, budget
+from swimbladder.design.sizing.candidates import Batch
+from swimbladder.design.sizing.needs import Needs
+from swimbladder.physics.electric import (
+    electrical_power,
+    largest_voltage,
+    stall_depth,
+    supply_current,
+    winding_current,
+)
+from swimbladder.physics.steady_drives import terminal_power
+from swimbladder.vehicle import Water
+
+__all__ = ["REQUIREMENTS", "Weighed", "weigh"]
+
+_PACES = (1.0, 2.0, 4.0, 8.0)
+
+REQUIREMENTS = {
+    "battery power": "the power that the battery can give",
+    "voltage": "the voltage that the wanted rate takes at the depth, from a low battery",
+    "stall": "the depth that a low battery can still hold, against the depth and its reserve",
+    "motor torque": "the torque that the motor stands for hours",
+    "motor speed": "the speed that the motor may turn at",
+    "pump pressure": "the pressure that the pump may work against",
+    "pump speed": "the speed that the pump may turn at",
+    "screw force": "the axial load of the screw",
+    "gear torque": "the torque of the gear's output",
+    "piston travel": "the longest travel that there is room for",
+    "battery life": "the charge that time alone leaves, against what cold and reserve keep back",
+    "stroke": "the room that the body has for the stroke, half of what it displaces",
+    "mass": "the mass that drive and battery may have together, that of the body at most",
+}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Weighed:
+    """Candidates against requirements, arrays [n].
+
+    margins: what a candidate can over what is asked, by requirement; at least 1 is good enough.
+    rate [m3/s] at the depth, motor speed [rad/s], voltage [V] and current [A] there, energy per
+    volume [J/m3], energy per cycle of the drive [J], spent: where the battery goes,
+    battery_mass and mass [kg], stall [m], travel of the piston [m] (0 for none).
+    """
+
+    margins: dict[str, NDArray[np.float64]]
+    rate: NDArray[np.float64]
+    speed: NDArray[np.float64]
+    voltage: NDArray[np.float64]
+    current: NDArray[np.float64]
+    energy_per_volume: NDArray[np.float64]
+    cycle_energy: NDArray[np.float64]
+    holding_power: NDArray[np.float64]
+    spent: Budget
+    battery_mass: NDArray[np.float64]
+    mass: NDArray[np.float64]
+    stall: NDArray[np.float64]
+    turn_time: NDArray[np.float64]
+    travel: NDArray[np.float64]
+
+    @property
+    def battery_energy(self) -> NDArray[np.float64]:
+        """Energy of new cells at 20 degC that has to be carried [J] [n]."""
+        return self.spent.carried
+
+    @property
+    def worst(self) -> NDArray[np.float64]:
+        """The smallest margin of each candidate [n]."""
+        worst: NDArray[np.float64] = np.min(np.stack(list(self.margins.values())), axis=0)
+        return worst
+
+    @property
+    def feasible(self) -> NDArray[np.bool_]:
+        """Whether a candidate meets every requirement [n]."""
+        return self.worst >= 1.0
+
+
+def weigh(
+    batch: Batch,
+    asked: Needs,
+    water: Water,
+    *,
+    longest_travel: float,
+    largest_mass: float = math.inf,
+    largest_stroke: float = math.inf,
+) -> Weighed:
+    """Return how each candidate meets what is asked, at the pace that makes it lightest.
+
+    A pace is a multiple of the wanted rate: a faster motor holds its load for a shorter time, until
+    friction and the battery's resistance take more than that saves. The driver holds the speed at
+    that rate q: u = (k_v omega + k_z z + T_b)/k_u with omega = (q + k_l z)/k_q, eqs (11)-(12) at
+    rest; z stands for the pressure. longest_travel of the piston [m]; largest_mass of drive and
+    battery [kg], largest_stroke [m3]: what the body has room for.
+    """
+    limits = longest_travel, largest_mass, largest_stroke
+    paces = [_at_pace(batch, asked, water, pace, limits) for pace in _PACES]
+    scores = np.array([np.where(p.feasible, p.mass, np.inf) for p in paces])
+    worst = np.array([p.worst for p in paces])
+    which = np.where(
+        np.any(np.isfinite(scores), axis=0), np.argmin(scores, axis=0), np.argmax(worst, axis=0)
+    )
+    return _picked(paces, which)
+
+
+def _picked(paces: list[Weighed], which: NDArray[np.int64]) -> Weighed:
+    """Return of each candidate what it is at its own pace."""
+    lanes = np.arange(len(which))
+
+    def pick(arrays: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+        picked: NDArray[np.float64] = np.array(arrays)[which, lanes]
+        return picked
+
+    numbers: dict[str, Any] = {
+        field.name: pick([getattr(p, field.name) for p in paces])
+        for field in dataclasses.fields(Weighed)
+        if field.name not in ("margins", "spent")
+    }
+    numbers["spent"] = Budget(
+        **{
+            field.name: pick([getattr(p.spent, field.name) for p in paces])
+            for field in dataclasses.fields(Budget)
+        }
+    )
+    margins = {name: pick([p.margins[name] for p in paces]) for name in paces[0].margins}
+    return Weighed(margins=margins, **numbers)
+
+
+def _at_pace(
+    batch: Batch,
+    asked: Needs,
+    water: Water,
+    pace: float,
+    limits: tuple[float, float, float],
+) -> Weighed:
+    """Return how each candidate does at one pace; largest rate and stall do not depend on it."""
+    dive = asked.dive
+    longest_travel, largest_mass, largest_stroke = limits
+    b: Any = batch  # the functions of `electric` take arrays for constants too
+    rate = pace * asked.rate
+    z = asked.pressure[np.newaxis, :] / water.specific_weight
+    omega = (rate + b.k_l * z) / b.k_q
+    torque = b.k_v * omega + b.k_z * z + b.friction_torque
+    u = torque / b.k_u
+    i = winding_current(u=u, omega=omega, R=b.resistance, k_emf=b.k_T)
+    with np.errstate(invalid="ignore"):
+        P = electrical_power(u=u, i=i)
+        P = terminal_power(P, b.driver)
+        i_b = supply_current(P=P, E=b.supply, R_b=b.battery_resistance)
+    per_volume = b.supply * i_b / rate
+    bottom = z[:, -1]
+    E_low, sag = dive.battery_low * b.supply, b.battery_resistance / b.resistance
+    emf = (b.k_T * omega)[:, -1]
+    available = largest_voltage(E=E_low[:, 0], sag=sag[:, 0], emf=emf)
+    deepest = stall_depth(
+        E=E_low[:, 0], sag=sag[:, 0], load=(b.k_z / b.k_u)[:, 0],
+        friction=(b.friction_torque / b.k_u)[:, 0],
+    )  # fmt: skip
+    speed = omega[:, -1]
+    shaft = b.k_T[:, 0] * i[:, -1]
+    stroke, pressure = asked.stroke, asked.bottom_pressure
+    area = b.number("piston", "area")
+    travel = stroke / area
+    screw = np.isfinite(area)
+    force = pressure * np.where(screw, area, 0.0)
+    output = force * np.where(screw, b.number("screw", "lead"), 0.0) / (2.0 * math.pi)
+    output = output / np.where(screw, b.number("screw", "efficiency"), 1.0)
+    amplified = b.number("amplifier", "area_ratio")
+    pump_pressure = np.where(np.isfinite(amplified), pressure / amplified, 0.0)
+    holding = _holding(b, z[:, -1])
+    resting = np.where(screw, 0.0, b.number("pump", "at_rest"))
+    seeps = resting * pressure / np.where(screw, 1.0, amplified**2)
+
+    def per_cycle(energy: NDArray[np.float64], held: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what a cycle takes [J] of an energy per volume [J/m3] and of holding [W]."""
+        pressed: NDArray[np.float64] = np.sum(asked.moved * energy, axis=1)
+        return pressed * (1.0 + dive.corrections) + (held + seeps * energy[:, -1]) * dive.park_time
+
+    cycle = per_cycle(per_volume, holding)
+    lost = 1.0 - b.driver.efficiency
+    spent = budget(b, asked, cycle=cycle, driver_loss=lost * per_cycle(P / rate, holding))
+    battery_mass = spent.carried / b.number("battery", "specific_energy")
+    mass = b.drive_mass + battery_mass
+    with np.errstate(divide="ignore", invalid="ignore"):
+        margins = {
+            "battery power": b.supply[:, 0] ** 2
+            / (4.0 * b.battery_resistance[:, 0] * np.maximum(P[:, -1], 1e-12)),
+            "voltage": available / u[:, -1],
+            "stall": deepest / (bottom * (1.0 + dive.stall_reserve)),
+            "motor torque": b.number("motor", "rated_torque") / shaft,
+            "motor speed": b.number("motor", "largest_speed") / speed,
+            "pump pressure": b.number("pump", "largest_pressure") / pump_pressure,
+            "pump speed": b.number("pump", "largest_speed") / speed,
+            "screw force": b.number("screw", "largest_force") / force,
+            "gear torque": b.number("gear", "rated_torque") / output,
+            "piston travel": longest_travel / travel,
+            "battery life": spent.life,
+            "stroke": np.full(len(mass), largest_stroke / stroke),
+            # with a battery that cannot be, it is that which is in the way
+            "mass": np.where(np.isfinite(mass), largest_mass / mass, np.inf),
+        }
+    fastest = _largest_rate(b, z[:, -1], available)
+    return Weighed(
+        margins=margins,
+        rate=np.full(len(b.of), rate),
+        speed=speed,
+        voltage=u[:, -1],
+        current=i[:, -1],
+        energy_per_volume=per_volume[:, -1],
+        cycle_energy=cycle,
+        holding_power=holding,
+        spent=spent,
+        battery_mass=battery_mass,
+        mass=mass,
+        stall=deepest,
+        turn_time=np.where(fastest > 0.0, 2.0 * asked.drive / np.maximum(fastest, 1e-300), np.inf),
+        travel=travel,
+    )
+
+
+def _holding(b: Batch, z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Power [W] that holds a back-drivable screw at the depth's pressure; pumps have valves.
+
+    The sea turns the motor back with eta^2 k_z z, less dry friction; holding it takes that torque
+    over k_T as a current, which is all lost in the winding, and in the driver before.
+    """
+    back = b.efficiency[:, 0] ** 2 * b.k_z[:, 0] * z - b.friction_torque[:, 0]
+    current = np.maximum(back, 0.0) / b.k_T[:, 0]
+    screw = np.isfinite(b.number("piston", "area"))
+    power = terminal_power(current**2 * b.resistance[:, 0], b.driver)
+    return np.where(screw, power, 0.0)
+
+
+def _largest_rate(
+    b: Batch, z: NDArray[np.float64], available: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Rate [m3/s] at the depth at the voltage of a low battery and within the speeds allowed."""
+    spare = b.k_u[:, 0] * available - b.k_z[:, 0] * z - b.friction_torque[:, 0]
+    omega = np.maximum(spare, 0.0) / b.k_v[:, 0]
+    omega = np.minimum(omega, b.number("motor", "largest_speed"))
+    omega = np.minimum(omega, b.number("pump", "largest_speed"))
+    rate: NDArray[np.float64] = b.k_q[:, 0] * omega - b.k_l[:, 0] * z
+    return rate

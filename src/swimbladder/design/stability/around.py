@@ -1,0 +1,251 @@
+"""Small motions: eigenvalues and margins over the region of parameters, and a search for the worst.
+
+The region is looked at in its middle, at the ends of its axes (or corners) and at drawn points;
+from the worst of these, for each measure, Nelder and Mead's simplex goes on over the whole region.
+What is claimed is the worst that was found: the measures are continuous over the region, and where
+the search
+from several points ends at one value that is a strong sign, but no proof.
+
+A motor whose load depends on its direction is two linear systems; both are looked at. That each is
+stable does not prove that switching between them is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from swimbladder.control.law import Law
+from swimbladder.design.linear.margins import equivalent_poles, spectral_radius
+from swimbladder.design.linear.models import StateSpace, linearise
+from swimbladder.design.linear.sampled import LinearLaw, SampledLoop
+from swimbladder.design.tuning.margins import Worst, at_rest, exactly, roughly
+from swimbladder.design.tuning.region import member, unit_points, unknowns
+from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["MEASURES", "Around", "Found", "Mode", "Spot", "look_around", "modes"]
+
+Array = NDArray[np.float64]
+
+_STARTS = 3  # of the search, for each measure
+_CALLS = 60  # of a search, for each unknown
+
+# What is looked for: the larger the worse.
+MEASURES: Mapping[str, Callable[[Worst, float], float]] = {
+    "spectral radius": lambda _, radius: radius,
+    "peak sensitivity": lambda m, _: m.peak_sensitivity,
+    "phase": lambda m, _: -m.phase,
+    "gain up": lambda m, _: -m.gain_up,
+    "gain down": lambda m, _: m.gain_down,
+}
+
+
+class Mode(NamedTuple):
+    """A pair of poles of the closed loop, as they would be in continuous time."""
+
+    frequency: float  # rad/s, 0 where it does not oscillate
+    damping: float  # -, 1 where it does not oscillate
+    time_constant: float  # s; negative where it grows
+
+
+class Spot(NamedTuple):
+    """A vehicle of the region, at a depth."""
+
+    shares: Mapping[str, float]  # -, uncertain numbers over their nominal values
+    depth: float  # m
+    back_driven: bool  # the sea drives the motor
+
+    @property
+    def words(self) -> str:
+        """What distinguishes it, for a person."""
+        off = [f"{n} {100.0 * (x - 1.0):+.1f} %" for n, x in self.shares.items() if x == x]
+        back = ", the motor driven back by the sea" if self.back_driven else ""
+        return f"{', '.join(off) or 'nominal'} at {self.depth:g} m{back}"
+
+
+class Found(NamedTuple):
+    """The worst of one measure."""
+
+    measure: str
+    spot: Spot
+    on_grid: float  # worst among the points, as a grid of frequencies shows it
+    searched: float  # after the search, likewise
+
+
+class Around(NamedTuple):
+    """What the linear analysis over the region found."""
+
+    radius: float  # -, largest modulus of an eigenvalue
+    margins: Worst  # worst of each, exactly, over all spots that a search ended at
+    nominal: Worst
+    slowest: tuple[Mode, Spot]
+    least_damped: tuple[Mode, Spot]
+    found: tuple[Found, ...]
+    looked: int  # loops on the grid
+    searched: int  # loops beyond
+    same_at_all_depths: bool
+    delay: float  # s, from a sample to its command
+    whole_sample_radius: float  # -, of the nominal loop with a whole sample of delay
+
+    @property
+    def stable(self) -> bool:
+        """Whether every loop that was looked at is."""
+        return self.radius < 1.0
+
+    @property
+    def worst_spot(self) -> Spot:
+        """Where the largest eigenvalue is."""
+        return next(f.spot for f in self.found if f.measure == "spectral radius")
+
+
+def modes(matrix: Array, h: float) -> tuple[Mode, ...]:
+    """Return the modes of a closed loop's matrix sampled every h [s], slowest first."""
+    z = np.linalg.eigvals(matrix)
+    s = equivalent_poles(z[(np.abs(z) > 1e-6) & (z.imag >= 0.0)], h)
+    found = []
+    for pole in sorted(s, key=lambda pole: -pole.real):
+        size = abs(pole)
+        decay = -float(pole.real)
+        found.append(
+            Mode(
+                float(pole.imag),
+                decay / size if pole.imag > 1e-12 and size > 0.0 else math.copysign(1.0, decay),
+                1.0 / decay if decay else math.inf,
+            )
+        )
+    return tuple(found)
+
+
+def look_around(
+    vehicle: Vehicle, law: Law, parameters: Any, *, depths: Sequence[float], sample_time: float,
+    delay: float, advance: Callable[[float], None] = lambda _: None,
+) -> Around | None:  # fmt: skip
+    """Return the worst over region and depths [m]; None for a law not linear at rest, or asleep.
+
+    parameters: without the law's own dead zone. delay [s]: from a sample to its command.
+    """
+    nominal = plant(vehicle)
+    laws = {z: at_rest(law, parameters, nominal, depth=z, sample_time=sample_time) for z in depths}
+    if not all(x.smooth and x.sample_time == sample_time for x in laws.values()):
+        return None  # within its bands, or while it sleeps, a law that does nothing looks linear
+    one_way = nominal.load_back == nominal.load_drive
+    pieces = [(z, back) for z in depths for back in ((False,) if one_way else (False, True))]
+    names, ball = unknowns(vehicle)
+    points = np.concatenate([np.zeros((1, len(names))), unit_points(vehicle)])
+    grid: list[tuple[Array, float, bool, dict[str, float]]] = []
+    for s in points:
+        p = member(vehicle, s).plant
+        for z, back in pieces:
+            grid.append((s, z, back, _measures(p, laws[z], z, back, delay)))
+        advance(0.4 / len(points))
+    alike = _alike(grid, pieces)
+
+    calls = 0
+
+    def searched(measure: str, start: Array, z: float, back: bool) -> tuple[float, Array]:
+        nonlocal calls
+
+        def worse(x: Array) -> float:
+            nonlocal calls
+            calls += 1
+            p = member(vehicle, _within(x, ball)).plant
+            value = _measures(p, laws[z], z, back, delay, only=measure)[measure]
+            return -value if math.isfinite(value) else -1e9
+
+        best = minimize(
+            worse, start * 0.98, method="Nelder-Mead",
+            options={"maxfev": _CALLS * len(names), "xatol": 1e-4, "fatol": 1e-9},
+        )  # fmt: skip
+        return -float(best.fun), _within(best.x, ball)
+
+    found, spots = [], []
+    for measure in MEASURES:
+        ranked = sorted(grid, key=lambda g: -g[3][measure])
+        best = (ranked[0][3][measure], ranked[0][0], ranked[0][1], ranked[0][2])
+        for s, z, back, _ in ranked[:_STARTS]:
+            value, at = searched(measure, s, z, back)
+            if value > best[0]:
+                best = (value, at, z, back)
+        value, at, z, back = best
+        spot = Spot(member(vehicle, at).shares, z, back)
+        found.append(Found(measure, spot, ranked[0][3][measure], value))
+        spots.append((member(vehicle, at).plant, z, back, spot))
+        advance(0.5 / len(MEASURES))
+    every = [_exact(p, laws[z], z, back, delay) for p, z, back, _ in spots]
+    here = [
+        (mode, spot)
+        for p, z, back, spot in spots
+        for mode in modes(_loop(p, laws[z], z, back).closed(command_delay=delay), sample_time)
+    ]
+    advance(0.1)
+    first = depths[0]
+    whole = _loop(nominal, laws[first], first, False).closed(command_delay=sample_time)
+    return Around(
+        radius=found[0].searched,
+        margins=_least([m for pair in every for m in pair]),
+        nominal=_least(list(_exact(nominal, laws[first], first, False, delay))),
+        slowest=max(here, key=lambda m: 1e18 if m[0].time_constant < 0 else m[0].time_constant),
+        least_damped=min(here, key=lambda m: m[0].damping),
+        found=tuple(found), looked=len(grid), searched=calls, same_at_all_depths=alike,
+        delay=delay, whole_sample_radius=spectral_radius(whole),
+    )  # fmt: skip
+
+
+def _alike(
+    grid: Sequence[tuple[Array, float, bool, dict[str, float]]],
+    pieces: Sequence[tuple[float, bool]],
+) -> bool:
+    n = len(pieces)
+    radii = np.array([g[3]["spectral radius"] for g in grid]).reshape(-1, n)
+    return bool(np.all(np.ptp(radii, axis=1) < 1e-6))
+
+
+def _within(x: Array, ball: bool) -> Array:
+    """Return the point of the unit ball or cube that is nearest to x."""
+    if ball:
+        inside: Array = x / max(1.0, float(np.linalg.norm(x)))
+        return inside
+    return np.clip(x, -1.0, 1.0)
+
+
+def _loop(p: Plant, law: LinearLaw, depth: float, back: bool) -> SampledLoop:
+    return SampledLoop(plant=linearise(p, depth=depth, back_driving=back), law=law)
+
+
+def _broken(loop: SampledLoop, delay: float) -> tuple[StateSpace, StateSpace]:
+    return loop.broken_at_command(command_delay=delay), loop.broken_at_depth(command_delay=delay)
+
+
+def _measures(
+    p: Plant, law: LinearLaw, depth: float, back: bool, delay: float, *, only: str | None = None
+) -> dict[str, float]:
+    """Return every measure of a loop by its worse place to be broken; one that grows is inf."""
+    loop = _loop(p, law, depth, back)
+    radius = spectral_radius(loop.closed(command_delay=delay))
+    if only == "spectral radius":
+        return {only: radius}
+    if radius >= 1.0:
+        return {name: radius if name == "spectral radius" else math.inf for name in MEASURES}
+    both = [roughly(broken) for broken in _broken(loop, delay)]
+    return {name: max(f(m, radius) for m in both) for name, f in MEASURES.items()}
+
+
+def _exact(p: Plant, law: LinearLaw, depth: float, back: bool, delay: float) -> tuple[Worst, Worst]:
+    at_command, at_depth = _broken(_loop(p, law, depth, back), delay)
+    return exactly(at_command), exactly(at_depth)
+
+
+def _least(every: Sequence[Worst]) -> Worst:
+    """Return the worst of each margin."""
+    return Worst(
+        all(m.stable for m in every), min(m.gain_up for m in every),
+        max(m.gain_down for m in every), min(m.phase for m in every),
+        min(m.delay for m in every), max(m.peak_sensitivity for m in every),
+        min(m.disk for m in every),
+    )  # fmt: skip

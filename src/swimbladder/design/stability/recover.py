@@ -1,0 +1,205 @@
+"""From where a law brings a vehicle back, with supply, stroke and hull as they are: by simulation.
+
+Each cell of a map is a run. Beside it stands what no controller can do (see `reach`): the map must
+lie within it, or one of the two is wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control.law import Law
+from swimbladder.design.stability.reach import edge_speed, falls, holdable_depth
+from swimbladder.jobs import Store
+from swimbladder.physics.dynamics import plant
+from swimbladder.sim.closed_loop import simulate_ensemble
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Map", "Verdict", "recovery_maps"]
+
+Array = NDArray[np.float64]
+
+_CHUNK = 160  # runs between two looks at the clock; whole blocks of lanes
+_HOLDABLE = 0.95  # of the depth that the stroke balances: deepest set-point of a map of errors
+_WATCHED = 3.0  # times the time in which it should be back
+
+
+class Verdict(IntEnum):
+    """What became of a run."""
+
+    NOT_ASKED = 0  # out of the water, or no such set-point
+    RECOVERED = 1  # in the band in time, and stays
+    SLOW = 2  # in the band later, and stays
+    UNSETTLED = 3  # not in the band at the end, but not lost
+    LOST = 4  # falls, and no controller can stop it any more
+
+
+@dataclass(frozen=True, kw_only=True)
+class Map:
+    """Verdicts over two coordinates of the start, and the edge of what any controller can do."""
+
+    name: str
+    title: str
+    x_label: str
+    y_label: str
+    x: Array  # [columns]
+    y: Array  # [rows]
+    verdicts: NDArray[np.int64]  # [rows, columns]
+    seconds: Array  # s, until it stays in the band; nan where it does not
+    edge: Array  # of y, over x: beyond it no controller; inf where there is none
+    hopeless: NDArray[np.bool_]  # [rows, columns], beyond what any controller can do
+
+    def count(self, verdict: Verdict) -> int:
+        """Return how many cells have a verdict."""
+        return int(np.sum(self.verdicts == verdict))
+
+    def csv(self) -> str:
+        """Return it as a table: both coordinates, what became of the run, and whether any could."""
+        names = [label.split(" [")[0].replace(",", "").replace(" ", "_") for label in
+                 (self.x_label, self.y_label)]  # fmt: skip
+        units = [label.split("[")[1].rstrip("]").replace("/", "_") for label in
+                 (self.x_label, self.y_label)]  # fmt: skip
+        lines = [f"{names[0]}_{units[0]},{names[1]}_{units[1]},verdict,recovered_s,hopeless"]
+        for i, y in enumerate(self.y):
+            for j, x in enumerate(self.x):
+                verdict = Verdict(int(self.verdicts[i, j]))
+                if verdict is not Verdict.NOT_ASKED:
+                    lines.append(
+                        f"{float(x)!r},{float(y)!r},{verdict.name.lower()},"
+                        f"{float(self.seconds[i, j])!r},{int(self.hopeless[i, j])}"
+                    )
+        return "\n".join(lines) + "\n"
+
+    @property
+    def asked(self) -> int:
+        """How many runs there were."""
+        return self.verdicts.size - self.count(Verdict.NOT_ASKED)
+
+
+def recovery_maps(
+    vehicle: Vehicle, law: Law, parameters: Any, *, sample_time: float,
+    depths: tuple[float, float], within: float, band: float, cells: int, parts: Store,
+    advance: Callable[[float], None] = lambda _: None,
+) -> tuple[Map, ...]:  # fmt: skip
+    """Return the map of steps, and at three depths that of depth errors and speeds.
+
+    within [s]: what counts as recovered in time; band [m]; cells: to a side. advance: told the
+    share of the work that is done.
+    """
+    p = plant(vehicle)
+    low, high = max(depths[0], p.z_surface), depths[1]
+    made = _Runs(vehicle, law, parameters, sample_time, within, band, parts)
+    depth = np.linspace(low, high, cells)
+    change = np.linspace(low - high, high - low, 2 * (cells // 2) + 1)
+    Z, C = np.meshgrid(depth, change)
+    goal = Z + C
+    neutral = np.clip(p.psi * Z + p.V_0, p.V_min, p.V_max)
+    asked = (goal > low - 1e-9) & (goal < high + 1e-9) & (C != 0.0)
+    share = 1.0 / 4.0
+    verdicts, seconds = made.run(Z, goal, np.zeros_like(Z), neutral, asked,
+                                 lambda x: advance(share * x))  # fmt: skip
+    held = holdable_depth(p)
+    maps = [
+        Map(
+            name="steps", title="set-point changes from rest",
+            x_label="depth now [m]", y_label="change of the set-point [m]", x=depth, y=change,
+            verdicts=verdicts, seconds=seconds, edge=held - depth,
+            hopeless=np.maximum(goal, Z) >= held,
+        )
+    ]  # fmt: skip
+    deepest = min(high, _HOLDABLE * held)
+    for n, share_of in enumerate((0.2, 0.5, 1.0)):
+        reference = low + share_of * (deepest - low)
+        volume = float(np.clip(p.psi * reference + p.V_0, p.V_min, p.V_max))
+        error = np.linspace(low - reference, high - low, cells)
+        fastest = _speeds(p, reference, volume)
+        speed = fastest * np.linspace(-1.0, 1.0, 2 * (cells // 2) + 1) ** 3  # finer near rest
+        E, S = np.meshgrid(error, speed)
+        start = np.full_like(E, volume)
+        verdicts, seconds = made.run(
+            reference + E, np.full_like(E, reference), S, start, np.ones_like(E, dtype=bool),
+            lambda x: advance(share * x),
+        )  # fmt: skip
+        edge = np.array([edge_speed(p, depth=reference + e, volume=volume) for e in error])
+        maps.append(
+            Map(
+                name=f"errors-{n + 1}", title=f"errors and speeds about {reference:.3g} m",
+                x_label="depth less set-point [m]", y_label="speed, down [m/s]", x=error, y=speed,
+                verdicts=verdicts, seconds=seconds, edge=edge,
+                hopeless=(S - edge >= 0.0) | (reference >= held),
+            )
+        )  # fmt: skip
+    return tuple(maps)
+
+
+def _speeds(p: Any, depth: float, volume: float) -> float:
+    """Return a speed [m/s] beyond what can be stopped, or what the whole stroke drives."""
+    edge = edge_speed(p, depth=depth, volume=volume)
+    force = p.a_b * (p.V_max - p.V_min)
+    driven = math.sqrt(force / p.d_t) if p.d_t > 0.0 else force / max(p.d_l, 1e-9)
+    return 1.3 * min(max(edge, 0.05 * driven), driven)
+
+
+@dataclass(frozen=True)
+class _Runs:
+    vehicle: Vehicle
+    law: Law
+    parameters: Any
+    sample_time: float
+    within: float
+    band: float
+    parts: Store
+
+    def run(
+        self, depth: Array, target: Array, speed: Array, volume: Array, asked: NDArray[np.bool_],
+        advance: Callable[[float], None],
+    ) -> tuple[NDArray[np.int64], Array]:  # fmt: skip
+        """Return verdicts and times [s] of runs from depth [m], speed [m/s] and volume [m3]."""
+        verdicts = np.full(depth.shape, int(Verdict.NOT_ASKED))
+        seconds = np.full(depth.shape, math.nan)
+        cells = np.argwhere(asked)
+        for first in range(0, len(cells), _CHUNK):
+            chosen = tuple(cells[first : first + _CHUNK].T)
+            starts = np.stack([a[chosen] for a in (depth, target, speed, volume)])
+            found = self.parts.get(partial(self._chunk, *starts), "map", starts)
+            verdicts[chosen] = found["verdicts"]
+            seconds[chosen] = [math.nan if t is None else t for t in found["seconds"]]
+            advance(min(_CHUNK, len(cells) - first) / len(cells))
+        return verdicts, seconds
+
+    def _chunk(
+        self, depth: Array, target: Array, speed: Array, volume: Array
+    ) -> dict[str, list[Any]]:
+        p = plant(self.vehicle)
+        data = simulate_ensemble(
+            self.vehicle, count=len(depth), setpoints=[(0.0, target)],
+            duration=_WATCHED * self.within, start_depth=depth, start_volume=volume,
+            start_speed=speed, law=self.law, parameters=self.parameters,
+            sample_time=self.sample_time, keep="trajectory",
+        )  # fmt: skip
+        time = data["time"].to_numpy()
+        outside = np.abs(data["depth"].to_numpy() - target) > self.band
+        after = len(time) - np.argmax(outside[::-1], axis=0)
+        after[~outside.any(axis=0)] = 0
+        stopped = data["stop"].to_numpy() != 0
+        ends = (data[f"final_{n}"].to_numpy() for n in ("depth", "speed", "volume"))
+        verdicts, seconds = [], []
+        for k, z, w, V, out in zip(after, *ends, stopped, strict=True):
+            settled = k < len(time) and not out
+            seconds.append(float(time[k]) if settled else None)
+            if settled:
+                late = time[k] > self.within
+                verdicts.append(int(Verdict.SLOW if late else Verdict.RECOVERED))
+            elif out or falls(p, depth=float(z), speed=float(w), volume=float(V)):
+                verdicts.append(int(Verdict.LOST))
+            else:
+                verdicts.append(int(Verdict.UNSETTLED))
+        return {"verdicts": verdicts, "seconds": seconds}

@@ -1,0 +1,273 @@
+"""What `stability` found, in sentences and for JSON."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from swimbladder.design.stability.around import Around, Mode, Spot
+from swimbladder.design.stability.confirm import Seen
+from swimbladder.design.stability.predict import Predicted
+from swimbladder.design.stability.recover import Map, Verdict
+from swimbladder.design.stability.robust import Stood
+from swimbladder.design.tuning.margins import decibels, falls_short
+
+__all__ = ["Confirmed", "Stability", "length", "modulus"]
+
+
+class Confirmed(NamedTuple):
+    """A predicted cycle beside what the simulator does; None where no edge was found."""
+
+    predicted: Predicted
+    seen: Seen | None
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Prediction over simulation, less 1: of the depth's amplitude and of the period."""
+        c, s = self.predicted.cycle, self.seen
+        if c is None or s is None or not s.cycles:
+            return math.nan, math.nan
+        return self.predicted.depth_amplitude / s.amplitude - 1.0, c.period / s.period - 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stability:
+    """All that was found; parts that were not asked for are empty."""
+
+    vehicle: str
+    law: str
+    sample_time: float  # s
+    depths: tuple[float, float]  # m
+    depth: float  # m, at which limit cycles were looked at
+    words: tuple[str, ...]  # what the region is
+    around: Around | None  # None: the law is not linear around rest
+    cycles: tuple[Confirmed, ...]
+    maps: tuple[Map, ...]
+    within: float  # s
+    band: float  # m
+    stood: tuple[Stood, ...]
+    unmet: tuple[str, ...]  # what could not be looked at, and why
+    beyond: str = ""  # why part of the depths asked for is out of reach, whatever the law
+
+    @property
+    def stable(self) -> bool:
+        """Whether small disturbances decay wherever it was looked; where not linear, any step."""
+        if self.around is not None:
+            return self.around.stable
+        return not any(m.name == "steps" and m.count(Verdict.RECOVERED) == 0 for m in self.maps)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What a person wants to know, in order."""
+        return (
+            *((self.beyond,) if self.beyond else ()),
+            *self._small(), *map(_cycle_words, self.cycles), *map(self._map_words, self.maps),
+            *self._stood_words(), *self.unmet,
+        )  # fmt: skip
+
+    def _small(self) -> tuple[str, ...]:
+        a = self.around
+        low, high = self.depths
+        if a is None:
+            return (
+                f"The law {self.law} is not linear around rest: it has no eigenvalues and no "
+                "margins. What follows is by simulation.",
+            )
+        if not a.stable:
+            return (
+                f"UNSTABLE: with {a.worst_spot.words} small disturbances grow, the largest "
+                f"eigenvalue has the modulus {a.radius:.4f}.",
+                "A shorter sample time, less delay between sample and command, or gains tuned for "
+                "this region (swimbladder tune) would hold it.",
+            )
+        m = a.margins
+        short = falls_short(m)
+        mode, spot = a.slowest
+        damped, where = a.least_damped
+        deep = "the same at all depths" if a.same_at_all_depths else "not the same at all depths"
+        return (
+            f"Small disturbances decay from {low:g} to {high:g} m over the region: the largest "
+            f"eigenvalue found has the modulus {a.radius:.5f} ({a.worst_spot.words}), with "
+            f"{1e3 * a.delay:.3g} ms from a sample to its command.",
+            f"Looked at: {a.looked} loops of the region, then {a.searched} in a search for the "
+            f"worst; {deep}. It is the worst that was found, not a proof over the region.",
+            f"The slowest mode decays e-fold in {_time(mode)} ({spot.words}); the least damped "
+            f"oscillates every {_period(damped)} with a damping of {damped.damping:.2f} "
+            f"({where.words}).",
+            f"Worst margins: gain {decibels(m.gain_up)} up and {decibels(m.gain_down)} down, phase "
+            f"{math.degrees(m.phase):.0f} degrees, {m.delay:.2g} s more delay, peak sensitivity "
+            f"{m.peak_sensitivity:.2f}, balanced disk margin {m.disk:.2f}"
+            + (f"; less than is wanted: {', '.join(short)}." if short else ", as is wanted."),
+            f"With a whole sample of delay the nominal loop's largest eigenvalue is "
+            f"{modulus(a.whole_sample_radius)}: "
+            + ("unstable." if a.whole_sample_radius >= 1.0 else "still stable."),
+        )
+
+    def _map_words(self, m: Map) -> str:
+        said = (
+            f"{m.title[0].upper()}{m.title[1:]}: of {m.asked} runs {m.count(Verdict.RECOVERED)} "
+            f"are within {100.0 * self.band:.3g} cm in {self.within:g} s and stay, "
+            f"{m.count(Verdict.SLOW)} later, {m.count(Verdict.UNSETTLED)} are not there in "
+            f"{3.0 * self.within:g} s, {m.count(Verdict.LOST)} are lost"
+        )
+        hopeless = int((m.hopeless & (m.verdicts != int(Verdict.NOT_ASKED))).sum())
+        return f"{said}; from {hopeless} of them no controller could come back."
+
+    def _stood_words(self) -> tuple[str, ...]:
+        said = []
+        for law in dict.fromkeys(s.law for s in self.stood):
+            own = [s for s in self.stood if s.law == law]
+            bad = [s for s in own if s.settled < 1.0]
+            grows = [s for s in own if s.radius >= 1.0]
+            what = (
+                f"{law}: all {own[0].draws} draws settle with every gain from "
+                f"{min(s.gain for s in own):g} to {max(s.gain for s in own):g}, without and with "
+                f"{own[-1].delay:g} s of extra delay."
+            )
+            if bad:
+                cases = ", ".join(
+                    f"{100.0 * s.settled:.0f} % at gain {s.gain:g}{_late(s)}" for s in bad
+                )
+                what = f"{law}: not all of {own[0].draws} draws settle: {cases}."
+            if grows:
+                moved = max(3.6e6 * s.moved_95 for s in grows)
+                what += (
+                    " Linearly it is unstable over the region with "
+                    + ", ".join(f"gain {s.gain:g}{_late(s)}" for s in grows)
+                    + f": the motor then goes to and fro without end (up to {moved:.3g} L an hour),"
+                    " whatever the depth does."
+                )
+            said.append(what)
+        return tuple(said)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in SI units, ready for JSON."""
+        return {
+            "vehicle": self.vehicle,
+            "law": self.law,
+            "sample_time_s": self.sample_time,
+            "depths_m": list(self.depths),
+            "stable": self.stable,
+            "sentences": list(self.sentences),
+            "region": list(self.words),
+            "linear": None if self.around is None else _around(self.around),
+            "cycles_depth_m": self.depth,
+            "cycles": [_cycle(c) for c in self.cycles],
+            "within_s": self.within,
+            "band_m": self.band,
+            "maps": [
+                {
+                    "name": m.name, "title": m.title, "runs": m.asked,
+                    **{v.name.lower(): m.count(v) for v in Verdict if v is not Verdict.NOT_ASKED},
+                }
+                for m in self.maps
+            ],
+            "robustness": [s._asdict() for s in self.stood],
+        }  # fmt: skip
+
+
+def _around(a: Around) -> dict[str, Any]:
+    m = a.margins
+
+    def mode(one: tuple[Mode, Spot]) -> dict[str, Any]:
+        return {
+            "frequency_rad_s": one[0].frequency, "damping": one[0].damping,
+            "time_constant_s": one[0].time_constant, "at": one[1]._asdict(),
+        }  # fmt: skip
+
+    return {
+        "largest_eigenvalue": a.radius,
+        "worst_at": a.worst_spot._asdict(),
+        "margins": {
+            "gain_up": m.gain_up, "gain_down": m.gain_down, "phase_rad": m.phase,
+            "delay_s": m.delay, "peak_sensitivity": m.peak_sensitivity, "disk": m.disk,
+        },
+        "slowest": mode(a.slowest),
+        "least_damped": mode(a.least_damped),
+        "searches": [
+            {"measure": f.measure, "on_grid": f.on_grid, "searched": f.searched,
+             "at": f.spot._asdict()}
+            for f in a.found
+        ],
+        "loops": a.looked,
+        "loops_searched": a.searched,
+        "computation_delay_s": a.delay,
+        "largest_eigenvalue_with_a_sample_of_delay": a.whole_sample_radius,
+    }  # fmt: skip
+
+
+def _cycle(c: Confirmed) -> dict[str, Any]:
+    p, s = c.predicted, c.seen
+    amplitude_error, period_error = c.errors
+    return {
+        "source": p.source, "size": p.size, "unit": p.unit, "broken_at": p.place,
+        "predicted": None if p.cycle is None else {
+            "amplitude": p.cycle.amplitude, "depth_amplitude_m": p.depth_amplitude,
+            "period_s": p.cycle.period, "stable": p.cycle.stable,
+            "third_harmonic": p.cycle.third, "amplitude_error": p.cycle.amplitude_error,
+            "period_error": p.cycle.period_error, "believed": p.cycle.believed,
+        },
+        "simulated": None if s is None else {
+            "cycles": s.cycles, "depth_amplitude_m": s.amplitude, "period_s": s.period,
+            "farthest_m": s.farthest,
+        },
+        "relative_error": {"amplitude": amplitude_error, "period": period_error},
+    }  # fmt: skip
+
+
+def _cycle_words(c: Confirmed) -> str:
+    p, s = c.predicted, c.seen
+    size = {"V": f"{p.size:.3g} V", "m": f"{1e3 * p.size:.3g} mm", "m3": f"{1e6 * p.size:.3g} cm3"}
+    head = f"{p.source[0].upper()}{p.source[1:]} ({size[p.unit]})"
+    if p.cycle is None:
+        seen = "" if s is None else (
+            f"; the simulation goes to and fro by {1e3 * s.amplitude:.3g} mm every {s.period:.3g} s"
+            if s.cycles
+            else f"; in the simulation none is left, and the depth is within "
+            f"{1e3 * s.farthest:.2g} mm"
+        )  # fmt: skip
+        return f"{head}: the describing function predicts no limit cycle{seen}."
+    kind = "a limit cycle" if p.cycle.stable else "the edge of what decays, an unstable cycle,"
+    said = (
+        f"{head}: the describing function predicts {kind} of {length(p.depth_amplitude)} every "
+        f"{p.cycle.period:.3g} s"
+    )
+    if not p.cycle.believed:
+        said += (
+            f", and cannot be relied on: its error may be {100 * p.cycle.amplitude_error:.0f} % of "
+            f"amplitude and {100 * p.cycle.period_error:.0f} % of period by the third harmonic"
+        )
+    if s is None:
+        return f"{said}; the simulation, begun at rest, found no such edge."
+    if not s.cycles:
+        return f"{said}; the simulation shows no steady cycle (within {length(s.farthest)})."
+    a, t = c.errors
+    return (
+        f"{said}; the simulation shows {length(s.amplitude)} every {s.period:.3g} s "
+        f"({100 * a:+.0f} %, {100 * t:+.0f} %)."
+    )
+
+
+def _late(s: Stood) -> str:
+    return f" and {s.delay:g} s late" if s.delay else ""
+
+
+def length(x: float) -> str:
+    """Return a length [m] as text, below 1 m in millimetres."""
+    return f"{x:.3g} m" if x >= 1.0 else f"{1e3 * x:.3g} mm"
+
+
+def _time(mode: Mode) -> str:
+    return f"{mode.time_constant:.3g} s"
+
+
+def _period(mode: Mode) -> str:
+    return f"{2.0 * math.pi / mode.frequency:.3g} s" if mode.frequency > 0.0 else "never"
+
+
+def modulus(value: float) -> str:
+    """Return the modulus of an eigenvalue [-] with the digits that tell it from 1."""
+    off = abs(value - 1.0)
+    digits = 3 if off >= 1e-3 or off == 0.0 else min(1 - math.floor(math.log10(off)), 12)
+    return f"{value:.{digits}f}"

@@ -1,0 +1,113 @@
+"""What laws stand that are not linear: wrong gains and late commands over draws from the region."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from swimbladder.control.law import Law
+from swimbladder.design.linear.margins import spectral_radius
+from swimbladder.design.linear.models import linearise
+from swimbladder.design.linear.sampled import SampledLoop
+from swimbladder.design.stability.predict import without_rest
+from swimbladder.design.stability.wrapped import wrapped
+from swimbladder.design.tuning.margins import at_rest
+from swimbladder.design.tuning.region import Region
+from swimbladder.design.tuning.trial import Step, traces
+from swimbladder.jobs import Store
+from swimbladder.physics.dynamics import plant
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["GAINS", "Stood", "robustness", "settling_band"]
+
+GAINS = (0.5, 0.7, 1.0, 1.4, 2.0)
+_SHARE = 0.02  # of a step, to which it settles
+
+
+class Stood(NamedTuple):
+    """What became of the draws with one gain and one delay."""
+
+    law: str
+    gain: float  # -, on the command
+    delay: float  # s, beyond that of the law as it is
+    settled: float  # share of the draws that are in the band over the last third
+    overshoot_95: float  # -, of the step
+    farthest_95: float  # m, from the set-point over the last third
+    moved_95: float  # m3/s, volume moved to and fro over the last third
+    radius: float  # -, worst eigenvalue over the region with this gain and delay; nan: not linear
+    draws: int
+
+
+def settling_band(parameters: Any, step: Step, quantum: float) -> float:
+    """Return how near the set-point counts as there [m].
+
+    2 % of the step; what a law leaves alone by intent, its `band`, where that is more; a quantum.
+    """
+    return max(_SHARE * abs(step.target - step.start), getattr(parameters, "band", 0.0), quantum)
+
+
+def robustness(
+    vehicle: Vehicle, law: Law, parameters: Any, *, sample_time: float, region: Region, step: Step,
+    draws: int, supply: float | None, parts: Store, gains: Sequence[float] = GAINS,
+    advance: Callable[[float], None] = lambda _: None,
+) -> tuple[Stood, ...]:  # fmt: skip
+    """Return what a law stands: each gain, without and with half a sample of extra delay.
+
+    supply [V]: the least, the vehicle's where not given.
+    """
+    p = plant(vehicle)
+    rest = p.load_drive * step.start if vehicle.voltage_driven else p.psi * step.start + p.V_0
+    form = wrapped(law)
+    band = settling_band(parameters, step, vehicle.sensors.depth_quantum)
+    span = step.target - step.start
+
+    def run(gain: float, late: bool) -> list[float]:
+        seen = traces(
+            vehicle, form.law,
+            form.parameters(parameters, sample_time=sample_time, gain=gain, late=late, rest=rest),
+            step, sample_time=form.tick(sample_time, late=late), region=region, runs=draws,
+            supply=supply,
+        )  # fmt: skip
+        late_on = seen.time >= seen.time[-1] * 2.0 / 3.0
+        last = np.abs(seen.depth[late_on] - step.target)
+        moved = np.abs(np.diff(seen.volume[late_on], axis=0)).sum(axis=0)
+        seconds = float(np.ptp(seen.time[late_on]))
+        farthest = np.where(np.isfinite(last).all(axis=0), last.max(axis=0), math.inf)
+        over = np.maximum(np.nanmax((seen.depth - step.start) / span, axis=0) - 1.0, 0.0)
+        return [
+            float(np.mean(farthest <= band)), float(np.percentile(over, 95.0)),
+            float(np.percentile(farthest, 95.0, method="higher")),
+            float(np.nanpercentile(moved / seconds, 95.0)),
+        ]  # fmt: skip
+
+    found = []
+    for late in (False, True):
+        for gain in gains:
+            asked = ("robustness", law.name, parameters, gain, late, step, draws, supply)
+            settled, over, farthest, moved = parts.get(partial(run, gain, late), *asked)
+            delay = 0.5 * sample_time if late else 0.0
+            radius = _radius(law, parameters, region, step.target, sample_time, gain, delay)
+            found.append(
+                Stood(law.name, gain, delay, settled, over, farthest, moved, radius, draws)
+            )
+            advance(0.5 / len(gains))
+    return tuple(found)
+
+
+def _radius(
+    law: Law, parameters: Any, region: Region, depth: float, h: float, gain: float, delay: float
+) -> float:
+    """Return the largest eigenvalue's modulus over the region, the command times a gain [-]."""
+    linear = at_rest(law, without_rest(parameters), region.plants[0], depth=depth, sample_time=h)
+    if not linear.smooth or linear.sample_time != h:
+        return math.nan
+    worst = 0.0
+    for p in region.plants:
+        loop = SampledLoop(plant=linearise(p, depth=depth), law=linear)
+        broken = loop.broken_at_command(command_delay=delay)
+        worst = max(worst, spectral_radius(broken.A - gain * broken.B @ broken.C))
+    return worst

@@ -1,0 +1,239 @@
+"""`stability`: what is stable of a vehicle under its law, how far, and from where it recovers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from swimbladder.control.law import Law
+from swimbladder.control.records import from_numbers, numbers
+from swimbladder.control.registry import bind
+from swimbladder.design.stability.around import look_around
+from swimbladder.design.stability.confirm import edge, hold
+from swimbladder.design.stability.predict import Predicted, predict, without_rest
+from swimbladder.design.stability.recover import Map, recovery_maps
+from swimbladder.design.stability.result import Confirmed, Stability
+from swimbladder.design.stability.robust import Stood, robustness
+from swimbladder.design.stability.wrapped import wrapped
+from swimbladder.design.tuning import tune
+from swimbladder.design.tuning.gains import TUNABLE
+from swimbladder.design.tuning.grids import goals_of
+from swimbladder.design.tuning.margins import at_rest
+from swimbladder.design.tuning.region import region
+from swimbladder.design.tuning.trial import Step
+from swimbladder.errors import InputError
+from swimbladder.jobs import Store
+from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.schema import did_you_mean
+
+__all__ = ["stability"]
+
+_BAND = 0.05  # m, from the set-point, that counts as there
+_STEP = 1.5  # m, of the robustness trials, where the range has room
+_TUNED = 20  # runs of a tuning that only serves a comparison
+_STILL = {"depth_noise": 0.0, "volume_noise": 0.0, "depth_quantum": 0.0, "volume_quantum": 0.0}
+# A stroke and a sea without ends, for a cycle of the voltage's limit alone.
+_ENDLESS = {"V_min": -1.0, "V_max": 1.0, "z_surface": -1e4, "z_air": -2e4}
+
+
+def stability(
+    vehicle: Vehicle, *, depths: tuple[float, float] = (0.0, 10.0), delay: float = 0.1,
+    within: float = 600.0, cells: int = 21, voltage_quantum: float = 0.0,
+    maps: bool = True, with_robustness: bool = False, laws: Sequence[str] = (), draws: int = 200,
+    keep: Path | None = None, advance: Callable[[float], None] | None = None,
+) -> Stability:  # fmt: skip
+    """Return what is stable of a vehicle under its controller.
+
+    depths: least and greatest [m]. delay: from a sample to its command, as a share of the sample
+    time. within [s]: in which a disturbance is to be gone. cells: of a map, to a side.
+    voltage_quantum: of the motor's driver [V]. maps: whether to draw where it recovers from.
+    with_robustness: whether to try wrong gains and late commands, over `draws` from the region; of
+    the own law, and of `laws`, which are tuned first. keep: folder for what is done, so that a
+    killed run goes on. advance: told the share of the work that is done.
+
+    Raises InputError for what cannot be, and for a vehicle without a controller.
+    """
+    _check(vehicle, depths, delay, within, cells, voltage_quantum, draws, laws)
+    assert vehicle.controller is not None  # _check
+    tell = advance or (lambda _: None)
+    law, numbers = bind(vehicle.controller)
+    h = vehicle.controller.sample_time
+    low, high = depths
+    parts = Store(keep, vehicle, depths, within, _BAND)
+    unmet: list[str] = []
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
+        smooth = without_rest(numbers)
+        around = look_around(
+            vehicle, law, smooth, depths=(low, 0.5 * (low + high), high), sample_time=h,
+            delay=delay * h, advance=lambda x: tell(0.1 * x),
+        )  # fmt: skip
+        at = _cycle_depth(vehicle, depths)
+        cycles: tuple[Confirmed, ...] = ()
+        if around is None or not around.stable:
+            unmet.append("Limit cycles are predicted for loops that are linear and stable at rest.")
+        elif not vehicle.voltage_driven:
+            unmet.append(
+                "The actuator takes a volume: its rate limit has no describing function here."
+            )
+        else:
+            cycles = _cycles(vehicle, law, numbers, at, h, voltage_quantum)
+        tell(0.2)
+        found: tuple[Map, ...] = ()
+        if maps:
+            found = recovery_maps(
+                vehicle, law, numbers, sample_time=h, depths=depths, within=within,
+                band=max(_BAND, getattr(numbers, "band", 0.0)), cells=cells, parts=parts,
+                advance=lambda x: tell(0.4 * x),
+            )  # fmt: skip
+        stood: tuple[Stood, ...] = ()
+        if with_robustness:
+            stood = _robustness(
+                vehicle, law, numbers, laws, depths, within, draws, parts, lambda x: tell(0.3 * x)
+            )
+    return Stability(
+        vehicle=vehicle.name, law=law.name, sample_time=h, depths=depths, depth=at,
+        words=region(vehicle).words, around=around, cycles=cycles, maps=found, within=within,
+        band=max(_BAND, getattr(numbers, "band", 0.0)), stood=stood, unmet=tuple(unmet),
+        beyond=_beyond(vehicle, depths[1]),
+    )  # fmt: skip
+
+
+def _beyond(vehicle: Vehicle, deepest: float) -> str:
+    """Return why the deepest of what was asked for is out of reach; empty where it is not."""
+    p, rating = plant(vehicle), vehicle.hull.depth_limit
+    if p.psi != 0.0:
+        end = (p.V_max if p.psi > 0.0 else p.V_min) - p.V_0
+        neutral = end / p.psi
+        if neutral < deepest:
+            return (
+                f"Below {neutral:.4g} m the stroke no longer makes the vehicle neutral: no law "
+                "holds it there, and what is said of small disturbances ends there."
+            )
+    if rating is not None and rating < deepest:
+        return f"The hull is rated for {rating:g} m only; the depths asked for go beyond."
+    return ""
+
+
+def _check(
+    vehicle: Vehicle, depths: tuple[float, float], delay: float, within: float, cells: int,
+    voltage_quantum: float, draws: int, laws: Sequence[str],
+) -> None:  # fmt: skip
+    if vehicle.controller is None:
+        raise InputError(
+            f"the vehicle {vehicle.name!r} has no controller", field="controller",
+            remedy="Add one, or let swimbladder tune write it",
+        )  # fmt: skip
+    surface = vehicle.hull.emergence_depth
+    if not (0.0 <= depths[0] < depths[1] < math.inf and depths[1] > surface):
+        raise InputError(
+            "no range of depths", field="--depth", value=f"{depths[0]:g}:{depths[1]:g}", unit="m",
+            remedy="Give the least and the greatest, like 0:100",
+        )  # fmt: skip
+    for field, value, fits, remedy in (
+        ("--delay", delay, 0.0 <= delay < 1.0, "Give a share of the sample time, below 1"),
+        ("--within", within, 0.0 < within < 1e6, 'Give a time, like "600 s"'),
+        ("--cells", cells, 5 <= cells <= 201, "Give 5 to 201"),
+        ("--voltage-quantum", voltage_quantum, 0.0 <= voltage_quantum < 1e3, "Give 0 or more"),
+        ("--draws", draws, 20 <= draws <= 100_000, "Give 20 or more"),
+    ):
+        if not fits:
+            raise InputError("out of range", field=field, value=value, remedy=remedy)
+    for name in laws:
+        if name not in TUNABLE and name != vehicle.controller.law:
+            raise InputError(
+                "not a law that can be tuned for this", field="--law", value=name,
+                remedy=f"{did_you_mean(name, TUNABLE)}Choose from {', '.join(TUNABLE)}",
+            )  # fmt: skip
+
+
+def _cycle_depth(vehicle: Vehicle, depths: tuple[float, float]) -> float:
+    """Return a depth within the range to hold [m]: a multiple of the depth's quantum."""
+    quantum = vehicle.sensors.depth_quantum
+    middle = 0.5 * (depths[0] + depths[1])
+    return round(middle / quantum) * quantum if quantum > 0.0 else middle
+
+
+def _cycles(
+    vehicle: Vehicle, law: Law, numbers: Any, depth: float, h: float, voltage_quantum: float
+) -> tuple[Confirmed, ...]:
+    p = plant(vehicle)
+    linear = at_rest(law, without_rest(numbers), p, depth=depth, sample_time=h)
+    predicted = predict(
+        p, linear, numbers, depth=depth, depth_quantum=vehicle.sensors.depth_quantum,
+        voltage_quantum=voltage_quantum,
+    )  # fmt: skip
+    return tuple(
+        Confirmed(one, _simulated(vehicle, p, law, numbers, one, depth, h)) for one in predicted
+    )
+
+
+def _simulated(
+    vehicle: Vehicle, p: Plant, law: Law, numbers: Any, one: Predicted, depth: float, h: float
+) -> Any:
+    """Return what the simulator shows of one nonlinearity, the others left out."""
+    quantised = one.source == "quantum of the depth"
+    sensors = vehicle.sensors.model_copy(
+        update=_STILL | ({"depth_quantum": one.size} if quantised else {})
+    )
+    alone = vehicle.model_copy(update={"sensors": sensors})
+    parameters = numbers if one.source == "dead zone of the law" else without_rest(numbers)
+    vary: dict[str, float] = {}
+    if one.source != "friction of the motor":
+        vary = {"friction": 0.0, "load_back": p.load_drive}
+    if one.source == "quantum of the voltage":
+        form = wrapped(law)
+        parameters = form.parameters(
+            parameters, sample_time=h, quantum=one.size, rest=p.load_drive * depth
+        )
+        law = form.law
+    cycle = one.cycle
+    period = cycle.period if cycle is not None else 100.0 * h
+    size = one.depth_amplitude if cycle is not None else 1e-2
+    if cycle is not None and not cycle.stable:
+        seen = edge(
+            alone, law, parameters, sample_time=h, depth=depth, within=(0.05 * size, 20.0 * size),
+            period=period, vary=vary | _ENDLESS,
+        )  # fmt: skip
+        return None if seen is None else seen[0]
+    off = min(3.0 * size, 0.5 * (depth - p.z_surface))
+    return hold(
+        alone, law, parameters, sample_time=h, depth=depth, disturbance=off, period=period,
+        quantised=quantised, vary=vary,
+    )  # fmt: skip
+
+
+def _robustness(
+    vehicle: Vehicle, law: Law, numbers: Any, laws: Sequence[str], depths: tuple[float, float],
+    within: float, draws: int, parts: Store, tell: Callable[[float], None],
+) -> tuple[Stood, ...]:  # fmt: skip
+    assert vehicle.controller is not None
+    h = vehicle.controller.sample_time
+    low = max(depths[0], vehicle.hull.emergence_depth)
+    start = low + min(_STEP, 0.3 * (depths[1] - low))
+    step = Step(start, min(start + _STEP, depths[1]), math.ceil(within / h) * h)
+    around = region(vehicle)
+    chosen = [(law, numbers)]
+    for name in dict.fromkeys(laws):
+        if name != law.name:
+            other = TUNABLE[name][0]
+            values = parts.get(partial(_tuned, vehicle, name, depths), "tuned", name, depths)
+            chosen.append((other, from_numbers(other.parameters, values)))
+    found: list[Stood] = []
+    for one, its in chosen:
+        found += robustness(
+            vehicle, one, its, sample_time=h, region=around, step=step, draws=draws, supply=None,
+            parts=parts, advance=lambda x: tell(x / len(chosen)),
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _tuned(vehicle: Vehicle, name: str, depths: tuple[float, float]) -> list[float]:
+    found = tune(vehicle, law=name, goal=goals_of(name)[0], depths=depths, runs=_TUNED)
+    return [float(np.asarray(x)) for x in numbers(found.parameters)]

@@ -1,0 +1,206 @@
+"""The margins of a sampled law over a region of plants: the worst of each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control.law import Law, Measurement
+from swimbladder.design.linear.margins import loop_margins, spectral_radius
+from swimbladder.design.linear.models import StateSpace, linearise
+from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, linearise_law
+from swimbladder.physics.dynamics import Plant
+
+__all__ = [
+    "WANTED",
+    "Loop",
+    "Worst",
+    "at_rest",
+    "decibels",
+    "exactly",
+    "falls_short",
+    "lacking",
+    "loops",
+    "roughly",
+    "worst",
+]
+
+Array = NDArray[np.float64]
+
+_POINTS = 160  # frequencies of a rough look
+_DECADES = 4.0  # below the Nyquist frequency
+
+
+class Worst(NamedTuple):
+    """The least margins over plants, depths and both places where the loop is broken."""
+
+    stable: bool
+    gain_up: float  # -
+    gain_down: float  # -
+    phase: float  # rad
+    delay: float  # s, beyond the computation that is reckoned with
+    peak_sensitivity: float  # -
+    disk: float  # -
+
+
+# 6 dB either way, 45 degrees, a peak sensitivity of 1.6 and a balanced disk margin of 0.5.
+WANTED = Worst(True, 2.0, 0.5, math.radians(45.0), 0.0, 1.6, 0.5)
+_LOST = Worst(False, 1.0, 1.0, 0.0, 0.0, math.inf, 0.0)
+
+
+def at_rest(law: Law, parameters: Any, p: Plant, *, depth: float, sample_time: float) -> LinearLaw:
+    """Return the linear form of a law that holds a plant at `depth` [m]."""
+    seen = Measurement(0.0, depth, p.psi * depth + p.V_0)
+
+    def step(numbers: Any, state: Any, seen: Measurement, reference: float) -> Any:
+        # A positioner's volume is no output of the linear plant: it is where it was sent.
+        return law.step(numbers, state, seen._replace(volume=math.nan), reference)
+
+    return linearise_law(
+        law.step if law.command == "voltage" else step, parameters=parameters,
+        state=law.initial(parameters, seen, depth), measurement=seen, reference=depth,
+        tick=sample_time,
+    )  # fmt: skip
+
+
+def worst(
+    law: Law, parameters: Any, plants: Sequence[Plant], *, depths: Sequence[float],
+    sample_time: float, delay: float = 0.0, wanted: Worst | None = None,
+    look: Callable[[StateSpace], Worst] | None = None,
+) -> Worst:  # fmt: skip
+    """Return the worst margins of a law over all plants and depths [m].
+
+    The law is linearised at rest with the first plant, the nominal one that it was made for.
+    delay [s]: from a sample to its command. wanted: what ends the search once it is missed.
+    look: how a loop is judged, exactly where not given.
+    """
+    judge = look or exactly
+    found: Worst | None = None
+    for loop in loops(law, parameters, plants, depths=depths, sample_time=sample_time, delay=delay):
+        for broken in (loop.at_command, loop.at_depth):
+            here = judge(broken)
+            found = here if found is None else _least(found, here)
+            if not found.stable or (wanted is not None and falls_short(found, wanted)):
+                return found
+    assert found is not None  # there is a plant and a depth
+    return found
+
+
+class Loop(NamedTuple):
+    """A loop that is broken at two places; number: of its plant."""
+
+    number: int
+    depth: float  # m
+    at_command: StateSpace
+    at_depth: StateSpace
+
+
+def loops(
+    law: Law, parameters: Any, plants: Sequence[Plant], *, depths: Sequence[float],
+    sample_time: float, delay: float,
+) -> Iterator[Loop]:  # fmt: skip
+    """Yield the loops of a law, linear at rest with the first plant, with every plant and depth."""
+    for depth in depths:
+        linear = at_rest(law, parameters, plants[0], depth=depth, sample_time=sample_time)
+        for number, p in enumerate(plants):
+            loop = SampledLoop(plant=linearise(p, depth=depth), law=linear)
+            yield Loop(
+                number, depth, loop.broken_at_command(command_delay=delay),
+                loop.broken_at_depth(command_delay=delay),
+            )  # fmt: skip
+
+
+def exactly(loop: StateSpace) -> Worst:
+    """Return the margins of a loop, crossings found to rounding."""
+    m = loop_margins(loop)
+    if m is None:
+        return _LOST
+    return Worst(True, m.gain_up, m.gain_down, m.phase, m.delay, m.peak_sensitivity, m.disk)
+
+
+def roughly(loop: StateSpace) -> Worst:
+    """Return the margins as a grid of frequencies shows them: for a search, not for an answer.
+
+    Crossings are interpolated between neighbours; the delay is not looked for.
+    """
+    if spectral_radius(loop.A - loop.B @ loop.C) >= 1.0:
+        return _LOST
+    assert loop.sample_time is not None  # a loop that was sampled
+    angle = math.pi * np.logspace(-_DECADES, 0.0, _POINTS)
+    z = np.exp(1j * angle)
+    n = len(loop.A)
+    inside = z[:, None, None] * np.eye(n) - loop.A
+    L = (loop.C @ np.linalg.solve(inside, np.broadcast_to(loop.B, (len(z), n, 1))))[:, 0, 0]
+    size = np.log(np.abs(L))
+    phase = np.abs(np.angle(-L))
+    crossing = np.flatnonzero(size[:-1] * size[1:] <= 0.0)
+    least = [
+        float(
+            np.interp(0.0, np.sort(size[k : k + 2]), phase[k : k + 2][np.argsort(size[k : k + 2])])
+        )
+        for k in crossing
+    ]
+    turned = np.flatnonzero((L.imag[:-1] * L.imag[1:] <= 0.0) & (L.real[:-1] < 0.0))
+    gains = []
+    for k in turned:
+        part = L.imag[k] / (L.imag[k] - L.imag[k + 1]) if L.imag[k] != L.imag[k + 1] else 0.5
+        gains.append(-1.0 / float(L.real[k] + part * (L.real[k + 1] - L.real[k])))
+    if L[-1].real < 0.0:
+        gains.append(-1.0 / float(L[-1].real))
+    return Worst(
+        True,
+        min((g for g in gains if g > 1.0), default=math.inf),
+        max((g for g in gains if g < 1.0), default=0.0),
+        min(least, default=math.inf),
+        math.inf,
+        float(np.max(1.0 / np.abs(1.0 + L))),
+        min(2.0, 1.0 / float(np.max(np.abs(0.5 * (1.0 - L) / (1.0 + L))))),
+    )
+
+
+def _least(a: Worst, b: Worst) -> Worst:
+    return Worst(
+        a.stable and b.stable, min(a.gain_up, b.gain_up), max(a.gain_down, b.gain_down),
+        min(a.phase, b.phase), min(a.delay, b.delay),
+        max(a.peak_sensitivity, b.peak_sensitivity), min(a.disk, b.disk),
+    )  # fmt: skip
+
+
+def falls_short(m: Worst, wanted: Worst = WANTED) -> tuple[str, ...]:
+    """Return in words which margins are less than wanted, worst named with both numbers."""
+    if not m.stable:
+        return ("the loop is not stable over the whole region",)
+    degrees = math.degrees
+    checks = (
+        (m.gain_up < wanted.gain_up, f"gain up {m.gain_up:.2f} of {wanted.gain_up:.2f}"),
+        (m.gain_down > wanted.gain_down, f"gain down {m.gain_down:.2f} of {wanted.gain_down:.2f}"),
+        (
+            m.phase < wanted.phase,
+            f"phase {degrees(m.phase):.0f} of {degrees(wanted.phase):.0f} degrees",
+        ),
+        (
+            m.peak_sensitivity > wanted.peak_sensitivity,
+            f"peak sensitivity {m.peak_sensitivity:.2f} of {wanted.peak_sensitivity:.2f}",
+        ),
+        (m.disk < wanted.disk, f"disk margin {m.disk:.2f} of {wanted.disk:.2f}"),
+    )
+    return tuple(words for short, words in checks if short)
+
+
+def lacking(m: Worst, wanted: Worst = WANTED) -> float:
+    """Return by how much the margin that is farthest from what is wanted misses it, as a ratio."""
+    over = (m.peak_sensitivity - 1.0) / (wanted.peak_sensitivity - 1.0)
+    ratios = wanted.gain_up / m.gain_up, m.gain_down / wanted.gain_down, over
+    angles = ((wanted.phase, m.phase), (wanted.disk, m.disk))
+    return max(*ratios, *(w / had if had > 0.0 else math.inf for w, had in angles))
+
+
+def decibels(gain: float) -> str:
+    """Return how far a gain [-] is from 1 in decibels, for a person; "any" where nothing limits."""
+    if gain == 0.0 or math.isinf(gain):
+        return "any"
+    return f"{abs(20.0 * math.log10(gain)):.1f} dB"

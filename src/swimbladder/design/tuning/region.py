@@ -1,0 +1,137 @@
+"""The vehicles that a law has to hold: a 95 % region of the parameters, and what else may change.
+
+With an `[identified]` table the region is the ellipsoid of its covariance that holds 95 % of the
+probability; without one K2 and T2 are taken to be known to 5 %. It is looked at in the middle, at
+the ends of its axes and at points drawn from its boundary, each with the supply full and low.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Member", "Region", "member", "neutral_walk", "region", "unit_points", "unknowns"]
+
+Array = NDArray[np.float64]
+
+UNKNOWN = 0.05  # of K2 and T2, or of mass and drag, where nothing was identified
+NEUTRAL = 2e-6  # m3, where nothing is known: either way
+WALK = 1e-6 / 60.0  # m3/s^0.5, likewise: 1 cm3 per root hour
+_DRAWN = 16  # points of the boundary beside the ends of the axes
+
+
+class Region(NamedTuple):
+    """Plants to look at, the first the nominal one, and in words what they are."""
+
+    plants: tuple[Plant, ...]
+    neutral: float  # m3, farthest that the neutral volume is from what is known
+    walk: float  # m3/s^0.5, intensity of its random walk
+    words: tuple[str, ...]
+
+
+class Member(NamedTuple):
+    """A vehicle of the region: its plant, and its uncertain numbers over their nominal values."""
+
+    plant: Plant
+    shares: Mapping[str, float]  # -, of what was identified
+
+
+def unknowns(vehicle: Vehicle) -> tuple[tuple[str, ...], bool]:
+    """Return what is uncertain of a vehicle, and whether its region is an ellipsoid, not a box."""
+    if vehicle.identified is None:
+        return ("K2", "T2"), False
+    return tuple(vehicle.identified.names), True
+
+
+def neutral_walk(vehicle: Vehicle) -> float:
+    """Return the intensity [m3/s^0.5] of the random walk that a neutral volume is reckoned with."""
+    return WALK if vehicle.identified is None else max(WALK, vehicle.identified.neutral_walk)
+
+
+def member(vehicle: Vehicle, s: Array, *, level: float = 0.95) -> Member:
+    """Return the vehicle at s [unknowns]: the unit ball, or for a box the unit cube, is the region.
+
+    level: of the probability that the ellipsoid holds.
+    """
+    names, _ = unknowns(vehicle)
+    nominal, known = plant(vehicle), vehicle.identified
+    if known is None:
+        shares = {n: 1.0 + UNKNOWN * float(x) for n, x in zip(names, s, strict=True)}
+        return Member(_changed(nominal, shares, psi=nominal.psi), shares)
+    values, C = np.array(known.values), np.array(known.covariance)
+    found = values + _radius(C, level) @ s
+    psi = float(found[names.index("psi")]) if "psi" in names else nominal.psi
+    shares = {
+        n: float(v / m) if m else math.nan for n, v, m in zip(names, found, values, strict=True)
+    }
+    return Member(_changed(nominal, shares, psi=psi), shares)
+
+
+def unit_points(vehicle: Vehicle, *, drawn: int = _DRAWN, seed: int = 1) -> Array:
+    """Return where the region is looked at [points, unknowns], in the unit ball or cube."""
+    names, ball = unknowns(vehicle)
+    return (_sphere if ball else _box)(len(names), drawn, seed)
+
+
+def region(vehicle: Vehicle, *, level: float = 0.95, drawn: int = _DRAWN, seed: int = 1) -> Region:
+    """Return the region of a vehicle's parameters that holds `level` of the probability."""
+    known = vehicle.identified
+    names, _ = unknowns(vehicle)
+    if known is None:
+        words = [f"K2 and T2 each within {100.0 * UNKNOWN:g} %, as nothing was identified"]
+        neutral = NEUTRAL
+    else:
+        words = [
+            f"{', '.join(names)} within the {100.0 * level:g} % region of their covariance, from "
+            f"{len(known.logs)} logs"
+        ]
+        neutral = max(NEUTRAL, 2.0 * known.neutral_std)
+    walk = neutral_walk(vehicle)
+    drift = f"{60e6 * walk:.2g} cm3 in a root hour"
+    words.append(f"neutral volume within {1e6 * neutral:.2g} cm3, walking {drift}")
+    points = unit_points(vehicle, drawn=drawn, seed=seed)
+    plants = [member(vehicle, s, level=level).plant for s in points]
+    return Region((plant(vehicle), *plants), neutral, walk, tuple(words))
+
+
+def _box(n: int, drawn: int, seed: int) -> Array:
+    """Return the corners of a cube of half side 1, the middles of its faces and points within."""
+    corners = np.stack(np.meshgrid(*[[-1.0, 1.0]] * n), axis=-1).reshape(-1, n)
+    faces = np.concatenate([np.eye(n), -np.eye(n)])
+    inside = np.random.default_rng(seed).uniform(-1.0, 1.0, (drawn, n))
+    return np.concatenate([corners, faces, inside])
+
+
+def _sphere(n: int, drawn: int, seed: int) -> Array:
+    """Return the ends of the axes of the unit ball and points of its boundary."""
+    directions = np.random.default_rng(seed).normal(size=(drawn, n))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return np.concatenate([np.eye(n), -np.eye(n), directions])
+
+
+def _radius(C: Array, level: float) -> Array:
+    """Return what takes the unit ball to the ellipsoid of a covariance; its axes to the axes."""
+    size = np.sqrt(np.maximum(np.diag(C), 1e-300))
+    values, vectors = np.linalg.eigh(C / np.outer(size, size))
+    root = vectors * np.sqrt(np.maximum(values, 0.0)) * size[:, None]
+    result: Array = math.sqrt(float(chi2.ppf(level, len(C)))) * root
+    return result
+
+
+def _changed(p: Plant, shares: Mapping[str, float], *, psi: float) -> Plant:
+    """Return the plant with its identified numbers times their shares."""
+    K2, T2, K1, T1 = (max(shares.get(name, 1.0), 0.05) for name in ("K2", "T2", "K1", "T1"))
+    mass = shares.get("mass", T2 / K2)
+    turbulent = max(shares.get("drag_quadratic", 1.0), 0.0)
+    return p._replace(
+        a_b=p.a_b / mass, a_s=p.a_s / mass, d_l=p.d_l / T2, d_b=p.d_b / T2,
+        d_t=p.d_t * turbulent / mass, gain=p.gain * K1, T1=p.T1 * T1, psi=psi,
+    )  # fmt: skip

@@ -1,0 +1,174 @@
+"""What tuning found, for a person, for JSON and as a vehicle that the other commands read."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from swimbladder.control.law import Law
+from swimbladder.control.records import leaves
+from swimbladder.design.tuning.gains import gains
+from swimbladder.design.tuning.knobs import Knobs, Setting
+from swimbladder.design.tuning.margins import Loop, Worst, decibels, loops
+from swimbladder.design.tuning.trial import Step, Traces, Trial
+from swimbladder.physics.dynamics import Plant
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Tuning"]
+
+_MORE = 1.05  # times the rms that was asked for: as near as trials tell
+_WIDER = 3.0  # times the rms of a hold, that a band has to be to be told from it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tuning:
+    """A law with its gains, the margins that they guarantee, and what trials gave.
+
+    vehicle: the one that was given, with the controller found. margins: the worst over the region,
+    at the command and at the measured depth. nominal and region: trials of the vehicle as it is
+    and of vehicles drawn from the region, with the supply low.
+    """
+
+    vehicle: Vehicle
+    law: Law
+    goal: str
+    setting: Setting  # what the gains were made from
+    knobs: Knobs
+    parameters: Any
+    margins: Worst | None  # None: a law without a linear form around rest
+    nominal: Trial
+    region: Trial
+    shown: tuple[Traces, Traces]  # a few runs: nominal, and over the region
+    step: Step
+    sample_time: float  # s
+    delay: float  # s
+    depths: tuple[float, ...]  # m, that it is for
+    judged: tuple[float, ...]  # m, where margins were computed
+    supply: float  # V, the least reckoned with
+    held: float  # m rms, that holding a depth was allowed; 0: the goal is fast
+    assumptions: tuple[str, ...]
+    plants: tuple[Plant, ...]  # of the region, the nominal one first
+
+    def loops(self) -> tuple[Loop, ...]:
+        """Return the linear loops that the margins are of: none where there are no margins."""
+        if self.margins is None:
+            return ()
+        linear = gains(self.law.name, self.setting, self.knobs._replace(dead=0.0, pause=0.0))
+        return tuple(
+            loops(
+                self.law, linear, self.plants, depths=self.judged, sample_time=self.sample_time,
+                delay=self.delay,
+            )
+        )  # fmt: skip
+
+    @property
+    def _low(self) -> str:
+        low = f" with the supply at {self.supply:.3g} V"
+        return low if math.isfinite(self.supply) else ""
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What a person wants to know first."""
+        m, r, n = self.margins, self.region, self.nominal
+        settled = (
+            f"The step from {self.step.start:g} to {self.step.target:g} m settles to 2 % in "
+            f"{_seconds(n.settle_median)} (median of {n.runs} runs of the nominal vehicle), "
+            f"{_seconds(r.settle_95)} in 95 % of {r.runs} runs over the region{self._low}; "
+            f"overshoot {100.0 * n.overshoot_median:.1f} % and "
+            f"{100.0 * r.overshoot_95:.1f} %."
+        )
+        held = (
+            f"Held at {self.step.target:g} m it stays within {1e3 * r.rms:.2g} mm rms and moves "
+            f"{3.6e6 * r.rate:.2g} L of volume in {3600.0 * r.starts:.0f} starts from rest and "
+            f"{3600.0 * r.turns:.0f} reversals an hour."
+        )
+        if 0.0 < self.held * _MORE < r.rms:
+            held += (
+                f" That is more than the {1e3 * self.held:.3g} mm that were asked for: nothing "
+                "that was tried holds it better."
+            )
+        sentences = [settled, held]
+        band = 0.02 * abs(self.step.target - self.step.start)
+        if band < _WIDER * r.rms:
+            sentences.insert(
+                1,
+                f"2 % of that step are {1e3 * band:.2g} mm, hardly more than it is held to: when "
+                "it settles says little. A longer step (--step) would tell.",
+            )
+        if math.isfinite(r.energy):
+            sentences.append(
+                f"The motor takes {r.energy:.3g} J in the {self.step.duration / 60.0:.3g} min of a "
+                f"trial and {1e3 * r.power:.3g} mW while it holds (region, at its terminals)."
+            )
+        if m is None:
+            sentences.append(
+                "The law is not linear around rest and has no margins: only trials judge it."
+            )
+        else:
+            sentences.append(
+                f"Over {len(self.plants)} vehicles of the region: gain {decibels(m.gain_up)} up "
+                f"and {decibels(m.gain_down)} down, phase {math.degrees(m.phase):.0f} degrees, "
+                f"{m.delay:.2g} s more delay, peak sensitivity {m.peak_sensitivity:.2f}, balanced "
+                f"disk margin {m.disk:.2f}."
+            )
+        return tuple(sentences)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in SI units, ready for JSON; None where a run never settles."""
+        m = self.margins
+        return {
+            "vehicle": self.vehicle.name,
+            "law": self.law.name,
+            "goal": self.goal,
+            "sample_time_s": self.sample_time,
+            "computation_delay_s": self.delay,
+            "depths_m": list(self.depths),
+            "supply_V": _or_none(self.supply),
+            "hold_m": self.held or None,
+            "parameters": {
+                name: {"value": float(value), "unit": self.law.units[name]}
+                for name, value in leaves(self.parameters).items()
+            },
+            "knobs": self.knobs._asdict(),
+            "margins": None
+            if m is None
+            else {
+                "gain_up": m.gain_up,
+                "gain_down": m.gain_down,
+                "phase_rad": m.phase,
+                "delay_s": m.delay,
+                "peak_sensitivity": m.peak_sensitivity,
+                "disk": m.disk,
+                "vehicles": len(self.plants),
+            },
+            "step": self.step._asdict(),
+            "nominal": _trial(self.nominal),
+            "region": _trial(self.region),
+            "assumptions": list(self.assumptions),
+        }
+
+
+def _trial(t: Trial) -> dict[str, Any]:
+    return {
+        "runs": t.runs,
+        "settled": t.settled,
+        "settle2_median_s": _or_none(t.settle_median),
+        "settle2_95_s": _or_none(t.settle_95),
+        "overshoot_median": t.overshoot_median,
+        "overshoot_95": t.overshoot_95,
+        "rms_m": t.rms,
+        "volume_rate_m3_s": t.rate,
+        "starts_1_s": t.starts,
+        "turns_1_s": t.turns,
+        "energy_J": _or_none(t.energy),
+        "power_W": _or_none(t.power),
+    }
+
+
+def _or_none(x: float) -> float | None:
+    return x if math.isfinite(x) else None
+
+
+def _seconds(x: float) -> str:
+    return f"{x:.1f} s" if math.isfinite(x) else "more than the time watched"

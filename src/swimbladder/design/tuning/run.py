@@ -1,0 +1,260 @@
+"""`tune`: gains for a vehicle's law, with margins over what is not known of the vehicle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from threadpoolctl import threadpool_limits
+
+from swimbladder.control.records import leaves
+from swimbladder.design.linear.depths import stall
+from swimbladder.design.tuning.energy import winding
+from swimbladder.design.tuning.gains import TUNABLE, setting_of, tunable
+from swimbladder.design.tuning.grids import GOALS, HELD, goals_of
+from swimbladder.design.tuning.region import Region, region
+from swimbladder.design.tuning.result import Tuning
+from swimbladder.design.tuning.search import search
+from swimbladder.design.tuning.trial import Step, traces
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.physics.dynamics import plant
+from swimbladder.vehicle import Controller, Vehicle
+
+__all__ = ["GOALS", "tune"]
+
+_LOW = 0.9  # of the supply's voltage, a battery that is nearly empty
+_WATCH = 2700.0  # s, that a hold is watched for: what counts is the last third
+_SHOWN = (1, 30)  # runs kept as they went: of the nominal vehicle, over the region
+_WATCHED = 10.0  # times the least time of a step
+_ASKED = "(--depth, --step)"
+
+
+def tune(
+    vehicle: Vehicle, *, law: str = "planned", goal: str = "fast",
+    depths: tuple[float, float] = (0.0, 10.0), sample_time: float | None = None,
+    delay: float = 0.1, supply: float | None = None, step: tuple[float, float] | None = None,
+    hold: float | None = None, runs: int = 200,
+    advance: Callable[[float], None] | None = None,
+) -> Tuning:  # fmt: skip
+    """Return the gains of a law for this vehicle and goal, with what they guarantee.
+
+    law: planned, observer, pulse, sea-cascade, adrc, cascade or deadband. goal: fast (a step soon
+    settled), quiet (little volume moved and few starts of the motor while a depth is held) or
+    energy (least electrical energy for a step and holding). depths: least and greatest [m].
+    sample_time [s]: the controller's where not given. delay: from a sample to its command, as a
+    share of the sample time. supply [V]: the least; nine tenths of the vehicle's where not given.
+    step: depths [m] of the trial, 1.5 m within the range where not given. hold [m rms]: error
+    allowed to a quiet law (9.5 mm) or one that saves energy (5 cm). advance: told the share of the
+    work done.
+
+    Raises InputError for what cannot be; NoAnswerError where no gains hold this vehicle, with what
+    limits them, or where the energy of its motor is not known.
+    """
+    chosen = tunable(law)
+    _check(vehicle, law, goal, depths, delay, runs, hold)
+    h = _sample_time(vehicle, sample_time)
+    vehicle, sensor = _with_noise(vehicle)
+    p = plant(vehicle)
+    if supply is not None and not vehicle.voltage_driven:
+        raise InputError(
+            "a positioner has a supply of its own", field="--supply", value=supply, unit="V",
+            remedy="Leave it out",
+        )  # fmt: skip
+    least = _LOW * p.supply if supply is None else supply
+    if not 0.0 < least <= p.supply:
+        raise InputError(
+            "the least supply must be above 0 and not above the vehicle's", field="--supply",
+            value=least, unit="V", remedy=f"Give more than 0 V, and up to {p.supply:g} V",
+        )  # fmt: skip
+    around = region(vehicle)
+    ends = _step(depths, step)
+    judged = tuple(sorted({*depths, *ends}))
+    _check_reach(vehicle, judged, least, around)
+    setting = setting_of(
+        vehicle, sample_time=h, supply=least, neutral_range=max(10.0 * around.neutral, 20e-6)
+    )
+    held = HELD.get(goal, 0.0) if hold is None else hold
+    long = _WATCH if goal != "fast" else _watched(vehicle, least, abs(ends[1] - ends[0]), h)
+    watched = Step(*ends, long)
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
+        found = search(
+            law, vehicle, setting, around, goal=goal, held=held, depths=judged,
+            delay=delay * h, step=watched, runs=runs, advance=advance,
+        )  # fmt: skip
+    numbers = found.parameters
+    controller = Controller(
+        law=law, sample_time=h,
+        parameters={n: v for n, v in leaves(numbers).items() if n != "S_p"},
+    )  # fmt: skip
+    shown = (
+        traces(vehicle, chosen, numbers, watched, sample_time=h, region=None, runs=_SHOWN[0],
+               supply=None),
+        traces(vehicle, chosen, numbers, watched, sample_time=h, region=around, runs=_SHOWN[1],
+               supply=least),
+    )  # fmt: skip
+    origin = f"tuned for {goal}, {depths[0]:g} to {depths[1]:g} m"
+    return Tuning(
+        vehicle=vehicle.model_copy(
+            update={
+                "controller": controller,
+                "provenance": {**vehicle.provenance, "controller.parameters": origin},
+            }
+        ),
+        law=chosen, goal=goal, setting=setting, knobs=found.knobs, parameters=numbers,
+        margins=found.margins, nominal=found.nominal, region=found.region, shown=shown,
+        step=watched, sample_time=h, delay=delay * h, depths=depths, judged=judged, supply=least,
+        held=held,
+        assumptions=(
+            *around.words,
+            sensor,
+            *_outside(depths, ends),
+            f"the supply falls to {least:.3g} V"
+            if math.isfinite(least)
+            else f"the positioner moves {1e6 * p.rate:.3g} cm3/s",
+            f"a command comes {1e3 * delay * h:.3g} ms after its sample",
+        ),
+        plants=around.plants,
+    )  # fmt: skip
+
+
+def _check(
+    vehicle: Vehicle, law: str, goal: str, depths: tuple[float, float], delay: float, runs: int,
+    hold: float | None,
+) -> None:  # fmt: skip
+    if (tunable(law).command == "voltage") != vehicle.voltage_driven:
+        fitting = [n for n, r in TUNABLE.items() if r.law.command != tunable(law).command]
+        raise InputError(
+            f"the law {law} commands a {tunable(law).command}, and the vehicle's actuator takes a "
+            f"{'voltage' if vehicle.voltage_driven else 'volume'}",
+            field="--law", value=law, remedy=f"Choose from {', '.join(fitting)}",
+        )  # fmt: skip
+    if goal not in GOALS:
+        raise InputError(
+            "no such goal", field="--goal", value=goal, remedy=f"Choose from {', '.join(GOALS)}"
+        )
+    if goal not in goals_of(law):
+        raise InputError(
+            f"the law {law} is not tuned for this", field="--goal", value=goal,
+            remedy=f"Choose from {', '.join(goals_of(law))}, or another law",
+        )  # fmt: skip
+    if hold is not None and (goal == "fast" or not 0.0 < hold < math.inf):
+        raise InputError(
+            "an error that is allowed is above 0, and for quiet and energy", field="--hold",
+            value=hold, unit="m", remedy='Give something like "1 cm" with --goal quiet',
+        )  # fmt: skip
+    if goal == "energy" and winding(vehicle) is None:
+        raise NoAnswerError(
+            f"the energy that {vehicle.name!r} takes is not known: its actuator of the kind "
+            f"{vehicle.actuator.kind!r} has no winding resistance R and no torque constant k_T. "
+            "Give the motor's data (actuator.motor.resistance and torque_constant of an "
+            "electromechanical or electrohydraulic actuator), or tune for quiet, which moves least"
+        )
+    if not (0.0 <= depths[0] < depths[1] < math.inf):
+        raise InputError(
+            "no range of depths", field="--depth", value=f"{depths[0]:g}:{depths[1]:g}", unit="m",
+            remedy="Give the least and the greatest, like 0:100",
+        )  # fmt: skip
+    if not 0.0 <= delay < 1.0:
+        raise InputError(
+            "a delay is given as a share of the sample time", field="--delay", value=delay,
+            remedy="Give 0 or more, below 1",
+        )  # fmt: skip
+    if runs < 20:
+        raise InputError("too few runs to tell", field="--runs", value=runs, remedy="Give 20")
+
+
+def _with_noise(vehicle: Vehicle) -> tuple[Vehicle, str]:
+    """Return the vehicle with a sensor as noisy as its logs were, and in words how noisy it is."""
+    sensors, known = vehicle.sensors, vehicle.identified
+    if sensors.depth_noise == 0.0 and known is not None and known.depth_noise > 0.0:
+        noisy = sensors.model_copy(update={"depth_noise": known.depth_noise})
+        vehicle = vehicle.model_copy(update={"sensors": noisy})
+        return vehicle, f"depth noise of {1e3 * known.depth_noise:.2g} mm, as in the logs"
+    if sensors.depth_noise == 0.0 and sensors.depth_quantum == 0.0:
+        return vehicle, "a depth sensor without noise: say what yours has (--depth-noise)"
+    words = f"depth noise of {1e3 * sensors.depth_noise:.2g} mm"
+    if sensors.depth_quantum > 0.0:
+        words += f" and a quantum of {1e3 * sensors.depth_quantum:.2g} mm"
+    return vehicle, words
+
+
+def _sample_time(vehicle: Vehicle, given: float | None) -> float:
+    if given is None and vehicle.controller is not None:
+        return vehicle.controller.sample_time
+    if given is None or not 0.0 < given < math.inf:
+        raise InputError(
+            "the sample time must be a finite time above 0", field="--sample-time", value=given,
+            unit="s", remedy='Give it, like --sample-time "0.3 s"',
+        )  # fmt: skip
+    return given
+
+
+def _check_reach(
+    vehicle: Vehicle, depths: tuple[float, ...], supply: float, around: Region
+) -> None:
+    """Raise NoAnswerError where stroke or supply does not reach one of the depths, least first."""
+    deepest, rating = depths[-1], vehicle.hull.depth_limit
+    if rating is not None and deepest > rating:
+        raise NoAnswerError(
+            f"the hull is rated for {rating:g} m, and {deepest:g} m are asked for: no law changes "
+            f"that. Tune for less depth {_ASKED}"
+        )
+    stroke = vehicle.stroke
+    cure = f"Trim it otherwise, give it more stroke, or tune for other depths {_ASKED}"
+    for depth in depths:
+        neutral = vehicle.neutral_volume(depth)
+        if not stroke.minimum < neutral < stroke.maximum:
+            raise NoAnswerError(
+                f"at {depth:g} m the vehicle is neutral at {1e6 * neutral:.4g} cm3, outside its "
+                f"stroke of {1e6 * stroke.minimum:g} to {1e6 * stroke.maximum:g} cm3: no law holds "
+                f"it there. {cure}"
+            )
+        each = [p.psi * depth + p.V_0 for p in around.plants]
+        low, high = min(each) - around.neutral, max(each) + around.neutral
+        if not (stroke.minimum < low and high < stroke.maximum):
+            raise NoAnswerError(
+                f"at {depth:g} m the vehicle may be neutral anywhere from {1e6 * low:.4g} to "
+                f"{1e6 * high:.4g} cm3, beyond its stroke of {1e6 * stroke.minimum:g} to "
+                f"{1e6 * stroke.maximum:g} cm3: no law holds all of these vehicles there. {cure}"
+            )
+    if not vehicle.voltage_driven:
+        return
+    p = plant(vehicle)._replace(supply=supply)
+    limit = stall(p, depth=deepest, depth_limit=None).depth
+    if limit is not None and deepest >= limit:
+        raise NoAnswerError(
+            f"with {supply:.3g} V the motor can no longer extend below {limit:.4g} m: no law holds "
+            f"the vehicle at {deepest:g} m. It takes a higher supply, or less depth {_ASKED}"
+        )
+
+
+def _step(depths: tuple[float, float], given: tuple[float, float] | None) -> tuple[float, float]:
+    if given is not None:
+        if not (given[0] != given[1] and min(given) >= 0.0 and max(given) < math.inf):
+            raise InputError(
+                "no step of depth", field="--step", value=f"{given[0]:g}:{given[1]:g}", unit="m",
+                remedy="Give two different depths, like 1.5:3",
+            )  # fmt: skip
+        return given
+    shallow = depths[0] + min(1.5, 0.3 * (depths[1] - depths[0]))
+    return shallow, min(shallow + 1.5, depths[1])
+
+
+def _outside(depths: tuple[float, float], step: tuple[float, float]) -> list[str]:
+    """Return what there is to say of a step that leaves the range of depths [m]."""
+    beyond = [f"{end:g} m" for end in step if not depths[0] <= end <= depths[1]]
+    if not beyond:
+        return []
+    return [
+        f"the step of the trials, {step[0]:g} to {step[1]:g} m, leaves the depths of "
+        f"{depths[0]:g} to {depths[1]:g} m (--depth): the margins are judged at "
+        f"{' and '.join(beyond)} as well"
+    ]
+
+
+def _watched(vehicle: Vehicle, supply: float, distance: float, h: float) -> float:
+    """Return how long a step is watched [s]: many times the least that the motor needs."""
+    p = plant(vehicle)
+    jerk = (p.gain * supply if vehicle.voltage_driven else p.rate) * p.a_b
+    least = math.cbrt(32.0 * distance / jerk)
+    return max(math.ceil(_WATCHED * least / h), 200) * h

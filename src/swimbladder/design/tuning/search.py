@@ -1,0 +1,205 @@
+"""The search: knobs whose margins hold over the region, then the best of them in trials.
+
+Margins are cheap and trials are dear. So the knobs are laid out on a grid, kept where the nominal
+vehicle has the margins, ordered by what the goal wants of them, kept where the whole region has the
+margins, and the first few of these are tried, with few runs while they are compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from swimbladder.design.linear.models import StateSpace
+from swimbladder.design.tuning.gains import TUNABLE, Recipe, gains
+from swimbladder.design.tuning.grids import grid, options, preference, score
+from swimbladder.design.tuning.knobs import Knobs, Setting
+from swimbladder.design.tuning.margins import (
+    WANTED,
+    Worst,
+    exactly,
+    falls_short,
+    lacking,
+    roughly,
+    worst,
+)
+from swimbladder.design.tuning.region import Region
+from swimbladder.design.tuning.trial import Step, Trial, trial
+from swimbladder.errors import NoAnswerError
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Found", "search"]
+
+_TRIED = 4
+_TRIED_QUIET = 8
+_TRIED_ENERGY = 5
+_TRIED_RESTING = 3  # of a law that rests near the set-point, by gains of its own
+_FEW = {"fast": 100, "quiet": 40, "energy": 40}  # runs while they are compared
+_FINAL = 3  # options of a law that rests, whose band is fitted to the error that is allowed
+_FITTED = 3  # times, each with as many runs as are told of
+_SLACK = 0.97  # of the margins: the linear form is that of differences
+_AWAY = 0.3  # of a step, off which its end counts as not brought there
+_HOLD_BEST = ("observer", "position-observer")
+_LOST = 2.0  # times the error allowed, that is no holding any more
+
+
+class Found(NamedTuple):
+    """Knobs with what they give; margins: None for a law that has none."""
+
+    knobs: Knobs
+    parameters: Any
+    margins: Worst | None
+    nominal: Trial
+    region: Trial
+
+
+class _Search:
+    """What is looked for, and how near anything came."""
+
+    def __init__(
+        self, name: str, recipe: Recipe, setting: Setting, region: Region, depths: Sequence[float],
+        delay: float, tell: Callable[[float], None],
+    ) -> None:  # fmt: skip
+        self.name, self.recipe, self.setting, self.region = name, recipe, setting, region
+        self.depths, self.delay, self.tell = depths, delay, tell
+        self.near: tuple[tuple[bool, bool, float], tuple[str, ...]] | None = None
+
+    def over(
+        self, knobs: Knobs, wanted: Worst, look: Callable[[StateSpace], Worst], *, nominal: bool
+    ) -> Worst | None:
+        """Return the margins where they are what is wanted, else None.
+
+        Dead zone and pauses are none of the loop's around rest: margins are of its linear part.
+        """
+        parameters = gains(self.name, self.setting, knobs._replace(dead=0.0, pause=0.0))
+        m = worst(
+            self.recipe.law, parameters, self.region.plants[: 1 if nominal else None],
+            depths=self.depths[: 1 if nominal else None], sample_time=self.setting.sample_time,
+            delay=self.delay, look=look, wanted=None if nominal else wanted,
+        )  # fmt: skip
+        short = falls_short(m, wanted)
+        if not short:
+            return m
+        rank = (nominal, not m.stable, lacking(m, wanted))
+        if self.near is None or rank < self.near[0]:
+            self.near = (rank, short)
+        return None
+
+    def candidates(self, goal: str, held: float, most: int, wanted: Worst) -> list[Knobs]:
+        """Return the first knobs that have the margins, by what the goal prefers."""
+        every = list(grid(self.name, goal, self.setting, held))
+        if not self.recipe.linear:
+            return every
+        kept = []
+        for knobs in every:
+            self.tell(0.3 / len(every))
+            if self.over(knobs, wanted, roughly, nominal=True) is not None:
+                kept.append((preference(goal, knobs), knobs))
+        kept.sort(key=lambda pair: pair[0])
+        if goal != "fast":
+            kept = _spread(kept)
+        found: list[Knobs] = []
+        for _, knobs in kept:
+            if len(found) == most:
+                break
+            if self.over(knobs, wanted, roughly, nominal=False) is not None:
+                found.append(knobs)
+                self.tell(0.1 / most)
+        return found
+
+
+def search(
+    name: str, vehicle: Vehicle, setting: Setting, region: Region, *, goal: str, held: float,
+    depths: Sequence[float], delay: float, step: Step, runs: int, wanted: Worst = WANTED,
+    advance: Callable[[float], None] | None = None,
+) -> Found:  # fmt: skip
+    """Return the best knobs found for a goal.
+
+    goal: fast, quiet or energy. held [m]: rms that a depth is to be held to. depths [m]: where
+    margins are checked. delay [s]: from sample to command. Raises NoAnswerError where no knobs have
+    the margins, with the one that is farthest from them, or where none holds the vehicle.
+    """
+    recipe, h = TUNABLE[name], setting.sample_time
+    tell = advance or (lambda _: None)
+    look = _Search(name, recipe, setting, region, depths, delay, tell)
+    most = {"fast": _TRIED, "quiet": _TRIED_QUIET, "energy": _TRIED_ENERGY}[goal]
+    if recipe.rests and goal != "fast":
+        most = _TRIED_RESTING
+    every = [
+        option
+        for knobs in look.candidates(goal, held, most, _tightened(wanted))
+        for option in options(
+            name, goal, knobs, gains(name, setting, knobs), setting, held=held, deepest=max(depths)
+        )
+    ]
+
+    def tried(knobs: Knobs, count: int, *, nominal: bool = False) -> Trial:
+        return trial(
+            vehicle, recipe.law, gains(name, setting, knobs), step, sample_time=h, runs=count,
+            region=None if nominal else region, supply=None if nominal else setting.limit,
+        )  # fmt: skip
+
+    scored: list[tuple[tuple[float, ...], Knobs, Trial]] = []
+    for knobs in every:
+        few = tried(knobs, min(runs, _FEW[goal]))
+        scored.append((score(goal, few, held), knobs, few))
+        tell(0.45 / len(every))
+    scored.sort(key=lambda one: one[0])
+    if recipe.rests and goal == "quiet":  # neighbours differ by less than few runs tell
+        final = []
+        for _, knobs, few in scored[:_FINAL]:
+            rms = few.rms
+            for _ in range(_FITTED):
+                knobs = knobs._replace(band=knobs.band * max(held / rms, 0.5))
+                over = tried(knobs, runs)
+                rms = over.rms
+                final.append((score(goal, over, held), knobs, over))
+        scored = sorted(final, key=lambda one: one[0]) + scored[_FINAL:]
+    other = "" if name in _HOLD_BEST else f"the law {_HOLD_BEST[0]} or "
+    if goal != "fast" and scored and not scored[0][2].rms <= _LOST * held:
+        raise NoAnswerError(
+            f"no gains of the law {name!r} that were tried hold a depth to {1e3 * held:.3g} mm rms "
+            f"over the region: the best has {1e3 * scored[0][2].rms:.3g} mm. A greater error "
+            f"allowed, a better depth sensor, {other}parameters known better would help"
+        )
+    span = abs(step.target - step.start)
+    if goal == "fast" and scored and not scored[0][2].rms <= _AWAY * span:
+        raise NoAnswerError(
+            f"no gains of the law {name!r} that were tried bring the vehicle through the step over "
+            f"the region: at its end the best is off by {scored[0][2].rms:.3g} m rms, with a depth "
+            f"noise of {1e3 * setting.noise:.3g} mm reckoned with. Another law, a better depth "
+            "sensor, a goal of quiet, a larger supply or parameters known better would help"
+        )
+    for _, knobs, few in scored:
+        m = look.over(knobs, wanted, exactly, nominal=False) if recipe.linear else None
+        tell(0.15 / len(scored))
+        if m is not None or not recipe.linear:
+            over = few if few.runs == runs else tried(knobs, runs)
+            parameters = gains(name, setting, knobs)
+            return Found(knobs, parameters, m, tried(knobs, runs, nominal=True), over)
+    assert look.near is not None  # something was computed
+    (_, unstable, _), short = look.near
+    nearest = "none makes a loop that is stable over it" if unstable else (
+        f"the nearest has {'; '.join(short)}"
+    )  # fmt: skip
+    raise NoAnswerError(
+        f"no gains of the law {name!r} have the margins over the region at a sample time of "
+        f"{h:g} s: {nearest}. A shorter sample time, a faster motor or parameters known better "
+        "would help"
+    )
+
+
+def _spread(kept: list[tuple[float, Knobs]]) -> list[tuple[float, Knobs]]:
+    """Return the first of every frequency and damping: how slow is too slow only a trial tells."""
+    first: dict[tuple[float, float], tuple[float, Knobs]] = {}
+    for pair in kept:
+        knobs = pair[1]
+        first.setdefault((round(knobs.frequency / knobs.inner, 6), knobs.damping), pair)
+    return list(first.values())
+
+
+def _tightened(m: Worst) -> Worst:
+    return m._replace(
+        gain_up=m.gain_up / _SLACK, gain_down=m.gain_down * _SLACK, phase=m.phase / _SLACK,
+        peak_sensitivity=1.0 + (m.peak_sensitivity - 1.0) * _SLACK, disk=m.disk / _SLACK,
+    )  # fmt: skip

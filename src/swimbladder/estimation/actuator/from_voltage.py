@@ -1,0 +1,167 @@
+"""The estimates that a fit to voltage steps gives, by name."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from swimbladder.estimation.actuator.estimate import (
+    Estimate,
+    bounded,
+    estimated,
+    given,
+    shown,
+    untold,
+)
+from swimbladder.estimation.actuator.model import LOGARITHMIC, drive_of
+from swimbladder.estimation.actuator.profile import profile_of_T1
+from swimbladder.estimation.actuator.response import steady_speed
+from swimbladder.estimation.actuator.result import Step
+from swimbladder.estimation.actuator.voltage_fit import VoltageFit, named
+
+__all__ = ["by_direction", "covariance_of", "from_voltage", "steps_of"]
+
+
+def from_voltage(fit: VoltageFit, chosen: dict[str, float], unit: str) -> dict[str, Estimate]:
+    """Return K1, T1, dead_zone, load_voltage, asymmetry and rate; what is not told says why.
+
+    chosen: what the user has set; unit: of the position.
+    """
+    units = {
+        "K1": f"{unit}/s/V", "T1": "s", "dead_zone": "V", "load_voltage": "V", "asymmetry": "-",
+        "rate": f"{unit}/s",
+    }  # fmt: skip
+    values, told = fit.values, named(fit)
+    found: dict[str, Estimate] = {}
+    for name, of in units.items():
+        if name in chosen:
+            found[name] = given(chosen[name], of)
+        elif name not in fit.problem.free:
+            found[name] = _rate(fit, told, of) if name == "rate" else untold(of, _ONE_WAY[name])
+        elif name == "T1" and (name in told or "K1" in told):
+            found[name] = profile_of_T1(fit)
+        elif name not in told or ("K1" in fit.problem.free and "K1" not in told):
+            found[name] = untold(of, _blind(fit))
+        else:
+            logarithmic = name in LOGARITHMIC
+            size = values[name] if logarithmic else fit.problem.top
+            found[name] = _along(
+                fit, values[name], size, of, logarithmic=logarithmic, **{name: 1.0}
+            )
+            if name == "dead_zone" and found[name].ci95[0] < 0.0:
+                low_high = (0.0, found[name].ci95[1])
+                found[name] = Estimate(found[name].value, found[name].std, low_high, of)
+    return found
+
+
+def _along(
+    fit: VoltageFit, value: float, size: float, unit: str, *, logarithmic: bool, **weights: float
+) -> Estimate:
+    """Return the estimate of what changes by `size` times the weighted sum of what is turned."""
+    std, reach = fit.spread_along(np.array([weights.get(name, 0.0) for name in fit.problem.free]))
+    return estimated(value, size * std, unit, reach=size * reach, logarithmic=logarithmic)
+
+
+_ONE_WAY = {
+    "asymmetry": "the voltages moved it in one direction only",
+    "load_voltage": "the voltages moved it in one direction only: a load counts as dead zone",
+}
+
+
+def _rate(fit: VoltageFit, told: tuple[str, ...], unit: str) -> Estimate:
+    if "K1" in fit.problem.free and "K1" not in told:
+        return untold(unit, _blind(fit))
+    drive, top = drive_of(fit.values), fit.problem.top
+    fastest = max(abs(steady_speed(top, drive)), abs(steady_speed(-top, drive)))
+    why = (
+        f"no limit is seen: at {top:.3g} V, the largest voltage, it reaches {shown(fastest, unit)}"
+    )
+    return bounded(fastest, math.inf, unit, why)
+
+
+def _blind(fit: VoltageFit) -> str:
+    """Return the sentence on what the logs cannot tell apart."""
+    free, hit = fit.problem.free, (fit.blind**2).max(axis=1) > 0.02
+    names = {name for name, one in zip(free, hit.tolist(), strict=True) if one}
+    if {"K1", "T1"} <= names and "dead_zone" not in names:
+        return (
+            "the steps are too short: K1 and T1 trade off, because no steady speed is reached; "
+            "hold a voltage for several T1"
+        )
+    if "dead_zone" in names and names & {"K1", "asymmetry"}:
+        return (
+            f"{_and(names)} trade off: at one size of voltage a smaller dead zone and a smaller "
+            "gain look alike; log steps of two sizes or more, or give one with --set "
+            '"dead_zone=0 V"'
+        )
+    return f"{_and(names)} trade off: log longer steps, of both signs and of several sizes"
+
+
+def _and(names: set[str]) -> str:
+    words = sorted(names)
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def by_direction(fit: VoltageFit, found: dict[str, Estimate], unit: str) -> dict[str, Estimate]:
+    """Return the gains and the edges of the dead zone outward and inward, where they are told."""
+    values = fit.values
+    result: dict[str, Estimate] = {}
+
+    def known(*names: str) -> bool:
+        return all(found[name].value is not None for name in names)
+
+    if known("K1", "asymmetry"):
+        drive = drive_of(values)
+        for name, value, sign in (("K1_out", drive.K_out, 0.5), ("K1_in", drive.K_in, -0.5)):
+            result[name] = _along(
+                fit, value, value, f"{unit}/s/V", logarithmic=True, K1=1.0, asymmetry=sign
+            )
+    if known("dead_zone", "load_voltage"):
+        for name, sign in (("threshold_out", 1.0), ("threshold_in", -1.0)):
+            value = sign * values["load_voltage"] + values["dead_zone"]
+            result[name] = _along(
+                fit, value, fit.problem.top, "V", logarithmic=False,
+                dead_zone=1.0, load_voltage=sign,
+            )  # fmt: skip
+    return result
+
+
+def covariance_of(fit: VoltageFit, found: dict[str, Estimate]) -> dict[str, dict[str, float]]:
+    """Return the covariance of what is told, in SI, by name."""
+    values = fit.values
+    told = [n for n in fit.problem.free if found[n].value is not None]
+    sizes = {n: values[n] if n in LOGARITHMIC else fit.problem.top for n in told}
+    at = {n: fit.problem.free.index(n) for n in told}
+    return {
+        a: {b: float(fit.covariance[at[a], at[b]]) * sizes[a] * sizes[b] for b in told}
+        for a in told
+    }
+
+
+def steps_of(fit: VoltageFit) -> tuple[Step, ...]:
+    """Return what was fitted, block by block."""
+    found = []
+    problem = fit.problem
+    for k, block in enumerate(problem.blocks):
+        own = problem.block == k
+        bench = problem.benches[block.log]
+        assert bench.voltage is not None
+        u, x = bench.voltage[block.samples], bench.position[block.samples]
+        sizes = u[np.abs(u) > 0.02 * problem.top]
+        low, high = (float(sizes.min()), float(sizes.max())) if len(sizes) else (0.0, 0.0)
+        found.append(
+            Step(
+                source=bench.source,
+                label=f"{low:.3g} V" if abs(high - low) < 0.02 * problem.top
+                else f"{low:.3g} to {high:.3g} V",
+                time=bench.time[block.samples],
+                position=x,
+                fitted=x - fit.residual[own],
+                voltage=u,
+                used=problem.used[own],
+                speed=None,
+                start=0,
+            )
+        )  # fmt: skip
+    return tuple(found)

@@ -1,0 +1,213 @@
+"""What a fit to voltage steps turns: parameters, predictions, and the residuals of each block."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from swimbladder.estimation.actuator.bench import Bench
+from swimbladder.estimation.actuator.blocks import Block
+from swimbladder.estimation.actuator.noise import Autoregression
+from swimbladder.estimation.actuator.response import Drive, respond, steady_speed
+
+__all__ = ["FIRST", "LOGARITHMIC", "Problem", "Whitener", "drive_of"]
+
+Array = NDArray[np.float64]
+
+_IDLE, _TURNS = 0.02, 0.1  # of the largest voltage: none; another one
+LOGARITHMIC = ("K1", "T1", "asymmetry", "rate")
+FIRST = {"K1": 1e-3, "T1": 0.1, "dead_zone": 0.0, "load_voltage": 0.0, "asymmetry": 1.0}
+
+
+def drive_of(values: Mapping[str, float]) -> Drive:
+    """Return the actuator with the values of K1, T1, dead_zone, load_voltage, asymmetry, rate.
+
+    K1 is the geometric mean of the gains outward and inward, asymmetry their ratio.
+    """
+    ratio = math.sqrt(values["asymmetry"])
+    return Drive(
+        K_out=values["K1"] * ratio,
+        K_in=values["K1"] / ratio,
+        T1=values["T1"],
+        dead_zone=max(values["dead_zone"], 0.0),
+        load=values["load_voltage"],
+        rate=values.get("rate", math.inf),
+    )
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Makes residuals white, without the start of each block, and less sure of its gain.
+
+    matrix: of the autoregression, block by block; one: the whitened column of the unknown start,
+    of length 1 in each block; gain: that of a gain of the block's own, orthogonal to it, likewise;
+    size: its length before, less where a block holds several moves, whose gains average; keep: what
+    is left of the residual along it; block: of each sample.
+    """
+
+    matrix: csr_array
+    one: Array
+    gain: Array
+    size: Array
+    keep: Array
+    block: NDArray[np.int64]
+
+    def __call__(self, residual: Array) -> Array:
+        """Return the whitened residuals [n]."""
+        white: Array = self.matrix @ residual
+        white = white - self.one * self.along(self.one, white)[self.block]
+        lost = (1.0 - self.keep) * self.along(self.gain, white)
+        return white - self.gain * lost[self.block]
+
+    def along(self, column: Array, white: Array) -> Array:
+        """Return the inner product of two columns for each block."""
+        return np.bincount(self.block, column * white, minlength=len(self.keep)).astype(float)
+
+
+class Problem:
+    """Benches cut into blocks, and the parameters that are free.
+
+    Parameters are turned as numbers near 1: logarithms for what is positive, voltages in units of
+    the largest. block: the block of each sample; strokes: how many moves each block holds; early:
+    whether a sample comes too soon after an unknown start; used: whether it is neither that nor an
+    outlier.
+    """
+
+    def __init__(
+        self,
+        benches: Sequence[Bench],
+        blocks: Sequence[Block],
+        free: tuple[str, ...],
+        fixed: Mapping[str, float],
+        moving: Mapping[tuple[int, int], bool],  # (log, run): whether it begins in motion
+    ) -> None:
+        self.benches, self.blocks, self.free = benches, blocks, free
+        self.fixed, self.moving = dict(fixed), dict(moving)
+        self.top = max(float(np.abs(_voltage(b)).max()) for b in benches)
+        starts = np.cumsum([0, *(len(b.time) for b in benches)])
+        self.at = np.concatenate([starts[b.log] + b.samples for b in blocks])
+        self.block = np.repeat(np.arange(len(blocks)), [len(b.samples) for b in blocks])
+        self.position = np.concatenate([b.position for b in benches])[self.at]
+        self.strokes = np.array([self._strokes(b) for b in blocks])
+        self.used = np.ones(len(self.at), bool)
+        self.early = np.zeros(len(self.at), bool)
+        self.whiten: Whitener | None = None
+
+    def changed(self, free: tuple[str, ...], fixed: Mapping[str, float]) -> Problem:
+        """Return the problem with other parameters free; outliers and whitener stay."""
+        other = Problem(self.benches, self.blocks, free, fixed, self.moving)
+        other.used, other.early, other.whiten = self.used.copy(), self.early.copy(), self.whiten
+        return other
+
+    def values(self, q: Array) -> dict[str, float]:
+        """Return all parameters in SI."""
+        found = dict(self.fixed)
+        for name, number in zip(self.free, q.tolist(), strict=True):
+            found[name] = math.exp(number) if name in LOGARITHMIC else number * self.top
+        return found
+
+    def turned(self, values: Mapping[str, float]) -> Array:
+        """Return the free parameters as they are turned."""
+        return np.array(
+            [
+                math.log(values[name]) if name in LOGARITHMIC else values[name] / self.top
+                for name in self.free
+            ]
+        )
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the least and the greatest of what is turned."""
+        both = [
+            (-46.0, 46.0) if n in LOGARITHMIC else (-1.0 if n == "load_voltage" else 0.0, 1.0)
+            for n in self.free
+        ]
+        least, most = np.array(both).reshape(-1, 2).T
+        return least, most
+
+    def _strokes(self, block: Block) -> float:
+        """Return how many moves a block holds: stretches of a voltage of one sign and size."""
+        u = _voltage(self.benches[block.log])[block.samples]
+        turned = np.abs(np.diff(u)) > _TURNS * self.top
+        turned |= np.sign(u[1:]) != np.sign(u[:-1])
+        number = np.append(0, np.cumsum(turned))
+        return float(max(len(np.unique(number[np.abs(u) > _IDLE * self.top])), 1))
+
+    def travels(self, q: Array) -> Array:
+        """Return the predicted travel of every sample [m], from an unknown start in each run."""
+        drive = drive_of(self.values(q))
+        found = []
+        for log, bench in enumerate(self.benches):
+            voltage = _voltage(bench)
+            for run, (first, after) in enumerate(bench.runs):
+                u = voltage[first:after]
+                begun = steady_speed(float(u[0]), drive) if self.moving[(log, run)] else 0.0
+                found.append(respond(bench.time[first:after], u, drive, first_speed=begun)[0])
+        travel: Array = np.concatenate(found)[self.at]
+        return travel
+
+    def residual(self, q: Array) -> Array:
+        """Return measured less predicted travel of every sample [m], starts not taken off."""
+        left: Array = self.position - self.travels(q)
+        return left
+
+    def centred(self, residual: Array) -> Array:
+        """Return residuals less the mean of their block, outliers not counted."""
+        count = np.bincount(self.block, self.used, minlength=len(self.blocks))
+        total = np.bincount(self.block, residual * self.used, minlength=len(self.blocks))
+        return residual - (total / np.maximum(count, 1.0))[self.block]
+
+    def without_own_gains(self, q: Array, residual: Array) -> Array:
+        """Return centred residuals less what a gain of each block's own explains of them.
+
+        That is left in as far as the whitener takes it for noise.
+        """
+        travel = self.centred(self.travels(q))
+        count = len(self.blocks)
+        size = np.bincount(self.block, travel**2 * self.used, minlength=count)
+        along = np.bincount(self.block, travel * residual * self.used, minlength=count)
+        kept = np.ones(count) if self.whiten is None else self.whiten.keep
+        own = (1.0 - kept**2) * along / np.maximum(size, 1e-300)
+        return residual - travel * own[self.block]
+
+    def by_median(self, residual: Array) -> Array:
+        """Return residuals less the median of their block."""
+        ends = np.flatnonzero(np.diff(self.block)) + 1
+        return np.concatenate([r - np.median(r) for r in np.split(residual, ends)])
+
+    def white(self, q: Array) -> Array:
+        """Return the whitened residuals of all samples used, which a fit makes small."""
+        assert self.whiten is not None
+        return self.whiten(self.residual(q)[self.used])
+
+    def whitened_with(self, q: Array, noise: Autoregression, spread: float, sigma: float) -> None:
+        """Choose the whitener: `noise`, and gains that differ by `spread` (a share) by block."""
+        block = self.block[self.used]
+        travel = self.travels(q)[self.used]
+        matrix = noise.matrix(np.bincount(block, minlength=len(self.blocks)))
+        count = len(self.blocks)
+
+        def inner(a: Array, b: Array) -> Array:
+            return np.bincount(block, a * b, minlength=count).astype(float)
+
+        first = np.full(count, 0.0)
+        first[block[::-1]] = travel[::-1]
+        one: Array = matrix @ np.ones(len(block))
+        one /= np.sqrt(np.maximum(inner(one, one), 1e-300))[block]
+        gain: Array = matrix @ (travel - first[block])
+        gain = gain - one * inner(one, gain)[block]
+        length = np.sqrt(inner(gain, gain))
+        gain = gain / np.maximum(length, 1e-300)[block]
+        size = length / np.sqrt(self.strokes)
+        ratio = spread / sigma if sigma > 0.0 else 0.0
+        keep = 1.0 / np.sqrt(1.0 + (ratio * size) ** 2)
+        self.whiten = Whitener(matrix, one, gain, size, keep, block)
+
+
+def _voltage(bench: Bench) -> Array:
+    assert bench.voltage is not None
+    return bench.voltage

@@ -1,0 +1,243 @@
+"""The identification of an actuator from logs of its voltage steps, or of its moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+from threadpoolctl import threadpool_limits
+
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.estimation.actuator.bench import Bench, Driven, bench
+from swimbladder.estimation.actuator.estimate import Estimate
+from swimbladder.estimation.actuator.from_moves import MovesFit, fit_moves, together
+from swimbladder.estimation.actuator.from_voltage import (
+    by_direction,
+    covariance_of,
+    from_voltage,
+    steps_of,
+)
+from swimbladder.estimation.actuator.nine import nine
+from swimbladder.estimation.actuator.result import ActuatorIdentification, Finding, LogFit
+from swimbladder.estimation.actuator.say import (
+    ASSUMPTIONS,
+    logs_differ,
+    of_moves,
+    of_voltage,
+    untold_of,
+)
+from swimbladder.estimation.actuator.soft import soft_start
+from swimbladder.estimation.actuator.voltage import fit_voltage
+from swimbladder.io.logs import Log
+from swimbladder.vehicle import Positioner, Vehicle
+from swimbladder.vehicle.schema import did_you_mean
+
+__all__ = ["PARAMETERS", "identify_actuator"]
+
+PARAMETERS: Mapping[str, str] = {
+    "K1": "m/s/V", "T1": "s", "dead_zone": "V", "load_voltage": "V", "asymmetry": "",
+    "rate": "m/s",
+}  # fmt: skip
+"""Name and unit of what is identified."""
+
+_DIFFERENT = 0.01  # probability below which logs are said to differ
+
+
+def identify_actuator(
+    logs: Sequence[Log],
+    vehicle: Vehicle | None = None,
+    *,
+    fixed: Mapping[str, float] | None = None,
+    asked: Sequence[str] | None = None,
+    advance: Callable[[float], None] | None = None,
+) -> ActuatorIdentification:
+    """Return what the logs of one actuator tell of it, eqs (21)-(24).
+
+    vehicle: its file gives the piston's area, the load of the sea, the supply, and what else is
+    known. fixed: {name: value} of PARAMETERS in SI, not fitted. asked: what has to be told; K1 and
+    T1 where the logs have a voltage, T1 and rate where they have positions alone, rate where they
+    have what was asked of a positioner. advance: told the share of the work done.
+
+    Raises LogError or InputError for logs that cannot be used, NoAnswerError where nothing moves.
+    """
+    fixed = dict(fixed or {})
+    _check_names((*fixed, *(asked or ())))
+    if not logs:
+        raise InputError("there are no logs", field="LOG", remedy="Give one log or more")
+    benches = [bench(log, vehicle) for log in logs]
+    driven = _one_kind(benches)
+    if driven != "voltage" and fixed:
+        raise InputError(
+            "nothing can be set where no voltage is logged",
+            field="--set",
+            value=", ".join(fixed),
+            remedy="Leave --set out, or map voltage_V with --column",
+        )
+    if asked is None:
+        asked = {"voltage": ("K1", "T1"), "reference": ("rate",), "nothing": ("T1", "rate")}[driven]
+        if vehicle is not None and isinstance(vehicle.actuator, Positioner):
+            asked = ("rate",)
+        asked = tuple(name for name in asked if name not in fixed)
+    tell = advance or (lambda _: None)
+    work = _voltage if driven == "voltage" else _moves
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
+        return work(benches, vehicle, fixed, tuple(asked), tell)
+
+
+def _check_names(names: Sequence[str]) -> None:
+    for name in names:
+        if name not in PARAMETERS:
+            raise InputError(
+                "the actuator has no such parameter",
+                field="NAME",
+                value=name,
+                remedy=f"{did_you_mean(name, PARAMETERS)}Choose from {', '.join(PARAMETERS)}",
+            )
+
+
+def _one_kind(benches: Sequence[Bench]) -> Driven:
+    """Return what drives all logs; raise InputError where they are of different kinds."""
+    first = benches[0]
+    for other in benches[1:]:
+        if (other.driven, other.quantity) != (first.driven, first.quantity):
+            raise InputError(
+                f"the logs are of different kinds: {first.source} has the {first.quantity} and "
+                f"{_WHAT[first.driven]}, {other.source} the {other.quantity} and "
+                f"{_WHAT[other.driven]}",
+                field="LOG",
+                remedy="Identify them one by one, or map the same columns in all",
+            )
+    return first.driven
+
+
+_WHAT = {"voltage": "a voltage", "reference": "what was asked for", "nothing": "nothing else"}
+
+
+def _voltage(
+    benches: Sequence[Bench],
+    vehicle: Vehicle | None,
+    fixed: dict[str, float],
+    asked: tuple[str, ...],
+    advance: Callable[[float], None],
+) -> ActuatorIdentification:
+    unit = benches[0].unit
+    share = 1.0 / (len(benches) + 1)
+    fit = fit_voltage(benches, fixed)
+    parameters = from_voltage(fit, fixed, unit)
+    advance(share)
+    alone: list[LogFit] = []
+    for one in benches:
+        single = LogFit(source=one.source, parameters=parameters)
+        alone.append(single if len(benches) == 1 else _alone(one, fixed))
+        advance(share)
+    soft = soft_start(fit) if parameters["T1"].value is not None else None
+    findings = of_voltage(fit, parameters, benches, soft)
+    told = [f.parameters for f in alone if f.parameters]
+    mean, chance = together(told) if len(told) > 1 else ({}, {})
+    apart = [n for n, p in chance.items() if p < _DIFFERENT and parameters[n].origin == "data"]
+    parameters |= {name: mean[name] for name in apart}
+    findings += logs_differ(apart, told)
+    covariance = covariance_of(fit, parameters)
+    return _result(
+        benches, vehicle, parameters, asked, findings, covariance,
+        derived=by_direction(fit, parameters, unit),
+        noise=fit.noise,
+        logs=tuple(alone),
+        steps=steps_of(fit),
+    )  # fmt: skip
+
+
+def _alone(one: Bench, fixed: Mapping[str, float]) -> LogFit:
+    """Return what one of several logs tells by itself, or why it does not."""
+    try:
+        fit = fit_voltage([one], fixed)
+    except NoAnswerError as error:
+        return LogFit(source=one.source, parameters={}, refusal=str(error))
+    return LogFit(source=one.source, parameters=from_voltage(fit, dict(fixed), one.unit))
+
+
+def _moves(
+    benches: Sequence[Bench],
+    vehicle: Vehicle | None,
+    fixed: dict[str, float],  # noqa: ARG001
+    asked: tuple[str, ...],
+    advance: Callable[[float], None],
+) -> ActuatorIdentification:
+    fits: list[MovesFit] = []
+    for one in benches:
+        fits.append(fit_moves(one))
+        advance(1.0 / len(benches))
+    if not any(fit.steps for fit in fits):
+        raise NoAnswerError(
+            "No move at full speed is in the logs: nothing is told of the actuator. Log moves "
+            "long enough for six samples or more at full speed."
+        )
+    parameters, chance = together([fit.parameters for fit in fits])
+    derived, chance_by_way = together([fit.derived for fit in fits])
+    findings = of_moves(fits)
+    apart = [name for name, p in {**chance, **chance_by_way}.items() if p < _DIFFERENT]
+    findings += logs_differ(apart, [{**f.parameters, **f.derived} for f in fits])
+    logs = tuple(
+        LogFit(
+            source=one.source,
+            parameters={**fit.parameters, **fit.derived},
+            refusal=None if fit.steps else "no move at full speed is in the log",
+        )
+        for one, fit in zip(benches, fits, strict=True)
+    )
+    covariance = {
+        name: {name: (parameters[name].std or 0.0) ** 2}
+        for name in ("T1", "rate")
+        if parameters[name].value is not None
+    }
+    return _result(
+        benches, vehicle, parameters, asked, findings, covariance,
+        derived=derived,
+        noise=max(fit.noise for fit in fits if not math.isnan(fit.noise)),
+        logs=logs,
+        steps=tuple(step for fit in fits for step in fit.steps),
+    )  # fmt: skip
+
+
+def _result(
+    benches: Sequence[Bench],
+    vehicle: Vehicle | None,
+    parameters: dict[str, Estimate],
+    asked: tuple[str, ...],
+    findings: list[Finding],
+    covariance: dict[str, dict[str, float]],
+    **fields: object,
+) -> ActuatorIdentification:
+    missing = [n for n in asked if parameters[n].value is None]
+    findings = [*findings, *(untold_of(n, parameters[n]) for n in missing)]
+    one = benches[0]
+    names = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
+
+    def called(name: str) -> str:
+        return "K1A" if name == "K1" and one.quantity == "volume" else name
+
+    shown = {called(name): e for name, e in parameters.items()}
+    covariance = {
+        called(a): {called(b): value for b, value in row.items()} for a, row in covariance.items()
+    }
+    correlation = {
+        a: {
+            b: value / math.sqrt(max(covariance[a][a] * covariance[b][b], 1e-300))
+            for b, value in row.items()
+        }
+        for a, row in covariance.items()
+    }
+    return ActuatorIdentification(
+        driven=one.driven,
+        quantity=one.quantity,
+        parameters=shown,
+        asked=tuple(map(called, asked)),
+        correlation=correlation,
+        covariance=covariance,
+        nine=nine(shown, vehicle, names),
+        findings=tuple(findings),
+        assumptions=ASSUMPTIONS[one.driven],
+        notes=tuple(dict.fromkeys(note for b in benches for note in b.notes)),
+        given=vehicle,
+        **fields,  # type: ignore[arg-type]
+    )

@@ -1,0 +1,14 @@
+"""A model against a log: drive it with what was recorded, and see how far the depths part.
+
+`record` turns a log into what drives a vehicle, `predict` runs the model along it, `fit` adjusts
+what is asked to be adjusted, `run` puts them together, `picture` draws the outcome.
+"""
+
+from __future__ import annotations
+
+from swimbladder.estimation.comparison.fit import Fitted
+from swimbladder.estimation.comparison.fittable import FITTABLE
+from swimbladder.estimation.comparison.record import DRIVES, Record, record
+from swimbladder.estimation.comparison.run import Comparison, compare
+
+__all__ = ["DRIVES", "FITTABLE", "Comparison", "Fitted", "Record", "compare", "record"]

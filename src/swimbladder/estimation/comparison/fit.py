@@ -1,0 +1,229 @@
+"""Adjusts what is asked to be adjusted so that the predicted depth meets the measured one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError
+from swimbladder.estimation.comparison.fittable import FITTABLE, first_value, limits, put
+from swimbladder.estimation.comparison.predict import Start, Window, measured_start, predict, stages
+from swimbladder.estimation.comparison.record import Record
+from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.schema import did_you_mean
+
+__all__ = ["Fitted", "Outcome", "adjust", "default_names"]
+
+Array = NDArray[np.float64]
+
+_LARGEST = 10.0  # m, a residual beyond this says no more
+_STEP = 1e-3  # of a parameter's scale, for the derivative
+_SHIFTS = [s * m for m in (3e-8, 1e-7, 3e-7, 1e-6, 3e-6) for s in (1.0, -1.0)]  # m3
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fitted number, its standard deviation (None where the log does not tell) and unit.
+
+    The deviation allows for residuals that resemble their neighbours; it holds as far as the
+    model is right, which it does not test.
+    """
+
+    value: float
+    std: float | None
+    unit: str
+
+
+class Outcome(NamedTuple):
+    """What a fit found."""
+
+    vehicle: Vehicle
+    start: Start
+    fitted: dict[str, Fitted]
+
+
+def default_names(rec: Record) -> tuple[str, ...]:
+    """Return what is fitted unless asked otherwise.
+
+    The neutral volume, and the state at the start of an open loop that is under way there.
+    """
+    if rec.drive == "setpoint" or rec.afloat:
+        return ("neutral_volume",)
+    return ("neutral_volume", "start_depth", "start_speed")
+
+
+def adjust(
+    vehicle: Vehicle,
+    rec: Record,
+    names: Sequence[str],
+    *,
+    advance: Callable[[float], None] | None = None,
+) -> Outcome:
+    """Fit `names` by least squares on the depths compared, best of several ways there.
+
+    Every stage begins where the one before ended; the whole record is then fitted from each of
+    these ends and from others beside them, until three ways lead to the same best place and that
+    explains nine tenths of the variance.
+    advance: told the share of the work done since it was last called.
+    Raises InputError for a name that cannot be fitted.
+    """
+    _check(names, vehicle, rec)
+    first = Start(None, 0.0) if rec.afloat else measured_start(rec, 0)
+    if not names:
+        return Outcome(vehicle, first, {})
+    problem = _Problem(vehicle, rec, tuple(names), first)
+    *easier, whole = stages(rec)
+    met = [problem.begin()]
+    for windows in easier:
+        if rec.compared[: windows[-1].last + 1].any():
+            met.append(problem.solve(met[-1], windows)[1])
+        if advance is not None:
+            advance(0.5 / len(easier))
+    enough = 0.05 * float(np.var(rec.depth[rec.compared])) * rec.compared.sum()
+    best, q, agreed = np.inf, met[-1], 0
+    for begin in _ways(problem, met, whole):
+        end, found = problem.solve(begin, whole)
+        agreed = agreed + 1 if abs(end - best) <= 1e-3 * best else 1 if end < best else agreed
+        if end < best:
+            best, q = end, found
+        if agreed == 3 and best < enough:
+            break
+    spread = _spread(problem.residual(q, whole), problem.slope(q, whole)) * problem.scale
+    spread[problem.at_limit(q)] = np.nan
+    # a deviation wider than all that is possible: the log cannot tell
+    spread[spread > (problem.most - problem.least) * problem.scale] = np.nan
+    values = q * problem.scale
+    fitted = {
+        name: Fitted(value, std if np.isfinite(std) else None, FITTABLE[name].unit)
+        for name, value, std in zip(names, values.tolist(), spread.tolist(), strict=True)
+    }
+    return Outcome(*_apply(names, values, vehicle, first), fitted)
+
+
+class _Problem:
+    """The residuals of a record as a function of what is fitted, each in its own scale."""
+
+    def __init__(self, vehicle: Vehicle, rec: Record, names: tuple[str, ...], first: Start) -> None:
+        self.vehicle, self.rec, self.names, self.first = vehicle, rec, names, first
+        self.scale = np.array([FITTABLE[name].scale for name in names])
+        bounds = np.array([limits(name, vehicle, first) for name in names])
+        self.least, self.most = (bounds / self.scale[:, None]).T
+
+    def begin(self) -> Array:
+        values = [first_value(name, self.vehicle, self.first) for name in self.names]
+        if "neutral_volume" in self.names:
+            values[self.names.index("neutral_volume")] = _guess(self.vehicle, self.rec)
+        begun: Array = np.array(values) / self.scale
+        return begun
+
+    def residual(self, q: Array, windows: list[Window]) -> Array:
+        changed, start = _apply(self.names, q * self.scale, self.vehicle, self.first)
+        upto = windows[-1].last + 1
+        off = predict(changed, self.rec, windows, start) - self.rec.depth
+        off = off[:upto][self.rec.compared[:upto]]
+        return np.clip(np.nan_to_num(off, nan=_LARGEST), -_LARGEST, _LARGEST)
+
+    def slope(self, q: Array, windows: list[Window]) -> Array:
+        here = self.residual(q, windows)
+        steps = _STEP * np.eye(len(q))
+        return np.stack([(self.residual(q + h, windows) - here) / _STEP for h in steps], axis=1)
+
+    def cost(self, q: Array, windows: list[Window]) -> float:
+        return 0.5 * float(np.sum(self.residual(q, windows) ** 2))
+
+    def solve(self, q: Array, windows: list[Window]) -> tuple[float, Array]:
+        """Return (cost, place) of the minimum that is found from `q`."""
+        from scipy.optimize import least_squares
+
+        found = least_squares(
+            self.residual, np.clip(q, self.least + _STEP, self.most - _STEP), self.slope,
+            bounds=(self.least, self.most), args=(windows,), xtol=1e-7, ftol=1e-9, gtol=1e-12,
+            max_nfev=60,
+        )  # fmt: skip
+        return float(found.cost), found.x
+
+    def at_limit(self, q: Array) -> NDArray[np.bool_]:
+        near: NDArray[np.bool_] = (q < self.least + 2.0 * _STEP) | (q > self.most - 2.0 * _STEP)
+        return near
+
+
+def _ways(problem: _Problem, met: list[Array], whole: list[Window]) -> Iterator[Array]:
+    """Yield places to begin the last fit at: the ends of the stages, then others beside them."""
+    yield from reversed(met)
+    if "neutral_volume" not in problem.names:
+        return
+    axis = problem.names.index("neutral_volume")
+    unit = np.eye(len(problem.names))[axis] / problem.scale
+    beside = [q + shift * unit for q in (met[0], met[-1]) for shift in _SHIFTS]
+    yield from sorted(beside, key=lambda q: problem.cost(q, whole))[:2]
+    if len(problem.names) > 1:  # what more is fitted must not make it worse
+        alone = adjust(problem.vehicle, problem.rec, ("neutral_volume",)).fitted
+        begin = problem.begin()
+        begin[axis] = alone["neutral_volume"].value / problem.scale[axis]
+        yield begin
+
+
+def _apply(
+    names: Sequence[str], values: Array, vehicle: Vehicle, start: Start
+) -> tuple[Vehicle, Start]:
+    for name, value in zip(names, values.tolist(), strict=True):
+        vehicle, start = put(name, value, vehicle, start)
+    return vehicle, start
+
+
+def _check(names: Sequence[str], vehicle: Vehicle, rec: Record) -> None:
+    """Raise InputError for a name that cannot be fitted to this vehicle and record."""
+    coefficients = {"drag": vehicle.drag.k_dl, "drag_quadratic": vehicle.drag.k_dt}
+    for name in names:
+        what = remedy = ""
+        if name not in FITTABLE:
+            what = "this cannot be fitted"
+            remedy = f"{did_you_mean(name, FITTABLE)}Choose from {', '.join(FITTABLE)}; or none"
+        elif names.count(name) > 1:
+            what, remedy = "named twice", "Name it once"
+        elif coefficients.get(name) == 0.0:
+            what = f"the vehicle's drag law, {vehicle.drag.law}, has no such term"
+            remedy = 'Choose law = "blended" in [motion.drag], or fit the other term'
+        elif name.startswith("start") and rec.afloat:
+            what = "the log starts with the vehicle afloat, at rest at the surface"
+            remedy = "Leave it out, or cut the log to where the vehicle is under way"
+        elif name == "neutral_drift" and rec.drive != "volume":
+            what = "a drift can be fitted only where the logged volume drives the vehicle"
+            remedy = "Choose --drive volume, or leave it out"
+        if what:
+            raise InputError(what, field="--fit", value=name, remedy=remedy)
+
+
+def _guess(vehicle: Vehicle, rec: Record) -> float:
+    """Return a first neutral volume [m3]: the one at which the vehicle mostly was, under water."""
+    if rec.volume is None or not rec.volume_absolute:
+        return vehicle.trim_error
+    depth = rec.depth[rec.compared]
+    resting = vehicle.hull.psi * depth + rec.layers.along(depth)
+    return float(np.median(rec.volume[rec.compared] - resting))
+
+
+def _spread(residual: Array, slope: Array) -> Array:
+    """Return the standard deviations of the parameters, for residuals that are correlated.
+
+    The variance is taken up by the number of samples that carry the information of one:
+    1 + 2 sum of the residual's autocorrelation up to its first zero.
+    """
+    n, count = slope.shape
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
+    alike = 1.0
+    if power > 0.0:
+        correlation = np.fft.irfft(np.abs(np.fft.rfft(centred, 2 * n)) ** 2)[:n] / power
+        ends = np.flatnonzero(correlation <= 0.0)
+        alike = 2.0 * float(correlation[: ends[0] if len(ends) else n].sum()) - 1.0
+    variance = float(residual @ residual) / max(n - count, 1) * max(alike, 1.0)
+    _, singular, rotation = np.linalg.svd(slope, full_matrices=False)
+    if singular[-1] <= 1e-10 * singular[0]:
+        return np.full(count, np.nan)
+    result: Array = np.sqrt(variance * ((rotation / singular[:, None]) ** 2).sum(axis=0))
+    return result

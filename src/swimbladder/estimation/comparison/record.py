@@ -1,0 +1,308 @@
+"""A log as the model needs it: what drives it, from when, and which samples to compare."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError, LogError
+from swimbladder.estimation.comparison.clock import refuse_wrong_clock
+from swimbladder.estimation.comparison.water import layers_of
+from swimbladder.io.logs import Log
+from swimbladder.physics.seawater import Column
+from swimbladder.sim.engine.layers import NO_LAYERS, Layers
+from swimbladder.vehicle import (
+    ElectromechanicalActuator,
+    IdentifiedActuator,
+    Positioner,
+    Vehicle,
+)
+
+__all__ = ["DRIVES", "Drive", "Record", "piston_area", "record"]
+
+Array = NDArray[np.float64]
+Drive = Literal["volume", "voltage", "setpoint"]
+DRIVES: tuple[Drive, ...] = get_args(Drive)
+
+_FEWEST = 10
+_STAYS = 3  # samples under water, one after the other
+_STROKES = 5.0  # more of them than this is another unit, or another vehicle
+_BELOW_BOTTOM = 0.2  # m, that a depth sensor may be off
+_BOTTOM_MARGIN = 0.03  # m, of the bottom: the vehicle may stand on it
+_REMEDIES = {
+    "volume": "Map volume_m3 or piston_m with --column, or choose another --drive",
+    "voltage": "Map voltage_V with --column, or choose another --drive",
+    "setpoint": "Map reference_depth_m with --column, or choose another --drive",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """What is needed of a log to run a model along it; time counts from the first sample.
+
+    volume counts from mid-stroke, exactly where volume_absolute, else so that the vehicle is
+    neutral at the first sample. compared: which samples are clear of surface and bottom.
+    afloat: the first sample is at the surface, with volume to spare where it is known.
+    layers: what the water of a cast adds to the vehicle's psi z + trim_error.
+    """
+
+    drive: Drive
+    time: Array  # s
+    depth: Array  # m
+    speed: Array | None  # m/s
+    volume: Array | None  # m3
+    volume_absolute: bool
+    voltage: Array | None  # V
+    setpoints: tuple[tuple[float, float], ...]  # (s, m)
+    reference: Array | None  # m
+    compared: NDArray[np.bool_]
+    afloat: bool
+    bottom_depth: float  # m
+    notes: tuple[str, ...]
+    layers: Layers = NO_LAYERS
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+
+def piston_area(vehicle: Vehicle) -> float | None:
+    """Return the area of the vehicle's piston [m2], None where it has none or it is not known."""
+    actuator = vehicle.actuator
+    if isinstance(actuator, (Positioner, IdentifiedActuator)):
+        return actuator.piston_area
+    if isinstance(actuator, ElectromechanicalActuator):
+        return actuator.drive.piston_area
+    return None
+
+
+def record(
+    log: Log,
+    vehicle: Vehicle,
+    *,
+    drive: Drive | None = None,
+    bottom_depth: float = np.inf,
+    surface_margin: float = 0.1,
+    submerged: bool = False,
+    column: Column | None = None,
+) -> Record:
+    """Return what drives the vehicle: volume or piston, else voltage, else the set-point.
+
+    bottom_depth [m]; surface_margin: samples less deep than this below the depth of emergence are
+    not compared [m]. submerged: the record begins where the vehicle is first deeper than that: how
+    it leaves the surface, part of it in air, is not asked of the model. column: the water of a
+    cast, for a logged volume. Raises LogError where the log does not have what drives, or too
+    little of it, or goes deeper than the cast.
+    """
+    if drive is not None and drive not in DRIVES:
+        raise InputError(
+            "no such input", field="drive", value=drive, remedy=f"Choose one of {', '.join(DRIVES)}"
+        )
+    notes = list(log.report)
+    chosen = drive or _first_drive(log, vehicle)
+    series = _driving(log, vehicle, chosen)
+    layers = NO_LAYERS if column is None else _layers(log, vehicle, column, chosen)
+    kept = np.isfinite(series)
+    if not kept.all():
+        notes.append(f"{int((~kept).sum())} samples without {chosen} left out")
+        log, series = log.only(kept), series[kept]
+    if submerged:
+        log, series = _from_submergence(log, series, vehicle, surface_margin, notes)
+    if len(log) < _FEWEST:
+        raise LogError(
+            f"{len(log)} samples with {chosen} are too few to compare",
+            file=log.source,
+            field=chosen,
+            remedy=f"Give a log of {_FEWEST} samples or more",
+        )
+    volume, absolute = _volume(log, vehicle)
+    if volume is not None and not absolute:
+        volume = volume - volume[0] + vehicle.neutral_volume(float(log.depth[0]))
+        volume = volume + layers.at(float(log.depth[0]))
+        notes.append(
+            "the zero of the volume is not known: taken as neutral at the first sample's depth"
+        )
+    if volume is not None and chosen == "volume":
+        stroke = vehicle.stroke
+        over, whole = float(np.ptp(volume)), stroke.maximum - stroke.minimum
+        if over > _STROKES * whole:
+            raise LogError(
+                f"the volume goes over {1e6 * over:.3g} cm3, the vehicle's stroke is "
+                f"{1e6 * whole:.3g} cm3",
+                file=log.source, field="piston_m" if log.volume is None else "volume_m3",
+                remedy="State the column's unit, piston_m=NAME@mm or volume_m3=NAME@cm3, or give "
+                "the vehicle that the log is of",
+            )  # fmt: skip
+        beyond = np.maximum(volume - stroke.maximum, stroke.minimum - volume)
+        if (beyond > 1e-9).any():
+            notes.append(
+                f"{int((beyond > 1e-9).sum())} samples have a volume beyond the vehicle's stroke, "
+                f"by up to {1e6 * beyond.max():.2g} cm3"
+            )
+    deepest = _deepest(log)
+    if deepest > bottom_depth + _BELOW_BOTTOM:
+        raise LogError(
+            f"the log goes deeper than the bottom, which is said to be at {bottom_depth:g} m",
+            file=log.source,
+            field="depth_m",
+            value=round(deepest, 3),
+            unit="m",
+            remedy="Check --bottom, and the unit of the logged depth",
+        )
+    surface = vehicle.hull.emergence_depth
+    under = log.depth >= surface + surface_margin
+    clear = log.depth <= bottom_depth - _BOTTOM_MARGIN
+    if not under.all():
+        notes.append(
+            f"{int((~under).sum())} samples less than {surface_margin:g} m below the depth at "
+            "which the hull emerges are simulated, not compared"
+        )
+    if not clear.all():
+        notes.append(f"{int((~clear).sum())} samples at the bottom are simulated, not compared")
+    if (under & clear).sum() < _FEWEST:
+        raise LogError(
+            f"{int((under & clear).sum())} samples are clear of surface and bottom, too few",
+            file=log.source,
+            field="depth_m",
+            value=float(log.depth.max()),
+            unit="m",
+            remedy='The depths are negative: where they count upward, say depth_positive = "up" in '
+            "the [log] table of --log-format"
+            if np.median(log.depth) < 0.0
+            else "Check the unit of the depth, or give another --surface-margin or --bottom",
+        )
+    refuse_wrong_clock(
+        log, vehicle, under & clear, volume=volume if chosen == "volume" else None,
+        voltage=log.voltage if chosen == "voltage" else None,
+    )  # fmt: skip
+    time = log.time - log.time[0]
+    reference = log.reference_depth
+    return Record(
+        drive=chosen,
+        time=time,
+        depth=log.depth,
+        speed=log.speed,
+        volume=volume,
+        volume_absolute=absolute,
+        voltage=log.voltage,
+        setpoints=() if reference is None else _changes(time, reference),
+        reference=reference,
+        compared=under & clear,
+        afloat=bool(log.depth[0] < surface + surface_margin) and (absolute or volume is None),
+        bottom_depth=bottom_depth,
+        notes=tuple(notes),
+        layers=layers,
+    )
+
+
+def _layers(log: Log, vehicle: Vehicle, column: Column, drive: Drive) -> Layers:
+    """Return the layers of a cast; raises an error where they are no use to the log."""
+    if drive != "volume":
+        raise InputError(
+            "a cast is of use only where the logged volume drives the vehicle", field="--cast",
+            value=column.source, remedy="Drive it with --drive volume, or leave the cast out",
+        )  # fmt: skip
+    deepest = _deepest(log)
+    if deepest > column.deepest + column.step:
+        raise LogError(
+            f"the log goes down to {deepest:.4g} m, the cast {column.source} ends at "
+            f"{column.deepest:.4g} m",
+            file=log.source, field="depth_m", value=round(deepest, 3), unit="m",
+            remedy="Take a cast that goes as deep, and check the units of both",
+        )  # fmt: skip
+    return layers_of(vehicle, column)
+
+
+def _deepest(log: Log) -> float:
+    """Return the greatest depth [m], not that of a single spike."""
+    return float(np.median(np.sort(log.depth)[-9:]))
+
+
+def _from_submergence(
+    log: Log, series: Array, vehicle: Vehicle, margin: float, notes: list[str]
+) -> tuple[Log, Array]:
+    """Return log and driving series from where the vehicle is first under water, not by a spike."""
+    under = log.depth >= vehicle.hull.emergence_depth + margin
+    stays = np.convolve(under, np.ones(_STAYS), mode="full")[_STAYS - 1 :] == _STAYS
+    if not stays.any():
+        return log, series  # what is lacking is said with the rest
+    first = int(np.argmax(stays))
+    if first:
+        notes.append(
+            f"begun {log.time[first] - log.time[0]:.4g} s after the first sample, where the "
+            f"vehicle is first {margin:g} m below the depth at which the hull emerges"
+        )
+    kept = np.arange(len(log)) >= first
+    return log.only(kept), series[kept]
+
+
+def _first_drive(log: Log, vehicle: Vehicle) -> Drive:
+    if log.volume is not None or (log.piston is not None and piston_area(vehicle) is not None):
+        return "volume"
+    if log.voltage is not None and vehicle.voltage_driven:
+        return "voltage"
+    if log.reference_depth is not None:
+        return "setpoint"
+    raise LogError(
+        "the log has nothing that drives the vehicle",
+        file=log.source,
+        field="volume_m3, piston_m, voltage_V or reference_depth_m",
+        remedy=_REMEDIES["volume"],
+    )
+
+
+def _driving(log: Log, vehicle: Vehicle, drive: Drive) -> Array:
+    """Return the series that drives, as logged; raises LogError where there is none."""
+    if drive == "volume":
+        if log.volume is None and log.piston is not None and piston_area(vehicle) is None:
+            raise InputError(
+                f"the log has the position of a piston, and the vehicle {vehicle.name} has none",
+                field="actuator.kind",
+                value=vehicle.actuator.kind,
+                remedy="Choose a vehicle with a piston, or log its volume",
+            )
+        found = log.volume if log.volume is not None else log.piston
+    else:
+        if drive == "voltage" and not vehicle.voltage_driven:
+            raise InputError(
+                f"the vehicle {vehicle.name} is not driven by a voltage",
+                field="--drive",
+                value=drive,
+                remedy="Drive it with volume or setpoint",
+            )
+        if drive == "setpoint" and vehicle.controller is None:
+            raise InputError(
+                f"the vehicle {vehicle.name} has no controller to follow the set-point with",
+                field="controller",
+                remedy="Add a [controller] to the vehicle, or choose another --drive",
+            )
+        found = log.voltage if drive == "voltage" else log.reference_depth
+    if found is None:
+        raise LogError(
+            f"the log has no {drive}", file=log.source, field=drive, remedy=_REMEDIES[drive]
+        )
+    return found
+
+
+def _volume(log: Log, vehicle: Vehicle) -> tuple[Array | None, bool]:
+    area = piston_area(vehicle)
+    if log.volume is not None and np.isfinite(log.volume).all():
+        return log.volume, log.volume_absolute
+    if log.piston is not None and area is not None and np.isfinite(log.piston).all():
+        return log.piston * area, log.piston_absolute
+    return None, False
+
+
+def _changes(time: Array, reference: Array) -> tuple[tuple[float, float], ...]:
+    """Return (time, depth) where a set-point begins to hold, the first at 0."""
+    known = np.flatnonzero(np.isfinite(reference))
+    if not len(known):
+        return ()
+    values = reference[known]
+    new = np.append(True, np.diff(values) != 0.0)
+    pairs = [(float(time[known[k]]), float(values[k])) for k in np.flatnonzero(new)]
+    return ((0.0, pairs[0][1]), *pairs[1:])

@@ -1,0 +1,30 @@
+"""The vertical motion's parameters from measured logs, with what is known of their errors.
+
+`experiment` says which stretches of a log tell something, `problem` predicts them with their
+derivatives, `fit` finds the most probable parameters, `tell` says what the data leave open,
+`profiles`, `choices` and `diagnose` look at the answer, `run` puts them together.
+"""
+
+from swimbladder.estimation.motion.estimates import Estimate, Prior
+from swimbladder.estimation.motion.model import NAMES
+from swimbladder.estimation.motion.result import (
+    Choice,
+    ExperimentFit,
+    Finding,
+    Identification,
+    Profile,
+)
+from swimbladder.estimation.motion.run import NEUTRAL_STD, identify
+
+__all__ = [
+    "NAMES",
+    "NEUTRAL_STD",
+    "Choice",
+    "Estimate",
+    "ExperimentFit",
+    "Finding",
+    "Identification",
+    "Prior",
+    "Profile",
+    "identify",
+]

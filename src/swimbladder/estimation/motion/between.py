@@ -1,0 +1,192 @@
+"""How logs of one vehicle differ: the spread of psi, drag, drift and noise between them.
+
+A fit of several logs together says how well a common value is known, not how far the next log's
+own may be from it. Here every log has values of its own, drawn from a normal distribution whose
+means and deviations are those under which the logs are most probable. Their likelihood, by the
+same filters that later predict, is sampled once over a wide distribution; the narrow one is then
+found by expectation and maximisation with importance weights (Dempster, Laird and Rubin, J. R.
+Stat. Soc. B 39, 1977).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError
+from swimbladder.estimation.comparison.record import Record
+from swimbladder.estimation.comparison.unknowns import (
+    Normal,
+    Tuning,
+    Unknowns,
+    draw,
+    places,
+    unknowns,
+)
+from swimbladder.estimation.kalman.bank import told
+from swimbladder.estimation.kalman.depth_filter import Samples
+from swimbladder.vehicle import Between, Drag, Identified, IdentifiedMotion, Motion, Vehicle
+
+__all__ = ["FEWEST", "between_logs"]
+
+Array = NDArray[np.float64]
+
+FEWEST = 4  # logs
+_COUNT = 1023  # of filters for each log
+_ROUNDS = 200
+# How the values identified follow the drag: what a share more of it makes of them.
+_OF_DRAG = {"K2": -1.0, "T2": -1.0, "drag_quadratic": 1.0}
+_LEAST = 0.2  # of the wide deviation: so narrow one cannot be told from none by these filters
+# Wide: beside what the vehicle's file says where it says little.
+_WIDE_PSI = 4e-4  # 1/m, of the displaced volume
+_WIDE_DRAG = 0.4
+_WIDE_DRIFT = 2e-6  # 1/s, of the displaced volume
+_WIDE_NOISE: Mapping[str, float] = {"depth_noise": 0.3, "walk": 1.5, "acceleration_noise": 1.0}
+
+
+def between_logs(
+    records: Sequence[Record],
+    vehicle: Vehicle,
+    *,
+    advance: Callable[[float], None] | None = None,
+) -> Vehicle:
+    """Return the vehicle with the means over the logs, and how these differ, in its [identified].
+
+    vehicle: identified from these logs. Its psi, drag, trim and noise become the means of what the
+    logs have each, and the covariance holds that a few logs do not tell these exactly. advance:
+    told the share of the work done since last called.
+    Raises InputError where there are too few logs, or the vehicle was not identified.
+    """
+    known = vehicle.identified
+    if len(records) < FEWEST:
+        raise InputError(
+            f"how logs differ is not told by {len(records)} of them", field="LOG",
+            remedy=f"Give {FEWEST} or more",
+        )  # fmt: skip
+    if known is None:
+        raise InputError(
+            "the vehicle was not identified", field="identified", remedy="Identify it first"
+        )
+    wide = _wide(vehicle)
+    place = places(_COUNT)
+    likelihood = np.empty((len(records), _COUNT))
+    for i, record in enumerate(records):
+        likelihood[i] = _likelihoods(record, vehicle, wide)
+        if advance is not None:
+            advance(1.0 / len(records))
+    mean, std = _spread(place, likelihood)
+    return _with(vehicle, wide, mean, std, len(records))
+
+
+def _wide(vehicle: Vehicle) -> Unknowns:
+    u, _ = unknowns(vehicle, Tuning())
+    volume = vehicle.hull.displaced_volume
+    return u._replace(
+        psi=Normal(u.psi.mean, _WIDE_PSI * volume),
+        drag=Normal(0.0, _WIDE_DRAG),
+        drift=Normal(0.0, _WIDE_DRIFT * volume),
+        **{name: Normal(getattr(u, name).mean, std) for name, std in _WIDE_NOISE.items()},
+    )
+
+
+def _likelihoods(record: Record, vehicle: Vehicle, wide: Unknowns) -> Array:
+    """Return the log likelihood of the whole record for every draw [_COUNT]."""
+    if record.volume is None:
+        raise InputError("a log without volume says nothing of it", field="volume_m3")
+    samples = Samples(
+        record.time, record.volume, record.depth, record.compared.astype(np.int8), record.layers
+    )
+    members = draw(wide, vehicle, record, count=_COUNT)
+    return np.array([told(samples, member)[-1] for member in members])
+
+
+def _spread(place: Array, likelihood: Array) -> tuple[Array, Array]:
+    """Return mean and deviation of each unknown over the logs, in deviations of the wide one.
+
+    place [draws, unknowns]: standard normal; likelihood [logs, draws].
+    """
+    p = place.shape[1]
+    mean, std = np.zeros(p), np.ones(p)
+    for _ in range(_ROUNDS):
+        # the narrow density over the wide one, which drew them
+        ratio = -0.5 * ((place - mean) / std) ** 2 - np.log(std) + 0.5 * place**2
+        score = likelihood + ratio.sum(axis=1)
+        weight = np.exp(score - score.max(axis=1, keepdims=True))
+        weight /= weight.sum(axis=1, keepdims=True)
+        own = weight @ place  # [logs, unknowns]
+        square = weight @ place**2
+        new = own.mean(axis=0)
+        wide = np.sqrt(np.maximum((square - 2.0 * own * new + new**2).mean(axis=0), _LEAST**2))
+        moved = max(np.abs(new - mean).max(), np.abs(wide - std).max())
+        mean, std = new, wide
+        if moved < 1e-3:
+            break
+    return mean, std
+
+
+def _with(vehicle: Vehicle, wide: Unknowns, mean: Array, std: Array, logs: int) -> Vehicle:
+    """Return the vehicle with what was found."""
+    found = Unknowns(
+        *(
+            Normal(w.mean + w.std * float(m), w.std * float(s))
+            for w, m, s in zip(wide, mean, std, strict=True)
+        )
+    )
+    known = vehicle.identified
+    assert known is not None  # between_logs checks it
+    between = Between(
+        psi=found.psi.std, drag=found.drag.std, neutral_drift=found.drift.mean,
+        neutral_drift_std=found.drift.std, depth_noise=found.depth_noise.std,
+        neutral_walk=found.walk.std, acceleration_noise=found.acceleration_noise.std,
+    )  # fmt: skip
+    share = math.exp(found.drag.mean)
+    values, covariance = _values(known, found, share, logs)
+    changes = {
+        "between": between,
+        "values": values,
+        "covariance": covariance,
+        "depth_noise": math.exp(found.depth_noise.mean),
+        "neutral_walk": math.exp(found.walk.mean),
+        "acceleration_noise": math.exp(found.acceleration_noise.mean),
+        "neutral_std": found.neutral.std,
+    }
+    return vehicle.model_copy(
+        update={
+            "trim_error": found.neutral.mean,
+            "hull": vehicle.hull.model_copy(update={"psi": found.psi.mean}),
+            "motion": _dragged(vehicle.motion, share),
+            "identified": known.model_copy(update=changes),
+        }
+    )
+
+
+def _values(
+    known: Identified, found: Unknowns, share: float, logs: int
+) -> tuple[tuple[float, ...], tuple[tuple[float, ...], ...]]:
+    """Return the values at the means, and their covariance: that of means of so many logs too."""
+    old = np.array(known.values)
+    new = np.array([
+        found.psi.mean if name == "psi" else value * share ** _OF_DRAG.get(name, 0.0)
+        for name, value in zip(known.names, known.values, strict=True)
+    ])  # fmt: skip
+    is_psi = np.array([name == "psi" for name in known.names])
+    scale = np.where(is_psi, 1.0, new / np.where(old == 0.0, 1.0, old))
+    by_drag = found.drag.std * new * [_OF_DRAG.get(name, 0.0) for name in known.names]
+    by_psi = found.psi.std * is_psi
+    C = np.array(known.covariance) * np.outer(scale, scale)
+    C += (np.outer(by_drag, by_drag) + np.outer(by_psi, by_psi)) / logs
+    return tuple(new.tolist()), tuple(tuple(row) for row in C.tolist())
+
+
+def _dragged(motion: Motion, share: float) -> Motion:
+    """Return the motion with its drag times a share."""
+    if isinstance(motion, IdentifiedMotion):
+        return IdentifiedMotion(K2=motion.K2 / share, T2=motion.T2 / share)
+    drag = motion.drag
+    scaled = Drag(
+        law=drag.law, k_dl=drag.k_dl * share, k_dt=drag.k_dt * share, epsilon=drag.epsilon
+    )
+    return motion.model_copy(update={"drag": scaled})

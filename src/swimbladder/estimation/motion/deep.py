@@ -1,0 +1,300 @@
+"""From logs of deep dives to a vehicle's parameters, and how sure they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError
+from swimbladder.estimation.motion.deep_differ import between_json, differences, hardly
+from swimbladder.estimation.motion.deep_dive import DeepDive, deep_dive
+from swimbladder.estimation.motion.deep_doubt import Held, doubted, doubts, held, restless
+from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep
+from swimbladder.estimation.motion.deep_model import (
+    CAST,
+    DEEP,
+    DEFAULT,
+    Body,
+    body_of,
+    check_deep_request,
+    priors_of,
+)
+from swimbladder.estimation.motion.deep_replay import Replay, replay
+from swimbladder.estimation.motion.deep_vehicle import identified_vehicle, out_of_place
+from swimbladder.estimation.motion.estimates import Estimate, Prior, estimate
+from swimbladder.io.float_log import FloatLog
+from swimbladder.physics.seawater import Column
+from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
+
+__all__ = [
+    "DeepIdentification",
+    "Told",
+    "contradictions",
+    "identified_vehicle",
+    "identify_deep",
+]
+
+Array = NDArray[np.float64]
+
+_FAR = 2.5  # deviations of a prior, one in eighty by chance
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """What one dive says: how far its book of volumes and its replay are off."""
+
+    dive: DeepDive
+    start: Estimate  # m3, the drive's volume when the dive began
+    book: Array  # m3 [n], at each look
+    speed: Array  # m/s [n], measured less modelled
+    replay: Replay
+    held: Held  # how far off that is, in times the noise
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeepIdentification:
+    """Parameters from deep dives.
+
+    identified: whether all that was asked for is told by the data. sentences: what a user has to
+    know, the answer first. doubted: whether dives are off beyond doubt: intervals are nothing then.
+    """
+
+    vehicle: Vehicle
+    result_vehicle: Vehicle
+    fit: DeepFit
+    parameters: Mapping[str, Estimate]
+    dives: tuple[Told, ...]
+    identified: bool
+    doubted: bool
+    sentences: tuple[str, ...]
+    assumptions: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in SI units, ready for JSON."""
+        return {
+            "vehicle": self.vehicle.name,
+            "identified": self.identified,
+            "parameters": {
+                name: e.to_json() | ({"std": None, "ci95": None} if self.doubted else {})
+                for name, e in self.parameters.items()
+            },
+            "noise": {
+                "pressure_Pa": self.fit.noise.pressure,
+                "water_m_s": self.fit.noise.water,
+                "water_lasts_s": self.fit.noise.lasts,
+                "drift_m3_s0.5": self.fit.noise.drift,
+                "runs": self.fit.noise.runs,
+            },
+            "worth": self.fit.worth,
+            "between": between_json(self.fit),
+            "dives": [
+                {
+                    "source": told.dive.name,
+                    "looks": len(told.book),
+                    "deepest_Pa": float(told.dive.pressure.max()),
+                    "start_volume": told.start.to_json()
+                    | ({"std": None, "ci95": None} if self.doubted else {}),
+                    "book_rms_m3": _rms(told.book),
+                    "speed_rms_m_s": _rms(told.speed),
+                    "book_over_noise": told.held.book,
+                    "speed_over_noise": told.held.speeds,
+                    "apart": told.held.apart,
+                    "replay_rms_Pa": _rms(told.replay.at(told.dive.time) - told.dive.pressure),
+                }
+                for told in self.dives
+            ],
+            "book_rms_m3": _rms(np.concatenate([told.book for told in self.dives])),
+            "priors": {
+                name: {"mean": prior.mean, "std": prior.std}
+                for name, prior in self.fit.priors.items()
+                if name in self.fit.names or name in CAST
+            },
+            "sentences": list(self.sentences),
+            "assumptions": list(self.assumptions),
+        }
+
+
+def identify_deep(
+    logs: Sequence[FloatLog], columns: Sequence[Column], vehicle: Vehicle, *,
+    free: Sequence[str] | None = None, fixed: Mapping[str, float] | None = None,
+    priors: Mapping[str, Prior] | None = None, advance: Callable[[float], None] = lambda _: None,
+) -> DeepIdentification:  # fmt: skip
+    """Return drag, hull, pump and valve as deep dives tell them.
+
+    columns: the water, one for all dives or one each. free: names of `DEEP`, most of them unless
+    given. Raises InputError for a vehicle without pump and valve, for logs without dives and for
+    what cannot be identified.
+    """
+    check_deep_request(
+        vehicle, len(logs), len(columns), free=free, fixed=list(fixed or {}),
+        priors=priors or {},
+    )  # fmt: skip
+    each = list(columns) * (len(logs) if len(columns) == 1 else 1)
+    dives = [
+        deep_dive(log, column, vehicle, name=Path(log.source).name)
+        for log, column in zip(logs, each, strict=True)
+    ]
+    body, known = body_of(vehicle), priors_of(vehicle, priors or {})
+    _check_place(vehicle, known, fixed or {}, priors or {})
+    run = ("bypass",) if any(dive.action_bypass.any() for dive in dives) else ()
+    names = tuple(free or [n for n in (*DEFAULT, *run) if n not in (fixed or {})])
+    advance(0.1)
+    fit = fit_deep(
+        body, dives, known, free=names, fixed=fixed, advance=lambda share: advance(0.8 * share)
+    )
+    parameters = {name: _estimate(fit, name, fixed or {}) for name in (*fit.names, *(fixed or {}))}
+    told = tuple(_told(body, fit, k, dive) for k, dive in enumerate(dives))
+    advance(0.1)
+    untold = [name for name in fit.names if not fit.told(name)]
+    missed = [name for name in untold if not fit.told_apart(name)]
+    asked = [name for name in missed if name in (free or ()) or len(missed) == len(fit.names)]
+    doubt = doubted([one.held for one in told], fit.worth)
+    # A compressibility that dives hardly tell is held at 0, as `identified_vehicle` does.
+    placed = [
+        n for n in fit.names if n not in asked and (n not in untold or n != "compressibility")
+    ]
+    strange = out_of_place(vehicle, fit.values, placed)
+    good = not (asked or doubt or strange)
+    return DeepIdentification(
+        vehicle=vehicle, fit=fit, parameters=parameters,
+        result_vehicle=identified_vehicle(vehicle, fit.values) if good else vehicle,
+        dives=told, identified=good, doubted=doubt,
+        sentences=_sentences(fit, told, untold, asked, strange),
+        assumptions=_assumptions(vehicle, fit, dives),
+    )  # fmt: skip
+
+
+def _check_place(
+    vehicle: Vehicle, known: Mapping[str, Prior], fixed: Mapping[str, float],
+    priors: Mapping[str, Prior],
+) -> None:  # fmt: skip
+    """Raise InputError for a given value that has no place in a vehicle's file."""
+    values = {name: known[name].mean for name in DEEP} | dict(fixed)
+    for option, names in (("--set", fixed), ("--prior", priors)):
+        for name in names:
+            if name in DEEP and out_of_place(vehicle, values, [name]):
+                raise InputError(
+                    "no vehicle's file may hold it", field=option, unit=DEEP[name].unit,
+                    value=f"{name}={values[name]:g}", remedy="Check the number and its unit",
+                )  # fmt: skip
+
+
+def _estimate(fit: DeepFit, name: str, fixed: Mapping[str, float]) -> Estimate:
+    origin = "set" if name in fixed else "data" if fit.told(name) else "prior"
+    return estimate(fit.values[name], fit.std(name), DEEP[name].unit, origin=origin)  # type: ignore[arg-type]
+
+
+def _told(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> Told:
+    i = len(fit.names) + k
+    start = float(fit.starts[k])
+    return Told(
+        dive=dive, start=estimate(start, float(np.sqrt(fit.covariance[i, i])), "m3"),
+        book=balance(body, fit.values, start, dive), speed=fit.residuals[k],
+        replay=replay(body, fit.values, start, dive), held=held(body, fit, k, dive),
+    )  # fmt: skip
+
+
+def _sentences(
+    fit: DeepFit, told: Sequence[Told], untold: Sequence[str], missed: Sequence[str],
+    strange: Sequence[str],
+) -> tuple[str, ...]:  # fmt: skip
+    book = _rms(np.concatenate([one.book for one in told]))
+    count = len(told)
+    found = [
+        f"With one set of parameters the book of volumes of {count} dive{'s' if count > 1 else ''} "
+        f"closes to {1e6 * book:.2g} mL rms, speeds from look to look to "
+        f"{1e3 * _rms(np.concatenate([one.speed for one in told])):.2g} mm/s rms."
+    ]
+    off = [one.held for one in told]
+    doubt = doubts(
+        [one.dive.name for one in told], off, [_rms(one.book) for one in told], fit.worth
+    )
+    if doubted(off, fit.worth):
+        return (*doubt, *found, *restless(fit.noise))
+    if missed:
+        found.insert(0, "The data do not tell what was asked: " + ", ".join(missed) + ".")
+    else:
+        found += hardly(fit, untold)
+    found = [*strange, *found, *doubt, *restless(fit.noise), *contradictions(fit)]
+    anchors = [n for n in ("drag", "pump_delivery", "valve") if n in fit.names]
+    if len(anchors) == 3 and not any(fit.told(name) for name in anchors):
+        found.append(
+            "The absolute size of drag, pump and valve together rests on their priors; how they "
+            "compare is told by the dives."
+        )
+    found += differences(fit, [one.dive for one in told])
+    return tuple(found)
+
+
+def contradictions(fit: DeepFit) -> list[str]:
+    """Say what came out farther from what was known before than that was known to be."""
+    found = []
+    for name in fit.names:
+        prior, unit = fit.priors[name], DEEP[name].unit
+        off = abs(fit.values[name] - prior.mean) / prior.std
+        if off > _FAR:
+            before = f"{prior.mean:.4g} +- {prior.std:.2g} {unit}".rstrip()
+            found.append(
+                f"{name} comes out {off:.1f} deviations from what was known before ({before}): one "
+                "of the two is wrong. A cast that is farther off than was reckoned with (--prior "
+                "cast_density, cast_heave), or a mass or hull that is not as in the file, moves "
+                "the size of drag, pump and valve together. Believe how they compare; hold the "
+                "size by what you measured, with --set."
+            )
+    return found
+
+
+def _assumptions(vehicle: Vehicle, fit: DeepFit, dives: Sequence[DeepDive]) -> tuple[str, ...]:
+    said = [
+        f"{name} {prior.mean:.4g} +- {prior.std:.2g} {DEEP[name].unit}".rstrip()
+        for name, prior in fit.priors.items()
+        if name in fit.names
+    ]
+    body, actuator = body_of(vehicle), vehicle.actuator
+    assert isinstance(actuator, PumpAndValve)
+    bypass: tuple[str, ...] = ()
+    if actuator.bypass is not None and "bypass" not in fit.names:
+        share = fit.values["bypass"]
+        said_of = "as in the vehicle's file" if share == 1.0 else f"{share:.4g} of its file's"
+        bypass = (f"the flow of the bypass is {said_of}: it is not identified",)
+    lost = [
+        *([] if isinstance(actuator.pump, PowerLawPump) else ["pump_delivery"]),
+        *(["a creep below 0"] if fit.values["creep"] < 0.0 else []),
+    ]
+    place = (f"{' and '.join(lost)} has no place in vehicle.toml",) if lost else ()
+    cast = ", ".join(f"{name} 0 +- {fit.priors[name].std:.2g} {x.unit}" for name, x in CAST.items())
+    return (
+        f"known before: {'; '.join(said)}",
+        f"the vehicle weighs {body.mass:.6g} kg and displaces {body.volume * 1e3:.6g} L without "
+        "trapped air, as in its file; trim_error is what makes vehicle.toml weigh that",
+        *bypass, *place, *_warmths(dives),
+        f"the cast errs by {cast}, 1 sigma; the water moves by {1e3 * fit.noise.water:.1f} mm/s "
+        f"that last {fit.noise.lasts / 60.0:.0f} min, as the dives tell",
+    )  # fmt: skip
+
+
+def _warmths(dives: Sequence[DeepDive]) -> list[str]:
+    """Say of hull temperatures that were not logged."""
+    found = []
+    for dive in dives:
+        if dive.unwarmed == len(dive.time):
+            found.append(
+                f"{dive.name} has no temperatures of the hull: it is as warm as the water of the "
+                "cast at each moment"
+            )
+        elif dive.unwarmed:
+            found.append(
+                f"{dive.name} lacks {dive.unwarmed} of {len(dive.time)} temperatures of the hull: "
+                "they are filled by time, between those before and after, with the water's of the "
+                "cast and the difference from it"
+            )
+    return found
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(x))))

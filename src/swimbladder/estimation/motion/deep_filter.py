@@ -1,0 +1,141 @@
+"""A filter along a deep dive: what the vehicle would do, corrected at each measured pressure.
+
+The state is pressure, speed, what is off, and what is not known::
+
+    p' = rho g (w + u)
+    m w' = rho g E - k w|w|                by `glide`
+    u'' = -2 d u'/tau - u/tau^2 + noise    the water's speed, and
+    zeta' = u - zeta/AWAY                  how far the layers have been moved, by `deep_water`
+    E = N(p) - V(t) - V_0 - drift - G(p) zeta + sum c_j phi_j(p)
+
+N is the neutral volume that follows from cast and hull, V what the runs have added, V_0 the drive's
+volume at the beginning, drift its random walk, G the layers' neutral volume per metre, and c_j
+deviations of the cast at its knots (hat functions phi_j), known to 1 before. An extended Kalman
+filter (e.g. Bar-Shalom, Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation*,
+2001, section 10.3): what it expects and what is measured differ by innovations that are independent
+whatever lasts between them, so that their likelihood gives intervals that reckon with waves of an
+hour and with a cast that errs. A pressure that is off by more than `GATE` deviations counts as one
+that is off by so much (Huber).
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from swimbladder.estimation.motion.deep_glide import glide
+from swimbladder.estimation.motion.deep_water import AWAY, swing
+from swimbladder.io.files import source_hash
+from swimbladder.sim.engine.cache import compiled
+
+__all__ = ["DYNAMIC", "GATE", "RATE", "V0", "D", "P", "U", "W", "Z", "filter_kernel"]
+
+GATE = 4.0
+DYNAMIC = 7
+P, W, U, Z, D, V0, RATE = 0, 1, 2, 3, 4, 5, 6  # RATE: u'
+
+
+def _filter(  # type: ignore[no-untyped-def]
+    steps, volume, begun, sample, measured, spacing, water, knots, width, body, noise, x, C, v, S
+):
+    """Fill v and S with the innovations and variances of `measured` [n]; x and C as they end.
+
+    steps [m]: s; volume [m]: m3 in the middle of each, V; begun [m]: m3 of the runs that begin in
+    it; sample [m]: of `measured` [Pa] at its end, or -1. spacing [Pa]: of the rows of water [k, 3],
+    N [m3], rho g [Pa/m], G [m3/m]. knots [Pa] [j], width [m3] [j]. body: inertia [kg], k sinking
+    and rising. noise: of pressure [Pa], u [m/s], drift [m3/s^0.5], runs [-], and tau [s].
+    x [DYNAMIC + j], C.
+    """
+    n, last, ends = len(x), len(water) - 2, len(knots) - 2
+    used = np.arange(8)  # of the state, on which E depends: two of the knots at a time
+    e, fp, fw = np.zeros(8), np.zeros(8), np.zeros(8)
+    row_p, row_w = x.copy(), x.copy()
+    j = 0
+    for i in range(len(steps)):
+        t = steps[i]
+        u_u, u_r, r_u, r_r, way_u, way_r = swing(t, noise[4])
+        back = math.exp(-t / AWAY)
+        k = min(max(int(x[P] / spacing), 0), last)
+        middle = x[P] + 0.5 * t * water[k, 1] * (x[W] + x[U])
+        k = min(max(int(middle / spacing), 0), last)
+        s = middle / spacing - k
+        rise = water[k + 1, 0] - water[k, 0]
+        weight = water[k, 1] + s * (water[k + 1, 1] - water[k, 1])
+        layers = water[k, 2] + s * (water[k + 1, 2] - water[k, 2])
+        while j > 0 and knots[j] > middle:
+            j -= 1
+        while j < ends and knots[j + 1] < middle:
+            j += 1
+        share = min(max((middle - knots[j]) / (knots[j + 1] - knots[j]), 0.0), 1.0)
+        a, b = (1.0 - share) * width[j], share * width[j + 1]
+        used[6], used[7] = DYNAMIC + j, DYNAMIC + j + 1
+        heavy = water[k, 0] + s * rise - volume[i] - x[V0] - x[D] - layers * x[Z]
+        heavy += a * x[used[6]] + b * x[used[7]]
+        w, way, w_w, w_f, s_w, s_f = glide(x[W], weight * heavy, body[0], body[1], body[2], t)
+        w_e, s_e = weight * w_f, weight * weight * s_f
+        slope = rise / spacing
+        e[P], e[Z], e[D], e[V0], e[6], e[7] = slope, -layers, -1.0, -1.0, a, b
+        e[W] = e[U] = slope * 0.5 * t * weight  # the middle is further down
+        for h in range(8):
+            fp[h], fw[h] = s_e * e[h], w_e * e[h]
+        fp[P] += 1.0
+        fp[W] += weight * s_w
+        fp[U] += weight * way_u
+        fw[W] += w_w
+        carried = way_u * x[U] + way_r * x[RATE]
+        x[P] += weight * (way + carried)
+        x[W] = w
+        x[Z] = back * x[Z] + carried
+        x[U], x[RATE] = u_u * x[U] + u_r * x[RATE], r_u * x[U] + r_r * x[RATE]
+        for r in range(n):
+            p_, w_ = weight * way_r * C[RATE, r], 0.0
+            for h in range(8):
+                c = C[used[h], r]
+                p_ += fp[h] * c
+                w_ += fw[h] * c
+            row_p[r], row_w[r] = p_, w_
+        for r in range(n):
+            a, b = C[U, r], C[RATE, r]
+            C[Z, r] = back * C[Z, r] + way_u * a + way_r * b
+            C[U, r], C[RATE, r] = u_u * a + u_r * b, r_u * a + r_r * b
+            C[P, r], C[W, r] = row_p[r], row_w[r]
+        for r in range(n):
+            p_, w_ = weight * way_r * C[r, RATE], 0.0
+            for h in range(8):
+                c = C[r, used[h]]
+                p_ += fp[h] * c
+                w_ += fw[h] * c
+            a, b = C[r, U], C[r, RATE]
+            C[r, Z] = back * C[r, Z] + way_u * a + way_r * b
+            C[r, U], C[r, RATE] = u_u * a + u_r * b, r_u * a + r_r * b
+            C[r, P], C[r, W] = p_, w_
+        # What keeps u and u' as they are in the mean: noise[1], and noise[1]/tau.
+        a, b = noise[1] * noise[1], (noise[1] / noise[4]) ** 2
+        C[U, U] += a * (1.0 - u_u * u_u) - b * u_r * u_r
+        C[RATE, RATE] += b * (1.0 - r_r * r_r) - a * r_u * r_u
+        mixed = a * u_u * r_u + b * u_r * r_r
+        C[U, RATE] -= mixed
+        C[RATE, U] -= mixed
+        C[D, D] += noise[2] * noise[2] * t + (noise[3] * begun[i]) ** 2
+        at = sample[i]
+        if at >= 0:
+            v[at] = measured[at] - x[P]
+            S[at] = C[P, P] + noise[0] * noise[0]
+            counts = min(1.0, GATE * math.sqrt(S[at]) / max(abs(v[at]), 1e-300))
+            for r in range(n):
+                row_p[r] = C[r, P] / S[at]
+            for r in range(n):
+                x[r] += row_p[r] * v[at] * counts
+                for q in range(r + 1):  # and symmetric again
+                    c = 0.5 * (C[r, q] + C[q, r]) - row_p[r] * row_p[q] * S[at] * counts
+                    C[r, q] = c
+                    C[q, r] = c
+    return 0
+
+
+_SOURCES = ("deep_filter.py", "deep_glide.py", "deep_water.py")
+filter_kernel = compiled(
+    _filter, under=f"deep-{source_hash(Path(__file__).with_name(name) for name in _SOURCES)}"
+)

@@ -1,0 +1,348 @@
+"""Parameters of a deep vehicle from dives: what makes the measured pressures most likely.
+
+The likelihood is that of the filter in `deep_filter`, so that lag, moving water, a cast that errs
+and a volume that drifts count as what they are; how large these are is estimated too. The best
+values are found by scoring, with Fisher's information of normal innovations e of variance S, the
+sum of de de'/S + dS dS'/(2 S^2), whose inverse, priors included, is the covariance (e.g. Harvey,
+*Forecasting, Structural Time Series Models and the Kalman Filter*, 1989, section 3.4). That of
+several dives is by how far each, identified by itself, lies from what fits all (`deep_between`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from threadpoolctl import threadpool_limits
+
+from swimbladder.errors import InputError
+from swimbladder.estimation.motion.deep_between import Alone, Between, between, square_error
+from swimbladder.estimation.motion.deep_dive import DeepDive
+from swimbladder.estimation.motion.deep_filter import GATE, V0
+from swimbladder.estimation.motion.deep_model import Body, check_deep_names, drag_volume, excess
+from swimbladder.estimation.motion.deep_path import Filtered, Noise, Path, deep_path, filtered
+from swimbladder.estimation.motion.deep_worth import DiveTold, apart, dissent
+from swimbladder.estimation.motion.estimates import Prior
+
+__all__ = ["FACTOR", "NOISES", "DeepFit", "balance", "fit_deep", "start_volume"]
+
+Array = NDArray[np.float64]
+
+# Before: a typical value, and by which factor it may be off. Oil and runs are held tightly: left to
+# themselves they would explain what drag and hull should, and no book would have to close.
+NOISES = Noise(pressure=300.0, water=3e-3, drift=5e-10, runs=3e-3, lasts=300.0)
+FACTOR = Noise(*(math.log(factor) for factor in (3.0, 3.0, 1.3, 1.2, 2.0)))
+# Below these nothing is believed: resolution, the quietest sea, oil and hull, valves.
+_LEAST = Noise(pressure=30.0, water=3e-4, drift=1e-10, runs=1e-3, lasts=30.0)
+_TOLD = 0.8  # of the prior's deviation: a parameter that the data narrow less is from its prior
+# For slopes: prior deviations, and after that deviations of what is known, along its own axes. Runs
+# of a pump that starts shorter and delivers more are alike, so that slopes of one have to cancel
+# those of the other to a percent, while a float at rest feels either within a hundredth of a prior.
+_STEP, _WHITE = 1e-2, 0.3
+_MOST, _NEAR = 20, 1e-2  # steps of scoring; gain of log likelihood that ends them
+_AXES = 2  # times that the axes of what is known are found
+# Of each round of noise and parameters, in deviations: many dives have several valleys, and far
+# strides see the widest.
+_STRIDES = (10.0, 3.0, 1.0, _WHITE)
+_BOOK = 3e-6  # m3, by which a book is off at a look
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeepFit:
+    """What fits: values by name, the drive's volume at the beginning of each dive, covariance.
+
+    covariance: of `names` and, after them, of `starts`, in SI.
+    """
+
+    names: tuple[str, ...]
+    values: Mapping[str, float]
+    starts: Array  # m3 [dives]
+    covariance: Array
+    noise: Noise
+    worth: float  # share of what dives say that counts, by how far apart they are
+    between: Between | None  # the dives each by itself, in deviations of the priors; None: one dive
+    apart: tuple[float, ...]  # how far each dive by itself is from this, in its deviations
+    priors: Mapping[str, Prior]
+    innovations: tuple[Array, ...]  # of each dive, of all looks but the first, in their deviations
+    residuals: tuple[Array, ...]  # m/s, of each piece: measured less told from the look before
+
+    def std(self, name: str) -> float:
+        """Return the standard deviation of a parameter, 0 where it was set."""
+        if name not in self.names:
+            return 0.0
+        i = self.names.index(name)
+        return float(np.sqrt(self.covariance[i, i]))
+
+    def told(self, name: str) -> bool:
+        """Whether the data narrow what was known of a parameter before."""
+        return name in self.names and self.std(name) < _TOLD * self.priors[name].std
+
+    def told_apart(self, name: str) -> bool:
+        """Whether the dives, each by itself, narrow what was known of a parameter before."""
+        if self.between is None or name not in self.names:
+            return False
+        i = self.names.index(name)
+        return float(np.sqrt(self.between.covariance[i, i])) < _TOLD
+
+
+def balance(body: Body, values: Mapping[str, float], start: float, dive: DeepDive) -> Array:
+    """Return what the book of volumes is off by, E less what drag and inertia take [m3] [n]."""
+    p = dive.pieces
+    carried = drag_volume(values, p.speed, p.density, dive.gravity)
+    pushed = body.inertia * values["inertia"] * p.acceleration / (p.density * dive.gravity)
+    return excess(body, values, start, dive) - carried - pushed
+
+
+def start_volume(
+    body: Body, values: Mapping[str, float], dive: DeepDive, until: float = np.inf
+) -> float:
+    """Return the drive's volume at the beginning that closes a dive's book, by the median [m3].
+
+    until [s]: what comes later than this after the beginning is not looked at.
+    """
+    early = dive.pieces.elapsed <= until
+    if not early.any():
+        early = dive.pieces.elapsed <= float(dive.pieces.elapsed[0])
+    return float(np.median(balance(body, values, 0.0, dive)[early]))
+
+
+def fit_deep(
+    body: Body, dives: Sequence[DeepDive], priors: Mapping[str, Prior], *,
+    free: Sequence[str], fixed: Mapping[str, float] | None = None,
+    advance: Callable[[float], None] = lambda _: None,
+) -> DeepFit:  # fmt: skip
+    """Return the parameters `free` and each dive's start; the rest are `fixed` or as their priors.
+
+    advance: called with shares of the work. Raises InputError for a name that is not one, or none
+    that is free.
+    """
+    check_deep_names(free, "--free")
+    check_deep_names(list(fixed or {}), "--set")
+    names = tuple(name for name in free if name not in (fixed or {}))
+    if not names:
+        raise InputError(
+            "nothing is left to identify", field="--free", remedy="Leave one parameter free"
+        )
+    paths, count = [deep_path(d, body, priors) for d in dives], len(names)
+    problem, apiece = _Problem(body, paths, priors, names, fixed), 1.0
+    if len(paths) > 1:  # and each by itself, which takes as long together
+        apiece = 0.5
+    differing: Between | None = None
+    with threadpool_limits(limits=1):
+        x, found = _searched(problem, lambda share: advance(apiece * share))
+        covariance = np.linalg.inv(found.told[0].information + np.eye(count))
+        if len(paths) > 1:
+            differing = between([
+                _alone(_Problem(body, [path], priors, names, fixed), advance, apiece / len(paths))
+                for path in paths
+            ])  # fmt: skip
+            covariance = square_error(differing, x[:count])
+    worth = min(1.0, 1.0 / dissent(found.told))
+    # Of the starts: what the filter does not know, and what the parameters do not.
+    moves = found.starts[:, :count]
+    moved = moves @ covariance @ moves.T
+    moved = moved + np.diag([float(f.covariance[V0, V0]) for f in found.filtered])
+    scale = np.array([priors[name].std for name in names])
+    mixed = (moves @ covariance) * scale
+    whole = np.block([
+        [covariance[:count, :count] * np.outer(scale, scale), mixed.T], [mixed, moved]
+    ])  # fmt: skip
+    return DeepFit(
+        names=names, values=problem.values(x), covariance=whole, noise=problem.noise(x),
+        starts=np.array([f.start for f in found.filtered]), worth=worth, between=differing,
+        apart=apart(found.told), priors=dict(priors),
+        innovations=tuple(f.innovation / np.sqrt(f.variance) for f in found.filtered),
+        residuals=tuple(
+            _residuals(path, f) for path, f in zip(problem.paths, found.filtered, strict=True)
+        ),
+    )  # fmt: skip
+
+
+def _residuals(path: Path, found: Filtered) -> Array:
+    pieces = path.dive.pieces
+    look = np.searchsorted(path.time, pieces.time + 0.5 * pieces.duration - 1e-3)
+    weight = pieces.density * path.dive.gravity
+    return np.asarray(found.innovation[look - 1] / (weight * pieces.duration))
+
+
+class _Slopes(NamedTuple):
+    """The likelihood at a place: its filters, gradient, information, slopes of the starts."""
+
+    filtered: list[Filtered]
+    variance: Array  # Pa2, of the innovations
+    gradient: Array
+    information: Array
+    starts: Array  # m3 [dives, x]
+    told: list[DiveTold]  # of each dive, of the parameters
+
+
+class _Problem:
+    """Minus the log posterior of x: deviations of the parameters, of the logarithms of noises."""
+
+    def __init__(
+        self, body: Body, paths: Sequence[Path], priors: Mapping[str, Prior],
+        names: tuple[str, ...], fixed: Mapping[str, float] | None,
+    ) -> None:  # fmt: skip
+        self.body, self.paths, self.names, self.priors = body, paths, names, priors
+        self.held = {name: prior.mean for name, prior in priors.items()} | dict(fixed or {})
+
+    def values(self, x: Array) -> dict[str, float]:
+        """Return the parameters at x, by name."""
+        found = dict(self.held)
+        for name, at in zip(self.names, x.tolist(), strict=False):
+            found[name] = self.priors[name].mean + self.priors[name].std * at
+        for name in ("drag", "drag_up", "inertia"):
+            found[name] = max(found[name], 1e-2 * abs(self.priors[name].mean))
+        return found
+
+    def noise(self, x: Array) -> Noise:
+        """Return the noises at x."""
+        at = x[len(self.names) :].tolist()
+        return Noise(*(
+            math.hypot(typical * math.exp(width * a), least)
+            for typical, width, a, least in zip(NOISES, FACTOR, at, _LEAST, strict=True)
+        ))  # fmt: skip
+
+    def filtered(self, x: Array) -> list[Filtered]:
+        """Return what the filter makes of each dive at x."""
+        values, noise = self.values(x), self.noise(x)
+        return [filtered(self.body, values, noise, path) for path in self.paths]
+
+    def cost(self, x: Array, variance: Array | None = None) -> float:
+        """Return minus the log posterior at x, up to a constant; infinite where it has none.
+
+        variance: of the innovations [Pa2], that of the filter unless given.
+        """
+        found = self.filtered(x)
+        v = np.concatenate([f.innovation for f in found])
+        S = np.concatenate([f.variance for f in found]) if variance is None else variance
+        if not (S > 0.0).all():
+            return math.inf
+        z = np.abs(v) / np.sqrt(S)
+        far = np.where(z < GATE, 0.5 * z * z, GATE * (z - 0.5 * GATE))
+        total = 0.5 * float(x @ x) + float(np.sum(far + 0.5 * np.log(S)))
+        return total if math.isfinite(total) else math.inf
+
+    def slopes(
+        self, x: Array, free: NDArray[np.int64], information: Array | None = None,
+        stride: float = _WHITE,
+    ) -> _Slopes:  # fmt: skip
+        """Return the likelihood at x with its slopes along the places `free` of x.
+
+        information: near there, whose axes are gone along by `stride` deviations [x, x].
+        """
+        here = self.filtered(x)
+        v = np.concatenate([f.innovation for f in here])
+        S = np.concatenate([f.variance for f in here])
+        dv, dS = np.zeros((len(v), len(x))), np.zeros((len(v), len(x)))
+        starts = np.zeros((len(here), len(x)))
+        axes = _STEP * np.eye(len(free))
+        if information is not None:
+            size, ways = np.linalg.eigh(information[np.ix_(free, free)])
+            axes = stride * ways / np.sqrt(size)
+        along, wider = np.zeros((len(v), len(free))), np.zeros((len(v), len(free)))
+        begun = np.zeros((len(here), len(free)))
+        for k, axis in enumerate(axes.T):
+            far = np.zeros(len(x))
+            far[free] = axis
+            there, back = self.filtered(x + far), self.filtered(x - far)
+            for target, what in ((along, "innovation"), (wider, "variance")):
+                ahead, behind = (np.concatenate([getattr(f, what) for f in fs])
+                                 for fs in (there, back))  # fmt: skip
+                target[:, k] = 0.5 * (ahead - behind)
+            begun[:, k] = [0.5 * (a.start - b.start) for a, b in zip(there, back, strict=True)]
+        per = np.linalg.inv(axes)
+        dv[:, free], dS[:, free], starts[:, free] = along @ per, wider @ per, begun @ per
+        counts = np.minimum(1.0, GATE * np.sqrt(S) / np.maximum(np.abs(v), 1e-300))
+        dS[:, : len(self.names)] = 0.0
+        gradient = (counts * v / S) @ dv + (0.5 * (1.0 - counts * v * v / S) / S) @ dS + x
+        information = (dv * (counts / S)[:, None]).T @ dv
+        information += 0.5 * (dS * (counts / S**2)[:, None]).T @ dS + np.eye(len(x))
+        ends = np.cumsum([len(f.innovation) for f in here])[:-1]
+        told, known = [], dv[:, : len(self.names)] / np.sqrt(S)[:, None]
+        for f, d, share in zip(here, *(np.split(a, ends) for a in (known, counts)), strict=True):
+            told.append(DiveTold(
+                (share * f.innovation / np.sqrt(f.variance)) @ d, (d * share[:, None]).T @ d
+            ))  # fmt: skip
+        return _Slopes(here, S, gradient, information, starts, told)
+
+
+def _searched(problem: _Problem, advance: Callable[[float], None]) -> tuple[Array, _Slopes]:
+    """Return the x of least cost, and the likelihood there along the parameters."""
+    count = len(problem.names)
+    x = np.append(_guess(problem), np.zeros(len(NOISES)))
+    known, noises = np.arange(count), np.arange(count, len(x))
+    for stride in _STRIDES:
+        x = _best(problem, x, noises, stride)
+        x = _best(problem, x, known, stride)
+        advance(1.0 / len(_STRIDES))
+    found = problem.slopes(x, known)
+    for _ in range(_AXES):
+        found = problem.slopes(x, known, found.information)
+    return x, found
+
+
+def _alone(problem: _Problem, advance: Callable[[float], None], part: float) -> Alone:
+    """Return what one dive tells by itself; `part` of the work."""
+    x, found = _searched(problem, lambda share: advance(part * share))
+    return Alone(x[: len(problem.names)], found.told[0].information)
+
+
+def _guess(problem: _Problem) -> Array:
+    """Return where to begin: the parameters that close the books of volumes best, robustly.
+
+    A book is linear in most parameters, so that this leads into the right valley from afar; the
+    drag is held, since a book of nothing is never off.
+    """
+    count, dives = len(problem.names), [path.dive for path in problem.paths]
+    held = np.array([name in ("drag", "inertia") for name in problem.names])
+
+    def misfit(x: Array) -> Array:
+        values = problem.values(np.where(held, 0.0, x[:count]))
+        books = [
+            balance(problem.body, values, _BOOK * float(start), dive)
+            for start, dive in zip(x[count:], dives, strict=True)
+        ]
+        return np.append(np.concatenate(books) / _BOOK, x[:count])
+
+    first = problem.values(np.zeros(count))
+    starts = [start_volume(problem.body, first, dive) / _BOOK for dive in dives]
+    x = np.append(np.zeros(count), starts)
+    found = least_squares(misfit, x, loss="soft_l1", max_nfev=100).x[:count]
+    return np.where(held, 0.0, found)
+
+
+def _best(problem: _Problem, x: Array, free: NDArray[np.int64], stride: float) -> Array:
+    """Return the x of least cost along the places `free`, by damped scoring.
+
+    Parameters are chosen for the innovations alone, whose variances are held in each step: how
+    large the noise is tells nothing of them.
+    """
+    held = bool((free < len(problem.names)).all())
+    damping, information = 1e-3, None
+    for _ in range(_MOST):
+        found = problem.slopes(x, free, information, stride)
+        information = found.information
+        variance = found.variance if held else None
+        cost = problem.cost(x, variance)
+        at = np.ix_(free, free)
+        hold = np.diag(np.diag(found.information[at]))
+        while True:
+            step = np.linalg.solve(found.information[at] + damping * hold, found.gradient[free])
+            ahead = x.copy()
+            ahead[free] -= np.clip(step, -3.0, 3.0)
+            less = cost - problem.cost(ahead, variance)
+            if less > 0.0 or damping > 1e6:
+                break
+            damping *= 10.0
+        if less <= 0.0:
+            break
+        x, damping = ahead, max(damping / 10.0, 1e-6)
+        if less < _NEAR:
+            break
+    return x

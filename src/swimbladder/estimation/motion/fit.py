@@ -1,0 +1,293 @@
+"""The fit itself: the most probable parameters, outliers left aside, and their covariance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice, pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from swimbladder.estimation.motion.bridges import GAPS, Bridged, growth, joined, longest
+from swimbladder.estimation.motion.colour import Colour, colours, information
+from swimbladder.estimation.motion.coordinates import Coordinates
+from swimbladder.estimation.motion.noise import (
+    autoregression,
+    cost,
+    pooled,
+    robust_scale,
+    scale,
+    weights,
+)
+from swimbladder.estimation.motion.problem import VOLUME, Problem
+from swimbladder.estimation.motion.start import regression
+
+__all__ = ["Fit", "fit", "inverse_of", "refine"]
+
+Array = NDArray[np.float64]
+Found = tuple[float, Array, Array]  # objective, x, noise [m] of each experiment
+
+_ROUNDS = 12  # of weights and noise
+_OF_STRETCHES = 4  # rounds of stretches with gaps of one size
+_HOPELESS = 10.0  # against the noise of neighbouring samples: a model that is not the vehicle's
+_GROWN = 20.0  # times that an error grows over a record, from where on stretches are searched
+_TILES = (15.0, 30.0, 60.0, 120.0)  # s
+# Of what is left over, against the noise of neighbouring samples:
+_CLEAN = 1.0  # there is nothing better to find
+_POOR = 3.0  # more starts are tried than a few
+_ENOUGH = 2  # starts, where what is left over is no worse than that
+_OF_70 = 0.5565  # root mean square of a normal variable of deviation 1 without its largest 30 %
+_FINEST = 1e-4  # m, below which no sensor measures
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """Where the fit ended: x, and what the data say there."""
+
+    x: Array
+    residual: Array  # m, measured less predicted, at the samples used
+    weight: Array  # 0 to 1
+    noise: Array  # m, of each experiment
+    objective: float  # minus twice the logarithm of the posterior, up to a constant
+    slope: Array  # [rows, len(x)] m
+    colour: tuple[tuple[float, ...], ...]  # autoregression of each experiment's residual
+    noise_colour: tuple[Colour, ...]  # the same of the noise, of which the fit has followed a part
+    information: Array  # [len(x), len(x)], data and priors, as if the residual were white
+    covariance: Array  # [len(x), len(x)], the residual as it is
+    data: Array  # [len(x), len(x)], information of the data alone, coloured residuals allowed for
+
+
+def fit(problem: Problem) -> Fit:
+    """Return the best of the fits from the vehicle's own values and from a regression's.
+
+    Where an error of the start grows over a record, and where what is left over is above the noise
+    of neighbouring samples, the records are searched in stretches too.
+    """
+    starts = _starts(problem)
+    best = _in_stretches(problem, _best_of(problem, starts), starts[-1], clean=_CLEAN)
+    return finish(problem, _pieced(problem, best, starts[-1], clean=_CLEAN, most=len(_TILES))[1])
+
+
+def refine(problem: Problem, x: Array) -> Fit:
+    """Return the fit that is reached from x, or a better one if that is poor."""
+    best = _in_stretches(problem, _solve(problem, x), x, clean=math.inf)
+    return finish(problem, _pieced(problem, best, x, clean=_POOR, most=1)[1])
+
+
+def _best_of(problem: Problem, starts: list[Array]) -> Found:
+    """Return the best solution from the starts, the first that is clean."""
+    costs = [_cost(problem, x) for x in starts]
+    best: Found | None = None
+    for k in np.argsort(costs).tolist():
+        found = _solve(problem, starts[k])
+        best = found if best is None or found[0] < best[0] else best
+        if _excess(problem, best[2]) < _CLEAN:
+            break
+    assert best is not None  # there is a start
+    return best
+
+
+def _in_stretches(problem: Problem, best: Found, start: Array, *, clean: float) -> Found:
+    """Return the best, or what stretches drawn together lead to from a start, if they are needed
+    and it is better.
+    """
+    grown = max(growth(problem, best[1]), growth(problem, start))
+    if grown <= _GROWN and _excess(problem, best[2]) < clean:
+        return best
+    cut = Bridged(problem, grown)
+    noise = float(np.median(_floors(problem)))
+    x = cut.begin_like(start)
+    for gap in GAPS:
+        cut.gap = gap * noise
+        _, x, left = _solve(cut, x, rounds=_OF_STRETCHES)
+        if _excess(cut, left) > _HOPELESS:
+            return best
+    return min(best, _solve(problem, joined(cut, x, problem)), key=lambda found: found[0])
+
+
+def _pieced(problem: Problem, best: Found, start: Array, *, clean: float, most: int) -> Found:
+    """Return the best solution from `most` starts pieced together, until one is clean."""
+    if _excess(problem, best[2]) < clean:
+        return best
+    for tried, x in enumerate(islice(_others(problem, start), most), start=1):
+        best = min(best, _solve(problem, x), key=lambda found: found[0])
+        if _excess(problem, best[2]) < (clean if tried < _ENOUGH else _POOR):
+            break
+    return best
+
+
+def _starts(problem: Problem) -> list[Array]:
+    own = problem.begin()
+    psi = None if "psi" in problem.names else problem.values["psi"]
+    if "psi" in problem.priors:
+        psi = problem.priors["psi"].mean
+    free = problem.neutral_std > 5e-6
+    found = regression(problem.experiments, problem.model, psi=psi, free_neutral=free)
+    if found is None:
+        return [own]
+    values, errors = found
+    low, high = problem.bounds()
+    other = np.clip(problem.begin(values), low + 1e-6, high - 1e-6)
+    if free:
+        other[problem.shared : problem.first_start] = errors / VOLUME
+        own[problem.shared : problem.first_start] = errors / VOLUME
+    return [own, other]
+
+
+def _others(problem: Problem, start: Array) -> Iterator[Array]:
+    """Yield starts from fits to short stretches, each begun where the one before ended."""
+    shared = start[: problem.first_start]
+    for length in _TILES:
+        if length > 0.7 * longest(problem):
+            return
+        tiled = problem.tiled(length)
+        x = tiled.begin()
+        x[: problem.first_start] = shared
+        x = _solve(tiled, x)[1]
+        shared = x[: problem.first_start]
+        yield joined(tiled, x, problem)
+
+
+def _cost(problem: Problem, x: Array) -> float:
+    return float(np.abs(problem.residual(x)).sum())
+
+
+def _excess(problem: Problem, noise: Array) -> float:
+    """Return what is left over, over the noise that neighbouring samples differ by.
+
+    Of the experiment that is worst; 1 is as much more as chance may make it.
+    """
+    # of which both are uncertain
+    chance = 1.0 + 5.0 / np.sqrt(np.maximum(np.diff(problem.rows) - 1.0, 1.0))
+    return float((noise / _floors(problem) / chance).max())
+
+
+def _floors(problem: Problem) -> Array:
+    """Return the noise of neighbouring samples [m], of each experiment."""
+    floors = []
+    for first, last in pairwise(problem.rows):
+        bend = np.sort(np.abs(np.diff(problem.measured[first:last], 2)))
+        kept = bend[: max(1, round(0.7 * len(bend)))]  # hardly a spike among them
+        floors.append(max(float(np.sqrt(np.mean(kept**2) / 6.0)) / _OF_70, _FINEST))
+    return np.array(floors)
+
+
+def _each(problem: Problem, values: Array) -> Array:
+    """Return an experiment's value at each of its samples."""
+    result: Array = np.repeat(values, np.diff(problem.rows))
+    return result
+
+
+def _noise(problem: Problem, residual: Array, weight: Array | None) -> Array:
+    found, freedom = [], []
+    for j in range(len(problem.experiments)):
+        part = slice(problem.rows[j], problem.rows[j + 1])
+        own = 1 + 2 * len(problem.experiments[j].segments)
+        lost = own + problem.shared / len(problem.experiments)
+        if weight is None:
+            found.append(robust_scale(residual[part]))
+        else:
+            found.append(scale(residual[part], weight[part], lost))
+            freedom.append(float(weight[part].sum()) - lost)
+    return np.array(found) if weight is None else pooled(np.array(found), np.array(freedom))
+
+
+def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
+    """Return (objective, x, noise) at the end of rounds of weights, noise and least squares."""
+    low, high = problem.bounds()
+    x = np.clip(x, low, high)
+    coordinates = Coordinates(problem)
+    least, most = coordinates.bounds()
+    residual = problem.residual(x)
+    noise = _noise(problem, residual, None)
+    settled = False
+    for n in range(rounds):
+        weight = weights(residual / _each(problem, noise))
+        if settled:  # no outlier is near any more: the efficient estimate of the noise
+            noise = _noise(problem, residual, weight)
+        root = np.sqrt(weight) / _each(problem, noise)
+
+        def rows(y: Array, root: Array = root) -> Array:
+            x = coordinates.back(y)
+            result: Array = np.concatenate([root * problem.residual(x), problem.prior_rows(x)[0]])
+            return result
+
+        def slopes(y: Array, root: Array = root) -> Array:
+            x = coordinates.back(y)
+            J = np.concatenate([root[:, None] * problem.slope(x), problem.prior_rows(x)[1]])
+            return -coordinates.slope(y, J)
+
+        fine = 1e-8 if n > 1 else 1e-4  # the weights are not final yet
+        begin = np.clip(coordinates.of(x), least + 1e-9, most - 1e-9)
+        done = least_squares(
+            rows, begin, slopes, bounds=(least, most), xtol=fine, ftol=fine, gtol=1e-10,
+            max_nfev=40 if n == 0 else 12,
+        )  # fmt: skip
+        before, x = x, np.clip(coordinates.back(done.x), low, high)
+        step = float(np.abs(x - before).max())
+        residual = problem.residual(x)
+        if settled and step < 1e-3:
+            break
+        settled = settled or step < 0.03
+        if not settled:
+            noise = _noise(problem, residual, None)
+    noise = _final_noise(problem, residual, noise)
+    return _objective(problem, x, residual, noise), x, noise
+
+
+def _final_noise(problem: Problem, residual: Array, noise: Array) -> Array:
+    """Return the noise that agrees with the weights that it gives, from a first one."""
+    for _ in range(20):
+        before, noise = noise, _noise(problem, residual, weights(residual / _each(problem, noise)))
+        if (np.abs(noise / before - 1.0) < 1e-6).all():
+            break
+    return noise
+
+
+def _objective(problem: Problem, x: Array, residual: Array, noise: Array) -> float:
+    """Return minus twice the log posterior, up to a constant."""
+    prior = problem.prior_rows(x)[0]
+    return float(cost(residual, _each(problem, noise)).sum() + (prior**2).sum())
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # slopes beyond all bounds
+def finish(problem: Problem, x: Array) -> Fit:
+    """Return everything that is known at x."""
+    residual = problem.residual(x)
+    noise = _final_noise(problem, residual, _noise(problem, residual, None))
+    weight = weights(residual / _each(problem, noise))
+    slope = problem.slope(x)
+    P = problem.prior_rows(x)[1]
+    rows = [slice(a, b) for a, b in pairwise(problem.rows)]
+    root = np.sqrt(weight) / _each(problem, noise)
+    slopes = [root[part, None] * slope[part] for part in rows]
+    A = sum((X.T @ X for X in slopes), np.zeros((len(x), len(x))))
+    prior = P.T @ P
+    inverse = inverse_of(A + prior)
+    left = [root[part] * residual[part] for part in rows]
+    seen = tuple(autoregression(u) for u in left)
+    found = colours(slopes, left, seen, inverse, prior)
+    B = information(slopes, found)
+    covariance = inverse @ (B + prior) @ inverse
+    covariance = 0.5 * (covariance + covariance.T)  # so to the last digit
+    return Fit(
+        x=x, residual=residual, weight=weight, noise=noise,
+        objective=_objective(problem, x, residual, noise), slope=slope,
+        colour=seen, noise_colour=found,
+        information=A + prior, covariance=covariance, data=A @ inverse_of(B) @ A,
+    )  # fmt: skip
+
+
+def inverse_of(M: NDArray[np.float64]) -> Array:
+    """Return the inverse of a symmetric matrix, through entries of one size each.
+
+    Directions of which nothing is known get a variance that is huge, not infinite.
+    """
+    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+    values, vectors = np.linalg.eigh(M / np.outer(size, size))
+    values = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))
+    result: Array = (vectors / values) @ vectors.T / np.outer(size, size)
+    return result

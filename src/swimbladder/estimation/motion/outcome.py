@@ -1,0 +1,111 @@
+"""The identified vehicle: the one given, with what the logs say of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.estimation.motion.model import Model
+from swimbladder.vehicle import (
+    Drag,
+    Identified,
+    IdentifiedActuator,
+    IdentifiedMotion,
+    PhysicalMotion,
+    Vehicle,
+)
+
+__all__ = ["dry_mass", "identified_vehicle"]
+
+
+def dry_mass(vehicle: Vehicle) -> float | None:
+    """Return dry and entrained mass [kg], None where the vehicle does not state them."""
+    motion = vehicle.motion
+    return motion.dry_mass + motion.entrained_mass if isinstance(motion, PhysicalMotion) else None
+
+
+def identified_vehicle(
+    vehicle: Vehicle, model: Model, values: Mapping[str, float], names: tuple[str, ...],
+    covariance: NDArray[np.float64], *, trim_error: float | None, depth_noise: float,
+    neutral_std: float, neutral_walk: float, acceleration_noise: float, logs: tuple[str, ...],
+) -> Vehicle:  # fmt: skip
+    """Return the vehicle with its motion, psi and, where known, trim as identified.
+
+    A vehicle given by K2 and T2 stays one where its drag is laminar. Where masses are stated, the
+    added mass takes up what was identified; where that would leave less than they are, all of it
+    stands as the dry mass.
+    """
+    changes: dict[str, Any] = {
+        "hull": vehicle.hull.model_copy(update={"psi": values["psi"]}),
+        "motion": _motion(vehicle, model, values),
+    }
+    if trim_error is not None:
+        changes["trim_error"] = trim_error
+    if "K1" in names and isinstance(vehicle.actuator, IdentifiedActuator):
+        update = {"K1": values["K1"], "T1": values["T1"]}
+        changes["actuator"] = vehicle.actuator.model_copy(update=update)
+    changes["provenance"] = _provenance(vehicle, names, logs, trim=trim_error is not None)
+    changes["identified"] = Identified.model_validate(
+        {
+            "names": names,
+            "values": tuple(float(values[name]) for name in names),
+            "covariance": tuple(tuple(map(float, row)) for row in covariance),
+            "depth_noise": depth_noise,
+            "neutral_std": neutral_std,
+            "neutral_walk": neutral_walk,
+            "acceleration_noise": acceleration_noise,
+            "logs": logs,
+        }
+    )
+    return vehicle.model_copy(update=changes)
+
+
+def _motion(
+    vehicle: Vehicle, model: Model, values: Mapping[str, float]
+) -> IdentifiedMotion | PhysicalMotion:
+    old = vehicle.motion
+    if model.law == "linear" and isinstance(old, IdentifiedMotion):
+        return IdentifiedMotion(K2=values["K2"], T2=values["T2"])
+    terms: dict[str, Any] = {"law": model.law}
+    if model.law != "quadratic":
+        terms["k_dl"] = model.specific_weight / values["K2"]
+    if model.law != "linear":
+        terms["k_dt"] = values["drag_quadratic"]
+    if model.law == "blended" and values["drag_quadratic"] <= 0.0:
+        terms = {"law": "linear", "k_dl": terms["k_dl"]}
+    m = model.mass(values)
+    parts = {"dry_mass": m, "entrained_mass": 0.0, "added_mass": 0.0}
+    if isinstance(old, PhysicalMotion) and m >= old.dry_mass + old.entrained_mass:
+        parts = {
+            "dry_mass": old.dry_mass,
+            "entrained_mass": old.entrained_mass,
+            "added_mass": m - old.dry_mass - old.entrained_mass,
+        }
+    return PhysicalMotion(**parts, drag=Drag(**terms))
+
+
+def _provenance(
+    vehicle: Vehicle, names: tuple[str, ...], logs: tuple[str, ...], *, trim: bool
+) -> dict[str, str]:
+    origin = f"identified: from {logs[0]}"
+    if len(logs) > 1:
+        origin += f" and {len(logs) - 1} more, which identified.logs names"
+    kept = {
+        key: text
+        for key, text in vehicle.provenance.items()
+        if not key.startswith("motion") and key not in ("identified", "hull.psi", "trim_error")
+    }
+    for key in ("hull.psi", "trim_error"):
+        if key in vehicle.provenance:
+            kept[key] = vehicle.provenance[key]
+    kept["motion"] = origin
+    if "psi" in names:
+        kept["hull.psi"] = origin
+    if trim:
+        kept["trim_error"] = f"{origin}: the mean of their neutral volumes"
+    if "K1" in names:
+        kept["actuator.K1"] = kept["actuator.T1"] = origin
+    return kept

@@ -1,0 +1,150 @@
+"""The full posterior of the vehicle's parameters, by sampling (an optional extra: emcee).
+
+What belongs to single experiments is integrated out at every point by Laplace's method, exactly
+where the depths are linear in it, so that the sampler walks in the few dimensions of the vehicle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.estimation.motion.fit import Fit
+from swimbladder.estimation.motion.problem import Problem
+
+__all__ = ["Posterior", "sample"]
+
+Array = NDArray[np.float64]
+
+_WALKERS = 24
+_BURN = 6  # autocorrelation times that are thrown away
+_ENOUGH = 50  # autocorrelation times, below which the sampler's own error is not small
+_STEPS = 400
+_NEWTON = 3
+_LINEAR = 0.05  # of an entry of x: 0.5 mm, 0.5 mm/s, 0.05 cm3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Posterior:
+    """Draws [n, p] of the parameters in SI units, in the order of names.
+
+    effective: number of independent draws that they are worth.
+    """
+
+    names: tuple[str, ...]
+    draws: Array
+    effective: float
+
+    def interval(self, name: str) -> tuple[float, float, float]:
+        """Return (2.5 % quantile, median, 97.5 % quantile) of a parameter."""
+        q = np.quantile(self.draws[:, self.names.index(name)], [0.025, 0.5, 0.975])
+        return float(q[0]), float(q[1]), float(q[2])
+
+    def to_json(self) -> dict[str, Any]:
+        """Return median and 95 % interval of each parameter, in SI units."""
+        found: dict[str, Any] = {"effective_draws": self.effective}
+        for name in self.names:
+            low, median, high = self.interval(name)
+            found[name] = {"median": median, "ci95": [low, high]}
+        return found
+
+
+def sample(
+    problem: Problem, fit: Fit, *, seed: int, steps: int = _STEPS, walkers: int = _WALKERS,
+    advance: Callable[[float], None] | None = None,
+) -> Posterior:  # fmt: skip
+    """Return draws from the posterior around a fit, its noise and outliers' weights as they are.
+
+    The likelihood is flattened by as much as coloured residuals widen the intervals. steps: of
+    each of the walkers. advance: told the share of the work done since last called.
+    Raises InputError where emcee is not installed, NoAnswerError where the sampler does not settle.
+    """
+    try:
+        import emcee
+    except ImportError:
+        raise InputError(
+            "the sampler emcee is not installed",
+            field="--posterior",
+            remedy="Install it: pip install 'swimbladder[posterior]'",
+        ) from None
+    p = problem.shared
+    density = _Density(problem, fit)
+    rng = np.random.default_rng(seed)
+    root = np.linalg.cholesky(fit.covariance[:p, :p])
+    walkers = max(walkers, 2 * p + 2)
+    low, high = (bound[:p] for bound in problem.bounds())
+    begin = fit.x[:p] + rng.normal(size=(walkers, p)) @ root.T
+    begin = np.clip(begin, low + 1e-9, high - 1e-9)
+    sampler = emcee.EnsembleSampler(walkers, p, density)
+    sampler.random_state = np.random.RandomState(seed).get_state()
+    for _ in sampler.sample(begin, iterations=steps):
+        if advance is not None:
+            advance(1.0 / steps)
+    times = sampler.get_autocorr_time(tol=0)
+    slowest = float(np.max(times))
+    if not math.isfinite(slowest) or steps < _BURN * slowest * 2.0:
+        raise NoAnswerError(
+            f"The sampler did not settle in {steps} steps: the posterior is far from normal. Give "
+            "priors, or hold a parameter (--set)"
+        )
+    kept = sampler.get_chain(discard=math.ceil(_BURN * slowest), flat=True)
+    draws = np.stack([_values(problem, kept[:, i], i) for i in range(p)], axis=1)
+    return Posterior(
+        names=problem.names, draws=draws, effective=float(len(kept) / max(slowest, 1.0))
+    )
+
+
+def _values(problem: Problem, entries: Array, i: int) -> Array:
+    result: Array = np.exp(entries) if problem.logarithmic[i] else entries * problem.scale[i]
+    return result
+
+
+class _Density:
+    """The logarithm of the posterior density of the vehicle's entries of x."""
+
+    def __init__(self, problem: Problem, fit: Fit) -> None:
+        self.problem, self.p = problem, problem.shared
+        self.root = np.sqrt(fit.weight) / np.repeat(fit.noise, np.diff(problem.rows))
+        self.low, self.high = (bound[: self.p] for bound in problem.bounds())
+        self.centre = fit.x
+        naive = np.linalg.inv(fit.information)[: self.p, : self.p]
+        wide = fit.covariance[: self.p, : self.p]
+        # how much wider, by and large over the directions of the parameters
+        self.flat = self.p / float(np.trace(np.linalg.solve(naive, wide)))
+        ridge = np.linalg.solve(
+            fit.information[self.p :, self.p :], fit.information[self.p :, : self.p]
+        )
+        self.ridge = -ridge  # how what belongs to the experiments follows
+
+    def __call__(self, u: Array) -> float:
+        if (u <= self.low).any() or (u >= self.high).any():
+            return -math.inf
+        x = self.centre.copy()
+        x[: self.p] = u
+        x[self.p :] += self.ridge @ (u - self.centre[: self.p])
+        for _ in range(_NEWTON):
+            J, r = self._rows(x)
+            own = J[:, self.p :]
+            H = own.T @ own
+            step = np.linalg.solve(H, own.T @ r)
+            x[self.p :] += step
+            if np.abs(step).max() < _LINEAR:  # what is left over follows from the derivatives
+                break
+        left = r - own @ step
+        sign, logdet = np.linalg.slogdet(H)
+        if sign <= 0.0:
+            return -math.inf
+        return -0.5 * (self.flat * float(left @ left) + float(logdet))
+
+    def _rows(self, x: Array) -> tuple[Array, Array]:
+        """Return derivatives and residuals, data and priors, in standard deviations."""
+        rows, slopes = self.problem.prior_rows(x)
+        J = np.concatenate([self.root[:, None] * self.problem.slope(x), slopes])
+        r = np.concatenate([self.root * self.problem.residual(x), rows])
+        return J, r

@@ -1,0 +1,244 @@
+"""The residuals of several experiments and their derivatives, as functions of what is fitted.
+
+The vector x holds the vehicle's parameters (logarithms, or multiples of a scale), then each
+experiment's neutral-volume error, then depth and speed at the start of each stretch. An experiment
+depends on the vehicle's and its own only, so its derivatives are runs of its own, side by side in
+one compiled call.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.estimation.comparison.water import follow_in
+from swimbladder.estimation.motion.estimates import Prior
+from swimbladder.estimation.motion.experiment import Experiment, Segment
+from swimbladder.estimation.motion.model import Model
+from swimbladder.physics.dynamics import Plant
+from swimbladder.sim.closed_loop.bundle import Course
+
+__all__ = ["DEPTH", "LOST", "SPEED", "VOLUME", "Problem"]
+
+Array = NDArray[np.float64]
+
+VOLUME, DEPTH, SPEED = 1e-6, 1e-2, 1e-2  # m3, m, m/s: units of the experiments' own entries of x
+_STEP = 1e-5  # of an entry of x, for derivatives; the runs are exact to 1e-13
+LOST = 10.0  # m, the residual where the model cannot follow
+_LIMITS = {  # of the logarithmic ones, in SI units
+    "K2": (1e0, 1e9), "T2": (1e-2, 1e6), "mass": (1e-3, 1e7), "drag_quadratic": (1e-4, 1e8),
+    "K1": (1e-7, 1e1), "T1": (1e-4, 1e2),
+}  # fmt: skip
+
+
+class Problem:
+    """Everything a fit needs: residuals, derivatives, priors and bounds."""
+
+    def __init__(
+        self, experiments: Sequence[Experiment], model: Model, names: Sequence[str], *,
+        fixed: Mapping[str, float], priors: Mapping[str, Prior], neutral_std: float,
+        speed_std: float,
+    ) -> None:  # fmt: skip
+        self.experiments, self.model, self.names = tuple(experiments), model, tuple(names)
+        self.values = {**model.values, **fixed}
+        self.priors = dict(priors)
+        self.neutral_std, self.speed_std = neutral_std, speed_std
+        self.shared = len(self.names)
+        self.first_start = self.shared + len(self.experiments)
+        counts = [len(e.segments) for e in self.experiments]
+        self.starts_at = (self.first_start + 2 * np.cumsum([0, *counts])).tolist()
+        self.size = int(self.starts_at[-1])
+        self.logarithmic = [model.logarithmic(name) for name in self.names]
+        self.scale = [
+            1.0 if log else model.scale(name)
+            for name, log in zip(self.names, self.logarithmic, strict=True)
+        ]
+        rows = [int(e.used.sum()) for e in self.experiments]
+        self.rows = np.cumsum([0, *rows]).tolist()
+        self.courses = [[self._course(e, s) for s in e.segments] for e in self.experiments]
+        self.measured = np.concatenate([e.record.depth[e.used] for e in self.experiments])
+
+    @property
+    def held(self) -> dict[str, float]:
+        """The values that are not fitted, in SI units."""
+        return {name: v for name, v in self.values.items() if name not in self.names}
+
+    def tiled(self, length: float) -> Problem:
+        """Return the same problem with the records cut into stretches of about `length` [s]."""
+        return Problem(
+            [e.tiles(length) for e in self.experiments], self.model, self.names,
+            fixed=self.held,
+            priors=self.priors, neutral_std=self.neutral_std, speed_std=math.inf,
+        )  # fmt: skip
+
+    def begin(self, values: Mapping[str, float] | None = None) -> Array:
+        """Return x at the values given, where none are at the model's, with measured starts."""
+        x = np.zeros(self.size)
+        now = {**self.values, **(values or {})}
+        for i, name in enumerate(self.names):
+            x[i] = self._entry(i, now[name])
+        for j, e in enumerate(self.experiments):
+            for k, segment in enumerate(e.segments):
+                at = self.starts_at[j] + 2 * k
+                x[at], x[at + 1] = segment.depth / DEPTH, segment.speed / SPEED
+        return x
+
+    def _entry(self, i: int, value: float) -> float:
+        return math.log(value) if self.logarithmic[i] else value / self.scale[i]
+
+    def value(self, x: Array, i: int) -> float:
+        """Return the i-th parameter of the vehicle, in SI units."""
+        return math.exp(x[i]) if self.logarithmic[i] else float(x[i] * self.scale[i])
+
+    def per_entry(self, x: Array) -> Array:
+        """Return by how much each parameter of the vehicle changes per change of its entry."""
+        return np.array(
+            [self.value(x, i) if log else self.scale[i] for i, log in enumerate(self.logarithmic)]
+        )
+
+    def named(self, x: Array) -> dict[str, float]:
+        """Return the value of everything that has a name, in SI units."""
+        return self.values | {name: self.value(x, i) for i, name in enumerate(self.names)}
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the least and the largest x: where physics ends, or far from any vehicle."""
+        low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
+        for i, name in enumerate(self.names):
+            if self.logarithmic[i]:
+                least, most = _LIMITS[name]
+                low[i], high[i] = math.log(least), math.log(most)
+            elif name == "drag_quadratic":
+                low[i] = 0.0
+        return low, high
+
+    def predict(self, x: Array) -> Array:
+        """Return the model's depths at the samples used, experiment after experiment [m]."""
+        return np.concatenate(
+            [self._run(x, j, derivatives=False)[0] for j in range(len(self.experiments))]
+        )
+
+    def residual(self, x: Array) -> Array:
+        """Return measured less predicted depth at the samples used [m]."""
+        off = self.measured - self.predict(x)
+        return np.clip(np.nan_to_num(off, nan=LOST), -LOST, LOST)
+
+    def slope(self, x: Array) -> Array:
+        """Return the derivatives of the predicted depths [rows, len(x)]."""
+        J = np.zeros((len(self.measured), self.size))
+        for j in range(len(self.experiments)):
+            rows = slice(self.rows[j], self.rows[j + 1])
+            _, own, columns = self._run(x, j, derivatives=True)
+            J[rows, columns] = own
+        return J
+
+    def prior_rows(self, x: Array) -> tuple[Array, Array]:
+        """Return the priors as residuals [k], in standard deviations, with derivatives [k, n]."""
+        residuals, slopes = [], []
+        per_entry = self.per_entry(x)
+        for name, prior in self.priors.items():
+            i = self.names.index(name)
+            residuals.append((prior.mean - self.value(x, i)) / prior.std)
+            slopes.append((i, per_entry[i] / prior.std))
+        if math.isfinite(self.neutral_std):
+            for j in range(len(self.experiments)):
+                at, per = self.shared + j, VOLUME / self.neutral_std
+                residuals.append(-x[at] * per)
+                slopes.append((at, per))
+        if math.isfinite(self.speed_std):
+            for j in range(len(self.experiments)):  # a stretch later on is under way
+                at, per = self.starts_at[j] + 1, SPEED / self.speed_std
+                residuals.append(-x[at] * per)
+                slopes.append((at, per))
+        P = np.zeros((len(residuals), self.size))
+        for row, (at, per) in enumerate(slopes):
+            P[row, at] = per
+        return np.array(residuals), P
+
+    def drift_slope(self, x: Array, j: int) -> Array:
+        """Return the derivative of experiment j's depths with its neutral volume's drift [m s/m3].
+
+        Of a neutral volume that grows evenly from the middle of the record on either side.
+        """
+        e = self.experiments[j]
+        if not e.ramps:
+            return np.zeros(self.rows[j + 1] - self.rows[j])
+        time = e.record.time
+        drift = 1e-4 * VOLUME / max(float(np.ptp(time)), 1.0)
+        here = self._run(x, j, derivatives=False)[0]
+        added = -drift * (time - time.mean())
+        courses = [self._course(e, s, added) for s in e.segments]
+        there = self._run(x, j, derivatives=False, courses=courses)[0]
+        result: Array = np.nan_to_num((there - here) / drift)
+        return result
+
+    @staticmethod
+    def _course(e: Experiment, s: Segment, added: Array | float = 0.0) -> Course:
+        part = slice(s.first, s.last + 1)
+        inputs = e.inputs + added if e.ramps else e.inputs
+        return Course(e.record.time[part], inputs[part], ramps=e.ramps)
+
+    def _run(
+        self, x: Array, j: int, *, derivatives: bool, courses: Sequence[Course] | None = None
+    ) -> tuple[Array, Array, list[int]]:
+        """Return experiment j's depths, their derivatives and the entries of x these belong to."""
+        e = self.experiments[j]
+        own = self.shared + j
+        shared = [*range(self.shared), own]
+        columns = shared + list(range(self.starts_at[j], self.starts_at[j + 1]))
+        plants = self._plants(x, e, own, shared if derivatives else [])
+        depths, slopes = [], []
+        for k, course in enumerate(courses or self.courses[j]):
+            at = self.starts_at[j] + 2 * k
+            z, block = self._stretch(x, e, course, at, plants, derivatives=derivatives)
+            depths.append(z)
+            if derivatives:
+                full = np.zeros((len(z), len(columns)))
+                n = len(shared)
+                full[:, :n] = block[:, :n]
+                full[:, n + 2 * k : n + 2 * k + 2] = block[:, n:]
+                slopes.append(full)
+        found = np.concatenate(slopes) if derivatives else np.zeros((0, 0))
+        return np.concatenate(depths), found, columns
+
+    def _stretch(
+        self, x: Array, e: Experiment, course: Course, at: int, plants: list[Plant], *,
+        derivatives: bool,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        lanes = [*plants, plants[0], plants[0]] if derivatives else plants
+        volume, rate = e.neutral, 0.0
+        if e.ramps:
+            volume = float(course.inputs[0])
+            rate = float((course.inputs[1] - volume) / course.spans[0])
+        p = plants[0]
+        depth = min(max(float(x[at]) * DEPTH, p.z_air), p.z_bottom)
+        starts = np.array([[rate, volume, depth, x[at + 1] * SPEED]] * len(lanes))
+        if derivatives:
+            starts[-2, 2] += _STEP * DEPTH
+            starts[-1, 3] += _STEP * SPEED
+        layers = e.record.layers
+        if len(layers.table):
+            z = follow_in(layers, lanes, course.time, course.inputs, starts[:, 2:])
+        else:
+            z = course.follow(lanes, starts)
+        if not derivatives:
+            return z[0], np.zeros((0, 0))
+        slope = (z[1:] - z[0]) / _STEP
+        return z[0], np.clip(np.nan_to_num(slope.T), -1e6, 1e6)
+
+    def _plants(self, x: Array, e: Experiment, own: int, moved: Sequence[int]) -> list[Plant]:
+        """Return the plant at x, and with each of the entries `moved` a little larger."""
+        return [self._plant(x, e, own), *(self._plant(_moved(x, i), e, own) for i in moved)]
+
+    def _plant(self, x: Array, e: Experiment, own: int) -> Plant:
+        values = self.named(x)
+        neutral = e.neutral + x[own] * VOLUME - values["psi"] * e.reference - e.added
+        return self.model.plant(values, neutral)
+
+
+def _moved(x: Array, i: int) -> Array:
+    moved = x.copy()
+    moved[i] += _STEP
+    return moved

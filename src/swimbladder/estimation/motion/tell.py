@@ -1,0 +1,131 @@
+"""Whether the data can tell: directions of the parameters in which they say too little."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.estimation.motion.fit import Fit
+from swimbladder.estimation.motion.problem import Problem
+from swimbladder.estimation.motion.result import Finding
+
+__all__ = ["Direction", "directions", "untold"]
+
+Array = NDArray[np.float64]
+
+LIMIT = 0.3  # of a parameter, or of what is large for one that may be 0: more is not known
+_PART = 0.35  # of a direction of length 1, at which a parameter takes part in it
+_KNOWN = 0.1
+
+
+class Direction(NamedTuple):
+    """A combination of the parameters, and how well the data alone tell it."""
+
+    parts: Array  # [p] of length 1
+    std: float  # in shares of the parameters, or of their scales
+
+
+def directions(problem: Problem, fit: Fit) -> list[Direction]:
+    """Return the directions of the vehicle's parameters, best known first.
+
+    From the singular values of the sensitivity, everything that belongs to single experiments
+    eliminated, with the priors of the neutral volumes and without those of the parameters.
+    """
+    p = problem.shared
+    _, P = problem.prior_rows(fit.x)
+    own = P[len(problem.priors) :]
+    D = fit.data + own.T @ own
+    size = np.sqrt(np.maximum(np.diag(D), 1e-300))
+    D = D / np.outer(size, size)
+    inner = D[p:, p:] + 1e-13 * np.eye(len(D) - p)
+    S = D[:p, :p] - D[:p, p:] @ np.linalg.solve(inner, D[p:, :p])
+    values, vectors = np.linalg.eigh(S * np.outer(size[:p], size[:p]))
+    floor = 1e-14 * max(float(values[-1]), 1e-300)
+    return [
+        Direction(vectors[:, i], float(1.0 / np.sqrt(max(values[i], floor))))
+        for i in range(p - 1, -1, -1)
+    ]
+
+
+def untold(problem: Problem, fit: Fit) -> list[Finding]:
+    """Return a finding of severity no for every question that data and priors leave open."""
+    p = problem.shared
+    std = np.sqrt(np.diag(fit.covariance)[:p])
+    limits = np.array([_limit(problem, fit, i) for i in range(p)])
+    open_ones = [i for i in range(p) if std[i] > limits[i]]
+    if not open_ones:
+        return []
+    found: list[Finding] = []
+    said: set[int] = set()
+    for direction in reversed(directions(problem, fit)):
+        scaled = np.abs(direction.parts) / limits
+        parts = [i for i in range(p) if scaled[i] > _PART * scaled.max()]
+        if not set(parts) & set(open_ones) - said:
+            continue
+        if direction.std * float((np.abs(direction.parts) / limits).max()) < 0.5:
+            continue
+        said |= set(parts)
+        names = [problem.names[i] for i in parts]
+        found.append(Finding("trade-off" if len(names) > 1 else "not told", "no", _say(
+            names, {problem.names[i]: float(std[i]) for i in parts}, problem
+        )))  # fmt: skip
+    for i in open_ones:
+        if i not in said:
+            name = problem.names[i]
+            found.append(Finding("not told", "no", _say([name], {name: float(std[i])}, problem)))
+    return found
+
+
+def _limit(problem: Problem, fit: Fit, i: int) -> float:
+    """Return how uncertain the i-th entry of x may be [in its own unit]."""
+    if problem.logarithmic[i]:
+        return LIMIT
+    if problem.names[i] == "psi":
+        return 10.0
+    # a turbulent drag that may be none: told, where it is small against the drag there is
+    values = problem.named(fit.x)
+    k_dl = problem.model.specific_weight / values["K2"]
+    fastest = max(_fastest(problem), 1e-3)
+    return max(1.0, k_dl / fastest / problem.scale[i])
+
+
+def _fastest(problem: Problem) -> float:
+    """Return the largest speed of the experiments, by and large [m/s]."""
+    found = [0.0]
+    for e in problem.experiments:
+        for s in e.segments:
+            t, z = e.record.time[s.first : s.last + 1], e.record.depth[s.first : s.last + 1]
+            n = max(2, len(t) // 10)
+            found.append(float(np.abs((z[n:] - z[:-n]) / (t[n:] - t[:-n])).max()))
+    return max(found)
+
+
+def _say(names: list[str], std: dict[str, float], problem: Problem) -> str:
+    listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+    if len(names) == 1:
+        name = names[0]
+        if problem.logarithmic[problem.names.index(name)]:
+            by = f"{100.0 * std[name]:.0f} %" if std[name] < 10.0 else "any factor"
+            what = f"The data do not tell {name}: it could be off by {by}"
+        else:
+            what = f"The data do not tell {name}"
+    else:
+        what = f"{listed} trade off: the data tell a combination of them, not each"
+    return f"{what}. {_remedy(names, problem)}"
+
+
+def _remedy(names: list[str], problem: Problem) -> str:
+    known = "give psi a prior or a value (--prior, --set)"
+    if "psi" in names:
+        other = "run a longer dive, or several with volume changes of different size"
+        return f"G{known[1:]}, or {other}."
+    if "drag_quadratic" in names and problem.model.law == "blended":
+        return "Choose --drag linear or quadratic, or run at speeds that differ more."
+    if "drag_quadratic" in names or "K2" in names:
+        also = f", or {known}" if "psi" in problem.names else ""
+        return f"Run longer, so that the speed settles, and with larger changes of volume{also}."
+    if "mass" in names or "T2" in names:
+        return "Record how the speed builds up: more samples soon after a change of volume."
+    return "Give a value (--set) or a prior (--prior), or record steps that excite it."

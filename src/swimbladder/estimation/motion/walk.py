@@ -1,0 +1,245 @@
+"""Parameters where the neutral volume drifts: it walks at random, and the logs say how fast.
+
+Trapped air, a hull that takes up water or cools, a piston that slips: over minutes the neutral
+volume moves, and a fit with a constant one blames drag and mass. Here it is a random walk, and what
+the filter could not foresee of every depth, its innovation, gives the likelihood (Schweppe, IEEE
+Trans. Inf. Theory 11, 1965); names, noise and the walk's intensity are those that maximise it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.stats import chi2
+
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.estimation.comparison.record import Record
+from swimbladder.estimation.kalman.depth_filter import GATE, Noise
+from swimbladder.estimation.motion.estimates import Z95, Estimate, Prior, estimate
+from swimbladder.estimation.motion.model import NAMES, Model, check_names, default_names, model_of
+from swimbladder.estimation.motion.walk_covariance import Maker, covariance, without_trace
+from swimbladder.estimation.motion.walk_likelihood import NOISES, Likelihood, Quantity
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["WalkFit", "fit_walk"]
+
+Array = NDArray[np.float64]
+
+_SAME = 0.003  # of log likelihood: a step that gains less is the last
+_RIDGE = 0.25  # information that keeps a step of a quantity the data do not tell in bounds
+_LONGEST = 1.5  # of a logarithm, a step
+_ROUNDS = 80
+_FARTHEST = 15.0  # of the logarithm of a walk, where its end is sought
+_UNITS = {"depth_noise": "m", "walk": "m3/s^0.5", "jolt": "m/s/s^0.5"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkFit:
+    """What maximises the likelihood of the innovations, and how sure it is.
+
+    estimates, covariance: of the names, in their order, SI. walk [m3/s^0.5], depth_noise [m, its
+    quantum not included] and jolt [m/s^1.5; white acceleration]: intensities, with intervals.
+    likelihood_ratio: twice the gain in log likelihood over a neutral volume that stays, whose
+    chance under it is p_value. travelled [m3]: for each record how far the smoothed neutral
+    volume went, largest less smallest.
+    """
+
+    names: tuple[str, ...]
+    law: str
+    estimates: dict[str, Estimate]
+    covariance: Array
+    walk: Estimate
+    depth_noise: Estimate
+    jolt: Estimate
+    noise: Noise
+    values: dict[str, float]
+    log_likelihood: float
+    likelihood_ratio: float
+    p_value: float
+    travelled: tuple[float, ...]
+    robust: bool  # the covariance is from the scatter of blocks, not from the information alone
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the records say that the neutral volume walks (1 % significance)."""
+        return self.p_value < 0.01
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in SI units, ready for JSON."""
+        return {
+            "parameters": {name: e.to_json() for name, e in self.estimates.items()},
+            "neutral_walk": self.walk.to_json(),
+            "depth_noise": self.depth_noise.to_json(),
+            "acceleration_noise": self.jolt.to_json(),
+            "log_likelihood": self.log_likelihood,
+            "likelihood_ratio": self.likelihood_ratio,
+            "p_value": self.p_value,
+            "travelled_m3": list(self.travelled),
+        }
+
+
+def fit_walk(
+    records: Sequence[Record], vehicle: Vehicle, *, free: Sequence[str] | None = None,
+    fixed: Mapping[str, float] | None = None, priors: Mapping[str, Prior] | None = None,
+    drag: str | None = None, neutral_std: float = math.inf, bottom_depth: float = math.inf,
+    jolt: bool = True, gate: float = GATE,
+) -> WalkFit:  # fmt: skip
+    """Return the parameters, noise and walk that maximise the likelihood of all innovations.
+
+    free: names of NAMES that are estimated, those of the drag law and psi where not given; fixed:
+    values in SI that are held; priors: by name, log-normal for positive quantities. drag: linear,
+    quadratic or blended, the vehicle's own where not given. neutral_std: of every record's neutral
+    volume about the vehicle's at its start [m3]; inf: nothing is known. jolt: whether white
+    acceleration may stand for what the model leaves out.
+
+    Raises InputError where names, records and vehicle do not go together, NoAnswerError where the
+    likelihood has no maximum that can be found.
+    """
+    fixed, priors = dict(fixed or {}), dict(priors or {})
+    if not records:
+        raise InputError("no record is given", field="LOG", remedy="Give at least one log")
+    model = model_of(vehicle, law=drag, bottom_depth=bottom_depth)
+    names = tuple(free) if free is not None else default_names(model.law, list(fixed))
+    for given, option in ((names, "--free"), (list(fixed), "--set"), (list(priors), "--prior")):
+        check_names(given, model, voltage=False, option=option)
+    held = {**model.values, **fixed} if jolt else {**model.values, **fixed, "jolt": 0.0}
+    noises = [q for q in NOISES if q.name not in held]
+
+    def likelihood(quantities: Sequence[Quantity], values: Mapping[str, float]) -> Likelihood:
+        return Likelihood(
+            records, model, quantities, values=values, priors=priors, neutral_std=neutral_std,
+            vehicle=vehicle, gate=gate,
+        )  # fmt: skip
+
+    own = [_quantity(name, model, held, priors) for name in names]
+    full = likelihood([*own, *noises], held)
+    x, best = _highest(full)
+    still = [q for q in noises if q.name != "walk"]
+    without = likelihood([*own, *still], {**held, "walk": 0.0})
+    walk = [q.name for q in full.quantities].index("walk")
+    _, least = _highest(without, [np.delete(x, walk)])
+    ratio = max(2.0 * (best - least), 0.0)
+    full, x = without_trace(full, x, likelihood, held)
+    C, robust = covariance(full, x)
+    return _outcome(full, x, best, C, robust, names, model, likelihood, ratio)
+
+
+def _quantity(
+    name: str, model: Model, held: Mapping[str, float], priors: Mapping[str, Prior]
+) -> Quantity:  # fmt: skip
+    begin = priors[name].mean if name in priors else held[name]
+    logarithmic = model.logarithmic(name) or name == "drag_quadratic"
+    return Quantity(name, logarithmic, 1.0 if logarithmic else model.scale(name), begin)
+
+
+def _highest(likelihood: Likelihood, begins: Sequence[Array] = ()) -> tuple[Array, float]:
+    """Return where the log posterior is highest, and how high.
+
+    Raises NoAnswerError where it cannot be found.
+    """
+    first = likelihood.begin()
+    found = [_climb(likelihood, x) for x in begins or (first, _noisier(likelihood, first))]
+    place, height = max(found, key=lambda pair: pair[1])
+    if height <= -1e11:
+        raise NoAnswerError("the filter cannot follow these logs with this vehicle: check units")
+    return place, height
+
+
+def _climb(likelihood: Likelihood, x: Array) -> tuple[Array, float]:
+    """Return where the log posterior ends to rise from x, and how high that is.
+
+    Fisher's scoring, damped as Levenberg and Marquardt do.
+    """
+    height, damping = likelihood(x), 0.0
+    for _ in range(_ROUNDS):
+        scores, information = likelihood.told(x)
+        pull, hold = likelihood.prior_slope(x)
+        slope = scores.sum(axis=0) + pull
+        information += np.diag(hold + _RIDGE)
+        while True:
+            step = np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
+            step *= min(1.0, _LONGEST / max(float(np.abs(step).max()), 1e-300))
+            gain = 0.5 * float(slope @ step)
+            if gain < _SAME:
+                return x, height
+            reached = likelihood(x + step)
+            if reached > height + 0.1 * gain:
+                x, height, damping = x + step, reached, damping / 5.0
+                break
+            damping = max(5.0 * damping, 0.3)
+            if damping > 1e6:
+                return x, height
+    return x, height
+
+
+def _noisier(likelihood: Likelihood, x: Array) -> Array:
+    """Return another start: noise of every kind is larger, but the walk small."""
+    y = x.copy()
+    for i, q in enumerate(likelihood.quantities):
+        if q.name in _UNITS:
+            y[i] += -2.0 if q.name == "walk" else 1.0
+    return y
+
+
+def _outcome(
+    full: Likelihood, x: Array, best: float, C: Array, robust: bool, names: tuple[str, ...],
+    model: Model, likelihood: Maker, ratio: float,
+) -> WalkFit:  # fmt: skip
+    per = np.array([q.slope(float(at)) for q, at in zip(full.quantities, x, strict=True)])
+    std = np.sqrt(np.maximum(np.diag(C), 0.0)) * per
+    estimates: dict[str, Estimate] = {}
+    for i, q in enumerate(full.quantities):
+        unit = NAMES[q.name].unit if q.name in NAMES else _UNITS[q.name]
+        estimates[q.name] = estimate(
+            q.value(float(x[i])), float(std[i]), unit, logarithmic=q.logarithmic
+        )
+    p = len(names)
+    values = full.named(x)
+    estimates["walk"] = _walk_interval(full, x, best, ratio, estimates["walk"], likelihood)
+    paths = [f.smoothed()[0][:, 2] for f in full.filtered(x)]
+    travelled = tuple(
+        float(np.ptp(np.concatenate([path for i, path in zip(full.record, paths, strict=True)
+                                     if i == j])))
+        for j in range(len(full.records))
+    )  # fmt: skip
+    nothing = Estimate(0.0, 0.0, (0.0, 0.0), _UNITS["jolt"], "set")
+    return WalkFit(
+        names=names, law=model.law, estimates={name: estimates[name] for name in names},
+        covariance=C[:p, :p] * np.outer(per[:p], per[:p]), walk=estimates["walk"],
+        depth_noise=estimates["depth_noise"], jolt=estimates.get("jolt", nothing),
+        noise=full.noise(values), values=values, log_likelihood=best, likelihood_ratio=ratio,
+        p_value=0.5 * float(chi2.sf(ratio, 1)) if ratio > 0.0 else 1.0, travelled=travelled,
+        robust=robust,
+    )  # fmt: skip
+
+
+def _walk_interval(
+    full: Likelihood, x: Array, best: float, ratio: float, found: Estimate, likelihood: Maker
+) -> Estimate:
+    """Return the walk with the interval of its likelihood profile, down to 0 where that may be."""
+    at = [q.name for q in full.quantities].index("walk")
+    others = [q for q in full.quantities if q.name != "walk"]
+    middle, begin = float(x[at]), np.delete(x, at)
+
+    def beyond(distance: float) -> float:
+        """Return how far the root of the deviance, which grows about evenly, is past 95 %."""
+        held = likelihood(others, {**full.values, "walk": math.exp(middle + distance)})
+        return math.sqrt(max(2.0 * (best - _highest(held, [begin])[1]), 0.0)) - Z95
+
+    step = min(max(Z95 * found.std / found.value, 0.3), 1.5)
+    ends = [0.0, math.inf]
+    for side, sign in enumerate((-1.0, 1.0)):
+        if side == 0 and ratio <= Z95**2:
+            continue
+        near, far = 0.0, sign * step
+        while abs(far) < _FARTHEST and beyond(far) < 0.0:
+            near, far = far, 2.0 * far
+        if abs(far) < _FARTHEST:
+            ends[side] = math.exp(middle + brentq(beyond, near, far, xtol=0.02))
+    return Estimate(found.value, found.std, (ends[0], ends[1]), found.unit, found.origin)

@@ -1,0 +1,127 @@
+"""An identification whose neutral volumes walk: numbers from the innovations' likelihood."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from swimbladder.estimation.comparison.record import Record
+from swimbladder.estimation.motion.between import FEWEST, between_logs
+from swimbladder.estimation.motion.estimates import Estimate
+from swimbladder.estimation.motion.model import NAMES, Model
+from swimbladder.estimation.motion.outcome import identified_vehicle
+from swimbladder.estimation.motion.result import Finding, Identification
+from swimbladder.estimation.motion.tell import LIMIT
+from swimbladder.estimation.motion.walk import WalkFit
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["with_walk"]
+
+_CONSTANT = ("trade-off", "not told", "profile", "prior", "step-size trend", "drift", "model")
+
+
+def with_walk(
+    found: Identification, walk: WalkFit, vehicle: Vehicle, model: Model,
+    records: Sequence[Record],
+) -> Identification:  # fmt: skip
+    """Return the identification with the walk's parameters in place of the output error's.
+
+    Where the records are enough to tell, the vehicle also knows how logs differ, and is that of
+    the means over them. What is said of single logs stays that of constant neutral volumes. What
+    was said against these falls; what the walking ones do not tell is said instead.
+    """
+    values = walk.values
+    C = walk.covariance
+    findings = [f for f in found.findings if f.kind not in _CONSTANT]
+    findings += [*_untold(walk, model), _told(walk)]
+    told = all(f.severity != "no" for f in findings)
+    size = np.sqrt(np.maximum(np.diag(C), 1e-300))
+    noise = walk.noise
+    new = found.result_vehicle if not told else identified_vehicle(
+        vehicle, model, values, walk.names, C, trim_error=_trim(found, vehicle),
+        depth_noise=noise.depth, neutral_std=_neutral_std(found), neutral_walk=noise.walk,
+        acceleration_noise=noise.jolt, logs=tuple(e.source for e in found.experiments),
+    )  # fmt: skip
+    if told and len(records) >= FEWEST:
+        new = between_logs(records, new)
+        findings.append(_differ(new))
+    held = {n: e for n, e in found.parameters.items() if e.origin == "set"}
+    return replace(
+        found, names=walk.names, parameters={**walk.estimates, **held}, derived={},
+        covariance=C, correlation=C / np.outer(size, size), profiles={}, choices=(),
+        findings=tuple(findings), depth_noise=noise.depth, walk=walk, result_vehicle=new,
+        assumptions=(
+            *found.assumptions,
+            "the neutral volume of each log is a random walk; parameters by maximum likelihood of "
+            "the innovations. Predictions and residuals of single logs are those of a constant one",
+        ),
+    )  # fmt: skip
+
+
+def _trim(found: Identification, vehicle: Vehicle) -> float | None:
+    known = [e for e in found.experiments if e.record.volume_absolute]
+    if not known:
+        return None
+    trim = vehicle.trim_error + float(np.mean([e.estimates["neutral_error"].value for e in known]))
+    return trim if vehicle.stroke.minimum < trim < vehicle.stroke.maximum else None
+
+
+def _neutral_std(found: Identification) -> float:
+    if math.isfinite(found.neutral_std):
+        return found.neutral_std
+    errors = [e.estimates["neutral_error"].value for e in found.experiments]
+    return float(np.std(errors, ddof=1)) if len(errors) > 1 else 0.0
+
+
+def _untold(walk: WalkFit, model: Model) -> list[Finding]:
+    found = []
+    for name, e in walk.estimates.items():
+        if not model.logarithmic(name) or _share(e) <= LIMIT:
+            continue
+        found.append(
+            Finding(
+                "not told", "no",
+                f"With a neutral volume that walks the data do not tell {name}: "
+                f"{'any factor' if not _share(e) < 10.0 else f'{100.0 * _share(e):.0f} %'} of "
+                "error. Give it a value (--set) or a prior (--prior), or add logs.",
+            )
+        )  # fmt: skip
+    return found
+
+
+def _differ(vehicle: Vehicle) -> Finding:
+    known = vehicle.identified
+    assert known is not None  # it was just identified
+    assert known.between is not None
+    b = known.between
+    means = ", ".join(
+        f"{name} = {value:.4g} {NAMES[name].unit}"
+        for name, value in zip(known.names, known.values, strict=True)
+    )
+    return Finding(
+        "logs differ", "note",
+        f"From log to log psi differs by {1e6 * b.psi:.2g} cm3/m and drag by "
+        f"{100.0 * b.drag:.2g} % (1 sigma); the neutral volume drifts by "
+        f"{3.6e9 * b.neutral_drift:.2g} +- {3.6e9 * b.neutral_drift_std:.2g} cm3/h. vehicle.toml "
+        f"holds this and the means over logs: {means}.",
+    )  # fmt: skip
+
+
+def _share(e: Estimate) -> float:
+    return e.std / abs(e.value) if e.value else math.inf
+
+
+def _told(walk: WalkFit) -> Finding:
+    minute = math.sqrt(60.0)
+    low, high = (1e6 * minute * end for end in walk.walk.ci95)
+    farthest = 1e6 * max(walk.travelled, default=0.0)
+    sure = "The logs say that" if walk.drifts else "The logs do not require it, but taken that"
+    return Finding(
+        "walk", "note",
+        f"{sure} the neutral volume walks, it does so by {1e6 * minute * walk.walk.value:.2g} cm3 "
+        f"in a minute ({low:.2g} to {high:.2g}; p = {walk.p_value:.1g} of none); in one log it "
+        f"went as far as {farthest:.2g} cm3.",
+    )  # fmt: skip

@@ -1,0 +1,74 @@
+"""The paper redone: every figure, table, equation and published number, in one report.
+
+`evidence` simulates and fits, `equations_actuator` and `equations_motion` check (1) to (37),
+`published` and `independent` compare numbers, `verdict` says what a comparison comes to, `errata`
+lists where the text is wrong, `tables` and `page` put it together, `files` writes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from swimbladder.errors import InputError
+from swimbladder.io.files import check_place, make_folder, publish
+from swimbladder.paper.equations_actuator import actuator_checks
+from swimbladder.paper.equations_motion import motion_checks
+from swimbladder.paper.evidence import STAGES, gather
+from swimbladder.paper.files import json_text, plain, trajectories, write_all
+from swimbladder.paper.independent import independent
+from swimbladder.paper.page import FIGURES, Judged, answer, draw, page
+from swimbladder.paper.published import published
+from swimbladder.show.plots.style import save
+
+__all__ = ["AMOUNT", "reproduce"]
+
+AMOUNT = STAGES + 1 + 2 * len(FIGURES) + 2  # what `advance` adds up to
+
+
+def reproduce(
+    out: str | Path, *, seed: int = 2023, advance: Callable[[float], None] = lambda _: None
+) -> dict[str, Any]:
+    """Write the report into the folder `out` and return its numbers as results.json has them.
+
+    seed: of the sensors' noise in the pool; the same seed gives the same report. advance: told of
+    the work done, AMOUNT in all. Raises InputError where the seed is negative or the folder cannot
+    be written, NoAnswerError where the pool procedure does not end; nothing is then written.
+    """
+    if seed < 0:
+        raise InputError(
+            "must not be negative", field="--seed", value=seed, remedy="Give 0 or more"
+        )
+    place = Path(out)
+    check_place(place)
+    evidence = gather(seed, advance)
+    judged = Judged(
+        published=published(evidence),
+        independent=independent(evidence),
+        equations=sorted(
+            [*actuator_checks(evidence), *motion_checks(evidence)], key=lambda check: check.number
+        ),
+    )
+    advance(1.0)
+    figures = draw(evidence, advance)
+    curves = trajectories(evidence)
+    files = [
+        "results.json",
+        *(f"figures/{name}.png" for name in figures),
+        *(f"trajectories/{name}" for name in curves),
+    ]
+    found = answer(evidence, judged, files)
+    html = page(evidence, judged, figures, files)
+    advance(1.0)
+
+    def write(folder: Path) -> None:
+        write_all(folder, {"index.html": html, "results.json": json_text(found)}, curves)
+        advance(1.0)
+        for name, figure in figures.items():
+            save(figure, make_folder(folder / "figures") / f"{name}.png")
+            advance(1.0)
+
+    publish(place, write)
+    plain_answer: dict[str, Any] = plain(found)
+    return plain_answer

@@ -1,0 +1,118 @@
+"""The prototype's actuator alone, simulated: voltage steps, timed voltages, and none at all."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from swimbladder.control.protocol import timed_voltage
+from swimbladder.sim.closed_loop import drive
+from swimbladder.sim.pool import centred_differences, timed_travel
+from swimbladder.vehicle import IdentifiedActuator, Vehicle
+
+__all__ = [
+    "CLEARANCE",
+    "POOL_DEPTH",
+    "TRAVELS",
+    "Identified",
+    "Pulse",
+    "timed_voltages",
+    "unheld_rise",
+    "voltage_steps",
+]
+
+POOL_DEPTH = 4.5  # m, section 3.2
+CLEARANCE = 0.75  # m, ours
+TRAVELS = (2.5e-3, 4e-3, 6e-3, 10e-3)  # m, section 3.1, dx
+
+
+class Pulse(NamedTuple):
+    """A timed voltage at a depth: what it moves the piston by, as a formula and simulated [m]."""
+
+    depth: float  # m
+    dx: float  # m, asked for
+    voltage: float  # V
+    time: float  # s
+    formula: tuple[float, float]  # when the voltage ends, once the motor stands
+    simulated: tuple[float, float]
+
+
+class Identified(NamedTuple):
+    """What voltage steps say of the actuator (section 3.1)."""
+
+    K1: float  # m/s/V
+    T1: float  # s
+    depth_voltage: float  # V/m, k_z/k_u
+
+
+def voltage_steps(vehicle: Vehicle) -> Identified:
+    """Find K1, T1 and k_z/k_u from voltage steps on the bottom, where the depth stays the same.
+
+    Speeds are centred differences of the piston's position every 10 ms, as in section 3.1.
+    """
+    a = vehicle.actuator
+    assert isinstance(a, IdentifiedActuator)
+    h = 0.01
+    time = np.arange(301) * h
+
+    def speed(u: float, depth: float) -> Any:
+        s = drive(
+            vehicle, time=time, voltage=np.full(len(time), u), start_depth=depth,
+            start_volume=-150e-6, bottom_depth=depth,
+        )  # fmt: skip
+        return centred_differences(s.volume / a.piston_area, h)
+
+    voltages = [-12.0, -9.0, -6.0, -3.0, 3.0, 6.0, 9.0, 12.0]
+    curves = [speed(u, 0.5) for u in voltages]
+    steady = [float(np.mean(curve[200:])) for curve in curves]
+    K1 = np.polyfit(voltages, steady, 1)[0]  # the load at 0.5 m is in the intercept
+    lags = [
+        float(np.interp(1.0 - math.exp(-1.0), curve[:100] / final, time[:100]))
+        for curve, final in zip(curves, steady, strict=True)
+    ]
+    depths = [1.0, 25.0, 50.0, 75.0, 100.0]
+    slope = np.polyfit(depths, [float(np.mean(speed(6.0, z)[200:])) for z in depths], 1)[0]
+    return Identified(float(K1), float(np.mean(lags)), float(-slope / K1))
+
+
+def timed_voltages(vehicle: Vehicle) -> tuple[Pulse, ...]:
+    """Return the timed voltages of section 3.1 at both depths, with the vehicle held in place."""
+    a = vehicle.actuator
+    assert isinstance(a, IdentifiedActuator)
+    assert vehicle.supply is not None
+    assert vehicle.controller is not None
+    pulses = []
+    for depth, sign in ((POOL_DEPTH - CLEARANCE, 1.0), (CLEARANCE, -1.0)):
+        for dx in TRAVELS:
+            u, samples = timed_voltage(
+                sign * dx, K1=a.K1, limit=vehicle.supply.voltage,
+                sample_time=vehicle.controller.sample_time,
+            )  # fmt: skip
+            dt = samples * vehicle.controller.sample_time
+            load = a.depth_voltage * depth
+            s = drive(
+                vehicle, time=[0.0, dt, dt + 3.0], voltage=[u, load, load], start_depth=depth,
+                start_volume=vehicle.neutral_volume(depth) - 150e-6, bottom_depth=depth,
+            )  # fmt: skip
+            moved = (s.volume - s.volume[0]) / a.piston_area
+            formula = timed_travel(u, dt, K1=a.K1, T1=a.T1, opposing=load)
+            pulses.append(
+                Pulse(depth, sign * dx, u, dt, formula, (float(moved[1]), float(moved[2])))
+            )
+    return tuple(pulses)
+
+
+def unheld_rise(vehicle: Vehicle) -> float:
+    """Return how far [m] the vehicle rises after the smallest change, with 0 V at the motor."""
+    a = vehicle.actuator
+    assert isinstance(a, IdentifiedActuator)
+    depth = POOL_DEPTH - CLEARANCE
+    time = np.arange(0.0, 120.0, 0.3)
+    s = drive(
+        vehicle, time=time, voltage=np.zeros(len(time)), start_depth=depth,
+        start_volume=vehicle.neutral_volume(depth) + TRAVELS[0] * a.piston_area,
+        bottom_depth=POOL_DEPTH,
+    )  # fmt: skip
+    return float(depth - s.depth.min())

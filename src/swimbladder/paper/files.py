@@ -1,0 +1,109 @@
+"""The files of the report, written into a folder of their own and then put in place."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swimbladder.io.files import make_folder, write_atomically
+from swimbladder.io.tables import write_csv
+from swimbladder.paper.evidence import Evidence
+from swimbladder.sim.pool import Fit, PoolRun, response
+
+__all__ = ["json_text", "trajectories"]
+
+
+def trajectories(e: Evidence) -> dict[str, dict[str, Any]]:
+    """Return every curve of the report: file name -> columns, SI."""
+    by_speed, by_depth = e.table2
+    found: dict[str, dict[str, Any]] = {
+        "figure-12.csv": _run(e.runs[0]),
+        **{f"pool-run-{i}.csv": _run(run) for i, run in enumerate(e.runs[1:], start=2)},
+    }
+    for i, x in enumerate(e.experiments, start=1):
+        r = x.record
+        found[f"experiment-{i}.csv"] = {
+            "time_s": r.time,
+            "volume_above_neutral_m3": r.volume,
+            "depth_seen_m": r.depth,
+            "depth_by_eq27_m": r.start + _response(r, by_depth)[0],
+            "speed_by_eq26_m_s": _response(r, by_speed)[1],
+        }
+    for name, s in (("figure-16.csv", e.steps), ("figure-17.csv", e.long_step)):
+        found[name] = {
+            "time_s": s.time,
+            "reference_depth_m": s.reference,
+            "depth_m": s.depth,
+            "speed_m_s": s.speed,
+            "volume_m3": s.volume,
+            "reference_volume_m3": s.volume_reference,
+            "voltage_V": s.voltage,
+        }
+    found["figure-psi.csv"] = {
+        "volume_change_m3": [dV for dV, _ in e.still_curve],
+        "K2_1_m2_s": [fit.K2 for _, fit in e.still_curve],
+        "T2_s": [fit.T2 for _, fit in e.still_curve],
+    }
+    return found
+
+
+def _response(record: Any, fit: Fit) -> Any:
+    return response(record.time, record.volume, K2=fit.K2, T2=fit.T2)
+
+
+def _run(run: PoolRun) -> dict[str, Any]:
+    """Return one run of the pool procedure; step 1 to 4 are (a) to (d), 0 is after them."""
+    s = run.solution
+    times = [time for time, _, _ in run.phases]
+    letters = [step for _, step, _ in run.phases]
+    index = np.searchsorted(times, s.time + 1e-9) - 1
+    numbers = np.array([" abcd".index(letter) if letter else 0 for letter in letters])
+    return {
+        "time_s": s.time,
+        "step": numbers[index],
+        "depth_m": s.depth,
+        "depth_seen_m": run.seen_depth,
+        "speed_m_s": s.speed,
+        "volume_m3": s.volume,
+        "volume_seen_m3": run.seen_volume,
+        "voltage_V": s.voltage,
+    }
+
+
+def write_all(folder: Path, texts: Mapping[str, str], curves: Mapping[str, Any]) -> None:
+    """Write texts and curves under their names into a folder."""
+    for name, text in texts.items():
+        write_atomically(folder / name, text)
+    for name, columns in curves.items():
+        write_csv(make_folder(folder / "trajectories") / name, columns)
+
+
+def json_text(answer: Mapping[str, Any]) -> str:
+    """Return an answer as JSON; what is not finite becomes null, an Enum its name."""
+    return json.dumps(plain(answer), indent=1, allow_nan=False) + "\n"
+
+
+def plain(value: Any) -> Any:
+    """Return a value in JSON's own types."""
+    if isinstance(value, Enum):
+        return value.name
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if hasattr(value, "_asdict"):
+        return plain(value._asdict())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return plain(value.tolist())  # numpy

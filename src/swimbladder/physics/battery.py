@@ -1,0 +1,138 @@
+"""The battery over a mission: what is left in it, what the cold holds back, what the loads draw.
+
+The charge C [J] obeys dC/dt = -P - s C with the power P drawn and the self-discharge s, which over
+a stretch of constant power has the closed form of `charge_after`. Cold takes nothing away: of a
+full battery the share 1 - k(T) cannot be drawn until it is warm again, with k linear through 1 at
+20 degC and `cold_share` at 0 degC.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from swimbladder.errors import NoAnswerError
+from swimbladder.vehicle import Load, Phase, Supply, Vehicle
+
+__all__ = [
+    "WARM",
+    "capacity",
+    "charge_after",
+    "endurance",
+    "hotel_power",
+    "load_is_on",
+    "needed_capacity",
+    "share_in_cold",
+    "surfacing_energy",
+    "usable_charge",
+    "usable_share",
+]
+
+WARM = 20.0  # degC at which a battery's capacity is stated
+
+
+def capacity(vehicle: Vehicle) -> float:
+    """Return the energy in the vehicle's full battery [J].
+
+    Raises NoAnswerError where it is not stated.
+    """
+    if vehicle.supply is None or vehicle.supply.capacity is None:
+        raise NoAnswerError(
+            "what the battery holds is not stated: add supply.capacity (in Wh or J) to the vehicle"
+        )
+    return vehicle.supply.capacity
+
+
+def share_in_cold(cold_share: Any, temperature: Any) -> Any:
+    """Return the share that can be drawn at a `temperature` [degC] of what 20 degC gives.
+
+    cold_share: at 0 degC. Arrays too.
+    """
+    lost = 1.0 - np.asarray(cold_share, float)
+    return np.clip(1.0 - lost * (WARM - np.asarray(temperature, float)) / WARM, 0.0, 1.0)[()]
+
+
+def usable_share(supply: Supply, temperature: Any) -> Any:
+    """Return the share of the capacity that can be drawn at a `temperature` [degC]; arrays too."""
+    return share_in_cold(supply.cold_share, temperature)
+
+
+def usable_charge(supply: Supply, charge: Any, temperature: Any) -> Any:
+    """Return what can be drawn [J] of a `charge` [J] at a `temperature` [degC]; arrays too.
+
+    Raises NoAnswerError where the capacity is not stated.
+    """
+    if supply.capacity is None:
+        raise NoAnswerError("what the battery holds is not stated: add supply.capacity")
+    held_back = (1.0 - usable_share(supply, temperature)) * supply.capacity
+    return np.maximum(np.asarray(charge, float) - held_back, 0.0)[()]
+
+
+def charge_after(charge: Any, power: Any, duration: Any, self_discharge: float) -> Any:
+    """Return the charge [J] after `duration` [s] of constant `power` [W]; may be below 0.
+
+    self_discharge: [1/s]. Arrays too.
+    """
+    x = self_discharge * np.asarray(duration, float)
+    kept = np.exp(-x)
+    # (1 - exp(-x))/x is 1 where nothing is lost.
+    mean = np.divide(-np.expm1(-x), x, out=np.ones(np.shape(x)), where=x > 0.0)
+    return (np.asarray(charge, float) * kept - power * duration * mean)[()]
+
+
+def needed_capacity(energy: Any, duration: Any, share: Any, self_discharge: Any) -> Any:
+    """Return the full charge [J] of which `energy` [J], drawn evenly over `duration` [s], is there.
+
+    share: of the full charge that may be gone by then [-]; the cold, or a reserve, keeps the rest.
+    self_discharge [1/s]. The inverse of `endurance`: C e^{-x} - E (1 - e^{-x})/x = C (1 - share)
+    with x = s t. inf where self-discharge alone takes more than that share. Arrays too.
+    """
+    x = np.asarray(self_discharge, float) * np.asarray(duration, float)
+    mean = np.divide(-np.expm1(-x), x, out=np.ones(np.shape(x)), where=x > 0.0)
+    left = np.asarray(share, float) + np.expm1(-x)
+    taken = np.asarray(energy, float) * mean
+    return np.divide(
+        taken, left, out=np.full(np.broadcast_shapes(taken.shape, left.shape), np.inf),
+        where=left > 0.0,
+    )[()]  # fmt: skip
+
+
+def endurance(supply: Supply, power: float, temperature: float = WARM) -> float:
+    """Return the time [s] for which a full battery gives a constant `power` [W] at a temperature.
+
+    It ends where what is left is what the cold [degC] holds back; inf where nothing is drawn or
+    lost. Raises NoAnswerError where the capacity is not stated.
+    """
+    if supply.capacity is None:
+        raise NoAnswerError("what the battery holds is not stated: add supply.capacity")
+    usable = usable_charge(supply, supply.capacity, temperature)
+    s, left = supply.self_discharge, supply.capacity - usable
+    if usable == 0.0:
+        return 0.0
+    if s == 0.0:
+        return float(usable / power) if power > 0.0 else float("inf")
+    if power == 0.0 and left == 0.0:
+        return float("inf")
+    # C e^{-st} - (P/s)(1 - e^{-st}) = left
+    return float(np.log((supply.capacity + power / s) / (left + power / s)) / s)
+
+
+def hotel_power(vehicle: Vehicle, phase: Phase | None = None) -> float:
+    """Return the power [W] of loads and of the driver's standby in a `phase` of a mission.
+
+    None: of what is on in all phases.
+    """
+    on = [load.power for load in vehicle.loads if load_is_on(load, phase)]
+    standby = 0.0 if vehicle.driver is None else vehicle.driver.standby_power
+    return sum(on) + standby
+
+
+def load_is_on(load: Load, phase: str | None) -> bool:
+    """Return whether a load is on in a kind of phase; None: in all of them."""
+    return not load.phases or phase in load.phases
+
+
+def surfacing_energy(vehicle: Vehicle) -> float:
+    """Return the energy [J] that the loads take at each surfacing."""
+    return sum(load.energy_per_surfacing for load in vehicle.loads)

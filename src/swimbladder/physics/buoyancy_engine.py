@@ -1,0 +1,298 @@
+"""Any actuator as a mission sees it: rates and powers over pressure, steady, at full voltage.
+
+A motor reaches its speed in seconds and a mission takes hours, so that rates follow from the
+balance of eqs (11)-(12) at rest. Pressures are above the atmosphere, as a depth sensor's.
+
+What holds the volume while nothing runs: the check valve of a pump and valve; a screw or a pump
+without one stays where dry friction or self-locking hold it, otherwise its motor holds it with the
+voltage k_z,back z/k_u - T_b/k_u, at the cost of R i^2.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swimbladder.errors import NoAnswerError
+from swimbladder.physics.actuator import reduced, unified
+from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
+from swimbladder.physics.pump_start import pump_start
+from swimbladder.physics.steady_drives import (
+    REFERENCE_TEMPERATURE,
+    SteadyPoint,
+    battery_power,
+    datasheet_point,
+    full_voltage,
+    motor_point,
+    pump_run,
+    terminal_power,
+    valve_flow,
+)
+from swimbladder.vehicle import (
+    DatasheetPump,
+    ElectrohydraulicActuator,
+    IdentifiedActuator,
+    Positioner,
+    PumpAndValve,
+    Supply,
+    UnifiedActuator,
+    Vehicle,
+)
+
+__all__ = [
+    "DriveMap",
+    "check_power_known",
+    "drive_map",
+    "oil_note",
+    "pressure_ratio",
+    "running_pump",
+    "steady_point",
+]
+
+Array = NDArray[np.float64]
+
+
+class DriveMap(NamedTuple):
+    """What an actuator can do at each pressure, and what it draws; powers are the battery's.
+
+    The driver's and the internal resistance's losses are in them, standby power and hotel loads
+    are not. A negative power charges the battery. NaN: not known, or more than the battery can.
+    """
+
+    pressure: Array  # Pa above the atmosphere [n]
+    rate_out: Array  # m3/s, volume pressed out; 0 where the motor or pump stalls
+    power_out: Array  # W while it does
+    rate_in: Array  # m3/s let or drawn in, positive
+    power_in: Array  # W while it does
+    leakage: Array  # m3/s inwards at rest
+    holding_power: Array  # W at rest
+    bypass_in: Array  # m3/s let in through the bypass, 0 without one
+    power_bypass: Array  # W while it does
+    start_volume: Array  # m3 that each start of the pump falls short of rate_out times its run
+    start_saving: Array  # J by which a start takes less than power_out for as long: its line fills
+
+
+def drive_map(
+    vehicle: Vehicle,
+    pressure: ArrayLike,
+    *,
+    temperature: ArrayLike = REFERENCE_TEMPERATURE,
+    power: bool = True,
+) -> DriveMap:
+    """Return the rates and powers of a vehicle's actuator at each `pressure` [Pa] [n].
+
+    temperature: of the water [degC] [n] or one, for a pump whose power depends on it. power: False
+    leaves out (NaN) powers that are not known. Raises NoAnswerError where a power is wanted that R
+    and k_T, or a power law, do not tell, naming the fields.
+    """
+    if power:
+        check_power_known(vehicle)
+    p = np.atleast_1d(np.asarray(pressure, float))
+    a = vehicle.actuator
+    if isinstance(a, PumpAndValve):
+        return _pump_and_valve(vehicle, a, p, np.asarray(temperature, float))
+    if isinstance(a, Positioner):
+        return _positioner(vehicle, a, p)
+    if isinstance(a, IdentifiedActuator):
+        return _rates_only(vehicle, p)
+    found = unified(a, vehicle.water)
+    if found.resistance is None or found.emf_constant is None:
+        return _rates_only(vehicle, p)
+    return _voltage_driven(vehicle, found, p)
+
+
+def check_power_known(vehicle: Vehicle) -> None:
+    """Raise NoAnswerError, naming the fields, where the actuator's electrical power is not known.
+
+    A motor needs its resistance R and k_T (k_emf), a pump and valve has a power law or a motor, a
+    positioner needs its power while moving.
+    """
+    a = vehicle.actuator
+    missing = ""
+    if isinstance(a, Positioner) and a.moving_power is None:
+        missing = (
+            "what the positioner's motor draws is not given (actuator.moving_power, and "
+            "actuator.holding_power). Measure its current while it moves and while it holds"
+        )
+    elif isinstance(a, IdentifiedActuator):
+        missing = (
+            "the motor's resistance R and torque constant k_T are not given, and an identified K1 "
+            "does not tell them apart. Describe the actuator as kind electromechanical or "
+            "electrohydraulic (actuator.motor.resistance, actuator.motor.torque_constant), as "
+            "unified (actuator.resistance, actuator.emf_constant), or as pump-valve with a power "
+            "law (actuator.pump.idle_power, actuator.pump.power_per_pressure)"
+        )
+    elif isinstance(a, UnifiedActuator):
+        fields = {"resistance": a.resistance, "emf_constant": a.emf_constant}
+        lacking = [f"actuator.{name}" for name, value in fields.items() if value is None]
+        if lacking:
+            missing = (
+                f"{' and '.join(lacking)} {'are' if len(lacking) > 1 else 'is'} not given. Take "
+                "them from the motor's datasheet"
+            )
+    if missing:
+        raise NoAnswerError(f"the electrical power is not known: {missing}")
+
+
+def oil_note(vehicle: Vehicle) -> str | None:
+    """Return what an oil that is given, and compresses nothing here, would take; None: nothing."""
+    a = vehicle.actuator
+    if isinstance(a, PumpAndValve):
+        if a.line is not None or not isinstance(a.pump, DatasheetPump) or a.pump.drive.oil is None:
+            return None
+        field, how = "actuator.pump.drive.oil", "give"
+    elif isinstance(a, ElectrohydraulicActuator) and a.drive.oil is not None:
+        field, how = "actuator.drive.oil", "write the actuator as kind pump-valve and give"
+    else:
+        return None
+    return (
+        f"the oil in {field}, its bulk modulus and trapped air, changes nothing here. For what "
+        f"each start of the pump loses to them, {how} actuator.line (volume, bulk_modulus, "
+        "trapped_air): the oil between pump and check valve"
+    )
+
+
+def steady_point(
+    vehicle: Vehicle, pressure: ArrayLike, *, share: float = 1.0
+) -> SteadyPoint | None:
+    """Return a motor that presses out at a `share` of the full voltage, at each pressure [Pa] [n].
+
+    None where there is no motor with known R and k_emf: a power law, a positioner.
+    """
+    a, supply = vehicle.actuator, vehicle.supply
+    p = np.atleast_1d(np.asarray(pressure, float))
+    if supply is None or isinstance(a, Positioner | IdentifiedActuator):
+        return None
+    if isinstance(a, PumpAndValve):
+        if not isinstance(a.pump, DatasheetPump):
+            return None
+        head = np.maximum(p + ATMOSPHERIC_PRESSURE - a.internal_pressure, 0.0)
+        return datasheet_point(a.pump, head, vehicle.water, supply, vehicle.driver, share)
+    found = unified(a, vehicle.water)
+    if found.resistance is None or found.emf_constant is None:
+        return None
+    z = p / vehicle.water.specific_weight
+    u = share * full_voltage(found, supply, found.k_z * z + found.friction_torque)
+    return motor_point(found, vehicle.water, u, z, supply, vehicle.driver)
+
+
+def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> DriveMap:
+    head = p + ATMOSPHERIC_PRESSURE - a.internal_pressure
+    supply, nothing = vehicle.supply, np.zeros(p.shape)
+    run = pump_run(
+        a.pump, head, water=vehicle.water, supply=supply, driver=vehicle.driver, temperature=T
+    )
+    power_out = _from_battery(run.power, supply, "the pump")
+    short, saving = np.full(p.shape, a.start_volume), nothing
+    if a.line is not None:
+        warm = np.broadcast_to(T, p.shape)[:, None]
+        start = pump_start(
+            a.line,
+            lambda dp: running_pump(vehicle, a, dp, warm if dp.ndim > 1 else T)[0],
+            p + ATMOSPHERIC_PRESSURE,
+            power=lambda dp: running_pump(vehicle, a, dp, warm)[1],
+            reservoir=a.internal_pressure,
+            ratio=pressure_ratio(a),
+        )
+        short = short + start.shortfall
+        full = np.divide(start.shortfall, run.rate, out=np.zeros(p.shape), where=run.rate > 0.0)
+        saving = power_out * full - start.energy
+    power_in = battery_power(np.full(p.shape, a.valve.power), supply)
+    bypass_in = power_bypass = nothing
+    if a.bypass is not None:
+        bypass_in = valve_flow(a.bypass, head)
+        power_bypass = battery_power(np.full(p.shape, a.bypass.power), supply)
+    return DriveMap(
+        pressure=p,
+        rate_out=run.rate,
+        power_out=power_out,
+        rate_in=valve_flow(a.valve, head),
+        power_in=power_in,
+        leakage=a.leakage * np.maximum(head, 0.0) + a.creep,
+        holding_power=nothing,
+        bypass_in=bypass_in,
+        power_bypass=power_bypass,
+        start_volume=short,
+        start_saving=saving,
+    )
+
+
+def pressure_ratio(a: PumpAndValve) -> float:
+    """Return the ratio of the pressure amplifier behind a pump [-], 1 without one."""
+    return a.pump.drive.area_ratio if isinstance(a.pump, DatasheetPump) else 1.0
+
+
+def running_pump(
+    vehicle: Vehicle, a: PumpAndValve, head: Array, temperature: ArrayLike
+) -> tuple[Array, Array]:
+    """Return delivery [m3/s] and what leaves the cells [W] against each `head` [Pa] [n].
+
+    temperature: of the water [degC] [n] or one.
+    """
+    run = pump_run(
+        a.pump, head, water=vehicle.water, supply=vehicle.supply, driver=vehicle.driver,
+        temperature=temperature,
+    )  # fmt: skip
+    return run.rate, battery_power(run.power, vehicle.supply)
+
+
+def _from_battery(power: Array, supply: Supply | None, what: str) -> Array:
+    """Return what leaves the cells [W]; raises NoAnswerError where the battery cannot give it."""
+    drawn = battery_power(power, supply)
+    if supply is not None and np.isnan(drawn).any():
+        most = supply.voltage**2 / (4.0 * supply.internal_resistance)
+        raise NoAnswerError(
+            f"{what} draws up to {np.max(power):.3g} W, and the battery gives {most:.3g} W "
+            "at most (supply.voltage, supply.internal_resistance)"
+        )
+    return drawn
+
+
+def _positioner(vehicle: Vehicle, a: Positioner, p: Array) -> DriveMap:
+    moving = held = np.full(p.shape, np.nan)
+    if a.moving_power is not None:
+        moving, held = (
+            _from_battery(
+                terminal_power(np.full(p.shape, power), vehicle.driver), vehicle.supply, what
+            )
+            for power, what in (
+                (a.moving_power, "the positioner's motor"),
+                (a.holding_power, "holding the positioner"),
+            )
+        )
+    rate, nothing = np.full(p.shape, a.speed * a.piston_area), np.zeros(p.shape)
+    return DriveMap(p, rate, moving, rate, moving, nothing, held, *4 * (nothing,))
+
+
+def _rates_only(vehicle: Vehicle, p: Array) -> DriveMap:
+    """Return the rates of an actuator whose R is not known; its battery cannot sag either."""
+    assert vehicle.supply is not None  # Vehicle checks it
+    a, E = reduced(vehicle.actuator, vehicle.water), vehicle.supply.voltage
+    z = p / vehicle.water.specific_weight
+    leak = a.k_l * z
+    pressed = np.maximum(a.gain * (E - a.load_drive * z - a.friction), 0.0)
+    drawn = np.maximum(a.gain * (E + a.load_back * z - a.friction), 0.0)
+    unknown, nothing = np.full(p.shape, np.nan), np.zeros(p.shape)
+    out = np.maximum(pressed - leak, 0.0)
+    return DriveMap(p, out, unknown, drawn + leak, unknown, leak, unknown, *4 * (nothing,))
+
+
+def _voltage_driven(vehicle: Vehicle, a: UnifiedActuator, p: Array) -> DriveMap:
+    supply, water = vehicle.supply, vehicle.water
+    assert supply is not None  # Vehicle checks it
+    z = p / water.specific_weight
+
+    def drawn(voltage: Array) -> tuple[Array, Array]:
+        at = motor_point(a, water, voltage, z, supply, vehicle.driver)
+        return np.asarray(at.drive.volume_rate), at.cells
+
+    rate_out, power_out = drawn(full_voltage(a, supply, a.k_z * z + a.friction_torque))
+    rate_in, power_in = drawn(-full_voltage(a, supply, a.friction_torque - a.k_z_back * z))
+    hold = np.maximum(a.k_z_back * z - a.friction_torque, 0.0) / a.k_u
+    _, holding = drawn(hold)
+    leak, nothing = np.asarray(a.k_l * z), np.zeros(p.shape)
+    rate_out = np.maximum(rate_out, 0.0)
+    rate_in = np.maximum(-rate_in, 0.0)
+    return DriveMap(p, rate_out, power_out, rate_in, power_in, leak, holding, *4 * (nothing,))

@@ -1,0 +1,42 @@
+"""Sea water as a vehicle meets it: a cast turned once into a column, then only looked up.
+
+::
+
+    uniform_column   the paper's water of constant density, from a vehicle's [water]
+    Cast             salinity and temperature over pressure, as a CTD measured them
+    cast_column      a cast through TEOS-10 (gsw) -> Column: pressure, density, temperature by depth
+    water_table      a Column as one array, for look_up: value and slope at a depth, compiled
+    WaterMotion      internal waves and swell
+    motion_table     a WaterMotion as one array, for moved: displacement and speed w(z, t), compiled
+
+gsw is imported where a cast is turned into a column, not before.
+"""
+
+from __future__ import annotations
+
+from swimbladder.physics.seawater.cast import Cast, cast_column
+from swimbladder.physics.seawater.column import Column, uniform_column
+from swimbladder.physics.seawater.lookup import look_up, water_table
+from swimbladder.physics.seawater.motion import (
+    InternalWave,
+    Swell,
+    WaterMotion,
+    check_motion,
+    motion_table,
+    moved,
+)
+
+__all__ = [
+    "Cast",
+    "Column",
+    "InternalWave",
+    "Swell",
+    "WaterMotion",
+    "cast_column",
+    "check_motion",
+    "look_up",
+    "motion_table",
+    "moved",
+    "uniform_column",
+    "water_table",
+]

@@ -1,0 +1,172 @@
+"""A cast through TEOS-10 into a column: in-situ density, pressure and temperature by depth.
+
+Depth comes from the pressure and the density of the cast itself, dz = dp/(rho g), not from that of
+a standard ocean: in a lake the two differ by 2.7 %.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError
+from swimbladder.physics.seawater.column import Column, grid
+
+__all__ = ["Cast", "cast_column", "depth_of_pressure", "pressure_of_depth"]
+
+Array = NDArray[np.float64]
+_DBAR = 1e4  # Pa
+_LAYER = 10.0  # dbar
+_FINE = 1.0  # dbar between two points of the hydrostatic integral
+_ROUNDS = 4  # of pressure against density; each leaves some 1e-4 of the error before it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cast:
+    """Absolute Salinity and Conservative Temperature over increasing pressure [n].
+
+    latitude and longitude in degrees, longitude None where it is not known. report: what a reader
+    assumed, averaged and left out. pressure_column: the file's column of pressures whose unit
+    nothing but its name tells, if anything; None where more does. unit_named: whether that does.
+    """
+
+    pressure: Array  # dbar, above the atmosphere
+    SA: Array  # g/kg
+    CT: Array  # degC
+    latitude: float = 45.0
+    longitude: float | None = None
+    name: str = ""
+    report: tuple[str, ...] = ()
+    pressure_column: str | None = None
+    unit_named: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what is no profile."""
+        n = len(self.pressure)
+        if n < 2 or len(self.SA) != n or len(self.CT) != n:
+            raise InputError(
+                f"{n} pressures, {len(self.SA)} salinities and {len(self.CT)} temperatures are no "
+                "profile",
+                field="cast",
+                remedy="Give two rows at least, and as many of each",
+            )
+        if not (np.diff(self.pressure) > 0.0).all() or self.pressure[0] < 0.0:
+            raise InputError(
+                "the pressures of a profile do not increase from 0",
+                field="cast",
+                remedy="Sort the rows and average those of one pressure",
+            )
+
+
+def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) -> Column:
+    """Return a cast as a column down to `deepest` [m], to its own end where that is None.
+
+    Above its first row the cast goes on as it begins, for at most a step below its last as it ends.
+    Raises InputError where it ends above `deepest`, or begins far below the surface.
+    """
+    import gsw
+
+    top, end = float(cast.pressure[0]), float(cast.pressure[-1])
+    fine = np.append(np.arange(0.0, end, _FINE), end)
+    z_fine = depth_of_pressure(cast, fine)
+    bottom = float(z_fine[-1])
+    if deepest is not None and deepest > bottom + step:
+        raise InputError(
+            f"the cast {cast.name or 'given'} ends at {bottom:.0f} m ({end:.0f} dbar), "
+            f"{deepest - bottom:.0f} m above {deepest:.0f} m",
+            field="cast",
+            value=round(bottom, 1),
+            unit="m",
+            remedy="Take a cast that goes as deep, or ask for a lesser depth",
+        )
+    wanted = bottom if deepest is None else deepest
+    if wanted < step:
+        raise InputError(
+            f"the cast ends at {bottom:.2f} m, above the first step of the column, {step:g} m",
+            field="cast",
+            remedy="Take a deeper cast, or a smaller step",
+        )
+    depth = grid(wanted, step)
+    if deepest is None and depth[-1] > bottom:
+        depth = depth[:-1] if len(depth) > 2 else depth
+    slope = _DBAR / (float(gsw.rho(cast.SA[-1], cast.CT[-1], end)) * _gravity(cast, end))
+    z_ends = np.append(z_fine, bottom + slope * (2.0 * step / slope))
+    pressure = np.interp(depth, z_ends, np.append(fine, end + 2.0 * step / slope))
+    SA, CT = (np.interp(pressure, cast.pressure, v) for v in (cast.SA, cast.CT))
+    report = list(cast.report)
+    if top > max(_NEAR, min(_FAR, 0.5 * end)):
+        raise InputError(
+            f"the cast {cast.name or 'given'} begins at {top:.0f} dbar, and of the water above, "
+            "where a vehicle floats and dives, it says nothing",
+            field="cast", value=round(top, 1), unit="dbar",
+            remedy="Take one that begins near the surface, or add a row at 0 dbar with the "
+            "temperature and salinity that the surface has",
+        )  # fmt: skip
+    if top > _NEAR:
+        report.append(f"the cast begins at {top:.1f} dbar and is taken to be the same above")
+    return Column(
+        depth=depth,
+        pressure=_DBAR * pressure,
+        density=np.asarray(gsw.rho(SA, CT, pressure)),
+        temperature=np.asarray(gsw.t_from_CT(SA, CT, pressure)),
+        gravity=_gravity(cast, 0.0),
+        buoyancy_frequency=_buoyancy_frequency(cast, SA, CT, pressure),
+        source=cast.name or "cast",
+        report=tuple(report),
+    )
+
+
+_NEAR = 3.0  # dbar from the surface at which casts are used to begin
+_FAR = 50.0  # dbar: the warm layer of a summer, some kg/m3 lighter, is shallower
+
+
+def _gravity(cast: Cast, pressure: float) -> float:
+    import gsw
+
+    return float(gsw.grav(cast.latitude, pressure))
+
+
+def _buoyancy_frequency(cast: Cast, SA: Array, CT: Array, pressure: Array) -> float:
+    """Return the greatest buoyancy frequency N [rad/s] over layers of 10 dbar."""
+    import gsw
+
+    p = np.arange(float(pressure[0]), float(pressure[-1]), _LAYER)
+    if len(p) < 2:
+        p = pressure[[0, -1]]
+    layers = [np.interp(p, pressure, v) for v in (SA, CT)]
+    squared, _ = gsw.Nsquared(*layers, p, cast.latitude)
+    return float(np.sqrt(max(float(np.max(squared)), 0.0)))
+
+
+def depth_of_pressure(cast: Cast, pressure: Array) -> Array:
+    """Return the depths [m] of increasing pressures [dbar] in the water of a cast.
+
+    pressure starts at 0. The integral of dp/(rho g), by trapezoids.
+    """
+    import gsw
+
+    SA, CT = (np.interp(pressure, cast.pressure, v) for v in (cast.SA, cast.CT))
+    per_dbar = _DBAR * gsw.specvol(SA, CT, pressure) / gsw.grav(cast.latitude, pressure)
+    means = 0.5 * (per_dbar[1:] + per_dbar[:-1])
+    return np.append(0.0, np.cumsum(means * np.diff(pressure)))
+
+
+def pressure_of_depth(depth: Array, SP: Array, temperature: Array, latitude: float) -> Array:
+    """Return the pressures [dbar] at increasing depths [m] of water of that salinity [-] and
+    temperature [degC], by the hydrostatic integral.
+
+    Above the first depth the water is as it is there.
+    """
+    import gsw
+
+    pressure = np.asarray(gsw.p_from_z(-depth, latitude))
+    thickness = np.diff(depth, prepend=0.0)
+    SA = gsw.SR_from_SP(SP)
+    for _ in range(_ROUNDS):
+        density = gsw.rho(SA, gsw.CT_from_t(SA, temperature, pressure), pressure)
+        gradient = density * gsw.grav(latitude, pressure) / _DBAR
+        means = 0.5 * (gradient + np.append(gradient[0], gradient[:-1]))
+        pressure = np.cumsum(means * thickness)
+    return np.asarray(pressure)

@@ -1,0 +1,129 @@
+"""Vertical motion of the water: internal waves and swell, linear theory.
+
+Each wave moves the water at depth z by ``shape(z) a sin(2 pi t/period + phase)``, positive down;
+its speed is the time derivative. The shape of an internal wave of mode n in water of depth H and of
+constant stratification is sin(n pi z/H); that of swell over deep water is e^(-k z) with
+k = (2 pi/period)^2/g (e.g. Kundu, Cohen, Dowling, *Fluid Mechanics*, 5th ed., ch. 7).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from swimbladder.errors import InputError
+from swimbladder.physics.seawater.column import Column
+from swimbladder.vehicle import Parameters, Unit
+
+__all__ = [
+    "InternalWave",
+    "MovedWater",
+    "Swell",
+    "WaterMotion",
+    "check_motion",
+    "motion_table",
+    "moved",
+]
+
+Array = NDArray[np.float64]
+
+
+class MovedWater(NamedTuple):
+    """How water is moved at an instant: every layer displaced from its rest, and its speed."""
+
+    displacement: float  # m, positive down
+    speed: float  # m/s, positive down
+
+
+class InternalWave(Parameters):
+    """An internal wave: layers go up and down, at rest at the surface and at the bottom.
+
+    It carries the vehicle along, and the salt and heat of the layers: what is at a depth came from
+    where it rests. Pressure stays that of the water at rest.
+    """
+
+    amplitude: Annotated[float, Unit("m"), Field(ge=0.0, le=1000.0)] = Field(
+        description="largest displacement of a layer"
+    )
+    period: Annotated[float, Unit("s"), Field(ge=30.0)] = Field(description="period")
+    water_depth: Annotated[float, Unit("m"), Field(gt=0.0)] = Field(
+        description="depth of the bottom, where the water is at rest"
+    )
+    mode: Annotated[int, Field(ge=1, le=100)] = Field(
+        1, description="vertical mode: layers between surface and bottom that move as one"
+    )
+    phase: Annotated[float, Unit("rad")] = Field(0.0, description="phase at the start")
+
+
+class Swell(Parameters):
+    """Surface waves over deep water: their motion decays by e^(-k z)."""
+
+    amplitude: Annotated[float, Unit("m"), Field(ge=0.0, le=20.0)] = Field(
+        description="half the height of the waves"
+    )
+    period: Annotated[float, Unit("s"), Field(ge=1.0, le=30.0)] = Field(description="period")
+    phase: Annotated[float, Unit("rad")] = Field(0.0, description="phase at the start")
+
+
+class WaterMotion(Parameters):
+    """All the waves that move the water at once; none: it is at rest."""
+
+    internal_waves: tuple[InternalWave, ...] = Field((), description="internal waves")
+    swell: tuple[Swell, ...] = Field((), description="swell")
+
+
+def check_motion(motion: WaterMotion, column: Column) -> None:
+    """Raise InputError for an internal wave that is faster than the water of a cast can swing.
+
+    Nothing swings faster than at the buoyancy frequency (Gill, *Atmosphere-Ocean Dynamics*, 6.4).
+    """
+    fastest = column.buoyancy_frequency
+    for k, wave in enumerate(motion.internal_waves):
+        if fastest > 0.0 and wave.period < 2.0 * math.pi / fastest:
+            raise InputError(
+                f"no internal wave is that fast here: the shortest in {column.source} lasts "
+                f"{2.0 * math.pi / fastest:.0f} s",
+                field=f"water_motion.internal_waves[{k}].period", value=wave.period, unit="s",
+                remedy="Give a longer period; what is faster near the surface is swell",
+            )  # fmt: skip
+
+
+def motion_table(motion: WaterMotion, gravity: float) -> Array:
+    """Return the waves as an array [n, 6] for `moved`.
+
+    Columns: amplitude [m], angular frequency [rad/s], phase [rad], wavenumber of the mode and decay
+    [1/m] of which one is 0, and the depth below which nothing moves [m]. gravity: m/s2.
+    """
+    rows = []
+    for wave in motion.internal_waves:
+        number = wave.mode * math.pi / wave.water_depth
+        frequency = 2.0 * math.pi / wave.period
+        rows.append((wave.amplitude, frequency, wave.phase, number, 0.0, wave.water_depth))
+    for swell in motion.swell:
+        frequency = 2.0 * math.pi / swell.period
+        decay = frequency**2 / gravity
+        rows.append((swell.amplitude, frequency, swell.phase, 0.0, decay, math.inf))
+    return np.array(rows, dtype=np.float64).reshape(-1, 6)
+
+
+def moved(waves: Array, z: float, t: float) -> tuple[float, float]:
+    """Return displacement [m] and speed [m/s] of the water at depth z [m] and time t [s].
+
+    waves: of `motion_table`; plain Python on scalars, for kernels to inline. The fields are those
+    of MovedWater.
+    """
+    displacement, speed = 0.0, 0.0
+    depth = max(z, 0.0)
+    for k in range(waves.shape[0]):
+        if depth >= waves[k, 5]:
+            continue
+        mode, decay = waves[k, 3], waves[k, 4]
+        shape = waves[k, 0] * (math.exp(-decay * depth) if decay > 0.0 else math.sin(mode * depth))
+        angle = waves[k, 1] * t + waves[k, 2]
+        displacement += shape * math.sin(angle)
+        speed += shape * waves[k, 1] * math.cos(angle)
+    return displacement, speed

@@ -1,5 +1,0 @@
-"""Pictures: `solution` draws a simulation, `paper` the paper's figures, `linear` an analysis."""
-
-from swimbladder.plots.solution import plot_solution
-
-__all__ = ["plot_solution"]

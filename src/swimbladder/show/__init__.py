@@ -1,0 +1,1 @@
+"""What users see of results: pictures (`plots`), pages and their words (`report`, `templates`)."""

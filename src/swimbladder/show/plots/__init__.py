@@ -1,0 +1,5 @@
+"""Pictures: `solution` draws a simulation, `paper` the paper's figures, `linear` an analysis."""
+
+from swimbladder.show.plots.solution import plot_solution
+
+__all__ = ["plot_solution"]

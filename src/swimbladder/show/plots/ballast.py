@@ -1,0 +1,63 @@
+"""Ballasting as a picture: the volume it rests with, and the water, against depth."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from swimbladder.design.ballast import Ballasting
+from swimbladder.show.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    depth_axis,
+    label_panels,
+    styled,
+)
+
+__all__ = ["draw_ballasting"]
+
+_SEAS = (BLUE, ORANGE, GREEN, PURPLE, SKY)
+
+
+@styled
+def draw_ballasting(found: Ballasting) -> Figure:
+    """Return neutral volume with its band between the ends of the stroke, density, temperature."""
+    figure = Figure(figsize=(9.0, 5.0))
+    volume, density, temperature = figure.subplots(
+        1, 3, sharey=True, gridspec_kw={"width_ratios": [2.2, 1.0, 1.0]}
+    )
+    stroke = found.vehicle.stroke
+    for side, label in ((stroke.minimum, "ends of the stroke"), (stroke.maximum, None)):
+        volume.axvline(1e6 * side, color=VERMILION, lw=1.2, ls="--", label=label)
+    several = len(found.columns) > 1
+    for k, (column, curve) in enumerate(zip(found.columns, found.curves, strict=True)):
+        colour = _SEAS[k % len(_SEAS)]
+        named = f"neutral, {column.source}" if several else "neutral volume"
+        volume.plot(1e6 * curve.nominal, curve.depth, color=colour, label=named)
+        volume.fill_betweenx(
+            curve.depth, 1e6 * curve.low, 1e6 * curve.high, color=colour, alpha=0.25, lw=0.0,
+            label=f"in {100.0 * found.wanted:g} % of cases" if k == 0 else None,
+        )  # fmt: skip
+        density.plot(column.density, column.depth, color=colour)
+        temperature.plot(column.temperature, column.depth, color=colour)
+    if found.wish.neutral_depth is not None:
+        volume.plot(
+            [1e6 * found.wish.volume], [found.wish.neutral_depth], "o", color=GREY, ms=6,
+            label="to be neutral here",
+        )  # fmt: skip
+    volume.set_xlabel("volume of the drive [cm³], 0 at mid-stroke")
+    density.set_xlabel("density in situ [kg/m³]")
+    temperature.set_xlabel("temperature [°C]")
+    depth_axis(volume)
+    volume.set_ylim(found.columns[0].deepest, 0.0)
+    figure.legend(handles=volume.get_legend_handles_labels()[0], loc="outside lower left",
+                  ncols=4 if not several else 3, fontsize=8.0)  # fmt: skip
+    density.tick_params(axis="x", labelrotation=45)
+    sea = f"{len(found.columns)} seas" if several else found.columns[0].source
+    figure.suptitle(f"{found.vehicle.name} in {sea}", fontsize=10.0)
+    label_panels([volume, density, temperature])
+    return figure

@@ -1,0 +1,152 @@
+"""A design as pictures: what each record should look like, and what the pool time buys."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from swimbladder.design.experiments import Design
+from swimbladder.design.experiments.weigh import Weighed
+from swimbladder.show.plots.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    depth_axis,
+    label_panels,
+    plain_log_ticks,
+    styled,
+)
+
+__all__ = ["draw_design", "draw_plan", "groups"]
+
+_COLOURS = (BLUE, VERMILION, GREEN, PURPLE)
+_ACROSS = 3
+
+
+def groups(design: Design) -> list[tuple[int, ...]]:
+    """Return the numbers of the experiments that are alike, counted from 1, in order."""
+    found: dict[object, list[int]] = {}
+    for k, release in enumerate(design.chosen.releases, start=1):
+        found.setdefault(release, []).append(k)
+    return [tuple(numbers) for numbers in found.values()]
+
+
+@styled
+def draw_plan(design: Design) -> Figure:
+    """Return the traces to expect, a panel for each kind of experiment."""
+    kinds = groups(design)
+    across = min(_ACROSS, len(kinds))
+    down = math.ceil(len(kinds) / across)
+    figure = Figure(figsize=(max(2.9 * across, 5.0), 2.7 * down + 0.5))
+    panels = figure.subplots(down, across, squeeze=False, sharey=True).ravel().tolist()
+    for axes, numbers in zip(panels, kinds, strict=False):
+        _trace(design, numbers, axes)
+    for axes in panels[len(kinds) :]:
+        axes.set_visible(False)
+    depth_axis(panels[0], "")
+    for k, axes in enumerate(panels[: len(kinds)]):
+        if k % across == 0:
+            axes.set_ylabel("depth [m]")
+        if k + across >= len(kinds):
+            axes.set_xlabel("time since the release [s]")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    return figure
+
+
+def _trace(design: Design, numbers: Sequence[int], axes: Axes) -> None:
+    at, s = numbers[0] - 1, design.setting
+    for k, flights in enumerate(design.chosen.others):
+        f = flights[at]
+        axes.plot(f.time - f.time[f.moved[0]], f.depth, color=SKY, lw=0.8, alpha=0.8,
+                  label="vehicles that it may be" if k == 0 else None)  # fmt: skip
+    f = design.chosen.flights[at]
+    time = f.time - f.time[f.moved[0]]
+    axes.plot(time, f.depth, color=BLACK, label="vehicle as given")
+    axes.plot(time[list(f.moved)], f.depth[list(f.moved)], "o", color=VERMILION, ms=4.5,
+              label="change of volume")  # fmt: skip
+    for depth in (s.shallowest, s.deepest):
+        axes.axhline(depth, color=GREY, ls=":", lw=1.0)
+    axes.axhline(s.pool_depth, color=GREY, lw=2.0)
+    axes.set_ylim(s.pool_depth + 0.05 * s.pool_depth, 0.0)
+    volumes = ", ".join(f"{1e6 * move.volume:+.3g}" for move in f.release.moves)
+    axes.set_title(f"{_title(numbers)}\n{volumes} cm³", fontsize=9.0, loc="left")
+
+
+def _title(numbers: Sequence[int]) -> str:
+    """Return which experiments a panel shows: "Experiments 1, 3 to 6"."""
+    parts: list[list[int]] = [[numbers[0]]]
+    for before, after in pairwise(numbers):
+        if after == before + 1:
+            parts[-1].append(after)
+        else:
+            parts.append([after])
+    said = [f"{p[0]} to {p[-1]}" if len(p) > 2 else ", ".join(str(n) for n in p) for p in parts]
+    return f"Experiment{'s' if len(numbers) > 1 else ''} {', '.join(said)}"
+
+
+@styled
+def draw_design(design: Design) -> Figure:
+    """Return what the pool time buys: errors as experiments are done, and sizes of single steps."""
+    figure = Figure(figsize=(8.2, 3.9))
+    after, size = figure.subplots(1, 2)
+    _after(design, after)
+    _sizes(design, size)
+    label_panels([after, size])
+    return figure
+
+
+def _after(design: Design, axes: Axes) -> None:
+    names = design.chosen.prediction.names
+    sets = [(design.chosen, "-", "o", "planned")]
+    if design.against is not None:
+        sets.append((design.against, "--", "s", design.rival))
+    for weighed, line, marker, label in sets:
+        time = _times(weighed, design.setting.settling)
+        for name, colour in zip(names, _COLOURS, strict=False):
+            shares = [np.nan if a[name] is None else a[name] for a in weighed.after]
+            axes.plot(time, 100.0 * np.array(shares, float), line, color=colour, marker=marker,
+                      ms=3.5, lw=1.2, label=f"{_symbol(name)}, {label}")  # fmt: skip
+    axes.set_yscale("log")
+    axes.set_xlabel("pool time, settling included [min]")
+    axes.set_ylabel("error, drift included [% of the parameter]")
+    axes.legend(fontsize=7.5, ncols=len(sets), loc="upper right")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high * 4.0)
+    plain_log_ticks(axes, "y")
+
+
+def _sizes(design: Design, axes: Axes) -> None:
+    c = design.curve
+    axes.plot(
+        1e6 * c.sizes, 100.0 * c.steps, color=ORANGE, marker="s", ms=3.5, label="single steps"
+    )
+    axes.plot(1e6 * c.sizes, 100.0 * c.to_and_fro, color=GREEN, marker="o", ms=3.5,
+              label="to and fro")  # fmt: skip
+    axes.axhline(100.0 * design.chosen.largest, color=BLACK, lw=1.0, label="planned")
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("change of volume [cm³]")
+    axes.set_ylabel("largest error after the same time [%]")
+    axes.legend(fontsize=8.0)
+    plain_log_ticks(axes, "x", "y")
+
+
+def _times(weighed: Weighed, settling: float) -> np.ndarray:
+    each = [settling + flight.duration for flight in weighed.flights]
+    result: np.ndarray = np.cumsum(each) / 60.0
+    return result
+
+
+def _symbol(name: str) -> str:
+    return {"psi": "ψ", "drag_quadratic": "k_dt", "mass": "m"}.get(name, name)

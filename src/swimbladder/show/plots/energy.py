@@ -1,0 +1,167 @@
+"""What changing the volume costs, as pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from swimbladder.design.energy import DriveEnergy, Hovering, Profiling, PumpFit
+from swimbladder.show.plots.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    depth_axis,
+    label_panels,
+    plain_log_ticks,
+    styled,
+)
+from swimbladder.units import rounded
+
+__all__ = ["draw_energy", "draw_fit", "draw_versus"]
+
+_STAGES = {
+    "battery": SKY, "driver": PURPLE, "motor": BLUE, "transmission": ORANGE, "leakage": GREEN,
+    "reservoir": GREY,
+}  # fmt: skip
+
+_DAY_ML = 86400.0 * 1e6  # mL/day per m3/s
+
+
+@styled
+def draw_energy(found: DriveEnergy) -> Figure:
+    """Return energy per volume, rates, power and efficiencies over depth, and the map."""
+    figure = Figure(figsize=(11.0, 7.0))
+    (per, rate, power), (chain, last, into) = figure.subplots(2, 3)
+    z, m = found.column.depth, found.map
+    per.plot(found.per_volume * 1e-6, z, color=BLUE, label="from the battery")
+    per.plot(found.column.pressure * 1e-6, z, color=BLACK, ls="--", label="into the water, p dV")
+    per.set_xlabel("energy per volume pressed out [J/mL]")
+    per.legend()
+    rate.plot(m.rate_out * 1e6, z, color=BLUE)
+    rate.set_xlabel("volume rate pressed out [mL/s]")
+    power.plot(m.power_out, z, color=BLUE, label="pressing out")
+    if np.any(m.holding_power > 0.0):
+        power.plot(m.holding_power, z, color=VERMILION, ls="--", label="holding the volume")
+    power.set_xlabel("power from the battery [W]")
+    power.legend()
+    chain.plot(found.efficiency, z, color=BLACK, lw=2.2, label="the whole")
+    for name, values in found.stages.items():
+        chain.plot(values, z, color=_STAGES[name], label=name)
+    chain.set_xlim(0.0, 1.02)
+    chain.set_xlabel("efficiency [-]")
+    figure.legend(handles=chain.get_lines(), loc="outside lower left", ncols=7, fontsize=8.0)
+    if found.efficiencies.size:
+        best = float(np.nanmax(found.efficiencies, initial=0.01))
+        step = 0.02 if best < 0.4 else 0.05
+        levels = np.arange(0.0, best + step, step)
+        shown = last.contourf(
+            100.0 * found.shares, z, found.efficiencies.T, levels=levels, cmap="cividis"
+        )
+        figure.colorbar(shown, ax=last, label="efficiency [-]")
+        last.set_xlabel("share of the full voltage [%]")
+        last.grid(visible=False)
+    else:
+        last.plot(m.leakage * _DAY_ML, z, color=BLUE)
+        last.set_xlabel("leakage at rest [mL/day]")
+    into.plot(m.rate_in * 1e6, z, color=BLUE)
+    into.set_xlabel("volume rate let in [mL/s]")
+    panels = [per, rate, power, chain, last, into]
+    for axes in panels:
+        depth_axis(axes)
+        axes.set_ylim(z[-1], 0.0)
+        if axes not in (chain, last):
+            axes.set_xlim(left=0.0)
+    label_panels(panels)
+    figure.suptitle(f"{found.vehicle.name}, {found.vehicle.actuator.kind}", fontsize=10.0)
+    return figure
+
+
+@styled
+def draw_versus(hover: Hovering, dive: Profiling, found: DriveEnergy) -> Figure:
+    """Return the break-even time of hovering, and the energy of dives, over depth."""
+    figure = Figure(figsize=(9.0, 4.2))
+    left, right = figure.subplots(1, 2)
+    z = found.column.depth
+    shown = np.where(np.isfinite(hover.break_even), hover.break_even, np.nan)
+    left.plot(shown / 3600.0, z, color=BLUE)
+    left.set_xscale("log")
+    left.set_xlabel("time of hovering at break-even [h]")
+    left.set_title(
+        f"{hover.weight_error * 1e6:.3g} mL too heavy: right of it the engine takes less",
+        fontsize=9.0, loc="right",
+    )  # fmt: skip
+    right.plot(dive.engine[1:] * 1e-3, dive.depth[1:], color=BLUE, label="buoyancy engine")
+    right.plot(dive.thruster[1:] * 1e-3, dive.depth[1:], color=VERMILION, ls="--", label="thruster")
+    right.plot(dive.drag[1:] * 1e-3, dive.depth[1:], color=BLACK, ls=":", label="drag alone")
+    if 0.0 < dive.break_even < np.inf:
+        right.axhline(dive.break_even, color=GREY, lw=1.0)
+        right.annotate(
+            f"break-even {rounded(dive.break_even, 3)} m", (0.02, dive.break_even),
+            xycoords=("axes fraction", "data"), ha="left", va="bottom", fontsize=9.0,
+        )  # fmt: skip
+    right.set_xscale("log")
+    right.set_xlabel("energy of a dive and back [kJ]")
+    right.set_title(f"at {dive.speed:g} m/s", fontsize=9.0, loc="right")
+    right.legend()
+    for axes, label in ((left, "depth [m]"), (right, "depth of the turn [m]")):
+        plain_log_ticks(axes, "x")
+        depth_axis(axes, label)
+        axes.set_ylim(z[-1], 0.0)
+    label_panels([left, right])
+    return figure
+
+
+@styled
+def draw_fit(fit: PumpFit) -> Figure:
+    """Return power and delivery of the runs over pressure with what was found, and the dives."""
+    told = "delivery" in fit.parameters
+    figure = Figure(figsize=(9.0, 4.2))
+    panels = list(figure.subplots(1, 2 + told))
+    r, kept = fit.runs, fit.kept
+    p, t = r.pressure[kept], r.duration[kept]
+    line = np.linspace(0.0, p.max(), 100)
+    warmer = np.zeros(p.size) if r.temperature is None else r.temperature[kept] - 15.0
+    cooled = np.nan_to_num(fit.value("power_per_temperature") * warmer)
+    settled = r.power[kept] / fit.voltage_share[kept] + fit.value("lost_energy") / t - cooled
+    at = "runs, start added, at 15 °C"
+    at += f" and {fit.reference_voltage:.3g} V" if fit.reference_voltage is not None else ""
+    panels[0].plot(p / 1e4, settled, ".", color=SKY, ms=3.0, label=at)
+    power = fit.value("idle_power") + fit.value("power_per_pressure") * line
+    panels[0].plot(line / 1e4, power, color=BLUE, label="found")
+    panels[0].set_ylabel("electrical power [W]")
+    if told and r.volume is not None:
+        rate = (r.volume[kept] + fit.value("start_volume")) / t * 1e6
+        panels[1].plot(p / 1e4, rate, ".", color=SKY, ms=3.0, label="runs, start added")
+        steady = fit.value("delivery") - fit.value("slip") * line
+        panels[1].plot(line / 1e4, steady * 1e6, color=BLUE, label="found")
+        panels[1].set_ylabel("delivery [mL/s]")
+    for axes in panels[:-1]:
+        axes.set_xlabel("pressure [dbar]")
+        axes.set_ylim(bottom=0.0)
+        axes.legend(loc="best")
+    last = panels[-1]
+    if fit.dives:
+        measured = np.array([d.energy for d in fit.dives]) * 1e-3
+        predicted = np.array([d.predicted for d in fit.dives]) * 1e-3
+        ends = np.array([0.0, 1.05 * max(measured.max(), predicted.max())])
+        last.fill_between(ends, 0.9 * ends, 1.1 * ends, color=GREY, alpha=0.25, lw=0.0,
+                          label="10 %")  # fmt: skip
+        last.plot(measured, predicted, "o", color=BLUE, ms=4.0, label="dives")
+        last.set_xlabel("energy as logged [kJ]")
+        last.set_ylabel("as the other dives tell it [kJ]")
+        last.set_xlim(0.0, ends[1])
+        last.set_ylim(0.0, ends[1])
+        last.legend(loc="upper left")
+    else:
+        fitted = fit.value("idle_power") + fit.value("power_per_pressure") * p
+        last.plot(p / 1e4, settled - fitted, ".", color=BLUE, ms=3.0)
+        last.axhline(0.0, color=BLACK, lw=0.8)
+        last.set_xlabel("pressure [dbar]")
+        last.set_ylabel("power less what was found [W]")
+    label_panels(panels)
+    return figure

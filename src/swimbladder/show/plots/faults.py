@@ -1,0 +1,161 @@
+"""Fault missions as pictures: what became of each kind, and one mission as it went."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from swimbladder.show.plots.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    depth_axis,
+    label_panels,
+    plain_log_ticks,
+    styled,
+)
+from swimbladder.sim.faults import Campaign
+from swimbladder.sim.faults.kinds import KINDS
+from swimbladder.sim.faults.one import Flown
+from swimbladder.sim.faults.rows import TRACE
+
+__all__ = ["draw_campaign", "draw_mission"]
+
+_LONGER = 1.3  # of what the supervised flight and the one that was told take: the rest is cut
+
+
+@styled
+def draw_campaign(flown: Campaign) -> Figure:
+    """Return, for each kind of fault, what became of its missions and how soon it was seen."""
+    lines = flown.lines()[:-1][::-1]
+    figure = Figure(figsize=(10.0, 0.28 * len(lines) + 1.6))
+    fate, soon = figure.subplots(1, 2, sharey=True, width_ratios=(3.0, 2.0))
+    rows = np.arange(len(lines))
+    total = np.array([line.missions for line in lines], float)
+    parts = (
+        ("saved, and not lost without the supervisor",
+         [line.saved - line.rescued for line in lines], SKY),
+        ("saved by the supervisor", [line.rescued for line in lines], BLUE),
+        ("lost, though it could be saved",
+         [line.recoverable - line.saved for line in lines], VERMILION),
+        ("could not be counted on, came up all the same",
+         [line.unrecoverable_saved for line in lines], "#A8D8C8"),
+        ("could not be saved",
+         [line.missions - line.recoverable - line.unrecoverable_saved for line in lines],
+         "#BDBDBD"),
+    )  # fmt: skip
+    left = np.zeros(len(lines))
+    for label, counts, colour in parts:
+        share = 100.0 * np.array(counts) / total
+        fate.barh(rows, share, left=left, color=colour, label=label, height=0.75)
+        left += share
+    fate.set_yticks(rows, [line.name for line in lines])
+    fate.set_xlim(0.0, 100.0)
+    fate.set_xlabel("missions [%]")
+    fate.grid(visible=False, axis="y")
+    figure.legend(loc="outside lower center", ncols=2)
+    for row, line in zip(rows, lines, strict=True):
+        if not math.isnan(line.latch_median):
+            low, high = max(line.latch_median, 0.1), max(line.latch_95, 0.1)
+            soon.plot([low, high], [row, row], color=GREY, lw=1.5, zorder=1)
+            soon.plot(low, row, "o", color=BLACK, ms=4.0)
+            soon.plot(high, row, "|", color=BLACK, ms=9.0)
+    soon.set_xscale("log")
+    soon.axvline(60.0, color=ORANGE, lw=1.0, ls="--")
+    plain_log_ticks(soon, "x")
+    soon.set_xlabel("onset to reason [s]: median (dot), 95 % (bar);\ndashed: 60 s")
+    label_panels([fate, soon])
+    law = flown.course.vehicle.controller
+    figure.suptitle(
+        f"{flown.course.vehicle.name}{f', law {law.law}' if law is not None else ''}: "
+        f"{len(flown.faulty)} missions with faults",
+        fontsize=10.5,
+    )  # fmt: skip
+    return figure
+
+
+@styled
+def draw_mission(flown: Flown) -> Figure:
+    """Return depth, volume, voltage and battery of a mission, and what the sensors said."""
+    figure = Figure(figsize=(8.0, 9.0))
+    depth, volume, command, battery = figure.subplots(
+        4, 1, sharex=True, height_ratios=(3.0, 2.0, 1.5, 1.0)
+    )
+    supervised, tick = flown.rows[0], flown.tick
+    time = tick * np.arange(len(supervised))
+    shown = _LONGER * max(tick * len(flown.rows[k]) for k in (0, -1))
+    depth.plot(
+        time, supervised[:, TRACE["depth_seen"]], color=ORANGE, lw=0.8, zorder=3,
+        label="as the sensor says",
+    )  # fmt: skip
+    for rows, label, colour, style in zip(
+        flown.rows[::-1],
+        ("told to come up 60 s after the faults act", "without the supervisor", "supervised")[
+            -len(flown.rows) :
+        ],
+        (GREEN, GREY, BLUE)[-len(flown.rows) :],
+        (":", "--", "-")[-len(flown.rows) :],
+        strict=True,
+    ):  # fmt: skip
+        t = tick * np.arange(len(rows))
+        label += f", to {t[-1]:.0f} s" if t[-1] > shown else ""
+        depth.plot(t, rows[:, TRACE["depth"]], color=colour, ls=style, label=label)
+        volume.plot(t, 1e6 * rows[:, TRACE["volume"]], color=colour, ls=style)
+    _frame(volume, [1e6 * rows[:, TRACE["volume"]] for rows in flown.rows])
+    volume.plot(time, 1e6 * supervised[:, TRACE["volume_seen"]], color=ORANGE, lw=0.8, zorder=3)
+    depth.plot(
+        time, supervised[:, TRACE["reference"]], color=BLACK, lw=0.8, ls="-.", label="asked for"
+    )
+    deepest = max(float(np.nanmax(rows[:, TRACE["depth"]])) for rows in flown.rows)
+    depth.set_ylim(1.15 * deepest + 1.0, -0.1 * deepest - 1.0)
+    depth_axis(depth)
+    unit = "V" if flown.course.vehicle.voltage_driven else "m³"
+    command.plot(time, supervised[:, TRACE["command"]], color=SKY, lw=0.8, label="commanded")
+    command.plot(
+        time, supervised[:, TRACE["applied"]], color=BLACK, lw=0.8, label="at the actuator"
+    )
+    battery.plot(time, supervised[:, TRACE["battery"]], color=BLACK, lw=0.8)
+    volume.set_ylabel("volume [cm³]")
+    command.set_ylabel(f"command [{unit}]")
+    battery.set_ylabel("battery [V]")
+    battery.set_xlabel("time [s]")
+    longest = tick * max(len(rows) for rows in flown.rows)
+    battery.set_xlim(-0.02 * min(shown, longest), min(shown, longest))
+    for axes in (depth, volume, command, battery):
+        for harm in flown.mission.harms:
+            axes.axvline(harm[3] * tick, color=VERMILION, lw=1.0, ls="--")
+        if not math.isnan(flown.latched):
+            axes.axvline(flown.latched, color=PURPLE, lw=1.2)
+    figure.legend(
+        handles=[*depth.get_legend_handles_labels()[0], *command.get_legend_handles_labels()[0]],
+        loc="outside lower center", ncols=3,
+    )  # fmt: skip
+    kinds = ", ".join(KINDS[fault].name for fault in flown.mission.faults)
+    onsets = f"dashed red: onset of {kinds}"
+    took = (
+        f"purple: the supervisor took over ({flown.reason})" if flown.reason else "no reason seen"
+    )
+    label = "h" if flown.healthy else ""
+    depth.set_title(
+        f"{flown.course.vehicle.name}, mission {label}{flown.mission.number}\n"
+        + (f"{onsets}; " if flown.mission.faults else "") + took,
+        fontsize=9.0,
+    )  # fmt: skip
+    return figure
+
+
+def _frame(axes: Axes, series: list[NDArray[np.float64]]) -> None:
+    """Let an axis show what was, whatever a sensor that drifts says of it."""
+    low = min(float(np.nanmin(x)) for x in series)
+    high = max(float(np.nanmax(x)) for x in series)
+    room = 0.1 * (high - low) + 1.0
+    axes.set_ylim(low - room, high + room)

@@ -1,0 +1,180 @@
+"""A mission as a picture: depth, volume, power by consumer, battery."""
+
+from __future__ import annotations
+
+from itertools import cycle, product
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from swimbladder.physics.hull import neutral_volume
+from swimbladder.show.plots.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    depth_axis,
+    label_panels,
+    styled,
+)
+from swimbladder.sim.mission.books import HOLDING, PUMP, VALVE
+from swimbladder.sim.mission.core.names import Drive, Note, Now, Row
+from swimbladder.sim.mission.power import consumer_energy, drawn_energy, mean_power
+from swimbladder.sim.mission.result import MissionResult
+from swimbladder.sim.mission.tables import cycle_columns, speeds
+
+__all__ = ["draw_mission"]
+
+Array = NDArray[np.float64]
+_MINUTE, _HOUR, _DAY = 60.0, 3600.0, 86400.0
+
+
+@styled
+def draw_mission(result: MissionResult) -> Figure:
+    """Return the figure of a mission: the first cycle in depth and volume, then all cycles."""
+    rows: Any = [["depth", "speed"], ["volume", "neutral"], ["energy", "battery"]]
+    rows[2:2] = [["power", "power"]] if result.energy_known else []
+    figure = Figure(figsize=(9.5, 2.7 * len(rows)))
+    axes = figure.subplot_mosaic(rows)
+    flight = result.flight
+    title = f"{flight.vehicle.name}: {flight.mission.name or 'mission'}, {flight.column.source}"
+    figure.suptitle(title, fontsize=11.0)
+    first = result.flight.rows[result.flight.rows[:, Row.CYCLE] == 0.0]
+    unit, words = _unit(float(first[-1, Row.T]))
+    _depth(result, first, unit, words, axes["depth"])
+    _speed(result, axes["speed"])
+    _volume(result, first, unit, words, axes["volume"])
+    _neutral(result, first, axes["neutral"])
+    if result.energy_known:
+        _power(result, len(first), unit, words, axes["power"])
+    _energy(result, axes["energy"])
+    _battery(result, axes["battery"])
+    label_panels(list(axes.values()))
+    return figure
+
+
+def _unit(seconds: float) -> tuple[float, str]:
+    for unit, words, most in ((_MINUTE, "min", 3 * _HOUR), (_HOUR, "h", 3 * _DAY)):
+        if seconds <= most:
+            return unit, words
+    return _DAY, "d"
+
+
+def _depth(result: MissionResult, first: Array, unit: float, words: str, axes: Axes) -> None:
+    axes.plot(first[:, Row.T] / unit, first[:, Row.Z], color=BLUE, label="depth")
+    notes = result.flight.notes
+    notes = notes[notes[:, Drive.T] <= first[-1, Row.T]]
+    for what, colour, marker, name in (
+        (Note.PUMP, VERMILION, "^", "pump starts"), (Note.VALVE, GREEN, "v", "valve opens"),
+    ):  # fmt: skip
+        some = notes[notes[:, Drive.WHAT] == what]
+        if len(some):
+            axes.plot(some[:, Drive.T] / unit, some[:, Drive.Z], marker, color=colour, ms=4,
+                      mew=0.0, label=name)  # fmt: skip
+    depth_axis(axes)
+    axes.set_xlabel(f"time in the first cycle [{words}]")
+    axes.legend(loc="upper center", ncols=3, fontsize=8, bbox_to_anchor=(0.5, 1.2))
+
+
+def _speed(result: MissionResult, axes: Axes) -> None:
+    table = speeds(result.flight)
+    for name, colour, words in (
+        ("sinking_m_s", BLUE, "sinking"), ("rising_m_s", VERMILION, "rising"),
+    ):  # fmt: skip
+        if np.isfinite(table[name]).any():
+            axes.plot(100.0 * table[name], table["depth_m"], color=colour, label=words)
+    axes.set_xlim(left=0.0)
+    depth_axis(axes)
+    axes.set_xlabel("mean vertical speed [cm/s]")
+    if axes.lines:
+        axes.legend(loc="best")
+
+
+def _volume(result: MissionResult, first: Array, unit: float, words: str, axes: Axes) -> None:
+    axes.plot(first[:, Row.T] / unit, 1e6 * first[:, Row.V], color=BLUE)
+    for stop in (result.flight.vehicle.stroke.minimum, result.flight.vehicle.stroke.maximum):
+        axes.axhline(1e6 * stop, color=GREY, ls=":", lw=1.2)
+    axes.set_ylabel("volume [cm³]\n(dotted: end stops)")
+    axes.set_xlabel(f"time in the first cycle [{words}]")
+
+
+def _neutral(result: MissionResult, first: Array, axes: Axes) -> None:
+    flight = result.flight
+    within = flight.column.depth <= float(np.max(first[:, Row.Z])) * 1.02
+    neutral = neutral_volume(flight.vehicle, flight.column)
+    lags = flight.vehicle.hull.thermal_time_constant > 0.0
+    axes.plot(1e6 * first[:, Row.V], first[:, Row.Z], color=BLUE, lw=1.0, label="volume")
+    axes.plot(1e6 * neutral[within], flight.column.depth[within], color=ORANGE, ls="--",
+              label="neutral, with a hull as warm as the water" if lags else "neutral")  # fmt: skip
+    depth_axis(axes)
+    axes.set_xlabel("volume [cm³]")
+    axes.legend(loc="best")
+
+
+def _power(result: MissionResult, count: int, unit: float, words: str, axes: Axes) -> None:
+    """Draw each consumer's power over the first `count` rows, as steps on a logarithmic scale."""
+    time, energy = result.flight.rows[:, Row.T], consumer_energy(result.flight)
+    shown = np.flatnonzero(np.diff(time[: count + 1], append=np.inf)[:count] > 0.0)
+    power = {name: mean_power(time, taken)[shown] for name, taken in energy.items()}
+    t = time[shown] / unit
+    drawn = np.concatenate([np.zeros(0), *(values[values > 0.0] for values in power.values())])
+    if not drawn.size:
+        axes.set_visible(False)
+        return
+    least, most = float(drawn.min()), float(drawn.max())
+    own = {PUMP: VERMILION, VALVE: GREEN, HOLDING: PURPLE}
+    others = cycle(product(("-", "--", ":"), (BLUE, ORANGE, SKY, BLACK, GREY)))
+    axes.set_yscale("log")
+    for name, values in power.items():
+        style, colour = ("-", own[name]) if name in own else next(others)
+        # what is off is far below the axis: a run of seconds in days is a stroke, not a dot
+        axes.step(t, np.where(values > 0.0, values, 1e-6 * least), style,
+                  where="post", color=colour, lw=1.2, label=name)  # fmt: skip
+    axes.set_ylim(0.5 * least, 2.0 * most)
+    axes.set_ylabel("power [W]")
+    axes.set_xlabel(f"time in the first cycle [{words}]")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+
+
+def _energy(result: MissionResult, axes: Axes) -> None:
+    columns = cycle_columns(result)
+    axes.set_xlabel("cycle")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    if not result.energy_known:
+        axes.bar(columns["cycle"], 1e6 * columns["pumped_m3"], color=BLUE)
+        axes.set_ylabel("pumped [cm³]")
+        return
+    below = np.zeros(len(columns["cycle"]))
+    for key, colour, words in (
+        ("pump_J", VERMILION, "pump"), ("valve_J", GREEN, "valve"),
+        ("holding_J", PURPLE, "holding"), ("loads_J", GREY, "standby and loads"),
+    ):  # fmt: skip
+        values = columns[key] / 1e3
+        if np.any(values != 0.0):
+            axes.bar(columns["cycle"], values, bottom=below, color=colour, label=words, width=0.9)
+            below = below + values
+    axes.set_ylabel("energy per cycle [kJ]")
+    if below.any():
+        axes.set_ylim(0.0, 1.4 * float(below.max()))
+        axes.legend(loc="upper right", ncols=2, fontsize=8)
+
+
+def _battery(result: MissionResult, axes: Axes) -> None:
+    rows, charge = result.flight.rows, result.charge()
+    unit, words = _unit(float(result.flight.end[Now.T]))
+    if np.isnan(charge).all():
+        axes.plot(rows[:, Row.T] / unit, drawn_energy(rows) / 1e3, color=BLUE)
+        axes.set_ylabel("energy drawn [kJ]")
+    else:
+        axes.plot(rows[:, Row.T] / unit, 100.0 * charge, color=BLUE)
+        axes.set_ylim(min(0.0, 100.0 * float(charge.min())), 102.0)
+        axes.set_ylabel("battery left [%]")
+    axes.set_xlabel(f"time [{words}]")

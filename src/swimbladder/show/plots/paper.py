@@ -1,0 +1,211 @@
+"""Figures 12 to 14, 16 and 17 of the paper, drawn from simulations; no curve was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from swimbladder.show.plots.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    depth_axis,
+    label_panels,
+    styled,
+)
+from swimbladder.sim.closed_loop import Solution
+from swimbladder.sim.pool import Experiment, Fit, PoolRun, centred_differences, response
+
+__all__ = [
+    "draw_depths",
+    "draw_long_step",
+    "draw_neglect",
+    "draw_procedure",
+    "draw_speeds",
+    "draw_steps",
+]
+
+_SIZES = (BLUE, GREEN, ORANGE, PURPLE)  # one for each change of volume
+_MARKS = ("o", "s", "^", "D")
+
+
+@styled
+def draw_procedure(run: PoolRun) -> Figure:
+    """Return Fig. 12: depth and volume against time through steps (a) to (d) of one run."""
+    s = run.solution
+    starts: dict[str, float] = {}
+    for time, step, _ in run.phases:
+        starts.setdefault(step or "end", time)
+    end = starts["end"]
+    shown = s.time <= end + 5.0
+    figure = Figure(figsize=(7.5, 4.6))
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
+    top.plot(
+        s.time[shown],
+        run.seen_depth[shown],
+        ".",
+        ms=1.5,
+        color=ORANGE,
+        label="depth sensor, simulated",
+    )
+    top.plot(s.time[shown], s.depth[shown], color=BLUE, lw=1.2, label="depth, simulated")
+    top.axhline(0.0, color=GREY, lw=0.9)
+    depth_axis(top)
+    bottom.plot(s.time[shown], s.volume[shown] * 1e6, color=BLUE, lw=0.8)
+    bottom.set(ylabel="volume [cm³]", xlabel="time [s]")
+    times = [*(starts[step] for step in "abcd"), end]
+    for axes in (top, bottom):
+        for time in times[1:-1]:
+            axes.axvline(time, color=BLACK, ls=":", lw=0.9)
+    for step, first, last in zip("abcd", times, times[1:], strict=False):
+        top.annotate(
+            f"({step})", (0.5 * (first + last), 1.0), (0, 3), xycoords=("data", "axes fraction"),
+            textcoords="offset points", ha="center", fontweight="bold", annotation_clip=False,
+        )  # fmt: skip
+    top.legend(loc="upper left", bbox_to_anchor=(0.02, 0.62), markerscale=5.0)
+    figure.align_ylabels([top, bottom])
+    return figure
+
+
+@styled
+def draw_speeds(experiments: Sequence[Experiment], fit: Fit) -> Figure:
+    """Return Fig. 13: speed from the noisy depths, and as eq. (26) has it with one K2 and T2."""
+    figure, panels = _rising_and_sinking("speed, positive down [m/s]")
+    for axes, colour, mark, e in _placed(experiments, panels):
+        r = e.record
+        speed = centred_differences(r.depth, float(r.time[1] - r.time[0]))
+        axes.plot(r.time, speed, mark, ms=2.2, mew=0.0, alpha=0.55, color=colour)
+        model = response(r.time, r.volume, K2=fit.K2, T2=fit.T2)[1]
+        axes.plot(r.time, model, color=colour, label=_size(e))
+    return _with_key(figure, panels)
+
+
+@styled
+def draw_depths(experiments: Sequence[Experiment], fit: Fit) -> Figure:
+    """Return Fig. 14: depth as the sensor said, and as eq. (27) has it with one K2 and T2."""
+    figure, panels = _rising_and_sinking("depth [m]")
+    for axes, colour, mark, e in _placed(experiments, panels):
+        r = e.record
+        axes.plot(r.time, r.depth, mark, ms=2.2, mew=0.0, alpha=0.55, color=colour)
+        model = r.start + response(r.time, r.volume, K2=fit.K2, T2=fit.T2)[0]
+        axes.plot(r.time, model, color=colour, label=_size(e))
+    for axes in panels:
+        depth_axis(axes)
+    panels[1].set_ylabel("")
+    return _with_key(figure, panels)
+
+
+def _size(e: Experiment) -> str:
+    return f"{e.dV * 1e6:+.3g} cm³".replace("-", "\u2212")
+
+
+def _rising_and_sinking(label: str) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=(7.5, 3.9))
+    panels = list(figure.subplots(1, 2))
+    panels[0].set(ylabel=label, xlabel="time since the change of volume [s]")
+    panels[1].set(xlabel="time since the change of volume [s]")
+    return figure, panels
+
+
+def _placed(
+    experiments: Sequence[Experiment], panels: list[Axes]
+) -> list[tuple[Axes, str, str, Experiment]]:
+    """Each experiment with its panel (rising left, sinking right), its colour and its mark."""
+    sizes = sorted({abs(e.dV) for e in experiments})
+    return [
+        (
+            panels[0 if e.step == "b" else 1],
+            _SIZES[sizes.index(abs(e.dV)) % len(_SIZES)],
+            _MARKS[sizes.index(abs(e.dV)) % len(_MARKS)],
+            e,
+        )
+        for e in experiments
+    ]
+
+
+def _with_key(figure: Figure, panels: list[Axes]) -> Figure:
+    for axes, step in zip(panels, ("step (b), rising", "step (d), sinking"), strict=True):
+        axes.legend(
+            loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, title=step,
+            title_fontproperties={"weight": "bold", "size": 10},
+        )  # fmt: skip
+    return figure
+
+
+@styled
+def draw_neglect(
+    experiments: Sequence[Experiment], fits: Sequence[Fit], still: Sequence[tuple[float, Fit]],
+    truth: Fit,
+) -> Figure:  # fmt: skip
+    """Return K2 and T2 against the size of the volume change, as found where psi is left out.
+
+    fits: of the experiments, with noise; still: (change of volume [m3], fit), without.
+    """
+    figure = Figure(figsize=(7.5, 3.4))
+    panels = list(figure.subplots(1, 2))
+    for axes, name, label in zip(panels, ("K2", "T2"), ("K₂ [1/(m² s)]", "T₂ [s]"), strict=True):
+        axes.plot(
+            [1e6 * abs(dV) for dV, _ in still], [getattr(f, name) for _, f in still],
+            "-", color=BLACK, label="no noise, exactly neutral start",
+        )  # fmt: skip
+        for step, mark, colour in (("b", "^", BLUE), ("d", "v", VERMILION)):
+            chosen = [(e, f) for e, f in zip(experiments, fits, strict=True) if e.step == step]
+            axes.plot(
+                [1e6 * abs(e.dV) for e, _ in chosen], [getattr(f, name) for _, f in chosen],
+                mark, color=colour, label=f"step ({step}), with noise",
+            )  # fmt: skip
+        axes.axhline(getattr(truth, name), color=GREY, ls="--", label="of the simulated vehicle")
+        axes.set(xlabel="size of the change of volume [cm³]", ylabel=label)
+        axes.set_ylim(bottom=0.0)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    return figure
+
+
+@styled
+def draw_steps(s: Solution) -> Figure:
+    """Return Fig. 16: depth steps of different size and direction, with volume and voltage."""
+    figure = Figure(figsize=(7.5, 5.6))
+    panels = list(figure.subplots(3, 1, sharex=True, height_ratios=[5, 3, 2]))
+    top, middle, bottom = panels
+    minutes = s.time / 60.0
+    top.step(minutes, s.reference, where="post", color=GREY, ls="--", lw=1.1, label="set-point")
+    top.plot(minutes, s.depth, color=BLUE, label="depth, simulated")
+    depth_axis(top)
+    top.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
+    middle.plot(minutes, s.volume * 1e6, color=BLUE, lw=1.1)
+    middle.set_ylabel("volume [cm³]")
+    bottom.step(minutes, s.voltage, where="post", color=GREEN, lw=0.8)
+    bottom.set(ylabel="voltage [V]", xlabel="time [min]")
+    bottom.set_xlim(0.0, float(minutes[-1]))
+    figure.align_ylabels(panels)
+    return figure
+
+
+@styled
+def draw_long_step(s: Solution) -> Figure:
+    """Return Fig. 17: (a) a longer step, (b) the same around the target."""
+    target, start = float(s.reference[-1]), float(s.depth[0])
+    band = 0.02 * abs(target - start)
+    figure = Figure(figsize=(7.5, 3.6))
+    panels = list(figure.subplots(1, 2))
+    for axes in panels:
+        axes.step(s.time, s.reference, where="post", color=GREY, ls="--", lw=1.1, label="set-point")
+        axes.plot(s.time, s.depth, color=BLUE, label="depth, simulated")
+        axes.set_xlabel("time [s]")
+        axes.set_xlim(0.0, float(s.time[-1]))
+    near = 3.0 * band
+    panels[1].axhspan(target - band, target + band, color=GREEN, alpha=0.15, lw=0.0, label="± 2 %")
+    panels[1].set_ylim(target - near, target + near)
+    for axes in panels:
+        depth_axis(axes)
+    panels[1].set_ylabel("")
+    panels[1].legend(loc="lower right")
+    label_panels(panels)
+    return figure

@@ -1,0 +1,203 @@
+"""What a sized drive was chosen from: mass against energy, each part's best, each wish's price."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from swimbladder.design.sizing import Sizing
+from swimbladder.design.sizing.candidates import PARTS
+from swimbladder.design.sizing.run import Choice, Sweep
+from swimbladder.show.plots.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    ORANGE,
+    VERMILION,
+    label_panels,
+    plain_log_ticks,
+    styled,
+)
+from swimbladder.units import rounded
+
+__all__ = ["draw_candidates", "draw_parts", "draw_wishes"]
+
+Array = NDArray[np.float64]
+_WIDEST = 5.0  # of the lightest: heavier bars are cut, and their mass written
+_ABOVE = 1.08  # of the largest, so that its marker is whole; the stroke's lies below the mass's
+_APART = 1.25
+_SHOWN = 12.0  # times the lightest, and times the least energy: what is beyond is only counted
+
+_WISHES = {
+    "depth": ("depth [m]", 1.0),
+    "turn_time": ("turn time at depth [min]", 60.0),
+    "speed": ("speed down and up [m/s]", 1.0),
+    "trim": ("trim not known, 1 sigma [cm³]", 1e-6),
+    "cycles": ("cycles", 1.0),
+}
+
+
+@styled
+def draw_candidates(found: Sizing) -> Figure:
+    """Return mass of drive and battery against energy per cycle of every drive that does it."""
+    w = found.weighed
+    figure = Figure(figsize=(7.0, 4.6))
+    axes = figure.add_subplot()
+    screw = np.array([c.pump is None for c in found.batch.of])
+    for mask, color, marker, label in (
+        (w.feasible & ~screw, BLUE, "o", "pump"),
+        (w.feasible & screw, ORANGE, "^", "screw"),
+    ):
+        if np.any(mask):
+            axes.scatter(
+                w.mass[mask], w.cycle_energy[mask] * 1e-3, s=9, color=color, marker=marker,
+                alpha=0.5, linewidths=0, label=f"{label}, {np.count_nonzero(mask):,} drives",
+            )  # fmt: skip
+    front = found.pareto
+    axes.plot(
+        w.mass[front],
+        w.cycle_energy[front] * 1e-3,
+        color=BLACK,
+        marker=".",
+        label="best compromises",
+    )
+    axes.plot(
+        w.mass[found.best], w.cycle_energy[found.best] * 1e-3, "*", color=VERMILION, ms=15,
+        label="chosen",
+    )  # fmt: skip
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel(f"drive and battery for {found.asked.dive.cycles} cycles [kg]")
+    axes.set_ylabel("energy of the drive per cycle [kJ]")
+    axes.set_title(f"{found.body.name} to {found.asked.dive.depth:g} m", loc="left")
+    beyond = _frame(axes, w.mass[w.feasible], w.cycle_energy[w.feasible] * 1e-3)
+    plain_log_ticks(axes, "x", "y")
+    if beyond:
+        axes.plot([], [], " ", label=f"{beyond:,} are beyond the edges")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return figure
+
+
+def _frame(axes: Axes, mass: Array, energy: Array) -> int:
+    """Show what comes near the best in both, and return how many drives do not."""
+    near = (mass <= _SHOWN * mass.min()) & (energy <= _SHOWN * energy.min())
+    for set_limits, values in ((axes.set_xlim, mass[near]), (axes.set_ylim, energy[near])):
+        set_limits(float(values.min()) / 1.15, 1.15 * float(values.max()))
+    return int(np.count_nonzero(~near))
+
+
+@styled
+def draw_parts(found: Sizing) -> Figure:
+    """Return the best mass with each part in the drive, all others free, and why there is none."""
+    w = found.weighed
+    kinds = [k for k in PARTS if any(c.what == k for c in found.choices)]
+    rows = [
+        c for kind in kinds for c in sorted(
+            (c for c in found.choices if c.what == kind), key=_volts
+        )
+    ]  # fmt: skip
+    figure = Figure(figsize=(8.0, 0.24 * len(rows) + 1.2))
+    axes = figure.add_subplot()
+    chosen = found.chosen.choices
+    labels, lightest = [], float(w.mass[found.best])
+    for place, choice in enumerate(rows):
+        labels.append(_label(choice.what, choice.name))
+        if choice.index < 0:
+            lacking = f"none does: {100.0 * choice.margin:.0f} % of the {choice.missing} needed"
+            axes.text(
+                0.02 * lightest, place, lacking,
+                va="center", fontsize=8.0, color=GREY,
+            )  # fmt: skip
+            continue
+        took = chosen.get(choice.what) == choice.name
+        mass, battery = float(w.mass[choice.index]), float(w.battery_mass[choice.index])
+        color = VERMILION if took else BLUE
+        axes.barh(place, mass - battery, color=color, height=0.7)
+        axes.barh(place, battery, left=mass - battery, color=color, alpha=0.45, height=0.7)
+        if mass > _WIDEST * lightest:
+            axes.text(
+                0.995 * _WIDEST * lightest, place, f"{rounded(mass, 2)} kg \N{RIGHTWARDS ARROW}",
+                ha="right", va="center", fontsize=8.0,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
+            )  # fmt: skip
+    axes.set_yticks(range(len(rows)), labels, fontsize=8.0)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.grid(axis="y", visible=False)
+    axes.set_xlim(0.0, _WIDEST * lightest)
+    axes.set_xlabel("least mass with that part: drive (full colour) and battery (pale) [kg]")
+    axes.set_title(
+        f"{found.body.name} to {found.asked.dive.depth:g} m: each part, the others free "
+        "(red: chosen)",
+        loc="left",
+    )
+    return figure
+
+
+def _volts(choice: Choice) -> float:
+    """Return what windings and supplies are put in order by; other parts keep theirs."""
+    return float(choice.name.split()[0]) if choice.what in ("winding", "supply") else 0.0
+
+
+def _label(what: str, name: str) -> str:
+    return name if what in name or what in ("kind", "pump", "battery") else f"{what} {name}"
+
+
+@styled
+def draw_wishes(found: Sizing) -> Figure:
+    """Return what each wish costs: the least mass and its stroke as depth, time, ... change.
+
+    Behind them where the chosen drive's battery goes.
+    """
+    sweeps = [sweep for sweep in found.sweeps if len(sweep.values) > 1]
+    count = len(sweeps) + 1
+    figure = Figure(figsize=(10.5, 2.9 * math.ceil(count / 3)))
+    panels = list(figure.subplots(math.ceil(count / 3), 3, squeeze=False).flat)
+    for axes, sweep in zip(panels, sweeps, strict=False):
+        _wish(axes, sweep, getattr(found.asked.dive, sweep.what))
+    _spent(panels[len(sweeps)], found)
+    for axes in panels[count:]:
+        axes.set_visible(False)
+    label_panels(panels[:count])
+    return figure
+
+
+def _spent(axes: Axes, found: Sizing) -> None:
+    """Draw what becomes of the battery's energy."""
+    budget, best, dive = found.weighed.spent, found.best, found.asked.dive
+    drive = dive.cycles * found.weighed.cycle_energy[best] - budget.driver_loss[best]
+    driver = budget.driver_loss[best] + budget.driver_standby[best]
+    bars = {
+        "drive": drive, "driver": driver, "hotel": budget.drawn[best] - drive - driver,
+        "self-discharge": budget.self_discharged[best],
+        f"cold, {found.asked.coldest:.3g} °C": budget.cold[best],
+        "reserve": budget.reserve[best], "not usable": budget.unusable[best],
+    }  # fmt: skip
+    energy = [float(value) / 3600.0 for value in bars.values()]
+    colors = [BLUE] * 3 + [ORANGE] * 4  # drawn, and not to be had
+    axes.barh(range(len(bars)), energy, color=colors, height=0.7)
+    axes.set_yticks(range(len(bars)), list(bars), fontsize=8.0)
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("of the chosen battery [Wh] (orange: not drawn)")
+
+
+def _wish(axes: Axes, sweep: Sweep, asked: float) -> None:
+    name, unit = _WISHES[sweep.what]
+    x = np.array(sweep.values) / unit
+    axes.plot(x, sweep.mass, color=BLUE, marker="o", label="mass [kg]")
+    axes.set_xlabel(name)
+    axes.set_ylabel("drive and battery [kg]", color=BLUE)
+    axes.set_ylim(0.0, _ABOVE * float(np.nanmax(sweep.mass, initial=0.0)) or None)
+    other = axes.twinx()
+    other.spines["right"].set_visible(True)
+    other.plot(x, np.array(sweep.stroke) * 1e6, color=ORANGE, marker="^", ls="--")
+    other.set_ylabel("stroke [cm³]", color=ORANGE)
+    other.set_ylim(0.0, _APART * 1e6 * max(sweep.stroke))
+    other.grid(visible=False)
+    axes.axvline(asked / unit, color=GREY, lw=0.8, ls=":")
+    for place in x[~np.isfinite(np.array(sweep.mass))]:
+        axes.text(place, 0.0, "none", color=VERMILION, ha="center", va="bottom", fontsize=8.0)

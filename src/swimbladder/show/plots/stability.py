@@ -1,0 +1,104 @@
+"""Where a law brings a vehicle back from, beside what no controller can."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from swimbladder.design.stability.recover import Map, Verdict
+from swimbladder.design.stability.result import Stability
+from swimbladder.show.plots.style import (
+    BLACK,
+    BLUE,
+    ORANGE,
+    SKY,
+    VERMILION,
+    label_panels,
+    styled,
+)
+
+__all__ = ["draw_recovery", "draw_robustness"]
+
+_COLOURS = {
+    Verdict.NOT_ASKED: "#FFFFFF", Verdict.RECOVERED: BLUE, Verdict.SLOW: SKY,
+    Verdict.UNSETTLED: ORANGE, Verdict.LOST: VERMILION,
+}  # fmt: skip
+
+
+@styled
+def draw_recovery(found: Stability) -> Figure:
+    """Return the maps: a cell for each run, a line where no controller comes back any more."""
+    figure = Figure(figsize=(9.0, 7.5))
+    panels = list(figure.subplots(2, 2).flat)
+    for axes, one in zip(panels, found.maps, strict=True):
+        _draw(axes, one)
+    label_panels(panels)
+    for axes, one in zip(panels, found.maps, strict=True):
+        axes.set_title(one.title, fontsize=9.5)
+    labels = {
+        Verdict.RECOVERED: f"within {100.0 * found.band:.3g} cm in {found.within:g} s, and stays",
+        Verdict.SLOW: "later", Verdict.UNSETTLED: f"not in {3.0 * found.within:g} s",
+        Verdict.LOST: "lost",
+    }  # fmt: skip
+    handles: list[Any] = [Patch(color=_COLOURS[v], label=text) for v, text in labels.items()]
+    lines = [axes.get_legend_handles_labels()[0] for axes in panels]
+    handles += next((line[:1] for line in lines if line), [])
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    figure.suptitle(f"{found.vehicle}, law {found.law}", fontsize=10.5)
+    return figure
+
+
+def _draw(axes: Axes, one: Map) -> None:
+    shades = ListedColormap([_COLOURS[v] for v in Verdict])
+    axes.pcolormesh(
+        one.x, one.y, one.verdicts, cmap=shades, vmin=-0.5, vmax=len(Verdict) - 0.5,
+        shading="nearest", rasterized=True,
+    )  # fmt: skip
+    low, high = axes.get_ylim()
+    if np.isfinite(one.edge).any() and float(np.min(one.edge)) < high:
+        axes.plot(one.x, one.edge, color=BLACK, lw=1.8, label="beyond it no controller comes back")
+    axes.set_ylim(low, high)
+    if one.name != "steps":  # speeds are spaced by their cube
+        axes.set_yscale("function", functions=(np.cbrt, lambda x: x**3))
+        sizes = [size for size in (0.01, 0.1, 0.5, 1.0, 2.0, 5.0, 10.0) if size < high]
+        axes.set_yticks([-size for size in reversed(sizes)] + [0.0, *sizes])
+        axes.yaxis.set_major_formatter("{x:g}")
+    axes.grid(visible=False)
+    axes.set_xlabel(one.x_label)
+    axes.set_ylabel(one.y_label)
+
+
+@styled
+def draw_robustness(found: Stability) -> Figure:
+    """Return the share of draws that settle against the gain, a line for each law and delay."""
+    laws = list(dict.fromkeys(s.law for s in found.stood))
+    figure = Figure(figsize=(7.5, 2.2 + 1.5 * len(laws)))
+    panels = list(np.atleast_1d(figure.subplots(len(laws), 1, sharex=True)))
+    for axes, law in zip(panels, laws, strict=True):
+        own = [s for s in found.stood if s.law == law]
+        for delay, colour, mark in zip(
+            sorted({s.delay for s in own}), (BLUE, VERMILION), ("o-", "s--"), strict=False
+        ):
+            line = [s for s in own if s.delay == delay]
+            axes.plot(
+                [s.gain for s in line], [100.0 * s.settled for s in line], mark, color=colour,
+                label=f"{delay:g} s late" if delay else "as it is",
+            )  # fmt: skip
+        axes.set_ylim(-5.0, 105.0)
+        axes.set_ylabel("settle [%]")
+        axes.set_title(law, fontsize=9.5)
+    panels[-1].set_xscale("log")
+    gains = sorted({s.gain for s in found.stood})
+    panels[-1].set_xticks(gains, [f"{g:g}" for g in gains], minor=False)
+    panels[-1].set_xticks([], minor=True)
+    panels[-1].set_xlabel("gain on the command [-]")
+    panels[0].legend(loc="lower left")
+    label_panels(panels)
+    for axes, law in zip(panels, laws, strict=True):
+        axes.set_title(law, fontsize=9.5)
+    return figure

@@ -1,0 +1,207 @@
+"""What an identification of an actuator found, as files: page, steps, picture and vehicle."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from swimbladder import __version__
+from swimbladder.errors import NoAnswerError
+from swimbladder.estimation.actuator import ActuatorIdentification
+from swimbladder.estimation.actuator.estimate import shown_unit
+from swimbladder.estimation.actuator.nine import Known
+from swimbladder.estimation.actuator.result import LogFit, Step
+from swimbladder.io.config import file_text
+from swimbladder.io.files import publish, write_atomically
+from swimbladder.io.tables import write_csv
+from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.show.plots.actuator_logs import draw_log, draw_speeds, shows_speeds
+from swimbladder.show.plots.identify_actuator import draw_steps
+from swimbladder.show.plots.style import save
+from swimbladder.show.report.actuator_words import headlines, labels, pairs, rows, told, words
+from swimbladder.show.report.html import render
+from swimbladder.units import rounded, unit_factor
+
+__all__ = ["write_actuator"]
+
+_PAGE = "identify-actuator.html"
+_HEAD = "Identified by swimbladder identify-actuator."
+_DRIVEN = {
+    "voltage": "Driven by a logged voltage",
+    "reference": "Judged by what a positioner was asked for",
+    "nothing": "Moves at full speed, the voltage not logged",
+}
+_FULL = 9.6  # inches of a picture as wide as the page
+
+
+def write_actuator(
+    found: ActuatorIdentification, out: Path, *, command: str, seconds: float, picture: bool,
+    advance: Callable[[float], None] = lambda _: None,
+) -> tuple[list[Path], str]:  # fmt: skip
+    """Write page and steps into the folder `out`; return the paths, and why there is no vehicle.
+
+    A vehicle is written where one was given and something of it was identified; else the one of an
+    earlier run is taken away. command: how the page says that it was made; seconds: how long the
+    fit took; picture: also steps.png; advance: told the share of the work done. Raises InputError
+    where the folder cannot be written; whatever is in it then stays as it is.
+    """
+    files, old = {_PAGE: "", "steps.csv": ""}, out / "vehicle.toml"
+    why = ""
+    if found.given is not None:
+        try:
+            text = vehicle_file(found.vehicle, head=_HEAD)
+        except NoAnswerError as error:
+            why = str(error)
+        else:
+            files["vehicle.toml"] = text
+    if picture:
+        files["steps.png"] = ""
+
+    def write(folder: Path) -> None:
+        write_csv(folder / "steps.csv", found.columns())
+        if "vehicle.toml" in files:
+            write_atomically(folder / "vehicle.toml", files["vehicle.toml"])
+        if picture:
+            save(draw_steps(found), folder / "steps.png")
+        html = _page(found, folder, list(files)[1:], command, seconds, advance)
+        write_atomically(folder / _PAGE, html)
+
+    publish(out, write)
+    if old.name not in files and old.is_file() and file_text(old).startswith(f"# {_HEAD}"):
+        old.unlink()
+    return [out / name for name in files], why
+
+
+def _page(
+    found: ActuatorIdentification, folder: Path, files: list[str], command: str, seconds: float,
+    advance: Callable[[float], None],
+) -> str:  # fmt: skip
+    """Return the report as HTML that needs nothing but itself; `folder` is to draw in."""
+    share = 1.0 / (len(found.logs) + 1)
+    scale, unit = (1e3, "mm") if found.quantity == "piston" else (1e6, "cm³")
+    names = labels(found)
+    called = dict(zip((fit.source for fit in found.logs), names, strict=True))
+    speeds = []
+    if shows_speeds(found):
+        caption = _SPEEDS[found.driven == "voltage"]
+        speeds = [_figure("speeds", "Steady speeds.", caption, draw_speeds(found), folder)]
+    advance(share)
+    logs = []
+    for number, (fit, name) in enumerate(zip(found.logs, names, strict=True), start=1):
+        own = [s for s in found.steps if s.source == fit.source]
+        logs.append(
+            {
+                "name": name,
+                "refusal": fit.refusal,
+                "rows": _alone(found, fit),
+                "figures": _figures(found, own, number, folder) if own else [],
+            }
+        )
+        advance(share)
+    ordered = sorted(found.findings, key=lambda f: f.severity == "note")
+    return render(
+        "actuator.html.j2",
+        {
+            "version": __version__,
+            "name": "Actuator" if found.given is None else f"Actuator of {found.given.name}",
+            "identified": found.identified,
+            "driven": _DRIVEN[found.driven],
+            "what": "steps" if found.driven == "voltage" else "moves",
+            "moves": found.driven != "voltage",
+            "samples": sum(len(s.time) for s in found.steps),
+            "noise": f"{rounded(scale * found.noise, 2)} {unit}",
+            "unit": unit,
+            "seconds": rounded(seconds, 2),
+            "headlines": headlines(found),
+            "warnings": [f for f in ordered if f.severity == "warning"],
+            "notes": [f for f in ordered if f.severity == "note"],
+            "rows": rows(found),
+            "pairs": pairs(found),
+            "speeds": speeds,
+            "nine": [_known(k) for k in found.nine],
+            "logs": logs,
+            "steps": [
+                _step(k, s, called[s.source], scale) for k, s in enumerate(found.steps, start=1)
+            ],
+            "assumptions": found.assumptions,
+            "reading": found.notes,
+            "files": files,
+            "command": command,
+        },
+    )
+
+
+_SPEEDS = {
+    True: "The speed in the second half of each stretch of steady voltage, and the fitted line: "
+    "its slope is K1, outward and inward, its gap the dead zone, the middle of the gap the load.",
+    False: "The speed of each move, and each log's mean of each direction with its 95 % interval.",
+}
+
+
+def _known(k: Known) -> dict[str, Any]:
+    """Return one of the nine as texts."""
+    if k.value is None:
+        return k._asdict() | {"value": "-"}
+    unit = shown_unit(k.unit)
+    return k._asdict() | {"value": rounded(unit_factor(k.unit, unit) * k.value), "unit": unit}
+
+
+def _alone(found: ActuatorIdentification, fit: LogFit) -> list[dict[str, str]]:
+    """Return the rows of what one of several logs tells by itself."""
+    if len(found.logs) == 1:
+        return []
+    return [
+        words(name, e) for name, e in fit.parameters.items()
+        if e.origin == "data" and told(e)
+    ]  # fmt: skip
+
+
+def _figures(
+    found: ActuatorIdentification, steps: list[Step], number: int, folder: Path
+) -> list[dict[str, str]]:
+    """Return the pictures of one log."""
+    whole = _figure(
+        f"log-{number}", "The whole log.",
+        "Each stretch between two rests is fitted from an unknown start. A pattern in what is left "
+        "over is something that the model does not know.",
+        draw_log(found, steps), folder,
+    )  # fmt: skip
+    each = _figure(
+        f"steps-{number}", "Step by step." if found.driven == "voltage" else "How they start.",
+        "Travel since the first sample, and what is left over, in one scale; of many steps some.",
+        draw_steps(found, steps[0].source), folder,
+    )  # fmt: skip
+    return [whole, each]
+
+
+def _figure(name: str, title: str, caption: str, figure: Figure, folder: Path) -> dict[str, str]:
+    """Return a picture as the page has it: a PNG inside the file."""
+    path = save(figure, folder / f"{name}.png")
+    data = base64.b64encode(path.read_bytes()).decode("ascii")
+    path.unlink()
+    return {
+        "name": name,
+        "title": title,
+        "caption": caption,
+        "data": f"data:image/png;base64,{data}",
+        "width": f"{min(100.0 * figure.get_size_inches()[0] / _FULL, 100.0):.0f}%",
+    }
+
+
+def _step(number: int, step: Step, log: str, scale: float) -> dict[str, Any]:
+    return {
+        "number": number,
+        "log": log,
+        "what": step.label,
+        "begins": f"{step.time[0]:.2f}",
+        "lasts": f"{step.time[-1] - step.time[0]:.2f}",
+        "samples": len(step.time),
+        "out": int((~step.used).sum()),
+        "rms": rounded(scale * step.rms, 2),
+        "speed": rounded(scale * (math.nan if step.speed is None else step.speed)),
+    }

@@ -1,0 +1,124 @@
+"""An actuator's parameters in plain words and in rows of a table, with units for people."""
+
+from __future__ import annotations
+
+import math
+from pathlib import PurePath
+
+from swimbladder.estimation.actuator import ActuatorIdentification, Estimate
+from swimbladder.estimation.actuator.estimate import shown, shown_unit
+from swimbladder.estimation.motion import Estimate as Known
+from swimbladder.show.report.words import row
+from swimbladder.units import rounded, unit_factor
+
+__all__ = ["headlines", "labels", "pairs", "rows", "told", "words"]
+
+_STRONG = 0.5  # correlation worth a line
+
+MEANING = {
+    "K1": "speed per volt, the geometric mean of both directions",
+    "K1A": "volume rate per volt, the geometric mean of both directions",
+    "T1": "time constant of the speed",
+    "dead_zone": "half the width of the band of voltages that move nothing: dry friction",
+    "load_voltage": "the middle of that band: what a steady load takes",
+    "asymmetry": "outward over inward",
+    "rate": "the full speed, which no voltage exceeds",
+    "threshold_out": "the voltage above which it moves outward",
+    "threshold_in": "the voltage, below zero, beyond which it moves inward",
+}
+
+
+def told(e: Estimate) -> bool:
+    """Return whether there is a number."""
+    return e.value is not None and e.std is not None
+
+
+def words(name: str, e: Estimate) -> dict[str, str]:
+    """Return a row: an estimate as texts, what it is, and why it is not told where it is not."""
+    unit = "" if e.unit == "-" else shown_unit(e.unit)
+    result = {
+        "name": _called(name), "unit": unit,
+        "meaning": MEANING.get(name, ""), "why": e.why,
+    }  # fmt: skip
+    if e.value is None or e.std is None:
+        return result | {"value": "not told", "std": "", "ci95": _bounds(e), "origin": ""}
+    per = unit_factor(e.unit, unit) if unit else 1.0
+    value, std, low, high = (per * x for x in (e.value, e.std, *e.ci95))
+    r = row(name, Known(value, std, (low, high), unit, "set" if e.origin == "set" else "data"))
+    origin = "set" if e.origin == "set" else "the logs"
+    return result | {"value": r.value, "std": r.std, "ci95": r.ci95, "origin": origin}
+
+
+def _bounds(e: Estimate) -> str:
+    low, high = e.ci95
+    if math.isfinite(high):
+        return f"below {shown(high, e.unit)}"
+    return f"above {shown(low, e.unit)}" if math.isfinite(low) and low > 0.0 else ""
+
+
+def _called(name: str) -> str:
+    """Return a parameter's name for people: K1_out -> K1 outward."""
+    if name == "K1A":
+        return "K1 A"
+    for end, word in (("_out", " outward"), ("_in", " inward")):
+        if name.endswith(end):
+            return name.removesuffix(end) + word
+    return name.replace("_", " ")
+
+
+def rows(found: ActuatorIdentification) -> list[dict[str, str]]:
+    """Return the parameters, then those by direction."""
+    return [words(name, e) for name, e in {**found.parameters, **found.derived}.items()]
+
+
+def headlines(found: ActuatorIdentification) -> list[str]:
+    """Return what was found, a sentence for each parameter; first what is not told, if asked."""
+    said = [f.sentence for f in found.findings if f.severity == "no"]
+    return said + [_headline(name, e) for name, e in found.parameters.items() if _data(e)]
+
+
+def _data(e: Estimate) -> bool:
+    return told(e) and e.origin == "data"
+
+
+def _headline(name: str, e: Estimate) -> str:
+    w = words(name, e)
+    assert e.value is not None
+    low, high = e.ci95
+    value = f"{w['value']} {w['unit']}".rstrip()
+    meaning, name = MEANING[name], _called(name)
+    called = name[0].upper() + name[1:]
+    if low <= 0.0 <= high or name == "load voltage":
+        ends = w["ci95"].replace(" to ", " and ")
+        return f"{called} is {value}, between {ends} {w['unit']} (95 %): {meaning}."
+    half = 100.0 * 0.5 * (high - low) / abs(e.value)
+    return f"{called} is {value}, known to {rounded(half, 2)} %: {meaning}."
+
+
+def pairs(found: ActuatorIdentification) -> list[dict[str, str]]:
+    """Return the pairs of parameters that trade off, the strongest first."""
+    names = list(found.correlation)
+    strong = [
+        (a, b, found.correlation[a][b])
+        for k, a in enumerate(names)
+        for b in names[k + 1 :]
+        if abs(found.correlation[a].get(b, 0.0)) >= _STRONG
+    ]
+    together = "where one is too large, so is the other"
+    against = "where one is too large, the other is too small"
+    return [
+        {
+            "names": f"{_called(a)} and {_called(b)}",
+            "value": f"{r:+.2f}",
+            "what": together if r > 0.0 else against,
+        }
+        for a, b, r in sorted(strong, key=lambda pair: -abs(pair[2]))
+    ]
+
+
+def labels(found: ActuatorIdentification) -> list[str]:
+    """Return a short name for each log: that of its file, and which rows."""
+    names = [PurePath(fit.source.replace("\\", "/")).name for fit in found.logs]
+    if len(set(names)) == len(names):
+        return names
+    return [f"{number}: {name}" for number, name in enumerate(names, start=1)]

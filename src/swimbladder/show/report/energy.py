@@ -1,0 +1,185 @@
+"""What changing the volume costs, as files: tables, pictures and numbers."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swimbladder.design.energy import (
+    DriveEnergy,
+    Hovering,
+    Profiling,
+    PumpFit,
+    efficiency_bands,
+    run_columns,
+)
+from swimbladder.design.energy.sentences import fit_sentences
+from swimbladder.io.files import publish, write_atomically
+from swimbladder.io.tables import write_csv
+from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.show.plots.energy import draw_energy, draw_fit, draw_versus
+from swimbladder.show.plots.style import save
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["energy_json", "fit_json", "write_energy", "write_fit"]
+
+_ROWS = 201  # depths in tables, at most
+
+
+def energy_json(found: DriveEnergy, hover: Hovering, dive: Profiling) -> dict[str, Any]:
+    """Return the numbers of an answer, SI units, every depth of the tables."""
+    rows = _rows(found.column.depth.size)
+    table = {name: column[rows] for name, column in _columns(found, hover).items()}
+    return {
+        "vehicle": found.vehicle.name,
+        "actuator": found.vehicle.actuator.kind,
+        "stall_depth_m": found.stall_depth,
+        "stall_pressure_Pa": found.stall,
+        "depths": table,
+        "efficiency_map": {
+            "voltage_share": found.shares,
+            "depth_m": found.column.depth[rows],
+            "efficiency": found.efficiencies[:, rows],
+        },
+        "hovering": {
+            "depth_m": found.column.deepest,
+            "weight_error_m3": hover.weight_error,
+            "thrust_N": hover.thrust[-1],
+            "thruster_power_W": hover.thruster_power[-1],
+            "engine_energy_J": hover.engine_energy[-1],
+            "engine_power_W": hover.engine_power[-1],
+            "break_even_s": hover.break_even[-1],
+        },
+        "profiling": {
+            "speed_m_s": dive.speed,
+            "depth_m": dive.depth,
+            "engine_J": dive.engine,
+            "thruster_J": dive.thruster,
+            "drag_J": dive.drag,
+            "stroke_depth_m": dive.stroke_depth,
+            "break_even_m": dive.break_even,
+        },
+    }
+
+
+def write_energy(
+    found: DriveEnergy, hover: Hovering, dive: Profiling, out: Path, *, answer: str
+) -> list[Path]:
+    """Write energy.csv, dives.csv, energy.json and two pictures into `out`; return the paths.
+
+    answer: the text of energy.json. Raises InputError where the folder cannot be written.
+    """
+    pictures = {"energy": draw_energy(found), "versus": draw_versus(hover, dive, found)}
+    rows = _rows(found.column.depth.size)
+    table = {name: column[rows] for name, column in _columns(found, hover).items()}
+    dives = {
+        "depth_m": dive.depth, "engine_J": dive.engine, "thruster_J": dive.thruster,
+        "drag_J": dive.drag,
+    }  # fmt: skip
+
+    def write(folder: Path) -> None:
+        write_atomically(folder / "energy.csv", _text(table))
+        write_atomically(folder / "dives.csv", _text(dives))
+        write_atomically(folder / "energy.json", answer + "\n")
+        for name, figure in pictures.items():
+            save(figure, folder / f"{name}.png")
+
+    publish(out, write)
+    names = ["energy.csv", "dives.csv", "energy.json", "energy.png", "versus.png"]
+    return [out / name for name in names]
+
+
+def fit_json(fit: PumpFit) -> dict[str, Any]:
+    """Return the numbers of a fit: parameters with their 95 %, and the dives."""
+    return {
+        "runs": int(fit.kept.sum()),
+        "left_out": int((~fit.kept).sum()),
+        "clusters": fit.clusters,
+        "power_rms_W": fit.power_rms,
+        "volume_rms_m3": fit.volume_rms,
+        "reference_voltage_V": fit.reference_voltage,
+        "parameters": {name: e._asdict() for name, e in fit.parameters.items()},
+        "dives": [
+            {
+                "dive": d.dive, "runs": d.runs, "deepest_Pa": d.deepest, "energy_J": d.energy,
+                "predicted_J": d.predicted, "volume_m3": d.volume,
+                "predicted_volume_m3": d.predicted_volume,
+            }
+            for d in fit.dives
+        ],
+        "efficiency": [
+            {
+                "runs": b.runs, "pressure_Pa": b.pressure, "volume_m3": b.volume,
+                "energy_J": b.energy, "efficiency": b.efficiency, "told": b.told,
+            }
+            for b in efficiency_bands(fit)
+        ],
+    }  # fmt: skip
+
+
+def write_fit(fit: PumpFit, vehicle: Vehicle | None, out: Path, *, answer: str) -> list[Path]:
+    """Write pump.json, runs.csv, pump.png and, with a vehicle, vehicle.toml into `out`.
+
+    Return the paths. answer: the text of pump.json. Raises InputError where the folder cannot be
+    written.
+    """
+    figure = draw_fit(fit)
+
+    def write(folder: Path) -> None:
+        write_atomically(folder / "pump.json", answer + "\n")
+        write_csv(folder / "runs.csv", run_columns(fit))
+        save(figure, folder / "pump.png")
+        if vehicle is not None:
+            head = "\n".join(
+                ["Pump found by swimbladder energy --fit.", *fit_sentences(fit, vehicle)]
+            )
+            write_atomically(folder / "vehicle.toml", vehicle_file(vehicle, head=head))
+
+    publish(out, write)
+    names = ["pump.json", "runs.csv", "pump.png"] + (
+        ["vehicle.toml"] if vehicle is not None else []
+    )
+    return [out / name for name in names]
+
+
+def _columns(found: DriveEnergy, hover: Hovering) -> dict[str, Any]:
+    m = found.map
+    return {
+        "depth_m": found.column.depth,
+        "pressure_Pa": found.column.pressure,
+        "rate_out_m3_s": m.rate_out,
+        "power_out_W": m.power_out,
+        "energy_per_volume_J_m3": found.per_volume,
+        "efficiency": found.efficiency,
+        **{f"efficiency_{name}": values for name, values in found.stages.items()},
+        "rate_in_m3_s": m.rate_in,
+        "power_in_W": m.power_in,
+        "holding_power_W": m.holding_power,
+        "leakage_m3_s": m.leakage,
+        "start_volume_m3": m.start_volume,
+        "break_even_s": hover.break_even,
+    }
+
+
+def _rows(count: int) -> Any:
+    """Return which of the depths stand in tables: evenly spread, the first and the last in."""
+    return np.unique(np.linspace(0, count - 1, min(count, _ROWS)).round().astype(int))
+
+
+def _text(table: dict[str, Any]) -> str:
+    """Return columns as CSV; a number that is not known or not finite is nan."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table)
+    for row in zip(*table.values(), strict=True):
+        writer.writerow(_cells(row))
+    return text.getvalue()
+
+
+def _cells(row: Sequence[Any]) -> list[str]:
+    return [repr(float(value)) if np.isfinite(value) else "nan" for value in row]

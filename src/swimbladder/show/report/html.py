@@ -1,0 +1,80 @@
+"""HTML that needs nothing but itself: pictures and styles stand in the file, nothing is fetched."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+__all__ = ["inline_svg", "render", "symbols"]
+
+_GREEK = {
+    "psi": "ψ", "rho": "ρ", "eta": "η", "lambda": "λ", "alpha": "α", "omega": "ω", "epsilon": "ε",
+    "beta": "β", "Delta": "Δ", "pi": "π",
+}  # fmt: skip
+_GREEK_WORD = re.compile(r"\b(" + "|".join(_GREEK) + r")(?=\b|_)")
+_SYMBOL = re.compile(
+    r"\b([kTQVUFBCDJnSβηΔ])_([A-Za-z0-9]{1,4})\b"  # k_z, T_z, V_p
+    r"|\b([KTA])([12])\b"  # K1, T2
+    r"|\b(m|s|dm|cm|r)\^?([0-4])\b"  # m3, cm3, s^2
+    r"|\b(\d+(?:\.\d+)?)e([+-]?)0*(\d+)\b"  # 4.04e-6
+    r"|(?<![\w)])-(?=\d)"  # a minus, not a hyphen
+)
+
+
+def render(template: str, context: Mapping[str, Any]) -> str:
+    """Return a template of this package filled in; texts are escaped, no name may be missing."""
+    environment = Environment(
+        loader=PackageLoader("swimbladder.show", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters["symbols"] = symbols
+    return environment.get_template(template).render(context)
+
+
+def symbols(text: str) -> Markup:
+    """Return a text as HTML with its indices, powers, Greek letters and powers of ten set."""
+
+    def set_one(match: re.Match[str]) -> str:
+        symbol, below, capital, number, unit, power, digits, sign, exponent = match.groups()
+        if exponent:
+            ten = f"10<sup>{'−' if sign == '-' else ''}{exponent}</sup>"
+            return ten if digits == "1" else f"{digits} × {ten}"
+        if unit:
+            return f"{unit}<sup>{power}</sup>"
+        if symbol or capital:
+            return f"{symbol or capital}<sub>{below or number}</sub>"
+        return "−"
+
+    plain = str(escape(text)).replace("+-", "±")
+    greek = _GREEK_WORD.sub(lambda match: _GREEK[match.group(1)], plain)
+    return Markup(_SYMBOL.sub(set_one, greek))
+
+
+def inline_svg(svg: str, *, name: str, label: str) -> Markup:
+    """Return an SVG file's text to stand inside HTML, described by `label` to those who cannot see.
+
+    Identifiers get `name` in front, so that several pictures can share a page.
+    """
+    body = svg[svg.index("<svg") :]
+    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
+    body = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', body)
+    body = re.sub(r'href="#([^"]+)"', rf'href="#{name}-\1"', body)
+    body = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", body)
+    body = re.sub(r"<svg\b([^>]*)>", lambda m: _opening(m.group(1), label), body, count=1)
+    return Markup(body)
+
+
+def _opening(attributes: str, label: str) -> str:
+    kept = re.sub(r'\s(?:width|height|version|xmlns:xlink)="[^"]*"', "", attributes)
+    spoken = escape(label)
+    return (
+        f'<svg{kept} xmlns:xlink="http://www.w3.org/1999/xlink" role="img" aria-label="{spoken}">'
+    )

@@ -1,0 +1,261 @@
+"""What an identification found, as files: page, numbers, residuals, pictures and the vehicle."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from swimbladder.errors import InputError
+from swimbladder.estimation.motion import NAMES, Identification
+from swimbladder.estimation.motion.paper import PaperFits
+from swimbladder.io.config import file_text
+from swimbladder.io.files import make_folder, publish, write_atomically
+from swimbladder.io.tables import write_csv
+from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.show.plots import identify as plots
+from swimbladder.show.plots import identify_confidence as confidence
+from swimbladder.show.plots import identify_logs as each_log
+from swimbladder.show.plots.style import save
+from swimbladder.show.report.identification_page import page
+from swimbladder.show.report.words import row
+
+__all__ = ["Picture", "check_folder", "pictures", "residuals", "write_identification"]
+
+VEHICLE = "vehicle.toml"
+POSTERIOR = "posterior.csv"
+MARK = "Identified by swimbladder identify"
+_OURS = re.compile(
+    r"(fits|residuals)(-\d+)?\.png|(distribution|ellipses|profiles|neutral|gains)\.png"
+)
+
+
+class Picture(NamedTuple):
+    """A figure of the report: its name, title, caption, and how it is drawn."""
+
+    name: str
+    title: str
+    caption: str
+    draw: Callable[[], Figure]
+
+
+def check_folder(out: Path, vehicle: str | Path) -> None:
+    """Raise InputError where writing into `out` would take a vehicle file that is not ours.
+
+    A vehicle.toml of an earlier run is replaced, or taken away where the data do not tell; the one
+    that is read, or one that something else wrote, is left alone.
+    """
+    target = out / VEHICLE
+    if not target.exists():
+        return
+    if Path(vehicle).exists() and target.samefile(vehicle):
+        what = "the identified vehicle would be written over the one that is read"
+    elif not _is_ours(target):
+        what = "there is a vehicle that `swimbladder identify` did not write"
+    else:
+        return
+    raise InputError(what, file=target, field="--out", remedy="Choose another folder with --out")
+
+
+def _is_ours(path: Path) -> bool:
+    return path.is_file() and file_text(path).startswith(f"# {MARK} ")
+
+
+def write_identification(
+    found: Identification, out: Path, *, answer: str, command: str, seconds: float,
+    paper: PaperFits | None = None, advance: Callable[[float], None] = lambda _: None,
+) -> list[Path]:  # fmt: skip
+    """Write everything into the folder `out` and return the paths.
+
+    answer: the text of identify.json; command: how the page says that it was made; seconds: how
+    long the fit took; paper: the paper's fits, to stand beside. advance: told the share of the work
+    done. No vehicle is written where the
+    data do not tell all that was asked, and one of an earlier run is taken away. Raises InputError
+    where the folder cannot be written; whatever is in it then stays as it is.
+    """
+    check_folder(out, "")
+    drawn = pictures(found, paper)
+    share = 1.0 / (len(drawn) + 1)
+    names: list[str] = []
+
+    def write(folder: Path) -> None:
+        figures = make_folder(folder / "figures")
+        images: list[tuple[Picture, bytes]] = []
+        for picture in drawn:
+            path = save(picture.draw(), figures / f"{picture.name}.png")
+            images.append((picture, path.read_bytes()))
+            names.append(f"figures/{path.name}")
+            advance(share)
+        write_atomically(folder / "identify.json", answer + "\n")
+        write_csv(folder / "residuals.csv", residuals(found))
+        names[:0] = ["identify.html", "identify.json", "residuals.csv"]
+        if found.posterior is not None:
+            draws = found.posterior.draws.T
+            names_of = (f"{n} [{NAMES[n].unit}]" for n in found.posterior.names)
+            columns = dict(zip(names_of, draws, strict=True))
+            write_csv(folder / POSTERIOR, columns)
+            names.append(POSTERIOR)
+        if found.identified:
+            write_atomically(folder / VEHICLE, vehicle_file(found.vehicle, head=_head(found)))
+            names.insert(3, VEHICLE)
+        html = page(
+            found, [(p.name, p.title, p.caption, image) for p, image in images],
+            files=names[1:], command=command, seconds=seconds, paper=paper,
+        )  # fmt: skip
+        write_atomically(folder / "identify.html", html)
+
+    publish(out, write)
+    _sweep(out, names)
+    advance(share)
+    return [out / name for name in names]
+
+
+def _sweep(out: Path, kept: list[str]) -> None:
+    """Take away what an earlier run left and this one did not replace."""
+    stale = [path for path in (out / "figures").glob("*.png") if _OURS.fullmatch(path.name)]
+    if _is_ours(out / VEHICLE):
+        stale.append(out / VEHICLE)
+    if (out / "identify.json").is_file():
+        stale.append(out / POSTERIOR)
+    for path in stale:
+        if path.is_file() and path.relative_to(out).as_posix() not in kept:
+            path.unlink()
+
+
+def _head(found: Identification) -> str:
+    logs = [e.source for e in found.experiments]
+    lines = [f"{MARK} from {len(logs)} log{'s' if len(logs) > 1 else ''}, 95 % intervals:"]
+    for name in found.names:
+        r = row(name, found.parameters[name])
+        lines.append(f"  {name} = {r.value} +- {r.std} {r.unit} ({r.ci95})")
+    return "\n".join(lines)
+
+
+def residuals(found: Identification) -> dict[str, np.ndarray]:
+    """Return the columns of residuals.csv, log after log, SI."""
+    parts: dict[str, list[np.ndarray]] = {
+        name: [] for name in (
+            "log", "time_s", "depth_m", "depth_fitted_m", "residual_m", "weight", "volume_m3",
+            "voltage_V",
+        )
+    }  # fmt: skip
+    for number, e in enumerate(found.experiments, start=1):
+        r = e.record
+        nothing = np.full(len(r.time), np.nan)
+        parts["log"].append(np.full(len(r.time), float(number)))
+        parts["time_s"].append(r.time)
+        parts["depth_m"].append(r.depth)
+        parts["depth_fitted_m"].append(e.predicted)
+        parts["residual_m"].append(e.residual)
+        parts["weight"].append(e.weight)
+        parts["volume_m3"].append(nothing if r.volume is None else r.volume)
+        parts["voltage_V"].append(nothing if r.voltage is None else r.voltage)
+    columns = {name: np.concatenate(values) for name, values in parts.items()}
+    return {
+        name: values
+        for name, values in columns.items()
+        if name not in ("volume_m3", "voltage_V") or np.isfinite(values).any()
+    }
+
+
+def pictures(found: Identification, paper: PaperFits | None = None) -> list[Picture]:
+    """Return the figures that this identification has, in the order of the page.
+
+    paper: the paper's fits of single logs, drawn beside ours.
+    """
+    listed = [
+        *_pages(found, "fits", "Measured and fitted depth",
+                "All logs share one set of parameters; each has its own neutral volume and start.",
+                plots.draw_fits),
+        *_pages(found, "residuals", "What the fit leaves over",
+                "Measured less fitted depth. A pattern in time is something that the model does "
+                "not know. The band holds 95 % of the noise; outliers count less or not at all.",
+                plots.draw_residuals),
+        Picture(
+            "distribution", "Is it noise?",
+            "Left and middle: the residuals of all logs, over each log's own standard deviation, "
+            "against a normal distribution; triangles are further out than the axis. Right: how "
+            "much a residual resembles the ones before it.",
+            lambda: plots.draw_distribution(found),
+        ),
+    ]  # fmt: skip
+    if found.identified and len(found.names) > 1:
+        listed.append(
+            Picture(
+                "ellipses", "Which pairs of values go together",
+                "Regions that hold both values with 68 % and 95 %. A long, thin one is a "
+                "trade-off: the data tell one combination better than each value.",
+                lambda: confidence.draw_ellipses(found),
+            )
+        )  # fmt: skip
+    if found.identified and found.profiles:
+        listed.append(
+            Picture(
+                "profiles", "Likelihood profiles",
+                "How much worse the fit becomes as one parameter is held and all others follow. "
+                "Bars: the 95 % interval of the profile and that of the quadratic approximation; "
+                "where these differ by much, the profile's is given.",
+                lambda: confidence.draw_profiles(found),
+            )
+        )  # fmt: skip
+    listed.append(
+        Picture(
+            "neutral", "Neutral volumes",
+            "Left: how far each log's neutral volume is from the assumed one, against what was "
+            "assumed of it. Right: how it would drift if it did, from a step of the fit; an "
+            "interval without 0 is a drift that is not in the model.",
+            lambda: each_log.draw_neutral(found),
+        )
+    )  # fmt: skip
+    if found.identified and any(e.own_gain is not None for e in found.experiments):
+        listed.append(
+            Picture(
+                "gains", "Does the gain depend on the size of the step?",
+                "What each log would say alone, all but psi its own, against the size of its "
+                "volume change. A trend is the mark of a psi, or of a drag law, that is not right.",
+                lambda: each_log.draw_gains(found, _singles(paper)),
+            )
+        )  # fmt: skip
+    return listed
+
+
+def _singles(paper: PaperFits | None) -> dict[str, list[tuple[float, float]]]:
+    """Return the paper's gains of single logs as draw_gains takes them."""
+    each = () if paper is None else paper.each
+    named = {
+        "paper, eq. (26)": [(f.step, f.by_speed) for f in each],
+        "paper, eq. (27)": [(f.step, f.by_depth) for f in each],
+    }
+    points = {
+        name: [(step, fit.K2) for step, fit in fits if fit is not None]
+        for name, fits in named.items()
+    }
+    return {name: found for name, found in points.items() if found}
+
+
+def _pages(
+    found: Identification, name: str, title: str, caption: str,
+    draw: Callable[[Identification, int], Figure],
+) -> list[Picture]:  # fmt: skip
+    """Return one picture for each so many logs."""
+    count = len(found.experiments)
+    firsts = range(0, count, plots.PER_PAGE)
+
+    def drawer(first: int) -> Callable[[], Figure]:
+        return lambda: draw(found, first)
+
+    if len(firsts) == 1:
+        return [Picture(name, title, caption, drawer(0))]
+    return [
+        Picture(
+            f"{name}-{number}",
+            f"{title}, logs {first + 1} to {min(first + plots.PER_PAGE, count)}",
+            caption,
+            drawer(first),
+        )
+        for number, first in enumerate(firsts, start=1)
+    ]

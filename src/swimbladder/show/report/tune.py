@@ -1,0 +1,122 @@
+"""A tuning as files: the vehicle with its controller, a page, numbers and pictures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+from swimbladder.control.records import leaves
+from swimbladder.design.tuning import Tuning
+from swimbladder.design.tuning.margins import WANTED
+from swimbladder.design.tuning.trial import Trial
+from swimbladder.io.files import publish, write_atomically
+from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.show.plots.style import save, svg_text
+from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
+from swimbladder.show.report.html import inline_svg, render
+from swimbladder.units import shown_unit, unit_factor
+
+__all__ = ["write_tuning"]
+
+
+def write_tuning(found: Tuning, out: Path, *, answer: str, command: str) -> list[Path]:
+    """Write vehicle.toml, tune.html, tune.json and pictures into `out`; return the paths.
+
+    answer: the text of tune.json; command: how the page says that it was made. A law without
+    margins has no sensitivity.png. Raises InputError where the folder cannot be written.
+    """
+    figures = {"tune": draw_tuning(found)}
+    if found.margins is not None:
+        figures["sensitivity"] = draw_sensitivity(found)
+    labels = {
+        "tune": "Depth, volume and voltage of the trials against time.",
+        "sensitivity": "Sensitivity against frequency over the region.",
+    }
+    names = ["vehicle.toml", "tune.html", "tune.json", *(f"{name}.png" for name in figures)]
+
+    def write(folder: Path) -> None:
+        head = "\n".join(
+            [f"Tuned by swimbladder tune, law {found.law.name}, goal {found.goal}.",
+             *found.sentences]
+        )  # fmt: skip
+        write_atomically(folder / "vehicle.toml", vehicle_file(found.vehicle, head=head))
+        write_atomically(folder / "tune.json", answer + "\n")
+        for name, figure in figures.items():
+            save(figure, folder / f"{name}.png")
+        images = {
+            name: inline_svg(svg_text(figure), name=name, label=labels[name])
+            for name, figure in figures.items()
+        }
+        write_atomically(folder / "tune.html", _page(found, images, command))
+
+    publish(out, write)
+    return [out / name for name in names]
+
+
+def _page(found: Tuning, images: Mapping[str, str], command: str) -> str:
+    values = {
+        "found": found,
+        "images": images,
+        "command": command,
+        "trials": _trials(found.nominal, found.region),
+        "margins": _margins(found),
+        "rests": found.knobs.dead > 0.0 or found.knobs.pause > 0.0,
+        "depths": ", ".join(f"{z:g}" for z in found.judged),
+        "parameters": [
+            (name, f"{float(value) * unit_factor(unit, shown_unit(unit)):.5g}", shown_unit(unit))
+            for name, value in leaves(found.parameters).items()
+            for unit in (found.law.units[name],)
+        ],
+    }
+    return render("tune.html.j2", values)
+
+
+def _trials(nominal: Trial, region: Trial) -> list[tuple[str, str, str]]:
+    rows = [
+        ("runs", "{:d}", 1.0, "runs"),
+        ("settled within 2 %", "{:.0f} %", 100.0, "settled"),
+        ("settling, median", "{:.1f} s", 1.0, "settle_median"),
+        ("settling, 95 %", "{:.1f} s", 1.0, "settle_95"),
+        ("overshoot, median", "{:.1f} %", 100.0, "overshoot_median"),
+        ("overshoot, 95 %", "{:.1f} %", 100.0, "overshoot_95"),
+        ("held, rms", "{:.2g} mm", 1e3, "rms"),
+        ("volume moved while held", "{:.2g} L/h", 3.6e6, "rate"),
+        ("motor starts while held", "{:.0f}/h", 3600.0, "starts"),
+        ("energy of the motor in a run", "{:.3g} J", 1.0, "energy"),
+        ("power of the motor while held", "{:.3g} mW", 1e3, "power"),
+    ]
+    found = []
+    for label, form, factor, name in rows:
+        values = [float(getattr(t, name)) for t in (nominal, region)]
+        if not (name in ("energy", "power") and math.isnan(values[0])):
+            cells = [_cell(form, factor * value) for value in values]
+            found.append((label, cells[0], cells[1]))
+    return found
+
+
+def _cell(form: str, value: float) -> str:
+    if not math.isfinite(value):
+        return "not in the time watched"
+    return form.format(round(value) if ":d" in form else value)
+
+
+def _margins(found: Tuning) -> list[tuple[str, str, str]]:
+    m, w = found.margins, WANTED
+    if m is None:
+        return []
+    degrees = math.degrees
+    return [
+        ("gain may grow by", _factor(m.gain_up), _factor(w.gain_up)),
+        ("gain may fall to", _factor(m.gain_down), _factor(w.gain_down)),
+        ("phase margin", f"{degrees(m.phase):.0f} degrees", f"{degrees(w.phase):.0f} degrees"),
+        ("more delay", f"{m.delay:.2g} s", "-"),
+        ("peak sensitivity", f"{m.peak_sensitivity:.2f}", f"{w.peak_sensitivity:.2f}"),
+        ("balanced disk margin", f"{m.disk:.2f}", f"{w.disk:.2f}"),
+    ]
+
+
+def _factor(gain: float) -> str:
+    if gain == 0.0 or math.isinf(gain):
+        return "any"
+    return f"{gain:.2g} ({20.0 * math.log10(gain):+.1f} dB)"

@@ -1,0 +1,142 @@
+"""What became of the floats of a campaign, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.io.mission import Mission
+from swimbladder.physics.seawater import Column
+from swimbladder.sim.campaign.draw import Drawn, Spread
+from swimbladder.sim.campaign.run import Fact
+from swimbladder.sim.mission.core.names import Stop
+from swimbladder.sim.mission.words import REASONS
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Campaign", "share_interval"]
+
+Array = NDArray[np.float64]
+
+
+def share_interval(count: int, total: int, level: float = 0.95) -> tuple[float, float]:
+    """Return the interval of Clopper and Pearson (Biometrika 26, 1934, 404) for a share."""
+    from scipy.stats import beta
+
+    tail = 0.5 * (1.0 - level)
+    low = float(beta.ppf(tail, count, total - count + 1)) if count > 0 else 0.0
+    high = float(beta.ppf(1.0 - tail, count + 1, total - count)) if count < total else 1.0
+    return low, high
+
+
+@dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """Floats of one vehicle on one mission; table [n, Fact.COUNT]."""
+
+    vehicle: Vehicle
+    mission: Mission
+    columns: Sequence[Column]
+    spread: Spread
+    seed: int
+    table: Array
+    energy_unknown: str
+
+    @property
+    def good(self) -> NDArray[np.bool_]:
+        """Which floats flew every cycle that was asked for, with every phase done."""
+        stop = self.table[:, Fact.STOP]
+        return np.asarray((stop == Stop.FINISHED) & (self.table[:, Fact.MISSED] == 0.0))
+
+    def shares(self) -> list[tuple[str, int, float, tuple[float, float]]]:
+        """Return (what, floats, share, its 95 % interval) of every way it ended."""
+        total, stop = len(self.table), self.table[:, Fact.STOP]
+        late = self.table[:, Fact.MISSED] > 0.0
+        found = [("every phase of every cycle done", int(np.sum(self.good)))]
+        found.append(("a phase ran out of time, or was not held", int(np.sum(late))))
+        found += [
+            (REASONS[reason], int(np.sum(stop == reason)))
+            for reason in Stop
+            if reason is not Stop.GOES_ON and np.any(stop == reason)
+        ]
+        return [(words, n, n / total, share_interval(n, total)) for words, n in found]
+
+    def spreads(self) -> list[tuple[str, str, float, float, float]]:
+        """Return (what, unit, median, 5 %, 95 %) of the numbers over all floats."""
+        t = self.table
+        cycles = np.maximum(t[:, Fact.CYCLES], 1.0)
+        numbers: list[tuple[str, str, Array]] = [
+            ("cycles", "", t[:, Fact.CYCLES]),
+            ("arrives at the first depth in", "h", t[:, Fact.ARRIVAL] / 3600.0),
+            ("deepest", "m", t[:, Fact.DEEPEST]),
+            ("pump runs per cycle", "", t[:, Fact.PUMP_RUNS] / cycles),
+        ]
+        if not self.energy_unknown:
+            numbers += [
+                ("drive's energy per cycle", "kJ", t[:, Fact.DRIVE] / cycles / 1e3),
+                ("battery's energy per cycle", "kJ", t[:, Fact.DRAWN] / cycles / 1e3),
+            ]
+        found = []
+        for words, unit, values in numbers:
+            known = values[np.isfinite(values)]
+            if known.size:
+                low, middle, high = np.quantile(known, [0.05, 0.5, 0.95])
+                found.append((words, unit, float(middle), float(low), float(high)))
+        return found
+
+    @property
+    def sentence(self) -> str:
+        """The answer in a sentence."""
+        n, count = len(self.table), int(np.sum(self.good))
+        low, high = share_interval(count, n)
+        return (
+            f"{count} of {n} floats did every phase of every cycle: {100.0 * count / n:.1f} % "
+            f"({100.0 * low:.1f} to {100.0 * high:.1f} %)"
+        )
+
+    @property
+    def columns_csv(self) -> dict[str, Array]:
+        """The columns of floats.csv: a row per float."""
+        t = self.table
+        found = {
+            "float": np.arange(1.0, len(t) + 1.0),
+            "trim_m3": t[:, Drawn.TRIM],
+            "psi_m3_m": t[:, Drawn.PSI],
+            "drag_factor": t[:, Drawn.DRAG],
+            "pump_factor": t[:, Drawn.PUMP],
+            "cast": t[:, Drawn.CAST] + 1.0,
+            "stop": t[:, Fact.STOP],
+            "cycles": t[:, Fact.CYCLES],
+            "phases_missed": t[:, Fact.MISSED],
+            "arrival_s": t[:, Fact.ARRIVAL],
+            "deepest_m": t[:, Fact.DEEPEST],
+            "duration_s": t[:, Fact.DURATION],
+            "pump_runs": t[:, Fact.PUMP_RUNS],
+        }
+        if not self.energy_unknown:
+            found |= {"drive_J": t[:, Fact.DRIVE], "drawn_J": t[:, Fact.DRAWN]}
+        return found
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the answer as plain values, SI but for what its unit says."""
+        return {
+            "vehicle": self.vehicle.name,
+            "mission": self.mission.name,
+            "waters": [column.source for column in self.columns],
+            "floats": len(self.table),
+            "seed": self.seed,
+            "sentence": self.sentence,
+            "good": int(np.sum(self.good)),
+            "spread": vars(self.spread),
+            "shares": [
+                {"what": words, "floats": n, "share": share, "ci95": list(interval)}
+                for words, n, share, interval in self.shares()
+            ],
+            "numbers": [
+                {"what": words, "unit": unit, "median": middle, "q05": low, "q95": high}
+                for words, unit, middle, low, high in self.spreads()
+            ],
+            "energy_unknown": self.energy_unknown or None,
+        }

@@ -1,0 +1,25 @@
+"""A vehicle under its controller (Fig. 15), under recorded inputs, or many vehicles at once.
+
+`simulate` runs one vehicle and keeps everything; `simulate_ensemble` runs thousands and keeps
+summaries or trajectories; `drive` replays a recorded volume or voltage. `step_metrics` says what a
+depth step looks like.
+"""
+
+from swimbladder.sim.closed_loop.accounts import Books
+from swimbladder.sim.closed_loop.ensemble import simulate_ensemble
+from swimbladder.sim.closed_loop.metrics import StepMetrics, step_metrics
+from swimbladder.sim.closed_loop.replay import drive
+from swimbladder.sim.closed_loop.single import simulate
+from swimbladder.sim.closed_loop.solution import Event, Solution, StopReason
+
+__all__ = [
+    "Books",
+    "Event",
+    "Solution",
+    "StepMetrics",
+    "StopReason",
+    "drive",
+    "simulate",
+    "simulate_ensemble",
+    "step_metrics",
+]

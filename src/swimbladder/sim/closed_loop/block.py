@@ -1,0 +1,219 @@
+"""A block of vehicles laid out for the kernel, and what comes out of it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control.law import Law
+from swimbladder.control.records import from_leaves, leaf_names
+from swimbladder.physics.dynamics import Plant
+from swimbladder.sim.closed_loop.dispatch import enroll
+from swimbladder.sim.closed_loop.lanes import measure_block, start_block
+from swimbladder.sim.closed_loop.outside import kernel_of
+from swimbladder.sim.closed_loop.rows import RECORDED, Row, rows
+from swimbladder.sim.engine.books import Account
+from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS
+from swimbladder.sim.engine.layers import NO_LAYERS, Layers
+from swimbladder.sim.engine.modes import COUNT
+from swimbladder.vehicle import Sensors
+
+__all__ = ["Block", "Schedule", "schedule", "work_space"]
+
+_EVENTS = 2000  # passages kept of each vehicle; more are counted
+_V_0 = Row.PLANT + Plant._fields.index("V_0")
+_CHUNK = 4096  # ticks between calls: progress, interruption, memory of the noise
+_SHOWN = 256  # ticks between calls of `progress` where every tick is a call
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schedule:
+    """Set-points on the clock of the vehicle."""
+
+    tick: float  # s
+    turn: NDArray[np.int64]  # [n + 1], which set-point holds at each tick
+    given: NDArray[np.int64]  # the tick of each set-point
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks of the run."""
+        return len(self.turn) - 1
+
+
+def schedule(times: Sequence[float], duration: float, tick: float) -> Schedule:
+    """Return set-points given at `times` [s], each at the first tick not before it."""
+    n = max(1, math.ceil(duration / tick - 1e-9))
+    given = np.array([math.ceil(t / tick - 1e-9) for t in times], dtype=np.int64)
+    turn = np.searchsorted(given, np.arange(n + 1), side="right").astype(np.int64) - 1
+    return Schedule(tick=tick, turn=turn, given=given)
+
+
+def work_space(lanes: int) -> NDArray[np.float64]:
+    """Return room for the exponentials of so many lanes; only what is used takes memory."""
+    return np.empty((lanes, COUNT, LEVELS + 1, COEFFICIENTS))
+
+
+@dataclass(kw_only=True)
+class Block:
+    """Lanes that run together; see closed_loop.lanes for the layout of `work`."""
+
+    lanes: int
+    law: Law
+    parameters: Any
+    clock: Schedule
+    parts: int
+    nonlinear: bool
+    depths: NDArray[np.float64]  # [set-points, lanes]
+    work: NDArray[np.float64]  # [rows, lanes]
+    noise: list[np.random.Generator] | None
+    record: NDArray[np.float64]
+    books: NDArray[np.float64]
+    log: NDArray[np.float64]
+    noted: NDArray[np.int64]
+    depth_error: NDArray[np.float64] | None = None  # [ticks + 1, lanes], m, beyond the noise
+    neutral: NDArray[np.float64] | None = None  # [ticks + 1, lanes], m3, beyond the plant's V_0
+    layers: Layers = NO_LAYERS  # of the water, beyond the plant's psi z + V_0
+    hooks: Any = ()  # what stands between the parts of the loop, see `hooks`
+    loses: bool = False  # whether the vehicle gets heavier, by the rows from LOST on, see `lost`
+
+    @classmethod
+    def lay_out(
+        cls, *, plants: NDArray[np.float64], law: Law, parameters: Any, clock: Schedule, parts: int,
+        depths: NDArray[np.float64], start: NDArray[np.float64], sensors: Sensors,
+        seeds: Sequence[Sequence[int]] | None, record: bool, books: bool, events: bool,
+        depth_error: NDArray[np.float64] | None = None,
+        neutral: NDArray[np.float64] | None = None, layers: Layers = NO_LAYERS,
+    ) -> Block:  # fmt: skip
+        """Return a block of plants [len(Plant), lanes] that start at (q, V, z, w) [4, lanes].
+
+        parameters: of the law by name, each a number or an array [lanes]. depth_error [m] and
+        neutral [m3], [ticks + 1, lanes]: added to the measured depth, and to the neutral volume
+        from a tick on. layers: of the water, for all lanes.
+        """
+        lanes = plants.shape[1]
+        index = Plant._fields.index
+        values = {n: np.broadcast_to(np.asarray(v, float), (lanes,)) for n, v in parameters.items()}
+        work = np.zeros((rows(len(values), len(leaf_names(law.state))), lanes))
+        work[Row.Q : Row.Q + 4] = start
+        work[Row.PLANT : Row.PLANT + len(Plant._fields)] = plants
+        work[Row.LAW : Row.LAW + len(values)] = [values[n] for n in leaf_names(law.parameters)]
+        positioner = plants[index("positioner")] != 0.0
+        supply = plants[index("supply")]
+        work[Row.LOW_U] = np.where(positioner, plants[index("V_min")], -supply)
+        work[Row.HIGH_U] = np.where(positioner, plants[index("V_max")], supply)
+        work[Row.DEPTH_NOISE] = sensors.depth_noise
+        work[Row.DEPTH_QUANTUM] = sensors.depth_quantum
+        work[Row.VOLUME_NOISE] = sensors.volume_noise
+        work[Row.VOLUME_QUANTUM] = sensors.volume_quantum
+        work[Row.SEEN_DEPTH], work[Row.SEEN_VOLUME] = start[2], start[1]
+        work[Row.Z_LOWEST] = work[Row.Z_HIGHEST] = start[2]
+        work[Row.V_LOWEST] = work[Row.V_HIGHEST] = start[1]
+        n = clock.ticks + 1
+        unset = np.full((len(RECORDED), n if record else 0, lanes), np.nan)
+        return cls(
+            lanes=lanes, law=law, clock=clock, parts=parts,
+            parameters=from_leaves(law.parameters, {n: float(v[0]) for n, v in values.items()}),
+            nonlinear=bool(np.any(np.isfinite(plants[index("epsilon")]))),
+            # a copy: a view that cannot be written has a type, and so a kernel, of its own
+            depths=np.array(np.broadcast_to(depths, (len(clock.given), lanes)), order="C"),
+            work=work,
+            noise=None if seeds is None
+            else [np.random.Generator(np.random.Philox(np.random.SeedSequence(s))) for s in seeds],
+            record=unset,
+            books=np.zeros((lanes, len(Account) if books else 0)),
+            log=np.zeros((lanes, _EVENTS if events else 0, 3)),
+            noted=np.zeros((lanes, 1), np.int64),
+            depth_error=depth_error, neutral=neutral, layers=layers,
+        )  # fmt: skip
+
+    def run(
+        self,
+        progress: Callable[[int], None] | None = None,
+        chains: NDArray[np.float64] | None = None,
+        ask: Callable[[int], None] | None = None,
+    ) -> None:
+        """Run to the end; `progress` gets the number of ticks done after each chunk.
+
+        chains: work space of an earlier run of as many lanes, see `work_space`. ask: called with
+        the number of each tick before the law is, once the sensors have measured.
+        """
+        enroll(self.law)
+        token = (0.0,) * self.lanes
+        sea = (0.0,) if self.loses else ()
+        # one vehicle: one kernel for all drags; a block: a kernel without what laminar drag lacks
+        bend = (0.0,) if self.nonlinear or self.lanes == 1 else ()
+        if chains is None:
+            chains = work_space(self.lanes)
+        built = np.zeros((self.lanes, COUNT), np.uint8)
+        flat = self.work.reshape(-1)
+        fields = leaf_names(self.law.state)
+        state = from_leaves(self.law.state, dict.fromkeys(fields, 0.0))
+        row = fields.index("volume_reference") if "volume_reference" in fields else -1
+        trim, now = self.work[_V_0].copy(), np.zeros(self.lanes)
+        sigma = self.work[Row.DEPTH_NOISE].copy()
+        if self.depth_error is not None:
+            self.work[Row.DEPTH_NOISE] = 1.0  # of what _amiss returns
+            if self.noise is None:
+                self.work[[Row.DEPTH_QUANTUM, Row.VOLUME_QUANTUM]] = 0.0  # ideal sensors
+        start_block(flat, token, self.clock.tick / self.parts, chains, built, self.layers)
+        kernel = kernel_of(self.law)
+        unseen = np.zeros((0, 2, self.lanes))
+        for first, last in self._spans(_CHUNK if ask is None else 1):
+            if self.neutral is not None and np.any(self.neutral[first] != now):
+                now = self.neutral[first]
+                self.work[_V_0] = trim + now
+                built[:] = 0
+                start_block(flat, token, self.clock.tick / self.parts, chains, built, self.layers)
+                self.work[Row.SLOW][self.work[Row.STOPPED] != 0.0] = 1.0  # as the kernel left them
+            noise = self._amiss(first, last, sigma)
+            if ask is not None:
+                if len(noise):
+                    measure_block(flat, token, noise, 0)
+                    noise = unseen
+                ask(first)
+            kernel(
+                flat, token, bend, sea, self.hooks, self.parameters, state, first, last,
+                self.clock.tick, self.parts, self.clock.turn, self.clock.given, self.depths, noise,
+                self.record, row, chains, built, self.books, self.log, self.noted, self.layers,
+            )  # fmt: skip
+            if progress is not None and (ask is None or last % _SHOWN == 0):
+                progress(last)
+            if bool(np.all(self.work[Row.STOPPED] != 0.0)):
+                break
+
+    def _spans(self, most: int) -> Iterator[tuple[int, int]]:
+        """Yield (first, end) of at most so many ticks, in which the neutral volume stays."""
+        end = self.clock.ticks + 1
+        if self.neutral is None:
+            yield from ((k, min(k + most, end)) for k in range(0, end, most))
+            return
+        turns = 1 + np.flatnonzero(np.any(np.diff(self.neutral, axis=0), axis=1))
+        yield from itertools.pairwise(sorted({*range(0, end, most), end, *turns.tolist()}))
+
+    def _amiss(self, first: int, last: int, sigma: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what the sensors add to the state over their noise, [ticks, 2, lanes], or nothing.
+
+        sigma [m]: of the depth, by which its noise is multiplied where it has an error as well.
+        """
+        if self.noise is None and self.depth_error is None:
+            return np.zeros((0, 2, self.lanes))
+        if self.noise is None:
+            found = np.zeros((last - first, 2, self.lanes))
+        else:
+            found = self._noise(last - first)
+        if self.depth_error is not None:
+            found[:, 0] = found[:, 0] * sigma + self.depth_error[first:last]
+        return found
+
+    def _noise(self, ticks: int) -> NDArray[np.float64]:
+        assert self.noise is not None
+        noise = np.empty((ticks, 2, self.lanes))
+        for i, generator in enumerate(self.noise):
+            noise[:, :, i] = generator.standard_normal((ticks, 2))
+        return noise

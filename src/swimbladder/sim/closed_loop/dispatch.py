@@ -1,0 +1,158 @@
+"""Compiled laws: dispatched on the type of their parameters, so nothing is closed over.
+
+A kernel calls `law_step(parameters, state, measurement, reference)`; numba picks the law by the
+class of `parameters`, and the kernel's code on disk is found again by the same type.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from functools import cache
+from types import FunctionType
+from typing import Any
+
+from numba import types
+from numba.extending import overload
+
+from swimbladder.control.law import Law
+from swimbladder.control.records import from_numbers, leaf_names, numbers
+from swimbladder.errors import InputError
+from swimbladder.sim.engine.cache import inlined
+
+__all__ = ["compilable", "enroll", "extent", "gather", "law_initial", "law_step", "scatter_where"]
+
+_INLINE: Any = {"forceinline": True}
+_LAWS: dict[type[Any], Law] = {}
+
+
+def enroll(law: Law) -> None:
+    """Make a law known to the compiler by the class of its parameters.
+
+    Raises InputError where that class belongs to another law already.
+    """
+    known = _LAWS.setdefault(law.parameters, law)
+    if known.step is not law.step or known.initial is not law.initial:
+        raise InputError(
+            f"the class {law.parameters.__name__} is that of the parameters of the law "
+            f"{known.name!r}, and a compiled law is found by this class",
+            field="law",
+            value=law.name,
+            remedy="Give the law a NamedTuple of its own for its parameters",
+        )
+
+
+def compilable(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a law's function that calls compiled ones where it calls plain functions."""
+    if not isinstance(function, FunctionType):
+        return function
+    names = dict(function.__globals__)
+    for name in function.__code__.co_names:
+        if isinstance(names.get(name), FunctionType):
+            names[name] = _helper(names[name])
+    answer = FunctionType(
+        function.__code__, names, function.__name__, function.__defaults__, function.__closure__
+    )
+    answer.__module__ = function.__module__
+    return answer
+
+
+@cache
+def _helper(function: FunctionType) -> Any:
+    return inlined(compilable(function))
+
+
+def law_step(parameters: Any, state: Any, measurement: Any, reference: float) -> Any:
+    """Return the step of the law that `parameters` belong to."""
+    return _LAWS[type(parameters)].step(parameters, state, measurement, reference)
+
+
+def law_initial(parameters: Any, measurement: Any, reference: float) -> Any:
+    """Return the first state of the law that `parameters` belong to."""
+    return _LAWS[type(parameters)].initial(parameters, measurement, reference)
+
+
+@overload(law_step, jit_options=_INLINE)
+def _law_step(parameters, state, measurement, reference):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    step = inlined(compilable(_LAWS[parameters.instance_class].step))
+    return lambda parameters, state, measurement, reference: step(
+        parameters, state, measurement, reference
+    )
+
+
+@overload(law_initial, jit_options=_INLINE)
+def _law_initial(parameters, measurement, reference):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    initial = inlined(compilable(_LAWS[parameters.instance_class].initial))
+    return lambda parameters, measurement, reference: initial(parameters, measurement, reference)
+
+
+def extent(like: Any) -> int:
+    """Return how many numbers a named tuple holds, those of the named tuples in it included."""
+    return len(leaf_names(type(like)))
+
+
+def gather(like: Any, work: Any, start: int, stride: int) -> Any:
+    """Return a named tuple of the class of `like` from work[start], work[start + stride], ..."""
+    return from_numbers(type(like), (work[start + n * stride] for n in range(extent(like))))
+
+
+def scatter_where(due: bool, values: Any, work: Any, start: int, stride: int) -> None:
+    """Write a named tuple's numbers to work[start], work[start + stride], ... where `due`."""
+    for n, value in enumerate(numbers(values)):
+        if due:
+            work[start + n * stride] = value
+
+
+def _function(source: str, **names: Any) -> Any:
+    space = dict(names)
+    exec(source, space)  # the fields are known to the compiler only as source
+    return space["f"]
+
+
+def _class_of(form: Any) -> Any:
+    """Return the class of a named tuple's numba type, None of another."""
+    return form.instance_class if isinstance(form, types.NamedTuple | types.NamedUniTuple) else None
+
+
+def _paths(form: Any, path: str) -> list[str]:
+    """Return the source of each number of a named tuple that `path` names."""
+    if _class_of(form) is None:
+        return [path]
+    return [p for n, inner in enumerate(form.types) for p in _paths(inner, f"{path}[{n}]")]
+
+
+@overload(extent, jit_options=_INLINE)
+def _extent(like):  # type: ignore[no-untyped-def]
+    count = len(_paths(like, ""))
+    return lambda like: count  # noqa: ARG005
+
+
+@overload(gather, jit_options=_INLINE)
+def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    if _class_of(like) is None:
+        return None
+    if any(isinstance(field, types.Array) for field in like):  # not of a lane: handed through
+        return lambda like, work, start, stride: like  # noqa: ARG005
+    kinds: dict[str, Any] = {}
+    rows = (f"work[start + {n} * stride]" for n in itertools.count())
+
+    def made(form: Any) -> str:
+        kind = _class_of(form)
+        if kind is None:
+            return next(rows)
+        name = f"Kind{len(kinds)}"
+        kinds[name] = kind
+        return f"{name}({', '.join(map(made, form.types))})"
+
+    return _function(f"def f(like, work, start, stride):\n    return {made(like)}", **kinds)
+
+
+@overload(scatter_where, jit_options=_INLINE)
+def _scatter_where(due, values, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    if _class_of(values) is None:
+        return None
+    lines = "".join(
+        f"    i = start + {n} * stride\n    work[i] = {path} if due else work[i]\n"
+        for n, path in enumerate(_paths(values, "values"))
+    )
+    return _function(f"def f(due, values, work, start, stride):\n{lines}")

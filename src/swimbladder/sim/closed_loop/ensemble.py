@@ -1,0 +1,266 @@
+"""Thousands of vehicles in one call: any parameter, any start and any noise, lane by lane."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swimbladder.control.law import Law
+from swimbladder.errors import InputError
+from swimbladder.physics.dynamics import Plant
+from swimbladder.physics.seawater import Column
+from swimbladder.sim.closed_loop.accounts import close_books
+from swimbladder.sim.closed_loop.block import Block, Schedule, schedule, work_space
+from swimbladder.sim.closed_loop.given import check_starts, series, spread, vary_plants
+from swimbladder.sim.closed_loop.rows import Row
+from swimbladder.sim.closed_loop.single import check_counts, check_setpoints, choose_law
+from swimbladder.sim.closed_loop.water import medium_of
+from swimbladder.sim.engine.books import Account
+from swimbladder.sim.engine.chain import base_steps, book_steps
+from swimbladder.sim.engine.layers import Layers
+from swimbladder.vehicle import Sensors, Vehicle
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["BLOCK", "simulate_ensemble"]
+
+_STATE = slice(int(Row.Q), int(Row.Q) + 4)
+BLOCK = 40  # lanes that run together: few enough for the first-level cache, no power of 2
+
+_SUMMARIES: dict[str, tuple[Row, dict[str, str]]] = {
+    "final_depth": (Row.Z, {"units": "m", "long_name": "depth at the end"}),
+    "final_speed": (Row.W, {"units": "m s-1", "long_name": "speed at the end, positive down"}),
+    "final_volume": (Row.V, {"units": "m3", "long_name": "volume at the end"}),
+    "least_depth": (Row.Z_LOWEST, {"units": "m", "long_name": "least depth at a sample"}),
+    "greatest_depth": (Row.Z_HIGHEST, {"units": "m", "long_name": "greatest depth at a sample"}),
+    "least_volume": (Row.V_LOWEST, {"units": "m3", "long_name": "least volume at a sample"}),
+    "greatest_volume": (Row.V_HIGHEST, {"units": "m3", "long_name": "greatest volume at a sample"}),
+    "actuator_travel": (Row.TRAVEL, {"units": "m3", "long_name": "volume moved to and fro"}),
+}
+_TRAJECTORIES = {
+    "depth": (0, {"units": "m", "long_name": "depth of the pressure sensor", "positive": "down"}),
+    "speed": (1, {"units": "m s-1", "long_name": "vertical speed, positive down"}),
+    "volume": (2, {"units": "m3", "long_name": "change of displaced volume"}),
+    "command": (4, {"long_name": "command of the law, V or m3"}),
+}
+
+
+def simulate_ensemble(
+    vehicle: Vehicle,
+    *,
+    count: int,
+    setpoints: Sequence[tuple[float, ArrayLike]],
+    duration: float,
+    start_depth: ArrayLike,
+    start_volume: ArrayLike | None = None,
+    start_speed: ArrayLike = 0.0,
+    bottom_depth: float = math.inf,
+    vary: Mapping[str, ArrayLike] | None = None,
+    seed: int | None = None,
+    law: Law | None = None,
+    parameters: Any = None,
+    sample_time: float | None = None,
+    depth_error: ArrayLike | None = None,
+    neutral_change: ArrayLike | None = None,
+    keep: Literal["summary", "trajectory"] = "summary",
+    books: bool = False,
+    column: Column | None = None,
+    workers: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> xarray.Dataset:
+    """Return `count` runs of a vehicle and its variations as an xarray Dataset over ``lane``.
+
+    vary: name -> array [count]; a field of `dynamics.Plant` (``"a_b"``, ``"T1"``, ``"psi"``, ...)
+    or of the law's parameters (``"k_pz"``). setpoints: (time [s], depth [m] or depths [count]).
+    start_depth [m], start_volume [m3] (neutral where not given), start_speed [m/s]: numbers or
+    arrays [count]. seed: noise of the vehicle's sensors, a stream of its own for each lane.
+    depth_error [m], [samples, count] or [samples, 1]: what is added to the measured depth, before
+    its quantum. neutral_change [m3], likewise: what the neutral volume differs by, from a sample
+    on to the next. keep: summaries only, or trajectories as well. books: also ``energy``, what
+    `Books` calls the source. column: the water, the vehicle's own where not given. workers: threads
+    (one per core). progress: called with the number of lanes done.
+
+    ``stop`` holds the code of each lane's StopReason. Overshoot, rise and settling are those of
+    the last set-point. Raises InputError for an unknown name, a wrong length or a start that the
+    stroke, the bottom or the surface does not allow.
+    """
+    check_counts(count=(count, 1), seed=(seed, 0), workers=(workers, 1))
+    if keep not in ("summary", "trajectory"):
+        raise InputError(
+            "not a choice", field="keep", value=keep, remedy="Choose summary or trajectory"
+        )
+    chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time)
+    times, _ = check_setpoints([(t, 0.0) for t, _ in setpoints], duration, tick)
+    clock = schedule(times, duration, tick)
+    depths = np.stack([spread(z, count, "setpoints", "m") for _, z in setpoints])
+    z0 = spread(start_depth, count, "start_depth", "m")
+    reach = float(max(depths.max(), z0.max()))
+    medium = medium_of(vehicle, column, reach=reach, bottom_depth=bottom_depth)
+    layers = medium.layers
+    plants, values = vary_plants(medium.plant, numbers, vary or {}, count)
+    row = Plant._fields.index
+    neutral = plants[row("psi")] * z0 + plants[row("V_0")] + layers.along(z0)
+    V0 = neutral if start_volume is None else spread(start_volume, count, "start_volume", "m3")
+    w0 = spread(start_speed, count, "start_speed", "m/s")
+    check_starts(plants, z0, V0)
+    start = np.stack([np.zeros(count), V0, z0, w0])
+    steps = book_steps if books else base_steps
+    parts = steps(_stiffest(plants), tick, float(np.abs(w0).max()), layers)
+    run = _Run(
+        law=chosen, plants=plants, values=values, clock=clock, parts=parts, depths=depths,
+        start=start, sensors=vehicle.sensors, seed=seed, record=keep == "trajectory",
+        depth_error=series(depth_error, clock, count, "depth_error", "m"),
+        neutral=series(neutral_change, clock, count, "neutral_change", "m3"), books=books,
+        layers=layers,
+    )  # fmt: skip
+    work = np.empty((int(Row.STEP), count))
+    record = np.empty((len(_TRAJECTORIES), clock.ticks + 1 if run.record else 0, count))
+    sums = np.empty((count, len(Account) if books else 0))
+    firsts = range(0, count, BLOCK)
+    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
+        for first, (rows, kept, sum_) in zip(firsts, pool.map(run.block, firsts), strict=True):
+            own = slice(first, first + rows.shape[1])
+            work[:, own], record[:, :, own], sums[own] = rows, kept, sum_
+            if progress is not None:
+                progress(own.stop)
+    data = _dataset(vehicle, chosen, clock, work, record)
+    data.attrs["steps_per_sample"] = parts
+    if books:
+        closed = [
+            close_books(
+                vehicle,
+                replace(medium, plant=Plant(*plants[:, n])),
+                sums[n],
+                start[:, n],
+                work[_STATE, n],
+            )
+            for n in range(count)
+        ]
+        data["energy"] = (
+            "lane", [b.energy["source"] for b in closed],
+            {"units": "J", "long_name": closed[0].basis},
+        )  # fmt: skip
+    return data
+
+
+def _stiffest(plants: NDArray[np.float64]) -> Plant:
+    """Return a plant whose drag bends no less, at any speed it may reach, than that of any lane."""
+    lanes = Plant(*plants)
+    most = Plant(*plants.max(axis=1))
+    return most._replace(
+        psi=float(np.abs(lanes.psi).max()),
+        V_0=0.0,
+        V_min=-float(np.abs(lanes.V_min - lanes.V_0).max()),
+        V_max=float(np.abs(lanes.V_max - lanes.V_0).max()),
+        epsilon=float(np.min(lanes.epsilon)),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Run:
+    """What all blocks of an ensemble share."""
+
+    law: Law
+    plants: NDArray[np.float64]
+    values: dict[str, NDArray[np.float64]]
+    clock: Schedule
+    parts: int
+    depths: NDArray[np.float64]
+    start: NDArray[np.float64]
+    sensors: Sensors
+    seed: int | None
+    record: bool
+    depth_error: NDArray[np.float64] | None
+    neutral: NDArray[np.float64] | None
+    books: bool
+    layers: Layers
+    room: threading.local = field(default_factory=threading.local)  # of each worker
+
+    def block(
+        self, first: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Run the block that begins at lane `first`; return its rows, its record and its sums.
+
+        The last block is filled up with copies of its last lane, so that one kernel serves all.
+        """
+        count = self.plants.shape[1]
+        lanes = np.minimum(np.arange(first, first + BLOCK), count - 1)
+        block = Block.lay_out(
+            plants=self.plants[:, lanes], law=self.law,
+            parameters={n: v[lanes] for n, v in self.values.items()},
+            clock=self.clock, parts=self.parts, depths=self.depths[:, lanes],
+            start=self.start[:, lanes], sensors=self.sensors,
+            seeds=None if self.seed is None else [[self.seed, int(i)] for i in lanes],
+            record=self.record, books=self.books, events=False,
+            depth_error=None if self.depth_error is None else self.depth_error[:, lanes],
+            neutral=None if self.neutral is None else self.neutral[:, lanes],
+            layers=self.layers,
+        )  # fmt: skip
+        if not hasattr(self.room, "chains"):
+            self.room.chains = work_space(BLOCK)
+        block.run(chains=self.room.chains)
+        own = min(BLOCK, count - first)
+        chosen = [row for row, _ in _TRAJECTORIES.values()]
+        return (
+            block.work[: Row.STEP, :own].copy(),
+            block.record[chosen][:, :, :own],
+            block.books[:own],
+        )
+
+
+def _dataset(
+    vehicle: Vehicle, law: Law, clock: Schedule, work: NDArray[np.float64],
+    record: NDArray[np.float64],
+) -> xarray.Dataset:  # fmt: skip
+    import xarray
+
+    data = xarray.Dataset(coords={"lane": np.arange(work.shape[1])})
+    for name, (row, attributes) in _SUMMARIES.items():
+        data[name] = ("lane", work[row], attributes)
+    stopped = work[Row.STOPPED] != 0.0
+    since = (clock.ticks - clock.given[-1]) * clock.tick
+    rise, outside = work[Row.RISE90], work[Row.OUTSIDE2]
+    data["overshoot"] = (
+        "lane", np.maximum(work[Row.FURTHEST] - 1.0, 0.0) * 100.0,
+        {"units": "%", "long_name": "of the last step, beyond its target"},
+    )  # fmt: skip
+    data["rise90"] = (
+        "lane", np.where(np.isfinite(rise), rise, np.nan),
+        {"units": "s", "long_name": "first sample past 90 % of the last step"},
+    )  # fmt: skip
+    settled = (outside < since - 0.5 * clock.tick) & ~stopped
+    data["settle2"] = (
+        "lane", np.where(settled, np.maximum(outside, 0.0), np.nan),
+        {"units": "s", "long_name": "last sample outside 2 % of the last step"},
+    )  # fmt: skip
+    samples = np.where(stopped, work[Row.STOP_TICK], clock.ticks) - clock.given[-1] + 1
+    data["rms_error"] = (
+        "lane", np.sqrt(work[Row.SQUARES] / np.maximum(samples, 1)),
+        {"units": "m", "long_name": "depth error since the last set-point, root mean square"},
+    )  # fmt: skip
+    data["stop"] = ("lane", work[Row.STOPPED].astype(int), {"long_name": "code of StopReason"})
+    data["stop_time"] = (
+        "lane", np.where(stopped, work[Row.STOP_TICK], clock.ticks) * clock.tick,
+        {"units": "s", "long_name": "time at which the run ended"},
+    )  # fmt: skip
+    if record.shape[1]:
+        data = data.assign_coords(time=("time", np.arange(clock.ticks + 1) * clock.tick))
+        data["time"].attrs = {"units": "s", "long_name": "time since the start", "axis": "T"}
+        for (name, (_, attributes)), values in zip(_TRAJECTORIES.items(), record, strict=True):
+            data[name] = (("time", "lane"), values, attributes)
+    data.attrs = {
+        "title": f"Ensemble of {vehicle.name}, simulated",
+        "source": "swimbladder",
+        "Conventions": "CF-1.11",
+        "control_law": law.name,
+    }
+    return data

@@ -1,0 +1,100 @@
+"""Any Python function as the law of the one loop: it is asked between ticks, the law holds it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from swimbladder.control.law import Law, Measurement
+from swimbladder.errors import InputError
+from swimbladder.sim.closed_loop.block import Block
+from swimbladder.sim.closed_loop.rows import Row
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Held", "as_law", "run_function"]
+
+
+class Held(NamedTuple):
+    """What a Python function commands, as the kernels know it: a law's parameters, and its state.
+
+    In the state it means nothing.
+    """
+
+    command: float = 0.0  # V or m3
+
+
+def _step(
+    parameters: Held, state: Held, _seen: Measurement, _reference: float
+) -> tuple[float, Held, float]:
+    return parameters.command, state, 0.0
+
+
+def _initial(parameters: Held, _seen: Measurement, _reference: float) -> Held:
+    return parameters
+
+
+def as_law(
+    vehicle: Vehicle, function: Callable[..., Any], sample_time: float | None
+) -> tuple[Law, Held, float]:
+    """Return (law, parameters, sample time [s]) that stand for a Python function.
+
+    The sample time is the vehicle's controller's where not given; raises InputError without one.
+    """
+    if sample_time is None:
+        if vehicle.controller is None:
+            raise InputError("a Python law needs a sample time", field="sample_time", unit="s")
+        sample_time = vehicle.controller.sample_time
+    if not (math.isfinite(sample_time) and sample_time > 0.0):
+        raise InputError(
+            "must be a finite time above 0", field="sample_time", value=sample_time, unit="s"
+        )
+    law = Law(
+        name=getattr(function, "__name__", type(function).__name__),
+        summary="a Python function",
+        command="voltage" if vehicle.voltage_driven else "volume",
+        parameters=Held,
+        state=Held,
+        units={},
+        step=_step,
+        initial=_initial,
+    )
+    return law, Held(), sample_time
+
+
+def run_function(
+    block: Block, function: Callable[..., Any], progress: Callable[[int], None] | None = None
+) -> None:
+    """Run a block of one lane, of `as_law`, under ``function(measurement, reference)``.
+
+    It returns the command, or (command, next_sample_s).
+    """
+    work, clock, wait = block.work[:, 0], block.clock, 0.0
+
+    def ask(k: int) -> None:
+        nonlocal wait
+        if wait <= 0.0:
+            seen = Measurement(
+                k * clock.tick, float(work[Row.SEEN_DEPTH]), float(work[Row.SEEN_VOLUME])
+            )
+            said = function(seen, float(block.depths[clock.turn[k], 0]))
+            work[Row.LAW], wait = _understood(function, said, clock.tick)
+        wait -= 1.0
+
+    block.run(progress, ask=ask)
+
+
+def _understood(function: Callable[..., Any], said: Any, tick: float) -> tuple[float, float]:
+    """Return (command, ticks until the next call) of what a function returned."""
+    try:
+        command, following = said if isinstance(said, tuple) else (said, tick)
+        command, ticks = float(command), float(following) / tick
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{getattr(function, '__name__', 'the function')} returned neither a command nor "
+            "(command, next_sample_s)",
+            field="law",
+            value=said,
+            remedy="Return volts (a positioner: m3), or these and the seconds until the next call",
+        ) from None
+    return command, math.ceil(ticks - 1e-9) if 1.0 < ticks < math.inf else max(1.0, ticks)

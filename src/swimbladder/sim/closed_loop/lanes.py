@@ -1,0 +1,297 @@
+"""The closed loop over a block of vehicles: law, hold, plant, tick after tick, compiled.
+
+A block is a number of lanes that is known to the compiler (one for a single vehicle). All numbers
+of a block lie in one array, row by row, lane by lane, small enough for the first-level cache, and
+time runs inside. A tick is taken for all lanes at once by their modes' exponentials; the few lanes
+in which something happens (an end stop, the surface, the bottom) are taken again by
+`engine.advance`, which finds the event.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from swimbladder.control.law import Measurement
+from swimbladder.sim.closed_loop.dispatch import extent, gather, law_initial, scatter_where
+from swimbladder.sim.closed_loop.hooks import begin, sense
+from swimbladder.sim.closed_loop.lane import commit, decide, judge, leap_lane, set_mode
+from swimbladder.sim.closed_loop.lost import lose
+from swimbladder.sim.closed_loop.rows import (
+    APPLIED,
+    COMMAND,
+    DEPTH_NOISE,
+    DEPTH_QUANTUM,
+    EVENTS,
+    FROM,
+    FURTHEST,
+    LAW,
+    LOST,
+    MODE,
+    N_PLANT,
+    OUTSIDE2,
+    PER_SPAN,
+    PLANT,
+    REFERENCE,
+    RISE90,
+    SEEN_DEPTH,
+    SEEN_VOLUME,
+    SLOW,
+    SQUARES,
+    STOP_TICK,
+    STOPPED,
+    TROUBLE,
+    VOLUME_NOISE,
+    VOLUME_QUANTUM,
+    Q,
+    V,
+    W,
+    Z,
+)
+from swimbladder.sim.engine.advance import DONE, advance
+from swimbladder.sim.engine.books import decays, enter
+from swimbladder.sim.engine.cache import compiled, inlined, part, shared, wide
+from swimbladder.sim.engine.chain import leap
+from swimbladder.sim.engine.modes import EPSILON, POSITIONER, V_MAX, V_MIN, first_mode
+from swimbladder.sim.engine.sensor import Sensor, measured
+
+LAW_NOT_FINITE, OVER = 5, 6  # why a lane stopped, beside engine.advance: OVER by its hooks
+
+__all__ = ["LAW_NOT_FINITE", "OVER", "measure_block", "run_block", "start_block"]
+
+
+@shared
+def measure_block(S, token, noise, k):  # type: ignore[no-untyped-def]
+    """Write what the sensors give."""
+    W_ = len(token)
+    for i in range(W_):
+        of_depth = Sensor(S[DEPTH_NOISE * W_ + i], S[DEPTH_QUANTUM * W_ + i])
+        of_volume = Sensor(S[VOLUME_NOISE * W_ + i], S[VOLUME_QUANTUM * W_ + i])
+        S[SEEN_DEPTH * W_ + i] = measured(of_depth, S[Z * W_ + i], noise[k, 0, i])
+        volume = S[V * W_ + i] + S[LOST * W_ + i]
+        S[SEEN_VOLUME * W_ + i] = measured(of_volume, volume, noise[k, 1, i])
+
+
+@part
+def _set_targets(S, token, depths):  # type: ignore[no-untyped-def]
+    """Give every lane a set-point, and begin to follow its step response."""
+    W_ = len(token)
+    for i in range(W_):
+        z = S[Z * W_ + i]
+        S[REFERENCE * W_ + i] = depths[i]
+        S[FROM * W_ + i] = z
+        S[PER_SPAN * W_ + i] = 1.0 / (depths[i] - z) if depths[i] != z else np.nan
+        S[FURTHEST * W_ + i] = 0.0
+        S[RISE90 * W_ + i] = np.inf
+        S[OUTSIDE2 * W_ + i] = -1.0
+        S[SQUARES * W_ + i] = 0.0
+
+
+@part
+def _tick(S, token, bend, sea, like, like_state, k, t, since, tick):  # type: ignore[no-untyped-def]
+    """Judge, decide and move every lane by a whole tick; return how many lanes need more.
+
+    Those keep the state they had.
+    """
+    W_ = len(token)
+    per_tick = 1.0 / tick
+    troubled = 0
+    wide()  # type: ignore[call-arg]
+    for i in range(W_):
+        judge(S, W_, i, since)
+        u = decide(S, W_, i, (), like, like_state, k, t, per_tick)
+        q1, v1, z1, w1, ok = leap_lane(S, W_, i, u, tick, bend)
+        q, v = S[Q * W_ + i], S[V * W_ + i]
+        z, w = S[Z * W_ + i], S[W * W_ + i]
+        commit(
+            S, W_, i, sea, q1 if ok else q, v1 if ok else v, z1 if ok else z, w1 if ok else w
+        )  # fmt: skip
+        S[TROUBLE * W_ + i] = 0.0 if ok else 1.0
+        troubled += 0 if ok else 1
+    return troubled
+
+
+@part
+def _start_laws(S, token, like, t):  # type: ignore[no-untyped-def]
+    W_ = len(token)
+    for i in range(W_):
+        seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
+        state = law_initial(gather(like, S, LAW * W_ + i, W_), seen, S[REFERENCE * W_ + i])
+        scatter_where(True, state, S, (LAW + extent(like)) * W_ + i, W_)
+
+
+@compiled
+def run_block(  # type: ignore[no-untyped-def]
+    S, token, bend, sea, hooks, like, like_state, first, last, tick, parts, turn, given, depths,
+    noise, record, state_row, chains, built, books, log, count, layers,
+):  # fmt: skip
+    """Run a block of len(token) lanes from tick `first` to `last`.
+
+    S: the block's array, rows x lanes, flat. bend, sea: empty where drag is laminar, and where
+    nothing is lost, see `lost`. hooks: what stands between the parts, see `hooks`. like,
+    like_state: a law's parameters and state, for their types. tick [s], divided into `parts`.
+    turn [n]: which set-point holds at a tick; given: the tick of each set-point; depths
+    [set-points, lanes].
+    noise [ticks of this call, 2, lanes] standard normal, or empty.
+    record [7, n, lanes] or empty; state_row: row of the volume reference in the law's state, -1
+    without. chains, built: see engine.advance, per lane. books [lanes, accounts] or empty.
+    layers: of the water, of all lanes; in layers every lane is taken by engine.advance.
+    """
+    W_ = len(token)
+    h = tick / parts
+    x = np.zeros(5)
+    y = np.zeros(10)
+    p = np.zeros(N_PLANT)
+    kept = np.array([-1, -1])
+    decay = np.zeros(5)
+    whole = parts == 1 and record.shape[1] == 0 and books.shape[1] == 0 and len(hooks) == 0
+    for k in range(first, last):
+        t = k * tick
+        since = (k - given[turn[k]]) * tick
+        if k == 0 or turn[k] != turn[k - 1]:
+            _set_targets(S, token, depths[turn[k]])
+        if len(sea) > 0:
+            for i in range(W_):
+                lose(S, W_, i, p, t, tick if k > 0 else 0.0, layers)
+            kept[0] = -1
+        if begin(hooks, S, k, built):
+            S[STOPPED] = OVER if S[STOPPED] == 0.0 else S[STOPPED]
+            break
+        if noise.shape[0] > 0:
+            measure_block(S, token, noise, k - first)
+        sense(hooks, S, k)
+        if k == 0:
+            _start_laws(S, token, like, t)
+        if whole and k < turn.shape[0] - 1:
+            if _tick(S, token, bend, sea, like, like_state, k, t, since, tick) > 0:
+                for i in range(W_):
+                    if S[TROUBLE * W_ + i] != 0.0:
+                        _take_slowly(
+                            S, token, i, k, t, h, bend, sea, p, x, y,
+                            chains[i], built[i], books[i], log[i], count[i], layers,
+                        )  # fmt: skip
+            continue
+        for i in range(W_):
+            judge(S, W_, i, since)
+            decide(S, W_, i, hooks, like, like_state, k, t, 1.0 / tick)
+        if record.shape[1] > 0:
+            _record(S, token, record, k, extent(like), state_row)
+        if k == turn.shape[0] - 1:
+            break
+        for n in range(parts):
+            for i in range(W_):
+                if books.shape[1] == 0:
+                    q1, v1, z1, w1, ok = leap_lane(S, W_, i, S[APPLIED * W_ + i], h, bend)
+                    if ok:
+                        commit(S, W_, i, sea, q1, v1, z1, w1)
+                        continue
+                elif _leap_with_books(
+                    S, W_, i, h, bend, sea, p, x, y, chains, books, kept, decay, layers
+                ):
+                    continue
+                kept[0] = -1
+                _take_slowly(
+                    S, token, i, k, t + n * h, h, bend, sea, p, x, y,
+                    chains[i], built[i], books[i], log[i], count[i], layers,
+                )  # fmt: skip
+
+
+@inlined
+def _leap_with_books(  # type: ignore[no-untyped-def]
+    S, W_, i, h, bend, sea, p, x, y, chains, books, kept, decay, layers
+):
+    """Take one step of lane i, with its accounts, if nothing happens in it; return whether.
+
+    kept: the lane and the mode whose parameters p and transients `decay` are loaded.
+    """
+    mode = int(S[MODE * W_ + i])
+    if kept[0] != i or kept[1] != mode:
+        for n in range(N_PLANT):
+            p[n] = S[(PLANT + n) * W_ + i]
+        decays(p, mode, h, decay)
+        kept[0], kept[1] = i, mode
+    u = S[APPLIED * W_ + i]
+    q1, v1, z1, w1, ok = leap_lane(S, W_, i, u, h, bend)
+    if not ok:
+        return False
+    q, v, z, w = S[Q * W_ + i], S[V * W_ + i], S[Z * W_ + i], S[W * W_ + i]
+    x[0], x[1], x[2], x[3], x[4] = q, v, z, w, 0.0
+    y[0], y[1], y[2], y[3] = q1, v1, z1, w1
+    if p[EPSILON] == np.inf:  # the integral of z, as engine.chain.leap has it
+        y[4] = (
+            chains[i, mode, 0, 16] * q
+            + chains[i, mode, 0, 17] * v
+            + chains[i, mode, 0, 18] * z
+            + chains[i, mode, 0, 19] * w
+            + chains[i, mode, 0, 24] * u
+            + chains[i, mode, 0, 29]
+        )
+    else:
+        leap(chains[i, mode], 0, p, layers, True, x, u, y)
+    enter(p, mode, x, y, u, h, decay, books[i])
+    commit(S, W_, i, sea, q1, v1, z1, w1)
+    return True
+
+
+@part
+def _take_slowly(  # type: ignore[no-untyped-def]
+    S, token, i, k, t, h, bend, sea, p, x, y, chains, built, books, log, count, layers
+):
+    """Take one step of lane i by engine.advance, and change its mode if an event did."""
+    W_ = len(token)
+    for n in range(4):
+        x[n] = S[(Q + n) * W_ + i]
+    x[4] = 0.0
+    if S[STOPPED * W_ + i] == 0.0:
+        for n in range(N_PLANT):
+            p[n] = S[(PLANT + n) * W_ + i]
+        before = int(S[MODE * W_ + i])
+        u = S[APPLIED * W_ + i]
+        if not abs(u) < 1e30:
+            why = LAW_NOT_FINITE
+        else:
+            if len(sea) > 0 and p[POSITIONER] != 0.0:
+                u -= S[LOST * W_ + i]
+                if abs(u - x[1]) < 1e-12 * (p[V_MAX] - p[V_MIN]):
+                    u = x[1]  # rounding does not set it in motion
+            nonlinear = len(bend) > 0 and p[EPSILON] < np.inf
+            mode, why = advance(
+                p, layers, nonlinear, before, x, y, u, h, t, chains, built, books, log, count
+            )
+            if mode != before:
+                S[EVENTS * W_ + i] += 1.0
+                S[Z * W_ + i] = x[2]
+                set_mode(S, token, i, mode, chains, built, h, p, layers)
+        if why != DONE:
+            S[STOPPED * W_ + i] = why
+            S[STOP_TICK * W_ + i] = k
+            S[SLOW * W_ + i] = 1.0
+        commit(S, W_, i, sea, x[0], x[1], x[2], x[3])
+
+
+@part
+def _record(S, token, record, k, n_par, state_row):  # type: ignore[no-untyped-def]
+    W_ = len(token)
+    for i in range(W_):
+        record[0, k, i] = S[Z * W_ + i]
+        record[1, k, i] = S[W * W_ + i]
+        record[2, k, i] = S[V * W_ + i] + S[LOST * W_ + i]
+        record[3, k, i] = S[Q * W_ + i]
+        record[4, k, i] = S[COMMAND * W_ + i]
+        record[5, k, i] = S[APPLIED * W_ + i]
+        if state_row >= 0:
+            record[6, k, i] = S[(LAW + n_par + state_row) * W_ + i]
+
+
+@compiled
+def start_block(S, token, h, chains, built, layers):  # type: ignore[no-untyped-def]
+    """Set each lane's first mode from its state, its parameters and a base step h [s]."""
+    W_ = len(token)
+    p = np.zeros(N_PLANT)
+    for i in range(W_):
+        for n in range(N_PLANT):
+            p[n] = S[(PLANT + n) * W_ + i]
+        mode, q = first_mode(
+            p, layers, S[Q * W_ + i], S[V * W_ + i], S[Z * W_ + i], S[W * W_ + i], 0.0
+        )
+        S[Q * W_ + i] = q
+        set_mode(S, token, i, mode, chains[i], built[i], h, p, layers)

@@ -1,0 +1,122 @@
+"""One vehicle driven by recorded inputs, open loop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from swimbladder.errors import InputError
+from swimbladder.physics.seawater import Column
+from swimbladder.sim.closed_loop.accounts import close_books
+from swimbladder.sim.closed_loop.single import check_start
+from swimbladder.sim.closed_loop.solution import Solution, StopReason, assemble, name_events
+from swimbladder.sim.closed_loop.water import Medium, medium_of
+from swimbladder.sim.engine.advance import begin, follow
+from swimbladder.sim.engine.books import Account
+from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS, book_steps
+from swimbladder.sim.engine.modes import COUNT, Act
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["drive"]
+
+
+def drive(
+    vehicle: Vehicle,
+    *,
+    time: ArrayLike,
+    volume: ArrayLike | None = None,
+    voltage: ArrayLike | None = None,
+    start_depth: float,
+    start_speed: float = 0.0,
+    start_volume: float | None = None,
+    bottom_depth: float = math.inf,
+    column: Column | None = None,
+) -> Solution:
+    """Return the motion under a recorded volume or voltage, at the record's own instants.
+
+    time [n] in s, growing, at any spacing. volume [n] in m3: linear between instants, as if the
+    actuator followed it exactly. voltage [n] in V: held until the next instant; the motor starts
+    from start_volume [m3], neutral where not given. start_depth [m], start_speed [m/s].
+    column: the water, see `closed_loop.water`; the vehicle's own where not given.
+
+    Raises InputError unless exactly one input is given, of the length of time and finite.
+    """
+    t = np.ascontiguousarray(time, float)
+    given = {"volume": volume, "voltage": voltage}
+    named = [name for name, values in given.items() if values is not None]
+    if len(named) != 1:
+        raise InputError("give either a volume or a voltage", field="volume, voltage")
+    if volume is not None and start_volume is not None:
+        raise InputError(
+            "a prescribed volume brings its own start", field="start_volume", value=start_volume,
+            unit="m3", remedy="Leave start_volume out: the first entry of volume is the start",
+        )  # fmt: skip
+    inputs = np.ascontiguousarray(given[named[0]], float)
+    _check(t, inputs, named[0])
+    if voltage is not None and not vehicle.voltage_driven:
+        raise InputError(
+            "a positioner is not driven by a voltage", field="voltage", remedy="Give the volume"
+        )
+    medium = medium_of(vehicle, column, reach=start_depth, bottom_depth=bottom_depth)
+    if volume is not None:
+        start: tuple[float, ...] = (0.0, float(inputs[0]), start_depth, start_speed)
+        unbound = medium.plant._replace(V_min=-math.inf, V_max=math.inf)
+        check_start(replace(medium, plant=unbound), start_depth, start[1], start_speed)
+    else:
+        start = check_start(medium, start_depth, start_volume, start_speed)
+    return _follow(vehicle, medium, t, inputs, start, ramps=volume is not None)
+
+
+def _follow(
+    vehicle: Vehicle, medium: Medium, t: Any, inputs: Any, start: tuple[float, ...], *, ramps: bool
+) -> Solution:
+    p, layers = medium.plant, medium.layers
+    flat = np.array(p)
+    x = np.array([*start, 0.0])
+    mode, x[0] = begin(flat, layers, *start)
+    if ramps:
+        mode = mode - mode % 10 + int(Act.PRESCRIBED)
+    steps = {h: book_steps(p, h, start[3], layers) for h in set(np.diff(t).tolist())}
+    parts = np.array([steps[h] for h in np.diff(t).tolist()], np.int64)
+    record = np.full((7, len(t)), np.nan)
+    books = np.zeros(len(Account))
+    log, noted = np.zeros((2000, 3)), np.zeros(1, np.int64)
+    reached, why = follow(
+        flat, layers, parts, math.isfinite(p.epsilon), mode, x, t, inputs, ramps, record, books,
+        log, noted, np.empty((COUNT, LEVELS + 1, COEFFICIENTS)), np.zeros(COUNT, np.uint8),
+    )  # fmt: skip
+    if ramps:
+        record[5] = np.nan
+    return assemble(
+        vehicle, p, law="none (recorded " + ("volume)" if ramps else "voltage)"), time=t[:reached],
+        reference=np.full(reached, np.nan), record=record[:, :reached],
+        events=name_events(log, int(noted[0])), stop=list(StopReason)[why],
+        books=close_books(vehicle, medium, books, np.array(start), x[:4], prescribed=ramps),
+    )  # fmt: skip
+
+
+def _check(t: Any, inputs: Any, name: str) -> None:
+    if t.ndim != 1 or len(t) < 2:
+        raise InputError("needs at least two instants", field="time", unit="s")
+    if inputs.shape != t.shape:
+        raise InputError(
+            f"has the shape {inputs.shape}, time has {t.shape}",
+            field=name,
+            remedy="Give one value per instant",
+        )
+    for field, values in (("time", t), (name, inputs)):
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise InputError(
+                f"entry {bad[0]} is not a finite number", field=field, value=float(values[bad[0]])
+            )
+    wrong = np.flatnonzero(np.diff(t) <= 0.0)
+    if wrong.size:
+        raise InputError(
+            f"must grow, but entry {wrong[0] + 1} does not", field="time",
+            value=float(t[wrong[0] + 1]), unit="s",
+        )  # fmt: skip

@@ -1,0 +1,244 @@
+"""One vehicle under its controller (Fig. 15), sampled, with the input held between samples."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control.law import Law
+from swimbladder.control.records import leaf_names, leaves
+from swimbladder.control.registry import bind
+from swimbladder.errors import InputError
+from swimbladder.physics.seawater import Column
+from swimbladder.sim.closed_loop.accounts import close_books
+from swimbladder.sim.closed_loop.block import Block, schedule
+from swimbladder.sim.closed_loop.rows import Row
+from swimbladder.sim.closed_loop.solution import Solution, StopReason, assemble, name_events
+from swimbladder.sim.closed_loop.water import Medium, medium_of
+from swimbladder.sim.engine.chain import book_steps
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["check_counts", "check_setpoints", "check_start", "choose_law", "simulate"]
+
+
+def simulate(
+    vehicle: Vehicle,
+    *,
+    setpoints: Sequence[tuple[float, float]],
+    duration: float,
+    start_depth: float,
+    start_volume: float | None = None,
+    start_speed: float = 0.0,
+    bottom_depth: float = math.inf,
+    seed: int | None = None,
+    law: Law | Callable[..., Any] | None = None,
+    parameters: Any = None,
+    sample_time: float | None = None,
+    parts: int | None = None,
+    column: Column | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Solution:
+    """Return the vehicle's motion under its controller, from rest unless a speed is given.
+
+    setpoints: (time [s], depth [m]), the first at 0. duration [s], rounded up to whole samples.
+    start_volume [m3]: neutral at start_depth where not given. bottom_depth [m]. seed: noise and
+    quanta of the vehicle's sensors; None: ideal sensors. law: a Law with its `parameters`, or any
+    Python function ``law(measurement, reference) -> command`` (volts, or m3 for a positioner);
+    the vehicle's own controller where not given. sample_time [s]: needed with a law that the
+    vehicle does not have. parts: steps a sample is divided into (chosen from the drag where not
+    given). column: the water, see `closed_loop.water`; the vehicle's own where not given.
+    progress: called with the number of samples done.
+
+    Raises InputError for a start outside water or stroke, unordered set-points, or no controller;
+    NoAnswerError where the column ends above a depth asked for.
+    """
+    if not callable(law) or isinstance(law, Law):
+        chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time)
+        function = None
+    else:
+        from swimbladder.sim.closed_loop.function import as_law
+
+        chosen, numbers, tick = as_law(vehicle, law, sample_time)
+        function = law
+    check_counts(seed=(seed, 0), parts=(parts, 1))
+    times, depths = check_setpoints(setpoints, duration, tick)
+    medium = medium_of(vehicle, column, reach=max(start_depth, *depths), bottom_depth=bottom_depth)
+    p, layers = medium.plant, medium.layers
+    start = check_start(medium, start_depth, start_volume, start_speed)
+    clock = schedule(times, duration, tick)
+    divided = book_steps(p, tick, start_speed, layers) if parts is None else parts
+    block = Block.lay_out(
+        plants=np.array(p)[:, None], law=chosen, parameters=leaves(numbers), clock=clock,
+        parts=divided,
+        depths=np.array(depths)[:, None], start=np.array(start)[:, None], sensors=vehicle.sensors,
+        seeds=None if seed is None else [[seed, 0]], record=True, books=True, events=True,
+        layers=layers,
+    )  # fmt: skip
+    if function is None:
+        block.run(progress)
+    else:
+        from swimbladder.sim.closed_loop.function import run_function
+
+        run_function(block, function, progress)
+    stop = list(StopReason)[int(block.work[Row.STOPPED, 0])]
+    n = clock.ticks + 1 if stop is StopReason.FINISHED else int(block.work[Row.STOP_TICK, 0]) + 1
+    last = block.work[Row.Q : Row.Q + 4, 0]
+    time: NDArray[np.float64] = np.arange(n, dtype=np.float64) * tick
+    return assemble(
+        vehicle, p, law=chosen.name, time=time,
+        reference=np.asarray(depths, float)[clock.turn[:n]],
+        record=block.record[:, :n, 0],
+        events=name_events(block.log[0], int(block.noted[0, 0])), stop=stop,
+        books=close_books(vehicle, medium, block.books[0], np.array(start), last),
+    )  # fmt: skip
+
+
+def choose_law(
+    vehicle: Vehicle, law: Law | None, parameters: Any, sample_time: float | None
+) -> tuple[Law, Any, float]:
+    """Return (law, parameters, sample time [s]): those given, or the vehicle's controller.
+
+    Raises InputError where there is none, or where the law commands what the actuator cannot do.
+    """
+    if law is not None and not isinstance(law, Law):
+        raise InputError(
+            "not a control law",
+            field="law",
+            value=law,
+            remedy="Give a Law, a Python function, or nothing for the vehicle's own controller",
+        )
+    if law is None:
+        if vehicle.controller is None:
+            raise InputError(
+                f"the vehicle {vehicle.name!r} has no controller",
+                field="controller",
+                remedy="Add a [controller] table to the vehicle, or give a law",
+            )
+        own = vehicle.controller
+        tick = own.sample_time if sample_time is None else sample_time
+        law, bound = bind(
+            own if sample_time is None else own.model_copy(update={"sample_time": tick})
+        )
+        parameters = bound if parameters is None else parameters
+    elif parameters is None or sample_time is None:
+        raise InputError(
+            "a law needs its parameters and its sample time",
+            field="parameters" if parameters is None else "sample_time",
+            remedy=f"Give parameters={law.parameters.__name__}(...) and sample_time in seconds",
+        )
+    else:
+        tick = sample_time
+    if not (math.isfinite(tick) and tick > 0.0):
+        raise InputError("must be a finite time above 0", field="sample_time", value=tick, unit="s")
+    if not isinstance(parameters, law.parameters):
+        raise InputError(
+            f"not the parameters of the law {law.name!r}",
+            field="parameters",
+            value=parameters,
+            remedy=f"Give a {law.parameters.__name__}: {', '.join(leaf_names(law.parameters))}",
+        )
+    command = "voltage" if vehicle.voltage_driven else "volume"
+    if law.command != command:
+        raise InputError(
+            f"law {law.name!r} commands a {law.command}, but the actuator takes a {command}",
+            field="controller.law",
+            value=law.name,
+            remedy="Choose a law for this kind of actuator",
+        )
+    return law, parameters, tick
+
+
+def check_start(
+    medium: Medium, depth: float, volume: float | None, speed: float
+) -> tuple[float, float, float, float]:
+    """Return the first state (q, V, z, w); raises InputError where it cannot be."""
+    p = medium.plant
+    neutral = medium.neutral_volume(depth) if volume is None else volume
+    for field, value, unit in (
+        ("start_depth", depth, "m"),
+        ("start_volume", neutral, "m3"),
+        ("start_speed", speed, "m/s"),
+    ):
+        if not math.isfinite(value):
+            raise InputError("not a finite number", field=field, value=value, unit=unit)
+    if math.isnan(p.z_bottom):
+        raise InputError(
+            "not a number", field="bottom_depth", value=p.z_bottom, unit="m",
+            remedy="Give the depth of the bottom, or leave it out",
+        )  # fmt: skip
+    if depth > p.z_bottom:
+        raise InputError(
+            f"the start is below the bottom at {p.z_bottom:g} m",
+            field="start_depth",
+            value=depth,
+            unit="m",
+            remedy="Start above the bottom",
+        )
+    if depth <= p.z_air:
+        raise InputError(
+            "the vehicle starts outside the water", field="start_depth", value=depth, unit="m",
+            remedy="Start at the surface or below",
+        )  # fmt: skip
+    if not p.V_min <= neutral <= p.V_max:
+        raise InputError(
+            f"the stroke, {p.V_min * 1e6:g} to {p.V_max * 1e6:g} cm3, does not hold "
+            + ("this volume" if volume is not None else f"the neutral volume at {depth:g} m"),
+            field="start_volume" if volume is not None else "start_depth",
+            value=neutral,
+            unit="m3",
+            remedy="Start where the stroke can balance the vehicle, or give a start volume",
+        )
+    return 0.0, neutral, depth, speed
+
+
+def check_setpoints(
+    setpoints: Sequence[tuple[float, float]], duration: float, tick: float
+) -> tuple[list[float], list[float]]:
+    """Return times [s] and depths [m]; raises InputError where they are not a schedule."""
+    if not (math.isfinite(duration) and duration > 0.0):
+        raise InputError(
+            "must be a finite time above 0", field="duration", value=duration, unit="s"
+        )
+    if duration / tick > 1e8:
+        raise InputError(
+            f"this is {duration / tick:.2g} samples", field="duration", value=duration, unit="s",
+            remedy="Simulate at most 100 million samples at a time",
+        )  # fmt: skip
+    if not setpoints:
+        raise InputError("no set-point", field="setpoints", remedy="Give at least (0, depth)")
+    try:
+        times = [float(time) for time, _ in setpoints]
+        depths = [float(depth) for _, depth in setpoints]
+    except (TypeError, ValueError):
+        raise InputError(
+            "not a list of (time, depth)", field="setpoints", value=setpoints, unit="s, m",
+            remedy="Give pairs of numbers: [(0.0, 3.0), (200.0, 1.5)]",
+        ) from None  # fmt: skip
+    if not all(map(math.isfinite, times + depths)):
+        raise InputError("not a finite number", field="setpoints", value=list(setpoints))
+    if times[0] != 0.0:
+        raise InputError(
+            "the first set-point must be given at time 0", field="setpoints", value=times[0],
+            unit="s",
+        )  # fmt: skip
+    if any(b <= a for a, b in itertools.pairwise(times)):
+        raise InputError(
+            "the times of the set-points must grow", field="setpoints", value=times, unit="s"
+        )
+    return times, depths
+
+
+def check_counts(**given: tuple[int | None, int]) -> None:
+    """Raise InputError where a count, given with the least it may be, is not a whole number."""
+    for field, (value, least) in given.items():
+        whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+        if value is not None and not (whole and value >= least):
+            raise InputError(
+                f"must be a whole number of at least {least}", field=field, value=value,
+                remedy=f"Give {field} as a number like {least + 1}",
+            )  # fmt: skip

@@ -1,0 +1,225 @@
+"""What a simulation gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.physics.actuator import reduced
+from swimbladder.physics.dynamics import Plant
+from swimbladder.physics.electric import electrical_power, supply_current, winding_current
+from swimbladder.sim.closed_loop.accounts import Books
+from swimbladder.sim.engine.modes import Act, Where
+from swimbladder.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["Event", "Solution", "StopReason", "assemble", "name_events"]
+
+Array = NDArray[np.float64]
+
+
+class StopReason(Enum):
+    """Why a simulation ended; each member's value says it in a sentence, with the remedy."""
+
+    FINISHED = "The simulation reached its end."
+    LEFT_WATER = (
+        "The hull left the water: it rose faster than its emerging part can stop. Check the mass, "
+        "the waterplane area and the height of the hull, or begin deeper."
+    )
+    TOO_DEEP = (
+        "The vehicle sank below 12000 m, deeper than any sea: the controller could not bring "
+        "enough volume to stop it. Check its gains, the stroke and the depth asked for."
+    )
+    CHATTERS = (
+        "The vehicle changed its mode more than 500 times in one step. This is a fault of the "
+        "model or of the simulator: please report it with the vehicle's file."
+    )
+    NOT_FINITE = (
+        "The motion grew beyond all numbers. Check the vehicle's numbers and the controller's "
+        "gains."
+    )
+    LAW_NOT_FINITE = (
+        "The control law gave a command that is not a finite number. Check its gains and what it "
+        "does with the measurement."
+    )
+
+    @property
+    def code(self) -> int:
+        """Number of the reason in the kernels and in ensembles."""
+        return list(StopReason).index(self)
+
+
+@dataclass(frozen=True)
+class Event:
+    """A passage that matters: an end stop, the surface or the bottom, reached or left."""
+
+    time: float  # s
+    kind: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """A run at its sample instants; arrays [n + 1], the inputs of a row hold until the next.
+
+    depth [m], speed [m/s, down], volume [m3], motor_rate [m3/s, before leakage], reference [m],
+    command as the law gave it, voltage [V] as applied (nan: a positioner), volume_reference [m3]
+    (nan: the law has none), current [A] and power [W] at the sample (nan where not known).
+    """
+
+    vehicle: Vehicle
+    law: str
+    time: Array
+    reference: Array
+    depth: Array
+    speed: Array
+    volume: Array
+    motor_rate: Array
+    command: Array
+    voltage: Array
+    volume_reference: Array
+    current: Array
+    power: Array
+    events: tuple[Event, ...]
+    events_left_out: int
+    stop: StopReason
+    books: Books
+
+    @property
+    def finished(self) -> bool:
+        """Whether the simulation reached its end."""
+        return self.stop is StopReason.FINISHED
+
+    @property
+    def deepest(self) -> float:
+        """Greatest depth at a sample [m]."""
+        return float(np.max(self.depth))
+
+    @property
+    def within_depth_limit(self) -> bool:
+        """Whether the vehicle stayed within its rating, where it has one."""
+        limit = self.vehicle.hull.depth_limit
+        return limit is None or self.deepest <= limit
+
+    @property
+    def actuator_travel(self) -> float:
+        """Volume moved to and fro [m3]."""
+        return self.books.volume["travel"]
+
+    def dataset(self) -> xarray.Dataset:
+        """Return the arrays as an xarray Dataset with CF attributes (units, names, direction)."""
+        import xarray
+
+        data = xarray.Dataset(coords={"time": ("time", self.time, _TIME)})
+        for name, attributes in _VARIABLES.items():
+            values = getattr(self, name)
+            if not np.all(np.isnan(values)):
+                data[name] = ("time", values, attributes)
+        data.attrs = {
+            "title": f"Vertical motion of {self.vehicle.name}, simulated",
+            "source": "swimbladder",
+            "Conventions": "CF-1.11",
+            "control_law": self.law,
+            "stop_reason": self.stop.name,
+        }
+        return data
+
+
+_TIME = {"units": "s", "long_name": "time since the start", "axis": "T"}
+_VARIABLES: dict[str, dict[str, str]] = {
+    "depth": {
+        "units": "m", "standard_name": "depth", "long_name": "depth of the pressure sensor",
+        "positive": "down",
+    },
+    "reference": {"units": "m", "long_name": "depth asked for", "positive": "down"},
+    "speed": {"units": "m s-1", "long_name": "vertical speed, positive down"},
+    "volume": {"units": "m3", "long_name": "change of displaced volume, positive is lighter"},
+    "motor_rate": {"units": "m3 s-1", "long_name": "volume rate driven by the motor"},
+    "voltage": {"units": "V", "long_name": "voltage applied to the motor"},
+    "volume_reference": {"units": "m3", "long_name": "volume asked for by the depth controller"},
+    "current": {"units": "A", "long_name": "motor current"},
+    "power": {"units": "W", "long_name": "electrical power from the supply"},
+}  # fmt: skip
+
+
+def name_events(log: Array, noted: int) -> tuple[tuple[Event, ...], int]:
+    """Return the engine's passages as Events, and how many found no room."""
+    events = []
+    for time, old, new in log[: min(noted, len(log))]:
+        before, after = int(old), int(new)
+        events += [Event(float(time), kind) for kind in _passages(before, after)]
+    return tuple(events), max(noted - len(log), 0)
+
+
+def _passages(before: int, after: int) -> list[str]:
+    found = []
+    stops = {Act.UPPER: "upper", Act.LOWER: "lower", Act.LOWER_SPINNING: "lower"}
+    old_stop, new_stop = stops.get(Act(before % 10)), stops.get(Act(after % 10))
+    if old_stop != new_stop:
+        if old_stop:
+            found.append(f"left the {old_stop} end stop")
+        if new_stop:
+            found.append(f"reached the {new_stop} end stop")
+    old_where, new_where = Where(before // 20), Where(after // 20)
+    if old_where is not new_where:
+        if old_where is Where.BOTTOM:
+            found.append("left the bottom")
+        elif new_where is Where.SUBMERGED:
+            found.append("submerged")
+        else:
+            found.append("reached the bottom" if new_where is Where.BOTTOM else "began to emerge")
+    return found
+
+
+def assemble(
+    vehicle: Vehicle, p: Plant, *, law: str, time: Array, reference: Array, record: Array,
+    events: tuple[tuple[Event, ...], int], stop: StopReason, books: Books,
+) -> Solution:  # fmt: skip
+    """Return a Solution from the kernel's record [7, n], with current and power where known."""
+    depth, speed, volume, motor_rate, command, applied, volume_reference = record
+    unknown = np.full_like(time, np.nan)
+    voltage, current, power = unknown, unknown, unknown
+    if vehicle.voltage_driven:
+        voltage = _as_supplied(p, applied, motor_rate)
+        resistance = reduced(vehicle.actuator, vehicle.water).resistance
+        if resistance is not None and p.kappa > 0.0:
+            current = winding_current(u=voltage, omega=motor_rate, R=resistance, k_emf=p.kappa)
+            drawn = supply_current(
+                P=electrical_power(u=voltage, i=current), E=p.supply, R_b=p.sag * resistance
+            )
+            power = p.supply * drawn
+    return Solution(
+        vehicle=vehicle, law=law, time=time, reference=reference, depth=depth, speed=speed,
+        volume=volume, motor_rate=motor_rate, command=command, voltage=voltage,
+        volume_reference=volume_reference, current=current, power=power,
+        events=_with_limit(events[0], vehicle, time, depth),
+        events_left_out=events[1], stop=stop, books=books,
+    )  # fmt: skip
+
+
+def _with_limit(
+    events: tuple[Event, ...], vehicle: Vehicle, time: Array, depth: Array
+) -> tuple[Event, ...]:
+    """Return the events with the samples at which the vehicle went below its depth limit."""
+    limit = vehicle.hull.depth_limit
+    if limit is None:
+        return events
+    below = np.concatenate(([False], depth > limit))
+    passed = [
+        Event(float(t), f"passed its depth limit of {limit:g} m")
+        for t in time[below[1:] & ~below[:-1]]
+    ]
+    return tuple(sorted((*events, *passed), key=lambda event: event.time))
+
+
+def _as_supplied(p: Plant, u: Array, q: Array) -> Array:
+    """Voltage on the motor [V]: as asked for, or what the sagging supply has left."""
+    towards = q * np.where(u >= 0.0, 1.0, -1.0)
+    limit = np.minimum((p.supply + p.sag * p.kappa * towards) / (1.0 + p.sag), p.supply)
+    result: Array = np.clip(u, -limit, limit)
+    return result

@@ -1,0 +1,253 @@
+"""Compiled code is kept on disk, under a name that changes with the kernels' source.
+
+Numba's own index does not notice an edit in a function that a cached kernel calls (numba issue
+1833), so the folder's name holds a hash of every source file that can be compiled into a kernel.
+Where no folder can be written (a zipped or frozen install) the code is compiled anew, and so it is
+where a kept file was cut off or altered: the hash at its end no longer fits.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import logging
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba import types
+from numba.core import caching, event
+from numba.extending import intrinsic
+
+from swimbladder.io.files import source_hash
+
+__all__ = [
+    "OPTIONS",
+    "allocating",
+    "cache_folder",
+    "compiled",
+    "inlined",
+    "is_cached",
+    "on_compile",
+    "part",
+    "shared",
+    "wide",
+]
+
+# Division as the hardware does it and fused multiply-add: without either no loop is vectorised.
+# Nothing but Python calls a kernel, so that none needs a way in for C.
+OPTIONS: dict[str, Any] = {
+    "error_model": "numpy", "fastmath": {"contract"}, "nogil": True, "no_cfunc_wrapper": True,
+    "_nrt": True,
+}  # fmt: skip
+# Without counting who holds an array, which takes longer than a step of a vehicle: for what makes
+# no arrays, its caller holding those that it is given.
+_BARE: dict[str, Any] = OPTIONS | {"_nrt": False}
+_INLINED: dict[str, Any] = _BARE | {"forceinline": True, "no_cpython_wrapper": True}
+
+_config: Any = numba.config
+_PACKAGE = Path(__file__).resolve().parents[2]
+_DAY = 86400.0  # s
+_KEPT_DAYS = 30  # that code of other sources is kept after its last use
+_log = logging.getLogger(__name__)
+_SOURCES = (
+    "physics/dynamics.py",
+    "physics/seawater/*.py",
+    "sim/engine/*.py",
+    "control/*.py",
+    "sim/closed_loop/*.py",
+    "estimation/kalman/*.py",
+)
+
+
+@cache
+def cache_folder() -> Path:
+    """Return the folder of the compiled kernels; SWIMBLADDER_CACHE_DIR overrides its parent."""
+    sources = source_hash(path for pattern in _SOURCES for path in _PACKAGE.glob(pattern))
+    versions = hashlib.sha256(f"{numba.__version__} {sys.version} {sources}".encode())
+    folder = _parent() / f"kernels-{versions.hexdigest()[:16]}"
+    _tidy(folder)
+    return folder
+
+
+def _tidy(folder: Path) -> None:
+    """Note that a folder is used today, and remove those of other sources that were not of late."""
+    now = time.time()
+    try:
+        if folder.is_dir():
+            if now - folder.stat().st_mtime > _DAY:
+                os.utime(folder)
+            return
+        for other in folder.parent.glob("kernels-" + 16 * "[0-9a-f]"):
+            if now - other.stat().st_mtime > _KEPT_DAYS * _DAY:
+                shutil.rmtree(other, ignore_errors=True)
+    except OSError:  # of another user, or another process was faster
+        pass
+
+
+def _parent() -> Path:
+    given = os.environ.get("SWIMBLADDER_CACHE_DIR")
+    if given:
+        return Path(given)
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA") or str(Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = str(Path.home() / "Library" / "Caches")
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "swimbladder"
+
+
+_File: Any = caching.IndexDataCacheFile
+_Cache: Any = caching.FunctionCache
+
+
+class _KeptFile(_File):  # type: ignore[misc]
+    """Index and code of a kernel on disk, each with a hash of what stands before it at its end."""
+
+    def _load_index(self) -> Any:
+        if os.path.lexists(self._index_path):
+            _verify(self._index_path)
+        return super()._load_index()
+
+    def _load_data(self, name: str) -> Any:
+        _verify(self._data_path(name))
+        return super()._load_data(name)
+
+    @contextmanager
+    def _open_for_write(self, path: str) -> Iterator[io.BytesIO]:
+        with super()._open_for_write(path) as file:
+            content = io.BytesIO()
+            yield content
+            file.write(content.getvalue() + hashlib.sha256(content.getvalue()).digest())
+
+
+def _verify(path: str) -> None:
+    content = Path(path).read_bytes()
+    if hashlib.sha256(content[:-32]).digest() != content[-32:]:
+        raise ValueError(f"{Path(path).name} was altered")
+
+
+class _Kept(_Cache):  # type: ignore[misc]
+    """What numba keeps of a kernel, where what goes wrong with the disk costs time only."""
+
+    said = False
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file = _KeptFile(
+            self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp()
+        )
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        try:
+            return super().load_overload(signature, context)
+        except Exception as error:  # whatever bytes that stand for no code may raise
+            self._say("read", "it is compiled again, about 15 s for each law", error)
+        with suppress(OSError):
+            self.flush()
+        return None
+
+    def save_overload(self, signature: Any, code: Any) -> None:
+        try:
+            super().save_overload(signature, code)
+        except (OSError, ValueError) as error:
+            self._say("keep", "it is compiled again next time", error)
+
+    def _say(self, what: str, so: str, error: Exception) -> None:
+        if not _Kept.said:
+            _Kept.said = True
+            why = getattr(error, "strerror", None) or error or type(error).__name__
+            _log.warning("cannot %s compiled code in %s (%s): %s", what, cache_folder(), why, so)
+
+
+def compiled(function: Callable[..., Any], *, under: str = "", allocates: bool = True) -> Any:
+    """Compile a kernel that Python calls, and keep its code in `cache_folder`, `under` a name.
+
+    Also for what many kernels have in common: a process that compiles one finds it made.
+    allocates: whether it makes arrays.
+    """
+    kernel = numba.njit(**(OPTIONS if allocates else _BARE))(function)
+    before = _config.CACHE_DIR
+    try:
+        folder = cache_folder() / under
+        folder.mkdir(parents=True, exist_ok=True)
+        _config.CACHE_DIR = str(folder)
+        kernel._cache = _Kept(function)
+    except (OSError, RuntimeError):  # read-only home, zipped package
+        pass
+    finally:
+        _config.CACHE_DIR = before
+    return kernel
+
+
+def shared(function: Callable[..., Any]) -> Any:
+    """Compile what many kernels have in common, see `compiled`, and what makes no arrays."""
+    return compiled(function, allocates=False)
+
+
+def part(function: Callable[..., Any]) -> Any:
+    """Compile a function that kernels call; its code is kept with theirs. It makes no arrays."""
+    return numba.njit(**_BARE)(function)
+
+
+def allocating(function: Callable[..., Any]) -> Any:
+    """Compile a function that kernels call, and that makes arrays; its code is kept with theirs."""
+    return numba.njit(**OPTIONS)(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile a function into its callers, always: what a loop over lanes is made of.
+
+    Python cannot call it: there is no way in.
+    """
+    return numba.njit(**_INLINED)(function)
+
+
+@intrinsic
+def wide(typingctx):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    """Let the function that calls this use the widest vectors the processor has.
+
+    Without it LLVM stops at half of them on processors whose clock once sank under wide vectors.
+    """
+
+    def code(context, builder, signature, args):  # type: ignore[no-untyped-def]  # noqa: ARG001
+        # a plain string attribute: llvmlite's own method knows enumerated ones only
+        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
+        return context.get_dummy_value()
+
+    return types.none(), code
+
+
+def is_cached(kernel: str) -> bool:
+    """Return whether code of the kernel of that function name has been kept already."""
+    return any(cache_folder().rglob(f"*{kernel}-*.nbi"))
+
+
+@contextmanager
+def on_compile(notice: Callable[[], None]) -> Iterator[None]:
+    """Call `notice` once, when a kernel has to be compiled because no kept code fits.
+
+    Where the kept code was found damaged, a warning says already that it is compiled.
+    """
+
+    class Listener(event.Listener):
+        told = False
+
+        def on_start(self, event: Any) -> None:  # noqa: ARG002
+            if not self.told and not _Kept.said:
+                self.told = True
+                notice()
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    with event.install_listener("numba:compile", Listener()):
+        yield

@@ -1,0 +1,322 @@
+"""The linear pieces of the motion, and what makes a vehicle pass from one to another.
+
+Between events a vehicle with a held input is linear but for its drag and for layers of the water.
+A mode is one such piece: one of ten states of the actuator, whether the supply limits it, and where
+the vehicle is.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
+
+from swimbladder.physics.dynamics import Plant, drag_law
+from swimbladder.sim.engine.cache import inlined, part, shared
+from swimbladder.sim.engine.layers import layered
+
+__all__ = [
+    "COUNT",
+    "DEEPEST",
+    "LANE",
+    "QUICK_BOBBING",
+    "SLOW_BOBBING",
+    "Act",
+    "Where",
+    "drag",
+    "drag_at",
+    "event",
+    "first_mode",
+    "linear_part",
+    "resting_volume",
+    "split",
+    "supply_limit",
+]
+
+
+class Act(IntEnum):
+    """States of the actuator."""
+
+    FORWARD = 0  # the motor turns (either way, where the load does not depend on the direction)
+    BACKWARD = 1  # the motor turns back under a load that depends on the direction
+    STUCK = 2  # dry friction or the efficiency holds the motor; leakage goes on
+    UPPER = 3  # at the upper end stop; the pump makes up for the leakage
+    LOWER = 4  # at the lower end stop, at rest
+    LOWER_SPINNING = 5  # at the lower end stop, the pump not yet faster than the leakage
+    MOVING_OUT = 6  # a positioner on its way to a larger volume
+    MOVING_IN = 7  # a positioner on its way to a smaller volume
+    HOLDING = 8  # a positioner where it should be
+    PRESCRIBED = 9  # the volume follows a given ramp
+
+
+class Where(IntEnum):
+    """Where the vehicle is."""
+
+    SUBMERGED = 0
+    EMERGING = 1
+    BOTTOM = 2
+
+
+# Stiffness of the emerging hull times the squared step [-] below which a bobbing hull turns at most
+# once in a step, with its greatest speed at an end: (pi/2)^2, rounded down.
+SLOW_BOBBING = 2.0
+QUICK_BOBBING = 0.06  # the same, above which nonlinear drag and the accounts want smaller steps
+# Distance from the surface [m] plus speed [m/s] under which only rounding moves a vehicle: one that
+# is neutral there would pass the surface at each step.
+_STILL = 1e-12
+DEEPEST = 12000.0  # m; no sea is deeper
+COUNT = 60  # 3 places x 2 (limited by the supply or not) x 10 states of the actuator
+
+FORWARD, BACKWARD, STUCK, UPPER, LOWER = 0, 1, 2, 3, 4
+LOWER_SPINNING, MOVING_OUT, MOVING_IN, HOLDING, PRESCRIBED = 5, 6, 7, 8, 9
+SUBMERGED, EMERGING, BOTTOM = 0, 1, 2
+
+
+class _Index(NamedTuple):
+    """Row of each field of Plant in a lane's parameters."""
+
+    positioner: int
+    T1: int
+    gain: int
+    load_drive: int
+    load_back: int
+    friction: int
+    k_l: int
+    rate: int
+    V_min: int
+    V_max: int
+    supply: int
+    sag: int
+    kappa: int
+    a_b: int
+    psi: int
+    V_0: int
+    d_l: int
+    d_b: int
+    d_0: int
+    d_t: int
+    epsilon: int
+    z_surface: int
+    a_s: int
+    z_air: int
+    z_bottom: int
+
+
+LANE = _Index(*range(len(Plant._fields)))
+assert LANE._fields == Plant._fields
+
+(
+    POSITIONER, T1, GAIN, LOAD_DRIVE, LOAD_BACK, FRICTION, K_L, RATE, V_MIN, V_MAX, SUPPLY, SAG,
+    KAPPA, A_B, PSI, V_0, D_L, D_B, D_0, D_T, EPSILON, Z_SURFACE, A_S, Z_AIR, Z_BOTTOM,
+) = LANE  # fmt: skip
+
+
+drag_at = inlined(drag_law)
+
+
+@part
+def drag(p, w):  # type: ignore[no-untyped-def]
+    """Return drag over mass [m/s2], its slope [1/s] and N(w), see dynamics.drag_law."""
+    return drag_at(w, p[D_L], p[D_B], p[D_0], p[D_T], p[EPSILON])
+
+
+@part
+def split(mode):  # type: ignore[no-untyped-def]
+    """Return (actuator, limited, where) of a mode."""
+    return mode % 10, (mode // 10) % 2, mode // 20
+
+
+@part
+def linear_part(p, mode, A, b_u, b_1):  # type: ignore[no-untyped-def]
+    """Fill A [4, 4], b_u [4], b_1 [4] of dx/dt = A x + b_u u + b_1; return what drag does to w."""
+    act, limited, where = split(mode)
+    A[:, :] = 0.0
+    b_u[:] = 0.0
+    b_1[:] = 0.0
+    if act in (FORWARD, BACKWARD, LOWER_SPINNING):
+        load = p[LOAD_BACK] if act == BACKWARD else p[LOAD_DRIVE]
+        friction = -p[FRICTION] if act == BACKWARD else p[FRICTION]
+        g = p[GAIN] / p[T1]
+        A[0, 0] = -1.0 / p[T1]
+        A[0, 2] = -g * load
+        b_u[0] = g
+        b_1[0] = -g * friction
+        if limited:  # u = (u_supply + sag kappa q)/(1 + sag)
+            A[0, 0] += g * p[SAG] * p[KAPPA] / (1.0 + p[SAG])
+            b_u[0] = g / (1.0 + p[SAG])
+    elif act == UPPER:
+        A[0, 3] = p[K_L]  # q follows k_l z
+    if act in (FORWARD, BACKWARD, STUCK):
+        A[1, 0] = 1.0
+        A[1, 2] = -p[K_L]
+    elif act in (MOVING_OUT, MOVING_IN, PRESCRIBED):
+        A[1, 0] = 1.0
+    if where == BOTTOM:
+        if act == UPPER:
+            A[0, 3] = 0.0
+        return 0.0
+    A[2, 3] = 1.0
+    A[3, 1] = -p[A_B]
+    A[3, 2] = p[A_B] * p[PSI]
+    A[3, 3] = -p[D_L]
+    b_1[3] = p[A_B] * p[V_0]
+    if where == EMERGING:
+        A[3, 2] -= p[A_S]
+        b_1[3] += p[A_S] * p[Z_SURFACE]
+    return 1.0
+
+
+@part
+def supply_limit(p, u, q):  # type: ignore[no-untyped-def]
+    """Return the largest voltage [V] the supply gives in the direction of u at volume rate q."""
+    sag = p[SAG]
+    if sag <= 0.0:
+        return p[SUPPLY]
+    towards = q if u >= 0.0 else -q
+    return min((p[SUPPLY] + sag * p[KAPPA] * towards) / (1.0 + sag), p[SUPPLY])
+
+
+@part
+def _applied(p, u, q):  # type: ignore[no-untyped-def]
+    limit = supply_limit(p, u, q)
+    return max(-limit, min(limit, u))
+
+
+@part
+def resting_volume(p, layers, z):  # type: ignore[no-untyped-def]
+    """Return the volume [m3] above which a vehicle that lies at depth z in layers rises.
+
+    A share of 1e-12 of the stroke above neutral, so that rounding neither lifts it nor lets it go.
+    """
+    emerged = p[A_S] / p[A_B] * max(p[Z_SURFACE] - z, 0.0)
+    neutral = p[PSI] * z + p[V_0] + layered(layers, z)[0]
+    return neutral + emerged + 1e-12 * (p[V_MAX] - p[V_MIN])
+
+
+@part
+def _turning(p, u, z, q):  # type: ignore[no-untyped-def]
+    """Return the state of a free motor: which way it turns, or that it is stuck."""
+    if p[LOAD_DRIVE] == p[LOAD_BACK] and p[FRICTION] == 0.0:
+        return FORWARD
+    if q > 0.0:
+        return FORWARD
+    if q < 0.0:
+        return BACKWARD
+    v = _applied(p, u, 0.0)
+    if v > p[LOAD_DRIVE] * z + p[FRICTION]:
+        return FORWARD
+    if v < p[LOAD_BACK] * z - p[FRICTION]:
+        return BACKWARD
+    return STUCK
+
+
+@part
+def _stop_pushes(p, u, q, z, w):  # type: ignore[no-untyped-def]
+    """Return whether the upper end stop pushes against a motor that holds the volume there.
+
+    A free motor would then deliver more than what leaks. The leakage changes by k_l w: what turns
+    the motor faster or slower with it comes from the stop too, which cannot pull.
+    """
+    v = _applied(p, u, q)
+    if p[K_L] == 0.0:
+        return v >= p[LOAD_BACK] * z - p[FRICTION]
+    load = p[LOAD_DRIVE] * z + p[FRICTION]
+    if z < 0.0:  # in air the leakage turns the motor back
+        load = p[LOAD_BACK] * z - p[FRICTION]
+    return p[GAIN] * (v - load) >= p[K_L] * (z + p[T1] * w)
+
+
+@shared
+def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
+    """Return (new mode or -1, q, w, whether the state was reset) at a state and an input.
+
+    u: the voltage [V], or the volume asked of a positioner [m3]. A reset is a blow: the motor
+    against an end stop, the hull against the bottom. -2 instead of a mode: out of the water; -3:
+    deeper than any sea.
+    """
+    act, limited, where = split(mode)
+    new_act, new_limited, new_where = act, limited, where
+    reset = False
+    # the vehicle; at a limit the direction decides, as a step may be too small to change z or V
+    if where == BOTTOM:
+        if resting_volume(p, layers, z) < V:
+            new_where = EMERGING if z < p[Z_SURFACE] else SUBMERGED
+    elif z > DEEPEST:
+        return -3, q, w, False
+    elif z > p[Z_BOTTOM] or (z == p[Z_BOTTOM] and w > 0.0):
+        new_where, w, reset = BOTTOM, 0.0, True
+    elif abs(z - p[Z_SURFACE]) + abs(w) < _STILL:
+        pass
+    elif where == SUBMERGED:
+        if z < p[Z_SURFACE] or (z == p[Z_SURFACE] and w < 0.0):
+            new_where = EMERGING
+    elif z > p[Z_SURFACE] or (z == p[Z_SURFACE] and w > 0.0):
+        new_where = SUBMERGED
+    elif z < p[Z_AIR]:
+        return -2, q, w, False
+    # the actuator
+    if act in (FORWARD, BACKWARD):
+        at_upper = p[V_MAX] == V and q > p[K_L] * z
+        if p[V_MAX] < V or (at_upper and _stop_pushes(p, u, q, z, w)):
+            new_act, q, reset = UPPER, p[K_L] * z, True
+        elif p[V_MIN] > V or (p[V_MIN] == V and q < p[K_L] * z):
+            # the pump may still turn outwards, slower than the leakage
+            new_act, reset = LOWER_SPINNING if q > 0.0 else LOWER, True
+            q = max(q, 0.0)
+        elif (p[LOAD_DRIVE] != p[LOAD_BACK] or p[FRICTION] != 0.0) and (
+            (act == FORWARD and q < 0.0) or (act == BACKWARD and q > 0.0)
+        ):
+            q = 0.0
+            new_act = _turning(p, u, z, 0.0)
+    elif act == STUCK:
+        if p[V_MIN] > V or (p[V_MIN] == V and p[K_L] * z > 0.0):
+            new_act, reset = LOWER, True
+        elif p[V_MAX] < V or (p[V_MAX] == V and p[K_L] * z < 0.0):
+            new_act, q, reset = UPPER, p[K_L] * z, True
+        else:
+            new_act = _turning(p, u, z, 0.0)
+    elif act == UPPER:
+        if not _stop_pushes(p, u, q, z, w):
+            q = p[K_L] * z  # but for rounding, it is
+            new_act = _turning(p, u, z, q)
+    elif act == LOWER:
+        v = _applied(p, u, 0.0)
+        if v > p[LOAD_DRIVE] * z + p[FRICTION]:
+            new_act = LOWER_SPINNING if p[K_L] * z > 0.0 else FORWARD
+    elif act == LOWER_SPINNING:
+        if q < 0.0:
+            new_act, q = LOWER, 0.0
+        elif q > p[K_L] * z:
+            new_act = FORWARD
+    elif act != PRESCRIBED:
+        target = max(p[V_MIN], min(p[V_MAX], u))
+        if (act == MOVING_OUT and target <= V) or (act == MOVING_IN and target >= V):
+            new_act, q = HOLDING, 0.0
+        elif act == HOLDING and target != V:
+            new_act = MOVING_OUT if target > V else MOVING_IN
+            q = p[RATE] if target > V else -p[RATE]
+    # the supply
+    if p[SAG] > 0.0 and new_act in (FORWARD, BACKWARD, LOWER_SPINNING):
+        limit = supply_limit(p, u, q)
+        if limited == 0 and abs(u) > limit + 1e-9 * p[SUPPLY]:
+            new_limited = 1
+        elif limited == 1 and abs(u) <= limit:
+            new_limited = 0
+    else:
+        new_limited = 0
+    new_mode = (new_where * 2 + new_limited) * 10 + new_act
+    if new_mode == mode:
+        return -1, q, w, False
+    return new_mode, q, w, reset
+
+
+@shared
+def first_mode(p, layers, q, V, z, w, u):  # type: ignore[no-untyped-def]
+    """Return (mode, q) that a state starts in; q of a positioner is its rate, 0 at its target."""
+    where = SUBMERGED
+    if z >= p[Z_BOTTOM] and w == 0.0 and resting_volume(p, layers, z) >= V:
+        where = BOTTOM
+    elif z < p[Z_SURFACE]:
+        where = EMERGING
+    if p[POSITIONER] != 0.0:
+        return where * 20 + HOLDING, 0.0
+    return where * 20 + _turning(p, u, z, q), q

@@ -1,0 +1,13 @@
+"""Faults flown: the C of a vehicle's controller and supervisor against the plant, by the thousand.
+
+`kinds` is the catalogue, `draw` makes mission n of a seed, `host` compiles the C and `flight` flies
+it in the loop of `closed_loop`, with the faults of `failing` between its parts; `run` flies a
+campaign and `verdict` says what became of it.
+"""
+
+from __future__ import annotations
+
+from swimbladder.sim.faults.run import run_missions
+from swimbladder.sim.faults.verdict import Campaign
+
+__all__ = ["Campaign", "run_missions"]

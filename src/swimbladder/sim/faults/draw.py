@@ -1,0 +1,265 @@
+"""Mission n of a seed: the vehicle, the water, what is asked of it, and what fails when."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.codegen.safety import supervisor_parameters
+from swimbladder.design.tuning.region import member, region, unknowns
+from swimbladder.errors import InputError
+from swimbladder.physics.dynamics import Plant, plant, terminal_speed
+from swimbladder.sim.faults.kinds import Fault, draw_fault, kinds_of
+from swimbladder.sim.faults.rows import Condition, Harm
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Course", "Mission", "Range", "course_of", "draw"]
+
+Array = NDArray[np.float64]
+
+SHALLOWEST = 1.0  # m under the surface
+RESERVE = 0.9  # of the depth at which the supervisor turns the vehicle round
+DURATION = 1200.0  # s until it is told to come up
+STAY = 60.0  # s at the surface
+STEP = 10.0  # m, largest change of a set-point
+RAMP = 0.1  # m/s, at which the depth asked for goes to a set-point; a fifth of the speed at most
+UP = -1.0  # m from where the hull emerges: the set-point that ends a mission
+DEEP = 0.75  # of the missions begin anywhere in the range, the others rather at its top
+TOGETHER = 0.5  # of the missions have two faults
+SECOND_WITHIN = 30.0  # s after the first
+RECOVERY = 60.0  # s from when the faults act to the full buoyancy that tells what is recoverable
+SLACK = 180.0  # s, for coming up
+SETTLE = 30.0  # s before anything may fail
+LATEST = 0.25 * DURATION  # s, of the first onset: it has three times as long to act
+BOOT = 2.0  # s that the board needs from a reset to its first tick
+DRIFT = 1000.0  # s, in which trim drifts by what is not known of it; half a mission at least
+SWELL = 0.005  # of the stroke, the least; ten times as much the most
+BAND = 1.0  # m under the surface: a hull bobs in the swell
+BROWN_OUT = 0.45  # of the nominal supply; a 5 V regulator under a 12 V battery
+LOW_SUPPLY = 0.9  # of the nominal one, as tune reckons with
+
+
+class Range(NamedTuple):
+    """The depths [m] of the missions of a vehicle, and what sets the greatest."""
+
+    least: float
+    most: float
+    limit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mission:
+    """A mission as the kernel takes it, times in s."""
+
+    number: int
+    faults: tuple[Fault, ...]
+    plant: Array  # [len(Plant)]
+    condition: Condition
+    harms: Array  # [faults, len(Harm)]
+    turns: Array  # ticks
+    depths: Array  # m
+    onset: float  # s, of the first fault; inf: none
+
+
+class Course(NamedTuple):
+    """What all missions of a vehicle have in common."""
+
+    vehicle: Vehicle  # with the supervisor's time limit
+    depths: Range
+    neutral: float  # m3, how far the neutral volume may be from what is known
+    speed: float  # m/s, of full buoyancy half way up from the deepest
+    ramp: float  # m/s, at which the depth asked for goes to a set-point
+    end: float  # s
+
+    @property
+    def time_limit(self) -> float:
+        """Time [s] after which the supervisor brings the vehicle up."""
+        limit = self.vehicle.supervisor.time_limit
+        assert limit is not None
+        return limit
+
+
+def course_of(vehicle: Vehicle, depths: tuple[float, float] | None) -> Course:
+    """Return what the missions of a vehicle have in common; depths [m] as asked for, or its own.
+
+    The supervisor's time limit is the vehicle's, or leaves time for a way up from the deepest.
+    Raises InputError where the depths are not given and nothing limits them, or where the
+    supervisor would not let the vehicle go there.
+    """
+    p = plant(vehicle)
+    where = _range_of(vehicle, p.z_surface + SHALLOWEST, depths)
+    speed = _rise_speed(p, where.most)
+    ramp = min(RAMP, speed / 5.0)
+    way = where.most - p.z_surface - UP
+    limit = vehicle.supervisor.time_limit
+    if limit is None:
+        limit = DURATION + SLACK + way / ramp
+        supervisor = vehicle.supervisor.model_copy(update={"time_limit": limit})
+        vehicle = vehicle.model_copy(update={"supervisor": supervisor})
+    elif limit < DURATION + way / ramp:
+        raise InputError(
+            f"the missions take {DURATION + way / ramp:.0f} s and would be cut short",
+            field="supervisor.time_limit", value=limit, unit="s",
+            remedy="Leave it out, give more, or ask for less --depth",
+        )  # fmt: skip
+    return Course(
+        vehicle, where, region(vehicle).neutral, speed, ramp, limit + SLACK + 3.0 * way / speed
+    )
+
+
+def _range_of(vehicle: Vehicle, least: float, depths: tuple[float, float] | None) -> Range:
+    assert vehicle.controller is not None
+    limit = supervisor_parameters(vehicle, vehicle.controller.sample_time).deep.depth_limit
+    if depths is not None:
+        if not (least <= depths[0] < depths[1]):
+            raise InputError(
+                f"the missions need depths that grow, from {least:g} m on", field="--depth",
+                value=f"{depths[0]:g}:{depths[1]:g}", unit="m", remedy='Write it like "1:40 m"',
+            )  # fmt: skip
+        if depths[1] > limit:
+            raise InputError(
+                f"the supervisor turns the vehicle round at {limit:.4g} m", field="--depth",
+                value=f"{depths[1]:g} m",
+                remedy="Ask for less depth, or say more of the vehicle in its [supervisor] table",
+            )  # fmt: skip
+        return Range(*depths, "as asked")
+    if not math.isfinite(limit):
+        raise InputError(
+            "nothing of this vehicle limits the depth of its missions", field="--depth",
+            remedy='Say how deep it goes, like "1:40 m", or give hull.depth_limit',
+        )  # fmt: skip
+    if RESERVE * limit <= least:
+        raise InputError(
+            f"the supervisor turns the vehicle round at {limit:.3g} m: too shallow for a mission",
+            field="supervisor.depth_limit",
+            remedy="Check hull.psi, the stroke, the supply and the rated depth",
+        )  # fmt: skip
+    words = f"{RESERVE:.0%} of the supervisor's {limit:.4g} m"
+    if vehicle.hull.depth_limit is None and vehicle.supervisor.depth_limit is None:
+        words += ", from stroke and motor: no rating is stated, give hull.depth_limit or --depth"
+    return Range(least, RESERVE * limit, words)
+
+
+def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
+    """Return mission `number` of a seed; it depends on these and the course only."""
+    vehicle = course.vehicle
+    random = np.random.Generator(
+        np.random.Philox(np.random.SeedSequence([seed, int(healthy), number]))
+    )
+    assert vehicle.controller is not None
+    tick = vehicle.controller.sample_time
+    p = _plant(vehicle, course.neutral, random)
+    turns, targets = _set_points(course.depths, p["z_surface"], random)
+    if random.random() < 0.5:
+        p["z_bottom"] = max(targets[:-1]) + random.uniform(1.0, 50.0)
+    faults: tuple[Fault, ...] = ()
+    harms: list[Harm] = []
+    onset, times = math.inf, []
+    if not healthy:
+        kinds = kinds_of(vehicle)
+        faults = (kinds[number % len(kinds)],)
+        onset = random.uniform(SETTLE, LATEST)
+        times = [onset]
+        if random.random() < TOGETHER:
+            others = [k for k in kinds if k != faults[0]]
+            faults = (*faults, others[random.integers(len(others))])
+            times.append(onset + random.uniform(0.0, SECOND_WITHIN))
+        for fault, time in zip(faults, times, strict=True):
+            first, second, lasts = draw_fault(fault, random)
+            begin = math.ceil(time / tick)
+            harms.append(
+                Harm(float(fault), first, second, begin, begin + max(1.0, round(lasts / tick)))
+                if math.isfinite(lasts)
+                else Harm(float(fault), first, second, begin)
+            )
+    rest = p["psi"] * targets[0] + p["V_0"]
+    condition = _condition(
+        course, random, tick=tick, start=targets[0], V=rest,
+        stay=STAY,
+        quiet=max([DURATION, *times]),
+    )  # fmt: skip
+    return Mission(
+        number=number, faults=faults, plant=np.array(list(p.values())), condition=condition,
+        harms=np.array(harms, float).reshape(-1, len(Harm._fields)),
+        turns=np.ceil(np.array(turns) / tick), depths=np.array(targets), onset=onset,
+    )  # fmt: skip
+
+
+def _plant(vehicle: Vehicle, neutral: float, random: np.random.Generator) -> dict[str, float]:
+    """Return a vehicle of the region, its trim within what is not known, its battery not full."""
+    names, ball = unknowns(vehicle)
+    n = len(names)
+    if ball:
+        s = random.normal(size=n)
+        s *= random.random() ** (1.0 / n) / np.linalg.norm(s)
+    else:
+        s = random.uniform(-1.0, 1.0, n)
+    p = member(vehicle, s).plant._asdict()
+    p["V_0"] += random.uniform(-1.0, 1.0) * neutral
+    p["supply"] *= random.uniform(LOW_SUPPLY, 1.0)
+    return p
+
+
+def _set_points(
+    depths: Range, surface: float, random: np.random.Generator
+) -> tuple[list[float], list[float]]:
+    """Return (times [s], depths [m]): one to four depths, then up."""
+    least, most = depths.least, depths.most
+    if random.random() < DEEP:
+        z = random.uniform(least, most)
+    else:
+        z = least * (most / least) ** random.random() if least > 0.0 else random.uniform(0, most)
+    times, targets = [0.0], [z]
+    for _ in range(int(random.integers(0, 4))):
+        times.append(times[-1] + random.uniform(60.0, DURATION / 3.0))
+        z = min(max(z + random.uniform(-STEP, STEP), least), most)
+        targets.append(z)
+    return [*times, DURATION], [*targets, surface + UP]
+
+
+def _rise_speed(p: Plant, depth: float) -> float:
+    """Return the terminal speed [m/s] of full buoyancy half way up from a depth [m]."""
+    lift = p.V_max - p.V_0 - 0.5 * p.psi * depth
+    return terminal_speed(p, p.a_b * max(lift, 0.05 * (p.V_max - p.V_min)))
+
+
+def _condition(
+    course: Course, random: np.random.Generator, *, tick: float, start: float,
+    V: float,
+    stay: float, quiet: float,
+) -> Condition:  # fmt: skip
+    vehicle = course.vehicle
+    stroke = vehicle.stroke.maximum - vehicle.stroke.minimum
+    sensors = vehicle.sensors
+    noise = 0.5e-3 * 10.0 ** random.random()
+    quantum = (0.0, 1e-3, 5e-3)[random.integers(3)]
+    volume_noise = 1e-4 * stroke * random.random()
+    if sensors.depth_noise > 0.0 or sensors.depth_quantum > 0.0:  # it is known
+        noise, quantum = sensors.depth_noise, sensors.depth_quantum
+    volume_noise = sensors.volume_noise or volume_noise
+    rough = random.random() < 0.5
+    swell, period = SWELL * stroke * 10.0 ** random.random(), random.uniform(5.0, 12.0)
+    phase = random.uniform(0.0, 2.0 * math.pi)
+    has_input = random.random() < 0.5
+    threshold = random.uniform(2e-6, 20e-6)
+    supply = 0.0 if vehicle.supply is None else vehicle.supply.voltage
+    limit = vehicle.hull.depth_limit
+    return Condition(
+        end=math.ceil(course.end / tick), tick=tick, start_depth=start,
+        start_volume=min(max(V, vehicle.stroke.minimum), vehicle.stroke.maximum),
+        depth_noise=noise, depth_quantum=quantum, volume_noise=volume_noise,
+        volume_quantum=sensors.volume_quantum,
+        battery_noise=0.005, ramp=course.ramp * tick,
+        drift=random.uniform(-1.0, 1.0) * course.neutral / max(DRIFT, 0.5 * course.time_limit),
+        swell=swell if rough else 0.0, swell_omega=2.0 * math.pi / period, swell_phase=phase,
+        gravity=vehicle.water.gravity, leak_input=threshold if has_input else math.inf,
+        brown_out=BROWN_OUT * supply if vehicle.voltage_driven else 0.0,
+        boot=math.ceil(BOOT / tick), band=BAND, rated=math.inf if limit is None else limit,
+        stay=stay / tick, quiet_at=math.ceil(quiet / tick),
+full_after=math.ceil(RECOVERY / tick),
+        seed=float(random.integers(2**32)),
+    )  # fmt: skip

@@ -1,0 +1,448 @@
+"""One mission with faults: what stands between plant, sensors, board and driver of the one loop.
+
+The board's C, called by its address, is the law; the faults act through the hooks of
+`closed_loop.hooks`, and what leaks in, drifts and swells through `closed_loop.lost`.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control.law import Law, Measurement
+from swimbladder.physics.dynamics import Plant
+from swimbladder.sim.closed_loop.block import Block, Schedule, work_space
+from swimbladder.sim.closed_loop.hooks import Hooks, hook_in
+from swimbladder.sim.closed_loop.lanes import OVER
+from swimbladder.sim.closed_loop.rows import (
+    APPLIED,
+    DEPTH_NOISE,
+    DEPTH_QUANTUM,
+    HIGH_U,
+    LEAK,
+    LOST,
+    LOW_U,
+    MODE,
+    N_PLANT,
+    PLANT,
+    REFERENCE,
+    SEEN_DEPTH,
+    SEEN_VOLUME,
+    SLOW,
+    STOPPED,
+    VOLUME_NOISE,
+    VOLUME_QUANTUM,
+    WATER,
+    Q,
+    Row,
+    V,
+    W,
+    Z,
+)
+from swimbladder.sim.engine.cache import inlined
+from swimbladder.sim.engine.chain import base_steps
+from swimbladder.sim.engine.modes import (
+    KAPPA,
+    MOVING_IN,
+    MOVING_OUT,
+    POSITIONER,
+    PSI,
+    RATE,
+    SAG,
+    SUPPLY,
+    V_0,
+    V_MAX,
+    V_MIN,
+    Z_SURFACE,
+)
+from swimbladder.sim.faults.call import call_begin, call_tick
+from swimbladder.sim.faults.draw import Mission
+from swimbladder.sim.faults.failing import (
+    LEAK_LARGE,
+    LEAK_SMALL,
+    MOST,
+    ROOM,
+    acted,
+    board_misses,
+    changes,
+    driven,
+    emf,
+    see_depth,
+    see_volume,
+    suffer,
+)
+from swimbladder.sim.faults.rows import Condition, Harm, Result, record_type
+from swimbladder.vehicle import Sensors
+
+__all__ = ["EARLY", "FULL", "OWN", "Room", "fly"]
+
+Array = NDArray[np.float64]
+
+# The board decides; or full buoyancy is commanded from `full_after` the last fault acts on, or from
+# `full_after` the first does.
+OWN, FULL, EARLY = 0, 1, 2
+_RAN, _MISSED, _OFF = 0.0, 1.0, 2.0
+MOST_TURNS = 8  # set-points of a mission
+_NEARLY = 0.01  # of the stroke: a volume so near its largest is all out
+
+
+class Board(NamedTuple):
+    """A controller that is called by address, as the parameters of a law; see `host.Board`."""
+
+    begin: int
+    tick: int
+    memory: Any  # bytes that it remembers
+    seen: Any  # [7] float32: depth, its age, volume, battery, leak, lost ticks, depth asked for
+    said: Any  # [3] float32: reason, release, whether its law was called
+
+
+class Nothing(NamedTuple):
+    """The state of a board, which is in its memory."""
+
+    nothing: float
+
+
+def _step(
+    board: Board, state: Nothing, measurement: Measurement, reference: float
+) -> tuple[float, Nothing, float]:
+    seen = board.seen
+    seen[0], seen[2], seen[6] = measurement.depth, measurement.volume, reference
+    command: float = call_tick(  # type: ignore[call-arg]
+        board.tick, board.memory.ctypes.data, seen.ctypes.data, board.said.ctypes.data
+    )
+    return float(command), state, 0.0
+
+
+def _initial(_board: Board, _measurement: Measurement, _reference: float) -> Nothing:
+    return Nothing(0.0)
+
+
+_LAW = Law(
+    name="board", summary="the C of a board", command="voltage", parameters=Board, state=Nothing,
+    units={}, step=_step, initial=_initial,
+)  # fmt: skip
+
+
+class Now(NamedTuple):
+    """What a flight remembers from tick to tick, beside the rows of its lane."""
+
+    how: float  # OWN, FULL or EARLY
+    ran: float  # 1: the board was called at this tick
+    board: float  # _RAN, _MISSED or _OFF
+    command: float  # V or m3, of the board
+    lost: float  # ticks since its last
+    off_until: float  # tick
+    hung_until: float  # tick
+    hangs: float  # ticks that a call of its law would not come back for
+    resets: float
+    restarted: float  # 1: it was reset, and remembers what outlives that
+    must_begin: float  # 1: its begin is to be called before its tick
+    begun: float  # tick that its clock counts from
+    turn: float  # set-point
+    asked: float  # m
+    told: float  # 1: full buoyancy is commanded
+    full_at: float  # tick from which on it is
+    deepest: float  # m
+    below: float  # ticks since it was at the surface
+    acts: float  # faults that have acted
+    noise: float  # of the depth at this tick, which the battery's is taken to be as well
+    battery: float  # V, at the board
+    age: float  # s, of the depth
+
+
+FLIGHT = np.dtype([
+    ("condition", record_type(Condition)), ("now", record_type(Now)),
+    ("result", record_type(Result)),
+    ("base", np.float64, (N_PLANT,)),  # the healthy vehicle
+    ("faults", np.int64),  # how many
+    ("harms", np.float64, (MOST, len(Harm._fields))),
+    ("kept", np.float64, (ROOM,)),  # what the faults remember
+    ("turns", np.float64, (MOST_TURNS,)),  # ticks of the set-points, inf behind the last
+    ("depths", np.float64, (MOST_TURNS,)),  # m
+])  # fmt: skip
+
+
+class Faults(NamedTuple):
+    """A mission with faults, as the hooks take it."""
+
+    flight: Any  # a record of FLIGHT
+    board: Board
+    before: Any  # the board's memory at the begin of a tick
+    late: Array  # depths seen before
+    record: Array  # [ticks, len(Trace)] or no rows
+
+
+@inlined
+def _keep(source, target):  # type: ignore[no-untyped-def]
+    """Copy a vector into one as long."""
+    for n in range(target.shape[0]):
+        target[n] = source[n]
+
+
+@inlined
+def _leaking(harms, k):  # type: ignore[no-untyped-def]
+    """Return the water that comes in [m3/s] at tick k."""
+    rate = 0.0
+    for n in range(harms.shape[0]):
+        kind = int(harms[n, 0])
+        if kind in (LEAK_SMALL, LEAK_LARGE) and k >= harms[n, 3]:
+            rate += harms[n, 1]
+    return rate
+
+
+@inlined
+def _filled(base, volume, lifting, z, afloat, before):  # type: ignore[no-untyped-def]
+    """Return 1 once a vehicle is heavy with all its volume [m3] out since it was at the surface.
+
+    0: all out, and not heavy; -1: not all out, or not there. lifting [m3]: volume less the water.
+    What is filled stays so until it is at the surface again.
+    """
+    if before > 0.0 and not afloat:
+        return before
+    if volume < base[V_MAX] - _NEARLY * (base[V_MAX] - base[V_MIN]):
+        return -1.0
+    if afloat:
+        return 0.0
+    if before == 0.0 and lifting < base[V_0] + base[PSI] * z:
+        return 1.0
+    return before
+
+
+@inlined
+def _surfaced(faults, S, k):  # type: ignore[no-untyped-def]
+    """Follow where the vehicle is at tick k; return whether its mission is over."""
+    c, now, result = faults.flight.condition, faults.flight.now, faults.flight.result
+    z = S[Z]
+    now.deepest = max(now.deepest, z)
+    if z > c.rated:
+        result.beyond = k
+        result.last = k
+        return True
+    quiet = now.told != 0.0 or k >= c.quiet_at or k > result.latched
+    afloat = z <= faults.flight.base[Z_SURFACE] + c.band
+    now.below = 0.0 if afloat else now.below + 1.0
+    if afloat and quiet and math.isnan(result.up):
+        result.up = k
+    result.filled = _filled(faults.flight.base, S[V] + S[LOST], S[V], z, afloat, result.filled)
+    if not quiet or now.below > c.stay:  # one that came up fast bobs, and comes back sooner
+        result.arrived = np.nan
+    elif afloat and math.isnan(result.arrived):
+        result.arrived = k
+    result.last = k
+    return afloat and k - result.arrived >= c.stay
+
+
+@inlined
+def _begin(faults, S, k, built):  # type: ignore[no-untyped-def]
+    """Let the faults act on plant and battery; return whether the mission is over."""
+    if S[STOPPED] != 0.0:
+        return True
+    c, now, result = faults.flight.condition, faults.flight.now, faults.flight.result
+    m = faults.flight
+    base, harms = m.base, m.harms[: m.faults]
+    if k == 0:
+        np.random.seed(np.uint32(c.seed))  # noqa: NPY002
+    if _surfaced(faults, S, k):
+        return True
+    S[SLOW] = 1.0  # the plant changes between ticks
+    S[LEAK] = _leaking(harms, k)
+    p = S[PLANT : PLANT + N_PLANT]
+    if changes(harms, k):
+        suffer(base, p, harms, k, S[V] + S[LOST], S[LOST])
+        built[:] = 0
+        act = int(S[MODE]) % 10
+        if act == MOVING_OUT:  # a positioner on its way, also one that could not move
+            S[Q] = p[RATE]
+        elif act == MOVING_IN:
+            S[Q] = -p[RATE]
+    if now.acts < harms.shape[0]:
+        now.acts = acted(base, p, harms, k, c.tick, S[V], faults.flight.kept)
+        if now.acts > 0 and math.isnan(result.acting):
+            result.acting = k
+            if now.how == EARLY:
+                now.full_at = k + c.full_after
+        if now.acts == harms.shape[0] and now.how == FULL:
+            now.full_at = k + c.full_after
+    if base[POSITIONER] != 0.0:
+        now.battery = np.nan
+        return False
+    u = S[APPLIED]
+    p[SUPPLY] = emf(base, harms, k, c.tick, abs(u) > 0.05 * base[SUPPLY])
+    S[LOW_U], S[HIGH_U] = -p[SUPPLY], p[SUPPLY]
+    applied = max(-p[SUPPLY], min(p[SUPPLY], u))
+    drawn = (applied - p[KAPPA] * S[Q]) * (1.0 if applied >= 0.0 else -1.0)
+    now.battery = p[SUPPLY] - max(p[SAG] * drawn, 0.0) / (1.0 + p[SAG])
+    return False
+
+
+@inlined
+def _sense(faults, S, k):  # type: ignore[no-untyped-def]
+    """Write what the sensors give, with their faults."""
+    m = faults.flight
+    c, now, harms, kept = m.condition, m.now, m.harms[: m.faults], m.kept
+    noise, other = np.random.normal(), np.random.normal()  # noqa: NPY002
+    depth = S[Z] + S[DEPTH_NOISE] * noise
+    S[SEEN_DEPTH], now.age = see_depth(harms, k, c.tick, depth, S[DEPTH_QUANTUM], kept, faults.late)
+    volume = S[V] + S[LOST] + S[VOLUME_NOISE] * other
+    stroke = m.base[V_MAX] - m.base[V_MIN]
+    S[SEEN_VOLUME] = see_volume(harms, k, c.tick, volume, S[VOLUME_QUANTUM], stroke, kept)
+    now.noise = noise
+
+
+@inlined
+def _ask(faults, S, k):  # type: ignore[no-untyped-def]
+    """Return whether the board runs at tick k; where it does not, set what it commands."""
+    m = faults.flight
+    c, now, base, turns = m.condition, m.now, m.base, m.turns
+    positioner = base[POSITIONER] != 0.0
+    while now.turn + 1 < turns.shape[0] and turns[int(now.turn) + 1] <= k - now.begun:
+        now.turn += 1
+    now.asked += max(-c.ramp, min(c.ramp, m.depths[int(now.turn)] - now.asked))
+    S[REFERENCE] = now.asked
+    missed, reset, now.hangs = board_misses(m.harms[: m.faults], k, c.tick)
+    if k >= now.full_at:
+        now.hangs, now.hung_until = 0, -1  # what misses ticks or is reset does so here as well
+    now.board, now.ran = _RAN, 0.0
+    if k == now.hung_until or reset or now.battery < c.brown_out:
+        if k > 0:
+            now.off_until = k + int(c.boot)
+        now.hung_until = -1
+    if k < now.off_until:
+        now.board = _OFF
+        if now.must_begin == 0.0:
+            now.resets += 1
+        now.must_begin, now.restarted = 1.0, 1.0
+        now.begun, now.turn = k + 1, 0  # its clock begins anew, and what it is to do with it
+        now.lost = 0
+        now.command = S[V] + S[LOST] if positioner else 0.0
+    elif k < now.hung_until:
+        now.board = _MISSED
+    elif missed:
+        now.board = _MISSED
+        now.lost += 1
+    elif k >= now.full_at:
+        now.command, now.told = base[V_MAX] if positioner else base[SUPPLY], 1.0
+    else:
+        _prepare(faults, S)
+        now.ran = 1.0
+    return now.ran != 0.0
+
+
+@inlined
+def _prepare(faults, S):  # type: ignore[no-untyped-def]
+    """Begin the board's program where it must, and write what it sees beside its law."""
+    c, now, board = faults.flight.condition, faults.flight.now, faults.board
+    if now.must_begin != 0.0:
+        if now.restarted == 0.0:
+            for n in range(board.memory.shape[0]):
+                board.memory[n] = 0  # a reset leaves it as it is
+        call_begin(  # type: ignore[call-arg]
+            board.begin, board.memory.ctypes.data, np.int32(now.restarted)
+        )
+        now.must_begin = 0.0
+    board.seen[1] = now.age
+    board.seen[3] = now.battery * (1.0 + c.battery_noise * now.noise)
+    board.seen[4] = 1.0 if S[WATER] > c.leak_input else 0.0
+    board.seen[5] = now.lost
+    if now.hangs > 0:
+        _keep(board.memory, faults.before)
+
+
+@inlined
+def _drive(faults, S, k, command):  # type: ignore[no-untyped-def]
+    """Return what the driver gives the actuator of what the board commands, with its faults."""
+    c, now, result = faults.flight.condition, faults.flight.now, faults.flight.result
+    m = faults.flight
+    base, said = m.base, faults.board.said
+    if now.ran != 0.0 and now.hangs > 0 and said[2] != 0.0:  # it has not come back from its law
+        _keep(faults.before, faults.board.memory)
+        now.hung_until = k + now.hangs
+        now.board = _MISSED
+    elif now.ran != 0.0:
+        now.command, now.lost = command, 0
+        if said[0] != 0.0 and math.isnan(result.latched):
+            result.latched, result.reason = k, said[0]
+        if said[1] != 0.0 and math.isnan(result.released):
+            result.released = k
+    p = S[PLANT : PLANT + N_PLANT]
+    volume = S[V] + S[LOST]
+    u = driven(base, p, m.harms[: m.faults], k, c.tick, now.command, S[APPLIED], volume, m.kept)
+    u = max(S[LOW_U], min(S[HIGH_U], u))
+    if faults.record.shape[0] > k:
+        row = faults.record[k]
+        wet = 1.0 if S[WATER] > c.leak_input else 0.0
+        row[0], row[1], row[2], row[3], row[4] = S[Z], S[W], volume, now.command, u
+        row[5], row[6], row[7], row[8] = now.battery, now.asked, S[SEEN_DEPTH], now.age
+        row[9], row[10], row[11], row[12] = S[SEEN_VOLUME], wet, now.lost, now.board
+        row[13], row[14] = result.reason, S[WATER]
+    return u
+
+
+class Room(threading.local):
+    """What a thread flies in."""
+
+    def __init__(self, memory: int, late: int) -> None:
+        self.memory, self.before = np.zeros(memory, np.uint8), np.zeros(memory, np.uint8)
+        self.chains = work_space(1)
+        self.late = np.zeros(late)
+
+
+hook_in(Faults, Hooks(_begin, _sense, _ask, _drive))
+
+
+def fly(
+    mission: Mission, condition: Condition, how: int, functions: tuple[int, int], room: Room,
+    record: Array,
+) -> Array:  # fmt: skip
+    """Fly one mission; fill record where it has rows [n, len(Trace)], return [len(Result)].
+
+    how: OWN, FULL or EARLY. functions: addresses of the board's begin and tick.
+    """
+    c, p = condition, Plant(*mission.plant.tolist())
+    unset = Result(*(math.nan for _ in Result._fields))
+    flights = np.zeros(1, FLIGHT)
+    m: Any = flights[0]
+    m["condition"], m["base"] = c, mission.plant
+    m["now"] = Now(*(0.0 for _ in Now._fields))._replace(
+        how=how, off_until=-1.0, hung_until=-1.0, must_begin=1.0, asked=mission.depths[0],
+        full_at=math.inf, deepest=c.start_depth,
+    )  # fmt: skip
+    m["result"] = unset._replace(stop=0.0, bottom=0.0, reason=0.0, resets=0.0, filled=-1.0)
+    m["turns"], m["faults"] = math.inf, len(mission.harms)
+    m["harms"][: len(mission.harms)] = mission.harms
+    m["turns"][: len(mission.turns)] = mission.turns
+    m["depths"][: len(mission.depths)] = mission.depths
+    board = Board(*functions, room.memory, np.zeros(7, np.float32), np.zeros(3, np.float32))
+    block = Block.lay_out(
+        plants=mission.plant[:, None], law=_LAW, parameters=dict.fromkeys(Board._fields, 0.0),
+        clock=Schedule(
+            tick=c.tick, turn=np.zeros(int(c.end) + 1, np.int64), given=np.zeros(1, np.int64)
+        ),
+        parts=base_steps(p, c.tick, 0.0), depths=mission.depths[:1, None],
+        start=np.array([[0.0], [c.start_volume], [c.start_depth], [0.0]]),
+        sensors=Sensors.model_construct(
+            depth_noise=c.depth_noise, depth_quantum=c.depth_quantum, volume_noise=c.volume_noise,
+            volume_quantum=c.volume_quantum,
+        ),
+        seeds=None, record=False, books=False, events=False,
+    )  # fmt: skip
+    block.parameters, block.loses = board, True
+    block.hooks = Faults(m, board, room.before, room.late, record)
+    work = block.work[:, 0]
+    work[Row.APPLIED] = c.start_volume if p.positioner != 0.0 else 0.0
+    work[Row.DRIFT], work[Row.SWELL] = c.drift, c.swell
+    work[Row.SWELL_OMEGA], work[Row.SWELL_PHASE] = c.swell_omega, c.swell_phase
+    work[Row.SWELL_DECAY] = c.swell_omega * c.swell_omega / c.gravity
+    block.run(chains=room.chains)
+    stopped, z, now = int(work[Row.STOPPED]), float(work[Row.Z]), m["now"]
+    ended = Result(*m["result"].tolist())
+    if now["below"] > 0.0:
+        ended = ended._replace(arrived=math.nan)
+    return np.array(ended._replace(
+        stop=0.0 if stopped == OVER else stopped, bottom=1.0 if z >= p.z_bottom else 0.0, depth=z,
+        deepest=now["deepest"], resets=now["resets"],
+    ))  # fmt: skip

@@ -1,0 +1,134 @@
+"""One mission of a campaign again, with everything that happened in it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control.supervisor import Reason
+from swimbladder.sim.faults.draw import Course, Mission, course_of, draw
+from swimbladder.sim.faults.flight import FULL, OWN
+from swimbladder.sim.faults.glue import ALONE, DEAF, SUPERVISED
+from swimbladder.sim.faults.kinds import KINDS
+from swimbladder.sim.faults.rows import Result
+from swimbladder.sim.faults.run import board_of, check_controller
+from swimbladder.sim.faults.squadron import Squadron
+from swimbladder.sim.faults.verdict import Outcome, outcomes
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["NAMES", "Flown", "fly_one"]
+
+Array = NDArray[np.float64]
+
+NAMES = ("supervised", "alone", "told")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flown:
+    """A mission: supervised, alone, and told to come up 60 s after its faults begin to act."""
+
+    course: Course
+    mission: Mission
+    healthy: bool
+    results: tuple[Result, ...]
+    rows: tuple[Array, ...]  # [ticks, len(Trace)] of each
+
+    @property
+    def tick(self) -> float:
+        """The controller's sample time [s]."""
+        return self.mission.condition.tick
+
+    @property
+    def latched(self) -> float:
+        """Time [s] at which the supervisor took over; nan: never."""
+        return self.results[0].latched * self.tick
+
+    @property
+    def reason(self) -> str:
+        """Its reason in words; empty without one."""
+        code = int(self.results[0].reason)
+        return Reason(code).words if code else ""
+
+    def outcome(self, flight: int) -> Outcome:
+        """Return how a flight ended."""
+        found = outcomes(
+            np.array([self.results[flight]]), tick=self.tick,
+            stay=self.mission.condition.stay * self.tick,
+        )  # fmt: skip
+        return Outcome(int(found[0]))
+
+    def lines(self) -> list[str]:
+        """Return what happened, for a reader."""
+        m, label = self.mission, "h" if self.healthy else ""
+        said = [
+            f"mission {label}{m.number}: set-points "
+            + ", ".join(
+                f"{z:.1f} m at {k * self.tick:.0f} s"
+                for k, z in zip(m.turns, m.depths, strict=True)
+            )
+        ]
+        for fault, harm in zip(m.faults, m.harms, strict=True):
+            kind = KINDS[fault]
+            how = "" if kind.first is None else f": {harm[1]:.3g} {kind.first.unit}".rstrip()
+            end = f" to {harm[4] * self.tick:.0f} s" if math.isfinite(harm[4]) else " on"
+            said.append(f"from {harm[3] * self.tick:.0f} s{end}: {kind.name}, {kind.words}{how}")
+        if self.reason:
+            said.append(f"the supervisor took over at {self.latched:.0f} s: {self.reason}")
+        else:
+            said.append("the supervisor saw no reason")
+        names = (
+            "with the supervisor",
+            "without it",
+            "with full buoyancy 60 s after its faults act",
+        )
+        for n, name in enumerate(names[: len(self.results)]):
+            r = self.results[n]
+            said.append(f"{name}: {self.outcome(n).words}, deepest {r.deepest:.1f} m, at the end "
+                        f"{max(r.depth, 0.0):.1f} m")  # fmt: skip
+        return said
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what a program wants to know, in SI."""
+        return {
+            "vehicle": self.course.vehicle.name,
+            "mission": self.mission.number,
+            "healthy": self.healthy,
+            "faults": [
+                {
+                    "kind": KINDS[fault].name, "severity": harm[1], "onset_s": harm[3] * self.tick,
+                    "end_s": harm[4] * self.tick,
+                }
+                for fault, harm in zip(self.mission.faults, self.mission.harms, strict=True)
+            ],
+            "latched_s": self.latched,
+            "reason": self.reason,
+            "outcomes": {
+                name: self.outcome(n).words for n, name in enumerate(NAMES[: len(self.results)])
+            },
+        }  # fmt: skip
+
+
+def fly_one(
+    vehicle: Vehicle, number: int, *, healthy: bool = False, seed: int = 1,
+    depths: tuple[float, float] | None = None,
+) -> Flown:  # fmt: skip
+    """Return mission `number` of a seed, as a campaign flew it, with its trajectories.
+
+    Raises InputError as `run_missions` does.
+    """
+    check_controller(vehicle)
+    course = course_of(vehicle, depths)
+    mission = draw(course, seed=seed, number=number, healthy=healthy)
+    ways = [(SUPERVISED, OWN), (ALONE, OWN), (DEAF, FULL)][: 2 if healthy else 3]
+    with board_of(course) as board:
+        squadron = Squadron(course, board)
+        flown = [squadron.traced(mission, who, how) for who, how in ways]
+    return Flown(
+        course=course, mission=mission, healthy=healthy,
+        results=tuple(Result(*result) for result, _ in flown),
+        rows=tuple(rows for _, rows in flown),
+    )  # fmt: skip

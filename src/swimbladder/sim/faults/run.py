@@ -1,0 +1,114 @@
+"""A campaign: all missions of a seed in chunks, on all cores, kept on disk until it is done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError
+from swimbladder.jobs import Store, each
+from swimbladder.sim.engine.modes import SUPPLY, Z_BOTTOM
+from swimbladder.sim.faults.draw import Course, course_of, draw
+from swimbladder.sim.faults.glue import ALONE, DEAF, SUPERVISED
+from swimbladder.sim.faults.host import Board
+from swimbladder.sim.faults.squadron import Squadron, sources
+from swimbladder.sim.faults.verdict import FACTS, HARMS, WIDTH, Campaign
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["board_of", "check_controller", "run_missions"]
+
+Array = NDArray[np.float64]
+
+CHUNK = 200
+
+
+def check_controller(vehicle: Vehicle) -> None:
+    """Raise InputError where a vehicle has no controller."""
+    if vehicle.controller is None:
+        raise InputError(
+            f"the vehicle {vehicle.name!r} has no controller", field="controller",
+            remedy="Add a [controller] table to the vehicle: swimbladder tune writes one",
+        )  # fmt: skip
+
+
+def board_of(course: Course) -> Board:
+    """Return the vehicle's C, compiled for this machine; raises InputError without a compiler."""
+    return Board(sources(course), (ALONE, SUPERVISED, DEAF))
+
+
+def run_missions(
+    vehicle: Vehicle, *, missions: int = 100_000, healthy: int | None = None, seed: int = 1,
+    depths: tuple[float, float] | None = None, keep: Path | None = None,
+    advance: Callable[[float], None] = lambda _: None,
+) -> Campaign:  # fmt: skip
+    """Fly missions with faults, and `healthy` ones without (a tenth as many); return what happened.
+
+    depths [m]: least and greatest. keep: a folder for what is done, so that a run that was killed
+    goes on there. advance: called with the share of the work that was done.
+    Raises InputError for a vehicle without a controller, for depths that it cannot hold, and where
+    there is no C compiler.
+    """
+    check_controller(vehicle)
+    if healthy is None:
+        healthy = max(missions // 10, 1)
+    for field, count in (("--missions", missions), ("--healthy", healthy)):
+        if not 1 <= count <= 10_000_000:
+            raise InputError(
+                "must be a whole number from 1 to 10 million",
+                field=field,
+                value=count,
+                remedy="Give some hundreds to try, 100000 to prove",
+            )
+    course = course_of(vehicle, depths)
+    files = sources(course)
+    with Board(files, (ALONE, SUPERVISED, DEAF)) as board:
+        kept = Store(keep, course, seed, files)
+        squadron = Squadron(course, board)
+        total = missions + healthy
+        tables = [
+            _all(squadron, course, seed, n, well, kept, lambda done: advance(done / total))
+            for n, well in ((missions, False), (healthy, True))
+        ]
+    return Campaign(course=course, seed=seed, faulty=tables[0], healthy=tables[1])
+
+
+def _all(
+    squadron: Squadron, course: Course, seed: int, count: int, healthy: bool, kept: Store,
+    advance: Callable[[float], None],
+) -> Array:  # fmt: skip
+    """Return a row per mission [count, WIDTH]."""
+    table = np.empty((count, WIDTH))
+
+    def chunk(first: int) -> Array:
+        end = min(first + CHUNK, count)
+        fly = partial(_rows, squadron, course, seed, first, end, healthy)
+        return kept.get(fly, "healthy" if healthy else "faulty", first, end)
+
+    for first, rows in each(chunk, range(0, count, CHUNK)):
+        table[first : first + len(rows)] = rows
+        advance(len(rows))
+    return table
+
+
+def _rows(
+    squadron: Squadron, course: Course, seed: int, first: int, end: int, healthy: bool
+) -> Array:
+    """Return the rows of missions first to end, flown."""
+    rows = np.full((end - first, WIDTH), np.nan)
+    for row, number in zip(rows, range(first, end), strict=True):
+        mission = draw(course, seed=seed, number=number, healthy=healthy)
+        c, harms = mission.condition, mission.harms.reshape(-1)
+        row[: FACTS] = (
+            number, mission.onset, c.start_depth, max(mission.depths), mission.plant[Z_BOTTOM],
+            mission.plant[SUPPLY],
+        )  # fmt: skip
+        row[FACTS : FACTS + harms.size] = harms
+        flown = [squadron.supervised(mission)] if healthy else squadron.flights(mission)
+        for n, result in enumerate(flown):
+            at = FACTS + HARMS + n * len(result)
+            row[at : at + len(result)] = result
+    return rows

@@ -1,0 +1,307 @@
+"""What became of the missions: which vehicles could be saved, which were, how soon it was seen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control.supervisor import Reason
+from swimbladder.sim.engine.advance import DONE, LEFT_WATER
+from swimbladder.sim.faults.draw import STAY, Course
+from swimbladder.sim.faults.kinds import KINDS, Fault
+from swimbladder.sim.faults.rows import Harm, Result
+
+__all__ = [
+    "FACTS",
+    "HARMS",
+    "MILD",
+    "WIDTH",
+    "Campaign",
+    "Line",
+    "Outcome",
+    "outcomes",
+    "rule_of_three",
+]
+
+Array = NDArray[np.float64]
+
+FACTS = 6  # number, onset, start, deepest set-point, bottom, supply
+HARMS = 2 * len(Harm._fields)
+WIDTH = FACTS + HARMS + 4 * len(Result._fields)
+TOGETHER = "two faults at once"
+MILD = 0.3  # of those that could be saved; fewer lost without a supervisor ask little of it
+
+
+class Outcome(IntEnum):
+    """How a mission ended."""
+
+    SURFACED = 0
+    BEYOND = 1
+    BOTTOM = 2
+    NOT_UP = 3
+    STOPPED = 4
+    FILLED = 5
+
+    @property
+    def words(self) -> str:
+        """What a reader of the table sees."""
+        return (
+            "surfaced", "beyond the rated depth", "on the bottom", "not at the surface",
+            "the simulation stopped", "surfaced and was filled by the leak",
+        )[self]  # fmt: skip
+
+
+def outcomes(results: Array, *, tick: float, stay: float) -> Array:
+    """Return the Outcome of each result [n, len(Result)]; stay [s] at the surface: what is asked.
+
+    A vehicle that leaps out of the water surfaced too. One that was at the surface and then
+    heavy with all its volume out was filled: no command helps it any more.
+    """
+    r = Result(*results.T)
+    up = (r.last - r.arrived) * tick >= math.floor(stay / tick) * tick
+    found = np.full(len(results), float(Outcome.NOT_UP))
+    found[up] = Outcome.SURFACED
+    found[(r.stop != DONE) & (r.stop != LEFT_WATER)] = Outcome.STOPPED
+    found[r.stop == LEFT_WATER] = Outcome.SURFACED
+    found[r.bottom == 1.0] = Outcome.BOTTOM
+    found[~np.isnan(r.beyond)] = Outcome.BEYOND
+    ended = (found != Outcome.SURFACED) & (found != Outcome.STOPPED)
+    found[ended & ~np.isnan(r.up) & (r.filled == 1.0)] = Outcome.FILLED
+    return found
+
+
+class Line(NamedTuple):
+    """What became of the missions of one kind."""
+
+    name: str
+    family: str
+    missions: int
+    recoverable: int
+    saved: int  # of them, with the supervisor
+    lost_alone: int  # of them, without
+    rescued: int  # of them, with the supervisor and not without
+    unrecoverable_saved: int  # surfaced although they were not counted on
+    latched: int
+    latch_median: float  # s from onset to the reason; nan: never
+    latch_95: float
+    deepest: float  # m, supervised
+
+
+def rule_of_three(found: int, trials: int) -> float:
+    """Return the upper end of the one-sided 95 % interval of a probability (Clopper-Pearson).
+
+    With nothing found it is 1 - 0.05^(1/n), about 3/n.
+    """
+    from scipy.stats import beta
+
+    return 1.0 if found >= trials else float(beta.ppf(0.95, found + 1, trials - found))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """Missions with faults and without, a row each [n, WIDTH]; see `run`."""
+
+    course: Course
+    seed: int
+    faulty: Array
+    healthy: Array
+
+    @property
+    def tick(self) -> float:
+        """The controller's sample time [s]."""
+        assert self.course.vehicle.controller is not None
+        return self.course.vehicle.controller.sample_time
+
+    def harm(self, which: int, field: str) -> Array:
+        """Return a field of the first (0) or the second (1) fault of each mission."""
+        at = FACTS + which * len(Harm._fields) + Harm._fields.index(field)
+        column: Array = np.nan_to_num(self.faulty[:, at]) if field == "kind" else self.faulty[:, at]
+        return column
+
+    def result(self, flight: int, field: str) -> Array:
+        """Return a field of the flight: 0 supervised, 1 alone, 2 and 3 told to come up."""
+        at = FACTS + HARMS + flight * len(Result._fields) + Result._fields.index(field)
+        column: Array = self.faulty[:, at]
+        return column
+
+    def outcome(self, flight: int) -> Array:
+        """Return the Outcome of a flight of each mission with faults."""
+        return self._outcomes(self.faulty, flight)
+
+    def _outcomes(self, table: Array, flight: int) -> Array:
+        at = FACTS + HARMS + flight * len(Result._fields)
+        return outcomes(table[:, at : at + len(Result._fields)], tick=self.tick, stay=STAY)
+
+    @cached_property
+    def recoverable(self) -> NDArray[np.bool_]:
+        """Whether full buoyancy, 60 s after the last fault begins to act, brings each up."""
+        found: NDArray[np.bool_] = self.outcome(2) == Outcome.SURFACED
+        return found
+
+    def came_up(self, flight: int, *, told: int = 2) -> NDArray[np.bool_]:
+        """Whether a flight of each mission surfaced, or was filled and no later up than one told.
+
+        The told flight stays for a minute, and what fills the one fills the other in the end.
+        """
+        found = self.outcome(flight)
+        sooner = self.result(flight, "up") <= self.result(told, "up")
+        up: NDArray[np.bool_] = (found == Outcome.SURFACED) | ((found == Outcome.FILLED) & sooner)
+        return up
+
+    @cached_property
+    def lost(self) -> NDArray[np.intp]:
+        """Numbers of the recoverable vehicles that the supervisor lost."""
+        return np.flatnonzero(self.recoverable & ~self.came_up(0))
+
+    @cached_property
+    def filled(self) -> NDArray[np.intp]:
+        """Numbers of the recoverable vehicles that were up no later, and were filled all the same.
+
+        They count as saved: the sea drives a heavy vehicle down, whatever is commanded.
+        """
+        return np.flatnonzero(
+            self.recoverable & self.came_up(0) & (self.outcome(0) == Outcome.FILLED)
+        )
+
+    @cached_property
+    def lost_early(self) -> NDArray[np.intp]:
+        """Numbers of those lost that full buoyancy 60 s after the first of two faults would save.
+
+        60 s after the second acts it does not: it is too late by then, or the second is a block
+        that has not shown before.
+        """
+        told: NDArray[np.bool_] = self.outcome(3) == Outcome.SURFACED
+        return np.flatnonzero(told & ~self.recoverable & ~self.came_up(0, told=3))
+
+    @cached_property
+    def latch(self) -> Array:
+        """Time from when the first fault acts to the supervisor's reason [s]; nan: it had none."""
+        late: Array = (self.result(0, "latched") - self.result(0, "acting")) * self.tick
+        return late
+
+    @property
+    def lost_alone(self) -> float:
+        """Share of the recoverable vehicles that are lost without the supervisor."""
+        alone = self.recoverable & ~self.came_up(1)
+        return int(alone.sum()) / max(1, int(self.recoverable.sum()))
+
+    @property
+    def all_lost_alone(self) -> float:
+        """Share of all vehicles with faults that are lost without the supervisor."""
+        return float(np.mean(~self.came_up(1)))
+
+    @property
+    def false_alarms(self) -> NDArray[np.intp]:
+        """Numbers of the healthy missions in which the supervisor had a reason but their length."""
+        return np.flatnonzero((self._healthy_reasons > 0.0) & ~self._out_of_time)
+
+    @property
+    def too_slow(self) -> NDArray[np.intp]:
+        """Numbers of the healthy missions that the law did not end within the time limit."""
+        return np.flatnonzero(self._out_of_time)
+
+    @property
+    def _healthy_reasons(self) -> Array:
+        """The code of the supervisor's reason in each healthy mission; 0: it had none."""
+        reasons: Array = self.healthy[:, FACTS + HARMS + Result._fields.index("reason")]
+        return reasons
+
+    @property
+    def _out_of_time(self) -> NDArray[np.bool_]:
+        out: NDArray[np.bool_] = self._healthy_reasons == float(Reason.TIME_LIMIT)
+        return out
+
+    @property
+    def healthy_lost(self) -> NDArray[np.intp]:
+        """Numbers of the healthy missions that did not end at the surface."""
+        found = self._outcomes(self.healthy, 0)
+        return np.flatnonzero(found != Outcome.SURFACED)
+
+    @property
+    def passed(self) -> bool:
+        """Whether every recoverable vehicle surfaced, with no false alarm in health."""
+        return len(self.lost) == 0 and len(self.false_alarms) == 0
+
+    def lines(self) -> list[Line]:
+        """Return a line for each kind of fault that came alone, one for pairs, and one for all."""
+        first, two = self.harm(0, "kind"), self.harm(1, "kind") > 0.0
+        found = [
+            self._line(kind.name, kind.family, (first == fault) & ~two)
+            for fault, kind in KINDS.items()
+        ]
+        every = np.ones(len(first), bool)
+        return [
+            line
+            for line in (*found, self._line(TOGETHER, "", two), self._line("all", "", every))
+            if line.missions
+        ]
+
+    def _line(self, name: str, family: str, chosen: NDArray[np.bool_]) -> Line:
+        able = self.recoverable & chosen
+        saved, alone = self.came_up(0), self.came_up(1)
+        latch = self.latch[chosen & ~np.isnan(self.latch)]
+        return Line(
+            name=name, family=family, missions=int(chosen.sum()), recoverable=int(able.sum()),
+            saved=int((able & saved).sum()), lost_alone=int((able & ~alone).sum()),
+            rescued=int((able & saved & ~alone).sum()),
+            unrecoverable_saved=int((chosen & ~able & saved).sum()), latched=len(latch),
+            latch_median=float(np.median(latch)) if len(latch) else math.nan,
+            latch_95=float(np.quantile(latch, 0.95)) if len(latch) else math.nan,
+            deepest=float(self.result(0, "deepest")[chosen].max()) if chosen.any() else math.nan,
+        )  # fmt: skip
+
+    def reason(self, number: int) -> str:
+        """Return the supervisor's reason in a mission, in words; empty where it had none."""
+        code = int(self.result(0, "reason")[number])
+        return Reason(code).words if code else ""
+
+    def told(self, number: int) -> str:
+        """Return what happened to a mission, in a line."""
+        parts = []
+        for which in (0, 1):
+            code = int(self.harm(which, "kind")[number])
+            if code:
+                kind, begin = KINDS[Fault(code)], self.harm(which, "begin")[number] * self.tick
+                severity = self.harm(which, "first")[number]
+                unit = f" {kind.first.unit}".rstrip() if kind.first is not None else ""
+                how = f" {severity:.3g}{unit}" if kind.first is not None else ""
+                end = self.harm(which, "end")[number] * self.tick
+                lasts = f" for {end - begin:.0f} s" if math.isfinite(end) else ""
+                parts.append(f"{kind.name}{how} at {begin:.0f} s{lasts}")
+        late, reason = self.latch[number], self.reason(number)
+        seen = f"{reason} {late:.0f} s after the first onset" if reason else "no reason seen"
+        ended = Outcome(int(self.outcome(0)[number])).words
+        return f"mission {number}: {', '.join(parts)}: {seen}, {ended}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what a program wants to know, in SI."""
+        alarms, trials = len(self.false_alarms), len(self.healthy)
+        return {
+            "vehicle": self.course.vehicle.name,
+            "law": self.course.vehicle.controller and self.course.vehicle.controller.law,
+            "seed": self.seed,
+            "missions": len(self.faulty),
+            "depths_m": [self.course.depths.least, self.course.depths.most],
+            "time_limit_s": self.course.time_limit,
+            "recoverable": int(self.recoverable.sum()),
+            "lost": self.lost,
+            "lost_early": self.lost_early,
+            "filled": self.filled,
+            "lost_share_alone": self.lost_alone,
+            "lost_share_alone_of_all": self.all_lost_alone,
+            "kinds": [line._asdict() for line in self.lines()],
+            "healthy": {
+                "missions": trials,
+                "false_alarms": self.false_alarms,
+                "bound_95": rule_of_three(alarms, trials),
+                "too_slow": self.too_slow,
+                "lost": self.healthy_lost,
+            },
+            "passed": self.passed,
+        }

@@ -1,0 +1,17 @@
+"""`fly`, compiled and kept on disk under a name of its own source.
+
+Beside the folder's own hash (`engine.cache`): an edit here leaves the other kernels alone.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from swimbladder.io.files import source_hash
+from swimbladder.sim.engine.cache import compiled
+from swimbladder.sim.mission.core import fly as _fly
+
+__all__ = ["fly_kernel"]
+
+
+fly_kernel = compiled(_fly.fly, under=f"mission-{source_hash(Path(__file__).parent.glob('*.py'))}")

@@ -1,0 +1,165 @@
+"""A mission flown: from the plan to its end, chunk by chunk, kept on disk in case of a kill."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.io.mission import Mission
+from swimbladder.jobs import Store
+from swimbladder.physics.seawater import Column
+from swimbladder.sim.mission.core import kernel
+from swimbladder.sim.mission.core.names import (
+    Account,
+    At,
+    Cycle,
+    Drive,
+    Given,
+    Now,
+    Row,
+    Stage,
+    Stop,
+)
+from swimbladder.sim.mission.prepare import Accuracy, Plan, Reckoning, first_state, make_plan
+from swimbladder.sim.mission.reach import Reach, check_flight, check_reach, reach_of
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Flight", "fly_mission", "thinned"]
+
+Array = NDArray[np.float64]
+_MOST = 1e6  # rows of steps that are kept in all; those where something changes come on top
+_ROWS, _NOTES, _CYCLES = 40_000, 8_000, 8
+_CYCLE_WIDTH = int(Cycle.ACCOUNTS) + int(Account.COUNT)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flight:
+    """What the kernel gave: see `mission.core.names` for the columns.
+
+    rows [n, Row.COUNT], notes [k, Drive.COUNT], cycles [c, ...]; begin and end: of
+    `Now`, whole: of `At`, accounts: of `Account`, the last three at the end. reach: what it takes
+    of the stroke.
+    """
+
+    vehicle: Vehicle
+    mission: Mission
+    column: Column
+    plan: Plan
+    rows: Array
+    notes: Array
+    cycles: Array
+    begin: Array
+    end: Array
+    whole: NDArray[np.int64]
+    accounts: Array
+    stop: Stop
+    reach: Reach
+
+    @property
+    def duration(self) -> float:
+        """Time flown [s]."""
+        return float(self.end[Now.T])
+
+
+def fly_mission(
+    vehicle: Vehicle, mission: Mission, column: Column, *, waves: Array | None = None,
+    cycles: int | None = None, span: float | None = None, seed: int | None = None,
+    accuracy: Accuracy | None = None, reckoning: Reckoning | None = None,
+    start_volume: float | None = None, keep: Path | None = None, checked: bool = True,
+    advance: Callable[[float], None] = lambda _: None,
+) -> Flight:  # fmt: skip
+    """Fly a mission with phases to its end.
+
+    waves: of `seawater.motion_table`; waves, cycles, span [s]: in the place of the mission's.
+    seed: of the sensors' noise, None: they have neither noise nor quantum. reckoning: where the
+    processor errs about its drive. start_volume [m3]: at a start_depth other than 0, in the place
+    of the neutral one. keep:
+    a folder for what is flown, so that a flight that was killed goes on there, to the same end bit
+    for bit. checked: refuse what physics tells cannot be done; else it is flown to whatever end it
+    has. advance: called with the share of the mission that was flown.
+
+    Raises InputError where vehicle, mission and water do not go together, NoAnswerError for a
+    mission that cannot be done and as `buoyancy_engine.drive_map` does.
+    """
+    check_flight(vehicle, mission, column, cycles=cycles, span=span)
+    plan = make_plan(
+        vehicle, mission, column, waves=waves, cycles=cycles, span=span, accuracy=accuracy,
+        reckoning=reckoning,
+    )  # fmt: skip
+    reach = (check_reach if checked else reach_of)(vehicle, mission, plan)
+    x, at, accounts = first_state(plan, mission, seed=seed, volume=start_volume)
+    begin = x.copy()
+    parts: list[tuple[Array, Array, Array]] = []
+    store = Store(keep, plan.given, plan.table, plan.waves, plan.stages, x.copy(), at.copy())
+    while (kept := store.read("part", len(parts))) is not None:
+        parts.append((kept["rows"], kept["notes"], kept["cycles"]))
+        x[:], at[:], accounts[:] = kept["x"], kept["at"], kept["accounts"]
+    whole, told, spacing = _whole(plan), 0.0, _length(plan) / _MOST
+    work = np.zeros((6, 8))
+    while at[At.STOP] == 0:
+        rows, notes = np.zeros((_ROWS, int(Row.COUNT))), np.zeros((_NOTES, int(Drive.COUNT)))
+        table, counts = np.zeros((_CYCLES, _CYCLE_WIDTH)), np.zeros(3, dtype=np.int64)
+        while at[At.STOP] == 0:
+            kernel.fly_kernel(
+                plan.given, plan.table, plan.waves, plan.stages, x, at, accounts, rows, notes,
+                table, counts, work,
+            )  # fmt: skip
+            share = min(whole(x, at), 1.0)
+            advance(share - told)
+            told = share
+            room = counts[0] < _ROWS // 2 and counts[1] < _NOTES // 2 and counts[2] < _CYCLES
+            if not room:
+                break
+        part = (
+            thinned(rows[: counts[0]], spacing),
+            notes[: counts[1]].copy(),
+            table[: counts[2]].copy(),
+        )
+        parts.append(part)
+        state = {"x": x, "at": at, "accounts": accounts}
+        named = dict(zip(("rows", "notes", "cycles"), part, strict=True))
+        store.write(named | state, "part", len(parts) - 1)
+    together = [np.concatenate([part[n] for part in parts]) for n in range(3)]
+    return Flight(
+        vehicle=vehicle, mission=mission, column=column, plan=plan, rows=together[0],
+        notes=together[1], cycles=together[2], begin=begin, end=x, whole=at, accounts=accounts,
+        stop=Stop(int(at[At.STOP])), reach=reach,
+    )  # fmt: skip
+
+
+def thinned(rows: Array, spacing: float) -> Array:
+    """Return rows without those that come sooner than `spacing` [s] after another.
+
+    The first and the last stay, and those on both sides of a change of what is done.
+    """
+    if len(rows) < 3 or spacing <= 0.0:
+        return rows.copy()
+    state = rows[:, [Row.PHASE, Row.DOING, Row.CYCLE]]
+    changes = np.any(state[1:] != state[:-1], axis=1)
+    ticks = np.diff(np.floor(rows[:, Row.T] / spacing)) > 0.0
+    keep = np.ones(len(rows), dtype=bool)
+    keep[1:-1] = changes[:-1] | changes[1:] | ticks[:-1]
+    return np.asarray(rows[keep])
+
+
+def _length(plan: Plan) -> float:
+    """Return how long a mission lasts at most [s]."""
+    stages = plan.stages
+    cycle = float(np.sum(stages[:, Stage.DURATION] + stages[:, Stage.TIMEOUT]))
+    return min(float(plan.given[Given.LAST_TIME]), cycle * float(plan.given[Given.LAST_CYCLE]))
+
+
+def _whole(plan: Plan) -> Callable[[Array, NDArray[np.int64]], float]:
+    """Return what tells the share of a mission that is flown."""
+    cycles, span = float(plan.given[Given.LAST_CYCLE]), float(plan.given[Given.LAST_TIME])
+    full, reserve = float(plan.given[Given.CHARGE]), float(plan.given[Given.RESERVE])
+
+    def share(x: Array, at: NDArray[np.int64]) -> float:
+        drawn = (full - x[Now.CHARGE]) / (full - reserve) if full > reserve > 0.0 else 0.0
+        return float(max(at[At.CYCLE] / cycles, x[Now.T] / span, drawn))
+
+    return share

@@ -1,0 +1,295 @@
+"""A mission as OG 1.0 netCDF, the format of the glider community.
+
+The variables and attributes that OG 1.0.0 calls mandatory are all there (OG_Format-v1.0.0.adoc of
+github.com/OceanGlidersCommunity/OG-format-user-manual), and the highly desirable ones that a
+simulation can fill. What it has none of stands there empty: GPS fixes as fill values, quality flags
+as "No QC has been applied", people, institutions and sensors as "not stated" or "none".
+"""
+
+from __future__ import annotations
+
+import datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from swimbladder.io.files import write_through
+from swimbladder.sim.mission.core.names import Doing, Row
+from swimbladder.sim.mission.export import created
+from swimbladder.sim.mission.power import power_names
+from swimbladder.sim.mission.result import MissionResult
+from swimbladder.sim.mission.tables import trajectory_columns
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["og1_dataset", "write_og1"]
+
+# The phases of OG1 (vocabularyCollection/phase.md of OceanGlidersCommunity/OG-format-user-manual).
+ASCENT, DESCENT, SURFACING, PARKING = 1, 2, 3, 4
+_VOCABULARY = "https://vocab.nerc.ac.uk/collection/OG1/current/"
+_MODELS = "https://vocab.nerc.ac.uk/collection/B76/current/"
+_ROLES = "https://vocab.nerc.ac.uk/collection/W08/current/"
+_PHASES = (
+    "https://github.com/OceanGlidersCommunity/OG-format-user-manual/blob/main/"
+    "vocabularyCollection/phase.md"
+)
+_EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
+_SECONDS = "seconds since 1970-01-01T00:00:00Z"
+_TIME: dict[str, Any] = {
+    "calendar": "gregorian", "units": _SECONDS, "valid_min": 1e9, "valid_max": 4e9,
+}  # fmt: skip
+_LATITUDE: dict[str, Any] = {
+    "standard_name": "latitude", "units": "degrees_north", "valid_min": -90.0, "valid_max": 90.0,
+}  # fmt: skip
+_LONGITUDE: dict[str, Any] = {
+    "standard_name": "longitude", "units": "degrees_east", "valid_min": -180.0, "valid_max": 180.0,
+}  # fmt: skip
+_FLAGGED = (
+    "TIME", "LATITUDE", "LONGITUDE", "DEPTH", "TIME_GPS", "LATITUDE_GPS", "LONGITUDE_GPS", "PRES",
+    "TEMP", "PHASE",
+)  # fmt: skip
+_SENSOR = "SENSOR_SIMULATION_0"
+_NOT_STATED = "not stated"
+_AT = "N_MEASUREMENTS"
+_MEAN = (
+    "The sum of power times the time to the next measurement is all the energy taken; what is "
+    "taken once at a surfacing is spread over the rest of that phase"
+)
+_Table = dict[str, tuple[str, Any, dict[str, Any]]]
+
+
+def og1_dataset(
+    result: MissionResult, *, begin: datetime.datetime, latitude: float | None = None,
+    longitude: float | None = None,
+) -> xr.Dataset:  # fmt: skip
+    """Return a mission as a dataset in the terms of OG 1.0.
+
+    begin: when it starts, with its time zone. latitude, longitude [degrees]: where the water was
+    measured; a vertical model goes nowhere.
+    """
+    import xarray
+
+    start = (begin - _EPOCH).total_seconds()
+    where = [np.nan if angle is None else angle for angle in (latitude, longitude)]
+    data = _located(result, start, *where) | _measured(result) | _own(result)
+    n = len(result.flight.rows)
+    for name in _FLAGGED:
+        data[name][2]["ancillary_variables"] = f"{name}_QC"
+        data[f"{name}_QC"] = (_AT, np.zeros(n, np.int8), {
+            "long_name": "quality flag", "valid_range": np.array([0, 4], np.int8),
+            "flag_values": np.arange(5, dtype=np.int8),
+            "flag_meanings": "no_QC_has_been_applied good_data probably_good_data "
+            "probably_bad_data bad_data",
+        })  # fmt: skip
+    found = xarray.Dataset({key: xarray.Variable(*value) for key, value in data.items()})
+    stamp = f"{begin.astimezone(datetime.UTC):%Y%m%dT%H%M%S}"
+    for key, (value, attributes) in _scalars(result, start, stamp, *where).items():
+        found[key] = xarray.Variable((), value, attributes)
+    found = found.set_coords(["TIME", "LATITUDE", "LONGITUDE", "DEPTH"])
+    found.attrs = _attributes(result, begin, stamp)
+    return found
+
+
+def _located(result: MissionResult, start: float, latitude: float, longitude: float) -> _Table:
+    """Return where and when it was, and its GPS fixes, of which there are none."""
+    rows = result.flight.rows
+    n = len(rows)
+    nowhere = np.full(n, np.nan)
+    constant = "the place of the cast, at all times"
+    return {
+        "TIME": (_AT, start + rows[:, Row.T], _TIME | {
+            "long_name": "Time elapsed since 1970-01-01T00:00:00Z", "standard_name": "time",
+            "interpolation_methodology": "none: simulated",
+            "time_vocabulary": _VOCABULARY + "TIME/",
+        }),
+        "LATITUDE": (_AT, np.full(n, latitude), _LATITUDE | {
+            "long_name": "Latitude north (WGS84)", "interpolation_methodology": constant,
+            "latitude_vocabulary": _VOCABULARY + "LAT/",
+        }),
+        "LONGITUDE": (_AT, np.full(n, longitude), _LONGITUDE | {
+            "long_name": "longitude of each measurement and GPS location",
+            "interpolation_methodology": constant, "longitude_vocabulary": _VOCABULARY + "LON/",
+        }),
+        "DEPTH": (_AT, np.maximum(rows[:, Row.Z], 0.0), {
+            "long_name": "Depth below surface of the water body", "standard_name": "depth",
+            "units": "metres", "positive": "down", "valid_min": 0.0, "valid_max": 10000.0,
+            "interpolation_methodology": "none: simulated; 0 where the sensor is out of the water",
+            "depth_vocabulary": _VOCABULARY + "DEPTH/",
+        }),
+        "TIME_GPS": (_AT, nowhere, _TIME | {"long_name": "time of each GPS location"}),
+        "LATITUDE_GPS": (_AT, nowhere, _LATITUDE | {
+            "long_name": "latitude of each GPS location"
+        }),
+        "LONGITUDE_GPS": (_AT, nowhere, _LONGITUDE | {
+            "long_name": "longitude of each GPS location"
+        }),
+    }  # fmt: skip
+
+
+def _measured(result: MissionResult) -> _Table:
+    """Return what a sensor would have measured, and the phase."""
+    flight = result.flight
+    z, column = flight.rows[:, Row.Z], flight.column
+    common = {"coordinates": "TIME, LONGITUDE, LATITUDE, DEPTH", "sensor": _SENSOR}
+    pressure = np.interp(z, column.depth, column.pressure) / 1e4
+    temperature = np.interp(z, column.depth, column.temperature)
+    return {
+        "PRES": (_AT, pressure.astype(np.float32), common | {
+            "long_name": "Pressure", "standard_name": "sea_water_pressure", "units": "dbar",
+            "vocabulary": _VOCABULARY + "PRES/",
+        }),
+        "TEMP": (_AT, temperature.astype(np.float32), common | {
+            "long_name": "Sea Water Temperature, of the cast", "units": "Celsius",
+            "standard_name": "sea_water_temperature", "vocabulary": _VOCABULARY + "TEMP/",
+        }),
+        "PHASE": (_AT, og1_phase(result), {
+            "long_name": "behavior of the glider at sea", "phase_vocabulary": _PHASES,
+            "phase_calculation_method": "the phase of the mission, and the sign of the speed",
+            "phase_calculation_method_vocabulary": "n/a",
+            "flag_values": np.array([0, 1, 2, 3, 4], np.int8),
+            "flag_meanings": "unknown ascent descent surfacing parking",
+        }),
+    }  # fmt: skip
+
+
+def _own(result: MissionResult) -> _Table:
+    """Return what OG1 has no term for."""
+    columns = trajectory_columns(result)
+    data: _Table = {
+        "VOLUME_CHANGE": (_AT, columns["volume_m3"], {
+            "long_name": "change of displaced volume, positive is lighter", "units": "m3",
+        }),
+        "VERTICAL_SPEED": (_AT, columns["speed_m_s"], {
+            "long_name": "vertical speed through the water, positive down", "units": "m s-1",
+        }),
+        "CYCLE_NUMBER": (_AT, columns["cycle"].astype(np.int32), {"long_name": "cycle"}),
+        "PUMP": (_AT, (columns["doing"] == Doing.PUMPING).astype(np.int8), {
+            "long_name": "whether the drive presses volume out until the next measurement",
+        }),
+    }  # fmt: skip
+    if result.energy_known:
+        names = power_names(list(result.books.battery))
+        for consumer, name in {"the battery": "power_W", **names}.items():
+            data[name.removesuffix("_W").upper()] = (_AT, columns[name], {
+                "long_name": f"mean electrical power until the next measurement: {consumer}",
+                "units": "W", "comment": _MEAN,
+            })  # fmt: skip
+        if "battery" in columns:
+            data["BATTERY"] = (_AT, columns["battery"], {
+                "long_name": "share of the full battery that is left", "units": "1",
+            })  # fmt: skip
+    return data
+
+
+def _scalars(
+    result: MissionResult, start: float, stamp: str, latitude: float, longitude: float
+) -> dict[str, tuple[Any, dict[str, Any]]]:
+    """Return platform, deployment and the sensor that it has not."""
+    vehicle = result.flight.vehicle
+    name, limit = vehicle.name, vehicle.hull.depth_limit
+    found: dict[str, tuple[Any, dict[str, Any]]] = {
+        "TRAJECTORY": (f"{name}_{stamp}", {
+            "cf_role": "trajectory_id", "long_name": "trajectory name",
+        }),
+        "WMO_IDENTIFIER": ("none", {"long_name": "wmo id"}),
+        "PLATFORM_MODEL": (name, {
+            "long_name": "model of the glider", "platform_model_vocabulary": _MODELS,
+        }),
+        "PLATFORM_SERIAL_NUMBER": (name, {"long_name": "glider serial number"}),
+        "PLATFORM_NAME": (name, {"long_name": "Local or nickname of the glider"}),
+        "DEPLOYMENT_TIME": (start, {
+            "long_name": "date of deployment", "standard_name": "time",
+            "calendar": "gregorian", "units": _SECONDS,
+        }),
+        "DEPLOYMENT_LATITUDE": (latitude, _LATITUDE | {"long_name": "latitude of deployment"}),
+        "DEPLOYMENT_LONGITUDE": (longitude, _LONGITUDE | {"long_name": "longitude of deployment"}),
+        _SENSOR: ("", {
+            "long_name": "no sensor: the values are those of the cast and of the simulation",
+            "sensor_type_vocabulary": "n/a", "sensor_model": "none",
+            "sensor_model_vocabulary": "n/a",
+        }),
+    }  # fmt: skip
+    if limit is not None:
+        found["PLATFORM_DEPTH_RATING"] = (np.int32(limit), {
+            "long_name": "depth limit in meters of the glider for this mission",
+            "convention": "positive value expected - e.g. 100m depth = 100",
+        })  # fmt: skip
+    return found
+
+
+def _attributes(result: MissionResult, begin: datetime.datetime, stamp: str) -> dict[str, Any]:
+    flight = result.flight
+    name = flight.vehicle.name
+    source = f"swimbladder {version('swimbladder')}"
+    end = begin + datetime.timedelta(seconds=flight.duration)
+    return {
+        "title": f"{name}: {flight.mission.name or 'mission'}, simulated",
+        "platform": "sub-surface gliders",
+        "platform_vocabulary": "https://vocab.nerc.ac.uk/collection/L06/current/27/",
+        "id": f"{name}_{stamp}_simulated",
+        "contributor_name": _NOT_STATED,
+        "contributor_email": _NOT_STATED,
+        "contributor_role": "Principal Investigator",
+        "contributor_role_vocabulary": _ROLES,
+        "contributing_institutions": _NOT_STATED,
+        "contributing_institutions_role": "Operator",
+        "contributing_institutions_role_vocabulary": _ROLES,
+        "featureType": "trajectory",
+        "Conventions": "CF-1.10, ACDD-1.3, OG-1.0",
+        "rtqc_method": "No QC applied",
+        "rtqc_method_doi": "n/a",
+        "start_date": stamp,
+        "time_coverage_start": stamp,
+        "time_coverage_end": f"{end.astimezone(datetime.UTC):%Y%m%dT%H%M%S}",
+        "date_created": f"{created(begin):%Y%m%dT%H%M%S}",
+        "source": source,
+        "comment": "A simulation, no measurement: there are no sensors, no GPS fixes and no QC",
+        "history": f"written by {source}",
+    }
+
+
+def og1_phase(result: MissionResult) -> Any:
+    """Return OG1's number of the phase of each row [n]."""
+    flight = result.flight
+    rows = flight.rows
+    found = np.zeros(len(rows), dtype=np.int8)
+    for n, phase in enumerate(flight.mission.phases):
+        here = rows[:, Row.PHASE] == n
+        if phase.kind in ("park", "hold"):
+            found[here] = PARKING
+        else:
+            found[here] = np.where(rows[here, Row.W] > 0.0, DESCENT, ASCENT)
+    afloat = rows[:, Row.Z] <= flight.vehicle.hull.emergence_depth
+    found[afloat] = SURFACING
+    return found
+
+
+def write_og1(dataset: xr.Dataset, path: Path) -> Path:
+    """Write a dataset of og1_dataset; return the path.
+
+    Raises InputError where the file cannot be written.
+    """
+    encoding: dict[str, dict[str, Any]] = {
+        str(name): {"zlib": True, "complevel": 1}
+        for name, variable in dataset.variables.items()
+        if variable.ndim
+    }
+    for name in ("TIME", "TIME_GPS"):
+        encoding[name]["_FillValue"] = -1.0
+    for name in ("LATITUDE", "LONGITUDE", "DEPTH", "LATITUDE_GPS", "LONGITUDE_GPS"):
+        encoding[name]["_FillValue"] = -9999.9
+    for name in ("DEPLOYMENT_LATITUDE", "DEPLOYMENT_LONGITUDE"):
+        encoding[name] = {"_FillValue": -9999.9}
+    for name in ("PRES", "TEMP"):
+        encoding[name]["_FillValue"] = np.float32(-9999.9)
+    for name in _FLAGGED:
+        encoding[f"{name}_QC"]["_FillValue"] = np.int8(-127)
+    encoding["PHASE"]["_FillValue"] = np.int8(0)
+    return write_through(
+        path, lambda place: dataset.to_netcdf(
+            place, engine="h5netcdf", encoding=encoding, unlimited_dims=[_AT]
+        ),
+    )  # fmt: skip

@@ -1,0 +1,311 @@
+"""From a vehicle, a mission and the water to the arrays that the kernel flies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.mission import Mission
+from swimbladder.physics.battery import hotel_power, surfacing_energy, usable_charge
+from swimbladder.physics.buoyancy_engine import drive_map
+from swimbladder.physics.dynamics import drag_terms
+from swimbladder.physics.hull import heat_expansion, layered_volume, neutral_volume
+from swimbladder.physics.seawater import Column, check_motion, look_up
+from swimbladder.physics.seawater.lookup import slopes
+from swimbladder.sim.engine.modes import DEEPEST
+from swimbladder.sim.mission.core.names import Account, At, Given, Holding, Kind, Now, Stage, Table
+from swimbladder.sim.mission.oil_line import line_columns, line_given
+from swimbladder.sim.mission.orders import approach_time, hold_parameters, law_parameters
+from swimbladder.sim.mission.rescue import return_depth
+from swimbladder.sim.mission.swell import waves_of
+from swimbladder.vehicle import PumpAndValve, Vehicle
+
+__all__ = [
+    "Accuracy",
+    "Plan",
+    "Reckoning",
+    "first_state",
+    "make_plan",
+    "make_table",
+]
+
+Array = NDArray[np.float64]
+
+HELD = 0.9  # share of its time that a park or hold has to be within its tolerance
+SHALLOW = 5.0  # m; a float of the MERMAID kind counts as diving from 0.5 bar on
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accuracy:
+    """Tolerances of a step, and what counts as rest.
+
+    relative [-]; depth [m], speed [m/s], volume [m3]; rest_deep, rest_afloat: amplitudes of an
+    oscillation [m] that is too small to be followed.
+    """
+
+    relative: float = 1e-4
+    depth: float = 1e-3
+    speed: float = 1e-5
+    volume: float = 1e-10
+    rest_deep: float = 1e-2
+    rest_afloat: float = 5e-2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reckoning:
+    """What a drive really gives, over what its processor takes the vehicle's file to say.
+
+    starts: whether a run is longer by what its start falls short of.
+    """
+
+    pump: float = 1.0
+    valve: float = 1.0
+    starts: bool = True
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What the kernel takes that does not change: see `mission.core.names`."""
+
+    given: Array
+    table: Array
+    waves: Array
+    stages: Array
+    energy_known: str  # why no electrical energy is known; "" where it is
+
+
+def make_plan(
+    vehicle: Vehicle, mission: Mission, column: Column, *, waves: Array | None = None,
+    cycles: float | None = None, span: float | None = None, accuracy: Accuracy | None = None,
+    reckoning: Reckoning | None = None,
+) -> Plan:  # fmt: skip
+    """Return a mission as the kernel takes it.
+
+    waves: of `mission.swell.waves_of`; waves, cycles, span [s]: in the place of the
+    reckoning: where the processor errs about its drive. Raises InputError for a temperature at the
+    start of a hull that has the water's.
+    """
+    _check_warmth(vehicle, mission)
+    table, why = make_table(vehicle, column)
+    moving = waves
+    if moving is None:
+        check_motion(mission.water_motion, column)
+        moving = waves_of(mission.water_motion, vehicle.hull.height, column.gravity)
+    given = _given(
+        vehicle, mission, column, table, accuracy or Accuracy(), cycles, span,
+        reckoning or Reckoning(),
+    )  # fmt: skip
+    return Plan(given, table, moving, _stages(vehicle, mission, table, column.step), why)
+
+
+def _check_warmth(vehicle: Vehicle, mission: Mission) -> None:
+    if mission.start_temperature is None:
+        return
+    if vehicle.hull.thermal_time_constant > 0.0 and heat_expansion(vehicle) != 0.0:
+        return
+    raise InputError(
+        f"it changes nothing: the hull of {vehicle.name!r} has the water's temperature at once, or "
+        "does not expand", field="start_temperature", value=mission.start_temperature, unit="degC",
+        remedy="Leave it out, or give the vehicle hull.thermal_time_constant and [[hull.parts]] "
+        "with a thermal_expansion",
+    )  # fmt: skip
+
+
+def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
+    """Return the table over depth [n, Table.WIDTH], and why no energy is known ("": it is)."""
+    why = ""
+    try:
+        drive = drive_map(vehicle, column.pressure, temperature=column.temperature)
+    except NoAnswerError as error:
+        why = str(error)
+        drive = drive_map(vehicle, column.pressure, temperature=column.temperature, power=False)
+    columns = {
+        Table.PRESSURE: column.pressure,
+        Table.NEUTRAL: neutral_volume(vehicle, column),
+        Table.RATE_OUT: drive.rate_out,
+        Table.POWER_OUT: drive.power_out,
+        Table.RATE_IN: drive.rate_in,
+        Table.POWER_IN: drive.power_in,
+        Table.BYPASS: drive.bypass_in,
+        Table.POWER_BYPASS: drive.power_bypass,
+        Table.LEAKAGE: drive.leakage,
+        Table.HOLDING: drive.holding_power,
+        Table.START: drive.start_volume,
+        Table.LAYERS: layered_volume(vehicle, column),
+        Table.TEMPERATURE: column.temperature,
+    }
+    table = np.zeros((len(column.depth), int(Table.WIDTH)))
+    for place, values in columns.items():
+        # NaN: not known, or a load beyond the battery, at which nothing is moved
+        table[:, place] = np.nan_to_num(values, nan=0.0)
+        table[:, place + 1] = slopes(table[:, place], column.step)
+    for place, pair in line_columns(vehicle, column).items():
+        table[:, place : place + 2] = np.nan_to_num(pair, nan=0.0)
+    return np.ascontiguousarray(table), why
+
+
+def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
+    """Return the depth above which the vehicle is about to dive, or has come up [m]."""
+    laws = ((phase, law_parameters(vehicle, phase)) for phase in mission.phases)
+    depths = [phase.depth - law.tolerance for phase, law in laws if phase.depth is not None]
+    top = vehicle.hull.emergence_depth
+    return max(min(SHALLOW, 0.5 * min(depths, default=0.0)), top + 0.1 * vehicle.hull.height)
+
+
+def _given(
+    vehicle: Vehicle, mission: Mission, column: Column, table: Array, accuracy: Accuracy,
+    cycles: float | None, span: float | None, reckoning: Reckoning,
+) -> Array:  # fmt: skip
+    hull, stroke, m = vehicle.hull, vehicle.stroke, vehicle.mass
+    lag = hull.thermal_time_constant
+    d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
+    a = vehicle.actuator
+    by_time = isinstance(a, PumpAndValve)
+    deepest = mission.safety.deepest or min(
+        hull.depth_limit or math.inf, return_depth(vehicle, mission, table, column.step)
+    )
+    empty, reserve, charge = _battery(vehicle, mission, column)
+    last_time = mission.span if span is None else span
+    last_cycle: float = mission.cycles or (math.inf if math.isfinite(last_time) else 1.0)
+    surface_weight = float(column.density[0]) * column.gravity
+    values = {
+        Given.STEP: column.step,
+        Given.MASS: m,
+        Given.D_L: d_l,
+        Given.D_B: d_b,
+        Given.D_0: d_0,
+        Given.D_T: d_t,
+        Given.EPSILON: epsilon,
+        Given.A_S: surface_weight * hull.waterplane_area / m,
+        Given.Z_SURFACE: hull.emergence_depth,
+        Given.Z_AIR: hull.emergence_depth - hull.height,
+        Given.Z_BOTTOM: mission.bottom,
+        Given.V_MIN: stroke.minimum,
+        Given.V_MAX: stroke.maximum,
+        Given.TRIM: 0.0,
+        Given.GIVE: 0.0,
+        Given.BY_VOLUME: 0.0 if by_time else 1.0,
+        Given.QUANTUM: a.quantum if isinstance(a, PumpAndValve) else 0.0,
+        Given.LONGEST: (a.longest_run or math.inf) if isinstance(a, PumpAndValve) else math.inf,
+        Given.DELIVERY: reckoning.pump,
+        Given.NOISE: vehicle.sensors.depth_noise,
+        Given.RESOLUTION: vehicle.sensors.depth_quantum,
+        Given.DEEPEST: deepest,
+        Given.NEUTRAL_TOP: vehicle.trim_error,
+        Given.SHALLOW: shallow_depth(vehicle, mission),
+        Given.EMPTY: empty,
+        Given.RESERVE: reserve,
+        Given.LAST_TIME: last_time,
+        Given.LAST_CYCLE: last_cycle if cycles is None else cycles,
+        Given.SURFACING: surfacing_energy(vehicle),
+        Given.SELF_DISCHARGE: _self_discharge(vehicle),
+        Given.RTOL: accuracy.relative,
+        Given.ATOL_Z: accuracy.depth,
+        Given.ATOL_W: accuracy.speed,
+        Given.ATOL_V: accuracy.volume,
+        Given.REST_DEEP: accuracy.rest_deep,
+        Given.REST_AFLOAT: accuracy.rest_afloat,
+        Given.LONGEST_STEP: math.inf,
+        Given.Z_LOST: DEEPEST,
+        Given.CHARGE: charge,
+        Given.HELD: HELD,
+        Given.RISING: vehicle.drag.rising_ratio,
+        Given.FLOW: reckoning.valve,
+        Given.MAKES_UP: 1.0 if reckoning.starts else 0.0,
+        Given.FOLLOWS: 1.0 / lag if lag > 0.0 else 0.0,
+        Given.EXPANSION: heat_expansion(vehicle) if lag > 0.0 else 0.0,
+        Given.VOLUME_NOISE: vehicle.sensors.volume_noise,
+        Given.VOLUME_QUANTUM: vehicle.sensors.volume_quantum,
+    } | line_given(vehicle, column)
+    return np.array([values[key] for key in list(Given)[: int(Given.COUNT)]])
+
+
+def _self_discharge(vehicle: Vehicle) -> float:
+    """Return it [1/s]; 0 where what is in the battery is not known."""
+    supply = vehicle.supply
+    return supply.self_discharge if supply is not None and supply.capacity is not None else 0.0
+
+
+def _battery(vehicle: Vehicle, mission: Mission, column: Column) -> tuple[float, float, float]:
+    """Return the charges [J] at which the battery is empty, at which its reserve begins, and full.
+
+    Empty is what the coldest water of the mission holds back; infinite where nothing is known.
+    """
+    supply = vehicle.supply
+    if supply is None or supply.capacity is None:
+        return -math.inf, -math.inf, 0.0
+    full = supply.capacity
+    usable = float(usable_charge(supply, full, coldest(mission, column)))
+    return full - usable, full - usable * (1.0 - mission.safety.battery), full
+
+
+def coldest(mission: Mission, column: Column) -> float:
+    """Return the lowest temperature on the way of a mission [degC]."""
+    depths = [phase.depth for phase in mission.phases if phase.depth is not None]
+    within = column.depth <= max([*depths, mission.start_depth])
+    return float(np.min(column.temperature[within]))
+
+
+def _stages(vehicle: Vehicle, mission: Mission, table: Array, step: float) -> Array:
+    stages = np.zeros((len(mission.phases), int(Stage.COUNT)))
+    before = mission.start_depth
+    for stage, phase in zip(stages, mission.phases, strict=True):
+        law = law_parameters(vehicle, phase)
+        depth = 0.0 if phase.depth is None else phase.depth
+        way = abs(depth - before)
+        stage[Stage.KIND] = Kind[phase.kind.upper()]
+        stage[Stage.DEPTH] = depth
+        stage[Stage.TOLERANCE] = law.tolerance
+        stage[Stage.SPEED] = law.far_speed
+        stage[Stage.DURATION] = phase.duration or 0.0
+        stage[Stage.TIMEOUT] = phase.timeout or 2.0 * approach_time(law, way) + 3600.0
+        stage[Stage.LOADS] = hotel_power(vehicle, phase.kind)
+        stage[Stage.LAW : Stage.CAPTURE] = law
+        psi = look_up(table, step, Table.NEUTRAL, depth)[1]
+        rate = min(look_up(table, step, n, depth)[0] for n in (Table.RATE_OUT, Table.RATE_IN))
+        holds = None if phase.depth is None else hold_parameters(vehicle, phase, law, psi, rate)
+        if holds is not None:
+            stage[Stage.CAPTURE], stage[Stage.HOLD :] = holds
+        before = depth
+    return stages
+
+
+def first_state(
+    plan: Plan, mission: Mission, *, seed: int | None = None, volume: float | None = None
+) -> tuple[Array, NDArray[np.int64], Array]:
+    """Return the state before the start: numbers, whole numbers and accounts.
+
+    At the depth of 0 it floats with all volume out; elsewhere it rests, with its neutral volume or
+    the one that is given [m3]. Its hull is as warm as the water there, or as the mission says.
+    """
+    g, t = plan.given, plan.table
+    x, at = np.zeros(int(Now.COUNT)), np.zeros(int(At.COUNT), dtype=np.int64)
+    accounts = np.zeros(int(Account.COUNT) + int(Holding.COUNT) * len(plan.stages))
+    step, z = float(g[Given.STEP]), mission.start_depth
+    x[Now.H], x[Now.CHARGE] = 1.0, g[Given.CHARGE]
+    at[At.SEED] = -1 if seed is None else seed
+    at[At.NEW_PHASE] = 1
+    at[At.SHUT] = 1  # the line is at the pressure of its reservoir
+    there = look_up(t, step, Table.TEMPERATURE, max(z, 0.0))[0]
+    x[Now.HULL] = there if mission.start_temperature is None else mission.start_temperature
+    grown = float(g[Given.EXPANSION] * (x[Now.HULL] - there))  # m3, beyond what the table says
+    if z == 0.0:
+        top = float(g[Given.Z_SURFACE])
+        v = float(g[Given.V_MAX])
+        force = look_up(t, step, Table.PRESSURE, top)[1] / g[Given.MASS]
+        light = v + grown - look_up(t, step, Table.NEUTRAL, top)[0] - g[Given.TRIM]
+        z = top - max(force * light / g[Given.A_S], 0.0)
+        at[At.PLACE] = 1
+    else:
+        v = float(look_up(t, step, Table.NEUTRAL, z)[0] + g[Given.TRIM] + g[Given.GIVE] * z)
+        v = v - grown if volume is None else volume
+        at[At.PLACE] = 1 if z < g[Given.Z_SURFACE] else 0
+    x[Now.Z], x[Now.V], x[Now.Z_MOST] = z, v, z
+    x[Now.V_LEAST], x[Now.V_MOST] = v, -math.inf
+    x[Now.T_LOOK], x[Now.T_MOVE], x[Now.V_MOVE] = 0.0, math.inf, math.nan
+    x[Now.T_ARRIVAL], x[Now.T_AFLOAT] = math.nan, math.nan
+    return x, at, accounts

@@ -1,0 +1,237 @@
+"""A mission flown, as numbers and sentences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.physics.hull import linear_psi
+from swimbladder.sim.mission.books import MissionBooks, close_books
+from swimbladder.sim.mission.core.names import (
+    Account,
+    At,
+    Cycle,
+    Given,
+    Holding,
+    Now,
+    Row,
+    Stop,
+)
+from swimbladder.sim.mission.flight import Flight
+from swimbladder.sim.mission.power import drawn_energy
+from swimbladder.sim.mission.reach import Reach
+from swimbladder.sim.mission.words import holding_words, note_words, reason_words, span_words
+
+__all__ = ["MissionResult"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MissionResult:
+    """A flight, what it took of the stroke, and what follows."""
+
+    flight: Flight
+    reach: Reach
+
+    @cached_property
+    def books(self) -> MissionBooks:
+        """Volume and energy, and what does not add up."""
+        return close_books(self.flight)
+
+    @property
+    def completed(self) -> bool:
+        """Whether every cycle that was asked for was flown, with every phase done."""
+        return self.flight.stop is Stop.FINISHED and not self.missed and not self.not_held
+
+    @property
+    def not_held(self) -> dict[str, int]:
+        """In how many cycles each park and hold was in its tolerance for too little time."""
+        return self._counts(Cycle.NOT_HELD)
+
+    def _counts(self, column: Cycle) -> dict[str, int]:
+        bits = self.flight.cycles[:, column].astype(np.int64)
+        counts = {
+            title: int(np.sum(bits >> n & 1)) for n, title in enumerate(self.flight.mission.titles)
+        }
+        return {name: count for name, count in counts.items() if count}
+
+    @cached_property
+    def held(self) -> dict[str, dict[str, float]]:
+        """How each park and hold went, by its title, over the time since its arrivals.
+
+        share: of that time within its tolerance [-]; rms and farthest [m] from its depth.
+        """
+        kept = self.flight.accounts[int(Account.COUNT) :].reshape(-1, int(Holding.COUNT))
+        return {
+            title: {
+                "share": float(one[Holding.INSIDE] / one[Holding.TIME]),
+                "rms": float(np.sqrt(one[Holding.SQUARES] / one[Holding.TIME])),
+                "farthest": float(one[Holding.MOST]),
+            }
+            for title, phase, one in zip(
+                self.flight.mission.titles, self.flight.mission.phases, kept, strict=True
+            )
+            if phase.kind in ("park", "hold") and one[Holding.TIME] > 0.0
+        }
+
+    @property
+    def flown_margin(self) -> float:
+        """Share of the stroke that was left at the nearer end, below where it dives and fills."""
+        stroke = self.flight.vehicle.stroke
+        rows = self.flight.rows
+        deep = rows[rows[:, Row.Z] > self.flight.plan.given[Given.SHALLOW], Row.V]
+        if deep.size == 0:
+            return 1.0
+        left = min(stroke.maximum - float(deep.max()), float(deep.min()) - stroke.minimum)
+        return left / (stroke.maximum - stroke.minimum)
+
+    @property
+    def holding(self) -> list[str]:
+        """How each park and hold went, in sentences."""
+        return holding_words(self)
+
+    @property
+    def notes(self) -> list[str]:
+        """What of the vehicle's file changes nothing here, and what the answer hides."""
+        return note_words(self)
+
+    @property
+    def cycles(self) -> int:
+        """Whole cycles flown."""
+        return int(self.flight.whole[At.CYCLE])
+
+    @property
+    def missed(self) -> dict[str, int]:
+        """How often each phase ran out of time, by its title."""
+        return self._counts(Cycle.MISSED)
+
+    @property
+    def energy_known(self) -> bool:
+        """Whether the drive's electrical energy is known."""
+        return not self.flight.plan.energy_known
+
+    @property
+    def arrival(self) -> float | None:
+        """Time to the first phase's depth, of the first cycle [s]; None: never, or none."""
+        first = float(self.flight.cycles[0, Cycle.ARRIVAL])
+        return None if np.isnan(first) else first
+
+    def per_cycle(self, *accounts: Account) -> Array:
+        """Return the sum of some accounts in each cycle [n]."""
+        table = self.flight.cycles[:, Cycle.ACCOUNTS :]
+        return np.diff(sum(table[:, int(a)] for a in accounts), prepend=0.0)
+
+    @property
+    def drive_per_cycle(self) -> float:
+        """Energy of pump, valve and holding in a cycle, mean [J]."""
+        energy = self.per_cycle(Account.PUMP_ENERGY, Account.VALVE_ENERGY, Account.HOLDING_ENERGY)
+        return float(np.mean(energy[: max(self.cycles, 1)]))
+
+    @property
+    def battery_cycles(self) -> int | None:
+        """Cycles that a full battery lasts, flown where it came to its end; None: not known."""
+        g = self.flight.plan.given
+        if self.flight.stop in (Stop.RESERVE, Stop.BATTERY_EMPTY):
+            return self.cycles
+        usable = float(g[Given.CHARGE] - g[Given.RESERVE])
+        if not np.isfinite(usable) or usable <= 0.0 or self.cycles == 0 or not self.energy_known:
+            return None
+        drawn = float(g[Given.CHARGE] - self.flight.end[Now.CHARGE])
+        return int(usable / (drawn / self.cycles)) if drawn > 0.0 else None
+
+    @property
+    def sentence(self) -> str:
+        """The answer in a sentence."""
+        first = self.flight.mission.phases[0]
+        parts = []
+        if first.depth is not None:
+            parts.append(
+                f"reaches {first.depth:g} m in {span_words(self.arrival)}"
+                if self.arrival is not None and self.flight.stop is not Stop.LOST
+                else f"does not reach {first.depth:g} m"
+            )
+        if self.energy_known and self.cycles:
+            parts.append(f"{_joules(self.drive_per_cycle)} per cycle for the drive")
+        if self.battery_cycles is not None:
+            parts.append(f"{self.battery_cycles} cycles on this battery")
+        answer = ", ".join(parts)
+        stroke = self.flight.vehicle.stroke
+        length = 1e6 * (stroke.maximum - stroke.minimum)
+        planned, flown = 100.0 * self.reach.margin, 100.0 * self.flown_margin
+        margin = (
+            f"stroke margin {planned:.0f} % of {length:.4g} cm3 as planned, {flown:.0f} % flown"
+        )
+        return f"{answer}; {margin}" if answer else margin
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why the mission ended, and what was not met on the way."""
+        return reason_words(self)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the answer as plain values, SI."""
+        f, books = self.flight, self.books
+        a = f.accounts
+        deepest = float(np.max(f.cycles[:, Cycle.DEEPEST]))
+        at = min(deepest, f.column.deepest)
+        return {
+            "vehicle": f.vehicle.name,
+            "mission": f.mission.name,
+            "water": f.column.source,
+            "sentence": self.sentence,
+            "completed": self.completed,
+            "stop": f.stop.name.lower().replace("_", "-"),
+            "reasons": self.reasons,
+            "notes": self.notes,
+            "cycles": self.cycles,
+            "duration_s": f.duration,
+            "deepest_m": deepest,
+            "arrival_s": self.arrival,
+            "missed": self.missed,
+            "held": self.held,
+            "stroke_margin": self.reach.margin,
+            "stroke_margin_flown": self.flown_margin,
+            "least_volume": vars(self.reach.least),
+            "most_volume": vars(self.reach.most),
+            "psi_m3_m": linear_psi(f.vehicle, f.column, at),
+            "pump_runs": int(a[Account.PUMP_RUNS]),
+            "valve_runs": int(a[Account.VALVE_RUNS]),
+            "pump_time_s": float(a[Account.PUMP_TIME]),
+            "valve_time_s": float(a[Account.VALVE_TIME]),
+            "stalled_s": float(a[Account.STALLED]),
+            "energy_unknown": f.plan.energy_known or None,
+            "battery_J": books.battery if self.energy_known else None,
+            "drawn_J": books.drawn if self.energy_known else None,
+            "drive_per_cycle_J": self.drive_per_cycle if self.energy_known else None,
+            "battery_cycles": self.battery_cycles,
+            "battery_left": self._left,
+            "sinks_J": books.sinks if self.energy_known else None,
+            "energy_residue": books.relative_residue,
+            "volume_m3": books.volume,
+            "steps": int(f.whole[At.STEPS]),
+        }
+
+    @property
+    def _left(self) -> float | None:
+        full = float(self.flight.plan.given[Given.CHARGE])
+        if full <= 0.0 or not self.energy_known:
+            return None
+        return float(self.flight.end[Now.CHARGE]) / full
+
+    def charge(self) -> Array:
+        """Return the share of the full battery that is left at each row [n]; nan: not known."""
+        full = float(self.flight.plan.given[Given.CHARGE])
+        rows = self.flight.rows
+        if full <= 0.0 or not self.energy_known:
+            return np.full(len(rows), np.nan)
+        return np.asarray(1.0 - drawn_energy(rows) / full)
+
+
+def _joules(energy: float) -> str:
+    """Return an energy with its unit: "36 J", "12.7 kJ"."""
+    return f"{energy / 1e3:.3g} kJ" if abs(energy) >= 1e3 else f"{energy:.3g} J"

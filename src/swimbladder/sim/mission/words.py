@@ -1,0 +1,128 @@
+"""A mission flown, in words: why it ended, what was not met, how it held, what to know."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swimbladder.physics.buoyancy_engine import oil_note
+from swimbladder.sim.mission.core.names import At, Cycle, Drive, Given, Note, Stage, Stop
+from swimbladder.sim.mission.holding import coarse_words
+from swimbladder.sim.mission.prepare import HELD
+from swimbladder.sim.mission.shortfall import battery_words, timeout_words
+from swimbladder.sim.mission.starts import starts_words
+
+if TYPE_CHECKING:
+    from swimbladder.sim.mission.result import MissionResult
+
+__all__ = ["REASONS", "holding_words", "note_words", "reason_words", "span_words"]
+
+REASONS = {
+    Stop.FINISHED: "the mission came to its end",
+    Stop.RESERVE: "the battery came to its reserve (safety.battery)",
+    Stop.DID_NOT_SURFACE: "it did not come to the surface in the time that the phase has",
+    Stop.PASSED_DEPTH: "it sank below the depth it may go to, pressed all volume out and came up",
+    Stop.LOST: "it sank and did not come up again: it is lost",
+    Stop.BATTERY_EMPTY: "the battery ran empty: it is lost",
+    Stop.LEFT_WATER: "the hull left the water: check mass, waterplane area and height",
+    Stop.STUCK: "it changed its mode 200 times in no time: a fault of the model, please report it",
+}
+_MORE_TIME = "Give it a longer timeout (a park a longer duration), more speed, or a wider tolerance"
+
+
+def holding_words(result: MissionResult) -> list[str]:
+    """Return how each park and hold went."""
+    phases = {title: n for n, title in enumerate(result.flight.mission.titles)}
+    return [
+        f"{name}: within {result.flight.plan.stages[phases[name], Stage.TOLERANCE]:g} m for "
+        f"{_percent(one['share'])} % of the time since it arrived, {one['rms']:.3g} m rms, "
+        f"{one['farthest']:.3g} m at most"
+        for name, one in result.held.items()
+    ]
+
+
+def note_words(result: MissionResult) -> list[str]:
+    """Return what of the files changes nothing here, or makes the answer say nothing."""
+    oil = oil_note(result.flight.vehicle)
+    found = [] if oil is None else [oil]
+    sensors = result.flight.vehicle.sensors
+    by_time = result.flight.plan.given[Given.BY_VOLUME] == 0.0
+    if by_time and (sensors.volume_noise or sensors.volume_quantum):
+        found.append(
+            "sensors.volume_noise and sensors.volume_quantum change nothing here: pump and "
+            "valve run for a time, and no volume is measured"
+        )
+    for phase, stage in zip(result.flight.mission.phases, result.flight.plan.stages, strict=True):
+        tolerance = float(stage[Stage.TOLERANCE])
+        if phase.depth is not None and tolerance >= phase.depth:
+            found.append(  # the file's own is refused: it is the law's, or 10 m
+                f"the phase {phase.title!r} gives no tolerance, and the {tolerance:g} m that are "
+                f"taken reach from its {phase.depth:g} m to the surface: that it is reached and "
+                "held says nothing. Give a smaller one (tolerance)"
+            )
+    return found
+
+
+def reason_words(result: MissionResult) -> list[str]:
+    """Return why the mission ended, and what was not met on the way."""
+    asked = float(result.flight.plan.given[Given.LAST_CYCLE])
+    flown = f"{result.cycles} of {asked:.0f} cycles, " if np.isfinite(asked) else ""
+    flown = "" if result.flight.stop is Stop.FINISHED else flown
+    found = [f"{REASONS[result.flight.stop]}, after {flown}{span_words(result.flight.duration)}"]
+    if result.flight.stop is Stop.BATTERY_EMPTY:
+        found.append(battery_words(result.flight))
+    numbers = {title: n for n, title in enumerate(result.flight.mission.titles)}
+    found += [
+        f"the phase {name!r} ran out of time in {count} of {len(result.flight.cycles)} "
+        f"cycle{'s' if len(result.flight.cycles) > 1 else ''}: "
+        f"{timeout_words(result.flight, numbers[name])}. "
+        + (starts_words(result.flight, numbers[name]) or _MORE_TIME)
+        for name, count in result.missed.items()
+    ]
+    if result.flight.stop in (Stop.PASSED_DEPTH, Stop.LOST):
+        found += filter(None, [starts_words(result.flight, int(result.flight.whole[At.PHASE]))])
+    found += [
+        f"the phase {name!r} was in its tolerance for less than {100.0 * HELD:.0f} % of its "
+        f"time in {count} of {len(result.flight.cycles)} cycles: that is no holding. Look more "
+        "often (check_interval), go slower, or allow more"
+        f"{coarse_words(result.flight.mission, result.flight.plan, numbers[name])}"
+        for name, count in result.not_held.items()
+    ]
+    landed = int(np.sum(result.flight.notes[:, Drive.WHAT] == Note.BOTTOM))
+    if landed:
+        found.append(
+            f"it came down on the bottom at {result.flight.mission.bottom:g} m {landed} "
+            f"time{'s' if landed > 1 else ''}"
+        )
+    deepest = float(np.max(result.flight.cycles[:, Cycle.DEEPEST]))
+    if deepest > result.flight.column.deepest:
+        found.append(
+            f"it went down to {deepest:.0f} m, where the water is not known: below "
+            f"{result.flight.column.deepest:.0f} m it goes on as it ends there"
+        )
+    if not result.energy_known:
+        found.append(result.flight.plan.energy_known)
+    return found
+
+
+def _percent(share: float) -> str:
+    """Return a share in percent, cut off rather than rounded: 100 is all of it."""
+    return f"{math.floor(1000.0 * share + 1e-9) / 10.0:g}"
+
+
+def span_words(seconds: float | None) -> str:
+    """Return a time in the two largest units that it takes: "3 h 10 min"."""
+    if seconds is None:
+        return "never"
+    if seconds < 60.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    days, rest = divmod(minutes, 1440)
+    hours, minutes = divmod(rest, 60)
+    if days >= 10:
+        return f"{days} d"
+    if days:
+        return f"{days} d {hours} h"
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min"

@@ -1,0 +1,196 @@
+"""The procedure (a)-(d) run on a simulated vehicle: one continuous simulation, two experiments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from swimbladder.control import protocol
+from swimbladder.control.cascade import CASCADE, CascadeParameters
+from swimbladder.control.law import Measurement
+from swimbladder.control.protocol import Does, PoolParameters, PoolState
+from swimbladder.control.protocol_records import procedure_for
+from swimbladder.control.registry import bind
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.sim.closed_loop import Solution, simulate
+from swimbladder.sim.pool.record import Array, Record
+from swimbladder.vehicle import IdentifiedActuator, Vehicle
+
+__all__ = [
+    "Experiment",
+    "PoolRun",
+    "pool_parameters",
+    "pool_test",
+    "run_procedure",
+    "timed_travel",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """Step (b) or (d) of a run: the change of volume, and what followed until surface or bottom."""
+
+    step: str  # "b" or "d"
+    dV: float  # m3, asked for
+    achieved: float  # m3, true volume above the neutral one once the motor stands
+    pulse: float  # V
+    pulse_time: float  # s
+    neutral: float  # m3, mean of the last minute
+    neutral_error: float  # m3, of that mean against the truth at the depth of release
+    released: float  # s, in the run
+    ended: float  # s, in the run
+    record: Record
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoolRun:
+    """One run of the procedure: the simulation, what the sensors said, and its two experiments."""
+
+    dV: float  # m3
+    parameters: PoolParameters
+    solution: Solution
+    seen_depth: Array  # m
+    seen_volume: Array  # m3
+    phases: tuple[tuple[float, str, Does], ...]  # when each phase began [s], its step, what it does
+    experiments: tuple[Experiment, ...]
+
+
+def pool_parameters(
+    vehicle: Vehicle, *, dV: float, pool_depth: float = 4.5, clearance: float = 0.75,
+    hold: bool = True,
+) -> PoolParameters:  # fmt: skip
+    """Return the procedure for a vehicle with an identified actuator and a cascade.
+
+    dV [m3]; pool_depth and clearance (Delta_z) [m]; hold: whether the piston is held against the
+    sea after a change, or left at 0 V. Raises InputError for any other actuator or law.
+    """
+    a, controller, supply = vehicle.actuator, vehicle.controller, vehicle.supply
+    if not isinstance(a, IdentifiedActuator) or supply is None:
+        raise InputError(
+            "the timed voltage needs K1, T1 and the piston area", field="actuator.kind",
+            value=a.kind, remedy="Describe the actuator as kind identified",
+        )  # fmt: skip
+    law, loop = bind(controller) if controller is not None else (None, None)
+    if law is not CASCADE or not isinstance(loop, CascadeParameters):
+        raise InputError(
+            "the pool procedure holds the depth with the cascade", field="controller.law",
+            value=None if law is None else law.name, remedy="Give the vehicle that controller",
+        )  # fmt: skip
+    return procedure_for(
+        loop, rate_per_volt=a.K1 * a.piston_area, limit=supply.voltage,
+        load_voltage=a.depth_voltage if hold else 0.0, pool_depth=pool_depth, clearance=clearance,
+        change=dV,
+    )  # fmt: skip
+
+
+def pool_test(
+    vehicle: Vehicle, *, dVs: Sequence[float], seed: int, pool_depth: float = 4.5,
+    clearance: float = 0.75, advance: Callable[[float], None] | None = None,
+) -> tuple[PoolRun, ...]:  # fmt: skip
+    """Return one run, two experiments, for each change of volume [m3]; `advance` counts runs done.
+
+    Each run has its own noise. Raises NoAnswerError as run_procedure does.
+    """
+    runs = []
+    for i, dV in enumerate(dVs):
+        parameters = pool_parameters(vehicle, dV=dV, pool_depth=pool_depth, clearance=clearance)
+        own = int(np.random.SeedSequence([seed, i]).generate_state(1)[0])
+        runs.append(run_procedure(vehicle, parameters, pool_depth=pool_depth, seed=own))
+        if advance is not None:
+            advance(1.0)
+    return tuple(runs)
+
+
+def run_procedure(
+    vehicle: Vehicle, parameters: PoolParameters, *, pool_depth: float, seed: int | None,
+    travel: float = 3.0, duration: float = 1800.0, sink: float = 30e-6,
+) -> PoolRun:  # fmt: skip
+    """Return one run: from rest on the bottom, `sink` [m3] below neutral, through (a) to (d).
+
+    travel: how far the vehicle has gone at the end of an experiment's record [m], so that the
+    record ends before the hull is near the surface or the bottom. Raises NoAnswerError where a
+    phase takes longer than the procedure has patience for, or all of it longer than `duration` [s].
+    """
+    notes: list[tuple[Measurement, PoolState, float]] = []
+    named = parameters.phases
+
+    def law(seen: Measurement, _: float) -> tuple[float, float]:
+        before = notes[-1][1] if notes else protocol.initial(parameters, seen, 1.0)
+        u, state, next_s = protocol.step(parameters, before, seen, 1.0)
+        notes.append((seen, state, u))
+        return u, next_s
+
+    s = simulate(
+        vehicle, setpoints=[(0.0, pool_depth)], duration=duration, start_depth=pool_depth,
+        start_volume=vehicle.neutral_volume(pool_depth) - sink, bottom_depth=pool_depth, seed=seed,
+        law=law, sample_time=parameters.loop.S_p,
+    )  # fmt: skip
+    index = np.array([int(state.phase) for _, state, _ in notes])
+    began = {int(i): int(np.argmax(index == i)) for i in np.unique(index)}
+    phases = tuple((float(s.time[k]), named[i].step, named[i].does) for i, k in began.items())
+    _check_over(s, phases)
+    seen_depth = np.array([seen.depth for seen, _, _ in notes])
+    seen_volume = np.array([seen.volume for seen, _, _ in notes])
+    experiments = []
+    for i in (i for i, phase in enumerate(named) if phase.does is Does.PULSE):
+        halted, first, glide, last = (began[i + j] for j in (-1, 0, 1, 2))
+        neutral = notes[first][1].neutral
+        start = float(np.mean(seen_depth[halted : first + 1]))
+        beyond = np.abs(seen_depth[first:last] - start) > travel
+        part = slice(first, first + int(np.argmax(np.append(beyond, True))))
+        stands = min(glide + math.ceil(1.0 / parameters.loop.S_p), last)
+        experiments.append(
+            Experiment(
+                step=named[i].step,
+                dV=named[i].target,
+                achieved=float(s.volume[stands]) - neutral,
+                pulse=notes[first][2],
+                pulse_time=float(s.time[glide] - s.time[first]),
+                neutral=neutral,
+                neutral_error=neutral - vehicle.neutral_volume(float(s.depth[first])),
+                released=float(s.time[first]),
+                ended=float(s.time[last]),
+                record=Record(
+                    s.time[part] - s.time[first], seen_depth[part], seen_volume[part] - neutral,
+                    start,
+                ),
+            )
+        )  # fmt: skip
+    return PoolRun(
+        dV=parameters.change, parameters=parameters, solution=s, seen_depth=seen_depth,
+        seen_volume=seen_volume, phases=phases, experiments=tuple(experiments),
+    )  # fmt: skip
+
+
+def _check_over(s: Solution, phases: tuple[tuple[float, str, Does], ...]) -> None:
+    """Raise NoAnswerError unless the simulation and the procedure came to their end."""
+    if not s.finished:
+        raise NoAnswerError(f"The pool procedure stopped at {s.time[-1]:.0f} s: {s.stop.value}")
+    if phases[-1][2] is Does.DONE:
+        return
+    time, step, does = phases[-2] if phases[-1][2] is Does.GAVE_UP else phases[-1]
+    raise NoAnswerError(
+        f"The pool procedure did not end: in step ({step}), from {time:.0f} s on, it waited for "
+        f"the end of this: {does.value} Allow more time, or more speed at rest"
+    )
+
+
+def timed_travel(
+    u: float, time: float, *, K1: float, T1: float, opposing: float = 0.0, speed: float = 0.0
+) -> tuple[float, float]:
+    """Return how far a piston has gone [m] when a timed voltage ends, and once it stands.
+
+    u [V] for `time` [s]; K1 [m/s/V] and T1 [s] of eqs (21)-(22); opposing: voltage that the depth
+    takes away, k_z/k_u z [V], and that afterwards holds the piston; speed: of the piston at first
+    [m/s].
+    At the end of the voltage the travel is short of what was asked for, K1 u time, by
+    K1 u T1 (1 - exp(-time/T1)); the motor then coasts by as much. What stays is
+    speed T1 - K1 opposing time.
+    """
+    steady = K1 * (u - opposing)
+    at_end = steady * time + (steady - speed) * T1 * math.expm1(-time / T1)
+    speed_then = steady + (speed - steady) * math.exp(-time / T1)
+    return at_end, at_end + speed_then * T1

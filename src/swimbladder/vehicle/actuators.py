@@ -1,0 +1,253 @@
+"""Actuators: what changes the volume, from datasheets, in the unified form, or as identified."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, StrictBool, model_validator
+
+from swimbladder.vehicle.schema import Parameters, Unit, refusal
+
+__all__ = [
+    "ElectrohydraulicActuator",
+    "ElectromechanicalActuator",
+    "HydraulicDrive",
+    "IdentifiedActuator",
+    "Motor",
+    "Oil",
+    "Positioner",
+    "ScrewDrive",
+    "UnifiedActuator",
+]
+
+_Ratio = Annotated[float, Unit(""), Field(gt=0.0)]
+_Efficiency = Annotated[float, Unit(""), Field(gt=0.0, le=1.0)]
+
+
+class Motor(Parameters):
+    """A voltage-driven permanent-magnet DC motor (Figs 2-3)."""
+
+    resistance: Annotated[float, Unit("ohm"), Field(gt=0.0)] = Field(
+        description="winding resistance R"
+    )
+    torque_constant: Annotated[float, Unit("N m/A"), Field(gt=0.0)] = Field(
+        description="torque constant k_T"
+    )
+    emf_constant: Annotated[float, Unit("V s/rad"), Field(gt=0.0)] | None = Field(
+        None, description="back electromotive force constant k_emf; equal to k_T where not given"
+    )
+    inductance: Annotated[float, Unit("H"), Field(ge=0.0)] = Field(
+        0.0, description="winding inductance L"
+    )
+    rotor_inertia: Annotated[float, Unit("kg m2"), Field(gt=0.0)] = Field(
+        description="inertia of the rotor J_m"
+    )
+    viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = Field(
+        0.0, description="viscous friction of the motor B_m"
+    )
+    friction_torque: Annotated[float, Unit("N m"), Field(ge=0.0)] = Field(
+        0.0, description="dry friction T_b: bearings, brushes, eddy currents"
+    )
+
+    @property
+    def k_emf(self) -> float:
+        """Back electromotive force constant [V s/rad]."""
+        return self.torque_constant if self.emf_constant is None else self.emf_constant
+
+
+class Oil(Parameters):
+    """The oil of an electrohydraulic drive (eqs 1-2)."""
+
+    volume: Annotated[float, Unit("m3"), Field(gt=0.0)] = Field(
+        description="oil between the pump and the bladder or piston V_oil"
+    )
+    bulk_modulus: Annotated[float, Unit("Pa"), Field(gt=0.0)] = Field(
+        1.5e9, description="bulk modulus of the pure oil"
+    )
+    trapped_air: Annotated[float, Unit(""), Field(ge=0.0, lt=0.5)] = Field(
+        0.0, description="share of air in the oil, by volume at atmospheric pressure"
+    )
+
+
+class HydraulicDrive(Parameters):
+    """Pump, pressure amplifier and bladder (Fig. 4, eqs 1-8)."""
+
+    pump_displacement: Annotated[float, Unit("m3/rev"), Field(gt=0.0)] = Field(
+        description="displacement of the pump D_p"
+    )
+    pump_efficiency: _Efficiency = Field(description="mechanical efficiency of the pump eta_p")
+    area_ratio: _Ratio = Field(1.0, description="pressure amplifier n_h = A1/A2; 1 without one")
+    pump_leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = Field(
+        0.0, description="leakage flow per unit pump pressure k_pl"
+    )
+    reflected_inertia: Annotated[float, Unit("kg m2"), Field(ge=0.0)] = Field(
+        0.0, description="inertia of pump, oil, piston and displaced water, at the motor shaft"
+    )
+    viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = Field(
+        0.0, description="viscous friction of pump and piping, at the motor shaft"
+    )
+    oil: Oil | None = Field(None, description="the oil, to see how far it gives way (eqs 1-2)")
+
+
+class ScrewDrive(Parameters):
+    """Gearbox, spindle and piston (Fig. 6)."""
+
+    lead: Annotated[float, Unit("m/rev"), Field(gt=0.0)] = Field(
+        description="travel of the piston per turn of the spindle"
+    )
+    gear_ratio: Annotated[float, Unit(""), Field(ge=1.0)] = Field(
+        1.0, description="turns of the motor per turn of the spindle"
+    )
+    efficiency: _Efficiency = Field(description="efficiency of gearbox and spindle eta_e")
+    back_efficiency: Annotated[float, Unit(""), Field(ge=-1.0, le=1.0)] | None = Field(
+        None, description="share of the load that turns the motor back; 0 or below: self-locking, "
+        "and the motor has to push the piston in; not given: the efficiency, as in the paper"
+    )  # fmt: skip
+    piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)] = Field(
+        description="area of the piston in contact with the water A"
+    )
+    reflected_inertia: Annotated[float, Unit("kg m2"), Field(ge=0.0)] = Field(
+        0.0,
+        description="inertia of screw drive and displaced water, at the motor shaft",
+    )
+    viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = Field(
+        0.0, description="viscous friction of the transmission, at the motor shaft"
+    )
+
+    @property
+    def transmission_pitch(self) -> float:
+        """Travel of the piston per turn of the motor, alpha [m/rev]."""
+        return self.lead / self.gear_ratio
+
+
+class ElectrohydraulicActuator(Parameters):
+    """Motor and hydraulic drive, both from datasheets (column a of Table 1)."""
+
+    kind: Literal["electrohydraulic"] = "electrohydraulic"
+    motor: Motor = Field(description="the motor")
+    drive: HydraulicDrive = Field(description="pump, pressure amplifier and bladder")
+    literal_efficiency: StrictBool = Field(
+        False, description="divide the load by the efficiency in both directions, as eq. (7) prints"
+    )
+
+
+class ElectromechanicalActuator(Parameters):
+    """Motor and screw drive, both from datasheets (column b of Table 1)."""
+
+    kind: Literal["electromechanical"] = "electromechanical"
+    motor: Motor = Field(description="the motor")
+    drive: ScrewDrive = Field(description="gearbox, spindle and piston")
+    literal_efficiency: StrictBool = Field(
+        False, description="divide the load by the efficiency in both directions, as k_ze prints"
+    )
+
+
+class UnifiedActuator(Parameters):
+    """The unified actuator of Fig. 8, Table 1 and eqs 11-12, its constants given directly."""
+
+    kind: Literal["unified"] = "unified"
+    inertia: Annotated[float, Unit("kg m2"), Field(gt=0.0)] = Field(
+        description="inertia of all that turns, at the motor shaft, lambda"
+    )
+    k_u: Annotated[float, Unit("N m/V"), Field(gt=0.0)] = Field(
+        description="stall torque per volt k_u"
+    )
+    k_v: Annotated[float, Unit("N m s/rad"), Field(gt=0.0)] = Field(
+        description="torque lost per motor speed k_v"
+    )
+    k_q: Annotated[float, Unit("m3/rad"), Field(gt=0.0)] = Field(
+        description="volume per motor angle k_q"
+    )
+    k_z: Annotated[float, Unit("N m/m"), Field(ge=0.0)] = Field(
+        description="load torque per depth while the motor drives against the pressure k_z"
+    )
+    k_l: Annotated[float, Unit("m2/s"), Field(ge=0.0)] = Field(
+        0.0, description="volume leaked per time and depth k_l"
+    )
+    efficiency: _Efficiency | None = Field(
+        None,
+        description="efficiency of the transmission, by which back-driving multiplies the load; "
+        "not given: unknown",
+    )
+    back_efficiency: Annotated[float, Unit(""), Field(ge=-1.0, le=1.0)] | None = Field(
+        None, description="share of the load that turns the motor back, 0 or below: self-locking; "
+        "needs `efficiency`; not given: the same"
+    )  # fmt: skip
+    friction_torque: Annotated[float, Unit("N m"), Field(ge=0.0)] = Field(
+        0.0, description="dry friction at the motor shaft T_b"
+    )
+    resistance: Annotated[float, Unit("ohm"), Field(gt=0.0)] | None = Field(
+        None, description="winding resistance R, for current and power"
+    )
+    emf_constant: Annotated[float, Unit("V s/rad"), Field(gt=0.0)] | None = Field(
+        None, description="back electromotive force constant k_emf, for current"
+    )
+    literal_efficiency: StrictBool = Field(
+        False, description="divide the load by the efficiency in both directions, as printed"
+    )
+
+    @property
+    def k_z_back(self) -> float:
+        """Load torque per depth [N m/m] with which the sea turns the motor back.
+
+        The lossless torque k_z eta times `back_efficiency`, or times eta where that is not given.
+        A screw of efficiency eta has about 2 - 1/eta (tan(lead - friction angle)/tan(lead angle)):
+        negative below a half, it locks and the motor has to turn it back. The same as while driving
+        where no efficiency is known.
+        """
+        if self.efficiency is None or self.literal_efficiency:
+            return self.k_z
+        back = self.efficiency if self.back_efficiency is None else self.back_efficiency
+        return self.k_z * self.efficiency * back
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        if self.back_efficiency is not None and self.efficiency is None:
+            raise refusal(
+                "what turns the motor back cannot be told without the efficiency of the drive",
+                "Give both, or neither",
+                "back_efficiency",
+            )
+        return self
+
+
+class IdentifiedActuator(Parameters):
+    """The actuator as identified in shallow water (eqs 21-24, 33)."""
+
+    kind: Literal["identified"] = "identified"
+    K1: Annotated[float, Unit("m/s/V"), Field(gt=0.0)] = Field(
+        description="piston speed per volt, eq. (23)"
+    )
+    T1: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
+        description="time constant of the motor lambda/k_v, eq. (24)"
+    )
+    piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)] = Field(
+        description="area of the piston in contact with the water A"
+    )
+    depth_voltage: Annotated[float, Unit("V/m"), Field(ge=0.0)] = Field(
+        0.0, description="voltage that holds the piston against a metre of water k_z/k_u"
+    )
+    dead_zone: Annotated[float, Unit("V"), Field(ge=0.0)] = Field(
+        0.0, description="voltage below which the motor does not start, from dry friction T_b/k_u"
+    )
+    k_l: Annotated[float, Unit("m2/s"), Field(ge=0.0)] = Field(
+        0.0, description="volume leaked per time and depth k_l"
+    )
+
+
+class Positioner(Parameters):
+    """A stepper-driven piston that goes to a commanded position at a constant speed."""
+
+    kind: Literal["positioner"] = "positioner"
+    speed: Annotated[float, Unit("m/s"), Field(gt=0.0)] = Field(description="speed of the piston")
+    piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)] = Field(
+        description="area of the piston in contact with the water A"
+    )
+    moving_power: Annotated[float, Unit("W"), Field(ge=0.0)] | None = Field(
+        None,
+        description="electrical power of the motor while the piston moves; driver and battery "
+        "take theirs besides; not given: not known",
+    )
+    holding_power: Annotated[float, Unit("W"), Field(ge=0.0)] = Field(
+        0.0, description="electrical power of the motor while the piston is held"
+    )

@@ -1,0 +1,240 @@
+"""The vehicle as a whole: its parts, what it senses and what controls it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from swimbladder.errors import InputError
+from swimbladder.units import parse_quantity
+from swimbladder.vehicle.actuators import (
+    ElectrohydraulicActuator,
+    ElectromechanicalActuator,
+    IdentifiedActuator,
+    Positioner,
+    UnifiedActuator,
+)
+from swimbladder.vehicle.body import (
+    Drag,
+    Hull,
+    IdentifiedMotion,
+    Motion,
+    Stroke,
+    Water,
+)
+from swimbladder.vehicle.electricity import Driver, Load, Supply
+from swimbladder.vehicle.hydraulics import DatasheetPump, PumpAndValve
+from swimbladder.vehicle.identified import Identified
+from swimbladder.vehicle.schema import Parameters, Unit, refusal
+
+__all__ = ["Actuator", "Controller", "Sensors", "Supervisor", "Vehicle"]
+
+
+Actuator = Annotated[
+    ElectrohydraulicActuator
+    | ElectromechanicalActuator
+    | UnifiedActuator
+    | IdentifiedActuator
+    | Positioner
+    | PumpAndValve,
+    Field(discriminator="kind"),
+]
+
+
+def _number_or_text(value: object) -> float | str:
+    if isinstance(value, str):
+        return value
+    try:
+        return parse_quantity(value, "")
+    except InputError as error:
+        raise refusal(error.what, 'Write a number, or a text like "1002 V/dm3"') from None
+
+
+class Sensors(Parameters):
+    """What the controller sees: white noise (1 sigma), then the quantum of the converter."""
+
+    depth_noise: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
+        0.0, description="white noise of the measured depth, 1 sigma"
+    )
+    depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
+        0.0, description="step between two depths that the converter tells apart"
+    )
+    volume_noise: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
+        0.0, description="white noise of the measured volume, 1 sigma"
+    )
+    volume_quantum: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
+        0.0, description="step between two volumes that the converter tells apart"
+    )
+
+
+class Controller(Parameters):
+    """A control law by name, its sample time and its parameters (texts with units allowed)."""
+
+    law: str = Field(min_length=1, description="name of the control law")
+    sample_time: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
+        description="time between two samples"
+    )
+    parameters: dict[str, Annotated[float | str, BeforeValidator(_number_or_text)]] = Field(
+        default_factory=dict, description="parameters of the law, as it names them"
+    )
+
+
+class Supervisor(Parameters):
+    """When the firmware's supervisor brings the vehicle up; what is not given follows from others.
+
+    How each is derived: docs/explanation/supervisor.md. `swimbladder firmware` prints them all.
+    """
+
+    depth_limit: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
+        None, description="depth at which it does; not given: 0.9 of where full buoyancy, hull "
+        "and motor (at `battery_low`) still do their part, less what is not known of the trim"
+    )  # fmt: skip
+    time_limit: Annotated[float, Unit("s"), Field(gt=0.0, le=3e9)] | None = Field(
+        None, description="time since the start at which it does; not given: never"
+    )
+    battery_low: Annotated[float, Unit("V"), Field(gt=0.0)] | None = Field(
+        None, description="voltage under load that is too low, for 10 s; not given: 0.8 of the "
+        "supply's, or none for a positioner"
+    )  # fmt: skip
+    bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
+        None, description="where the vehicle may lie on the bottom; not given: nowhere, since a "
+        "vehicle that lies there looks like one whose depth sensor has stopped"
+    )  # fmt: skip
+    neutral_range: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = Field(
+        None, description="how far the neutral volume may be from `trim_error`, drift and layers "
+        "of the water included; not given: a quarter of half the stroke, half of what is left "
+        "above `trim_error` at most"
+    )  # fmt: skip
+    neutral_change: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = Field(
+        None, description="how far the neutral volume may change in a dive from what its first "
+        "minute showed, layers of the water included; not given: a fifth of `neutral_range`"
+    )  # fmt: skip
+    model_error: Annotated[float, Unit(""), Field(gt=0.0, lt=1.0)] = Field(
+        0.3, description="share of the force on the vehicle, and of psi, that the model may miss"
+    )
+    patience: Annotated[float, Unit("s"), Field(gt=0.0, le=60.0)] = Field(
+        5.0, description="how long a sensor may fail, or the actuator not follow"
+    )
+    late: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+        None, description="age of a depth that is late; not given: two samples, at least 1 s"
+    )
+    frozen: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+        None, description="time in which the very same depth means a frozen sensor; not given: "
+        "what noise and quantum of the sensor make as good as impossible"
+    )  # fmt: skip
+    prove_after: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+        None, description="a vehicle that begins to sink is pushed outward for a moment where its "
+        "actuator has not shown for so long that it can, and so is one whose depth was the very "
+        "same for so long; not given: 30 s, or never where psi is not above 0"
+    )  # fmt: skip
+    hold_voltage: Annotated[float, Unit("V"), Field(ge=0.0)] | None = Field(
+        None, description="voltage that keeps the volume at its largest; not given: what the sea's "
+        "load takes where it can just come up. 0 for a drive that holds by itself"
+    )  # fmt: skip
+    release_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+        None, description="time of full buoyancy in which it has to rise by 1 m before the drop "
+        "weight is released; not given: twice that of the whole stroke and a minute"
+    )  # fmt: skip
+
+
+class Vehicle(Parameters):
+    """A vehicle: everything that the simulator, the analysis and the controller need."""
+
+    schema_version: Literal[1] = Field(1, description="version of this file's format")
+    name: str = Field(min_length=1, description="what the vehicle is called")
+    description: str = Field("", description="one sentence on the vehicle")
+    provenance: dict[str, str] = Field(
+        default_factory=dict, description='where each number comes from: dotted field = "source"'
+    )
+    water: Water = Field(Water(), description="the water around the vehicle")
+    actuator: Actuator = Field(description="what changes the volume")
+    supply: Supply | None = Field(None, description="the battery; a positioner does without")
+    driver: Driver | None = Field(
+        None, description="the motor's driver; without it the driver loses nothing"
+    )
+    loads: tuple[Load, ...] = Field((), description="what else draws from the battery")
+    stroke: Stroke = Field(description="end stops of the volume, counted from mid-stroke")
+    hull: Hull = Field(description="the body")
+    motion: Motion = Field(description="mass and drag")
+    trim_error: Annotated[float, Unit("m3")] = Field(
+        0.0, description="volume at which the vehicle is neutral at the surface; 0 is mid-stroke"
+    )
+    sensors: Sensors = Field(Sensors(), description="what the controller sees")
+    controller: Controller | None = Field(None, description="what closes the loop")
+    supervisor: Supervisor = Field(
+        Supervisor(), description="when the firmware brings the vehicle up whatever the law says"
+    )
+    identified: Identified | None = Field(
+        None, description="how sure the identified numbers are, and the noise of the logs"
+    )
+
+    @property
+    def mass(self) -> float:
+        """Mass that is accelerated: dry, entrained and added [kg]."""
+        if isinstance(self.motion, IdentifiedMotion):
+            return self.water.specific_weight * self.motion.T2 / self.motion.K2
+        return self.motion.dry_mass + self.motion.entrained_mass + self.motion.added_mass
+
+    @property
+    def drag(self) -> Drag:
+        """The drag law; laminar with k_dl = rho g/K2 where identified, eq. (28)."""
+        if isinstance(self.motion, IdentifiedMotion):
+            return Drag(law="linear", k_dl=self.water.specific_weight / self.motion.K2)
+        return self.motion.drag
+
+    @property
+    def command(self) -> Literal["voltage", "volume", "volume change"]:
+        """What a control law commands: a positioner's volume, a change for pump and valve."""
+        if isinstance(self.actuator, PumpAndValve):
+            return "volume change"
+        return "volume" if isinstance(self.actuator, Positioner) else "voltage"
+
+    @property
+    def voltage_driven(self) -> bool:
+        """Whether a command is a voltage."""
+        return self.command == "voltage"
+
+    def neutral_volume(self, depth: float) -> float:
+        """Return the volume at which the vehicle rests at `depth` [m], psi z + trim error [m3]."""
+        return self.hull.psi * depth + self.trim_error
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.voltage_driven and self.supply is None:
+            raise refusal(
+                "a voltage-driven actuator needs a supply",
+                "Add a table [supply] with the battery's voltage",
+                "supply",
+            )
+        self._electricity_fits()
+        neutral = self.neutral_volume(max(self.hull.emergence_depth, 0.0))
+        if not self.stroke.minimum < neutral < self.stroke.maximum:
+            raise refusal(
+                f"the neutral volume at the surface, {neutral * 1e6:g} cm3, is outside the stroke "
+                f"of {self.stroke.minimum * 1e6:g} to {self.stroke.maximum * 1e6:g} cm3: the "
+                "vehicle can not both sink and rise",
+                "Trim the vehicle (trim_error), or give it a longer stroke",
+                "trim_error",
+            )
+        return self
+
+    def _electricity_fits(self) -> None:
+        """Refuse pumps without a supply and loads of the same name."""
+        pump = self.actuator.pump if isinstance(self.actuator, PumpAndValve) else None
+        if isinstance(pump, DatasheetPump) and self.supply is None:
+            raise refusal(
+                "a pump from datasheets needs a supply",
+                "Add a table [supply] with the battery's voltage",
+                "supply",
+            )
+        names = [load.name for load in self.loads]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise refusal(
+                    "two loads have the same name",
+                    "Give each load its own name",
+                    "loads",
+                    i,
+                    "name",
+                )

@@ -1,0 +1,75 @@
+"""A short run of the fuzzer, and every input that it once was of use with."""
+
+import pytest
+
+from swimbladder.control.registry import LAWS
+from tests.codegen import fuzz
+from tests.codegen.build import run
+
+
+@pytest.mark.usefixtures("clang")
+@pytest.mark.parametrize(
+    "name",
+    [name if name == "cascade" else pytest.param(name, marks=pytest.mark.slow) for name in LAWS],
+)
+def test_a_short_run_breaks_nothing(name, tmp_path):
+    _breaks_nothing(name, tmp_path, runs=2000)
+
+
+@pytest.mark.prove
+@pytest.mark.usefixtures("clang")
+@pytest.mark.parametrize("name", LAWS)
+def test_a_long_run_breaks_nothing(name, tmp_path):
+    _breaks_nothing(name, tmp_path, runs=100_000)
+
+
+def _breaks_nothing(name, tmp_path, runs):
+    """By libFuzzer where clang has it, else with as many random inputs; the seed is fixed."""
+    made = fuzz.library(name)
+    if fuzz.has_libfuzzer():
+        done = fuzz.fuzz(made, tmp_path, runs=runs)
+        assert done.crash is None, done.said[-4000:]
+        assert done.runs >= runs
+        reached, lines = map(int, done.covered.split(" of "))
+        assert reached > 0.7 * lines  # the inputs that are kept reach far
+    else:
+        program = fuzz.build(made, tmp_path, "random")
+        assert f"{runs} runs".encode() in run(program, str(runs), "1").stdout
+
+
+@pytest.mark.usefixtures("gcc")
+def test_without_libfuzzer_random_inputs_do(tmp_path):
+    program = fuzz.build(fuzz.library("cascade"), tmp_path, "random")
+    assert run(program, "2000", "1").stdout == b"2000 runs\n"
+    run(program, *fuzz.kept_inputs("cascade", tmp_path / "kept"))
+
+
+@pytest.mark.usefixtures("gcc")
+@pytest.mark.parametrize(
+    ("file", "good", "bad", "said"),
+    [
+        (
+            "swb_controller.c", "SWB_COMMAND_MOST < command ? SWB_COMMAND_MOST : command",
+            "command", "the command is within its limits",
+        ),
+        ("swb_controller.c", "if (!swb_known(command) || ", "if (", "the command is finite"),
+        (
+            "swb_vehicle.c", "v->reason = (uint8_t)v->state.rescue.reason;",
+            "v->reason = seen->leak ? 2u : 0u;", "a reason is among the reasons",
+        ),
+        (
+            "swb_controller.c", "if (!(next_s > 1.001f * SWB_TICK_S)) {",
+            "if (next_s <= 1.001f * SWB_TICK_S && next_s > -1e3f) {",
+            "is outside the range of representable values of type",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_broken_is_found(file, good, bad, said, tmp_path):
+    """The harness and the sanitizers see what was broken on purpose."""
+    made = fuzz.library("cascade")
+    text = made.files[f"src/{file}"]
+    assert text.count(good) == 1
+    broken = made.files | {f"src/{file}": text.replace(good, bad)}
+    program = fuzz.build(fuzz.with_files(made, broken), tmp_path, "random")
+    with pytest.raises(AssertionError, match=said):
+        run(program, "20000", "1")

@@ -1,0 +1,352 @@
+"""The Arduino library: what is in it, and that it does what its twin did."""
+
+import ctypes
+import math
+import subprocess
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import swimbladder as sb
+from swimbladder.codegen.clock import ControllerTwin, wait_in_ticks
+from swimbladder.codegen.library import Library, make_library, write_library
+from swimbladder.control.registry import LAWS
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.vehicle import Controller
+from tests.codegen.build import STRICT, run
+from tests.codegen.laws import EXAMPLES, bits, controlled, example, twin_of
+from tests.vehicles import paper
+
+ARDUINO = Path(__file__).parent / "arduino"
+
+
+@cache
+def library(name: str) -> Library:
+    """A law's library; its golden mission is short, so that the tests are."""
+    return make_library(controlled(name), duration=300 * example(name).tick)
+
+
+@pytest.fixture(params=LAWS, scope="module")
+def name(request) -> str:
+    if request.param not in EXAMPLES:
+        pytest.fail(f"tests/codegen/laws.py has no example of the law {request.param!r}")
+    return request.param
+
+
+class LibraryInC:
+    """The library's C, compiled for this machine and loaded."""
+
+    def __init__(self, made: Library, folder: Path) -> None:
+        write_library(made, folder / "library")
+        sources = sorted((folder / "library" / "src").glob("*.c"))
+        run("gcc", *STRICT, "-O2", "-shared", "-fPIC", *sources, "-o", folder / "c.so", "-lm")
+        self.c = ctypes.CDLL(str(folder / "c.so"))
+        number = ctypes.c_float
+        self.c.swb_controller_begin.argtypes = [ctypes.c_void_p, number]
+        self.c.swb_controller_tick.argtypes = [ctypes.c_void_p, number, number, number]
+        self.c.swb_controller_tick.restype = number
+        self.c.swb_controller_sleep.argtypes = [ctypes.c_void_p, ctypes.c_uint32]
+        self.c.swb_controller_sleep.restype = ctypes.c_uint32
+        self.c.swb_wait_in_ticks.argtypes = [number]
+        self.c.swb_wait_in_ticks.restype = ctypes.c_uint32
+
+    def begin(self, command: float) -> None:
+        self.room = ctypes.create_string_buffer(4096)
+        self.c.swb_controller_begin(ctypes.addressof(self.room), command)
+
+    def tick(self, depth: float, volume: float, reference: float) -> float:
+        return self.c.swb_controller_tick(ctypes.addressof(self.room), depth, volume, reference)
+
+    def sleep(self, ticks: int) -> int:
+        return self.c.swb_controller_sleep(ctypes.addressof(self.room), ticks)
+
+
+@pytest.fixture(scope="module")
+def controller(name, request, tmp_path_factory) -> LibraryInC:
+    request.getfixturevalue("gcc")
+    return LibraryInC(library(name), tmp_path_factory.mktemp(name))
+
+
+def first_command(name: str) -> float:
+    made = library(name)
+    return 0.0 if made.law.command == "voltage" else made.vehicle.stroke.maximum
+
+
+def test_the_c_gives_the_golden_trace_to_the_bit(name, controller):
+    text = library(name).files["extras/golden.csv"].splitlines()
+    assert text[0].startswith("tick,time_s,depth_m,volume_m3,reference_depth_m,")
+    rows = np.array([line.split(",") for line in text[1:]], np.float32)
+    assert len(rows) == 301
+    controller.begin(first_command(name))
+    for tick, _, depth, volume, reference, command in rows:
+        assert bits(controller.tick(depth, volume, reference)) == bits(command), tick
+
+
+def _twin(name: str) -> ControllerTwin:
+    made = library(name)
+    low, high = made.limits
+    return ControllerTwin(
+        twin_of(name), made.parameters, tick_s=made.tick_s, low=low, high=high,
+        first=first_command(name),
+    )  # fmt: skip
+
+
+_DEPTHS = st.one_of(
+    st.floats(0.0, 5.0), st.sampled_from([math.nan, math.inf, -math.inf, 0.0, -0.0, 1e30])
+)
+_VOLUMES = st.one_of(st.floats(-3e-4, 3e-4), st.sampled_from([math.nan, math.inf, 1e30]))
+
+
+@given(st.lists(st.tuples(_DEPTHS, _VOLUMES, _DEPTHS), min_size=1, max_size=60))
+def test_faulty_measurements_are_met_as_by_the_twin(name, controller, seen):
+    twin, (low, high) = _twin(name), library(name).limits
+    controller.begin(first_command(name))
+    for depth, volume, reference in seen:
+        command = controller.tick(depth, volume, reference)
+        assert bits(command) == bits(twin.tick(depth, volume, reference))
+        assert np.float32(low) <= command <= np.float32(high)
+
+
+def test_a_board_that_sleeps_gives_the_same_commands(name, controller):
+    """Ticks that are slept over are those at which nothing would have been asked for."""
+    made = library(name)
+    seen = list(zip(*made.golden[:3], strict=True))
+    awake, asleep = _twin(name), _twin(name)
+    commands = [awake.tick(*row) for row in seen]
+    controller.begin(first_command(name))
+    n, called = 0, 0
+    while n < len(seen):
+        called += 1
+        said = asleep.tick(*seen[n])
+        assert bits(controller.tick(*seen[n])) == bits(said) == bits(commands[n])
+        slept = asleep.sleep(10_000)
+        assert controller.sleep(10_000) == slept
+        assert {float(c) for c in commands[n : n + 1 + slept]} == {float(said)}
+        n += 1 + slept
+    assert n == asleep.ticks
+    assert (called < len(seen)) == (name == "deadband")
+
+
+def test_it_holds_while_nothing_is_measured_and_recovers(name):
+    twin, made = _twin(name), library(name)
+    seen = list(zip(*made.golden[:3], strict=True))
+    for n in range(5):
+        assert bits(twin.tick(math.nan, math.nan, 3.0)) == bits(first_command(name))
+        assert twin.missed == n + 1
+    for row in seen[:50]:
+        twin.tick(*row)
+    assert twin.missed == 0
+    for _ in range(20):
+        assert math.isfinite(twin.tick(math.nan, math.nan, 3.0))
+    commands = [twin.tick(*row) for row in seen[50:150]]
+    assert twin.missed == 0
+    assert len(set(commands)) > 1
+
+
+@pytest.mark.parametrize("name", ["cascade"], indirect=True)
+@given(next_s=st.one_of(st.floats(0.0, 1e6, width=32), st.floats(width=32)))
+def test_the_wait_in_ticks_is_that_of_the_twin(controller, next_s):
+    assert controller.c.swb_wait_in_ticks(next_s) == wait_in_ticks(next_s, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("next_s", "ticks"),
+    [(0.3, 1), (0.0, 1), (-5.0, 1), (math.nan, 1), (0.31, 2), (0.6, 2), (0.9, 3), (3600.0, 12000),
+     (60.0, 200), (math.inf, 1_000_000)],
+)  # fmt: skip
+def test_the_wait_is_rounded_up_to_whole_ticks(next_s, ticks):
+    assert wait_in_ticks(next_s, 0.3) == ticks
+
+
+def test_the_golden_trace_is_what_simulate_says(name):
+    """The vehicle under the twin goes where it goes under the law in double precision."""
+    made = library(name)
+    # These decide by events: rounding moves one of them, and with it the vehicle.
+    assert made.golden.difference < (0.05 if name in ("observer", "pulse") else 0.02)
+    low, high = made.limits
+    assert made.golden.command.min() >= np.float32(low)
+    assert made.golden.command.max() <= np.float32(high)
+
+
+def _sketch(made: Library, folder: Path, name: str, text: str, *more: str) -> str:
+    """Compile an example with the library against a stub of Arduino; return what it prints."""
+    write_library(made, folder / "library")
+    (folder / f"{name}.cpp").write_text(f"#include <Arduino.h>\n{text}")
+    inside = ["-I", folder / "library" / "src", "-I", folder / "library" / "examples" / name]
+    warn = ["-Wall", "-Wextra", "-Wconversion", "-Werror"]
+    objects = []
+    for source in (folder / "library" / "src").glob("*.c"):
+        objects.append(folder / f"{source.stem}.o")
+        run("gcc", *STRICT, "-O1", "-c", source, "-o", objects[-1])
+    files = [folder / f"{name}.cpp", ARDUINO / "main.cpp", *objects]
+    program = folder / name
+    run("g++", "-std=c++11", *warn, *more, "-I", ARDUINO, *inside, *files, "-o", program, "-lm")
+    return run(program).stdout.decode()
+
+
+@pytest.mark.usefixtures("gcc")
+class TestExamples:
+    def test_the_golden_trace_sketch_says_equal(self, name, tmp_path):
+        made = library(name)
+        text = made.files["examples/GoldenTrace/GoldenTrace.ino"]
+        printed = _sketch(made, tmp_path, "GoldenTrace", text)
+        assert "golden trace: equal, 100 of 100 ticks the same" in printed
+
+    def test_and_different_where_it_is(self, tmp_path):
+        made = library("cascade")
+        text = made.files["examples/GoldenTrace/GoldenTrace.ino"].replace(
+            "bits_of(command) != row[3]", "bits_of(command) != row[3] + (n == 7)"
+        )
+        printed = _sketch(made, tmp_path, "GoldenTrace", text)
+        assert "differs at tick 7: " in printed
+        assert "golden trace: DIFFERENT, 99 of 100 ticks the same" in printed
+
+    @pytest.mark.parametrize("board", ["FloatAVR", "FloatESP32RP2040"])
+    def test_a_sketch_logs_what_identify_reads(self, name, board, tmp_path):
+        made = library(name)
+        text = made.files[f"examples/{board}/{board}.ino"]
+        assert text.count("FILL IN") == 3
+        filled = text.replace(
+            "*depth_m = NAN;",
+            "*depth_m = vehicle.controller.ticks == 2u ? NAN : 2.5f;",
+        )
+        filled = filled.replace("*volume_m3 = NAN;", "*volume_m3 = -1.2345e-5f;")
+        printed = _sketch(made, tmp_path, board, filled)
+        (tmp_path / "log.csv").write_text(printed)
+        log = sb.read_log(tmp_path / "log.csv")
+        lines = [line for line in printed.splitlines() if line[0] not in "#t"]
+        times = [float(line.split(",")[0]) for line in lines]  # goes on under a supervisor's alarm
+        np.testing.assert_allclose(np.diff(times), made.tick_s, atol=1.01e-3)
+        np.testing.assert_allclose(np.diff(log.time[2:]), made.tick_s, atol=1.01e-3)
+        assert log.time[0] == 0.0
+        assert log.time[-1] > 4.0
+        assert np.all(log.depth == 2.5)
+        np.testing.assert_allclose(log.volume, -1.2345e-5, atol=1e-9)
+        assert printed.startswith(
+            "# age of depth: NOT watched\n# battery: NOT watched\n# leak: NOT"
+        )
+        low, high = made.limits
+        last = float(printed.splitlines()[-1].split(",")[3])
+        assert low - 1e-9 <= last <= high + 1e-9
+
+    def test_as_it_is_shipped_it_sees_nothing_and_brings_the_vehicle_up(self, name, tmp_path):
+        made = library(name)
+        text = made.files["examples/FloatAVR/FloatAVR.ino"]
+        said = _sketch(made, tmp_path, "FloatAVR", text).splitlines()
+        lines = [line.split(",") for line in said if line[0] not in "#t"]
+        assert {line[1].lower() for line in lines} == {"nan"}
+        first, p = first_command(name), made.supervisor
+        (row,) = [n for n, line in enumerate(said) if line.startswith("# full")]
+        assert said[row] == "# full buoyancy: depth missing"
+        assert row - 4 == p.blind - 1  # three remarks and the header stand above
+        commands = [float(line[3]) for line in lines]
+        ticks = row - 4
+        assert commands[:ticks] == pytest.approx([first] * ticks, abs=1e-9)
+        safe = [p.surface_command] * (len(commands) - ticks)
+        assert commands[ticks:] == pytest.approx(safe, abs=1e-9)
+        assert lines[0][-1] == "0"
+        assert lines[-1][-1] == "4"
+
+
+@pytest.mark.usefixtures("gcc")
+def test_the_whole_golden_trace_can_be_checked_with_any_compiler(name, tmp_path):
+    made = library(name)
+    write_library(made, tmp_path)
+    sources = [tmp_path / "extras" / "check.c", *(tmp_path / "src").glob("*.c")]
+    strict = [flag for flag in STRICT if flag != "-ffp-contract=off"]
+    run("gcc", *strict, "-O2", "-I", tmp_path / "src", *sources, "-o", tmp_path / "check", "-lm")
+    printed = run(tmp_path / "check", cwd=tmp_path).stdout.decode()
+    assert printed == "golden trace: equal, 301 of 301 ticks the same\n"
+    golden = tmp_path / "extras" / "golden.csv"
+    rows = golden.read_text().splitlines()
+    tick, *numbers, _ = rows[100].split(",")
+    rows[100] = ",".join([tick, *numbers, "0.125"])
+    golden.write_text("\n".join(rows) + "\n")
+    done = subprocess.run([tmp_path / "check", golden], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stdout.startswith("differs at tick 99: ")
+
+
+@pytest.mark.usefixtures("cppcheck")
+def test_the_library_pleases_cppcheck(name, tmp_path):
+    write_library(library(name), tmp_path)
+    run(
+        "cppcheck", "--quiet", "--enable=warning,style,performance,portability",
+        "--error-exitcode=1", "--std=c99", "--suppress=missingIncludeSystem", tmp_path / "src",
+    )  # fmt: skip
+
+
+@pytest.mark.usefixtures("arm")
+def test_the_library_compiles_for_arm(name, tmp_path):
+    write_library(library(name), tmp_path)
+    for source in (tmp_path / "src").glob("*.c"):
+        flags = [*STRICT, "-mcpu=cortex-m0plus", "-mthumb", "-Os"]
+        run("arm-none-eabi-gcc", *flags, "-c", source, "-o", tmp_path / "object.o")
+
+
+@pytest.mark.usefixtures("avr")
+def test_the_sketches_compile_for_avr(name, tmp_path):
+    made = library(name)
+    write_library(made, tmp_path / "library")
+    for example_ in ("FloatAVR", "GoldenTrace"):
+        sketch = tmp_path / "library" / "examples" / example_
+        (tmp_path / f"{example_}.cpp").write_text(
+            f'#include <Arduino.h>\n#include "{sketch / example_}.ino"\n'
+        )
+        run(
+            "avr-g++", "-std=gnu++11", "-mmcu=atmega328p", "-Os", "-Wall", "-Wextra", "-Werror",
+            "-I", ARDUINO, "-I", tmp_path / "library" / "src", "-I", sketch,
+            "-c", tmp_path / f"{example_}.cpp", "-o", tmp_path / "sketch.o",
+        )  # fmt: skip
+
+
+def test_the_files_of_a_library():
+    files = library("cascade").files
+    assert set(files) == {
+        "library.properties", "README.md", "src/swb_measurement.h", "src/swb_cascade.h",
+        "src/swb_cascade.c", "src/swb_controller.h", "src/swb_controller.c",
+        "src/swb_supervisor.h", "src/swb_supervisor_step.h", "src/swb_vehicle.h",
+        "src/swb_vehicle.c",
+        "examples/FloatAVR/FloatAVR.ino", "examples/FloatESP32RP2040/FloatESP32RP2040.ino",
+        "examples/GoldenTrace/GoldenTrace.ino", "examples/GoldenTrace/golden.h",
+        "extras/check.c", "extras/golden.csv",
+    }  # fmt: skip
+    said = dict(line.split("=", 1) for line in files["library.properties"].splitlines())
+    assert said["name"] == "Swimbladder feup-em"
+    assert said["architectures"] == "*"
+    assert said["includes"] == "swb_controller.h"
+    assert "#define SWB_TICK_US 300000ul" in files["src/swb_controller.h"]
+    assert ".k_pV = 1.002e+06f" in files["src/swb_controller.c"]
+
+
+def test_the_sources_of_an_earlier_law_go_and_what_is_not_ours_stays(tmp_path):
+    write_library(library("cascade"), tmp_path)
+    (tmp_path / "src" / "mine.c").write_text("")
+    write_library(library("position-pid"), tmp_path)
+    sources = {path.name for path in (tmp_path / "src").iterdir()}
+    made = {Path(name).name for name in library("position-pid").files if name.startswith("src/")}
+    assert sources == made | {"mine.c"}
+
+
+def test_a_name_of_any_letters_stays_a_name_of_a_library():
+    vehicle = paper(name='Flöat "7"\n*/')
+    files = make_library(vehicle, duration=3.0).files
+    assert "name=Swimbladder Fl_at _7_" in files["library.properties"]
+    assert '#define SWB_VEHICLE "Fl_at _7____"' in files["src/swb_controller.h"]
+
+
+def test_a_vehicle_without_a_controller_is_refused():
+    with pytest.raises(InputError, match="has no controller"):
+        make_library(paper(controller=None))
+
+
+def test_a_controller_that_loses_the_vehicle_gets_no_library():
+    from tests.vehicles import TABLE_3
+
+    mad = Controller(law="cascade", sample_time=0.3, parameters=TABLE_3 | {"k_pV": "-2e5 V/m3"})
+    with pytest.raises(NoAnswerError, match="golden mission"):
+        make_library(paper(controller=mad), start_depth=3.0, target=1.5, duration=6000.0)

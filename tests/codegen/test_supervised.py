@@ -1,0 +1,437 @@
+"""The supervisor's C, compiled, against its float32 twin, to the bit."""
+
+import ctypes
+import functools
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swimbladder.codegen.clock import VehicleTwin
+from swimbladder.codegen.library import Library, make_library, write_library
+from swimbladder.codegen.meanings import meanings
+from swimbladder.codegen.safety import supervisor_parameters
+from swimbladder.codegen.subset import read_law
+from swimbladder.codegen.twin import twin
+from swimbladder.control.law import NEVER, Law
+from swimbladder.control.supervisor import (
+    SUPERVISOR,
+    Reason,
+    SupervisorParameters,
+    Watched,
+)
+from swimbladder.errors import InputError
+from swimbladder.io.config import load_vehicle
+from swimbladder.sim.closed_loop import simulate
+from swimbladder.vehicle import Sensors, Supervisor
+from tests.codegen import chip
+from tests.codegen.build import STRICT, Program, run
+from tests.codegen.laws import bits, changed, controlled, flat, split
+from tests.vehicles import paper
+
+_CALLS = """\
+#include "swb_vehicle.h"
+int size(void) { return (int)sizeof(swb_vehicle); }
+void begin(void *v, int anew) { swb_vehicle_begin(v, anew != 0); }
+float tick(void *memory, const float *in, uint32_t lost, float reference, uint32_t *said)
+{
+    swb_vehicle *v = memory;
+    const swb_seen seen = {.depth = in[0], .depth_age = in[1], .volume = in[2], .battery = in[3],
+        .leak = in[4] > 0.0f, .lost_ticks = lost};
+    const float command = swb_vehicle_tick(v, &seen, reference);
+    said[0] = v->reason;
+    said[1] = v->reasons;
+    said[2] = v->release;
+    return command;
+}
+const char *words(int reason) { return swb_reason((uint8_t)reason); }
+"""
+
+
+@cache
+def library(name: str = "feup-em", **supervisor: Any) -> Library:
+    vehicle = load_vehicle(name)
+    changes = {"supervisor": Supervisor(**dict(supervisor))}
+    if name == "feup-em":
+        changes["sensors"] = Sensors(depth_noise="2 mm", depth_quantum="5 mm")
+    return make_library(vehicle.model_copy(update=changes), duration=30.0)
+
+
+class VehicleInC:
+    """A library's vehicle, compiled for this machine."""
+
+    def __init__(self, made: Library, folder: Any, *flags: str) -> None:
+        write_library(made, folder / "library")
+        (folder / "calls.c").write_text(_CALLS)
+        src = folder / "library" / "src"
+        sources = [*sorted(src.glob("*.c")), folder / "calls.c"]
+        run("gcc", *STRICT, "-O2", *flags, "-shared", "-fPIC", "-I", src, *sources,
+            "-o", folder / "vehicle.so", "-lm")  # fmt: skip
+        self.c = ctypes.CDLL(str(folder / "vehicle.so"))
+        pointer, number = ctypes.c_void_p, ctypes.c_float
+        self.c.tick.argtypes = [pointer, pointer, ctypes.c_uint32, number, pointer]
+        self.c.tick.restype = number
+        self.c.begin.argtypes = [pointer, ctypes.c_int]
+        self.c.words.restype = ctypes.c_char_p
+        self.begin(anew=False)
+
+    def begin(self, *, anew: bool) -> None:
+        self.room = ctypes.create_string_buffer(self.c.size())
+        self.c.begin(ctypes.addressof(self.room), int(anew))
+
+    def tick(self, seen: Watched, reference: float) -> tuple[float, int, int, int]:
+        """Return (command, reason, bits, release)."""
+        numbers = np.array(seen[:5], np.float32)
+        said = np.zeros(3, np.uint32)
+        command = self.c.tick(
+            ctypes.addressof(self.room), numbers.ctypes.data, int(seen.lost), reference,
+            said.ctypes.data,
+        )  # fmt: skip
+        return command, *map(int, said)
+
+
+def said_by(vehicle: VehicleTwin, seen: Watched, reference: float) -> tuple[Any, int, int, int]:
+    """Return what the twin says, in the form of the C's."""
+    command = vehicle.tick(seen, reference)
+    s = vehicle.state
+    return command, int(s.rescue.reason), int(s.rescue.reasons), int(s.rescue.release)
+
+
+@pytest.fixture(scope="module", params=["feup-em", "ntnu-bv"])
+def both(request, tmp_path_factory):
+    request.getfixturevalue("gcc")
+    made = library(request.param)
+    return made, VehicleInC(made, tmp_path_factory.mktemp(request.param))
+
+
+_ODD = [math.nan, math.inf, -math.inf, -0.0, 1e-45, 1e-39, 3e38]
+_TICKS = st.builds(
+    Watched,
+    depth=st.one_of(st.floats(0.0, 60.0, width=32), st.just(2.0), st.sampled_from(_ODD)),
+    depth_age=st.one_of(st.just(0.1), st.floats(0.0, 9.0, width=32), st.sampled_from(_ODD)),
+    volume=st.one_of(
+        st.floats(-3.8e-4, 3.8e-4).map(lambda x: float(np.float32(x))), st.just(1e-5),
+        st.sampled_from(_ODD),
+    ),
+    battery=st.one_of(st.floats(5.0, 13.0, width=32), st.sampled_from(_ODD)),
+    leak=st.sampled_from([False] * 9 + [True]),
+    lost=st.sampled_from([0] * 9 + [1, 5, 4000, 65535, 4_000_000_000]),
+    missed=st.just(0),
+)  # fmt: skip
+SEEN = Watched(2.0, 0.1, 1e-5, 12.0, False, 0, 0)
+_STRETCHES = st.lists(st.tuples(_TICKS, st.integers(1, 40)), min_size=1, max_size=12)
+
+
+def test_a_reset_leaves_what_the_last_push_did(both):
+    """It is taken over after a reset only, and not from memory that holds something else."""
+    made, in_c = both
+    twin_of = functools.partial(chip.vehicle_twin, made)
+    wet = SEEN._replace(leak=True)
+    falling = [wet._replace(volume=np.float32(1e-4 - 1e-5 * k)) for k in range(20)]
+
+    def after(anew, memory=None):
+        in_c.begin(anew=False)
+        beside = twin_of()
+        for seen in falling:
+            assert in_c.tick(seen, 3.0) == said_by(beside, seen, 3.0)
+        room = bytearray(in_c.room.raw if memory is None else memory)
+        in_c.room = ctypes.create_string_buffer(bytes(room), len(room))
+        in_c.c.begin(ctypes.addressof(in_c.room), int(anew))
+        again = twin_of(after_reset=anew, before=beside.state if memory is None else None)
+        said = []
+        for seen in falling[10:11]:
+            said.append(in_c.tick(seen, 3.0))
+            assert said[-1] == said_by(again, seen, 3.0)
+        return again.state.push.turns, beside.state.push.turns
+
+    kept, before = after(True)
+    assert kept == before == 1  # it fell both ways: as it was, for good
+    assert after(False)[0] != 1
+    for filled in (0, 0xFF, 0x55):
+        assert after(True, bytes([filled]) * len(in_c.room.raw))[0] != 1
+
+
+@pytest.mark.parametrize(("turns", "way", "volumes"), [
+    (4, "away_command", [9e-5, 9e-5, 9e-5]),
+    (4, "away_command", [math.nan, 9e-5, 9e-5]),
+    (0, "surface_command", [math.nan, 1e-4, 1e-4]),
+    (0, "surface_command", [9.9e-5, 1e-4, 1e-4]),
+])  # fmt: skip
+def test_what_a_push_did_outlives_a_reset(turns, way, volumes):
+    """The sea drives the piston in by 10 cm3 meanwhile, or the first volume is not measured."""
+    made = library()
+    before = chip.vehicle_twin(made, after_reset=True).state
+    before = changed(before, turns=turns, phase=0, reason=1, volume=np.float32(1e-4))
+    vehicle = chip.vehicle_twin(made, after_reset=True, before=before)
+    for volume in volumes:
+        command = vehicle.tick(SEEN._replace(volume=volume), 3.0)
+        assert command == np.float32(getattr(made.supervisor.push, way))
+    assert vehicle.state.push.turns == turns
+
+
+@pytest.mark.parametrize(("pushing", "lost", "turned"), [
+    (True, 1e-6, False),  # the sea takes a little more than a push gives
+    (True, 2e-5, True),  # the push takes as well: wires the wrong way round
+    (False, 2e-5, False),  # the law had brought it in
+])  # fmt: skip
+def test_only_what_a_reset_finds_lost_since_the_last_push_turns_it(pushing, lost, turned):
+    """A dying cell resets the board at the first tick of every push."""
+    made = library()
+    vehicle, volume = chip.vehicle_twin(made, after_reset=True), np.float32(1e-4)
+    before = changed(vehicle.state, phase=0, reason=1 if pushing else 0, volume=volume)
+    given = []
+    for _ in range(20 if pushing else 1):
+        vehicle = chip.vehicle_twin(made, after_reset=True, before=before)
+        volume = np.float32(volume - lost)
+        given.append(vehicle.tick(SEEN._replace(volume=volume), 3.0))
+        before = vehicle.state
+        if given[-1] == np.float32(made.supervisor.push.away_command):
+            break
+    assert (given[-1] == np.float32(made.supervisor.push.away_command)) == turned
+    assert len(given) == (1 if turned or not pushing else 20)
+
+
+@settings(max_examples=40)
+@given(stretches=_STRETCHES, anew=st.booleans(), reference=st.sampled_from([3.0, math.nan]))
+def test_any_faults_are_met_as_by_the_twin_and_the_state_stays_finite(
+    both, stretches, anew, reference
+):
+    made, in_c = both
+    beside = chip.vehicle_twin(made)
+    if anew:
+        beside.state = beside.supervisor.initial(made.supervisor, stretches[0][0], 1.0)
+    in_c.begin(anew=anew)
+    low, high = map(np.float32, made.limits)
+    latched = False
+    for seen, ticks in stretches:
+        for _ in range(ticks):
+            expected = said_by(beside, seen, reference)
+            got = in_c.tick(seen, reference)
+            assert bits(got[0]) == bits(expected[0])
+            assert got[1:] == expected[1:]
+            assert low <= got[0] <= high
+            assert all(map(math.isfinite, beside.state))
+            if latched:
+                assert got[1] > 0
+            latched = got[1] > 0
+            p = made.supervisor
+            if latched:
+                turned = np.float32(p.push.away_command)
+                calm = (np.float32(p.push.hold_command), np.float32(p.push.away_hold))
+                assert got[0] in (np.float32(p.push.surface_command), *calm, turned)
+    assert latched or not anew
+
+
+def random_calls(count: int) -> list[tuple[Any, ...]]:
+    """Calls of the step: a third ordinary, a third with odd numbers, a third of any bits."""
+    rng = np.random.default_rng(5)
+    p = supervisor_parameters(paper(), 0.3)
+    plain = SUPERVISOR.initial(p, SEEN, 0.0)
+    return [
+        tuple(_varied(rng, value, n % 3) for value in flat(p, plain, SEEN, 1.0))
+        for n in range(count)
+    ]
+
+
+def _varied(rng: np.random.Generator, value: Any, kind: int) -> Any:
+    """Return another number, count or truth: 0, 1 of `kind`: near it, or odd; 2: any."""
+    odd = rng.random() < (0.05, 0.15, 1.0)[kind]
+    if isinstance(value, bool):
+        return value is not odd
+    if isinstance(value, int):
+        near = int(value * rng.uniform(0.5, 1.5)) + int(rng.integers(0, 2))
+        whole = rng.choice([0, 1, 17, 4095, 4096, NEVER - 1, NEVER, rng.integers(0, NEVER + 1)])
+        return int(whole) if odd else min(near, NEVER)
+    if kind == 2:
+        return rng.integers(0, 2**32, None, np.uint32).view("f4")
+    near = np.float32(value) * np.float32(rng.uniform(0.5, 1.5))
+    return np.float32(rng.choice([*_ODD, 0.0, 1.0, 17.0])) if odd else near
+
+
+def expected_of(law: Law, frame: tuple[Any, ...]) -> tuple[Any, ...]:
+    given, state, seen, reference = split(law, frame, Watched)
+    return law.initial(given, seen, reference), law.step(given, state, seen, reference)
+
+
+@pytest.mark.usefixtures("gcc", "clang")
+@pytest.mark.parametrize(
+    "how",
+    [
+        ("gcc", *STRICT, "-O2"),
+        ("clang", "-std=c99", "-O1", "-g", "-Wall", "-Wextra", "-Wconversion", "-Werror",
+         "-fsanitize=address,undefined", "-fno-sanitize-recover=all"),
+    ],
+)  # fmt: skip
+def test_any_numbers_give_the_same_bits(how, tmp_path):
+    law = twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
+    calls = random_calls(1500)
+    answers = Program(SUPERVISOR, tmp_path, *how, seen=Watched).answers(calls)
+    for frame, answer in zip(calls, answers, strict=True):
+        assert bits(answer) == bits(*expected_of(law, frame))
+
+
+class Spoilt:
+    """An hour in which every sensor fails for a while, too short to be a reason, then for good."""
+
+    def __init__(self, p: SupervisorParameters, last: int) -> None:
+        self.short, self.last = int(min(p.volume.blind, p.board.leak)) - 1, last
+        self.rng = np.random.default_rng(3)
+
+    def __call__(self, k: int, seen: Watched) -> Watched:
+        if k >= self.last:
+            return seen._replace(depth=math.nan)
+        kind, since = divmod(k, 100)
+        if since >= self.short:
+            return seen._replace(battery=11.5)
+        name = ("depth", "volume", "depth_age", "battery", "leak")[kind % 5]
+        value = {"depth": math.nan, "volume": math.inf, "leak": True}.get(name, 9.0)
+        return seen._replace(**{name: value})
+
+
+@pytest.mark.usefixtures("gcc")
+def test_an_hour_with_faults_is_the_same_to_the_bit(tmp_path):
+    made = library()
+    in_c, beside = VehicleInC(made, tmp_path), chip.vehicle_twin(made)
+    beside.spoil = Spoilt(made.supervisor, 11_000)
+    seen_by: list[tuple[Watched, float]] = []
+    spoil, reasons = beside.spoil, []
+    beside.spoil = lambda k, seen: seen_by.append((spoil(k, seen), 0.0)) or seen_by[-1][0]
+    unequal = 0
+
+    def law(measured, reference):
+        nonlocal unequal
+        command = beside(measured, reference)
+        got = in_c.tick(seen_by[-1][0], reference)
+        s = beside.state
+        unequal += bits(got[0]) != bits(command) or got[1:] != (
+            s.rescue.reason,
+            s.rescue.reasons,
+            s.rescue.release,
+        )
+        reasons.append(beside.reason)
+        return command
+
+    depths = [3.0, 1.0, 1.02, 4.0, 3.9, 2.0]
+    flown = simulate(
+        made.vehicle, law=law, start_depth=1.5, duration=3600.0, seed=1, sample_time=0.3,
+        setpoints=[(600.0 * n, depth) for n, depth in enumerate(depths)],
+    )  # fmt: skip
+    assert len(reasons) == 12_001
+    assert unequal == 0
+    first = next(k for k, reason in enumerate(reasons) if reason is not None)
+    assert first == 11_000 + made.supervisor.volume.blind - 1
+    assert reasons[-1] is Reason.DEPTH_MISSING
+    assert flown.depth[-1] < 0.1
+
+
+@pytest.mark.usefixtures("gcc")
+def test_reasons_have_words_in_c(tmp_path):
+    in_c = VehicleInC(library(), tmp_path)
+    assert in_c.c.words(0) == b"none"
+    assert in_c.c.words(16) == in_c.c.words(255) == b"unknown"
+    for reason in Reason:
+        assert in_c.c.words(reason.value).decode() == reason.words
+    readme = library().files["README.md"]
+    for number, name, words, after in meanings(library().supervisor):
+        assert f"| {number} {name} | {words} | {after} |" in readme
+    assert [number for number, *_ in meanings(library().supervisor)] == list(range(1, 16))
+    p = library().supervisor
+    said = " ".join(readme.split())
+    assert f"heavier than {p.proof.sinks * 1e6:.3g} cm3" in said
+    assert f"not been {p.proof.reach * 1e6:.3g} cm3 above the neutral one in the last 30 s" in said
+    assert "the command is 12 V, whatever the law says" in said
+
+
+@pytest.mark.avr
+@pytest.mark.usefixtures("avr")
+@pytest.mark.parametrize("mcu", chip.MCUS)
+def test_a_fault_latches_on_the_chip_as_in_the_twin(mcu, tmp_path):
+    made = library()
+    on_chip = chip.vehicle(made, tmp_path, mcu)
+
+    def spoil(k, seen):
+        return seen._replace(depth=math.nan) if k >= 300 else seen
+
+    flight, beside = chip.fly_supervised(made, on_chip, duration=180.0, spoil=spoil)
+    on_chip.close()
+    assert flight.ticks == 601
+    assert flight.unequal == 0
+    assert beside.reason is Reason.DEPTH_MISSING
+    assert flight.final_depth < 1.0  # it bobs at the surface
+    assert min(flight.cycles) > 2000  # the clock that says so does tick
+
+
+@pytest.mark.avr
+@pytest.mark.usefixtures("avr")
+def test_a_supervised_cascade_fits_the_chip_as_it_should(tmp_path):
+    """8 kB of flash, 300 B of RAM and a millisecond a tick, under the law and with a reason."""
+    on_chip = chip.vehicle(library(), tmp_path, "atmega328p")
+    flight, beside = chip.fly_supervised(
+        library(), on_chip, duration=120.0, spoil=lambda k, seen: seen._replace(leak=k >= 350)
+    )
+    stack = on_chip.close()
+    assert beside.reason is Reason.LEAK
+    assert flight.unequal == 0
+    assert on_chip.size.flash < 8000
+    assert on_chip.size.variables + stack < 300
+    assert max(flight.cycles) < 16_000  # a millisecond at 16 MHz
+
+
+class TestNumbers:
+    def test_the_papers_vehicle(self):
+        """Worked by hand from the paper's numbers."""
+        p = supervisor_parameters(paper(sensors=Sensors(depth_noise="2 mm")), 0.3)
+        assert p.push.surface_command == 12.0
+        assert p.board.battery_low == pytest.approx(9.6)
+        # full buoyancy of 350 cm3 lifts to 350/4.04 m; with 87.5 cm3 and 30 % of psi less
+        assert p.deep.deepest == pytest.approx(350.0 / 4.04)
+        assert p.deep.depth_limit == pytest.approx((350.0 - 87.5) / (4.04 * 1.3))
+        # there the motor at 9.6 V moves 3.33 cm3/s/V (9.6 V - 0.07707 V/m z)
+        rate = 3.33e-6 * (9.6 - 0.07707 * p.deep.depth_limit)
+        assert p.deep.per_turn_rate == pytest.approx(1.0 / rate)
+        assert p.push.push == math.ceil(2.0 * 700e-6 / rate / 0.3)
+        assert p.push.hold_command == pytest.approx(0.07707 * p.deep.deepest)
+        assert p.same.same == math.ceil(10.0 / 0.3)  # noise without a quantum never repeats
+
+    @pytest.mark.parametrize(("noise", "quantum"), [(0.002, 0.005), (0.002, 0.008), (0.001, 0.002)])
+    def test_the_same_depth_again_is_as_rare_as_is_said(self, noise, quantum):
+        sensors = Sensors(depth_noise=noise, depth_quantum=quantum)
+        p = supervisor_parameters(paper(sensors=sensors), 0.3)
+        rng = np.random.default_rng(1)
+        samples = np.round(rng.normal(0.0, noise, 200_000) / quantum)
+        chance = np.mean(samples == 0.0)  # in the middle of its quantum: the worst place
+        assert chance**p.same.same < 1.2e-12
+        assert p.same.same == max(math.ceil(10 / 0.3), p.same.same)
+
+    def test_a_quantum_that_hides_the_noise_says_nothing(self):
+        sensors = Sensors(depth_noise="1 mm", depth_quantum="10 mm")
+        assert supervisor_parameters(paper(sensors=sensors), 0.3).same == NEVER
+
+    def test_time_is_counted_in_blocks(self):
+        p = supervisor_parameters(paper(supervisor=Supervisor(time_limit="90 d")), 0.3)
+        assert p.time.time_blocks * 4096 + p.time.time_ticks == 90 * 86400 / 0.3
+        assert p.time.time_blocks * 4096 > 2**24
+
+    @pytest.mark.parametrize(
+        ("given", "said"),
+        [
+            ({"depth_limit": "90 m"}, "full buoyancy lifts the vehicle"),
+            ({"depth_limit": "80 m", "battery_low": "5 V"}, "the motor moves at 5 V"),
+            ({"neutral_range": "400 cm3"}, "beyond the stroke"),
+            ({"release_time": "6e6 s"}, "supervisor counts to"),
+        ],
+    )
+    def test_a_vehicle_that_would_not_come_up_is_refused(self, given, said):
+        with pytest.raises(InputError, match=said):
+            supervisor_parameters(paper(supervisor=Supervisor(**given)), 0.3)
+
+    def test_a_positioner_goes_to_its_end(self):
+        p = supervisor_parameters(controlled("position-pid"), 0.5)
+        assert (
+            p.push.surface_command == p.push.hold_command == load_vehicle("ntnu-bv").stroke.maximum
+        )
+        assert p.board.battery_low == 0.0

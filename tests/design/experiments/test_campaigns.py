@@ -1,0 +1,147 @@
+"""Days at the pool, simulated by an integration of its own: what was predicted, and what came."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from swimbladder.design.experiments import load_plan, plan_file
+from swimbladder.design.experiments.flight import Flight, follow
+from swimbladder.design.experiments.predict import predict
+from swimbladder.design.experiments.setting import ramps
+from swimbladder.estimation.motion import identify
+from swimbladder.io.logs import Log
+from tests.design.experiments.truth import Vehicle, depths, run
+
+pytestmark = pytest.mark.slow
+
+NAMES = ("K2", "T2", "psi")
+CAMPAIGNS = 60
+
+
+def truth(k):
+    """Return the vehicle of a campaign: the paper's, each number off by a tenth or so."""
+    by = np.exp(0.1 * np.random.default_rng([7, k]).normal(size=3))
+    return Vehicle(7935.54 * by[0], 36.3 * by[1], 4.04e-6 * by[2])
+
+
+def logs(plan, vehicle, rng, setting, drift_std=0.0):
+    found = []
+    for number, one in enumerate(plan.experiments, start=1):
+        time, depth, volume = run(
+            plan, one, vehicle, rng, noise=setting.noise, quantum=setting.quantum,
+            neutral=setting.neutral_std * rng.normal(), drift=drift_std * rng.normal(),
+        )  # fmt: skip
+        line = np.arange(len(time)) + 2
+        found.append(
+            Log(source=f"{number}", time=time, depth=depth, volume=volume + 1e-4, line=line)
+        )
+    return found
+
+
+@pytest.fixture(scope="module")
+def campaigns(design, vehicle, setting, tmp_path_factory):
+    """Return of both sets, over campaigns: errors, deviations reported and predicted, as shares,
+    and covariances reported and predicted.
+    """
+    limits = ramps(vehicle, setting)
+    found = {}
+    for name, weighed in (("planned", design.chosen), ("paper", design.against)):
+        path = tmp_path_factory.mktemp(name) / "plan.toml"
+        path.write_text(plan_file(design.plan(weighed)), encoding="utf-8")
+        plan, rows = load_plan(path), []
+        for k in range(CAMPAIGNS):
+            true = truth(k)
+            values = np.array([true.K2, true.T2, true.psi])
+            measured = logs(plan, true, np.random.default_rng([11, k]), setting)
+            answer = identify(measured, vehicle, profiles=False, choices=False)
+            there = design.question.values | dict(zip(NAMES, values.tolist(), strict=True))
+            question = design.question._replace(model=design.question.model._replace(values=there))
+            flights = [follow(r, question.model, there, limits, setting) for r in weighed.releases]
+            expected = predict(flights, question, setting)
+            rows.append(
+                (
+                    np.array([answer.parameters[n].value for n in NAMES]) / values - 1.0,
+                    np.array([answer.parameters[n].std for n in NAMES]) / values,
+                    np.array([expected.parameters[n].std for n in NAMES]) / values,
+                    answer.correlation,
+                    expected.correlation,
+                )
+            )
+        found[name] = [np.array(column) for column in zip(*rows, strict=True)]
+    return found
+
+
+def rms(errors):
+    return np.sqrt(np.mean(errors**2, axis=0))
+
+
+def test_the_planned_set_is_better_than_the_papers_in_no_more_time(design, campaigns):
+    """Realised errors, the same vehicles and the same pool time."""
+    assert design.chosen.time <= design.against.time
+    ours, theirs = rms(campaigns["planned"][0]), rms(campaigns["paper"][0])
+    assert (theirs / ours > 3.0).all(), (ours, theirs)
+
+
+@pytest.mark.parametrize("name", ["planned", "paper"])
+def test_the_deviation_predicted_is_the_scatter_that_comes(campaigns, name):
+    """Within its sampling error: the squares of 60 errors over the predicted deviation."""
+    errors, _, predicted, *_ = campaigns[name]
+    squares = ((errors / predicted) ** 2).sum(axis=0)
+    low, high = chi2.ppf([0.001, 0.999], CAMPAIGNS)
+    assert ((low < squares) & (squares < high)).all(), squares / CAMPAIGNS
+
+
+@pytest.mark.parametrize("name", ["planned", "paper"])
+def test_the_covariance_predicted_is_the_one_reported(campaigns, name):
+    """Up to the noise, which a fit estimates, and to where noisy depths set off the moves: they
+    do so a little early.
+    """
+    _, reported, predicted, said, expected = campaigns[name]
+    ratio = reported / predicted
+    assert np.median(ratio, axis=0) == pytest.approx(np.ones(3), abs=0.08)
+    assert np.mean(np.abs(ratio - 1.0) < 0.2) > 0.95
+    assert np.median(np.abs(said - expected)) < 0.02
+
+
+def test_the_error_with_drift_is_the_one_that_comes(design, vehicle, setting, tmp_path):
+    """Neutral volumes that drift, of which the fit does not know: the vehicle as it was given."""
+    path = tmp_path / "plan.toml"
+    path.write_text(plan_file(design.plan()), encoding="utf-8")
+    plan, true = load_plan(path), Vehicle(7935.54, 36.3, 4.04e-6)
+    errors = []
+    for k in range(CAMPAIGNS // 2):
+        rng = np.random.default_rng([13, k])
+        measured = logs(plan, true, rng, setting, drift_std=setting.drift_std)
+        answer = identify(measured, vehicle, profiles=False, choices=False)
+        found = np.array([answer.parameters[n].value for n in NAMES])
+        errors.append(found / [true.K2, true.T2, true.psi] - 1.0)
+    share = np.array([design.chosen.prediction.share[n] for n in NAMES])
+    squares = (np.array(errors) ** 2).sum(axis=0) / share**2
+    low, high = chi2.ppf([0.001, 0.999], CAMPAIGNS // 2)
+    assert ((low < squares) & (squares < high)).all(), squares / (CAMPAIGNS // 2)
+    without = np.array([design.chosen.prediction.parameters[n].std for n in NAMES])
+    assert (rms(np.array(errors)) > 1.3 * without / [true.K2, true.T2, true.psi]).all()
+
+
+def test_of_the_records_as_they_came_the_covariance_is_the_one_reported(design, vehicle, setting):
+    """Nothing is left but the noise that a fit estimates, from some two thousand depths."""
+    plan, true = design.plan(), Vehicle(7935.54, 36.3, 4.04e-6)
+    neutral, ratios = replace(setting, neutral_std=0.0), []
+    for k in range(12):
+        measured = logs(plan, true, np.random.default_rng([17, k]), neutral)
+        answer = identify(measured, vehicle, profiles=False, choices=False)
+        flights = [
+            Flight(
+                release, log.time, log.volume - 1e-4,
+                depths(true, log.volume - 1e-4, release.start, plan.sample_time), (17,), "longest",
+            )
+            for log, release in zip(measured, design.chosen.releases, strict=True)
+        ]  # fmt: skip
+        expected = predict(flights, design.question, setting)
+        size = np.sqrt(np.diag(answer.covariance) / np.diag(expected.covariance))
+        assert answer.correlation == pytest.approx(expected.correlation, abs=0.06)
+        ratios.append(size * setting.depth_noise / answer.depth_noise)
+    assert np.array(ratios) == pytest.approx(np.ones((12, 3)), abs=0.06)
+    assert np.mean(ratios, axis=0) == pytest.approx(np.ones(3), abs=0.02)

@@ -1,0 +1,141 @@
+"""The whole design: what it says, warns of, refuses, and writes as a plan."""
+
+import math
+
+import pytest
+
+import swimbladder as sb
+from swimbladder.design.experiments import PAPER, design_experiment, load_plan, plan_file
+from swimbladder.errors import InputError
+from swimbladder.estimation.motion import Prior
+
+QUICK = {"pool_depth": 4.5, "sensor_std": 2e-3, "settling": 300.0, "moves": 1, "releases": 2}
+
+
+def test_the_design_fits_the_time_and_beats_the_papers_eight(design):
+    assert [r.moves[0].volume for r in design.against.releases] == list(PAPER)
+    assert design.chosen.time <= design.budget == pytest.approx(design.against.time, rel=0.01)
+    assert design.rival == "the paper's eight"
+    assert all(gain > 3.0 for gain in design.gains.values())
+    assert design.identifiable
+    for name, (low, high) in design.chosen.spread.items():
+        assert low <= design.chosen.prediction.share[name] * 1.5
+        assert high < 0.02
+    # What is known grows with every experiment.
+    for name in ("K2", "T2", "psi"):
+        last = design.chosen.after[-1][name]
+        assert last == pytest.approx(design.chosen.prediction.share[name], rel=1e-3)
+        assert last < design.chosen.after[0][name]
+
+
+def test_the_plan_is_what_was_chosen(design, tmp_path):
+    path = tmp_path / "plan.toml"
+    path.write_text(plan_file(design.plan()), encoding="utf-8")
+    plan = load_plan(path)
+    assert plan == design.plan()
+    assert (plan.pool_depth, plan.shallowest, plan.deepest) == (4.5, 0.75, 3.75)
+    assert plan.time == pytest.approx(design.chosen.time, abs=1.0)
+    for one, release in zip(plan.experiments, design.chosen.releases, strict=True):
+        assert one.start_depth == release.start
+        assert [m.volume for m in one.moves] == [m.volume for m in release.moves]
+        assert one.trace.time[0] == 0.0
+        assert one.trace.depth[0] == pytest.approx(release.start)
+        assert one.trace.time[-1] == pytest.approx(one.duration, abs=0.06)
+        assert len(one.trace.time) <= 62
+    assert [e.name for e in plan.expected] == ["K2", "T2", "psi"]
+
+
+def test_warnings_say_what_would_go_wrong(design):
+    kinds = {f.kind for f in design.findings}
+    assert {"psi", "drift", "limit", "size"} <= kinds
+    (psi,) = (f.sentence for f in design.findings if f.kind == "psi")
+    assert "refit" in psi
+    assert "linearised" in psi
+    assert design.against.psi.refit["K2"] > 0.6  # what the paper's eight would hide
+    assert design.against.psi.rms < 5e-3
+
+
+def test_a_larger_step_buys_nothing(design):
+    """A step crosses the range before its speed settles: sizes beyond the best tell less."""
+    c = design.curve
+    at = int(c.steps.argmin())
+    assert 0 < at < len(c.sizes) - 1
+    assert c.best_step == c.sizes[at]
+    assert (c.steps[at + 1 :] > c.steps[at]).all()
+
+
+def test_what_cannot_be_told_is_said_with_a_remedy(vehicle):
+    options = {**QUICK, "sensor_std": 0.05, "releases": 1, "against": (), "neutral_std": math.inf}
+    found = design_experiment(vehicle, **options)
+    assert not found.identifiable
+    assert found.against is None
+    said = " ".join(f.sentence for f in found.findings if f.severity == "no")
+    assert "psi" in said
+    assert found.plan().neutral_std is None
+    assert any(f.kind == "remedy" and "times the pool time" in f.sentence for f in found.findings)
+
+
+def test_a_prior_and_a_value_help(vehicle):
+    plain = design_experiment(vehicle, **QUICK)
+    told = design_experiment(vehicle, **QUICK, priors={"psi": Prior(4.04e-6, 4e-8)})
+    held = design_experiment(vehicle, **QUICK, fixed={"psi": 4.04e-6})
+    for name in ("K2", "T2"):
+        shares = [d.chosen.prediction.share[name] for d in (plain, told, held)]
+        assert shares[0] > shares[1] > 0.99 * shares[2]
+    assert held.chosen.prediction.names == ("K2", "T2")
+    assert told.chosen.prediction.sources["psi"]["prior"] > 0.1
+    assert len(plain.chosen.releases) == 2
+    assert all(len(r.moves) == 1 for r in plain.chosen.releases)
+
+
+@pytest.mark.parametrize(("name", "law"), [("ntnu-bv", "blended"), ("feup-em", "quadratic")])
+def test_other_vehicles_and_laws(name, law):
+    small = name == "ntnu-bv"
+    found = design_experiment(
+        sb.load_vehicle(name), **{**QUICK, "pool_depth": 1.5 if small else 4.5}, drag=law,
+        clearance=0.3 if small else 0.75, quantum=0.0, against=() if small else None,
+    )  # fmt: skip
+    names = {"blended": ("K2", "T2", "drag_quadratic", "psi"),
+             "quadratic": ("mass", "drag_quadratic", "psi")}[law]  # fmt: skip
+    assert found.chosen.prediction.names == names
+    assert found.chosen.time <= found.budget
+
+
+def test_what_the_settling_is_without_being_told(vehicle):
+    from swimbladder.design.experiments.run import _settling
+
+    time, how = _settling(vehicle, None, 4.5, 0.75)
+    assert 240.0 < time < 600.0  # two to ten times the minute at rest
+    assert how.startswith("simulated")
+    assert _settling(sb.load_vehicle("ntnu-bv"), None, 1.5, 0.3)[0] == 120.0
+
+
+@pytest.mark.parametrize(
+    ("options", "field"),
+    [
+        ({"pool_depth": 1.6}, "--pool-depth"),
+        ({"sensor_std": None}, "--sensor-std"),
+        ({"sensor_std": -1.0}, "--sensor-std"),
+        ({"sample_time": 0.0}, "--sample-time"),
+        ({"neutral_std": 0.0}, "--neutral-std"),
+        ({"settling": -1.0}, "--settling"),
+        ({"longest": 1.0}, "--longest"),
+        ({"uncertainty": 1.5}, "--uncertainty"),
+        ({"time": 60.0}, "--time"),
+        ({"criterion": "best"}, "--criterion"),
+        ({"free": ("K3",)}, "--free"),
+        ({"free": ()}, "--free"),
+        ({"fixed": {"K2": -1.0}}, "--set"),
+        ({"fixed": {"psi": 1e-6}, "free": ("K2", "psi")}, "--set"),
+        ({"priors": {"psi": Prior(1e-6, 0.0)}}, "--prior"),
+        ({"priors": {"psi": Prior(1e-6, 1e-7)}, "free": ("K2",)}, "--prior"),
+        ({"against": (1e-3,)}, "--against"),
+        ({"against": (0.0,)}, "--against"),
+        ({"drag": "switched"}, "--drag"),
+    ],
+)
+def test_what_cannot_be_is_refused(vehicle, options, field):
+    with pytest.raises(InputError) as caught:
+        design_experiment(vehicle, **{**QUICK, **options})
+    assert caught.value.field == field
+    assert caught.value.remedy

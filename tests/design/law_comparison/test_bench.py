@@ -1,0 +1,144 @@
+"""The bench as a whole: rows, what is left out, going on where it was stopped."""
+
+import math
+
+import pytest
+
+from swimbladder.design.law_comparison import SCENARIOS, bench
+from swimbladder.design.law_comparison import run as running
+from swimbladder.design.law_comparison.bounds import Asked, least_times
+from swimbladder.design.law_comparison.contenders import LeftOut
+from swimbladder.design.planning import least_time
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.config import load_vehicle
+from swimbladder.jobs import Store
+
+FEUP, TANK = load_vehicle("feup-em"), load_vehicle("ntnu-bv")
+FEW = tuple(s for s in SCENARIOS if s.name in ("step-down", "step-uncertain", "hold", "hold-drift"))
+
+
+def benched(vehicle=TANK, **given):
+    return bench(vehicle, **({"runs": 3, "scenarios": FEW} | given))
+
+
+def test_a_positioner_flies_what_its_file_has_and_the_rest_is_left_out():
+    b = benched(tune_for=["fast"])
+    names = ["position-pid, as in the file", "position-observer, fast"]
+    assert [row.who.name for row in b.rows] == names
+    assert b.reference is b.rows[0]
+    assert {one.name: one.why for one in b.left_out}["planned"].startswith("it commands a voltage")
+    assert "tuned" in {one.name: one.why for one in b.left_out}["position-pid"]
+    assert b.no_energy == "nothing is known of the motor behind the positioner"
+    assert math.isnan(b.rows[0].cost("hold", "power"))
+    assert set(b.rows[0].results) == {s.name for s in FEW}
+    assert b.bounds["step-down"] == least_time(TANK, *b.placed[0][1:3]).time
+    assert "step-uncertain" in b.no_bound
+    told = b.to_json()
+    assert told["laws"][0]["results"]["hold"]["rms_m"] == b.rows[0].results["hold"].rms
+    assert told["laws"][0]["reference"] is True
+
+
+def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
+    first = benched(FEUP, laws=["position-pid"], parts=tmp_path)
+    kept = sorted(path.name for path in tmp_path.iterdir())
+    assert len(kept) == len(FEW) + 1  # and one least time
+    # stopped before the last: one part is gone, one is torn
+    flown = [path for path in tmp_path.iterdir() if path.name.startswith("flown")]
+    flown[0].unlink()
+    flown[1].write_text("{", encoding="utf-8")
+    calls = []
+    fly = running.fly
+
+    def counted(*args, **settings):
+        calls.append(args[2].scenario.name)
+        return fly(*args, **settings)
+
+    monkeypatch.setattr(running, "fly", counted)
+    monkeypatch.setattr(running, "least_times", lambda *_, **__: pytest.fail("done already"))
+    again = benched(FEUP, laws=["position-pid"], parts=tmp_path)
+    assert len(calls) == 2
+    # nan differs from nan: compare as text
+    assert repr(again.rows[0].results) == repr(first.rows[0].results)
+    assert sorted(path.name for path in tmp_path.iterdir()) == kept
+    benched(FEUP, laws=["position-pid"], parts=tmp_path, seed=5)
+    assert len(calls) == 2 + len(FEW)  # another seed is another question
+
+
+def test_least_times_are_the_planners_and_late_ones_are_said():
+    steps = [Asked(1.5, 2.0, 12.0), Asked(1.5, 90.0, 12.0)]
+    one, two = least_times(FEUP, steps, limit=120.0)
+    assert one == {"time": least_time(FEUP, 1.5, 2.0, supply=12.0).time}
+    assert "stroke" in two["why"]
+    late = least_times(FEUP, steps, limit=1e-3)
+    assert [answer["late"] for answer in late] == [True, True]
+    assert "took longer than 0.001 s" in late[0]["why"]
+
+
+def test_a_part_is_that_of_the_vehicle_asked_for(tmp_path):
+    store = Store(tmp_path)
+    store.write({"a": 1.0}, "flown", FEUP, 3)
+    assert store.read("flown", FEUP, 3) == {"a": 1.0}
+    assert store.read("flown", FEUP, 4) is None
+    assert store.read("flown", FEUP.model_copy(update={"trim_error": 1e-6}), 3) is None
+    Store(None).write({}, "x")
+    assert Store(None).read("x") is None
+
+
+@pytest.mark.slow
+def test_tuned_laws_are_flown_beside_the_papers(tmp_path):
+    sensors = FEUP.sensors.model_copy(update={"depth_noise": 2e-3})
+    noisy = FEUP.model_copy(update={"sensors": sensors})
+    told = []
+    b = benched(
+        noisy, laws=["planned"], tune_for=("fast",), depths=(0.0, 5.0), parts=tmp_path,
+        advance=told.append,
+    )  # fmt: skip
+    assert [row.who.name for row in b.rows] == ["cascade, the paper's", "planned, fast"]
+    paper, planned = b.rows
+    assert b.reference is paper
+    assert sum(told) == pytest.approx(1.0, abs=0.02)
+    bound = b.bounds["step-down"]
+    assert bound == pytest.approx(14.4)  # s, the linear program of planning.least_time
+    settled = planned.results["step-down"]
+    assert bound <= settled.settle_median <= 1.25 * bound
+    assert settled.overshoot_95 < 0.03
+    assert planned.results["step-uncertain"].settle_95 < 21.6
+    assert paper.results["step-down"].settle_median > 15.0 * bound
+    assert paper.results["hold"].volume_rate > planned.results["hold"].volume_rate
+    assert paper.results["hold-drift"].rms > planned.results["hold-drift"].rms
+    assert b.sentences[0].startswith("planned, fast settles soonest")
+    # and again, from what was kept
+    assert benched(
+        noisy, laws=["planned"], tune_for=("fast",), depths=(0.0, 5.0), parts=tmp_path
+    ).rows[1].who == planned.who  # fmt: skip
+
+
+def test_a_law_that_cannot_be_tuned_is_left_out_with_the_reason(monkeypatch):
+    def refused(*_, **settings):
+        raise NoAnswerError(f"no gains for {settings['goal']}")
+
+    monkeypatch.setattr("swimbladder.design.law_comparison.contenders.tune", refused)
+    b = benched(FEUP, laws=["planned"])
+    assert b.left_out == [
+        LeftOut(name="planned, fast", why="no gains for fast"),
+        LeftOut(name="planned, quiet", why="no gains for quiet"),
+    ]
+    other = FEUP.stroke.model_copy(update={"maximum": 3e-4})  # not the paper's vehicle any more
+    bare = FEUP.model_copy(update={"controller": None, "stroke": other})
+    with pytest.raises(NoAnswerError, match=r"no controller to bench\. .*no gains for fast"):
+        benched(bare, laws=["planned"], sample_time=0.3)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"laws": ["pid"]}, "no such law"),
+        ({"runs": 1}, "too few runs"),
+        ({"seed": -1}, "0 or more"),
+        ({"depths": (3.0, 1.0)}, "no range of depths"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_is_done(given, words, tmp_path):
+    with pytest.raises(InputError, match=words):
+        benched(parts=tmp_path / "parts", **given)
+    assert not (tmp_path / "parts").exists()

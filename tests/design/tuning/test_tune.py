@@ -1,0 +1,344 @@
+"""Tuning: margins by python-control, promises by simulation, refusals by their words."""
+
+import dataclasses
+import json
+import math
+
+import control
+import numpy as np
+import pytest
+
+from swimbladder.cli import main
+from swimbladder.control.law import Measurement
+from swimbladder.control.registry import bind
+from swimbladder.design.analysis import analyse
+from swimbladder.design.linear.models import linearise
+from swimbladder.design.linear.sampled import SampledLoop, linearise_law
+from swimbladder.design.tuning import tune
+from swimbladder.design.tuning.energy import electrical_energy, winding
+from swimbladder.design.tuning.gains import Knobs, gains, setting_of, tunable
+from swimbladder.design.tuning.margins import WANTED, exactly, falls_short, lacking, roughly, worst
+from swimbladder.design.tuning.motion import off_in
+from swimbladder.design.tuning.region import region
+from swimbladder.design.tuning.trial import motor_starts, motor_turns, trial
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.config import load_vehicle
+from swimbladder.physics.dynamics import plant
+from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
+from swimbladder.show.report.tune import write_tuning
+from swimbladder.sim.closed_loop import simulate
+
+FEUP = load_vehicle("feup-em")
+NOISY = FEUP.model_copy(update={"sensors": FEUP.sensors.model_copy(update={"depth_noise": 2e-3})})
+H = 0.3
+
+
+def loops(name, knobs, *, depth=2.0, delay=0.0):
+    s = setting_of(NOISY, sample_time=H, supply=12.0, neutral_range=20e-6)
+    law, p = tunable(name), gains(name, s, knobs)
+    seen = Measurement(0.0, depth, FEUP.neutral_volume(depth))
+    linear = linearise_law(
+        law.step, parameters=p, state=law.initial(p, seen, depth), measurement=seen,
+        reference=depth, tick=H,
+    )  # fmt: skip
+    assert linear.smooth
+    loop = SampledLoop(plant=linearise(plant(FEUP), depth=depth), law=linear)
+    return loop.broken_at_command(command_delay=delay), loop.broken_at_depth(command_delay=delay)
+
+
+LEARNING = {"adrc": 0.25}
+
+
+@pytest.mark.parametrize("name", ["planned", "observer", "cascade", "sea-cascade", "adrc"])
+@pytest.mark.parametrize("delay", [0.0, 0.03])
+def test_margins_are_python_controls(name, delay):
+    knobs = Knobs(0.15, 0.9, 1.2, sharpness=8.0, learning=LEARNING.get(name, 0.003))
+    for loop in loops(name, knobs, delay=delay):
+        found = exactly(loop)
+        assert found.stable
+        system = control.ss(loop.A, loop.B, loop.C, loop.D, H)
+        w = np.geomspace(1e-4, math.pi / H, 20_000)
+        L = np.squeeze(system(np.exp(1j * w * H)))
+        assert found.peak_sensitivity == pytest.approx(np.abs(1.0 / (1.0 + L)).max(), rel=1e-3)
+        crossing = np.flatnonzero(np.diff(np.sign(np.abs(L) - 1.0)))
+        phase = np.abs(np.angle(-L))[crossing].min()
+        assert found.phase == pytest.approx(phase, abs=2e-3)
+        rough = roughly(loop)
+        assert rough.peak_sensitivity == pytest.approx(found.peak_sensitivity, rel=0.01)
+        assert rough.phase == pytest.approx(found.phase, abs=0.02)
+        assert rough.gain_up == pytest.approx(found.gain_up, rel=0.05)
+        assert rough.disk == pytest.approx(found.disk, rel=0.02)
+
+
+def test_the_worst_over_a_region_is_no_better_than_any_of_it():
+    s = setting_of(NOISY, sample_time=H, supply=12.0, neutral_range=20e-6)
+    law, p = tunable("observer"), gains("observer", s, Knobs(0.15, 0.9, 1.2, 8.0, 0.003))
+    plants = region(FEUP).plants
+    over = worst(law, p, plants, depths=[1.0], sample_time=H)
+    each = [worst(law, p, [plants[0], q], depths=[1.0], sample_time=H) for q in plants]
+    assert over.gain_up == min(m.gain_up for m in each)
+    assert over.phase == min(m.phase for m in each)
+    assert over.peak_sensitivity == max(m.peak_sensitivity for m in each)
+    assert falls_short(over) == ()
+    assert falls_short(over._replace(phase=0.5)) == ("phase 29 of 45 degrees",)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["planned", "sea-cascade", "adrc"])
+def test_fast_settles_near_the_bound_over_the_whole_region(law):
+    found = tune(
+        NOISY, law=law, goal="fast", depths=(0.0, 5.0), step=(1.5, 3.0), supply=12.0, runs=100
+    )
+    assert found.margins is not None
+    assert found.nominal.settle_median <= 16.5
+    assert found.nominal.overshoot_median < 0.02
+    assert found.region.settle_95 <= 21.6
+    assert found.region.overshoot_95 <= 0.03
+    assert falls_short(found.margins, WANTED) == ()
+    # The vehicle that is written has the law, and the analysis finds its loop stable.
+    answer = analyse(found.vehicle, depth=2.0)
+    assert answer.stable
+    assert answer.closed_loop.at_depth.peak_sensitivity < 1.6
+
+
+@pytest.mark.slow
+def test_quiet_holds_a_depth_and_hardly_moves():
+    coarse = NOISY.sensors.model_copy(update={"depth_quantum": 5e-3})
+    vehicle = NOISY.model_copy(update={"sensors": coarse})
+    found = tune(
+        vehicle, law="observer", goal="quiet", depths=(0.0, 5.0), step=(1.5, 2.0), supply=12.0,
+        runs=60,
+    )  # fmt: skip
+    assert falls_short(found.margins, WANTED) == ()
+    other = trial(
+        vehicle, found.law, found.parameters, found.step, sample_time=H, region=region(vehicle),
+        runs=60, seed=7, supply=12.0,
+    )  # fmt: skip
+    for over in (found.region, other):
+        assert over.rms < 0.0105
+        assert over.rate * 3.6e6 < 0.5  # L an hour
+        # Runs one way: no law can do with fewer than 77 (tests/studies/test_starts.py).
+        assert over.starts * 3600.0 < 90.0
+        assert over.turns < 0.02 * over.starts
+
+
+@pytest.mark.slow
+def test_pulses_hold_a_depth_with_sixty_starts_an_hour():
+    coarse = NOISY.sensors.model_copy(update={"depth_quantum": 5e-3})
+    vehicle = NOISY.model_copy(update={"sensors": coarse})
+    found = tune(
+        vehicle, law="pulse", goal="quiet", depths=(0.0, 5.0), step=(1.5, 2.0), supply=12.0,
+        runs=100,
+    )  # fmt: skip
+    assert falls_short(found.margins, WANTED) == ()
+    other = trial(
+        vehicle, found.law, found.parameters, found.step, sample_time=H, region=region(vehicle),
+        runs=200, seed=7, supply=12.0,
+    )  # fmt: skip
+    # 25 and 50 hours of some 54 starts: 3 and 2 % by chance, and the target is 11 % away.
+    for over in (found.region, other):
+        assert over.rms <= 0.010
+        assert over.rate * 3.6e6 <= 0.5  # L an hour
+        assert over.starts * 3600.0 <= 60.0  # from rest
+        assert over.turns == pytest.approx(over.starts, rel=0.05)  # a reversal in each run
+    said = " ".join(found.sentences)
+    assert "starts from rest" in said
+    assert "reversals an hour" in said
+    assert "2 % of that step are 10 mm, hardly more than it is held to" in said
+    kept = found.to_json()["region"]
+    assert kept["starts_1_s"] == found.region.starts
+    assert kept["turns_1_s"] == found.region.turns
+
+
+def test_a_motor_that_turns_round_without_a_rest_has_started_anew():
+    moves = np.array([[0.0, 1.0, 1.0, -1.0, -1.0, 0.0, 0.0, 2.0, 0.0]]).T * 1e-6
+    volume = np.concatenate([np.zeros((1, 1)), np.cumsum(moves, axis=0)])
+    assert motor_starts(volume) == 2
+    assert motor_turns(volume) == 1
+
+
+def test_a_walk_takes_the_vehicle_as_far_off_as_reckoned_with():
+    """Simulated, without drag and psi: 1 sigma after that time is the distance over sqrt(20)."""
+    p = plant(FEUP)._replace(psi=0.0, d_l=0.0)
+    distance, walk, n = 0.01, 2e-8, 400
+    h = off_in(p, distance, walk) / n
+    force = p.a_b * np.cumsum(
+        np.random.default_rng(5).normal(0.0, walk * math.sqrt(h), (n, 4000)), axis=0
+    )
+    z = np.cumsum(np.cumsum(force, axis=0), axis=0)[-1] * h * h
+    assert np.std(z) == pytest.approx(distance / math.sqrt(20.0), rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_sensor_too_bad_for_a_fast_law_is_said():
+    sensors = FEUP.sensors.model_copy(update={"depth_noise": 0.05})
+    with pytest.raises(NoAnswerError, match="depth noise of 50 mm"):
+        tune(FEUP.model_copy(update={"sensors": sensors}), depths=(0.0, 5.0), runs=20)
+
+
+@pytest.mark.slow
+def test_a_positioner_is_tuned_too():
+    found = tune(
+        load_vehicle("ntnu-bv"), law="position-observer", depths=(0.0, 0.9), step=(0.4, 1.0),
+        runs=20,
+    )  # fmt: skip
+    assert found.judged == (0.0, 0.4, 0.9, 1.0)  # the step leaves the range, and that is said
+    leaves = "0.4 to 1 m, leaves the depths of 0 to 0.9 m (--depth): the margins are judged at 1 m"
+    assert any(leaves in words for words in found.assumptions)
+    assert falls_short(found.margins, WANTED) == ()
+    assert found.nominal.settle_median < 35.0  # the float's own PID takes 70 s
+    assert found.to_json()["supply_V"] is None
+    assert found.vehicle.controller.law == "position-observer"
+    assert [axes.get_ylabel() for axes in draw_tuning(found).axes][-1] == "volume asked for [cm³]"
+
+
+def test_the_sensitivity_that_is_drawn_is_that_of_the_margins():
+    found = tune(NOISY, law="observer", depths=(0.0, 5.0), step=(1.5, 3.0), runs=20)
+    figure = draw_sensitivity(found)
+    peaks = [max(line.get_ydata().max() for line in axes.lines[:-1]) for axes in figure.axes]
+    assert max(peaks) == pytest.approx(found.margins.peak_sensitivity, rel=2e-3)
+
+
+@pytest.mark.slow
+def test_energy_is_spent_slowly_and_the_depth_is_held():
+    vehicle = load_vehicle("example-em")
+    noisy = vehicle.sensors.model_copy(update={"depth_noise": 2e-3})
+    vehicle = vehicle.model_copy(update={"sensors": noisy})
+    options = {"law": "sea-cascade", "depths": (0.0, 5.0), "step": (1.5, 3.0), "runs": 20}
+    saving = tune(vehicle, goal="energy", hold=0.03, **options)
+    fast = tune(vehicle, goal="fast", **options)
+    assert saving.region.rms < 0.03
+    assert saving.parameters.voltage_limit < fast.parameters.voltage_limit
+    long = saving.step
+    same = trial(vehicle, fast.law, fast.parameters, long, sample_time=H, runs=20)
+    assert saving.nominal.energy < 0.3 * same.energy
+    assert any("The motor takes" in sentence for sentence in saving.sentences)
+
+
+@pytest.mark.slow
+def test_a_law_that_sleeps_is_judged_by_trials_alone(tmp_path):
+    found = tune(
+        NOISY, law="deadband", goal="quiet", hold=0.05, depths=(0.0, 5.0), step=(1.5, 3.0), runs=20
+    )
+    assert found.margins is None
+    assert found.to_json()["margins"] is None
+    assert found.region.rms < 0.05
+    assert found.to_json()["hold_m"] == 0.05
+    assert "that were asked for" not in " ".join(found.sentences)
+    missed = " ".join(dataclasses.replace(found, held=0.5 * found.region.rms).sentences)
+    assert f"more than the {500.0 * found.region.rms:.3g} mm that were asked for" in missed
+    assert "no margins" in found.sentences[-1]
+    files = write_tuning(found, tmp_path / "out", answer="{}", command="swimbladder tune")
+    assert "sensitivity.png" not in [path.name for path in files]
+    assert "no margin is claimed" in (tmp_path / "out" / "tune.html").read_text()
+
+
+def test_the_energy_of_samples_is_that_of_the_books():
+    vehicle = load_vehicle("example-em")
+    law, gains_ = bind(vehicle.controller)
+    run = simulate(
+        vehicle, law=law, parameters=gains_, setpoints=[(0.0, 3.0)], start_depth=1.5,
+        duration=60.0, sample_time=H,
+    )  # fmt: skip
+    found = electrical_energy(
+        winding(vehicle), plant(vehicle), sample_time=H, command=run.command[:, None],
+        volume=run.volume[:, None], depth=run.depth[:, None],
+    ).sum()  # fmt: skip
+    assert found == pytest.approx(run.books.energy["source"], rel=1e-9)
+
+
+LIGHT = FEUP.model_copy(update={  # it needs its stroke near the surface, and less of it deeper
+    "trim_error": 3.6e-4, "hull": FEUP.hull.model_copy(update={"psi": -1e-6}),
+})  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "options", "error", "words"),
+    [
+        (FEUP, {"depths": (0.0, 90.0)}, NoAnswerError, "outside its stroke"),
+        (FEUP, {"step": (1.5, 95.0)}, NoAnswerError, "at 95 m the vehicle is neutral at 383.8"),
+        (FEUP, {"step": (1.5, 300.0)}, NoAnswerError, "rated for 100 m"),
+        (FEUP, {"depths": (0.0, 86.5)}, NoAnswerError, "anywhere from 347.5 to 351.5 cm3"),
+        (LIGHT, {"depths": (5.0, 60.0)}, NoAnswerError, "at 5 m the vehicle is neutral at 355"),
+        (FEUP, {"depths": (0.0, 60.0), "supply": 4.0}, NoAnswerError, "no longer extend below"),
+        (FEUP, {"depths": (0.0, 150.0)}, NoAnswerError, "rated for 100 m"),
+        (FEUP, {"sample_time": 3.0}, NoAnswerError, "shorter sample time"),
+        (FEUP, {"law": "pid"}, InputError, "not tuned"),
+        (FEUP, {"goal": "soon"}, InputError, "no such goal"),
+        (FEUP, {"goal": "energy"}, NoAnswerError, "resistance R and no torque constant k_T"),
+        (FEUP, {"goal": "fast", "law": "deadband"}, InputError, "not tuned for this"),
+        (FEUP, {"hold": 0.01}, InputError, "for quiet and energy"),
+        (FEUP, {"goal": "quiet", "hold": -0.01}, InputError, "above 0"),
+        (FEUP, {"depths": (5.0, 2.0)}, InputError, "no range"),
+        (FEUP, {"delay": 1.5}, InputError, "share of the sample"),
+        (FEUP, {"supply": 20.0}, InputError, "not above the vehicle's"),
+        (FEUP, {"supply": -1.0}, InputError, "^--supply: .* Give more than 0 V, and up to 12 V"),
+        (FEUP, {"step": (2.0, 2.0)}, InputError, "no step"),
+        (load_vehicle("ntnu-bv"), {}, InputError, "Choose from position-observer"),
+        (FEUP, {"law": "position-observer"}, InputError, "commands a volume"),
+        (
+            load_vehicle("ntnu-bv"),
+            {"law": "position-observer", "supply": 12.0},
+            InputError,
+            "supply of its own",
+        ),
+    ],
+)
+def test_what_cannot_be_is_said(vehicle, options, error, words):
+    with pytest.raises(error, match=words):
+        tune(vehicle, **options)
+
+
+def test_gains_that_lack_a_margin_are_nearer_than_ones_that_are_not_stable():
+    """A loop that is stable with a small phase, and one that is not: the first is told of."""
+    lost = WANTED._replace(stable=False, gain_up=1.0, gain_down=1.0, phase=0.0, disk=0.0)
+    assert lacking(WANTED) == pytest.approx(1.0)
+    assert lacking(WANTED._replace(phase=0.5 * WANTED.phase)) == pytest.approx(2.0)
+    assert lacking(WANTED._replace(peak_sensitivity=2.8)) == pytest.approx(3.0)
+    assert lacking(lost) == math.inf
+    with pytest.raises(NoAnswerError, match=r"the nearest has .*phase \d+ of 46 degrees"):
+        tune(FEUP, law="sea-cascade", sample_time=3.0, runs=20)
+    with pytest.raises(NoAnswerError, match="none makes a loop that is stable over it"):
+        tune(FEUP, law="sea-cascade", sample_time=60.0, runs=20)
+
+
+@pytest.mark.slow
+def test_the_command_writes_a_vehicle_that_simulates(capsys, tmp_path):
+    out = tmp_path / "tuned"
+    command = ["tune", "feup-em", "--depth-noise", "2 mm", "--depth", "0:5 m", "--step", "1.5:3 m"]
+    assert main([*command, "--runs", "30", "--out", str(out), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["law"] == "planned"
+    assert answer["nominal"]["settle2_median_s"] < 20.0
+    assert sorted(p.name for p in out.iterdir()) == [
+        "sensitivity.png", "tune.html", "tune.json", "tune.png", "vehicle.toml",
+    ]  # fmt: skip
+    page = (out / "tune.html").read_text()
+    assert "at 0, 1.5, 3, 5 m" in page
+    assert f'<td class="n">{answer["margins"]["peak_sensitivity"]:.2f}</td>' in page
+    assert "http" not in page.replace("http://www.w3.org", "")
+    assert load_vehicle(out / "vehicle.toml").controller.law == "planned"
+    simulate = ["simulate", str(out / "vehicle.toml"), "--start", "1.5", "--target", "3"]
+    assert (
+        main(
+            [*simulate, "--duration", "60", "--seed", "1", "--json", "--out", str(tmp_path / "run")]
+        )
+        == 0
+    )
+    assert json.loads(capsys.readouterr().out)["settle2_s"] < 20.0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--depth", "5"], "a colon between"),
+        (["--depth", "0:5 kg"], "of another kind"),
+        (["--depth-noise", "-1 mm"], "must be 0 or more"),
+        (["--law", "planed"], "Did you mean planned?"),
+        (["--runs", "3"], "too few"),
+    ],
+)
+def test_bad_options_are_named(capsys, tmp_path, options, words):
+    assert main(["tune", "feup-em", *options, "--out", str(tmp_path / "out")]) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,46 @@
+"""The evidence for models: what holds for models that hold one another, whatever the data."""
+
+import numpy as np
+import pytest
+
+from swimbladder.estimation.motion import Prior, identify
+from swimbladder.io.config import load_vehicle
+from tests.estimation.motion.pool import campaign, pool_log
+
+FEUP_EM = load_vehicle("feup-em")
+
+
+@pytest.mark.parametrize("fixed", [{}, {"psi": 0.0}], ids=["psi free", "psi left out"])
+def test_a_model_that_holds_another_is_never_less_likely(fixed):
+    logs = campaign(31, quantum=5e-3, steps=(2e-5, -3e-5, 4.5e-5, -7.5e-5))
+    listed = identify(logs, FEUP_EM, fixed=fixed, profiles=False).choices
+    found = {(c.drag, c.psi): c.log_likelihood for c in listed}
+    for law in ("linear", "quadratic", "blended"):
+        assert found[law, "free"] > found[law, "zero"] - 0.1
+    for psi in ("free", "zero"):
+        assert found["blended", psi] > found["linear", psi] - 0.1
+        assert found["blended", psi] > found["quadratic", psi] - 0.1
+
+
+def test_what_the_data_do_not_tell_makes_no_vehicle_and_no_error():
+    log = pool_log(7.5e-5, travel=0.35, rng=np.random.default_rng(7))
+    found = identify([log], FEUP_EM, neutral_std=float("inf"), profiles=False)
+    assert not found.identified
+    assert found.result_vehicle == FEUP_EM
+    told = found.to_json()
+    assert told["parameters"]["K2"]["value"] is None
+    assert all(c["values"] == {} for c in told["choices"])
+
+
+def test_a_prior_that_the_data_contradict_is_called_out():
+    logs = campaign(32, steps=(2e-5, -3e-5, 4.5e-5, -7.5e-5))
+    quick = {"profiles": False, "choices": False}
+    right = identify(logs, FEUP_EM, priors={"psi": Prior(4e-6, 2e-6)}, **quick)
+    wrong = identify(logs, FEUP_EM, priors={"psi": Prior(4.0, 1.0)}, **quick)  # cm3/m meant
+
+    def said(found):
+        return [f.sentence for f in found.findings if f.kind == "prior" and f.severity != "note"]
+
+    assert said(right) == []
+    (sentence,) = said(wrong)
+    assert "4e+06 cm3/m" in sentence

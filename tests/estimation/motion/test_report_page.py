@@ -1,0 +1,226 @@
+"""The page of an identification: plain words first, nothing fetched, no number that is not told."""
+
+import base64
+import dataclasses
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from swimbladder.estimation.motion import Estimate, Prior, identify
+from swimbladder.estimation.motion.paper import paper_fits
+from swimbladder.io.config import load_vehicle
+from swimbladder.show.report import words
+from swimbladder.show.report.identification import pictures, residuals, write_identification
+from swimbladder.show.report.identification_page import page
+from tests.estimation.motion.pool import campaign, pool_log
+from tests.quoted import numbers
+
+FEUP_EM = load_vehicle("feup-em")
+PNG = base64.b64decode(  # one pixel
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
+)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return identify(campaign(71, quantum=5e-3, steps=(2e-5, -3e-5, 4.5e-5, -7.5e-5)), FEUP_EM)
+
+
+@pytest.fixture(scope="module")
+def untold():
+    log = pool_log(7.5e-5, travel=0.35, rng=np.random.default_rng(7))
+    return identify([log], FEUP_EM, neutral_std=float("inf"), profiles=False)
+
+
+class Page(HTMLParser):
+    """The texts, sources and links of a page, and whether its tags are closed."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.texts, self.sources, self.links, self.open = [], [], [], []
+        self.ids, self.tables = [], []
+        self.feed(html)
+        self.text = " ".join(" ".join(self.texts).split())
+
+    def handle_starttag(self, tag, attributes):
+        given = dict(attributes)
+        self.sources += [value for name, value in attributes if name in ("src", "srcset")]
+        self.links += [given["href"]] if "href" in given else []
+        self.ids += [given["id"]] if "id" in given else []
+        if tag not in ("meta", "img", "br"):
+            self.open.append(tag)
+        if tag == "img":
+            assert given["alt"]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] not in ("style", "title"):
+            self.texts.append(data)
+
+
+def page_of(identification, *, paper=None, files=("identify.json",)):
+    images = [(p.name, p.title, p.caption, PNG) for p in pictures(identification, paper)]
+    html = page(
+        identification, images, files=files, command="swimbladder identify a b", seconds=1.23,
+        paper=paper,
+    )  # fmt: skip
+    return Page(html), html
+
+
+def test_the_page_needs_nothing_but_itself(found):
+    read, html = page_of(found, paper=paper_fits(found))
+    assert read.open == []
+    assert all(source.startswith("data:image/png;base64,") for source in read.sources)
+    assert {link for link in read.links if "://" in link} == {"https://doi.org/10.3390/act12100380"}
+    assert not re.search(r"url\(|<script|@import", html)
+    assert len(read.ids) == len(set(read.ids))
+
+
+def test_plain_words_come_first_and_hold_the_numbers(found):
+    read, _ = page_of(found)
+    K2 = found.parameters["K2"]
+    sentence = words.headlines(found)[0]
+    value, share = re.match(r"K2 is (\S+) 1/m2/s, known to (\S+) %", sentence).groups()
+    assert float(value) == pytest.approx(K2.value, rel=0.01)
+    half = (K2.ci95[1] - K2.ci95[0]) / 2.0 / K2.value
+    assert float(share) == pytest.approx(100.0 * half, rel=0.06)
+    assert f"{1e-3 * K2.value:.3g} mm/s" in sentence
+    first = read.text.index("known to")
+    for later in ("The numbers", "What was assumed", "Measured against fitted", "How sure"):
+        assert first < read.text.index(later)
+    assert "swimbladder identify a b" in read.text
+    assert "the fit took 1.2 s" in read.text
+
+
+def test_every_part_of_the_evidence_is_there(found):
+    read, _ = page_of(found, paper=paper_fits(found))
+    for name in ("fits", "residuals", "distribution", "ellipses", "profiles", "neutral", "gains"):
+        assert name in read.ids
+    for section in ("parameters", "assumptions", "logs", "left-over", "sure", "choice", "paper"):
+        assert section in read.ids
+    assert "(reported)" in read.text
+    for text in ("known to 0.5 cm 3 (1 sigma)", "drag law: linear", "neutral at the first sample"):
+        assert text in read.text
+    assert read.text.count("quadratic") >= 2  # of the models that were tried
+
+
+def test_a_page_of_what_is_not_told_has_no_number_for_it(untold):
+    read, _ = page_of(untold)
+    assert "not identified from 1 log" in read.text
+    for finding in untold.findings:
+        if finding.severity == "no":
+            assert finding.sentence.split(".")[0].split(":")[0][-20:] in re.sub(
+                " ([0-9]) ", r"\1 ", read.text
+            ).replace("ψ", "psi")
+    assert {"ellipses", "profiles", "gains"}.isdisjoint(read.ids)
+    rows = words.rows(untold)
+    assert len({r.value for r in rows}) == 1  # the same words instead of each number
+    assert all(not numbers(r.value) for r in rows)
+    for e in untold.parameters.values():
+        assert f"{e.value:.4g}" not in read.text
+
+
+def test_texts_are_escaped(found):
+    first = dataclasses.replace(found.experiments[0], source='<b>"&.csv')
+    odd = dataclasses.replace(found, experiments=(first, *found.experiments[1:]))
+    read, html = page_of(odd, files=("a<b>.png",))
+    assert "<b>" not in html
+    assert '<b>"&.csv' in read.text
+
+
+def test_writing_it_again_takes_away_what_is_stale(found, untold, tmp_path):
+    told = []
+    out = tmp_path / "out"
+    files = write_identification(
+        found, out, answer="{}", command="c", seconds=1.0, advance=told.append
+    )
+    assert all(path.is_file() for path in files)
+    assert sum(told) == pytest.approx(1.0)
+    mine = out / "figures" / "mine.png"
+    mine.write_bytes(PNG)
+    again = write_identification(untold, out, answer="{}", command="c", seconds=1.0)
+    left = {path for path in out.rglob("*") if path.is_file()}
+    assert left == {*again, mine}
+    assert out / "vehicle.toml" not in left
+    assert (out / "identify.json").read_text(encoding="utf-8") == "{}\n"
+
+
+def test_the_vehicle_file_is_the_vehicle(found, tmp_path):
+    write_identification(found, tmp_path / "o", answer="{}", command="c", seconds=1.0)
+    assert load_vehicle(tmp_path / "o" / "vehicle.toml") == found.vehicle
+
+
+def test_residuals_as_columns(found):
+    columns = residuals(found)
+    assert len({len(values) for values in columns.values()}) == 1
+    assert set(columns["log"]) == {1.0, 2.0, 3.0, 4.0}
+    assert "voltage_V" not in columns
+
+
+@pytest.mark.parametrize(
+    ("estimate", "texts"),
+    [
+        (Estimate(7935.5, 96.4, (7750.0, 8127.0), "1/m2/s"), ("7936", "96", "7750 to 8127")),
+        (
+            Estimate(4.04e-6, 8.8e-8, (3.87e-6, 4.21e-6), "m3/m"),
+            ("4.040", "0.088", "3.870 to 4.210"),
+        ),
+        (Estimate(0.0, 0.11, (0.0, 0.1013), "N s2/m2"), ("0.00", "0.11", "0.00 to 0.10")),
+        (Estimate(5.0, 2.0, (2.0, float("inf")), "s"), ("5.0", "2.0", "2.0 or more")),
+        (Estimate(5.0, 2.0, (float("-inf"), 9.0), "s"), ("5.0", "2.0", "9.0 or less")),
+        (Estimate(2e-6, 0.0, (2e-6, 2e-6), "m3/m", "set"), ("2", "", "")),
+        (Estimate(123456.0, 7654.0, (1e5, 1.4e5), "s"), ("123500", "7700", "100000 to 140000")),
+    ],
+)  # fmt: skip
+def test_numbers_have_the_digits_that_their_errors_leave(estimate, texts):
+    r = words.row("x", estimate)
+    assert (r.value, r.std, r.ci95) == texts
+
+
+def test_what_may_be_zero_is_said_so(found):
+    e = Estimate(1e-7, 2e-7, (-3e-7, 5e-7), "m3/m")
+    odd = dataclasses.replace(found, parameters={**found.parameters, "psi": e})
+    last = words.headlines(odd)[-1]
+    assert last.startswith("psi ")
+    assert {0.0, -0.3, 0.5, 95.0} <= numbers(last)  # cm3/m, %
+
+
+def test_a_prior_is_named_where_it_makes_the_value():
+    log = campaign(72, steps=(4.5e-5,))
+    found = identify(
+        log, FEUP_EM, priors={"psi": Prior(4.04e-6, 1e-9)}, choices=False, profiles=False
+    )
+    assert "mostly by its prior" in words.headlines(found)[-1]
+    assert words.row("psi", found.parameters["psi"]).origin == "prior"
+
+
+def test_notes_of_reading_name_their_logs(found):
+    def noted(e, *notes):
+        return dataclasses.replace(e, record=dataclasses.replace(e.record, notes=notes))
+
+    first, second, *rest = found.experiments
+    odd = dataclasses.replace(
+        found,
+        experiments=(
+            noted(first, "all", "12 of 40 rows chosen"),
+            noted(second, "all", "spikes"),
+            *(noted(e, "all") for e in rest),
+        ),
+    )
+    assert words.reading(odd, ["a", "b", "c", "d"]) == ["all", "b: spikes"]
+
+
+def test_a_walk_is_told_with_how_far_it_went():
+    logs = campaign(73, steps=(3e-5, -4.5e-5, 7.5e-5))
+    found = identify(logs, FEUP_EM, fixed={"psi": 4.04e-6}, walk=True)
+    read, _ = page_of(found)
+    assert "walk" in read.ids
+    after_a_minute = 1e6 * found.walk.walk.value * 60.0**0.5  # cm3
+    shown = re.search(r"Intensity (\S+) cm", read.text).group(1)
+    assert float(shown) == pytest.approx(after_a_minute, rel=0.06, abs=1e-4)
+    for went in found.walk.travelled:
+        assert f"{1e6 * went:.2g}" in read.text or went < 1e-9

@@ -1,0 +1,86 @@
+"""The battery against SciPy's integration, closed limits and hand-made loads."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from swimbladder.errors import NoAnswerError
+from swimbladder.io.config import load_vehicle
+from swimbladder.physics import battery
+from swimbladder.vehicle import Driver, Load, Supply
+
+SUPPLY = Supply(voltage=14.4, capacity=3.6e6, cold_share=0.8, self_discharge=2e-9)
+
+
+@pytest.mark.parametrize(("power", "s"), [(0.5, 0.0), (0.5, 3e-9), (0.0, 1e-7), (12.0, 1e-6)])
+def test_the_charge_is_that_of_its_differential_equation(power, s):
+    end = 3e6
+    found = battery.charge_after(3.6e6, power, end, s)
+    solved = solve_ivp(
+        lambda _, C: -power - s * C, (0.0, end), [3.6e6], rtol=1e-11, atol=1e-3
+    ).y[0, -1]  # fmt: skip
+    assert found == pytest.approx(solved, rel=1e-8)
+
+
+def test_two_stretches_are_one():
+    first = battery.charge_after(1e6, 2.0, 4e4, 1e-7)
+    assert battery.charge_after(first, 2.0, 6e4, 1e-7) == pytest.approx(
+        battery.charge_after(1e6, 2.0, 1e5, 1e-7), rel=1e-12
+    )
+
+
+def test_cold_holds_back_a_share_of_the_full_battery():
+    assert battery.usable_share(SUPPLY, 20.0) == 1.0
+    assert battery.usable_share(SUPPLY, 0.0) == pytest.approx(0.8)
+    assert battery.usable_share(SUPPLY, 10.0) == pytest.approx(0.9)
+    assert battery.usable_share(SUPPLY, 40.0) == 1.0
+    charge = np.array([3.6e6, 1.8e6, 0.5e6])
+    usable = battery.usable_charge(SUPPLY, charge, 0.0)
+    assert usable == pytest.approx([3.6e6 * 0.8, 1.8e6 - 0.72e6, 0.0])
+
+
+@pytest.mark.parametrize("temperature", [20.0, 2.0])
+@pytest.mark.parametrize("s", [0.0, 2e-9])
+def test_endurance_ends_where_the_charge_does(temperature, s):
+    supply = SUPPLY.model_copy(update={"self_discharge": s})
+    found = battery.endurance(supply, 0.3, temperature)
+
+    def left(t):
+        charge = battery.charge_after(3.6e6, 0.3, t, s)
+        return charge - 3.6e6 * (1.0 - battery.usable_share(supply, temperature))
+
+    assert found == pytest.approx(brentq(left, 0.0, 1e8), rel=1e-9)
+
+
+def test_nothing_drawn_lasts_for_ever():
+    assert battery.endurance(Supply(voltage=5.0, capacity=10.0), 0.0) == math.inf
+
+
+def test_loads_count_in_their_phases_and_at_surfacings():
+    vehicle = load_vehicle("example-float").model_copy(
+        update={
+            "driver": Driver(standby_power=0.25),
+            "loads": (
+                Load(name="clock", power=1.0),
+                Load(name="ctd", power=2.0, phases=("profile", "descend")),
+                Load(name="radio", power=8.0, phases=("surface",), energy_per_surfacing=90.0),
+                Load(name="gnss", energy_per_surfacing=10.0),
+            ),
+        }
+    )
+    assert battery.hotel_power(vehicle) == 1.25
+    assert battery.hotel_power(vehicle, "profile") == 3.25
+    assert battery.hotel_power(vehicle, "surface") == 9.25
+    assert battery.surfacing_energy(vehicle) == 100.0
+    assert battery.hotel_power(load_vehicle("feup-em")) == 0.0
+
+
+def test_a_battery_that_is_not_stated_is_named():
+    with pytest.raises(NoAnswerError, match=r"supply\.capacity"):
+        battery.capacity(load_vehicle("feup-em"))
+    with pytest.raises(NoAnswerError, match=r"supply\.capacity"):
+        battery.endurance(Supply(voltage=12.0), 1.0)
+    assert battery.capacity(load_vehicle("example-float")) == 1500.0 * 3600.0

@@ -1,0 +1,110 @@
+"""The picture of a simulation: what it shows, with which units, and that it disturbs nothing."""
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from swimbladder.errors import InputError
+from swimbladder.io.config import load_vehicle
+from swimbladder.show.plots import plot_solution
+from swimbladder.show.plots.solution import draw_solution
+from swimbladder.sim.closed_loop import drive, simulate
+
+DEPTH, VOLUME = "depth [m]", "volume [cm³]"
+VOLTAGE = "voltage [V]"
+POWER, CURRENT = "power [W]\nat samples", "current [A]\nat samples"
+
+
+def run(name, start, target, **more):
+    return simulate(
+        load_vehicle(name), setpoints=[(0.0, target)], duration=60.0, start_depth=start, **more
+    )
+
+
+@pytest.mark.parametrize(
+    ("solution", "panels"),
+    [
+        (lambda: run("feup-em", 1.5, 3.0), [DEPTH, VOLUME, VOLTAGE]),
+        (lambda: run("example-eh", 20.0, 22.0), [DEPTH, VOLUME, VOLTAGE, POWER, CURRENT]),
+        (lambda: run("ntnu-bv", 0.3, 1.0, bottom_depth=1.5), [DEPTH, VOLUME]),
+        (
+            lambda: drive(
+                load_vehicle("feup-em"), time=[0.0, 5.0, 9.0], volume=[0.0, 2e-5, 0.0],
+                start_depth=2.0,
+            ),
+            [DEPTH, VOLUME],
+        ),
+    ],
+    ids=["identified", "electrohydraulic", "positioner", "recorded volume"],
+)  # fmt: skip
+def test_panels_are_what_is_known(solution, panels):
+    figure = draw_solution(solution())
+    assert [axes.get_ylabel() for axes in figure.axes] == panels
+    assert figure.axes[-1].get_xlabel() == "time [s]"
+    assert figure.axes[0].yaxis_inverted()  # depth downwards
+    assert not any(axes.yaxis_inverted() for axes in figure.axes[1:])
+
+
+def test_curves_are_the_solution():
+    s = run("feup-em", 1.5, 3.0)
+    depth, volume, voltage = draw_solution(s).axes
+    lines = {line.get_label(): line for line in depth.get_lines()}
+    assert np.array_equal(lines["depth"].get_ydata(), s.depth)
+    assert np.array_equal(lines["set-point"].get_ydata(), s.reference)
+    lines = {line.get_label(): line for line in volume.get_lines()}
+    assert lines["volume"].get_ydata() == pytest.approx(s.volume * 1e6)
+    assert lines["asked for"].get_ydata() == pytest.approx(s.volume_reference * 1e6)
+    assert np.array_equal(voltage.get_lines()[0].get_ydata(), s.voltage)
+
+
+def test_surface_bottom_and_end_stops_are_marked():
+    v = load_vehicle("feup-em")
+    s = drive(
+        v, time=np.arange(0.0, 60.0, 0.5), volume=np.full(120, -60e-6), start_depth=3.5,
+        bottom_depth=4.5,
+    )  # fmt: skip
+    depth, _ = draw_solution(s).axes
+    marked = [line for line in depth.get_lines() if line.get_label() == "reached the bottom"]
+    assert [float(y) for y in marked[0].get_ydata()] == [pytest.approx(4.5, abs=0.03)]
+    time = np.arange(0.0, 60.0, 0.3)
+    s = drive(v, time=time, voltage=np.full(len(time), -12.0), start_depth=3.5, bottom_depth=4.5)
+    _, volume, _ = draw_solution(s).axes
+    stops = [line.get_ydata()[0] for line in volume.get_lines() if line.get_label() == "end stop"]
+    assert stops == [pytest.approx(-350.0)]
+
+
+def test_what_is_asked_for_does_not_hide_the_volume():
+    """The derivative asks for litres at a set-point; the axis is that of the volume."""
+    s = run("feup-em", 0.5, 4.0)
+    low, high = draw_solution(s).axes[1].get_ylim()
+    assert high - low < 3.0 * np.ptp(s.volume) * 1e6
+
+
+def test_the_file_is_a_picture_and_the_same_each_time(tmp_path):
+    s = run("feup-em", 1.5, 3.0)
+    path = plot_solution(s, tmp_path / "a.png")
+    assert path == tmp_path / "a.png"
+    height, width, _ = imread(path).shape
+    assert width > 800
+    assert height > 500
+    plot_solution(s, tmp_path / "b.png")
+    assert path.read_bytes() == (tmp_path / "b.png").read_bytes()
+    plot_solution(s, tmp_path / "a.svg")
+    plot_solution(s, tmp_path / "b.svg")
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "a.svg", "b.png", "b.svg"]
+
+
+def test_the_callers_style_is_left_alone_and_does_not_get_in(tmp_path):
+    s = run("feup-em", 1.5, 3.0)
+    plain = plot_solution(s, tmp_path / "plain.svg").read_bytes()
+    with mpl.rc_context({"font.size": 30.0, "axes.facecolor": "red"}):
+        before = dict(mpl.rcParams)
+        assert plot_solution(s, tmp_path / "styled.svg").read_bytes() == plain
+        assert dict(mpl.rcParams) == before
+
+
+def test_a_place_that_cannot_be_written(tmp_path):
+    with pytest.raises(InputError, match="cannot write the file"):
+        plot_solution(run("feup-em", 1.5, 3.0), tmp_path / "none" / "a.png")

@@ -1,0 +1,49 @@
+"""Many vehicles along one record against one after the other."""
+
+import numpy as np
+import pytest
+
+from swimbladder import drive, load_vehicle
+from swimbladder.physics.dynamics import plant
+from swimbladder.sim.closed_loop.bundle import Course
+
+TIME = np.arange(0.0, 60.0, 0.3)
+
+
+def volume_of(vehicle, z0, dV):
+    return vehicle.neutral_volume(z0) + np.where(TIME > 3.0, dV, 0.0)
+
+
+@pytest.mark.parametrize("name", ["feup-em", "example-em", "ntnu-bv"])
+@pytest.mark.parametrize("dV", [5e-6, -5e-6, 30e-6])
+def test_depths_are_those_of_drive_through_the_surface_too(name, dV):
+    vehicle = load_vehicle(name)
+    volume = volume_of(vehicle, 3.0, dV)
+    alone = drive(vehicle, time=TIME, volume=volume, start_depth=3.0)
+    p = plant(vehicle)
+    starts = np.tile([0.0, volume[0], 3.0, 0.0], (3, 1))
+    together = Course(TIME, volume, ramps=True).follow([p, p._replace(psi=2.0 * p.psi), p], starts)
+    n = len(alone.depth)
+    assert together[0][:n] == pytest.approx(alone.depth, abs=3e-6)  # fewer steps of the drag
+    assert np.array_equal(together[0], together[2], equal_nan=True)
+    assert np.nanmax(np.abs(together[1] - together[0])) > 1e-4
+
+
+def test_a_voltage_drives_too():
+    vehicle = load_vehicle("feup-em")
+    voltage = np.where((TIME > 3.0) & (TIME < 5.0), 6.0, 0.2)
+    alone = drive(vehicle, time=TIME, voltage=voltage, start_depth=3.0)
+    starts = np.array([[0.0, vehicle.neutral_volume(3.0), 3.0, 0.0]])
+    together = Course(TIME, voltage, ramps=False).follow([plant(vehicle)], starts)
+    assert together[0][: len(alone.depth)] == pytest.approx(alone.depth, abs=1e-9)
+
+
+def test_uneven_samples():
+    vehicle = load_vehicle("feup-em")
+    rng = np.random.default_rng(0)
+    time = np.cumsum(rng.uniform(0.1, 0.5, 100))
+    volume = vehicle.neutral_volume(5.0) + 1e-5 * np.sin(time / 3.0)
+    alone = drive(vehicle, time=time, volume=volume, start_depth=5.0)
+    starts = np.array([[(volume[1] - volume[0]) / (time[1] - time[0]), volume[0], 5.0, 0.0]])
+    together = Course(time, volume, ramps=True).follow([plant(vehicle)], starts)
+    assert together[0] == pytest.approx(alone.depth, abs=1e-8)

@@ -1,0 +1,97 @@
+"""The paper's vehicle with its C compiled, and missions made by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from swimbladder.io.config import load_vehicle
+from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.sim.faults.draw import Mission, course_of
+from swimbladder.sim.faults.rows import TRACE, Condition, Harm
+from swimbladder.sim.faults.run import board_of
+from swimbladder.sim.faults.squadron import Squadron
+from tests.codegen.conftest import gcc
+
+__all__ = ["gcc"]
+
+TICK = 0.3
+
+
+class Rig:
+    """A vehicle, its course and its squadron; flies missions that a test writes."""
+
+    def __init__(self, vehicle, squadron, course):
+        self.vehicle, self.squadron, self.course = vehicle, squadron, course
+        self.tick = course.vehicle.controller.sample_time
+
+    def fly(
+        self,
+        *harms,
+        who="alone",
+        how=0,
+        depth=20.0,
+        target=None,
+        turns=None,
+        ticks=1000,
+        bottom=math.inf,
+        volume=None,
+        supply=None,
+        **changes,
+    ):
+        """Return (result, columns by name); harms: (fault, first, second, begin, end).
+
+        turns: (tick, depth asked for [m]), in place of `target`.
+        """
+        turns = turns or ((0.0, depth if target is None else target),)
+        p = plant(self.vehicle, bottom_depth=bottom)
+        if supply is not None:
+            p = p._replace(supply=supply)
+        quiet = Condition(
+            end=ticks, tick=self.tick, start_depth=depth,
+            start_volume=self.vehicle.neutral_volume(depth) if volume is None else volume,
+            depth_noise=0.0, depth_quantum=0.0, volume_noise=0.0, volume_quantum=0.0,
+            battery_noise=0.0, ramp=1e9, drift=0.0, swell=0.0, swell_omega=1.0, swell_phase=0.0,
+            gravity=9.80665, leak_input=math.inf, brown_out=0.0, boot=7, band=1.0, rated=math.inf,
+            stay=1e9, quiet_at=0.0, full_after=200.0, seed=1.0,
+        )._replace(**changes)  # fmt: skip
+        mission = Mission(
+            number=0,
+            faults=(),
+            plant=np.array(p),
+            condition=quiet,
+            harms=np.array([Harm(*map(float, h)) for h in harms]).reshape(-1, len(Harm._fields)),
+            turns=np.array([tick for tick, _ in turns]),
+            depths=np.array([asked for _, asked in turns]),
+            onset=math.inf,
+        )
+        assert len(p) == len(Plant._fields)
+        result, rows = self.squadron.traced(mission, who, how)
+        return result, {name: rows[:, index] for name, index in TRACE.items()}
+
+
+@pytest.fixture(scope="session")
+def rig_of(request):
+    """Rigs of presets and of vehicles by their names, each compiled once."""
+    request.getfixturevalue("gcc")
+    made, boards = {}, []
+
+    def get(asked, depths=None):
+        name = asked if isinstance(asked, str) else asked.name
+        if name not in made:
+            vehicle = load_vehicle(asked) if isinstance(asked, str) else asked
+            course = course_of(vehicle, depths)
+            boards.append(board_of(course))
+            made[name] = Rig(vehicle, Squadron(course, boards[-1]), course)
+        return made[name]
+
+    yield get
+    for board in boards:
+        board.__exit__(None, None, None)
+
+
+@pytest.fixture(scope="session")
+def rig(rig_of):
+    return rig_of("feup-em")

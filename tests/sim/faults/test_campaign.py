@@ -1,0 +1,196 @@
+"""Campaigns: the same again, going on after a kill, verdicts on rows made by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from swimbladder.control.supervisor import Reason
+from swimbladder.errors import InputError
+from swimbladder.io.config import load_vehicle
+from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
+from swimbladder.sim.faults import run_missions
+from swimbladder.sim.faults.draw import course_of, draw
+from swimbladder.sim.faults.kinds import FAMILIES, KINDS, Fault, draw_fault, kinds_of
+from swimbladder.sim.faults.rows import Result
+from swimbladder.sim.faults.table import MISSION_COLUMNS, missions_csv
+from swimbladder.sim.faults.verdict import WIDTH, Outcome, outcomes, rule_of_three
+from swimbladder.vehicle import Supervisor
+
+FEUP = load_vehicle("feup-em")
+
+
+def same(a, b):
+    return np.array_equal(a, b, equal_nan=True)
+
+
+def test_the_catalogue_has_every_kind():
+    assert set(KINDS) == set(Fault)
+    assert {kind.family for kind in KINDS.values()} == set(FAMILIES)
+    assert len({kind.name for kind in KINDS.values()}) == len(KINDS)
+    random = np.random.default_rng(1)
+    for fault, kind in KINDS.items():
+        drawn = np.array([draw_fault(fault, random) for _ in range(200)])
+        if kind.first is not None:
+            sizes = np.abs(drawn[:, 0])
+            assert kind.first.least <= sizes.min() <= sizes.max() <= kind.first.most
+            assert (drawn[:, 0].min() < 0.0) == kind.first.either
+        assert np.isinf(drawn[:, 2]).all() != kind.may_end
+    assert Fault.BATTERY_DROP not in kinds_of(load_vehicle("ntnu-bv"))
+
+
+def test_a_mission_depends_on_seed_and_number_only():
+    course = course_of(FEUP, None)
+    one = draw(course, seed=3, number=41, healthy=False)
+    again = draw(course, seed=3, number=41, healthy=False)
+    for field in dataclasses.fields(one):
+        assert same(getattr(one, field.name), getattr(again, field.name))
+    assert draw(course, seed=4, number=41, healthy=False).onset != one.onset
+    well = draw(course, seed=3, number=41, healthy=True)
+    assert well.faults == ()
+    assert len(well.harms) == 0
+
+
+def test_missions_stay_where_they_may():
+    course = course_of(FEUP, None)
+    drawn = [draw(course, seed=1, number=n, healthy=False) for n in range(300)]
+    least, most, _ = course.depths
+    for m in drawn:
+        assert least <= min(m.depths[:-1]) <= max(m.depths[:-1]) <= most
+        assert m.depths[-1] < 0.0
+        assert np.all(np.diff(m.turns) > 0.0)
+        assert m.onset > 29.9
+        assert max(m.depths[:-1]) < m.plant[-1]
+    assert {m.faults[0] for m in drawn} == set(kinds_of(FEUP))
+    assert 0.4 < np.mean([len(m.faults) == 2 for m in drawn]) < 0.6
+    assert max(max(m.depths) for m in drawn) > 0.95 * most
+
+
+@pytest.fixture(scope="module")
+def flown(request):
+    request.getfixturevalue("gcc")
+    return run_missions(FEUP, missions=310, healthy=60, seed=5)
+
+
+def test_without_the_supervisor_many_are_lost_and_with_it_fewer(flown):
+    assert flown.all_lost_alone > 0.3
+    last = flown.lines()[-1]
+    assert last.missions == 310
+    assert last.saved > 0.9 * last.recoverable
+    assert last.recoverable - last.saved < 0.4 * last.lost_alone
+
+
+def test_healthy_missions_raise_no_alarm(flown):
+    assert len(flown.false_alarms) == 0
+    assert len(flown.healthy_lost) == 0
+
+
+def test_a_law_too_slow_for_its_time_limit_raises_no_false_alarm(flown):
+    at = WIDTH - 3 * len(Result._fields)  # behind what the supervised flight came to
+    table = flown.healthy.copy()
+    column = at - len(Result._fields) + Result._fields.index("reason")
+    table[3, column], table[5, column] = Reason.TIME_LIMIT, Reason.DEPTH_FROZEN
+    judged = dataclasses.replace(flown, healthy=table)
+    assert judged.too_slow.tolist() == [3]
+    assert judged.false_alarms.tolist() == [5]
+
+
+def test_what_nothing_can_save_is_not_counted_on(flown):
+    reversed_ = (flown.harm(0, "kind") == Fault.REVERSED) & (flown.harm(1, "kind") == 0.0)
+    for_good = np.isinf(flown.harm(0, "end"))
+    assert not flown.recoverable[reversed_ & for_good].any()
+
+
+def test_a_run_that_was_killed_goes_on_to_the_same_end(flown, tmp_path):
+    class KilledError(Exception):
+        pass
+
+    def kill(_):
+        raise KilledError
+
+    with pytest.raises(KilledError):
+        run_missions(FEUP, missions=310, healthy=60, seed=5, keep=tmp_path, advance=kill)
+    kept = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("*.npy")}
+    assert kept
+    again = run_missions(FEUP, missions=310, healthy=60, seed=5, keep=tmp_path)
+    assert same(again.faulty, flown.faulty)
+    assert same(again.healthy, flown.healthy)
+    for name, written in kept.items():
+        assert (tmp_path / name).stat().st_mtime_ns == written
+
+
+def test_the_table_has_a_row_for_each(flown):
+    lines = missions_csv(flown).splitlines()
+    assert lines[0].split(",") == list(MISSION_COLUMNS)
+    assert len(lines) == 311
+    assert all(line.count(",") == len(MISSION_COLUMNS) - 1 for line in lines)
+
+
+def test_outcomes_of_rows_made_by_hand():
+    fine = Result(
+        stop=0.0, last=1000.0, arrived=800.0, beyond=math.nan, bottom=0.0, depth=0.0, deepest=9.0,
+        latched=math.nan, reason=0.0, released=math.nan, resets=0.0, acting=1.0,
+        up=700.0, filled=-1.0,
+    )  # fmt: skip
+    rows = [
+        (fine, Outcome.SURFACED),
+        (fine._replace(arrived=801.0), Outcome.NOT_UP),
+        (fine._replace(arrived=math.nan), Outcome.NOT_UP),
+        (fine._replace(beyond=5.0), Outcome.BEYOND),
+        (fine._replace(arrived=math.nan, bottom=1.0), Outcome.BOTTOM),
+        (fine._replace(arrived=math.nan, stop=float(LEFT_WATER)), Outcome.SURFACED),
+        (fine._replace(arrived=math.nan, stop=float(TOO_DEEP)), Outcome.STOPPED),
+        (fine._replace(filled=1.0), Outcome.SURFACED),
+        (fine._replace(arrived=math.nan, bottom=1.0, filled=1.0), Outcome.FILLED),
+        (fine._replace(beyond=5.0, filled=1.0), Outcome.FILLED),
+        (fine._replace(beyond=5.0, filled=1.0, up=math.nan), Outcome.BEYOND),
+        (fine._replace(filled=1.0, stop=float(TOO_DEEP), arrived=math.nan), Outcome.STOPPED),
+    ]
+    found = outcomes(np.array([row for row, _ in rows]), tick=0.3, stay=60.0)
+    assert found.tolist() == [float(outcome) for _, outcome in rows]
+    assert all(outcome.words for outcome in Outcome)
+
+
+def test_the_bound_on_what_was_never_seen_is_the_rule_of_three():
+    assert rule_of_three(0, 1000) == pytest.approx(1.0 - 0.05 ** (1 / 1000))
+    assert rule_of_three(0, 1000) == pytest.approx(3e-3, rel=5e-3)
+    assert rule_of_three(5, 5) == 1.0
+    # P(at most 2 of 50) = 5 % at the upper end
+    p = rule_of_three(2, 50)
+    assert sum(math.comb(50, k) * p**k * (1 - p) ** (50 - k) for k in range(3)) == pytest.approx(
+        0.05
+    )
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "options", "said"),
+    [
+        (FEUP.model_copy(update={"controller": None}), {}, "has no controller"),
+        (FEUP, {"missions": 0}, "from 1 to 10 million"),
+        (FEUP, {"depths": (5.0, 2.0)}, "depths that grow"),
+        (FEUP, {"depths": (5.0, 95.0)}, "turns the vehicle round"),
+        (
+            FEUP.model_copy(update={"supervisor": Supervisor(time_limit=100.0)}), {},
+            "would be cut short",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_flown_is_refused(vehicle, options, said):
+    with pytest.raises(InputError, match=said):
+        run_missions(vehicle, **{"missions": 5, **options})
+
+
+def test_depths_that_no_rating_limits_say_so():
+    """ntnu-bv states none: its stroke and motor give the depth. With a rating there is nothing."""
+    vehicle = load_vehicle("ntnu-bv")
+    assert (
+        "no rating is stated, give hull.depth_limit or --depth"
+        in course_of(vehicle, None).depths.limit
+    )
+    rated = vehicle.model_copy(
+        update={"hull": vehicle.hull.model_copy(update={"depth_limit": 40.0})}
+    )
+    assert "rating" not in course_of(rated, None).depths.limit

@@ -1,0 +1,429 @@
+"""Missions against SciPy, against the paper's model, and against their own books."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import swimbladder as sb
+from swimbladder.io.mission import Mission
+from swimbladder.physics.buoyancy_engine import drive_map
+from swimbladder.physics.hull import neutral_volume
+from swimbladder.physics.seawater import uniform_column
+from swimbladder.physics.seawater.motion import Swell, WaterMotion, motion_table, moved
+from swimbladder.sim.mission.books import close_books
+from swimbladder.sim.mission.core import entries, kernel
+from swimbladder.sim.mission.core.names import (
+    Account,
+    At,
+    Cycle,
+    Doing,
+    Drive,
+    Given,
+    Note,
+    Now,
+    Row,
+    Stop,
+    Table,
+)
+from swimbladder.sim.mission.flight import fly_mission, thinned
+from swimbladder.sim.mission.prepare import Accuracy, first_state, make_plan
+from swimbladder.sim.mission.result import MissionResult
+from tests.quoted import numbers
+from tests.sim.mission.conftest import phases
+from tests.sim.mission.oracle import Oracle
+
+TIGHT = Accuracy(
+    relative=1e-9, depth=1e-9, speed=1e-11, volume=1e-15, rest_deep=1e-7, rest_afloat=1e-7
+)
+
+
+def times(flight, kind):
+    return flight.notes[flight.notes[:, Drive.WHAT] == kind][:, Drive.T]
+
+
+@pytest.fixture(scope="module")
+def tight(profiler, sea):
+    return fly_mission(profiler, phases(), sea, accuracy=TIGHT)
+
+
+def test_a_dive_is_that_of_scipy_at_every_event(tight, profiler, sea):
+    oracle = Oracle(profiler, sea)
+    states = oracle.replay(tight)
+    assert tight.stop is Stop.FINISHED
+    assert len(states) > 40
+    assert np.max(np.abs(states[:, 0] - tight.notes[:, Drive.Z])) < 1e-6
+    assert np.max(np.abs(states[:, 2] - tight.notes[:, Drive.V])) < 1e-12
+    # the surface, crossed down and up, and each time it bobs
+    crossed = np.sort(np.concatenate([times(tight, Note.EMERGED), times(tight, Note.SUBMERGED)]))
+    count = min(len(crossed), len(oracle.crossings))
+    assert count >= 2
+    assert np.allclose(crossed[:count], oracle.crossings[:count], rtol=0.0, atol=1e-5)
+
+
+def test_arrival_and_end_stop_stand_on_their_edges(tight, profiler):
+    arrived = tight.notes[tight.notes[:, Drive.WHAT] == Note.ARRIVED]
+    assert arrived[0, Drive.Z] == pytest.approx(145.0, abs=1e-9)  # 150 m less the tolerance
+    assert arrived[2, Drive.Z] == pytest.approx(25.0, abs=1e-9)  # from below
+    full = tight.notes[tight.notes[:, Drive.WHAT] == Note.UPPER_STOP]
+    assert len(full) == 1
+    assert full[0, Drive.V] == profiler.stroke.maximum
+
+
+def test_a_swell_carries_the_vehicle_as_scipy_says(profiler, sea):
+    table = motion_table(
+        WaterMotion(swell=(Swell(amplitude=1.5, period=9.0, phase=0.3),)), sea.gravity
+    )
+    task = Mission(start_depth=20.0, phases=[{"kind": "descend", "depth": 60.0, "tolerance": 2.0}])
+    flown = fly_mission(profiler, task, sea, waves=table, accuracy=TIGHT)
+    oracle = Oracle(profiler, sea, waves=lambda z, t: moved(table, z, t))
+    states = oracle.replay(flown)
+    assert np.max(np.abs(states[:, 0] - flown.notes[:, Drive.Z])) < 1e-6
+    books = close_books(flown)
+    assert books.sinks["moving water"] != 0.0
+    assert books.relative_residue < 1e-6
+
+
+def coast(
+    vehicle, column, *, depth, volume, speed, seconds, accuracy=TIGHT, bottom=math.inf, step=None,
+    celsius=None,
+):  # fmt: skip
+    """Let a vehicle go, with nobody looking; return state and accounts after `seconds`."""
+    task = Mission(
+        start_depth=depth, bottom_depth=None if math.isinf(bottom) else bottom,
+        start_temperature=celsius,
+        phases=[{"kind": "park", "depth": depth, "duration": seconds}],
+    )  # fmt: skip
+    plan = make_plan(vehicle, task, column, accuracy=accuracy)
+    x, at, accounts = first_state(plan, task)
+    if step is not None:
+        plan.given[Given.LONGEST_STEP] = x[Now.H] = step
+    x[Now.V], x[Now.W], x[Now.T_LOOK], x[Now.T_END] = volume, speed, math.inf, seconds
+    at[At.NEW_PHASE], at[At.ARRIVED] = 0, 1
+    cycles = np.zeros((1, int(Cycle.ACCOUNTS) + int(Account.COUNT)))
+    kernel.fly_kernel(
+        plan.given, plan.table, plan.waves, plan.stages, x, at, accounts,
+        np.zeros((0, int(Row.COUNT))), np.zeros((0, int(Drive.COUNT))), cycles,
+        np.zeros(3, dtype=np.int64), np.zeros((6, 8)),
+    )  # fmt: skip
+    return x, at, accounts
+
+
+def test_a_run_ends_at_its_volume_though_the_vehicle_emerges_in_the_same_step():
+    """Rising while volume is drawn in: at 0.9 of a step it is in, at 0.8 to 1 the hull is out."""
+    vehicle = sb.load_vehicle("example-em")
+    column = uniform_column(vehicle.water, 30.0)
+    task = Mission(start_depth=1.0, phases=[{"kind": "park", "depth": 10.0, "duration": 60.0}])
+    loose = Accuracy(relative=1e9, depth=1e9, speed=1e9, volume=1e9)
+    plan = make_plan(vehicle, task, column, accuracy=loose)
+    rate = plan.table[0, Table.RATE_IN]
+    emerged = 0
+    for share in np.linspace(0.76, 0.99, 12):
+        x, at, accounts = first_state(plan, task)
+        x[Now.Z], x[Now.W], x[Now.H] = 0.1 * share, -0.1, 1.0
+        x[Now.V_MOVE] = x[Now.V] - 0.9 * rate
+        x[Now.T_LOOK], x[Now.T_MOVE], x[Now.T_END] = 1.0, math.inf, 1.0
+        at[At.NEW_PHASE], at[At.DOING] = 0, Doing.LETTING_IN
+        goal, begin = float(x[Now.V_MOVE]), float(x[Now.V])
+        counts, notes = np.zeros(3, dtype=np.int64), np.zeros((40, int(Drive.COUNT)))
+        cycles = np.zeros((1, int(Cycle.ACCOUNTS) + int(Account.COUNT)))
+        kernel.fly_kernel(
+            plan.given, plan.table, plan.waves, plan.stages, x, at, accounts,
+            np.zeros((0, int(Row.COUNT))), notes, cycles, counts, np.zeros((6, 8)),
+        )  # fmt: skip
+        kinds = notes[: counts[1], Drive.WHAT]
+        emerged += int(Note.EMERGED in kinds)
+        ended = notes[: counts[1]][kinds == Note.RUN_OVER][0]
+        assert ended[Drive.V] == goal
+        assert accounts[Account.LET_IN] == pytest.approx(begin - goal, rel=1e-9)
+    assert emerged > 5
+
+
+def test_the_order_is_four(profiler):
+    """Slowing down in the paper's water, where all is smooth: errors fall as step^4."""
+    column = uniform_column(profiler.water, 400.0)
+    given = {"depth": 100.0, "volume": neutral_at(profiler, column, 100.0) - 20e-6, "speed": 0.2}
+    right = coast(profiler, column, seconds=128.0, **given)[0]
+    loose = Accuracy(relative=1e9, depth=1e9, speed=1e9, volume=1e9, rest_deep=0.0)
+
+    def error(step):
+        found = coast(profiler, column, seconds=128.0, accuracy=loose, step=step, **given)[0]
+        return abs(found[Now.Z] - right[Now.Z])
+
+    ratios = [error(step) / error(0.5 * step) for step in (4.0, 2.0)]
+    assert all(12.0 < ratio < 22.0 for ratio in ratios), ratios
+
+
+def neutral_at(vehicle, column, depth):
+    return float(np.interp(depth, column.depth, neutral_volume(vehicle, column)))
+
+
+def test_in_the_papers_water_it_is_the_papers_model():
+    """Constant density, linear psi, a drive of constant rate: `drive` with the same volumes."""
+    vehicle = sb.load_vehicle("ntnu-bv")
+    column = uniform_column(vehicle.water, 30.0)
+    task = Mission(
+        start_depth=1.0,
+        phases=[
+            {"kind": "descend", "depth": 3.0, "tolerance": 0.2, "speed": 0.05},
+            {"kind": "hold", "depth": 3.0, "tolerance": 0.2, "speed": 0.05, "duration": 120.0},
+            {"kind": "profile", "depth": 1.0, "tolerance": 0.2, "speed": 0.05},
+        ],
+    )
+    flown = fly_mission(vehicle, task, column, accuracy=TIGHT)
+    rows = flown.rows[np.concatenate(([True], np.diff(flown.rows[:, Row.T]) > 0.0))]
+    assert np.ptp(rows[:, Row.V]) > 1e-6
+    paper = sb.drive(
+        vehicle, time=rows[:, Row.T], volume=rows[:, Row.V], start_depth=1.0,
+    )  # fmt: skip
+    assert np.max(np.abs(paper.depth - rows[:, Row.Z])) < 1e-6
+
+
+def test_a_step_of_no_length_leaves_the_battery_as_it_is():
+    """Self-discharge over 0 s is nothing; so located steps may be."""
+    x, accounts = np.zeros(int(Now.COUNT)), np.zeros(int(Account.COUNT))
+    given = np.zeros(int(Given.COUNT))
+    x[Now.CHARGE], given[Given.SELF_DISCHARGE] = 5e6, 6e-10
+    entries.enter_energy(given, x, accounts, 0.0, 3.0, 0.0)
+    assert x[Now.CHARGE] == 5e6
+    assert accounts[Account.SELF_DISCHARGED] == 0.0
+    entries.enter_energy(given, x, accounts, 0.0, 3.0, 100.0)
+    assert x[Now.CHARGE] == pytest.approx(5e6 - 300.0 - 5e6 * 6e-8, abs=1e-4)
+
+
+def test_books_balance_battery_included(profiler, sea):
+    flown = fly_mission(profiler, phases(cycles=3), sea)
+    books = close_books(flown)
+    assert books.relative_residue < 1e-4
+    assert abs(books.volume_residue) < 1e-15
+    drawn = float(flown.begin[Now.CHARGE] - flown.end[Now.CHARGE])
+    assert books.drawn == pytest.approx(drawn, rel=1e-9)
+    assert books.drawn == pytest.approx(sum(books.sinks.values()), abs=1e-4 * books.throughput)
+    assert {"pump", "valve", "processor", "satellite", "ctd"} <= set(books.battery)
+    # what drives it down and up is what drag takes: no other sink of motion is of that size
+    assert books.sinks["drag"] > 100.0 * abs(books.sinks["oscillations at rest"])
+
+
+def test_books_balance_better_with_smaller_tolerances(profiler, sea, tight):
+    loose = close_books(fly_mission(profiler, phases(), sea)).relative_residue
+    assert close_books(tight).relative_residue < 1e-3 * loose
+
+
+def test_a_parked_vehicle_costs_nothing(profiler, sea):
+    steps = [
+        int(fly_mission(profiler, phases(duration=days * 86400.0), sea).whole[At.STEPS])
+        for days in (2.0, 200.0)
+    ]
+    assert steps[1] - steps[0] <= 2
+
+
+def test_drag_alone_stops_a_vehicle_as_the_formula_says(profiler):
+    """Neutral everywhere and without linear drag, dw/dt = -k w|w|/m: it goes ln(1 + k w0 t/m)."""
+    hull = profiler.hull.model_copy(update={"psi": 0.0, "parts": ()})
+    vehicle = profiler.model_copy(update={"hull": hull})
+    column = uniform_column(vehicle.water, 400.0)
+    volume = neutral_at(vehicle, column, 100.0)
+    x, _, accounts = coast(vehicle, column, depth=100.0, volume=volume, speed=0.2, seconds=600.0)
+    k, m = vehicle.drag.k_dt, vehicle.mass
+    way = m / k * math.log1p(k * 0.2 * 600.0 / m)
+    assert x[Now.Z] - 100.0 == pytest.approx(way, rel=1e-7)
+    assert accounts[Account.DRAG] == pytest.approx(0.5 * m * (0.2**2 - x[Now.W] ** 2), rel=1e-7)
+
+
+def test_the_same_seed_is_the_same_flight(profiler, sea):
+    sensors = profiler.sensors.model_copy(update={"depth_noise": 0.05, "depth_quantum": 0.02})
+    noisy = profiler.model_copy(update={"sensors": sensors})
+    ends = [fly_mission(noisy, phases(), sea, seed=seed).end for seed in (1, 1, 2)]
+    assert np.array_equal(ends[0], ends[1], equal_nan=True)
+    assert not np.array_equal(ends[0], ends[2], equal_nan=True)
+
+
+def test_the_bottom_takes_the_speed_at_the_instant_that_scipy_says(profiler, sea):
+    volume = neutral_at(profiler, sea, 100.0) - 30e-6
+    x, at, accounts = coast(
+        profiler, sea, depth=100.0, volume=volume, speed=0.1, seconds=900.0, bottom=120.0
+    )
+    oracle = Oracle(profiler, sea)
+    found = solve_ivp(
+        oracle.rhs("nothing"), (0.0, 900.0), [100.0, 0.1, volume * 1e6, 9.0], method="DOP853",
+        rtol=1e-11, atol=1e-12, events=_lands,
+    )  # fmt: skip
+    w = float(found.y_events[0][0, 1])
+    assert at[At.PLACE] == 2
+    assert (x[Now.Z], x[Now.W]) == (120.0, 0.0)
+    assert accounts[Account.BLOWS] == pytest.approx(0.5 * profiler.mass * w**2, rel=1e-6)
+
+
+def _lands(_, y):
+    return y[0] - 120.0
+
+
+_lands.terminal = True
+
+
+def test_it_pumps_itself_off_the_bottom(profiler, sea):
+    """Its target is 20 m above the bottom, where it falls in haste."""
+    task = phases(deep=180.0, tolerance=4.0, bottom_depth=185.0)
+    stages = [phase.model_dump(exclude_none=True) for phase in task.phases]
+    stages[0]["speed"] = 1.0
+    flown = fly_mission(profiler, Mission(phases=stages, bottom_depth=185.0), sea, checked=False)
+    assert len(times(flown, Note.BOTTOM)) >= 1
+    assert len(times(flown, Note.LEFT_BOTTOM)) >= 1
+    assert np.max(flown.rows[:, Row.Z]) == 185.0
+    assert flown.stop is Stop.FINISHED
+    assert close_books(flown).relative_residue < 1e-4
+
+
+def test_below_its_depth_it_presses_all_out_and_comes_up(profiler, sea):
+    task = phases(deep=150.0, safety={"deepest": 151.0})
+    fast = [{**phase.model_dump(exclude_none=True), "speed": 0.5} for phase in task.phases]
+    flown = fly_mission(
+        profiler, Mission(phases=fast, safety={"deepest": 151.0}), sea, checked=False
+    )
+    assert flown.stop is Stop.PASSED_DEPTH
+    assert len(times(flown, Note.TOO_DEEP)) == 1
+    assert flown.end[Now.V] == pytest.approx(profiler.stroke.maximum, rel=1e-3)
+    assert flown.end[Now.Z] < profiler.hull.emergence_depth + 1e-9
+
+
+def test_the_battery_ends_the_mission_at_its_reserve(profiler, sea):
+    task = phases()
+    one = close_books(fly_mission(profiler, task, sea)).drawn
+    supply = profiler.supply.model_copy(
+        update={"capacity": 5.0 * one, "cold_share": 1.0, "self_discharge": 0.0}
+    )
+    vehicle = profiler.model_copy(update={"supply": supply})
+    flown = fly_mission(vehicle, task, sea, cycles=100)
+    assert flown.stop is Stop.RESERVE
+    # a tenth is kept back: 4.5 cycles' worth, the fifth is the one that reaches into it
+    assert flown.whole[At.CYCLE] == 5
+
+
+def test_a_vehicle_that_came_down_on_the_bottom_is_said_to(profiler, sea):
+    """A park that lies on the bottom is within its tolerance; the answer says why."""
+    # in steps of 1 cm3 it comes some decimetres below the depth that was asked for
+    parameters = profiler.controller.parameters | {"volume_step": 1e-6}
+    controller = profiler.controller.model_copy(update={"parameters": parameters})
+    vehicle = profiler.model_copy(update={"controller": controller})
+    result = MissionResult(fly_mission(vehicle, phases(bottom_depth=150.5), sea), None)
+    assert "it came down on the bottom at 150.5 m 1 time" in result.reasons
+    clear = MissionResult(fly_mission(vehicle, phases(bottom_depth=300.0), sea), None)
+    assert not any("bottom" in reason for reason in clear.reasons)
+
+
+def test_an_empty_battery_loses_the_vehicle(profiler, sea):
+    one = close_books(fly_mission(profiler, phases(), sea)).drawn
+    supply = profiler.supply.model_copy(update={"capacity": 0.5 * one})
+    flown = fly_mission(profiler.model_copy(update={"supply": supply}), phases(), sea)
+    assert flown.stop is Stop.BATTERY_EMPTY
+    result = MissionResult(flown, None)
+    assert result.battery_cycles == 0
+    # what it says is short is power over rate at that depth, for all that is not out
+    found = re.fullmatch(
+        r".*'(\w+)' of cycle 1\D* ([\d.]+) m\D* ([\d.e+]+) J\D* ([\d.]+) cm3\D*", result.reasons[1]
+    )
+    assert found is not None
+    z, v = flown.rows[-1, Row.Z], flown.rows[-1, Row.V]
+    drive = drive_map(profiler, np.interp(z, sea.depth, sea.pressure))
+    inside = profiler.stroke.maximum - v
+    assert found[1] == Mission(phases=phases().phases).titles[int(flown.rows[-1, Row.PHASE])]
+    assert float(found[2]) == pytest.approx(z, abs=0.051)
+    assert float(found[3]) == pytest.approx(
+        inside * drive.power_out[0] / drive.rate_out[0], rel=6e-3
+    )
+    assert float(found[4]) == pytest.approx(1e6 * inside, rel=6e-4)
+
+
+def test_a_phase_out_of_time_is_told_and_the_next_begins(profiler, sea):
+    task = phases()
+    slow = [phase.model_dump(exclude_none=True) for phase in task.phases]
+    slow[0]["timeout"] = 600.0
+    flown = fly_mission(profiler, Mission(phases=slow), sea, checked=False)
+    assert int(flown.cycles[0, Cycle.MISSED]) & 1
+    assert times(flown, Note.OUT_OF_TIME)[0] == 600.0
+    # the profile arrives at its 20 m, from the other side: that is no arrival at 150 m
+    assert len(times(flown, Note.ARRIVED)) >= 2
+    assert math.isnan(flown.cycles[0, Cycle.ARRIVAL])
+    assert flown.stop is Stop.FINISHED
+    reached = np.interp(600.0, flown.rows[:, Row.T], flown.rows[:, Row.Z])
+    said = numbers(MissionResult(flown, None).reasons[1])
+    assert {round(reached, 1), round(145.0 - reached, 1), 5.0} <= said  # m
+
+
+def test_a_surface_that_is_not_reached_says_how_deep_it_is(profiler, sea):
+    late = [phase.model_dump(exclude_none=True) for phase in phases().phases]
+    late[-1]["timeout"] = 60.0
+    flown = fly_mission(profiler, Mission(phases=late), sea, checked=False)
+    assert flown.stop is Stop.DID_NOT_SURFACE
+    z, v = flown.rows[-1, Row.Z], flown.rows[-1, Row.V]
+    lacking = 1e6 * (profiler.stroke.maximum - v)
+    said = numbers(MissionResult(flown, None).reasons[1])
+    assert {float(f"{z:.1f}"), float(f"{lacking:.3g}")} <= said  # m, cm3
+
+
+def test_of_two_phases_of_a_name_each_is_told(profiler, sea):
+    """The first of two is out of time, the second is not."""
+    twice = [phase.model_dump(exclude_none=True) for phase in phases().phases]
+    twice = [twice[0] | {"timeout": 600.0}, twice[0] | {"depth": 55.0}, twice[-1]]
+    result = MissionResult(fly_mission(profiler, Mission(phases=twice), sea, checked=False), None)
+    assert result.missed == {"descend (1)": 1}
+    assert not result.completed
+
+
+def test_a_hold_lasts_from_its_arrival(profiler, sea):
+    task = Mission(
+        start_depth=30.0,
+        phases=[{"kind": "hold", "depth": 100.0, "tolerance": 5.0, "duration": 3000.0}],
+    )
+    flown = fly_mission(profiler, task, sea)
+    assert flown.duration - times(flown, Note.ARRIVED)[0] == pytest.approx(3000.0, abs=1e-6)
+
+
+def test_every_run_keeps_the_longest_and_its_quantum(profiler, sea):
+    actuator = profiler.actuator.model_copy(update={"longest_run": 20.0, "quantum": 0.5})
+    flown = fly_mission(profiler.model_copy(update={"actuator": actuator}), phases(), sea)
+    over = flown.notes[flown.notes[:, Drive.WHAT] == Note.RUN_OVER][:, Drive.NUMBER]
+    begun = flown.notes[np.isin(flown.notes[:, Drive.WHAT], [Note.PUMP, Note.VALVE, Note.BYPASS])]
+    assert np.all(over <= 20.0 + 1e-9)
+    controlled = (
+        begun[: len(over), Drive.Z] > 5.0
+    )  # those that fill the bladder end when it is full
+    pumped = over[controlled & (begun[: len(over), Drive.WHAT] == Note.PUMP)]
+    assert np.allclose(pumped / 0.5, np.round(pumped / 0.5), atol=1e-6)
+    # so are the runs that let in, from the first one on, which dives
+    let = over[np.isin(begun[: len(over), Drive.WHAT], [Note.VALVE, Note.BYPASS])]
+    assert begun[0, Drive.WHAT] == Note.BYPASS
+    assert np.allclose(let / 0.5, np.round(let / 0.5), atol=1e-6)
+    assert Doing.PUMPING in flown.rows[:, Row.DOING]
+
+
+def test_rows_are_thinned_between_what_happens(profiler, sea):
+    rows = fly_mission(profiler, phases(), sea).rows
+    few = thinned(rows, 120.0)
+    assert len(few) < 0.5 * len(rows)
+    state = rows[:, [Row.PHASE, Row.DOING, Row.CYCLE]]
+    changes = np.flatnonzero(np.any(state[1:] != state[:-1], axis=1))
+    kept = set(few[:, Row.T])
+    assert {rows[k, Row.T] for k in changes} <= kept
+    assert {rows[k + 1, Row.T] for k in changes} <= kept
+    assert np.array_equal(few[[0, -1]], rows[[0, -1]])
+    assert np.max(np.diff(few[:, Row.T])) <= 240.0 + np.max(np.diff(rows[:, Row.T]))
+    assert np.array_equal(thinned(rows, 0.0), rows)
+
+
+def test_nothing_discharges_by_itself_where_nothing_is_known_of_it(profiler, sea):
+    supply = profiler.supply.model_copy(update={"capacity": None})
+    flown = fly_mission(profiler.model_copy(update={"supply": supply}), phases(), sea)
+    assert flown.accounts[Account.SELF_DISCHARGED] == 0.0
+    assert "self-discharge" not in close_books(flown).battery
+
+
+def test_no_run_is_longer_than_the_pump_stands(profiler, sea):
+    actuator = profiler.actuator.model_copy(update={"longest_run": 60.0})
+    flown = fly_mission(profiler.model_copy(update={"actuator": actuator}), phases(), sea)
+    assert flown.stop is Stop.FINISHED
+    over = flown.notes[flown.notes[:, Drive.WHAT] == Note.RUN_OVER][:, Drive.NUMBER]
+    assert np.max(over) <= 60.0 + 1e-6
+    assert flown.end[Now.V] == pytest.approx(profiler.stroke.maximum, rel=1e-3)

@@ -1,0 +1,149 @@
+"""mission.nc against what OG 1.0.0 calls mandatory, read with h5py: a checker of its own.
+
+The tables are those of OG_Format-v1.0.0.adoc (OceanGlidersCommunity/OG-format-user-manual).
+"""
+
+import datetime
+import re
+
+import h5py
+import numpy as np
+import pytest
+
+from swimbladder.sim.mission.flight import fly_mission
+from swimbladder.sim.mission.og1 import og1_dataset, write_og1
+from swimbladder.sim.mission.prepare import make_plan
+from swimbladder.sim.mission.reach import reach_of
+from swimbladder.sim.mission.result import MissionResult
+from tests.sim.mission.conftest import phases
+
+BEGIN = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
+GLOBAL = (
+    "title", "platform", "platform_vocabulary", "id", "contributor_name", "contributor_email",
+    "contributor_role", "contributor_role_vocabulary", "contributing_institutions",
+    "contributing_institutions_role", "contributing_institutions_role_vocabulary", "rtqc_method",
+    "start_date", "date_created", "featureType", "Conventions",
+)  # fmt: skip
+TIME = {
+    "calendar": "gregorian", "units": "seconds since 1970-01-01T00:00:00Z", "_FillValue": -1.0,
+    "valid_min": 1e9, "valid_max": 4e9,
+}  # fmt: skip
+LATITUDE = {
+    "standard_name": "latitude", "units": "degrees_north", "_FillValue": -9999.9,
+    "valid_min": -90.0, "valid_max": 90.0,
+}  # fmt: skip
+LONGITUDE = {
+    "standard_name": "longitude", "units": "degrees_east", "_FillValue": -9999.9,
+    "valid_min": -180.0, "valid_max": 180.0,
+}  # fmt: skip
+DEPTH = {
+    "standard_name": "depth", "units": "metres", "_FillValue": -9999.9, "valid_min": 0.0,
+    "valid_max": 10000.0,
+}  # fmt: skip
+DOUBLES = {
+    "TIME": TIME, "LATITUDE": LATITUDE, "LONGITUDE": LONGITUDE, "DEPTH": DEPTH, "TIME_GPS": TIME,
+    "LATITUDE_GPS": LATITUDE, "LONGITUDE_GPS": LONGITUDE,
+}  # fmt: skip
+VOCABULARY = {
+    "TIME": "time_vocabulary", "LATITUDE": "latitude_vocabulary",
+    "LONGITUDE": "longitude_vocabulary", "DEPTH": "depth_vocabulary",
+}  # fmt: skip
+STRINGS = ("TRAJECTORY", "WMO_IDENTIFIER", "PLATFORM_MODEL", "PLATFORM_SERIAL_NUMBER")
+PARAMETER = (
+    "long_name", "standard_name", "vocabulary", "_FillValue", "units", "ancillary_variables",
+    "coordinates", "sensor",
+)  # fmt: skip
+SENSOR = ("sensor_type_vocabulary", "long_name", "sensor_model", "sensor_model_vocabulary")
+
+
+def text(value):
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+@pytest.fixture(scope="module", params=[(43.4, 7.85), (None, None)], ids=["placed", "nowhere"])
+def file(request, profiler, sea, tmp_path_factory):
+    task = phases()
+    flight = fly_mission(profiler, task, sea)
+    result = MissionResult(flight, reach_of(profiler, task, make_plan(profiler, task, sea)))
+    latitude, longitude = request.param
+    data = og1_dataset(result, begin=BEGIN, latitude=latitude, longitude=longitude)
+    path = write_og1(data, tmp_path_factory.mktemp("og1") / "mission.nc")
+    with h5py.File(path) as opened:
+        yield opened
+
+
+def test_global_attributes(file):
+    for name in GLOBAL:
+        assert text(file.attrs[name]), name
+    assert text(file.attrs["featureType"]) == "trajectory"
+    assert "OG-1.0" in text(file.attrs["Conventions"]).split(", ")
+    for name in ("start_date", "date_created", "time_coverage_start", "time_coverage_end"):
+        assert re.fullmatch(r"\d{8}T\d{6}", text(file.attrs[name])), name
+    serial = text(file["PLATFORM_SERIAL_NUMBER"][()])
+    assert text(file.attrs["id"]) == f"{serial}_20260301T120000_simulated"
+    assert text(file["TRAJECTORY"][()]) == f"{serial}_20260301T120000"
+
+
+def test_positions_and_fixes(file):
+    count = file["TIME"].shape[0]
+    assert file["TIME"].maxshape == (None,)  # N_MEASUREMENTS is unlimited
+    for name, wanted in DOUBLES.items():
+        variable = file[name]
+        assert variable.dtype == np.float64
+        assert variable.shape == (count,)
+        for key, value in wanted.items():
+            found = variable.attrs[key]
+            found = text(found) if isinstance(value, str) else float(np.ravel(found)[0])
+            assert found == value, (name, key)
+        assert text(variable.attrs["long_name"])
+        assert text(variable.attrs["ancillary_variables"]) == f"{name}_QC"
+        values = variable[()]
+        valid = values[values != wanted["_FillValue"]]
+        assert np.all((valid >= wanted["valid_min"]) & (valid <= wanted["valid_max"]))
+        if name.endswith("_GPS"):
+            assert valid.size == 0  # a simulation has no fixes
+        if name in VOCABULARY:
+            assert "vocab.nerc.ac.uk/collection/OG1" in text(variable.attrs[VOCABULARY[name]])
+            assert text(variable.attrs["interpolation_methodology"])
+    assert np.all(np.diff(file["TIME"][()]) >= 0.0)
+
+
+def test_platform_and_deployment(file):
+    for name in STRINGS:
+        assert file[name].shape == ()
+        assert text(file[name][()])
+        assert text(file[name].attrs["long_name"])
+    assert text(file["TRAJECTORY"].attrs["cf_role"]) == "trajectory_id"
+    assert text(file["PLATFORM_MODEL"].attrs["platform_model_vocabulary"])
+    assert float(file["DEPLOYMENT_TIME"][()]) == BEGIN.timestamp()
+    for name in ("DEPLOYMENT_LATITUDE", "DEPLOYMENT_LONGITUDE"):
+        place = file[name.removeprefix("DEPLOYMENT_")][0]
+        assert float(file[name][()]) == place
+        assert text(file[name].attrs["long_name"])
+    assert int(file["PLATFORM_DEPTH_RATING"][()]) == 2000
+
+
+def test_parameters_have_a_sensor_and_flags(file):
+    for name in ("PRES", "TEMP"):
+        assert file[name].dtype == np.float32
+        for key in PARAMETER:
+            assert key in file[name].attrs, (name, key)
+        sensor = file[text(file[name].attrs["sensor"])]
+        assert re.fullmatch(r"/SENSOR_[A-Z]+_\w+", sensor.name)
+        for key in SENSOR:
+            assert text(sensor.attrs[key]), key
+        assert file[name].attrs["_FillValue"].dtype == np.float32
+    for name in (*DOUBLES, "PRES", "TEMP", "PHASE"):
+        flags = file[f"{name}_QC"]
+        assert flags.dtype == np.int8
+        assert np.all(flags[()] == 0)
+        assert list(flags.attrs["flag_values"]) == [0, 1, 2, 3, 4]
+        assert len(text(flags.attrs["flag_meanings"]).split()) == 5
+
+
+def test_the_phase(file):
+    phase = file["PHASE"]
+    assert phase.dtype == np.int8
+    assert int(np.ravel(phase.attrs["_FillValue"])[0]) == 0
+    assert text(phase.attrs["phase_calculation_method"])
+    assert {1, 2, 3, 4} <= set(phase[()].tolist())

@@ -1,0 +1,85 @@
+"""A measured volume ends runs where its noise and its quantum say, and nowhere else."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from swimbladder.io.config import load_vehicle
+from swimbladder.io.mission import Mission
+from swimbladder.physics.seawater import uniform_column
+from swimbladder.sim.mission.core.names import Doing, Drive, Note, Row, Stop
+from swimbladder.sim.mission.flight import fly_mission
+from swimbladder.sim.mission.result import MissionResult
+from tests.sim.mission.conftest import phases
+
+FEUP = load_vehicle("feup-em")
+MISSION = Mission(
+    phases=[
+        {"kind": "hold", "depth": 30.0, "tolerance": 2.0, "duration": 14400.0},
+        {"kind": "surface", "duration": 600.0},
+    ]
+)
+
+
+def flown(seed=1, **sensors):
+    vehicle = FEUP.model_copy(update={"sensors": FEUP.sensors.model_copy(update=sensors)})
+    return fly_mission(vehicle, MISSION, uniform_column(FEUP.water, 200.0), seed=seed)
+
+
+def runs(flight):
+    """Volume at the begin of each run, at its end, and what was wanted [m3], end stops apart."""
+    begins = (Note.PUMP, Note.VALVE, Note.BYPASS)
+    notes = flight.notes[np.isin(flight.notes[:, Drive.WHAT], [*begins, Note.RUN_OVER])]
+    pairs = [(a, b) for a, b in itertools.pairwise(notes)
+             if a[Drive.WHAT] in begins and b[Drive.WHAT] == Note.RUN_OVER]  # fmt: skip
+    stroke = FEUP.stroke
+    return np.array([
+        (a[Drive.V], b[Drive.V], a[Drive.NUMBER]) for a, b in pairs
+        if stroke.minimum < b[Drive.V] < stroke.maximum
+    ])  # fmt: skip
+
+
+def test_without_a_seed_volumes_are_true():
+    plain, noisy = flown(None), flown(None, volume_noise=1e-7, volume_quantum=1e-7)
+    np.testing.assert_array_equal(plain.rows, noisy.rows)
+    begin, end, wanted = runs(plain).T
+    assert np.allclose(end - begin, wanted, rtol=0.0, atol=1e-12)
+
+
+def test_a_pump_that_runs_for_a_time_says_that_no_volume_is_measured(profiler, sea):
+    sensors = profiler.sensors.model_copy(update={"volume_noise": 1e-6})
+    noisy = profiler.model_copy(update={"sensors": sensors})
+    flights = [fly_mission(vehicle, phases(), sea, seed=1) for vehicle in (profiler, noisy)]
+    np.testing.assert_array_equal(flights[0].rows, flights[1].rows)
+    said = [" ".join(MissionResult(flight, None).notes) for flight in flights]
+    assert ["no volume is measured" in words for words in said] == [False, True]
+    assert not MissionResult(flown(volume_noise=1e-7), None).notes
+
+
+@pytest.mark.parametrize("quantum", [2e-8, 5e-7])
+def test_a_run_ends_at_a_step_of_the_converter(quantum):
+    """There the measured volume becomes the wanted one: half a step before or behind its middle."""
+    flight = flown(depth_noise=0.0, depth_quantum=0.0, volume_quantum=quantum)
+    assert flight.stop is Stop.FINISHED
+    _, end, _ = runs(flight).T
+    assert end.size > 3
+    edges = end / quantum - 0.5
+    assert np.allclose(edges, np.round(edges), rtol=0.0, atol=2e-6)
+
+
+def test_the_noise_of_begin_and_end_is_in_what_a_run_moves():
+    """Both are drawn once a run: what it moves misses the wanted by sigma root 2."""
+    sigma = 1e-7
+    flight = flown(depth_noise=0.0, depth_quantum=0.0, volume_noise=sigma)
+    begin, end, wanted = runs(flight).T
+    pumped = np.abs(wanted) > 6.0 * sigma  # less is not run where the noise says it is done
+    missed = (end - begin - wanted)[pumped]
+    assert missed.size > 20
+    # chi-squared of so many draws: five standard deviations of its root
+    wide = 5.0 / math.sqrt(2.0 * missed.size)
+    assert np.sqrt(np.mean(missed**2)) == pytest.approx(math.sqrt(2.0) * sigma, rel=wide)
+    assert Doing.PUMPING in flight.rows[:, Row.DOING]
+    assert np.array_equal(flight.rows, flown(depth_noise=0.0, depth_quantum=0.0,
+                                             volume_noise=sigma).rows)  # fmt: skip
