@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.block import Block, schedule
-from swimbladder.sim.closed_loop.function import Held, as_law
+from swimbladder.sim.closed_loop.function import as_law
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.vehicle import Sensors
 
@@ -21,7 +21,8 @@ def block_of(vehicle, *, command, lanes, ticks, start, tick=0.3, record=True, bo
     law, _, _ = as_law(vehicle, lambda *_: 0.0, tick)
     p = plant(vehicle, bottom_depth=bottom)
     block = Block.lay_out(
-        plants=np.repeat(np.array(p)[:, None], lanes, axis=1), law=law, parameters=Held(command),
+        plants=np.repeat(np.array(p)[:, None], lanes, axis=1), law=law,
+        parameters={"command": command},
         clock=schedule([0.0], ticks * tick, tick), parts=1, depths=np.full((1, lanes), start[2]),
         start=np.repeat(np.array(start)[:, None], lanes, axis=1), sensors=Sensors(), seeds=None,
         record=record, books=False, events=False,
@@ -34,17 +35,24 @@ def block_of(vehicle, *, command, lanes, ticks, start, tick=0.3, record=True, bo
 def test_leak_drift_and_swell_pull_as_scipy_says(lanes: int) -> None:
     vehicle, tick, n = load_vehicle("feup-em"), 0.3, 400
     z0 = 6.0
-    block, p = block_of(
-        vehicle, command=0.4, lanes=lanes, ticks=n, start=(0.0, vehicle.neutral_volume(z0), z0, 0.0)
-    )
+    start = (0.0, vehicle.neutral_volume(z0), z0, 0.0)
     leak, drift, swell, omega, phase = 5e-8, -3e-8, 4e-6, 0.7, 0.3
-    for row, value in (
-        (Row.LEAK, leak), (Row.DRIFT, drift), (Row.SWELL, swell), (Row.SWELL_OMEGA, omega),
-        (Row.SWELL_PHASE, phase), (Row.SWELL_DECAY, omega**2 / G),
-    ):  # fmt: skip
-        block.work[row] = value
-    block.run()
-    x, depths, volumes = np.array([0.0, vehicle.neutral_volume(z0), z0, 0.0]), [], []
+    blocks = []
+    for record in (True, False):  # tick by tick, and all lanes at once
+        block, p = block_of(
+            vehicle, command=0.4, lanes=lanes, ticks=n, start=start, record=record
+        )  # fmt: skip
+        for row, value in (
+            (Row.LEAK, leak), (Row.DRIFT, drift), (Row.SWELL, swell), (Row.SWELL_OMEGA, omega),
+            (Row.SWELL_PHASE, phase), (Row.SWELL_DECAY, omega**2 / G),
+        ):  # fmt: skip
+            block.work[row] = value
+        block.run()
+        blocks.append(block)
+    block, unrecorded = blocks
+    assert unrecorded.work[Row.Z] == pytest.approx(block.record[0, -1], abs=1e-12)
+    assert unrecorded.work[Row.SEEN_VOLUME] == pytest.approx(block.record[2, -1], abs=1e-16)
+    x, depths, volumes = np.array(start), [], []
     for k in range(n + 1):
         depths.append(x[2])
         volumes.append(x[1])

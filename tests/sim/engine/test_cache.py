@@ -78,7 +78,7 @@ def test_an_edited_callee_is_compiled_anew(copy: Path, tmp_path: Path) -> None:
     assert python(STEP, cache=cache, package=copy).split()[1:] == ["1", "True"]
     assert python(STEP, cache=cache, package=copy).split()[1:] == ["0", "True"]
     before = python(STEP, cache=cache, package=copy).split()[0]
-    modes = copy / "engine" / "modes.py"
+    modes = copy / "sim" / "engine" / "modes.py"
     text = modes.read_text()
     assert text.count("    where = SUBMERGED\n") == 1
     modes.write_text(text.replace("    where = SUBMERGED\n", "    where = EMERGING\n"))

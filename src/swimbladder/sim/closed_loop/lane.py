@@ -234,7 +234,7 @@ def _row(S, W_, c, q, v, z, w, u):  # type: ignore[no-untyped-def]
 
 @inlined
 def _rest(S, W_, i, w):  # type: ignore[no-untyped-def]
-    """Return N(w) of lane i, see engine.chain.drag_rest."""
+    """Return N(w) of lane i, see engine.modes.drag."""
     d_l, d_b = S[(PLANT + D_L) * W_ + i], S[(PLANT + D_B) * W_ + i]
     d_0, d_t = S[(PLANT + D_0) * W_ + i], S[(PLANT + D_T) * W_ + i]
     return drag_at(w, d_l, d_b, d_0, d_t, S[(PLANT + EPSILON) * W_ + i])[2]

@@ -18,15 +18,13 @@ from typing import Any
 import numpy as np
 
 from swimbladder.control.law import Law
+from swimbladder.io.files import source_hash
 from swimbladder.sim.closed_loop.lanes import run_block
 from swimbladder.sim.engine.cache import compiled
 
 __all__ = ["fingerprint", "kernel_of"]
 
-_OWN = (
-    "swimbladder.control.",
-    "swimbladder.sim.closed_loop.",
-)  # `engine.cache` goes by their source
+_OWN = ("swimbladder.control.", "swimbladder.sim.closed_loop.")  # of `engine.cache`'s sources
 _PLAIN = (bool, int, float, complex, str, bytes, type(None))
 
 
@@ -35,7 +33,7 @@ def kernel_of(law: Law) -> Callable[..., Any]:
     module = law.step.__module__
     if all(f.__module__.startswith(_OWN) for f in (law.step, law.initial)):
         return run_block  # type: ignore[no-any-return]
-    if module == law.initial.__module__ and module.startswith("swimbladder."):
+    if module == law.initial.__module__ and module.startswith("swimbladder.sim."):
         return _kernel(_package(module.rpartition(".")[0]))
     return _kernel(fingerprint(law.step, law.initial))
 
@@ -43,10 +41,7 @@ def kernel_of(law: Law) -> Callable[..., Any]:
 @cache
 def _package(name: str) -> str:
     """Return a name for the source of all modules of a package."""
-    digest = hashlib.sha256(name.encode())
-    for source in sorted(Path(str(sys.modules[name].__file__)).parent.glob("*.py")):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
+    return source_hash(Path(str(sys.modules[name].__file__)).parent.glob("*.py"))
 
 
 @cache
