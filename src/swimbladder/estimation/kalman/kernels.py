@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from swimbladder.estimation.kalman.motion import transition
-from swimbladder.sim.engine.cache import compiled, part
+from swimbladder.sim.engine.cache import allocating, compiled
 from swimbladder.sim.engine.modes import DEEPEST, V_0, Z_AIR
 
 __all__ = [
@@ -28,7 +28,7 @@ UNSEEN, HELD, COUNTED, CLIPPED, REJECTED, RESTARTED = 0, 1, 2, 3, 4, 5
 _IN_A_ROW = 4  # samples beyond the gate to one side: not outliers, the state is wrong
 
 
-@part
+@allocating
 def _propagate(P, F, Q):  # type: ignore[no-untyped-def]
     """Replace P [3, 3] by F P F' + Q, symmetric; Q holds its upper triangle."""
     T = np.empty((3, 3))
@@ -42,7 +42,7 @@ def _propagate(P, F, Q):  # type: ignore[no-untyped-def]
             P[j, i] = value
 
 
-@part
+@allocating
 def _loss(size, gate):  # type: ignore[no-untyped-def]
     """Return minus the log density of an innovation of so many deviations, and its weight.
 
@@ -56,7 +56,7 @@ def _loss(size, gate):  # type: ignore[no-untyped-def]
     return loss, (gate * gate * u + 1.0 - u) / (size * size)
 
 
-@part
+@allocating
 def _update(x, P, error, R, S):  # type: ignore[no-untyped-def]
     """Take in a measured depth: x += K error with K = P H'/S, and P in Joseph's form."""
     k0, k1, k2 = P[0, 0] / S, P[0, 1] / S, P[0, 2] / S
@@ -72,7 +72,7 @@ def _update(x, P, error, R, S):  # type: ignore[no-untyped-def]
     _propagate(P, F, Q)
 
 
-@part
+@allocating
 def _soften(P, floor2):  # type: ignore[no-untyped-def]
     """On the bottom depth and speed are known, but for what a floor of variance says."""
     P[0, 0] += floor2[0]

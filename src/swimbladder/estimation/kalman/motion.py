@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from swimbladder.sim.engine.cache import part
+from swimbladder.sim.engine.cache import allocating
 from swimbladder.sim.engine.layers import layered
 from swimbladder.sim.engine.modes import (
     A_B,
@@ -48,7 +48,7 @@ _X0, _X1, _X2, _X3, _X4 = (0.5 * (_x + 1.0)).tolist()
 _C0, _C1, _C2, _C3, _C4 = (0.5 * _c).tolist()
 
 
-@part
+@allocating
 def _response(d, kappa, h):  # type: ignore[no-untyped-def]
     """Return (G', G, I1, I2) at h [s] of G'' = kappa G - d G', G(0) = 0, G'(0) = 1.
 
@@ -72,7 +72,7 @@ def _response(d, kappa, h):  # type: ignore[no-untyped-def]
     return slope, g, i1, i2
 
 
-@part
+@allocating
 def _add_noise(a, d, kappa, tau, weight, walk2, jolt2, Q):  # type: ignore[no-untyped-def]
     """Add to Q what the noise of an instant does tau [s] later."""
     slope, g, i1, _ = _response(d, kappa, tau)
@@ -86,7 +86,7 @@ def _add_noise(a, d, kappa, tau, weight, walk2, jolt2, Q):  # type: ignore[no-un
     Q[2, 2] += q
 
 
-@part
+@allocating
 def _spread(F, Q, f, q):  # type: ignore[no-untyped-def]
     """Advance: F becomes f F, Q becomes f Q f' + q; third rows of f and F are (0, 0, 1)."""
     a, b, c = f[0, 0], f[0, 1], f[0, 2]
@@ -114,7 +114,7 @@ def _spread(F, Q, f, q):  # type: ignore[no-untyped-def]
     Q[2, 2] = q22 + q[2, 2]
 
 
-@part
+@allocating
 def _laminar(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
     """Advance over h [s] under laminar drag, clear of surface and bottom, exactly."""
     a, d = p[A_B], p[D_L]
@@ -146,7 +146,7 @@ def _laminar(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-unt
     return z, w
 
 
-@part
+@allocating
 def _slopes(p, layers, x, V, walk2, jolt2, tau, out):  # type: ignore[no-untyped-def]
     """Right-hand side of x: z, w, then F's columns (z and w rows of each), then Q's five parts.
 
@@ -176,7 +176,7 @@ def _slopes(p, layers, x, V, walk2, jolt2, tau, out):  # type: ignore[no-untyped
     out[12] = pull * zV - damping * wV + a * walk2 * tau
 
 
-@part
+@allocating
 def _cross(p, x, up):  # type: ignore[no-untyped-def]
     """Change slopes and noise of x where the vehicle passes through the surface.
 
@@ -191,7 +191,7 @@ def _cross(p, x, up):  # type: ignore[no-untyped-def]
     x[12] += jump * x[11]
 
 
-@part
+@allocating
 def _substep(p, layers, x, V, rate, s, t, walk2, jolt2, k, y):  # type: ignore[no-untyped-def]
     """Advance x by one step of s [s]; V: volume less neutral volume at its beginning [m3]."""
     _slopes(p, layers, x, V, walk2, jolt2, t, k[0])
@@ -204,7 +204,7 @@ def _substep(p, layers, x, V, rate, s, t, walk2, jolt2, k, y):  # type: ignore[n
     y[:] = x + s / 6.0 * (k[0] + 2.0 * (k[1] + k[2]) + k[3])
 
 
-@part
+@allocating
 def _runge_kutta(p, layers, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
     """Advance over h [s] in n steps; the bottom stops the vehicle. Return (z, w, aground)."""
     x = np.zeros(13)
@@ -248,7 +248,7 @@ def _runge_kutta(p, layers, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q):  # type
     return x[0], x[1], aground
 
 
-@part
+@allocating
 def transition(p, layers, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
     """Advance over h [s] while the volume goes from Va to Vb; return (z, w, whether aground).
 

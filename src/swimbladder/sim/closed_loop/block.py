@@ -79,6 +79,8 @@ class Block:
     depth_error: NDArray[np.float64] | None = None  # [ticks + 1, lanes], m, beyond the noise
     neutral: NDArray[np.float64] | None = None  # [ticks + 1, lanes], m3, beyond the plant's V_0
     layers: Layers = NO_LAYERS  # of the water, beyond the plant's psi z + V_0
+    hooks: Any = ()  # what stands between the parts of the loop, see `hooks`
+    loses: bool = False  # whether the vehicle gets heavier, by the rows from LOST on, see `lost`
 
     @classmethod
     def lay_out(
@@ -143,6 +145,7 @@ class Block:
         """
         enroll(self.law)
         token = (0.0,) * self.lanes
+        sea = (0.0,) if self.loses else ()
         # one vehicle: one kernel for all drags; a block: a kernel without what laminar drag lacks
         bend = (0.0,) if self.nonlinear or self.lanes == 1 else ()
         if chains is None:
@@ -175,9 +178,9 @@ class Block:
                     noise = unseen
                 ask(first)
             kernel(
-                flat, token, bend, self.parameters, state, first, last, self.clock.tick, self.parts,
-                self.clock.turn, self.clock.given, self.depths, noise, self.record, row, chains,
-                built, self.books, self.log, self.noted, self.layers,
+                flat, token, bend, sea, self.hooks, self.parameters, state, first, last,
+                self.clock.tick, self.parts, self.clock.turn, self.clock.given, self.depths, noise,
+                self.record, row, chains, built, self.books, self.log, self.noted, self.layers,
             )  # fmt: skip
             if progress is not None and (ask is None or last % _SHOWN == 0):
                 progress(last)

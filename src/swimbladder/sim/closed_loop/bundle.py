@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.engine.advance import follow
-from swimbladder.sim.engine.cache import compiled, part
+from swimbladder.sim.engine.cache import allocating, compiled
 from swimbladder.sim.engine.chain import (
     COEFFICIENTS,
     LEVELS,
@@ -33,7 +33,7 @@ _FEW = 8  # halvings: without a motor the rates are those of drag and of psi
 _DEEPEST = 50.0  # m below the start, for the volume that psi may take
 
 
-@part
+@allocating
 def _submerged(p, layers, start, parts, nonlinear, spans, place, volume, chain, tables, depth):  # type: ignore[no-untyped-def]
     """Follow a volume as long as nothing happens on the way; return whether nothing did.
 

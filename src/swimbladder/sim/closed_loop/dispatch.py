@@ -131,6 +131,8 @@ def _extent(like):  # type: ignore[no-untyped-def]
 def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
     if _class_of(like) is None:
         return None
+    if any(isinstance(field, types.Array) for field in like.types):  # not of a lane: handed through
+        return lambda like, work, start, stride: like  # noqa: ARG005
     kinds: dict[str, Any] = {}
     rows = (f"work[start + {n} * stride]" for n in itertools.count())
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_step, scatter_where
+from swimbladder.sim.closed_loop.hooks import ask, drive
 from swimbladder.sim.closed_loop.rows import (
     APPLIED,
     COMMAND,
@@ -16,6 +17,7 @@ from swimbladder.sim.closed_loop.rows import (
     HIGH_V,
     HIGH_Z,
     LAW,
+    LOST,
     LOW_Q,
     LOW_U,
     LOW_V,
@@ -42,7 +44,7 @@ from swimbladder.sim.closed_loop.rows import (
     W,
     Z,
 )
-from swimbladder.sim.engine.cache import compiled, inlined
+from swimbladder.sim.engine.cache import inlined, shared
 from swimbladder.sim.engine.chain import ALPHA, BETA, build_chain
 from swimbladder.sim.engine.modes import (
     A_S,
@@ -76,7 +78,7 @@ from swimbladder.sim.engine.modes import (
 __all__ = ["commit", "decide", "judge", "leap_lane", "set_mode", "within"]
 
 
-@compiled
+@shared
 def set_mode(S, token, i, mode, chains, built, h, p, layers):  # type: ignore[no-untyped-def]
     """Write into lane i what a tick in this mode needs: coefficients, bounds, its speed."""
     W_ = len(token)
@@ -136,20 +138,21 @@ def judge(S, W_, i, since):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def decide(S, W_, i, like, like_state, t, per_tick):  # type: ignore[no-untyped-def]
+def decide(S, W_, i, hooks, like, like_state, k, t, per_tick):  # type: ignore[no-untyped-def]
     """Call the law of lane i, keep what it says where it is due; return the input as applied."""
-    row = (LAW + extent(like)) * W_ + i
-    seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
-    parameters = gather(like, S, LAW * W_ + i, W_)
-    state = gather(like_state, S, row, W_)
-    command, state, next_s = law_step(parameters, state, seen, S[REFERENCE * W_ + i])
-    waiting = S[WAIT * W_ + i]
-    due = waiting <= 0.0
-    ticks = np.ceil(next_s * per_tick - 1e-9) - 1.0
-    S[WAIT * W_ + i] = (ticks if ticks > 0.0 else 0.0) if due else waiting - 1.0
-    command = command if due else S[COMMAND * W_ + i]
-    S[COMMAND * W_ + i] = command
-    scatter_where(due, state, S, row, W_)
+    if ask(hooks, S, k):
+        row = (LAW + extent(like)) * W_ + i
+        seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
+        parameters = gather(like, S, LAW * W_ + i, W_)
+        state = gather(like_state, S, row, W_)
+        command, state, next_s = law_step(parameters, state, seen, S[REFERENCE * W_ + i])
+        waiting = S[WAIT * W_ + i]
+        due = waiting <= 0.0
+        ticks = np.ceil(next_s * per_tick - 1e-9) - 1.0
+        S[WAIT * W_ + i] = (ticks if ticks > 0.0 else 0.0) if due else waiting - 1.0
+        S[COMMAND * W_ + i] = command if due else S[COMMAND * W_ + i]
+        scatter_where(due, state, S, row, W_)
+    command = drive(hooks, S, k, S[COMMAND * W_ + i])
     low, high = S[LOW_U * W_ + i], S[HIGH_U * W_ + i]
     u = command if command < high else high
     u = low if u < low else u
@@ -238,14 +241,16 @@ def _rest(S, W_, i, w):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def commit(S, W_, i, q1, v1, z1, w1):  # type: ignore[no-untyped-def]
+def commit(S, W_, i, sea, q1, v1, z1, w1):  # type: ignore[no-untyped-def]
     """Make the new state of lane i its state."""
+    lost = S[LOST * W_ + i] if len(sea) > 0 else 0.0
     S[TRAVEL * W_ + i] += abs(v1 - S[V * W_ + i])
     S[Q * W_ + i] = q1
     S[V * W_ + i] = v1
     S[Z * W_ + i] = z1
     S[W * W_ + i] = w1
     S[SEEN_DEPTH * W_ + i] = z1
+    v1 += lost
     S[SEEN_VOLUME * W_ + i] = v1
     z_low, z_high = S[Z_LOWEST * W_ + i], S[Z_HIGHEST * W_ + i]
     S[Z_LOWEST * W_ + i] = z1 if z1 < z_low else z_low

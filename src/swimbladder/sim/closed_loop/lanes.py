@@ -13,7 +13,9 @@ import numpy as np
 
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_initial, scatter_where
+from swimbladder.sim.closed_loop.hooks import begin, sense
 from swimbladder.sim.closed_loop.lane import commit, decide, judge, leap_lane, set_mode
+from swimbladder.sim.closed_loop.lost import lose
 from swimbladder.sim.closed_loop.rows import (
     APPLIED,
     COMMAND,
@@ -23,6 +25,7 @@ from swimbladder.sim.closed_loop.rows import (
     FROM,
     FURTHEST,
     LAW,
+    LOST,
     MODE,
     N_PLANT,
     OUTSIDE2,
@@ -46,17 +49,17 @@ from swimbladder.sim.closed_loop.rows import (
 )
 from swimbladder.sim.engine.advance import DONE, advance
 from swimbladder.sim.engine.books import decays, enter
-from swimbladder.sim.engine.cache import compiled, inlined, part, wide
+from swimbladder.sim.engine.cache import compiled, inlined, part, shared, wide
 from swimbladder.sim.engine.chain import leap
-from swimbladder.sim.engine.modes import EPSILON, first_mode
+from swimbladder.sim.engine.modes import EPSILON, POSITIONER, V_MAX, V_MIN, first_mode
 from swimbladder.sim.engine.sensor import Sensor, measured
 
-LAW_NOT_FINITE = 5
+LAW_NOT_FINITE, OVER = 5, 6  # why a lane stopped, beside engine.advance: OVER by its hooks
 
-__all__ = ["LAW_NOT_FINITE", "measure_block", "run_block", "start_block"]
+__all__ = ["LAW_NOT_FINITE", "OVER", "measure_block", "run_block", "start_block"]
 
 
-@compiled
+@shared
 def measure_block(S, token, noise, k):  # type: ignore[no-untyped-def]
     """Write what the sensors give."""
     W_ = len(token)
@@ -64,7 +67,8 @@ def measure_block(S, token, noise, k):  # type: ignore[no-untyped-def]
         of_depth = Sensor(S[DEPTH_NOISE * W_ + i], S[DEPTH_QUANTUM * W_ + i])
         of_volume = Sensor(S[VOLUME_NOISE * W_ + i], S[VOLUME_QUANTUM * W_ + i])
         S[SEEN_DEPTH * W_ + i] = measured(of_depth, S[Z * W_ + i], noise[k, 0, i])
-        S[SEEN_VOLUME * W_ + i] = measured(of_volume, S[V * W_ + i], noise[k, 1, i])
+        volume = S[V * W_ + i] + S[LOST * W_ + i]
+        S[SEEN_VOLUME * W_ + i] = measured(of_volume, volume, noise[k, 1, i])
 
 
 @part
@@ -83,7 +87,7 @@ def _set_targets(S, token, depths):  # type: ignore[no-untyped-def]
 
 
 @part
-def _tick(S, token, bend, like, like_state, t, since, tick):  # type: ignore[no-untyped-def]
+def _tick(S, token, bend, sea, like, like_state, k, t, since, tick):  # type: ignore[no-untyped-def]
     """Judge, decide and move every lane by a whole tick; return how many lanes need more.
 
     Those keep the state they had.
@@ -94,12 +98,12 @@ def _tick(S, token, bend, like, like_state, t, since, tick):  # type: ignore[no-
     wide()  # type: ignore[call-arg]
     for i in range(W_):
         judge(S, W_, i, since)
-        u = decide(S, W_, i, like, like_state, t, per_tick)
+        u = decide(S, W_, i, (), like, like_state, k, t, per_tick)
         q1, v1, z1, w1, ok = leap_lane(S, W_, i, u, tick, bend)
         q, v = S[Q * W_ + i], S[V * W_ + i]
         z, w = S[Z * W_ + i], S[W * W_ + i]
         commit(
-            S, W_, i, q1 if ok else q, v1 if ok else v, z1 if ok else z, w1 if ok else w
+            S, W_, i, sea, q1 if ok else q, v1 if ok else v, z1 if ok else z, w1 if ok else w
         )  # fmt: skip
         S[TROUBLE * W_ + i] = 0.0 if ok else 1.0
         troubled += 0 if ok else 1
@@ -117,14 +121,16 @@ def _start_laws(S, token, like, t):  # type: ignore[no-untyped-def]
 
 @compiled
 def run_block(  # type: ignore[no-untyped-def]
-    S, token, bend, like, like_state, first, last, tick, parts, turn, given, depths, noise,
-    record, state_row, chains, built, books, log, count, layers,
+    S, token, bend, sea, hooks, like, like_state, first, last, tick, parts, turn, given, depths,
+    noise, record, state_row, chains, built, books, log, count, layers,
 ):  # fmt: skip
     """Run a block of len(token) lanes from tick `first` to `last`.
 
-    S: the block's array, rows x lanes, flat. like, like_state: a law's parameters and state, for
-    their types. tick [s], divided into `parts`. turn [n]: which set-point holds at a tick;
-    given: the tick of each set-point; depths [set-points, lanes].
+    S: the block's array, rows x lanes, flat. bend, sea: empty where drag is laminar, and where
+    nothing is lost, see `lost`. hooks: what stands between the parts, see `hooks`. like,
+    like_state: a law's parameters and state, for their types. tick [s], divided into `parts`.
+    turn [n]: which set-point holds at a tick; given: the tick of each set-point; depths
+    [set-points, lanes].
     noise [ticks of this call, 2, lanes] standard normal, or empty.
     record [7, n, lanes] or empty; state_row: row of the volume reference in the law's state, -1
     without. chains, built: see engine.advance, per lane. books [lanes, accounts] or empty.
@@ -137,28 +143,36 @@ def run_block(  # type: ignore[no-untyped-def]
     p = np.zeros(N_PLANT)
     kept = np.array([-1, -1])
     decay = np.zeros(5)
-    whole = parts == 1 and record.shape[1] == 0 and books.shape[1] == 0
+    whole = parts == 1 and record.shape[1] == 0 and books.shape[1] == 0 and len(hooks) == 0
     for k in range(first, last):
         t = k * tick
         since = (k - given[turn[k]]) * tick
         if k == 0 or turn[k] != turn[k - 1]:
             _set_targets(S, token, depths[turn[k]])
+        if len(sea) > 0:
+            for i in range(W_):
+                lose(S, W_, i, p, t, tick if k > 0 else 0.0, layers)
+            kept[0] = -1
+        if begin(hooks, S, k, built):
+            S[STOPPED] = OVER if S[STOPPED] == 0.0 else S[STOPPED]
+            break
         if noise.shape[0] > 0:
             measure_block(S, token, noise, k - first)
+        sense(hooks, S, k)
         if k == 0:
             _start_laws(S, token, like, t)
         if whole and k < turn.shape[0] - 1:
-            if _tick(S, token, bend, like, like_state, t, since, tick) > 0:
+            if _tick(S, token, bend, sea, like, like_state, k, t, since, tick) > 0:
                 for i in range(W_):
                     if S[TROUBLE * W_ + i] != 0.0:
                         _take_slowly(
-                            S, token, i, k, t, h, bend, p, x, y,
+                            S, token, i, k, t, h, bend, sea, p, x, y,
                             chains[i], built[i], books[i], log[i], count[i], layers,
                         )  # fmt: skip
             continue
         for i in range(W_):
             judge(S, W_, i, since)
-            decide(S, W_, i, like, like_state, t, 1.0 / tick)
+            decide(S, W_, i, hooks, like, like_state, k, t, 1.0 / tick)
         if record.shape[1] > 0:
             _record(S, token, record, k, extent(like), state_row)
         if k == turn.shape[0] - 1:
@@ -168,21 +182,23 @@ def run_block(  # type: ignore[no-untyped-def]
                 if books.shape[1] == 0:
                     q1, v1, z1, w1, ok = leap_lane(S, W_, i, S[APPLIED * W_ + i], h, bend)
                     if ok:
-                        commit(S, W_, i, q1, v1, z1, w1)
+                        commit(S, W_, i, sea, q1, v1, z1, w1)
                         continue
                 elif _leap_with_books(
-                    S, W_, i, h, bend, p, x, y, chains, books, kept, decay, layers
+                    S, W_, i, h, bend, sea, p, x, y, chains, books, kept, decay, layers
                 ):
                     continue
                 kept[0] = -1
                 _take_slowly(
-                    S, token, i, k, t + n * h, h, bend, p, x, y,
+                    S, token, i, k, t + n * h, h, bend, sea, p, x, y,
                     chains[i], built[i], books[i], log[i], count[i], layers,
                 )  # fmt: skip
 
 
 @inlined
-def _leap_with_books(S, W_, i, h, bend, p, x, y, chains, books, kept, decay, layers):  # type: ignore[no-untyped-def]
+def _leap_with_books(  # type: ignore[no-untyped-def]
+    S, W_, i, h, bend, sea, p, x, y, chains, books, kept, decay, layers
+):
     """Take one step of lane i, with its accounts, if nothing happens in it; return whether.
 
     kept: the lane and the mode whose parameters p and transients `decay` are loaded.
@@ -212,13 +228,13 @@ def _leap_with_books(S, W_, i, h, bend, p, x, y, chains, books, kept, decay, lay
     else:
         leap(chains[i, mode], 0, p, layers, True, x, u, y)
     enter(p, mode, x, y, u, h, decay, books[i])
-    commit(S, W_, i, q1, v1, z1, w1)
+    commit(S, W_, i, sea, q1, v1, z1, w1)
     return True
 
 
 @part
 def _take_slowly(  # type: ignore[no-untyped-def]
-    S, token, i, k, t, h, bend, p, x, y, chains, built, books, log, count, layers
+    S, token, i, k, t, h, bend, sea, p, x, y, chains, built, books, log, count, layers
 ):
     """Take one step of lane i by engine.advance, and change its mode if an event did."""
     W_ = len(token)
@@ -233,8 +249,13 @@ def _take_slowly(  # type: ignore[no-untyped-def]
         if not abs(u) < 1e30:
             why = LAW_NOT_FINITE
         else:
+            if len(sea) > 0 and p[POSITIONER] != 0.0:
+                u -= S[LOST * W_ + i]
+                if abs(u - x[1]) < 1e-12 * (p[V_MAX] - p[V_MIN]):
+                    u = x[1]  # rounding does not set it in motion
+            nonlinear = len(bend) > 0 and p[EPSILON] < np.inf
             mode, why = advance(
-                p, layers, len(bend) > 0, before, x, y, u, h, t, chains, built, books, log, count
+                p, layers, nonlinear, before, x, y, u, h, t, chains, built, books, log, count
             )
             if mode != before:
                 S[EVENTS * W_ + i] += 1.0
@@ -244,7 +265,7 @@ def _take_slowly(  # type: ignore[no-untyped-def]
             S[STOPPED * W_ + i] = why
             S[STOP_TICK * W_ + i] = k
             S[SLOW * W_ + i] = 1.0
-        commit(S, W_, i, x[0], x[1], x[2], x[3])
+        commit(S, W_, i, sea, x[0], x[1], x[2], x[3])
 
 
 @part
@@ -253,7 +274,7 @@ def _record(S, token, record, k, n_par, state_row):  # type: ignore[no-untyped-d
     for i in range(W_):
         record[0, k, i] = S[Z * W_ + i]
         record[1, k, i] = S[W * W_ + i]
-        record[2, k, i] = S[V * W_ + i]
+        record[2, k, i] = S[V * W_ + i] + S[LOST * W_ + i]
         record[3, k, i] = S[Q * W_ + i]
         record[4, k, i] = S[COMMAND * W_ + i]
         record[5, k, i] = S[APPLIED * W_ + i]

@@ -52,9 +52,18 @@ class Row(IntEnum):
     TROUBLE = 36  # 1: this tick has to be taken by engine.advance
     REFERENCE = 37  # m, the present set-point
     PER_SPAN = 38  # 1/m, one over the present step, nan: no step
-    STEP = 39  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
-    PLANT = 83
-    LAW = 108  # parameters, then state
+    # what makes the vehicle heavier, see `lost`
+    LOST = 39  # m3 that V, its end stops and bounds are counted less by
+    WATER = 40  # m3 that leaked in
+    LEAK = 41  # m3/s
+    DRIFT = 42  # m3/s, of the neutral volume
+    SWELL = 43  # m3, amplitude at the surface
+    SWELL_OMEGA = 44  # rad/s
+    SWELL_PHASE = 45  # rad
+    SWELL_DECAY = 46  # 1/m
+    STEP = 47  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
+    PLANT = 91
+    LAW = 116  # parameters, then state
 
 
 N_STEP = 44
@@ -64,7 +73,8 @@ RECORDED = ("depth", "speed", "volume", "motor_rate", "command", "applied", "vol
     STOP_TICK, LOW_Q, HIGH_Q, LOW_V, HIGH_V, LOW_Z, HIGH_Z, DEPTH_NOISE, DEPTH_QUANTUM,
     VOLUME_NOISE, VOLUME_QUANTUM, FROM, LOW_U, HIGH_U, SEEN_DEPTH, SEEN_VOLUME, Z_LOWEST,
     Z_HIGHEST, V_LOWEST, V_HIGHEST, TRAVEL, FURTHEST, RISE90, OUTSIDE2, SQUARES, EVENTS, TROUBLE,
-    REFERENCE, PER_SPAN, STEP, PLANT, LAW,
+    REFERENCE, PER_SPAN, LOST, WATER, LEAK, DRIFT, SWELL, SWELL_OMEGA, SWELL_PHASE, SWELL_DECAY,
+    STEP, PLANT, LAW,
 ) = (int(row) for row in Row)  # fmt: skip
 N_PLANT = len(Plant._fields)
 assert LAW == PLANT + N_PLANT

@@ -19,7 +19,7 @@ from swimbladder.sim.engine.books import (
     enter_bend,
     enter_blow,
 )
-from swimbladder.sim.engine.cache import compiled
+from swimbladder.sim.engine.cache import compiled, shared
 from swimbladder.sim.engine.chain import TICKS, accept, build_chain, leap
 from swimbladder.sim.engine.crossings import at_stop, may_hide, note, put_at_limit
 from swimbladder.sim.engine.modes import (
@@ -55,7 +55,7 @@ _LEAPS = 50_000  # in one step: likewise
 _BENDS = 8  # in one step: from then on the bend of the drag is no longer searched for
 
 
-@compiled
+@shared
 def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count):  # type: ignore[no-untyped-def]
     """Advance x = (q, V, z, w, integral of z) in place by h [s]; return (mode, why it stopped).
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from enum import IntEnum
 
-from swimbladder.sim.engine.cache import compiled, part
+from swimbladder.sim.engine.cache import part, shared
 from swimbladder.sim.engine.layers import layered
 from swimbladder.sim.engine.modes import (
     A_B,
@@ -84,7 +84,7 @@ def _drag_power(p, w):  # type: ignore[no-untyped-def]
     return w * drag(p, w)[0]
 
 
-@compiled
+@shared
 def decays(p, mode, h, decay):  # type: ignore[no-untyped-def]
     """Fill decay [5] for `enter`: the motor's time constant and integrals of its transient over h.
 
@@ -102,7 +102,7 @@ def decays(p, mode, h, decay):  # type: ignore[no-untyped-def]
     decay[4] = 2.0 * tau * decay[2] - tau * h * h * e
 
 
-@compiled
+@shared
 def enter(p, mode, x, y, u, h, decay, books):  # type: ignore[no-untyped-def]
     """Add to the accounts what happened from x to y, h [s] later, in one mode at voltage u.
 

@@ -30,12 +30,14 @@ from swimbladder.io.files import source_hash
 
 __all__ = [
     "OPTIONS",
+    "allocating",
     "cache_folder",
     "compiled",
     "inlined",
     "is_cached",
     "on_compile",
     "part",
+    "shared",
     "wide",
 ]
 
@@ -43,8 +45,12 @@ __all__ = [
 # Nothing but Python calls a kernel, so that none needs a way in for C.
 OPTIONS: dict[str, Any] = {
     "error_model": "numpy", "fastmath": {"contract"}, "nogil": True, "no_cfunc_wrapper": True,
+    "_nrt": True,
 }  # fmt: skip
-_INLINED: dict[str, Any] = OPTIONS | {"forceinline": True, "no_cpython_wrapper": True}
+# Without counting who holds an array, which takes longer than a step of a vehicle: for what makes
+# no arrays, its caller holding those that it is given.
+_BARE: dict[str, Any] = OPTIONS | {"_nrt": False}
+_INLINED: dict[str, Any] = _BARE | {"forceinline": True, "no_cpython_wrapper": True}
 
 _config: Any = numba.config
 _PACKAGE = Path(__file__).resolve().parents[2]
@@ -162,12 +168,13 @@ class _Kept(_Cache):  # type: ignore[misc]
             _log.warning("cannot %s compiled code in %s (%s): %s", what, cache_folder(), why, so)
 
 
-def compiled(function: Callable[..., Any], *, under: str = "") -> Any:
+def compiled(function: Callable[..., Any], *, under: str = "", allocates: bool = True) -> Any:
     """Compile a kernel that Python calls, and keep its code in `cache_folder`, `under` a name.
 
     Also for what many kernels have in common: a process that compiles one finds it made.
+    allocates: whether it makes arrays.
     """
-    kernel = numba.njit(**OPTIONS)(function)
+    kernel = numba.njit(**(OPTIONS if allocates else _BARE))(function)
     before = _config.CACHE_DIR
     try:
         folder = cache_folder() / under
@@ -181,8 +188,18 @@ def compiled(function: Callable[..., Any], *, under: str = "") -> Any:
     return kernel
 
 
+def shared(function: Callable[..., Any]) -> Any:
+    """Compile what many kernels have in common, see `compiled`, and what makes no arrays."""
+    return compiled(function, allocates=False)
+
+
 def part(function: Callable[..., Any]) -> Any:
-    """Compile a function that kernels call; its code is kept with theirs."""
+    """Compile a function that kernels call; its code is kept with theirs. It makes no arrays."""
+    return numba.njit(**_BARE)(function)
+
+
+def allocating(function: Callable[..., Any]) -> Any:
+    """Compile a function that kernels call, and that makes arrays; its code is kept with theirs."""
     return numba.njit(**OPTIONS)(function)
 
 

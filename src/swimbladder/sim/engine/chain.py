@@ -16,7 +16,7 @@ import numpy as np
 
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant
-from swimbladder.sim.engine.cache import compiled, inlined, part
+from swimbladder.sim.engine.cache import compiled, inlined, part, shared
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers, layered
 from swimbladder.sim.engine.modes import A_B, EPSILON, drag, linear_part
 
@@ -151,7 +151,7 @@ def _branch(p, w):  # type: ignore[no-untyped-def]
     return 1 if w > 0.0 else -1
 
 
-@compiled
+@shared
 def leap(chain, level, p, layers, nonlinear, x, u, y):  # type: ignore[no-untyped-def]
     """Advance x = (q, V, z, w, integral of z) by one step of a level into y; u is held.
 

@@ -11,7 +11,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from swimbladder.physics.dynamics import Plant, drag_law
-from swimbladder.sim.engine.cache import compiled, inlined, part
+from swimbladder.sim.engine.cache import inlined, part, shared
 from swimbladder.sim.engine.layers import layered
 
 __all__ = [
@@ -225,7 +225,7 @@ def _stop_pushes(p, u, q, z, w):  # type: ignore[no-untyped-def]
     return p[GAIN] * (v - load) >= p[K_L] * (z + p[T1] * w)
 
 
-@compiled
+@shared
 def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
     """Return (new mode or -1, q, w, whether the state was reset) at a state and an input.
 
@@ -309,7 +309,7 @@ def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
     return new_mode, q, w, reset
 
 
-@compiled
+@shared
 def first_mode(p, layers, q, V, z, w, u):  # type: ignore[no-untyped-def]
     """Return (mode, q) that a state starts in; q of a positioner is its rate, 0 at its target."""
     where = SUBMERGED

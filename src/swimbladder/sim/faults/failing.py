@@ -27,6 +27,7 @@ from swimbladder.sim.engine.sensor import quantised
 from swimbladder.sim.faults.kinds import Fault
 
 __all__ = [
+    "MOST",
     "ROOM",
     "acted",
     "board_misses",
@@ -39,10 +40,10 @@ __all__ = [
 ]
 
 _KIND, _FIRST, _SECOND, _BEGIN, _END = range(5)
-_MOST = 2  # faults of a mission
+MOST = 4  # faults of a mission
 _HELD, _HELD_AT, _VOLUME, _LOOSE, _STUCK, _BLOCKED = range(6)
-_ACTED = _BLOCKED + _MOST  # from these two on a number for each fault
-ROOM = _ACTED + _MOST  # numbers that are kept from tick to tick
+_ACTED = _BLOCKED + MOST  # from these two on a number for each fault
+ROOM = _ACTED + MOST  # numbers that are kept from tick to tick
 _HELD_BACK = 1.0  # s on end, that a block stops the actuator before it counts as acting
 
 (

@@ -1,21 +1,50 @@
-"""One mission, tick by tick: the plant of `engine`, the C of the board, and the faults between.
+"""One mission with faults: what stands between plant, sensors, board and driver of the one loop.
 
-What makes the vehicle heavier (water that leaks in, a drifting trim, the pull of the swell) acts as
-a volume d that is lost: the engine's V and its end stops are those of the vehicle less d, which
-moves the hull just so, and leaves the exponentials as they are. d is held over a tick.
+The board's C, called by its address, is the law; the faults act through the hooks of
+`closed_loop.hooks`, and what leaks in, drifts and swells through `closed_loop.lost`.
 """
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
+import threading
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from swimbladder.io.files import source_hash
-from swimbladder.sim.engine.advance import DONE, advance
-from swimbladder.sim.engine.cache import compiled, inlined, part
-from swimbladder.sim.engine.layers import Layers
+from swimbladder.control.law import Law, Measurement
+from swimbladder.physics.dynamics import Plant
+from swimbladder.sim.closed_loop.block import Block, Schedule, work_space
+from swimbladder.sim.closed_loop.hooks import Hooks, hook_in
+from swimbladder.sim.closed_loop.lanes import OVER
+from swimbladder.sim.closed_loop.rows import (
+    APPLIED,
+    DEPTH_NOISE,
+    DEPTH_QUANTUM,
+    HIGH_U,
+    LEAK,
+    LOST,
+    LOW_U,
+    MODE,
+    N_PLANT,
+    PLANT,
+    REFERENCE,
+    SEEN_DEPTH,
+    SEEN_VOLUME,
+    SLOW,
+    STOPPED,
+    VOLUME_NOISE,
+    VOLUME_QUANTUM,
+    WATER,
+    Q,
+    Row,
+    V,
+    W,
+    Z,
+)
+from swimbladder.sim.engine.cache import inlined
+from swimbladder.sim.engine.chain import base_steps
 from swimbladder.sim.engine.modes import (
     KAPPA,
     MOVING_IN,
@@ -28,14 +57,14 @@ from swimbladder.sim.engine.modes import (
     V_0,
     V_MAX,
     V_MIN,
-    Z_BOTTOM,
     Z_SURFACE,
-    first_mode,
 )
 from swimbladder.sim.faults.call import call_begin, call_tick
+from swimbladder.sim.faults.draw import Mission
 from swimbladder.sim.faults.failing import (
     LEAK_LARGE,
     LEAK_SMALL,
+    MOST,
     ROOM,
     acted,
     board_misses,
@@ -46,25 +75,105 @@ from swimbladder.sim.faults.failing import (
     see_volume,
     suffer,
 )
-from swimbladder.sim.faults.rows import CONDITION, RESULT
+from swimbladder.sim.faults.rows import Condition, Harm, Result, record_type
+from swimbladder.vehicle import Sensors
 
-__all__ = ["EARLY", "FULL", "OWN", "fly"]
+__all__ = ["EARLY", "FULL", "OWN", "Room", "fly"]
+
+Array = NDArray[np.float64]
 
 # The board decides; or full buoyancy is commanded from `full_after` the last fault acts on, or from
 # `full_after` the first does.
 OWN, FULL, EARLY = 0, 1, 2
 _RAN, _MISSED, _OFF = 0.0, 1.0, 2.0
+MOST_TURNS = 8  # set-points of a mission
 _NEARLY = 0.01  # of the stroke: a volume so near its largest is all out
 
-(
-    END, TICK, START_DEPTH, START_VOLUME, DEPTH_NOISE, DEPTH_QUANTUM, VOLUME_NOISE,
-    VOLUME_QUANTUM, BATTERY_NOISE, RAMP, DRIFT, SWELL, SWELL_OMEGA, SWELL_PHASE, GRAVITY,
-    LEAK_INPUT, BROWN_OUT, BOOT, BAND, RATED, STAY, QUIET_AT, FULL_AFTER, SEED,
-) = CONDITION  # fmt: skip
-(
-    STOP, LAST, ARRIVED, BEYOND, ON_BOTTOM, DEPTH, DEEPEST, LATCHED, REASON, RELEASED,
-    RESETS_, ACTING, UP, FILLED,
-) = RESULT  # fmt: skip
+
+class Board(NamedTuple):
+    """A controller that is called by address, as the parameters of a law; see `host.Board`."""
+
+    begin: int
+    tick: int
+    memory: Any  # bytes that it remembers
+    seen: Any  # [7] float32: depth, its age, volume, battery, leak, lost ticks, depth asked for
+    said: Any  # [3] float32: reason, release, whether its law was called
+
+
+class Nothing(NamedTuple):
+    """The state of a board, which is in its memory."""
+
+    nothing: float
+
+
+def _step(
+    board: Board, state: Nothing, measurement: Measurement, reference: float
+) -> tuple[float, Nothing, float]:
+    seen = board.seen
+    seen[0], seen[2], seen[6] = measurement.depth, measurement.volume, reference
+    command: float = call_tick(  # type: ignore[call-arg]
+        board.tick, board.memory.ctypes.data, seen.ctypes.data, board.said.ctypes.data
+    )
+    return float(command), state, 0.0
+
+
+def _initial(_board: Board, _measurement: Measurement, _reference: float) -> Nothing:
+    return Nothing(0.0)
+
+
+_LAW = Law(
+    name="board", summary="the C of a board", command="voltage", parameters=Board, state=Nothing,
+    units={}, step=_step, initial=_initial,
+)  # fmt: skip
+
+
+class Now(NamedTuple):
+    """What a flight remembers from tick to tick, beside the rows of its lane."""
+
+    how: float  # OWN, FULL or EARLY
+    ran: float  # 1: the board was called at this tick
+    board: float  # _RAN, _MISSED or _OFF
+    command: float  # V or m3, of the board
+    lost: float  # ticks since its last
+    off_until: float  # tick
+    hung_until: float  # tick
+    hangs: float  # ticks that a call of its law would not come back for
+    resets: float
+    restarted: float  # 1: it was reset, and remembers what outlives that
+    must_begin: float  # 1: its begin is to be called before its tick
+    begun: float  # tick that its clock counts from
+    turn: float  # set-point
+    asked: float  # m
+    told: float  # 1: full buoyancy is commanded
+    full_at: float  # tick from which on it is
+    deepest: float  # m
+    below: float  # ticks since it was at the surface
+    acts: float  # faults that have acted
+    noise: float  # of the depth at this tick, which the battery's is taken to be as well
+    battery: float  # V, at the board
+    age: float  # s, of the depth
+
+
+FLIGHT = np.dtype([
+    ("condition", record_type(Condition)), ("now", record_type(Now)),
+    ("result", record_type(Result)),
+    ("base", np.float64, (N_PLANT,)),  # the healthy vehicle
+    ("faults", np.int64),  # how many
+    ("harms", np.float64, (MOST, len(Harm._fields))),
+    ("kept", np.float64, (ROOM,)),  # what the faults remember
+    ("turns", np.float64, (MOST_TURNS,)),  # ticks of the set-points, inf behind the last
+    ("depths", np.float64, (MOST_TURNS,)),  # m
+])  # fmt: skip
+
+
+class Faults(NamedTuple):
+    """A mission with faults, as the hooks take it."""
+
+    flight: Any  # a record of FLIGHT
+    board: Board
+    before: Any  # the board's memory at the begin of a tick
+    late: Array  # depths seen before
+    record: Array  # [ticks, len(Trace)] or no rows
 
 
 @inlined
@@ -74,7 +183,7 @@ def _keep(source, target):  # type: ignore[no-untyped-def]
         target[n] = source[n]
 
 
-@part
+@inlined
 def _leaking(harms, k):  # type: ignore[no-untyped-def]
     """Return the water that comes in [m3/s] at tick k."""
     rate = 0.0
@@ -85,19 +194,7 @@ def _leaking(harms, k):  # type: ignore[no-untyped-def]
     return rate
 
 
-@part
-def _swell(c, z, t):  # type: ignore[no-untyped-def]
-    """Return the volume [m3] whose loss pulls as the swell does at depth z [m] and time t [s].
-
-    A neutral hull moves with the water, and the pressure it sees stays as it is (Airy waves); this
-    is what is left of a hull that is long or not neutral. It dies out as exp(-omega^2 z/g).
-    """
-    omega = c[SWELL_OMEGA]
-    fades = math.exp(-omega * omega / c[GRAVITY] * max(z, 0.0))
-    return c[SWELL] * fades * math.cos(omega * t + c[SWELL_PHASE])
-
-
-@part
+@inlined
 def _filled(base, volume, lifting, z, afloat, before):  # type: ignore[no-untyped-def]
     """Return 1 once a vehicle is heavy with all its volume [m3] out since it was at the surface.
 
@@ -115,193 +212,237 @@ def _filled(base, volume, lifting, z, afloat, before):  # type: ignore[no-untype
     return before
 
 
-def _fly(  # type: ignore[no-untyped-def]
-    base, c, harms, turns, depths, nonlinear, parts, how, begin, tick_, memory, x, p, y, chains,
-    built, late, record, result,
-):  # fmt: skip
-    """Fly one mission; fill result [len(Result)] and, where it has rows, record [n, len(Trace)].
+@inlined
+def _surfaced(faults, S, k):  # type: ignore[no-untyped-def]
+    """Follow where the vehicle is at tick k; return whether its mission is over."""
+    c, now, result = faults.flight.condition, faults.flight.now, faults.flight.result
+    z = S[Z]
+    now.deepest = max(now.deepest, z)
+    if z > c.rated:
+        result.beyond = k
+        result.last = k
+        return True
+    quiet = now.told != 0.0 or k >= c.quiet_at or k > result.latched
+    afloat = z <= faults.flight.base[Z_SURFACE] + c.band
+    now.below = 0.0 if afloat else now.below + 1.0
+    if afloat and quiet and math.isnan(result.up):
+        result.up = k
+    result.filled = _filled(faults.flight.base, S[V] + S[LOST], S[V], z, afloat, result.filled)
+    if not quiet or now.below > c.stay:  # one that came up fast bobs, and comes back sooner
+        result.arrived = np.nan
+    elif afloat and math.isnan(result.arrived):
+        result.arrived = k
+    result.last = k
+    return afloat and k - result.arrived >= c.stay
 
-    base [len(Plant)], c [len(Condition)], harms [faults, len(Harm)]. turns [s]: ticks of the
-    set-points depths [s] in m. parts: steps of a tick. how: OWN, FULL or EARLY. begin, tick_:
-    addresses of the board's functions. memory: of the board. x [5], p [len(Plant)], y [10], chains,
-    built, late: room.
-    """
-    np.random.seed(np.uint32(c[SEED]))  # noqa: NPY002
-    tick = c[TICK]
-    h = tick / parts
-    end = int(c[END])
-    _keep(base, p)
-    built[:] = 0
-    x[:] = 0.0
-    x[1], x[2] = c[START_VOLUME], c[START_DEPTH]
-    even = Layers(np.empty((0, 2)), 1.0, 0.0, 0.0)  # water without layers
-    mode, x[0] = first_mode(p, even, 0.0, x[1], x[2], 0.0, 0.0)
-    books, log, count = np.zeros(0), np.zeros((0, 3)), np.zeros(1, np.int64)
-    kept = np.zeros(ROOM)
-    before = np.zeros_like(memory)
-    seen, said = np.zeros(8, np.float32), np.zeros(4, np.float32)
-    result[:] = np.nan
-    result[STOP], result[ON_BOTTOM], result[REASON], result[RESETS_] = 0.0, 0.0, 0.0, 0.0
-    result[FILLED] = -1.0
+
+@inlined
+def _begin(faults, S, k, built):  # type: ignore[no-untyped-def]
+    """Let the faults act on plant and battery; return whether the mission is over."""
+    if S[STOPPED] != 0.0:
+        return True
+    c, now, result = faults.flight.condition, faults.flight.now, faults.flight.result
+    m = faults.flight
+    base, harms = m.base, m.harms[: m.faults]
+    if k == 0:
+        np.random.seed(np.uint32(c.seed))  # noqa: NPY002
+    if _surfaced(faults, S, k):
+        return True
+    S[SLOW] = 1.0  # the plant changes between ticks
+    S[LEAK] = _leaking(harms, k)
+    p = S[PLANT : PLANT + N_PLANT]
+    if changes(harms, k):
+        suffer(base, p, harms, k, S[V] + S[LOST], S[LOST])
+        built[:] = 0
+        act = int(S[MODE]) % 10
+        if act == MOVING_OUT:  # a positioner on its way, also one that could not move
+            S[Q] = p[RATE]
+        elif act == MOVING_IN:
+            S[Q] = -p[RATE]
+    if now.acts < harms.shape[0]:
+        now.acts = acted(base, p, harms, k, c.tick, S[V], faults.flight.kept)
+        if now.acts > 0 and math.isnan(result.acting):
+            result.acting = k
+            if now.how == EARLY:
+                now.full_at = k + c.full_after
+        if now.acts == harms.shape[0] and now.how == FULL:
+            now.full_at = k + c.full_after
+    if base[POSITIONER] != 0.0:
+        now.battery = np.nan
+        return False
+    u = S[APPLIED]
+    p[SUPPLY] = emf(base, harms, k, c.tick, abs(u) > 0.05 * base[SUPPLY])
+    S[LOW_U], S[HIGH_U] = -p[SUPPLY], p[SUPPLY]
+    applied = max(-p[SUPPLY], min(p[SUPPLY], u))
+    drawn = (applied - p[KAPPA] * S[Q]) * (1.0 if applied >= 0.0 else -1.0)
+    now.battery = p[SUPPLY] - max(p[SAG] * drawn, 0.0) / (1.0 + p[SAG])
+    return False
+
+
+@inlined
+def _sense(faults, S, k):  # type: ignore[no-untyped-def]
+    """Write what the sensors give, with their faults."""
+    m = faults.flight
+    c, now, harms, kept = m.condition, m.now, m.harms[: m.faults], m.kept
+    noise, other = np.random.normal(), np.random.normal()  # noqa: NPY002
+    depth = S[Z] + S[DEPTH_NOISE] * noise
+    S[SEEN_DEPTH], now.age = see_depth(harms, k, c.tick, depth, S[DEPTH_QUANTUM], kept, faults.late)
+    volume = S[V] + S[LOST] + S[VOLUME_NOISE] * other
+    stroke = m.base[V_MAX] - m.base[V_MIN]
+    S[SEEN_VOLUME] = see_volume(harms, k, c.tick, volume, S[VOLUME_QUANTUM], stroke, kept)
+    now.noise = noise
+
+
+@inlined
+def _ask(faults, S, k):  # type: ignore[no-untyped-def]
+    """Return whether the board runs at tick k; where it does not, set what it commands."""
+    m = faults.flight
+    c, now, base, turns = m.condition, m.now, m.base, m.turns
     positioner = base[POSITIONER] != 0.0
-    stroke = base[V_MAX] - base[V_MIN]
-    lost, water, shift = 0, 0.0, 0.0
-    off_until, hung_until, resets = -1, -1, 0
-    must_begin, restarted, begun = True, 0, 0
-    u_board, u, turn = 0.0, c[START_VOLUME] if positioner else 0.0, 0
-    asked, told = depths[0], False
-    deepest, full_at, below, act = c[START_DEPTH], math.inf, 0.0, 0
-    for k in range(end + 1):
-        t = k * tick
-        # what makes the vehicle heavier
-        d = water + c[DRIFT] * t
-        if c[SWELL] > 0.0:
-            d += _swell(c, x[2], t)
-        if d != shift:
-            change = d - shift
-            x[1] -= change
-            p[V_MAX] -= change
-            p[V_MIN] -= change
-            shift = d
-        volume = x[1] + shift
-        # where it is
-        z = x[2]
-        deepest = max(deepest, z)
-        if z > c[RATED]:
-            result[BEYOND] = k
-            result[LAST] = k
-            break
-        quiet = told or k >= c[QUIET_AT] or k > result[LATCHED]
-        afloat = z <= base[Z_SURFACE] + c[BAND]
-        below = 0.0 if afloat else below + 1.0
-        if afloat and quiet and math.isnan(result[UP]):
-            result[UP] = k
-        result[FILLED] = _filled(base, volume, x[1], z, afloat, result[FILLED])
-        if not quiet or below > c[STAY]:  # one that came up fast bobs, and comes back sooner
-            result[ARRIVED] = np.nan
-        elif afloat and math.isnan(result[ARRIVED]):
-            result[ARRIVED] = k
-        result[LAST] = k
-        if afloat and k - result[ARRIVED] >= c[STAY]:
-            break
-        # the battery
-        if changes(harms, k):
-            suffer(base, p, harms, k, volume, shift)
-            built[:] = 0
-            if mode % 10 == MOVING_OUT:  # a positioner on its way, also one that could not move
-                x[0] = p[RATE]
-            elif mode % 10 == MOVING_IN:
-                x[0] = -p[RATE]
-        if act < harms.shape[0]:
-            act = acted(base, p, harms, k, tick, x[1], kept)
-            if act > 0 and math.isnan(result[ACTING]):
-                result[ACTING] = k
-                if how == EARLY:
-                    full_at = k + c[FULL_AFTER]
-            if act == harms.shape[0] and how == FULL:
-                full_at = k + c[FULL_AFTER]
-        if positioner:
-            battery = np.nan
-        else:
-            p[SUPPLY] = emf(base, harms, k, tick, abs(u) > 0.05 * base[SUPPLY])
-            applied = max(-p[SUPPLY], min(p[SUPPLY], u))
-            drawn = (applied - p[KAPPA] * x[0]) * (1.0 if applied >= 0.0 else -1.0)
-            battery = p[SUPPLY] - max(p[SAG] * drawn, 0.0) / (1.0 + p[SAG])
-        # the sensors
-        noise, other = np.random.normal(), np.random.normal()  # noqa: NPY002
-        depth, age = see_depth(
-            harms, k, tick, z + c[DEPTH_NOISE] * noise, c[DEPTH_QUANTUM], kept, late
+    while now.turn + 1 < turns.shape[0] and turns[int(now.turn) + 1] <= k - now.begun:
+        now.turn += 1
+    now.asked += max(-c.ramp, min(c.ramp, m.depths[int(now.turn)] - now.asked))
+    S[REFERENCE] = now.asked
+    missed, reset, now.hangs = board_misses(m.harms[: m.faults], k, c.tick)
+    if k >= now.full_at:
+        now.hangs, now.hung_until = 0, -1  # what misses ticks or is reset does so here as well
+    now.board, now.ran = _RAN, 0.0
+    if k == now.hung_until or reset or now.battery < c.brown_out:
+        if k > 0:
+            now.off_until = k + int(c.boot)
+        now.hung_until = -1
+    if k < now.off_until:
+        now.board = _OFF
+        if now.must_begin == 0.0:
+            now.resets += 1
+        now.must_begin, now.restarted = 1.0, 1.0
+        now.begun, now.turn = k + 1, 0  # its clock begins anew, and what it is to do with it
+        now.lost = 0
+        now.command = S[V] + S[LOST] if positioner else 0.0
+    elif k < now.hung_until:
+        now.board = _MISSED
+    elif missed:
+        now.board = _MISSED
+        now.lost += 1
+    elif k >= now.full_at:
+        now.command, now.told = base[V_MAX] if positioner else base[SUPPLY], 1.0
+    else:
+        _prepare(faults, S)
+        now.ran = 1.0
+    return now.ran != 0.0
+
+
+@inlined
+def _prepare(faults, S):  # type: ignore[no-untyped-def]
+    """Begin the board's program where it must, and write what it sees beside its law."""
+    c, now, board = faults.flight.condition, faults.flight.now, faults.board
+    if now.must_begin != 0.0:
+        if now.restarted == 0.0:
+            for n in range(board.memory.shape[0]):
+                board.memory[n] = 0  # a reset leaves it as it is
+        call_begin(  # type: ignore[call-arg]
+            board.begin, board.memory.ctypes.data, np.int32(now.restarted)
         )
-        volume_seen = see_volume(
-            harms, k, tick, volume + c[VOLUME_NOISE] * other, c[VOLUME_QUANTUM],
-            stroke, kept,
-        )  # fmt: skip
-        # the board
-        while turn + 1 < turns.shape[0] and turns[turn + 1] <= k - begun:
-            turn += 1
-        asked += max(-c[RAMP], min(c[RAMP], depths[turn] - asked))
-        missed, reset, hangs = board_misses(harms, k, tick)
-        if k >= full_at:
-            hangs, hung_until = 0, -1  # what misses ticks or is reset does so here as well
-        board = _RAN
-        if k == hung_until or reset or (battery < c[BROWN_OUT]):
-            if k > 0:
-                off_until = k + int(c[BOOT])
-            hung_until = -1
-        if k < off_until:
-            board = _OFF
-            if not must_begin:
-                resets += 1
-            must_begin, restarted = True, 1
-            begun, turn = k + 1, 0  # its clock begins anew, and what it is to do with it
-            lost = 0
-            u_board = volume if positioner else 0.0
-        elif k < hung_until:
-            board = _MISSED
-        elif missed:
-            board = _MISSED
-            lost += 1
-        elif k >= full_at:
-            u_board, told = base[V_MAX] if positioner else base[SUPPLY], True
-        else:
-            if must_begin:
-                if not restarted:
-                    memory[:] = 0  # a reset leaves it as it is
-                call_begin(begin, memory.ctypes.data, np.int32(restarted))  # type: ignore[call-arg]
-                must_begin = False
-            seen[0], seen[1], seen[2] = depth, age, volume_seen
-            seen[3] = battery * (1.0 + c[BATTERY_NOISE] * noise)
-            seen[4] = 1.0 if water > c[LEAK_INPUT] else 0.0
-            seen[5], seen[6] = lost, asked
-            _keep(memory, before)
-            command = call_tick(  # type: ignore[call-arg,var-annotated]
-                tick_, memory.ctypes.data, seen.ctypes.data, said.ctypes.data
-            )
-            if hangs > 0 and said[2] != 0.0:  # it would not have come back from its law
-                _keep(before, memory)
-                hung_until = k + hangs
-                board = _MISSED
-            else:
-                u_board = float(command)
-                lost = 0
-                if said[0] != 0.0 and math.isnan(result[LATCHED]):
-                    result[LATCHED], result[REASON] = k, said[0]
-                if said[1] != 0.0 and math.isnan(result[RELEASED]):
-                    result[RELEASED] = k
-        # the actuator
-        u = driven(base, p, harms, k, tick, u_board, u, volume, kept)
-        if positioner:
-            u = max(base[V_MIN], min(base[V_MAX], u))
-            goal = u - shift
-            if abs(goal - x[1]) < 1e-12 * stroke:
-                goal = x[1]
-        else:
-            u = max(-p[SUPPLY], min(p[SUPPLY], u))
-            goal = u
-        if record.shape[0] > k:
-            row = record[k]
-            row[0], row[1], row[2], row[3], row[4] = z, x[3], volume, u_board, u
-            row[5], row[6], row[7], row[8], row[9] = battery, asked, depth, age, volume_seen
-            row[10], row[11], row[12] = 1.0 if water > c[LEAK_INPUT] else 0.0, lost, board
-            row[13], row[14] = result[REASON], water
-        if k == end:
-            break
-        why = DONE
-        for n in range(parts):
-            if why == DONE:
-                mode, why = advance(
-                    p, even, nonlinear, mode, x, y, goal, h, t + n * h, chains, built, books, log,
-                    count,
-                )  # fmt: skip
-        if why != DONE:
-            result[STOP] = why
-            break
-        water += _leaking(harms, k) * tick
-    if below > 0.0:
-        result[ARRIVED] = np.nan
-    result[DEPTH], result[DEEPEST], result[RESETS_] = x[2], deepest, resets
-    if x[2] >= base[Z_BOTTOM]:
-        result[ON_BOTTOM] = 1.0
+        now.must_begin = 0.0
+    board.seen[1] = now.age
+    board.seen[3] = now.battery * (1.0 + c.battery_noise * now.noise)
+    board.seen[4] = 1.0 if S[WATER] > c.leak_input else 0.0
+    board.seen[5] = now.lost
+    if now.hangs > 0:
+        _keep(board.memory, faults.before)
 
 
-fly = compiled(_fly, under=f"faults-{source_hash(Path(__file__).parent.glob('*.py'))}")
+@inlined
+def _drive(faults, S, k, command):  # type: ignore[no-untyped-def]
+    """Return what the driver gives the actuator of what the board commands, with its faults."""
+    c, now, result = faults.flight.condition, faults.flight.now, faults.flight.result
+    m = faults.flight
+    base, said = m.base, faults.board.said
+    if now.ran != 0.0 and now.hangs > 0 and said[2] != 0.0:  # it has not come back from its law
+        _keep(faults.before, faults.board.memory)
+        now.hung_until = k + now.hangs
+        now.board = _MISSED
+    elif now.ran != 0.0:
+        now.command, now.lost = command, 0
+        if said[0] != 0.0 and math.isnan(result.latched):
+            result.latched, result.reason = k, said[0]
+        if said[1] != 0.0 and math.isnan(result.released):
+            result.released = k
+    p = S[PLANT : PLANT + N_PLANT]
+    volume = S[V] + S[LOST]
+    u = driven(base, p, m.harms[: m.faults], k, c.tick, now.command, S[APPLIED], volume, m.kept)
+    u = max(S[LOW_U], min(S[HIGH_U], u))
+    if faults.record.shape[0] > k:
+        row = faults.record[k]
+        wet = 1.0 if S[WATER] > c.leak_input else 0.0
+        row[0], row[1], row[2], row[3], row[4] = S[Z], S[W], volume, now.command, u
+        row[5], row[6], row[7], row[8] = now.battery, now.asked, S[SEEN_DEPTH], now.age
+        row[9], row[10], row[11], row[12] = S[SEEN_VOLUME], wet, now.lost, now.board
+        row[13], row[14] = result.reason, S[WATER]
+    return u
+
+
+class Room(threading.local):
+    """What a thread flies in."""
+
+    def __init__(self, memory: int, late: int) -> None:
+        self.memory, self.before = np.zeros(memory, np.uint8), np.zeros(memory, np.uint8)
+        self.chains = work_space(1)
+        self.late = np.zeros(late)
+
+
+hook_in(Faults, Hooks(_begin, _sense, _ask, _drive))
+
+
+def fly(
+    mission: Mission, condition: Condition, how: int, functions: tuple[int, int], room: Room,
+    record: Array,
+) -> Array:  # fmt: skip
+    """Fly one mission; fill record where it has rows [n, len(Trace)], return [len(Result)].
+
+    how: OWN, FULL or EARLY. functions: addresses of the board's begin and tick.
+    """
+    c, p = condition, Plant(*mission.plant.tolist())
+    unset = Result(*(math.nan for _ in Result._fields))
+    flights = np.zeros(1, FLIGHT)
+    m: Any = flights[0]
+    m["condition"], m["base"] = c, mission.plant
+    m["now"] = Now(*(0.0 for _ in Now._fields))._replace(
+        how=how, off_until=-1.0, hung_until=-1.0, must_begin=1.0, asked=mission.depths[0],
+        full_at=math.inf, deepest=c.start_depth,
+    )  # fmt: skip
+    m["result"] = unset._replace(stop=0.0, bottom=0.0, reason=0.0, resets=0.0, filled=-1.0)
+    m["turns"], m["faults"] = math.inf, len(mission.harms)
+    m["harms"][: len(mission.harms)] = mission.harms
+    m["turns"][: len(mission.turns)] = mission.turns
+    m["depths"][: len(mission.depths)] = mission.depths
+    board = Board(*functions, room.memory, np.zeros(7, np.float32), np.zeros(3, np.float32))
+    block = Block.lay_out(
+        plants=mission.plant[:, None], law=_LAW, parameters=dict.fromkeys(Board._fields, 0.0),
+        clock=Schedule(
+            tick=c.tick, turn=np.zeros(int(c.end) + 1, np.int64), given=np.zeros(1, np.int64)
+        ),
+        parts=base_steps(p, c.tick, 0.0), depths=mission.depths[:1, None],
+        start=np.array([[0.0], [c.start_volume], [c.start_depth], [0.0]]),
+        sensors=Sensors.model_construct(
+            depth_noise=c.depth_noise, depth_quantum=c.depth_quantum, volume_noise=c.volume_noise,
+            volume_quantum=c.volume_quantum,
+        ),
+        seeds=None, record=False, books=False, events=False,
+    )  # fmt: skip
+    block.parameters, block.loses = board, True
+    block.hooks = Faults(m, board, room.before, room.late, record)
+    work = block.work[:, 0]
+    work[Row.APPLIED] = c.start_volume if p.positioner != 0.0 else 0.0
+    work[Row.DRIFT], work[Row.SWELL] = c.drift, c.swell
+    work[Row.SWELL_OMEGA], work[Row.SWELL_PHASE] = c.swell_omega, c.swell_phase
+    work[Row.SWELL_DECAY] = c.swell_omega * c.swell_omega / c.gravity
+    block.run(chains=room.chains)
+    stopped, z, now = int(work[Row.STOPPED]), float(work[Row.Z]), m["now"]
+    ended = Result(*m["result"].tolist())
+    if now["below"] > 0.0:
+        ended = ended._replace(arrived=math.nan)
+    return np.array(ended._replace(
+        stop=0.0 if stopped == OVER else stopped, bottom=1.0 if z >= p.z_bottom else 0.0, depth=z,
+        deepest=now["deepest"], resets=now["resets"],
+    ))  # fmt: skip

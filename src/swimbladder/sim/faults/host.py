@@ -14,9 +14,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swimbladder.errors import InputError
 from swimbladder.io.files import temporary_folder
 
@@ -76,11 +73,8 @@ class Board:
             raise
         self.addresses = {name: (self._at(f"{name}_begin"), self._at(f"{name}_tick"))
                           for name in names}  # fmt: skip
-        self._size = max(int(self._library[f"{name}_size"]()) for name in names)
-
-    def memory(self) -> NDArray[np.uint8]:
-        """Return room for what the board remembers."""
-        return np.zeros(-(-self._size // 8), np.uint64).view(np.uint8)
+        # bytes that it remembers
+        self.size = max(int(self._library[f"{name}_size"]()) for name in names)
 
     def _at(self, name: str) -> int:
         address = ctypes.cast(self._library[name], ctypes.c_void_p).value

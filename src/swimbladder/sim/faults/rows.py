@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-__all__ = ["CONDITION", "RESULT", "TRACE", "Condition", "Harm", "Result", "Trace"]
+import numpy as np
+
+__all__ = ["RESULT", "TRACE", "Condition", "Harm", "Result", "Trace", "record_type"]
 
 
 class Condition(NamedTuple):
@@ -86,6 +88,10 @@ class Trace(NamedTuple):
     water: float  # m3 that leaked in
 
 
-CONDITION = Condition(*range(len(Condition._fields)))
+def record_type(kind: type[Any]) -> np.dtype[np.void]:
+    """Return the record of a named tuple of floats, for kernels."""
+    return np.dtype([(name, np.float64) for name in kind._fields])
+
+
 RESULT = Result(*range(len(Result._fields)))
 TRACE = {name: index for index, name in enumerate(Trace._fields)}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 from typing import NamedTuple
 
 import numpy as np
@@ -11,11 +10,8 @@ from numpy.typing import NDArray
 
 from swimbladder.codegen.library import make_library
 from swimbladder.codegen.safety import supervisor_parameters
-from swimbladder.physics.dynamics import Plant
-from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS, base_steps
-from swimbladder.sim.engine.modes import COUNT
 from swimbladder.sim.faults.draw import Course, Mission
-from swimbladder.sim.faults.flight import EARLY, FULL, OWN, fly
+from swimbladder.sim.faults.flight import EARLY, FULL, OWN, Room, fly
 from swimbladder.sim.faults.glue import ALONE, DEAF, SUPERVISED, glue
 from swimbladder.sim.faults.host import Board
 from swimbladder.sim.faults.kinds import KINDS, Fault
@@ -53,17 +49,6 @@ def sources(course: Course) -> dict[str, str]:
     return files
 
 
-class _Room(threading.local):
-    """What each thread works in."""
-
-    def __init__(self, board: Board, late: int) -> None:
-        self.memory = board.memory()
-        self.x, self.p, self.y = np.zeros(5), np.zeros(len(Plant._fields)), np.zeros(10)
-        self.chains = np.empty((COUNT, LEVELS + 1, COEFFICIENTS))
-        self.built = np.zeros(COUNT, np.uint8)
-        self.late = np.zeros(late)
-
-
 class Squadron:
     """A board, and the room in which its missions are flown, by any thread."""
 
@@ -73,7 +58,7 @@ class Squadron:
         latest = KINDS[Fault.DEPTH_LATE].first
         assert latest is not None
         self._board = board
-        self._room = _Room(board, math.ceil(latest.most / tick) + 2)
+        self._room = Room(board.size, math.ceil(latest.most / tick) + 2)
         self._none = np.zeros((0, len(Trace._fields)))
         limits = supervisor_parameters(course.vehicle, tick)
         # a slow actuator needs as many pushes
@@ -111,15 +96,5 @@ class Squadron:
 
     def flown(self, mission: Mission, who: str, how: int, record: Array) -> Array:
         """Fly a mission with the board's functions `who`; fill record, return its result."""
-        room, p = self._room, mission.plant
-        plant, condition = Plant(*p), self._condition(mission, who)
-        parts = base_steps(plant, condition.tick, 0.0)
-        nonlinear = bool(np.isfinite(plant.epsilon))
-        result = np.zeros(len(Result._fields))
-        begin, tick = self._board.addresses[who]
-        fly(
-            p, np.array(condition), mission.harms, mission.turns, mission.depths, nonlinear,
-            parts, how, begin, tick, room.memory, room.x, room.p, room.y, room.chains,
-            room.built, room.late, record, result,
-        )  # fmt: skip
-        return result
+        condition, functions = self._condition(mission, who), self._board.addresses[who]
+        return fly(mission, condition, how, functions, self._room, record)
