@@ -50,12 +50,12 @@ def compare(*, quick: bool) -> list[Speed]:
     )
     water = uniform_column(vehicle.water, 1500.0)
     turns: dict[str, list[Speed]] = {name: [] for name in EXECUTORS}
-    for _ in range(1 if quick else 5):
+    for _ in range(1 if quick else 3):
         for name in EXECUTORS:
             with tempfile.TemporaryDirectory() as folder:
                 job = Floats(
                     vehicle=vehicle, mission=task, columns=[water],
-                    floats=64 if quick else 1200, store=Path(folder) / "campaign.zarr",
+                    floats=64 if quick else 800, store=Path(folder) / "campaign.zarr",
                 )  # fmt: skip
                 turns[name].append(_timed(job, name))
     return [

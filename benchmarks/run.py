@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import year
+from benchmarks import campaign, year
 from benchmarks.identify import fits, report
 from benchmarks.memory import GOAL as MEMORY_GOAL
 from benchmarks.memory import LANES as MEMORY_LANES
@@ -62,18 +62,25 @@ def main(arguments: list[str] | None = None) -> int:
     result: dict[str, Any] = {"machine": machine()}
     print("; ".join(f"{name} {value}" for name, value in result["machine"].items()), "\n")
     begin = perf_counter()
-    if options.identify or not (options.startup or options.year):
+    alone = [options.startup, options.year, options.identify, options.campaign]
+    if options.identify or not any(alone):
         timings = fits(quick=options.quick, note=_note)
         _note("")
         print(report(timings), "\n")
         result["identify"] = [vars(t) for t in timings]
-    if options.year or not (options.startup or options.identify):
+    if options.year or not any(alone):
         _note("a year of ten-day cycles")
         years = year.compare(quick=options.quick)
         _note("")
         print(year.report(years), "\n")
         result["year"] = [vars(peer) for peer in years]
-    if not (options.startup or options.identify or options.year):
+    if options.campaign or not any(alone):
+        _note("a campaign by threads, processes and dask")
+        speeds = campaign.compare(quick=options.quick)
+        _note("")
+        print(campaign.report(speeds), "\n")
+        result["campaign"] = [vars(one) for one in speeds]
+    if not any(alone):
         result |= _side_by_side(options)
         lanes = 512 if options.quick else MEMORY_LANES
         result["memory"] = {"lanes": lanes, **peak(lanes, 60.0 if options.quick else DURATION)}
@@ -82,7 +89,7 @@ def main(arguments: list[str] | None = None) -> int:
             f"\nMemory of {lanes:,} vehicles that keep summaries: {most:.0f} MB, of which"
             f" {before:.0f} MB before they start; goal {MEMORY_GOAL:.0f} MB\n"
         )
-    if options.startup or not (options.quick or options.identify or options.year):
+    if options.startup or not (options.quick or any(alone)):
         result["startup_s"] = startup(5)
         rows = [
             (what, f"{wall:.2f}", f"{cpu:.2f}", number(GOALS.get(what)))
@@ -101,6 +108,7 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--startup", action="store_true", help="only the command line's start-up")
     parser.add_argument("--identify", action="store_true", help="only the fit of experiments")
     parser.add_argument("--year", action="store_true", help="only the year of ten-day cycles")
+    parser.add_argument("--campaign", action="store_true", help="only campaigns by each executor")
     parser.add_argument("--lanes", type=int, default=4096, help="vehicles of the fleet (4096)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the numbers there")
     options = parser.parse_args(arguments)

@@ -8,26 +8,21 @@ the least width that is possible. A run that was interrupted goes on where it st
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from functools import partial
-from hashlib import sha256
-from multiprocessing import get_context
+from collections.abc import Sequence
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-import swimbladder
 from studies.scenarios import SCENARIOS, Scenario
 from studies.summary import render, summary
-from swimbladder.io.files import write_atomically
+from swimbladder.io.files import source_hash
+from swimbladder.jobs import Store, each
 
 __all__ = ["main", "study"]
 
-_AT_ONCE = 10  # campaigns that a process is handed
-_STUDIED = ("estimation", "sim/closed_loop", "sim/engine", "design/linear", "vehicle")
+_OWN = ("truth", "noise", "bound", "scenarios", "campaign")  # what draws the campaigns
 
 
 def main(given: Sequence[str] | None = None) -> int:
@@ -72,90 +67,47 @@ def study(
 ) -> list[dict[str, Any]]:
     """Return what came of campaigns 0, 1, ...; those that `folder` has are not done again.
 
-    A change of the code that is studied, or that draws the campaigns, begins a new file.
+    A change of the package, or of what draws the campaigns, computes them anew.
     """
     from swimbladder.cli.common import progress
 
-    folder.mkdir(parents=True, exist_ok=True)
-    kind = "profiles" if profiles else "plain"
-    path = folder / f"{scenario.name}-{seed}-{kind}-{_fingerprint()}.jsonl"
-    done = {found["index"]: found for found in _kept(path)}
-    missing = [k for k in range(campaigns) if k not in done]
-    with (
-        path.open("a", encoding="utf-8") as file,
-        progress(scenario.name, float(len(missing))) as advance,
-    ):
-        for found in _outcomes(scenario, missing, seed, jobs, profiles):
-            done[found["index"]] = found
-            file.write(json.dumps(found) + "\n")
-            file.flush()
-            advance(1.0)
-    return [done[k] for k in range(campaigns)]
-
-
-def _outcomes(
-    scenario: Scenario, indices: list[int], seed: int, jobs: int, profiles: bool
-) -> Iterator[dict[str, Any]]:
-    several = partial(_several, scenario, seed, profiles)
-    parts = [indices[k : k + _AT_ONCE] for k in range(0, len(indices), _AT_ONCE)]
-    if jobs == 1 or len(parts) <= 1:
-        for part in parts:
-            yield from several(part)
-        return
+    own = [Path(__file__).with_name(f"{name}.py") for name in _OWN]
+    store = Store(folder, scenario.name, seed, profiles, source_hash(own))
     # Each process has one core: a library that spreads a product over all of them only waits.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_warm_up) as pool:
-        try:
-            for future in as_completed([pool.submit(several, part) for part in parts]):
-                yield from future.result()
-        finally:  # interrupted: what has not begun is left for the next run
-            pool.shutdown(cancel_futures=True)
+    work = partial(_campaign, store, scenario, seed, profiles, jobs > 1)
+    found: dict[int, dict[str, Any]] = {}
+    with progress(scenario.name, float(campaigns)) as advance:
+        for index, one in each(work, range(campaigns), workers=jobs, processes=jobs > 1):
+            found[index] = one
+            advance(1.0)
+    return [found[k] for k in range(campaigns)]
 
 
-def _several(
-    scenario: Scenario, seed: int, profiles: bool, indices: list[int]
-) -> list[dict[str, Any]]:
+def _campaign(
+    store: Store, scenario: Scenario, seed: int, profiles: bool, warm: bool, index: int
+) -> dict[str, Any]:
+    """Return what came of a campaign, as it is kept or done now; warm: nothing else is timed."""
     from studies.campaign import outcome
 
-    found = []
-    for index in indices:
+    def done() -> dict[str, Any]:
+        if warm:
+            _warm_up()
         try:
-            found.append(outcome(scenario, seed=seed, index=index, profiles=profiles))
+            return outcome(scenario, seed=seed, index=index, profiles=profiles)
         except Exception as error:
             error.add_note(f"in campaign {index} of {scenario.name}, seed {seed}")
             raise
-    return found
+
+    return store.get(done, scenario.name, index)
 
 
+@cache
 def _warm_up() -> None:
     """Load what a process needs before any fit is timed."""
     from studies.campaign import outcome
 
     outcome(SCENARIOS[0], seed=0, index=0)
-
-
-def _kept(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield what an earlier run left; a line that it did not finish is cut off the file."""
-    if not path.exists():
-        return
-    text = path.read_bytes()
-    whole = text[: text.rfind(b"\n") + 1]
-    if len(whole) < len(text):
-        write_atomically(path, whole)
-    for line in whole.decode("utf-8").splitlines():
-        yield json.loads(line)
-
-
-def _fingerprint() -> str:
-    """Return a name for the code that the results depend on."""
-    here = Path(__file__).parent
-    own = [here / f"{name}.py" for name in ("truth", "noise", "bound", "scenarios", "campaign")]
-    package = Path(swimbladder.__file__).parent
-    used = sorted(f for name in _STUDIED for f in (package / name).rglob("*.py"))
-    digest = sha256()
-    for file in (*own, *used):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:10]
 
 
 if __name__ == "__main__":

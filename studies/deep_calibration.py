@@ -14,26 +14,23 @@ it stopped.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from hashlib import sha256
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import norm
 
-import swimbladder
 from studies import deep_drawn
 from studies.deep_drawn import again, drawn, known, the_vehicle
 from swimbladder.estimation.motion.deep_dive import deep_dive
 from swimbladder.estimation.motion.deep_fit import fit_deep
 from swimbladder.estimation.motion.deep_model import DEFAULT, body_of
+from swimbladder.io.files import source_hash
+from swimbladder.jobs import Store, each
 
 __all__ = ["Score", "main", "outcome", "summary"]
 
@@ -112,23 +109,13 @@ def main(given: Sequence[str] | None = None) -> int:
         parser.error("--dives, --jobs and --together: at least 1")
     if options.differ < 0.0 or (options.differ > 0.0 and options.together == 1):
         parser.error("--differ: 0 or more, and dives of one vehicle differ: --together 2 or more")
-    options.out.mkdir(parents=True, exist_ok=True)
-    what = f"{options.seed}-{options.together}-{options.differ:g}"
-    path = options.out / f"deep-{what}-{_fingerprint()}.jsonl"
-    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-    found = {one["index"]: one for one in map(_read, lines) if one is not None}
-    missing = [k for k in range(options.dives) if k not in found]
     # Each process has one core: a library that spreads a product over all of them only waits.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    with (
-        path.open("a", encoding="utf-8") as file,
-        ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool,
-    ):
-        work = partial(outcome, seed=options.seed, together=options.together, differ=options.differ)
-        for one in pool.map(work, missing):
-            found[one["index"]] = one
-            file.write(json.dumps(one) + "\n")
-            file.flush()
+    store = Store(options.out, source_hash([Path(__file__), Path(deep_drawn.__file__)]))
+    work = partial(
+        _kept, store, seed=options.seed, together=options.together, differ=options.differ
+    )
+    found = dict(each(work, range(options.dives), workers=options.jobs, processes=True))
     all_found = [found[k] for k in range(options.dives)]
     if options.together == 1:
         _print(f"{options.dives} vehicles, each by itself", all_found)
@@ -155,28 +142,8 @@ def _print(title: str, found: Sequence[dict[str, Any]]) -> None:
     print()
 
 
-def _read(line: str) -> dict[str, Any] | None:
-    """Return what a line tells; None of one that was not finished."""
-    try:
-        found: dict[str, Any] = json.loads(line)
-    except json.JSONDecodeError:
-        return None
-    return found
-
-
-def _fingerprint() -> str:
-    """Return a name for the code that the results depend on."""
-    package = Path(swimbladder.__file__).parent
-    used = [
-        Path(__file__),
-        Path(deep_drawn.__file__),
-        *sorted((package / "estimation" / "motion").glob("deep*.py")),
-    ]
-    used += sorted((package / "sim" / "mission").rglob("*.py"))
-    digest = sha256()
-    for file in used:
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:10]
+def _kept(store: Store, index: int, **options: Any) -> dict[str, Any]:
+    return store.get(partial(outcome, index, **options), "dive", index, options)
 
 
 if __name__ == "__main__":

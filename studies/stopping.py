@@ -11,20 +11,18 @@ that was interrupted goes on where it stopped.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from hashlib import sha256
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import swimbladder
 from studies.noise import Noise
 from studies.scenarios import K_B, NEUTRAL_STD, POOL
 from studies.summary import binomial_interval
@@ -42,7 +40,8 @@ from swimbladder.design.pool_day import (
 from swimbladder.design.pool_day.verdict import LEAST, State
 from swimbladder.estimation.motion import Identification, identify
 from swimbladder.io.config import load_vehicle
-from swimbladder.io.files import write_atomically
+from swimbladder.io.files import source_hash
+from swimbladder.jobs import Store
 from swimbladder.vehicle import IdentifiedActuator, IdentifiedMotion, Sensors, Vehicle
 
 __all__ = ["FIXED", "days", "main", "performer", "run_day", "table"]
@@ -58,7 +57,6 @@ _REST_SPEED = 0.2e-3  # m/s, left at the end of a rest
 _JITTER = 1e-6  # m3, of the volume while the loop holds the depth
 _QUANTUM = 0.75e-6  # m3, of the piston's sensor
 _LONGEST = 400.0  # s, of a glide
-_STUDIED = ("design/pool_day", "estimation")
 
 Perform = Callable[[Task], Array]  # a task to its log: time [s], depth [m], volume [m3]
 
@@ -186,42 +184,17 @@ def days(
 ) -> Iterator[dict[str, Any]]:
     """Yield days by their numbers; those that `folder` has are not done again.
 
-    A change of the code that is studied, or of the study, begins a new file.
+    A change of the package, or of the study, computes them anew.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    kind = "rehearsed" if rehearsed else "independent"
-    path = folder / f"{kind}-{target:g}-{_fingerprint()}.jsonl"
-    done = {found["number"]: found for found in _kept(path)}
+    own = [Path(__file__).with_name(f"{name}.py") for name in ("noise", "stopping", "truth")]
+    store = Store(folder, target, rehearsed, source_hash(own))
+
+    def day(number: int) -> dict[str, Any]:
+        with tempfile.TemporaryDirectory() as files:
+            return run_day(number, Path(files), target=target, rehearsed=rehearsed)
+
     for number in numbers:
-        if number not in done:
-            with tempfile.TemporaryDirectory() as files:
-                done[number] = run_day(
-                    number, Path(files), target=target, rehearsed=rehearsed
-                )  # fmt: skip
-            with path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(done[number]) + "\n")
-        yield done[number]
-
-
-def _kept(path: Path) -> list[dict[str, Any]]:
-    """Return what an earlier run left; a line that it did not finish is cut off the file."""
-    if not path.exists():
-        return []
-    text = path.read_bytes()
-    whole = text[: text.rfind(b"\n") + 1]
-    if len(whole) < len(text):
-        write_atomically(path, whole)
-    return [json.loads(line) for line in whole.decode("utf-8").splitlines()]
-
-
-def _fingerprint() -> str:
-    here, package = Path(__file__).parent, Path(swimbladder.__file__).parent
-    own = [here / f"{name}.py" for name in ("noise", "stopping", "truth")]
-    used = sorted(f for name in _STUDIED for f in (package / name).rglob("*.py"))
-    digest = sha256()
-    for file in (*own, *used):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:10]
+        yield store.get(partial(day, number), "day", number)
 
 
 def table(found: Sequence[dict[str, Any]], *, target: float) -> str:

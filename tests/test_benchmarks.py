@@ -138,6 +138,8 @@ def test_quick_run(tmp_path, capsys) -> None:
     errors = found["scores"]["swimbladder"]["errors"].values()
     assert max(largest for largest, _ in errors) < 2e-6
     assert found["memory"]["peak_MB"] > 0.0
+    assert [one["executor"] for one in found["campaign"]] == ["threads", "processes", "dask"]
+    assert all(one["floats"] > 0.0 for one in found["campaign"])
 
 
 def test_the_c_loop_leaves_the_processor_as_it_was() -> None:

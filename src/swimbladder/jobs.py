@@ -178,15 +178,17 @@ class Store:
 
 
 def each(
-    work: Callable[[Item], Answer], items: Iterable[Item], *, workers: int | None = None
-) -> Iterator[tuple[Item, Answer]]:
+    work: Callable[[Item], Answer], items: Iterable[Item], *, workers: int | None = None,
+    processes: bool = False,
+) -> Iterator[tuple[Item, Answer]]:  # fmt: skip
     """Yield (item, its answer) as they come, on all cores by threads: kernels let others run.
 
-    Few wait at a time, so that there may be any number. After an error no other is begun.
+    processes: instead of threads, for work that holds Python's lock. Few items wait at a time, so
+    that there may be any number. After an error no other is begun.
     """
     count = workers or os.cpu_count() or 1
     left, waiting = iter(items), dict[Future[Answer], Item]()
-    with ThreadPoolExecutor(count) as pool:
+    with _processes(count) if processes else ThreadPoolExecutor(count) as pool:
         try:
             while True:
                 for item in left:
@@ -304,11 +306,10 @@ def _by_processes(job: Job, chunks: list[int], workers: Workers, tell: Callable[
     """Do chunks by processes; those of a pool that broke by another."""
     job.create()
     name, source, tries = job.name, software(), 0
-    spawn = multiprocessing.get_context("spawn")  # a fork has locks of threads that it has not
     while chunks:
         before = len(chunks)
         try:
-            with ProcessPoolExecutor(workers.local, spawn, initializer=_end_with_parent) as pool:
+            with _processes(workers.local) as pool:
                 futures = [pool.submit(_do, name, source, job, chunk) for chunk in chunks]
                 try:
                     left = set(futures)
@@ -329,6 +330,11 @@ def _by_processes(job: Job, chunks: list[int], workers: Workers, tell: Callable[
                 f"the worker processes died {tries} times without doing anything. Look for what "
                 "kills them, such as too little memory, or use --executor threads"
             )
+
+
+def _processes(count: int) -> ProcessPoolExecutor:
+    spawn = multiprocessing.get_context("spawn")  # a fork has locks of threads that it has not
+    return ProcessPoolExecutor(count, spawn, initializer=_end_with_parent)
 
 
 def _end_with_parent() -> None:
