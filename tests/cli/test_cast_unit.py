@@ -9,8 +9,13 @@ from swimbladder.cli import main
 from swimbladder.cli.cast_unit import refuse_doubted_unit
 from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast
+from swimbladder.io.config import load_mission, load_vehicle
+from swimbladder.physics.seawater import cast_column
+from swimbladder.sim.campaign.run import fly_floats
+from swimbladder.sim.closed_loop import simulate
+from swimbladder.sim.mission.flight import fly_mission
 
-PER_DBAR = {"dbar": 1.0, "bar": 0.1, "MPa": 0.01, "kPa": 10.0, "mbar": 100.0}
+PER_DBAR = {"dbar": 1.0, "bar": 0.1, "MPa": 0.01, "kPa": 10.0, "mbar": 100.0, "psi": 1.4503774}
 
 
 def written(folder, unit="dbar", deepest=2000.0, header="pressure", depth=False):
@@ -49,6 +54,7 @@ def metres(dbar):
         ("kPa", 600.0, 1000.0, 2000.0),  # in kPa it ends above what is asked for
         ("kPa", 600.0, 500.0, None),
         ("mbar", 40.0, 30.0, 40.0),
+        ("psi", 200.0, 180.0, 200.0),
     ],
 )
 def test_the_unit_that_fits_is_told(tmp_path, unit, deepest, asked, rating):
@@ -69,7 +75,7 @@ def test_the_unit_that_fits_is_told(tmp_path, unit, deepest, asked, rating):
         (2000.0, 1900.0, None),
         (2000.0, 900.0, 1000.0),  # a deep cast for a shallower vehicle
         (200.0, 180.0, 200.0),
-        (300.0, 180.0, 200.0),
+        (240.0, 180.0, 200.0),
         (500.0, 400.0, 2000.0),  # in bar it would be far too deep for the vehicle
     ],
 )
@@ -218,3 +224,49 @@ def test_a_cast_of_known_unit_that_is_too_short_is_bad_input_everywhere(capsys, 
     assert main([*words, "--cast", cast, "--out", str(tmp_path / "out")]) == 2
     said = " ".join(capsys.readouterr().err.split())
     assert "Take a cast that goes as deep, or ask for a lesser depth" in said
+
+
+def test_python_refuses_what_the_commands_refuse(tmp_path):
+    """The water of a cast knows the cast: who flies in it asks for the unit."""
+    vehicle = load_vehicle("example-float")
+    (tmp_path / "task.toml").write_text(MISSION.format(180))
+    task = load_mission(tmp_path / "task.toml")
+    cast = read_cast(written(tmp_path, "bar"))
+    said = refused(cast, 180.0, 2000.0)
+    assert said
+    for fly in (
+        lambda water: fly_mission(vehicle, task, water),
+        lambda water: fly_floats(vehicle, task, [water], floats=1),
+    ):
+        with pytest.raises(InputError) as caught:
+            fly(cast_column(cast))
+        assert str(caught.value) == said
+    feup = load_vehicle("feup-em")
+    shallow = read_cast(written(tmp_path, "bar", 80.0))
+    with pytest.raises(InputError) as caught:
+        simulate(
+            feup, setpoints=[(0.0, 6.0)], duration=60.0, start_depth=1.5,
+            column=cast_column(shallow, step=0.1),
+        )  # fmt: skip
+    assert str(caught.value) == refused(shallow, 6.0, 100.0)
+
+
+def test_a_cast_that_ends_above_a_phase_is_refused_in_python_as_by_the_command(tmp_path, capsys):
+    vehicle = load_vehicle("example-float")
+    (tmp_path / "task.toml").write_text(MISSION.format(1050))
+    task = load_mission(tmp_path / "task.toml")
+    path = written(tmp_path, "dbar", 904.0, header="pressure_dbar")
+    words = ["mission", "example-float", str(tmp_path / "task.toml"), "--cast", str(path)]
+    assert main([*words, "--out", str(tmp_path / "out")]) == 2
+    by_command = " ".join(capsys.readouterr().err.split())
+    for fly in (
+        lambda water: fly_mission(vehicle, task, water),
+        lambda water: fly_mission(vehicle, task, water, checked=False),
+        lambda water: fly_floats(vehicle, task, [water], floats=1),
+    ):
+        with pytest.raises(InputError) as caught:
+            fly(cast_column(read_cast(path)))
+        error = caught.value
+        assert (error.field, error.unit) == ("cast", "m")
+        assert error.value == pytest.approx(-gsw.z_from_p(904.0, 45.0), abs=3.0)
+        assert " ".join(str(error).split()) in by_command

@@ -227,16 +227,16 @@ def test_a_seed_without_noise_is_said_to_change_nothing(capsys, tmp_path, sensor
         (["--target", "-1"], "--target", "above the surface"),
         (["--start", "-0.5 m"], "--start", "above the surface"),
         (["--target", "5", "--bottom", "4.5"], "--target", "below the bottom at 4.5 m"),
-        (["--start", "5", "--bottom", "450 cm"], "--start", "or a deeper bottom (--bottom)"),
+        (["--start", "5", "--bottom", "450 cm"], "--start", "or a deeper bottom"),
         (["--target", "101"], "--target", "rated for 100 m"),
         (["--target", "90"], "--target", "passes that depth sinks"),
         (["--target", "3 kg"], "--target", "Give it in m"),
         (["--target", "nan"], "--target", "not a number"),
-        (["--duration", "0"], "--duration", "must be above 0"),
-        (["--duration", "-5 min"], "--duration", "must be above 0"),
+        (["--duration", "0"], "--duration", "greater than 0"),
+        (["--duration", "-5 min"], "--duration", "greater than 0"),
         (["--duration", "100 ms"], "--duration", "shorter than one sample of 0.3 s"),
-        (["--duration", "1e12"], "--duration", "Shorten it"),
-        (["--bottom", "0"], "--bottom", "must be above 0"),
+        (["--duration", "1e12"], "--duration", "at most 100 million samples"),
+        (["--bottom", "0"], "--bottom", "greater than 0"),
         (["none.toml"], "none.toml", "there is no such file"),
     ],
 )
@@ -273,7 +273,7 @@ def test_a_vehicle_without_a_controller_is_told_so(capsys, tmp_path):
     text = preset_text("feup-em")
     path = vehicle_file(tmp_path, text=text[: text.index("[controller]")])
     assert main(["simulate", path, "--out", str(tmp_path / "out")]) == 2
-    assert "Add a table [controller]" in capsys.readouterr().err
+    assert "Add a [controller] table" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 

@@ -5,8 +5,17 @@ import pytest
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
-from swimbladder.io.mission_check import MOST_SAMPLES, check_mission
+from swimbladder.sim.closed_loop import simulate
+from swimbladder.sim.closed_loop.checks import check_depths
+from swimbladder.sim.closed_loop.water import medium_of
 from tests.quoted import refused
+
+
+def check_mission(vehicle, task):
+    """Ask a vehicle in Python for a mission; what cannot be asked is refused before a step."""
+    medium = medium_of(vehicle, None, reach=0.0, bottom_depth=task.bottom)
+    depths = [depth for _, depth in task.pairs]
+    check_depths(vehicle, medium, setpoints=depths, start_depth=task.start_depth)
 
 
 @pytest.fixture(scope="module")
@@ -36,13 +45,18 @@ def test_the_papers_pool_is_fine(feup):
         ({"bottom_depth": 2.0}, "setpoints[0].depth", "below the bottom at 2 m"),
         ({"bottom_depth": 1.0}, "start_depth", "Give a depth of at most 1 m"),
         ({"setpoints": to(100.5)}, "setpoints[1].depth", "rated for 100 m (hull.depth_limit)"),
-        ({"duration": 0.2}, "duration", "shorter than one sample of 0.3 s"),
-        ({"duration": 0.3 * MOST_SAMPLES * 1.01}, "duration", "Shorten it"),
     ],
 )
 def test_what_cannot_be_asked(feup, fields, field, words):
     with pytest.raises(InputError) as caught:
         check_mission(feup, mission(**fields))
+    task = mission(**fields)
+    with pytest.raises(InputError) as said:
+        simulate(
+            feup, setpoints=task.pairs, duration=task.span, start_depth=task.start_depth,
+            bottom_depth=task.bottom,
+        )  # fmt: skip
+    assert str(said.value) == str(caught.value)
     assert caught.value.field == field
     assert words in str(caught.value)
     assert caught.value.remedy
@@ -85,21 +99,11 @@ def test_a_vehicle_that_is_trimmed_beyond_its_stroke(feup, psi, trim, words):
         check_mission(light, mission(start_depth=20.0, setpoints=to(3.0)))
 
 
-def test_a_vehicle_without_a_controller(feup):
-    bare = feup.model_copy(update={"controller": None})
-    with refused(InputError, field="controller"):
-        check_mission(bare, mission())
-    check_mission(bare, mission(), sample_time=0.5)
-    with refused(InputError, field="duration", value=400.0, holds={500.0}):
-        check_mission(bare, mission(), sample_time=500.0)
-
-
-def test_fields_are_called_what_the_user_calls_them(feup):
-    names = {"setpoints[0].depth": "--target", "bottom_depth": "--bottom"}
-    with pytest.raises(InputError) as caught:
-        check_mission(feup, mission(bottom_depth=2.0), names=names)
-    assert caught.value.field == "--target"
-    assert "(--bottom)" in str(caught.value)
+@pytest.mark.parametrize(("duration", "number"), [(0.2, 0.3), (0.3e8 * 1.01, 100.0)])
+def test_a_duration_in_samples(feup, duration, number):
+    with refused(InputError, field="duration", value=duration, holds={number}) as caught:
+        simulate(feup, setpoints=[(0.0, 3.0)], duration=duration, start_depth=1.5)
+    assert caught.value.unit == "s"
 
 
 def test_order_is_checked_in_python_too():

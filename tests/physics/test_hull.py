@@ -7,8 +7,10 @@ import pytest
 import sympy
 from scipy.integrate import quad
 
+from swimbladder.cli import main
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.hull import (
     check_mass,
     displaced_volume,
@@ -20,6 +22,7 @@ from swimbladder.physics.hull import (
     weight_mass,
 )
 from swimbladder.physics.seawater import Cast, cast_column, uniform_column
+from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Hull, HullPart
 
 NAMES = ("example-eh", "example-em", "feup-em", "ntnu-bv")
@@ -204,3 +207,26 @@ def test_what_stiffens_by_nothing_is_as_before():
     plain = displaced_volume(load_vehicle("example-eh"), column.pressure, column.temperature)
     same = displaced_volume(with_hull(parts=(given,)), column.pressure, column.temperature)
     np.testing.assert_array_equal(same, plain)
+
+
+@pytest.mark.parametrize(("K2", "T2"), [(1e-3, 36.3), (8e6, 36.3), (7935.54, 3.63e4)])
+def test_an_identified_motion_that_implies_an_absurd_mass_is_refused(tmp_path, capsys, K2, T2):
+    """m = rho g T2/K2 against what the hull displaces: in Python, from a file, by a command."""
+    feup = load_vehicle("feup-em")
+    motion = feup.motion.model_copy(update={"K2": K2, "T2": T2})
+    vehicle = feup.model_copy(update={"motion": motion})
+    step = {"setpoints": [(0.0, 3.0)], "duration": 30.0, "start_depth": 1.5}
+    with pytest.raises(InputError, match="implies a mass of") as caught:
+        simulate(vehicle, **step)
+    said = caught.value
+    assert (said.field, said.value, said.unit) == ("motion.K2", K2, "1/m2/s")
+    mass = feup.water.density * feup.water.gravity * T2 / K2
+    assert f"{mass:.3g} kg" in said.what
+    path = tmp_path / "vehicle.toml"
+    path.write_text(vehicle_file(vehicle))
+    with pytest.raises(InputError) as located:
+        load_vehicle(path)
+    assert located.value.what == said.what
+    assert located.value.line is not None
+    assert main(["analyse", str(path), "--out", str(tmp_path / "out")]) == 2
+    assert said.what in " ".join(capsys.readouterr().err.split())

@@ -20,6 +20,7 @@ from swimbladder.cli.casts import (
     asked_casts,
 )
 from swimbladder.cli.common import (
+    asked_of,
     compile_notice,
     emit_json,
     json_text,
@@ -116,7 +117,7 @@ def campaign(
 
     Exit code 1: a float did not do every phase. A run that is killed goes on where it was.
     """
-    from swimbladder.cli.mission import asked_of, water
+    from swimbladder.cli.mission import water
     from swimbladder.io.config import load_mission, load_vehicle
     from swimbladder.io.files import check_place
 

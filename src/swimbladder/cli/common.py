@@ -15,7 +15,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -24,8 +24,12 @@ from rich.measure import Measurement
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.units import parse_quantity
 
+if TYPE_CHECKING:
+    from swimbladder.io.mission import Mission
+
 __all__ = [
     "Output",
+    "asked_of",
     "compile_notice",
     "console",
     "emit_json",
@@ -235,6 +239,20 @@ def said_as_typed(typed: Mapping[str, str | None], **options: str) -> Iterator[N
             error.what, file=error.file, line=error.line, field=option,
             value=error.value if text is None else text, unit=error.unit, remedy=error.remedy,
         ) from None  # fmt: skip
+
+
+@contextlib.contextmanager
+def asked_of(path: Path, task: Mission, **typed: str | None) -> Iterator[None]:
+    """Say in InputErrors of the block where it was asked: an option, or the mission's file."""
+    from swimbladder.io.config import locate
+
+    try:
+        with said_as_typed({f"--{name}": text for name, text in typed.items()},
+                           **{name: f"--{name}" for name in typed}):  # fmt: skip
+            yield
+    except InputError as error:
+        field = (error.field or "-").split("[")[0].split(".")[0]
+        raise (locate(error, path) if hasattr(task, field) else error) from None
 
 
 _printed: list[bool] = []  # whether the command has printed its JSON object

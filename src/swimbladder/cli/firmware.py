@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import compile_notice, emit_json, output, progress, quantity
+from swimbladder.cli.common import (
+    compile_notice,
+    emit_json,
+    output,
+    progress,
+    quantity,
+    said_as_typed,
+)
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -75,8 +82,6 @@ def firmware(
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
-    from swimbladder.io.mission import Mission, Setpoint
-    from swimbladder.io.mission_check import check_mission
 
     v = load_vehicle(vehicle, sampled=True)
     _check_law(v, law)
@@ -89,22 +94,17 @@ def firmware(
             (duration, "s", "--duration", _DURATION),
         )
     )
-    if time <= 0.0:
-        raise InputError(
-            "it must be above 0", field="--duration", value=duration, unit="s",
-            remedy="Check the number and its unit",
-        )  # fmt: skip
-    task = Mission(
-        name="golden", start_depth=depth, duration=time, setpoints=(Setpoint(time=0.0, depth=goal),)
-    )
-    check_mission(v, task, names=_OPTIONS)
     check_place(out)
     with progress("loading the simulator"):
         from swimbladder.codegen.library import make_library, write_library
 
-    assert v.controller is not None
-    ticks, done = time / v.controller.sample_time, 0
-    with compile_notice(), progress("flying the golden trace", ticks) as advance:
+    ticks = None if v.controller is None else time / v.controller.sample_time
+    done = 0
+    typed = {"--start": start, "--target": target, "--duration": duration}
+    with (
+        said_as_typed(typed, **_OPTIONS), compile_notice(),
+        progress("flying the golden trace", ticks) as advance,
+    ):  # fmt: skip
 
         def report(flown: int) -> None:
             nonlocal done

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import datetime
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,6 +22,7 @@ from swimbladder.cli.casts import (
     asked_casts,
 )
 from swimbladder.cli.common import (
+    asked_of,
     compile_notice,
     emit_json,
     json_text,
@@ -31,7 +30,6 @@ from swimbladder.cli.common import (
     output,
     progress,
     quantity,
-    said_as_typed,
 )
 from swimbladder.cli.masses import warn_of_mass
 from swimbladder.errors import InputError
@@ -42,7 +40,7 @@ if TYPE_CHECKING:
     from swimbladder.sim.mission.result import MissionResult
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["asked_of", "mission", "water"]
+__all__ = ["mission", "water"]
 
 _MARGIN = 1.1  # of the deepest phase: how far down the vehicle's own water is tabulated, and
 _BELOW = 50.0  # m more
@@ -122,20 +120,6 @@ def mission(
         _print(found, read, files)
     if not found.completed:
         raise typer.Exit(1)
-
-
-@contextlib.contextmanager
-def asked_of(path: Path, task: Mission, **typed: str | None) -> Iterator[None]:
-    """Say in InputErrors of the block where it was asked: an option, or the mission's file."""
-    from swimbladder.io.config import locate
-
-    try:
-        with said_as_typed({f"--{name}": text for name, text in typed.items()},
-                           **{name: f"--{name}" for name in typed}):  # fmt: skip
-            yield
-    except InputError as error:
-        field = (error.field or "-").split("[")[0].split(".")[0]
-        raise (locate(error, path) if hasattr(task, field) else error) from None
 
 
 def _moment(text: str | None) -> datetime.datetime | None:

@@ -22,7 +22,15 @@ from swimbladder.cli.casts import (
     Where,
     asked_casts,
 )
-from swimbladder.cli.common import compile_notice, console, emit_json, progress, quantity
+from swimbladder.cli.common import (
+    asked_of,
+    compile_notice,
+    console,
+    emit_json,
+    progress,
+    quantity,
+    said_as_typed,
+)
 from swimbladder.cli.masses import warn_of_mass
 from swimbladder.cli.simulate_files import answer_of, print_answer, steps_of, write_files
 from swimbladder.errors import InputError
@@ -100,23 +108,21 @@ def simulate(
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import make_folder
-    from swimbladder.io.mission_check import check_mission
 
     v = load_vehicle(vehicle, sampled=True, weighed=True)
-    task = _mission(mission, start=start, target=target, duration=duration, bottom=bottom)
+    typed = {"--start": start, "--target": target, "--duration": duration, "--bottom": bottom}
+    with said_as_typed(typed, **_OPTIONS if mission is None else {}):
+        task = _mission(mission, start=start, target=target, duration=duration, bottom=bottom)
     casts = asked_casts(
         [] if cast is None else [cast], column=column, where=where, log_format=log_format,
         profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
         inversions=inversions,
     )  # fmt: skip
-    water, medium = _water(v, task, casts)
-    names = _OPTIONS if mission is None else None
-    neutral = None if medium is None else medium.neutral_volume
-    with _located(mission):
-        check_mission(v, task, names=names, neutral=neutral)
     warn_of_mass(v)
+    with said_as_typed(typed, **_OPTIONS) if mission is None else asked_of(mission, task):
+        water, medium = _water(v, task, casts)
+        s = _run(v, task, seed, water)
     folder = make_folder(out)
-    s = _run(v, task, seed, water)
     files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)
     notes = [*_notes(s, water, medium), *_seed_unused(v, seed)]
     answer = answer_of(s, task, steps_of(s, task), files, water, notes)
@@ -155,15 +161,6 @@ def _mission(path: Path | None, **given: str | None) -> Mission:
     numbers = {name: quantity(given[name], unit, f"--{name}") for name, unit in units.items()}
     start, target = numbers["start"], numbers["target"]
     duration, bottom = numbers["duration"], numbers["bottom"]
-    for option, number, unit in (("duration", duration, "s"), ("bottom", bottom, "m")):
-        if number is not None and number <= 0.0:
-            raise InputError(
-                "it must be above 0",
-                field=f"--{option}",
-                value=given[option],
-                unit=unit,
-                remedy="Check the number and its unit",
-            )
     depth = _TARGET if target is None else target
     return Mission(
         name="step",
@@ -174,19 +171,6 @@ def _mission(path: Path | None, **given: str | None) -> Mission:
     )
 
 
-@contextlib.contextmanager
-def _located(path: Path | None) -> Iterator[None]:
-    """Say of an error that it lies in the mission's file, unless it is about the controller."""
-    from swimbladder.io.config import locate
-
-    try:
-        yield
-    except InputError as error:
-        if path is None or error.field == "controller":
-            raise
-        raise locate(error, path) from None
-
-
 def _water(
     vehicle: Vehicle, task: Mission, casts: list[Cast]
 ) -> tuple[Column | None, Medium | None]:
@@ -194,9 +178,9 @@ def _water(
 
     Raises InputError where it ends above a depth that is asked for.
     """
+    reach = max([task.start_depth, *(depth for _, depth in task.pairs)])
     if not casts:
         return None, None
-    reach = max([task.start_depth, *(point.depth for point in task.setpoints)])
     refuse_doubted_unit(casts, reach, vehicle.hull.depth_limit)
     with progress("tabulating the water"):
         from swimbladder.physics.seawater import cast_column
@@ -240,8 +224,8 @@ def _run(vehicle: Vehicle, task: Mission, seed: int | None, column: Column | Non
     with progress("loading the simulator"):
         from swimbladder.sim.closed_loop import simulate as simulate_closed_loop
 
-    assert vehicle.controller is not None  # check_mission has seen to it
-    samples = task.span / vehicle.controller.sample_time
+    own = vehicle.controller  # where it is none that is said below
+    samples = None if own is None else task.span / own.sample_time
     with compile_notice(), progress("simulating", samples) as advance, _no_search_for_blas():
         done = 0
 

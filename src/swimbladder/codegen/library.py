@@ -34,6 +34,7 @@ from swimbladder.control.records import leaves
 from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
 from swimbladder.errors import InputError
 from swimbladder.io.files import check_place, publish
+from swimbladder.sim.closed_loop.checks import check_sample_time
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
 
@@ -114,6 +115,7 @@ def make_library(
                 remedy=f"Give up to {limits.deep.depth_limit:.4g} m, or say more of the vehicle "
                 "in its [supervisor] table",
             )  # fmt: skip
+    check_sample_time(vehicle, law, parameters, tick_s, depths=[start_depth, target])
     program = read_law(law)
     first = 0.0 if law.command == "voltage" else vehicle.stroke.maximum
     golden = fly(

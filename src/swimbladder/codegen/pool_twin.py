@@ -118,7 +118,7 @@ def rehearse(
         vehicle, setpoints=[(0.0, pool_depth)], law=every_tick, sample_time=tick, seed=seed,
         duration=_AFLOAT + _AFTER + beside.parameters.rounds * _LONGEST,
         start_depth=p.z_surface, start_volume=beside.limits.volume.volume_high,
-        bottom_depth=pool_depth, progress=progress,
+        bottom_depth=pool_depth, progress=progress, checked=False,
     )  # fmt: skip
     depth, volume, may_begin, command, phase = (
         np.array(column, kind)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
-from swimbladder.design.linear import Analysis, LinearLaw, analyse_linear, linearise_law
+from swimbladder.design.linear import Analysis, analyse_linear
 from swimbladder.design.linear.analyse import check_depth
 from swimbladder.errors import InputError
+from swimbladder.sim.closed_loop.checks import law_at_rest
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["analyse", "law_at_rest"]
+__all__ = ["analyse"]
 
 
 def analyse(
@@ -56,14 +57,3 @@ def analyse(
         "or a limit right there): its closed loop has no poles or margins. Simulate it instead."
     )
     return analyse_linear(vehicle, depth=depth, notes=(note,))
-
-
-def law_at_rest(
-    law: Law, parameters: Any, vehicle: Vehicle, *, depth: float, sample_time: float
-) -> LinearLaw:
-    """Return the linear form of a law that holds a vehicle at `depth` [m], called every sample."""
-    seen = Measurement(0.0, depth, vehicle.neutral_volume(depth))
-    return linearise_law(
-        law.step, parameters=parameters, state=law.initial(parameters, seen, depth),
-        measurement=seen, reference=depth, tick=sample_time,
-    )  # fmt: skip

@@ -19,7 +19,7 @@ from swimbladder.io.toml_lines import key_lines
 from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.physics.dynamics import even_drag, plant
 from swimbladder.physics.hull import check_mass
-from swimbladder.vehicle import Parameters, Vehicle, input_error
+from swimbladder.vehicle import IdentifiedMotion, Parameters, Vehicle, input_error
 
 __all__ = [
     "Mission",
@@ -47,7 +47,8 @@ def load_vehicle(
     """Return the vehicle of a preset's name or of a TOML file.
 
     sampled: refuse one whose drive has no loop of voltages or positions, a pump and valve.
-    weighed: refuse one whose dry mass no water carries.
+    weighed: refuse one whose dry mass no water carries; a mass that an identified motion implies is
+    held against the hull always.
     Raises InputError with file, line, field, value, unit and remedy.
     """
     preset = _preset(name_or_path)
@@ -57,7 +58,7 @@ def load_vehicle(
     try:
         if sampled:
             refuse_pump_and_valve(vehicle.actuator)
-        if weighed:
+        if weighed or isinstance(vehicle.motion, IdentifiedMotion):
             check_mass(vehicle)
         _check_parts_fit(vehicle if sampled else even_drag(vehicle))
     except InputError as error:

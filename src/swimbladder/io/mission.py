@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from swimbladder.errors import InputError
 from swimbladder.physics.seawater import WaterMotion
 from swimbladder.vehicle import Parameters, Unit
 from swimbladder.vehicle.schema import refusal
@@ -148,7 +149,12 @@ class Mission(Parameters):
 
     @property
     def pairs(self) -> list[tuple[float, float]]:
-        """The set-points as (time [s], depth [m])."""
+        """The set-points as (time [s], depth [m]); raises InputError where it has phases."""
+        if not self.setpoints:
+            raise InputError(
+                "the mission has phases, and this takes set-points", field="phases",
+                remedy="Fly it with `swimbladder mission`, or write [[setpoints]]",
+            )  # fmt: skip
         return [(point.time, point.depth) for point in self.setpoints]
 
     @property

@@ -26,7 +26,7 @@ from swimbladder.errors import InputError
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.column import ATMOSPHERE, water_compressibility
 from swimbladder.physics.seawater.lookup import slopes
-from swimbladder.vehicle import Hull, HullPart, PhysicalMotion, Vehicle
+from swimbladder.vehicle import Hull, HullPart, IdentifiedMotion, PhysicalMotion, Vehicle
 
 __all__ = [
     "PsiTerms",
@@ -47,6 +47,7 @@ __all__ = [
 Array = NDArray[np.float64]
 _ZERO_CELSIUS = 273.15  # K
 _CONTRADICT = 0.02  # of the mass: sea water against fresh is more
+_IMPLIED = (0.1, 30.0)  # of it: of an identified motion, with the water that moves along
 _FEASIBLE = (0.5, 4.0)  # of it: heavier where the water that moves along counts too
 
 
@@ -142,11 +143,23 @@ def check_mass(vehicle: Vehicle) -> None:
     """Raise InputError for a dry mass that no ballast and no water brings into balance.
 
     What the hull displaces and trim_error tell what the vehicle weighs. The dry mass may differ as
-    far as it stands for the inertia with the water that moves along, and no farther.
+    far as it stands for the inertia with the water that moves along, and no farther. The mass that
+    an identified motion implies may be off by what poor logs leave open.
     """
-    if not isinstance(vehicle.motion, PhysicalMotion):
+    by_trim = weight_mass(vehicle)
+    if isinstance(vehicle.motion, IdentifiedMotion):
+        K2, T2 = vehicle.motion.K2, vehicle.motion.T2
+        if not _IMPLIED[0] * by_trim < vehicle.mass < _IMPLIED[1] * by_trim:
+            raise InputError(
+                f"with T2 = {T2:g} s this implies a mass of rho g T2/K2 = {vehicle.mass:.3g} kg, "
+                f"and the vehicle weighs about {by_trim:.4g} kg by hull.displaced_volume and "
+                "trim_error",
+                field="motion.K2", value=K2, unit="1/m2/s",
+                remedy="Check the units of motion.K2, motion.T2 and hull.displaced_volume, or "
+                "identify the motion again",
+            )  # fmt: skip
         return
-    dry, by_trim = vehicle.motion.dry_mass, weight_mass(vehicle)
+    dry = vehicle.motion.dry_mass
     if _FEASIBLE[0] * by_trim < dry < _FEASIBLE[1] * by_trim:
         return
     displaced, ends = by_trim / vehicle.water.density, "sinks" if dry > by_trim else "floats"

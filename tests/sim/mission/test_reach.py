@@ -6,9 +6,9 @@ import pytest
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
-from swimbladder.io.mission_check import check_mission
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
+from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.mission.core.names import Given
 from swimbladder.sim.mission.orders import drag_coefficient, law_parameters
 from swimbladder.sim.mission.prepare import make_plan
@@ -136,7 +136,7 @@ def test_a_mission_has_one_of_the_two_tables(profiler):
     with refused(InputError, field="phases", holds={51.0}):
         Mission(phases=[{"kind": "surface", "duration": 60.0}] * 51)
     with refused(InputError, field="phases"):
-        check_mission(load_vehicle("feup-em"), phases())
+        simulate(load_vehicle("feup-em"), setpoints=phases().pairs, duration=9.0, start_depth=0.0)
 
 
 def test_what_energy_is_not_known_is_said(sea):

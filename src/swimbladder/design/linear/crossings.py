@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eig
 
 from swimbladder.design.linear.models import Array, StateSpace, balancing_scale
 
@@ -59,6 +58,8 @@ def _unit_circle(A: Array, B: Array, C: Array) -> NDArray[np.complex128]:
 
 def _eigenvalues(left: Array, right: Array) -> NDArray[np.complex128]:
     """Finite eigenvalues of the pencil left - z right."""
+    from scipy.linalg import eig
+
     above, below = eig(left, right, right=False, homogeneous_eigvals=True)
     finite = np.abs(below) > 1e-12 * np.abs(above)
     found: Any = above[finite] / below[finite]

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
 
 from swimbladder.design.linear.crossings import crossing_frequencies
 from swimbladder.design.linear.models import Array, StateSpace
@@ -209,6 +208,8 @@ def _phases(
 
 def _root(f: Callable[[float], float], low: float, high: float) -> float:
     """The zero of f in an interval; the nearer end where rounding has hidden the change of sign."""
+    from scipy.optimize import brentq
+
     at_low, at_high = f(low), f(high)
     if at_low * at_high > 0.0:
         return float(low if abs(at_low) < abs(at_high) else high)
@@ -217,6 +218,8 @@ def _root(f: Callable[[float], float], low: float, high: float) -> float:
 
 def _peak(f: Callable[[float], float], w: Array, values: Array) -> tuple[float, float]:
     """Largest value and where, the grid's largest few maxima refined."""
+    from scipy.optimize import minimize_scalar
+
     best = (float(values[-1]), float(w[-1]))
     inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
     for i in sorted([0, *inner], key=lambda i: -values[i])[:5]:
@@ -237,6 +240,8 @@ def largest_delay(closed: Callable[[float], Array], *, step: float, horizon: flo
     closed: delay [s] -> matrix of the closed loop; step: of the search [s]; horizon: where it ends
     [s], inf is returned then; 0 where the loop is not stable without any delay.
     """
+    from scipy.optimize import brentq
+
     if spectral_radius(closed(0.0)) >= 1.0:
         return 0.0
     low = 0.0

@@ -88,6 +88,7 @@ class Operator:
             duration=_PATIENCE + task.longest + 120.0, start_depth=self._depth,
             start_speed=self._speed, start_volume=self._volume, bottom_depth=self.pool_depth,
             seed=self.seed + self._runs, law=law, sample_time=self.believed.controller.sample_time,
+            checked=False,
         )  # fmt: skip
         if notes[-1][2] != "over":
             why = (

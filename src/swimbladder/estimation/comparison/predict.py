@@ -119,6 +119,7 @@ def _run(
             start_speed=start.speed,
             start_volume=begin,
             bottom_depth=rec.bottom_depth,
+            checked=False,
         )
         return _hermite(time, solution), np.interp(time, solution.time, solution.volume), solution
     if len(rec.layers.table):

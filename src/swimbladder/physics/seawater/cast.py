@@ -115,6 +115,7 @@ def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) 
         buoyancy_frequency=_buoyancy_frequency(cast, SA, CT, pressure),
         source=cast.name or "cast",
         report=tuple(report),
+        cast=cast,
     )
 
 

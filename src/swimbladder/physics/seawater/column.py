@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
 from swimbladder.vehicle import Water
+
+if TYPE_CHECKING:
+    from swimbladder.physics.seawater.cast import Cast
 
 __all__ = ["ATMOSPHERE", "Column", "grid", "uniform_column", "water_compressibility"]
 
@@ -35,6 +39,7 @@ class Column:
     buoyancy_frequency: float = 0.0  # rad/s, the greatest over 10 m; 0 where density is constant
     source: str = ""  # the cast, or the vehicle's water
     report: tuple[str, ...] = ()  # what was assumed
+    cast: Cast | None = field(default=None, repr=False, compare=False)  # what it was made of
 
     @property
     def step(self) -> float:

@@ -14,9 +14,12 @@ from swimbladder.control.law import Law
 from swimbladder.control.records import leaf_names, leaves
 from swimbladder.control.registry import bind
 from swimbladder.errors import InputError
+from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column
+from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.accounts import close_books
 from swimbladder.sim.closed_loop.block import Block, schedule
+from swimbladder.sim.closed_loop.checks import check_depths, check_sample_time
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.closed_loop.solution import Solution, StopReason, assemble, name_events
 from swimbladder.sim.closed_loop.water import Medium, medium_of
@@ -41,6 +44,7 @@ def simulate(
     sample_time: float | None = None,
     parts: int | None = None,
     column: Column | None = None,
+    checked: bool = True,
     progress: Callable[[int], None] | None = None,
 ) -> Solution:
     """Return the vehicle's motion under its controller, from rest unless a speed is given.
@@ -52,10 +56,12 @@ def simulate(
     the vehicle's own controller where not given. sample_time [s]: needed with a law that the
     vehicle does not have. parts: steps a sample is divided into (chosen from the drag where not
     given). column: the water, see `closed_loop.water`; the vehicle's own where not given.
-    progress: called with the number of samples done.
+    checked: refuse depths beyond rating or stroke, a mass that no water carries, and a sample time
+    at which the vehicle's own law does not hold it. progress: called with the number of samples
+    done.
 
-    Raises InputError for a start outside water or stroke, unordered set-points, or no controller;
-    NoAnswerError where the column ends above a depth asked for.
+    Raises InputError for what is refused so, for a start outside water or stroke, unordered
+    set-points, no controller, or a column that ends above a depth asked for.
     """
     if not callable(law) or isinstance(law, Law):
         chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time)
@@ -69,6 +75,16 @@ def simulate(
     times, depths = check_setpoints(setpoints, duration, tick)
     medium = medium_of(vehicle, column, reach=max(start_depth, *depths), bottom_depth=bottom_depth)
     p, layers = medium.plant, medium.layers
+    if checked:
+        check_mass(vehicle)
+        if column is not None and column.cast is not None:
+            check_cast_unit(column.cast, max(start_depth, *depths), vehicle.hull.depth_limit)
+        check_depths(
+            vehicle, medium, setpoints=depths,
+            start_depth=start_depth if start_volume is None else None,
+        )  # fmt: skip
+        if law is None:
+            check_sample_time(vehicle, chosen, numbers, tick, depths=[start_depth, *depths])
     start = check_start(medium, start_depth, start_volume, start_speed)
     clock = schedule(times, duration, tick)
     divided = book_steps(p, tick, start_speed, layers) if parts is None else parts
@@ -204,6 +220,11 @@ def check_setpoints(
         raise InputError(
             "must be a finite time above 0", field="duration", value=duration, unit="s"
         )
+    if duration < tick:
+        raise InputError(
+            f"the duration is shorter than one sample of {tick:g} s", field="duration",
+            value=duration, unit="s", remedy="Lengthen it, or shorten the sample time",
+        )  # fmt: skip
     if duration / tick > 1e8:
         raise InputError(
             f"this is {duration / tick:.2g} samples", field="duration", value=duration, unit="s",

@@ -13,6 +13,7 @@ from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column, look_up
+from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.physics.seawater.column import ATMOSPHERE
 from swimbladder.sim.mission.core.names import Given, Stage, Table
 from swimbladder.sim.mission.holding import check_holds
@@ -67,6 +68,9 @@ def check_flight(
     if span is not None and not span > 0.0:
         raise InputError("it must be above 0", field="duration", value=span, unit="s",
                          remedy="Check the number and its unit")  # fmt: skip
+    if column.cast is not None:
+        depths = [mission.start_depth, *(p.depth for p in mission.phases if p.depth is not None)]
+        check_cast_unit(column.cast, max(depths), vehicle.hull.depth_limit)
     places = [("the start of the mission", mission.start_depth)]
     places += [(f"the phase {p.title!r}", p.depth) for p in mission.phases if p.depth is not None]
     for what, depth in places:

@@ -126,7 +126,7 @@ def run_procedure(
     s = simulate(
         vehicle, setpoints=[(0.0, pool_depth)], duration=duration, start_depth=pool_depth,
         start_volume=vehicle.neutral_volume(pool_depth) - sink, bottom_depth=pool_depth, seed=seed,
-        law=law, sample_time=parameters.loop.S_p,
+        law=law, sample_time=parameters.loop.S_p, checked=False,
     )  # fmt: skip
     index = np.array([int(state.phase) for _, state, _ in notes])
     began = {int(i): int(np.argmax(index == i)) for i in np.unique(index)}

@@ -1,0 +1,153 @@
+"""Whether a vehicle can be asked for depths, and whether its law holds it at its sample time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from swimbladder.control.law import Law, Measurement
+from swimbladder.design.linear.margins import spectral_radius
+from swimbladder.design.linear.models import linearise
+from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, linearise_law
+from swimbladder.errors import InputError
+from swimbladder.physics.dynamics import plant
+from swimbladder.sim.closed_loop.water import Medium
+from swimbladder.sim.engine.layers import NO_LAYERS
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["check_depths", "check_sample_time", "law_at_rest"]
+
+_GROWS = 1.0 + 1e-6  # spectral radius; an integrator alone has 1
+_SHORTEST = 2.0**-12  # of the sample time, below which it is not what makes a loop unstable
+
+
+def check_depths(
+    vehicle: Vehicle, medium: Medium, *, setpoints: Sequence[float], start_depth: float | None
+) -> None:
+    """Raise InputError where a depth [m] is not one that the vehicle can be asked for.
+
+    That is above the surface, below the bottom or the vehicle's rating, or where the stroke does
+    not reach the neutral volume. start_depth: None where the vehicle does not start neutral.
+    """
+    places = [(f"setpoints[{i}].depth", depth) for i, depth in enumerate(setpoints)]
+    if start_depth is not None and math.isfinite(start_depth):
+        places.insert(0, ("start_depth", start_depth))
+    for field, depth in places:
+        _check_depth(vehicle, depth, medium.plant.z_bottom, field)
+        _check_stroke(vehicle, medium, depth, field)
+
+
+def law_at_rest(
+    law: Law, parameters: Any, vehicle: Vehicle, *, depth: float, sample_time: float
+) -> LinearLaw:
+    """Return the linear form of a law that holds a vehicle at `depth` [m], called every sample."""
+    seen = Measurement(0.0, depth, vehicle.neutral_volume(depth))
+    return linearise_law(
+        law.step, parameters=parameters, state=law.initial(parameters, seen, depth),
+        measurement=seen, reference=depth, tick=sample_time,
+    )  # fmt: skip
+
+
+def check_sample_time(
+    vehicle: Vehicle, law: Law, parameters: Any, sample_time: float, *, depths: Sequence[float]
+) -> None:
+    """Raise InputError where the law holds the vehicle at a shorter sample time, and not at this.
+
+    By the eigenvalues of the sampled loop at the depths [m]. Nothing is said of a law that is not
+    linear around rest, or that holds the vehicle at no sample time.
+    """
+    for depth in (min(depths), max(depths)):
+        grows = _growth(vehicle, law, parameters, sample_time, depth)
+        if grows is None or grows <= _GROWS:
+            continue
+        holds = sample_time
+        while holds > _SHORTEST * sample_time:
+            holds *= 0.5
+            less = _growth(vehicle, law, parameters, holds, depth)
+            if less is not None and less <= _GROWS:
+                break
+        else:
+            continue
+        fails = 2.0 * holds
+        while fails > 1.01 * holds:
+            between = 0.5 * (holds + fails)
+            less = _growth(vehicle, law, parameters, between, depth)
+            held = less is not None and less <= _GROWS
+            holds, fails = (between, fails) if held else (holds, between)
+        raise InputError(
+            f"the law {law.name!r} does not hold {vehicle.name!r} at {depth:g} m with so long a "
+            f"sample time: an error grows {grows:.3g}-fold from sample to sample",
+            field="controller.sample_time", value=sample_time, unit="s",
+            remedy=f"Sample every {0.99 * holds:.2g} s or sooner, or tune the law for this time "
+            "(`swimbladder tune --sample-time`)",
+        )  # fmt: skip
+
+
+def _growth(
+    vehicle: Vehicle, law: Law, parameters: Any, sample_time: float, depth: float
+) -> float | None:
+    """Return the spectral radius of the sampled loop [-]; None for a law that is not linear."""
+    if "S_p" in parameters._fields:
+        parameters = parameters._replace(S_p=sample_time)
+    linear = law_at_rest(law, parameters, vehicle, depth=depth, sample_time=sample_time)
+    if not (linear.smooth and math.isfinite(np.sum(linear.system.A) + np.sum(linear.system.D))):
+        return None
+    p = plant(vehicle)
+    ways = (False,) if p.positioner else (False, True)
+    return max(
+        spectral_radius(
+            SampledLoop(plant=linearise(p, depth=depth, back_driving=back), law=linear).closed()
+        )
+        for back in ways
+    )
+
+
+def _check_depth(vehicle: Vehicle, depth: float, bottom: float, field: str) -> None:
+    problem = partial(InputError, field=field, value=depth, unit="m")
+    if depth < 0.0:
+        raise problem("the depth is above the surface", remedy="Depths are positive downwards")
+    if depth > bottom:
+        raise problem(
+            f"the depth is below the bottom at {bottom:g} m",
+            remedy=f"Give a depth of at most {bottom:g} m, or a deeper bottom",
+        )
+    limit = vehicle.hull.depth_limit
+    if limit is not None and depth > limit:
+        raise problem(
+            f"the vehicle {vehicle.name!r} is rated for {limit:g} m (hull.depth_limit)",
+            remedy=f"Ask for {limit:g} m at most",
+        )
+
+
+def _within_stroke(vehicle: Vehicle, outwards: bool) -> str:
+    """Return what to do where the stroke ends, at its largest volume (outwards) or its least."""
+    end = vehicle.stroke.maximum if outwards else vehicle.stroke.minimum
+    psi, over = vehicle.hull.psi, end - vehicle.trim_error
+    if psi == 0.0 or over / psi <= 0.0:  # at no depth, or at none below the surface
+        return "Trim the vehicle otherwise (trim_error), or lengthen the stroke"
+    depth = over / psi
+    if outwards != (psi > 0.0):
+        return f"The stroke suffices below {depth:.4g} m: ask for more, or lengthen it"
+    less = " by more than a step overshoots, for what passes that depth sinks" if outwards else ""
+    return f"The stroke ends at {depth:.4g} m: ask for less{less}, or lengthen the stroke"
+
+
+def _check_stroke(vehicle: Vehicle, medium: Medium, depth: float, field: str) -> None:
+    stroke, neutral = vehicle.stroke, medium.neutral_volume(depth)
+    if stroke.minimum < neutral < stroke.maximum:
+        return
+    if medium.layers is NO_LAYERS:
+        where, remedy = "there", _within_stroke(vehicle, neutral >= stroke.maximum)
+    else:
+        where = "there, in the water of the cast"
+        remedy = "Trim the vehicle for this water (`swimbladder ballast --cast` says how, and "
+        remedy += "writes the vehicle), or lengthen the stroke"
+    raise InputError(
+        f"the stroke is smaller than the neutral volume {where}: {neutral * 1e6:.4g} cm3 is "
+        f"outside {stroke.minimum * 1e6:g} to {stroke.maximum * 1e6:g} cm3",
+        field=field, value=depth, unit="m", remedy=remedy,
+    )  # fmt: skip

@@ -1,0 +1,76 @@
+"""Sample times at which a law does not hold its vehicle are refused, by eigenvalues."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from swimbladder.cli import main
+from swimbladder.design.linear.sampled import _exponential
+from swimbladder.errors import InputError
+from swimbladder.io.config import load_vehicle
+from swimbladder.io.presets import preset_text
+from swimbladder.sim.closed_loop import simulate
+
+STEP = {"setpoints": [(0.0, 3.0)], "duration": 600.0, "start_depth": 1.5}
+
+
+def sampled(vehicle, sample_time):
+    own = vehicle.controller.model_copy(update={"sample_time": sample_time})
+    return vehicle.model_copy(update={"controller": own})
+
+
+@pytest.fixture(scope="module")
+def feup():
+    return load_vehicle("feup-em")
+
+
+def error_left(vehicle, sample_time):
+    """How far from the target of a small step it is in the last third of the time, over the step.
+
+    An unstable loop ends in a limit cycle, or beyond its limits at the surface or the bottom.
+    """
+    s = simulate(
+        sampled(vehicle, sample_time), setpoints=[(0.0, 1.51)], duration=2400.0, start_depth=1.5,
+        checked=False,
+    )  # fmt: skip
+    return float(np.max(np.abs(s.depth[2 * len(s.depth) // 3 :] - 1.51))) / 0.01
+
+
+def test_what_is_refused_does_not_settle_and_the_longest_that_is_named_does(feup):
+    with pytest.raises(InputError, match=r"grows .*-fold from sample to sample") as caught:
+        simulate(sampled(feup, 10.0), **STEP)
+    error = caught.value
+    assert (error.field, error.value, error.unit) == ("controller.sample_time", 10.0, "s")
+    assert error.exit_code == 2
+    longest = float(error.remedy.split()[2])
+    assert 0.3 < longest < 10.0
+    assert error_left(feup, 10.0) > 0.5
+    assert error_left(feup, 0.9 * longest) < 0.1
+    simulate(sampled(feup, 0.9 * longest), **STEP)
+    with refused(InputError, field="controller.sample_time", value=1.3 * longest):
+        simulate(sampled(feup, 1.3 * longest), **STEP)
+    assert error_left(feup, 1.3 * longest) > 0.5
+
+
+def test_the_command_says_the_same(tmp_path, capsys):
+    text = preset_text("feup-em")
+    lines = [
+        'sample_time = "10 s"' if line.startswith("sample_time") else line
+        for line in text.splitlines()
+    ]
+    path = tmp_path / "slow.toml"
+    path.write_text("\n".join(lines))
+    out = tmp_path / "out"
+    assert main(["simulate", str(path), "--out", str(out)]) == 2
+    with pytest.raises(InputError) as caught:
+        simulate(load_vehicle(path), setpoints=[(0.0, 3.0)], duration=400.0, start_depth=1.5)
+    assert capsys.readouterr().err.strip().removeprefix("error: ") == str(caught.value)
+    assert not out.exists()
+
+
+def test_an_exponential_is_that_of_scipy():
+    random = np.random.default_rng(1)
+    for size, scale in ((1, 1.0), (4, 0.1), (5, 3.0), (6, 30.0)):
+        matrix = scale * (random.standard_normal((size, size)) - size * np.eye(size))
+        np.testing.assert_allclose(_exponential(matrix), expm(matrix), rtol=1e-9, atol=1e-13)
+    np.testing.assert_array_equal(_exponential(np.zeros((3, 3))), np.eye(3))
