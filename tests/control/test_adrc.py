@@ -1,6 +1,7 @@
 """Active disturbance rejection: its observer against theory and SciPy, the loop against the sea."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -17,6 +18,9 @@ from swimbladder.sim.closed_loop import simulate, step_metrics
 from tests.control.examples import ADRC_FAST, PLANT, S_P, blind, by_hand
 from tests.oracle import TABLE_3
 from tests.vehicles import paper
+
+# vehicles and missions that no user could mean
+fly_anything = partial(simulate, checked=False)
 
 HAN = ADRC_FAST._replace(drag=0.0, psi=0.0, gains=adrc_gains(0.2, 1.2, S_P))
 NOWHERE = initial(ADRC_FAST, Measurement(0.0, 2.0, 0.0), 2.0)
@@ -74,7 +78,7 @@ STEP = dict(setpoints=[(0.0, 3.0)], start_depth=1.5, duration=300.0)
 
 
 def flown(p=ADRC_FAST, vehicle=None, **run):
-    return simulate(vehicle or paper(), law=ADRC, parameters=p, sample_time=S_P, **STEP | run)
+    return fly_anything(vehicle or paper(), law=ADRC, parameters=p, sample_time=S_P, **STEP | run)
 
 
 def metrics(ran, start=1.5, target=3.0):
@@ -137,7 +141,7 @@ def test_a_reference_below_the_bottom_does_not_wind_it_up() -> None:
     """An hour on the bottom, then up to 1.5 m: the time until it is within 5 cm of it."""
 
     def late(law, p):
-        ran = simulate(
+        ran = fly_anything(
             paper(), law=law, parameters=p, sample_time=S_P, bottom_depth=3.0, start_depth=2.5,
             setpoints=[(0.0, 4.0), (3600.0, 1.5)], duration=7200.0,
         )  # fmt: skip

@@ -27,7 +27,7 @@ def both(
     renamed = {"bottom": "bottom_depth"}
     ours = simulate(
         vehicle, law=lambda seen, _: command(seen.time), sample_time=TICK, duration=duration,
-        setpoints=[(0.0, start["depth"])],
+        setpoints=[(0.0, start["depth"])], checked=False,
         **{renamed.get(k, f"start_{k}"): v for k, v in start.items()},
     )  # fmt: skip
     theirs = closed_loop(

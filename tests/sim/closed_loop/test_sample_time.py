@@ -10,6 +10,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.presets import preset_text
 from swimbladder.sim.closed_loop import simulate
+from tests.quoted import refused
 
 STEP = {"setpoints": [(0.0, 3.0)], "duration": 600.0, "start_depth": 1.5}
 
@@ -37,11 +38,10 @@ def error_left(vehicle, sample_time):
 
 
 def test_what_is_refused_does_not_settle_and_the_longest_that_is_named_does(feup):
-    with pytest.raises(InputError, match=r"grows .*-fold from sample to sample") as caught:
+    with refused(InputError, field="controller.sample_time", value=10.0) as caught:
         simulate(sampled(feup, 10.0), **STEP)
     error = caught.value
-    assert (error.field, error.value, error.unit) == ("controller.sample_time", 10.0, "s")
-    assert error.exit_code == 2
+    assert (error.unit, error.exit_code) == ("s", 2)
     longest = float(error.remedy.split()[2])
     assert 0.3 < longest < 10.0
     assert error_left(feup, 10.0) > 0.5
