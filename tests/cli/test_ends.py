@@ -155,7 +155,11 @@ def test_a_pipe_is_as_good_as_a_file(tmp_path, capsys):
     by_pipe = json.loads(capsys.readouterr().out)
     assert main(["simulate", "feup-em", *words]) == 0
     assert json.loads(capsys.readouterr().out) == by_pipe
-    assert main(["simulate", str(pipe), *words]) == 0  # it is remembered
+    # a second command reads what is written then
+    (tmp_path / "vehicle.txt").write_text("schema_version = 0")
+    writer = subprocess.Popen(["sh", "-c", f"cat {pipe}.txt > {pipe}"])
+    assert main(["simulate", str(pipe), *words]) == 2
+    assert writer.wait(timeout=10) == 0
 
 
 def test_an_error_in_a_pipe_has_its_line(tmp_path, capsys):

@@ -122,10 +122,13 @@ def run(function: Callable[[], object], *, json: bool = False) -> int:
     traceback. json: where `function` ends so and has not printed a JSON object, print one that says
     why.
     """
+    from swimbladder.io.files import pipes_kept
+
     _printed.clear()
     _told.clear()
     try:
-        code = _run(function, json=json)
+        with pipes_kept():  # an error looks up its line
+            code = _run(function, json=json)
         if sys.stdout is not None:
             sys.stdout.flush()
     except OSError as error:

@@ -14,7 +14,8 @@ import shutil
 import stat
 import tempfile
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextvars import ContextVar
 from pathlib import Path
 
 from swimbladder.errors import InputError
@@ -22,6 +23,7 @@ from swimbladder.errors import InputError
 __all__ = [
     "check_place",
     "make_folder",
+    "pipes_kept",
     "publish",
     "read_at_most",
     "remove_leftovers",
@@ -35,25 +37,39 @@ __all__ = [
 _MARK = ".swimbladder-"
 _OLD = 86_400.0  # s after which what another machine left is no longer being written
 _LONGEST = 255 - len(".-unfinished")  # bytes of a folder's name
-_pipes: dict[tuple[int, int, int], bytes] = {}  # content of pipes, which give it once
+_Pipes = dict[tuple[int, int], bytes]  # content by device and inode
+_pipes: ContextVar[_Pipes | None] = ContextVar("pipes", default=None)
+
+
+@contextlib.contextmanager
+def pipes_kept() -> Iterator[None]:
+    """Keep what pipes give, which give it once, so that it can be read again within the block.
+
+    Outside such blocks, as in a notebook, each reading of a pipe waits for what is written next.
+    """
+    kept = _pipes.get()
+    token = _pipes.set({} if kept is None else kept)
+    try:
+        yield
+    finally:
+        _pipes.reset(token)
 
 
 def read_at_most(path: Path, most: int) -> bytes:
     """Return the content of a file; of one that is larger `most` + 1 bytes, so that it shows.
 
-    That holds for devices and pipes without an end too. What a pipe gave is kept, so that it can be
-    read again. Raises OSError and ValueError as `open` does.
+    That holds for devices and pipes without an end too. Raises OSError and ValueError as `open`
+    does.
     """
-    about = path.stat()
-    pipe = (about.st_dev, about.st_ino, about.st_mtime_ns) if stat.S_ISFIFO(about.st_mode) else None
-    if pipe is not None and pipe in _pipes:
-        return _pipes[pipe]
-    with path.open("rb") as file:
-        data = file.read(most + 1)
-        if pipe is not None:
-            about = os.fstat(file.fileno())  # the time of what was written since
-            _pipes[about.st_dev, about.st_ino, about.st_mtime_ns] = data
-    return data
+    about, kept = path.stat(), _pipes.get()
+    if kept is None or not stat.S_ISFIFO(about.st_mode):
+        with path.open("rb") as file:
+            return file.read(most + 1)
+    pipe = about.st_dev, about.st_ino
+    if pipe not in kept:
+        with path.open("rb") as file:
+            kept[pipe] = file.read(most + 1)
+    return kept[pipe]
 
 
 def _prefix(process: int) -> str:

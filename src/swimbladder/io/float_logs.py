@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import LogError
+from swimbladder.io.files import pipes_kept
 from swimbladder.io.float_log import DEVICES, Action, FloatLog
 from swimbladder.io.log_format import LogColumn, LogFormat, log_format
 from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
@@ -39,6 +40,7 @@ _NONE = -2  # the stage at the surface
 _ABSOLUTE = (9.5e4, 1.06e5)  # Pa: a log whose least pressure is here counts from the vacuum
 
 
+@pipes_kept()
 def read_float_log(
     path: str | Path,
     *,
