@@ -31,7 +31,7 @@ def under(vehicle: Any, commands: list[float], *, tick: float = 0.5, **start: An
     return simulate(
         vehicle, law=lambda seen, _: commands[round(seen.time / tick)], sample_time=tick,
         setpoints=[(0.0, start["depth"])], duration=tick * (len(commands) - 1),
-        bottom_depth=start.pop("bottom", math.inf), parts=start.pop("parts", None),
+        bottom_depth=start.pop("bottom", math.inf), parts=start.pop("parts", None), checked=False,
         **{f"start_{k}": v for k, v in start.items()},
     )  # fmt: skip
 

@@ -5,6 +5,7 @@ which takes a step by table look-up where it believes that nothing happens.
 """
 
 import math
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,9 @@ from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import Solution, simulate, simulate_ensemble
 from swimbladder.vehicle import IdentifiedActuator, PhysicalMotion
 from tests.vehicles import QUADRATIC, SWITCHED, exponents, paper, pump, vehicles
+
+# vehicles and missions that no user could mean
+fly_anything = partial(simulate, checked=False)
 
 TICK = 0.25
 N = 80
@@ -57,7 +61,7 @@ def by_hand(vehicle: Any, parameters: Wave, **run: Any) -> Solution:
         command: float = wave(parameters, Nothing(0.0), seen, reference)[0]
         return command
 
-    return simulate(vehicle, law=function, sample_time=TICK, **run)
+    return fly_anything(vehicle, law=function, sample_time=TICK, **run)
 
 
 def mission(depth: float, vehicle: Any, share: float) -> dict[str, Any]:
@@ -88,7 +92,7 @@ def same(compiled: Solution, plain: Solution) -> None:
 )  # fmt: skip
 def test_one_lane(vehicle, parameters, depth, share, ground) -> None:  # type: ignore[no-untyped-def]
     run = mission(depth, vehicle, share) | {"bottom_depth": depth + ground}
-    compiled = simulate(vehicle, law=WAVE, parameters=parameters, sample_time=TICK, **run)
+    compiled = fly_anything(vehicle, law=WAVE, parameters=parameters, sample_time=TICK, **run)
     same(compiled, by_hand(vehicle, parameters, **run))
 
 
@@ -162,6 +166,6 @@ def test_volume_that_turns_between_samples(vehicle: Any) -> None:
             update={"stroke": vehicle.stroke.model_copy(update={"maximum": limit})}
         )
         plain = by_hand(tight, parameters, **run)
-        same(simulate(tight, law=WAVE, parameters=parameters, sample_time=TICK, **run), plain)
+        same(fly_anything(tight, law=WAVE, parameters=parameters, sample_time=TICK, **run), plain)
         unseen += bool(plain.events) and plain.volume.max() < limit
     assert unseen > 0

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from swimbladder.control.law import Law, Measurement
+from swimbladder.control.records import from_leaves, leaves
 from swimbladder.design.linear.margins import spectral_radius
 from swimbladder.design.linear.models import linearise
 from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, linearise_law
@@ -21,7 +22,7 @@ from swimbladder.vehicle import Vehicle
 
 __all__ = ["check_depths", "check_sample_time", "law_at_rest"]
 
-_GROWS = 1.0 + 1e-6  # spectral radius; an integrator alone has 1
+_GROWS = 1.0 + 1e-4  # spectral radius; an integrator has 1, three of them as computed 1 + 1e-5
 _SHORTEST = 2.0**-12  # of the sample time, below which it is not what makes a loop unstable
 
 
@@ -91,8 +92,8 @@ def _growth(
     vehicle: Vehicle, law: Law, parameters: Any, sample_time: float, depth: float
 ) -> float | None:
     """Return the spectral radius of the sampled loop [-]; None for a law that is not linear."""
-    if "S_p" in parameters._fields:
-        parameters = parameters._replace(S_p=sample_time)
+    kind = type(parameters)
+    parameters = from_leaves(kind, {**leaves(parameters), "S_p": sample_time})
     linear = law_at_rest(law, parameters, vehicle, depth=depth, sample_time=sample_time)
     if not (linear.smooth and math.isfinite(np.sum(linear.system.A) + np.sum(linear.system.D))):
         return None
