@@ -12,7 +12,7 @@ COMMANDS = {
     "design-experiment": ["--pool-depth", "4 m"],
     "tune": [],
     "plan": ["--step", "1:3"],
-    "bench-control": [],
+    "compare-laws": [],
     "stability": [],
     "firmware": [],
     "faults": [],

@@ -8,7 +8,7 @@ may go.
 from __future__ import annotations
 
 # Commands and options as cases.py and the store have them -> as they are called today.
-COMMANDS: dict[str, str] = {}  # "bench-control": "compare-laws"
+COMMANDS: dict[str, str] = {"bench-control": "compare-laws"}
 OPTIONS: dict[str, str] = {}  # "--draws": "--runs"
 
 # Keys of answers, columns of tables, names in TOML. Old path -> new path, both from the same
@@ -21,7 +21,11 @@ KEYS: dict[str, str] = {}
 KINDS: dict[str, str] = {}
 
 # Parts of the names of written files: "mission-7-told.csv": "mission-7-ideal-detection.csv".
-FILES: dict[str, str] = {}
+FILES: dict[str, str] = {
+    "bench.html": "laws.html",
+    "bench.json": "laws.json",
+    "bench.csv": "laws.csv",
+}
 
 # Identifiers in the generated C, as whole words.
 C_NAMES: dict[str, str] = {}

@@ -25,6 +25,7 @@ from tests.frozen.renamed import COMMANDS, OPTIONS
 INPUTS = Path(__file__).parent / "inputs"
 PROSE = "<prose>"
 MOST = 40  # values of a column, or of a list, that are kept
+KEPT = "parts"  # folder of what is done already, for a run that goes on
 WORDS = 4  # a text of more words is prose
 # What differs between two runs of the same code.
 VOLATILE = {
@@ -50,7 +51,7 @@ def run(case: Case) -> dict[str, Any]:
         files = {
             path.relative_to("out").as_posix(): _file(path, answer)
             for path in sorted(Path("out").rglob("*"))
-            if path.is_file() and path.parent.name != "parts"  # named by a hash of all source
+            if path.is_file() and KEPT not in path.parts  # named by a hash of all source
         }
         assert {p.name for p in Path().iterdir()} <= inputs | {"out", "before"}, case.name
     return {"exit": code, "answer": cleaned(answer), "files": files}

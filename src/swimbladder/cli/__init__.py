@@ -33,7 +33,7 @@ COMMANDS = {
     "tune": "Gains with margins over all that is not known.",
     "energy": "Joules per mL over depth, against a thruster, from runs.",
     "plan": "The best step of depth there is, computed beforehand.",
-    "bench-control": "Every law on the same scenarios, a table and a picture.",
+    "compare-laws": "Every law on the same scenarios, a table and a picture.",
     "stability": "Eigenvalues, limit cycles, from where it recovers.",
     "size": "Which pump or screw, motor, stroke, battery do a dive.",
     "mission": "Dive, park, profile, surface: months, in a real sea.",

@@ -7,8 +7,8 @@ laws with which gains, `fly` flies them and measures, `pareto` finds those that 
 
 from __future__ import annotations
 
-from swimbladder.design.law_comparison.result import Bench
-from swimbladder.design.law_comparison.run import bench
+from swimbladder.design.law_comparison.result import LawComparison
+from swimbladder.design.law_comparison.run import compare_laws
 from swimbladder.design.law_comparison.scenarios import SCENARIOS
 
-__all__ = ["SCENARIOS", "Bench", "bench"]
+__all__ = ["SCENARIOS", "LawComparison", "compare_laws"]

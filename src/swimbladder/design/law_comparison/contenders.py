@@ -1,4 +1,4 @@
-"""Who is benched: the vehicle's own controller, and every law tuned fast and tuned quiet."""
+"""Who is compared: the vehicle's own controller, and every law tuned fast and tuned quiet."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Contender:
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOut:
-    """A law that is not benched, and why."""
+    """A law that is not compared, and why."""
 
     name: str
     why: str
@@ -80,7 +80,7 @@ def choose_laws(vehicle: Vehicle, wanted: Sequence[str] | None) -> tuple[list[st
             why = f"it commands a {law.command}, and the vehicle's actuator takes a {command}"
             out.append(LeftOut(name=name, why=why))
         elif name not in TUNABLE:
-            why = "it is not tuned; the vehicle file's own gains, if any, are benched"
+            why = "it is not tuned; the vehicle file's own gains, if any, are compared"
             out.append(LeftOut(name=name, why=why))
         else:
             kept.append(name)

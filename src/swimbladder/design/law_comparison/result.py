@@ -1,4 +1,4 @@
-"""What a bench found, for a person, for a table and for JSON."""
+"""What a comparison found, for a person, for a table and for JSON."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from swimbladder.design.law_comparison.pareto import front
 from swimbladder.design.law_comparison.scenarios import Placed, Places
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["COSTS", "Bench", "Row", "Trace"]
+__all__ = ["COSTS", "LawComparison", "Row", "Trace"]
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class Row:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bench:
+class LawComparison:
     """Every contender on every scenario, with the bounds that no controller can beat."""
 
     vehicle: Vehicle
@@ -128,7 +128,7 @@ class Bench:
             said.append(text + ".")
         return tuple(said)
 
-    def assuming(self, words: str) -> Bench:
+    def assuming(self, words: str) -> LawComparison:
         """Return it with one more thing that was assumed, in words."""
         return replace(self, assumptions=(*self.assumptions, words))
 

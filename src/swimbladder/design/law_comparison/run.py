@@ -1,4 +1,4 @@
-"""`bench`: contenders found, flown on every scenario, and kept as they come."""
+"""`compare_laws`: contenders found, flown on every scenario, and kept as they come."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from swimbladder.design.law_comparison.contenders import (
     tuned,
 )
 from swimbladder.design.law_comparison.fly import Result, fly, no_energy, summarise
-from swimbladder.design.law_comparison.result import Bench, Row, Trace
+from swimbladder.design.law_comparison.result import LawComparison, Row, Trace
 from swimbladder.design.law_comparison.scenarios import (
     LOW_SUPPLY,
     SCENARIOS,
@@ -33,27 +33,27 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.jobs import Store, each
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["bench"]
+__all__ = ["compare_laws"]
 
 _TUNING, _FLYING = 0.7, 0.3  # shares of the work
 _PATIENCE = 180.0  # s, with the linear programs of the least times
 _FEWEST = 2
 
 
-def bench(
+def compare_laws(
     vehicle: Vehicle, *, laws: Sequence[str] | None = None, runs: int = 40,
     depths: tuple[float, float] | None = None, seed: int = 1, sample_time: float | None = None,
     scenarios: Sequence[Scenario] = SCENARIOS, tune_for: Sequence[str] = GOALS,
     parts: Path | None = None, advance: Callable[[float], None] | None = None,
-) -> Bench:  # fmt: skip
+) -> LawComparison:  # fmt: skip
     """Return every law on the same scenarios, each tuned fast and tuned quiet for this vehicle.
 
     laws: names; all that fit the actuator where not given. The vehicle's own controller is always
     flown, and the paper's where the vehicle is the paper's. runs: of each scenario, with noise of
     the vehicle's sensors. depths [m]: least and greatest; what rating, stroke and supply allow
     where not given. sample_time [s]: of the tuned laws; the controller's where not given.
-    tune_for: goals of `tune`. parts: a folder where what is done is kept; a bench that was stopped
-    goes on there. advance: told the share of the work done.
+    tune_for: goals of `tune`. parts: a folder where what is done is kept; a comparison that was
+    stopped goes on there. advance: told the share of the work done.
 
     Raises InputError for what cannot be; NoAnswerError where no controller is left to fly.
     """
@@ -86,13 +86,13 @@ def bench(
                 contenders.append(found)
         if not contenders:
             why = "; ".join(f"{one.name}: {one.why}" for one in left_out)
-            raise NoAnswerError(f"there is no controller to bench. {why}")
+            raise NoAnswerError(f"there is no controller to compare. {why}")
         rows = _fly_all(
             vehicle, contenders, placed, store, around=around, runs=runs, seed=seed,
             advance=lambda share: tell(share * (_FLYING if jobs else _FLYING + _TUNING)),
         )  # fmt: skip
         bounds, missing = bounding.result()
-    return Bench(
+    return LawComparison(
         vehicle=vehicle, where=where, placed=placed, rows=rows, left_out=left_out, bounds=bounds,
         no_bound=missing, no_energy=no_energy(vehicle), runs=runs, seed=seed,
         assumptions=_assumptions(vehicle, where.words, around),

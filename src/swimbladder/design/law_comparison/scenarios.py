@@ -76,7 +76,7 @@ SCENARIOS: tuple[Scenario, ...] = (
 
 
 class Places(NamedTuple):
-    """Between which depths a vehicle is benched [m], and what ends the range."""
+    """Between which depths a vehicle's laws are compared [m], and what ends the range."""
 
     least: float
     most: float
@@ -115,7 +115,7 @@ def places(vehicle: Vehicle, given: tuple[float, float] | None = None) -> Places
             most = top + _UNSTATED
             words = f"down to {most:g} m, as the vehicle states no rating (--depth)"
         if most <= top:
-            raise NoAnswerError(f"there is no depth to bench: {why} at {reach:.3g} m")
+            raise NoAnswerError(f"there is no depth to compare laws at: {why} at {reach:.3g} m")
         return Places(top, most, words)
     least, most = max(given[0], top), given[1]
     if not (given[0] >= 0.0 and least < most < math.inf):
@@ -125,8 +125,8 @@ def places(vehicle: Vehicle, given: tuple[float, float] | None = None) -> Places
         )  # fmt: skip
     if most >= reach:
         raise NoAnswerError(
-            f"the vehicle cannot be held at {most:g} m: at {reach:.4g} m {why}. Bench it for less "
-            "depth, or give it more stroke or a higher supply"
+            f"the vehicle cannot be held at {most:g} m: at {reach:.4g} m {why}. Compare laws for "
+            "less depth, or give it more stroke or a higher supply"
         )
     return Places(least, most, "as given")
 

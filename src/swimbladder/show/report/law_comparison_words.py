@@ -1,4 +1,4 @@
-"""A bench as rows of text, for the terminal, the page and the CSV file."""
+"""A comparison as rows of text, for the terminal, the page and the CSV file."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import csv
 import io
 import math
 
-from swimbladder.design.law_comparison import Bench
+from swimbladder.design.law_comparison import LawComparison
 from swimbladder.design.law_comparison.result import Row, result_json
 
 __all__ = [
@@ -44,16 +44,16 @@ _NOTES = (
 )
 
 
-def notes(bench: Bench) -> tuple[str, ...]:
+def notes(comparison: LawComparison) -> tuple[str, ...]:
     """Return what the columns of HEADINGS mean, and why the energy is not known."""
-    if bench.no_energy is None:
+    if comparison.no_energy is None:
         return _NOTES
-    return (*_NOTES, f"J/h is unknown: {bench.no_energy}.")
+    return (*_NOTES, f"J/h is unknown: {comparison.no_energy}.")
 
 
-def summary(bench: Bench) -> list[tuple[str, ...]]:
+def summary(comparison: LawComparison) -> list[tuple[str, ...]]:
     """Return a row of HEADINGS for each contender."""
-    bound = bench.bounds.get("step-down", math.nan)
+    bound = comparison.bounds.get("step-down", math.nan)
     return [
         (
             row.who.name + (" *" if unbeaten else ""),
@@ -65,18 +65,18 @@ def summary(bench: Bench) -> list[tuple[str, ...]]:
                 _number(row.cost(name, "rms"), 1e3, "{:.1f}")
                 for name in ("hold", "hold-swell", "hold-deep", "hold-drift")
             ),
-            *_moved(row, "hold", bench),
+            *_moved(row, "hold", comparison),
         )
         for row, unbeaten, over, deep, lost in zip(
-            bench.rows, bench.unbeaten, bench.worst_overshoot("shallow"),
-            bench.worst_overshoot("deep"), bench.lost, strict=True,
+            comparison.rows, comparison.unbeaten, comparison.worst_overshoot("shallow"),
+            comparison.worst_overshoot("deep"), comparison.lost, strict=True,
         )
     ]  # fmt: skip
 
 
-def steps(bench: Bench, scenario: str) -> list[tuple[str, ...]]:
+def steps(comparison: LawComparison, scenario: str) -> list[tuple[str, ...]]:
     """Return a row of STEP_HEADINGS for each contender on one step."""
-    bound = bench.bounds.get(scenario, math.nan)
+    bound = comparison.bounds.get(scenario, math.nan)
     return [
         (
             row.who.name, f"{100.0 * r.settled:.0f} %",
@@ -85,30 +85,32 @@ def steps(bench: Bench, scenario: str) -> list[tuple[str, ...]]:
             _percent(r.overshoot_median), _percent(r.overshoot_95),
             _number(r.volume_rate, 3.6e6, "{:.3g}"), _share(r.lost),
         )
-        for row in bench.rows
+        for row in comparison.rows
         for r in (row.results[scenario],)
     ]  # fmt: skip
 
 
-def holds(bench: Bench, scenario: str) -> list[tuple[str, ...]]:
+def holds(comparison: LawComparison, scenario: str) -> list[tuple[str, ...]]:
     """Return a row of HOLD_HEADINGS for each contender on one hold."""
     return [
         (
             row.who.name, _number(r.rms, 1e3, "{:.1f}"), _number(r.farthest, 100.0, "{:.1f}"),
-            *_moved(row, scenario, bench), _share(r.lost),
+            *_moved(row, scenario, comparison), _share(r.lost),
         )
-        for row in bench.rows
+        for row in comparison.rows
         for r in (row.results[scenario],)
     ]  # fmt: skip
 
 
-def _moved(row: Row, scenario: str, bench: Bench) -> tuple[str, ...]:
+def _moved(row: Row, scenario: str, comparison: LawComparison) -> tuple[str, ...]:
     """Return L/h, starts/h, turns/h and J/h."""
     return (
         _number(row.cost(scenario, "volume_rate"), 3.6e6, "{:.3g}"),
         _number(row.cost(scenario, "starts"), 3600.0, "{:.0f}"),
         _number(row.cost(scenario, "turns"), 3600.0, "{:.0f}"),
-        "unknown" if bench.no_energy else _number(row.cost(scenario, "power"), 3600.0, "{:.3g}"),
+        "unknown"
+        if comparison.no_energy
+        else _number(row.cost(scenario, "power"), 3600.0, "{:.3g}"),
     )
 
 
@@ -125,12 +127,12 @@ def _number(x: float, factor: float, form: str) -> str:
     return form.format(x * factor) if math.isfinite(x * factor) else "-"
 
 
-def table_csv(bench: Bench) -> str:
+def table_csv(comparison: LawComparison) -> str:
     """Return every result of every law on every scenario as CSV, in SI units."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     told = False
-    for row in bench.rows:
+    for row in comparison.rows:
         for name, r in row.results.items():
             numbers = result_json(r)
             if not told:

@@ -1,4 +1,4 @@
-"""``swimbladder bench-control``: every law on the same scenarios, as a table and a picture."""
+"""``swimbladder compare-laws``: every law on the same scenarios, as a table and a picture."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from swimbladder.cli.depths import depth_pair, with_sensor
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.design.law_comparison import Bench
+    from swimbladder.design.law_comparison import LawComparison
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["bench_control"]
+__all__ = ["compare_laws"]
 
 _NOISE = "2 mm"  # where neither the vehicle file nor the user says what the sensor has
 
 
-def bench_control(
+def compare_laws(
     vehicle: Annotated[
         str | None, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
     ] = None,
@@ -57,7 +57,7 @@ def bench_control(
         bool, typer.Option("--list-scenarios", help="Print what is flown, and nothing else.")
     ] = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
-        "swimbladder-bench-control"
+        "swimbladder-compare-laws"
     ),
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object and nothing else.")
@@ -66,7 +66,7 @@ def bench_control(
     r"""Fly every law on the same scenarios: soon, still, and at what cost.
 
     Each law is tuned twice, fast and quiet; the vehicle file's own controller is flown as it is.
-    What is done is kept in the folder's parts/, so that a stopped bench goes on there.
+    What is done is kept in the folder's parts/, so that a stopped comparison goes on there.
     """
     if list_scenarios:
         _list(vehicle, depth, json)
@@ -87,14 +87,16 @@ def bench_control(
     check_place(out)
     with progress("loading the simulator"):
         from swimbladder.cli.common import json_text
-        from swimbladder.design.law_comparison import bench
-        from swimbladder.show.report.bench_control import write_bench
+        from swimbladder.design.law_comparison import compare_laws
+        from swimbladder.show.report.law_comparison import write_comparison
     with kept(out / "parts"), compile_notice(), progress("tuning and flying", 1.0) as advance:
-        found = bench(v, **options, parts=out / "parts", advance=advance)
+        found = compare_laws(v, **options, parts=out / "parts", advance=advance)
     if assumed:
         found = found.assuming(assumed)
     with progress("drawing and writing"):
-        files = write_bench(found, out, answer=json_text(found.to_json()), command=typed_command())
+        files = write_comparison(
+            found, out, answer=json_text(found.to_json()), command=typed_command()
+        )
     if json:
         emit_json({**found.to_json(), "files": [str(path) for path in files]})
     else:
@@ -141,10 +143,10 @@ def _list(vehicle: str | None, depth: str | None, json: bool) -> None:
     output.print(table)
 
 
-def _print(found: Bench, files: list[Path]) -> None:
+def _print(found: LawComparison, files: list[Path]) -> None:
     from rich.table import Table
 
-    from swimbladder.show.report.bench_words import HEADINGS, SOON, STILL, notes, summary
+    from swimbladder.show.report.law_comparison_words import HEADINGS, SOON, STILL, notes, summary
 
     output.print(
         f"{found.vehicle.name}, {len(found.rows)} "

@@ -1,10 +1,10 @@
-"""The bench as a whole: rows, what is left out, going on where it was stopped."""
+"""The comparison as a whole: rows, what is left out, going on where it was stopped."""
 
 import math
 
 import pytest
 
-from swimbladder.design.law_comparison import SCENARIOS, bench
+from swimbladder.design.law_comparison import SCENARIOS, compare_laws
 from swimbladder.design.law_comparison import run as running
 from swimbladder.design.law_comparison.bounds import Asked, least_times
 from swimbladder.design.law_comparison.contenders import LeftOut
@@ -17,12 +17,12 @@ FEUP, TANK = load_vehicle("feup-em"), load_vehicle("ntnu-bv")
 FEW = tuple(s for s in SCENARIOS if s.name in ("step-down", "step-uncertain", "hold", "hold-drift"))
 
 
-def benched(vehicle=TANK, **given):
-    return bench(vehicle, **({"runs": 3, "scenarios": FEW} | given))
+def compared(vehicle=TANK, **given):
+    return compare_laws(vehicle, **({"runs": 3, "scenarios": FEW} | given))
 
 
 def test_a_positioner_flies_what_its_file_has_and_the_rest_is_left_out():
-    b = benched(tune_for=["fast"])
+    b = compared(tune_for=["fast"])
     names = ["position-pid, as in the file", "position-observer, fast"]
     assert [row.who.name for row in b.rows] == names
     assert b.reference is b.rows[0]
@@ -39,7 +39,7 @@ def test_a_positioner_flies_what_its_file_has_and_the_rest_is_left_out():
 
 
 def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
-    first = benched(FEUP, laws=["position-pid"], parts=tmp_path)
+    first = compared(FEUP, laws=["position-pid"], parts=tmp_path)
     kept = sorted(path.name for path in tmp_path.iterdir())
     assert len(kept) == len(FEW) + 1  # and one least time
     # stopped before the last: one part is gone, one is torn
@@ -55,12 +55,12 @@ def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
 
     monkeypatch.setattr(running, "fly", counted)
     monkeypatch.setattr(running, "least_times", lambda *_, **__: pytest.fail("done already"))
-    again = benched(FEUP, laws=["position-pid"], parts=tmp_path)
+    again = compared(FEUP, laws=["position-pid"], parts=tmp_path)
     assert len(calls) == 2
     # nan differs from nan: compare as text
     assert repr(again.rows[0].results) == repr(first.rows[0].results)
     assert sorted(path.name for path in tmp_path.iterdir()) == kept
-    benched(FEUP, laws=["position-pid"], parts=tmp_path, seed=5)
+    compared(FEUP, laws=["position-pid"], parts=tmp_path, seed=5)
     assert len(calls) == 2 + len(FEW)  # another seed is another question
 
 
@@ -89,7 +89,7 @@ def test_tuned_laws_are_flown_beside_the_papers(tmp_path):
     sensors = FEUP.sensors.model_copy(update={"depth_noise": 2e-3})
     noisy = FEUP.model_copy(update={"sensors": sensors})
     told = []
-    b = benched(
+    b = compared(
         noisy, laws=["planned"], tune_for=("fast",), depths=(0.0, 5.0), parts=tmp_path,
         advance=told.append,
     )  # fmt: skip
@@ -108,7 +108,7 @@ def test_tuned_laws_are_flown_beside_the_papers(tmp_path):
     assert paper.results["hold-drift"].rms > planned.results["hold-drift"].rms
     assert b.sentences[0].startswith("planned, fast settles soonest")
     # and again, from what was kept
-    assert benched(
+    assert compared(
         noisy, laws=["planned"], tune_for=("fast",), depths=(0.0, 5.0), parts=tmp_path
     ).rows[1].who == planned.who  # fmt: skip
 
@@ -118,15 +118,15 @@ def test_a_law_that_cannot_be_tuned_is_left_out_with_the_reason(monkeypatch):
         raise NoAnswerError(f"no gains for {settings['goal']}")
 
     monkeypatch.setattr("swimbladder.design.law_comparison.contenders.tune", refused)
-    b = benched(FEUP, laws=["planned"])
+    b = compared(FEUP, laws=["planned"])
     assert b.left_out == [
         LeftOut(name="planned, fast", why="no gains for fast"),
         LeftOut(name="planned, quiet", why="no gains for quiet"),
     ]
     other = FEUP.stroke.model_copy(update={"maximum": 3e-4})  # not the paper's vehicle any more
     bare = FEUP.model_copy(update={"controller": None, "stroke": other})
-    with pytest.raises(NoAnswerError, match=r"no controller to bench\. .*no gains for fast"):
-        benched(bare, laws=["planned"], sample_time=0.3)
+    with pytest.raises(NoAnswerError, match=r"no controller to compare\. .*no gains for fast"):
+        compared(bare, laws=["planned"], sample_time=0.3)
 
 
 @pytest.mark.parametrize(
@@ -140,5 +140,5 @@ def test_a_law_that_cannot_be_tuned_is_left_out_with_the_reason(monkeypatch):
 )
 def test_what_cannot_be_is_refused_before_anything_is_done(given, words, tmp_path):
     with pytest.raises(InputError, match=words):
-        benched(parts=tmp_path / "parts", **given)
+        compared(parts=tmp_path / "parts", **given)
     assert not (tmp_path / "parts").exists()

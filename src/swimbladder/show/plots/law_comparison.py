@@ -1,4 +1,4 @@
-"""A bench of laws as pictures: what each buys with what it moves, and the steps as they went."""
+"""Laws compared, as pictures: what each buys with what it moves, and the steps as they went."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from swimbladder.design.law_comparison import Bench
+from swimbladder.design.law_comparison import LawComparison
 from swimbladder.design.law_comparison.pareto import front
 from swimbladder.design.law_comparison.result import Row
 from swimbladder.show.plots.style import (
@@ -38,34 +38,36 @@ _LONG = 5.0  # times the least time of a step, that is shown
 
 
 @styled
-def draw_pareto(bench: Bench) -> Figure:
+def draw_pareto(comparison: LawComparison) -> Figure:
     """Return settling and holding, each against what is moved, with the fronts."""
     figure = Figure(figsize=(7.5, 7.6))
     left, right = figure.subplots(2, 1)
     _pareto(
-        left, bench, ("step-down", "settle_median", 1.0, "settling to 2 % of the step [s]"),
+        left, comparison, ("step-down", "settle_median", 1.0, "settling to 2 % of the step [s]"),
         ("hold", "volume_rate", 3.6e6, "moved while holding [L/h]"),
-        bound=bench.bounds.get("step-down"),
+        bound=comparison.bounds.get("step-down"),
     )  # fmt: skip
     _pareto(
-        right, bench, ("hold-drift", "rms", 1e3, "depth error while the trim drifts [mm rms]"),
+        right, comparison, ("hold-drift", "rms", 1e3, "depth error while the trim drifts [mm rms]"),
         ("hold-drift", "volume_rate", 3.6e6, "moved meanwhile [L/h]"), bound=None,
     )  # fmt: skip
     figure.legend(
-        handles=_keys(bench, lines=False), loc="outside lower center", ncols=4, fontsize=8.5
+        handles=_keys(comparison, lines=False), loc="outside lower center", ncols=4, fontsize=8.5
     )
-    figure.suptitle(f"{bench.vehicle.name}: no law beats those on the grey line", fontsize=10.0)
+    figure.suptitle(
+        f"{comparison.vehicle.name}: no law beats those on the grey line", fontsize=10.0
+    )
     label_panels([left, right])
     return figure
 
 
 def _pareto(
-    axes: Axes, bench: Bench, across: tuple[str, str, float, str],
+    axes: Axes, comparison: LawComparison, across: tuple[str, str, float, str],
     up: tuple[str, str, float, str], *, bound: float | None,
 ) -> None:  # fmt: skip
     """Draw one pair of costs (scenario, field, factor, label), both to be small."""
-    x = np.array([across[2] * row.cost(across[0], across[1]) for row in bench.rows])
-    y = np.array([up[2] * row.cost(up[0], up[1]) for row in bench.rows])
+    x = np.array([across[2] * row.cost(across[0], across[1]) for row in comparison.rows])
+    y = np.array([up[2] * row.cost(up[0], up[1]) for row in comparison.rows])
     there = np.isfinite(x) & np.isfinite(y) & (x > 0.0) & (y > 0.0)
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -73,16 +75,16 @@ def _pareto(
     if len(best) > 0:
         best = best[np.argsort(x[best])]
         axes.step(x[best], y[best], where="post", color=GREY, lw=3.0, alpha=0.45, zorder=1)
-    reference = bench.reference
-    for row, a, b, shown in zip(bench.rows, x, y, there, strict=True):
+    reference = comparison.reference
+    for row, a, b, shown in zip(comparison.rows, x, y, there, strict=True):
         if not shown:
             continue
         if row is reference:
             axes.axvline(a, color=GREY, lw=0.8, ls=":")
             axes.axhline(b, color=GREY, lw=0.8, ls=":")
         axes.plot(
-            a, b, color=_colour(bench, row), marker=_MARKERS.get(row.who.tuning, "s"), ls="",
-            ms=_size(bench, row), mec="white", mew=0.6, zorder=3,
+            a, b, color=_colour(comparison, row), marker=_MARKERS.get(row.who.tuning, "s"), ls="",
+            ms=_size(comparison, row), mec="white", mew=0.6, zorder=3,
         )  # fmt: skip
     if bound is not None:
         axes.axvline(bound, color=BLACK, lw=1.0, ls="--")
@@ -90,7 +92,7 @@ def _pareto(
             f"least of any: {bound:.1f} s", (bound, 0.5), xycoords=("data", "axes fraction"),
             rotation=90, ha="left", va="center", fontsize=8.0,
         )  # fmt: skip
-    missing = [r.who.name for r, shown in zip(bench.rows, there, strict=True) if not shown]
+    missing = [r.who.name for r, shown in zip(comparison.rows, there, strict=True) if not shown]
     if missing:
         words = ("not settled: " if bound else "not shown: ") + "; ".join(missing)
         axes.set_title(fill(words, _WIDE), loc="right", fontsize=8.0, color=GREY)
@@ -116,9 +118,9 @@ def _leading(value: float) -> int:
 
 
 @styled
-def draw_steps(bench: Bench) -> Figure:
+def draw_steps(comparison: LawComparison) -> Figure:
     """Return the first run of every law on four steps, each with its 2 % band and its bound."""
-    placed = [p for p in bench.placed if p.scenario.name in _SHOWN]
+    placed = [p for p in comparison.placed if p.scenario.name in _SHOWN]
     figure = Figure(figsize=(7.5, 2.3 + 2.2 * math.ceil(len(placed) / 2)))
     panels = [
         figure.add_subplot(math.ceil(len(placed) / 2), min(2, len(placed)), n + 1)
@@ -126,13 +128,13 @@ def draw_steps(bench: Bench) -> Figure:
     ]
     for axes, p in zip(panels, placed, strict=True):
         name = p.scenario.name
-        bound = bench.bounds.get(name)
+        bound = comparison.bounds.get(name)
         end = p.duration if bound is None else min(_LONG * bound, p.duration)
-        for row in bench.rows:
+        for row in comparison.rows:
             trace = row.traces[name]
             kept = trace.time <= end
             axes.plot(
-                trace.time[kept], trace.depth[kept], color=_colour(bench, row), lw=1.3,
+                trace.time[kept], trace.depth[kept], color=_colour(comparison, row), lw=1.3,
                 ls=_STYLES.get(row.who.tuning, ":"),
             )  # fmt: skip
         band = 0.02 * abs(p.target - p.start)
@@ -146,36 +148,36 @@ def draw_steps(bench: Bench) -> Figure:
         axes.set_xlabel("time since the set-point changed [s]")
         axes.set_title(f"{p.start:.3g} to {p.target:.3g} m", fontsize=9.0)
     figure.legend(
-        handles=_keys(bench, lines=True), loc="outside lower center", ncols=4, fontsize=8.5
+        handles=_keys(comparison, lines=True), loc="outside lower center", ncols=4, fontsize=8.5
     )
     label_panels(panels)
     return figure
 
 
-def _laws(bench: Bench) -> list[str]:
-    return list(dict.fromkeys(row.who.law.name for row in bench.rows))
+def _laws(comparison: LawComparison) -> list[str]:
+    return list(dict.fromkeys(row.who.law.name for row in comparison.rows))
 
 
-def _colour(bench: Bench, row: Row) -> str:
-    return _COLOURS[_laws(bench).index(row.who.law.name) % len(_COLOURS)]
+def _colour(comparison: LawComparison, row: Row) -> str:
+    return _COLOURS[_laws(comparison).index(row.who.law.name) % len(_COLOURS)]
 
 
-def _size(bench: Bench, row: Row) -> float:
+def _size(comparison: LawComparison, row: Row) -> float:
     """Return a marker's size: smaller from law to law, so that none hides another wholly."""
-    return 10.0 - 0.8 * _laws(bench).index(row.who.law.name)
+    return 10.0 - 0.8 * _laws(comparison).index(row.who.law.name)
 
 
-def _keys(bench: Bench, *, lines: bool) -> list[Line2D]:
+def _keys(comparison: LawComparison, *, lines: bool) -> list[Line2D]:
     """Return a legend entry for each row, and one for the bound of the steps."""
     found = [
         Line2D(
-            [], [], color=_colour(bench, row), label=row.who.name,
+            [], [], color=_colour(comparison, row), label=row.who.name,
             marker="" if lines else _MARKERS.get(row.who.tuning, "s"),
             ls=_STYLES.get(row.who.tuning, ":") if lines else "", lw=1.3, mec="white", mew=0.6,
             ms=7.0,
         )
-        for row in bench.rows
+        for row in comparison.rows
     ]  # fmt: skip
-    if bench.bounds:
+    if comparison.bounds:
         found.append(Line2D([], [], color=BLACK, lw=1.0, ls="--", label="least time of any"))
     return found

@@ -1,4 +1,4 @@
-"""``swimbladder bench-control``: files, JSON, the list, refusals."""
+"""``swimbladder compare-laws``: files, JSON, the list, refusals."""
 
 import json
 import re
@@ -13,9 +13,9 @@ from tests.docs.test_reference import check, rows
 
 
 def test_the_page_the_table_and_the_pictures(capsys, tmp_path):
-    out = tmp_path / "bench"
+    out = tmp_path / "comparison"
     # a law that does not fit: only the paper's own is flown
-    command = ["bench-control", "feup-em", "--laws", "position-pid", "--runs", "2"]
+    command = ["compare-laws", "feup-em", "--laws", "position-pid", "--runs", "2"]
     command += ["--out", str(out)]
     assert main([*command, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
@@ -25,19 +25,19 @@ def test_the_page_the_table_and_the_pictures(capsys, tmp_path):
     files = sorted(p.relative_to(out).as_posix() for p in out.rglob("*") if p.is_file())
     written = [f for f in files if not f.startswith("parts/")]
     assert written == [
-        "bench.csv", "bench.html", "bench.json", "pareto.png", "steps.png",
+        "laws.csv", "laws.html", "laws.json", "pareto.png", "steps.png",
         "vehicles/cascade-the-papers.toml",
     ]  # fmt: skip
-    check(rows("files-written.md", "bench-control")[0], answer)
-    kept = json.loads((out / "bench.json").read_text(encoding="utf-8"))
+    check(rows("files-written.md", "compare-laws")[0], answer)
+    kept = json.loads((out / "laws.json").read_text(encoding="utf-8"))
     assert kept == {k: v for k, v in answer.items() if k != "files"}
     assert sorted(answer["files"]) == sorted(str(out / f) for f in written)
-    lines = (out / "bench.csv").read_text(encoding="utf-8").splitlines()
+    lines = (out / "laws.csv").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 1 + len(SCENARIOS)
     hold = dict(zip(lines[0].split(","), lines[1 + 9].split(","), strict=True))
     assert hold["scenario"] == "hold"
     assert float(hold["rms_m"]) == answer["laws"][0]["results"]["hold"]["rms_m"]
-    page = (out / "bench.html").read_text(encoding="utf-8")
+    page = (out / "laws.html").read_text(encoding="utf-8")
     assert not re.search(r'(?:src|href)="(?!#|data:)', page)  # nothing is fetched
     assert "{{" not in page
     assert page.count("<svg") == 2
@@ -54,11 +54,11 @@ def test_the_page_the_table_and_the_pictures(capsys, tmp_path):
 
 
 def test_the_list_of_scenarios(capsys):
-    assert main(["bench-control", "--list-scenarios"]) == 0
+    assert main(["compare-laws", "--list-scenarios"]) == 0
     told = capsys.readouterr().out
     for s in SCENARIOS:
         assert s.name in told
-    assert main(["bench-control", "feup-em", "--list-scenarios", "--json"]) == 0
+    assert main(["compare-laws", "feup-em", "--list-scenarios", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out)["scenarios"]
     assert listed["step-down"]["start_m"] == 1.5
     assert listed["step-down"]["target_m"] == 3.0
@@ -79,6 +79,6 @@ def test_the_list_of_scenarios(capsys):
     ],
 )
 def test_bad_input_is_named_and_writes_nothing(capsys, tmp_path, arguments, code, words):
-    assert main(["bench-control", *arguments, "--out", str(tmp_path / "out")]) == code
+    assert main(["compare-laws", *arguments, "--out", str(tmp_path / "out")]) == code
     assert words in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "out").exists()
