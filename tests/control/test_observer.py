@@ -9,17 +9,17 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from swimbladder.control.law import Measurement
-from swimbladder.control.observer import OBSERVER, initial, step
-from swimbladder.control.observers import Estimate, Trust, estimate, moves
-from swimbladder.control.records import numbers
-from swimbladder.design.tuning.gains import Knobs, gains, setting_of
-from swimbladder.design.tuning.motion import (
+from swimbladder.control.motion import (
     filter_gains,
     held_motion,
     hold_gains,
     motion_over_sample,
     runaway,
 )
+from swimbladder.control.observer import OBSERVER, initial, step
+from swimbladder.control.observers import Estimate, Trust, estimate, moves
+from swimbladder.control.records import numbers
+from swimbladder.design.tuning.gains import Knobs, gains, setting_of
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 

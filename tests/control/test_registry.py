@@ -1,13 +1,16 @@
 """Laws by name, and a vehicle's controller turned into numbers."""
 
 import inspect
+import math
 
 import pytest
 
 from swimbladder.control.cascade import CASCADE, CascadeParameters
-from swimbladder.control.records import leaf_names
+from swimbladder.control.records import leaf_names, leaves
 from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters
+from swimbladder.design.tuning.gains import setting_of
 from swimbladder.errors import InputError
+from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import Controller
 from tests.vehicles import TABLE_3
 
@@ -81,3 +84,22 @@ def test_a_wrong_unit() -> None:
         "controller.parameters.k_pz", "another kind", parameters=TABLE_3 | {"k_pz": "0.1 dm3/s"}
     )
     assert error.unit == "m3/m"
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_what_a_law_says_of_itself_is_about_its_own_parameters(name: str) -> None:
+    law = LAWS[name]
+    own = set(leaf_names(law.parameters))
+    assert {law.volume_gain, law.dead_zone, law.near, law.band} - {""} <= own
+    if law.recipe is None:
+        return
+    assert law.recipe.fast or law.recipe.quiet or law.recipe.sleeps
+    vehicle = load_vehicle("feup-em")
+    setting = setting_of(vehicle, sample_time=0.3, supply=12.0, neutral_range=5e-5)
+    made = law.recipe.gains(setting, law.recipe.example)
+    assert type(made) is law.parameters
+    assert all(math.isfinite(value) for value in leaves(made).values())
+    # The voltage per volume error is that of the inner rate: V' = K1 A u.
+    if law.volume_gain:
+        gain = leaves(made)[law.volume_gain]
+        assert gain * setting.plant.gain == pytest.approx(law.recipe.example.inner)

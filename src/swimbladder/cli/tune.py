@@ -31,8 +31,7 @@ def tune(
         str,
         typer.Option(
             metavar="LAW",
-            help="planned, observer, pulse, sea-cascade, adrc, cascade, deadband or "
-            "position-observer.",
+            help="Name of a law (docs/reference/vehicle-file.md has all; a wrong one lists them).",
         ),
     ] = "planned",
     goal: Annotated[

@@ -24,6 +24,7 @@ from typing import NamedTuple
 from swimbladder.control.ability import BEHIND, learn_ability, usable
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.profile import Means, Target, approach, depart, means_between
+from swimbladder.control.recipe import Grid, Knobs, Recipe, Setting, stiffness, target_numbers
 
 __all__ = ["ADRC", "AdrcGains", "AdrcParameters", "AdrcState", "adrc_gains", "initial", "step"]
 
@@ -294,6 +295,13 @@ def step(
     return voltage, after, p.S_p
 
 
+def _gains(s: Setting, k: Knobs) -> AdrcParameters:
+    p, w = s.plant, k.frequency
+    d, a = stiffness(p)
+    own = adrc_gains(w, k.sharpness * w, s.sample_time, k.learning * w)
+    return AdrcParameters(gains=own, **target_numbers(s, k), b=a, drag=d, k_pV=k.inner / p.gain)
+
+
 ADRC = Law(
     name="adrc",
     summary="active disturbance rejection on depth, a gain on volume inside (Han 2009, Gao 2003)",
@@ -303,4 +311,13 @@ ADRC = Law(
     units=ADRC_UNITS,
     step=step,
     initial=initial,
+    volume_gain="k_pV",
+    recipe=Recipe(
+        gains=_gains,
+        shares=(0.85, 0.75),
+        fast=Grid(
+            (0.4, 0.5), (0.08, 0.1, 0.12, 0.14, 0.16), (1.0,), (4.0, 6.0, 8.0), (0.1, 0.25, 0.4)
+        ),
+        quiet=Grid((0.4,), (0.03, 0.04, 0.05, 0.06, 0.08), (1.0,), (4.0, 6.0), (0.1, 0.25)),
+    ),
 )

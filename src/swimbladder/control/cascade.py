@@ -5,8 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from swimbladder.control.law import Law, Measurement
+from swimbladder.control.recipe import QUIET, Grid, Knobs, Recipe, Setting, stiffness
 
 __all__ = ["CASCADE", "CascadeParameters", "CascadeState", "initial", "step"]
+
+_THIRD = 0.4  # of the natural frequency: the third pole
+_GRID = Grid((0.3, 0.45), (0.05, 0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23), (0.6, 0.8, 1.0))
 
 
 class CascadeParameters(NamedTuple):
@@ -51,6 +55,20 @@ def step(
     return voltage, CascadeState(state.integral + p.k_iz * p.S_p * error, error, U), p.S_p
 
 
+def _gains(s: Setting, k: Knobs) -> CascadeParameters:
+    """Poles of the depth at the natural frequency, and a third one for the integral."""
+    d, a = stiffness(s.plant)
+    w, zeta = k.frequency, k.damping
+    third = _THIRD * w
+    return CascadeParameters(
+        k_pV=k.inner / s.plant.gain,
+        k_pz=-(w * w + 2.0 * zeta * w * third + a * s.plant.psi) / a,
+        k_iz=-w * w * third / a,
+        k_dz=-(2.0 * zeta * w + third - d) / a,
+        S_p=s.sample_time,
+    )
+
+
 CASCADE = Law(
     name="cascade",
     summary="the paper's: P on volume inside PID on depth (Fig. 15, eqs 36-37, Table 3)",
@@ -60,4 +78,11 @@ CASCADE = Law(
     units={"k_pV": "V/m3", "k_pz": "m3/m", "k_iz": "m3/s/m", "k_dz": "m3 s/m", "S_p": "s"},
     step=step,
     initial=initial,
+    volume_gain="k_pV",
+    recipe=Recipe(
+        gains=_gains,
+        fast=_GRID,
+        quiet=_GRID._replace(inner=(0.3,), frequency=QUIET.frequency),
+        volts=(1.0,),
+    ),
 )

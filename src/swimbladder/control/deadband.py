@@ -24,6 +24,8 @@ import math
 from typing import NamedTuple
 
 from swimbladder.control.law import Law, Measurement
+from swimbladder.control.recipe import Knobs, Recipe, Setting, stiffness
+from swimbladder.errors import InputError
 
 __all__ = [
     "DEADBAND",
@@ -44,6 +46,9 @@ _SAMPLES = 10.0  # that a move has, at least, until it is given up
 _LEAST = 0.4  # share of what a voltage should do that is believed
 _MOST = 2.5  # likewise
 _INNER = 0.5  # share of the band in which the vehicle is left to itself
+
+_FADING = 0.25  # of an error, that is left in an interval
+_STEP = 10.0  # times the noise: what a change of the neutral volume moves in an interval
 
 
 class DeadbandGains(NamedTuple):
@@ -355,6 +360,28 @@ def step(
     return voltage, after, wait
 
 
+def _gains(s: Setting, k: Knobs) -> DeadbandParameters:
+    """Wake every `pause`; leave errors of `band` alone, and what they are made of in a pause."""
+    p, h = s.plant, s.sample_time
+    d, a = stiffness(p)
+    if d <= 0.0:
+        raise InputError(
+            "the law deadband reckons with laminar drag, and the vehicle has none",
+            field="motion.drag", remedy="Choose the law observer",
+        )  # fmt: skip
+    interval = max(round(k.pause / h), 2) * h
+    speed = k.band / interval
+    own = deadband_gains(a / d, 1.0 / d, p.psi, interval, _FADING, creep=p.gain * p.load_drive)
+    return DeadbandParameters(
+        **own._asdict(), K2=a / d, T2=1.0 / d, psi=p.psi, depth_noise=s.noise,
+        neutral_step=_STEP * s.noise / (a * interval * interval), band=k.band, speed_band=speed,
+        fastest=max(5.0 * speed, 0.01), interval=interval, k_pV=k.inner / p.gain,
+        tolerance=max(k.dead, s.least_move), depth_voltage=p.load_drive,
+        rate_per_volt=p.gain, voltage_limit=k.volts * s.limit, volume_min=p.V_min,
+        volume_max=p.V_max, S_p=h,
+    )  # fmt: skip
+
+
 DEADBAND = Law(
     name="deadband",
     summary="sleeps while depth and speed are in a band; else moves the volume once and sleeps",
@@ -364,4 +391,9 @@ DEADBAND = Law(
     units=DEADBAND_UNITS,
     step=step,
     initial=initial,
+    volume_gain="k_pV",
+    band="band",
+    recipe=Recipe(
+        gains=_gains, linear=False, sleeps=(0.2, 0.3, 0.4, 0.5, 0.6), bands=(1.0, 2.0, 3.5)
+    ),
 )

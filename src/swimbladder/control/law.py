@@ -19,7 +19,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+
+if TYPE_CHECKING:
+    from swimbladder.control.recipe import Recipe
 
 __all__ = ["NEVER", "Count", "Law", "Measurement", "less", "more"]
 
@@ -52,6 +55,13 @@ class Law:
     parameters, state: NamedTuple classes whose fields are floats, counts or truths, the state of
     at least one field. units: the unit of each parameter. initial: (parameters, measurement,
     reference) -> state, also pure. A state field called `volume_reference` [m3] is recorded.
+
+    What the commands need to know beyond that, where the law has it. recipe: how its parameters are
+    made for a vehicle; None: it is not tuned. Names of parameters, empty where there is none:
+    volume_gain, from a volume error to the voltage [V/m3]; dead_zone, volume error at which the
+    motor rests [m3]; near, depth error within which the volume is moved by events [m]; band, depth
+    error that is left alone [m]. With dead_zone and near at 0 the law is linear around rest, where
+    it is so at all.
     """
 
     name: str
@@ -62,3 +72,8 @@ class Law:
     units: Mapping[str, str]
     step: Callable[..., Any]
     initial: Callable[..., Any]
+    recipe: Recipe | None = None
+    volume_gain: str = ""
+    dead_zone: str = ""
+    near: str = ""
+    band: str = ""

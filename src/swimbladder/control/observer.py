@@ -23,10 +23,13 @@ from swimbladder.control.observers import (
     Resting,
     begin_estimate,
     estimate,
+    feedback,
     limited,
     moves,
     trusted,
 )
+from swimbladder.control.recipe import FAST, QUIET, STROKE, Knobs, Recipe, Setting, room_of
+from swimbladder.control.records import from_leaves
 
 __all__ = [
     "OBSERVER",
@@ -35,6 +38,9 @@ __all__ = [
     "initial",
     "step",
 ]
+
+_NEAR = 2.5  # times the band of predicted errors: depth errors in which the motor rests
+_REST = 0.2  # of the time that a volume is held for: least time between two starts
 
 
 class ObserverParameters(NamedTuple):
@@ -122,6 +128,29 @@ def step(
     )
 
 
+def _gains(s: Setting, k: Knobs) -> ObserverParameters:
+    found = feedback(s, k)
+    names = "near", "pause", "band", "a_z", "a_w", "a_V", "r_z", "r_w", "n_z", "n_w", "n_b"
+    rest = dict.fromkeys(names, 0.0)
+    if k.pause > 0.0:
+        from swimbladder.control.motion import filter_gains, held_motion, hold_gains
+
+        F, G = held_motion(s.plant, k.pause)
+        r_z, r_w = hold_gains(s.plant, k.pause)
+        # While nothing moves, the walk of the neutral volume is all that has to be followed.
+        N = filter_gains(
+            s.plant, s.sample_time, depth=s.noise, acceleration=0.0, neutral_walk=s.walk
+        )
+        rest = {
+            "near": _NEAR * k.band, "pause": _REST * k.pause, "band": k.band,
+            "a_z": float(F[0, 0]), "a_w": float(F[0, 1]), "a_V": float(G[0]), "r_z": r_z,
+            "r_w": r_w, "n_z": float(N[0]), "n_w": float(N[1]), "n_b": float(N[2]),
+        }  # fmt: skip
+    # A depth error that asks for half the room, by k_z.
+    rest["farthest"] = STROKE * room_of(s.plant) / found["k_z"]
+    return from_leaves(ObserverParameters, found | rest)
+
+
 OBSERVER = Law(
     name="observer",
     summary="state feedback on estimates of depth, speed and neutral volume (Le Mezo et al. 2020)",
@@ -137,4 +166,13 @@ OBSERVER = Law(
     },
     step=step,
     initial=initial,
+    volume_gain="k_V",
+    dead_zone="dead",
+    near="near",
+    band="band",
+    recipe=Recipe(
+        gains=_gains, fast=FAST, quiet=QUIET, holds=(0.8, 1.0, 1.2), holds_best=True,
+        bands=(2.2, 2.35, 2.5, 2.65, 2.8, 2.95, 3.1, 3.4, 3.8),
+        example=Knobs(0.35, 0.9, 1.2, dead=1e-7, pause=6.0, band=0.02),
+    ),
 )  # fmt: skip

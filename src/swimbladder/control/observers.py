@@ -12,9 +12,10 @@ straight between samples.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from swimbladder.control.law import Measurement
+from swimbladder.control.recipe import Knobs, Setting, stiffness
 
 __all__ = [
     "OBSERVED_UNITS",
@@ -25,6 +26,8 @@ __all__ = [
     "Trust",
     "begin_estimate",
     "estimate",
+    "feedback",
+    "jitter",
     "limited",
     "moves",
     "trusted",
@@ -149,3 +152,32 @@ def estimate(p: Observed, trust: Trust, before: Estimate, volume: float, depth: 
         b = b + trust.l_b * innovation
     b = limited(b, p.neutral - p.neutral_range, p.neutral + p.neutral_range)
     return Estimate(z, w, b, volume)
+
+
+def feedback(s: Setting, k: Knobs) -> dict[str, float]:
+    """Return what the laws with such a filter have in common, by name."""
+    from swimbladder.control.motion import filter_gains, motion_over_sample
+
+    p, h = s.plant, s.sample_time
+    d, a = stiffness(p)
+    bandwidth = k.sharpness * k.frequency
+    jolt = bandwidth**2 * s.noise * math.sqrt(h)
+    walk = k.learning * jolt * k.frequency / a
+    F, G0, G1 = motion_over_sample(p, h)
+    L = filter_gains(p, h, depth=s.noise, acceleration=jolt, neutral_walk=walk)
+    return {
+        "f_zz": F[0, 0], "f_zw": F[0, 1], "f_wz": F[1, 0], "f_ww": F[1, 1],
+        "g_z0": G0[0], "g_z1": G1[0], "g_w0": G0[1], "g_w1": G1[1], "turbulent": h * p.d_t,
+        "l_z": L[0], "l_w": L[1], "l_b": L[2],
+        "neutral": p.V_0, "neutral_range": s.neutral_range, "psi": p.psi,
+        "k_z": k.frequency**2 / a, "k_w": (2.0 * k.damping * k.frequency - d) / a,
+        "k_V": k.inner / p.gain if p.gain > 0.0 else 0.0, "dead": k.dead,
+        "depth_voltage": p.load_drive, "limit": k.volts * s.limit,
+        "volume_min": p.V_min, "volume_max": p.V_max, "S_p": h,
+    }  # fmt: skip
+
+
+def jitter(parameters: Any, s: Setting) -> float:
+    """What the noise makes of the volume asked for [m3], 1 sigma."""
+    p, trust = parameters, parameters.model.trust
+    return float(math.hypot(p.k_z * trust.l_z, p.k_w * trust.l_w) + trust.l_b) * s.noise

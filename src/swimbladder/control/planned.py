@@ -26,9 +26,22 @@ from swimbladder.control.observers import (
     Observed,
     begin_estimate,
     estimate,
+    feedback,
+    jitter,
     limited,
     moves,
 )
+from swimbladder.control.recipe import (
+    FAST,
+    QUIET,
+    Knobs,
+    Recipe,
+    Setting,
+    fastest_speed,
+    jerk_of,
+    stiffness,
+)
+from swimbladder.control.records import from_leaves
 
 __all__ = [
     "FINE",
@@ -197,6 +210,16 @@ def step(
     )  # fmt: skip
 
 
+def _gains(s: Setting, k: Knobs) -> PlannedParameters:
+    p = s.plant
+    d, a = stiffness(p)
+    own = {
+        "inertia": 1.0 / a, "laminar": d, "quadratic": p.d_t, "share": k.share,
+        "speed": fastest_speed(p, jerk_of(s, k)), "rate": 1.0 / p.gain,
+    }  # fmt: skip
+    return from_leaves(PlannedParameters, feedback(s, k) | own)
+
+
 PLANNED = Law(
     name="planned",
     summary="near time-optimal: a path of bounded jerk, followed with state feedback",
@@ -211,4 +234,9 @@ PLANNED = Law(
     },
     step=step,
     initial=initial,
+    volume_gain="k_V",
+    dead_zone="dead",
+    recipe=Recipe(
+        gains=_gains, fast=FAST, quiet=QUIET, shares=(0.85, 0.75), jitter=jitter
+    ),
 )  # fmt: skip

@@ -18,9 +18,13 @@ from swimbladder.control.observers import (
     Observed,
     begin_estimate,
     estimate,
+    feedback,
+    jitter,
     limited,
     moves,
 )
+from swimbladder.control.recipe import FAST, QUIET, STROKE, Knobs, Recipe, Setting, room_of
+from swimbladder.control.records import from_leaves
 
 __all__ = [
     "POSITION_OBSERVER",
@@ -85,6 +89,12 @@ def step(
     )
 
 
+def _gains(s: Setting, k: Knobs) -> PositionObserverParameters:
+    found = feedback(s, k)
+    own = {"rate": s.plant.rate, "farthest": STROKE * room_of(s.plant) / found["k_z"]}
+    return from_leaves(PositionObserverParameters, found | own)
+
+
 POSITION_OBSERVER = Law(
     name="position-observer",
     summary="the observer's state feedback, commanding the volume of a positioner",
@@ -98,4 +108,8 @@ POSITION_OBSERVER = Law(
     },
     step=step,
     initial=initial,
+    dead_zone="dead",
+    recipe=Recipe(
+        gains=_gains, fast=FAST, quiet=QUIET, jitter=jitter, holds_best=True
+    ),
 )  # fmt: skip

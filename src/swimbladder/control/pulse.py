@@ -8,7 +8,7 @@ out and back in one run, changes both: its area sets the speed, its end the volu
 So when the depth predicted for a time ahead leaves a band, the motor runs out until coming back
 will leave the speed that is wanted, and back to the volume that is wanted. Both are in proportion
 to the depth error: of all speeds and volumes those that make the least of the squared error over a
-time (`tune.motion.pulse_gains`). The best policy, found by dynamic programming
+time (`motion.pulse_gains`). The best policy, found by dynamic programming
 (`python -m studies.starts`; impulse control: Bensoussan and Lions, Impulse Control and
 Quasi-Variational Inequalities, 1984), looks like that.
 
@@ -31,10 +31,13 @@ from swimbladder.control.observers import (
     Resting,
     begin_estimate,
     estimate,
+    feedback,
     limited,
     moves,
     trusted,
 )
+from swimbladder.control.recipe import QUIET, STROKE, Knobs, Recipe, Setting, room_of, stiffness
+from swimbladder.control.records import from_leaves
 
 __all__ = ["PULSE", "PulseParameters", "PulseState", "Run", "initial", "run", "step"]
 
@@ -42,6 +45,12 @@ _LEAST = 0.4  # share of its rate that a motor is believed to have
 _MOST = 2.5  # likewise
 _LEARNT = 2.0  # times what is near: from there the neutral volume is learnt as fast as can be
 _BROUGHT = 0.25  # of the dead zone, within which a run is at its end
+
+_PULSES = 8.0  # bands: how near the set-point there are pulses, at least
+_WRONG = 0.1  # of how far a neutral volume may be from what is known: it mostly is nearer
+_BELIEVED = 0.2  # of what a sample shows of the motor
+_SMALL = 1e-4  # of the stroke: noise of the volume makes that slower where it is more
+_AHEAD = 0.2  # of the time that a pulse is for: how far ahead an error is predicted
 
 
 class PulseParameters(NamedTuple):
@@ -200,6 +209,32 @@ def step(
     )
 
 
+def _gains(s: Setting, k: Knobs) -> PulseParameters:
+    """A pulse is as large as the band: out and back at one rate, its area the speed it gives."""
+    p, h = s.plant, s.sample_time
+    found = feedback(s, k)
+    names = "near", "band", "a_z", "a_w", "a_V", "homing", "p_z", "rate", "swing", "learn"
+    rest = {**dict.fromkeys(names, 0.0), "n_z": found["l_z"], "n_w": found["l_w"]}
+    rest |= {"n_b": found["l_b"], "acceleration": stiffness(p)[1]}
+    if k.pause > 0.0:
+        from swimbladder.control.motion import filter_gains, held_motion, pulse_gains
+
+        F, G = held_motion(p, _AHEAD * k.pause)
+        w, p_z = pulse_gains(p, k.pause)
+        N = filter_gains(p, h, depth=s.noise, acceleration=0.0, neutral_walk=s.walk)
+        small = _SMALL * (p.V_max - p.V_min) / s.least_move
+        rate = 4.0 * -w * k.band / (stiffness(p)[1] * (k.pulse * k.pause) ** 2)
+        rest |= {
+            # The feedback leaves the error of a neutral volume that is wrong to them.
+            "near": max(_PULSES * k.band, _WRONG * s.neutral_range / found["k_z"]),
+            "band": k.band, "a_z": F[0, 0], "a_w": F[0, 1],
+            "a_V": G[0], "homing": -w, "p_z": p_z, "rate": rate, "swing": rate / p.gain,
+            "learn": _BELIEVED * small, "n_z": N[0], "n_w": N[1], "n_b": N[2],
+        }  # fmt: skip
+    rest["farthest"] = STROKE * room_of(p) / found["k_z"]
+    return from_leaves(PulseParameters, found | rest)
+
+
 PULSE = Law(
     name="pulse",
     summary="as observer; near the set-point each run of the motor moves the volume out and back",
@@ -216,4 +251,12 @@ PULSE = Law(
     },
     step=step,
     initial=initial,
+    volume_gain="k_V",
+    dead_zone="dead",
+    near="near",
+    band="band",
+    recipe=Recipe(
+        gains=_gains, quiet=QUIET, holds=(2.5, 2.8, 3.1), bands=(2.3, 2.5, 2.7, 2.9),
+        example=Knobs(0.35, 0.9, 1.2, dead=1e-7, pause=6.0, band=0.02),
+    ),
 )  # fmt: skip

@@ -17,11 +17,13 @@ volume is missing the motor holds against the sea.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from swimbladder.control.ability import BEHIND, learn_ability, usable
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.profile import Means, Target, approach, depart, means_between
+from swimbladder.control.recipe import Grid, Knobs, Recipe, Setting, stiffness, target_numbers
 
 __all__ = [
     "SEA_CASCADE",
@@ -319,6 +321,22 @@ def step(
     return limited, after, p.S_p
 
 
+def _gains(s: Setting, k: Knobs) -> SeaCascadeParameters:
+    p, h = s.plant, s.sample_time
+    d, a = stiffness(p)
+    own = sea_cascade_gains(a, d, p.gain, k.frequency, h)._replace(k_pV=k.inner / p.gain)
+    return SeaCascadeParameters(
+        gains=own, **target_numbers(s, k), target_weight=1.0,
+        smoothing=1.0 - math.exp(-k.sharpness * k.frequency * h), volume_per_speed=d / a,
+        volume_per_acceleration=1.0 / a, dead_zone=k.dead,
+    )  # fmt: skip
+
+
+def _jitter(p: SeaCascadeParameters, s: Setting) -> float:
+    """What the noise makes of the volume asked for [m3], 1 sigma."""
+    return math.hypot(p.gains.k_pz, p.gains.k_dz * p.smoothing / p.S_p) * s.noise
+
+
 SEA_CASCADE = Law(
     name="sea-cascade",
     summary="the cascade with smooth set-points, feed-forward, anti-windup and a dead zone",
@@ -328,4 +346,13 @@ SEA_CASCADE = Law(
     units=SEA_CASCADE_UNITS,
     step=step,
     initial=initial,
+    volume_gain="k_pV",
+    dead_zone="dead_zone",
+    recipe=Recipe(
+        gains=_gains,
+        shares=(0.85, 0.75),
+        jitter=_jitter,
+        fast=Grid((0.4, 0.5), (0.13, 0.16, 0.19, 0.21, 0.23), (1.0,), (4.0, 6.5, 10.0)),
+        quiet=Grid((0.4,), (0.05, 0.06, 0.075, 0.09, 0.12), (1.0,), (2.0, 3.0, 5.0)),
+    ),
 )

@@ -25,9 +25,14 @@ QUIET = SEA._replace(
 
 
 def foretold(law, numbers, source, p=P, **quanta):
-    linear = at_rest(law, without_rest(numbers), P, depth=DEPTH, sample_time=H)
+    linear = at_rest(law, without_rest(law, numbers), P, depth=DEPTH, sample_time=H)
     found = predict(
-        p, linear, numbers, depth=DEPTH, **({"depth_quantum": 0.0, "voltage_quantum": 0.0} | quanta)
+        p,
+        law,
+        numbers,
+        linear,
+        depth=DEPTH,
+        **({"depth_quantum": 0.0, "voltage_quantum": 0.0} | quanta),
     )
     return [one for one in found if one.source == source]
 

@@ -10,6 +10,7 @@ import pytest
 
 from swimbladder.cli import main
 from swimbladder.control.law import Measurement
+from swimbladder.control.motion import off_in
 from swimbladder.control.registry import bind
 from swimbladder.design.analysis import analyse
 from swimbladder.design.linear.models import linearise
@@ -18,7 +19,6 @@ from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.energy import electrical_energy, winding
 from swimbladder.design.tuning.gains import Knobs, gains, setting_of, tunable
 from swimbladder.design.tuning.margins import WANTED, exactly, falls_short, lacking, roughly, worst
-from swimbladder.design.tuning.motion import off_in
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import motor_starts, motor_turns, trial
 from swimbladder.errors import InputError, NoAnswerError

@@ -11,7 +11,6 @@ from swimbladder.control.records import leaves
 from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters
 from swimbladder.design.law_comparison.scenarios import LOW_SUPPLY, Places
 from swimbladder.design.tuning import tune
-from swimbladder.design.tuning.gains import TUNABLE
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.io.config import load_vehicle
 from swimbladder.jobs import Store
@@ -79,7 +78,7 @@ def choose_laws(vehicle: Vehicle, wanted: Sequence[str] | None) -> tuple[list[st
         if law.command != command:
             why = f"it commands a {law.command}, and the vehicle's actuator takes a {command}"
             out.append(LeftOut(name=name, why=why))
-        elif name not in TUNABLE:
+        elif law.recipe is None:
             why = "it is not tuned; the vehicle file's own gains, if any, are compared"
             out.append(LeftOut(name=name, why=why))
         else:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from swimbladder.control.law import Law
 from swimbladder.control.records import from_leaves, leaves
 from swimbladder.design.linear.models import StateSpace, linearise
 from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, discretise
@@ -23,12 +24,9 @@ from swimbladder.design.stability.cycles import Cycle, balance
 from swimbladder.design.stability.describing import Nonlinearity, play, quantiser, relay, saturation
 from swimbladder.physics.dynamics import Plant
 
-__all__ = ["Predicted", "broken_at_volume", "inner_gain", "predict", "rests_within", "without_rest"]
+__all__ = ["Predicted", "broken_at_volume", "predict", "without_rest"]
 
 _BROUGHT = 0.25  # share of a law's dead zone at which its motor stops: observer, sea-cascade
-_RESTS = ("dead", "dead_zone")  # what laws call it
-_NEAR = "near"  # depth error within which a law moves the volume by events
-_INNER = ("k_pV", "k_V")
 
 
 class Predicted(NamedTuple):
@@ -42,21 +40,9 @@ class Predicted(NamedTuple):
     depth_amplitude: float  # m, of the depth's first harmonic; nan without a cycle
 
 
-def inner_gain(parameters: Any) -> float | None:
-    """Return the law's gain from a volume error to the voltage [V/m3], where it has one."""
-    known = leaves(parameters)
-    return next((float(known[n]) for n in _INNER if n in known), None)
-
-
-def rests_within(parameters: Any) -> float:
-    """Return the volume error at which the law lets the motor rest [m3]."""
-    known = leaves(parameters)
-    return next((float(known[n]) for n in _RESTS if n in known), 0.0)
-
-
-def without_rest(parameters: Any) -> Any:
+def without_rest(law: Law, parameters: Any) -> Any:
     """Return the law's parameters without its dead zone and pauses: its linear part."""
-    resting = dict.fromkeys((*_RESTS, _NEAR), 0.0)
+    resting = dict.fromkeys(filter(None, (law.dead_zone, law.near)), 0.0)
     return from_leaves(type(parameters), leaves(parameters) | resting)
 
 
@@ -82,15 +68,15 @@ def broken_at_volume(p: Plant, law: LinearLaw, *, depth: float, k_pV: float) -> 
 
 
 def predict(
-    p: Plant, law: LinearLaw, parameters: Any, *, depth: float, depth_quantum: float,
+    p: Plant, law: Law, parameters: Any, linear: LinearLaw, *, depth: float, depth_quantum: float,
     voltage_quantum: float,
 ) -> tuple[Predicted, ...]:  # fmt: skip
     """Return what each nonlinearity of a voltage-driven vehicle does at `depth` [m], by itself.
 
-    law: the linear form, without the law's dead zone; depth_quantum [m]; voltage_quantum [V].
+    linear: the law's linear form, without its dead zone; depth_quantum [m]; voltage_quantum [V].
     """
-    loop = SampledLoop(plant=linearise(p, depth=depth), law=law)
-    h = law.sample_time
+    loop = SampledLoop(plant=linearise(p, depth=depth), law=linear)
+    h = linear.sample_time
     at_voltage, at_depth = loop.broken_at_command(), loop.broken_at_depth()
     from_voltage = discretise(loop.plant, h).part(output="depth", input="command")
     found = []
@@ -116,16 +102,17 @@ def predict(
     if depth_quantum > 0.0:
         add("quantum of the depth", depth_quantum, "m", "depth", at_depth,
             quantiser(depth_quantum), None)  # fmt: skip
-    k_pV = inner_gain(parameters)
-    if k_pV is None or not k_pV > 0.0:
+    known = leaves(parameters)
+    k_pV = float(known.get(law.volume_gain, 0.0))
+    if not k_pV > 0.0:
         return tuple(found)
     body = discretise(linearise(p._replace(positioner=1.0), depth=depth), h)
     to_depth = body.part(output="depth", input="command")
-    at_volume = broken_at_volume(p, law, depth=depth, k_pV=k_pV)
+    at_volume = broken_at_volume(p, linear, depth=depth, k_pV=k_pV)
     held = p.friction + 0.5 * (p.load_drive - p.load_back) * depth
     if held > 0.0:
         add("friction of the motor", held, "V", "volume", at_volume, play(held / k_pV), to_depth)
-    rest = rests_within(parameters)
+    rest = float(known.get(law.dead_zone, 0.0))
     if rest > 0.0:
         rests = rest * _left(p, k_pV, h)
         switch = relay(0.5 * (rest - rests), 0.5 * (rest + rests))

@@ -102,7 +102,9 @@ def _radius(
     law: Law, parameters: Any, region: Region, depth: float, h: float, gain: float, delay: float
 ) -> float:
     """Return the largest eigenvalue's modulus over the region, the command times a gain [-]."""
-    linear = at_rest(law, without_rest(parameters), region.plants[0], depth=depth, sample_time=h)
+    linear = at_rest(
+        law, without_rest(law, parameters), region.plants[0], depth=depth, sample_time=h
+    )
     if not linear.smooth or linear.sample_time != h:
         return math.nan
     worst = 0.0

@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from swimbladder.control.law import Law
-from swimbladder.control.records import from_numbers, numbers
+from swimbladder.control.records import from_numbers, leaves, numbers
 from swimbladder.control.registry import bind
 from swimbladder.design.stability.around import look_around
 from swimbladder.design.stability.confirm import edge, hold
@@ -22,7 +22,7 @@ from swimbladder.design.stability.result import Confirmed, Stability
 from swimbladder.design.stability.robust import Stood, robustness
 from swimbladder.design.stability.wrapped import wrapped
 from swimbladder.design.tuning import tune
-from swimbladder.design.tuning.gains import TUNABLE
+from swimbladder.design.tuning.gains import recipe_of, tunable, tunable_names
 from swimbladder.design.tuning.grids import goals_of
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.design.tuning.region import region
@@ -69,7 +69,8 @@ def stability(
     parts = Store(keep, vehicle, depths, within, _BAND)
     unmet: list[str] = []
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        smooth = without_rest(numbers)
+        smooth = without_rest(law, numbers)
+        band = max(_BAND, float(leaves(numbers).get(law.band, 0.0)))
         around = look_around(
             vehicle, law, smooth, depths=(low, 0.5 * (low + high), high), sample_time=h,
             delay=delay * h, advance=lambda x: tell(0.1 * x),
@@ -89,7 +90,7 @@ def stability(
         if maps:
             found = recovery_maps(
                 vehicle, law, numbers, sample_time=h, depths=depths, within=within,
-                band=max(_BAND, getattr(numbers, "band", 0.0)), cells=cells, parts=parts,
+                band=band, cells=cells, parts=parts,
                 advance=lambda x: tell(0.4 * x),
             )  # fmt: skip
         stood: tuple[Stood, ...] = ()
@@ -100,7 +101,7 @@ def stability(
     return Stability(
         vehicle=vehicle.name, law=law.name, sample_time=h, depths=depths, depth=at,
         words=region(vehicle).words, around=around, cycles=cycles, maps=found, within=within,
-        band=max(_BAND, getattr(numbers, "band", 0.0)), stood=stood, unmet=tuple(unmet),
+        band=band, stood=stood, unmet=tuple(unmet),
         beyond=_beyond(vehicle, depths[1]),
     )  # fmt: skip
 
@@ -146,10 +147,10 @@ def _check(
         if not fits:
             raise InputError("out of range", field=field, value=value, remedy=remedy)
     for name in laws:
-        if name not in TUNABLE and name != vehicle.controller.law:
+        if name not in (names := tunable_names()) and name != vehicle.controller.law:
             raise InputError(
                 "not a law that can be tuned for this", field="--law", value=name,
-                remedy=f"{did_you_mean(name, TUNABLE)}Choose from {', '.join(TUNABLE)}",
+                remedy=f"{did_you_mean(name, names)}Choose from {', '.join(names)}",
             )  # fmt: skip
 
 
@@ -164,9 +165,9 @@ def _cycles(
     vehicle: Vehicle, law: Law, numbers: Any, depth: float, h: float, voltage_quantum: float
 ) -> tuple[Confirmed, ...]:
     p = plant(vehicle)
-    linear = at_rest(law, without_rest(numbers), p, depth=depth, sample_time=h)
+    linear = at_rest(law, without_rest(law, numbers), p, depth=depth, sample_time=h)
     predicted = predict(
-        p, linear, numbers, depth=depth, depth_quantum=vehicle.sensors.depth_quantum,
+        p, law, numbers, linear, depth=depth, depth_quantum=vehicle.sensors.depth_quantum,
         voltage_quantum=voltage_quantum,
     )  # fmt: skip
     return tuple(
@@ -183,7 +184,7 @@ def _simulated(
         update=_STILL | ({"depth_quantum": one.size} if quantised else {})
     )
     alone = vehicle.model_copy(update={"sensors": sensors})
-    parameters = numbers if one.source == "dead zone of the law" else without_rest(numbers)
+    parameters = numbers if one.source == "dead zone of the law" else without_rest(law, numbers)
     vary: dict[str, float] = {}
     if one.source != "friction of the motor":
         vary = {"friction": 0.0, "load_back": p.load_drive}
@@ -222,7 +223,7 @@ def _robustness(
     chosen = [(law, numbers)]
     for name in dict.fromkeys(laws):
         if name != law.name:
-            other = TUNABLE[name][0]
+            other = tunable(name)
             values = parts.get(partial(_tuned, vehicle, name, depths), "tuned", name, depths)
             chosen.append((other, from_numbers(other.parameters, values)))
     found: list[Stood] = []
@@ -235,5 +236,5 @@ def _robustness(
 
 
 def _tuned(vehicle: Vehicle, name: str, depths: tuple[float, float]) -> list[float]:
-    found = tune(vehicle, law=name, goal=goals_of(name)[0], depths=depths, runs=_TUNED)
+    found = tune(vehicle, law=name, goal=goals_of(recipe_of(name))[0], depths=depths, runs=_TUNED)
     return [float(np.asarray(x)) for x in numbers(found.parameters)]

@@ -1,4 +1,4 @@
-"""Laws with a wrong gain, a late command or a rounded one, for the laws of the registry.
+"""Laws with a wrong gain, a late command or a rounded one.
 
 A wrapped law calls the law it wraps and multiplies its command by `gain`, before the supply's
 limit, and rounds it to `quantum`. Where `late` is 1 it runs at half of the law's sample time: the
@@ -13,9 +13,8 @@ from collections import namedtuple
 from typing import Any, NamedTuple
 
 from swimbladder.control.law import Law
-from swimbladder.control.registry import LAWS
 
-__all__ = ["WRAPPED", "Wrapped", "wrapped"]
+__all__ = ["Wrapped", "wrapped"]
 
 _STEP = """
 def step(parameters, state, measurement, reference):
@@ -102,9 +101,11 @@ def _wrap(law: Law) -> Wrapped:
     )  # fmt: skip
 
 
-WRAPPED = {law.name: _wrap(law) for law in LAWS.values()}
+_WRAPPED: dict[type[Any], Wrapped] = {}
 
 
 def wrapped(law: Law) -> Wrapped:
-    """Return the wrapped form of a law of the registry."""
-    return WRAPPED[law.name]
+    """Return the wrapped form of a law, the same one each time."""
+    if law.parameters not in _WRAPPED:
+        _WRAPPED[law.parameters] = _wrap(law)
+    return _WRAPPED[law.parameters]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from swimbladder.control.law import Law
+from swimbladder.control.recipe import Knobs, Setting
 from swimbladder.control.records import leaves
 from swimbladder.design.tuning.gains import gains
-from swimbladder.design.tuning.knobs import Knobs, Setting
 from swimbladder.design.tuning.margins import Loop, Worst, decibels, loops
 from swimbladder.design.tuning.trial import Step, Traces, Trial
 from swimbladder.physics.dynamics import Plant

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 from swimbladder.control.records import leaves
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.tuning.energy import winding
-from swimbladder.design.tuning.gains import TUNABLE, setting_of, tunable
+from swimbladder.design.tuning.gains import recipe_of, setting_of, tunable, tunable_names
 from swimbladder.design.tuning.grids import GOALS, HELD, goals_of
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.result import Tuning
@@ -38,7 +38,7 @@ def tune(
 ) -> Tuning:  # fmt: skip
     """Return the gains of a law for this vehicle and goal, with what they guarantee.
 
-    law: planned, observer, pulse, sea-cascade, adrc, cascade or deadband. goal: fast (a step soon
+    law: the name of one that has a recipe. goal: fast (a step soon
     settled), quiet (little volume moved and few starts of the motor while a depth is held) or
     energy (least electrical energy for a step and holding). depths: least and greatest [m].
     sample_time [s]: the controller's where not given. delay: from a sample to its command, as a
@@ -122,7 +122,7 @@ def _check(
     hold: float | None,
 ) -> None:  # fmt: skip
     if (tunable(law).command == "voltage") != vehicle.voltage_driven:
-        fitting = [n for n, r in TUNABLE.items() if r.law.command != tunable(law).command]
+        fitting = tunable_names("voltage" if vehicle.voltage_driven else "volume")
         raise InputError(
             f"the law {law} commands a {tunable(law).command}, and the vehicle's actuator takes a "
             f"{'voltage' if vehicle.voltage_driven else 'volume'}",
@@ -132,10 +132,10 @@ def _check(
         raise InputError(
             "no such goal", field="--goal", value=goal, remedy=f"Choose from {', '.join(GOALS)}"
         )
-    if goal not in goals_of(law):
+    if goal not in goals_of(recipe_of(law)):
         raise InputError(
             f"the law {law} is not tuned for this", field="--goal", value=goal,
-            remedy=f"Choose from {', '.join(goals_of(law))}, or another law",
+            remedy=f"Choose from {', '.join(goals_of(recipe_of(law)))}, or another law",
         )  # fmt: skip
     if hold is not None and (goal == "fast" or not 0.0 < hold < math.inf):
         raise InputError(

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from swimbladder.control.recipe import Knobs, Setting
 from swimbladder.design.linear.models import StateSpace
-from swimbladder.design.tuning.gains import TUNABLE, Recipe, gains
+from swimbladder.design.tuning.gains import gains, recipe_of, tunable, tunable_names
 from swimbladder.design.tuning.grids import grid, options, preference, score
-from swimbladder.design.tuning.knobs import Knobs, Setting
 from swimbladder.design.tuning.margins import (
     WANTED,
     Worst,
@@ -39,7 +39,6 @@ _FINAL = 3  # options of a law that rests, whose band is fitted to the error tha
 _FITTED = 3  # times, each with as many runs as are told of
 _SLACK = 0.97  # of the margins: the linear form is that of differences
 _AWAY = 0.3  # of a step, off which its end counts as not brought there
-_HOLD_BEST = ("observer", "position-observer")
 _LOST = 2.0  # times the error allowed, that is no holding any more
 
 
@@ -57,10 +56,11 @@ class _Search:
     """What is looked for, and how near anything came."""
 
     def __init__(
-        self, name: str, recipe: Recipe, setting: Setting, region: Region, depths: Sequence[float],
+        self, name: str, setting: Setting, region: Region, depths: Sequence[float],
         delay: float, tell: Callable[[float], None],
     ) -> None:  # fmt: skip
-        self.name, self.recipe, self.setting, self.region = name, recipe, setting, region
+        self.name, self.setting, self.region = name, setting, region
+        self.law, self.recipe = tunable(name), recipe_of(name)
         self.depths, self.delay, self.tell = depths, delay, tell
         self.near: tuple[tuple[bool, bool, float], tuple[str, ...]] | None = None
 
@@ -73,7 +73,7 @@ class _Search:
         """
         parameters = gains(self.name, self.setting, knobs._replace(dead=0.0, pause=0.0))
         m = worst(
-            self.recipe.law, parameters, self.region.plants[: 1 if nominal else None],
+            self.law, parameters, self.region.plants[: 1 if nominal else None],
             depths=self.depths[: 1 if nominal else None], sample_time=self.setting.sample_time,
             delay=self.delay, look=look, wanted=None if nominal else wanted,
         )  # fmt: skip
@@ -87,7 +87,7 @@ class _Search:
 
     def candidates(self, goal: str, held: float, most: int, wanted: Worst) -> list[Knobs]:
         """Return the first knobs that have the margins, by what the goal prefers."""
-        every = list(grid(self.name, goal, self.setting, held))
+        every = list(grid(self.recipe, goal, self.setting, held))
         if not self.recipe.linear:
             return every
         kept = []
@@ -119,23 +119,21 @@ def search(
     margins are checked. delay [s]: from sample to command. Raises NoAnswerError where no knobs have
     the margins, with the one that is farthest from them, or where none holds the vehicle.
     """
-    recipe, h = TUNABLE[name], setting.sample_time
+    law, recipe, h = tunable(name), recipe_of(name), setting.sample_time
     tell = advance or (lambda _: None)
-    look = _Search(name, recipe, setting, region, depths, delay, tell)
+    look = _Search(name, setting, region, depths, delay, tell)
     most = {"fast": _TRIED, "quiet": _TRIED_QUIET, "energy": _TRIED_ENERGY}[goal]
-    if recipe.rests and goal != "fast":
+    if recipe.holds and goal != "fast":
         most = _TRIED_RESTING
     every = [
         option
         for knobs in look.candidates(goal, held, most, _tightened(wanted))
-        for option in options(
-            name, goal, knobs, gains(name, setting, knobs), setting, held=held, deepest=max(depths)
-        )
+        for option in options(recipe, goal, knobs, setting, held=held, deepest=max(depths))
     ]
 
     def tried(knobs: Knobs, count: int, *, nominal: bool = False) -> Trial:
         return trial(
-            vehicle, recipe.law, gains(name, setting, knobs), step, sample_time=h, runs=count,
+            vehicle, law, gains(name, setting, knobs), step, sample_time=h, runs=count,
             region=None if nominal else region, supply=None if nominal else setting.limit,
         )  # fmt: skip
 
@@ -145,7 +143,7 @@ def search(
         scored.append((score(goal, few, held), knobs, few))
         tell(0.45 / len(every))
     scored.sort(key=lambda one: one[0])
-    if recipe.rests and goal == "quiet":  # neighbours differ by less than few runs tell
+    if recipe.holds and goal == "quiet":  # neighbours differ by less than few runs tell
         final = []
         for _, knobs, few in scored[:_FINAL]:
             rms = few.rms
@@ -155,7 +153,8 @@ def search(
                 rms = over.rms
                 final.append((score(goal, over, held), knobs, over))
         scored = sorted(final, key=lambda one: one[0]) + scored[_FINAL:]
-    other = "" if name in _HOLD_BEST else f"the law {_HOLD_BEST[0]} or "
+    better = [n for n in tunable_names(law.command) if recipe_of(n).holds_best]
+    other = "" if recipe.holds_best or not better else f"the law {better[0]} or "
     if goal != "fast" and scored and not scored[0][2].rms <= _LOST * held:
         raise NoAnswerError(
             f"no gains of the law {name!r} that were tried hold a depth to {1e3 * held:.3g} mm rms "

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
-from swimbladder.physics.dynamics import Plant
+from swimbladder.control.recipe import stiffness
+
+if TYPE_CHECKING:
+    from swimbladder.physics.dynamics import Plant
 
 __all__ = [
     "filter_gains",
@@ -16,17 +21,11 @@ __all__ = [
     "off_in",
     "pulse_gains",
     "runaway",
-    "stiffness",
 ]
 
 Array = NDArray[np.float64]
 
 _LEFT = 0.2  # of an error, after a hold
-
-
-def stiffness(p: Plant) -> tuple[float, float]:
-    """Return (drag [1/s], buoyancy [1/m2/s2]): w' = a (psi z - V) - d w about rest."""
-    return (p.d_l if p.epsilon > 0.0 else p.d_b), p.a_b
 
 
 def motion_over_sample(p: Plant, h: float) -> tuple[Array, Array, Array]:
