@@ -38,12 +38,13 @@ prove: $(INSTALLED) ## Hunt for counter-examples and prove what takes long (agai
 	@$(BIN)/pytest -n 2 -m "prove and not hypothesis"
 	@$(BIN)/python scripts/mutate.py --number 300 --seed 1 --jobs 2
 
-lint: $(INSTALLED) ## Check style, types, layers and words
+lint: $(INSTALLED) ## Check style, types, layers, words and the size of the source
 	@$(BIN)/ruff check
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-logo
 	@$(BIN)/python scripts/check_words.py
+	@$(BIN)/python scripts/budget.py
 
 format: $(INSTALLED) ## Format the code and mend what the linter can mend
 	@$(BIN)/ruff check --fix
