@@ -1,6 +1,6 @@
 """A law on an emulated AVR: compiled by avr-gcc, run by simavr, spoken to over its UART.
 
-``python -m tests.firmware.chip [LAW...]`` prints what each law takes there, and whether its
+``python -m tests.codegen.chip [LAW...]`` prints what each law takes there, and whether its
 commands over a whole mission are those of the float32 twin to the bit.
 """
 

@@ -1,6 +1,6 @@
 """The generated C under a fuzzer, with the address and undefined-behaviour sanitizers.
 
-``python -m tests.firmware.fuzz [--seconds N] [--law LAW]...`` builds for each law one program: the
+``python -m tests.codegen.fuzz [--seconds N] [--law LAW]...`` builds for each law one program: the
 law, its controller, the supervisor and, for the cascade, the pool procedure. libFuzzer runs it for
 so long, and a table says what it did. fuzzing/harness.c says which promises are watched. Division
 by zero is not looked for: in IEEE 754 it is defined, and the laws count on its infinities.
