@@ -17,6 +17,7 @@ from swimbladder.control.deadband import (
     step,
 )
 from swimbladder.control.law import Measurement
+from swimbladder.control.records import leaves
 from swimbladder.design.stability.wrapped import wrapped
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Hull, IdentifiedActuator, Sensors
@@ -240,7 +241,7 @@ def test_it_holds_with_a_command_that_is_wrong_and_late(gain) -> None:
         setpoints=[(0.0, 3.0)], start_volume=PSI * 1.5 + 1e-6, seed=4,
     )  # fmt: skip
     assert np.max(np.abs(ran.depth[ran.time > 400.0] - 3.0)) < SLEEPER.band
-    assert law.state.share == pytest.approx(gain, rel=0.05)
+    assert leaves(law.state)["share"] == pytest.approx(gain, rel=0.05)
 
 
 def test_in_the_bands_nothing_moves_and_out_of_one_it_does() -> None:

@@ -18,7 +18,7 @@ from swimbladder.control.motion import (
 )
 from swimbladder.control.observer import OBSERVER, initial, step
 from swimbladder.control.observers import Estimate, Trust, estimate, moves
-from swimbladder.control.records import numbers
+from swimbladder.control.records import from_leaves, leaves, numbers
 from swimbladder.design.tuning.gains import Knobs, gains, setting_of
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
@@ -106,12 +106,15 @@ def test_a_sensor_that_fails_for_a_while_leaves_no_trace():
 
 
 def test_it_begins_at_rest_even_without_a_measurement():
-    p = parameters(neutral=2e-6)
+    p = parameters()
+    p = from_leaves(type(p), leaves(p) | {"neutral": 2e-6})
     state = initial(p, Measurement(0.0, math.nan, math.nan), 2.0)
     assert state.estimate.depth == 2.0
     assert state.estimate.volume == pytest.approx(2e-6 + p.model.psi * 2.0)
     afloat = initial(p, Measurement(0.0, 0.0, 300e-6), 2.0)
-    assert afloat.neutral == 2e-6  # a volume that lifts it out of the water is no neutral one
+    assert (
+        afloat.estimate.neutral == 2e-6
+    )  # a volume that lifts it out of the water is no neutral one
 
 
 def test_the_motor_rests_within_its_dead_zone_and_stops_at_a_quarter_of_it():
@@ -243,7 +246,7 @@ def test_farther_away_the_filter_is_the_one_that_the_margins_are_of():
         found = []
         for innovation in (0.0, 1e-3):
             seen = Measurement(H, depth + innovation, p.model.psi * depth)
-            found.append(step(p, state, seen, 2.0)[1].depth)
+            found.append(step(p, state, seen, 2.0)[1].estimate.depth)
         assert found[1] - found[0] == pytest.approx(1e-3 * gain, rel=1e-6)
 
 

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from swimbladder.control import cascade
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.law import Measurement
+from swimbladder.control.records import from_leaves, leaves
 from swimbladder.control.sea_cascade import (
     SEA_CASCADE,
     SeaCascadeGains,
@@ -83,7 +84,7 @@ def test_the_papers_gains_alone_do_not_overshoot_once_the_set_point_moves(papers
     """What overshoots is the integral of the error of a jump, so the gains are not to blame."""
     ran = simulate(
         paper(), law=SEA_CASCADE, sample_time=S_P, **STEP,
-        parameters=SEA._replace(**{k: v for k, v in TABLE_3.items() if k != "S_p"}, smoothing=1.0),
+        parameters=from_leaves(SeaCascadeParameters, leaves(SEA) | TABLE_3 | {"smoothing": 1.0}),
     )  # fmt: skip
     assert metrics(ran).overshoot_pct < 1.0 < metrics(papers).overshoot_pct - 13.0
     assert metrics(ran).settle2_s < 20.0
@@ -179,7 +180,7 @@ def test_a_reference_below_the_bottom_does_not_wind_it_up() -> None:
     def late(law, p):
         ran = simulate(
             paper(), law=law, parameters=p, sample_time=S_P, bottom_depth=3.0, start_depth=2.5,
-            setpoints=[(0.0, 4.0), (3600.0, 1.5)], duration=7200.0,
+            setpoints=[(0.0, 4.0), (3600.0, 1.5)], duration=7200.0, checked=False,
         )  # fmt: skip
         return ran.time[np.flatnonzero(np.abs(ran.depth - 1.5) > 0.05)[-1]] - 3600.0
 
