@@ -13,7 +13,7 @@ from swimbladder.design.planning import course, least_time, plan
 from swimbladder.design.planning.course import backward, resting, settle_course
 from swimbladder.design.planning.energy import least_energy
 from swimbladder.design.planning.motion import steps_along
-from swimbladder.design.planning.programme import Goal, Near, driven_by, scale_of, solve
+from swimbladder.design.planning.programme import Answer, Goal, Near, driven_by, scale_of, solve
 from swimbladder.design.planning.run import search_least
 from swimbladder.design.planning.sides import best_sides
 from swimbladder.design.planning.task import task_of
@@ -186,14 +186,37 @@ def test_no_turn_of_a_single_sample_betters_a_plan_of_least_energy():
         assert other is None or other.objective > best.objective * (1.0 - 1e-5)
 
 
-def test_a_plan_in_turbulent_drag_settles_on_a_leash_and_arrives(monkeypatch):
-    """Without a leash its rounds go to and fro; with one the simulator arrives when it says."""
+def test_a_plan_in_turbulent_drag_settles_and_arrives():
+    """The simulator arrives when the plan says."""
     vehicle = load_vehicle("example-eh")
     found = plan(vehicle, 10.0, 20.0)
     run = drive(vehicle, time=found.time, voltage=found.command, start_depth=10.0)
     inside = np.abs(run.depth - 20.0) <= 0.2 + 5e-3
     assert inside[run.time >= found.arrival].all()
     assert not inside[run.time < found.arrival - 1.5].any()
+
+
+def test_rounds_that_go_to_and_fro_settle_on_a_leash_only(monkeypatch):
+    """A program whose answer lies as far beyond the optimum as its course lies before it."""
+    task = task_of(load_vehicle("example-eh"), 10.0, 20.0, sample_time=0.5)
+    n = 20
+    optimum = 0.1 * np.sin(np.linspace(0.0, np.pi, n + 1))
+    about = []
+
+    def program(_steps, near):
+        speed = 2.0 * optimum - about[-1]
+        if near.leash is not None:
+            middle, reach = near.leash
+            speed = np.clip(speed, middle - reach, middle + reach)
+        about.append(speed)
+        states = np.zeros((n + 1, 4))
+        states[:, 3] = speed
+        return Answer(states, np.zeros(n), 0.0, 0.0, 0.0)
+
+    about.append(np.zeros(n + 1))
+    _, settled = settle_course(task, program, resting(n))
+    assert settled.speed == pytest.approx(optimum, abs=1e-2 * scale_of(task).state[3])
     monkeypatch.setattr(course, "_FREE", 999)
+    about[:] = [np.zeros(n + 1)]
     with pytest.raises(NoAnswerError, match="does not settle"):
-        least_time(vehicle, 10.0, 20.0)
+        settle_course(task, program, resting(n))
