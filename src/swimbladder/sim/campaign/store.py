@@ -8,6 +8,7 @@ depends on when, where or in which order it was flown.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
@@ -140,21 +141,18 @@ class Layout:
             return
         make_folder(self.folder.parent)
         try:
-            made = Path(tempfile.mkdtemp(dir=self._aside()))
-            for key, content in self._empty.items():
-                (made / key).parent.mkdir(parents=True, exist_ok=True)
-                (made / key).write_bytes(content)
-            made.chmod(0o755)
-            try:
-                made.rename(self.folder)
-            except OSError:  # another was faster
-                shutil.rmtree(made)
+            with tempfile.TemporaryDirectory(dir=self._aside()) as aside:
+                made = Path(aside, "made")
+                place_files(made, self._empty, aside=Path(aside))
+                with contextlib.suppress(OSError):  # another was faster
+                    made.rename(self.folder)
         except OSError as error:
             raise InputError(
                 f"cannot make the store: {error.strerror or error}", file=self.folder,
                 field="--out", remedy="Choose another folder with --out",
             ) from error  # fmt: skip
-        self.check()
+        if not self.check():
+            raise self._refused("the store cannot be made")
 
     def done(self) -> set[int]:
         """Return the chunks whose marker stands."""
