@@ -14,6 +14,7 @@ from typing import Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from swimbladder.control.records import leaf_names
 from swimbladder.control.registry import LAWS, MISSION_LAWS
 from swimbladder.io.files import write_atomically
 from swimbladder.io.log_format import LogColumns, LogFormat
@@ -173,7 +174,7 @@ def laws() -> Iterator[str]:
             "",
         )
         yield from ("| parameter | unit |", "|---|---|")
-        names = [name for name in law.parameters._fields if name != "S_p"]
+        names = [name for name in leaf_names(law.parameters) if name != "S_p"]
         yield from (f"| `{name}` | {law.units[name] or '-'} |" for name in names)
 
 
@@ -187,6 +188,7 @@ def mission() -> Iterator[str]:
     ):  # fmt: skip
         yield from ("", f"### {heading}", "", inspect.cleandoc(model.__doc__ or ""))
         yield from fields(model)
+        yield from tables(model, (heading.strip("[]"),), set(), ())
 
 
 def plan() -> Iterator[str]:

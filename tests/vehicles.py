@@ -7,6 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import (
     Controller,
     Drag,
@@ -179,3 +180,10 @@ def vehicles(draw: st.DrawFn, *, kinds: str = "identified unified lossy position
         trim_error=draw(st.integers(-3, 3)) * 0.1 * stroke,
         sensors=Sensors(depth_noise=noise, depth_quantum=draw(st.sampled_from([0.0, 5e-3]))),
     )
+
+
+def by_rule(name: str) -> Vehicle:
+    """Return a preset that the mission's own rule flies: without a law that samples."""
+    vehicle = load_vehicle(name)
+    rate = vehicle.controller is not None and vehicle.controller.law == "rate"
+    return vehicle if rate else vehicle.model_copy(update={"controller": None})

@@ -159,6 +159,7 @@ tolerance = "0.2 m"
 speed = "5 cm/s"
 check_interval = "30 s"
 duration = "10 min"
+law = "rate"
 """)
     code = main(["mission", "feup-em", str(task), "--out", "flown", "--json"])
     answer = json.loads(capsys.readouterr().out)

@@ -212,6 +212,7 @@ def _write(
 def _print(found: MissionResult, cast: Cast | None, files: list[Path]) -> None:
     from rich.table import Table
 
+    from swimbladder.sim.mission.phase_laws import law_words
     from swimbladder.sim.mission.tables import cycle_words
     from swimbladder.sim.mission.words import span_words
 
@@ -222,6 +223,8 @@ def _print(found: MissionResult, cast: Cast | None, files: list[Path]) -> None:
         f"{span_words(flight.duration)}",
         soft_wrap=True,
     )
+    for line in law_words(found.laws):
+        output.print(line, soft_wrap=True)
     for remark in () if cast is None else flight.column.report:
         output.print(f"cast: {remark}", soft_wrap=True)
     output.print("")

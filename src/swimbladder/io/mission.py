@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from swimbladder.errors import InputError
 from swimbladder.physics.seawater import WaterMotion
-from swimbladder.vehicle import Parameters, Unit
+from swimbladder.vehicle import LawNumbers, Parameters, Unit
 from swimbladder.vehicle.schema import refusal
 
 __all__ = ["Mission", "Phase", "Safety", "Setpoint"]
@@ -48,8 +48,9 @@ class Phase(Parameters):
         "given: as in the vehicle's law `rate`, 10 m where it has another"
     )  # fmt: skip
     speed: Annotated[float, Unit("m/s"), Field(gt=0.0, le=5.0)] | None = Field(
-        None, description="vertical speed on the way; not given: as in the vehicle's law `rate`, "
-        "10 cm/s where it has another"
+        None, description="vertical speed on the way: that at which the depth asked for moves "
+        "where a law flies that is called at each sample (not given: at once). Of the mission's "
+        "own rule, not given: as in the vehicle's law `rate`, 10 cm/s where it has another"
     )  # fmt: skip
     duration: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
         None, description="how long park, hold and surface last; the others end at their depth"
@@ -62,6 +63,21 @@ class Phase(Parameters):
     check_interval: Annotated[float, Unit("s"), Field(ge=0.1)] | None = Field(
         None, description="between two looks at depth and speed; not given: park 10 min, the "
         "others as in the vehicle's law `rate`, 60 s where it has another"
+    )  # fmt: skip
+    law: str | None = Field(
+        None, description="name of the law that flies the phase; not given: that of the vehicle's "
+        "controller. `rate` in every phase: the mission's own rule"
+    )  # fmt: skip
+    parameters: LawNumbers = Field(
+        default_factory=dict, description="parameters of that law; those not given are the "
+        "controller's, where it is of the same law"
+    )  # fmt: skip
+    sample_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
+        None, description="between two samples of that law; not given: the controller's"
+    )
+    rest_band: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
+        None, description="of a park or hold: as long as the vehicle stays within it of the "
+        "depth the law rests and the actuator holds; not given: the law never rests"
     )  # fmt: skip
 
     @property
@@ -85,6 +101,13 @@ class Phase(Parameters):
                 "from its arrival",
                 "timeout",
             )
+        if self.rest_band is not None and self.kind not in ("park", "hold"):
+            raise refusal(f"a phase {self.kind!r} has none", "Leave the line out", "rest_band")
+        if self.rest_band is not None and self.rest_band > (self.tolerance or math.inf):
+            raise refusal(
+                f"it is wider than the tolerance of {self.tolerance:g} m",
+                "Give less than the tolerance", "rest_band",
+            )  # fmt: skip
         if self.depth is not None and (self.tolerance or 0.0) >= self.depth:
             raise refusal(
                 f"it reaches the surface from {self.depth:g} m",

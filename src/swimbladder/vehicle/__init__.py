@@ -50,7 +50,14 @@ from swimbladder.vehicle.electricity import Driver, Load, Phase, Supply
 from swimbladder.vehicle.hydraulics import DatasheetPump, PowerLawPump, PumpAndValve, Valve
 from swimbladder.vehicle.identified import Between, Identified
 from swimbladder.vehicle.schema import Parameters, Unit, field_unit, input_error
-from swimbladder.vehicle.vehicle import Actuator, Controller, Sensors, Supervisor, Vehicle
+from swimbladder.vehicle.vehicle import (
+    Actuator,
+    Controller,
+    LawNumbers,
+    Sensors,
+    Supervisor,
+    Vehicle,
+)
 
 __all__ = [
     "Actuator",
@@ -67,6 +74,7 @@ __all__ = [
     "Identified",
     "IdentifiedActuator",
     "IdentifiedMotion",
+    "LawNumbers",
     "Load",
     "Motion",
     "Motor",

@@ -28,7 +28,7 @@ from swimbladder.vehicle.hydraulics import DatasheetPump, PumpAndValve
 from swimbladder.vehicle.identified import Identified
 from swimbladder.vehicle.schema import Parameters, Unit, refusal
 
-__all__ = ["Actuator", "Controller", "Sensors", "Supervisor", "Vehicle"]
+__all__ = ["Actuator", "Controller", "LawNumbers", "Sensors", "Supervisor", "Vehicle"]
 
 
 Actuator = Annotated[
@@ -49,6 +49,10 @@ def _number_or_text(value: object) -> float | str:
         return parse_quantity(value, "")
     except InputError as error:
         raise refusal(error.what, 'Write a number, or a text like "1002 V/dm3"') from None
+
+
+LawNumbers = dict[str, Annotated[float | str, BeforeValidator(_number_or_text)]]
+"""Parameters of a law by name, texts with units allowed."""
 
 
 class Sensors(Parameters):
@@ -75,7 +79,7 @@ class Controller(Parameters):
     sample_time: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
         description="time between two samples"
     )
-    parameters: dict[str, Annotated[float | str, BeforeValidator(_number_or_text)]] = Field(
+    parameters: LawNumbers = Field(
         default_factory=dict, description="parameters of the law, as it names them"
     )
 

@@ -34,6 +34,7 @@ from swimbladder.sim.mission.result import MissionResult
 from tests.quoted import numbers
 from tests.sim.mission.conftest import phases
 from tests.sim.mission.oracle import Oracle
+from tests.vehicles import by_rule
 
 TIGHT = Accuracy(
     relative=1e-9, depth=1e-9, speed=1e-11, volume=1e-15, rest_deep=1e-7, rest_afloat=1e-7
@@ -162,7 +163,7 @@ def neutral_at(vehicle, column, depth):
 
 def test_in_the_papers_water_it_is_the_papers_model():
     """Constant density, linear psi, a drive of constant rate: `drive` with the same volumes."""
-    vehicle = sb.load_vehicle("ntnu-bv")
+    vehicle = by_rule("ntnu-bv")
     column = uniform_column(vehicle.water, 30.0)
     task = Mission(
         start_depth=1.0,

@@ -26,8 +26,9 @@ from swimbladder.sim.mission.reach import check_reach
 from swimbladder.sim.mission.rescue import return_depth
 from swimbladder.vehicle import HullPart, Sensors
 from tests.quoted import numbers
+from tests.vehicles import by_rule
 
-FEUP = load_vehicle("feup-em")
+FEUP = by_rule("feup-em")
 
 
 def task(depth, tolerance, kind="hold", **more):
@@ -112,7 +113,7 @@ def test_it_is_held_with_a_sensor_that_is_not_perfect():
 
 @pytest.mark.parametrize("name", ["example-eh", "ntnu-bv"])
 def test_others_hold_the_same_band(name):
-    flight, share = held(load_vehicle(name), task(30.0, 1.0))
+    flight, share = held(by_rule(name), task(30.0, 1.0))
     assert flight.stop is Stop.FINISHED
     assert share > 0.95
 
@@ -167,7 +168,7 @@ def test_a_band_below_what_the_law_resolves_is_refused_and_the_one_it_names_is_n
 @pytest.mark.parametrize("tolerance", [1e-3, 4e-3, 0.02])
 def test_the_band_that_is_named_is_accepted(name, tolerance):
     """Whatever it says to allow is enough: rounded up, and with the looks of that band."""
-    vehicle, depth = load_vehicle(name), 10.0
+    vehicle, depth = by_rule(name), 10.0
     message = refused(vehicle, task(depth, tolerance))
     if message is None:
         return
@@ -289,7 +290,7 @@ def test_a_stable_hull_always_comes_up():
 @pytest.mark.parametrize("name", ["example-eh", "example-em"])
 def test_looks_far_quicker_than_the_vehicle_still_hold(name, interval):
     """In a second no volume moves a vehicle whose T2 is a minute by much: it counts though."""
-    vehicle = load_vehicle(name)
+    vehicle = by_rule(name)
     more = {} if interval is None else {"check_interval": interval}
     mission = Mission(
         phases=[

@@ -16,6 +16,7 @@ from swimbladder.sim.mission.reach import check_flight, check_reach
 from swimbladder.sim.mission.rescue import return_depth
 from tests.quoted import refused
 from tests.sim.mission.conftest import phases
+from tests.vehicles import by_rule
 
 
 def reach(vehicle, mission, column):
@@ -114,7 +115,7 @@ def test_a_look_comes_as_often_as_the_phase_says(profiler):
         ).phases[0]
         law = law_parameters(profiler, phase)
         assert (law.run, law.run + law.dead) == (run, interval)
-        law = law_parameters(load_vehicle("example-eh"), phase)
+        law = law_parameters(by_rule("example-eh"), phase)
         assert law.run + law.dead == interval
 
 

@@ -6,15 +6,15 @@ import math
 import numpy as np
 import pytest
 
-from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.mission.core.names import Doing, Drive, Note, Row, Stop
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.result import MissionResult
 from tests.sim.mission.conftest import phases
+from tests.vehicles import by_rule
 
-FEUP = load_vehicle("feup-em")
+FEUP = by_rule("feup-em")
 MISSION = Mission(
     phases=[
         {"kind": "hold", "depth": 30.0, "tolerance": 2.0, "duration": 14400.0},

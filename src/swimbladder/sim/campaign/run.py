@@ -94,6 +94,7 @@ class Floats:
         for column in self.columns:
             check_flight(self.vehicle, self.mission, column, cycles=self.cycles, span=self.span)
         for plan in self.plans:
+            _check_laws(plan)
             check_reach(self.vehicle, self.mission, plan)
         self._most_cycles()
 
@@ -234,6 +235,16 @@ class Floats:
 
 
 _MADE = ("plans", "design", "layout")
+
+
+def _check_laws(plan: Plan) -> None:
+    if plan.laws:
+        raise InputError(
+            "a campaign is not flown with a law that is called at each sample",
+            field="controller.law", value=plan.laws[0].law.name,
+            remedy='Write law = "rate" in every phase, the mission\'s own rule, or fly single '
+            "floats with `swimbladder mission`",
+        )  # fmt: skip
 
 
 def _energies(accounts: Array) -> tuple[float, float]:

@@ -68,7 +68,7 @@ def close_books(
     energy["drag"] = m * a[Account.DRAG]
     energy["bottom"] = m * a[Account.BOTTOM_W]
     energy["vehicle motion"] = 0.5 * m * (w1 * w1 - w0 * w0)
-    energy["sea"] = m * (_potential(medium, V1, z1) - _potential(medium, V0, z0))
+    energy["sea"] = m * (medium.potential(V1, z1) - medium.potential(V0, z0))
     motion = [energy[name] for name in ("drag", "bottom", "vehicle motion", "sea")]
     moved = m * p.a_b * a[Account.Z_DV]
     # volume that goes out and comes back passes energy through that the net accounts do not show
@@ -91,14 +91,6 @@ def close_books(
         motion_throughput=max(passed, 0.5 * sum(map(abs, motion)), k_b * 1e-12),
         motor_on=a[Account.MOTOR_ON],
     )
-
-
-def _potential(medium: Medium, V: float, z: float) -> float:
-    """Potential energy of volume at depth over mass [J/kg], with the emerged part of the hull."""
-    p = medium.plant
-    emerged = max(p.z_surface - z, 0.0)
-    neutral = 0.5 * p.psi * z * z + medium.layers.integral(z)
-    return p.a_b * (z * (V - p.V_0) - neutral) + 0.5 * p.a_s * emerged**2
 
 
 def _actuator_energy(

@@ -39,6 +39,13 @@ class Medium:
         """Return the volume at which the vehicle rests at a depth [m3]."""
         return self.plant.psi * depth + self.plant.V_0 + self.layers.at(depth)
 
+    def potential(self, V: float, z: float) -> float:
+        """Return the energy of volume at depth over mass [J/kg], with that of the emerged hull."""
+        p = self.plant
+        emerged = max(p.z_surface - z, 0.0)
+        neutral = 0.5 * p.psi * z * z + self.layers.integral(z)
+        return p.a_b * (z * (V - p.V_0) - neutral) + 0.5 * p.a_s * emerged**2
+
 
 def medium_of(
     vehicle: Vehicle, column: Column | None, *, reach: float, bottom_depth: float = math.inf

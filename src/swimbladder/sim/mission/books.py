@@ -12,6 +12,7 @@ from swimbladder.physics.battery import load_is_on, surfacing_energy
 from swimbladder.physics.seawater import look_up
 from swimbladder.sim.mission.core.names import Account, At, Given, Kind, Now, Table
 from swimbladder.sim.mission.flight import Flight
+from swimbladder.sim.mission.law_flight import medium_for
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.vehicle import Load
 
@@ -113,10 +114,15 @@ def close_books(flight: Flight) -> MissionBooks:
     battery = consumers(flight)
     account = {key: float(a[key]) for key in list(Account)[: int(Account.T_KIND)]}
     work = account[Account.PUMP_WORK] - account[Account.LET_IN_WORK] - account[Account.LEAK_WORK]
-    stored = _stored(flight.plan, flight.end, int(flight.whole[At.PLACE]))
-    stored -= _stored(
-        flight.plan, flight.begin, 1 if flight.begin[Now.Z] < g[Given.Z_SURFACE] else 0
-    )
+    if flight.plan.laws:
+        medium = medium_for(flight.vehicle, flight.mission, flight.column)
+        ends = [(float(x[Now.V]), float(x[Now.Z])) for x in (flight.begin, flight.end)]
+        stored = m * (medium.potential(*ends[1]) - medium.potential(*ends[0]))
+    else:
+        stored = _stored(flight.plan, flight.end, int(flight.whole[At.PLACE]))
+        stored -= _stored(
+            flight.plan, flight.begin, 1 if flight.begin[Now.Z] < g[Given.Z_SURFACE] else 0
+        )
     motion = 0.5 * m * float(flight.end[Now.W] ** 2 - flight.begin[Now.W] ** 2)
     drive = account[Account.PUMP_ENERGY] + account[Account.VALVE_ENERGY]
     drive += account[Account.HOLDING_ENERGY]

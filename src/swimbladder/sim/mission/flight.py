@@ -93,6 +93,19 @@ def fly_mission(
     reach = (check_reach if checked else reach_of)(vehicle, mission, plan)
     x, at, accounts = first_state(plan, mission, seed=seed, volume=start_volume)
     begin = x.copy()
+    if plan.laws:
+        from swimbladder.sim.mission.law_flight import fly_by_laws
+
+        rows, notes, cycles_ = fly_by_laws(
+            vehicle, mission, column, plan, (x, at, accounts), seed=seed, volume=start_volume,
+            advance=advance, share=_whole(plan),
+        )  # fmt: skip
+        begin[Now.V] = rows[0, Row.V]
+        return Flight(
+            vehicle=vehicle, mission=mission, column=column, plan=plan,
+            rows=thinned(rows, _length(plan) / _MOST), notes=notes, cycles=cycles_, begin=begin,
+            end=x, whole=at, accounts=accounts, stop=Stop(int(at[At.STOP])), reach=reach,
+        )  # fmt: skip
     parts: list[tuple[Array, Array, Array]] = []
     store = Store(keep, plan.given, plan.table, plan.waves, plan.stages, x.copy(), at.copy())
     while (kept := store.read("part", len(parts))) is not None:

@@ -18,6 +18,7 @@ import numpy as np
 from swimbladder.io.files import write_through
 from swimbladder.sim.mission.core.names import Doing, Row
 from swimbladder.sim.mission.export import created
+from swimbladder.sim.mission.phase_laws import law_words
 from swimbladder.sim.mission.power import power_names
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import trajectory_columns
@@ -247,6 +248,7 @@ def _attributes(result: MissionResult, begin: datetime.datetime, stamp: str) -> 
         "date_created": f"{created(begin):%Y%m%dT%H%M%S}",
         "source": source,
         "comment": "A simulation, no measurement: there are no sensors, no GPS fixes and no QC",
+        "control_law": "; ".join(law_words(result.laws)),
         "history": f"written by {source}",
     }
 

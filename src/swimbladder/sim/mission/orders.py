@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 from swimbladder.control.deadband import DeadbandParameters, deadband_gains
 from swimbladder.control.rate import RATE, RateParameters
-from swimbladder.control.registry import bind
-from swimbladder.io.mission import Phase
+from swimbladder.control.records import leaves
+from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.dynamics import drag_force
+from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws, rate_controller, source_of
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
 __all__ = [
@@ -16,6 +19,7 @@ __all__ = [
     "approach_time",
     "drag_coefficient",
     "hold_parameters",
+    "law_facts",
     "law_parameters",
     "runaway",
 ]
@@ -52,8 +56,8 @@ def _law(vehicle: Vehicle, phase: Phase) -> RateParameters:
     speed = phase.speed or _SPEED
     tolerance = phase.tolerance or _TOLERANCE
     interval = phase.check_interval or (_PARKED if phase.kind == "park" else None)
-    if vehicle.controller is not None and vehicle.controller.law == RATE.name:
-        base: RateParameters = bind(vehicle.controller)[1]
+    base: RateParameters | None = rate_controller(vehicle, phase)
+    if base is not None:
         tolerance = phase.tolerance or base.tolerance
         run = base.run if interval is None else min(base.run, 0.5 * interval)
         given = base._replace(
@@ -122,8 +126,7 @@ def hold_parameters(
     depth; rate [m3/s]: what the drive gives there. A look comes not before the drive can have done
     twice what the speed takes.
     """
-    own = vehicle.controller is not None and vehicle.controller.law == RATE.name
-    if own or isinstance(vehicle.actuator, PumpAndValve):
+    if rate_controller(vehicle, phase) is not None or isinstance(vehicle.actuator, PumpAndValve):
         return None
     speed, tolerance = law.far_speed, law.tolerance
     sigma = runaway(vehicle, psi, speed)
@@ -157,3 +160,34 @@ def hold_parameters(
         voltage_limit=0.0, volume_min=stroke.minimum, volume_max=stroke.maximum, S_p=1.0,
     )  # fmt: skip
     return (math.inf if runs else law.far), found
+
+
+def law_facts(vehicle: Vehicle, mission: Mission) -> list[dict[str, Any]]:
+    """Return the law of each phase as plain values: name, sample time, parameters, their source."""
+    found = []
+    laws: Sequence[PhaseLaw | None] = phase_laws(vehicle, mission) or [None] * len(mission.phases)
+    for title, phase, law in zip(mission.titles, mission.phases, laws, strict=True):
+        if law is not None:
+            found.append(
+                {
+                    "phase": title, "law": law.law.name, "sample_time_s": law.sample_time,
+                    "parameters": leaves(law.parameters), "source": law.source,
+                }
+            )  # fmt: skip
+            continue
+        own = rate_controller(vehicle, phase)
+        asked = phase.law is not None and own is None
+        source = "made by the mission from the vehicle's drag and the phase"
+        if own is not None:
+            source = source_of(vehicle, phase)
+        elif asked and vehicle.controller is not None:
+            source += f"; the vehicle's [controller], of the law {vehicle.controller.law!r}, rests"
+        elif vehicle.controller is None:
+            source += f"; {vehicle.name!r} has no [controller]"
+        found.append(
+            {
+                "phase": title, "law": RATE.name, "sample_time_s": None,
+                "parameters": leaves(law_parameters(vehicle, phase)), "source": source,
+            }
+        )  # fmt: skip
+    return found

@@ -20,6 +20,7 @@ from swimbladder.sim.engine.modes import DEEPEST
 from swimbladder.sim.mission.core.names import Account, At, Given, Holding, Kind, Now, Stage, Table
 from swimbladder.sim.mission.oil_line import line_columns, line_given
 from swimbladder.sim.mission.orders import approach_time, hold_parameters, law_parameters
+from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws
 from swimbladder.sim.mission.rescue import return_depth
 from swimbladder.sim.mission.swell import waves_of
 from swimbladder.vehicle import PumpAndValve, Vehicle
@@ -76,6 +77,7 @@ class Plan:
     waves: Array
     stages: Array
     energy_known: str  # why no electrical energy is known; "" where it is
+    laws: tuple[PhaseLaw, ...] = ()  # of each phase; none: the mission's own rule flies
 
 
 def make_plan(
@@ -99,7 +101,8 @@ def make_plan(
         vehicle, mission, column, table, accuracy or Accuracy(), cycles, span,
         reckoning or Reckoning(),
     )  # fmt: skip
-    return Plan(given, table, moving, _stages(vehicle, mission, table, column.step), why)
+    stages = _stages(vehicle, mission, table, column.step)
+    return Plan(given, table, moving, stages, why, phase_laws(vehicle, mission))
 
 
 def _check_warmth(vehicle: Vehicle, mission: Mission) -> None:

@@ -109,7 +109,8 @@ def check_reach(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:
         )
     _check_depths(vehicle, mission, plan)
     _check_times(mission, plan)
-    check_holds(vehicle, mission, plan)
+    if not plan.laws:
+        check_holds(vehicle, mission, plan)
     return found
 
 
@@ -143,14 +144,17 @@ def _needs(vehicle: Vehicle, phase: Phase, start: float, end: float, plan: Plan)
     # what the law asks for, or what the drag takes on the way up where that is more
     uneven = 1.0 if end > start else max(vehicle.drag.rising_ratio, 1.0)
     slack = law.coefficient * uneven * law.far_speed**2
+    how = f"at {law.far_speed:g} m/s"
+    if plan.laws and phase.speed is None:  # the law goes as fast as it will
+        slack, how = 0.0, "at last"
     found = []
     if end > start:
         k = int(np.argmin(volumes))
-        words = f"sink at {law.far_speed:g} m/s"
+        words = f"sink {how}"
         found.append(Need(phase.title, float(depths[k]), float(volumes[k]) - slack, words))
     elif end < start:
         k = int(np.argmax(volumes))
-        words = f"rise at {law.far_speed:g} m/s"
+        words = f"rise {how}"
         found.append(Need(phase.title, float(depths[k]), float(volumes[k]) + slack, words))
     at_end = float(np.interp(end, grid, neutral))
     found.append(Need(phase.title, end, at_end, "rest"))
@@ -225,6 +229,8 @@ def _check_times(mission: Mission, plan: Plan) -> None:
     for phase, stage in zip(mission.phases, plan.stages, strict=True):
         depth, speed = float(stage[Stage.DEPTH]), float(stage[Stage.SPEED])
         least = max(abs(depth - before) - float(stage[Stage.TOLERANCE]), 0.0) / speed
+        if plan.laws and phase.speed is None:
+            least = 0.0  # the law goes as fast as it will
         limit = float(stage[Stage.DURATION if phase.kind == "park" else Stage.TIMEOUT])
         if least > limit:
             what = "duration" if phase.kind == "park" else "timeout"

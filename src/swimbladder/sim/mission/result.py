@@ -22,6 +22,7 @@ from swimbladder.sim.mission.core.names import (
     Stop,
 )
 from swimbladder.sim.mission.flight import Flight
+from swimbladder.sim.mission.orders import law_facts
 from swimbladder.sim.mission.power import drawn_energy
 from swimbladder.sim.mission.reach import Reach
 from swimbladder.sim.mission.words import holding_words, note_words, reason_words, span_words
@@ -99,6 +100,11 @@ class MissionResult:
     def notes(self) -> list[str]:
         """What of the vehicle's file changes nothing here, and what the answer hides."""
         return note_words(self)
+
+    @cached_property
+    def laws(self) -> list[dict[str, Any]]:
+        """The law of each phase, its parameters and where they come from."""
+        return law_facts(self.flight.vehicle, self.flight.mission)
 
     @property
     def cycles(self) -> int:
@@ -186,6 +192,7 @@ class MissionResult:
             "sentence": self.sentence,
             "completed": self.completed,
             "stop": f.stop.name.lower().replace("_", "-"),
+            "laws": self.laws,
             "reasons": self.reasons,
             "notes": self.notes,
             "cycles": self.cycles,

@@ -29,6 +29,8 @@ REASONS = {
     Stop.LEFT_WATER: "the hull left the water: check mass, waterplane area and height",
     Stop.STUCK: "it changed its mode 200 times in no time: a fault of the model, please report it",
 }
+_MANY = 1e6  # samples of a phase, from which on they are worth a word
+_SAMPLE = 1e-6  # s that one takes to compute
 _MORE_TIME = "Give it a longer timeout (a park a longer duration), more speed, or a wider tolerance"
 
 
@@ -46,7 +48,7 @@ def holding_words(result: MissionResult) -> list[str]:
 def note_words(result: MissionResult) -> list[str]:
     """Return what of the files changes nothing here, or makes the answer say nothing."""
     oil = oil_note(result.flight.vehicle)
-    found = [] if oil is None else [oil]
+    found = ([] if oil is None else [oil]) + _cost_words(result)
     sensors = result.flight.vehicle.sensors
     by_time = result.flight.plan.given[Given.BY_VOLUME] == 0.0
     if by_time and (sensors.volume_noise or sensors.volume_quantum):
@@ -78,16 +80,15 @@ def reason_words(result: MissionResult) -> list[str]:
         f"the phase {name!r} ran out of time in {count} of {len(result.flight.cycles)} "
         f"cycle{'s' if len(result.flight.cycles) > 1 else ''}: "
         f"{timeout_words(result.flight, numbers[name])}. "
-        + (starts_words(result.flight, numbers[name]) or _MORE_TIME)
+        + (_starts_words(result, numbers[name]) or _MORE_TIME)
         for name, count in result.missed.items()
     ]
     if result.flight.stop in (Stop.PASSED_DEPTH, Stop.LOST):
-        found += filter(None, [starts_words(result.flight, int(result.flight.whole[At.PHASE]))])
+        found += filter(None, [_starts_words(result, int(result.flight.whole[At.PHASE]))])
     found += [
         f"the phase {name!r} was in its tolerance for less than {100.0 * HELD:.0f} % of its "
-        f"time in {count} of {len(result.flight.cycles)} cycles: that is no holding. Look more "
-        "often (check_interval), go slower, or allow more"
-        f"{coarse_words(result.flight.mission, result.flight.plan, numbers[name])}"
+        f"time in {count} of {len(result.flight.cycles)} cycles: that is no holding. "
+        f"{_hold_words(result, numbers[name])}"
         for name, count in result.not_held.items()
     ]
     landed = int(np.sum(result.flight.notes[:, Drive.WHAT] == Note.BOTTOM))
@@ -104,6 +105,48 @@ def reason_words(result: MissionResult) -> list[str]:
         )
     if not result.energy_known:
         found.append(result.flight.plan.energy_known)
+    return found
+
+
+def _starts_words(result: MissionResult, number: int) -> str:
+    """Say what of the way of driving kept a phase from its depth; "" where nothing did."""
+    flight = result.flight
+    if not flight.plan.laws:
+        return starts_words(flight, number)
+    phase, law = flight.mission.phases[number], flight.plan.laws[number].law.name
+    slower = "slower (speed)" if phase.speed is not None else "at a speed (speed), and not at once"
+    return (
+        f"The law {law!r} flew it: check its gains with `tune` or `analyse`, or ask for the depth "
+        f"{slower}"
+    )
+
+
+def _hold_words(result: MissionResult, number: int) -> str:
+    flight = result.flight
+    if flight.plan.laws:
+        law = flight.plan.laws[number].law.name
+        return f"Check the gains of the law {law!r} (`tune`, `analyse`), or allow more"
+    coarse = coarse_words(flight.mission, flight.plan, number)
+    return f"Look more often (check_interval), go slower, or allow more{coarse}"
+
+
+def _cost_words(result: MissionResult) -> list[str]:
+    """Say what a law costs that is called for a long time without a rest."""
+    flight, found = result.flight, []
+    for phase, stage, law in zip(
+        flight.mission.phases, flight.plan.stages, flight.plan.laws, strict=False
+    ):
+        samples = float(stage[Stage.DURATION]) / law.sample_time
+        if samples < _MANY or phase.rest_band is not None or phase.kind == "surface":
+            continue
+        drawn = float(stage[Stage.LOADS] * stage[Stage.DURATION])
+        board = f" and {drawn / 1e3:.3g} kJ of loads and standby" if drawn > 0.0 else ""
+        found.append(
+            f"the law {law.law.name!r} samples {samples / 1e6:.3g} million times in each phase "
+            f"{phase.title!r}, every {law.sample_time:g} s: about {samples * _SAMPLE:.2g} s of "
+            f'computing{board}. To spare them let it rest (rest_band), or write law = "rate" in '
+            "every phase, which looks seldom"
+        )
     return found
 
 

@@ -42,7 +42,7 @@ from swimbladder.sim.mission.core.phases import (
 )
 from swimbladder.sim.mission.core.rest import lift_volume, settle, stay
 
-__all__ = ["fly"]
+__all__ = ["RESCUE", "fly", "row"]
 
 T, Z, W, V, T_END = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.T_END)
 T_LOOK, T_MOVE, V_MOVE, CHARGE = int(Now.T_LOOK), int(Now.T_MOVE), int(Now.V_MOVE), int(Now.CHARGE)
@@ -70,13 +70,14 @@ NOTE_LEFT, NOTE_UPPER = int(Note.LEFT_BOTTOM), int(Note.UPPER_STOP)
 NOTE_LOWER, NOTE_DEEP, STOP_LOST = int(Note.LOWER_STOP), int(Note.TOO_DEEP), int(Stop.LOST)
 STOP_EMPTY, LEFT_WATER, STUCK = int(Stop.BATTERY_EMPTY), int(Stop.LEFT_WATER), int(Stop.STUCK)
 _ROOM = 8  # rows or notes that one pass of the loop may add
-_RESCUE = 30.0 * 86400.0  # s to come up in after the alarm; a vehicle that floats deeper is lost
+RESCUE = 30.0 * 86400.0  # s to come up in after the alarm; a vehicle that floats deeper is lost
 _PASSES = 200  # without time passing: a fault of the model
 _FULL = 1e-9  # s; a line that lacks less is full
 
 
 @part
-def _row(rows, counts, x, at, accounts):  # type: ignore[no-untyped-def]
+def row(rows, counts, x, at, accounts):  # type: ignore[no-untyped-def]
+    """Add a row to the trajectory; without room nothing is kept."""
     n = counts[0]
     if n < rows.shape[0]:
         rows[n, R_T], rows[n, R_Z], rows[n, R_W], rows[n, R_V] = x[T], x[Z], x[W], x[V]
@@ -94,7 +95,7 @@ def _begin_row(rows, counts, x, at, accounts):  # type: ignore[no-untyped-def]
     if rows.shape[0] > 0:
         last = counts[0] - 1
         if last < 0 or (rows[last, R_DOING] != at[DOING] and rows[last, R_T] < x[T]):
-            _row(rows, counts, x, at, accounts)
+            row(rows, counts, x, at, accounts)
         else:
             rows[last, R_DOING] = at[DOING]
 
@@ -120,7 +121,7 @@ def _happen(p, table, stages, x, at, accounts, notes, counts, event):  # type: i
         if at[DOING] != NOTHING:
             end_run(x, at, notes, counts)
         _press_out(p, table, x, at, accounts, notes, counts)
-        x[T_END] = x[T] + _RESCUE
+        x[T_END] = x[T] + RESCUE
     elif event == VOLUME:
         _at_volume(p, x, at, notes, counts)
     elif event == LOST:
@@ -169,7 +170,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
             return 0
         if at[NEW_PHASE] == 1:
             begin_phase(stages, x, at, notes, counts)
-            _row(rows, counts, x, at, accounts)
+            row(rows, counts, x, at, accounts)
         loads = stages[at[PHASE], LOADS]
         before = x[T]
         until = min(x[T_LOOK], x[T_END])
@@ -197,7 +198,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
                     at[PLACE] = 0
                     note(notes, counts, x, NOTE_LEFT, 0.0)
                 if at[PLACE] == 2 or at[DOING] != NOTHING:
-                    _row(rows, counts, x, at, accounts)
+                    row(rows, counts, x, at, accounts)
             else:
                 level = awaited_level(stages, x, at)
                 event = leap(p, table, waves, x, at, accounts, loads, level, until, work)
@@ -205,7 +206,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
                     _happen(p, table, stages, x, at, accounts, notes, counts, event)
                 else:
                     settle(p, table, waves, x, at, accounts)
-                _row(rows, counts, x, at, accounts)
+                row(rows, counts, x, at, accounts)
             accounts[T_KIND + kind] += x[T] - before
             if arrived and at[ALARM] == 0:
                 enter_hold(stages, x, at, accounts, depth, x[T] - before)
@@ -225,7 +226,7 @@ def fly(p, table, waves, stages, x, at, accounts, rows, notes, cycles, counts, w
         if at[STOP] != 0:
             if p[LINE] > 0.0 and at[DOING] != PUMPING and at[DOING] != PRIMING:
                 empty_line(p, table, x)
-            _row(rows, counts, x, at, accounts)
+            row(rows, counts, x, at, accounts)
             if not over:
                 close_cycle(x, at, accounts, cycles, counts)
             return at[STOP]

@@ -1,4 +1,4 @@
-"""`fly`, compiled and kept on disk under a name of its own source.
+"""`fly` and `phase_step`, compiled and kept on disk under a name of its own source.
 
 Beside the folder's own hash (`engine.cache`): an edit here leaves the other kernels alone.
 """
@@ -10,8 +10,10 @@ from pathlib import Path
 from swimbladder.io.files import source_hash
 from swimbladder.sim.engine.cache import compiled
 from swimbladder.sim.mission.core import fly as _fly
+from swimbladder.sim.mission.core import phase_step as _phase_step
 
-__all__ = ["fly_kernel"]
+__all__ = ["fly_kernel", "phase_step_kernel"]
 
-
-fly_kernel = compiled(_fly.fly, under=f"mission-{source_hash(Path(__file__).parent.glob('*.py'))}")
+_UNDER = f"mission-{source_hash(Path(__file__).parent.glob('*.py'))}"
+fly_kernel = compiled(_fly.fly, under=_UNDER)
+phase_step_kernel = compiled(_phase_step.phase_step, under=_UNDER)

@@ -1,0 +1,195 @@
+"""Which law flies each phase of a mission, and where its numbers come from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from swimbladder.control.law import Law
+from swimbladder.control.rate import RATE
+from swimbladder.control.registry import bind
+from swimbladder.errors import InputError
+from swimbladder.io.mission import Mission, Phase
+from swimbladder.physics.hull import heat_expansion
+from swimbladder.vehicle import Controller, Vehicle
+
+__all__ = ["PhaseLaw", "flown_by", "law_words", "phase_laws", "rate_controller", "source_of"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseLaw:
+    """A law that is called at each sample of a phase, its parameters and the sample time [s]."""
+
+    law: Law
+    parameters: Any
+    sample_time: float
+    source: str  # where the numbers come from
+
+    def continues(self, other: PhaseLaw) -> bool:
+        """Return whether nothing changes from another phase's law to this one."""
+        same = self.law is other.law and self.sample_time == other.sample_time
+        return same and self.parameters == other.parameters
+
+
+def phase_laws(vehicle: Vehicle, mission: Mission) -> tuple[PhaseLaw, ...]:
+    """Return the law of each phase; none where the mission's own rule flies the vehicle.
+
+    That is: a pump and valve, a vehicle without a controller, or phases that name the law `rate`.
+    Raises InputError where a phase's law, its parameters or what else it asks for do not fit the
+    vehicle, and where only some phases name `rate`.
+    """
+    found: list[PhaseLaw | None] = []
+    for index, phase in enumerate(mission.phases):
+        try:
+            found.append(_law_of(vehicle, phase))
+        except InputError as error:
+            if phase.law is None and not phase.parameters and phase.sample_time is None:
+                raise
+            field = (error.field or "law").removeprefix("controller.")
+            raise InputError(
+                error.what, field=f"phases[{index}].{field}", value=error.value, unit=error.unit,
+                remedy=error.remedy,
+            ) from None  # fmt: skip
+    flown = tuple(one for one in found if one is not None)
+    if not flown:
+        _check_rests(mission)
+        return ()
+    if len(flown) < len(found):
+        index = found.index(None)
+        name = next(one.law.name for one in found if one is not None)
+        raise InputError(
+            f"this phase is flown by the mission's own rule and others by the law {name!r}; one "
+            "mission has either",
+            field=f"phases[{index}].law", value=mission.phases[index].law,
+            remedy=f'Write law = "{RATE.name}" in every phase, or in none',
+        )  # fmt: skip
+    _check_fields(mission)
+    _check_physics(vehicle, mission)
+    return flown
+
+
+def flown_by(vehicle: Vehicle, phase: Phase) -> Controller | None:
+    """Return the controller of a phase: the vehicle's, with what the phase says in its place.
+
+    None: the mission's own rule, with numbers made for the phase. Raises InputError for parameters
+    or a sample time without a law.
+    """
+    own = vehicle.controller
+    if phase.law is None and own is None:
+        for name in ("parameters", "sample_time"):
+            if getattr(phase, name):
+                raise InputError(
+                    f"the phase gives it and no law, and the vehicle {vehicle.name!r} has no "
+                    "controller",
+                    field=name, value=getattr(phase, name),
+                    remedy='Add a line law = "..." to the phase, or leave this out',
+                )  # fmt: skip
+        return None
+    name = phase.law or ("" if own is None else own.law)
+    same = own is not None and own.law == name
+    if name == RATE.name and not same and not phase.parameters:
+        return None
+    tick = phase.sample_time or (None if own is None else own.sample_time)
+    if tick is None:
+        raise InputError(
+            f"the law {name!r} needs it, and the vehicle has no controller that has one",
+            field="sample_time", unit="s", remedy='Add a line sample_time = "0.5 s" to the phase',
+        )  # fmt: skip
+    kept = own.parameters if own is not None and same else {}
+    return Controller(law=name, sample_time=tick, parameters={**kept, **phase.parameters})
+
+
+def rate_controller(vehicle: Vehicle, phase: Phase) -> Any | None:
+    """Return the parameters of the law `rate` that vehicle or phase give; None: they give none."""
+    controller = flown_by(vehicle, phase)
+    if controller is None or controller.law != RATE.name:
+        return None
+    return bind(controller)[1]
+
+
+def _law_of(vehicle: Vehicle, phase: Phase) -> PhaseLaw | None:
+    controller = flown_by(vehicle, phase)
+    if controller is None:
+        return None
+    law, numbers = bind(controller)
+    if law.name == RATE.name:
+        return None  # it commands any drive by volumes
+    if law.command != vehicle.command:
+        raise InputError(
+            f"law {law.name!r} commands a {law.command}, but the actuator takes a "
+            f"{vehicle.command}",
+            field="controller.law", value=law.name,
+            remedy=f'Choose a law for this kind of actuator, or write law = "{RATE.name}"',
+        )  # fmt: skip
+    return PhaseLaw(
+        law=law, parameters=numbers, sample_time=controller.sample_time,
+        source=source_of(vehicle, phase),
+    )  # fmt: skip
+
+
+def source_of(vehicle: Vehicle, phase: Phase) -> str:
+    """Say where the numbers of a phase's law come from."""
+    own = vehicle.controller
+    if own is None or (phase.law not in (None, own.law)):
+        return "the phase"
+    notes = [text for key, text in vehicle.provenance.items() if key.split(".")[0] == "controller"]
+    file = "the vehicle's [controller]" + (f" ({'; '.join(notes)})" if notes else "")
+    given = [*phase.parameters, *(["sample_time"] if phase.sample_time else [])]
+    return f"{file}, but for {', '.join(given)} of the phase" if given else file
+
+
+def _check_fields(mission: Mission) -> None:
+    for index, phase in enumerate(mission.phases):
+        if phase.check_interval is not None:
+            raise InputError(
+                "the law of this phase is called at each sample: it is a number of the mission's "
+                "own rule", field=f"phases[{index}].check_interval", value=phase.check_interval,
+                unit="s",
+                remedy=f'Leave it out, or give a sample_time, or write law = "{RATE.name}" in '
+                "every phase",
+            )  # fmt: skip
+
+
+def _check_rests(mission: Mission) -> None:
+    for index, phase in enumerate(mission.phases):
+        if phase.rest_band is not None:
+            raise InputError(
+                "the mission's own rule flies this phase, and rests within the tolerance anyway",
+                field=f"phases[{index}].rest_band", value=phase.rest_band, unit="m",
+                remedy="Leave it out, or give the vehicle a [controller] or the phase a law",
+            )  # fmt: skip
+
+
+def _check_physics(vehicle: Vehicle, mission: Mission) -> None:
+    """Raise InputError for what only the mission's own rule is flown with."""
+    moves = mission.water_motion.internal_waves or mission.water_motion.swell
+    hull = vehicle.hull
+    lags = hull.thermal_time_constant > 0.0 and heat_expansion(vehicle) != 0.0
+    for there, field, value, what in (
+        (bool(moves), "water_motion", None, "water that moves"),
+        (lags, "hull.thermal_time_constant", hull.thermal_time_constant, "a hull that warms late"),
+        (
+            vehicle.drag.rising_ratio != 1.0, "motion.drag.rising_ratio",
+            vehicle.drag.rising_ratio, "drag that differs up and down",
+        ),
+    ):  # fmt: skip
+        if there:
+            raise InputError(
+                f"{what} is not flown with a law that is called at each sample",
+                field=field, value=value,
+                remedy=f'Leave it out, or write law = "{RATE.name}" in every phase',
+            )  # fmt: skip
+
+
+def law_words(facts: Sequence[dict[str, Any]]) -> list[str]:
+    """Return a line for each law of a mission: which phases it flies, and whose numbers it has."""
+    lines: dict[tuple[str, str], list[str]] = {}
+    for one in facts:
+        every = "" if one["sample_time_s"] is None else f" every {one['sample_time_s']:g} s"
+        lines.setdefault((f"{one['law']!r}{every}", one["source"]), []).append(one["phase"])
+    return [
+        f"law {law} flies {', '.join(names) if len(lines) > 1 else 'all phases'}; its numbers: "
+        f"{source}"
+        for (law, source), names in lines.items()
+    ]

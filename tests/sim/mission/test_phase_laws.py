@@ -1,0 +1,308 @@
+"""Missions flown by laws that sample: `simulate` is the oracle of the motion, SciPy of the rest."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from swimbladder.cli import main
+from swimbladder.control.records import leaves
+from swimbladder.control.registry import LAWS
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.config import load_vehicle
+from swimbladder.io.mission import Mission
+from swimbladder.physics.seawater import uniform_column
+from swimbladder.sim.closed_loop import simulate
+from swimbladder.sim.mission.core.names import Account, At, Doing, Drive, Note, Now, Row, Stop
+from swimbladder.sim.mission.flight import fly_mission
+from swimbladder.sim.mission.orders import law_facts
+from swimbladder.sim.mission.phase_laws import phase_laws
+from swimbladder.sim.mission.result import MissionResult
+from swimbladder.vehicle import Load
+from tests.quoted import refused
+
+FILES = Path(__file__).parents[2] / "frozen" / "inputs"
+
+
+def flown(vehicle, mission, **more):
+    column = more.pop("column", None) or uniform_column(vehicle.water, 200.0)
+    return fly_mission(vehicle, mission, column, **more)
+
+
+def steps(*phases, start=2.0, **more):
+    return Mission(start_depth=start, phases=phases, **more)
+
+
+HOLD = {"kind": "hold", "depth": 3.0, "tolerance": 1.2, "duration": 60.0}
+PARK = {"kind": "park", "depth": 1.5, "tolerance": 1.2, "duration": 90.0}
+
+
+def simulated(vehicle, flight, **more):
+    """Return `simulate` with the set-points of a flight from 2 m, and the samples of its rows."""
+    notes = flight.notes[flight.notes[:, Drive.WHAT] == Note.PHASE]
+    depths = [phase.depth for phase in flight.mission.phases]
+    pairs = [(float(t), z) for t, z in zip(notes[:, Drive.T], depths, strict=True)]
+    found = simulate(vehicle, setpoints=pairs, duration=flight.duration, start_depth=2.0, **more)
+    samples = np.round(flight.rows[:, Row.T] / found.time[1]).astype(int)
+    return found, samples
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("seed", [None, 3])
+def test_every_law_flies_as_it_is_simulated(name, seed):
+    vehicle = load_vehicle(str(FILES / f"law-{name}.toml"))
+    flight = flown(vehicle, steps(HOLD, PARK), seed=seed, checked=False)
+    found, samples = simulated(vehicle, flight, seed=seed)
+    assert flight.stop is Stop.FINISHED
+    assert len(samples) > 100
+    rows = flight.rows
+    np.testing.assert_allclose(rows[:, Row.Z], found.depth[samples], atol=1e-9)
+    np.testing.assert_allclose(rows[:, Row.W], found.speed[samples], atol=1e-9)
+    np.testing.assert_allclose(rows[:, Row.V], found.volume[samples], atol=1e-13)
+    facts = law_facts(vehicle, flight.mission)
+    assert [one["law"] for one in facts] == [name, name]
+    assert facts[0]["sample_time_s"] == vehicle.controller.sample_time
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_gains_change_the_dive(name):
+    vehicle = load_vehicle(str(FILES / f"law-{name}.toml"))
+    law = phase_laws(vehicle, steps(HOLD, PARK))[0]
+    gain = next(key for key in vehicle.controller.parameters if key.lower().startswith("k_"))
+    number = leaves(law.parameters)[gain]
+    before = flown(vehicle, steps(HOLD, PARK), checked=False)
+    phases = [{**phase, "parameters": {gain: 0.7 * number}} for phase in (HOLD, PARK)]
+    after = flown(vehicle, steps(*phases), checked=False)
+    n = min(len(before.rows), len(after.rows), 400)
+    change = np.abs(before.rows[:n, Row.Z] - after.rows[:n, Row.Z]).max()
+    assert change > 1e-6, gain
+
+
+def test_the_sign_of_a_gain_loses_the_vehicle():
+    """What happened to nobody while a mission left the controller out."""
+    vehicle = load_vehicle("feup-em")
+    good = flown(vehicle, steps(HOLD, PARK), checked=False)
+    own = vehicle.controller
+    turned = {**own.parameters, "k_pz": "1.043 dm3/m"}
+    broken = vehicle.model_copy(
+        update={"controller": own.model_copy(update={"parameters": turned})}
+    )
+    bad = flown(broken, steps(HOLD, PARK), checked=False)
+    assert good.stop is Stop.FINISHED
+    assert MissionResult(good, good.reach).completed
+    assert not MissionResult(bad, bad.reach).completed
+
+
+def test_layers_are_those_of_simulate():
+    vehicle = load_vehicle("feup-em")
+    even = uniform_column(vehicle.water, 50.0, step=0.1)
+    density = even.density + 0.5 * np.tanh((even.depth - 2.2) / 0.4)
+    column = dataclasses.replace(even, density=density, source="a step of salt")
+    flight = flown(vehicle, steps(HOLD, PARK), column=column, checked=False)
+    found, samples = simulated(vehicle, flight, column=column)
+    even = flown(vehicle, steps(HOLD, PARK), checked=False)
+    np.testing.assert_allclose(flight.rows[:, Row.Z], found.depth[samples], atol=1e-6)
+    n = min(len(even.rows), len(flight.rows))
+    assert np.abs(even.rows[:n, Row.Z] - flight.rows[:n, Row.Z]).max() > 1e-4
+
+
+def test_a_speed_moves_the_depth_asked_for():
+    """Small and slow: the loop follows a ramp with the lag of its velocity error, and no more."""
+    vehicle = load_vehicle("feup-em")
+    ramp = {**HOLD, "depth": 12.0, "speed": 0.02, "tolerance": 0.3}
+    flight = flown(vehicle, steps(ramp), checked=False)
+    t, z, w = (flight.rows[:, k] for k in (Row.T, Row.Z, Row.W))
+    on_way = (t > 200.0) & (t < 480.0)
+    assert np.abs(w[on_way] - 0.02).max() < 2e-3
+    assert np.ptp(z[on_way] - 0.02 * t[on_way]) < 0.3
+
+
+def test_energy_and_battery():
+    """Drive, loads and self-discharge: `simulate`'s power over the way, and dC/dt = -P - s C."""
+    vehicle = load_vehicle("example-eh")
+    supply = vehicle.supply.model_copy(
+        update={"capacity": 4e3, "self_discharge": 2e-4, "internal_resistance": 0.0}
+    )
+    vehicle = vehicle.model_copy(
+        update={
+            "supply": supply, "driver": None,
+            "loads": (Load(name="board", power=0.5), Load(name="lamp", power=2.0, phases=["park"])),
+        }
+    )  # fmt: skip
+    flight = flown(vehicle, steps(HOLD, PARK), checked=False)
+    found, _ = simulated(vehicle, flight)
+    a = flight.accounts
+    drive = a[Account.PUMP_ENERGY] + a[Account.VALVE_ENERGY] + a[Account.HOLDING_ENERGY]
+    back = found.books.energy["source"]
+    assert drive >= back - 1e-9  # without a driver that takes it back, what the sea gives is lost
+    turn = float(flight.notes[flight.notes[:, Drive.WHAT] == Note.PHASE][1, Drive.T])
+    loads = 0.5 * flight.duration + 2.0 * (flight.duration - turn)
+    assert a[Account.LOAD_ENERGY] == pytest.approx(loads, rel=1e-9)
+    t = flight.rows[:, Row.T]
+    sums = flight.rows[:, [Row.PUMP_ENERGY, Row.VALVE_ENERGY, Row.HOLDING_ENERGY]].sum(axis=1)
+    keep = np.concatenate(([True], np.diff(t) > 0.0))
+    t, sums = t[keep], sums[keep]
+    charge = 4e3
+    for k in range(len(t) - 1):
+        h = t[k + 1] - t[k]
+        power = (sums[k + 1] - sums[k]) / h + 0.5 + (2.0 if t[k] >= turn else 0.0)
+        done = solve_ivp(
+            lambda _, c, p=power: -p - 2e-4 * c, (0.0, h), [charge], rtol=1e-11, atol=1e-11
+        )
+        charge = float(done.y[0, -1])
+    assert flight.end[Now.CHARGE] == pytest.approx(charge, rel=1e-9)
+    books = MissionResult(flight, flight.reach).books
+    assert books.relative_residue < 1e-3
+    assert abs(books.volume_residue) < 1e-12
+
+
+def test_the_battery_ends_the_mission():
+    vehicle = load_vehicle("example-eh")
+    supply = vehicle.supply.model_copy(update={"capacity": 200.0})
+    vehicle = vehicle.model_copy(update={"supply": supply, "loads": (Load(name="b", power=5.0),)})
+    flight = flown(vehicle, steps(HOLD, PARK), checked=False)
+    assert flight.stop is Stop.BATTERY_EMPTY
+    assert flight.duration <= 200.0 / 5.0
+
+
+@pytest.mark.parametrize("name", ["feup-em", "ntnu-bv"])
+def test_it_dives_and_comes_up(name):
+    vehicle = load_vehicle(name)
+    mission = Mission(
+        cycles=2,
+        phases=[
+            {"kind": "descend", "depth": 8.0, "speed": 0.05, "tolerance": 1.0},
+            {"kind": "park", "depth": 8.0, "tolerance": 2.0, "duration": 300.0},
+            {"kind": "profile", "depth": 3.0, "tolerance": 1.0, "speed": 0.05},
+            {"kind": "surface", "duration": 120.0},
+        ],
+    )
+    flight = flown(vehicle, mission)
+    assert flight.stop is Stop.FINISHED
+    assert len(flight.cycles) == 2
+    assert MissionResult(flight, flight.reach).completed
+    assert flight.end[Now.Z] < vehicle.hull.emergence_depth + 0.5
+    what = flight.notes[:, Drive.WHAT]
+    assert np.sum(what == Note.AFLOAT) == 2
+    assert np.sum(what == Note.ARRIVED) == 8
+    assert np.all(np.diff(flight.rows[:, Row.T]) >= 0.0)
+    assert MissionResult(flight, flight.reach).books.relative_residue < 1e-3
+
+
+def test_too_deep_it_presses_all_out_and_comes_up():
+    vehicle = load_vehicle("ntnu-bv")
+    mission = steps(
+        {"kind": "hold", "depth": 6.0, "tolerance": 0.5, "duration": 600.0},
+        safety={"deepest": 4.0},
+    )
+    flight = flown(vehicle, mission, checked=False)
+    assert flight.stop is Stop.PASSED_DEPTH
+    assert np.any(flight.notes[:, Drive.WHAT] == Note.TOO_DEEP)
+    assert flight.end[Now.V] == pytest.approx(vehicle.stroke.maximum, rel=1e-3)
+
+
+class TestRest:
+    MISSION = steps(
+        {"kind": "park", "depth": 3.0, "tolerance": 0.8, "rest_band": 0.5, "duration": 7200.0}
+    )
+
+    def test_the_law_rests_within_its_band(self):
+        vehicle = load_vehicle("ntnu-bv")
+        flight = flown(vehicle, self.MISSION, checked=False)
+        awake = flown(
+            vehicle,
+            steps({"kind": "park", "depth": 3.0, "tolerance": 0.8, "duration": 7200.0}),
+            checked=False,
+        )
+        held = MissionResult(flight, flight.reach).held["park"]
+        assert held["share"] > 0.95
+        assert flight.whole[At.LOOKS] < 0.6 * awake.whole[At.LOOKS]  # samples
+        assert len(flight.rows) < len(awake.rows)
+        still = flight.rows[flight.rows[:, Row.DOING] == Doing.NOTHING, Row.Z]
+        assert len(still) > 100
+        assert np.abs(still - 3.0).max() < 0.5 + 0.1  # the band, and a look's drift
+
+    def test_a_band_that_does_not_fit_is_refused(self):
+        with refused(InputError, field="phases[0].rest_band"):
+            steps({"kind": "descend", "depth": 3.0, "rest_band": 0.5})
+        with refused(InputError, field="phases[0].rest_band"):
+            steps({"kind": "park", "depth": 3.0, "tolerance": 0.3, "rest_band": 0.5, "duration": 9})
+        with refused(InputError, field="phases[0].rest_band", value=0.5):
+            flown(load_vehicle("example-float"), self.MISSION)
+
+
+class TestPhases:
+    def test_another_law_in_a_phase(self):
+        """From its begin on it is that law from rest, with the vehicle as it comes."""
+        vehicle = load_vehicle("feup-em")
+        other = load_vehicle(str(FILES / "law-sea-cascade.toml")).controller
+        park = {**PARK, "law": other.law, "parameters": other.parameters}
+        flight = flown(vehicle, steps(HOLD, park), checked=False)
+        facts = law_facts(vehicle, flight.mission)
+        assert [one["law"] for one in facts] == ["cascade", "sea-cascade"]
+        assert facts[0]["source"].startswith("the vehicle's [controller]")
+        assert facts[1]["source"] == "the phase"
+        plain = flown(vehicle, steps(HOLD, PARK), checked=False)
+        turn = plain.notes[plain.notes[:, Drive.WHAT] == Note.PHASE][1, Drive.T]
+        a, b = (f.rows[f.rows[:, Row.T] <= turn, Row.Z] for f in (flight, plain))
+        np.testing.assert_array_equal(a, b)
+        assert abs(flight.end[Now.Z] - plain.end[Now.Z]) > 1e-4
+
+    @pytest.mark.parametrize(
+        ("more", "field"),
+        [
+            ({"law": "casc"}, "phases[0].law"),
+            ({"law": "position-pid"}, "phases[0].parameters.k_p"),
+            ({"parameters": {"k_q": 1.0}}, "phases[0].parameters.k_q"),
+            ({"parameters": {"k_pz": "3 kg"}}, "phases[0].parameters.k_pz"),
+            ({"check_interval": 30.0}, "phases[0].check_interval"),
+        ],
+    )
+    def test_what_does_not_fit_is_refused(self, more, field):
+        with pytest.raises(InputError) as caught:
+            flown(load_vehicle("feup-em"), steps({**HOLD, **more}))
+        assert caught.value.field.startswith(field.rsplit(".k_p", 1)[0])
+        assert caught.value.remedy
+
+    def test_a_law_for_another_actuator_is_refused(self):
+        own = load_vehicle("ntnu-bv").controller
+        phase = {**HOLD, "law": own.law, "parameters": own.parameters}
+        with refused(InputError, field="phases[0].law", value="position-pid"):
+            flown(load_vehicle("feup-em"), steps(phase))
+
+    def test_rate_is_in_every_phase_or_in_none(self):
+        vehicle = load_vehicle("feup-em")
+        with refused(InputError, field="phases[1].law", value="rate"):
+            flown(vehicle, steps(HOLD, {**PARK, "law": "rate"}))
+        both = steps({**HOLD, "law": "rate"}, {**PARK, "law": "rate"})
+        assert phase_laws(vehicle, both) == ()
+        assert "rests" in law_facts(vehicle, both)[0]["source"]
+
+    def test_what_only_the_missions_own_rule_flies_is_refused(self):
+        waves = {"swell": [{"amplitude": 0.5, "period": 9.0}]}
+        with refused(InputError, field="water_motion"):
+            flown(load_vehicle("feup-em"), steps(HOLD, water_motion=waves))
+
+    def test_a_law_that_would_be_called_too_often(self):
+        phase = {**PARK, "duration": 400 * 86400.0}
+        with refused(NoAnswerError, holds={115.0, 100.0, 0.3}):
+            flown(load_vehicle("feup-em"), steps(phase), checked=False)
+
+
+def test_the_answer_names_law_and_source(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("m.toml").write_text(
+        'schema_version = 1\nstart_depth = "2 m"\n[[phases]]\nkind = "hold"\ndepth = "3 m"\n'
+        'tolerance = "0.3 m"\nduration = "1 min"\nparameters = { k_pz = "-0.12 dm3/m" }\n'
+    )
+    assert main(["mission", "feup-em", "m.toml", "--out", "o"]) in (0, 1)
+    out = capsys.readouterr().out
+    assert "law 'cascade' every 0.3 s" in out
+    assert "but for k_pz of the phase" in out
+    answer = json.loads(Path("o/mission.json").read_text())
+    assert answer["laws"][0]["law"] == "cascade"
+    assert math.isclose(answer["laws"][0]["parameters"]["k_pz"], -0.12e-3)
