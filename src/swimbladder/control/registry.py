@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from swimbladder.control.adrc import ADRC
@@ -18,11 +18,20 @@ from swimbladder.control.rate import RATE
 from swimbladder.control.records import from_leaves, leaf_names
 from swimbladder.control.sea_cascade import SEA_CASCADE
 from swimbladder.errors import InputError
+from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.units import parse_quantity
-from swimbladder.vehicle import Controller
+from swimbladder.vehicle import Controller, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 
-__all__ = ["LAWS", "MISSION_LAWS", "bind", "law_by_name", "law_parameters"]
+__all__ = [
+    "LAWS",
+    "MISSION_LAWS",
+    "bind",
+    "check_command",
+    "law_by_name",
+    "law_parameters",
+    "own_law",
+]
 
 LAWS: Mapping[str, Law] = {
     law.name: law
@@ -94,3 +103,38 @@ def bind(controller: Controller) -> tuple[Law, Any]:
     """Return (law, its parameters) of a vehicle's controller; raises InputError as its parts do."""
     law = law_by_name(controller.law)
     return law, law_parameters(law, controller.parameters, sample_time=controller.sample_time)
+
+
+def own_law(vehicle: Vehicle, *, sampled: bool = True) -> tuple[Law, Any]:
+    """Return (law, its parameters) of a vehicle's own controller.
+
+    sampled: refuse a pump and valve, which has no loop of voltages or positions.
+    Raises InputError where it has none, where its actuator does not take the law's commands, and as
+    `bind` does.
+    """
+    if sampled:
+        refuse_pump_and_valve(vehicle.actuator)
+    if vehicle.controller is None:
+        raise InputError(
+            f"the vehicle {vehicle.name!r} has no controller", field="controller",
+            remedy="Add a [controller] table to the vehicle: `swimbladder tune` writes one",
+        )  # fmt: skip
+    law, parameters = bind(vehicle.controller)
+    check_command(law, vehicle)
+    return law, parameters
+
+
+def check_command(
+    law: Law, vehicle: Vehicle, *, field: str = "controller.law",
+    among: Collection[str] = (*LAWS, *MISSION_LAWS),
+) -> None:  # fmt: skip
+    """Raise InputError where a vehicle's actuator does not take what a law commands.
+
+    field: where the law was chosen. among: the names to choose from there.
+    """
+    if law.command != vehicle.command:
+        fitting = [name for name in among if law_by_name(name).command == vehicle.command]
+        raise InputError(
+            f"this law commands a {law.command}, but the actuator takes a {vehicle.command}",
+            field=field, value=law.name, remedy=f"Choose one of: {', '.join(fitting)}",
+        )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from swimbladder.control.law import Law
-from swimbladder.control.registry import bind
+from swimbladder.control.registry import check_command, own_law
 from swimbladder.design.linear import Analysis, analyse_linear
 from swimbladder.design.linear.analyse import check_depth
 from swimbladder.errors import InputError
@@ -32,7 +32,7 @@ def analyse(
     check_depth(depth)
     controller = vehicle.controller
     if law is None and controller is not None:
-        law, bound = bind(controller)
+        law, bound = own_law(vehicle)
         parameters = bound if parameters is None else parameters
     if sample_time is None and controller is not None:
         sample_time = controller.sample_time
@@ -43,12 +43,7 @@ def analyse(
             "the law has no sample time, and the vehicle has no controller to take it from",
             field="sample_time", unit="s", remedy="Give sample_time",
         )  # fmt: skip
-    takes = "voltage" if vehicle.voltage_driven else "volume"
-    if law.command != takes:
-        raise InputError(
-            f"the law {law.name!r} commands a {law.command}, the actuator takes a {takes}",
-            field="controller.law", value=law.name, remedy=f"Choose a law that commands a {takes}",
-        )  # fmt: skip
+    check_command(law, vehicle)
     at_rest = law_at_rest(law, parameters, vehicle, depth=depth, sample_time=sample_time)
     if at_rest.smooth:
         return analyse_linear(vehicle, depth=depth, law=at_rest, law_name=law.name)

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from swimbladder.control.rate import RATE
-from swimbladder.control.registry import LAWS, MISSION_LAWS, bind
+from swimbladder.control.registry import own_law
 from swimbladder.errors import InputError
 from swimbladder.io.files import read_at_most
 from swimbladder.io.mission import Mission
@@ -68,22 +68,12 @@ def load_vehicle(
 
 def _check_parts_fit(vehicle: Vehicle) -> None:
     """Raise InputError where the actuator, the supply and the control law do not go together."""
-    command = vehicle.command
-    if command != "volume change":
+    if vehicle.command != "volume change":
         plant(vehicle)
     if vehicle.controller is None:
         return
-    law, parameters = bind(vehicle.controller)
+    law, parameters = own_law(vehicle, sampled=False)
     _check_ranges(law.name, parameters)
-    if law.command != command:
-        known = {**LAWS, **MISSION_LAWS}
-        fitting = [name for name, other in known.items() if other.command == command]
-        raise InputError(
-            f"this law commands a {law.command}, but the actuator takes a {command}",
-            field="controller.law",
-            value=law.name,
-            remedy=f"Choose one of: {', '.join(fitting)}",
-        )
 
 
 def _check_ranges(law: str, parameters: Any) -> None:

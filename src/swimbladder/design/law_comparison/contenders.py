@@ -8,7 +8,7 @@ from typing import Any
 
 from swimbladder.control.law import Law
 from swimbladder.control.records import leaves
-from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters
+from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters, own_law
 from swimbladder.design.law_comparison.scenarios import LOW_SUPPLY, Places
 from swimbladder.design.tuning import tune
 from swimbladder.errors import InputError, SwimbladderError
@@ -92,6 +92,8 @@ def own(vehicle: Vehicle) -> list[Contender]:
     Only the paper's where they are the same.
     """
     found: list[Contender] = []
+    if vehicle.controller is not None:
+        own_law(vehicle)
     paper = load_vehicle(_PAPERS)
     papers = all(
         getattr(vehicle, part) == getattr(paper, part)

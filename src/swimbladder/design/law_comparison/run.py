@@ -64,13 +64,13 @@ def compare_laws(
         )
     if seed < 0:
         raise InputError("must be 0 or more", field="--seed", value=seed, remedy="Give --seed 1")
+    contenders: list[Contender] = own(vehicle)
     names, left_out = choose_laws(vehicle, laws)
     where = places(vehicle, depths)
     placed = [place(one, vehicle, where) for one in scenarios]
     around = region(vehicle)
     store = Store(parts)
     shallow = place(SCENARIOS[0], vehicle, where)
-    contenders: list[Contender] = own(vehicle)
     jobs = [(name, goal) for name in names for goal in tune_for]
     with ThreadPoolExecutor(1) as aside:  # they have a process of their own
         bounding = aside.submit(_bounds, vehicle, placed, store)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from swimbladder.control.registry import own_law
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.models import operating_point
 from swimbladder.errors import InputError, NoAnswerError
@@ -69,6 +70,8 @@ def task_of(
                 field="--sample-time", unit="s", remedy='Give one, like "0.3 s"',
             )  # fmt: skip
         sample_time = vehicle.controller.sample_time
+    if vehicle.controller is not None:
+        own_law(vehicle)
     _positive(sample_time, "--sample-time", "s")
     if speed_limit is not None:
         _positive(speed_limit, "--speed-limit", "m/s")

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.control.law import Law
 from swimbladder.control.records import from_numbers, leaves, numbers
-from swimbladder.control.registry import bind
+from swimbladder.control.registry import own_law
 from swimbladder.design.stability.around import look_around
 from swimbladder.design.stability.confirm import edge, hold
 from swimbladder.design.stability.predict import Predicted, predict, without_rest
@@ -61,9 +61,9 @@ def stability(
     Raises InputError for what cannot be, and for a vehicle without a controller.
     """
     _check(vehicle, depths, delay, within, cells, voltage_quantum, draws, laws)
-    assert vehicle.controller is not None  # _check
+    law, numbers = own_law(vehicle)
+    assert vehicle.controller is not None  # own_law
     tell = advance or (lambda _: None)
-    law, numbers = bind(vehicle.controller)
     h = vehicle.controller.sample_time
     low, high = depths
     parts = Store(keep, vehicle, depths, within, _BAND)
@@ -126,11 +126,6 @@ def _check(
     vehicle: Vehicle, depths: tuple[float, float], delay: float, within: float, cells: int,
     voltage_quantum: float, draws: int, laws: Sequence[str],
 ) -> None:  # fmt: skip
-    if vehicle.controller is None:
-        raise InputError(
-            f"the vehicle {vehicle.name!r} has no controller", field="controller",
-            remedy="Add one, or let swimbladder tune write it",
-        )  # fmt: skip
     surface = vehicle.hull.emergence_depth
     if not (0.0 <= depths[0] < depths[1] < math.inf and depths[1] > surface):
         raise InputError(
@@ -147,7 +142,7 @@ def _check(
         if not fits:
             raise InputError("out of range", field=field, value=value, remedy=remedy)
     for name in laws:
-        if name not in (names := tunable_names()) and name != vehicle.controller.law:
+        if name not in (names := tunable_names()) and name != own_law(vehicle)[0].name:
             raise InputError(
                 "not a law that can be tuned for this", field="--law", value=name,
                 remedy=f"{did_you_mean(name, names)}Choose from {', '.join(names)}",

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from threadpoolctl import threadpool_limits
 
 from swimbladder.control.records import leaves
+from swimbladder.control.registry import check_command, own_law
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.tuning.energy import winding
 from swimbladder.design.tuning.gains import recipe_of, setting_of, tunable, tunable_names
@@ -17,6 +18,7 @@ from swimbladder.design.tuning.result import Tuning
 from swimbladder.design.tuning.search import search
 from swimbladder.design.tuning.trial import Step, traces
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import Controller, Vehicle
 
@@ -121,13 +123,10 @@ def _check(
     vehicle: Vehicle, law: str, goal: str, depths: tuple[float, float], delay: float, runs: int,
     hold: float | None,
 ) -> None:  # fmt: skip
-    if (tunable(law).command == "voltage") != vehicle.voltage_driven:
-        fitting = tunable_names("voltage" if vehicle.voltage_driven else "volume")
-        raise InputError(
-            f"the law {law} commands a {tunable(law).command}, and the vehicle's actuator takes a "
-            f"{'voltage' if vehicle.voltage_driven else 'volume'}",
-            field="--law", value=law, remedy=f"Choose from {', '.join(fitting)}",
-        )  # fmt: skip
+    refuse_pump_and_valve(vehicle.actuator)
+    if vehicle.controller is not None:
+        own_law(vehicle)
+    check_command(tunable(law), vehicle, field="--law", among=tunable_names())
     if goal not in GOALS:
         raise InputError(
             "no such goal", field="--goal", value=goal, remedy=f"Choose from {', '.join(GOALS)}"

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from swimbladder.control.law import Law
 from swimbladder.control.records import leaf_names, leaves
-from swimbladder.control.registry import bind
+from swimbladder.control.registry import check_command, own_law
 from swimbladder.errors import InputError
+from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
@@ -129,17 +130,13 @@ def choose_law(
             remedy="Give a Law, a Python function, or nothing for the vehicle's own controller",
         )
     if law is None:
-        if vehicle.controller is None:
-            raise InputError(
-                f"the vehicle {vehicle.name!r} has no controller",
-                field="controller",
-                remedy="Add a [controller] table to the vehicle, or give a law",
-            )
         own = vehicle.controller
-        tick = own.sample_time if sample_time is None else sample_time
-        law, bound = bind(
-            own if sample_time is None else own.model_copy(update={"sample_time": tick})
-        )
+        if own is not None and sample_time is not None:
+            own = own.model_copy(update={"sample_time": sample_time})
+            vehicle = vehicle.model_copy(update={"controller": own})
+        law, bound = own_law(vehicle)
+        assert own is not None  # own_law
+        tick = own.sample_time
         parameters = bound if parameters is None else parameters
     elif parameters is None or sample_time is None:
         raise InputError(
@@ -158,14 +155,8 @@ def choose_law(
             value=parameters,
             remedy=f"Give a {law.parameters.__name__}: {', '.join(leaf_names(law.parameters))}",
         )
-    command = "voltage" if vehicle.voltage_driven else "volume"
-    if law.command != command:
-        raise InputError(
-            f"law {law.name!r} commands a {law.command}, but the actuator takes a {command}",
-            field="controller.law",
-            value=law.name,
-            remedy="Choose a law for this kind of actuator",
-        )
+    refuse_pump_and_valve(vehicle.actuator)
+    check_command(law, vehicle)
     return law, parameters, tick
 
 

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor import Reason
 from swimbladder.sim.faults.draw import Course, Mission, course_of, draw
 from swimbladder.sim.faults.flight import FULL, OWN
 from swimbladder.sim.faults.glue import ALONE, DEAF, SUPERVISED
 from swimbladder.sim.faults.kinds import KINDS
 from swimbladder.sim.faults.rows import Result
-from swimbladder.sim.faults.run import board_of, check_controller
+from swimbladder.sim.faults.run import board_of
 from swimbladder.sim.faults.squadron import Squadron
 from swimbladder.sim.faults.verdict import Outcome, outcomes
 from swimbladder.vehicle import Vehicle
@@ -120,7 +121,7 @@ def fly_one(
 
     Raises InputError as `run_missions` does.
     """
-    check_controller(vehicle)
+    own_law(vehicle)
     course = course_of(vehicle, depths)
     mission = draw(course, seed=seed, number=number, healthy=healthy)
     ways = [(SUPERVISED, OWN), (ALONE, OWN), (DEAF, FULL)][: 2 if healthy else 3]

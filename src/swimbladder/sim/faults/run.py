@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.control.registry import own_law
 from swimbladder.errors import InputError
 from swimbladder.jobs import Store, each
 from swimbladder.sim.engine.modes import SUPPLY, Z_BOTTOM
@@ -19,20 +20,11 @@ from swimbladder.sim.faults.squadron import Squadron, sources
 from swimbladder.sim.faults.verdict import FACTS, HARMS, WIDTH, Campaign
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["board_of", "check_controller", "run_missions"]
+__all__ = ["board_of", "run_missions"]
 
 Array = NDArray[np.float64]
 
 CHUNK = 200
-
-
-def check_controller(vehicle: Vehicle) -> None:
-    """Raise InputError where a vehicle has no controller."""
-    if vehicle.controller is None:
-        raise InputError(
-            f"the vehicle {vehicle.name!r} has no controller", field="controller",
-            remedy="Add a [controller] table to the vehicle: swimbladder tune writes one",
-        )  # fmt: skip
 
 
 def board_of(course: Course) -> Board:
@@ -52,7 +44,7 @@ def run_missions(
     Raises InputError for a vehicle without a controller, for depths that it cannot hold, and where
     there is no C compiler.
     """
-    check_controller(vehicle)
+    own_law(vehicle)
     if healthy is None:
         healthy = max(missions // 10, 1)
     for field, count in (("--missions", missions), ("--healthy", healthy)):

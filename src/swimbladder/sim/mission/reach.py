@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.control.registry import own_law
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.buoyancy_engine import drive_map
@@ -60,6 +61,8 @@ def check_flight(
             remedy="Fly it with `swimbladder simulate`, or write [[phases]]",
         )  # fmt: skip
     check_mass(vehicle)
+    if vehicle.controller is not None:
+        own_law(vehicle, sampled=False)
     if cycles is not None and not (cycles >= 1 and cycles == math.floor(cycles)):
         raise InputError(
             "it must be a whole number of at least 1", field="cycles", value=cycles,
