@@ -74,7 +74,7 @@ def test_what_is_no_text_is_named(tmp_path: Path, start: bytes, word: str) -> No
 
 
 def test_a_file_beyond_the_limit_is_refused_compressed_too(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(log_text, "_MOST_BYTES", 1000)
+    monkeypatch.setattr(log_text, "MOST_BYTES", 1000)
     whole = PLAIN + "".join(f"{k},1\n" for k in range(2, 300))
     assert "larger" in str(refused(write(tmp_path, whole)))
     packed = gzip.compress(whole.encode(), mtime=0)

@@ -52,6 +52,21 @@ def test_what_is_refused_does_not_settle_and_the_longest_that_is_named_does(feup
     assert error_left(feup, 1.3 * longest) > 0.5
 
 
+@pytest.mark.parametrize("sample_time", [0.5, 0.8])
+def test_what_holds_the_vehicle_is_not_refused(feup, sample_time):
+    s = simulate(sampled(feup, sample_time), **{**STEP, "duration": 2400.0})
+    assert s.finished
+    assert np.abs(s.depth[2 * len(s.depth) // 3 :] - 3.0).max() < 1e-3
+
+
+def test_a_law_that_holds_at_no_sample_time_is_flown_to_see(feup):
+    """Its inner loop drives the volume the wrong way: no sample time is to blame."""
+    numbers = feup.controller.parameters | {"k_pV": "-200 V/dm3"}
+    own = feup.controller.model_copy(update={"parameters": numbers})
+    s = simulate(feup.model_copy(update={"controller": own}), **STEP)
+    assert np.abs(s.depth[len(s.depth) // 2 :] - 3.0).max() > 1.0
+
+
 def test_the_command_says_the_same(tmp_path, capsys):
     text = preset_text("feup-em")
     lines = [

@@ -22,7 +22,7 @@ from swimbladder.vehicle import Vehicle
 
 __all__ = ["check_depths", "check_sample_time", "law_at_rest"]
 
-_GROWS = 1.0 + 1e-4  # spectral radius; an integrator has 1, three of them as computed 1 + 1e-5
+_GROWS = 1e-4  # of an error over a sample; of three integrators, which do not, 1e-5 is computed
 _SHORTEST = 2.0**-12  # of the sample time, below which it is not what makes a loop unstable
 
 
@@ -62,28 +62,31 @@ def check_sample_time(
     linear around rest, or that holds the vehicle at no sample time.
     """
     for depth in (min(depths), max(depths)):
+
+        def held(h: float, depth: float = depth) -> bool:
+            grows = _growth(vehicle, law, parameters, h, depth)
+            # in one time, not one sample: what grows at any sample time is not held by a short one
+            return grows is not None and grows - 1.0 <= _GROWS * h / sample_time
+
         grows = _growth(vehicle, law, parameters, sample_time, depth)
-        if grows is None or grows <= _GROWS:
+        if grows is None or held(sample_time):
             continue
         holds = sample_time
         while holds > _SHORTEST * sample_time:
             holds *= 0.5
-            less = _growth(vehicle, law, parameters, holds, depth)
-            if less is not None and less <= _GROWS:
+            if held(holds):
                 break
         else:
             continue
         fails = 2.0 * holds
         while fails > 1.01 * holds:
             between = 0.5 * (holds + fails)
-            less = _growth(vehicle, law, parameters, between, depth)
-            held = less is not None and less <= _GROWS
-            holds, fails = (between, fails) if held else (holds, between)
+            holds, fails = (between, fails) if held(between) else (holds, between)
         raise InputError(
             f"the law {law.name!r} does not hold {vehicle.name!r} at {depth:g} m with so long a "
             f"sample time: an error grows {grows:.3g}-fold from sample to sample",
             field="controller.sample_time", value=sample_time, unit="s",
-            remedy=f"Sample every {0.99 * holds:.2g} s or sooner, or tune the law for this time "
+            remedy=f"Sample every {0.99 * holds:.3g} s or sooner, or tune the law for this time "
             "(`swimbladder tune --sample-time`)",
         )  # fmt: skip
 
