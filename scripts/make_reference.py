@@ -164,7 +164,7 @@ def vehicle() -> Iterator[str]:
 def laws() -> Iterator[str]:
     """Yield each law and its parameters."""
     units = {"voltage": "V", "volume": "m3", "volume change": "a change of volume, m3"}
-    for law in (*LAWS.values(), *MISSION_LAWS.values()):
+    for law in (*(LAWS[name] for name in LAWS.own), *MISSION_LAWS.values()):
         command = units[law.command]
         yield from (
             "",

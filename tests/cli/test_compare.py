@@ -8,7 +8,7 @@ import pytest
 
 import swimbladder
 from swimbladder.cli import main
-from swimbladder.io.log_formats import format_text
+from swimbladder.io.log_formats import FORMATS
 
 COLUMNS = [
     "time_s", "depth_m", "depth_predicted_m", "residual_m", "compared", "volume_m3", "voltage_V",
@@ -134,7 +134,7 @@ def test_a_log_format_from_a_file_and_the_shipped_one_of_the_vehicle(capsys, tmp
     )
     log.write_text(f"t_s,piston_position_m,depth_raw_m,target_depth_m\n{rows}", encoding="ascii")
     form = tmp_path / "form.toml"
-    form.write_text(format_text("ntnu-bv"), encoding="utf-8")
+    form.write_text(FORMATS["ntnu-bv"], encoding="utf-8")
     common = [log, "--vehicle", "ntnu-bv", "--out", tmp_path]
     given = answer(capsys, *common, "--log-format", form)
     assert given["rms_m"] < 1e-5

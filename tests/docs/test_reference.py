@@ -8,7 +8,7 @@ import pytest
 from scripts.make_reference import FOLDER, made
 from swimbladder.cli import main
 from swimbladder.io.log_format import COLUMNS
-from swimbladder.io.log_formats import format_names
+from swimbladder.io.log_formats import FORMATS
 
 PAGES = sorted(FOLDER.glob("*.md"))
 
@@ -308,4 +308,4 @@ def test_the_columns_of_a_log():
 def test_the_shipped_log_formats_are_named():
     text = (FOLDER / "log-format.md").read_text(encoding="utf-8")
     (line,) = [line for line in text.splitlines() if line.startswith("Formats that come with")]
-    assert re.findall(r"`([^`]+)`", line) == format_names()
+    assert re.findall(r"`([^`]+)`", line) == FORMATS.names()

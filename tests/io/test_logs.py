@@ -9,7 +9,7 @@ import pytest
 
 from swimbladder.errors import InputError, LogError
 from swimbladder.io.log_format import COLUMNS, LogColumns, LogFormat, log_format
-from swimbladder.io.log_formats import format_names
+from swimbladder.io.log_formats import FORMATS
 from swimbladder.io.logs import read_log
 from tests.log_files import refused, write
 
@@ -280,8 +280,8 @@ def test_every_column_has_a_unit_and_can_be_mapped() -> None:
 
 
 def test_shipped_formats_load_and_an_unknown_name_is_refused() -> None:
-    assert "ntnu-bv" in format_names()
-    for name in format_names():
+    assert "ntnu-bv" in FORMATS.names()
+    for name in FORMATS.names():
         assert {"time_s", "depth_m"} <= set(log_format(name).columns.mapped())
     with pytest.raises(InputError, match="Did you mean ntnu-bv"):
         log_format("ntnu-bw")

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from swimbladder.errors import InputError
 from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, log_format
-from swimbladder.io.log_formats import format_names, format_text
+from swimbladder.io.log_formats import FORMATS
 from swimbladder.io.logs import Log, header_names, read_log
 
 # logs, with the columns and the options that they are meant to be read with
@@ -169,7 +169,7 @@ def file(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("fuzz") / "fuzz.csv"
 
 
-@given(data=st.binary(max_size=300), form=st.sampled_from([None, *format_names()]))
+@given(data=st.binary(max_size=300), form=st.sampled_from([None, *FORMATS.names()]))
 @example(data=b"time_s,depth_m\n0,1\n\x00,2\n", form=None)
 @example(data=b"time_s,depth_m\n0,1\n" + b"9" * 400 + b",2\n", form=None)
 @example(data=b'time_s,depth_m\n"0,1\n1,2\n', form=None)
@@ -301,7 +301,7 @@ def test_any_log_table(file: Path, lines: list[str]) -> None:
 
 @given(at=st.integers(0, 800), length=st.integers(0, 8), by=st.binary(max_size=6))
 def test_a_shipped_format_with_damage(file: Path, at: int, length: int, by: bytes) -> None:
-    data = format_text("ntnu-bv-raw").encode()
+    data = FORMATS["ntnu-bv-raw"].encode()
     toml = file.with_name("form.toml")
     toml.write_bytes(data[:at] + by + data[at + length :])
     format_of(toml)

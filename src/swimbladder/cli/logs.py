@@ -138,7 +138,7 @@ def read(
 
 def _of_its_kind(error: LogError, path: Path, vehicle: Vehicle | None) -> LogError:
     """Return the error about a missing column with what is known of such files."""
-    from swimbladder.io.log_formats import format_names
+    from swimbladder.io.log_formats import FORMATS
     from swimbladder.io.log_formats.mermaid import is_mermaid
     from swimbladder.io.log_text import read_bytes
 
@@ -148,7 +148,7 @@ def _of_its_kind(error: LogError, path: Path, vehicle: Vehicle | None) -> LogErr
             "of no volume", file=path, field=error.field,
             remedy="Identify it with --cast and a --vehicle that has a pump and a valve",
         )  # fmt: skip
-    known = [name for name in format_names() if vehicle and name.startswith(vehicle.name)]
+    known = [name for name in FORMATS.own if vehicle and name.startswith(vehicle.name)]
     if not known:
         return error
     return LogError(
@@ -168,12 +168,12 @@ def _format(
     It fits where the log has all its columns and lacks a required one; that it is used is said.
     """
     from swimbladder.io.log_format import log_format
-    from swimbladder.io.log_formats import format_names
+    from swimbladder.io.log_formats import FORMATS
     from swimbladder.io.logs import header_names
 
     if asked is not None:
         return log_format(asked)
-    if vehicle is None or vehicle.name not in format_names():
+    if vehicle is None or vehicle.name not in FORMATS:
         return None
     header = set(header_names(path))
     if set(required) <= header | set(columns):

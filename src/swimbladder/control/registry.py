@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from importlib import import_module
 from typing import Any
 
-from swimbladder.control.adrc import ADRC
-from swimbladder.control.cascade import CASCADE
-from swimbladder.control.deadband import DEADBAND
 from swimbladder.control.law import Law
-from swimbladder.control.observer import OBSERVER
-from swimbladder.control.planned import PLANNED
-from swimbladder.control.position_observer import POSITION_OBSERVER
-from swimbladder.control.position_pid import POSITION_PID
-from swimbladder.control.pulse import PULSE
 from swimbladder.control.rate import RATE
 from swimbladder.control.records import from_leaves, leaf_names
-from swimbladder.control.sea_cascade import SEA_CASCADE
 from swimbladder.errors import InputError
 from swimbladder.physics.actuator import refuse_pump_and_valve
+from swimbladder.plugins import Registry
 from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Controller, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
@@ -33,21 +26,50 @@ __all__ = [
     "own_law",
 ]
 
-LAWS: Mapping[str, Law] = {
-    law.name: law
-    for law in (
-        CASCADE,
-        SEA_CASCADE,
-        ADRC,
-        DEADBAND,
-        OBSERVER,
-        PULSE,
-        PLANNED,
-        POSITION_PID,
-        POSITION_OBSERVER,
-    )
-}
-"""The laws that are called at each sample: simulated, tuned and translated."""
+
+def _own(module: str) -> Callable[[], Law]:
+    """Return how a law of this package is loaded: that of a module, named as the module is."""
+    return lambda: getattr(import_module(f"swimbladder.control.{module}"), module.upper())
+
+
+def _accept(law: Any, name: str) -> Law:
+    """Return a law of another package; raises InputError where it is none that can be used."""
+    if not isinstance(law, Law):
+        raise InputError("it is no Law", remedy="Let the entry point name a swimbladder.Law")
+    if law.name != name:
+        raise InputError(
+            f"the entry point is called {name!r} and the law {law.name!r}",
+            remedy="Give both one name",
+        )
+    if name in MISSION_LAWS:
+        raise InputError("swimbladder has a law of that name", remedy="Give it another name")
+    if law.command not in ("voltage", "volume"):
+        raise InputError(
+            f"a law that commands a {law.command} is not called at each sample",
+            remedy="Command a voltage or a volume",
+        )
+    for kind in (law.parameters, law.state):
+        leaf_names(kind)  # refuses what holds no numbers
+    for parameter in leaf_names(law.parameters):
+        if parameter not in law.units and parameter != "S_p":
+            raise InputError(
+                f"its parameter {parameter} has no unit", remedy="Add it to the law's units"
+            )
+    return law
+
+
+LAWS: Registry[Law] = Registry(
+    "swimbladder.laws", "law",
+    own={
+        module.replace("_", "-"): _own(module)
+        for module in (
+            "cascade", "sea_cascade", "adrc", "deadband", "observer", "pulse", "planned",
+            "position_pid", "position_observer",
+        )
+    },
+    accept=_accept,
+)  # fmt: skip
+"""The laws that are called at each sample: simulated, tuned and translated; one word each here."""
 
 MISSION_LAWS: Mapping[str, Law] = {RATE.name: RATE}
 """The laws that are called when they ask to be, of vehicles that `swimbladder mission` flies."""
@@ -55,7 +77,7 @@ MISSION_LAWS: Mapping[str, Law] = {RATE.name: RATE}
 
 def law_by_name(name: str) -> Law:
     """Return the law of that name; raises InputError where there is none."""
-    known = {**LAWS, **MISSION_LAWS}
+    known = [*LAWS.names(), *MISSION_LAWS]
     if name not in known:
         raise InputError(
             "unknown control law",
@@ -63,7 +85,7 @@ def law_by_name(name: str) -> Law:
             value=name,
             remedy=f"{did_you_mean(name, known)}Laws: {', '.join(known)}",
         )
-    return known[name]
+    return MISSION_LAWS[name] if name in MISSION_LAWS else LAWS[name]
 
 
 def law_parameters(law: Law, values: Mapping[str, float | str], *, sample_time: float) -> Any:
@@ -126,14 +148,15 @@ def own_law(vehicle: Vehicle, *, sampled: bool = True) -> tuple[Law, Any]:
 
 def check_command(
     law: Law, vehicle: Vehicle, *, field: str = "controller.law",
-    among: Collection[str] = (*LAWS, *MISSION_LAWS),
+    among: Collection[str] | None = None,
 ) -> None:  # fmt: skip
     """Raise InputError where a vehicle's actuator does not take what a law commands.
 
-    field: where the law was chosen. among: the names to choose from there.
+    field: where the law was chosen. among: the names to choose from there; None: all.
     """
     if law.command != vehicle.command:
-        fitting = [name for name in among if law_by_name(name).command == vehicle.command]
+        names = (*LAWS, *MISSION_LAWS) if among is None else among
+        fitting = [name for name in names if law_by_name(name).command == vehicle.command]
         raise InputError(
             f"this law commands a {law.command}, but the actuator takes a {vehicle.command}",
             field=field, value=law.name, remedy=f"Choose one of: {', '.join(fitting)}",

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.io.cast_cnv import cnv_cast, is_cnv
 from swimbladder.io.cast_columns import CAST_COLUMNS, cast_sources
-from swimbladder.io.cast_netcdf import netcdf_cast
+from swimbladder.io.cast_formats import format_of
 from swimbladder.io.cast_raw import RawCast, place_of
 from swimbladder.io.cast_rows import averaged, one_leg, without_spikes
 from swimbladder.io.cast_stable import Inversions, stable
@@ -25,7 +24,6 @@ from swimbladder.io.cast_units import MOST_SALT, by_depth, check_units
 from swimbladder.io.log_format import LogColumn, LogFormat, log_format
 from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import read_bytes
-from swimbladder.io.netcdf_in import is_netcdf
 from swimbladder.physics.seawater import Cast
 from swimbladder.physics.seawater.cast import pressure_of_depth
 
@@ -63,19 +61,18 @@ def read_cast(
         )  # fmt: skip
     file = Path(path)
     data = read_bytes(file)
-    if is_netcdf(data) or is_cnv(data):
+    binary, said = format_of(data, file)
+    if binary is not None:
         if where or form is not None:
             raise LogError(
-                "rows and formats are chosen in CSV and Parquet only", file=file,
+                "rows and log formats are chosen in CSV and Parquet only", file=file,
                 field="where" if where else "log_format",
                 remedy="Choose a profile with --profile N, variables with --column",
             )  # fmt: skip
-        if is_netcdf(data):
-            raw, profile = netcdf_cast(data, file, columns or {}, profile)
-        else:
-            raw = replace(cnv_cast(data, file, columns or {}), unit_stated=True)
+        raw, profile = binary.read(data, file, columns or {}, profile)
     else:
         raw = _text_cast(file, columns or {}, where or {}, form, salinity)
+    raw.report.extend(said)
     raw = replace(
         raw,
         latitude=raw.latitude if latitude is None else latitude,

@@ -33,7 +33,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from swimbladder.errors import InputError
 from swimbladder.io.config import file_text, read_model
-from swimbladder.io.log_formats import format_names, format_text
+from swimbladder.io.log_formats import FORMATS
 from swimbladder.units import parse_quantity, unit_factor
 from swimbladder.vehicle import Parameters, Unit
 from swimbladder.vehicle.schema import did_you_mean, refusal
@@ -267,8 +267,10 @@ def log_format(name_or_path: str | Path) -> LogFormat:
     Raises InputError with file, line, field, value and remedy.
     """
     text = str(name_or_path)
-    if text in format_names() and not isinstance(name_or_path, Path):
-        return read_model(_LogFile, format_text(text), f"log format {text}", versioned=False).log
+    if text in FORMATS and not isinstance(name_or_path, Path):
+        package = FORMATS.package(text)
+        where = f"log format {text}" + (f" of the package {package}" if package else "")
+        return read_model(_LogFile, FORMATS[text], where, versioned=False).log
     path = Path(name_or_path)
     named = isinstance(name_or_path, Path) or path.suffix == ".toml" or len(path.parts) != 1
     if not named and not path.is_file():
@@ -276,8 +278,8 @@ def log_format(name_or_path: str | Path) -> LogFormat:
             "there is no log format of that name, and no such file",
             field="--log-format",
             value=text,
-            remedy=f"{did_you_mean(text, format_names())}Log formats: {', '.join(format_names())}; "
-            "or give the path of a TOML file with a [log] table",
+            remedy=f"{did_you_mean(text, FORMATS.names())}Log formats: "
+            f"{', '.join(FORMATS.names())}; or give the path of a TOML file with a [log] table",
         )
     return read_model(_LogFile, file_text(path), path, versioned=False).log
 

@@ -8,12 +8,13 @@ from typing import Any
 
 from swimbladder.control.law import Law
 from swimbladder.control.records import leaves
-from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters, own_law
+from swimbladder.control.registry import LAWS, bind, law_parameters, own_law
 from swimbladder.design.law_comparison.scenarios import LOW_SUPPLY, Places
 from swimbladder.design.tuning import tune
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.io.config import load_vehicle
 from swimbladder.jobs import Store
+from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.vehicle import Controller, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 
@@ -68,13 +69,13 @@ def choose_laws(vehicle: Vehicle, wanted: Sequence[str] | None) -> tuple[list[st
         if name not in LAWS:
             raise InputError(
                 "no such law", field="--laws", value=name,
-                remedy=f"{did_you_mean(name, LAWS)}Choose from {', '.join(LAWS)}",
+                remedy=f"{did_you_mean(name, LAWS.names())}Choose from {', '.join(LAWS.names())}",
             )  # fmt: skip
-    names = list(wanted) if wanted else list(LAWS)
     command = "voltage" if vehicle.voltage_driven else "volume"
-    kept, out = [], []
-    for name in dict.fromkeys(names):
-        law = law_by_name(name)
+    kept = []
+    out = [] if wanted else [LeftOut(name=n, why=why) for n, why in LAWS.broken().items()]
+    for name in dict.fromkeys(wanted or LAWS):
+        law = LAWS[name]
         if law.command != command:
             why = f"it commands a {law.command}, and the vehicle's actuator takes a {command}"
             out.append(LeftOut(name=name, why=why))
@@ -124,7 +125,11 @@ def tuned(
     step [m]: of the tuner's trials. advance: told the share of the work done.
     """
     least = None if vehicle.supply is None else LOW_SUPPLY * vehicle.supply.voltage
-    inputs = ("tune", vehicle, name, goal, where.least, where.most, step, sample_time, least)
+    law = LAWS[name]
+    inputs = (
+        "tune", vehicle, name, source_of(law), goal, where.least, where.most, step, sample_time,
+        least,
+    )  # fmt: skip
     kept = store.read(*inputs)
     if kept is None:
         told = 0.0
@@ -149,7 +154,7 @@ def tuned(
         advance(1.0)
     if "why" in kept:
         return LeftOut(name=f"{name}, {goal}", why=str(kept["why"]))
-    law, h = LAWS[name], float(kept["sample_time"])
+    h = float(kept["sample_time"])
     return Contender(
         law=law, tuning=goal, sample_time=h,
         parameters=law_parameters(law, kept["numbers"], sample_time=h),

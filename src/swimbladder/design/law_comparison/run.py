@@ -31,6 +31,7 @@ from swimbladder.design.law_comparison.scenarios import (
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.jobs import Store, each
+from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["compare_laws"]
@@ -140,8 +141,8 @@ def _fly_all(
     def one(job: tuple[Contender, Placed]) -> tuple[Result, Trace]:
         who, p = job
         inputs = (
-            "flown", vehicle, who.law.name, who.parameters, who.sample_time, p.scenario, p.start,
-            p.target, p.duration, runs, seed,
+            "flown", vehicle, who.law.name, source_of(who.law), who.parameters, who.sample_time,
+            p.scenario, p.start, p.target, p.duration, runs, seed,
         )  # fmt: skip
 
         def flight() -> dict[str, Any]:

@@ -30,6 +30,7 @@ from swimbladder.design.tuning.trial import Step
 from swimbladder.errors import InputError
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 
@@ -66,7 +67,7 @@ def stability(
     tell = advance or (lambda _: None)
     h = vehicle.controller.sample_time
     low, high = depths
-    parts = Store(keep, vehicle, depths, within, _BAND)
+    parts = Store(keep, vehicle, source_of(law), depths, within, _BAND)
     unmet: list[str] = []
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         smooth = without_rest(law, numbers)
@@ -219,7 +220,8 @@ def _robustness(
     for name in dict.fromkeys(laws):
         if name != law.name:
             other = tunable(name)
-            values = parts.get(partial(_tuned, vehicle, name, depths), "tuned", name, depths)
+            asked = ("tuned", name, source_of(other), depths)
+            values = parts.get(partial(_tuned, vehicle, name, depths), *asked)
             chosen.append((other, from_numbers(other.parameters, values)))
     found: list[Stood] = []
     for one, its in chosen:

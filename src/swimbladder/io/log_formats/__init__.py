@@ -1,18 +1,39 @@
-"""The log formats that come with swimbladder: one TOML file each, named after their vehicle."""
+"""Log formats by name: those that come with swimbladder, a TOML file each, and others'."""
 
 from __future__ import annotations
 
+from functools import partial
 from importlib import resources
+from typing import Any
 
-__all__ = ["format_names", "format_text"]
+from swimbladder.errors import InputError
+from swimbladder.plugins import Registry
 
-
-def format_names() -> list[str]:
-    """Return the names of all log formats, sorted."""
-    files = resources.files(__name__).iterdir()
-    return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
+__all__ = ["FORMATS"]
 
 
-def format_text(name: str) -> str:
-    """Return the TOML text of the log format of that name, which has to exist."""
+def _text(name: str) -> str:
     return resources.files(__name__).joinpath(f"{name}.toml").read_text(encoding="utf-8")
+
+
+def _accept(text: Any, name: str) -> str:  # noqa: ARG001
+    if not isinstance(text, str):
+        raise InputError(
+            "it is no text", remedy="Let the entry point name a text: TOML with a [log] table"
+        )
+    return text
+
+
+FORMATS: Registry[str] = Registry(
+    "swimbladder.log_formats", "log format",
+    own={
+        name: partial(_text, name)
+        for name in sorted(
+            file.name.removesuffix(".toml")
+            for file in resources.files(__name__).iterdir()
+            if file.name.endswith(".toml")
+        )
+    },
+    accept=_accept,
+)  # fmt: skip
+"""The TOML text of each; swimbladder's own are named after their vehicle."""

@@ -22,7 +22,7 @@ from swimbladder.io.files import source_hash
 from swimbladder.sim.closed_loop.lanes import run_block
 from swimbladder.sim.engine.cache import compiled
 
-__all__ = ["fingerprint", "kernel_of"]
+__all__ = ["fingerprint", "kernel_of", "source_of"]
 
 _OWN = ("swimbladder.control.", "swimbladder.sim.closed_loop.")  # of `engine.cache`'s sources
 _PLAIN = (bool, int, float, complex, str, bytes, type(None))
@@ -31,11 +31,26 @@ _PLAIN = (bool, int, float, complex, str, bytes, type(None))
 def kernel_of(law: Law) -> Callable[..., Any]:
     """Return the compiled `run_block` for a law; one of its own for a law from outside."""
     module = law.step.__module__
-    if all(f.__module__.startswith(_OWN) for f in (law.step, law.initial)):
+    if _is_own(law):
         return run_block  # type: ignore[no-any-return]
     if module == law.initial.__module__ and module.startswith("swimbladder.sim."):
         return _kernel(_package(module.rpartition(".")[0]))
     return _kernel(fingerprint(law.step, law.initial))
+
+
+def source_of(law: Law) -> str:
+    """Return a name for the source of a law from outside and of how it is tuned; empty for others.
+
+    What was computed with a law is kept under it: `jobs.software` is of this package alone.
+    """
+    if _is_own(law):
+        return ""
+    made = () if law.recipe is None else (law.recipe.gains,)
+    return fingerprint(law.step, law.initial, *made)
+
+
+def _is_own(law: Law) -> bool:
+    return all(f.__module__.startswith(_OWN) for f in (law.step, law.initial))
 
 
 @cache

@@ -1,0 +1,382 @@
+"""A law, a log format and a cast format of another package, which is installed here as pip does."""
+
+import json
+import re
+import subprocess
+import sys
+import zlib
+
+import numpy as np
+import pytest
+
+import swimbladder as sb
+from swimbladder.cli import main
+from swimbladder.codegen.library import make_library
+from swimbladder.control.records import leaves
+from swimbladder.control.registry import LAWS
+from swimbladder.design.law_comparison.contenders import choose_laws
+from swimbladder.design.stability.wrapped import wrapped
+from swimbladder.design.tuning import tune
+from swimbladder.errors import InputError
+from swimbladder.io.casts import read_cast
+from swimbladder.io.log_format import log_format
+from swimbladder.sim.closed_loop.outside import source_of
+from swimbladder.vehicle import Controller
+from tests.codegen.build import Compiled
+from tests.codegen.conftest import gcc  # noqa: F401
+from tests.codegen.laws import bits
+
+FEUP = sb.load_vehicle("feup-em")
+
+STEP = {"setpoints": [(0.0, 3.0)], "duration": 120.0, "start_depth": 1.5}
+
+# The paper's cascade, written anew: what it does is known from the law of the tree.
+LAW = """
+from typing import NamedTuple
+
+from swimbladder import Law
+from swimbladder.control.recipe import QUIET, Grid, Recipe, stiffness
+
+
+class Gains(NamedTuple):
+    inner: float  # V/m3
+    k_p: float  # m3/m
+    k_i: float  # m3/s/m
+    k_d: float  # m3 s/m
+    S_p: float  # s
+
+
+class Memory(NamedTuple):
+    integral: float  # m3
+    error: float  # m
+    volume_reference: float  # m3
+
+
+def initial(parameters, seen, reference):
+    return Memory(seen.volume, reference - seen.depth, seen.volume)
+
+
+def step(parameters, state, seen, reference):
+    p = parameters
+    error = reference - seen.depth
+    wanted = p.k_p * error + p.k_d / p.S_p * (error - state.error) + state.integral
+    after = Memory(state.integral + p.k_i * p.S_p * error, error, wanted)
+    return p.inner * (wanted - seen.volume), after, p.S_p
+
+
+def gains(s, k):
+    d, a = stiffness(s.plant)
+    w, zeta, third = k.frequency, k.damping, 0.4 * k.frequency
+    return Gains(
+        inner=k.inner / s.plant.gain,
+        k_p=-(w * w + 2.0 * zeta * w * third + a * s.plant.psi) / a,
+        k_i=-w * w * third / a, k_d=-(2.0 * zeta * w + third - d) / a, S_p=s.sample_time,
+    )
+
+
+GRID = Grid((0.3, 0.45), (0.05, 0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23), (0.6, 0.8, 1.0))
+LAW = Law(
+    name="hover", summary="the paper's cascade, written anew", command="voltage",
+    parameters=Gains, state=Memory, step=step, initial=initial,
+    units={"inner": "V/m3", "k_p": "m3/m", "k_i": "m3/s/m", "k_d": "m3 s/m", "S_p": "s"},
+    recipe=Recipe(
+        gains=gains, fast=GRID, quiet=GRID._replace(inner=(0.3,), frequency=QUIET.frequency),
+        volts=(1.0,),
+    ),
+    volume_gain="inner",
+)
+OTHER = LAW
+"""
+FORMATS = '''
+import zlib
+
+import numpy as np
+
+from swimbladder.errors import LogError
+from swimbladder.io.cast_formats import CastFormat
+from swimbladder.io.cast_raw import RawCast
+
+LOG = """
+[log]
+delimiter = ";"
+[log.columns]
+time_s = { name = "t", unit = "ms" }
+depth_m = { name = "tiefe", unit = "cm" }
+volume_m3 = { name = "v", unit = "mL" }
+"""
+
+
+def read(data, path, columns, profile):
+    rows = np.frombuffer(zlib.decompress(data[4:]), float).reshape(-1, 3).T
+    return RawCast(
+        path=path, pressure=rows[0], temperature=rows[1], salinity=rows[2],
+        row=np.arange(rows.shape[1]) + 1, row_name="sample", latitude=45.0, longitude=-20.0,
+        unit_stated=True,
+    ), profile
+
+
+CAST = CastFormat(recognises=lambda data: data.startswith(b"SWBZ"), read=read)
+'''
+POINTS = {
+    "laws": {"hover": "swb_hover.law:LAW"},
+    "log_formats": {"hover-logger": "swb_hover.formats:LOG"},
+    "cast_formats": {"hover-cast": "swb_hover.formats:CAST"},
+}
+# The numbers of Table 3 under the names of this law.
+TABLE_3 = dict(
+    zip(("inner", "k_p", "k_i", "k_d"), FEUP.controller.parameters.values(), strict=True)
+)
+HOVER = FEUP.model_copy(
+    update={"controller": Controller(law="hover", sample_time="0.3 s", parameters=TABLE_3)}
+)
+
+
+def described(folder, name, points):
+    """Write a package's metadata beside its modules, as an installer does."""
+    info = folder / f"{name.replace('-', '_')}-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    lines = [
+        line
+        for group, entries in points.items()
+        for line in (f"[swimbladder.{group}]", *(f"{k} = {v}" for k, v in entries.items()))
+    ]
+    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """The folder into which pip has installed the package."""
+    source, target = tmp_path_factory.mktemp("swb-hover"), tmp_path_factory.mktemp("site")
+    module = source / "swb_hover"
+    module.mkdir()
+    (module / "__init__.py").write_text("")
+    (module / "law.py").write_text(LAW)
+    (module / "formats.py").write_text(FORMATS)
+    entries = [
+        line
+        for group, points in POINTS.items()
+        for line in (
+            f'[project.entry-points."swimbladder.{group}"]',
+            *(f'{name} = "{value}"' for name, value in points.items()),
+        )
+    ]
+    (source / "pyproject.toml").write_text(
+        '[build-system]\nrequires = ["hatchling"]\nbuild-backend = "hatchling.build"\n'
+        '[project]\nname = "swb-hover"\nversion = "1.0"\n' + "\n".join(entries) + "\n"
+    )
+    subprocess.run(
+        [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps",
+         "--no-build-isolation", "--disable-pip-version-check", "--target", target, source],
+        check=True, capture_output=True, text=True,
+    )  # fmt: skip
+    return target
+
+
+@pytest.fixture
+def hover(installed, monkeypatch):
+    monkeypatch.syspath_prepend(str(installed))
+    return installed
+
+
+def refused(call, *words):
+    with pytest.raises(InputError) as caught:
+        call()
+    assert "\n" not in str(caught.value)
+    for word in words:
+        assert word in str(caught.value), str(caught.value)
+
+
+@pytest.mark.usefixtures("hover")
+class TestALaw:
+    def test_it_is_there_and_without_its_package_it_is_not(self, hover):
+        assert LAWS["hover"].name == "hover"
+        assert LAWS.package("hover") == "swb-hover"
+        assert LAWS.package("cascade") is None
+        assert list(LAWS)[-1] == "hover"
+        sys.path.remove(str(hover))
+        assert "hover" not in LAWS
+        refused(lambda: sb.simulate(HOVER, **STEP), "unknown control law")
+
+    def test_it_is_simulated_as_the_cascade_that_it_is(self):
+        own, other = sb.simulate(FEUP, **STEP), sb.simulate(HOVER, **STEP)
+        assert np.array_equal(own.depth, other.depth)
+        assert np.array_equal(own.command, other.command)
+
+    def test_the_command_line_takes_it_and_says_its_name(self, tmp_path, capsys):
+        from swimbladder.io.vehicle_file import vehicle_file
+
+        (tmp_path / "v.toml").write_text(vehicle_file(HOVER), encoding="utf-8")
+        code = main(["simulate", str(tmp_path / "v.toml"), "--duration", "60", "--json",
+                     "--out", str(tmp_path / "out")])  # fmt: skip
+        assert code == 0
+        assert json.loads(capsys.readouterr().out)["vehicle"] == FEUP.name
+
+    @pytest.mark.usefixtures("gcc")
+    def test_its_c_is_its_twin(self, tmp_path):
+        from swimbladder.codegen.twin import twin
+
+        law = LAWS["hover"]
+        compiled, same = Compiled(law, tmp_path), twin(law)
+        library = make_library(HOVER, duration=30.0)
+        assert library.to_json()["law"] == "hover"
+        parameters = library.parameters
+        rng = np.random.default_rng(1)
+        seen = sb.Measurement(*map(np.float32, (0.0, 1.5, 6e-6)))
+        state = same.initial(parameters, seen, np.float32(3.0))
+        assert bits(*compiled.initial(parameters, seen, 3.0)) == bits(*state)
+        for _ in range(200):
+            seen = sb.Measurement(*map(np.float32, rng.normal([0.0, 2.0, 0.0], [1.0, 1.0, 1e-4])))
+            command, after, wait = same.step(parameters, state, seen, np.float32(3.0))
+            in_c, state_in_c, wait_in_c = compiled.step(parameters, state, seen, 3.0)
+            assert bits(in_c, *state_in_c, wait_in_c) == bits(command, *after, wait)
+            state = after
+
+    @pytest.mark.slow
+    def test_it_is_tuned_as_the_cascade_is(self):
+        given = {"goal": "quiet", "depths": (0.0, 5.0), "runs": 20}
+        own, other = tune(FEUP, law="cascade", **given), tune(FEUP, law="hover", **given)
+        assert list(leaves(other.parameters).values()) == list(leaves(own.parameters).values())
+        assert other.margins == own.margins
+        assert str(other.region) == str(own.region)  # energies are nan
+
+    def test_it_is_compared_and_has_a_wrapped_form(self):
+        kept, out = choose_laws(FEUP, None)
+        assert "hover" in kept
+        assert all(one.name != "hover" for one in out)
+        assert wrapped(LAWS["hover"]).inner is LAWS["hover"]
+
+    def test_an_edit_of_its_source_gives_its_kernels_and_answers_another_name(self):
+        def name(text):
+            space = {"__name__": f"law_{zlib.crc32(text.encode())}"}
+            exec(text, space)
+            return source_of(space["LAW"])
+
+        assert source_of(LAWS["cascade"]) == ""
+        assert name(LAW) == name(LAW)
+        assert name(LAW.replace("p.inner * (", "0.5 * p.inner * (")) != name(LAW)
+        assert name(LAW.replace("0.4 * k.frequency", "0.5 * k.frequency")) != name(LAW)
+
+
+@pytest.mark.usefixtures("hover")
+class TestFormats:
+    def test_a_log(self, tmp_path, capsys):
+        form = log_format("hover-logger")
+        assert form.delimiter == ";"
+        lines = ["t;tiefe;v"]
+        for n in range(400):
+            depth = 50.0 + 2.0 * np.exp(-0.01 * n)
+            lines.append(f"{250 * n};{depth:.4f};{100.0 + 0.01 * n:.3f}")
+        (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+        log = sb.read_log(tmp_path / "log.csv", log_format="hover-logger")
+        assert log.time[-1] == pytest.approx(99.75)
+        assert log.depth[0] == pytest.approx(0.52)
+        code = main(["compare", str(tmp_path / "log.csv"), "--vehicle", "feup-em", "--json",
+                     "--log-format", "hover-logger", "--drive", "volume",
+                     "--out", str(tmp_path / "out")])  # fmt: skip
+        assert code in (0, 1), capsys.readouterr().err
+        answer = json.loads(capsys.readouterr().out)
+        assert answer["drive"] == "volume", answer
+
+    def test_a_cast(self, tmp_path):
+        pressure = np.linspace(0.0, 200.0, 101)
+        rows = np.stack([pressure, 20.0 - 0.05 * pressure, 35.0 + 0.0 * pressure], axis=1)
+        path = tmp_path / "water.swbz"
+        path.write_bytes(b"SWBZ" + zlib.compress(rows.astype(float).tobytes()))
+        cast = read_cast(path)
+        table = tmp_path / "water.csv"
+        np.savetxt(table, rows, delimiter=",", comments="",
+                   header="pressure_dbar,temperature_degC,salinity")  # fmt: skip
+        same = read_cast(table, latitude=45.0, longitude=-20.0)
+        assert np.allclose(cast.SA, same.SA, rtol=1e-9)
+        assert np.allclose(cast.CT, same.CT, rtol=1e-9)
+        path.write_bytes(b"SWBZ no zlib")
+        refused(lambda: read_cast(path), "hover-cast", "swb-hover fails", "uninstall it")
+        path.write_bytes(b"SWBX")
+        with pytest.raises(InputError):
+            read_cast(path)
+
+
+class TestWhatIsBroken:
+    @pytest.fixture
+    def beside(self, tmp_path, monkeypatch):
+        """Return how a package of a name is put beside the others."""
+        monkeypatch.syspath_prepend(str(tmp_path))
+
+        def put(name, points, **modules):
+            for module, text in modules.items():
+                (tmp_path / f"{module}.py").write_text(text)
+            described(tmp_path, name, points)
+
+        return put
+
+    @pytest.mark.parametrize(
+        ("text", "says"),
+        [
+            ("import nothing_of_that_name", "ModuleNotFoundError"),
+            ("LAW = 3", "it is no Law"),
+            ("def LAW(:", "SyntaxError"),
+            ("", "AttributeError"),
+            (LAW, "is called 'bad' and the law 'hover'"),
+            (LAW.replace('name="hover"', 'name="bad"').replace('"k_d": "m3 s/m", ', ""), "k_d has"),
+            (LAW.replace('name="hover"', 'name="bad"').replace('"voltage"', '"volume change"'),
+             "not called at each sample"),
+        ],
+    )  # fmt: skip
+    def test_it_is_one_line_and_in_nobodys_way(self, beside, text, says):
+        module = f"bad_{zlib.crc32(text.encode())}"
+        beside("swb-bad", {"laws": {"bad": f"{module}:LAW"}}, **{module: text})
+        refused(lambda: LAWS["bad"], says, "swb-bad", "ninstall")
+        assert "bad" in LAWS.names()
+        assert "bad" not in list(LAWS)
+        assert LAWS["cascade"].name == "cascade"
+        _, out = choose_laws(FEUP, None)
+        assert any(one.name == "bad" and "swb-bad" in one.why for one in out)
+        bad = FEUP.controller.model_copy(update={"law": "bad"})
+        broken = FEUP.model_copy(update={"controller": bad})
+        refused(lambda: sb.simulate(broken, **STEP), "swb-bad")
+        assert len(sb.simulate(FEUP, **STEP).time) == 401
+
+    def test_two_of_one_name_are_refused(self, beside):
+        one, two = LAW.replace("OTHER = LAW", ""), LAW
+        beside("swb-one", {"laws": {"hover": "one_law:LAW"}}, one_law=one)
+        assert LAWS["hover"].name == "hover"
+        beside("swb-two", {"laws": {"hover": "two_law:LAW"}}, two_law=two)
+        forget()
+        refused(lambda: LAWS["hover"], "swb-one and swb-two", "Uninstall swb-two")
+
+    @pytest.mark.parametrize("name", ["cascade", "rate"])
+    def test_a_name_of_swimbladders_own_is_refused(self, beside, name):
+        text = LAW.replace('name="hover"', f'name="{name}"')
+        beside("swb-thief", {"laws": {name: f"thief_{name}:LAW"}}, **{f"thief_{name}": text})
+        refused(lambda: LAWS[name], "swb-thief")
+        assert LAWS["planned"].name == "planned"
+
+    def test_a_broken_format_of_casts_is_said_and_the_cast_read(self, beside, tmp_path):
+        beside("swb-ill", {"cast_formats": {"ill": "ill:X"}, "log_formats": {"ill": "ill:Y"}})
+        refused(lambda: log_format("ill"), "swb-ill")
+        table = tmp_path / "water.csv"
+        table.write_text("pressure_dbar,temperature_degC,salinity\n0,20,35\n50,15,35\n")
+        assert any("swb-ill" in line for line in read_cast(table).report)
+
+
+def forget():
+    from swimbladder import plugins
+
+    plugins._entry_points.cache_clear()
+
+
+def test_nothing_of_others_is_imported_before_it_is_used(installed):
+    code = (
+        "import sys, time; start = time.perf_counter()\n"
+        "import swimbladder.cli\n"
+        "swimbladder.cli.main(['--help'])\n"
+        "print(*sorted(sys.modules), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True,
+        env={"PYTHONPATH": str(installed), "PATH": ""},
+    )  # fmt: skip
+    loaded = done.stderr.split()
+    assert not re.search(r"swb_hover", done.stderr)
+    assert "swimbladder.plugins" not in loaded
