@@ -100,7 +100,7 @@ def own(*, runs: int) -> list[str]:
     found = []
     for words, one, count in (
         ("the paper's cascade, without noise", vehicle, 1),
-        ("the paper's cascade, as it is", noisy("fast"), runs),
+        ("the paper's cascade, nominal", noisy("fast"), runs),
         ("the same, quantum of 5 mm", noisy("quiet"), runs),
     ):
         t = trial(one, law, numbers, _OWN, sample_time=_TICK, runs=count)
@@ -124,7 +124,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         found, goal = tuned(name, runs=given.runs), goal_of(name)
         knobs[name] = found.knobs
         if goal == "fast":
-            print(row(f"`{name}`, fast, as it is (median)", found.nominal, goal=goal, median=True))
+            print(row(f"`{name}`, fast, nominal (median)", found.nominal, goal=goal, median=True))
         print(row(f"`{name}`, {goal}, 95 % of the region", found.region, goal=goal), flush=True)
     for name, one in knobs.items():
         print(f"{name}: {one}")

@@ -99,4 +99,4 @@ def test_what_does_not_go_together_is_refused(capsys, files, command):
         assert "Traceback" not in error
     if command == "identify":
         assert main(words(files, command, *cast, "--paper")) == 2
-        assert "know no layered water" in capsys.readouterr().err
+        assert "do not model layered water" in capsys.readouterr().err

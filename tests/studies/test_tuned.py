@@ -48,7 +48,7 @@ def test_the_command_prints_own_rows_then_those_of_the_laws(capsys, monkeypatch)
     lines = capsys.readouterr().out.splitlines()
     assert lines[2] == "| own | 7 |"
     assert [line.split("|")[1].strip() for line in lines[3:6]] == [
-        "`planned`, fast, as it is (median)", "`planned`, fast, 95 % of the region",
+        "`planned`, fast, nominal (median)", "`planned`, fast, 95 % of the region",
         "`observer`, quiet, 95 % of the region",
     ]  # fmt: skip
     assert lines[6].startswith("planned: Knobs(")

@@ -279,6 +279,6 @@ def _print(found: Ballasting, warned: list[str], files: list[Path]) -> None:
         parts = ", ".join(f"{name} {1e6 * value:.2g}" for name, value in spread.items())
         output.print(f"1 sigma of the neutral volume at the deepest, cm3: {parts}", soft_wrap=True)
     for sentence in found.assumptions[len(warned) :]:
-        output.print(f"reckoned with: {sentence}", soft_wrap=True)
+        output.print(f"assumed: {sentence}", soft_wrap=True)
     for path in files:
         output.print(f"wrote {path}", soft_wrap=True)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = ["compare"]
 
-_ROUNDING = 1e-6  # of a difference that a log tells: less is no number to print
+_ROUNDING = 1e-6  # of a difference between a log and the model: less is no number to print
 
 
 def compare(
@@ -64,22 +64,22 @@ def compare(
     ] = "0.1 m",
     submerged: Annotated[
         bool,
-        typer.Option("--submerged", help="Begin where the vehicle is first so deep."),
+        typer.Option("--submerged", help="Begin where it is first deeper than that."),
     ] = False,
     ahead: Annotated[
         str | None,
-        typer.Option(metavar="TIME,...", help='Also predict so far ahead, as "10 s,60 s".'),
+        typer.Option(metavar="TIME,...", help='Also predict these times ahead, as "10 s,60 s".'),
     ] = None,
     walk: Annotated[
         str | None,
-        typer.Option(metavar="INTENSITY", help="Walk of the neutral volume, for --ahead."),
+        typer.Option(metavar="INTENSITY", help="Random walk of the neutral volume, for --ahead."),
     ] = None,
     depth_noise: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help="1 sigma of the depths, for --ahead.")
+        str | None, typer.Option(metavar="DEPTH", help="Depth noise, 1 sigma, for --ahead.")
     ] = None,
     acceleration_noise: Annotated[
         str | None,
-        typer.Option(metavar="INTENSITY", help="White acceleration, for --ahead."),
+        typer.Option(metavar="INTENSITY", help="Acceleration noise density, for --ahead."),
     ] = None,
     cast: CastFiles = None,
     cast_where: CastWhere = None,
@@ -95,10 +95,10 @@ def compare(
 ) -> None:
     """Drive the model with a measured log and compare depths.
 
-    What the log recorded drives it: volume or piston, else voltage, else the set-point, which the
-    vehicle's own controller follows. With --cast, and a logged volume, the neutral volume follows
-    the density of the water. Of several logs each is compared by itself; exit code 1 or 2
-    says that at least one could not be.
+    The model's input is the logged volume or piston, else the voltage, else the set-point, which
+    the vehicle's own controller follows. With --cast, and a logged volume, the neutral volume
+    follows the density of the water. Each log is compared separately; exit code 1 or 2: at least
+    one could not be.
     """
     from swimbladder.io.config import load_vehicle
 
@@ -276,7 +276,7 @@ def _print_one(task: _Task, r: Comparison, said: set[str]) -> None:
         unit = shown_unit(fitted.unit)
         least = _ROUNDING * FITTABLE[name].scale
         value = format_quantity(_cleared(fitted.value, least), fitted.unit, unit)
-        spread = ", which this log cannot tell"
+        spread = ", which this log does not determine"
         if fitted.std is not None:
             std = _cleared(fitted.std, least)
             spread = f" +- {format_quantity(std, fitted.unit, unit, digits=2)}"

@@ -175,6 +175,6 @@ def _print(found: LawComparison, files: list[Path]) -> None:
     for one in found.left_out:
         output.print(f"left out: {one.name}: {one.why}", soft_wrap=True)
     for words in found.assumptions:
-        output.print(f"reckoned with: {words}", soft_wrap=True)
+        output.print(f"assumed: {words}", soft_wrap=True)
     for path in files:
         output.print(f"wrote {path}", soft_wrap=True)

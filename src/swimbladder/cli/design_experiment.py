@@ -1,4 +1,4 @@
-"""``swimbladder design-experiment``: which volume changes to run in a pool, and what they tell."""
+"""``swimbladder design-experiment``: pool experiments, and the errors that they give."""
 
 from __future__ import annotations
 
@@ -37,33 +37,33 @@ def design_experiment(
     ] = None,
     quantum: Annotated[
         str | None,
-        typer.Option(metavar="DEPTH", help="Step of the depth sensor (the vehicle's)."),
+        typer.Option(metavar="DEPTH", help="Quantum of the depth sensor (the vehicle's)."),
     ] = None,
     sample_time: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Between samples (the controller's).")
+        str | None, typer.Option(metavar="TIME", help="Sample time (the controller's).")
     ] = None,
     neutral_std: Annotated[
         str | None,
         typer.Option(
             metavar="VOLUME",
-            help="How well the neutral volume at rest is known, 1 sigma (0.5 cm3).",
+            help="Prior of the neutral volume at rest, 1 sigma (0.5 cm3).",
         ),
     ] = None,
     drift: Annotated[
         str | None,
-        typer.Option(metavar="RATE", help="How it drifts from there, 1 sigma (0.1 cm3/min)."),
+        typer.Option(metavar="RATE", help="Drift of the neutral volume, 1 sigma (0.1 cm3/min)."),
     ] = None,
     free: Annotated[
         str | None,
-        typer.Option(metavar="NAME,...", help="What is sought (what the drag law has, and psi)."),
+        typer.Option(metavar="NAME,...", help="Parameters to identify (drag law's, psi)."),
     ] = None,
     set_: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help='Not sought: "psi=2e-6 m3/m".'),
+        typer.Option("--set", metavar="NAME=VALUE", help='Fix at a value: "psi=2e-6 m3/m".'),
     ] = None,
     prior: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help='Known before: "psi=2e-6 +- 1e-6 m3/m".'),
+        typer.Option(metavar="NAME=VALUE", help='Prior: "psi=2e-6 +- 1e-6 m3/m".'),
     ] = None,
     drag: Annotated[
         str | None,
@@ -71,7 +71,7 @@ def design_experiment(
     ] = None,
     time: Annotated[
         str | None,
-        typer.Option(metavar="TIME", help="In the pool, settling included (--against's; 60 min)."),
+        typer.Option(metavar="TIME", help="Pool time, settling included (--against's; 60 min)."),
     ] = None,
     runs: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="At most so many experiments.")
@@ -81,7 +81,7 @@ def design_experiment(
     ] = "0.75 m",
     settling: Annotated[
         str | None,
-        typer.Option(metavar="TIME", help="Until at rest before a release (simulated)."),
+        typer.Option(metavar="TIME", help="Settling time before a release (simulated)."),
     ] = None,
     longest: Annotated[str, typer.Option(metavar="TIME", help="Longest record.")] = "240 s",
     moves: Annotated[
@@ -99,7 +99,7 @@ def design_experiment(
     uncertainty: Annotated[
         str | None,
         typer.Option(
-            metavar="SHARE", help="How far the vehicle may be off, 1 sigma (as identified; 30%)."
+            metavar="SHARE", help="Error of the vehicle's file, 1 sigma (as identified; 30%)."
         ),
     ] = None,
     against: Annotated[
@@ -115,11 +115,11 @@ def design_experiment(
         bool, typer.Option("--json", help="Print one JSON object and nothing else.")
     ] = False,
 ) -> None:
-    """Find the pool experiments that tell most, and what they will tell, before anyone gets wet.
+    """Design the most informative pool experiments, and predict the errors of their estimates.
 
     A plan to follow, a page to print and the errors to expect: of every parameter, after every
-    experiment, and against single steps in the same time. Exit code 1 says that what is asked
-    cannot be told.
+    experiment, and against single steps in the same time. Exit code 1: not all parameters are
+    identifiable in this time.
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
@@ -202,7 +202,9 @@ def _print(found: Design, files: list[Path]) -> None:
         soft_wrap=True,
     )
     if not found.identifiable:
-        output.print("\nNo set of experiments in this time tells all that is asked:", style="bold")
+        output.print(
+            "\nNo set of experiments in this time identifies all parameters:", style="bold"
+        )
         for f in found.findings:
             if f.severity == "no":
                 output.print(f.sentence, style="bold", soft_wrap=True)
@@ -264,7 +266,7 @@ def _parameters(found: Design) -> object:
     w = found.chosen
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     table.add_column("", no_wrap=True, min_width=max(map(len, w.prediction.parameters)))
-    headings = ["taken for", "1 sigma", "95 % interval", "unit", "with drift", "other vehicles"]
+    headings = ["assumed", "1 sigma", "95 % interval", "unit", "with drift", "other vehicles"]
     for heading in headings + ([found.rival] if found.gains else []):
         table.add_column(heading, justify="right", overflow="fold")
     for name, e in w.prediction.parameters.items():

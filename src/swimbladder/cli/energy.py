@@ -142,7 +142,7 @@ def energy(
         )
     }
     wanted = quantity(depth, "m", "--depth")
-    with progress("reckoning"), said_as_typed(typed, deepest="--depth", cast="--cast"):
+    with progress("computing"), said_as_typed(typed, deepest="--depth", cast="--cast"):
         from swimbladder.design.energy import Thruster, drive_energy, hovering, profiling
         from swimbladder.design.energy.sentences import (
             assumptions,
@@ -236,4 +236,4 @@ def _print(found: DriveEnergy, said: list[str], rests: tuple[str, ...]) -> None:
     output.print(table)
     output.print("")
     for sentence in rests:
-        output.print(f"reckoned with: {sentence}", soft_wrap=True)
+        output.print(f"assumed: {sentence}", soft_wrap=True)

@@ -53,8 +53,8 @@ def faults(
     """Fly the vehicle's own C through missions in which sensors, actuator or battery fail.
 
     The controller and its supervisor are compiled on this machine and flown against the plant.
-    Exit code 1 where a vehicle is lost that full buoyancy 60 s after the fault would have saved,
-    or where a healthy mission raises an alarm. A run that is killed goes on where it was.
+    Exit code 1: a recoverable mission was lost (full buoyancy 60 s after fault onset would have
+    surfaced the vehicle), or a healthy mission raised an alarm. A run that is killed resumes.
     """
     from swimbladder.cli.depths import depth_pair
     from swimbladder.io.config import load_vehicle
@@ -130,10 +130,10 @@ def _print(flown: Campaign, files: list[Path]) -> None:
     output.print("")
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for heading in (
-        "what fails", "flown", "savable", "saved", "lost", "lost alone", "seen [s]", "95 % [s]",
-        "deepest [m]",
+        "fault", "missions", "recoverable", "recovered", "lost", "lost without supervisor",
+        "detection time [s]", "95 % [s]", "deepest [m]",
     ):  # fmt: skip
-        first = heading == "what fails"
+        first = heading == "fault"
         table.add_column(heading, justify="left" if first else "right", no_wrap=first)
     for line in flown.lines():
         table.add_row(
@@ -146,31 +146,30 @@ def _print(flown: Campaign, files: list[Path]) -> None:
     able, total = int(flown.recoverable.sum()), len(flown.faulty)
     gone = flown.lines()[-1]
     output.print(
-        f"{able} of {total} could be saved: full buoyancy 60 s after the faults act brings "
-        f"them up. With the supervisor {gone.saved} of them came up, without it "
-        f"{100.0 * flown.lost_alone:.0f} % were lost "
-        f"({100.0 * flown.all_lost_alone:.0f} % of all). Of the "
-        f"other {total - able} it brought up {gone.unrecoverable_saved}.",
+        f"{able} of {total} missions are recoverable: full buoyancy, commanded 60 s after fault "
+        f"onset, surfaces the vehicle. With the supervisor {gone.saved} of them were recovered; "
+        f"without it {100.0 * flown.lost_alone:.0f} % were lost "
+        f"({100.0 * flown.all_lost_alone:.0f} % of all missions). Of the other {total - able} "
+        f"the supervisor brought up {gone.unrecoverable_saved}.",
         soft_wrap=True,
     )
     if len(flown.lost_early):
         output.print(
-            f"{len(flown.lost_early)} more were lost that full buoyancy 60 s after the first of "
-            "two faults would have saved, and 60 s after the second not: by then it was too late, "
-            "or the second had not shown",
+            f"{len(flown.lost_early)} more were lost that full buoyancy 60 s after the onset of "
+            "the first of two faults would have surfaced, but not 60 s after the second: by then "
+            "it was too late, or the second had had no effect yet",
             soft_wrap=True,
         )
     if len(flown.filled):
         output.print(
-            f"{len(flown.filled)} of those that came up were there no later than with full "
-            "buoyancy 60 s after the faults act, and were then filled by a leak, their volume "
-            "all out: nobody can command more",
+            f"{len(flown.filled)} of the recovered surfaced no later than with full buoyancy 60 s "
+            "after fault onset, and were then filled by a leak at full buoyancy: no command helps",
             soft_wrap=True,
         )
     if flown.lost_alone < MILD:
         output.print(
             f"the faults are mild for this law: without the supervisor less than {MILD:.0%} of "
-            "those that could be saved were lost",
+            "the recoverable missions were lost",
             soft_wrap=True,
         )
     alarms, trials = len(flown.false_alarms), len(flown.healthy)
@@ -182,8 +181,8 @@ def _print(flown: Campaign, files: list[Path]) -> None:
     )
     if len(flown.too_slow):
         output.print(
-            f"{len(flown.too_slow)} healthy missions were not at an end at the time limit, and "
-            "the supervisor ended them: the law is slow for them",
+            f"{len(flown.too_slow)} healthy missions had not ended at the time limit, and the "
+            "supervisor ended them: the law is slow for them",
             soft_wrap=True,
         )
     for path in files:
@@ -198,8 +197,8 @@ def _verdict(flown: Campaign, vehicle: str, seed: int) -> str:
     """Return what is wrong and what to do, the missions by number."""
     parts, lost, alarms = [], flown.lost, flown.false_alarms
     if len(lost):
-        parts.append(f"{len(lost)} of {int(flown.recoverable.sum())} vehicles that could be saved "
-                     "were lost:")  # fmt: skip
+        parts.append(f"{len(lost)} of {int(flown.recoverable.sum())} recoverable missions were "
+                     "lost:")  # fmt: skip
         parts += [f"  {flown.told(int(n))}" for n in lost[:_SHOWN]]
         if len(lost) > _SHOWN:
             parts.append(f"  and {len(lost) - _SHOWN} more: supervised in missions.csv")

@@ -37,7 +37,7 @@ _OPTIONS = {
 def firmware(
     vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
     law: Annotated[
-        str | None, typer.Option(metavar="LAW", help="What its controller has to be, to be sure.")
+        str | None, typer.Option(metavar="LAW", help="Refuse a controller of another law.")
     ] = None,
     start: Annotated[
         str | None, typer.Option(metavar="DEPTH", help=f"Golden trace: start ({_START} m)")
@@ -55,14 +55,14 @@ def firmware(
     ] = None,
     pool_clearance: Annotated[
         str | None,
-        typer.Option(metavar="DEPTH", help="Of its rests from bottom and surface (0.75 m)."),
+        typer.Option(metavar="DEPTH", help="Its rests, from bottom and surface (0.75 m)."),
     ] = None,
     pool_volumes: Annotated[
         str | None,
         typer.Option(metavar="FIRST:LAST", help="Its changes of volume (20:75 cm3)."),
     ] = None,
     pool_rounds: Annotated[
-        int | None, typer.Option(metavar="N", help="How many rounds it has (4).")
+        int | None, typer.Option(metavar="N", help="Its number of rounds (4).")
     ] = None,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder of the library.")
@@ -73,7 +73,7 @@ def firmware(
 ) -> None:
     """Write the vehicle's controller as an Arduino library in C99 and float32.
 
-    The library holds the law, a supervisor that brings the vehicle up whatever the law says (see
+    The library holds the law, a supervisor that brings the vehicle up when a fault is detected (see
     [supervisor] in the vehicle's file), sketches with two functions to fill in, and a
     golden trace: a depth step flown by the law's twin in float32, equal to the C to the last bit.
     With --pool it also holds the pool procedure (a)-(d), which identify and pool --follow read.
@@ -134,7 +134,7 @@ def _pool(
         for option, given in others.items():
             if given is not None:
                 raise InputError(
-                    "it says how the pool procedure goes, and there is none",
+                    "it sets the pool procedure, and there is none",
                     field=option, value=given, remedy='Give --pool, like --pool "4.5 m"',
                 )  # fmt: skip
         return None
@@ -183,7 +183,7 @@ def _print(made: Library, files: list[Path]) -> None:
     late = []
     if not abs(end - made.target) <= _ARRIVED * abs(made.target - made.start_depth):
         late.append(
-            f"the golden trace ends at {end:.3g} m, before the vehicle has arrived: it proves less "
+            f"the golden trace ends at {end:.3g} m, before the vehicle has arrived: it tests less "
             "of the C than one with a longer --duration"
         )
     for line in (

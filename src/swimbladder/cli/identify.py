@@ -1,4 +1,4 @@
-"""``swimbladder identify``: the vertical motion's parameters from logs, and how sure they are."""
+"""``swimbladder identify``: the vertical motion's parameters from logs, with intervals."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ def identify(
         str | None,
         typer.Option(
             metavar="NAME,...",
-            help="What is identified: K2, T2, psi; mass, drag_quadratic; K1, T1 (what the drag law "
-            "has, and psi).",
+            help="Parameters to identify: K2, T2, psi; mass, drag_quadratic; K1, T1 (those of the "
+            "drag law, and psi).",
         ),
     ] = None,
     set_: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help='Not identified: "psi=2e-6 m3/m".'),
+        typer.Option("--set", metavar="NAME=VALUE", help='Fix at a value: "psi=2e-6 m3/m".'),
     ] = None,
     prior: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help='Known before: "psi=2e-6 +- 1e-6 m3/m".'),
+        typer.Option(metavar="NAME=VALUE", help='Prior: "psi=2e-6 +- 1e-6 m3/m".'),
     ] = None,
     drag: Annotated[
         str | None,
@@ -59,12 +59,12 @@ def identify(
     neutral_std: Annotated[
         str,
         typer.Option(
-            metavar="VOLUME", help="How well each log's neutral volume is known, 1 sigma; or none."
+            metavar="VOLUME", help="Prior of each log's neutral volume, 1 sigma; or none."
         ),
     ] = "0.5 cm3",
     speed_std: Annotated[
         str,
-        typer.Option(metavar="SPEED", help="How nearly each log starts at rest, 1 sigma; or none."),
+        typer.Option(metavar="SPEED", help="Prior of each log's start speed, 1 sigma; or none."),
     ] = "none",
     drive: Annotated[
         str | None,
@@ -81,14 +81,14 @@ def identify(
     ] = True,
     walk: Annotated[
         bool,
-        typer.Option("--walk", help="The neutral volumes walk at random: trapped air, leaks."),
+        typer.Option("--walk", help="Each neutral volume is a random walk: trapped air, leaks."),
     ] = False,
     posterior: Annotated[
         bool, typer.Option("--posterior", help="Also draw from the posterior (needs emcee).")
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of the draws from the posterior.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the draws from the posterior.")] = 1,
     paper: Annotated[
-        bool, typer.Option("--paper", help="The paper's fits beside: eqs (26) and (27), averaged.")
+        bool, typer.Option("--paper", help="Also the paper's fits: eqs (26) and (27), averaged.")
     ] = False,
     cast: CastFiles = None,
     cast_where: CastWhere = None,
@@ -103,11 +103,10 @@ def identify(
 ) -> None:
     """Identify a vehicle's vertical motion from logs, with intervals and a report.
 
-    Several logs are several experiments with one vehicle, fitted together; each has its own
-    neutral volume and start. With --cast the neutral volume follows the density of the water. Of
-    a vehicle with a pump and a valve, deep dives in that water: drag, hull, pump and valve from
-    the seconds that these ran. Exit code 1 says that the data do not tell what was asked: then no
-    vehicle is written.
+    All logs are fitted jointly as experiments with one vehicle; each has its own neutral volume
+    and start. With --cast the neutral volume follows the density of the water. For a vehicle with
+    a pump and a valve, deep dives in that water identify drag, hull, pump and valve from their
+    run times. Exit code 1: a parameter is not identifiable from the logs; no vehicle is written.
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
@@ -137,7 +136,7 @@ def identify(
         )  # fmt: skip
     if cast and paper:
         raise InputError(
-            "the paper's fits know no layered water", field="--paper",
+            "the paper's fits do not model layered water", field="--paper",
             remedy="Leave --paper out, or --cast",
         )  # fmt: skip
     options: dict[str, Any] = {
@@ -196,13 +195,13 @@ def identify(
 
 
 def _refuse_runs(path: Path, vehicle: Vehicle, mapped: Mapping[str, str]) -> None:
-    """Raise InputError where a log tells of runs of a pump or valve that the vehicle lacks."""
+    """Raise InputError where a log has runs of a pump or valve that the vehicle lacks."""
     from swimbladder.io.logs import header_names
 
     runs = {"pump_s", "valve_s", "bypass_s"} & {*header_names(path), *mapped}
     if runs:
         raise InputError(
-            f"{path} tells of runs of a pump or valve ({', '.join(sorted(runs))}), and the vehicle "
+            f"{path} has runs of a pump or valve ({', '.join(sorted(runs))}), and the vehicle "
             f"{vehicle.name!r} has no pump and valve", field="--vehicle", value=vehicle.name,
             remedy="Give a vehicle whose actuator is of kind pump-valve, like example-float",
         )  # fmt: skip

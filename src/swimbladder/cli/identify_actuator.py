@@ -52,7 +52,7 @@ def identify_actuator(
         str | None,
         typer.Option(
             metavar="NAME,...",
-            help="Exit with 1 unless these are told: K1, T1, dead_zone, load_voltage, asymmetry, "
+            help="Exit with 1 unless identified: K1, T1, dead_zone, load_voltage, asymmetry, "
             "rate (K1 and T1; without a voltage T1 and rate; of a positioner the rate).",
         ),
     ] = None,
@@ -67,7 +67,7 @@ def identify_actuator(
     """Find K1, T1, dead zone, asymmetry and rate of an actuator, with a report.
 
     From logs of voltage steps, or of moves at full speed where no voltage was logged. Several logs
-    are of one actuator. Exit code 1 says that something asked for is not told by the logs.
+    are of one actuator. Exit code 1: what was asked for is not identifiable from the logs.
     """
     from swimbladder.estimation.actuator import PARAMETERS
     from swimbladder.io.config import load_vehicle
@@ -164,7 +164,7 @@ def _table(*headings: str) -> Table:
 
 
 def _print_parameters(found: ActuatorIdentification) -> None:
-    """Print what is told, then why the rest is not."""
+    """Print what is identified, then why the rest is not."""
     shown = {**found.parameters, **found.derived}
     table = _table("", "value", "1 sigma", "95 % interval")
     for name, e in shown.items():
@@ -180,7 +180,7 @@ def _print_parameters(found: ActuatorIdentification) -> None:
 
 
 def _print_each(found: ActuatorIdentification) -> None:
-    """Print what each log tells, a row for each of its numbers."""
+    """Print what each log determines, a row for each of its numbers."""
     output.print("\nEach log by itself")
     for fit in found.logs:
         refusal = "" if fit.refusal is None else f": {fit.refusal}"

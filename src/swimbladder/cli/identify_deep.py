@@ -42,7 +42,7 @@ def identify_deep(
     free: tuple[str, ...] | None, fixed: Sequence[str], priors: Sequence[str], out: Path,
     json: bool,
 ) -> None:  # fmt: skip
-    """Identify, write the files, print; exit code 1 where the data do not tell what was asked.
+    """Identify, write the files, print; exit code 1 where a parameter is not identifiable.
 
     given: how the vehicle was named.
     """
@@ -124,7 +124,8 @@ def _parameters(found: DeepIdentification) -> object:
         sure = [f"{factor * e.std:.2g}", f"{low:.4g} to {high:.4g}"]
         table.add_row(
             name, f"{factor * e.value:.4g}", *(("-", "-") if found.doubted else sure),
-            shown or "-", "not told" if found.doubted and e.origin != "set" else words[e.origin],
+            shown or "-",
+            "not identifiable" if found.doubted and e.origin != "set" else words[e.origin],
         )  # fmt: skip
     return table
 

@@ -1,4 +1,4 @@
-"""What `swimbladder identify` found, on the terminal: the answer first, then what it rests on."""
+"""The result of `swimbladder identify` on the terminal: the answer first, then its basis."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["number_table", "print_found"]
 def print_found(
     found: Identification, paper: PaperFits | None, seconds: float, files: list[Path]
 ) -> None:
-    """Print what was found: the answer first, then what it rests on."""
+    """Print what was found: the answer first, then its basis."""
     from swimbladder.show.plots.identify import labels
     from swimbladder.show.report.words import correlations, findings, headlines, reading
 
@@ -31,7 +31,7 @@ def print_found(
         soft_wrap=True,
     )
     if not found.identified:
-        output.print("\nThe data do not tell what was asked:", style="bold red")
+        output.print("\nNot identifiable from these logs:", style="bold red")
     output.print("")
     for sentence in headlines(found):
         output.print(sentence, style=None if found.identified else "bold", soft_wrap=True)
@@ -119,7 +119,7 @@ def _logs(found: Identification) -> object:
     from swimbladder.show.plots.identify import labels
     from swimbladder.show.report.words import row
 
-    table = number_table(("log", "rms", "samples", "outliers", "neutral volume off by"))
+    table = number_table(("log", "rms", "samples", "outliers", "neutral-volume error"))
     for label, e in zip(labels(found), found.experiments, strict=True):
         r = row("", e.estimates["neutral_error"])
         table.add_row(

@@ -60,13 +60,13 @@ def mission(
         int | None, typer.Option(metavar="N", min=1, help="Cycles (as in the mission).")
     ] = None,
     duration: Annotated[
-        str | None, typer.Option(metavar="TIME", help="After it no cycle begins.")
+        str | None, typer.Option(metavar="TIME", help="No cycle begins after this time.")
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Of the sensors' noise (no noise).")
+        int | None, typer.Option(min=0, help="Seed of the sensors' noise (no noise).")
     ] = None,
     begin: Annotated[
-        str | None, typer.Option(metavar="TIME", help="ISO 8601, for the netCDF (2000-01-01).")
+        str | None, typer.Option(metavar="TIME", help="Start, ISO 8601, for netCDF (2000-01-01).")
     ] = None,
     column: Columns = None,
     where: Where = None,
@@ -85,13 +85,13 @@ def mission(
         bool, typer.Option("--json", help="Print one JSON object and nothing else.")
     ] = False,
 ) -> None:
-    r"""Fly a mission of phases and cycles: depth, time, pump, battery.
+    r"""Simulate a mission of phases and cycles: depth, time, pump, battery.
 
     Without --cast the water is that of the vehicle's file, of constant density.
 
-    Exit code 1: it cannot be met (said before flying where physics tells) or was not.
+    Exit code 1: it cannot be met (reported before flying where physics determines it) or was not.
 
-    A run that is killed goes on where it was.
+    A run that is killed resumes.
     """
     from swimbladder.io.config import load_mission, load_vehicle
     from swimbladder.io.files import check_place, unfinished

@@ -149,6 +149,6 @@ def _print(found: Stability, files: list[Path]) -> None:
         output.print(table)
     output.print("")
     for sentence in found.words:
-        output.print(f"reckoned with: {sentence}", soft_wrap=True)
+        output.print(f"assumed: {sentence}", soft_wrap=True)
     for path in files:
         output.print(f"wrote {path}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""``swimbladder tune``: gains for a vehicle, with margins over what is not known of it."""
+"""``swimbladder tune``: gains for a vehicle, with margins over its 95 % parameter region."""
 
 from __future__ import annotations
 
@@ -36,26 +36,30 @@ def tune(
     ] = "planned",
     goal: Annotated[
         str,
-        typer.Option(metavar="GOAL", help="fast: soon settled; quiet: little moved; energy."),
+        typer.Option(
+            metavar="GOAL",
+            help="fast: least settling time; quiet: least motion of the actuator; energy.",
+        ),
     ] = "fast",
     depth: Annotated[
-        str, typer.Option("--depth", metavar="LEAST:MOST", help="Depths it is for.")
+        str, typer.Option("--depth", metavar="LEAST:MOST", help="Range of depths of the design.")
     ] = "0:10 m",
     step: Annotated[
         str | None, typer.Option(metavar="FROM:TO", help="Step of the trials (1.5 m).")
     ] = None,
     depth_noise: Annotated[
         str | None,
-        typer.Option(metavar="DEPTH", help="1 sigma of the depths (the vehicle's sensor)."),
+        typer.Option(metavar="DEPTH", help="Depth noise, 1 sigma (the vehicle's sensor)."),
     ] = None,
     depth_quantum: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help="Step of the depth sensor (the vehicle's).")
+        str | None,
+        typer.Option(metavar="DEPTH", help="Quantum of the depth sensor (the vehicle's)."),
     ] = None,
     sample_time: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Between samples (the controller's).")
+        str | None, typer.Option(metavar="TIME", help="Sample time (the controller's).")
     ] = None,
     delay: Annotated[
-        str, typer.Option(metavar="SHARE", help="From sample to command, of a sample.")
+        str, typer.Option(metavar="SHARE", help="Computation delay, as a share of the sample time.")
     ] = "10 %",
     supply: Annotated[
         str | None,
@@ -63,7 +67,9 @@ def tune(
     ] = None,
     hold: Annotated[
         str | None,
-        typer.Option(metavar="DEPTH", help="Error allowed, rms (quiet 9.5 mm, energy 5 cm)."),
+        typer.Option(
+            metavar="DEPTH", help="Allowed holding error, rms (quiet 9.5 mm, energy 5 cm)."
+        ),
     ] = None,
     runs: Annotated[int, typer.Option(metavar="N", help="Runs of every trial.")] = 200,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
@@ -73,11 +79,11 @@ def tune(
         bool, typer.Option("--json", help="Print one JSON object and nothing else.")
     ] = False,
 ) -> None:
-    r"""Find gains of a law whose margins hold over all that is not known of the vehicle.
+    r"""Find gains of a law that meet the stability margins over the 95 % parameter region.
 
-    The region is that of the covariance that `identify` writes, or 5 % where nothing was
-    identified. vehicle.toml has the controller, for the other commands. Exit code 1 says that no
-    gains do, and what limits them.
+    The region follows from the covariance that `identify` writes, or is 5 % in K2 and T2 without
+    one. Trials with sensor noise verify the gains; vehicle.toml holds the controller. Exit code 1:
+    no gains meet the margins; the message names what limits them.
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
@@ -98,7 +104,7 @@ def tune(
     with progress("loading the simulator"):
         from swimbladder.design.tuning import tune as find
         from swimbladder.show.report.tune import write_tuning
-    with compile_notice(), progress("looking for gains", 1.0) as advance:
+    with compile_notice(), progress("searching gains", 1.0) as advance:
         found = find(v, **options, advance=advance)
     answer = found.to_json()
     with progress("writing the report"):
@@ -133,6 +139,6 @@ def _print(found: Tuning, files: list[Path]) -> None:
     output.print(table)
     output.print("")
     for sentence in found.assumptions:
-        output.print(f"reckoned with: {sentence}", soft_wrap=True)
+        output.print(f"assumed: {sentence}", soft_wrap=True)
     for path in files:
         output.print(f"wrote {path}", soft_wrap=True)

@@ -50,7 +50,7 @@ def meanings(p: SupervisorParameters) -> list[tuple[int, str, str, str]]:
         Reason.NOT_MOVING_AS_MODELLED: (
             f"depth and volume do not fit, by more than {model}: a sensor is wrong, or the vehicle "
             "is caught, aground, flooded or badly trimmed",
-            f"{seconds(p.motion.wrong)}, a third of it where it is beyond doubt",
+            f"{seconds(p.motion.wrong)}, a third of it beyond twice the limit",
         ),
         Reason.BATTERY_LOW: (f"below {p.board.battery_low:.3g} V", seconds(p.board.battery)),
         Reason.NO_COMMAND: ("the law gave no command", seconds(p.board.missed)),

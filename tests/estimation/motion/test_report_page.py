@@ -90,7 +90,7 @@ def test_plain_words_come_first_and_hold_the_numbers(found):
     assert float(share) == pytest.approx(100.0 * half, rel=0.06)
     assert f"{1e-3 * K2.value:.3g} mm/s" in sentence
     first = read.text.index("known to")
-    for later in ("The numbers", "What was assumed", "Measured against fitted", "How sure"):
+    for later in ("Parameters", "Assumptions", "Measured and fitted depth", "Uncertainty"):
         assert first < read.text.index(later)
     assert "swimbladder identify a b" in read.text
     assert "the fit took 1.2 s" in read.text
@@ -100,7 +100,8 @@ def test_every_part_of_the_evidence_is_there(found):
     read, _ = page_of(found, paper=paper_fits(found))
     for name in ("fits", "residuals", "distribution", "ellipses", "profiles", "neutral", "gains"):
         assert name in read.ids
-    for section in ("parameters", "assumptions", "logs", "left-over", "sure", "choice", "paper"):
+    sections = ("parameters", "assumptions", "logs", "residual-plots", "sure", "choice", "paper")
+    for section in sections:
         assert section in read.ids
     assert "(reported)" in read.text
     for text in ("known to 0.5 cm 3 (1 sigma)", "drag law: linear", "neutral at the first sample"):

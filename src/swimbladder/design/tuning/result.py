@@ -94,7 +94,7 @@ class Tuning:
             sentences.insert(
                 1,
                 f"2 % of that step are {1e3 * band:.2g} mm, hardly more than it is held to: when "
-                "it settles says little. A longer step (--step) would tell.",
+                "it settles is hardly informative. Use a longer step (--step).",
             )
         if math.isfinite(r.energy):
             sentences.append(

@@ -166,7 +166,7 @@ def search(
         raise NoAnswerError(
             f"no gains of the law {name!r} that were tried bring the vehicle through the step over "
             f"the region: at its end the best is off by {scored[0][2].rms:.3g} m rms, with a depth "
-            f"noise of {1e3 * setting.noise:.3g} mm reckoned with. Another law, a better depth "
+            f"noise of {1e3 * setting.noise:.3g} mm assumed. Another law, a better depth "
             "sensor, a goal of quiet, a larger supply or parameters known better would help"
         )
     for _, knobs, few in scored:

@@ -63,7 +63,7 @@ def between_logs(
     known = vehicle.identified
     if len(records) < FEWEST:
         raise InputError(
-            f"how logs differ is not told by {len(records)} of them", field="LOG",
+            f"the between-log variance is not identifiable from {len(records)} logs", field="LOG",
             remedy=f"Give {FEWEST} or more",
         )  # fmt: skip
     if known is None:

@@ -217,7 +217,7 @@ def _sentences(
     if doubted(off, fit.worth):
         return (*doubt, *found, *restless(fit.noise))
     if missed:
-        found.insert(0, "The data do not tell what was asked: " + ", ".join(missed) + ".")
+        found.insert(0, "Not identifiable from these dives: " + ", ".join(missed) + ".")
     else:
         found += hardly(fit, untold)
     found = [*strange, *found, *doubt, *restless(fit.noise), *contradictions(fit)]
@@ -225,7 +225,7 @@ def _sentences(
     if len(anchors) == 3 and not any(fit.told(name) for name in anchors):
         found.append(
             "The absolute size of drag, pump and valve together rests on their priors; how they "
-            "compare is told by the dives."
+            "compare is identified from the dives."
         )
     found += differences(fit, [one.dive for one in told])
     return tuple(found)
@@ -241,7 +241,7 @@ def contradictions(fit: DeepFit) -> list[str]:
             before = f"{prior.mean:.4g} +- {prior.std:.2g} {unit}".rstrip()
             found.append(
                 f"{name} comes out {off:.1f} deviations from what was known before ({before}): one "
-                "of the two is wrong. A cast that is farther off than was reckoned with (--prior "
+                "of the two is wrong. A cast that is farther off than was assumed (--prior "
                 "cast_density, cast_heave), or a mass or hull that is not as in the file, moves "
                 "the size of drag, pump and valve together. Believe how they compare; hold the "
                 "size by what you measured, with --set."

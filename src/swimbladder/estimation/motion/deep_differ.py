@@ -46,7 +46,9 @@ def hardly(fit: DeepFit, untold: Sequence[str]) -> list[str]:
             (near if abs(fit.values[name] - prior.mean) <= prior.std else off).append(name)
     found = []
     if near:
-        found.append(f"Hardly told by these dives, and near what was known: {', '.join(near)}.")
+        found.append(
+            f"Dominated by the prior, hardly determined by these dives: {', '.join(near)}."
+        )
     if off:
         found.append(
             "Known no better than before, though the set that fits all dives has them elsewhere: "

@@ -22,7 +22,7 @@ _SURE = 3.0  # standard deviations
 _GRAVITY = 9.80665  # m/s2; to within a percent everywhere
 _LIGHTEST, _HEAVIEST = 0.9, 4.0  # of the water displaced
 _NONE = (0.25, 10.0)  # of it: only other units make a vehicle so light or so heavy
-_FOLLOWED = 0.05  # of the depths' deviation: what is left over where the model follows
+_FOLLOWED = 0.05  # of the depths' deviation: the residual where the model follows
 _MANY = 0.02  # share of the samples
 
 
@@ -112,9 +112,9 @@ def _coloured(experiments: tuple[ExperimentFit, ...]) -> list[Finding]:
     return [
         Finding(
             "coloured", "note",
-            f"In {len(bad)} of {len(experiments)} logs what is left over resembles its neighbours: "
-            "the model leaves something out there, or the sensor is filtered. The intervals allow "
-            "for it as noise of that colour, not as a fault of the model.",
+            f"In {len(bad)} of {len(experiments)} logs the residuals are autocorrelated: the model "
+            "is incomplete there, or the sensor is filtered. The intervals allow for it as "
+            "autocorrelated noise, not as a model error.",
         )
     ]  # fmt: skip
 

@@ -47,7 +47,7 @@ def check_motion(records: Sequence[Record]) -> None:
     ranges = [float(np.ptp(r.depth[r.compared])) for r in records]
     if max(ranges) < _STILL:
         raise NoAnswerError(
-            "the data do not tell how the vehicle moves: the depth stays at "
+            "the vehicle's motion is not identifiable: the depth stays at "
             f"{float(records[0].depth[records[0].compared][0]):.4g} m. Check which column is the "
             "depth, or record steps of the volume"
         )

@@ -84,7 +84,7 @@ def _limit(problem: Problem, fit: Fit, i: int) -> float:
         return LIMIT
     if problem.names[i] == "psi":
         return 10.0
-    # a turbulent drag that may be none: told, where it is small against the drag there is
+    # a turbulent drag that may be none: identified, where it is small against the drag there is
     values = problem.named(fit.x)
     k_dl = problem.model.specific_weight / values["K2"]
     fastest = max(_fastest(problem), 1e-3)
@@ -107,12 +107,15 @@ def _say(names: list[str], std: dict[str, float], problem: Problem) -> str:
     if len(names) == 1:
         name = names[0]
         if problem.logarithmic[problem.names.index(name)]:
-            by = f"{100.0 * std[name]:.0f} %" if std[name] < 10.0 else "any factor"
-            what = f"The data do not tell {name}: it could be off by {by}"
+            by = f"{100.0 * std[name]:.0f} %" if std[name] < 10.0 else "over 1000 %"
+            what = f"{name} is not identifiable from these logs: its standard error is {by}"
         else:
-            what = f"The data do not tell {name}"
+            what = f"{name} is not identifiable from these logs"
     else:
-        what = f"{listed} trade off: the data tell a combination of them, not each"
+        what = (
+            f"{listed} are not identifiable separately: the logs determine only a combination of "
+            "them"
+        )
     return f"{what}. {_remedy(names, problem)}"
 
 

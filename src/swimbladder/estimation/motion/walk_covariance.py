@@ -55,13 +55,13 @@ def covariance(full: Likelihood, x: Array) -> tuple[Array, bool]:
     untold = [q.name for q, known in zip(full.quantities, told, strict=True) if not known]
     if set(untold) & set(_NEEDED):
         raise NoAnswerError(
-            f"the logs do not tell {' and '.join(untold)}: the vehicle hardly moves"
+            f"{' and '.join(untold)} not identifiable from the logs: the vehicle hardly moves"
         )
     size = np.sqrt(np.where(told, np.diag(H), 1.0))
     values, vectors = np.linalg.eigh((H / np.outer(size, size))[np.ix_(told, told)])
     if values.size and values.min() < _SINGULAR:
         raise NoAnswerError(
-            "the logs do not tell all that is to be identified: the likelihood is flat along a "
+            "not all parameters are identifiable from the logs: the likelihood is flat along a "
             "combination of them; set one, or give it a prior"
         )
     C = np.diag(np.full(len(x), np.inf))

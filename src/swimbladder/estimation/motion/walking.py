@@ -84,7 +84,7 @@ def _untold(walk: WalkFit, model: Model) -> list[Finding]:
         found.append(
             Finding(
                 "not told", "no",
-                f"With a neutral volume that walks the data do not tell {name}: "
+                f"With the neutral volume as a random walk {name} is not identifiable: "
                 f"{'any factor' if not _share(e) < 10.0 else f'{100.0 * _share(e):.0f} %'} of "
                 "error. Give it a value (--set) or a prior (--prior), or add logs.",
             )
@@ -118,10 +118,10 @@ def _told(walk: WalkFit) -> Finding:
     minute = math.sqrt(60.0)
     low, high = (1e6 * minute * end for end in walk.walk.ci95)
     farthest = 1e6 * max(walk.travelled, default=0.0)
-    sure = "The logs say that" if walk.drifts else "The logs do not require it, but taken that"
+    sure = "" if walk.drifts else ", which the logs do not require"
     return Finding(
         "walk", "note",
-        f"{sure} the neutral volume walks, it does so by {1e6 * minute * walk.walk.value:.2g} cm3 "
-        f"in a minute ({low:.2g} to {high:.2g}; p = {walk.p_value:.1g} of none); in one log it "
-        f"went as far as {farthest:.2g} cm3.",
+        f"The neutral volume as a random walk{sure}: 1 sigma "
+        f"{1e6 * minute * walk.walk.value:.2g} cm3 after a minute (95 %: {low:.2g} to {high:.2g}; "
+        f"p = {walk.p_value:.1g} of a constant one); largest range in a log {farthest:.2g} cm3.",
     )  # fmt: skip

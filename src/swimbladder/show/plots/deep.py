@@ -39,7 +39,7 @@ def draw_deep(found: DeepIdentification) -> Figure:
         )  # fmt: skip
         dives.plot(
             begin + (told.replay.time - told.dive.time[0]) / 3600.0, told.replay.pressure / _DBAR,
-            color=BLACK, lw=0.9, label="told by the model from its first sample" if first else None,
+            color=BLACK, lw=0.9, label="model from its first sample" if first else None,
         )  # fmt: skip
         book.plot(
             told.dive.pieces.pressure / _DBAR, 1e6 * told.book, ".", color=colour, ms=3.0,

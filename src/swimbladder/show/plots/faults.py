@@ -1,4 +1,4 @@
-"""Fault missions as pictures: what became of each kind, and one mission as it went."""
+"""Fault missions as pictures: the outcomes of each kind, and one mission over time."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ from swimbladder.sim.faults.rows import TRACE
 
 __all__ = ["draw_campaign", "draw_mission"]
 
-_LONGER = 1.3  # of what the supervised flight and the one that was told take: the rest is cut
+_LONGER = 1.3  # of the supervised flight and that with ideal detection: the rest is cut
 
 
 @styled
 def draw_campaign(flown: Campaign) -> Figure:
-    """Return, for each kind of fault, what became of its missions and how soon it was seen."""
+    """Return, for each kind of fault, the outcomes of its missions and the detection time."""
     lines = flown.lines()[:-1][::-1]
     figure = Figure(figsize=(10.0, 0.28 * len(lines) + 1.6))
     fate, soon = figure.subplots(1, 2, sharey=True, width_ratios=(3.0, 2.0))
     rows = np.arange(len(lines))
     total = np.array([line.missions for line in lines], float)
     parts = (
-        ("saved, and not lost without the supervisor",
+        ("recovered, and not lost without the supervisor",
          [line.saved - line.rescued for line in lines], SKY),
-        ("saved by the supervisor", [line.rescued for line in lines], BLUE),
-        ("lost, though it could be saved",
+        ("recovered by the supervisor", [line.rescued for line in lines], BLUE),
+        ("recoverable, and lost",
          [line.recoverable - line.saved for line in lines], VERMILION),
-        ("could not be counted on, came up all the same",
+        ("not recoverable, surfaced all the same",
          [line.unrecoverable_saved for line in lines], "#A8D8C8"),
-        ("could not be saved",
+        ("not recoverable",
          [line.missions - line.recoverable - line.unrecoverable_saved for line in lines],
          "#BDBDBD"),
     )  # fmt: skip
@@ -72,7 +72,7 @@ def draw_campaign(flown: Campaign) -> Figure:
     soon.set_xscale("log")
     soon.axvline(60.0, color=ORANGE, lw=1.0, ls="--")
     plain_log_ticks(soon, "x")
-    soon.set_xlabel("onset to reason [s]: median (dot), 95 % (bar);\ndashed: 60 s")
+    soon.set_xlabel("detection time [s]: median (dot), 95 % (bar);\ndashed: 60 s")
     label_panels([fate, soon])
     law = flown.course.vehicle.controller
     figure.suptitle(
@@ -95,11 +95,11 @@ def draw_mission(flown: Flown) -> Figure:
     shown = _LONGER * max(tick * len(flown.rows[k]) for k in (0, -1))
     depth.plot(
         time, supervised[:, TRACE["depth_seen"]], color=ORANGE, lw=0.8, zorder=3,
-        label="as the sensor says",
+        label="sensor",
     )  # fmt: skip
     for rows, label, colour, style in zip(
         flown.rows[::-1],
-        ("told to come up 60 s after the faults act", "without the supervisor", "supervised")[
+        ("full buoyancy 60 s after fault onset", "without the supervisor", "supervised")[
             -len(flown.rows) :
         ],
         (GREEN, GREY, BLUE)[-len(flown.rows) :],
@@ -113,7 +113,7 @@ def draw_mission(flown: Flown) -> Figure:
     _frame(volume, [1e6 * rows[:, TRACE["volume"]] for rows in flown.rows])
     volume.plot(time, 1e6 * supervised[:, TRACE["volume_seen"]], color=ORANGE, lw=0.8, zorder=3)
     depth.plot(
-        time, supervised[:, TRACE["reference"]], color=BLACK, lw=0.8, ls="-.", label="asked for"
+        time, supervised[:, TRACE["reference"]], color=BLACK, lw=0.8, ls="-.", label="set-point"
     )
     deepest = max(float(np.nanmax(rows[:, TRACE["depth"]])) for rows in flown.rows)
     depth.set_ylim(1.15 * deepest + 1.0, -0.1 * deepest - 1.0)
@@ -142,7 +142,9 @@ def draw_mission(flown: Flown) -> Figure:
     kinds = ", ".join(KINDS[fault].name for fault in flown.mission.faults)
     onsets = f"dashed red: onset of {kinds}"
     took = (
-        f"purple: the supervisor took over ({flown.reason})" if flown.reason else "no reason seen"
+        f"purple: the supervisor took over ({flown.reason})"
+        if flown.reason
+        else "no fault detected"
     )
     label = "h" if flown.healthy else ""
     depth.set_title(

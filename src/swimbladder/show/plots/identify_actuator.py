@@ -57,7 +57,7 @@ def draw_steps(found: ActuatorIdentification, source: str | None = None) -> Figu
         lower.set_ylim(-limit, limit)
         if column == 0:
             upper.set_ylabel(f"{'travel' if unit == 'mm' else 'volume'} [{unit}]")
-            lower.set_ylabel(f"left over\n[{unit}]")
+            lower.set_ylabel(f"residual\n[{unit}]")
         if place + columns >= len(shown):
             lower.set_xlabel("time in the step [s]")
         if place == 0:
@@ -102,4 +102,4 @@ def _title(found: ActuatorIdentification) -> str:
             parts.append(
                 f"{word} = {scale * e.value:.4g} ± {1.96 * scale * (e.std or 0.0):.2g} {unit}"
             )
-    return ", ".join(parts) or "nothing is told"
+    return ", ".join(parts) or "nothing is identified"

@@ -87,7 +87,7 @@ def draw_robustness(found: Stability) -> Figure:
             line = [s for s in own if s.delay == delay]
             axes.plot(
                 [s.gain for s in line], [100.0 * s.settled for s in line], mark, color=colour,
-                label=f"{delay:g} s late" if delay else "as it is",
+                label=f"{delay:g} s late" if delay else "nominal",
             )  # fmt: skip
         axes.set_ylim(-5.0, 105.0)
         axes.set_ylabel("settle [%]")

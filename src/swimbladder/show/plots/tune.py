@@ -40,7 +40,7 @@ def draw_tuning(tuning: Tuning) -> Figure:
     end = min(step.duration, _LONG * settle) if settle > 0.0 else step.duration
     for traces, colour, width, alpha, label in (
         (tuning.shown[1], ORANGE, 0.8, 0.7, f"over the region{', supply low' if volts else ''}"),
-        (tuning.shown[0], BLUE, 1.8, 1.0, "as it is"),
+        (tuning.shown[0], BLUE, 1.8, 1.0, "nominal"),
     ):
         kept = traces.time <= end
         for axes, values in (
@@ -102,7 +102,7 @@ def draw_sensitivity(tuning: Tuning) -> Figure:
         plain_log_ticks(axes, "y")
     panels[0].set_ylabel("sensitivity |S| [-]")
     lines = [
-        Line2D([], [], color=BLUE, lw=1.6, label="as it is"),
+        Line2D([], [], color=BLUE, lw=1.6, label="nominal"),
         Line2D([], [], color=ORANGE, lw=0.8, label="over the region"),
         Line2D([], [], color=VERMILION, lw=1.0, ls="--", label="most that is allowed"),
     ]

@@ -173,7 +173,7 @@ def _figures(
     )  # fmt: skip
     each = _figure(
         f"steps-{number}", "Step by step." if found.driven == "voltage" else "How they start.",
-        "Travel since the first sample, and what is left over, in one scale; of many steps some.",
+        "Travel since the first sample, and residuals, in one scale; of many steps some.",
         draw_steps(found, steps[0].source), folder,
     )  # fmt: skip
     return [whole, each]

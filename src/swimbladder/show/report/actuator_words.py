@@ -34,14 +34,14 @@ def told(e: Estimate) -> bool:
 
 
 def words(name: str, e: Estimate) -> dict[str, str]:
-    """Return a row: an estimate as texts, what it is, and why it is not told where it is not."""
+    """Return a row: an estimate as texts, its meaning, and why it is not identifiable."""
     unit = "" if e.unit == "-" else shown_unit(e.unit)
     result = {
         "name": _called(name), "unit": unit,
         "meaning": MEANING.get(name, ""), "why": e.why,
     }  # fmt: skip
     if e.value is None or e.std is None:
-        return result | {"value": "not told", "std": "", "ci95": _bounds(e), "origin": ""}
+        return result | {"value": "not identifiable", "std": "", "ci95": _bounds(e), "origin": ""}
     per = unit_factor(e.unit, unit) if unit else 1.0
     value, std, low, high = (per * x for x in (e.value, e.std, *e.ci95))
     r = row(name, Known(value, std, (low, high), unit, "set" if e.origin == "set" else "data"))
@@ -72,7 +72,7 @@ def rows(found: ActuatorIdentification) -> list[dict[str, str]]:
 
 
 def headlines(found: ActuatorIdentification) -> list[str]:
-    """Return what was found, a sentence for each parameter; first what is not told, if asked."""
+    """Return what was found, a sentence for each parameter; first what is not identifiable."""
     said = [f.sentence for f in found.findings if f.severity == "no"]
     return said + [_headline(name, e) for name, e in found.parameters.items() if _data(e)]
 

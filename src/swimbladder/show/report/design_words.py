@@ -48,15 +48,15 @@ def instruction(design: Design, k: int) -> str:
 
 
 def headlines(design: Design) -> list[str]:
-    """Return how long it takes, and what is known then."""
+    """Return how long it takes, and the predicted standard errors."""
     w = design.chosen
     count = len(w.releases)
     told = w.prediction
-    errors = ", ".join(f"{name} to {percent(share)}" for name, share in told.share.items())
+    errors = ", ".join(f"{name} {percent(share)}" for name, share in told.share.items())
     return [
         f"{count} experiment{'s' if count > 1 else ''} in {w.time / 60.0:.0f} min, "
         f"{design.setting.settling / 60.0:.1f} min of settling before each included.",
-        f"They tell {errors} (1 sigma, a drift of the neutral volume included).",
+        f"Predicted standard errors: {errors} (a drift of the neutral volume included).",
     ]
 
 

@@ -39,12 +39,13 @@ def row(name: str, e: Estimate) -> Row:
 
 
 def rows(found: Identification) -> list[Row]:
-    """Return the parameters, then what follows from them; no number of what is not told."""
+    """Return the parameters, then what follows from them; no number of what is not identifiable."""
     listed = [row(name, e) for name, e in (found.parameters | found.derived).items()]
     if found.identified:
         return listed
     return [
-        r if r.origin == "set" else r._replace(value="not told", std="", ci95="") for r in listed
+        r if r.origin == "set" else r._replace(value="not identifiable", std="", ci95="")
+        for r in listed
     ]
 
 
@@ -69,7 +70,7 @@ def _interval(low: float, high: float, places: int) -> str:
 
 
 def headlines(found: Identification) -> list[str]:
-    """Return what was found, a sentence for each parameter; or what the data do not tell."""
+    """Return what was found, a sentence for each parameter; or what is not identifiable."""
     if not found.identified:
         return [f.sentence for f in found.findings if f.severity == "no"]
     return [_headline(found, name) for name in found.names]
@@ -80,8 +81,8 @@ def _headline(found: Identification, name: str) -> str:
     r = row(name, e)
     if e.ci95[0] <= 0.0 <= e.ci95[1]:
         return (
-            f"{name} is not told apart from 0: it lies between {r.ci95.replace(' to ', ' and ')} "
-            f"{r.unit} (95 %)."
+            f"{name} is not distinguishable from 0: it lies between "
+            f"{r.ci95.replace(' to ', ' and ')} {r.unit} (95 %)."
         )
     half = 0.5 * (e.ci95[1] - e.ci95[0]) / abs(e.value)
     source = ", mostly by its prior" if e.origin == "prior" else ""
@@ -121,7 +122,7 @@ def correlations(found: Identification) -> list[tuple[str, str, float]]:
 
 
 def findings(found: Identification) -> list[Finding]:
-    """Return the findings, what the data do not tell first, then warnings, then notes."""
+    """Return the findings, what is not identifiable first, then warnings, then notes."""
     return sorted(found.findings, key=lambda f: _ORDER[f.severity])
 
 

@@ -30,7 +30,7 @@ NAMES = ("supervised", "alone", "told")
 
 @dataclass(frozen=True, kw_only=True)
 class Flown:
-    """A mission: supervised, alone, and told to come up 60 s after its faults begin to act."""
+    """A mission: supervised, with the law alone, and with ideal detection after 60 s."""
 
     course: Course
     mission: Mission
@@ -80,11 +80,11 @@ class Flown:
         if self.reason:
             said.append(f"the supervisor took over at {self.latched:.0f} s: {self.reason}")
         else:
-            said.append("the supervisor saw no reason")
+            said.append("the supervisor detected no fault")
         names = (
             "with the supervisor",
             "without it",
-            "with full buoyancy 60 s after its faults act",
+            "with full buoyancy 60 s after fault onset",
         )
         for n, name in enumerate(names[: len(self.results)]):
             r = self.results[n]

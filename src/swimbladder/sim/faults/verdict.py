@@ -1,4 +1,4 @@
-"""What became of the missions: which vehicles could be saved, which were, how soon it was seen."""
+"""Results of a fault campaign: which missions are recoverable, recovered, and detected how soon."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FACTS = 6  # number, onset, start, deepest set-point, bottom, supply
 HARMS = 2 * len(Harm._fields)
 WIDTH = FACTS + HARMS + 4 * len(Result._fields)
 TOGETHER = "two faults at once"
-MILD = 0.3  # of those that could be saved; fewer lost without a supervisor ask little of it
+MILD = 0.3  # of the recoverable; fewer lost without a supervisor ask little of it
 
 
 class Outcome(IntEnum):
@@ -145,9 +145,9 @@ class Campaign:
         return found
 
     def came_up(self, flight: int, *, told: int = 2) -> NDArray[np.bool_]:
-        """Whether a flight of each mission surfaced, or was filled and no later up than one told.
+        """Whether each mission of a flight surfaced, or was filled but up no later than in `told`.
 
-        The told flight stays for a minute, and what fills the one fills the other in the end.
+        That flight, with ideal detection, stays for a minute; a leak fills both in the end.
         """
         found = self.outcome(flight)
         sooner = self.result(flight, "up") <= self.result(told, "up")
@@ -156,14 +156,14 @@ class Campaign:
 
     @cached_property
     def lost(self) -> NDArray[np.intp]:
-        """Numbers of the recoverable vehicles that the supervisor lost."""
+        """Numbers of the recoverable missions that the supervisor lost."""
         return np.flatnonzero(self.recoverable & ~self.came_up(0))
 
     @cached_property
     def filled(self) -> NDArray[np.intp]:
         """Numbers of the recoverable vehicles that were up no later, and were filled all the same.
 
-        They count as saved: the sea drives a heavy vehicle down, whatever is commanded.
+        They count as recovered: the sea drives a heavy vehicle down, whatever is commanded.
         """
         return np.flatnonzero(
             self.recoverable & self.came_up(0) & (self.outcome(0) == Outcome.FILLED)
@@ -275,7 +275,7 @@ class Campaign:
                 lasts = f" for {end - begin:.0f} s" if math.isfinite(end) else ""
                 parts.append(f"{kind.name}{how} at {begin:.0f} s{lasts}")
         late, reason = self.latch[number], self.reason(number)
-        seen = f"{reason} {late:.0f} s after the first onset" if reason else "no reason seen"
+        seen = f"{reason} {late:.0f} s after the first onset" if reason else "not detected"
         ended = Outcome(int(self.outcome(0)[number])).words
         return f"mission {number}: {', '.join(parts)}: {seen}, {ended}"
 
