@@ -12,7 +12,7 @@ from swimbladder.design.law_comparison import bench
 from swimbladder.design.planning import plan
 from swimbladder.design.stability import stability
 from swimbladder.design.tuning import tune
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.io.config import load_mission, load_vehicle
 from swimbladder.io.presets import preset_text
 from swimbladder.physics.seawater import uniform_column
@@ -125,3 +125,46 @@ def test_a_law_that_does_not_fit(kind, command, tmp_path, capsys):
     if "choose" in caught.value.remedy.lower():
         fitting = caught.value.remedy.partition(":")[2].strip(" .").split(", ")
         assert {law_by_name(name).command for name in fitting} == {vehicle.command}
+
+
+# Depths of commands beyond the rating of 100 m (feup-em) or 2000 m (example-float), or the cast.
+DEEP = {
+    "simulate": ("feup-em", ["--target", "120 m"], lambda v, _: simulate(
+        v, setpoints=[(0.0, 120.0)], duration=400.0, start_depth=1.5)),
+    "firmware": ("feup-em", ["--target", "120 m"], lambda v, _: make_library(
+        v, start_depth=1.5, target=120.0, duration=400.0)),
+    "plan": ("feup-em", ["--step", "1:120"], lambda v, _: plan(v, 1.0, 120.0)),
+    "tune": ("feup-em", ["--depth", "0:120 m"], lambda v, _: tune(v, depths=(0.0, 120.0))),
+    "bench-control": ("feup-em", ["--depth", "0:120 m"], lambda v, _: bench(
+        v, depths=(0.0, 120.0))),
+    "faults": ("feup-em", ["--depth", "1:120 m"], lambda v, _: run_missions(
+        v, missions=20, depths=(1.0, 120.0))),
+    "mission": ("example-float", ["PHASES"], lambda v, m: afloat(v, m, fly_mission)),
+    "campaign": ("example-float", ["PHASES", "--floats", "4", "--cast", "CAST"],
+                 COMMANDS["campaign"][1]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("command", DEEP)
+def test_a_depth_beyond_the_rating_or_the_cast(command, tmp_path, capsys):
+    preset, words, function = DEEP[command]
+    phases, cast = tmp_path / "phases.toml", tmp_path / "cast.csv"
+    phases.write_text(PHASES.replace('"5 m"', '"600 m"'))
+    rows = [f"{p},12.0,35.0" for p in range(0, 510, 10)]
+    cast.write_text("pressure_dbar,temperature_degC,salinity_psu\n" + "\n".join(rows) + "\n")
+    words = [{"PHASES": str(phases), "CAST": str(cast)}.get(word, word) for word in words]
+    if command == "mission":
+        words += ["--cast", str(cast)]
+    out = tmp_path / "out"
+    with pytest.raises(SwimbladderError) as caught:
+        function(load_vehicle(preset), phases)
+    assert main([command, preset, *words, "--out", str(out)]) == caught.value.exit_code
+    said = " ".join(capsys.readouterr().err.split())
+    assert not out.exists()
+    if isinstance(caught.value, InputError):
+        assert caught.value.remedy
+        assert caught.value.remedy in said
+        assert caught.value.field in {"setpoints[0].depth", "--target", "--step", "--depth", "cast"}
+        assert caught.value.value in {120.0, "120 m", 500.0}
+    else:
+        assert str(caught.value) in said
