@@ -98,7 +98,7 @@ def test_depth_changes_the_rest_and_not_the_model(controlled, paper):
 def test_what_the_text_says(paper):
     text = paper.text()
     for phrase in (
-        "one root with a positive real part", "doubles in 18.7 s", "155.7 m", "inside it",
+        "one root with a positive real part", "doubles in 18.7 s", "155.7 m", "is above it",
         "leaves the stroke at 86.6 m", "before the depth limit", "7.69e-08 m3/m", "1.9 % of psi",
         "stable; the slowest pole", "41.1 degrees", "0.236 s of computation delay",
         "it is NOT stable", "phase margin is -73.2 degrees", "3.85 V",

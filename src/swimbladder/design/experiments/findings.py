@@ -97,8 +97,9 @@ def _ends(chosen: Weighed, setting: Setting) -> list[Finding]:
             found.append(
                 Finding(
                     "range", "warning",
-                    f"Experiment {k}: {missed} of the {len(chosen.others)} vehicles that it may be "
-                    "reach an end of the range before the last move; this is reckoned with.",
+                    f"Experiment {k}: {missed} of the {len(chosen.others)} vehicles of "
+                    "the parameter region reach an end of the range before the last move; "
+                    "the prediction includes this.",
                 )
             )  # fmt: skip
     return found + _arrivals(chosen, setting)
@@ -119,8 +120,9 @@ def _arrivals(chosen: Weighed, setting: Setting) -> list[Finding]:
     return [
         Finding(
             "arrival", "warning",
-            f"Fast where the record ends, in some vehicle that it may be: {listed}. Surface or "
-            f"bottom follow in {seconds:.0f} s or more: have the loop, or a hand, catch it.",
+            f"Fast where the record ends, in some vehicle of the parameter region: {listed}. "
+            f"Surface or bottom follow in {seconds:.0f} s or more: have the loop, or a hand, "
+            "catch it.",
         )
     ]  # fmt: skip
 

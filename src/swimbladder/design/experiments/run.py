@@ -284,7 +284,7 @@ def _assumptions(question: Question, s: Setting, how: str, count: int) -> tuple[
         f"each record begins {s.rest:g} s before the release; its neutral volume is {known} and "
         f"drifts by {format_quantity(60.0 * s.drift_std, 'm3', 'cm3', 2)} a minute (1 sigma)",
         f"{s.settling:.0f} s until at rest before a release ({how})",
-        f"good on average over {count} vehicles that it may be",
+        f"good on average over {count} vehicles of the parameter region",
         "volumes and depths are measured without an error of scale: 1 % of either is 1 % of K2",
     ]
     said += [

@@ -99,17 +99,12 @@ def _depths(a: Analysis) -> Iterator[str]:
         if math.isinf(s.depth):
             yield "No depth loads the motor, so none stalls it."
         else:
-            text = (
-                f"{s.voltage:.3g} V at the motor can no longer press volume out below "
-                f"{s.depth:.1f} m"
-            )
+            text = f"Stall depth at {s.voltage:.3g} V: {s.depth:.1f} m"
             if s.depth_without_sag > s.depth:
                 text += f" ({s.depth_without_sag:.1f} m if the supply did not sag)"
             if limit is not None:
                 side = (
-                    "inside it"
-                    if s.within_limit
-                    else "NOT inside it: the vehicle could not come up"
+                    "above it" if s.within_limit else "NOT above it: the vehicle could not come up"
                 )
                 text += f"; the depth limit of {limit:g} m is {side}"
             yield text + "."
@@ -117,7 +112,7 @@ def _depths(a: Analysis) -> Iterator[str]:
                 yield f"Below {s.holding_depth:.1f} m the pump leaks more than it moves."
             if s.extending_rate > 0.0:
                 rate = f"{s.extending_rate * 1e6:.3g} cm3/s"
-                yield f"At {a.depth:g} m the motor still presses out {rate}."
+                yield f"At {a.depth:g} m the motor still moves out {rate}."
     n = a.neutral
     if math.isfinite(n.leaves_stroke) and n.leaves_stroke > 0.0:
         text = f"The neutral volume leaves the stroke at {n.leaves_stroke:.1f} m"

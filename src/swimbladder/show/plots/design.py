@@ -69,7 +69,7 @@ def _trace(design: Design, numbers: Sequence[int], axes: Axes) -> None:
     for k, flights in enumerate(design.chosen.others):
         f = flights[at]
         axes.plot(f.time - f.time[f.moved[0]], f.depth, color=SKY, lw=0.8, alpha=0.8,
-                  label="vehicles that it may be" if k == 0 else None)  # fmt: skip
+                  label="parameter region" if k == 0 else None)  # fmt: skip
     f = design.chosen.flights[at]
     time = f.time - f.time[f.moved[0]]
     axes.plot(time, f.depth, color=BLACK, label="vehicle as given")
