@@ -274,7 +274,7 @@ LIGHT = FEUP.model_copy(update={  # it needs its stroke near the surface, and le
         (FEUP, {"supply": 20.0}, InputError, "not above the vehicle's"),
         (FEUP, {"supply": -1.0}, InputError, "^--supply: .* Give more than 0 V, and up to 12 V"),
         (FEUP, {"step": (2.0, 2.0)}, InputError, "no step"),
-        (load_vehicle("ntnu-bv"), {}, InputError, "Choose from position-observer"),
+        (load_vehicle("ntnu-bv"), {}, InputError, "Choose one of: position-observer"),
         (FEUP, {"law": "position-observer"}, InputError, "commands a volume"),
         (
             load_vehicle("ntnu-bv"),
