@@ -219,8 +219,8 @@ class TestRest:
             checked=False,
         )
         held = MissionResult(flight, flight.reach).held["park"]
-        assert held["share"] > 0.95
-        assert flight.whole[At.LOOKS] < 0.6 * awake.whole[At.LOOKS]  # samples
+        assert held["share"] > 0.99
+        assert flight.whole[At.LOOKS] < 0.2 * awake.whole[At.LOOKS]  # samples
         assert len(flight.rows) < len(awake.rows)
         still = flight.rows[flight.rows[:, Row.DOING] == Doing.NOTHING, Row.Z]
         assert len(still) > 100

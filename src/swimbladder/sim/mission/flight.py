@@ -79,8 +79,9 @@ def fly_mission(
     processor errs about its drive. start_volume [m3]: at a start_depth other than 0, in the place
     of the neutral one. keep:
     a folder for what is flown, so that a flight that was killed goes on there, to the same end bit
-    for bit. checked: refuse what physics tells cannot be done; else it is flown to whatever end it
-    has. advance: called with the share of the mission that was flown.
+    for bit; by laws that sample it begins again. checked: refuse what physics tells cannot be done;
+    else it is flown to whatever end it has. advance: called with the share of the mission that was
+    flown.
 
     Raises InputError where vehicle, mission and water do not go together, NoAnswerError for a
     mission that cannot be done and as `buoyancy_engine.drive_map` does.

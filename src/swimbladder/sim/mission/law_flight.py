@@ -55,6 +55,7 @@ from swimbladder.sim.mission.core.names import (
     Stop,
 )
 from swimbladder.sim.mission.core.names import Row as Out
+from swimbladder.sim.mission.orders import ASLEEP, runaway
 from swimbladder.sim.mission.phase_laws import PhaseLaw
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.vehicle import Positioner, Vehicle
@@ -68,8 +69,9 @@ _SPAN = 60.0  # s, of a row at the longest
 _MOST = 10**8  # samples of a mission
 _ROOM = 64  # rows, notes and cycles that a span adds at most
 _LOG = 2000  # passages kept of a span
-_LOOK = 10.0  # s between two looks of a law that rests
-_STILL = 0.25  # share of its band that a vehicle may drift between two of them, to be let rest
+_LOOK, _PAUSE = 10.0, 600.0  # s between two looks of a law that rests, at least and at most
+_DRIFT = 0.01  # m/s, about as fast as a vehicle drifts that rests
+_STILL = 0.01  # share of its band that a vehicle may drift between two of them, to be let rest
 _SHORT = 0.02  # s, of a step at full voltage at the shortest
 _NO_LAYER = 1e-12  # m3: what rounding makes of even water
 
@@ -196,7 +198,10 @@ class _Flight:
         self.loop: _Loop | None = None
         self.mode = -1  # of the engine while no law is called; -1: it is
         self.q = 0.0
-        self.rests, self.seen = False, math.nan
+        self.rests, self.seen, self.pause = False, math.nan, _LOOK
+        psi = self.medium.plant.psi + self.medium.layers.steepest
+        sigma = runaway(vehicle, psi, _DRIFT)
+        self.longest_pause = min(_PAUSE, ASLEEP / sigma) if sigma > 0.0 else _PAUSE
         self.phase_begin, self.phase_from = math.nan, math.nan
         self.row_time = min(_SPAN, _longest(plan) / _ROWS)
         self.step = 10.0 / book_steps(self.medium.plant, 10.0, 0.0, self.medium.layers)
@@ -236,6 +241,7 @@ class _Flight:
     def _command(self) -> float | None:
         """Return the input that is held, in volts or m3; None: the law is called."""
         x, at, stage, p = self.x, self.at, self.stage, self.medium.plant
+        rested, self.rests = self.rests, False
         surface = stage[Stage.KIND] == Kind.SURFACE
         shallow = x[Now.Z] <= self.plan.given[Given.SHALLOW]
         if at[At.ALARM] == 1 or (surface and (shallow or at[At.ARRIVED] == 1)):
@@ -249,13 +255,13 @@ class _Flight:
                 return goal if p.positioner else -p.supply
         band = self.mission.phases[int(at[At.PHASE])].rest_band
         if band is None or at[At.ARRIVED] == 0:
-            self.rests, self.seen = False, math.nan
-        elif self._may_rest(band):
+            self.seen, self.pause = math.nan, _LOOK
+        elif self._may_rest(band, rested):
             return float(x[Now.V]) if p.positioner else self._holding_voltage()
         return None
 
-    def _may_rest(self, band: float) -> bool:
-        """Return whether the law rests until the next look."""
+    def _may_rest(self, band: float, rested: bool) -> bool:
+        """Return whether the law rests until the next look; rested: it did until this one."""
         depth = float(self.stage[Stage.DEPTH])
         noise = float(self._noise(1)[0, 0, 0])
         sensor = self.vehicle.sensors
@@ -263,11 +269,15 @@ class _Flight:
         if not math.isnan(noise):
             how = Sensor(sensor.depth_noise, sensor.depth_quantum)
             seen = float(measured.py_func(how, seen, noise))
-        if self.rests:
-            self.rests = abs(seen - depth) <= band
-        else:
-            drift = abs(seen - self.seen)
-            self.rests = abs(seen - depth) <= 0.5 * band and drift <= _STILL * band
+        drift, left = abs(seen - self.seen), band - abs(seen - depth)
+        speed = max(drift / self.pause, 1e-9)
+        unseen = 0.0 if self.random is None else 3.0 * sensor.depth_noise + sensor.depth_quantum
+        still = left >= 0.5 * band and drift <= max(_STILL * band, unseen)
+        self.rests = left >= 0.0 if rested else still
+        # at constant acceleration from rest it is then at the edge of its band at most
+        self.pause = max(min(0.25 * left / speed, 2.0 * self.pause, self.longest_pause), _LOOK)
+        if not self.rests:
+            self.pause = _LOOK
         self.seen = seen
         return self.rests
 
@@ -383,16 +393,23 @@ class _Flight:
         books, log = np.zeros(len(Sums)), np.zeros((_LOG, 3))
         noted = np.zeros(1, np.int64)
         low, high = (p.V_min, p.V_max) if p.positioner else (-p.supply, p.supply)
-        self.mode, why = advance(
-            self.p, self.medium.layers, True, self.mode, state, np.zeros(10),
-            min(max(u, low), high), h, float(x[Now.T]), self.chains, self.built, books, log, noted,
-        )  # fmt: skip
-        if why != DONE:
-            self._stopped(list(StopReason)[int(why)])
+        steps = 1
+        if self.rests:
+            steps = max(int(min(self.pause, float(x[Now.T_END] - x[Now.T])) / h + 1e-9), 1)
+        for k in range(steps):
+            self.mode, why = advance(
+                self.p, self.medium.layers, True, self.mode, state, np.zeros(10),
+                min(max(u, low), high), h, float(x[Now.T]) + k * h, self.chains, self.built, books,
+                log, noted,
+            )  # fmt: skip
+            if why != DONE:
+                self._stopped(list(StopReason)[int(why)])
+                steps = k + 1
+                break
         self.q = float(state[0])
         self.at[At.PLACE] = self.mode // 20
         ends = np.array([state[2], state[1], state[1]])
-        self._enter(state[1:4], books, ends, log[: min(int(noted[0]), _LOG)], h)
+        self._enter(state[1:4], books, ends, log[: min(int(noted[0]), _LOG)], steps * h)
 
     def _stopped(self, why: StopReason) -> None:
         if why is StopReason.LEFT_WATER:

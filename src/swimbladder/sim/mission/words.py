@@ -30,7 +30,7 @@ REASONS = {
     Stop.STUCK: "it changed its mode 200 times in no time: a fault of the model, please report it",
 }
 _MANY = 1e6  # samples of a phase, from which on they are worth a word
-_SAMPLE = 1e-6  # s that one takes to compute
+_SAMPLE = 1e-6  # s that one takes to compute, measured over a month
 _MORE_TIME = "Give it a longer timeout (a park a longer duration), more speed, or a wider tolerance"
 
 
