@@ -16,6 +16,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
+from swimbladder.sim.campaign.run import fly_floats
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.mission.core.names import Account, At, Doing, Drive, Note, Now, Row, Stop
 from swimbladder.sim.mission.flight import fly_mission
@@ -210,9 +211,10 @@ class TestRest:
         {"kind": "park", "depth": 3.0, "tolerance": 0.8, "rest_band": 0.5, "duration": 7200.0}
     )
 
-    def test_the_law_rests_within_its_band(self):
+    @pytest.mark.parametrize("seed", [None, 5])
+    def test_the_law_rests_within_its_band(self, seed):
         vehicle = load_vehicle("ntnu-bv")
-        flight = flown(vehicle, self.MISSION, checked=False)
+        flight = flown(vehicle, self.MISSION, checked=False, seed=seed)
         awake = flown(
             vehicle,
             steps({"kind": "park", "depth": 3.0, "tolerance": 0.8, "duration": 7200.0}),
@@ -220,7 +222,8 @@ class TestRest:
         )
         held = MissionResult(flight, flight.reach).held["park"]
         assert held["share"] > 0.99
-        assert flight.whole[At.LOOKS] < 0.2 * awake.whole[At.LOOKS]  # samples
+        most = 0.2 if seed is None else 0.3  # of the samples; noise looks like drift
+        assert flight.whole[At.LOOKS] < most * awake.whole[At.LOOKS]
         assert len(flight.rows) < len(awake.rows)
         still = flight.rows[flight.rows[:, Row.DOING] == Doing.NOTHING, Row.Z]
         assert len(still) > 100
@@ -306,3 +309,43 @@ def test_the_answer_names_law_and_source(tmp_path, monkeypatch, capsys):
     answer = json.loads(Path("o/mission.json").read_text())
     assert answer["laws"][0]["law"] == "cascade"
     assert math.isclose(answer["laws"][0]["parameters"]["k_pz"], -0.12e-3)
+
+
+class TestPumpAndValve:
+    def test_a_phase_replaces_numbers_of_the_vehicles_law(self, profiler, sea):
+        def arrival(**more):
+            phase = {"kind": "descend", "depth": 150.0, "tolerance": 5.0, **more}
+            flight = flown(profiler, Mission(phases=[phase]), column=sea)
+            return flight.duration, law_facts(profiler, flight.mission)[0]
+
+        (plain, _), (slow, facts) = arrival(), arrival(parameters={"near_speed": "1 cm/s"})
+        assert slow > 1.3 * plain
+        assert facts["law"] == "rate"
+        assert facts["parameters"]["near_speed"] == 0.01
+        assert "but for near_speed of the phase" in facts["source"]
+
+    def test_a_law_that_samples_is_refused(self, profiler, sea):
+        own = load_vehicle("feup-em").controller
+        phase = {**HOLD, "law": "cascade", "parameters": own.parameters}
+        with refused(InputError, field="phases[0].law", value="cascade"):
+            flown(profiler, steps(phase), column=sea)
+
+
+def test_a_vehicle_without_a_controller_takes_the_law_of_its_phases():
+    vehicle = load_vehicle("feup-em")
+    own, bare = vehicle.controller, vehicle.model_copy(update={"controller": None})
+    given = {"law": own.law, "parameters": own.parameters, "sample_time": own.sample_time}
+    found = flown(bare, steps({**HOLD, **given}, {**PARK, **given}), checked=False)
+    same = flown(vehicle, steps(HOLD, PARK), checked=False)
+    np.testing.assert_array_equal(found.rows, same.rows)
+    assert "no [controller]" in law_facts(bare, steps(HOLD, PARK))[0]["source"]
+    with refused(InputError, field="phases[0].sample_time"):
+        flown(bare, steps({**HOLD, "law": own.law, "parameters": own.parameters}))
+    with refused(InputError, field="phases[1].parameters"):
+        flown(bare, steps(HOLD, {**PARK, "parameters": {"k_pz": 1.0}}))
+
+
+def test_a_campaign_refuses_what_it_does_not_fly():
+    vehicle = load_vehicle("feup-em")
+    with refused(InputError, field="controller.law", value="cascade"):
+        fly_floats(vehicle, steps(HOLD), [uniform_column(vehicle.water, 50.0)], floats=2)

@@ -29,7 +29,7 @@ from swimbladder.physics.seawater import Column
 from swimbladder.physics.steady_drives import battery_power, terminal_power
 from swimbladder.sim.closed_loop.block import Block, Schedule, work_space
 from swimbladder.sim.closed_loop.dispatch import enroll
-from swimbladder.sim.closed_loop.lanes import start_block
+from swimbladder.sim.closed_loop.lanes import measure_block, start_block
 from swimbladder.sim.closed_loop.outside import kernel_of
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.closed_loop.solution import StopReason
@@ -38,7 +38,6 @@ from swimbladder.sim.engine.advance import DONE, advance, begin
 from swimbladder.sim.engine.books import Account as Sums
 from swimbladder.sim.engine.chain import book_steps
 from swimbladder.sim.engine.modes import Act, Where
-from swimbladder.sim.engine.sensor import Sensor, measured
 from swimbladder.sim.mission.core import kernel
 from swimbladder.sim.mission.core.moves import FULL
 from swimbladder.sim.mission.core.names import (
@@ -263,12 +262,12 @@ class _Flight:
     def _may_rest(self, band: float, rested: bool) -> bool:
         """Return whether the law rests until the next look; rested: it did until this one."""
         depth = float(self.stage[Stage.DEPTH])
-        noise = float(self._noise(1)[0, 0, 0])
-        sensor = self.vehicle.sensors
-        seen = float(self.x[Now.Z])
-        if not math.isnan(noise):
-            how = Sensor(sensor.depth_noise, sensor.depth_quantum)
-            seen = float(measured.py_func(how, seen, noise))
+        sensor, seen = self.vehicle.sensors, float(self.x[Now.Z])
+        if self.random is not None and self.loop is not None:
+            work = self.loop.block.work
+            work[[Row.Z, Row.V], 0] = self.x[[Now.Z, Now.V]]
+            measure_block(work.reshape(-1), (0.0,), self._noise(1), 0)
+            seen = float(work[Row.SEEN_DEPTH, 0])
         drift, left = abs(seen - self.seen), band - abs(seen - depth)
         speed = max(drift / self.pause, 1e-9)
         unseen = 0.0 if self.random is None else 3.0 * sensor.depth_noise + sensor.depth_quantum

@@ -91,6 +91,7 @@ def make_plan(
     reckoning: where the processor errs about its drive. Raises InputError for a temperature at the
     start of a hull that has the water's.
     """
+    laws = phase_laws(vehicle, mission)
     _check_warmth(vehicle, mission)
     table, why = make_table(vehicle, column)
     moving = waves
@@ -102,7 +103,7 @@ def make_plan(
         reckoning or Reckoning(),
     )  # fmt: skip
     stages = _stages(vehicle, mission, table, column.step)
-    return Plan(given, table, moving, stages, why, phase_laws(vehicle, mission))
+    return Plan(given, table, moving, stages, why, laws)
 
 
 def _check_warmth(vehicle: Vehicle, mission: Mission) -> None:
