@@ -18,14 +18,19 @@ if TYPE_CHECKING:
     from swimbladder.physics.seawater import Cast, Column
 
 __all__ = [
-    "CastColumns", "CastFiles", "CastProfile", "CastWhere", "Columns", "Inversions", "Latitude",
-    "LogFormat", "Longitude", "Profile", "Salinity", "Where", "above_rating", "asked_casts",
-    "casts_beside_logs", "pairs", "read_casts", "refuse_without_cast", "share", "water_of_logs",
+    "CastColumns", "CastFile", "CastFiles", "CastProfile", "CastWhere", "Columns", "Inversions",
+    "Latitude", "LogFormat", "Longitude", "Profile", "Salinity", "Where", "above_rating",
+    "asked_casts", "casts_beside_logs", "pairs", "read_casts", "refuse_without_cast", "share",
+    "water_of_cast", "water_of_logs",
 ]  # fmt: skip
 
 _FAR_ABOVE = 0.5  # of the rating: a cast that ends above it may be in another unit
 
 # The options of every command that takes a cast, so that none of them lacks one.
+CastFile = Annotated[
+    Path | None,
+    typer.Option("--cast", metavar="CTD", help="The water: CSV, netCDF, Argo profile."),
+]
 Columns = Annotated[
     list[str] | None,
     typer.Option("--column", metavar="NAME=COLUMN", help="As for logs, NAME=COLUMN@UNIT too."),
@@ -99,6 +104,23 @@ def water_of_logs(
     found = casts_beside_logs(casts, where, column, profile)
     refuse_doubted_unit(found, 0.0, rating, option="--cast-column")
     return [cast_column(cast, step=_SHALLOW) for cast in found]
+
+
+def water_of_cast(
+    casts: Sequence[Cast], reach: float | None, rating: float | None
+) -> Column | None:
+    """Return the water of the one cast of a shallow vehicle, finely; None where there is none.
+
+    reach [m]: the deepest place that is asked for, None where that is near the rating [m]. Raises
+    InputError where the cast may be in another unit.
+    """
+    if not casts:
+        return None
+    refuse_doubted_unit(casts, reach, rating)
+    with progress("tabulating the water"):
+        from swimbladder.physics.seawater import cast_column
+
+        return cast_column(casts[0], step=_SHALLOW)
 
 
 def casts_beside_logs(

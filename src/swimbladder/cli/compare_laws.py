@@ -7,6 +7,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swimbladder.cli.casts import (
+    CastFile,
+    Columns,
+    Inversions,
+    Latitude,
+    LogFormat,
+    Longitude,
+    Profile,
+    Salinity,
+    Where,
+    asked_casts,
+    water_of_cast,
+)
 from swimbladder.cli.common import (
     compile_notice,
     emit_json,
@@ -56,6 +69,15 @@ def compare_laws(
     list_scenarios: Annotated[
         bool, typer.Option("--list-scenarios", help="Print what is flown, and nothing else.")
     ] = False,
+    cast: CastFile = None,
+    column: Columns = None,
+    where: Where = None,
+    log_format: LogFormat = None,
+    profile: Profile = None,
+    latitude: Latitude = None,
+    longitude: Longitude = None,
+    salinity: Salinity = None,
+    inversions: Inversions = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-compare-laws"
     ),
@@ -66,6 +88,8 @@ def compare_laws(
     r"""Fly every law on the same scenarios: soon, still, and at what cost.
 
     Each law is tuned twice, fast and quiet; the vehicle file's own controller is flown as it is.
+    With --cast all of it is flown in that water.
+
     What is done is kept in the folder's parts/, so that a stopped comparison goes on there.
     """
     if list_scenarios:
@@ -84,6 +108,13 @@ def compare_laws(
         "sample_time": quantity(sample_time, "s", "--sample-time"),
         "seed": seed,
     }
+    casts = asked_casts(
+        [] if cast is None else [cast], column=column, where=where, log_format=log_format,
+        profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
+        inversions=inversions,
+    )  # fmt: skip
+    reach = None if options["depths"] is None else options["depths"][1]
+    options["column"] = water_of_cast(casts, reach, v.hull.depth_limit)
     check_place(out)
     with progress("loading the simulator"):
         from swimbladder.cli.common import json_text

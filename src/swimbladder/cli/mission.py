@@ -11,6 +11,7 @@ import typer
 
 from swimbladder.cli.cast_unit import refuse_doubted_unit
 from swimbladder.cli.casts import (
+    CastFile,
     Columns,
     Inversions,
     Latitude,
@@ -52,10 +53,7 @@ def mission(
     mission: Annotated[
         Path, typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
     ],
-    cast: Annotated[
-        Path | None,
-        typer.Option("--cast", metavar="CTD", help="The water: CSV, netCDF, Argo profile."),
-    ] = None,
+    cast: CastFile = None,
     cycles: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Cycles (as in the mission).")
     ] = None,

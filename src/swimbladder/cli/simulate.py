@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.cast_unit import refuse_doubted_unit
 from swimbladder.cli.casts import (
+    CastFile,
     Columns,
     Inversions,
     Latitude,
@@ -21,6 +21,7 @@ from swimbladder.cli.casts import (
     Salinity,
     Where,
     asked_casts,
+    water_of_cast,
 )
 from swimbladder.cli.common import (
     asked_of,
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
 __all__ = ["simulate"]
 
 _START, _TARGET, _DURATION = 1.5, 3.0, 400.0
-_ROWS = 0.1  # m, of the water's table: a halocline has half a metre
 _OPTIONS = {
     "start_depth": "--start",
     "setpoints[0].depth": "--target",
@@ -77,10 +77,7 @@ def simulate(
         int | None,
         typer.Option(help="Seed of the sensors' noise (sensors without noise)", min=0),
     ] = None,
-    cast: Annotated[
-        Path | None,
-        typer.Option("--cast", metavar="CTD", help="The water: CSV, netCDF, Argo profile."),
-    ] = None,
+    cast: CastFile = None,
     column: Columns = None,
     where: Where = None,
     log_format: LogFormat = None,
@@ -181,12 +178,9 @@ def _water(
     reach = max([task.start_depth, *(depth for _, depth in task.pairs)])
     if not casts:
         return None, None
-    refuse_doubted_unit(casts, reach, vehicle.hull.depth_limit)
-    with progress("tabulating the water"):
-        from swimbladder.physics.seawater import cast_column
-        from swimbladder.sim.closed_loop.water import medium_of
+    from swimbladder.sim.closed_loop.water import medium_of
 
-        column = cast_column(casts[0], step=_ROWS)
+    column = water_of_cast(casts, reach, vehicle.hull.depth_limit)
     return column, medium_of(vehicle, column, reach=reach)
 
 

@@ -7,6 +7,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swimbladder.cli.casts import (
+    CastFile,
+    Columns,
+    Inversions,
+    Latitude,
+    LogFormat,
+    Longitude,
+    Profile,
+    Salinity,
+    Where,
+    asked_casts,
+    water_of_cast,
+)
 from swimbladder.cli.common import (
     compile_notice,
     emit_json,
@@ -72,6 +85,15 @@ def tune(
         ),
     ] = None,
     runs: Annotated[int, typer.Option(metavar="N", help="Runs of every trial.")] = 200,
+    cast: CastFile = None,
+    column: Columns = None,
+    where: Where = None,
+    log_format: LogFormat = None,
+    profile: Profile = None,
+    latitude: Latitude = None,
+    longitude: Longitude = None,
+    salinity: Salinity = None,
+    inversions: Inversions = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
         "swimbladder-tune"
     ),
@@ -83,7 +105,8 @@ def tune(
 
     The region follows from the covariance that `identify` writes, or is 5 % in K2 and T2 without
     one. Trials with sensor noise verify the gains; vehicle.toml holds the controller. Exit code 1:
-    no gains meet the margins; the message names what limits them.
+    no gains meet the margins; the message names what limits them. With
+    --cast the trials are in that water.
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
@@ -100,6 +123,13 @@ def tune(
         "hold": quantity(hold, "m", "--hold"),
         "runs": runs,
     }
+    casts = asked_casts(
+        [] if cast is None else [cast], column=column, where=where, log_format=log_format,
+        profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
+        inversions=inversions,
+    )  # fmt: skip
+    reach = max(*options["depths"], *(options["step"] or ()))
+    options["column"] = water_of_cast(casts, reach, v.hull.depth_limit)
     check_place(out)
     with progress("loading the simulator"):
         from swimbladder.design.tuning import tune as find

@@ -14,6 +14,7 @@ from swimbladder.design.tuning import tune
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.io.config import load_vehicle
 from swimbladder.jobs import Store
+from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.vehicle import Controller, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
@@ -119,16 +120,17 @@ def own(vehicle: Vehicle) -> list[Contender]:
 def tuned(
     vehicle: Vehicle, name: str, goal: str, *, where: Places, step: tuple[float, float],
     sample_time: float | None, store: Store, advance: Callable[[float], None],
+    column: Column | None = None,
 ) -> Contender | LeftOut:  # fmt: skip
     """Return a law tuned for a goal over the range of depths, or why it cannot be.
 
-    step [m]: of the tuner's trials. advance: told the share of the work done.
+    step [m]: of the tuner's trials. column: their water. advance: told the share of the work done.
     """
     least = None if vehicle.supply is None else LOW_SUPPLY * vehicle.supply.voltage
     law = LAWS[name]
     inputs = (
         "tune", vehicle, name, source_of(law), goal, where.least, where.most, step, sample_time,
-        least,
+        least, column,
     )  # fmt: skip
     kept = store.read(*inputs)
     if kept is None:
@@ -143,6 +145,7 @@ def tuned(
             found = tune(
                 vehicle, law=name, goal=goal, depths=(where.least, where.most), step=step,
                 sample_time=sample_time, supply=least, runs=_TRIALS, advance=tell,
+                column=column,
             )  # fmt: skip
             numbers = {n: v for n, v in leaves(found.parameters).items() if n != "S_p"}
             kept = {"numbers": numbers, "sample_time": found.sample_time}

@@ -15,8 +15,10 @@ from swimbladder.design.tuning.energy import winding
 from swimbladder.design.tuning.region import Region
 from swimbladder.design.tuning.trial import draw, motor_starts, motor_turns, percentile, random_walk
 from swimbladder.physics.dynamics import plant
+from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.sim.closed_loop.block import schedule
+from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Positioner, Vehicle
 
 __all__ = ["Flown", "Result", "fly", "measure", "no_energy", "summarise"]
@@ -73,13 +75,21 @@ def no_energy(vehicle: Vehicle) -> str | None:
 
 
 def fly(
-    vehicle: Vehicle, who: Contender, placed: Placed, *, region: Region, runs: int, seed: int
+    vehicle: Vehicle,
+    who: Contender,
+    placed: Placed,
+    *,
+    region: Region,
+    runs: int,
+    seed: int,
+    column: Column | None = None,
 ) -> tuple[Flown, Array, Array]:
     """Return what was measured, and time [s] and depth [m] of the first run, to be looked at.
 
+    column: the water, the vehicle's own where not given.
     Every law meets the same noise, waves, drift and vehicles: those of the seed.
     """
-    data, time = _flown(vehicle, who, placed, region=region, runs=runs, seed=seed)
+    data, time = _flown(vehicle, who, placed, region, column, runs=runs, seed=seed)
     flown = measure(
         time=time, depth=data["depth"].to_numpy(), volume=data["volume"].to_numpy(),
         settle=data["settle2"].to_numpy(), overshoot=data["overshoot"].to_numpy() / 100.0,
@@ -95,15 +105,23 @@ def fly(
 
 
 def _flown(
-    vehicle: Vehicle, who: Contender, placed: Placed, *, region: Region, runs: int, seed: int
+    vehicle: Vehicle,
+    who: Contender,
+    placed: Placed,
+    region: Region,
+    column: Column | None,
+    *,
+    runs: int,
+    seed: int,
 ) -> tuple[Any, Array]:
     """Return the ensemble and its time [s]."""
     s, h = placed.scenario, who.sample_time
     clock = schedule([0.0], placed.duration, h)
     time: Array = h * np.arange(clock.ticks + 1, dtype=np.float64)
+    medium = medium_of(vehicle, column, reach=max(placed.start, placed.target))
     vary: dict[str, ArrayLike] = {}
     if s.drawn:
-        vary |= draw(region, runs=runs, seed=seed)
+        vary |= draw(region, runs=runs, seed=seed, medium=medium)
     if vehicle.voltage_driven:
         vary["supply"] = s.supply * plant(vehicle).supply
     error: Array | None = None
@@ -116,9 +134,10 @@ def _flown(
         walk = random_walk(s.walk, placed.duration, sample_time=h, runs=runs, seed=seed)
     data = simulate_ensemble(
         vehicle, count=runs, setpoints=[(0.0, placed.target)], duration=placed.duration,
-        start_depth=placed.start, start_volume=vehicle.neutral_volume(placed.start), vary=vary,
+        start_depth=placed.start, start_volume=medium.neutral_volume(placed.start), vary=vary,
         seed=seed, law=who.law, parameters=who.parameters, sample_time=h, depth_error=error,
-        neutral_change=walk, keep="trajectory", books=no_energy(vehicle) is None, workers=1,
+        neutral_change=walk, column=column, keep="trajectory", books=no_energy(vehicle) is None,
+        workers=1,
     )  # fmt: skip
     return data, time
 

@@ -31,7 +31,9 @@ from swimbladder.design.law_comparison.scenarios import (
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.jobs import Store, each
+from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.outside import source_of
+from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["compare_laws"]
@@ -45,7 +47,8 @@ def compare_laws(
     vehicle: Vehicle, *, laws: Sequence[str] | None = None, runs: int = 40,
     depths: tuple[float, float] | None = None, seed: int = 1, sample_time: float | None = None,
     scenarios: Sequence[Scenario] = SCENARIOS, tune_for: Sequence[str] = GOALS,
-    parts: Path | None = None, advance: Callable[[float], None] | None = None,
+    parts: Path | None = None, column: Column | None = None,
+    advance: Callable[[float], None] | None = None,
 ) -> LawComparison:  # fmt: skip
     """Return every law on the same scenarios, each tuned fast and tuned quiet for this vehicle.
 
@@ -54,7 +57,8 @@ def compare_laws(
     the vehicle's sensors. depths [m]: least and greatest; what rating, stroke and supply allow
     where not given. sample_time [s]: of the tuned laws; the controller's where not given.
     tune_for: goals of `tune`. parts: a folder where what is done is kept; a comparison that was
-    stopped goes on there. advance: told the share of the work done.
+    stopped goes on there. column: the water of all runs and of the tuner's trials, the
+    vehicle's own where not given. advance: told the share of the work done.
 
     Raises InputError for what cannot be; NoAnswerError where no controller is left to fly.
     """
@@ -68,6 +72,7 @@ def compare_laws(
     contenders: list[Contender] = own(vehicle)
     names, left_out = choose_laws(vehicle, laws)
     where = places(vehicle, depths)
+    medium_of(vehicle, column, reach=where.most)  # refuses a cast that ends above
     placed = [place(one, vehicle, where) for one in scenarios]
     around = region(vehicle)
     store = Store(parts)
@@ -78,7 +83,7 @@ def compare_laws(
         for name, goal in jobs:
             found = tuned(
                 vehicle, name, goal, where=where, step=(shallow.start, shallow.target),
-                sample_time=sample_time, store=store,
+                sample_time=sample_time, store=store, column=column,
                 advance=lambda share: tell(_TUNING * share / len(jobs)),
             )  # fmt: skip
             if isinstance(found, LeftOut):
@@ -90,13 +95,14 @@ def compare_laws(
             raise NoAnswerError(f"there is no controller to compare. {why}")
         rows = _fly_all(
             vehicle, contenders, placed, store, around=around, runs=runs, seed=seed,
+            column=column,
             advance=lambda share: tell(share * (_FLYING if jobs else _FLYING + _TUNING)),
         )  # fmt: skip
         bounds, missing = bounding.result()
     return LawComparison(
         vehicle=vehicle, where=where, placed=placed, rows=rows, left_out=left_out, bounds=bounds,
         no_bound=missing, no_energy=no_energy(vehicle), runs=runs, seed=seed,
-        assumptions=_assumptions(vehicle, where.words, around),
+        assumptions=_assumptions(vehicle, where.words, around, column),
     )  # fmt: skip
 
 
@@ -134,7 +140,7 @@ def _bounds(
 
 def _fly_all(
     vehicle: Vehicle, contenders: Sequence[Contender], placed: Sequence[Placed], store: Store, *,
-    around: Region, runs: int, seed: int, advance: Callable[[float], None],
+    around: Region, runs: int, seed: int, column: Column | None, advance: Callable[[float], None],
 ) -> list[Row]:  # fmt: skip
     """Fly every contender on every scenario; two or more at a time, as kernels let others run."""
 
@@ -142,11 +148,13 @@ def _fly_all(
         who, p = job
         inputs = (
             "flown", vehicle, who.law.name, source_of(who.law), who.parameters, who.sample_time,
-            p.scenario, p.start, p.target, p.duration, runs, seed,
+            p.scenario, p.start, p.target, p.duration, runs, seed, column,
         )  # fmt: skip
 
         def flight() -> dict[str, Any]:
-            flown, time, depth = fly(vehicle, who, p, region=around, runs=runs, seed=seed)
+            flown, time, depth = fly(
+                vehicle, who, p, region=around, runs=runs, seed=seed, column=column
+            )
             result = summarise(flown, is_step=p.is_step)
             return {"result": result._asdict(), "time": time.tolist(), "depth": depth.tolist()}
 
@@ -177,7 +185,9 @@ def _read(kept: dict[str, Any]) -> tuple[Result, Trace]:
     return Result(**kept["result"]), trace
 
 
-def _assumptions(vehicle: Vehicle, range_words: str, around: Region) -> tuple[str, ...]:
+def _assumptions(
+    vehicle: Vehicle, range_words: str, around: Region, column: Column | None
+) -> tuple[str, ...]:
     sensors = vehicle.sensors
     noise = f"depth noise of {1e3 * sensors.depth_noise:.2g} mm"
     if sensors.depth_quantum > 0.0:
@@ -187,6 +197,12 @@ def _assumptions(vehicle: Vehicle, range_words: str, around: Region) -> tuple[st
         weak = LOW_SUPPLY * vehicle.supply.voltage
         found.append(f"a low battery gives {weak:.3g} V, which the tuned laws reckon with")
     found += [f"vehicles drawn: {words}" for words in around.words]
+    if column is not None:
+        found += [f"cast: {remark}" for remark in column.report]
+        found.append(
+            f"flown and tuned in the water of {column.source}; least times and margins are those "
+            "in the vehicle's own water"
+        )
     found.append(
         "in swell depths are those in the water, which carries the vehicle along: the sensor reads "
         "of the waves what the length of the hull leaves"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from swimbladder.control.records import leaves
@@ -20,6 +22,9 @@ from swimbladder.design.tuning.trial import Step, traces
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.physics.dynamics import plant
+from swimbladder.physics.seawater import Column
+from swimbladder.sim.closed_loop.water import medium_of
+from swimbladder.sim.engine.layers import Layers
 from swimbladder.vehicle import Controller, Vehicle
 
 __all__ = ["GOALS", "tune"]
@@ -28,6 +33,7 @@ _LOW = 0.9  # of the supply's voltage, a battery that is nearly empty
 _WATCH = 2700.0  # s, that a hold is watched for: what counts is the last third
 _SHOWN = (1, 30)  # runs kept as they went: of the nominal vehicle, over the region
 _WATCHED = 10.0  # times the least time of a step
+_ROWS = 201  # depths at which a cast's layers are looked at
 _ASKED = "(--depth, --step)"
 
 
@@ -35,7 +41,7 @@ def tune(
     vehicle: Vehicle, *, law: str = "planned", goal: str = "fast",
     depths: tuple[float, float] = (0.0, 10.0), sample_time: float | None = None,
     delay: float = 0.1, supply: float | None = None, step: tuple[float, float] | None = None,
-    hold: float | None = None, runs: int = 200,
+    hold: float | None = None, runs: int = 200, column: Column | None = None,
     advance: Callable[[float], None] | None = None,
 ) -> Tuning:  # fmt: skip
     """Return the gains of a law for this vehicle and goal, with what they guarantee.
@@ -47,7 +53,8 @@ def tune(
     share of the sample time. supply [V]: the least; nine tenths of the vehicle's where not given.
     step: depths [m] of the trial, 1.5 m within the range where not given. hold [m rms]: error
     allowed to a quiet law (9.5 mm) or one that saves energy (5 cm). advance: told the share of the
-    work done.
+    work done. column: the water that the trials are flown in and that stroke and neutral volume are
+    held against; margins are those of the vehicle's own psi and density.
 
     Raises InputError for what cannot be; NoAnswerError where no gains hold this vehicle, with what
     limits them, or where the energy of its motor is not known.
@@ -71,17 +78,20 @@ def tune(
     around = region(vehicle)
     ends = _step(depths, step)
     judged = tuple(sorted({*depths, *ends}))
-    _check_reach(vehicle, judged, least, around)
+    layers = medium_of(vehicle, column, reach=judged[-1]).layers
+    off = layers.along(np.linspace(judged[0], judged[-1], _ROWS))
+    _check_reach(vehicle, judged, least, around, layers)
     setting = setting_of(
-        vehicle, sample_time=h, supply=least, neutral_range=max(10.0 * around.neutral, 20e-6)
-    )
+        vehicle, sample_time=h, supply=least,
+        neutral_range=max(10.0 * around.neutral, 20e-6) + float(np.abs(off).max()),
+    )  # fmt: skip
     held = HELD.get(goal, 0.0) if hold is None else hold
     long = _WATCH if goal != "fast" else _watched(vehicle, least, abs(ends[1] - ends[0]), h)
     watched = Step(*ends, long)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         found = search(
             law, vehicle, setting, around, goal=goal, held=held, depths=judged,
-            delay=delay * h, step=watched, runs=runs, advance=advance,
+            delay=delay * h, step=watched, runs=runs, column=column, advance=advance,
         )  # fmt: skip
     numbers = found.parameters
     controller = Controller(
@@ -90,7 +100,7 @@ def tune(
     )  # fmt: skip
     shown = (
         traces(vehicle, chosen, numbers, watched, sample_time=h, region=None, runs=_SHOWN[0],
-               supply=None),
+               supply=None, column=column),
         traces(vehicle, chosen, numbers, watched, sample_time=h, region=around, runs=_SHOWN[1],
                supply=least),
     )  # fmt: skip
@@ -110,6 +120,7 @@ def tune(
             *around.words,
             sensor,
             *_outside(depths, ends),
+            *_in_water(column, off),
             f"the supply falls to {least:.3g} V"
             if math.isfinite(least)
             else f"the positioner moves {1e6 * p.rate:.3g} cm3/s",
@@ -189,7 +200,7 @@ def _sample_time(vehicle: Vehicle, given: float | None) -> float:
 
 
 def _check_reach(
-    vehicle: Vehicle, depths: tuple[float, ...], supply: float, around: Region
+    vehicle: Vehicle, depths: tuple[float, ...], supply: float, around: Region, layers: Layers
 ) -> None:
     """Raise NoAnswerError where stroke or supply does not reach one of the depths, least first."""
     deepest, rating = depths[-1], vehicle.hull.depth_limit
@@ -201,14 +212,14 @@ def _check_reach(
     stroke = vehicle.stroke
     cure = f"Trim it otherwise, give it more stroke, or tune for other depths {_ASKED}"
     for depth in depths:
-        neutral = vehicle.neutral_volume(depth)
+        neutral = vehicle.neutral_volume(depth) + layers.at(depth)
         if not stroke.minimum < neutral < stroke.maximum:
             raise NoAnswerError(
                 f"at {depth:g} m the vehicle is neutral at {1e6 * neutral:.4g} cm3, outside its "
                 f"stroke of {1e6 * stroke.minimum:g} to {1e6 * stroke.maximum:g} cm3: no law holds "
                 f"it there. {cure}"
             )
-        each = [p.psi * depth + p.V_0 for p in around.plants]
+        each = [p.psi * depth + p.V_0 + layers.at(depth) for p in around.plants]
         low, high = min(each) - around.neutral, max(each) + around.neutral
         if not (stroke.minimum < low and high < stroke.maximum):
             raise NoAnswerError(
@@ -248,6 +259,18 @@ def _outside(depths: tuple[float, float], step: tuple[float, float]) -> list[str
         f"the step of the trials, {step[0]:g} to {step[1]:g} m, leaves the depths of "
         f"{depths[0]:g} to {depths[1]:g} m (--depth): the margins are judged at "
         f"{' and '.join(beyond)} as well"
+    ]
+
+
+def _in_water(column: Column | None, off: NDArray[np.float64]) -> list[str]:
+    """Return what is to be said of a cast; off [m3]: what it adds to the neutral volume."""
+    if column is None:
+        return []
+    return [
+        *(f"cast: {remark}" for remark in column.report),
+        f"the trials are flown in the water of {column.source}, which moves the neutral volume by "
+        f"{1e6 * float(off.min()):.3g} to {1e6 * float(off.max()):.3g} cm3; margins are those in "
+        "the vehicle's own water",
     ]
 
 

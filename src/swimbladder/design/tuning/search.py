@@ -26,6 +26,7 @@ from swimbladder.design.tuning.margins import (
 from swimbladder.design.tuning.region import Region
 from swimbladder.design.tuning.trial import Step, Trial, trial
 from swimbladder.errors import NoAnswerError
+from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["Found", "search"]
@@ -111,13 +112,14 @@ class _Search:
 def search(
     name: str, vehicle: Vehicle, setting: Setting, region: Region, *, goal: str, held: float,
     depths: Sequence[float], delay: float, step: Step, runs: int, wanted: Worst = WANTED,
-    advance: Callable[[float], None] | None = None,
+    column: Column | None = None, advance: Callable[[float], None] | None = None,
 ) -> Found:  # fmt: skip
     """Return the best knobs found for a goal.
 
     goal: fast, quiet or energy. held [m]: rms that a depth is to be held to. depths [m]: where
-    margins are checked. delay [s]: from sample to command. Raises NoAnswerError where no knobs have
-    the margins, with the one that is farthest from them, or where none holds the vehicle.
+    margins are checked. delay [s]: from sample to command. column: the water of the trials.
+    Raises NoAnswerError where no knobs have the margins, with the one that is farthest from them,
+    or where none holds the vehicle.
     """
     law, recipe, h = tunable(name), recipe_of(name), setting.sample_time
     tell = advance or (lambda _: None)
@@ -135,6 +137,7 @@ def search(
         return trial(
             vehicle, law, gains(name, setting, knobs), step, sample_time=h, runs=count,
             region=None if nominal else region, supply=None if nominal else setting.limit,
+            column=column,
         )  # fmt: skip
 
     scored: list[tuple[tuple[float, ...], Knobs, Trial]] = []

@@ -13,10 +13,13 @@ from swimbladder.design.tuning.region import Region
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.sim.closed_loop.block import schedule
+from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.vehicle import Vehicle
 
 if TYPE_CHECKING:
     import xarray
+
+    from swimbladder.physics.seawater import Column
 
 __all__ = [
     "Step",
@@ -74,15 +77,17 @@ class Traces(NamedTuple):
 def trial(
     vehicle: Vehicle, law: Law, parameters: Any, step: Step, *, sample_time: float,
     region: Region | None = None, runs: int = 200, seed: int = 1, supply: float | None = None,
+    column: Column | None = None,
 ) -> Trial:  # fmt: skip
     """Return what comes of `runs` steps, each with noise of its own.
 
     region: of vehicles drawn evenly from among its plants and neutral volumes; the nominal one
-    where not given. supply [V]: the vehicle's where not given.
+    where not given. supply [V]: the vehicle's where not given. column: the water, the vehicle's own
+    where not given.
     """
     data = _runs(
         vehicle, law, parameters, step, sample_time=sample_time, region=region, runs=runs,
-        seed=seed, supply=supply,
+        seed=seed, supply=supply, column=column,
     )  # fmt: skip
     settle = data["settle2"].to_numpy()
     settled = np.isfinite(settle)
@@ -121,18 +126,19 @@ def trial(
 def traces(
     vehicle: Vehicle, law: Law, parameters: Any, step: Step, *, sample_time: float,
     region: Region | None, runs: int, supply: float | None, seed: int = 1,
+    column: Column | None = None,
 ) -> Traces:  # fmt: skip
     """Return the first runs of a trial as they went."""
     data = _runs(
         vehicle, law, parameters, step, sample_time=sample_time, region=region, runs=runs,
-        seed=seed, supply=supply,
+        seed=seed, supply=supply, column=column,
     )  # fmt: skip
     return Traces(*(data[name].to_numpy() for name in ("time", "depth", "volume", "command")))
 
 
 def _runs(
     vehicle: Vehicle, law: Law, parameters: Any, step: Step, *, sample_time: float,
-    region: Region | None, runs: int, seed: int, supply: float | None,
+    region: Region | None, runs: int, seed: int, supply: float | None, column: Column | None,
 ) -> xarray.Dataset:  # fmt: skip
     vary: dict[str, Array] = {}
     start_volume = walked = None
@@ -140,14 +146,16 @@ def _runs(
         walked = random_walk(
             region.walk, step.duration, sample_time=sample_time, runs=runs, seed=seed
         )
-        vary |= draw(region, runs=runs, seed=seed)
-        start_volume = np.full(runs, vehicle.neutral_volume(step.start))
+        medium = medium_of(vehicle, column, reach=max(step.start, step.target))
+        vary |= draw(region, runs=runs, seed=seed, medium=medium)
+        start_volume = np.full(runs, medium.neutral_volume(step.start))
     if supply is not None and np.isfinite(supply):
         vary["supply"] = np.full(runs, supply)
     return simulate_ensemble(
         vehicle, count=runs, setpoints=[(0.0, step.target)], duration=step.duration,
         start_depth=step.start, start_volume=start_volume, vary=vary, seed=seed, law=law,
         parameters=parameters, sample_time=sample_time, neutral_change=walked, keep="trajectory",
+        column=column,
     )  # fmt: skip
 
 
@@ -167,10 +175,11 @@ def random_walk(
     return found
 
 
-def draw(region: Region, *, runs: int, seed: int) -> dict[str, Array]:
+def draw(region: Region, *, runs: int, seed: int, medium: Medium | None = None) -> dict[str, Array]:
     """Return vehicles drawn evenly from among a region's plants and neutral volumes.
 
-    Fields of `Plant`, each [runs], as `simulate_ensemble` varies them.
+    medium: the water that they are in, the vehicle's own where not given. Fields of `Plant`, each
+    [runs], as `simulate_ensemble` varies them.
     """
     rng = np.random.default_rng(seed)
     chosen = rng.integers(0, len(region.plants), runs)
@@ -181,6 +190,8 @@ def draw(region: Region, *, runs: int, seed: int) -> dict[str, Array]:
         nominal = region.plants[0][at]
         edge = np.array([region.plants[i][at] for i in chosen])
         vary[name] = nominal + inside * (edge - nominal)
+        if medium is not None and nominal != 0.0:  # what goes with the density
+            vary[name] *= medium.plant[at] / nominal
     vary["V_0"] = region.plants[0].V_0 + rng.uniform(-region.neutral, region.neutral, runs)
     return vary
 

@@ -71,6 +71,12 @@ def _pareto(
     there = np.isfinite(x) & np.isfinite(y) & (x > 0.0) & (y > 0.0)
     axes.set_xscale("log")
     axes.set_yscale("log")
+    # Set first: lines find no place on logarithmic axes that nothing stands on.
+    along = [*x[there], *([] if bound is None else [bound])]
+    if along:
+        axes.set_xlim(*_limits(along))
+    if there.any():
+        axes.set_ylim(*_limits(y[there].tolist()))
     best = np.flatnonzero(there)[front(np.stack([x[there], y[there]], axis=1))]
     if len(best) > 0:
         best = best[np.argsort(x[best])]
@@ -96,9 +102,6 @@ def _pareto(
     if missing:
         words = ("not settled: " if bound else "not shown: ") + "; ".join(missing)
         axes.set_title(fill(words, _WIDE), loc="right", fontsize=8.0, color=GREY)
-    if there.any():
-        axes.set_xlim(*_limits([*x[there], *([] if bound is None else [bound])]))
-        axes.set_ylim(*_limits(y[there].tolist()))
     for side, label in ((axes.xaxis, across[3]), (axes.yaxis, up[3])):
         side.set_label_text(label)
         side.set_major_formatter(lambda value, _: f"{value:g}")

@@ -1,0 +1,126 @@
+"""The water of a cast in tuning and in the comparison of laws: as `simulate` has it."""
+
+import json
+
+import numpy as np
+import pytest
+
+import swimbladder as sb
+from swimbladder.cli import main
+from swimbladder.control.registry import bind
+from swimbladder.design.law_comparison.contenders import own
+from swimbladder.design.law_comparison.fly import fly
+from swimbladder.design.law_comparison.scenarios import SCENARIOS, Placed
+from swimbladder.design.tuning import tune
+from swimbladder.design.tuning.region import region
+from swimbladder.design.tuning.trial import Step, draw, traces, trial
+from swimbladder.errors import InputError
+from swimbladder.io.casts import read_cast
+from swimbladder.physics.seawater import cast_column
+from swimbladder.sim.closed_loop.water import medium_of
+
+FEUP = sb.load_vehicle("feup-em")
+LAW, NUMBERS = bind(FEUP.controller)
+H = FEUP.controller.sample_time
+RUN = {"setpoints": [(0.0, 6.0)], "duration": 120.0, "start_depth": 1.5}
+
+
+@pytest.fixture(scope="module")
+def lake(tmp_path_factory):
+    """A lake with a thermocline at 4 m, 15 m deep."""
+    path = tmp_path_factory.mktemp("lake") / "lake.csv"
+    depth = np.arange(0.0, 15.05, 0.1)
+    warmth = 8.0 + 14.0 / (1.0 + np.exp((depth - 4.0) / 0.4))
+    np.savetxt(path, np.column_stack([0.98 * depth, warmth]), delimiter=",", fmt="%.4f",
+               header="Pressure [dbar],Temperature (deg C)", comments="")  # fmt: skip
+    return path
+
+
+@pytest.fixture(scope="module")
+def column(lake):
+    return cast_column(read_cast(lake, salinity=0.0), step=0.1)
+
+
+@pytest.fixture(scope="module")
+def simulated(column):
+    return sb.simulate(FEUP, column=column, **RUN), sb.simulate(FEUP, **RUN)
+
+
+def test_a_trial_is_flown_in_it_as_simulate_does(column, simulated):
+    step = Step(1.5, 6.0, 120.0)
+    for water, run in zip((column, None), simulated, strict=True):
+        seen = traces(
+            FEUP, LAW, NUMBERS, step, sample_time=H, region=None, runs=1, supply=None, column=water
+        )
+        assert seen.depth[:, 0] == pytest.approx(run.depth, abs=1e-9)
+        assert seen.volume[:, 0] == pytest.approx(run.volume, abs=1e-12)
+    assert np.abs(simulated[0].depth - simulated[1].depth).max() > 0.2
+    given = {"sample_time": H, "runs": 20, "region": region(FEUP)}
+    wet, even = (trial(FEUP, LAW, NUMBERS, step, column=w, **given) for w in (column, None))
+    assert wet.rms != even.rms
+
+
+def test_a_contender_is_flown_in_it_as_simulate_does(column, simulated):
+    placed = Placed(SCENARIOS[0], 1.5, 6.0, 120.0)
+    for water, run in zip((column, None), simulated, strict=True):
+        _, time, depth = fly(
+            FEUP, own(FEUP)[0], placed, region=region(FEUP), runs=2, seed=1, column=water
+        )
+        assert depth == pytest.approx(run.depth[: len(time)], abs=1e-9)
+
+
+def test_vehicles_that_are_drawn_have_its_density(column):
+    around = region(FEUP)
+    medium = medium_of(FEUP, column, reach=6.0)
+    share = medium.specific_weight / FEUP.water.specific_weight
+    assert share != 1.0
+    own_, wet = (draw(around, runs=50, seed=3, medium=m) for m in (None, medium))
+    for name in ("a_b", "a_s"):
+        assert wet[name] == pytest.approx(share * own_[name], rel=1e-12)
+    for name in ("psi", "T1", "gain", "d_l", "V_0"):
+        assert np.array_equal(wet[name], own_[name])
+
+
+@pytest.mark.slow
+def test_tuning_says_and_feels_it(column):
+    given = {"law": "planned", "depths": (0.0, 6.0), "step": (1.5, 5.0), "runs": 20}
+    wet, even = tune(FEUP, column=column, **given), tune(FEUP, **given)
+    assert any("in the water of lake.csv" in words for words in wet.assumptions)
+    assert not any("lake.csv" in words for words in even.assumptions)
+    # How far its layers move the neutral volume is what the law may have to learn.
+    medium = medium_of(FEUP, column, reach=6.0)
+    z = np.linspace(0.0, 6.0, 201)
+    moved = np.abs(medium.layers.along(z)).max()
+    extra = wet.setting.neutral_range - even.setting.neutral_range
+    assert extra == pytest.approx(moved, rel=1e-9)
+    assert wet.region != even.region
+
+
+def test_a_cast_that_ends_above_is_refused(column):
+    with pytest.raises(InputError, match=r"lake\.csv ends at 15 m"):
+        tune(FEUP, depths=(0.0, 20.0), column=column)
+
+
+@pytest.mark.parametrize(
+    "command", [["tune", "feup-em", "--law", "planned"], ["compare-laws", "feup-em"]]
+)
+def test_the_commands_have_the_options_of_a_cast(command, lake, tmp_path, capsys):
+    place = ["--out", str(tmp_path / "out"), "--json"]
+    assert main([*command, "--salinity", "0", *place]) == 2
+    assert "--cast" in capsys.readouterr().err
+    cast = ["--cast", str(lake), "--salinity", "0"]
+    assert main([*command, *cast, "--depth", "0:20 m", *place]) == 2
+    assert "lake.csv ends at 15 m" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.slow
+def test_compare_laws_says_whose_water_it_is(lake, tmp_path, capsys):
+    command = ["compare-laws", "feup-em", "--laws", "position-pid", "--runs", "2", "--depth",
+               "0:6 m", "--json", "--out", str(tmp_path / "out")]  # fmt: skip
+    assert main([*command, "--cast", str(lake), "--salinity", "0"]) == 0
+    wet = json.loads(capsys.readouterr().out)
+    assert main(command) == 0  # into the same folder: what is kept of the other water is not taken
+    even = json.loads(capsys.readouterr().out)
+    assert any("in the water of lake.csv" in words for words in wet["assumptions"])
+    results = [answer["laws"][0]["results"]["step-down"] for answer in (wet, even)]
+    assert results[0]["rms_m"] != results[1]["rms_m"]
