@@ -240,7 +240,7 @@ class TestExamples:
         first, p = first_command(name), made.supervisor
         (row,) = [n for n, line in enumerate(said) if line.startswith("# full")]
         assert said[row] == "# full buoyancy: depth missing"
-        assert row - 4 == p.blind - 1  # three remarks and the header stand above
+        assert row - 4 == p.volume.blind - 1  # three remarks and the header stand above
         commands = [float(line[3]) for line in lines]
         ticks = row - 4
         assert commands[:ticks] == pytest.approx([first] * ticks, abs=1e-9)
