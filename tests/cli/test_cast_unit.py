@@ -1,5 +1,7 @@
 """A cast whose pressure may be in another unit: what the commands that ask for a depth say."""
 
+from pathlib import Path
+
 import gsw
 import h5netcdf
 import numpy as np
@@ -11,7 +13,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_mission, load_vehicle
 from swimbladder.physics.seawater import cast_column
-from swimbladder.sim.campaign.run import fly_floats
+from swimbladder.sim.campaign.run import Floats
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.mission.flight import fly_mission
 
@@ -236,7 +238,9 @@ def test_python_refuses_what_the_commands_refuse(tmp_path):
     assert said
     for fly in (
         lambda water: fly_mission(vehicle, task, water),
-        lambda water: fly_floats(vehicle, task, [water], floats=1),
+        lambda water: Floats(
+            vehicle=vehicle, mission=task, columns=[water], floats=1, store=Path("campaign.zarr")
+        ),
     ):
         with pytest.raises(InputError) as caught:
             fly(cast_column(cast))
@@ -262,7 +266,9 @@ def test_a_cast_that_ends_above_a_phase_is_refused_in_python_as_by_the_command(t
     for fly in (
         lambda water: fly_mission(vehicle, task, water),
         lambda water: fly_mission(vehicle, task, water, checked=False),
-        lambda water: fly_floats(vehicle, task, [water], floats=1),
+        lambda water: Floats(
+            vehicle=vehicle, mission=task, columns=[water], floats=1, store=Path("campaign.zarr")
+        ),
     ):
         with pytest.raises(InputError) as caught:
             fly(cast_column(read_cast(path)))

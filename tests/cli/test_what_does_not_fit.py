@@ -1,6 +1,7 @@
 """Laws, vehicles and missions that do not fit: one error for a command and the Python behind it."""
 
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -8,7 +9,7 @@ from swimbladder.cli import main
 from swimbladder.codegen.library import make_library
 from swimbladder.control.registry import law_by_name
 from swimbladder.design.analysis import analyse
-from swimbladder.design.law_comparison import bench
+from swimbladder.design.law_comparison import compare_laws
 from swimbladder.design.planning import plan
 from swimbladder.design.stability import stability
 from swimbladder.design.tuning import tune
@@ -16,7 +17,7 @@ from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.io.config import load_mission, load_vehicle
 from swimbladder.io.presets import preset_text
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.campaign.run import fly_floats
+from swimbladder.sim.campaign.run import Floats
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.faults import run_missions
 from swimbladder.sim.mission.flight import fly_mission
@@ -45,14 +46,20 @@ COMMANDS = {
     "tune": ([], lambda v, _: tune(v, law="planned" if v.voltage_driven else "position-observer")),
     "stability": ([], lambda v, _: stability(v)),
     "analyse": ([], lambda v, _: analyse(v)),
-    "bench-control": ([], lambda v, _: bench(v)),
+    "compare-laws": ([], lambda v, _: compare_laws(v)),
     "firmware": ([], lambda v, _: make_library(v, start_depth=1.5, target=3.0, duration=400.0)),
     "faults": ([], lambda v, _: run_missions(v, missions=20)),
     "plan": (["--step", "1:3"], lambda v, _: plan(v, 1.0, 3.0)),
     "mission": (["PHASES"], lambda v, m: afloat(v, m, fly_mission)),
     "campaign": (
         ["PHASES", "--floats", "4", "--cast", "CAST"],
-        lambda v, m: afloat(v, m, lambda v, m, c: fly_floats(v, m, [c], floats=4)),
+        lambda v, m: afloat(
+            v,
+            m,
+            lambda v, m, c: Floats(
+                vehicle=v, mission=m, columns=[c], floats=4, store=Path("campaign.zarr")
+            ),
+        ),
     ),
 }
 
@@ -135,7 +142,7 @@ DEEP = {
         v, start_depth=1.5, target=120.0, duration=400.0)),
     "plan": ("feup-em", ["--step", "1:120"], lambda v, _: plan(v, 1.0, 120.0)),
     "tune": ("feup-em", ["--depth", "0:120 m"], lambda v, _: tune(v, depths=(0.0, 120.0))),
-    "bench-control": ("feup-em", ["--depth", "0:120 m"], lambda v, _: bench(
+    "compare-laws": ("feup-em", ["--depth", "0:120 m"], lambda v, _: compare_laws(
         v, depths=(0.0, 120.0))),
     "faults": ("feup-em", ["--depth", "1:120 m"], lambda v, _: run_missions(
         v, missions=20, depths=(1.0, 120.0))),

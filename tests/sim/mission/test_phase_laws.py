@@ -16,7 +16,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.campaign.run import fly_floats
+from swimbladder.sim.campaign.run import Floats
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.mission.core.names import Account, At, Doing, Drive, Note, Now, Row, Stop
 from swimbladder.sim.mission.flight import fly_mission
@@ -348,4 +348,10 @@ def test_a_vehicle_without_a_controller_takes_the_law_of_its_phases():
 def test_a_campaign_refuses_what_it_does_not_fly():
     vehicle = load_vehicle("feup-em")
     with refused(InputError, field="controller.law", value="cascade"):
-        fly_floats(vehicle, steps(HOLD), [uniform_column(vehicle.water, 50.0)], floats=2)
+        Floats(
+            vehicle=vehicle,
+            mission=steps(HOLD),
+            columns=[uniform_column(vehicle.water, 50.0)],
+            floats=2,
+            store=Path("campaign.zarr"),
+        )

@@ -132,6 +132,10 @@ class Block:
             depth_error=depth_error, neutral=neutral, layers=layers,
         )  # fmt: skip
 
+    def begin(self, chains: NDArray[np.float64] | None = None) -> Running:
+        """Return the block under way, before its first tick; chains: see `run`."""
+        return Running(self, work_space(self.lanes) if chains is None else chains)
+
     def run(
         self,
         progress: Callable[[int], None] | None = None,
@@ -143,45 +147,27 @@ class Block:
         chains: work space of an earlier run of as many lanes, see `work_space`. ask: called with
         the number of each tick before the law is, once the sensors have measured.
         """
-        enroll(self.law)
-        token = (0.0,) * self.lanes
-        sea = (0.0,) if self.loses else ()
-        # one vehicle: one kernel for all drags; a block: a kernel without what laminar drag lacks
-        bend = (0.0,) if self.nonlinear or self.lanes == 1 else ()
-        if chains is None:
-            chains = work_space(self.lanes)
-        built = np.zeros((self.lanes, COUNT), np.uint8)
-        flat = self.work.reshape(-1)
-        fields = leaf_names(self.law.state)
-        state = from_leaves(self.law.state, dict.fromkeys(fields, 0.0))
-        row = fields.index("volume_reference") if "volume_reference" in fields else -1
+        running = self.begin(chains)
         trim, now = self.work[_V_0].copy(), np.zeros(self.lanes)
         sigma = self.work[Row.DEPTH_NOISE].copy()
         if self.depth_error is not None:
             self.work[Row.DEPTH_NOISE] = 1.0  # of what _amiss returns
             if self.noise is None:
                 self.work[[Row.DEPTH_QUANTUM, Row.VOLUME_QUANTUM]] = 0.0  # ideal sensors
-        start_block(flat, token, self.clock.tick / self.parts, chains, built, self.layers)
-        kernel = kernel_of(self.law)
         unseen = np.zeros((0, 2, self.lanes))
         for first, last in self._spans(_CHUNK if ask is None else 1):
             if self.neutral is not None and np.any(self.neutral[first] != now):
                 now = self.neutral[first]
                 self.work[_V_0] = trim + now
-                built[:] = 0
-                start_block(flat, token, self.clock.tick / self.parts, chains, built, self.layers)
+                running.restart()
                 self.work[Row.SLOW][self.work[Row.STOPPED] != 0.0] = 1.0  # as the kernel left them
             noise = self._amiss(first, last, sigma)
             if ask is not None:
                 if len(noise):
-                    measure_block(flat, token, noise, 0)
+                    measure_block(running.flat, running.token, noise, 0)
                     noise = unseen
                 ask(first)
-            kernel(
-                flat, token, bend, sea, self.hooks, self.parameters, state, first, last,
-                self.clock.tick, self.parts, self.clock.turn, self.clock.given, self.depths, noise,
-                self.record, row, chains, built, self.books, self.log, self.noted, self.layers,
-            )  # fmt: skip
+            running.advance(first, last, noise)
             if progress is not None and (ask is None or last % _SHOWN == 0):
                 progress(last)
             if bool(np.all(self.work[Row.STOPPED] != 0.0)):
@@ -217,3 +203,39 @@ class Block:
         for i, generator in enumerate(self.noise):
             noise[:, :, i] = generator.standard_normal((ticks, 2))
         return noise
+
+
+class Running:
+    """A block under way: its kernel, and the work space that goes from span to span."""
+
+    def __init__(self, block: Block, chains: NDArray[np.float64]) -> None:
+        enroll(block.law)
+        self.block, self.chains = block, chains
+        self.flat = block.work.reshape(-1)
+        self.token = (0.0,) * block.lanes
+        self._sea = (0.0,) if block.loses else ()
+        # one vehicle: one kernel for all drags; a block: a kernel without what laminar drag lacks
+        self._bend = (0.0,) if block.nonlinear or block.lanes == 1 else ()
+        fields = leaf_names(block.law.state)
+        self._state = from_leaves(block.law.state, dict.fromkeys(fields, 0.0))
+        self._row = fields.index("volume_reference") if "volume_reference" in fields else -1
+        self._built = np.zeros((block.lanes, COUNT), np.uint8)
+        self._kernel = kernel_of(block.law)
+        self.restart()
+
+    def restart(self) -> None:
+        """Find each lane's mode anew: at the begin, and where its plant has changed."""
+        b = self.block
+        self._built[:] = 0
+        start_block(
+            self.flat, self.token, b.clock.tick / b.parts, self.chains, self._built, b.layers
+        )
+
+    def advance(self, first: int, last: int, noise: NDArray[np.float64]) -> None:
+        """Run from tick `first` to `last`; noise [ticks, 2, lanes], standard normal, or empty."""
+        b = self.block
+        self._kernel(
+            self.flat, self.token, self._bend, self._sea, b.hooks, b.parameters, self._state, first,
+            last, b.clock.tick, b.parts, b.clock.turn, b.clock.given, b.depths, noise, b.record,
+            self._row, self.chains, self._built, b.books, b.log, b.noted, b.layers,
+        )  # fmt: skip

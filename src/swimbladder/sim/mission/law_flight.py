@@ -21,23 +21,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.records import from_leaves, leaf_names, leaves
+from swimbladder.control.records import leaves
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.physics.actuator import reduced
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.steady_drives import battery_power, terminal_power
 from swimbladder.sim.closed_loop.block import Block, Schedule, work_space
-from swimbladder.sim.closed_loop.dispatch import enroll
-from swimbladder.sim.closed_loop.lanes import measure_block, start_block
-from swimbladder.sim.closed_loop.outside import kernel_of
+from swimbladder.sim.closed_loop.lanes import measure_block
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.closed_loop.solution import StopReason
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.advance import DONE, advance, begin
 from swimbladder.sim.engine.books import Account as Sums
 from swimbladder.sim.engine.chain import book_steps
-from swimbladder.sim.engine.modes import Act, Where
+from swimbladder.sim.engine.modes import COUNT, Act, Where
 from swimbladder.sim.mission.core import kernel
 from swimbladder.sim.mission.core.moves import FULL
 from swimbladder.sim.mission.core.names import (
@@ -142,16 +140,7 @@ class _Loop:
             sensors=vehicle.sensors, seeds=None, record=False, books=True, events=True,
             layers=medium.layers,
         )  # fmt: skip
-        enroll(law.law)
-        self.block, self.done = block, 0
-        fields = leaf_names(law.law.state)
-        self.like = from_leaves(law.law.state, dict.fromkeys(fields, 0.0))
-        self.chains, self.built = work_space(1), np.zeros((1, 60), np.uint8)
-        start_block(
-            block.work.reshape(-1), (0.0,), law.sample_time / parts, self.chains, self.built,
-            medium.layers,
-        )  # fmt: skip
-        self.kernel = kernel_of(law.law)
+        self.block, self.done, self.running = block, 0, block.begin()
 
     def ask(self, depth: float) -> None:
         """Ask for a depth [m] from the next sample on."""
@@ -162,11 +151,7 @@ class _Loop:
         b, n = self.block, len(noise)
         b.noted[:] = 0
         given = noise if not math.isnan(noise[0, 0, 0]) else noise[:0]
-        self.kernel(
-            b.work.reshape(-1), (0.0,), (0.0,), b.parameters, self.like, self.done, self.done + n,
-            b.clock.tick, b.parts, b.clock.turn, b.clock.given, b.depths, given, b.record, -1,
-            self.chains, self.built, b.books, b.log, b.noted, b.layers,
-        )  # fmt: skip
+        self.running.advance(self.done, self.done + n, given)
         self.done += n
 
     def kept(self) -> tuple[Array, Array, int]:
@@ -204,7 +189,7 @@ class _Flight:
         self.phase_begin, self.phase_from = math.nan, math.nan
         self.row_time = min(_SPAN, _longest(plan) / _ROWS)
         self.step = 10.0 / book_steps(self.medium.plant, 10.0, 0.0, self.medium.layers)
-        self.chains, self.built = work_space(1)[0], np.zeros(60, np.uint8)
+        self.chains, self.built = work_space(1)[0], np.zeros(COUNT, np.uint8)
         self.chain_step = 0.0
         self.rows = np.zeros((_ROOM, int(Out.COUNT)))
         self.notes = np.zeros((_LOG + _ROOM, int(Drive.COUNT)))
