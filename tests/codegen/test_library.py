@@ -244,7 +244,7 @@ class TestExamples:
         commands = [float(line[3]) for line in lines]
         ticks = row - 4
         assert commands[:ticks] == pytest.approx([first] * ticks, abs=1e-9)
-        safe = [p.surface_command] * (len(commands) - ticks)
+        safe = [p.push.surface_command] * (len(commands) - ticks)
         assert commands[ticks:] == pytest.approx(safe, abs=1e-9)
         assert lines[0][-1] == "0"
         assert lines[-1][-1] == "4"

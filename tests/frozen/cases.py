@@ -49,7 +49,12 @@ class Distribution(NamedTuple):
 # Patterns (fnmatch) of "CASE: PATH", as a failure prints them. The first that fits counts.
 LOOSE: dict[str, Tolerance] = {
     "pool: *": Tolerance(1e-5, 1e-12, "rounding moves where a fit of noisy logs stops"),
-    "reproduce: *": Tolerance(1e-5, 1e-11, "the loop hunts: rounding grows"),
+    "reproduce: files.trajectories/*": Tolerance(1e-3, 1e-5, "the loop hunts: rounding grows"),
+    "reproduce: *": Tolerance(1e-4, 1e-11, "the loop hunts: rounding grows"),
+    "stability-*: *.cycles*.simulated.*": Tolerance(
+        0.1, 0.0, "a cycle from stop to stop is chaotic"
+    ),
+    "stability-*: *.cycles*.relative_error.*": Tolerance(0.0, 0.1, "it is that of such a cycle"),
     "stability-*: *.predicted.amplitude_error": Tolerance(
         1e-6, 1e-12, "it is the difference of two amplitudes: the exponential rounds otherwise"
     ),

@@ -21,11 +21,7 @@ KEYS: dict[str, str] = {}
 KINDS: dict[str, str] = {}
 
 # Parts of the names of written files: "mission-7-told.csv": "mission-7-ideal-detection.csv".
-FILES: dict[str, str] = {
-    "bench.html": "laws.html",
-    "bench.json": "laws.json",
-    "bench.csv": "laws.csv",
-}
+FILES: dict[str, str] = {}
 
 # Identifiers in the generated C, as whole words.
 C_NAMES: dict[str, str] = {}

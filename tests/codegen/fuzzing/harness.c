@@ -255,10 +255,10 @@ static void swim(void)
             swb_seen s = {.depth = z, .depth_age = NAN, .volume = V, .battery = NAN};
             s.depth += 1e-3f * (float)(left % 3 - 1); /* a sensor that lives */
             check_pool(&d, spoilt ? &said : &s, true, &command);
-            V += p->rate_per_volt * (command - p->load_voltage * z) * p->S_p;
+            V += p->rate_per_volt * (command - p->load_voltage * z) * p->loop.S_p;
             V = V > end_stop ? end_stop : V < -end_stop ? -end_stop : V;
-            w += p->S_p * (a_b * (psi * z - V) - d_l * w);
-            z += p->S_p * w;
+            w += p->loop.S_p * (a_b * (psi * z - V) - d_l * w);
+            z += p->loop.S_p * w;
             if (z <= 0.0f || z >= 4.5f) {
                 z = z <= 0.0f ? 0.0f : 4.5f;
                 w = 0.0f;
