@@ -9,8 +9,9 @@ PYTHONS ?= python3.13 python3.12 python3.11 python3
 
 # What the tests of the firmware run: compilers, an emulator of AVR chips, a checker.
 TOOLS := gcc g++ clang avr-gcc avr-size simavr arm-none-eabi-gcc cppcheck
-HEADERS := /usr/include/simavr/sim_avr.h /usr/lib/avr/include/avr/io.h
-PACKAGES := gcc g++ clang gcc-avr avr-libc simavr libsimavr-dev libelf-dev gcc-arm-none-eabi \
+HEADERS := /usr/include/simavr/sim_avr.h /usr/lib/avr/include/avr/io.h \
+  /usr/lib/llvm-*/lib/clang/*/lib/linux/libclang_rt.asan-*.a
+PACKAGES := gcc g++ clang libclang-rt-dev gcc-avr avr-libc simavr libsimavr-dev libelf-dev gcc-arm-none-eabi \
   libnewlib-arm-none-eabi cppcheck
 
 # Where `make prove` begins to draw examples, and how often it draws all of them anew.

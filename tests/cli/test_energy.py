@@ -37,7 +37,7 @@ def test_words_for_people(capsys, tmp_path):
     assert "Pressing out at 50 m takes" in said
     assert "It stalls at 155.8 m" in said
     assert "Holding the volume there takes" in said
-    assert "assumed" not in said
+    assert "assumed: the water" in said
     assert "--thruster-diameter" in said
 
 

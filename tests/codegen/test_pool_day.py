@@ -378,7 +378,7 @@ def test_its_supervisor_pushes_only_where_the_file_asks_for_it():
     vehicle, pool = load_vehicle("feup-em"), PoolOptions(4.5)
     asked = vehicle.supervisor.model_copy(update={"prove_after": 30.0})
     assert make_library(vehicle, duration=30.0).supervisor.proof.unproven < NEVER
-    assert supervisor_parameters(vehicle, 0.3, in_pool=True).unproven == NEVER
+    assert supervisor_parameters(vehicle, 0.3, in_pool=True).proof.unproven == NEVER
     asking = vehicle.model_copy(update={"supervisor": asked})
     with pytest.raises(NoAnswerError, match="glide"):  # a push ends what sinks for half a minute
         make_library(asking, duration=30.0, pool=pool)

@@ -11,7 +11,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.physics.motor import inductance_error
 from swimbladder.physics.oil import oil_compression
 
-PAGE = Path(__file__).parents[1] / "docs" / "explanation" / "actuators.md"
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "actuators.md"
 
 
 def test_snippets_print_what_the_page_says():

@@ -99,8 +99,8 @@ def test_one_campaign_tells_its_parameters_and_that_the_neutral_volume_drifts():
     assert found.covariance.shape == (3, 3)
     std = [e.std for e in found.estimates.values()]
     np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), std, rtol=1e-9)
-    for travelled, (_, neutral) in zip(found.travelled, records, strict=True):
-        assert travelled == pytest.approx(np.ptp(neutral), rel=0.5, abs=2e-6)
+    share = np.array(found.travelled) / [np.ptp(neutral) for _, neutral in records]
+    assert np.all((share > 0.4) & (share < 1.1))  # a smoothed walk goes less far than the true one
     told = found.to_json()
     assert set(told["parameters"]) == set(found.names)
     assert told["neutral_walk"]["unit"] == "m3/s^0.5"
