@@ -45,12 +45,13 @@ def test_the_study_goes_on_where_it_stopped(tmp_path, monkeypatch):
     monkeypatch.setattr(stopping, "run_day", run_day)
     options = {"target": 0.02, "rehearsed": False}
     list(stopping.days(range(3), tmp_path, **options))
-    (file,) = tmp_path.iterdir()
-    file.write_text(file.read_text()[:-20])  # killed while it wrote the third
+    kept = {json.loads(f.read_text())["number"]: f for f in tmp_path.rglob("*.json")}
+    assert sorted(kept) == [0, 1, 2]
+    kept[2].write_text(kept[2].read_text()[:-20])  # a disk that lost the end of the third
     found = list(stopping.days(range(4), tmp_path, **options))
     assert asked == [0, 1, 2, 2, 3]
     assert [f["number"] for f in found] == [0, 1, 2, 3]
-    assert [json.loads(line)["number"] for line in file.read_text().splitlines()] == [0, 1, 2, 3]
+    assert {json.loads(f.read_text())["number"] for f in tmp_path.rglob("*.json")} == {0, 1, 2, 3}
 
 
 def test_an_experiment_of_the_study_does_as_the_vehicle_must():
