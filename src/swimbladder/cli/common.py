@@ -60,7 +60,7 @@ class Output(Console):
         """Print as `Console` does."""
         tables = [found for found in objects if not isinstance(found, str)]
         for found in tables:
-            _whole(found)
+            self._keep_whole(found)
         self._least = max(map(self._width_of, tables), default=0)
         try:
             super().print(*objects, **{"crop": False, **options})
@@ -78,17 +78,20 @@ class Output(Console):
         piped = not self.is_terminal and self._width is None  # COLUMNS of the environment gives one
         return most if piped else least
 
+    def _keep_whole(self, found: object) -> None:
+        """Let a table, in a margin or not, break lines in its words only, and cut nothing."""
+        from rich.padding import Padding
+        from rich.table import Table
 
-def _whole(found: object) -> None:
-    """Let a table, in a margin or not, break lines in its words only, and end nothing in dots."""
-    from rich.padding import Padding
-    from rich.table import Table
-
-    inner = found.renderable if isinstance(found, Padding) else found
-    if isinstance(inner, Table):
-        for column in inner.columns:
-            column.no_wrap = column.no_wrap or column.justify == "right"
-            column.overflow = "fold"
+        inner = found.renderable if isinstance(found, Padding) else found
+        if isinstance(inner, Table):
+            wide = super().options.update(width=_WIDE)
+            for column in inner.columns:
+                column.no_wrap = column.no_wrap or column.justify == "right"
+                column.overflow = "fold"
+                if column.no_wrap:
+                    cells = (column.header, *column.cells)
+                    column.min_width = max(Measurement.get(self, wide, c).maximum for c in cells)
 
 
 # Notes, progress and errors.

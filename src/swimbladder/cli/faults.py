@@ -130,8 +130,8 @@ def _print(flown: Campaign, files: list[Path]) -> None:
     output.print("")
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for heading in (
-        "fault", "missions", "recoverable", "recovered", "lost", "lost without supervisor",
-        "detection time [s]", "95 % [s]", "deepest [m]",
+        "fault", "missions", "recoverable", "recovered", "lost", "lost without\nsupervisor",
+        "detection\ntime [s]", "95 %\n[s]", "deepest\n[m]",
     ):  # fmt: skip
         first = heading == "fault"
         table.add_column(heading, justify="left" if first else "right", no_wrap=first)
