@@ -40,7 +40,7 @@ def flying(folder, out, parts):
         command("mission", "example-float", task, "--out", folder / out, "--json"),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    while process.poll() is None and len(list(kept.rglob("*.npz"))) < parts:
+    while process.poll() is None and len(list(kept.rglob("part-*.npz"))) < parts:
         time.sleep(0.002)
     return process, kept
 
@@ -57,7 +57,7 @@ def test_a_process_that_is_terminated_ends_as_an_interrupted_one_and_goes_on_whe
     assert complaint.splitlines()[-1] == "terminated"
     assert "goes on there" in complaint
     assert sorted(p.name for p in tmp_path.iterdir()) == [kept.name, "task.toml"]
-    parts = {path.name: path.read_bytes() for path in kept.rglob("*.npz")}
+    parts = {path.name: path.read_bytes() for path in kept.rglob("part-*.npz")}
     assert len(parts) >= 3
     process, _ = flying(tmp_path, "flown", len(parts) + 3)
     for name, content in parts.items():

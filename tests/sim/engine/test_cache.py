@@ -221,7 +221,7 @@ def test_folders_of_sources_that_are_used_no_more_go_after_a_month(tmp_path: Pat
 
 def test_a_damaged_index_costs_a_command_one_line(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "swimbladder", "simulate", "feup-em", "--json"]
-    run = dict(capture_output=True, text=True, timeout=300, check=False)
+    run = dict(cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
     first = subprocess.run(command, **run)  # type: ignore[call-overload]
     assert first.returncode == 0, first.stderr
     folder = tmp_path / engine_cache.cache_folder().name
