@@ -17,7 +17,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # that a change is judged by what it changes; `make prove` hunts for new ones (profile "prove", with
 # --hypothesis-seed), and what it finds is kept as an @example.
 hypothesis.settings.register_profile("swimbladder", deadline=None, derandomize=True)
-hypothesis.settings.register_profile("prove", deadline=None, max_examples=1000, print_blob=True)
+hypothesis.settings.register_profile(
+    "prove",
+    deadline=None,
+    derandomize=False,  # another default holds where CI is set
+    max_examples=1000,
+    print_blob=True,
+)
 hypothesis.settings.load_profile("swimbladder")
 
 
