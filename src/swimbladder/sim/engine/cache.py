@@ -193,14 +193,26 @@ def shared(function: Callable[..., Any]) -> Any:
     return compiled(function, allocates=False)
 
 
+def _by_type(kernel: Any) -> Any:
+    """Let a kernel be compiled once for the types of its arguments, not for each constant given."""
+    find = kernel.get_call_template
+    plain: Callable[[Any], Any] = types.unliteral
+
+    def template(args: Any, kws: Any) -> Any:
+        return find(tuple(map(plain, args)), {name: plain(kind) for name, kind in kws.items()})
+
+    kernel.get_call_template = template
+    return kernel
+
+
 def part(function: Callable[..., Any]) -> Any:
     """Compile a function that kernels call; its code is kept with theirs. It makes no arrays."""
-    return numba.njit(**_BARE)(function)
+    return _by_type(numba.njit(**_BARE)(function))
 
 
 def allocating(function: Callable[..., Any]) -> Any:
     """Compile a function that kernels call, and that makes arrays; its code is kept with theirs."""
-    return numba.njit(**OPTIONS)(function)
+    return _by_type(numba.njit(**OPTIONS)(function))
 
 
 def inlined(function: Callable[..., Any]) -> Any:
