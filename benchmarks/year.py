@@ -23,18 +23,9 @@ from benchmarks.table import number, ratio, render
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import look_up, uniform_column
+from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Note, Now, Table
 from swimbladder.sim.mission.core import kernel
-from swimbladder.sim.mission.core.names import (
-    Account,
-    At,
-    Cycle,
-    Drive,
-    Given,
-    Note,
-    Now,
-    Row,
-    Table,
-)
+from swimbladder.sim.mission.core.names import Cycle, Row
 from swimbladder.sim.mission.flight import Flight, fly_mission
 from swimbladder.sim.mission.prepare import Plan, first_state
 

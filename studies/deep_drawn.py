@@ -25,7 +25,8 @@ from swimbladder.io.float_log import Action, Device, FloatLog
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import Cast, Column, cast_column
 from swimbladder.physics.seawater.motion import moved
-from swimbladder.sim.mission.core.names import Drive, Note, Row, Stop
+from swimbladder.sim.engine.rodas.names import Drive, Note, Stop
+from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import Flight, fly_mission
 from swimbladder.sim.mission.prepare import Accuracy
 from swimbladder.vehicle import PhysicalMotion, PowerLawPump, PumpAndValve, Vehicle

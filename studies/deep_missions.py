@@ -37,7 +37,8 @@ from swimbladder.io.float_log import FloatLog, Stage
 from swimbladder.io.mission import Mission
 from swimbladder.physics.dynamics import even_drag
 from swimbladder.physics.seawater import Column, WaterMotion
-from swimbladder.sim.mission.core.names import Drive, Note, Row
+from swimbladder.sim.engine.rodas.names import Drive, Note
+from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import Reckoning
 from swimbladder.vehicle import Controller, PumpAndValve, Sensors, Vehicle

@@ -19,8 +19,9 @@ from swimbladder.sim.campaign.draw import Drawn, Spread, draw, varied
 from swimbladder.sim.campaign.result import share_interval
 from swimbladder.sim.campaign.run import Fact, Floats
 from swimbladder.sim.campaign.store import FLOATS
-from swimbladder.sim.mission.core.motion import rate_of
-from swimbladder.sim.mission.core.names import Account, Doing, Given, Holding, Row, Table
+from swimbladder.sim.engine.rodas.motion import rate_of
+from swimbladder.sim.engine.rodas.names import Account, Doing, Given, Table
+from swimbladder.sim.mission.core.names import Holding, Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.vehicle import Identified

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
-from swimbladder.sim.mission.core.names import Drive, Note, Row
+from swimbladder.sim.engine.rodas.names import Drive, Note
+from swimbladder.sim.mission.core.names import Row
 
 ATMOSPHERE, N = 101325.0, 1.4
 OPENS = 1e-7  # m3/s/Pa: 12 Pa for the pump's rate

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import hull_parts, layered_volume, neutral_volume
-from swimbladder.sim.mission.core.names import Drive, Note, Now
+from swimbladder.sim.engine.rodas.names import Drive, Note, Now
 
 ML = 1e6  # volumes are counted in cm3
 

@@ -6,7 +6,8 @@ import pytest
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.mission.core.names import Account, Holding
+from swimbladder.sim.engine.rodas.names import Account
+from swimbladder.sim.mission.core.names import Holding
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.holding import coarse_words
 from swimbladder.sim.mission.prepare import make_plan

@@ -13,21 +13,21 @@ from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.physics.seawater.motion import Swell, WaterMotion, motion_table, moved
-from swimbladder.sim.mission.books import close_books
-from swimbladder.sim.mission.core import entries, kernel
-from swimbladder.sim.mission.core.names import (
+from swimbladder.sim.engine.rodas import entries
+from swimbladder.sim.engine.rodas.names import (
     Account,
     At,
-    Cycle,
     Doing,
     Drive,
     Given,
     Note,
     Now,
-    Row,
     Stop,
     Table,
 )
+from swimbladder.sim.mission.books import close_books
+from swimbladder.sim.mission.core import kernel
+from swimbladder.sim.mission.core.names import Cycle, Row
 from swimbladder.sim.mission.flight import fly_mission, thinned
 from swimbladder.sim.mission.prepare import Accuracy, first_state, make_plan
 from swimbladder.sim.mission.result import MissionResult

@@ -6,18 +6,9 @@ import numpy as np
 import pytest
 
 from swimbladder.io.mission import Mission
+from swimbladder.sim.engine.rodas.names import Account, At, Drive, Note, Now, Stop
 from swimbladder.sim.mission.core import kernel
-from swimbladder.sim.mission.core.names import (
-    Account,
-    At,
-    Cycle,
-    Drive,
-    Holding,
-    Note,
-    Now,
-    Row,
-    Stop,
-)
+from swimbladder.sim.mission.core.names import Cycle, Holding, Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import first_state, make_plan
 from tests.sim.mission.conftest import phases

@@ -17,7 +17,8 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.mission.core.names import Account, Cycle, Holding, Stage, Stop, Table
+from swimbladder.sim.engine.rodas.names import Account, Stop, Table
+from swimbladder.sim.mission.core.names import Cycle, Holding, Stage
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.holding import least_band
 from swimbladder.sim.mission.orders import approach_time, runaway

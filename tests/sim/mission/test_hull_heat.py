@@ -15,8 +15,9 @@ from swimbladder.physics.seawater import (
     moved,
     uniform_column,
 )
+from swimbladder.sim.engine.rodas.names import Account, Drive, Note, Now
 from swimbladder.sim.mission.books import close_books
-from swimbladder.sim.mission.core.names import Account, Drive, Note, Now, Row
+from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import Accuracy
 from swimbladder.vehicle import HullPart

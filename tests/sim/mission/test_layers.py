@@ -25,9 +25,10 @@ from swimbladder.physics.seawater import (
     uniform_column,
 )
 from swimbladder.physics.seawater.column import Column, water_compressibility
+from swimbladder.sim.engine.rodas.names import Account, At, Drive, Now
 from swimbladder.sim.mission.books import close_books
 from swimbladder.sim.mission.core import kernel
-from swimbladder.sim.mission.core.names import Account, At, Cycle, Drive, Now, Row
+from swimbladder.sim.mission.core.names import Cycle, Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import first_state, make_plan
 from swimbladder.vehicle import HullPart

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from swimbladder.physics.seawater.motion import InternalWave, WaterMotion, motion_table
-from swimbladder.sim.mission.core.names import Account, Given, Note, Row
+from swimbladder.sim.engine.rodas.names import Account, Given, Note
+from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import Accuracy, make_plan
 from tests.sim.mission.conftest import phases, stratified

@@ -18,7 +18,8 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.campaign.run import Floats
 from swimbladder.sim.closed_loop import simulate
-from swimbladder.sim.mission.core.names import Account, At, Doing, Drive, Note, Now, Row, Stop
+from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Note, Now, Stop
+from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.orders import law_facts
 from swimbladder.sim.mission.phase_laws import phase_laws

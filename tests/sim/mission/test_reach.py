@@ -9,7 +9,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
-from swimbladder.sim.mission.core.names import Given
+from swimbladder.sim.engine.rodas.names import Given
 from swimbladder.sim.mission.orders import drag_coefficient, law_parameters
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.reach import check_flight, check_reach

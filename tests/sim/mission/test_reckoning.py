@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swimbladder.physics.hull import neutral_volume
-from swimbladder.sim.mission.core.names import Drive, Note, Now
+from swimbladder.sim.engine.rodas.names import Drive, Note, Now
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import Reckoning
 from tests.sim.mission.conftest import phases

@@ -11,8 +11,8 @@ from swimbladder.design.sizing.budget import Budget
 from swimbladder.io.mission import Mission
 from swimbladder.physics.battery import endurance, needed_capacity, usable_share
 from swimbladder.physics.seawater import uniform_column
+from swimbladder.sim.engine.rodas.names import At, Stop
 from swimbladder.sim.mission.books import close_books
-from swimbladder.sim.mission.core.names import At, Stop
 from swimbladder.sim.mission.flight import fly_mission
 
 BODY = sb.load_vehicle("example-eh")

@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission
-from swimbladder.sim.mission.core.names import Stop
+from swimbladder.sim.engine.rodas.names import Stop
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.reach import check_reach, reach_of

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from swimbladder.physics.seawater import uniform_column
+from swimbladder.sim.engine.rodas.names import Account, Drive, Now
 from swimbladder.sim.mission.books import close_books
-from swimbladder.sim.mission.core.names import Account, Drive, Now
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.reach import reach_of

@@ -8,7 +8,8 @@ import pytest
 
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.mission.core.names import Doing, Drive, Note, Row, Stop
+from swimbladder.sim.engine.rodas.names import Doing, Drive, Note, Stop
+from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.result import MissionResult
 from tests.sim.mission.conftest import phases

@@ -8,8 +8,8 @@ from swimbladder.errors import InputError
 from swimbladder.io.config import load_mission, load_vehicle
 from swimbladder.physics.seawater import Cast, Swell, WaterMotion, cast_column, motion_table
 from swimbladder.physics.seawater.motion import moved
-from swimbladder.sim.mission.core.names import At, Drive, Given, Note, Now
-from swimbladder.sim.mission.core.sensing import measured
+from swimbladder.sim.engine.rodas.names import At, Drive, Given, Note, Now
+from swimbladder.sim.engine.rodas.sensing import measured
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.swell import seen_share, waves_of

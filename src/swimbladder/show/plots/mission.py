@@ -25,8 +25,9 @@ from swimbladder.show.plots.style import (
     label_panels,
     styled,
 )
+from swimbladder.sim.engine.rodas.names import Drive, Note, Now
 from swimbladder.sim.mission.books import HOLDING, PUMP, VALVE
-from swimbladder.sim.mission.core.names import Drive, Note, Now, Row
+from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.power import consumer_energy, drawn_energy, mean_power
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import cycle_columns, speeds

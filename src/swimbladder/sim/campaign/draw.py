@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from swimbladder.errors import InputError
-from swimbladder.sim.mission.core.names import Given
+from swimbladder.sim.engine.rodas.names import Given
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.vehicle import Parameters, Unit, Vehicle
 from swimbladder.vehicle.schema import refusal

@@ -13,7 +13,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.campaign.draw import Drawn, Spread
 from swimbladder.sim.campaign.run import Fact
-from swimbladder.sim.mission.core.names import Stop
+from swimbladder.sim.engine.rodas.names import Stop
 from swimbladder.sim.mission.words import REASONS
 from swimbladder.vehicle import Vehicle
 

@@ -20,18 +20,9 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.campaign.draw import Drawn, Spread, draw, varied
 from swimbladder.sim.campaign.sobol import Design
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
+from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Now
 from swimbladder.sim.mission.core import kernel
-from swimbladder.sim.mission.core.names import (
-    Account,
-    At,
-    Cycle,
-    Drive,
-    Given,
-    Holding,
-    Now,
-    Row,
-    Stage,
-)
+from swimbladder.sim.mission.core.names import Cycle, Holding, Row, Stage
 from swimbladder.sim.mission.prepare import Plan, first_state, make_plan
 from swimbladder.sim.mission.reach import check_flight, check_reach
 from swimbladder.vehicle import Vehicle

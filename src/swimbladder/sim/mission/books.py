@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from swimbladder.physics.battery import load_is_on, surfacing_energy
 from swimbladder.physics.seawater import look_up
-from swimbladder.sim.mission.core.names import Account, At, Given, Kind, Now, Table
+from swimbladder.sim.engine.rodas.names import Account, At, Given, Now, Table
+from swimbladder.sim.mission.core.names import Kind
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.law_flight import medium_for
 from swimbladder.sim.mission.prepare import Plan

@@ -12,18 +12,9 @@ from numpy.typing import NDArray
 from swimbladder.io.mission import Mission
 from swimbladder.jobs import Store
 from swimbladder.physics.seawater import Column
+from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Now, Stop
 from swimbladder.sim.mission.core import kernel
-from swimbladder.sim.mission.core.names import (
-    Account,
-    At,
-    Cycle,
-    Drive,
-    Given,
-    Now,
-    Row,
-    Stage,
-    Stop,
-)
+from swimbladder.sim.mission.core.names import Cycle, Row, Stage
 from swimbladder.sim.mission.prepare import Accuracy, Plan, Reckoning, first_state, make_plan
 from swimbladder.sim.mission.reach import Reach, check_flight, check_reach, reach_of
 from swimbladder.vehicle import Vehicle
@@ -38,7 +29,7 @@ _CYCLE_WIDTH = int(Cycle.ACCOUNTS) + int(Account.COUNT)
 
 @dataclass(frozen=True, kw_only=True)
 class Flight:
-    """What the kernel gave: see `mission.core.names` for the columns.
+    """What the kernel gave: see `engine.rodas.names` and `mission.core.names`.
 
     rows [n, Row.COUNT], notes [k, Drive.COUNT], cycles [c, ...]; begin and end: of
     `Now`, whole: of `At`, accounts: of `Account`, the last three at the end. reach: what it takes

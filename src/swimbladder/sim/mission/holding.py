@@ -12,7 +12,8 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.seawater import look_up
-from swimbladder.sim.mission.core.names import Given, Stage, Table
+from swimbladder.sim.engine.rodas.names import Given, Table
+from swimbladder.sim.mission.core.names import Stage
 from swimbladder.sim.mission.orders import LEAST_NOISE, hold_parameters, law_parameters, runaway
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.units import rounded

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swimbladder.io.files import write_through
-from swimbladder.sim.mission.core.names import Doing, Row
+from swimbladder.sim.engine.rodas.names import Doing
+from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.export import created
 from swimbladder.sim.mission.phase_laws import law_words
 from swimbladder.sim.mission.power import power_names

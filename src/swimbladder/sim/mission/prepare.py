@@ -17,8 +17,9 @@ from swimbladder.physics.hull import heat_expansion, layered_volume, neutral_vol
 from swimbladder.physics.seawater import Column, check_motion, look_up
 from swimbladder.physics.seawater.lookup import slopes
 from swimbladder.sim.engine.modes import DEEPEST
-from swimbladder.sim.mission.core.names import Account, At, Given, Holding, Kind, Now, Stage, Table
-from swimbladder.sim.mission.oil_line import line_columns, line_given
+from swimbladder.sim.engine.rodas.names import Account, At, Given, Now, Table
+from swimbladder.sim.engine.rodas.oil_line import line_columns, line_given
+from swimbladder.sim.mission.core.names import Holding, Kind, Stage
 from swimbladder.sim.mission.orders import approach_time, hold_parameters, law_parameters
 from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws
 from swimbladder.sim.mission.rescue import return_depth
@@ -70,7 +71,7 @@ class Reckoning:
 
 @dataclass(frozen=True)
 class Plan:
-    """What the kernel takes that does not change: see `mission.core.names`."""
+    """What the kernel takes that does not change: see `engine.rodas.names`."""
 
     given: Array
     table: Array

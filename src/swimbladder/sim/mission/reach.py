@@ -16,7 +16,8 @@ from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column, look_up
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.physics.seawater.column import ATMOSPHERE
-from swimbladder.sim.mission.core.names import Given, Stage, Table
+from swimbladder.sim.engine.rodas.names import Given, Table
+from swimbladder.sim.mission.core.names import Stage
 from swimbladder.sim.mission.holding import check_holds
 from swimbladder.sim.mission.orders import law_parameters
 from swimbladder.sim.mission.prepare import Plan

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swimbladder.io.mission import Mission
 from swimbladder.physics.dynamics import drag_force
-from swimbladder.sim.mission.core.names import Table
+from swimbladder.sim.engine.rodas.names import Table
 from swimbladder.sim.mission.orders import law_parameters
 from swimbladder.vehicle import Vehicle
 

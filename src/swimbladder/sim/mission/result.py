@@ -10,17 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.physics.hull import linear_psi
+from swimbladder.sim.engine.rodas.names import Account, At, Given, Now, Stop
 from swimbladder.sim.mission.books import MissionBooks, close_books
-from swimbladder.sim.mission.core.names import (
-    Account,
-    At,
-    Cycle,
-    Given,
-    Holding,
-    Now,
-    Row,
-    Stop,
-)
+from swimbladder.sim.mission.core.names import Cycle, Holding, Row
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.orders import law_facts
 from swimbladder.sim.mission.power import drawn_energy

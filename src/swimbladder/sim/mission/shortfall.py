@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from swimbladder.physics.seawater import look_up
-from swimbladder.sim.mission.core.names import At, Drive, Given, Note, Now, Stage, Table
+from swimbladder.sim.engine.rodas.names import At, Drive, Given, Note, Now, Table
+from swimbladder.sim.mission.core.names import Stage
 from swimbladder.sim.mission.flight import Flight
 
 __all__ = ["battery_words", "timeout_words"]

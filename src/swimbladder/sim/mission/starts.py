@@ -16,8 +16,9 @@ from swimbladder.control.rate import RateParameters
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import look_up
-from swimbladder.sim.mission.core.line import empty_line, fill_lacks
-from swimbladder.sim.mission.core.names import Drive, Given, Note, Now, Stage, Table
+from swimbladder.sim.engine.rodas.line import empty_line, fill_lacks
+from swimbladder.sim.engine.rodas.names import Drive, Given, Note, Now, Table
+from swimbladder.sim.mission.core.names import Stage
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.vehicle import PumpAndValve, Vehicle
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.sim.mission.core.names import Account, Cycle, Doing, Drive, Given, Note, Row
+from swimbladder.sim.engine.rodas.names import Account, Doing, Drive, Given, Note
+from swimbladder.sim.mission.core.names import Cycle, Row
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.power import (
     consumer_energy,

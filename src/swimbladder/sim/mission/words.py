@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swimbladder.physics.buoyancy_engine import oil_note
-from swimbladder.sim.mission.core.names import At, Cycle, Drive, Given, Note, Stage, Stop
+from swimbladder.sim.engine.rodas.names import At, Drive, Given, Note, Stop
+from swimbladder.sim.mission.core.names import Cycle, Stage
 from swimbladder.sim.mission.holding import coarse_words
 from swimbladder.sim.mission.prepare import HELD
 from swimbladder.sim.mission.shortfall import battery_words, timeout_words

@@ -6,7 +6,7 @@ import math
 
 from swimbladder.control.rate import RateParameters
 from swimbladder.sim.engine.cache import part
-from swimbladder.sim.mission.core.leap import (
+from swimbladder.sim.engine.rodas.leap import (
     AIR,
     BOTTOM,
     LEVEL,
@@ -17,20 +17,11 @@ from swimbladder.sim.mission.core.leap import (
     VOLUME,
     leap,
 )
-from swimbladder.sim.mission.core.line import empty_line, fill_lacks, turn_valve, valve_turns
+from swimbladder.sim.engine.rodas.line import empty_line, fill_lacks, turn_valve, valve_turns
+from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Note, Now, Stop
+from swimbladder.sim.engine.rodas.rest import lift_volume, settle, stay
 from swimbladder.sim.mission.core.moves import end_run, look, note, start_run
-from swimbladder.sim.mission.core.names import (
-    Account,
-    At,
-    Doing,
-    Given,
-    Kind,
-    Note,
-    Now,
-    Row,
-    Stage,
-    Stop,
-)
+from swimbladder.sim.mission.core.names import Kind, Row, Stage
 from swimbladder.sim.mission.core.phases import (
     afloat,
     arrive,
@@ -40,7 +31,6 @@ from swimbladder.sim.mission.core.phases import (
     enter_hold,
     next_phase,
 )
-from swimbladder.sim.mission.core.rest import lift_volume, settle, stay
 
 __all__ = ["RESCUE", "fly", "row"]
 

@@ -9,21 +9,11 @@ from swimbladder.control.deadband import DeadbandParameters, DeadbandState
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import compilable
 from swimbladder.sim.engine.cache import inlined, part
-from swimbladder.sim.mission.core.line import empty_line, fill_lacks
-from swimbladder.sim.mission.core.lookup import value
-from swimbladder.sim.mission.core.names import (
-    Account,
-    At,
-    Doing,
-    Drive,
-    Given,
-    Kind,
-    Note,
-    Now,
-    Stage,
-    Table,
-)
-from swimbladder.sim.mission.core.sensing import measured, measured_volume, normal
+from swimbladder.sim.engine.rodas.line import empty_line, fill_lacks
+from swimbladder.sim.engine.rodas.lookup import value
+from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Given, Note, Now, Table
+from swimbladder.sim.engine.rodas.sensing import measured, measured_volume, normal
+from swimbladder.sim.mission.core.names import Kind, Stage
 
 __all__ = ["FULL", "end_run", "look", "note", "start_run"]
 

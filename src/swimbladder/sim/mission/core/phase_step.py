@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from swimbladder.sim.mission.core.entries import enter_energy
+from swimbladder.sim.engine.rodas.entries import enter_energy
+from swimbladder.sim.engine.rodas.names import Account, At, Given, Note, Now, Stop
 from swimbladder.sim.mission.core.fly import RESCUE, row
 from swimbladder.sim.mission.core.moves import note
-from swimbladder.sim.mission.core.names import Account, At, Given, Kind, Note, Now, Stage, Stop
+from swimbladder.sim.mission.core.names import Kind, Stage
 from swimbladder.sim.mission.core.phases import (
     afloat,
     arrive,

@@ -13,7 +13,7 @@ from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.pump_start import POLYTROPIC, LineCurves, line_curves
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
-from swimbladder.sim.mission.core.names import Given, Table
+from swimbladder.sim.engine.rodas.names import Given, Table
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
 
 __all__ = ["line_columns", "line_given"]

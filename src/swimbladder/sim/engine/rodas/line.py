@@ -29,8 +29,8 @@ import math
 
 from swimbladder.physics.seawater.motion import moved
 from swimbladder.sim.engine.cache import inlined, part
-from swimbladder.sim.mission.core.lookup import value
-from swimbladder.sim.mission.core.names import Account, At, Doing, Given, Now, Table
+from swimbladder.sim.engine.rodas.lookup import value
+from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Now, Table
 
 __all__ = [
     "advance_line", "empty_line", "fill_lacks", "line_flow", "relieve", "stalls", "turn_valve",

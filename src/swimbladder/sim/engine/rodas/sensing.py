@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from swimbladder.sim.engine.cache import part
+from swimbladder.sim.engine.rodas.names import At, Given, Now
 from swimbladder.sim.engine.sensor import Sensor
 from swimbladder.sim.engine.sensor import measured as reading
-from swimbladder.sim.mission.core.names import At, Given, Now
 
 __all__ = ["measured", "measured_volume", "normal"]
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 
 from swimbladder.sim.engine.cache import part
-from swimbladder.sim.mission.core.entries import book
-from swimbladder.sim.mission.core.line import relieve, valve_turns
-from swimbladder.sim.mission.core.motion import inside, rosenbrock, terms
-from swimbladder.sim.mission.core.names import At, Doing, Given, Now
+from swimbladder.sim.engine.rodas.entries import book
+from swimbladder.sim.engine.rodas.line import relieve, valve_turns
+from swimbladder.sim.engine.rodas.motion import inside, rosenbrock, terms
+from swimbladder.sim.engine.rodas.names import At, Doing, Given, Now
 
 __all__ = [
     "AIR", "BOTTOM", "GUARDS", "LEVEL", "LOST", "SURFACE", "TOO_DEEP", "VALVE", "VOLUME", "leap",

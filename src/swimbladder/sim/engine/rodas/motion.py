@@ -31,9 +31,9 @@ import math
 from swimbladder.physics.seawater.motion import moved
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.modes import drag_at
-from swimbladder.sim.mission.core.line import line_flow
-from swimbladder.sim.mission.core.lookup import value
-from swimbladder.sim.mission.core.names import Doing, Given, Table
+from swimbladder.sim.engine.rodas.line import line_flow
+from swimbladder.sim.engine.rodas.lookup import value
+from swimbladder.sim.engine.rodas.names import Doing, Given, Table
 
 __all__ = [
     "displaced",

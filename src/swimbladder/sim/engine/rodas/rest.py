@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from swimbladder.sim.engine.cache import part
-from swimbladder.sim.mission.core.entries import enter, enter_energy, power
-from swimbladder.sim.mission.core.line import advance_line, stalls
-from swimbladder.sim.mission.core.lookup import value
-from swimbladder.sim.mission.core.motion import drag, lagging, rate_of, slope_of_force, terms
-from swimbladder.sim.mission.core.names import Account, At, Doing, Given, Now, Table
+from swimbladder.sim.engine.rodas.entries import enter, enter_energy, power
+from swimbladder.sim.engine.rodas.line import advance_line, stalls
+from swimbladder.sim.engine.rodas.lookup import value
+from swimbladder.sim.engine.rodas.motion import drag, lagging, rate_of, slope_of_force, terms
+from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Now, Table
 
 __all__ = ["lift_volume", "settle", "stay"]
 

@@ -6,10 +6,10 @@ import math
 
 from swimbladder.physics.seawater.motion import moved
 from swimbladder.sim.engine.cache import inlined, part
-from swimbladder.sim.mission.core.line import advance_line, stalls
-from swimbladder.sim.mission.core.lookup import value
-from swimbladder.sim.mission.core.motion import displaced, drag, inside, lagging, rate_of, terms
-from swimbladder.sim.mission.core.names import Account, At, Doing, Given, Now, Table
+from swimbladder.sim.engine.rodas.line import advance_line, stalls
+from swimbladder.sim.engine.rodas.lookup import value
+from swimbladder.sim.engine.rodas.motion import displaced, drag, inside, lagging, rate_of, terms
+from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Now, Table
 
 __all__ = ["book", "enter", "enter_energy", "power"]
 
