@@ -23,7 +23,8 @@ from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.registry import LAWS
-from swimbladder.control.supervisor import SUPERVISOR, Watched
+from swimbladder.control.supervisor import SUPERVISOR
+from swimbladder.control.supervisor_records import Watched
 from swimbladder.sim.closed_loop import simulate
 from tests.codegen.build import run, write
 from tests.codegen.laws import bits, controlled, laid_out, layout, scalars_of

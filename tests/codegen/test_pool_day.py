@@ -17,7 +17,8 @@ from swimbladder.codegen.twin import twin
 from swimbladder.control.law import NEVER
 from swimbladder.control.protocol import POOL
 from swimbladder.control.protocol_records import Does
-from swimbladder.control.supervisor import SUPERVISOR, Reason, Watched
+from swimbladder.control.supervisor import SUPERVISOR
+from swimbladder.control.supervisor_records import Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import Sensors

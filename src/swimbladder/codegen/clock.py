@@ -14,13 +14,8 @@ import numpy as np
 
 from swimbladder.control.law import NEVER, Law, Measurement
 from swimbladder.control.records import numbers
-from swimbladder.control.supervisor import (
-    SUPERVISOR,
-    Reason,
-    SupervisorParameters,
-    Watched,
-    reasons_in,
-)
+from swimbladder.control.supervisor import SUPERVISOR
+from swimbladder.control.supervisor_records import Reason, SupervisorParameters, Watched, reasons_in
 
 __all__ = ["MOST_TURNS", "SOON", "ControllerTwin", "VehicleTwin", "wait_in_ticks"]
 

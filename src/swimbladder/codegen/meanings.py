@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from swimbladder.control.law import NEVER, Count
-from swimbladder.control.supervisor import Reason, SupervisorParameters
+from swimbladder.control.supervisor_records import Reason, SupervisorParameters
 
 __all__ = ["facts_of", "meanings", "summary"]
 

@@ -14,7 +14,7 @@ from swimbladder.control.protocol_records import MARGIN, PoolParameters, procedu
 from swimbladder.control.records import leaves
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SeaCascadeParameters, sea_cascade_gains
-from swimbladder.control.supervisor import SupervisorParameters
+from swimbladder.control.supervisor_records import SupervisorParameters
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import Vehicle

@@ -18,7 +18,8 @@ from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.protocol import POOL, Phase
 from swimbladder.control.protocol_records import Does, PoolParameters
-from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
+from swimbladder.control.supervisor import SUPERVISOR
+from swimbladder.control.supervisor_records import Reason, SupervisorParameters, Watched
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import simulate

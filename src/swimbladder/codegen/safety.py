@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from swimbladder.control.law import NEVER
-from swimbladder.control.supervisor import (
+from swimbladder.control.supervisor_records import (
     BoardLimits,
     DeepLimits,
     DepthLimits,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.registry import own_law
-from swimbladder.control.supervisor import Reason
+from swimbladder.control.supervisor_records import Reason
 from swimbladder.sim.faults.draw import Course, Mission, course_of, draw
 from swimbladder.sim.faults.flight import FULL, OWN
 from swimbladder.sim.faults.glue import ALONE, DEAF, SUPERVISED
