@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.deep_data import dives_of
-from swimbladder.estimation.motion.deep_differ import between_json
 from swimbladder.estimation.motion.deep_dive import DeepDive
+from swimbladder.estimation.motion.deep_findings import between_json
 from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep, start_volume
 from swimbladder.estimation.motion.deep_model import (
     DEEP,

@@ -24,8 +24,8 @@ from swimbladder.estimation.comparison import compare, record
 from swimbladder.estimation.comparison.ahead import look_ahead
 from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.estimation.motion.model import model_of
-from swimbladder.estimation.motion.outcome import identified_vehicle
-from swimbladder.estimation.motion.walk import WalkFit, fit_walk
+from swimbladder.estimation.motion.random_walk import WalkFit, fit_walk
+from swimbladder.estimation.motion.vehicle_update import identified_vehicle
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.log_format import log_format

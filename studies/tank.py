@@ -25,10 +25,10 @@ from swimbladder.estimation.comparison import Record, compare, record
 from swimbladder.estimation.comparison.ahead import Ahead, look_ahead
 from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.estimation.kalman.depth_filter import Noise, Samples, Start, filter_depth
-from swimbladder.estimation.motion.between import between_logs
 from swimbladder.estimation.motion.model import model_of
-from swimbladder.estimation.motion.outcome import identified_vehicle
-from swimbladder.estimation.motion.walk import WalkFit, fit_walk
+from swimbladder.estimation.motion.random_effects import between_logs
+from swimbladder.estimation.motion.random_walk import WalkFit, fit_walk
+from swimbladder.estimation.motion.vehicle_update import identified_vehicle
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.files import write_atomically
 from swimbladder.io.logs import Log, read_log

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swimbladder.estimation.motion.walk import WalkFit
+from swimbladder.estimation.motion.random_walk import WalkFit
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["Row", "parameters", "pooled", "table"]

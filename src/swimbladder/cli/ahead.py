@@ -44,7 +44,7 @@ def ahead_options(text: str | None, **noises: str | None) -> dict[str, Any] | No
             "these are no times ahead", field="--ahead", value=text, unit="s",
             remedy='Give one or several, above 0 and different, as "10 s,60 s"',
         )  # fmt: skip
-    from swimbladder.estimation.comparison.unknowns import Tuning
+    from swimbladder.estimation.comparison.filter_prior import Tuning
 
     return {"horizons": horizons, "tuning": Tuning(**given)}
 

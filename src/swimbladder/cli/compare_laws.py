@@ -177,7 +177,7 @@ def _list(vehicle: str | None, depth: str | None, json: bool) -> None:
 def _print(found: LawComparison, files: list[Path]) -> None:
     from rich.table import Table
 
-    from swimbladder.show.report.law_comparison_words import HEADINGS, SOON, STILL, notes, summary
+    from swimbladder.show.report.law_comparison_text import HEADINGS, SOON, STILL, notes, summary
 
     output.print(
         f"{found.vehicle.name}, {len(found.rows)} "

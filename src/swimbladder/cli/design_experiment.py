@@ -194,7 +194,7 @@ def _against(text: str) -> tuple[float, ...] | None:
 
 
 def _print(found: Design, files: list[Path]) -> None:
-    from swimbladder.show.report.design_words import comparison, headlines
+    from swimbladder.show.report.design_text import comparison, headlines
 
     output.print(
         f"{found.vehicle}, {found.question.model.law} drag, a pool of "
@@ -237,7 +237,7 @@ def _experiments(found: Design) -> object:
     from rich.table import Table
 
     from swimbladder.design.experiments.findings import percent
-    from swimbladder.show.report.design_words import moves
+    from swimbladder.show.report.design_text import moves
 
     w = found.chosen
     table = Table(box=None, pad_edge=False, collapse_padding=True)
@@ -261,7 +261,7 @@ def _parameters(found: Design) -> object:
     from rich.table import Table
 
     from swimbladder.design.experiments.findings import percent
-    from swimbladder.show.report.words import row
+    from swimbladder.show.report.text import row
 
     w = found.chosen
     table = Table(box=None, pad_edge=False, collapse_padding=True)

@@ -167,7 +167,7 @@ def identify(
         seen.add(log.path)
     with progress("loading the simulator"):
         from swimbladder.estimation.motion import identify as identify_logs
-        from swimbladder.estimation.motion.paper import paper_fits
+        from swimbladder.estimation.motion.paper_method import paper_fits
         from swimbladder.show.report.identification import check_folder, write_identification
 
     check_place(out)

@@ -10,7 +10,7 @@ from swimbladder.cli.common import output
 
 if TYPE_CHECKING:
     from swimbladder.estimation.motion import Identification
-    from swimbladder.estimation.motion.paper import PaperFits
+    from swimbladder.estimation.motion.paper_method import PaperFits
     from swimbladder.estimation.motion.posterior import Posterior
 
 __all__ = ["number_table", "print_found"]
@@ -21,7 +21,7 @@ def print_found(
 ) -> None:
     """Print what was found: the answer first, then its basis."""
     from swimbladder.show.plots.identify import labels
-    from swimbladder.show.report.words import correlations, findings, headlines, reading
+    from swimbladder.show.report.text import correlations, findings, headlines, reading
 
     samples = sum(int((e.weight > 0.0).sum()) for e in found.experiments)
     count = len(found.experiments)
@@ -91,7 +91,7 @@ def number_table(headings: Sequence[str]) -> Any:
 
 
 def _parameters(found: Identification) -> object:
-    from swimbladder.show.report.words import rows
+    from swimbladder.show.report.text import rows
 
     table = number_table(("", "value", "1 sigma", "95 % interval", "unit", "from"))
     words = {"data": "the logs", "prior": "its prior", "set": "set"}
@@ -117,7 +117,7 @@ def _choices(found: Identification) -> object:
 
 def _logs(found: Identification) -> object:
     from swimbladder.show.plots.identify import labels
-    from swimbladder.show.report.words import row
+    from swimbladder.show.report.text import row
 
     table = number_table(("log", "rms", "samples", "outliers", "neutral-volume error"))
     for label, e in zip(labels(found), found.experiments, strict=True):

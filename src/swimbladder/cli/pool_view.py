@@ -26,7 +26,7 @@ def parameter_table(day: PoolDay) -> Table:
     """Return the parameters with their intervals, beside how well they are to be known."""
     from rich.table import Table
 
-    from swimbladder.show.report.words import rows
+    from swimbladder.show.report.text import rows
 
     table = Table(box=None, pad_edge=False)
     table.add_column("", no_wrap=True)

@@ -10,7 +10,7 @@ import pytest
 from swimbladder.cli import main
 from swimbladder.errors import InputError, LogError
 from swimbladder.estimation.comparison.ahead import look_ahead
-from swimbladder.estimation.comparison.unknowns import Tuning
+from swimbladder.estimation.comparison.filter_prior import Tuning
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
 from swimbladder.io.tables import write_csv

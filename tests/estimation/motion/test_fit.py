@@ -9,8 +9,8 @@ from scipy.optimize import least_squares
 
 from swimbladder.estimation.motion import fit as module
 from swimbladder.estimation.motion.fit import fit
+from swimbladder.estimation.motion.initial_guess import regression
 from swimbladder.estimation.motion.noise import autocovariance
-from swimbladder.estimation.motion.start import regression
 from tests.estimation.motion.pool import FEUP, campaign, pool_log
 from tests.estimation.motion.test_problem import problem_of, scipy_depths
 

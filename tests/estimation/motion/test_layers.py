@@ -5,7 +5,7 @@ import pytest
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import record
 from swimbladder.estimation.motion import identify
-from swimbladder.estimation.motion.walk import fit_walk
+from swimbladder.estimation.motion.random_walk import fit_walk
 from tests.layered import SEA, G, column, sailed, vehicle
 from tests.quoted import refused
 

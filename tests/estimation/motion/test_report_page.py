@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from swimbladder.estimation.motion import Estimate, Prior, identify
-from swimbladder.estimation.motion.paper import paper_fits
+from swimbladder.estimation.motion.paper_method import paper_fits
 from swimbladder.io.config import load_vehicle
-from swimbladder.show.report import words
+from swimbladder.show.report import text
 from swimbladder.show.report.identification import pictures, residuals, write_identification
 from swimbladder.show.report.identification_page import page
 from tests.estimation.motion.pool import campaign, pool_log
@@ -83,7 +83,7 @@ def test_the_page_needs_nothing_but_itself(found):
 def test_plain_words_come_first_and_hold_the_numbers(found):
     read, _ = page_of(found)
     K2 = found.parameters["K2"]
-    sentence = words.headlines(found)[0]
+    sentence = text.headlines(found)[0]
     value, share = re.match(r"K2 is (\S+) 1/m2/s, known to (\S+) %", sentence).groups()
     assert float(value) == pytest.approx(K2.value, rel=0.01)
     half = (K2.ci95[1] - K2.ci95[0]) / 2.0 / K2.value
@@ -104,8 +104,8 @@ def test_every_part_of_the_evidence_is_there(found):
     for section in sections:
         assert section in read.ids
     assert "(reported)" in read.text
-    for text in ("known to 0.5 cm 3 (1 sigma)", "drag law: linear", "neutral at the first sample"):
-        assert text in read.text
+    for said in ("known to 0.5 cm 3 (1 sigma)", "drag law: linear", "neutral at the first sample"):
+        assert said in read.text
     assert read.text.count("quadratic") >= 2  # of the models that were tried
 
 
@@ -118,7 +118,7 @@ def test_a_page_of_what_is_not_told_has_no_number_for_it(untold):
                 " ([0-9]) ", r"\1 ", read.text
             ).replace("ψ", "psi")
     assert {"ellipses", "profiles", "gains"}.isdisjoint(read.ids)
-    rows = words.rows(untold)
+    rows = text.rows(untold)
     assert len({r.value for r in rows}) == 1  # the same words instead of each number
     assert all(not numbers(r.value) for r in rows)
     for e in untold.parameters.values():
@@ -178,14 +178,14 @@ def test_residuals_as_columns(found):
     ],
 )  # fmt: skip
 def test_numbers_have_the_digits_that_their_errors_leave(estimate, texts):
-    r = words.row("x", estimate)
+    r = text.row("x", estimate)
     assert (r.value, r.std, r.ci95) == texts
 
 
 def test_what_may_be_zero_is_said_so(found):
     e = Estimate(1e-7, 2e-7, (-3e-7, 5e-7), "m3/m")
     odd = dataclasses.replace(found, parameters={**found.parameters, "psi": e})
-    last = words.headlines(odd)[-1]
+    last = text.headlines(odd)[-1]
     assert last.startswith("psi ")
     assert {0.0, -0.3, 0.5, 95.0} <= numbers(last)  # cm3/m, %
 
@@ -195,8 +195,8 @@ def test_a_prior_is_named_where_it_makes_the_value():
     found = identify(
         log, FEUP_EM, priors={"psi": Prior(4.04e-6, 1e-9)}, choices=False, profiles=False
     )
-    assert "mostly by its prior" in words.headlines(found)[-1]
-    assert words.row("psi", found.parameters["psi"]).origin == "prior"
+    assert "mostly by its prior" in text.headlines(found)[-1]
+    assert text.row("psi", found.parameters["psi"]).origin == "prior"
 
 
 def test_notes_of_reading_name_their_logs(found):
@@ -212,7 +212,7 @@ def test_notes_of_reading_name_their_logs(found):
             *(noted(e, "all") for e in rest),
         ),
     )
-    assert words.reading(odd, ["a", "b", "c", "d"]) == ["all", "b: spikes"]
+    assert text.reading(odd, ["a", "b", "c", "d"]) == ["all", "b: spikes"]
 
 
 def test_a_walk_is_told_with_how_far_it_went():

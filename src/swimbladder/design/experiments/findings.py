@@ -10,8 +10,8 @@ import numpy as np
 from swimbladder.design.experiments.knowledge import Question
 from swimbladder.design.experiments.setting import Setting
 from swimbladder.design.experiments.weigh import Curve, Weighed
+from swimbladder.estimation.motion.identifiability import LIMIT
 from swimbladder.estimation.motion.result import Finding
-from swimbladder.estimation.motion.tell import LIMIT
 from swimbladder.units import format_quantity
 
 __all__ = ["describe", "judge", "percent"]

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from swimbladder.design.experiments.flight import Flight
 from swimbladder.design.experiments.knowledge import Question, problem_of, told
 from swimbladder.design.experiments.setting import Setting
-from swimbladder.estimation.motion.colour import Colour
 from swimbladder.estimation.motion.estimates import Estimate, estimate
 from swimbladder.estimation.motion.fit import Fit
+from swimbladder.estimation.motion.identifiability import untold
 from swimbladder.estimation.motion.model import NAMES
 from swimbladder.estimation.motion.problem import Problem
+from swimbladder.estimation.motion.residual_autocorrelation import Colour
 from swimbladder.estimation.motion.result import Finding
-from swimbladder.estimation.motion.tell import untold
 
 __all__ = ["Prediction", "predict"]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator.bench import Driven, Quantity, piston_area
 from swimbladder.estimation.actuator.estimate import Estimate
-from swimbladder.estimation.actuator.nine import Known
+from swimbladder.estimation.actuator.nine_parameters import Known
 from swimbladder.physics.actuator import to_identified
 from swimbladder.vehicle import Actuator, Identified, Positioner, Vehicle
 

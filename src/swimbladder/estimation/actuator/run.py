@@ -10,6 +10,13 @@ from threadpoolctl import threadpool_limits
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.actuator.bench import Bench, Driven, bench
 from swimbladder.estimation.actuator.estimate import Estimate
+from swimbladder.estimation.actuator.findings import (
+    ASSUMPTIONS,
+    logs_differ,
+    of_moves,
+    of_voltage,
+    untold_of,
+)
 from swimbladder.estimation.actuator.from_moves import MovesFit, fit_moves, together
 from swimbladder.estimation.actuator.from_voltage import (
     by_direction,
@@ -17,16 +24,9 @@ from swimbladder.estimation.actuator.from_voltage import (
     from_voltage,
     steps_of,
 )
-from swimbladder.estimation.actuator.nine import nine
+from swimbladder.estimation.actuator.nine_parameters import nine
 from swimbladder.estimation.actuator.result import ActuatorIdentification, Finding, LogFit
-from swimbladder.estimation.actuator.say import (
-    ASSUMPTIONS,
-    logs_differ,
-    of_moves,
-    of_voltage,
-    untold_of,
-)
-from swimbladder.estimation.actuator.soft import soft_start
+from swimbladder.estimation.actuator.soft_start import soft_start
 from swimbladder.estimation.actuator.voltage import fit_voltage
 from swimbladder.io.logs import Log
 from swimbladder.vehicle import Positioner, Vehicle

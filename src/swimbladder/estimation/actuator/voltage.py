@@ -15,16 +15,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.estimation.actuator.begin import (
+from swimbladder.estimation.actuator.bench import Bench
+from swimbladder.estimation.actuator.blocks import Block, cut
+from swimbladder.estimation.actuator.gain_spread import FINEST, Spread, gains, slope
+from swimbladder.estimation.actuator.initial_guess import (
     first_guess,
     guess_from,
     robustly,
     speeds,
     tolerance,
 )
-from swimbladder.estimation.actuator.bench import Bench
-from swimbladder.estimation.actuator.blocks import Block, cut
-from swimbladder.estimation.actuator.gains import FINEST, Spread, gains, slope
 from swimbladder.estimation.actuator.model import Problem
 from swimbladder.estimation.actuator.noise import (
     WHITE,

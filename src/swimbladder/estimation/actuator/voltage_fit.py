@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.estimation.actuator.gains import Spread
+from swimbladder.estimation.actuator.gain_spread import Spread
 from swimbladder.estimation.actuator.model import Problem
 
 __all__ = ["VoltageFit", "named"]

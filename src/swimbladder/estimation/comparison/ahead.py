@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.estimation.comparison.filter_prior import UNITS, Tuning, draw, unknowns
 from swimbladder.estimation.comparison.record import Record, record
-from swimbladder.estimation.comparison.unknowns import UNITS, Tuning, draw, unknowns
 from swimbladder.estimation.kalman.bank import Bank, Member, filter_bank
 from swimbladder.estimation.kalman.depth_filter import Samples
 from swimbladder.io.logs import Log

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.motion.deep_differ import between_json, differences, hardly
 from swimbladder.estimation.motion.deep_dive import DeepDive, deep_dive
-from swimbladder.estimation.motion.deep_doubt import Held, doubted, doubts, held, restless
+from swimbladder.estimation.motion.deep_findings import between_json, differences, hardly
 from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep
+from swimbladder.estimation.motion.deep_goodness_of_fit import Held, doubted, doubts, held, restless
 from swimbladder.estimation.motion.deep_model import (
     CAST,
     DEEP,

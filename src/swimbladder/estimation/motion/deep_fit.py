@@ -5,7 +5,8 @@ and a volume that drifts count as what they are; how large these are is estimate
 values are found by scoring, with Fisher's information of normal innovations e of variance S, the
 sum of de de'/S + dS dS'/(2 S^2), whose inverse, priors included, is the covariance (e.g. Harvey,
 *Forecasting, Structural Time Series Models and the Kalman Filter*, 1989, section 3.4). That of
-several dives is by how far each, identified by itself, lies from what fits all (`deep_between`).
+several dives is by how far each, identified by itself, lies from what fits all
+(`deep_random_effects`).
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.motion.deep_between import Alone, Between, between, square_error
 from swimbladder.estimation.motion.deep_dive import DeepDive
 from swimbladder.estimation.motion.deep_filter import GATE, V0
 from swimbladder.estimation.motion.deep_model import Body, check_deep_names, drag_volume, excess
+from swimbladder.estimation.motion.deep_overdispersion import DiveTold, apart, dissent
 from swimbladder.estimation.motion.deep_path import Filtered, Noise, Path, deep_path, filtered
-from swimbladder.estimation.motion.deep_worth import DiveTold, apart, dissent
+from swimbladder.estimation.motion.deep_random_effects import Alone, Between, between, square_error
 from swimbladder.estimation.motion.estimates import Prior
 
 __all__ = ["FACTOR", "NOISES", "DeepFit", "balance", "fit_deep", "start_volume"]

@@ -10,9 +10,9 @@ from scipy.stats import chi2, linregress
 
 from swimbladder.estimation.motion.estimates import Estimate, estimate
 from swimbladder.estimation.motion.fit import Fit
+from swimbladder.estimation.motion.initial_guess import backwards
 from swimbladder.estimation.motion.problem import VOLUME, Problem
 from swimbladder.estimation.motion.result import ExperimentFit, Finding
-from swimbladder.estimation.motion.start import backwards
 
 __all__ = ["diagnose", "drift", "single_gains"]
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from swimbladder.estimation.motion.bridges import GAPS, Bridged, growth, joined, longest
-from swimbladder.estimation.motion.colour import Colour, colours, information
 from swimbladder.estimation.motion.coordinates import Coordinates
+from swimbladder.estimation.motion.initial_guess import regression
+from swimbladder.estimation.motion.multiple_shooting import GAPS, Bridged, growth, joined, longest
 from swimbladder.estimation.motion.noise import (
     autoregression,
     cost,
@@ -23,7 +23,7 @@ from swimbladder.estimation.motion.noise import (
     weights,
 )
 from swimbladder.estimation.motion.problem import VOLUME, Problem
-from swimbladder.estimation.motion.start import regression
+from swimbladder.estimation.motion.residual_autocorrelation import Colour, colours, information
 
 __all__ = ["Fit", "fit", "inverse_of", "refine"]
 

@@ -15,7 +15,7 @@ from swimbladder.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from swimbladder.estimation.motion.posterior import Posterior
-    from swimbladder.estimation.motion.walk import WalkFit
+    from swimbladder.estimation.motion.random_walk import WalkFit
 
 __all__ = ["Choice", "ExperimentFit", "Finding", "Identification", "Profile", "Severity"]
 

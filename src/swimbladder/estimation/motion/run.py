@@ -11,20 +11,22 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.estimation.comparison.record import Drive, Record, record
 from swimbladder.estimation.comparison.water import water_of_each
-from swimbladder.estimation.motion.choices import choices as list_choices
-from swimbladder.estimation.motion.choices import judge, models_of
 from swimbladder.estimation.motion.diagnose import diagnose
-from swimbladder.estimation.motion.each import each_experiment
 from swimbladder.estimation.motion.estimates import Prior
 from swimbladder.estimation.motion.experiment import experiment
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.fit import fit as solve
+from swimbladder.estimation.motion.fit_estimates import derived, parameters
+from swimbladder.estimation.motion.identifiability import untold
 from swimbladder.estimation.motion.model import default_names, model_of
-from swimbladder.estimation.motion.numbers import derived, parameters
-from swimbladder.estimation.motion.outcome import dry_mass, identified_vehicle
+from swimbladder.estimation.motion.model_selection import choices as list_choices
+from swimbladder.estimation.motion.model_selection import judge, models_of
+from swimbladder.estimation.motion.per_log import each_experiment
 from swimbladder.estimation.motion.posterior import sample
 from swimbladder.estimation.motion.problem import VOLUME, Problem
 from swimbladder.estimation.motion.profiles import profile
+from swimbladder.estimation.motion.random_walk import fit_walk
+from swimbladder.estimation.motion.random_walk_result import with_walk
 from swimbladder.estimation.motion.request import (
     assumptions,
     check_logs,
@@ -33,9 +35,7 @@ from swimbladder.estimation.motion.request import (
     driven_by,
 )
 from swimbladder.estimation.motion.result import Finding, Identification, Profile
-from swimbladder.estimation.motion.tell import untold
-from swimbladder.estimation.motion.walk import fit_walk
-from swimbladder.estimation.motion.walking import with_walk
+from swimbladder.estimation.motion.vehicle_update import dry_mass, identified_vehicle
 from swimbladder.io.logs import Log
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import Vehicle

@@ -14,7 +14,7 @@ from swimbladder import __version__
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator import ActuatorIdentification
 from swimbladder.estimation.actuator.estimate import shown_unit
-from swimbladder.estimation.actuator.nine import Known
+from swimbladder.estimation.actuator.nine_parameters import Known
 from swimbladder.estimation.actuator.result import LogFit, Step
 from swimbladder.io.config import file_text
 from swimbladder.io.files import publish, write_atomically
@@ -23,7 +23,7 @@ from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.plots.actuator_logs import draw_log, draw_speeds, shows_speeds
 from swimbladder.show.plots.identify_actuator import draw_steps
 from swimbladder.show.plots.style import save
-from swimbladder.show.report.actuator_words import headlines, labels, pairs, rows, told, words
+from swimbladder.show.report.actuator_text import headlines, labels, pairs, rows, told, words
 from swimbladder.show.report.html import render
 from swimbladder.units import rounded, unit_factor
 

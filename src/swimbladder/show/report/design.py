@@ -11,9 +11,9 @@ from swimbladder.design.experiments.findings import percent
 from swimbladder.io.files import publish, write_atomically
 from swimbladder.show.plots.design import draw_design, draw_plan
 from swimbladder.show.plots.style import save
-from swimbladder.show.report.design_words import comparison, headlines, instruction, moves
+from swimbladder.show.report.design_text import comparison, headlines, instruction, moves
 from swimbladder.show.report.html import render
-from swimbladder.show.report.words import row
+from swimbladder.show.report.text import row
 
 __all__ = ["write_design"]
 

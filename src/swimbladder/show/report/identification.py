@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from swimbladder.errors import InputError
 from swimbladder.estimation.motion import NAMES, Identification
-from swimbladder.estimation.motion.paper import PaperFits
+from swimbladder.estimation.motion.paper_method import PaperFits
 from swimbladder.io.config import file_text
 from swimbladder.io.files import make_folder, publish, write_atomically
 from swimbladder.io.tables import write_csv
@@ -22,7 +22,7 @@ from swimbladder.show.plots import identify_confidence as confidence
 from swimbladder.show.plots import identify_logs as each_log
 from swimbladder.show.plots.style import save
 from swimbladder.show.report.identification_page import page
-from swimbladder.show.report.words import row
+from swimbladder.show.report.text import row
 
 __all__ = ["Picture", "check_folder", "pictures", "residuals", "write_identification"]
 

@@ -10,11 +10,11 @@ from typing import Any
 
 from swimbladder import __version__
 from swimbladder.estimation.motion import NAMES, Choice, ExperimentFit, Identification
-from swimbladder.estimation.motion.paper import PaperFits
-from swimbladder.estimation.motion.walk import WalkFit
+from swimbladder.estimation.motion.paper_method import PaperFits
+from swimbladder.estimation.motion.random_walk import WalkFit
 from swimbladder.show.plots.identify import labels
 from swimbladder.show.report.html import render
-from swimbladder.show.report.words import Row, correlations, findings, headlines, reading, row, rows
+from swimbladder.show.report.text import Row, correlations, findings, headlines, reading, row, rows
 from swimbladder.sim.pool import Fit
 from swimbladder.units import rounded, shown_unit, unit_factor
 

@@ -11,7 +11,7 @@ from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.plots.law_comparison import draw_pareto, draw_steps
 from swimbladder.show.plots.style import save, svg_text
 from swimbladder.show.report.html import inline_svg, render
-from swimbladder.show.report.law_comparison_words import (
+from swimbladder.show.report.law_comparison_text import (
     HEADINGS,
     HOLD_HEADINGS,
     STEP_HEADINGS,

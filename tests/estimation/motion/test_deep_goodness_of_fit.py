@@ -9,8 +9,8 @@ from scipy.stats import norm
 
 from studies.deep_drawn import drawn, known, the_vehicle
 from swimbladder.estimation.motion.deep import identify_deep
-from swimbladder.estimation.motion.deep_doubt import Held, doubted, doubts, held, restless
 from swimbladder.estimation.motion.deep_fit import NOISES, balance
+from swimbladder.estimation.motion.deep_goodness_of_fit import Held, doubted, doubts, held, restless
 from swimbladder.estimation.motion.deep_model import body_of
 from swimbladder.estimation.motion.deep_path import Noise
 from swimbladder.estimation.motion.estimates import Prior

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import NoAnswerError
-from swimbladder.estimation.actuator.begin import tolerance
+from swimbladder.estimation.actuator.initial_guess import tolerance
 from swimbladder.estimation.actuator.model import Problem
 
 __all__ = ["FINEST", "Spread", "gains", "slope"]

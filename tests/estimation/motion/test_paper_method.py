@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swimbladder.estimation.motion import identify
-from swimbladder.estimation.motion.paper import paper_fits
+from swimbladder.estimation.motion.paper_method import paper_fits
 from swimbladder.io.config import load_vehicle
 from tests.estimation.motion.pool import STEPS, campaign, pool_log
 

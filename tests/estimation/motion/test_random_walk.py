@@ -12,7 +12,7 @@ from scipy.stats import binom
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.motion import Prior
-from swimbladder.estimation.motion.walk import fit_walk
+from swimbladder.estimation.motion.random_walk import fit_walk
 from swimbladder.io.config import load_vehicle
 from tests.quoted import refused
 

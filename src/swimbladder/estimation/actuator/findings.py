@@ -8,7 +8,7 @@ from swimbladder.estimation.actuator.bench import Bench, Driven
 from swimbladder.estimation.actuator.estimate import Estimate, shown
 from swimbladder.estimation.actuator.from_moves import MovesFit
 from swimbladder.estimation.actuator.result import Finding
-from swimbladder.estimation.actuator.soft import SoftStart
+from swimbladder.estimation.actuator.soft_start import SoftStart
 from swimbladder.estimation.actuator.voltage_fit import VoltageFit
 
 __all__ = ["ASSUMPTIONS", "logs_differ", "of_moves", "of_voltage", "untold_of"]

@@ -7,16 +7,16 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from swimbladder.estimation.motion.deep_between import (
+from swimbladder.estimation.motion.deep_findings import hardly
+from swimbladder.estimation.motion.deep_fit import _LEAST, DeepFit
+from swimbladder.estimation.motion.deep_model import Prior
+from swimbladder.estimation.motion.deep_random_effects import (
     TYPICAL,
     Alone,
     Between,
     between,
     square_error,
 )
-from swimbladder.estimation.motion.deep_differ import hardly
-from swimbladder.estimation.motion.deep_fit import _LEAST, DeepFit
-from swimbladder.estimation.motion.deep_model import Prior
 
 Z95 = 1.959964
 

@@ -7,9 +7,9 @@ import pytest
 from scipy.linalg import expm
 
 from swimbladder.errors import InputError
+from swimbladder.estimation.comparison.filter_prior import Tuning, unknowns
 from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.comparison.unknowns import Tuning, unknowns
-from swimbladder.estimation.motion.between import FEWEST, between_logs
+from swimbladder.estimation.motion.random_effects import FEWEST, between_logs
 from swimbladder.io.config import load_vehicle, read_model
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.vehicle import Vehicle

@@ -8,7 +8,7 @@ from pathlib import PurePath
 from swimbladder.estimation.actuator import ActuatorIdentification, Estimate
 from swimbladder.estimation.actuator.estimate import shown, shown_unit
 from swimbladder.estimation.motion import Estimate as Known
-from swimbladder.show.report.words import row
+from swimbladder.show.report.text import row
 from swimbladder.units import rounded, unit_factor
 
 __all__ = ["headlines", "labels", "pairs", "rows", "told", "words"]

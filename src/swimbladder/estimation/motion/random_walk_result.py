@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.motion.between import FEWEST, between_logs
 from swimbladder.estimation.motion.estimates import Estimate
+from swimbladder.estimation.motion.identifiability import LIMIT
 from swimbladder.estimation.motion.model import NAMES, Model
-from swimbladder.estimation.motion.outcome import identified_vehicle
+from swimbladder.estimation.motion.random_effects import FEWEST, between_logs
+from swimbladder.estimation.motion.random_walk import WalkFit
 from swimbladder.estimation.motion.result import Finding, Identification
-from swimbladder.estimation.motion.tell import LIMIT
-from swimbladder.estimation.motion.walk import WalkFit
+from swimbladder.estimation.motion.vehicle_update import identified_vehicle
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["with_walk"]

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.comparison.unknowns import (
+from swimbladder.estimation.comparison.filter_prior import (
     Normal,
     Tuning,
     Unknowns,
@@ -26,6 +25,7 @@ from swimbladder.estimation.comparison.unknowns import (
     places,
     unknowns,
 )
+from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.kalman.bank import told
 from swimbladder.estimation.kalman.depth_filter import Samples
 from swimbladder.vehicle import Between, Drag, Identified, IdentifiedMotion, Motion, Vehicle

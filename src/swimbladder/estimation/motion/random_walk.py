@@ -23,8 +23,8 @@ from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.kalman.depth_filter import GATE, Noise
 from swimbladder.estimation.motion.estimates import Z95, Estimate, Prior, estimate
 from swimbladder.estimation.motion.model import NAMES, Model, check_names, default_names, model_of
-from swimbladder.estimation.motion.walk_covariance import Maker, covariance, without_trace
-from swimbladder.estimation.motion.walk_likelihood import NOISES, Likelihood, Quantity
+from swimbladder.estimation.motion.random_walk_covariance import Maker, covariance, without_trace
+from swimbladder.estimation.motion.random_walk_likelihood import NOISES, Likelihood, Quantity
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["WalkFit", "fit_walk"]

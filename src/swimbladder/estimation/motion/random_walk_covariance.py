@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import NoAnswerError
-from swimbladder.estimation.motion.walk_likelihood import Likelihood, Quantity
+from swimbladder.estimation.motion.random_walk_likelihood import Likelihood, Quantity
 
 __all__ = ["Maker", "covariance", "without_trace"]
 

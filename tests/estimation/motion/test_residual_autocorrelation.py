@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from swimbladder.estimation.motion.colour import Colour, colours, information
 from swimbladder.estimation.motion.noise import autoregression
+from swimbladder.estimation.motion.residual_autocorrelation import Colour, colours, information
 
 
 def _designs():
