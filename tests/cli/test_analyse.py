@@ -178,3 +178,29 @@ def test_nothing_is_left_where_a_folder_cannot_be_made(capsys, tmp_path):
     blocked.write_text("not a folder", encoding="utf-8")
     assert "--out" in refused(capsys, "feup-em", "--out", str(blocked / "out"))
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_pump_and_valve_has_rates_in_the_place_of_a_voltage(capsys, tmp_path):
+    a = answer(capsys, "example-float", "--depth", "1000 m", "--out", str(tmp_path))
+    assert (a["command"], a["closed_loop"], a["stable"]) == ("volume change", None, None)
+    assert a["open_loop"]["input"] == "V"
+    assert a["operating_point"]["voltage_V"] is None
+    assert a["operating_point"]["volume_m3"] == pytest.approx(-0.049e-6 * 1000.0)
+    assert a["stall"]["within_limit"] is True
+    drive = a["drive"]
+    assert drive["depth_m"][0] == 0.0
+    assert np.all(np.diff(drive["pump_rate_m3_s"]) < 0.0)
+    assert np.all(np.diff(drive["valve_rate_m3_s"]) > 0.0)
+    rest, *moving = a["motions"]
+    assert rest["period_s"] == pytest.approx(2.0 * np.pi / abs(a["open_loop"]["poles"][0][1]))
+    assert (rest["growth_time_s"], rest["time_constant_s"]) == (None, None)
+    assert [m["speed_m_s"] for m in moving] == [0.02, 0.04, 0.1]
+    assert (tmp_path / "drive.png").read_bytes().startswith(PNG)
+    assert "stability" in a["notes"][0]
+
+
+def test_a_float_whose_pump_stalls_above_the_depth_does_not_rest_there(capsys, tmp_path):
+    weak = vehicle_file(tmp_path, 'voltage = "14.4 V"', 'voltage = "3 V"', "example-float")
+    a = answer(capsys, weak, "--depth", "1500 m", code=1)
+    assert a["rests"] is False
+    assert a["stall"]["holding_depth_m"] < 1500.0

@@ -6,7 +6,6 @@ from swimbladder.cli import main
 
 COMMANDS = {
     "simulate": [],
-    "analyse": [],
     "compare": ["LOG", "--vehicle"],
     "identify-actuator": ["LOG", "--vehicle"],
     "design-experiment": ["--pool-depth", "4 m"],

@@ -17,6 +17,7 @@ from swimbladder.cli.common import Output, console, emit_json, output, progress,
 
 if TYPE_CHECKING:
     from swimbladder.design.linear import Analysis, Margins
+    from swimbladder.design.linear.pump_valve import DriveRates
 
 __all__ = ["analyse"]
 
@@ -68,7 +69,7 @@ def _analysis(vehicle: str, depth: float) -> Analysis:
     from swimbladder.io.config import load_vehicle, locate
 
     check_depth(depth, field="--depth")
-    loaded = load_vehicle(vehicle, sampled=True)
+    loaded = load_vehicle(vehicle)
     try:
         return analyse_vehicle(loaded, depth=depth)
     except InputError as error:
@@ -96,6 +97,8 @@ def _write(a: Analysis, out: Path) -> list[Path]:
         from swimbladder.show.plots.style import save
 
         pictures = {"open_loop": linear.draw_open_loop, "poles": linear.draw_poles}
+        if a.drive is not None:
+            pictures["drive"] = linear.draw_drive
         if a.closed_loop is not None:
             pictures |= {"loop_gains": linear.draw_loop_gains, "nyquist": linear.draw_nyquist}
         files += [save(draw(a), folder / f"{name}.png") for name, draw in pictures.items()]
@@ -115,10 +118,10 @@ def _report(a: Analysis) -> list[RenderableType]:
         Text(f"Linear analysis of {a.vehicle.name} at {a.depth:g} m", style="bold")
     ]
     parts += _section("Rest", said["rest"], ())
-    parts += _section(
-        "Open loop", said["open loop"], (_transfer_functions(a), _poles(a), _routh(a))
-    )
-    parts += _section("Depth", said["depth"], (_neutral_volume(a),))
+    loops = (_transfer_functions(a), _poles(a), _routh(a))
+    moving, drive = ((), ()) if a.drive is None else ((_motions(a),), (_drive(a.drive),))
+    parts += _section("Open loop", said["open loop"], (*loops, *moving))
+    parts += _section("Depth", said["depth"], (_neutral_volume(a), *drive))
     tables = () if a.closed_loop is None else (_modes(a), _margins(a))
     parts += _section("Closed loop", said["closed loop"], tables)
     return parts
@@ -185,6 +188,36 @@ def _neutral_volume(a: Analysis) -> Table:
     for z, volume in zip(a.neutral.depths, a.neutral.volumes, strict=True):
         outside = "" if stroke.minimum <= volume <= stroke.maximum else "outside the stroke"
         table.add_row(f"{z:g}", f"{volume * 1e6:.2f}", outside)
+    return table
+
+
+def _motions(a: Analysis) -> Table:
+    headings = ("speed cm/s", "1/s", "speed follows in s", "grows e-fold in s", "period s")
+    table = _table("The body at rest and on its way, its volume kept", *headings)
+    for m in a.motions:
+        times = (m.time_constant, m.growth_time, m.period)
+        texts = [f"{t:.4g}" if math.isfinite(t) else "" for t in times]
+        table.add_row(f"{100.0 * m.speed:g}", ", ".join(map(_complex, m.poles)), *texts)
+    return table
+
+
+def _drive(d: DriveRates) -> Table:
+    headings = (
+        "depth m",
+        "pump cm3/s",
+        "its power W",
+        "valve cm3/s",
+        "bypass cm3/s",
+        "leaks cm3/d",
+    )
+    table = _table("Pump and valves", *headings)
+    for z, pump, power, valve, bypass, leak in zip(
+        d.depths, d.pump, d.pump_power, d.valve, d.bypass, d.leakage, strict=True
+    ):
+        rates = (f"{1e6 * rate:.4g}" for rate in (valve, bypass))
+        table.add_row(
+            f"{z:g}", f"{1e6 * pump:.4g}", f"{power:.4g}", *rates, f"{86400e6 * leak:.3g}"
+        )
     return table
 
 

@@ -32,7 +32,7 @@ def analyse(
     check_depth(depth)
     controller = vehicle.controller
     if law is None and controller is not None:
-        law, bound = own_law(vehicle)
+        law, bound = own_law(vehicle, sampled=False)
         parameters = bound if parameters is None else parameters
     if sample_time is None and controller is not None:
         sample_time = controller.sample_time
@@ -44,6 +44,13 @@ def analyse(
             field="sample_time", unit="s", remedy="Give sample_time",
         )  # fmt: skip
     check_command(law, vehicle)
+    if law.command == "volume change":
+        note = (
+            f"The law {law.name!r} acts when it asks to be called, and changes the volume once: "
+            "there is no loop to break, with margins. `swimbladder stability` follows it from one "
+            "decision to the next."
+        )
+        return analyse_linear(vehicle, depth=depth, notes=(note,))
     at_rest = law_at_rest(law, parameters, vehicle, depth=depth, sample_time=sample_time)
     if at_rest.smooth:
         return analyse_linear(vehicle, depth=depth, law=at_rest, law_name=law.name)

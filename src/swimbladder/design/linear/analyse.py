@@ -18,7 +18,13 @@ from swimbladder.design.linear.depths import (
     stiff_hull,
 )
 from swimbladder.design.linear.findings import findings
-from swimbladder.design.linear.json_types import closed_loop_json, plain, routh_json
+from swimbladder.design.linear.json_types import (
+    closed_loop_json,
+    drive_json,
+    motion_json,
+    plain,
+    routh_json,
+)
 from swimbladder.design.linear.models import (
     OperatingPoint,
     StateSpace,
@@ -26,12 +32,20 @@ from swimbladder.design.linear.models import (
     operating_point,
     polynomials,
 )
+from swimbladder.design.linear.pump_valve import (
+    DriveRates,
+    Motion,
+    drive_rates,
+    motions,
+    moved_by_volume,
+    pump_stall,
+)
 from swimbladder.design.linear.routh import RouthTable, routh_table
 from swimbladder.design.linear.sampled import LinearLaw
 from swimbladder.design.linear.transfer import TransferFunction, transfer_functions
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import plant
-from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle import PumpAndValve, Vehicle
 
 __all__ = ["Analysis", "OpenLoop", "analyse_linear", "check_depth"]
 
@@ -60,10 +74,12 @@ class Analysis:
     open_loop: OpenLoop
     stiff_hull: StiffHull | None  # voltage-driven, psi not 0
     double_integrator_phase_margin: float | None  # rad, eq. (35) under a gain of 1 V/m
-    stall: Stall | None  # voltage-driven
+    stall: Stall | None  # voltage-driven, pump and valve
     neutral: NeutralVolume
     closed_loop: ClosedLoop | None  # vehicles with a controller
     notes: tuple[str, ...] = ()  # what was left out, and why
+    drive: DriveRates | None = None  # pump and valve
+    motions: tuple[Motion, ...] = ()  # pump and valve: the body at rest and on its way
 
     @property
     def stable(self) -> bool | None:
@@ -95,7 +111,7 @@ class Analysis:
             "vehicle": self.vehicle.name,
             "depth_m": self.depth,
             "rests": self.rests,
-            "command": "voltage" if self.vehicle.voltage_driven else "volume",
+            "command": self.vehicle.command,
             "operating_point": {
                 "depth_m": p.depth,
                 "volume_m3": p.volume,
@@ -164,6 +180,11 @@ class Analysis:
             "findings": self.findings,
             "notes": self.notes,
         }
+        if self.drive is not None:
+            answer |= {
+                "drive": drive_json(self.drive),
+                "motions": [motion_json(one) for one in self.motions],
+            }
         return {key: plain(value) for key, value in answer.items()}
 
 
@@ -176,7 +197,8 @@ def analyse_linear(
     Raises InputError where the depth is negative or not finite.
     """
     check_depth(depth)
-    p = plant(vehicle)
+    pumped = isinstance(vehicle.actuator, PumpAndValve)
+    p = plant(moved_by_volume(vehicle))
     m, k_b = vehicle.mass, vehicle.water.specific_weight
     model = linearise(p, depth=depth)
     limit = vehicle.hull.depth_limit
@@ -185,19 +207,29 @@ def analyse_linear(
         phase = double_integrator_phase_margin(
             K1=p.gain, K2=p.a_b / p.d_l, A=1.0, T1=p.T1, T2=1.0 / p.d_l
         )
+    rest, load, drive = operating_point(p, depth=depth), None, None
+    neutral = neutral_volume(p, down_to=max(limit or 100.0, depth))
+    if pumped:
+        load = pump_stall(vehicle, depth=depth)
+        drive = drive_rates(vehicle, neutral.depths)
+        rest = rest._replace(motor_rate=drive_rates(vehicle, (depth,)).leakage[0])
+    elif not p.positioner:
+        load = stall(p, depth=depth, depth_limit=limit)
     return Analysis(
         vehicle=vehicle,
         depth=depth,
-        operating_point=operating_point(p, depth=depth),
+        operating_point=rest,
         model=model,
         transfer_functions=transfer_functions(p, m=m, k_b=k_b),
         open_loop=_open_loop(model, p.T1, p.d_l),
         stiff_hull=stiff_hull(p),
         double_integrator_phase_margin=phase,
-        stall=None if p.positioner else stall(p, depth=depth, depth_limit=limit),
-        neutral=neutral_volume(p, down_to=max(limit or 100.0, depth)),
+        stall=load,
+        neutral=neutral,
         closed_loop=None if law is None else close(p, law, name=law_name, depth=depth),
         notes=notes,
+        drive=drive,
+        motions=motions(vehicle, p) if pumped else (),
     )
 
 

@@ -19,7 +19,7 @@ def findings(a: Analysis) -> dict[str, tuple[str, ...]]:
     """Return what an analysis says: by subject, a sentence or two for each point."""
     return {
         "rest": tuple(_rest(a)),
-        "open loop": (*_open_loop(a), *_section_2_5(a)),
+        "open loop": (*_open_loop(a), *_motions(a), *_section_2_5(a)),
         "depth": tuple(_depths(a)),
         "closed loop": (*_closed_loop(a), *a.notes),
     }
@@ -41,9 +41,12 @@ def _rest(a: Analysis) -> Iterator[str]:
         )
     elif not a.rests:
         assert a.stall is not None
+        why = "the supply cannot hold the motor"
+        if a.drive is not None:
+            why = "more leaks back than the pump presses out"
         yield (
-            f"Below {a.stall.holding_depth:.1f} m the supply cannot hold the motor: the vehicle "
-            "cannot rest there, and what follows is about a vehicle that could."
+            f"Below {a.stall.holding_depth:.1f} m {why}: the vehicle cannot rest there, and what "
+            "follows is about a vehicle that could."
         )
 
 
@@ -64,6 +67,25 @@ def _open_loop(a: Analysis) -> Iterator[str]:
         )
     elif a.vehicle.drag.law != "linear":
         yield "The drag is the laminar one of small speeds."
+
+
+def _motions(a: Analysis) -> Iterator[str]:
+    """Yield what a body does whose volume is kept between two actions of pump and valve."""
+    if not a.motions:
+        return
+    rest, moving = a.motions[0], a.motions[1:]
+    if math.isfinite(rest.growth_time):
+        yield (
+            f"At rest the hull gives way more than the water: with its volume kept, a small error "
+            f"of the depth grows e-fold in {rest.growth_time:.3g} s."
+        )
+    elif math.isfinite(rest.period):
+        yield (
+            f"At rest the hull is stiffer than the water: with its volume kept it swings about its "
+            f"neutral depth every {rest.period:.4g} s."
+        )
+    said = ", ".join(f"{100.0 * m.speed:g} cm/s in {m.time_constant:.3g} s" for m in moving)
+    yield f"On its way a speed follows the volume with the time constant of the drag: {said}."
 
 
 def _section_2_5(a: Analysis) -> Iterator[str]:
@@ -99,7 +121,8 @@ def _depths(a: Analysis) -> Iterator[str]:
         if math.isinf(s.depth):
             yield "No depth loads the motor, so none stalls it."
         else:
-            text = f"Stall depth at {s.voltage:.3g} V: {s.depth:.1f} m"
+            at = f" at {s.voltage:.3g} V" if math.isfinite(s.voltage) else ""
+            text = f"Stall depth{at}: {s.depth:.1f} m"
             if s.depth_without_sag > s.depth:
                 text += f" ({s.depth_without_sag:.1f} m if the supply did not sag)"
             if limit is not None:

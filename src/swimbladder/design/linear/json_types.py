@@ -7,9 +7,10 @@ from typing import Any
 
 from swimbladder.design.linear.closed import ClosedLoop
 from swimbladder.design.linear.margins import Margins
+from swimbladder.design.linear.pump_valve import DriveRates, Motion
 from swimbladder.design.linear.routh import RouthTable
 
-__all__ = ["closed_loop_json", "plain", "routh_json"]
+__all__ = ["closed_loop_json", "drive_json", "motion_json", "plain", "routh_json"]
 
 
 def routh_json(table: RouthTable) -> dict[str, Any]:
@@ -54,6 +55,30 @@ def closed_loop_json(c: ClosedLoop) -> dict[str, Any]:
             "doubling_time_s": load.doubling_time,
             "doubling_time_rejected_s": load.doubling_time_rejected,
         },
+    }
+
+
+def drive_json(d: DriveRates) -> dict[str, Any]:
+    """Return what pump and valves do over depth for JSON, in SI units."""
+    return {
+        "depth_m": d.depths,
+        "pump_rate_m3_s": d.pump,
+        "pump_power_W": d.pump_power,
+        "valve_rate_m3_s": d.valve,
+        "bypass_rate_m3_s": d.bypass,
+        "leakage_m3_s": d.leakage,
+        "start_volume_m3": d.start_volume,
+    }
+
+
+def motion_json(m: Motion) -> dict[str, Any]:
+    """Return how a body goes on about a speed for JSON, in SI units."""
+    return {
+        "speed_m_s": m.speed,
+        "time_constant_s": m.time_constant,
+        "poles": m.poles,
+        "growth_time_s": m.growth_time,
+        "period_s": m.period,
     }
 
 

@@ -15,7 +15,7 @@ from swimbladder.design.linear import Analysis, ClosedLoop, Margins, StateSpace
 from swimbladder.design.linear.margins import frequency_response
 from swimbladder.show.plots.style import BLUE, GREY, VERMILION, styled
 
-__all__ = ["draw_loop_gains", "draw_nyquist", "draw_open_loop", "draw_poles"]
+__all__ = ["draw_drive", "draw_loop_gains", "draw_nyquist", "draw_open_loop", "draw_poles"]
 
 
 class _Break(NamedTuple):
@@ -45,6 +45,28 @@ def draw_open_loop(analysis: Analysis) -> Figure:
     top.set_title(
         f"{analysis.vehicle.name}: open loop, {what} to depth (dotted: moduli of the poles)"
     )
+    return figure
+
+
+@styled
+def draw_drive(analysis: Analysis) -> Figure:
+    """Draw the rates of pump and valve against depth.
+
+    Raises ValueError where the vehicle has neither.
+    """
+    d, stall = analysis.drive, analysis.stall
+    if d is None or stall is None:
+        raise ValueError("this vehicle has no pump and valve to draw")
+    figure = Figure(figsize=(7.0, 5.0))
+    axes = figure.add_subplot()
+    axes.plot(1e6 * np.array(d.pump), d.depths, color=BLUE, label="pump, out")
+    axes.plot(1e6 * np.array(d.valve), d.depths, color=VERMILION, label="valve, in")
+    if math.isfinite(stall.depth) and stall.depth <= max(d.depths):
+        axes.axhline(stall.depth, color=GREY, linestyle=":", label="the pump stalls")
+    axes.invert_yaxis()
+    axes.set(xlabel="volume rate [cm³/s]", ylabel="depth [m]")
+    axes.set_title(f"{analysis.vehicle.name}: what pump and valve do")
+    axes.legend(fontsize=9)
     return figure
 
 
