@@ -45,7 +45,7 @@ def test_what_is_known_spreads_as_python_controls_kalman_filter_has_it():
     np.testing.assert_allclose(S, F @ after @ F.T + walked - after, rtol=1e-6, atol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_with_moves_for_nothing_it_is_the_linear_quadratic_regulator():
     grid = Grid(depth=8.0, speed=1.5, acceleration=2.5)
     F, S, unknown = transition(ISSUE, grid.step)
@@ -56,7 +56,7 @@ def test_with_moves_for_nothing_it_is_the_linear_quadratic_regulator():
     assert least_cost(ISSUE, 1e-9, grid=grid) == pytest.approx(expected, rel=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_wiener_process_that_is_set_to_zero_costs_what_it_should():
     """Set to 0 where |x| = c it costs c^2/6 + price s^2/c^2: 2 s sqrt(price/6) at the best.
 

@@ -105,6 +105,7 @@ def test_the_covariance_predicted_is_the_one_reported(campaigns, name):
     assert np.median(np.abs(said - expected)) < 0.02
 
 
+@pytest.mark.prove
 def test_the_error_with_drift_is_the_one_that_comes(design, vehicle, setting, tmp_path):
     """Neutral volumes that drift, of which the fit does not know: the vehicle as it was given."""
     path = tmp_path / "plan.toml"

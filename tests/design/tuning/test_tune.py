@@ -122,7 +122,7 @@ def test_quiet_holds_a_depth_and_hardly_moves():
         assert over.turns < 0.02 * over.starts
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_pulses_hold_a_depth_with_sixty_starts_an_hour():
     coarse = NOISY.sensors.model_copy(update={"depth_quantum": 5e-3})
     vehicle = NOISY.model_copy(update={"sensors": coarse})
@@ -199,7 +199,7 @@ def test_the_sensitivity_that_is_drawn_is_that_of_the_margins():
     assert max(peaks) == pytest.approx(found.margins.peak_sensitivity, rel=2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_energy_is_spent_slowly_and_the_depth_is_held():
     vehicle = load_vehicle("example-em")
     noisy = vehicle.sensors.model_copy(update={"depth_noise": 2e-3})

@@ -45,7 +45,10 @@ def test_without_noise_the_motor_is_found_exactly():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("case", "logs"), [("steps", 120), ("steps, gains differ by 1 %", 60)])
+@pytest.mark.parametrize(
+    ("case", "logs"),
+    [("steps", 120), pytest.param("steps, gains differ by 1 %", 60, marks=pytest.mark.prove)],
+)
 def test_intervals_hold_the_truth_as_often_as_they_say(case, logs):
     """Or more often, where gains that might differ do not.
 
@@ -106,7 +109,13 @@ def differing(levels, motor, share, random):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("levels", [[4.0, -4.0, 11.0, -11.0], LEVELS], ids=["no repeat", "two"])
+@pytest.mark.parametrize(
+    "levels",
+    [
+        pytest.param([4.0, -4.0, 11.0, -11.0], marks=pytest.mark.prove, id="no repeat"),
+        pytest.param(LEVELS, id="two"),
+    ],
+)
 def test_unseen_differences_of_the_gain_are_in_the_intervals(levels):
     """As many steps as gains, or two more, and gains that differ by 1.5 %."""
     held = {name: [] for name in truth(Motor())}

@@ -123,7 +123,7 @@ def test_a_fit_from_far_off_recovers_what_made_the_log(float_vehicle, voyage):
     assert c.vehicle.drag.k_dt == c.fitted["drag_quadratic"].value
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_stated_deviation_is_the_one_that_noise_causes(float_vehicle, voyage):
     names = ("neutral_volume", "start_depth", "start_speed")
     random = np.random.default_rng(11)
