@@ -36,9 +36,9 @@ from swimbladder.sim.engine.advance import DONE, advance, begin
 from swimbladder.sim.engine.books import Account as Sums
 from swimbladder.sim.engine.chain import book_steps
 from swimbladder.sim.engine.modes import COUNT, Act, Where
+from swimbladder.sim.engine.rodas.drive import FULL
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Given, Note, Now, Stop
 from swimbladder.sim.mission.core import kernel
-from swimbladder.sim.mission.core.moves import FULL
 from swimbladder.sim.mission.core.names import Cycle, Kind, Stage
 from swimbladder.sim.mission.core.names import Row as Out
 from swimbladder.sim.mission.orders import ASLEEP, runaway

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from swimbladder.sim.engine.rodas.drive import note
 from swimbladder.sim.engine.rodas.entries import enter_energy
 from swimbladder.sim.engine.rodas.names import Account, At, Given, Note, Now, Stop
 from swimbladder.sim.mission.core.fly import RESCUE, row
-from swimbladder.sim.mission.core.moves import note
 from swimbladder.sim.mission.core.names import Kind, Stage
 from swimbladder.sim.mission.core.phases import (
     afloat,

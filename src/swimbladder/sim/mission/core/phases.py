@@ -6,9 +6,9 @@ import math
 
 from swimbladder.control.rate import RateParameters
 from swimbladder.sim.engine.cache import part
+from swimbladder.sim.engine.rodas.drive import FULL, note
 from swimbladder.sim.engine.rodas.motion import rate_of
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Note, Now, Stop
-from swimbladder.sim.mission.core.moves import FULL, note
 from swimbladder.sim.mission.core.names import Cycle, Holding, Kind, Stage
 
 __all__ = [
