@@ -17,14 +17,14 @@ grows and shrinks by `more` and `less`, which stay within them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 if TYPE_CHECKING:
     from swimbladder.control.recipe import Recipe
 
-__all__ = ["NEVER", "Count", "Law", "Measurement", "less", "more"]
+__all__ = ["NEVER", "Count", "Law", "Measurement", "Way", "less", "more"]
 
 NEVER = 65535  # the largest count
 Count = Annotated[int, "0 to 65535"]
@@ -48,6 +48,14 @@ class Measurement(NamedTuple):
     volume: float  # m3, from the piston's or the bladder's sensor
 
 
+class Way(NamedTuple):
+    """A speed that a law of volume changes asks for, and where it does."""
+
+    name: str
+    speed: float  # m/s, without a sign
+    distance: float  # m from the depth asked for; inf: on the way to the surface
+
+
 @dataclass(frozen=True, kw_only=True)
 class Law:
     """A law: its step, its first state and what its numbers mean.
@@ -61,7 +69,9 @@ class Law:
     volume_gain, from a volume error to the voltage [V/m3]; dead_zone, volume error at which the
     motor rests [m3]; near, depth error within which the volume is moved by events [m]; band, depth
     error that is left alone [m]. With dead_zone and near at 0 the law is linear around rest, where
-    it is so at all.
+    it is so at all. Of a law that changes the volume when it asks to be called: ways, from its
+    parameters to the speeds it asks for; roundings, bands and steps, at 0 of which what it decides
+    follows what it sees without a gap.
     """
 
     name: str
@@ -77,3 +87,5 @@ class Law:
     dead_zone: str = ""
     near: str = ""
     band: str = ""
+    ways: Callable[[Any], Sequence[Way]] | None = None
+    roundings: tuple[str, ...] = ()

@@ -31,7 +31,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import Law, Measurement, Way
 
 __all__ = [
     "RATE",
@@ -44,6 +44,7 @@ __all__ = [
     "initial",
     "step",
     "volume_change",
+    "ways",
 ]
 
 
@@ -155,6 +156,18 @@ def ascend(parameters: RateParameters, speed: float) -> Decision:
     return Decision(speed, 0.0)
 
 
+def ways(parameters: RateParameters) -> tuple[Way, ...]:
+    """Return the speeds that are asked for, each with a distance from the target at which."""
+    p = parameters
+    inner, near, far = p.tolerance, max(p.near, p.tolerance), max(p.far, p.near, p.tolerance)
+    found = [Way("far", p.far_speed, 2.0 * far)]
+    if far > near:
+        found.append(Way("near", p.near_speed, 0.5 * (near + far)))
+    if near > inner:
+        found.append(Way("slow", p.slow_speed, 0.5 * (inner + near)))
+    return (*found, Way("ascent", p.ascent_speed, math.inf))
+
+
 def initial(parameters: RateParameters, measurement: Measurement, reference: float) -> RateState:
     """Start asleep where the vehicle is; the first look begins a measurement of the speed."""
     depth = measurement.depth if math.isfinite(measurement.depth) else reference
@@ -222,4 +235,7 @@ RATE = Law(
     },
     step=step,
     initial=initial,
+    band="tolerance",
+    ways=ways,
+    roundings=("speed_band", "speed_step", "volume_step"),
 )

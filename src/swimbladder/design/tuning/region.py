@@ -1,8 +1,10 @@
 """The vehicles that a law has to hold: a 95 % region of the parameters, and what else may change.
 
 With an `[identified]` table the region is the ellipsoid of its covariance that holds 95 % of the
-probability; without one K2 and T2 are taken to be known to 5 %. It is looked at in the middle, at
-the ends of its axes and at points drawn from its boundary, each with the supply full and low.
+probability; without one K2 and T2 are taken to be known to 5 %. Of a pump and valve drag, psi and
+both rates are uncertain, by what was identified or by the spread that `campaign` draws floats from.
+It is looked at in the middle, at the ends of its axes and at points drawn from its boundary, each
+with the supply full and low.
 """
 
 from __future__ import annotations
@@ -15,16 +17,31 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from swimbladder.design.linear.pump_valve import moved_by_volume
 from swimbladder.physics.dynamics import Plant, plant
-from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle import PumpAndValve, Vehicle
+from swimbladder.vehicle.spread import INPUTS, Spread
 
-__all__ = ["Member", "Region", "member", "neutral_walk", "region", "unit_points", "unknowns"]
+__all__ = [
+    "FLOATS",
+    "Member",
+    "Region",
+    "member",
+    "neutral_walk",
+    "region",
+    "unit_points",
+    "unknowns",
+]
 
 Array = NDArray[np.float64]
 
 UNKNOWN = 0.05  # of K2 and T2, or of mass and drag, where nothing was identified
 NEUTRAL = 2e-6  # m3, where nothing is known: either way
 WALK = 1e-6 / 60.0  # m3/s^0.5, likewise: 1 cm3 per root hour
+DRIFT = 0.1e-6 / 60.0  # m3/s^0.5, of floats: about what those of deep-dives.md lose by creep
+FLOATS = ("drag", "psi", "pump", "valve")
+"""What is uncertain of a pump and valve: factors, psi in m3/m."""
+
 _DRAWN = 16  # points of the boundary beside the ends of the axes
 
 
@@ -35,6 +52,7 @@ class Region(NamedTuple):
     neutral: float  # m3, farthest that the neutral volume is from what is known
     walk: float  # m3/s^0.5, intensity of its random walk
     words: tuple[str, ...]
+    drives: tuple[tuple[float, float], ...] = ()  # of pumps and valves: what each gives of its rate
 
 
 class Member(NamedTuple):
@@ -42,10 +60,13 @@ class Member(NamedTuple):
 
     plant: Plant
     shares: Mapping[str, float]  # -, of what was identified
+    drive: tuple[float, float] = (1.0, 1.0)  # -, rates of pump and valve over what is known
 
 
 def unknowns(vehicle: Vehicle) -> tuple[tuple[str, ...], bool]:
     """Return what is uncertain of a vehicle, and whether its region is an ellipsoid, not a box."""
+    if isinstance(vehicle.actuator, PumpAndValve):
+        return FLOATS, True
     if vehicle.identified is None:
         return ("K2", "T2"), False
     return tuple(vehicle.identified.names), True
@@ -53,7 +74,8 @@ def unknowns(vehicle: Vehicle) -> tuple[tuple[str, ...], bool]:
 
 def neutral_walk(vehicle: Vehicle) -> float:
     """Return the intensity [m3/s^0.5] of the random walk that a neutral volume is reckoned with."""
-    return WALK if vehicle.identified is None else max(WALK, vehicle.identified.neutral_walk)
+    least = DRIFT if isinstance(vehicle.actuator, PumpAndValve) else WALK
+    return least if vehicle.identified is None else max(least, vehicle.identified.neutral_walk)
 
 
 def member(vehicle: Vehicle, s: Array, *, level: float = 0.95) -> Member:
@@ -62,7 +84,9 @@ def member(vehicle: Vehicle, s: Array, *, level: float = 0.95) -> Member:
     level: of the probability that the ellipsoid holds.
     """
     names, _ = unknowns(vehicle)
-    nominal, known = plant(vehicle), vehicle.identified
+    nominal, known = plant(moved_by_volume(vehicle)), vehicle.identified
+    if names == FLOATS:
+        return _float(vehicle, nominal, s, level)
     if known is None:
         shares = {n: 1.0 + UNKNOWN * float(x) for n, x in zip(names, s, strict=True)}
         return Member(_changed(nominal, shares, psi=nominal.psi), shares)
@@ -85,7 +109,16 @@ def region(vehicle: Vehicle, *, level: float = 0.95, drawn: int = _DRAWN, seed: 
     """Return the region of a vehicle's parameters that holds `level` of the probability."""
     known = vehicle.identified
     names, _ = unknowns(vehicle)
-    if known is None:
+    spread = _spread(vehicle)
+    if names == FLOATS:
+        words = [
+            f"{', '.join(names)} within their {100.0 * level:g} % region, "
+            + ("as identified" if known else "by the usual spread of floats")
+            + f": 1 sigma {100.0 * spread.drag:.2g} %, {1e6 * spread.psi:.2g} cm3/m, "
+            f"{100.0 * spread.pump:.2g} %, {100.0 * spread.pump:.2g} %"
+        ]
+        neutral = 2.0 * spread.trim
+    elif known is None:
         words = [f"K2 and T2 each within {100.0 * UNKNOWN:g} %, as nothing was identified"]
         neutral = NEUTRAL
     else:
@@ -98,8 +131,32 @@ def region(vehicle: Vehicle, *, level: float = 0.95, drawn: int = _DRAWN, seed: 
     drift = f"{60e6 * walk:.2g} cm3 in a root hour"
     words.append(f"neutral volume within {1e6 * neutral:.2g} cm3, walking {drift}")
     points = unit_points(vehicle, drawn=drawn, seed=seed)
-    plants = [member(vehicle, s, level=level).plant for s in points]
-    return Region((plant(vehicle), *plants), neutral, walk, tuple(words))
+    found = [Member(plant(moved_by_volume(vehicle)), {})]
+    found += [member(vehicle, s, level=level) for s in points]
+    drives = tuple(one.drive for one in found) if names == FLOATS else ()
+    return Region(tuple(one.plant for one in found), neutral, walk, tuple(words), drives)
+
+
+def _spread(vehicle: Vehicle) -> Spread:
+    return Spread() if vehicle.identified is None else Spread().identified(vehicle)
+
+
+def _float(vehicle: Vehicle, p: Plant, s: Array, level: float) -> Member:
+    """Return a float at s [4], the unit ball being the region; its valve as uncertain as a pump."""
+    spread = _spread(vehicle)
+    sigma = np.array([spread.drag, spread.psi, spread.pump, spread.pump])
+    order, together = [INPUTS.index(name) for name in ("drag", "psi", "pump")], np.eye(4)
+    together[:3, :3] = spread.matrix[np.ix_(order, order)]
+    drag, psi, pump, valve = (
+        np.array([1.0, p.psi, 1.0, 1.0]) + _radius(sigma[:, None] * together * sigma, level) @ s
+    )
+    drag, pump, valve = (max(float(x), 0.05) for x in (drag, pump, valve))
+    moved = p._replace(
+        psi=float(psi), d_l=p.d_l * drag, d_b=p.d_b * drag, d_0=p.d_0 * drag, d_t=p.d_t * drag
+    )
+    ratio = float(psi / p.psi) if p.psi else math.nan
+    shares = dict(zip(FLOATS, (drag, ratio, pump, valve), strict=True))
+    return Member(moved, shares, (pump, valve))
 
 
 def _box(n: int, drawn: int, seed: int) -> Array:
