@@ -40,7 +40,7 @@ def outcome(
 ) -> dict[str, Any]:  # fmt: skip
     """Return what came of a vehicle, by name: error in deviations, deviation over its prior's.
 
-    Of several dives also those of what each tells by itself, `between`.
+    Of several dives also those of what each tells by itself, `random_effects`.
     """
     dived, vehicle, priors = drawn(index, seed=seed), the_vehicle(), known()
     if differ:
@@ -54,11 +54,11 @@ def outcome(
         "error": {n: (fit.values[n] - dived.values[n]) / fit.std(n) for n in fit.names},
         "narrowed": {n: fit.std(n) / priors[n].std for n in fit.names},
     }
-    if fit.between is not None:
-        std = np.sqrt(np.diag(fit.between.covariance))
+    if fit.random_effects is not None:
+        std = np.sqrt(np.diag(fit.random_effects.covariance))
         true = np.array([(dived.values[n] - priors[n].mean) / priors[n].std for n in fit.names])
-        off = (fit.between.value - true) / std
-        found["between"] = {
+        off = (fit.random_effects.value - true) / std
+        found["random_effects"] = {
             "error": dict(zip(fit.names, off.tolist(), strict=True)),
             "narrowed": dict(zip(fit.names, std.tolist(), strict=True)),
         }
@@ -124,7 +124,9 @@ def main(given: Sequence[str] | None = None) -> int:
         f"{options.dives} vehicles, {options.together} dives each that differ by {options.differ:g}"
     )
     _print(f"{by}: the set that fits all looks", all_found)
-    _print(f"{by}: what the dives tell each by itself", [one["between"] for one in all_found])
+    _print(
+        f"{by}: what the dives tell each by itself", [one["random_effects"] for one in all_found]
+    )
     return 0
 
 

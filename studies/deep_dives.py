@@ -57,7 +57,7 @@ class Prediction:
     """A dive as measured and as told from its beginning: at each action, and times of arrival."""
 
     dive: DeepDive
-    told: Replay
+    identified: Replay
     action: Array  # Pa [m], measured at each action
     action_told: Array  # Pa [m]
     action_constant: Array  # Pa [m], of constant speeds
@@ -133,7 +133,7 @@ def predict(body: Body, fit: DeepFit, dive: DeepDive, speeds: tuple[float, float
     ahead = np.array(_ahead(body, fit, dive, speeds, t_leave, target)).reshape(-1, 3).T
     return Prediction(
         next_action=ahead[0], next_told=ahead[1], next_constant=ahead[2],
-        dive=dive, told=told, action=measured.at(runs), action_told=told.at(runs),
+        dive=dive, identified=told, action=measured.at(runs), action_told=told.at(runs),
         action_constant=constant(runs), arrival=arrivals[0], arrival_told=arrivals[1],
         arrival_constant=arrivals[2],
     )  # fmt: skip
@@ -149,14 +149,14 @@ def _ahead(
     """
     found = []
     measured = Replay(time=dive.time, pressure=dive.pressure, speed=np.zeros(len(dive.time)))
-    book = balance(body, fit.values, 0.0, dive)
+    imbalance = balance(body, fit.values, 0.0, dive)
     for t0, t1 in pairwise(dive.action_time):
         known = np.flatnonzero(dive.pieces.time < t0)[-LOOKS:]
         if t1 - t0 < FOLLOWS or len(known) < LOOKS:
             continue
         p0, p1 = measured.at(np.array([t0, t1]))
         told = replay(
-            body, fit.values, float(np.median(book[known])), dive, begin=t0, end=t1
+            body, fit.values, float(np.median(imbalance[known])), dive, begin=t0, end=t1
         ).pressure[-1]
         way = speeds[0] if t0 < leave else -speeds[1]
         constant = max(p0 + way * (t1 - t0), 0.0)
@@ -221,26 +221,26 @@ def main() -> None:
         unit = DEEP[name].unit
         shown = shown_unit(unit) if unit else ""
         factor = unit_factor(unit, shown) if unit else 1.0
-        origin = "the dives" if fit.told(name) else "its prior"
+        origin = "the dives" if fit.identified(name) else "its prior"
         print(
             f"| {name} | {factor * fit.values[name]:.4g} | {factor * fit.std(name):.2g} "
             f"| {shown} | {origin} | {factor * between[name]['value']:.3g} "
-            f"+- {factor * between[name]['std']:.2g} | {factor * between[name]['differ']:.2g} |"
+            f"+- {factor * between[name]['std']:.2g} | {factor * between[name]['between_std']:.2g}|"
         )
-    books = [
+    imbalances = [
         1e6 * balance(body, fit.values, float(start), dive)
         for start, dive in zip(fit.starts, dives, strict=True)
     ]
-    print("\n| dive | deepest, dbar | hours | looks | book off by, mL rms | pumped, mL |")
+    print("\n| dive | deepest, dbar | hours | samples | imbalance, mL rms | pumped, mL |")
     print("|---|---:|---:|---:|---:|---:|")
-    for book, dive in zip(books, dives, strict=True):
+    for imbalance, dive in zip(imbalances, dives, strict=True):
         pumped = 1e6 * float(np.sum(np.maximum(run_volumes(fit.values, dive), 0.0)))
         print(
             f"| {dive.name} | {dive.pressure.max() / 1e4:.0f} "
-            f"| {(dive.time[-1] - dive.time[0]) / 3600:.1f} | {len(book)} | {_rms(book):.2f} "
-            f"| {pumped:.0f} |"
+            f"| {(dive.time[-1] - dive.time[0]) / 3600:.1f} | {len(imbalance)} "
+            f"| {_rms(imbalance):.2f} | {pumped:.0f} |"
         )
-    print(f"| all | | | {sum(map(len, books))} | {_rms(np.concatenate(books)):.2f} | |")
+    print(f"| all | | | {sum(map(len, imbalances))} | {_rms(np.concatenate(imbalances)):.2f} | |")
     print(f"\nspeeds from look to look {1e3 * _rms(np.concatenate(fit.residuals)):.1f} mm/s rms")
     _print_sets(told)
     _print_predictions(told.predictions)
@@ -249,7 +249,7 @@ def main() -> None:
 def _print_sets(told: Study) -> None:
     fit = told.fit
     print(
-        f"\nof what the dives say {fit.worth:.2f} counts\n\n| dive | drag by itself "
+        f"\nof what the dives say {fit.tempering:.2f} counts\n\n| dive | drag by itself "
         "| drag without it | drag_up without it "
         "| parameters without it that lie in the intervals of all "
         "| drag of the others by themselves | pressure at an action off by, dbar rms, told with "

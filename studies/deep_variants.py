@@ -58,7 +58,7 @@ def main() -> None:
     vehicle = float_vehicle()
     body, dives = body_of(vehicle), dives_of(folder, vehicle)
     known = priors_of(vehicle, {})
-    print("| | drag, N s2/m2 | counts | book off by, mL rms | pumped, mL |")
+    print("| | drag, N s2/m2 | tempering | imbalance, mL rms | pumped, mL |")
     print("|---|---:|---:|---:|---:|")
 
     def told(variant: Variant) -> DeepFit:
@@ -77,13 +77,13 @@ def main() -> None:
 
 
 def _row(name: str, body: Body, dives: list[DeepDive], fit: DeepFit) -> str:
-    books = [
+    imbalances = [
         balance(body, fit.values, float(start), dive)
         for start, dive in zip(fit.starts, dives, strict=True)
     ]
-    off = 1e6 * float(np.sqrt(np.mean(np.concatenate(books) ** 2)))
+    off = 1e6 * float(np.sqrt(np.mean(np.concatenate(imbalances) ** 2)))
     pumped = 1e6 * sum(float(np.sum(np.maximum(run_volumes(fit.values, d), 0.0))) for d in dives)
-    return f"| {name} | {fit.values['drag']:.1f} | {fit.worth:.2f} | {off:.2f} | {pumped:.0f} |"
+    return f"| {name} | {fit.values['drag']:.1f} | {fit.tempering:.2f} | {off:.2f} | {pumped:.0f} |"
 
 
 if __name__ == "__main__":

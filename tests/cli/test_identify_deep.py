@@ -66,9 +66,11 @@ def test_in_words_and_files(capsys, tmp_path, files):
     with (out / "deep.csv").open() as text:
         reader = csv.DictReader(text)
         assert reader.fieldnames == list(columns)
-        book = [float(row["book_m3"]) for row in reader]
-    assert np.sqrt(np.mean(np.square(book))) == pytest.approx(kept["book_rms_m3"], rel=1e-4)
-    assert float(f"{1e6 * kept['book_rms_m3']:.2g}") in numbers(said)  # mL
+        imbalance = [float(row["imbalance_m3"]) for row in reader]
+    assert np.sqrt(np.mean(np.square(imbalance))) == pytest.approx(
+        kept["imbalance_rms_m3"], rel=1e-4
+    )
+    assert float(f"{1e6 * kept['imbalance_rms_m3']:.2g}") in numbers(said)  # mL
     assert set(kept) | {"files"} == set(keys)
 
 

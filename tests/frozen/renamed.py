@@ -15,7 +15,16 @@ OPTIONS: dict[str, str] = {}  # "--draws": "--runs"
 # parent: "saved": "recovered" is that key wherever it stands; "outcomes.alone":
 # "outcomes.unsupervised" the key of that parent; "told": "flight.identified" goes a level down.
 # "faults: saved": "recovered" is for the cases of one command only.
-KEYS: dict[str, str] = {}
+KEYS: dict[str, str] = {
+    # Deep dives.
+    "identify: book_m3": "imbalance_m3",
+    "identify: book_rms_m3": "imbalance_rms_m3",
+    "identify: book_over_noise": "imbalance_over_noise",
+    "identify: looks": "samples",
+    "identify: apart": "distance",
+    "identify: worth": "tempering",
+    "identify: between": "random_effects",
+}
 
 # Texts that name a kind: values of JSON, cells of tables.
 KINDS: dict[str, str] = {}

@@ -123,23 +123,23 @@ def _parameters(found: DeepIdentification) -> object:
         low, high = (factor * x for x in e.ci95)
         sure = [f"{factor * e.std:.2g}", f"{low:.4g} to {high:.4g}"]
         table.add_row(
-            name, f"{factor * e.value:.4g}", *(("-", "-") if found.doubted else sure),
+            name, f"{factor * e.value:.4g}", *(("-", "-") if found.inconsistent else sure),
             shown or "-",
-            "not identifiable" if found.doubted and e.origin != "set" else words[e.origin],
+            "not identifiable" if found.inconsistent and e.origin != "set" else words[e.origin],
         )  # fmt: skip
     return table
 
 
 def _dives(found: DeepIdentification) -> object:
     table = number_table(
-        ("dive", "looks", "deepest", "book off by", "speed off by", "replay off by")
+        ("dive", "samples", "deepest", "imbalance", "speed off by", "replay off by")
     )
     for told, numbers in zip(found.dives, found.to_json()["dives"], strict=True):
         table.add_row(
             told.dive.name,
-            str(numbers["looks"]),
+            str(numbers["samples"]),
             f"{numbers['deepest_Pa'] / 1e4:.0f} dbar",
-            f"{1e6 * numbers['book_rms_m3']:.1f} mL",
+            f"{1e6 * numbers['imbalance_rms_m3']:.1f} mL",
             f"{1e3 * numbers['speed_rms_m_s']:.1f} mm/s",
             f"{numbers['replay_rms_Pa'] / 1e4:.0f} dbar",
         )

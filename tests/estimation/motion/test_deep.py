@@ -112,8 +112,8 @@ def test_the_truth_closes_the_book(scene) -> None:
     start = begin_of(body, TRUTH, column, 0.05)
     rng = np.random.default_rng(1)
     _, dive = dived(vehicle, body, column, TRUTH, rng, runs=RUNS, hours=12.0, start=start, wave=0.0)
-    book = balance(body, TRUTH, start, dive)
-    assert np.median(np.abs(book)) < 0.1e-6
+    imbalance = balance(body, TRUTH, start, dive)
+    assert np.median(np.abs(imbalance)) < 0.1e-6
     assert start_volume(body, TRUTH, dive) == pytest.approx(start, abs=0.2e-6)
     assert start_volume(body, TRUTH, dive, until=5400.0) == pytest.approx(start, abs=0.5e-6)
 
@@ -125,11 +125,11 @@ def test_intervals_hold_as_often_as_they_say() -> None:
     """
     *rows, whole = summary([outcome(index, seed=2) for index in range(_DIVES)])
     assert {row.name for row in rows} == set(DEFAULT)
-    held = np.array([row.held for row in rows])
-    assert whole.held == pytest.approx(np.mean(held))
+    misfit_of = np.array([row.misfit for row in rows])
+    assert whole.misfit == pytest.approx(np.mean(misfit_of))
     # Binomial, of parameters that go together: fewer of all in one of a thousand such tests.
-    assert np.mean(held) > 0.86
-    assert held.min() >= binom.ppf(1e-3 / len(rows), _DIVES, 0.95) / _DIVES
+    assert np.mean(misfit_of) > 0.86
+    assert misfit_of.min() >= binom.ppf(1e-3 / len(rows), _DIVES, 0.95) / _DIVES
     narrowed = {row.name: row.narrowed for row in rows}
     assert max(narrowed[name] for name in ("drag", "pump_delivery", "valve", "drag_up")) < 0.6
 
@@ -144,9 +144,9 @@ def test_what_is_told_and_what_is_not(scene) -> None:
         start=begin_of(body, TRUTH, column, 0.05),
     )  # fmt: skip
     fit = fit_deep(body, [dive], priors_of(vehicle, {}), free=DEFAULT)
-    assert not fit.told("drag_up")
+    assert not fit.identified("drag_up")
     assert fit.std("drag_up") == pytest.approx(0.3, rel=0.05)
-    assert fit.told("compressibility")
+    assert fit.identified("compressibility")
     found = identify_deep([log], [column], vehicle, free=["drag_up", "compressibility"])
     assert not found.identified
     assert "drag_up" in found.sentences[0]
@@ -214,14 +214,14 @@ def test_dives_that_contradict_each_other_widen_the_intervals(scene) -> None:
     vehicle, _, column = scene
     logs, _ = two_dives(vehicle, column, TRUTH)
     others, _ = two_dives(vehicle, column, TRUTH | {"valve": 1.0})
-    held = {name: TRUTH[name] for name in ("drag", "stiffening", "inertia", "pump_start")}
-    agreed = identify_deep(logs, [column], vehicle, fixed=held)
-    assert agreed.fit.worth > 0.5
-    told = identify_deep([*logs, *others], [column], vehicle, fixed=held)
-    assert told.fit.worth < 0.4
-    apart = float(f"{told.fit.worth**-0.5:.2g}")  # how far, over what each says by itself
+    misfit_of = {name: TRUTH[name] for name in ("drag", "stiffening", "inertia", "pump_start")}
+    agreed = identify_deep(logs, [column], vehicle, fixed=misfit_of)
+    assert agreed.fit.tempering > 0.5
+    told = identify_deep([*logs, *others], [column], vehicle, fixed=misfit_of)
+    assert told.fit.tempering < 0.4
+    apart = float(f"{told.fit.tempering**-0.5:.2g}")  # how far, over what each says by itself
     assert any(apart in numbers(said) for said in told.sentences)
-    assert told.to_json()["worth"] == told.fit.worth
+    assert told.to_json()["tempering"] == told.fit.tempering
     # Four dives that agree would tell more than two.
     valve, before = told.parameters["valve"], agreed.parameters["valve"]
     assert valve.std > 1.1 * before.std
@@ -253,8 +253,8 @@ def test_what_starts_fall_short_by_counts_once(scene) -> None:
         vehicle, body, column, truth, np.random.default_rng(1), runs=RUNS, hours=12.0,
         start=begin_of(body, truth, column, 0.05), wave=0.0,
     )  # fmt: skip
-    book = balance(body, truth, begin_of(body, truth, column, 0.05), still)
-    assert np.median(np.abs(book)) < 0.1e-6
+    imbalance = balance(body, truth, begin_of(body, truth, column, 0.05), still)
+    assert np.median(np.abs(imbalance)) < 0.1e-6
     found = identify_deep(logs, [column], vehicle)
     correction = found.parameters["pump_start"]
     assert correction.origin == "data"
@@ -264,17 +264,17 @@ def test_what_starts_fall_short_by_counts_once(scene) -> None:
     assert fixed.result_vehicle.actuator.start_volume == SHORT
     # With the pump as its file has it, counting it twice does not fit.
     free = ("compressibility", "drag_up")
-    held = {name: value for name, value in truth.items() if name not in free}
-    books = []
+    misfit_of = {name: value for name, value in truth.items() if name not in free}
+    imbalances = []
     for start in (0.0, SHORT):
         fit = fit_deep(
-            body, dives, priors_of(vehicle, {}), free=free, fixed=held | {"pump_start": start}
+            body, dives, priors_of(vehicle, {}), free=free, fixed=misfit_of | {"pump_start": start}
         )
-        books.append([
+        imbalances.append([
             np.std(balance(body, fit.values, float(begun), dive))
             for begun, dive in zip(fit.starts, dives, strict=True)
         ])  # fmt: skip
-    assert min(books[1]) > 2.0 * max(books[0])
+    assert min(imbalances[1]) > 2.0 * max(imbalances[0])
 
 
 def test_a_short_run_gives_nothing_and_the_line_counts(scene) -> None:
@@ -333,8 +333,8 @@ def test_the_written_vehicle_rests_where_the_fit_does(scene) -> None:
     vehicle = plain.model_copy(update={"hull": hull, "trim_error": 2e-5})
     body = body_of(vehicle)
     _, dives = two_dives(vehicle, column, TRUTH)
-    held = {"trapped_air": 3e-5, "thermal_expansion": 0.2e-4, "stiffening": 0.0, "drag": 165.0}
-    fit = fit_deep(body, dives, priors_of(vehicle, {}), free=DEFAULT, fixed=held)
+    misfit_of = {"trapped_air": 3e-5, "thermal_expansion": 0.2e-4, "stiffening": 0.0, "drag": 165.0}
+    fit = fit_deep(body, dives, priors_of(vehicle, {}), free=DEFAULT, fixed=misfit_of)
     after = identified_vehicle(vehicle, fit.values)
     assert weight_mass(after) == pytest.approx(body.mass, rel=1e-12)
     # Trapped air grows with its warmth in the hull, and not in the fit: the hull as it was filled.
@@ -379,12 +379,12 @@ def test_the_book_of_real_dives_closes(data_dir) -> None:
     dives = dives_of(data_dir / "mermaid_p0051", vehicle)
     assert len(dives) == 6
     fit = fit_deep(body, dives, priors_of(vehicle, {}), free=DEFAULT)
-    books = np.concatenate(
+    imbalances = np.concatenate(
         [balance(body, fit.values, float(s), d) for s, d in zip(fit.starts, dives, strict=True)]
     )
-    assert np.sqrt(np.mean(books**2)) < 4.1e-6
+    assert np.sqrt(np.mean(imbalances**2)) < 4.1e-6
     assert np.sqrt(np.mean(np.concatenate(fit.residuals) ** 2)) < 4e-3
-    assert fit.told("pump_delivery")
+    assert fit.identified("pump_delivery")
 
 
 @pytest.mark.data

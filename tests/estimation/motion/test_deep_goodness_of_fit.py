@@ -10,7 +10,13 @@ from scipy.stats import norm
 from studies.deep_drawn import drawn, known, the_vehicle
 from swimbladder.estimation.motion.deep import identify_deep
 from swimbladder.estimation.motion.deep_fit import NOISES, balance
-from swimbladder.estimation.motion.deep_goodness_of_fit import Held, doubted, doubts, held, restless
+from swimbladder.estimation.motion.deep_goodness_of_fit import (
+    Misfit,
+    inconsistent,
+    messages,
+    misfit_of,
+    water_messages,
+)
 from swimbladder.estimation.motion.deep_model import body_of
 from swimbladder.estimation.motion.deep_path import Noise
 from swimbladder.estimation.motion.estimates import Prior
@@ -36,12 +42,16 @@ def agreed(scene):
 
 def test_dives_that_belong_together_are_not_doubted(agreed) -> None:
     assert agreed.identified
-    assert not agreed.doubted
-    assert all(0.5 < told.held.most < 1.5 for told in agreed.dives)
+    assert not agreed.inconsistent
+    assert all(0.5 < told.misfit.most < 1.5 for told in agreed.dives)
     assert not any("times the noise" in said for said in agreed.sentences)
     for told, said in zip(agreed.dives, agreed.to_json()["dives"], strict=True):
-        assert (said["book_over_noise"], said["speed_over_noise"], said["apart"]) == told.held
-        assert told.held.apart < 2.0
+        assert (
+            said["imbalance_over_noise"],
+            said["speed_over_noise"],
+            said["distance"],
+        ) == told.misfit
+        assert told.misfit.distance < 2.0
 
 
 def test_the_noise_of_a_book_is_that_of_drag_in_moving_water(scene, agreed) -> None:
@@ -55,14 +65,18 @@ def test_the_noise_of_a_book_is_that_of_drag_in_moving_water(scene, agreed) -> N
     dive, body = dives[0], body_of(vehicle)
     k = np.where(dive.pieces.speed >= 0.0, 1.0, fit.values["drag_up"]) * fit.values["drag"]
     sigma = 2.0 * k * np.abs(dive.pieces.speed) * 2e-3 / (dive.pieces.density * dive.gravity)
-    book = balance(body, fit.values, float(fit.starts[0]), dive)
-    told = held(body, fit, 0, dive)
-    assert told.book == pytest.approx(np.median(np.abs(book / sigma)) / norm.ppf(0.75), rel=1e-3)
+    imbalance = balance(body, fit.values, float(fit.starts[0]), dive)
+    told = misfit_of(body, fit, 0, dive)
+    assert told.imbalance == pytest.approx(
+        np.median(np.abs(imbalance / sigma)) / norm.ppf(0.75), rel=1e-3
+    )
     z = np.median(np.abs(fit.innovations[0])) / norm.ppf(0.75)
     assert told.speeds == pytest.approx(z)
     # What a fit takes for noise where nothing else tells a dive does not count: 3 times at most.
     wild = replace(fit, noise=fit.noise._replace(water=1.0))
-    assert held(body, wild, 0, dive).book == pytest.approx(told.book * 2e-3 / 9e-3, rel=1e-3)
+    assert misfit_of(body, wild, 0, dive).imbalance == pytest.approx(
+        told.imbalance * 2e-3 / 9e-3, rel=1e-3
+    )
 
 
 def test_logs_of_two_floats_are_not_identified(scene) -> None:
@@ -73,11 +87,11 @@ def test_logs_of_two_floats_are_not_identified(scene) -> None:
         replace(log, source=f"dive-{k}.csv") for k, log in enumerate([*logs, *others])
     ]  # fmt: skip
     found = identify_deep(named, [column], vehicle, fixed=HELD)
-    assert found.doubted
+    assert found.inconsistent
     assert not found.identified
     assert found.result_vehicle is vehicle
     first = found.sentences[0]
-    off = {told.dive.name for told in found.dives if told.held.apart > 4.0}
+    off = {told.dive.name for told in found.dives if told.misfit.distance > 4.0}
     assert off
     assert off <= {log.source for log in named if log.source in first}
     answer = found.to_json()
@@ -85,32 +99,32 @@ def test_logs_of_two_floats_are_not_identified(scene) -> None:
     assert all(e["std"] is e["ci95"] is None for e in answer["parameters"].values())
     assert all(dive["start_volume"]["ci95"] is None for dive in answer["dives"])
     # no ratio by which intervals are wider: there are none
-    assert float(f"{found.fit.worth**-0.5:.2g}") not in numbers(" ".join(found.sentences[1:]))
+    assert float(f"{found.fit.tempering**-0.5:.2g}") not in numbers(" ".join(found.sentences[1:]))
 
 
 def test_bounds_and_words() -> None:
-    names, books = ["a.csv", "b.csv"], [1e-6, 12e-6]
-    fine, odd, wrong = Held(1.0, 1.1, 1.0), Held(2.9, 1.0, 1.0), Held(1.0, 7.5, 1.0)
-    assert doubts(names, [fine, fine], books, 1.0) == []
-    (said,) = doubts(names, [fine, odd], books, 0.3)
+    names, imbalances = ["a.csv", "b.csv"], [1e-6, 12e-6]
+    fine, odd, wrong = Misfit(1.0, 1.1, 1.0), Misfit(2.9, 1.0, 1.0), Misfit(1.0, 7.5, 1.0)
+    assert messages(names, [fine, fine], imbalances, 1.0) == []
+    (said,) = messages(names, [fine, odd], imbalances, 0.3)
     assert "b.csv" in said
     assert "a.csv" not in said
     assert {12.0, 2.9} <= numbers(said)  # mL rms, times the noise
-    assert not doubted([fine, odd], 0.3)
-    assert doubted([fine, wrong], 1.0)
-    (said,) = doubts(names, [odd, wrong], books, 1.0)
+    assert not inconsistent([fine, odd], 0.3)
+    assert inconsistent([fine, wrong], 1.0)
+    (said,) = messages(names, [odd, wrong], imbalances, 1.0)
     assert "a.csv" in said
     assert {12.0, 2.9, 7.5} <= numbers(said)
     # Dives that are told, each by what the others are not: 5 times farther apart than they say.
-    far = [fine._replace(apart=3.0), fine._replace(apart=5.5)]
-    assert doubted(far, 0.04)
-    (said,) = doubts(names, far, books, 0.04)
+    far = [fine._replace(distance=3.0), fine._replace(distance=5.5)]
+    assert inconsistent(far, 0.04)
+    (said,) = messages(names, far, imbalances, 0.04)
     assert "b.csv" in said
     assert 5.5 in numbers(said)
     assert "a.csv" not in said
-    assert restless(NOISES) == []
-    assert restless(NOISES._replace(water=8.9e-3)) == []
-    (said,) = restless(NOISES._replace(water=0.02))
+    assert water_messages(NOISES) == []
+    assert water_messages(NOISES._replace(water=8.9e-3)) == []
+    (said,) = water_messages(NOISES._replace(water=0.02))
     assert {20.0, 3.0} <= numbers(said)  # mm/s
 
 
@@ -128,7 +142,7 @@ def test_a_wrong_cast_passes_for_another_hull_unless_the_hull_is_known() -> None
     cast = Cast(pressure=p, SA=SA, CT=gsw.CT_from_t(SA, warm, p), latitude=43.0)
     column = cast_column(cast)
     blind = identify_deep([dived.log], [column], vehicle)
-    assert not blind.doubted
+    assert not blind.inconsistent
     hull = blind.parameters["stiffening"]
     assert abs(hull.value - dived.values["stiffening"]) > 5.0 * hull.std
     about = known()

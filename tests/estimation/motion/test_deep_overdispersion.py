@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from swimbladder.estimation.motion.deep_overdispersion import DiveTold, dissent
+from swimbladder.estimation.motion.deep_overdispersion import DiveScore, overdispersion
 
 
 def dives_of(rng: np.random.Generator, wider: float, count: int = 6, size: int = 5):
@@ -19,13 +19,13 @@ def dives_of(rng: np.random.Generator, wider: float, count: int = 6, size: int =
     best = np.linalg.solve(
         whole, np.sum([one @ x for one, x in zip(informed, own, strict=True)], axis=0)
     )
-    return [DiveTold(one @ (best - x), one) for one, x in zip(informed, own, strict=True)]
+    return [DiveScore(one @ (best - x), one) for one, x in zip(informed, own, strict=True)]
 
 
 @pytest.mark.parametrize("wider", [1.0, 7.0])
 def test_it_is_the_square_of_how_far_dives_lie_apart(wider: float) -> None:
     rng = np.random.default_rng(2)
-    found = [dissent(dives_of(rng, wider)) for _ in range(200)]
+    found = [overdispersion(dives_of(rng, wider)) for _ in range(200)]
     # 25 squares each: their mean over 200 draws is within 2 %, 1 sigma
     assert np.mean(found) == pytest.approx(wider**2, rel=0.06)
 
@@ -34,12 +34,12 @@ def test_what_a_dive_does_not_tell_does_not_count() -> None:
     """Two dives tell one parameter, 3 deviations apart, and nothing of the other."""
     told = np.diag([1e8, 0.0])
     off = np.array([1.5 * math.sqrt(2.0) * 1e-4, 0.0])  # of each from both, 1e-4 being its own
-    dives = [DiveTold(sign * told @ off, told) for sign in (1.0, -1.0)]
+    dives = [DiveScore(sign * told @ off, told) for sign in (1.0, -1.0)]
     # The difference has twice the variance of each: 3^2 of one free square.
-    assert dissent(dives) == pytest.approx(9.0, rel=1e-6)
-    more = [DiveTold(dive.gradient, told + np.diag([0.0, 1e-9])) for dive in dives]
-    assert dissent(more) == pytest.approx(9.0, rel=1e-6)
+    assert overdispersion(dives) == pytest.approx(9.0, rel=1e-6)
+    more = [DiveScore(dive.gradient, told + np.diag([0.0, 1e-9])) for dive in dives]
+    assert overdispersion(more) == pytest.approx(9.0, rel=1e-6)
 
 
 def test_one_dive_contradicts_nothing() -> None:
-    assert dissent([DiveTold(np.array([0.3, -0.2]), np.diag([50.0, 2.0]))]) == 1.0
+    assert overdispersion([DiveScore(np.array([0.3, -0.2]), np.diag([50.0, 2.0]))]) == 1.0

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.estimation.motion import deep_goodness_of_fit as goodness
 from swimbladder.estimation.motion.deep_dive import DeepDive, deep_dive
-from swimbladder.estimation.motion.deep_findings import between_json, differences, hardly
+from swimbladder.estimation.motion.deep_findings import differences, effects_json, weakly_determined
 from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep
-from swimbladder.estimation.motion.deep_goodness_of_fit import Held, doubted, doubts, held, restless
 from swimbladder.estimation.motion.deep_model import (
     CAST,
     DEEP,
@@ -33,7 +33,7 @@ from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
 
 __all__ = [
     "DeepIdentification",
-    "Told",
+    "DiveFit",
     "contradictions",
     "identified_vehicle",
     "identify_deep",
@@ -45,32 +45,32 @@ _FAR = 2.5  # deviations of a prior, one in eighty by chance
 
 
 @dataclass(frozen=True, kw_only=True)
-class Told:
-    """What one dive says: how far its book of volumes and its replay are off."""
+class DiveFit:
+    """The residuals of one dive: of its volume balance and of its replay."""
 
     dive: DeepDive
     start: Estimate  # m3, the drive's volume when the dive began
-    book: Array  # m3 [n], at each look
+    imbalance: Array  # m3 [n], at each sample
     speed: Array  # m/s [n], measured less modelled
     replay: Replay
-    held: Held  # how far off that is, in times the noise
+    misfit: goodness.Misfit  # how far off that is, in times the noise
 
 
 @dataclass(frozen=True, kw_only=True)
 class DeepIdentification:
     """Parameters from deep dives.
 
-    identified: whether all that was asked for is told by the data. sentences: what a user has to
-    know, the answer first. doubted: whether dives are off beyond doubt: intervals are nothing then.
+    identified: whether the data determine all that was asked for. sentences: what a user has to
+    know, the answer first. inconsistent: whether the model cannot describe the dives: no intervals.
     """
 
     vehicle: Vehicle
     result_vehicle: Vehicle
     fit: DeepFit
     parameters: Mapping[str, Estimate]
-    dives: tuple[Told, ...]
+    dives: tuple[DiveFit, ...]
     identified: bool
-    doubted: bool
+    inconsistent: bool
     sentences: tuple[str, ...]
     assumptions: tuple[str, ...]
 
@@ -80,7 +80,7 @@ class DeepIdentification:
             "vehicle": self.vehicle.name,
             "identified": self.identified,
             "parameters": {
-                name: e.to_json() | ({"std": None, "ci95": None} if self.doubted else {})
+                name: e.to_json() | ({"std": None, "ci95": None} if self.inconsistent else {})
                 for name, e in self.parameters.items()
             },
             "noise": {
@@ -90,25 +90,25 @@ class DeepIdentification:
                 "drift_m3_s0.5": self.fit.noise.drift,
                 "runs": self.fit.noise.runs,
             },
-            "worth": self.fit.worth,
-            "between": between_json(self.fit),
+            "tempering": self.fit.tempering,
+            "random_effects": effects_json(self.fit),
             "dives": [
                 {
-                    "source": told.dive.name,
-                    "looks": len(told.book),
-                    "deepest_Pa": float(told.dive.pressure.max()),
-                    "start_volume": told.start.to_json()
-                    | ({"std": None, "ci95": None} if self.doubted else {}),
-                    "book_rms_m3": _rms(told.book),
-                    "speed_rms_m_s": _rms(told.speed),
-                    "book_over_noise": told.held.book,
-                    "speed_over_noise": told.held.speeds,
-                    "apart": told.held.apart,
-                    "replay_rms_Pa": _rms(told.replay.at(told.dive.time) - told.dive.pressure),
+                    "source": fits.dive.name,
+                    "samples": len(fits.imbalance),
+                    "deepest_Pa": float(fits.dive.pressure.max()),
+                    "start_volume": fits.start.to_json()
+                    | ({"std": None, "ci95": None} if self.inconsistent else {}),
+                    "imbalance_rms_m3": _rms(fits.imbalance),
+                    "speed_rms_m_s": _rms(fits.speed),
+                    "imbalance_over_noise": fits.misfit.imbalance,
+                    "speed_over_noise": fits.misfit.speeds,
+                    "distance": fits.misfit.distance,
+                    "replay_rms_Pa": _rms(fits.replay.at(fits.dive.time) - fits.dive.pressure),
                 }
-                for told in self.dives
+                for fits in self.dives
             ],
-            "book_rms_m3": _rms(np.concatenate([told.book for told in self.dives])),
+            "imbalance_rms_m3": _rms(np.concatenate([fits.imbalance for fits in self.dives])),
             "priors": {
                 name: {"mean": prior.mean, "std": prior.std}
                 for name, prior in self.fit.priors.items()
@@ -124,7 +124,7 @@ def identify_deep(
     free: Sequence[str] | None = None, fixed: Mapping[str, float] | None = None,
     priors: Mapping[str, Prior] | None = None, advance: Callable[[float], None] = lambda _: None,
 ) -> DeepIdentification:  # fmt: skip
-    """Return drag, hull, pump and valve as deep dives tell them.
+    """Return drag, hull, pump and valve as identified from deep dives.
 
     columns: the water, one for all dives or one each. free: names of `DEEP`, most of them unless
     given. Raises InputError for a vehicle without pump and valve, for logs without dives and for
@@ -148,23 +148,21 @@ def identify_deep(
         body, dives, known, free=names, fixed=fixed, advance=lambda share: advance(0.8 * share)
     )
     parameters = {name: _estimate(fit, name, fixed or {}) for name in (*fit.names, *(fixed or {}))}
-    told = tuple(_told(body, fit, k, dive) for k, dive in enumerate(dives))
+    fits = tuple(_dive_fit(body, fit, k, dive) for k, dive in enumerate(dives))
     advance(0.1)
-    untold = [name for name in fit.names if not fit.told(name)]
-    missed = [name for name in untold if not fit.told_apart(name)]
+    weak = [name for name in fit.names if not fit.identified(name)]
+    missed = [name for name in weak if not fit.identified_singly(name)]
     asked = [name for name in missed if name in (free or ()) or len(missed) == len(fit.names)]
-    doubt = doubted([one.held for one in told], fit.worth)
-    # A compressibility that dives hardly tell is held at 0, as `identified_vehicle` does.
-    placed = [
-        n for n in fit.names if n not in asked and (n not in untold or n != "compressibility")
-    ]
+    bad = goodness.inconsistent([one.misfit for one in fits], fit.tempering)
+    # A compressibility that dives hardly determine is held at 0, as `identified_vehicle` does.
+    placed = [n for n in fit.names if n not in asked and (n not in weak or n != "compressibility")]
     strange = out_of_place(vehicle, fit.values, placed)
-    good = not (asked or doubt or strange)
+    good = not (asked or bad or strange)
     return DeepIdentification(
         vehicle=vehicle, fit=fit, parameters=parameters,
         result_vehicle=identified_vehicle(vehicle, fit.values) if good else vehicle,
-        dives=told, identified=good, doubted=doubt,
-        sentences=_sentences(fit, told, untold, asked, strange),
+        dives=fits, identified=good, inconsistent=bad,
+        sentences=_sentences(fit, fits, weak, asked, strange),
         assumptions=_assumptions(vehicle, fit, dives),
     )  # fmt: skip
 
@@ -185,49 +183,49 @@ def _check_place(
 
 
 def _estimate(fit: DeepFit, name: str, fixed: Mapping[str, float]) -> Estimate:
-    origin = "set" if name in fixed else "data" if fit.told(name) else "prior"
+    origin = "set" if name in fixed else "data" if fit.identified(name) else "prior"
     return estimate(fit.values[name], fit.std(name), DEEP[name].unit, origin=origin)  # type: ignore[arg-type]
 
 
-def _told(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> Told:
+def _dive_fit(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> DiveFit:
     i = len(fit.names) + k
     start = float(fit.starts[k])
-    return Told(
+    return DiveFit(
         dive=dive, start=estimate(start, float(np.sqrt(fit.covariance[i, i])), "m3"),
-        book=balance(body, fit.values, start, dive), speed=fit.residuals[k],
-        replay=replay(body, fit.values, start, dive), held=held(body, fit, k, dive),
+        imbalance=balance(body, fit.values, start, dive), speed=fit.residuals[k],
+        replay=replay(body, fit.values, start, dive), misfit=goodness.misfit_of(body, fit, k, dive),
     )  # fmt: skip
 
 
 def _sentences(
-    fit: DeepFit, told: Sequence[Told], untold: Sequence[str], missed: Sequence[str],
+    fit: DeepFit, fits: Sequence[DiveFit], weak: Sequence[str], missed: Sequence[str],
     strange: Sequence[str],
 ) -> tuple[str, ...]:  # fmt: skip
-    book = _rms(np.concatenate([one.book for one in told]))
-    count = len(told)
+    imbalance = _rms(np.concatenate([one.imbalance for one in fits]))
+    count = len(fits)
     found = [
-        f"With one set of parameters the book of volumes of {count} dive{'s' if count > 1 else ''} "
-        f"closes to {1e6 * book:.2g} mL rms, speeds from look to look to "
-        f"{1e3 * _rms(np.concatenate([one.speed for one in told])):.2g} mm/s rms."
+        f"With one set of parameters the volume balance of {count} dive{'s' if count > 1 else ''} "
+        f"closes to {1e6 * imbalance:.2g} mL rms, speeds from sample to sample to "
+        f"{1e3 * _rms(np.concatenate([one.speed for one in fits])):.2g} mm/s rms."
     ]
-    off = [one.held for one in told]
-    doubt = doubts(
-        [one.dive.name for one in told], off, [_rms(one.book) for one in told], fit.worth
+    off = [one.misfit for one in fits]
+    bad = goodness.messages(
+        [one.dive.name for one in fits], off, [_rms(one.imbalance) for one in fits], fit.tempering
     )
-    if doubted(off, fit.worth):
-        return (*doubt, *found, *restless(fit.noise))
+    if goodness.inconsistent(off, fit.tempering):
+        return (*bad, *found, *goodness.water_messages(fit.noise))
     if missed:
         found.insert(0, "Not identifiable from these dives: " + ", ".join(missed) + ".")
     else:
-        found += hardly(fit, untold)
-    found = [*strange, *found, *doubt, *restless(fit.noise), *contradictions(fit)]
+        found += weakly_determined(fit, weak)
+    found = [*strange, *found, *bad, *goodness.water_messages(fit.noise), *contradictions(fit)]
     anchors = [n for n in ("drag", "pump_delivery", "valve") if n in fit.names]
-    if len(anchors) == 3 and not any(fit.told(name) for name in anchors):
+    if len(anchors) == 3 and not any(fit.identified(name) for name in anchors):
         found.append(
             "The absolute size of drag, pump and valve together rests on their priors; how they "
             "compare is identified from the dives."
         )
-    found += differences(fit, [one.dive for one in told])
+    found += differences(fit, [one.dive for one in fits])
     return tuple(found)
 
 
@@ -274,7 +272,7 @@ def _assumptions(vehicle: Vehicle, fit: DeepFit, dives: Sequence[DeepDive]) -> t
         "trapped air, as in its file; trim_error is what makes vehicle.toml weigh that",
         *bypass, *place, *_warmths(dives),
         f"the cast errs by {cast}, 1 sigma; the water moves by {1e3 * fit.noise.water:.1f} mm/s "
-        f"that last {fit.noise.lasts / 60.0:.0f} min, as the dives tell",
+        f"for {fit.noise.lasts / 60.0:.0f} min at a time, estimated from the dives",
     )  # fmt: skip
 
 

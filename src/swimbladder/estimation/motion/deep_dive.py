@@ -1,4 +1,4 @@
-"""A logged deep dive as numbers: where it was between two looks, and what pump and valve had done.
+"""A logged deep dive as numbers: its place between two samples, and what pump and valve had done.
 
 The drive's volume is not measured on most floats. What is known is how long pump and valve ran, and
 at which pressure; the vehicle's datasheet turns that into nominal volumes, and the identification
@@ -26,7 +26,7 @@ __all__ = ["DeepDive", "Pieces", "deep_dive", "nodes"]
 
 Array = NDArray[np.float64]
 
-SHORTEST = 50.0  # s between two samples that tell a speed: 10 mbar of resolution are 2 mm/s then
+SHORTEST = 50.0  # s between two samples for a speed: 10 mbar of resolution are 2 mm/s then
 LONGEST = 4000.0  # s, likewise; longer ones hide how it went
 SETTLING = 5.0  # s before and 25 s after, in which an action still shows
 _AFTER = 25.0  # s
@@ -63,7 +63,7 @@ class DeepDive:
     time: Array  # s [n]
     pressure: Array  # Pa [n]
     temperature: Array  # degC of the hull [n]
-    unwarmed: int  # looks without a logged temperature of the hull
+    unwarmed: int  # samples without a logged temperature of the hull
     leaked: Array  # m3 [n], as the vehicle's file has it, since the dive began
     action_time: Array  # s [m], the beginning
     action_seconds: Array  # s [m]
@@ -83,9 +83,9 @@ class DeepDive:
 def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = "") -> DeepDive:
     """Return the part of a log in which the vehicle was under water by itself.
 
-    Where the log tells of stages, those of the mission; else all from the first to the last sample
+    Where the log has stages, those of the mission; else all from the first to the last sample
     below 10 m. Missing temperatures of the hull are filled, all of them with the water's. Raises
-    InputError where there is no dive, where nothing tells what the drive did, or where the cast
+    InputError where there is no dive, where no action of the drive is logged, or where the cast
     ends above it.
     """
     staged = bool(np.any(log.stage >= 0))
@@ -115,7 +115,7 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     actions = [a for a in log.actions if time[0] - 1.0 <= a.time <= time[-1]]
     if not actions:
         raise InputError(
-            "the log tells of no pump or valve", file=log.source, field="log",
+            "the log has no runs of pump or valve", file=log.source, field="log",
             remedy="Give a log with pump_s and valve_s, or identify with a logged volume",
         )  # fmt: skip
     begun = np.array([a.time for a in actions])

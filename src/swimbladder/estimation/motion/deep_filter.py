@@ -13,7 +13,7 @@ volume at the beginning, drift its random walk, G the layers' neutral volume per
 deviations of the cast at its knots (hat functions phi_j), known to 1 before. An extended Kalman
 filter (e.g. Bar-Shalom, Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation*,
 2001, section 10.3): what it expects and what is measured differ by innovations that are independent
-whatever lasts between them, so that their likelihood gives intervals that reckon with waves of an
+whatever lasts between them, so that their likelihood gives intervals that allow for waves of an
 hour and with a cast that errs. A pressure that is off by more than `GATE` deviations counts as one
 that is off by so much (Huber).
 """

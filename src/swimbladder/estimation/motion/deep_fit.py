@@ -22,12 +22,12 @@ from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError
+from swimbladder.estimation.motion import deep_random_effects as effects
 from swimbladder.estimation.motion.deep_dive import DeepDive
 from swimbladder.estimation.motion.deep_filter import GATE, V0
 from swimbladder.estimation.motion.deep_model import Body, check_deep_names, drag_volume, excess
-from swimbladder.estimation.motion.deep_overdispersion import DiveTold, apart, dissent
+from swimbladder.estimation.motion.deep_overdispersion import DiveScore, distances, overdispersion
 from swimbladder.estimation.motion.deep_path import Filtered, Noise, Path, deep_path, filtered
-from swimbladder.estimation.motion.deep_random_effects import Alone, Between, between, square_error
 from swimbladder.estimation.motion.estimates import Prior
 
 __all__ = ["FACTOR", "NOISES", "DeepFit", "balance", "fit_deep", "start_volume"]
@@ -35,12 +35,12 @@ __all__ = ["FACTOR", "NOISES", "DeepFit", "balance", "fit_deep", "start_volume"]
 Array = NDArray[np.float64]
 
 # Before: a typical value, and by which factor it may be off. Oil and runs are held tightly: left to
-# themselves they would explain what drag and hull should, and no book would have to close.
+# themselves they would explain what drag and hull should, and no balance would have to close.
 NOISES = Noise(pressure=300.0, water=3e-3, drift=5e-10, runs=3e-3, lasts=300.0)
 FACTOR = Noise(*(math.log(factor) for factor in (3.0, 3.0, 1.3, 1.2, 2.0)))
 # Below these nothing is believed: resolution, the quietest sea, oil and hull, valves.
 _LEAST = Noise(pressure=30.0, water=3e-4, drift=1e-10, runs=1e-3, lasts=30.0)
-_TOLD = 0.8  # of the prior's deviation: a parameter that the data narrow less is from its prior
+_NARROWED = 0.8  # of the prior's deviation: a parameter that the data narrow less is from its prior
 # For slopes: prior deviations, and after that deviations of what is known, along its own axes. Runs
 # of a pump that starts shorter and delivers more are alike, so that slopes of one have to cancel
 # those of the other to a percent, while a float at rest feels either within a hundredth of a prior.
@@ -50,7 +50,7 @@ _AXES = 2  # times that the axes of what is known are found
 # Of each round of noise and parameters, in deviations: many dives have several valleys, and far
 # strides see the widest.
 _STRIDES = (10.0, 3.0, 1.0, _WHITE)
-_BOOK = 3e-6  # m3, by which a book is off at a look
+_IMBALANCE = 3e-6  # m3, imbalance of the volume at a sample
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,12 +65,12 @@ class DeepFit:
     starts: Array  # m3 [dives]
     covariance: Array
     noise: Noise
-    worth: float  # share of what dives say that counts, by how far apart they are
-    between: Between | None  # the dives each by itself, in deviations of the priors; None: one dive
-    apart: tuple[float, ...]  # how far each dive by itself is from this, in its deviations
+    tempering: float  # power of the likelihood below 1 where the dives are overdispersed
+    random_effects: effects.RandomEffects | None  # in deviations of the priors; None: one dive
+    distance: tuple[float, ...]  # how far each dive by itself is from this, in its deviations
     priors: Mapping[str, Prior]
-    innovations: tuple[Array, ...]  # of each dive, of all looks but the first, in their deviations
-    residuals: tuple[Array, ...]  # m/s, of each piece: measured less told from the look before
+    innovations: tuple[Array, ...]  # of each dive, of all samples but one, in their deviations
+    residuals: tuple[Array, ...]  # m/s, of each piece: measured less predicted from its begin
 
     def std(self, name: str) -> float:
         """Return the standard deviation of a parameter, 0 where it was set."""
@@ -79,20 +79,20 @@ class DeepFit:
         i = self.names.index(name)
         return float(np.sqrt(self.covariance[i, i]))
 
-    def told(self, name: str) -> bool:
+    def identified(self, name: str) -> bool:
         """Whether the data narrow what was known of a parameter before."""
-        return name in self.names and self.std(name) < _TOLD * self.priors[name].std
+        return name in self.names and self.std(name) < _NARROWED * self.priors[name].std
 
-    def told_apart(self, name: str) -> bool:
+    def identified_singly(self, name: str) -> bool:
         """Whether the dives, each by itself, narrow what was known of a parameter before."""
-        if self.between is None or name not in self.names:
+        if self.random_effects is None or name not in self.names:
             return False
         i = self.names.index(name)
-        return float(np.sqrt(self.between.covariance[i, i])) < _TOLD
+        return float(np.sqrt(self.random_effects.covariance[i, i])) < _NARROWED
 
 
 def balance(body: Body, values: Mapping[str, float], start: float, dive: DeepDive) -> Array:
-    """Return what the book of volumes is off by, E less what drag and inertia take [m3] [n]."""
+    """Return the imbalance of the volumes, E less what drag and inertia take [m3] [n]."""
     p = dive.pieces
     carried = drag_volume(values, p.speed, p.density, dive.gravity)
     pushed = body.inertia * values["inertia"] * p.acceleration / (p.density * dive.gravity)
@@ -102,9 +102,9 @@ def balance(body: Body, values: Mapping[str, float], start: float, dive: DeepDiv
 def start_volume(
     body: Body, values: Mapping[str, float], dive: DeepDive, until: float = np.inf
 ) -> float:
-    """Return the drive's volume at the beginning that closes a dive's book, by the median [m3].
+    """Return the drive's volume at the beginning that closes the balance, by the median [m3].
 
-    until [s]: what comes later than this after the beginning is not looked at.
+    until [s]: samples later than this after the beginning do not count.
     """
     early = dive.pieces.elapsed <= until
     if not early.any():
@@ -133,17 +133,17 @@ def fit_deep(
     problem, apiece = _Problem(body, paths, priors, names, fixed), 1.0
     if len(paths) > 1:  # and each by itself, which takes as long together
         apiece = 0.5
-    differing: Between | None = None
+    differing: effects.RandomEffects | None = None
     with threadpool_limits(limits=1):
         x, found = _searched(problem, lambda share: advance(apiece * share))
-        covariance = np.linalg.inv(found.told[0].information + np.eye(count))
+        covariance = np.linalg.inv(found.scores[0].information + np.eye(count))
         if len(paths) > 1:
-            differing = between([
+            differing = effects.random_effects([
                 _alone(_Problem(body, [path], priors, names, fixed), advance, apiece / len(paths))
                 for path in paths
             ])  # fmt: skip
-            covariance = square_error(differing, x[:count])
-    worth = min(1.0, 1.0 / dissent(found.told))
+            covariance = effects.square_error(differing, x[:count])
+    tempering = min(1.0, 1.0 / overdispersion(found.scores))
     # Of the starts: what the filter does not know, and what the parameters do not.
     moves = found.starts[:, :count]
     moved = moves @ covariance @ moves.T
@@ -155,8 +155,8 @@ def fit_deep(
     ])  # fmt: skip
     return DeepFit(
         names=names, values=problem.values(x), covariance=whole, noise=problem.noise(x),
-        starts=np.array([f.start for f in found.filtered]), worth=worth, between=differing,
-        apart=apart(found.told), priors=dict(priors),
+        starts=np.array([f.start for f in found.filtered]), tempering=tempering,
+        random_effects=differing, distance=distances(found.scores), priors=dict(priors),
         innovations=tuple(f.innovation / np.sqrt(f.variance) for f in found.filtered),
         residuals=tuple(
             _residuals(path, f) for path, f in zip(problem.paths, found.filtered, strict=True)
@@ -166,9 +166,9 @@ def fit_deep(
 
 def _residuals(path: Path, found: Filtered) -> Array:
     pieces = path.dive.pieces
-    look = np.searchsorted(path.time, pieces.time + 0.5 * pieces.duration - 1e-3)
+    sample = np.searchsorted(path.time, pieces.time + 0.5 * pieces.duration - 1e-3)
     weight = pieces.density * path.dive.gravity
-    return np.asarray(found.innovation[look - 1] / (weight * pieces.duration))
+    return np.asarray(found.innovation[sample - 1] / (weight * pieces.duration))
 
 
 class _Slopes(NamedTuple):
@@ -179,7 +179,7 @@ class _Slopes(NamedTuple):
     gradient: Array
     information: Array
     starts: Array  # m3 [dives, x]
-    told: list[DiveTold]  # of each dive, of the parameters
+    scores: list[DiveScore]  # of each dive, of the parameters
 
 
 class _Problem:
@@ -265,12 +265,12 @@ class _Problem:
         information = (dv * (counts / S)[:, None]).T @ dv
         information += 0.5 * (dS * (counts / S**2)[:, None]).T @ dS + np.eye(len(x))
         ends = np.cumsum([len(f.innovation) for f in here])[:-1]
-        told, known = [], dv[:, : len(self.names)] / np.sqrt(S)[:, None]
+        scores, known = [], dv[:, : len(self.names)] / np.sqrt(S)[:, None]
         for f, d, share in zip(here, *(np.split(a, ends) for a in (known, counts)), strict=True):
-            told.append(DiveTold(
+            scores.append(DiveScore(
                 (share * f.innovation / np.sqrt(f.variance)) @ d, (d * share[:, None]).T @ d
             ))  # fmt: skip
-        return _Slopes(here, S, gradient, information, starts, told)
+        return _Slopes(here, S, gradient, information, starts, scores)
 
 
 def _searched(problem: _Problem, advance: Callable[[float], None]) -> tuple[Array, _Slopes]:
@@ -288,31 +288,31 @@ def _searched(problem: _Problem, advance: Callable[[float], None]) -> tuple[Arra
     return x, found
 
 
-def _alone(problem: _Problem, advance: Callable[[float], None], part: float) -> Alone:
-    """Return what one dive tells by itself; `part` of the work."""
+def _alone(problem: _Problem, advance: Callable[[float], None], part: float) -> effects.Single:
+    """Return the estimates from one dive alone; `part` of the work."""
     x, found = _searched(problem, lambda share: advance(part * share))
-    return Alone(x[: len(problem.names)], found.told[0].information)
+    return effects.Single(x[: len(problem.names)], found.scores[0].information)
 
 
 def _guess(problem: _Problem) -> Array:
-    """Return where to begin: the parameters that close the books of volumes best, robustly.
+    """Return where to begin: the parameters that close the volume balances best, robustly.
 
-    A book is linear in most parameters, so that this leads into the right valley from afar; the
-    drag is held, since a book of nothing is never off.
+    The imbalance is linear in most parameters, so that this leads into the right valley from afar;
+    the drag is held, since without volumes there is no imbalance.
     """
     count, dives = len(problem.names), [path.dive for path in problem.paths]
     held = np.array([name in ("drag", "inertia") for name in problem.names])
 
     def misfit(x: Array) -> Array:
         values = problem.values(np.where(held, 0.0, x[:count]))
-        books = [
-            balance(problem.body, values, _BOOK * float(start), dive)
+        imbalances = [
+            balance(problem.body, values, _IMBALANCE * float(start), dive)
             for start, dive in zip(x[count:], dives, strict=True)
         ]
-        return np.append(np.concatenate(books) / _BOOK, x[:count])
+        return np.append(np.concatenate(imbalances) / _IMBALANCE, x[:count])
 
     first = problem.values(np.zeros(count))
-    starts = [start_volume(problem.body, first, dive) / _BOOK for dive in dives]
+    starts = [start_volume(problem.body, first, dive) / _IMBALANCE for dive in dives]
     x = np.append(np.zeros(count), starts)
     found = least_squares(misfit, x, loss="soft_l1", max_nfev=100).x[:count]
     return np.where(held, 0.0, found)
@@ -321,8 +321,8 @@ def _guess(problem: _Problem) -> Array:
 def _best(problem: _Problem, x: Array, free: NDArray[np.int64], stride: float) -> Array:
     """Return the x of least cost along the places `free`, by damped scoring.
 
-    Parameters are chosen for the innovations alone, whose variances are held in each step: how
-    large the noise is tells nothing of them.
+    Parameters are chosen for the innovations alone, whose variances are held in each step: the size
+    of the noise has no information on them.
     """
     held = bool((free < len(problem.names)).all())
     damping, information = 1e-3, None

@@ -1,8 +1,9 @@
-"""Each deep dive held against the noise: whether one set of parameters tells it at all.
+"""Goodness of fit of each deep dive: whether one set of parameters describes all of them.
 
-A fit to dives that do not belong together has narrow intervals as any other. Where a dive's book of
-volumes, or its pressures from look to look, are off by many times what sensors, moving water, the
-cast's error and wandering volumes make of them, it is not told, and neither are the parameters.
+A fit to dives that do not belong together has narrow intervals as any other. Where a dive's volume
+balance, or its pressures from sample to sample, are off by many times what sensors, moving water,
+the cast's error and drifting volumes explain, the parameters do not describe it and are not
+identified.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from swimbladder.estimation.motion.deep_model import Body, cast_volume, drag_vol
 from swimbladder.estimation.motion.deep_path import Noise
 from swimbladder.estimation.motion.deep_water import displaced_variance
 
-__all__ = ["BEYOND", "MANY", "Held", "doubted", "doubts", "held", "restless"]
+__all__ = ["BEYOND", "MANY", "Misfit", "inconsistent", "messages", "misfit_of", "water_messages"]
 
 Array = NDArray[np.float64]
 
-# Of `Held`, and of how far dives are apart over what they say. Simulated dives of
+# Of `Misfit`, and of how far dives are apart over what they say. Simulated dives of
 # `studies.deep_calibration` have 1.1 at most, and six real dives of `studies.deep_dives` together
 # 2.1; two made-up dives whose valve let in a tenth more than that of two others 2.8, which widens
 # the intervals. Real dives of several seasons with a cast of one, simulated dives of several
@@ -33,29 +34,29 @@ MANY, BEYOND = 2.5, 4.0
 _MEDIAN = float(ndtri(0.75))  # of the size of a normal number, in its deviations
 
 
-class Held(NamedTuple):
+class Misfit(NamedTuple):
     """By how many times the noise a dive is off, 1 where all is as it should be; by the median.
 
     apart: how far it is by itself from what fits all, in its deviations.
     """
 
-    book: float
+    imbalance: float
     speeds: float
-    apart: float
+    distance: float
 
     @property
     def most(self) -> float:
-        """The larger of book and speeds."""
-        return max(self.book, self.speeds)
+        """The larger of imbalance and speeds."""
+        return max(self.imbalance, self.speeds)
 
 
-def held(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> Held:
-    """Return how far the book and the speeds of dive `k` of a fit are off."""
+def misfit_of(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> Misfit:
+    """Return how far volume balance and speeds of dive `k` of a fit are off."""
     off = balance(body, fit.values, float(fit.starts[k]), dive)
-    return Held(
-        book=_times(off / _book_noise(body, fit, dive)) if len(off) else 0.0,
+    return Misfit(
+        imbalance=_times(off / _noise(body, fit, dive)) if len(off) else 0.0,
         speeds=_times(fit.innovations[k]),
-        apart=fit.apart[k],
+        distance=fit.distance[k],
     )
 
 
@@ -63,11 +64,11 @@ def _times(ratio: Array) -> float:
     return float(np.median(np.abs(ratio))) / _MEDIAN
 
 
-def _book_noise(body: Body, fit: DeepFit, dive: DeepDive) -> Array:
-    """Return what a dive's book may be off by at each piece [m3] [n], 1 sigma.
+def _noise(body: Body, fit: DeepFit, dive: DeepDive) -> Array:
+    """Return the expected imbalance of a dive's volumes at each piece [m3] [n], 1 sigma.
 
-    Noise counts for what is known of it before, times its factor, at most: a fit that finds no way
-    to tell a dive takes all for noise.
+    Noise counts at most for its prior value times its factor: a fit that cannot describe a dive
+    takes all for noise.
     """
     noise = Noise(*(
         min(found, typical * float(np.exp(width)))
@@ -91,51 +92,51 @@ def _no_zero(speed: Array) -> Array:
     return np.where(speed == 0.0, np.finfo(float).tiny, speed)
 
 
-def doubted(found: Sequence[Held], worth: float) -> bool:
-    """Whether dives are off, or apart, beyond doubt, so that parameters and intervals are nothing.
+def inconsistent(found: Sequence[Misfit], tempering: float) -> bool:
+    """Whether dives are off, or apart, by over `BEYOND`: no set of parameters describes them.
 
-    worth: share of what they say that counts, by how far they are apart.
+    tempering: power of their likelihood, by how far they are apart.
     """
-    return any(one.most > BEYOND for one in found) or worth < BEYOND**-2
+    return any(one.most > BEYOND for one in found) or tempering < BEYOND**-2
 
 
-def doubts(
-    names: Sequence[str], found: Sequence[Held], books: Sequence[float], worth: float
+def messages(
+    names: Sequence[str], found: Sequence[Misfit], imbalances: Sequence[float], tempering: float
 ) -> list[str]:
-    """Say which dives are off by many times the noise; books: rms of each [m3]."""
-    doubt = doubted(found, worth)
+    """Say which dives are off by many times the noise; imbalances: rms of each [m3]."""
+    bad = inconsistent(found, tempering)
     wrong = [one.most > MANY for one in found]
-    if doubt and not any(wrong):  # what they say by themselves tells which
-        farthest = max(one.apart for one in found)
-        wrong = [one.apart > min(BEYOND, 0.999 * farthest) for one in found]
+    if bad and not any(wrong):  # their own estimates show which
+        farthest = max(one.distance for one in found)
+        wrong = [one.distance > min(BEYOND, 0.999 * farthest) for one in found]
     if not any(wrong):
         return []
     which = "; ".join(
-        f"{name} (book off by {1e6 * book:.2g} mL rms, {one.book:.2g} times the noise; pressures "
-        f"from look to look {one.speeds:.2g} times; by itself its parameters would be elsewhere by "
-        f"{one.apart:.2g} deviations)"
-        for name, one, book, off in zip(names, found, books, wrong, strict=True)
+        f"{name} (volume imbalance {1e6 * imbalance:.2g} mL rms, {one.imbalance:.2g} times the "
+        f"noise; pressures from sample to sample {one.speeds:.2g} times; identified alone, its "
+        f"parameters differ by {one.distance:.2g} standard deviations)"
+        for name, one, imbalance, off in zip(names, found, imbalances, wrong, strict=True)
         if off
     )
-    if not doubt:
+    if not bad:
         return [
-            f"Off by many times the noise: {which}. Something in it has no parameter: see how the "
-            "parameters differ without it."
+            f"Residuals many times the noise: {which}. The model lacks something: compare the "
+            "parameters without it."
         ]
     return [
-        f"Not identified: one set of parameters does not tell these dives. Too far off: {which}. "
+        f"Not identified: one set of parameters cannot describe these dives. Too far off: {which}. "
         "The likely reason is a cast of another season or place, or a log of another float: give "
         "each dive a cast of its own (--cast once for each), or leave it out. The values are no "
         "parameters of the vehicle, and intervals are not given."
     ]
 
 
-def restless(noise: Noise) -> list[str]:
+def water_messages(noise: Noise) -> list[str]:
     """Say where the water would have to move more than is known of it before."""
     if noise.water <= NOISES.water * np.exp(FACTOR.water):
         return []
     return [
-        f"The dives are told only by water that moves by {1e3 * noise.water:.0f} mm/s, where "
+        f"The residuals need water that moves by {1e3 * noise.water:.0f} mm/s, where "
         f"{1e3 * NOISES.water:.0f} mm/s are usual. If the sea was not that rough below, the cast "
         "is of another season or place, or a column of the log is not what it is taken for."
     ]

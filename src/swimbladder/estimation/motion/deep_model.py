@@ -130,7 +130,7 @@ def priors_of(vehicle: Vehicle, given: Mapping[str, Prior]) -> dict[str, Prior]:
     }
     if not mean["drag"] > 0.0 and "drag" not in given:
         raise InputError(
-            "deep dives tell of quadratic drag, and the vehicle has none to begin with",
+            "deep dives identify quadratic drag, and the vehicle has none to begin with",
             field="motion.drag.k_dt", remedy='Give --prior "drag=160 +- 30 N s2/m2", or k_dt',
         )  # fmt: skip
     return {
@@ -146,7 +146,7 @@ def cast_volume(body: Body, priors: Mapping[str, Prior], layers: Array) -> Array
 
 
 def check_deep_names(names: Sequence[str], option: str) -> None:
-    """Raise InputError for a name that deep dives do not tell of."""
+    """Raise InputError for a name that deep dives cannot identify."""
     for name in names:
         if name not in DEEP:
             raise InputError(

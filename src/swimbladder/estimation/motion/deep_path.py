@@ -30,11 +30,11 @@ __all__ = ["Filtered", "Noise", "Path", "deep_path", "filtered"]
 Array = NDArray[np.float64]
 
 FINE, COARSE = 5.0, 15.0  # s, steps while the speed follows a run, and else: 1 cm at most
-_UNSEEN, _GAP = 60.0, 1800.0  # s, steps where two looks are so far from each other
+_UNSEEN, _GAP = 60.0, 1800.0  # s, steps where two samples are so far from each other
 _FOLLOWS = 150.0  # s after a run
 _SPACING = 1e4  # Pa, of the water's table
 _KNOTS, _WIDER = (0.0, 2e5, 5e5), 1.6  # Pa, of the cast's error; each further one so much deeper
-_SPEED_STD = 0.02  # m/s, of the speed at the beginning: that between the first two looks
+_SPEED_STD = 0.02  # m/s, of the speed at the beginning: that between the first two samples
 _START = (2.0, 5e-6)  # share of what drag carries then, and m3: of the volume that it asks for
 
 
@@ -50,13 +50,13 @@ class Noise(NamedTuple):
 
 @dataclass(frozen=True)
 class Path:
-    """Steps [m], looks [n] and the water [k] of a dive."""
+    """Steps [m], samples [n] and the water [k] of a dive."""
 
     dive: DeepDive
-    time: Array  # s [n], of the looks
+    time: Array  # s [n], of the samples
     measured: Array  # Pa [n]
     steps: Array  # s [m]
-    sample: NDArray[np.int64]  # [m], look at the end of a step, or -1
+    sample: NDArray[np.int64]  # [m], sample at the end of a step, or -1
     runs: _Runs
     begun: Array  # m3 [m], nominal volume of runs that begin in a step
     leaked: Array  # m3 [m], as the vehicle's file has it
@@ -71,7 +71,7 @@ class Path:
 
 
 class Filtered(NamedTuple):
-    """Innovations of the looks but the first [n - 1], and the state at the end."""
+    """Innovations of the samples but the first [n - 1], and the state at the end."""
 
     innovation: Array  # Pa
     variance: Array  # Pa2
@@ -87,8 +87,8 @@ class Filtered(NamedTuple):
 def deep_path(
     dive: DeepDive, body: Body, priors: Mapping[str, Prior], *, until: float = np.inf
 ) -> Path:
-    """Return the looks and steps of a dive, as far as `until` [s] after it began."""
-    at = _looks(dive)
+    """Return the samples and steps of a dive, as far as `until` [s] after it began."""
+    at = _samples(dive)
     at = at[dive.time[at] - dive.time[0] <= until] if np.isfinite(until) else at
     time, measured = dive.time[at], dive.pressure[at].astype(np.float64)
     begin, seconds = dive.action_time, np.maximum(dive.action_seconds, 1e-3)
@@ -118,14 +118,14 @@ def deep_path(
     )  # fmt: skip
 
 
-def _looks(dive: DeepDive) -> NDArray[np.int64]:
-    """Return samples that tell a speed, and the last before each run, which may be why it ran."""
+def _samples(dive: DeepDive) -> NDArray[np.int64]:
+    """Return samples that determine a speed, and the last before each run, perhaps its cause."""
     before = np.searchsorted(dive.time, dive.action_time, side="right") - 1
     return np.union1d(nodes(dive.time), before[before >= 0])
 
 
 def _edges(time: Array, begin: Array, end: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return the edges of the steps [s] [m + 1], and the look at the end of each or -1 [m].
+    """Return the edges of the steps [s] [m + 1], and the sample at the end of each or -1 [m].
 
     Steps are `COARSE`, and `FINE` between begin and end [s] [k] of what changes the speed.
     """
@@ -136,12 +136,12 @@ def _edges(time: Array, begin: Array, end: Array) -> tuple[Array, NDArray[np.int
     marks += [np.arange(a, b, FINE) for a, b in zip(begin, end, strict=True)]
     every = np.unique(np.concatenate(marks))
     every = every[(every >= time[0]) & (every <= time[-1])]
-    look = np.searchsorted(time, every)
-    looks = time[np.minimum(look, len(time) - 1)] == every
-    # Marks of several kinds next to each other are one: a look, or the first.
+    sample = np.searchsorted(time, every)
+    at_sample = time[np.minimum(sample, len(time) - 1)] == every
+    # Marks of several kinds next to each other are one: a sample, or the first.
     apart = np.append(True, np.diff(every) > 0.3 * FINE)
-    every, looks, look = (x[apart | looks] for x in (every, looks, look))
-    return every, np.where(looks, look, -1)[1:]
+    kept = apart | at_sample
+    return every[kept], np.where(at_sample, sample, -1)[kept][1:]
 
 
 class _Runs(NamedTuple):

@@ -1,4 +1,4 @@
-"""A dive told from its beginning: the logged runs of pump and valve replayed through the model.
+"""A dive predicted from its beginning: the logged runs of pump and valve, by the model.
 
 m w' = rho g E - k_dt w|w|, implicit in the drag, so that a step of many seconds ends at the steady
 speed; the volume is that of the runs so far, each spread over its seconds.
@@ -51,7 +51,7 @@ def replay(
     pressure: float | None = None, begin: float | None = None, end: float | None = None,
     step: float = STEP,
 ) -> Replay:  # fmt: skip
-    """Return the dive as the model tells it, from its first sample or a time `begin` [s].
+    """Return the dive as the model predicts it, from its first sample or a time `begin` [s].
 
     start: the drive's volume when the dive began [m3]; pressure: where it begins [Pa], as logged
     unless given; end [s]: its last sample unless given. The hull's temperature is as logged.

@@ -1,4 +1,4 @@
-"""From what deep dives tell to the vehicle's file, and what has no place there."""
+"""From the parameters of deep dives to the vehicle's file, and what has no place there."""
 
 from __future__ import annotations
 

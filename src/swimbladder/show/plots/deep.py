@@ -1,4 +1,4 @@
-"""Deep dives as a picture: as measured and as told by the model, and what the book is off by."""
+"""Deep dives as a picture: as measured and as predicted by the model, and the imbalance."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ _DBAR = 1e4  # Pa
 
 @styled
 def draw_deep(found: DeepIdentification) -> Figure:
-    """Return pressure over time of every dive, and its book of volumes over pressure."""
+    """Return pressure over time of every dive, and the imbalance of its volumes over pressure."""
     figure = Figure(figsize=(9.0, 7.0), layout="constrained")
-    dives, book = figure.subplots(2, 1)
+    dives, imbalance = figure.subplots(2, 1)
     begin = 0.0
-    for k, told in enumerate(found.dives):
-        colour, hours = _DIVES[k % len(_DIVES)], (told.dive.time - told.dive.time[0]) / 3600.0
+    for k, fits in enumerate(found.dives):
+        colour, hours = _DIVES[k % len(_DIVES)], (fits.dive.time - fits.dive.time[0]) / 3600.0
         first = k == 0
         dives.plot(
-            begin + hours, told.dive.pressure / _DBAR, ".", color=colour, ms=3.0,
+            begin + hours, fits.dive.pressure / _DBAR, ".", color=colour, ms=3.0,
             label="measured" if first else None,
         )  # fmt: skip
         dives.plot(
-            begin + (told.replay.time - told.dive.time[0]) / 3600.0, told.replay.pressure / _DBAR,
+            begin + (fits.replay.time - fits.dive.time[0]) / 3600.0, fits.replay.pressure / _DBAR,
             color=BLACK, lw=0.9, label="model from its first sample" if first else None,
         )  # fmt: skip
-        book.plot(
-            told.dive.pieces.pressure / _DBAR, 1e6 * told.book, ".", color=colour, ms=3.0,
-            label=told.dive.name.rpartition("/")[2],
+        imbalance.plot(
+            fits.dive.pieces.pressure / _DBAR, 1e6 * fits.imbalance, ".", color=colour, ms=3.0,
+            label=fits.dive.name.rpartition("/")[2],
         )  # fmt: skip
         begin += float(hours[-1]) + 2.0
     dives.invert_yaxis()
@@ -51,12 +51,12 @@ def draw_deep(found: DeepIdentification) -> Figure:
     dives.set_ylabel("pressure [dbar]")
     # outside: there is a curve in every corner
     dives.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
-    limit = 1.1e6 * max(float(np.percentile(np.abs(t.book), 99.5)) for t in found.dives)
-    book.axhline(0.0, color=BLACK, lw=0.8)
-    book.set_ylim(-limit, limit)
-    book.set_xlabel("pressure [dbar]")
-    book.set_ylabel("book of volumes off by [cm³]")
-    book.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=7.0, ncols=3,
+    limit = 1.1e6 * max(float(np.percentile(np.abs(t.imbalance), 99.5)) for t in found.dives)
+    imbalance.axhline(0.0, color=BLACK, lw=0.8)
+    imbalance.set_ylim(-limit, limit)
+    imbalance.set_xlabel("pressure [dbar]")
+    imbalance.set_ylabel("volume imbalance [cm³]")
+    imbalance.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=7.0, ncols=3,
                 borderaxespad=0.2)  # fmt: skip
-    label_panels([dives, book])
+    label_panels([dives, imbalance])
     return figure

@@ -1,4 +1,4 @@
-"""What deep dives told, as files."""
+"""The identification from deep dives, as files."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ def write_deep(found: DeepIdentification, out: Path, *, answer: str) -> list[Pat
     """Write deep.json, deep.csv, deep.png and, where identified, vehicle.toml; return the paths.
 
     answer: the text of deep.json. The vehicle of an earlier run is taken away where the dives do
-    not tell. Raises InputError where the folder cannot be written.
+    not identify it. Raises InputError where the folder cannot be written.
     """
     check_folder(out, "")
     names = ["deep.png", "deep.csv", "deep.json", *(["vehicle.toml"] if found.identified else [])]
 
     def write(folder: Path) -> None:
-        parts = [(k + 1, told, told.dive.pieces) for k, told in enumerate(found.dives)]
+        parts = [(k + 1, fits, fits.dive.pieces) for k, fits in enumerate(found.dives)]
         write_csv(
             folder / "deep.csv",
             {
@@ -36,7 +36,7 @@ def write_deep(found: DeepIdentification, out: Path, *, answer: str) -> list[Pat
                 "pressure_Pa": np.concatenate([p.pressure for _, _, p in parts]),
                 "speed_m_s": np.concatenate([p.speed for _, _, p in parts]),
                 "model_speed_m_s": np.concatenate([p.speed - t.speed for _, t, p in parts]),
-                "book_m3": np.concatenate([t.book for _, t, _ in parts]),
+                "imbalance_m3": np.concatenate([t.imbalance for _, t, _ in parts]),
             },
         )
         write_atomically(folder / "deep.json", answer + "\n")
