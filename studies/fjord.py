@@ -24,7 +24,7 @@ from swimbladder.estimation.comparison import compare, record
 from swimbladder.estimation.comparison.ahead import look_ahead
 from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.estimation.motion.model import model_of
-from swimbladder.estimation.motion.random_walk import WalkFit, fit_walk
+from swimbladder.estimation.motion.random_walk import RandomWalkFit, fit_random_walk
 from swimbladder.estimation.motion.vehicle_update import identified_vehicle
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
@@ -109,18 +109,18 @@ def water(folder: Path, name: str, *, lifted: float = 0.0) -> Column:
     return cast_column(moved, step=ROWS)
 
 
-def teach(idea: Idea, numbers: tuple[int, ...]) -> tuple[Vehicle, WalkFit]:
+def teach(idea: Idea, numbers: tuple[int, ...]) -> tuple[Vehicle, RandomWalkFit]:
     """Return the vehicle as these missions tell it, its neutral volume walking, and the fit."""
     base = idea.vehicle
     logs = [idea.logs[n] for n in numbers]
     records = [record(log, base, drive="volume", column=idea.water) for log in logs]
     fixed = {} if idea.psi is None else {"psi": idea.psi}
-    found = fit_walk(records, base, drag=idea.drag, fixed=fixed)
+    found = fit_random_walk(records, base, drag=idea.drag, fixed=fixed)
     model = model_of(base, law=idea.drag, bottom_depth=float("inf"))
     taught = identified_vehicle(
         base, model, found.values, found.names, found.covariance, trim_error=None,
-        depth_noise=found.noise.depth, neutral_std=BETWEEN, neutral_walk=found.noise.walk,
-        acceleration_noise=found.noise.jolt, logs=tuple(f"mission {n}" for n in numbers),
+        depth_noise=found.noise.depth, neutral_std=BETWEEN, neutral_walk=found.noise.random_walk,
+        acceleration_noise=found.noise.acceleration, logs=tuple(f"mission {n}" for n in numbers),
     )  # fmt: skip
     return taught, found
 
@@ -220,7 +220,7 @@ def weigh(ideas: list[Idea], tell: Callable[[str], None]) -> None:
         best = found.log_likelihood if best is None else best
         tell(f"| {idea.name} | {found.log_likelihood - best:+.1f} | {found.values['K2']:.0f} "
              f"| {vehicle.mass:.1f} | {1e6 * found.values['psi']:.2f} "
-             f"| {1e6 * found.noise.walk:.2f} |")  # fmt: skip
+             f"| {1e6 * found.noise.random_walk:.2f} |")  # fmt: skip
 
 
 def main() -> None:

@@ -27,7 +27,7 @@ from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.estimation.kalman.depth_filter import Noise, Samples, Start, filter_depth
 from swimbladder.estimation.motion.model import model_of
 from swimbladder.estimation.motion.random_effects import between_logs
-from swimbladder.estimation.motion.random_walk import WalkFit, fit_walk
+from swimbladder.estimation.motion.random_walk import RandomWalkFit, fit_random_walk
 from swimbladder.estimation.motion.vehicle_update import identified_vehicle
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.files import write_atomically
@@ -109,15 +109,15 @@ def _record(log: Log, vehicle: Vehicle) -> Record:
     return record(log, vehicle, drive="volume", bottom_depth=bottom_of(log))
 
 
-def train(logs: Mapping[int, Log], vehicle: Vehicle) -> tuple[Vehicle, WalkFit]:
+def train(logs: Mapping[int, Log], vehicle: Vehicle) -> tuple[Vehicle, RandomWalkFit]:
     """Return the vehicle as identified from these logs, and the fit that they have in common."""
     records = [_record(log, vehicle) for log in logs.values()]
-    found = fit_walk(records, vehicle, drag="blended")
+    found = fit_random_walk(records, vehicle, drag="blended")
     model = model_of(vehicle, law="blended", bottom_depth=float("inf"))
     fitted = identified_vehicle(
         vehicle, model, found.values, found.names, found.covariance, trim_error=None,
-        depth_noise=found.noise.depth, neutral_std=0.0, neutral_walk=found.noise.walk,
-        acceleration_noise=found.noise.jolt, logs=tuple(f"mission {n}" for n in logs),
+        depth_noise=found.noise.depth, neutral_std=0.0, neutral_walk=found.noise.random_walk,
+        acceleration_noise=found.noise.acceleration, logs=tuple(f"mission {n}" for n in logs),
     )  # fmt: skip
     return between_logs(records, fitted), found
 

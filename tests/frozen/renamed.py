@@ -9,7 +9,7 @@ from __future__ import annotations
 
 # Commands and options as cases.py and the store have them -> as they are called today.
 COMMANDS: dict[str, str] = {"bench-control": "compare-laws"}
-OPTIONS: dict[str, str] = {}  # "--draws": "--runs"
+OPTIONS: dict[str, str] = {"--walk": "--random-walk"}
 
 # Keys of answers, columns of tables, names in TOML. Old path -> new path, both from the same
 # parent: "saved": "recovered" is that key wherever it stands; "outcomes.alone":
@@ -23,11 +23,14 @@ KEYS: dict[str, str] = {
     "identify: looks": "samples",
     "identify: apart": "distance",
     "identify: worth": "tempering",
+    "identify: identified.between": "identified.between",  # of vehicle.toml: as it was
     "identify: between": "random_effects",
+    "identify: walk": "random_walk",
+    "compare: walk": "random_walk",
 }
 
 # Texts that name a kind: values of JSON, cells of tables.
-KINDS: dict[str, str] = {}
+KINDS: dict[str, str] = {"not told": "not identifiable", "walk": "random_walk"}
 
 # Parts of the names of written files: "mission-7-told.csv": "mission-7-ideal-detection.csv".
 FILES: dict[str, str] = {}

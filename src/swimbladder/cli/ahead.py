@@ -16,7 +16,7 @@ __all__ = ["ahead_options", "print_ahead", "write_ahead"]
 
 _NOISES = {
     "depth_noise": ("--depth-noise", "m", "mm"),
-    "walk": ("--walk", "m3/s^0.5", "cm3/s^0.5"),
+    "random_walk": ("--random-walk", "m3/s^0.5", "cm3/s^0.5"),
     "acceleration_noise": ("--acceleration-noise", "m/s/s^0.5", "mm/s/s^0.5"),
 }
 

@@ -70,7 +70,7 @@ def compare(
         str | None,
         typer.Option(metavar="TIME,...", help='Also predict these times ahead, as "10 s,60 s".'),
     ] = None,
-    walk: Annotated[
+    random_walk: Annotated[
         str | None,
         typer.Option(metavar="INTENSITY", help="Random walk of the neutral volume, for --ahead."),
     ] = None,
@@ -111,7 +111,10 @@ def compare(
         "submerged": submerged,
     }
     look = ahead_options(
-        ahead, walk=walk, depth_noise=depth_noise, acceleration_noise=acceleration_noise
+        ahead,
+        random_walk=random_walk,
+        depth_noise=depth_noise,
+        acceleration_noise=acceleration_noise,
     )
     mapped = dict(pair(text, "--column") for text in column or [])
     tasks = [_Task(log, mapped, log_format) for log in chosen(logs, where or [])]

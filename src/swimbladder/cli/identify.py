@@ -79,9 +79,9 @@ def identify(
     profiles: Annotated[
         bool, typer.Option("--profiles/--no-profiles", help="Likelihood profiles.")
     ] = True,
-    walk: Annotated[
+    random_walk: Annotated[
         bool,
-        typer.Option("--walk", help="Each neutral volume is a random walk: trapped air, leaks."),
+        typer.Option("--random-walk", help="Neutral volumes are random walks: trapped air, leaks."),
     ] = False,
     posterior: Annotated[
         bool, typer.Option("--posterior", help="Also draw from the posterior (needs emcee).")
@@ -116,7 +116,7 @@ def identify(
         from swimbladder.cli.identify_deep import identify_deep, refuse_others
 
         refuse_others({
-            "--drag": drag, "--drive": drive, "--bottom": bottom, "--walk": walk,
+            "--drag": drag, "--drive": drive, "--bottom": bottom, "--random-walk": random_walk,
             "--posterior": posterior, "--paper": paper,
             "--neutral-std": neutral_std if neutral_std != "0.5 cm3" else None,
             "--speed-std": speed_std if speed_std != "none" else None,
@@ -150,7 +150,7 @@ def identify(
         "bottom_depth": depth(bottom, "--bottom"),
         "surface_margin": depth(surface_margin, "--surface-margin"),
         "profiles": profiles,
-        "walk": walk,
+        "random_walk": random_walk,
         "posterior": seed if posterior else None,
         "columns": water_of_logs(
             cast or (), cast_where or (), cast_column or (), cast_profile, v.hull.depth_limit

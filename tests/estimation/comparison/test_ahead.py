@@ -95,7 +95,7 @@ def test_what_comes_after_an_instant_changes_no_prediction_from_it(outcome):
 
 def test_noise_that_is_given_is_used():
     log, _ = made(5, span=60.0)
-    given = Tuning(depth_noise=5e-3, walk=0.1e-6, acceleration_noise=1e-4)
+    given = Tuning(depth_noise=5e-3, random_walk=0.1e-6, acceleration_noise=1e-4)
     ahead = look_ahead(log, VEHICLE, horizons=(10.0,), tuning=given)
     assert ahead.noise == pytest.approx(given._asdict())
     assert set(ahead.origins.values()) == {"given"}
@@ -110,8 +110,8 @@ def test_noise_that_was_identified_is_used():
     vehicle = type(VEHICLE).model_validate(VEHICLE.model_dump() | {"identified": table})
     ahead = look_ahead(log, vehicle, horizons=(10.0,))
     assert ahead.noise["depth_noise"] == pytest.approx(5e-3, rel=0.5)
-    assert "[identified]" in ahead.origins["walk"]
-    assert ahead.noise["walk"] == pytest.approx(0.1e-6, rel=1.0)
+    assert "[identified]" in ahead.origins["random_walk"]
+    assert ahead.noise["random_walk"] == pytest.approx(0.1e-6, rel=1.0)
 
 
 def test_what_cannot_be_is_refused():
@@ -121,8 +121,8 @@ def test_what_cannot_be_is_refused():
     assert caught.value.field == "--ahead"
     with refused(InputError, field="--ahead", value=0.1):
         look_ahead(log, VEHICLE, horizons=(0.1,))
-    with refused(InputError, field="--walk", value=-1.0):
-        look_ahead(log, VEHICLE, horizons=(10.0,), tuning=Tuning(walk=-1.0))
+    with refused(InputError, field="--random-walk", value=-1.0):
+        look_ahead(log, VEHICLE, horizons=(10.0,), tuning=Tuning(random_walk=-1.0))
     with refused(LogError, field="volume"):
         look_ahead(replace(log, volume=None), VEHICLE)
 
@@ -140,7 +140,7 @@ def test_the_command_tells_and_writes_it(written, tmp_path, capsys):
     assert main([*arguments, "--out", str(tmp_path), "--plot", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)["ahead"]
     assert [h["seconds"] for h in told["horizons"]] == [5.0, 20.0]
-    assert set(told["noise"]) == {"depth_noise", "walk", "acceleration_noise"}
+    assert set(told["noise"]) == {"depth_noise", "random_walk", "acceleration_noise"}
     header, *lines = (tmp_path / "compare-ahead.csv").read_text().splitlines()
     assert "depth_predicted_5s_m" in header
     columns = dict(
@@ -150,11 +150,13 @@ def test_the_command_tells_and_writes_it(written, tmp_path, capsys):
     assert np.sqrt(np.mean(off**2)) == pytest.approx(told["horizons"][1]["rms_m"])
     assert (tmp_path / "compare-ahead.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
-    assert main([*arguments, "--out", str(tmp_path), "--walk", "0.1 cm3/s^0.5"]) == 0
+    assert main([*arguments, "--out", str(tmp_path), "--random-walk", "0.1 cm3/s^0.5"]) == 0
     shown = capsys.readouterr().out
     assert "0.1 cm3/s^0.5" in shown
-    assert main([*arguments, "--out", str(tmp_path), "--walk", "0.1 cm3/s^0.5", "--json"]) == 0
-    given = json.loads(capsys.readouterr().out)["ahead"]["noise"]["walk"]
+    assert (
+        main([*arguments, "--out", str(tmp_path), "--random-walk", "0.1 cm3/s^0.5", "--json"]) == 0
+    )
+    given = json.loads(capsys.readouterr().out)["ahead"]["noise"]["random_walk"]
     assert given["value"] == pytest.approx(1e-7)
     assert given["origin"] == "given"
 
@@ -166,8 +168,8 @@ def test_the_command_tells_and_writes_it(written, tmp_path, capsys):
         (["--ahead", "-5 s"], "times ahead"),
         (["--ahead", "5 s,5 s"], "times ahead"),
         (["--ahead", "5 m"], "another kind"),
-        (["--walk", "1 cm3/s^0.5"], "belongs to --ahead"),
-        (["--ahead", "5 s", "--walk", "1 cm3"], "--walk"),
+        (["--random-walk", "1 cm3/s^0.5"], "belongs to --ahead"),
+        (["--ahead", "5 s", "--random-walk", "1 cm3"], "--random-walk"),
         (["--ahead", "5 s", "--depth-noise", "-1 mm"], "--depth-noise"),
     ],
 )

@@ -20,7 +20,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import drive
 
-NOISE = Noise(depth=3e-3, walk=0.2e-6, jolt=1e-4)
+NOISE = Noise(depth=3e-3, random_walk=0.2e-6, acceleration=1e-4)
 START = Start(
     depth=60.0, speed=0.0, neutral=0.0, depth_std=0.02, speed_std=0.01, neutral_std=3e-6
 )  # fmt: skip
@@ -31,7 +31,7 @@ def system(p, h, noise):
     """F, Q, and what V and dV/dt add to the state; volumes in cm3, by matrix exponentials."""
     a = 1e-6 * p.a_b
     A = np.array([[0.0, 1.0, 0.0], [p.a_b * p.psi, -p.d_l, a], [0.0, 0.0, 0.0]])
-    L = np.diag([0.0, noise.jolt**2, 1e12 * noise.walk**2])
+    L = np.diag([0.0, noise.acceleration**2, 1e12 * noise.random_walk**2])
     E = expm(np.block([[-A, L], [np.zeros((3, 3)), A.T]]) * h)
     F = expm(A * h)
     forced = np.zeros((5, 5))
@@ -157,7 +157,7 @@ def test_a_prediction_conditions_on_what_was_measured_before():
 
 
 def test_the_covariance_settles_where_the_riccati_equation_says():
-    noise = Noise(depth=3e-3, walk=0.5e-6)
+    noise = Noise(depth=3e-3, random_walk=0.5e-6)
     samples, _ = made(n=3000, even=True)
     ours = filtered(samples, noise=noise)
     F, Q, _ = system(PLANT, 0.5, noise)

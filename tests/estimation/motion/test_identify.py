@@ -255,25 +255,25 @@ def test_neutral_volumes_that_walk():
         z = trace(log.time, true, z0=z0, V0=-FEUP["psi"] * z0, **FEUP) + 2e-3 * rng.normal(size=n)
         logs.append(type(log)(source=log.source, time=log.time, depth=z, volume=log.volume,
                               line=log.line))  # fmt: skip
-    found = identify(logs, FEUP_EM, fixed={"psi": 4.04e-6}, walk=True)
+    found = identify(logs, FEUP_EM, fixed={"psi": 4.04e-6}, random_walk=True)
     assert found.identified
-    assert found.walk is not None
-    assert found.walk.drifts
-    low, high = found.walk.walk.ci95
+    assert found.random_walk is not None
+    assert found.random_walk.drifts
+    low, high = found.random_walk.random_walk.ci95
     assert low < 5e-6 / math.sqrt(60.0) < high
     for name, value in (("K2", 7935.54), ("T2", 36.3)):
         e = found.parameters[name]
         assert abs(e.value - value) < 4.0 * e.std
-    assert "walk" in kinds(found)
+    assert "random_walk" in kinds(found)
     # Six logs tell how logs differ: the vehicle is that of the means over them.
     known = found.vehicle.identified
     assert known.between is not None
-    assert known.neutral_walk == pytest.approx(found.walk.noise.walk, rel=0.6)
+    assert known.neutral_walk == pytest.approx(found.random_walk.noise.random_walk, rel=0.6)
     assert dict(zip(known.names, known.values, strict=True))["K2"] == pytest.approx(
         found.parameters["K2"].value, rel=0.1
     )
     assert "logs differ" in kinds(found)
-    assert found.to_json()["walk"]["neutral_walk"]["unit"] == "m3/s^0.5"
+    assert found.to_json()["random_walk"]["neutral_walk"]["unit"] == "m3/s^0.5"
 
 
 @pytest.mark.slow

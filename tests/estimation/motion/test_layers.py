@@ -5,7 +5,7 @@ import pytest
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import record
 from swimbladder.estimation.motion import identify
-from swimbladder.estimation.motion.random_walk import fit_walk
+from swimbladder.estimation.motion.random_walk import fit_random_walk
 from tests.layered import SEA, G, column, sailed, vehicle
 from tests.quoted import refused
 
@@ -47,7 +47,9 @@ def test_without_the_cast_psi_and_drag_take_the_blame(logs):
 def test_the_innovations_say_so_too(logs):
     """One likelihood of all depths, with the cast and without: e^100 of evidence."""
     fits = [
-        fit_walk([record(log, VEHICLE, drive="volume", column=water) for log in logs], VEHICLE)
+        fit_random_walk(
+            [record(log, VEHICLE, drive="volume", column=water) for log in logs], VEHICLE
+        )
         for water in (COLUMN, None)
     ]
     assert fits[0].log_likelihood > fits[1].log_likelihood + 100.0

@@ -113,13 +113,13 @@ def test_the_table_and_the_vehicle_say_the_same(different):
 def test_what_predicts_takes_it_from_the_table(different):
     found, _ = different
     between = found.identified.between
-    u, origins = unknowns(found, Tuning(walk=2e-7))
+    u, origins = unknowns(found, Tuning(random_walk=2e-7))
     assert (u.psi.mean, u.psi.std) == (found.hull.psi, between.psi)
     assert u.drag.std == between.drag
     assert u.drift == (between.neutral_drift, between.neutral_drift_std)
-    assert u.walk == (math.log(2e-7), 0.0)
+    assert u.random_walk == (math.log(2e-7), 0.0)
     assert u.acceleration_noise.std == between.acceleration_noise
-    assert origins["walk"] == "given"
+    assert origins["random_walk"] == "given"
 
 
 def test_what_cannot_be_is_refused():

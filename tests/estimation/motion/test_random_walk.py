@@ -12,7 +12,7 @@ from scipy.stats import binom
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.motion import Prior
-from swimbladder.estimation.motion.random_walk import fit_walk
+from swimbladder.estimation.motion.random_walk import fit_random_walk
 from swimbladder.io.config import load_vehicle
 from tests.quoted import refused
 
@@ -22,12 +22,12 @@ NOISE, WALK, JOLT = 4e-3, 0.4e-6, 4e-4
 
 
 @cache
-def discrete(h, walk, jolt):
+def discrete(h, random_walk, acceleration):
     """Transition over h [s], what V and dV/dt add, and a root of the noise; volumes in cm3."""
     K2, T2, psi = TRUTH["K2"], TRUTH["T2"], TRUTH["psi"]
     a = 1e-6 * K2 / T2
     A = np.array([[0.0, 1.0, 0.0], [K2 / T2 * psi, -1.0 / T2, a], [0.0, 0.0, 0.0]])
-    L = np.diag([0.0, jolt**2, 1e12 * walk**2])
+    L = np.diag([0.0, acceleration**2, 1e12 * random_walk**2])
     forced = np.zeros((5, 5))
     forced[:3, :3], forced[1, 3], forced[3, 4] = A, -a, 1.0
     F = expm(forced * h)
@@ -36,7 +36,7 @@ def discrete(h, walk, jolt):
     return F[:3, :3], F[:3, 3:], vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def made(seed, *, walk=WALK, jolt=JOLT, n=160, outliers=0.0, neutral_std=5e-6):
+def made(seed, *, random_walk=WALK, acceleration=JOLT, n=160, outliers=0.0, neutral_std=5e-6):
     """A dive that starts at 40 m, its volume stepped about: a record and its neutral volumes."""
     rng = np.random.default_rng(seed)
     spans = rng.choice([0.4, 0.5, 0.7], n - 1)
@@ -45,7 +45,7 @@ def made(seed, *, walk=WALK, jolt=JOLT, n=160, outliers=0.0, neutral_std=5e-6):
     states = np.empty((n, 3))
     states[0] = 40.0, 0.0, rng.normal(0.0, 1e6 * neutral_std)
     for k, h in enumerate(spans.tolist()):
-        F, B, root = discrete(h, walk, jolt)
+        F, B, root = discrete(h, random_walk, acceleration)
         ramp = np.array([volume[k], (volume[k + 1] - volume[k]) / h])
         states[k + 1] = F @ states[k] + B @ ramp + root @ rng.normal(size=3)
     depth = states[:, 0] + rng.normal(0.0, NOISE, n)
@@ -67,14 +67,15 @@ def campaign(seed, count=4, **change):
 def test_the_parameters_and_the_walk_are_found_with_honest_intervals():
     """Of 30 campaigns the 95 % intervals hold the truth as often as they should."""
     runs = 30
-    held = dict.fromkeys([*TRUTH, "walk", "depth_noise", "jolt"], 0)
+    held = dict.fromkeys([*TRUTH, "random_walk", "depth_noise", "acceleration"], 0)
     values = {name: [] for name in held}
     for seed in range(runs):
-        found = fit_walk(campaign(seed), VEHICLE, jolt=True)
+        found = fit_random_walk(campaign(seed), VEHICLE, acceleration=True)
         estimates = found.estimates | {
-            "walk": found.walk, "depth_noise": found.depth_noise, "jolt": found.jolt
+            "random_walk": found.random_walk, "depth_noise": found.depth_noise,
+            "acceleration": found.acceleration,
         }  # fmt: skip
-        truth = TRUTH | {"walk": WALK, "depth_noise": NOISE, "jolt": JOLT}
+        truth = TRUTH | {"random_walk": WALK, "depth_noise": NOISE, "acceleration": JOLT}
         for name, e in estimates.items():
             held[name] += e.ci95[0] <= truth[name] <= e.ci95[1]
             values[name].append(e.value)
@@ -83,19 +84,19 @@ def test_the_parameters_and_the_walk_are_found_with_honest_intervals():
     for name in TRUTH:
         spread = np.std(values[name]) / math.sqrt(runs)
         assert abs(np.mean(values[name]) - TRUTH[name]) < 4.0 * spread + 0.01 * TRUTH[name]
-    assert np.mean(values["walk"]) == pytest.approx(WALK, rel=0.15)
+    assert np.mean(values["random_walk"]) == pytest.approx(WALK, rel=0.15)
 
 
 def test_one_campaign_tells_its_parameters_and_that_the_neutral_volume_drifts():
     records = [made(seed) for seed in (1, 2, 3, 4)]
-    found = fit_walk([r for r, _ in records], VEHICLE)
+    found = fit_random_walk([r for r, _ in records], VEHICLE)
     assert found.names == ("K2", "T2", "psi")
     for name, e in found.estimates.items():
         assert abs(e.value - TRUTH[name]) < 3.5 * e.std
         assert e.ci95[0] < e.value < e.ci95[1]
         assert e.std < 0.2 * e.value
     assert found.drifts
-    assert found.walk.ci95[0] < WALK < found.walk.ci95[1]
+    assert found.random_walk.ci95[0] < WALK < found.random_walk.ci95[1]
     assert found.covariance.shape == (3, 3)
     std = [e.std for e in found.estimates.values()]
     np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), std, rtol=1e-9)
@@ -110,27 +111,29 @@ def test_a_neutral_volume_that_stays_is_not_said_to_drift():
     """The likelihood ratio's chance of a false alarm, 1 % each, and intervals that reach 0."""
     alarms = reach = 0
     for seed in range(8):
-        found = fit_walk(campaign(seed, 2, walk=0.0, jolt=0.0), VEHICLE, jolt=False)
+        found = fit_random_walk(
+            campaign(seed, 2, random_walk=0.0, acceleration=0.0), VEHICLE, acceleration=False
+        )
         alarms += found.drifts
-        reach += found.walk.ci95[0] == 0.0
-        assert found.jolt.origin == "set"
+        reach += found.random_walk.ci95[0] == 0.0
+        assert found.acceleration.origin == "set"
     assert alarms <= 1
     assert reach >= 6
 
 
 def test_gross_outliers_do_not_move_it_by_a_deviation():
-    clean = fit_walk(campaign(5), VEHICLE)
-    dirty = fit_walk(campaign(5, outliers=0.1), VEHICLE)
+    clean = fit_random_walk(campaign(5), VEHICLE)
+    dirty = fit_random_walk(campaign(5, outliers=0.1), VEHICLE)
     for name, e in clean.estimates.items():
         assert abs(dirty.estimates[name].value - e.value) < e.std
     assert dirty.depth_noise.value == pytest.approx(clean.depth_noise.value, rel=0.15)
 
 
 def test_what_is_fixed_stays_and_a_prior_holds():
-    fixed = fit_walk(campaign(6), VEHICLE, fixed={"psi": 3e-6})
+    fixed = fit_random_walk(campaign(6), VEHICLE, fixed={"psi": 3e-6})
     assert fixed.names == ("K2", "T2")
     assert fixed.values["psi"] == 3e-6
-    prior = fit_walk(campaign(6), VEHICLE, priors={"psi": Prior(3e-6, 1e-9)})
+    prior = fit_random_walk(campaign(6), VEHICLE, priors={"psi": Prior(3e-6, 1e-9)})
     assert prior.estimates["psi"].value == pytest.approx(3e-6, abs=3e-9)
     assert prior.estimates["psi"].std <= 1.01e-9
     for name in ("K2", "T2"):
@@ -140,22 +143,22 @@ def test_what_is_fixed_stays_and_a_prior_holds():
 
 def test_the_quadratic_law_is_found_as_well():
     """The linear truth, met by a quadratic drag of the same force at the speeds that occur."""
-    found = fit_walk(campaign(7), VEHICLE, drag="quadratic")
+    found = fit_random_walk(campaign(7), VEHICLE, drag="quadratic")
     assert found.names == ("mass", "drag_quadratic", "psi")
     mass = VEHICLE.water.specific_weight * TRUTH["T2"] / TRUTH["K2"]
     assert found.estimates["mass"].value == pytest.approx(mass, rel=0.25)
-    linear = fit_walk(campaign(7), VEHICLE)
+    linear = fit_random_walk(campaign(7), VEHICLE)
     assert linear.log_likelihood > found.log_likelihood
 
 
 def test_what_cannot_be_is_refused():
     (record, _) = made(1)
     with refused(InputError, field="LOG"):
-        fit_walk([], VEHICLE)
+        fit_random_walk([], VEHICLE)
     with refused(InputError, field="--drive", value="voltage"):
-        fit_walk([replace(record, drive="voltage")], VEHICLE)
+        fit_random_walk([replace(record, drive="voltage")], VEHICLE)
     with refused(InputError, field="--free", value="K3"):
-        fit_walk([record], VEHICLE, free=["K3"])
+        fit_random_walk([record], VEHICLE, free=["K3"])
     still = replace(record, volume=np.full_like(record.volume, record.volume[0]))
     with pytest.raises(NoAnswerError):
-        fit_walk([replace(still, depth=np.full_like(record.depth, 40.0))], VEHICLE)
+        fit_random_walk([replace(still, depth=np.full_like(record.depth, 40.0))], VEHICLE)

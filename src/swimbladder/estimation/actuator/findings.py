@@ -37,7 +37,7 @@ _SEVERAL = 0.02  # differences, trends and shares that are worth a sentence
 
 def untold_of(name: str, estimate: Estimate) -> Finding:
     """Return the sentence for a parameter that was asked for and is not identifiable."""
-    return Finding("not told", f"{name} is not identifiable: {estimate.why}.", "no")
+    return Finding("not identifiable", f"{name} is not identifiable: {estimate.why}.", "no")
 
 
 def of_voltage(

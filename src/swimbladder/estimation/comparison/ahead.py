@@ -197,9 +197,9 @@ def _pairs(rec: Record, seconds: float) -> tuple[Index, Index]:
 
 def _noise(bank: Bank) -> tuple[Array, Array, Array]:
     """Return depth noise, walk and acceleration noise after each sample: weighed mean squares."""
-    squares = np.square([(m.noise.depth, m.noise.walk, m.noise.jolt) for m in bank.members])
-    depth, walk, jolt = (np.sqrt(bank.weighed(column)) for column in squares.T)
-    return depth, walk, jolt
+    noise = [(m.noise.depth, m.noise.random_walk, m.noise.acceleration) for m in bank.members]
+    depth, walk, acceleration = (np.sqrt(bank.weighed(x)) for x in np.square(noise).T)
+    return depth, walk, acceleration
 
 
 def _integrator(member: Member) -> Member:

@@ -1,8 +1,9 @@
 """What a causal filter of a log does not know, and how it is spread before the log begins.
 
 Logs of one vehicle differ: by the water (a tank that is warm at the top makes psi smaller), by
-what hangs on the hull (drag), by trapped air and a hull that cools (drift and walk of the neutral
-volume), by the site (noise). Each is drawn about what the vehicle's file says, evenly spread.
+what hangs on the hull (drag), by trapped air and a hull that cools (drift and scatter of the
+neutral volume), by the site (noise). Each is drawn about what the vehicle's file says, evenly
+spread.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from swimbladder.vehicle import Vehicle
 
 __all__ = ["UNITS", "Normal", "Tuning", "Unknowns", "draw", "places", "unknowns"]
 
-UNITS = {"depth_noise": "m", "walk": "m3/s^0.5", "acceleration_noise": "m/s/s^0.5"}
+UNITS = {"depth_noise": "m", "random_walk": "m3/s^0.5", "acceleration_noise": "m/s/s^0.5"}
 
 _MEMBERS = 256
 _OWN = 0.2  # of the neutral volume's deviation at the start: left to each filter itself
@@ -52,12 +53,12 @@ class Normal(NamedTuple):
 class Tuning(NamedTuple):
     """Noise that is given; None: what the vehicle's [identified] says, or learnt from the log.
 
-    depth_noise [m], the quantum's share included; walk [m3/s^0.5], of the neutral volume;
+    depth_noise [m], the quantum's share included; random_walk [m3/s^0.5], of the neutral volume;
     acceleration_noise [m/s^1.5].
     """
 
     depth_noise: float | None = None
-    walk: float | None = None
+    random_walk: float | None = None
     acceleration_noise: float | None = None
 
 
@@ -69,7 +70,7 @@ class Unknowns(NamedTuple):
     drag: Normal
     drift: Normal
     depth_noise: Normal
-    walk: Normal
+    random_walk: Normal
     acceleration_noise: Normal
 
 
@@ -90,12 +91,12 @@ def unknowns(vehicle: Vehicle, tuning: Tuning) -> tuple[Unknowns, dict[str, str]
     quantum = vehicle.sensors.depth_quantum / math.sqrt(12.0)
     guesses = {
         "depth_noise": (math.hypot(_DEPTH[0], vehicle.sensors.depth_noise, quantum), _DEPTH[1]),
-        "walk": (_WALK[0] * volume, _WALK[1]),
+        "random_walk": (_WALK[0] * volume, _WALK[1]),
         "acceleration_noise": _ACCELERATION,
     }
     noises, origins = {}, {}
     for name, guess in guesses.items():
-        given, field = getattr(tuning, name), "neutral_walk" if name == "walk" else name
+        given, field = getattr(tuning, name), "neutral_walk" if name == "random_walk" else name
         identified = 0.0 if said is None else getattr(said, field)
         if given is not None:
             noises[name], origins[name] = Normal(math.log(given), 0.0), "given"
@@ -147,8 +148,8 @@ def draw(
             Member(
                 plant=_with(base, psi=x.psi.mean, drag=math.exp(x.drag.mean)),
                 noise=Noise(
-                    depth=math.exp(x.depth_noise.mean), walk=math.exp(x.walk.mean),
-                    jolt=math.exp(x.acceleration_noise.mean),
+                    depth=math.exp(x.depth_noise.mean), random_walk=math.exp(x.random_walk.mean),
+                    acceleration=math.exp(x.acceleration_noise.mean),
                 ),
                 start=Start(
                     depth=float(rec.depth[0]), speed=0.0, neutral=neutral, depth_std=_START_DEPTH,

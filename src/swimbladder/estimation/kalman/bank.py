@@ -44,7 +44,7 @@ class Member(NamedTuple):
     plant: Plant
     noise: Noise
     start: Start
-    drift: float  # m3/s, steady growth of the neutral volume, beside its walk
+    drift: float  # m3/s, steady growth of the neutral volume, beside its random walk
 
 
 @dataclass(frozen=True)

@@ -28,14 +28,15 @@ class Noise(NamedTuple):
     """How uncertain measurement and motion are."""
 
     depth: float  # m, 1 sigma of a measured depth, its quantum's share included
-    walk: float  # m3/s^0.5, intensity of the neutral volume's random walk
-    jolt: float = 0.0  # m/s^1.5, intensity of white acceleration
+    random_walk: float  # m3/s^0.5, intensity of the neutral volume's random walk
+    acceleration: float = 0.0  # m/s^1.5, intensity of white acceleration
     held_depth: float = 0.05  # m, 1 sigma of depths in contact with surface or bottom
     held_speed: float = 0.02  # m/s, the same of the speed
 
     def variances(self) -> Array:
-        """Return the kernels' array: depth, held depth, walk, jolt, held speed, all squared."""
-        return np.square([self.depth, self.held_depth, self.walk, self.jolt, self.held_speed])
+        """Return the squares for the kernels: depths, random walk, acceleration, held speed."""
+        intensities = self.random_walk, self.acceleration
+        return np.square([self.depth, self.held_depth, *intensities, self.held_speed])
 
 
 class Start(NamedTuple):

@@ -1,9 +1,9 @@
 """One step of depth, speed and neutral volume under a volume that is known: state, slope, noise.
 
 The state is (z, w, V0) with ``dz/dt = w``, ``dw/dt = a_b (psi z + V0 - V(t)) - F_d(w)/m`` plus the
-hull's stiffness where it emerges (eqs 13, 15, 16, 31), and ``dV0 = walk dB``: the neutral volume at
-depth 0 is a random walk. V(t) is linear over a step. White acceleration, of intensity `jolt`, may
-stand for what the model leaves out. Where the water is layered, what its layers add at z, known
+hull's stiffness where it emerges (eqs 13, 15, 16, 31), and ``dV0 = q dB``: the neutral volume at
+depth 0 is a random walk. V(t) is linear over a step. White acceleration may stand for what the
+model leaves out. Where the water is layered, what its layers add at z, known
 from a cast, goes beside psi z: mean and slopes take it as it is, not as a line.
 
 Under laminar drag, without layers, clear of surface and bottom, the step is exact: with G the

@@ -68,13 +68,15 @@ def untold(problem: Problem, fit: Fit) -> list[Finding]:
             continue
         said |= set(parts)
         names = [problem.names[i] for i in parts]
-        found.append(Finding("trade-off" if len(names) > 1 else "not told", "no", _say(
+        found.append(Finding("trade-off" if len(names) > 1 else "not identifiable", "no", _say(
             names, {problem.names[i]: float(std[i]) for i in parts}, problem
         )))  # fmt: skip
     for i in open_ones:
         if i not in said:
             name = problem.names[i]
-            found.append(Finding("not told", "no", _say([name], {name: float(std[i])}, problem)))
+            found.append(
+                Finding("not identifiable", "no", _say([name], {name: float(std[i])}, problem))
+            )
     return found
 
 

@@ -11,7 +11,7 @@ Stat. Soc. B 39, 1977).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +44,7 @@ _LEAST = 0.2  # of the wide deviation: so narrow one cannot be told from none by
 _WIDE_PSI = 4e-4  # 1/m, of the displaced volume
 _WIDE_DRAG = 0.4
 _WIDE_DRIFT = 2e-6  # 1/s, of the displaced volume
-_WIDE_NOISE: Mapping[str, float] = {"depth_noise": 0.3, "walk": 1.5, "acceleration_noise": 1.0}
+_WIDE_NOISE = {"depth_noise": 0.3, "random_walk": 1.5, "acceleration_noise": 1.0}
 
 
 def between_logs(
@@ -140,7 +140,7 @@ def _with(vehicle: Vehicle, wide: Unknowns, mean: Array, std: Array, logs: int) 
     between = Between(
         psi=found.psi.std, drag=found.drag.std, neutral_drift=found.drift.mean,
         neutral_drift_std=found.drift.std, depth_noise=found.depth_noise.std,
-        neutral_walk=found.walk.std, acceleration_noise=found.acceleration_noise.std,
+        neutral_walk=found.random_walk.std, acceleration_noise=found.acceleration_noise.std,
     )  # fmt: skip
     share = math.exp(found.drag.mean)
     values, covariance = _values(known, found, share, logs)
@@ -149,7 +149,7 @@ def _with(vehicle: Vehicle, wide: Unknowns, mean: Array, std: Array, logs: int) 
         "values": values,
         "covariance": covariance,
         "depth_noise": math.exp(found.depth_noise.mean),
-        "neutral_walk": math.exp(found.walk.mean),
+        "neutral_walk": math.exp(found.random_walk.mean),
         "acceleration_noise": math.exp(found.acceleration_noise.mean),
         "neutral_std": found.neutral.std,
     }

@@ -1,9 +1,9 @@
-"""Parameters where the neutral volume drifts: it walks at random, and the logs say how fast.
+"""Parameters where the neutral volume is a random walk, whose intensity is estimated too.
 
 Trapped air, a hull that takes up water or cools, a piston that slips: over minutes the neutral
-volume moves, and a fit with a constant one blames drag and mass. Here it is a random walk, and what
-the filter could not foresee of every depth, its innovation, gives the likelihood (Schweppe, IEEE
-Trans. Inf. Theory 11, 1965); names, noise and the walk's intensity are those that maximise it.
+volume moves, and a fit with a constant one biases drag and mass. Here it is a random walk, and the
+innovations of a filter give the likelihood (Schweppe, IEEE Trans. Inf. Theory 11, 1965);
+parameters, noise and the intensity of the random walk maximise it.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from swimbladder.estimation.motion.random_walk_covariance import Maker, covarian
 from swimbladder.estimation.motion.random_walk_likelihood import NOISES, Likelihood, Quantity
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["WalkFit", "fit_walk"]
+__all__ = ["RandomWalkFit", "fit_random_walk"]
 
 Array = NDArray[np.float64]
 
 _SAME = 0.003  # of log likelihood: a step that gains less is the last
-_RIDGE = 0.25  # information that keeps a step of a quantity the data do not tell in bounds
+_RIDGE = 0.25  # information that bounds a step of a quantity that is not identifiable
 _LONGEST = 1.5  # of a logarithm, a step
 _ROUNDS = 80
-_FARTHEST = 15.0  # of the logarithm of a walk, where its end is sought
-_UNITS = {"depth_noise": "m", "walk": "m3/s^0.5", "jolt": "m/s/s^0.5"}
+_FARTHEST = 15.0  # of the logarithm of the intensity, where its end is sought
+_UNITS = {"depth_noise": "m", "random_walk": "m3/s^0.5", "acceleration": "m/s/s^0.5"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkFit:
+class RandomWalkFit:
     """What maximises the likelihood of the innovations, and how sure it is.
 
-    estimates, covariance: of the names, in their order, SI. walk [m3/s^0.5], depth_noise [m, its
-    quantum not included] and jolt [m/s^1.5; white acceleration]: intensities, with intervals.
+    estimates, covariance: of the names, in their order, SI. random_walk [m3/s^0.5], depth_noise [m,
+    its quantum not included], acceleration [m/s^1.5, white]: intensities, with intervals.
     likelihood_ratio: twice the gain in log likelihood over a neutral volume that stays, whose
     chance under it is p_value. travelled [m3]: for each record how far the smoothed neutral
     volume went, largest less smallest.
@@ -54,9 +54,9 @@ class WalkFit:
     law: str
     estimates: dict[str, Estimate]
     covariance: Array
-    walk: Estimate
+    random_walk: Estimate
     depth_noise: Estimate
-    jolt: Estimate
+    acceleration: Estimate
     noise: Noise
     values: dict[str, float]
     log_likelihood: float
@@ -67,16 +67,16 @@ class WalkFit:
 
     @property
     def drifts(self) -> bool:
-        """Whether the records say that the neutral volume walks (1 % significance)."""
+        """Whether the random walk of the neutral volume is significant (1 %)."""
         return self.p_value < 0.01
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         return {
             "parameters": {name: e.to_json() for name, e in self.estimates.items()},
-            "neutral_walk": self.walk.to_json(),
+            "neutral_walk": self.random_walk.to_json(),
             "depth_noise": self.depth_noise.to_json(),
-            "acceleration_noise": self.jolt.to_json(),
+            "acceleration_noise": self.acceleration.to_json(),
             "log_likelihood": self.log_likelihood,
             "likelihood_ratio": self.likelihood_ratio,
             "p_value": self.p_value,
@@ -84,12 +84,12 @@ class WalkFit:
         }
 
 
-def fit_walk(
+def fit_random_walk(
     records: Sequence[Record], vehicle: Vehicle, *, free: Sequence[str] | None = None,
     fixed: Mapping[str, float] | None = None, priors: Mapping[str, Prior] | None = None,
     drag: str | None = None, neutral_std: float = math.inf, bottom_depth: float = math.inf,
-    jolt: bool = True, gate: float = GATE,
-) -> WalkFit:  # fmt: skip
+    acceleration: bool = True, gate: float = GATE,
+) -> RandomWalkFit:  # fmt: skip
     """Return the parameters, noise and walk that maximise the likelihood of all innovations.
 
     free: names of NAMES that are estimated, those of the drag law and psi where not given; fixed:
@@ -108,7 +108,7 @@ def fit_walk(
     names = tuple(free) if free is not None else default_names(model.law, list(fixed))
     for given, option in ((names, "--free"), (list(fixed), "--set"), (list(priors), "--prior")):
         check_names(given, model, voltage=False, option=option)
-    held = {**model.values, **fixed} if jolt else {**model.values, **fixed, "jolt": 0.0}
+    held = {**model.values, **fixed, **({} if acceleration else {"acceleration": 0.0})}
     noises = [q for q in NOISES if q.name not in held]
 
     def likelihood(quantities: Sequence[Quantity], values: Mapping[str, float]) -> Likelihood:
@@ -120,10 +120,10 @@ def fit_walk(
     own = [_quantity(name, model, held, priors) for name in names]
     full = likelihood([*own, *noises], held)
     x, best = _highest(full)
-    still = [q for q in noises if q.name != "walk"]
-    without = likelihood([*own, *still], {**held, "walk": 0.0})
-    walk = [q.name for q in full.quantities].index("walk")
-    _, least = _highest(without, [np.delete(x, walk)])
+    still = [q for q in noises if q.name != "random_walk"]
+    without = likelihood([*own, *still], {**held, "random_walk": 0.0})
+    random_walk = [q.name for q in full.quantities].index("random_walk")
+    _, least = _highest(without, [np.delete(x, random_walk)])
     ratio = max(2.0 * (best - least), 0.0)
     full, x = without_trace(full, x, likelihood, held)
     C, robust = covariance(full, x)
@@ -158,7 +158,7 @@ def _climb(likelihood: Likelihood, x: Array) -> tuple[Array, float]:
     """
     height, damping = likelihood(x), 0.0
     for _ in range(_ROUNDS):
-        scores, information = likelihood.told(x)
+        scores, information = likelihood.scores(x)
         pull, hold = likelihood.prior_slope(x)
         slope = scores.sum(axis=0) + pull
         information += np.diag(hold + _RIDGE)
@@ -183,14 +183,14 @@ def _noisier(likelihood: Likelihood, x: Array) -> Array:
     y = x.copy()
     for i, q in enumerate(likelihood.quantities):
         if q.name in _UNITS:
-            y[i] += -2.0 if q.name == "walk" else 1.0
+            y[i] += -2.0 if q.name == "random_walk" else 1.0
     return y
 
 
 def _outcome(
     full: Likelihood, x: Array, best: float, C: Array, robust: bool, names: tuple[str, ...],
     model: Model, likelihood: Maker, ratio: float,
-) -> WalkFit:  # fmt: skip
+) -> RandomWalkFit:  # fmt: skip
     per = np.array([q.slope(float(at)) for q, at in zip(full.quantities, x, strict=True)])
     std = np.sqrt(np.maximum(np.diag(C), 0.0)) * per
     estimates: dict[str, Estimate] = {}
@@ -201,35 +201,35 @@ def _outcome(
         )
     p = len(names)
     values = full.named(x)
-    estimates["walk"] = _walk_interval(full, x, best, ratio, estimates["walk"], likelihood)
+    walk = _interval(full, x, best, ratio, estimates["random_walk"], likelihood)
     paths = [f.smoothed()[0][:, 2] for f in full.filtered(x)]
     travelled = tuple(
         float(np.ptp(np.concatenate([path for i, path in zip(full.record, paths, strict=True)
                                      if i == j])))
         for j in range(len(full.records))
     )  # fmt: skip
-    nothing = Estimate(0.0, 0.0, (0.0, 0.0), _UNITS["jolt"], "set")
-    return WalkFit(
+    nothing = Estimate(0.0, 0.0, (0.0, 0.0), _UNITS["acceleration"], "set")
+    return RandomWalkFit(
         names=names, law=model.law, estimates={name: estimates[name] for name in names},
-        covariance=C[:p, :p] * np.outer(per[:p], per[:p]), walk=estimates["walk"],
-        depth_noise=estimates["depth_noise"], jolt=estimates.get("jolt", nothing),
+        covariance=C[:p, :p] * np.outer(per[:p], per[:p]), random_walk=walk,
+        depth_noise=estimates["depth_noise"], acceleration=estimates.get("acceleration", nothing),
         noise=full.noise(values), values=values, log_likelihood=best, likelihood_ratio=ratio,
         p_value=0.5 * float(chi2.sf(ratio, 1)) if ratio > 0.0 else 1.0, travelled=travelled,
         robust=robust,
     )  # fmt: skip
 
 
-def _walk_interval(
+def _interval(
     full: Likelihood, x: Array, best: float, ratio: float, found: Estimate, likelihood: Maker
 ) -> Estimate:
     """Return the walk with the interval of its likelihood profile, down to 0 where that may be."""
-    at = [q.name for q in full.quantities].index("walk")
-    others = [q for q in full.quantities if q.name != "walk"]
+    at = [q.name for q in full.quantities].index("random_walk")
+    others = [q for q in full.quantities if q.name != "random_walk"]
     middle, begin = float(x[at]), np.delete(x, at)
 
     def beyond(distance: float) -> float:
         """Return how far the root of the deviance, which grows about evenly, is past 95 %."""
-        held = likelihood(others, {**full.values, "walk": math.exp(middle + distance)})
+        held = likelihood(others, {**full.values, "random_walk": math.exp(middle + distance)})
         return math.sqrt(max(2.0 * (best - _highest(held, [begin])[1]), 0.0)) - Z95
 
     step = min(max(Z95 * found.std / found.value, 0.3), 1.5)

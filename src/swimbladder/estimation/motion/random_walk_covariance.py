@@ -18,7 +18,7 @@ Maker = Callable[[Sequence[Quantity], Mapping[str, float]], Likelihood]
 _BLOCK = 20.0  # s, of samples that may depend on each other
 _ENOUGH = 4  # blocks a quantity, for a covariance from their scatter
 _SINGULAR = 1e-7
-_LOOSE = 5.0  # deviation of a logarithm, at which the data do not tell the quantity
+_LOOSE = 5.0  # deviation of a logarithm, at which the quantity is not identifiable
 _NEEDED = ("K2", "T2", "mass")  # without these there is no motion
 
 
@@ -30,7 +30,7 @@ def without_trace(
     if "drag_quadratic" not in names or full.model.law != "blended":
         return full, x
     i = names.index("drag_quadratic")
-    if full.told(x)[1][i, i] > _LOOSE**-2:
+    if full.scores(x)[1][i, i] > _LOOSE**-2:
         return full, x
     quantities = list(full.quantities)
     scale = max(full.model.scale("drag_quadratic"), 1e-3)
@@ -46,29 +46,29 @@ def covariance(full: Likelihood, x: Array) -> tuple[Array, bool]:
     The scores are summed over whole records where there are enough of them, which allows for
     records that differ, else over blocks of 20 s. Where there are too few of these too, and where
     the scatter is smaller than the information says, the information stands. A quantity whose
-    logarithm the data do not tell, as a walk of 0, has an infinite variance and no part in the
-    others'.
+    logarithm is not identifiable, as of a random walk of 0, has an infinite variance and no part
+    in the others'.
     """
-    scores, H = full.told(x)
+    scores, H = full.scores(x)
     H += np.diag(full.prior_slope(x)[1])
-    told = np.diag(H) > np.where([q.logarithmic for q in full.quantities], _LOOSE**-2, 0.0)
-    untold = [q.name for q, known in zip(full.quantities, told, strict=True) if not known]
-    if set(untold) & set(_NEEDED):
+    known = np.diag(H) > np.where([q.logarithmic for q in full.quantities], _LOOSE**-2, 0.0)
+    unknown = [q.name for q, known in zip(full.quantities, known, strict=True) if not known]
+    if set(unknown) & set(_NEEDED):
         raise NoAnswerError(
-            f"{' and '.join(untold)} not identifiable from the logs: the vehicle hardly moves"
+            f"{' and '.join(unknown)} not identifiable from the logs: the vehicle hardly moves"
         )
-    size = np.sqrt(np.where(told, np.diag(H), 1.0))
-    values, vectors = np.linalg.eigh((H / np.outer(size, size))[np.ix_(told, told)])
+    size = np.sqrt(np.where(known, np.diag(H), 1.0))
+    values, vectors = np.linalg.eigh((H / np.outer(size, size))[np.ix_(known, known)])
     if values.size and values.min() < _SINGULAR:
         raise NoAnswerError(
             "not all parameters are identifiable from the logs: the likelihood is flat along a "
             "combination of them; set one, or give it a prior"
         )
     C = np.diag(np.full(len(x), np.inf))
-    bread = (vectors / values) @ vectors.T / np.outer(size[told], size[told])
+    bread = (vectors / values) @ vectors.T / np.outer(size[known], size[known])
     blocks, robust = _blocks(full, len(x)), False
     if blocks is not None:
-        sums = np.stack([np.bincount(blocks, column) for column in scores[:, told].T], axis=1)
+        sums = np.stack([np.bincount(blocks, column) for column in scores[:, known].T], axis=1)
         sums -= sums.mean(axis=0)
         sandwich = bread @ (sums.T @ sums) @ bread * len(sums) / (len(sums) - 1)
         ratio = np.diag(sandwich) / np.diag(bread)
@@ -76,7 +76,7 @@ def covariance(full: Likelihood, x: Array) -> tuple[Array, bool]:
         if robust:
             grow = np.sqrt(np.maximum(ratio, 1.0) / ratio)
             bread = sandwich * np.outer(grow, grow)
-    C[np.ix_(told, told)] = bread
+    C[np.ix_(known, known)] = bread
     return C, robust
 
 

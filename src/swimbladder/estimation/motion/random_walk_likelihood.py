@@ -54,8 +54,8 @@ class Quantity(NamedTuple):
 
 NOISES: tuple[Quantity, ...] = (
     Quantity("depth_noise", True, 1.0, 5e-3),  # m
-    Quantity("walk", True, 1.0, 0.1e-6),  # m3/s^0.5
-    Quantity("jolt", True, 1.0, 1e-3),  # m/s^1.5
+    Quantity("random_walk", True, 1.0, 0.1e-6),  # m3/s^0.5
+    Quantity("acceleration", True, 1.0, 1e-3),  # m/s^1.5
 )
 
 
@@ -95,7 +95,7 @@ class Likelihood:
         """Return the filter's noise of these values."""
         rounding = max(self.quantum / math.sqrt(12.0), _FINEST)
         depth = math.hypot(values["depth_noise"], rounding)
-        return Noise(depth=depth, walk=values["walk"], jolt=values["jolt"])
+        return Noise(depth, values["random_walk"], values["acceleration"])
 
     def filtered(self, x: Array) -> list[Filtered]:
         """Return the filter's run along every stretch."""
@@ -116,7 +116,7 @@ class Likelihood:
             neutral = self.model.base.V_0
             if not record.volume_absolute:  # neutral at the first sample, whatever psi is
                 neutral += (self.model.base.psi - values["psi"]) * float(record.depth[0])
-            std = math.hypot(std, noise.walk * math.sqrt(float(s.time[0])))
+            std = math.hypot(std, noise.random_walk * math.sqrt(float(s.time[0])))
         return Start(
             depth=float(s.depth[0]), speed=0.0, neutral=neutral, depth_std=3.0 * noise.depth,
             speed_std=_SPEED_STD, neutral_std=std,
@@ -142,7 +142,7 @@ class Likelihood:
         total = sum(f.log_likelihood for f in self.filtered(x)) + self.prior(x)
         return float(total) if math.isfinite(total) else -1e12
 
-    def told(self, x: Array) -> tuple[Array, Array]:
+    def scores(self, x: Array) -> tuple[Array, Array]:
         """Return the gradient [samples, quantities] of every sample's log likelihood at x, and the
         information [quantities, quantities] of all, priors left out.
 

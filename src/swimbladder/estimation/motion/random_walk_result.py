@@ -1,4 +1,4 @@
-"""An identification whose neutral volumes walk: numbers from the innovations' likelihood."""
+"""An identification whose neutral volumes are random walks: by the innovations' likelihood."""
 
 from __future__ import annotations
 
@@ -13,46 +13,54 @@ from swimbladder.estimation.motion.estimates import Estimate
 from swimbladder.estimation.motion.identifiability import LIMIT
 from swimbladder.estimation.motion.model import NAMES, Model
 from swimbladder.estimation.motion.random_effects import FEWEST, between_logs
-from swimbladder.estimation.motion.random_walk import WalkFit
+from swimbladder.estimation.motion.random_walk import RandomWalkFit
 from swimbladder.estimation.motion.result import Finding, Identification
 from swimbladder.estimation.motion.vehicle_update import identified_vehicle
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["with_walk"]
+__all__ = ["with_random_walk"]
 
-_CONSTANT = ("trade-off", "not told", "profile", "prior", "step-size trend", "drift", "model")
+_CONSTANT = (
+    "trade-off",
+    "not identifiable",
+    "profile",
+    "prior",
+    "step-size trend",
+    "drift",
+    "model",
+)
 
 
-def with_walk(
-    found: Identification, walk: WalkFit, vehicle: Vehicle, model: Model,
+def with_random_walk(
+    found: Identification, fit: RandomWalkFit, vehicle: Vehicle, model: Model,
     records: Sequence[Record],
 ) -> Identification:  # fmt: skip
-    """Return the identification with the walk's parameters in place of the output error's.
+    """Return the identification with the random walk's parameters, not the output error's.
 
-    Where the records are enough to tell, the vehicle also knows how logs differ, and is that of
-    the means over them. What is said of single logs stays that of constant neutral volumes. What
-    was said against these falls; what the walking ones do not tell is said instead.
+    With enough records the vehicle has their random effects too, and is that of the means over
+    them. Results of single logs stay those of constant neutral volumes. Findings on these are
+    dropped; parameters that are not identifiable with random walks are reported.
     """
-    values = walk.values
-    C = walk.covariance
+    values = fit.values
+    C = fit.covariance
     findings = [f for f in found.findings if f.kind not in _CONSTANT]
-    findings += [*_untold(walk, model), _told(walk)]
-    told = all(f.severity != "no" for f in findings)
+    findings += [*_not_identifiable(fit, model), _summary(fit)]
+    identified = all(f.severity != "no" for f in findings)
     size = np.sqrt(np.maximum(np.diag(C), 1e-300))
-    noise = walk.noise
-    new = found.result_vehicle if not told else identified_vehicle(
-        vehicle, model, values, walk.names, C, trim_error=_trim(found, vehicle),
-        depth_noise=noise.depth, neutral_std=_neutral_std(found), neutral_walk=noise.walk,
-        acceleration_noise=noise.jolt, logs=tuple(e.source for e in found.experiments),
+    noise = fit.noise
+    new = found.result_vehicle if not identified else identified_vehicle(
+        vehicle, model, values, fit.names, C, trim_error=_trim(found, vehicle),
+        depth_noise=noise.depth, neutral_std=_neutral_std(found), neutral_walk=noise.random_walk,
+        acceleration_noise=noise.acceleration, logs=tuple(e.source for e in found.experiments),
     )  # fmt: skip
-    if told and len(records) >= FEWEST:
+    if identified and len(records) >= FEWEST:
         new = between_logs(records, new)
         findings.append(_differ(new))
     held = {n: e for n, e in found.parameters.items() if e.origin == "set"}
     return replace(
-        found, names=walk.names, parameters={**walk.estimates, **held}, derived={},
+        found, names=fit.names, parameters={**fit.estimates, **held}, derived={},
         covariance=C, correlation=C / np.outer(size, size), profiles={}, choices=(),
-        findings=tuple(findings), depth_noise=noise.depth, walk=walk, result_vehicle=new,
+        findings=tuple(findings), depth_noise=noise.depth, random_walk=fit, result_vehicle=new,
         assumptions=(
             *found.assumptions,
             "the neutral volume of each log is a random walk; parameters by maximum likelihood of "
@@ -76,14 +84,14 @@ def _neutral_std(found: Identification) -> float:
     return float(np.std(errors, ddof=1)) if len(errors) > 1 else 0.0
 
 
-def _untold(walk: WalkFit, model: Model) -> list[Finding]:
+def _not_identifiable(fit: RandomWalkFit, model: Model) -> list[Finding]:
     found = []
-    for name, e in walk.estimates.items():
+    for name, e in fit.estimates.items():
         if not model.logarithmic(name) or _share(e) <= LIMIT:
             continue
         found.append(
             Finding(
-                "not told", "no",
+                "not identifiable", "no",
                 f"With the neutral volume as a random walk {name} is not identifiable: "
                 f"{'any factor' if not _share(e) < 10.0 else f'{100.0 * _share(e):.0f} %'} of "
                 "error. Give it a value (--set) or a prior (--prior), or add logs.",
@@ -114,14 +122,15 @@ def _share(e: Estimate) -> float:
     return e.std / abs(e.value) if e.value else math.inf
 
 
-def _told(walk: WalkFit) -> Finding:
+def _summary(fit: RandomWalkFit) -> Finding:
     minute = math.sqrt(60.0)
-    low, high = (1e6 * minute * end for end in walk.walk.ci95)
-    farthest = 1e6 * max(walk.travelled, default=0.0)
-    sure = "" if walk.drifts else ", which the logs do not require"
+    low, high = (1e6 * minute * end for end in fit.random_walk.ci95)
+    farthest = 1e6 * max(fit.travelled, default=0.0)
+    sure = "" if fit.drifts else ", which the logs do not require"
     return Finding(
-        "walk", "note",
+        "random_walk", "note",
         f"The neutral volume as a random walk{sure}: 1 sigma "
-        f"{1e6 * minute * walk.walk.value:.2g} cm3 after a minute (95 %: {low:.2g} to {high:.2g}; "
-        f"p = {walk.p_value:.1g} of a constant one); largest range in a log {farthest:.2g} cm3.",
+        f"{1e6 * minute * fit.random_walk.value:.2g} cm3 after a minute (95 %: {low:.2g} to "
+        f"{high:.2g}; p = {fit.p_value:.1g} of a constant one); largest range in a log "
+        f"{farthest:.2g} cm3.",
     )  # fmt: skip

@@ -15,7 +15,7 @@ from swimbladder.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from swimbladder.estimation.motion.posterior import Posterior
-    from swimbladder.estimation.motion.random_walk import WalkFit
+    from swimbladder.estimation.motion.random_walk import RandomWalkFit
 
 __all__ = ["Choice", "ExperimentFit", "Finding", "Identification", "Profile", "Severity"]
 
@@ -150,7 +150,7 @@ class Identification:
     notes: tuple[str, ...]  # of reading the logs
     depth_noise: float  # m
     result_vehicle: Vehicle = field(repr=False)
-    walk: WalkFit | None = None
+    random_walk: RandomWalkFit | None = None
     posterior: Posterior | None = None
 
     @property
@@ -204,6 +204,6 @@ class Identification:
             "assumptions": list(self.assumptions),
             "notes": list(self.notes),
             "depth_noise_m": self.depth_noise,
-            "walk": None if self.walk is None else self.walk.to_json(),
+            "random_walk": None if self.random_walk is None else self.random_walk.to_json(),
             "posterior": None if self.posterior is None else self.posterior.to_json(),
         }

@@ -25,8 +25,8 @@ from swimbladder.estimation.motion.per_log import each_experiment
 from swimbladder.estimation.motion.posterior import sample
 from swimbladder.estimation.motion.problem import VOLUME, Problem
 from swimbladder.estimation.motion.profiles import profile
-from swimbladder.estimation.motion.random_walk import fit_walk
-from swimbladder.estimation.motion.random_walk_result import with_walk
+from swimbladder.estimation.motion.random_walk import fit_random_walk
+from swimbladder.estimation.motion.random_walk_result import with_random_walk
 from swimbladder.estimation.motion.request import (
     assumptions,
     check_logs,
@@ -52,8 +52,9 @@ def identify(
     fixed: Mapping[str, float] | None = None, priors: Mapping[str, Prior] | None = None,
     drag: str | None = None, neutral_std: float = NEUTRAL_STD, speed_std: float = math.inf,
     drive: Drive | None = None, bottom_depth: float = math.inf, surface_margin: float = 0.1,
-    profiles: bool = True, choices: bool = True, walk: bool = False, posterior: int | None = None,
-    columns: Sequence[Column] = (), advance: Callable[[float], None] | None = None,
+    profiles: bool = True, choices: bool = True, random_walk: bool = False,
+    posterior: int | None = None, columns: Sequence[Column] = (),
+    advance: Callable[[float], None] | None = None,
 ) -> Identification:  # fmt: skip
     """Return the parameters that make the vehicle's model meet all logs together, with intervals.
 
@@ -63,13 +64,13 @@ def identify(
     or blended, the vehicle's own where not given. neutral_std: 1 sigma [m3] of what is known of a
     log's neutral volume, inf for nothing; speed_std: of its speed at the start about 0 [m/s].
     drive: volume or voltage; bottom_depth [m]; surface_margin: samples less than this below the
-    depth of emergence are left out [m]. walk: the neutral volumes walk at random, and the numbers
-    are those of the innovations' likelihood. posterior: seed of draws from it (needs emcee).
+    depth of emergence are left out [m]. random_walk: the neutral volumes are random walks, and the
+    numbers those of the innovations' likelihood. posterior: seed of draws from it (needs emcee).
     columns: the water of casts, one for all logs or one for each; none: of constant density.
     advance: told the share of the work done since last called.
 
-    Raises InputError where logs, names and vehicle do not go together. What the data do not tell is
-    among the findings, and Identification.vehicle raises NoAnswerError then.
+    Raises InputError where logs, names and vehicle do not go together. What is not identifiable
+    is among the findings, and Identification.vehicle raises NoAnswerError then.
     """
     fixed, priors = dict(fixed or {}), dict(priors or {})
     tell = advance or (lambda _: None)
@@ -92,19 +93,20 @@ def identify(
     )  # fmt: skip
     tell(0.05)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        share = 0.3 if walk or posterior is not None else 1.0
+        share = 0.3 if random_walk or posterior is not None else 1.0
         found = _answer(
             problem, vehicle, records, advance=lambda part: tell(share * part),
-            profiles=profiles and not walk, choices=choices and not walk, posterior=posterior,
+            profiles=profiles and not random_walk, choices=choices and not random_walk,
+            posterior=posterior,
         )  # fmt: skip
-        if not walk:
+        if not random_walk:
             return found
-        walked = fit_walk(
+        walked = fit_random_walk(
             records, vehicle, free=names, fixed=fixed, priors=priors, drag=model.law,
             neutral_std=neutral_std, bottom_depth=bottom_depth,
         )  # fmt: skip
         tell(0.6)
-        return with_walk(found, walked, vehicle, model, records)
+        return with_random_walk(found, walked, vehicle, model, records)
 
 
 def _answer(

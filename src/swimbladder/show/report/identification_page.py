@@ -11,7 +11,7 @@ from typing import Any
 from swimbladder import __version__
 from swimbladder.estimation.motion import NAMES, Choice, ExperimentFit, Identification
 from swimbladder.estimation.motion.paper_method import PaperFits
-from swimbladder.estimation.motion.random_walk import WalkFit
+from swimbladder.estimation.motion.random_walk import RandomWalkFit
 from swimbladder.show.plots.identify import labels
 from swimbladder.show.report.html import render
 from swimbladder.show.report.text import Row, correlations, findings, headlines, reading, row, rows
@@ -68,7 +68,7 @@ def page(
                 _log(label, e) for label, e in zip(labels(found), found.experiments, strict=True)
             ],
             "choices": [_choice(found, c) for c in found.choices],
-            "walk": None if found.walk is None else _walk(found.walk, labels(found)),
+            "random_walk": found.random_walk and _random_walk(found.random_walk, labels(found)),
             "paper": None if paper is None else _paper(paper, labels(found)),
             "figures": figures,
             "fits": [f for name, f in figures.items() if name.startswith("fits")],
@@ -149,15 +149,15 @@ def _value(name: str, value: float) -> str:
     return f"{_SYMBOL.get(name, name)} {rounded(shown)} {shown_unit(unit)}"
 
 
-def _walk(walk: WalkFit, names: Sequence[str]) -> dict[str, Any]:
-    """Return the walk's intensity, its evidence, and how far each log's neutral volume went."""
-    low, high = (1e6 * 60.0**0.5 * end for end in walk.walk.ci95)  # m3/s^0.5 to cm3/min^0.5
+def _random_walk(fit: RandomWalkFit, names: Sequence[str]) -> dict[str, Any]:
+    """Return the intensity, its evidence, and the range of each log's neutral volume."""
+    low, high = (1e6 * 60.0**0.5 * end for end in fit.random_walk.ci95)  # m3/s^0.5 to cm3/min^0.5
     return {
-        "intensity": rounded(1e6 * 60.0**0.5 * walk.walk.value, 2),
+        "intensity": rounded(1e6 * 60.0**0.5 * fit.random_walk.value, 2),
         "ci95": f"{rounded(low, 2)} to {rounded(high, 2)}",
-        "p": _small(walk.p_value),
+        "p": _small(fit.p_value),
         "rows": [
-            (name, rounded(1e6 * went, 2)) for name, went in zip(names, walk.travelled, strict=True)
+            (name, rounded(1e6 * went, 2)) for name, went in zip(names, fit.travelled, strict=True)
         ],
     }
 
