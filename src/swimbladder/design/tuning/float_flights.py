@@ -17,8 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.seawater import Column, uniform_column
+from swimbladder.sim.engine.rodas.names import Drive, Given, Note, Now, Table
 from swimbladder.sim.mission.core import kernel
-from swimbladder.sim.mission.core.names import Drive, Given, Note, Now, Row, Stage, Table
+from swimbladder.sim.mission.core.names import Row, Stage
 from swimbladder.sim.mission.prepare import Accuracy, Plan, first_state, make_plan
 from swimbladder.vehicle import Vehicle
 
