@@ -60,8 +60,7 @@ class LogColumn(Parameters):
 
     name: str = Field(min_length=1, description="its name in the header of the file")
     unit: str | None = Field(
-        None,
-        description="its unit; of times also iso, clock, tick or a pattern: %d.%m.%Y %H:%M:%S",
+        None, description="its unit; of times also iso, clock, tick or a pattern: %d.%m.%Y %H:%M:%S"
     )
     date: str | None = Field(
         None, min_length=1, description="column with the date, where this one has the time of day"

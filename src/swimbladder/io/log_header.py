@@ -99,11 +99,7 @@ def _starting(
 
 
 def _naming(
-    lines: list[str],
-    top: int,
-    form: LogFormat,
-    wanted: Sequence[Collection[str]],
-    path: str | Path,
+    lines: list[str], top: int, form: LogFormat, wanted: Sequence[Collection[str]], path: str | Path
 ) -> tuple[int, str]:
     """Return the first line that has the names wanted, else the one most like a header."""
     for at in range(top, len(lines)) if wanted else ():

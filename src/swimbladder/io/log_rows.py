@@ -44,11 +44,7 @@ class Rows:
     """The rows of a text below their header: a `Sheet`."""
 
     def __init__(
-        self,
-        data: bytes,
-        form: LogFormat,
-        path: str | Path,
-        wanted: Sequence[Collection[str]] = (),
+        self, data: bytes, form: LogFormat, path: str | Path, wanted: Sequence[Collection[str]] = ()
     ) -> None:
         """Find the header and the row of units; `wanted`: see `find_header`.
 

@@ -18,11 +18,7 @@ CONVENTIONS = "CF-1.11"
 
 
 def write(
-    path: str | Path,
-    dataset: xr.Dataset,
-    *,
-    title: str,
-    start: datetime.datetime | None = None,
+    path: str | Path, dataset: xr.Dataset, *, title: str, start: datetime.datetime | None = None
 ) -> Path:
     """Write a dataset with the attributes that CF asks of a file, and return the path.
 
@@ -50,6 +46,5 @@ def write(
     encoding |= {str(name): {"_FillValue": None} for name in stamped.coords}
 
     return write_through(
-        path,
-        lambda temporary: stamped.to_netcdf(temporary, engine="h5netcdf", encoding=encoding),
+        path, lambda temporary: stamped.to_netcdf(temporary, engine="h5netcdf", encoding=encoding)
     )

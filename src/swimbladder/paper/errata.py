@@ -95,11 +95,7 @@ ERRATA = (
 )
 
 SILENT = (
-    Erratum(
-        "Piston area A",
-        "Not printed; the pairs of dx and dV give 75 to 80 cm2.",
-        "75 cm2.",
-    ),
+    Erratum("Piston area A", "Not printed; the pairs of dx and dV give 75 to 80 cm2.", "75 cm2."),
     Erratum("Supply", "Not printed; a battery.", "A limit of 12 V."),
     Erratum("Water", "Neither density nor gravity are printed.", "1000 kg/m3 and 9.80665 m/s2."),
     Erratum(

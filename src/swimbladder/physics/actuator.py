@@ -172,10 +172,7 @@ def unified(actuator: Actuator, water: Water) -> UnifiedActuator:
         raise _not_known(actuator)
     motor, drive = actuator.motor, actuator.drive
     k_vm = speed_loss_coefficient(
-        B_m=motor.viscous_friction,
-        k_emf=motor.k_emf,
-        k_T=motor.torque_constant,
-        R=motor.resistance,
+        B_m=motor.viscous_friction, k_emf=motor.k_emf, k_T=motor.torque_constant, R=motor.resistance
     )
     return UnifiedActuator(
         inertia=motor.rotor_inertia + drive.reflected_inertia,

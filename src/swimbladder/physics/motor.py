@@ -20,12 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.actuator import unified
-from swimbladder.vehicle import (
-    Actuator,
-    ElectrohydraulicActuator,
-    ElectromechanicalActuator,
-    Water,
-)
+from swimbladder.vehicle import Actuator, ElectrohydraulicActuator, ElectromechanicalActuator, Water
 
 __all__ = [
     "FullMotor",
@@ -87,11 +82,7 @@ def speed_transfer(motor: FullMotor) -> tuple[tuple[float, ...], tuple[float, ..
     Fig. 3, of first order.
     """
     m = motor
-    denominator = (
-        m.L * m.inertia,
-        m.L * m.B + m.R * m.inertia,
-        m.R * m.B + m.k_T * m.k_emf,
-    )
+    denominator = (m.L * m.inertia, m.L * m.B + m.R * m.inertia, m.R * m.B + m.k_T * m.k_emf)
     return (m.k_T,), denominator if m.L > 0.0 else denominator[1:]
 
 

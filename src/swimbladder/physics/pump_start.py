@@ -28,14 +28,7 @@ from numpy.typing import NDArray
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.vehicle import Oil
 
-__all__ = [
-    "POLYTROPIC",
-    "LineCurves",
-    "PumpStart",
-    "line_compliance",
-    "line_curves",
-    "pump_start",
-]
+__all__ = ["POLYTROPIC", "LineCurves", "PumpStart", "line_compliance", "line_curves", "pump_start"]
 
 Array = NDArray[np.float64]
 Law = Callable[[Array], Array]

@@ -131,10 +131,7 @@ def _with_ballast(hull: Hull, volume: float) -> tuple[HullPart, ...]:
     Ballast is stiff: the first part then loses and gains as much volume as before.
     """
     if volume > 0.0:
-        return (
-            *hull.parts,
-            HullPart(name="added ballast", volume=volume, compressibility=0.0),
-        )
+        return (*hull.parts, HullPart(name="added ballast", volume=volume, compressibility=0.0))
     first = hull.parts[0]
     left = first.volume + volume
     if left <= 0.0:

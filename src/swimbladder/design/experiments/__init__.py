@@ -7,15 +7,7 @@
 
 from swimbladder.design.experiments.result import Design
 from swimbladder.design.experiments.run import DRIFT_STD, PAPER, design_experiment
-from swimbladder.io.plan import (
-    Expected,
-    Move,
-    Plan,
-    PlannedExperiment,
-    Trace,
-    load_plan,
-    plan_file,
-)
+from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace, load_plan, plan_file
 
 __all__ = [
     "DRIFT_STD",

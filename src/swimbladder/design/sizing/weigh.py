@@ -136,11 +136,7 @@ def _picked(paces: list[Weighed], which: NDArray[np.int64]) -> Weighed:
 
 
 def _at_pace(
-    batch: Batch,
-    asked: Needs,
-    water: Water,
-    pace: float,
-    limits: tuple[float, float, float],
+    batch: Batch, asked: Needs, water: Water, pace: float, limits: tuple[float, float, float]
 ) -> Weighed:
     """Return how each candidate does at one pace; largest rate and stall do not depend on it."""
     dive = asked.dive

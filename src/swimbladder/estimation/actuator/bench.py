@@ -14,12 +14,7 @@ from swimbladder.errors import InputError, LogError
 from swimbladder.estimation.actuator.noise import changes, quantum
 from swimbladder.io.logs import Log
 from swimbladder.physics.actuator import reduced
-from swimbladder.vehicle import (
-    ElectromechanicalActuator,
-    IdentifiedActuator,
-    Positioner,
-    Vehicle,
-)
+from swimbladder.vehicle import ElectromechanicalActuator, IdentifiedActuator, Positioner, Vehicle
 
 __all__ = ["Bench", "Driven", "Quantity", "bench", "piston_area"]
 

@@ -22,14 +22,7 @@ __all__ = ["SoftStart", "slewed", "soft_start"]
 
 Array = NDArray[np.float64]
 
-_RAMPS = (
-    0.3,
-    0.6,
-    1.0,
-    1.5,
-    2.0,
-    3.0,
-)  # of the fitted T1: a ramp to the largest voltage
+_RAMPS = (0.3, 0.6, 1.0, 1.5, 2.0, 3.0)  # of the fitted T1: a ramp to the largest voltage
 _SEEN = 15.0  # deviance by which it has to be better, of one parameter more and six trials
 
 

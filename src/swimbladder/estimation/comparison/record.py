@@ -14,12 +14,7 @@ from swimbladder.estimation.comparison.water import layers_of
 from swimbladder.io.logs import Log
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
-from swimbladder.vehicle import (
-    ElectromechanicalActuator,
-    IdentifiedActuator,
-    Positioner,
-    Vehicle,
-)
+from swimbladder.vehicle import ElectromechanicalActuator, IdentifiedActuator, Positioner, Vehicle
 
 __all__ = ["DRIVES", "Drive", "Record", "piston_area", "record"]
 

@@ -31,13 +31,7 @@ from swimbladder.io.float_log import FloatLog
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
 
-__all__ = [
-    "DeepIdentification",
-    "DiveFit",
-    "contradictions",
-    "identified_vehicle",
-    "identify_deep",
-]
+__all__ = ["DeepIdentification", "DiveFit", "contradictions", "identified_vehicle", "identify_deep"]
 
 Array = NDArray[np.float64]
 

@@ -48,10 +48,7 @@ _WIDE_NOISE = {"depth_noise": 0.3, "random_walk": 1.5, "acceleration_noise": 1.0
 
 
 def between_logs(
-    records: Sequence[Record],
-    vehicle: Vehicle,
-    *,
-    advance: Callable[[float], None] | None = None,
+    records: Sequence[Record], vehicle: Vehicle, *, advance: Callable[[float], None] | None = None
 ) -> Vehicle:
     """Return the vehicle with the means over the logs, and how these differ, in its [identified].
 

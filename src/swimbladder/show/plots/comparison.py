@@ -73,11 +73,7 @@ def _depth(c: Comparison, axes: Axes) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.99), ncols=4)
 
 
-_DRIVEN = {
-    "volume": "logged volume",
-    "voltage": "logged voltage",
-    "setpoint": "logged set-point",
-}
+_DRIVEN = {"volume": "logged volume", "voltage": "logged voltage", "setpoint": "logged set-point"}
 
 
 def _residual(c: Comparison, axes: Axes) -> None:

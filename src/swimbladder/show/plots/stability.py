@@ -12,15 +12,7 @@ from matplotlib.patches import Patch
 
 from swimbladder.design.stability.recover import Map, Verdict
 from swimbladder.design.stability.result import Stability
-from swimbladder.show.plots.style import (
-    BLACK,
-    BLUE,
-    ORANGE,
-    SKY,
-    VERMILION,
-    label_panels,
-    styled,
-)
+from swimbladder.show.plots.style import BLACK, BLUE, ORANGE, SKY, VERMILION, label_panels, styled
 
 __all__ = ["draw_recovery", "draw_robustness"]
 

@@ -81,11 +81,7 @@ class Flown:
             said.append(f"the supervisor took over at {self.latched:.0f} s: {self.reason}")
         else:
             said.append("the supervisor detected no fault")
-        names = (
-            "with the supervisor",
-            "without it",
-            "with full buoyancy 60 s after fault onset",
-        )
+        names = ("with the supervisor", "without it", "with full buoyancy 60 s after fault onset")
         for n, name in enumerate(names[: len(self.results)]):
             r = self.results[n]
             said.append(f"{name}: {self.outcome(n).words}, deepest {r.deepest:.1f} m, at the end "
