@@ -9,6 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from swimbladder.sim.closed_loop import Solution, drive, simulate
+from swimbladder.vehicle import Drag, PhysicalMotion
 from tests.oracle import closed_loop
 from tests.vehicles import (
     BLENDED,
@@ -101,6 +102,15 @@ def test_source_drag_and_hydraulic_work_against_quadrature(case: str) -> None:
     assert work + energy["leakage"] == pytest.approx(
         theirs.hydraulic, rel=1e-3, abs=2e-3 * abs(theirs.hydraulic) + 1e-6
     )
+
+
+def test_the_drag_of_a_hull_that_bobs_is_counted_in_steps_that_see_it() -> None:
+    """Its motion is exact at any step; a swing a sample long is too long for the drag's work."""
+    motion = PhysicalMotion(dry_mass=7.4, drag=Drag(law="linear", k_dl=0.1))
+    hull = paper().hull.model_copy(update={"waterplane_area": 3e-3, "height": 2.0})
+    s = under(paper(motion=motion, hull=hull), [3.0] * 200, depth=0.4)
+    assert s.depth[-1] < 0.0
+    assert s.books.relative_energy_residue < 1e-5
 
 
 def test_the_residue_falls_with_the_step_at_the_order_of_the_method() -> None:

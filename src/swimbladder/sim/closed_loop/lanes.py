@@ -51,7 +51,16 @@ from swimbladder.sim.engine.advance import DONE, advance
 from swimbladder.sim.engine.books import decays, enter
 from swimbladder.sim.engine.cache import compiled, inlined, part, shared, wide
 from swimbladder.sim.engine.chain import leap
-from swimbladder.sim.engine.modes import EPSILON, POSITIONER, V_MAX, V_MIN, first_mode
+from swimbladder.sim.engine.modes import (
+    A_S,
+    EMERGING,
+    EPSILON,
+    POSITIONER,
+    QUICK_BOBBING,
+    V_MAX,
+    V_MIN,
+    first_mode,
+)
 from swimbladder.sim.engine.sensor import Sensor, measured
 
 LAW_NOT_FINITE, OVER = 5, 6  # why a lane stopped, beside engine.advance: OVER by its hooks
@@ -209,6 +218,8 @@ def _leap_with_books(  # type: ignore[no-untyped-def]
             p[n] = S[(PLANT + n) * W_ + i]
         decays(p, mode, h, decay)
         kept[0], kept[1] = i, mode
+    if mode // 20 == EMERGING and h * h * p[A_S] > QUICK_BOBBING:
+        return False  # the drag's work wants smaller steps
     u = S[APPLIED * W_ + i]
     q1, v1, z1, w1, ok = leap_lane(S, W_, i, u, h, bend)
     if not ok:
