@@ -43,7 +43,7 @@ _NONE = 1e-12  # scale of a spread that is not there
 class Score(NamedTuple):
     """One parameter over many benches."""
 
-    told: int
+    significant: int
     held: int  # intervals that hold the truth
     pull: float  # standard deviation of error over std
     bias: float  # mean of error over std
@@ -124,8 +124,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with same_gains() if chosen.same else contextlib.nullcontext():
             found = score(case, chosen.benches, chosen.seed, four=chosen.four)
         for name, s in found.items():
-            share = 100.0 * s.held / s.told
-            print(f"  {name:28}{s.told:6d}{share:8.1f}%{s.pull:8.2f}{s.bias:8.2f}", flush=True)
+            share = 100.0 * s.held / s.significant
+            print(
+                f"  {name:28}{s.significant:6d}{share:8.1f}%{s.pull:8.2f}{s.bias:8.2f}", flush=True
+            )
 
 
 if __name__ == "__main__":

@@ -20,8 +20,8 @@ IN = MOTOR.K_in * (12.0 - MOTOR.dead_zone + MOTOR.load)
 @pytest.mark.parametrize("case", ["moves", "moves, speeds differ by 1 %", "moves, 10 % outliers"])
 def test_intervals_hold_the_truth_as_often_as_they_say(case):
     scores = score(case, 8, seed=21)
-    assert all(s.told >= 7 for s in scores.values())
-    told, held = sum(s.told for s in scores.values()), sum(s.held for s in scores.values())
+    assert all(s.significant >= 7 for s in scores.values())
+    told, held = sum(s.significant for s in scores.values()), sum(s.held for s in scores.values())
     assert binomtest(held, told, 0.95, alternative="less").pvalue > 0.001, scores
 
 

@@ -6,7 +6,14 @@ from scipy import stats
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from swimbladder.estimation.actuator.estimate import bounded, estimated, given, pool, shown, untold
+from swimbladder.estimation.actuator.estimate import (
+    bounded,
+    estimated,
+    given,
+    not_identifiable,
+    pool,
+    shown,
+)
 from swimbladder.estimation.actuator.noise import WHITE, autoregression, changes, quantum, spikes
 
 
@@ -106,7 +113,7 @@ def test_intervals():
     low, high = estimated(2.0, 0.1, "s", df=4.0, logarithmic=True).ci95
     assert (np.log(high / 2.0), low * high) == pytest.approx((2.776445 * 0.05, 4.0))
     assert given(3.0, "V").to_json()["origin"] == "set"
-    assert untold("V", "why").to_json() | {"ci95": None} == {
+    assert not_identifiable("V", "why").to_json() | {"ci95": None} == {
         "value": None, "std": None, "ci95": None, "unit": "V", "origin": "none", "why": "why",
     }  # fmt: skip
     assert bounded(0.0, 0.2, "s", "short").ci95 == (0.0, 0.2)

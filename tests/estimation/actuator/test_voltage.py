@@ -56,11 +56,11 @@ def test_intervals_hold_the_truth_as_often_as_they_say(case, logs):
     of the parameters; `studies.actuator` scores many more.
     """
     for name, s in score(case, logs, seed=11).items():
-        assert s.told > 0.95 * logs
+        assert s.significant > 0.95 * logs
         # a 95 % interval that fails this is off: one calibrated test in 1000 does
         either = "two-sided" if name == "T1" else "less"
-        assert binomtest(s.held, s.told, 0.95, alternative=either).pvalue > 0.001, (name, s)
-        assert abs(s.bias) < 4.0 / np.sqrt(s.told), (name, s)
+        assert binomtest(s.held, s.significant, 0.95, alternative=either).pvalue > 0.001, (name, s)
+        assert abs(s.bias) < 4.0 / np.sqrt(s.significant), (name, s)
 
 
 @pytest.mark.slow

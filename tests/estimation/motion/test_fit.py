@@ -81,12 +81,12 @@ def test_covariance_is_the_sandwich_written_out():
         log.depth[:] += coloured
     problem = problem_of(logs, ("K2", "T2"), fixed={"psi": 4.04e-6})
     found = fit(problem)
-    assert any(found.colour)
+    assert any(found.ar)
     A, B = np.zeros((problem.size,) * 2), np.zeros((problem.size,) * 2)
     for j, (a, b) in enumerate(zip(problem.rows[:-1], problem.rows[1:], strict=True)):
         X = np.sqrt(found.weight[a:b, None]) * found.slope[a:b] / found.noise[j]
         A += X.T @ X
-        B += X.T @ toeplitz(autocovariance(*found.noise_colour[j], b - a)) @ X
+        B += X.T @ toeplitz(autocovariance(*found.ar_noise[j], b - a)) @ X
     P = problem.prior_rows(found.x)[1]
     inverse = np.linalg.inv(A + P.T @ P)
     expected = inverse @ (B + P.T @ P) @ inverse

@@ -53,7 +53,7 @@ def test_eight_experiments_of_the_paper():
 def test_leaving_psi_out_is_noticed():
     found = identify(campaign(22, quantum=5e-3), FEUP_EM, fixed={"psi": 0.0}, profiles=False)
     assert found.parameters["K2"].value > 1.5 * 7935.54  # as the paper's own numbers give
-    assert {"model", "coloured", "step-size trend"} <= kinds(found)
+    assert {"model", "autocorrelated", "step-size trend"} <= kinds(found)
     model = next(f for f in found.findings if f.kind == "model")
     assert "psi estimated" in model.sentence
 

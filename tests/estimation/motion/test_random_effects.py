@@ -97,15 +97,15 @@ def test_the_means_stay_where_all_logs_agree(alike):
 
 def test_the_table_and_the_vehicle_say_the_same(different):
     found, _ = different
-    told = dict(zip(found.identified.names, found.identified.values, strict=True))
-    assert told["K2"] == pytest.approx(WEIGHT / found.drag.k_dl, rel=1e-12)
-    assert told["T2"] == pytest.approx(found.mass / found.drag.k_dl, rel=1e-12)
-    assert told["psi"] == found.hull.psi
+    log_likelihood = dict(zip(found.identified.names, found.identified.values, strict=True))
+    assert log_likelihood["K2"] == pytest.approx(WEIGHT / found.drag.k_dl, rel=1e-12)
+    assert log_likelihood["T2"] == pytest.approx(found.mass / found.drag.k_dl, rel=1e-12)
+    assert log_likelihood["psi"] == found.hull.psi
     # means of ten logs are known no better than a tenth of the variance between them
     C = np.array(found.identified.covariance)
     between = found.identified.between
     assert C[2, 2] == pytest.approx(1e-16 + between.psi**2 / 10, rel=1e-9)
-    assert C[0, 0] > (between.drag * told["K2"]) ** 2 / 10
+    assert C[0, 0] > (between.drag * log_likelihood["K2"]) ** 2 / 10
     assert np.linalg.eigvalsh(C / np.sqrt(np.outer(np.diag(C), np.diag(C)))).min() > 0.0
     assert read_model(Vehicle, vehicle_file(found), "written.toml") == found
 

@@ -6,7 +6,7 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from swimbladder.estimation.motion.noise import autoregression
-from swimbladder.estimation.motion.residual_autocorrelation import Colour, colours, information
+from swimbladder.estimation.motion.residual_autocorrelation import ArNoise, ar_noises, information
 
 
 def _designs():
@@ -35,10 +35,10 @@ def test_the_spread_of_coloured_estimates_is_not_underrated():
         scale = np.sqrt(left @ left / (len(left) - 5))  # as the fit has it
         parts = [left[:100] / scale, left[100:] / scale]
         seen = [autoregression(u) for u in parts]
-        found = colours(_designs(), parts, seen, inverse, np.zeros((5, 5)))
+        found = ar_noises(_designs(), parts, seen, inverse, np.zeros((5, 5)))
         spread = inverse @ information(_designs(), found) @ inverse * scale**2
         mended.append(spread[0, 0])
-        raw = [Colour(c, 1.0) for c in seen]
+        raw = [ArNoise(c, 1.0) for c in seen]
         plain.append((inverse @ information(_designs(), raw) @ inverse * scale**2)[0, 0])
     assert np.mean(plain) < 0.8 * exact
     assert np.mean(mended) == pytest.approx(exact, rel=0.12)
@@ -49,13 +49,13 @@ def test_white_noise_is_left_white():
     parts = [rng.normal(size=100), rng.normal(size=100)]
     X = np.concatenate(_designs())
     seen = [autoregression(u) for u in parts]
-    found = colours(_designs(), parts, seen, np.linalg.inv(X.T @ X), np.zeros((5, 5)))
-    assert found == (Colour((), 1.0), Colour((), 1.0))
+    found = ar_noises(_designs(), parts, seen, np.linalg.inv(X.T @ X), np.zeros((5, 5)))
+    assert found == (ArNoise((), 1.0), ArNoise((), 1.0))
     assert information(_designs(), found) == pytest.approx(X.T @ X)
 
 
 def test_information_is_the_product_written_out():
-    found = [Colour((0.5, 0.2), 1.7), Colour((), 1.0)]
+    found = [ArNoise((0.5, 0.2), 1.7), ArNoise((), 1.0)]
     X, Y = _designs()
     r = np.empty(100)  # autocorrelation by the recursion of Yule and Walker
     r[0], r[1] = 1.0, 0.5 / 0.8

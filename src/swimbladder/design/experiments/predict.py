@@ -14,10 +14,10 @@ from swimbladder.design.experiments.knowledge import Question, problem_of, told
 from swimbladder.design.experiments.setting import Setting
 from swimbladder.estimation.motion.estimates import Estimate, estimate
 from swimbladder.estimation.motion.fit import Fit
-from swimbladder.estimation.motion.identifiability import untold
+from swimbladder.estimation.motion.identifiability import not_identifiable
 from swimbladder.estimation.motion.model import NAMES
 from swimbladder.estimation.motion.problem import Problem
-from swimbladder.estimation.motion.residual_autocorrelation import Colour
+from swimbladder.estimation.motion.residual_autocorrelation import ArNoise
 from swimbladder.estimation.motion.result import Finding
 
 __all__ = ["Prediction", "predict"]
@@ -75,7 +75,7 @@ def predict(flights: Sequence[Flight], question: Question, setting: Setting) -> 
         covariance=C[:p, :p] * np.outer(per, per),
         sources=_sources(problem, C, data, P),
         **_drifted(problem, C, per, drifts, question, setting),
-        open=tuple(untold(problem, _fit(problem, x, J, data, P, C, setting))),
+        open=tuple(not_identifiable(problem, _fit(problem, x, J, data, P, C, setting))),
     )  # fmt: skip
 
 
@@ -128,7 +128,7 @@ def _fit(
     information: Array = data + P.T @ P
     return Fit(
         x=x, residual=np.zeros(n), weight=np.ones(n), noise=np.full(k, setting.depth_noise),
-        objective=0.0, slope=J * setting.depth_noise, colour=((),) * k,
-        noise_colour=(Colour((), 1.0),) * k,
+        objective=0.0, slope=J * setting.depth_noise, ar=((),) * k,
+        ar_noise=(ArNoise((), 1.0),) * k,
         information=information, covariance=C, data=data,
     )  # fmt: skip

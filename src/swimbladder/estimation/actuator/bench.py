@@ -176,7 +176,7 @@ def _for_the_motor(
         return voltage
     if vehicle is None:
         notes.append(
-            f"the log goes to {depth:.3g} m: without --vehicle, whose k_z/k_u would tell it, the "
+            f"the log goes to {depth:.3g} m: without --vehicle, with k_z/k_u, the "
             "load of the sea counts as part of the dead zone and the load"
         )
         return voltage

@@ -1,4 +1,4 @@
-"""What is told of a parameter, and how the estimates of several steps or logs make one."""
+"""The estimate of a parameter, and how those of several steps or logs are pooled."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ __all__ = [
     "bounded",
     "estimated",
     "given",
+    "not_identifiable",
     "pool",
     "shown",
     "shown_unit",
-    "untold",
 ]
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 class Estimate:
     """A value with its standard deviation and 95 % interval, in `unit`.
 
-    origin: data; set: given by the user; none: the logs do not tell, and `why` is the sentence
+    origin: data; set: given by the user; none: not identifiable, and `why` is the sentence
     that says so. Then value and std are None; the interval may still have an end.
     """
 
@@ -73,13 +73,13 @@ def given(value: float, unit: str) -> Estimate:
     return Estimate(value, 0.0, (value, value), unit, "set")
 
 
-def untold(unit: str, why: str) -> Estimate:
-    """Return that nothing is told."""
+def not_identifiable(unit: str, why: str) -> Estimate:
+    """Return an estimate without value: not identifiable."""
     return Estimate(None, None, (math.nan, math.nan), unit, "none", why)
 
 
 def bounded(low: float, high: float, unit: str, why: str) -> Estimate:
-    """Return that only an interval is told."""
+    """Return an estimate that is only an interval."""
     return Estimate(None, None, (low, high), unit, "none", why)
 
 

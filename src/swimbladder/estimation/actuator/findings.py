@@ -11,7 +11,7 @@ from swimbladder.estimation.actuator.result import Finding
 from swimbladder.estimation.actuator.soft_start import SoftStart
 from swimbladder.estimation.actuator.voltage_fit import VoltageFit
 
-__all__ = ["ASSUMPTIONS", "logs_differ", "of_moves", "of_voltage", "untold_of"]
+__all__ = ["ASSUMPTIONS", "logs_differ", "not_identifiable_finding", "of_moves", "of_voltage"]
 
 ASSUMPTIONS: Mapping[Driven, tuple[str, ...]] = {
     "voltage": (
@@ -35,7 +35,7 @@ _WIDE = 1.5  # times, by which an interval is wider
 _SEVERAL = 0.02  # differences, trends and shares that are worth a sentence
 
 
-def untold_of(name: str, estimate: Estimate) -> Finding:
+def not_identifiable_finding(name: str, estimate: Estimate) -> Finding:
     """Return the sentence for a parameter that was asked for and is not identifiable."""
     return Finding("not identifiable", f"{name} is not identifiable: {estimate.why}.", "no")
 
@@ -88,7 +88,7 @@ def of_voltage(
 
 def _of_gains(fit: VoltageFit) -> list[Finding]:
     """Return what is to be said of gains that differ, or may, from one move to the next."""
-    if fit.spread.told:
+    if fit.spread.significant:
         share = fit.spread.likely
         return [
             Finding(
@@ -161,11 +161,11 @@ def _of_ramps(fits: Sequence[MovesFit]) -> list[Finding]:
     ]
 
 
-def logs_differ(names: Sequence[str], told: Sequence[Mapping[str, Estimate]]) -> list[Finding]:
+def logs_differ(names: Sequence[str], per_log: Sequence[Mapping[str, Estimate]]) -> list[Finding]:
     """Return the sentence on parameters that differ between logs by more than chance."""
     ranges, most = [], 0.0
     for name in names:
-        known = [(f[name].value, f[name].unit) for f in told if name in f]
+        known = [(f[name].value, f[name].unit) for f in per_log if name in f]
         values = [value for value, _ in known if value is not None]
         most = max(most, max(values) / min(values) - 1.0) if min(values) > 0.0 else 1.0
         ranges.append(f"{name} from {shown(min(values), known[0][1])} to "

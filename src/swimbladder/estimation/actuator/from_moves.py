@@ -9,7 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from swimbladder.estimation.actuator.bench import Bench
-from swimbladder.estimation.actuator.estimate import Estimate, Pooled, estimated, pool, untold
+from swimbladder.estimation.actuator.estimate import (
+    Estimate,
+    Pooled,
+    estimated,
+    not_identifiable,
+    pool,
+)
 from swimbladder.estimation.actuator.moves import Move, moves
 from swimbladder.estimation.actuator.noise import spikes
 from swimbladder.estimation.actuator.plateau import Rate, rate_of
@@ -24,7 +30,7 @@ _WAYS = {1: "out", -1: "in"}
 
 @dataclass(frozen=True, kw_only=True)
 class MovesFit:
-    """What the moves of a log tell: by name and by direction; the moves; how much they differ."""
+    """Estimates from the moves of a log, by name and direction; the moves and their spread."""
 
     parameters: dict[str, Estimate]
     derived: dict[str, Estimate]
@@ -61,10 +67,10 @@ def fit_moves(bench: Bench) -> MovesFit:
         if begun.ramp is not None:
             ramps[f"{name}ward"] = begun.ramp
     parameters = {
-        "K1": untold(f"{unit}/V", _NO_VOLTAGE),
+        "K1": not_identifiable(f"{unit}/V", _NO_VOLTAGE),
         "T1": start.T1,
-        "dead_zone": untold("V", _NO_VOLTAGE),
-        "load_voltage": untold("V", _NO_VOLTAGE),
+        "dead_zone": not_identifiable("V", _NO_VOLTAGE),
+        "load_voltage": not_identifiable("V", _NO_VOLTAGE),
         **_both(pooled, unit),
     }
     starts = {k: (samples, fitted) for k, samples, fitted in start.fitted}
@@ -90,11 +96,11 @@ def _both(pooled: dict[int, Pooled], unit: str) -> dict[str, Estimate]:
     """Return rate, the geometric mean of both directions, and asymmetry, their ratio."""
     if not pooled:
         why = "no move at full speed is in the log"
-        return {"asymmetry": untold("-", why), "rate": untold(unit, why)}
+        return {"asymmetry": not_identifiable("-", why), "rate": not_identifiable(unit, why)}
     if len(pooled) == 1:
         ((way, one),) = pooled.items()
         why = f"the log has moves {_WAYS[way]}ward only"
-        return {"asymmetry": untold("-", why), "rate": one.estimate(unit)}
+        return {"asymmetry": not_identifiable("-", why), "rate": one.estimate(unit)}
     out, in_ = pooled[1], pooled[-1]
     a, b = out.std / out.mean, in_.std / in_.mean
     rate, ratio = math.sqrt(out.mean * in_.mean), out.mean / in_.mean
@@ -141,18 +147,18 @@ def _step(
 def together(fits: Sequence[dict[str, Estimate]]) -> tuple[dict[str, Estimate], dict[str, float]]:
     """Return the random-effects means over logs, and by name the probability of such differences.
 
-    What no log tells is taken from the first, with its reason.
+    A parameter that no log identifies is taken from the first, with its reason.
     """
     result: dict[str, Estimate] = {}
     chance: dict[str, float] = {}
     for name in dict.fromkeys(name for fit in fits for name in fit):
         all_ = [fit[name] for fit in fits if name in fit]
-        told = [e for e in all_ if e.value is not None and e.std is not None]
-        if len(told) < 2:
-            result[name] = told[0] if told else all_[0]
+        estimates = [e for e in all_ if e.value is not None and e.std is not None]
+        if len(estimates) < 2:
+            result[name] = estimates[0] if estimates else all_[0]
             continue
-        pooled = pool([e.value or 0.0 for e in told], [e.std or 0.0 for e in told])
-        positive = all((e.value or 0.0) > 0.0 for e in told)
-        result[name] = pooled.estimate(told[0].unit, positive=positive)
+        pooled = pool([e.value or 0.0 for e in estimates], [e.std or 0.0 for e in estimates])
+        positive = all((e.value or 0.0) > 0.0 for e in estimates)
+        result[name] = pooled.estimate(estimates[0].unit, positive=positive)
         chance[name] = pooled.p
     return result, chance

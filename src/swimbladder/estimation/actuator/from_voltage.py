@@ -11,8 +11,8 @@ from swimbladder.estimation.actuator.estimate import (
     bounded,
     estimated,
     given,
+    not_identifiable,
     shown,
-    untold,
 )
 from swimbladder.estimation.actuator.model import LOGARITHMIC, drive_of
 from swimbladder.estimation.actuator.profile import profile_of_T1
@@ -24,7 +24,7 @@ __all__ = ["by_direction", "covariance_of", "from_voltage", "steps_of"]
 
 
 def from_voltage(fit: VoltageFit, chosen: dict[str, float], unit: str) -> dict[str, Estimate]:
-    """Return K1, T1, dead_zone, load_voltage, asymmetry and rate; what is not told says why.
+    """Return K1, T1, dead_zone, load_voltage, asymmetry and rate; not identifiable ones say why.
 
     chosen: what the user has set; unit: of the position.
     """
@@ -32,17 +32,21 @@ def from_voltage(fit: VoltageFit, chosen: dict[str, float], unit: str) -> dict[s
         "K1": f"{unit}/s/V", "T1": "s", "dead_zone": "V", "load_voltage": "V", "asymmetry": "-",
         "rate": f"{unit}/s",
     }  # fmt: skip
-    values, told = fit.values, named(fit)
+    values, identified = fit.values, named(fit)
     found: dict[str, Estimate] = {}
     for name, of in units.items():
         if name in chosen:
             found[name] = given(chosen[name], of)
         elif name not in fit.problem.free:
-            found[name] = _rate(fit, told, of) if name == "rate" else untold(of, _ONE_WAY[name])
-        elif name == "T1" and (name in told or "K1" in told):
+            found[name] = (
+                _rate(fit, identified, of)
+                if name == "rate"
+                else not_identifiable(of, _ONE_WAY[name])
+            )
+        elif name == "T1" and (name in identified or "K1" in identified):
             found[name] = profile_of_T1(fit)
-        elif name not in told or ("K1" in fit.problem.free and "K1" not in told):
-            found[name] = untold(of, _blind(fit))
+        elif name not in identified or ("K1" in fit.problem.free and "K1" not in identified):
+            found[name] = not_identifiable(of, _blind(fit))
         else:
             logarithmic = name in LOGARITHMIC
             size = values[name] if logarithmic else fit.problem.top
@@ -69,9 +73,9 @@ _ONE_WAY = {
 }
 
 
-def _rate(fit: VoltageFit, told: tuple[str, ...], unit: str) -> Estimate:
-    if "K1" in fit.problem.free and "K1" not in told:
-        return untold(unit, _blind(fit))
+def _rate(fit: VoltageFit, identified: tuple[str, ...], unit: str) -> Estimate:
+    if "K1" in fit.problem.free and "K1" not in identified:
+        return not_identifiable(unit, _blind(fit))
     drive, top = drive_of(fit.values), fit.problem.top
     fastest = max(abs(steady_speed(top, drive)), abs(steady_speed(-top, drive)))
     why = (
@@ -81,7 +85,7 @@ def _rate(fit: VoltageFit, told: tuple[str, ...], unit: str) -> Estimate:
 
 
 def _blind(fit: VoltageFit) -> str:
-    """Return the sentence on what the logs cannot tell apart."""
+    """Return the sentence on what the logs cannot distinguish."""
     free, hit = fit.problem.free, (fit.blind**2).max(axis=1) > 0.02
     names = {name for name, one in zip(free, hit.tolist(), strict=True) if one}
     if {"K1", "T1"} <= names and "dead_zone" not in names:
@@ -104,20 +108,20 @@ def _and(names: set[str]) -> str:
 
 
 def by_direction(fit: VoltageFit, found: dict[str, Estimate], unit: str) -> dict[str, Estimate]:
-    """Return the gains and the edges of the dead zone outward and inward, where they are told."""
+    """Return the gains and the edges of the dead zone outward and inward, if identified."""
     values = fit.values
     result: dict[str, Estimate] = {}
 
-    def known(*names: str) -> bool:
+    def identified(*names: str) -> bool:
         return all(found[name].value is not None for name in names)
 
-    if known("K1", "asymmetry"):
+    if identified("K1", "asymmetry"):
         drive = drive_of(values)
         for name, value, sign in (("K1_out", drive.K_out, 0.5), ("K1_in", drive.K_in, -0.5)):
             result[name] = _along(
                 fit, value, value, f"{unit}/s/V", logarithmic=True, K1=1.0, asymmetry=sign
             )
-    if known("dead_zone", "load_voltage"):
+    if identified("dead_zone", "load_voltage"):
         for name, sign in (("threshold_out", 1.0), ("threshold_in", -1.0)):
             value = sign * values["load_voltage"] + values["dead_zone"]
             result[name] = _along(
@@ -128,14 +132,14 @@ def by_direction(fit: VoltageFit, found: dict[str, Estimate], unit: str) -> dict
 
 
 def covariance_of(fit: VoltageFit, found: dict[str, Estimate]) -> dict[str, dict[str, float]]:
-    """Return the covariance of what is told, in SI, by name."""
+    """Return the covariance of the identified parameters, in SI, by name."""
     values = fit.values
-    told = [n for n in fit.problem.free if found[n].value is not None]
-    sizes = {n: values[n] if n in LOGARITHMIC else fit.problem.top for n in told}
-    at = {n: fit.problem.free.index(n) for n in told}
+    identified = [n for n in fit.problem.free if found[n].value is not None]
+    sizes = {n: values[n] if n in LOGARITHMIC else fit.problem.top for n in identified}
+    at = {n: fit.problem.free.index(n) for n in identified}
     return {
-        a: {b: float(fit.covariance[at[a], at[b]]) * sizes[a] * sizes[b] for b in told}
-        for a in told
+        a: {b: float(fit.covariance[at[a], at[b]]) * sizes[a] * sizes[b] for b in identified}
+        for a in identified
     }
 
 

@@ -1,8 +1,8 @@
 """How much the gains of blocks differ from one another, and what that does to the estimates.
 
 Each block's gain is the common one and a part of its own, normal with a standard deviation that is
-the same for all: the spread. Few blocks hardly tell it, and blocks that are no more than the gains
-need not at all; what is left over then looks like noise alone, however much they differ. So the
+the same for all: the spread. Few blocks hardly determine it, and blocks that are no more than the
+gains need not at all; the residuals then look like noise alone, however much they differ. So the
 spread is not estimated and then believed: it has a prior, the data's restricted likelihood is laid
 over it, and the intervals are those of the mixture.
 """
@@ -36,15 +36,15 @@ class Spread:
     """What is known of the spread, a share, after seeing the data.
 
     shares: those tried; weights: their probabilities; sigmas: of the innovations [m]; information:
-    on what is turned, in units of the innovations, [trials, p, p]. told: whether the data show one;
-    likely: their estimate of it.
+    on what is turned, in units of the innovations, [trials, p, p]. significant: whether the data
+    show one; likely: their estimate of it.
     """
 
     shares: Array
     weights: Array
     sigmas: Array
     information: Array
-    told: bool
+    significant: bool
     likely: float
 
     @property
@@ -55,7 +55,7 @@ class Spread:
     def variances(self, basis: Array, direction: Array) -> Array:
         """Return for each share the variance along a direction.
 
-        Only what lies in the columns of `basis` [p, told] is told.
+        Only what lies in the columns of `basis` [p, known] is known.
         """
         w = basis.T @ direction
         inner = basis.T @ self.information @ basis
@@ -87,7 +87,7 @@ def slope(problem: Problem, q: Array) -> Array:
 
 
 def gains(problem: Problem, q: Array) -> Spread:
-    """Return what the data tell of the spread, of the problem made linear at q.
+    """Return the estimate of the spread, of the problem made linear at q.
 
     The problem's whitener is that of equal gains. The variance along each block's own gain is
     1 + (spread size/sigma)^2 times that of the noise; a block of several moves counts as so many.
@@ -144,5 +144,5 @@ def gains(problem: Problem, q: Array) -> Spread:
 
 
 def _gains_of(problem: Problem) -> int:
-    """Return how many of the parameters the gains of blocks have to tell."""
+    """Return how many of the parameters the gains of blocks have to determine."""
     return sum(n in ("K1", "asymmetry", "dead_zone", "load_voltage") for n in problem.free)

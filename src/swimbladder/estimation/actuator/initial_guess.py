@@ -69,7 +69,7 @@ def first_guess(benches: Sequence[Bench], free: Sequence[str]) -> dict[str, floa
     top = max(float(np.abs(b.voltage).max()) for b in benches if b.voltage is not None)
     if top == 0.0 or not len(rows):
         raise NoAnswerError(
-            "The logs have no voltage steps: nothing is told of the actuator. Apply voltages that "
+            "The logs have no voltage steps: the actuator is not identifiable. Apply voltages that "
             "last for several samples, of both signs and of two sizes or more, and log them."
         )
     u, v, n = rows.T
@@ -77,7 +77,7 @@ def first_guess(benches: Sequence[Bench], free: Sequence[str]) -> dict[str, floa
     driven = np.abs(u) > _IDLE * top
     if not any(map(_moves, benches)) or not driven.any() or size == 0.0:
         raise NoAnswerError(
-            "The actuator does not move in these logs, as far as its position tells: apply larger "
+            "The actuator does not move in these logs, by its position: apply larger "
             "voltages, for longer."
         )
     moving = driven & (np.abs(v) > 0.1 * size)
@@ -142,7 +142,8 @@ def tolerance(benches: Sequence[Bench]) -> float:
 def robustly(problem: Problem, guess: dict[str, float]) -> Array:
     """Return the free parameters, as they are turned, that bring most samples near.
 
-    The time constant is tried over all that the log could tell; the fit goes on from the best two.
+    The time constant is tried over the range that the log resolves; the fit goes on from the best
+    two.
     """
     from scipy.optimize import least_squares
 

@@ -52,11 +52,11 @@ def nine(
     """
     found = []
     for symbol, (unit, meaning) in NINE.items():
-        told = parameters.get(symbol)
-        if told is not None and told.value is not None:
-            source: Source = "logs" if told.origin == "data" else "set"
+        estimate = parameters.get(symbol)
+        if estimate is not None and estimate.value is not None:
+            source: Source = "logs" if estimate.origin == "data" else "set"
             origin = logs if source == "logs" else "given with --set"
-            found.append(Known(symbol, told.value, unit, meaning, source, origin))
+            found.append(Known(symbol, estimate.value, unit, meaning, source, origin))
             continue
         value, origin = _of_vehicle(symbol, vehicle)
         source = "not known" if value is None else "vehicle"

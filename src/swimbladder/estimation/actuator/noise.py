@@ -1,4 +1,4 @@
-"""What is left over of a position: its quantum, its outliers, and how it resembles its past."""
+"""The residual of a position: its quantum, its outliers, and how it resembles its past."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FAR = 5.0  # robust standard deviations beyond which a sample is an outlier
 
 
 def quantum(position: Array) -> float:
-    """Return the step between two positions that the sensor tells apart, 0 where it is not seen.
+    """Return the step between two positions that the sensor resolves, 0 where it is not seen.
 
     It is the smallest difference of neighbours, where at least nine tenths of all differences are
     its multiples.

@@ -32,7 +32,7 @@ def rate_of(bench: Bench, move: Move, T1: float = 0.0) -> Rate:
     """Return the mean speed between the first and the last sample of a move at full speed.
 
     A parabola is fitted, and an exponential of time constant T1 [s], with which the speed is still
-    on its way; what is left over is taken as an autoregression beside the quantum.
+    on its way; the residual is taken as an autoregression beside the quantum.
     """
     first = move.first
     t = bench.time[first : move.last + 1]

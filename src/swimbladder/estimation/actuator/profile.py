@@ -34,7 +34,7 @@ def profile_of_T1(fit: VoltageFit) -> Estimate:
         high = _crossing(root, begin, max(std, 0.3), _ONE_SIDED, offset=nothing)
         bound = math.exp(high)
         why = (
-            f"T1 is shorter than samples every {step:.3g} s can tell: below {bound:.3g} s with a "
+            f"T1 is shorter than samples every {step:.3g} s resolve: below {bound:.3g} s with a "
             "confidence of 95 %"
         )
         return bounded(0.0, bound, "s", why)

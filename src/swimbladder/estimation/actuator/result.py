@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Finding:
-    """A sentence for people; severity "no": something asked for is not told."""
+    """A sentence for people; severity "no": something asked for is not identifiable."""
 
     kind: str
     sentence: str
@@ -61,7 +61,7 @@ class Step:
 
 @dataclass(frozen=True, kw_only=True)
 class LogFit:
-    """What one log tells by itself; refusal: why it tells nothing."""
+    """The estimates from one log alone; refusal: why there are none."""
 
     source: str
     parameters: dict[str, Estimate]
@@ -70,10 +70,10 @@ class LogFit:
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorIdentification:
-    """The actuator as the logs tell it.
+    """The actuator as identified from the logs.
 
     parameters: K1, T1, dead_zone, load_voltage, asymmetry, rate, and derived: the same by
-    direction. asked: what has to be told for `identified` to hold. nine: the parameters of section
+    direction. asked: what has to be identifiable for `identified`. nine: the parameters of section
     2.3 and where each comes from. assumptions: what the numbers rest on, as sentences.
     """
 
@@ -95,12 +95,12 @@ class ActuatorIdentification:
 
     @property
     def identified(self) -> bool:
-        """Whether all that was asked for is told."""
+        """Whether all that was asked for is identified."""
         return all(self.parameters[name].value is not None for name in self.asked)
 
     @property
     def refusal(self) -> str:
-        """The sentences that say what is not told of what was asked for, and why."""
+        """The sentences on what was asked for and is not identifiable, with the reason."""
         return " ".join(f.sentence for f in self.findings if f.severity == "no")
 
     @property
@@ -135,22 +135,22 @@ class ActuatorIdentification:
         )
 
     def _actuator(self, vehicle: Vehicle) -> tuple[Actuator, dict[str, str]]:
-        """Return the actuator with what is told, and {parameter: field} of what is."""
-        told = {n: e.value for n, e in self.parameters.items() if e.value is not None}
+        """Return the actuator with the identified parameters, and {parameter: field} of them."""
+        estimates = {n: e.value for n, e in self.parameters.items() if e.value is not None}
         if isinstance(vehicle.actuator, Positioner):
-            if self.quantity != "piston" or "rate" not in told:
+            if self.quantity != "piston" or "rate" not in estimates:
                 return vehicle.actuator, {}
-            faster = vehicle.actuator.model_copy(update={"speed": told["rate"]})
+            faster = vehicle.actuator.model_copy(update={"speed": estimates["rate"]})
             return faster, {"rate": "actuator.speed"}
         names = {"K1": "K1", "K1A": "K1", "T1": "T1"}
-        if {"K1", "K1A"} & set(told):
+        if {"K1", "K1A"} & set(estimates):
             names["dead_zone"] = "dead_zone"
-        changed = {name: names[name] for name in told if name in names}
+        changed = {name: names[name] for name in estimates if name in names}
         if not changed:
             return vehicle.actuator, {}
         area = piston_area(vehicle) or 1.0  # no piston: K1 is then a volume rate
         plain = to_identified(vehicle.actuator, vehicle.water, piston_area=area)
-        numbers = {field: max(told[name], 0.0) for name, field in changed.items()}
+        numbers = {field: max(estimates[name], 0.0) for name, field in changed.items()}
         places = {name: f"actuator.{field}" for name, field in changed.items()}
         return plain.model_copy(update=numbers), places
 

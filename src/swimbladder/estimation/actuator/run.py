@@ -13,9 +13,9 @@ from swimbladder.estimation.actuator.estimate import Estimate
 from swimbladder.estimation.actuator.findings import (
     ASSUMPTIONS,
     logs_differ,
+    not_identifiable_finding,
     of_moves,
     of_voltage,
-    untold_of,
 )
 from swimbladder.estimation.actuator.from_moves import MovesFit, fit_moves, together
 from swimbladder.estimation.actuator.from_voltage import (
@@ -51,12 +51,12 @@ def identify_actuator(
     asked: Sequence[str] | None = None,
     advance: Callable[[float], None] | None = None,
 ) -> ActuatorIdentification:
-    """Return what the logs of one actuator tell of it, eqs (21)-(24).
+    """Return what the logs of one actuator identify, eqs (21)-(24).
 
     vehicle: its file gives the piston's area, the load of the sea, the supply, and what else is
-    known. fixed: {name: value} of PARAMETERS in SI, not fitted. asked: what has to be told; K1 and
-    T1 where the logs have a voltage, T1 and rate where they have positions alone, rate where they
-    have what was asked of a positioner. advance: told the share of the work done.
+    known. fixed: {name: value} of PARAMETERS in SI, not fitted. asked: what has to be identified;
+    K1 and T1 where the logs have a voltage, T1 and rate where they have positions alone, rate where
+    they have what was asked of a positioner. advance: told the share of the work done.
 
     Raises LogError or InputError for logs that cannot be used, NoAnswerError where nothing moves.
     """
@@ -78,10 +78,10 @@ def identify_actuator(
         if vehicle is not None and isinstance(vehicle.actuator, Positioner):
             asked = ("rate",)
         asked = tuple(name for name in asked if name not in fixed)
-    tell = advance or (lambda _: None)
+    report = advance or (lambda _: None)
     work = _voltage if driven == "voltage" else _moves
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        return work(benches, vehicle, fixed, tuple(asked), tell)
+        return work(benches, vehicle, fixed, tuple(asked), report)
 
 
 def _check_names(names: Sequence[str]) -> None:
@@ -132,11 +132,11 @@ def _voltage(
         advance(share)
     soft = soft_start(fit) if parameters["T1"].value is not None else None
     findings = of_voltage(fit, parameters, benches, soft)
-    told = [f.parameters for f in alone if f.parameters]
-    mean, chance = together(told) if len(told) > 1 else ({}, {})
+    per_log = [f.parameters for f in alone if f.parameters]
+    mean, chance = together(per_log) if len(per_log) > 1 else ({}, {})
     apart = [n for n, p in chance.items() if p < _DIFFERENT and parameters[n].origin == "data"]
     parameters |= {name: mean[name] for name in apart}
-    findings += logs_differ(apart, told)
+    findings += logs_differ(apart, per_log)
     covariance = covariance_of(fit, parameters)
     return _result(
         benches, vehicle, parameters, asked, findings, covariance,
@@ -148,7 +148,7 @@ def _voltage(
 
 
 def _alone(one: Bench, fixed: Mapping[str, float]) -> LogFit:
-    """Return what one of several logs tells by itself, or why it does not."""
+    """Return the estimates from one of several logs, or why there are none."""
     try:
         fit = fit_voltage([one], fixed)
     except NoAnswerError as error:
@@ -169,7 +169,7 @@ def _moves(
         advance(1.0 / len(benches))
     if not any(fit.steps for fit in fits):
         raise NoAnswerError(
-            "No move at full speed is in the logs: nothing is told of the actuator. Log moves "
+            "No move at full speed is in the logs: the actuator is not identifiable. Log moves "
             "long enough for six samples or more at full speed."
         )
     parameters, chance = together([fit.parameters for fit in fits])
@@ -209,7 +209,7 @@ def _result(
     **fields: object,
 ) -> ActuatorIdentification:
     missing = [n for n in asked if parameters[n].value is None]
-    findings = [*findings, *(untold_of(n, parameters[n]) for n in missing)]
+    findings = [*findings, *(not_identifiable_finding(n, parameters[n]) for n in missing)]
     one = benches[0]
     names = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
 

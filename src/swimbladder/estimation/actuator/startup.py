@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.estimation.actuator.bench import Bench
-from swimbladder.estimation.actuator.estimate import Estimate, bounded, estimated, untold
+from swimbladder.estimation.actuator.estimate import Estimate, bounded, estimated, not_identifiable
 from swimbladder.estimation.actuator.moves import Move
 from swimbladder.estimation.actuator.noise import WHITE, autoregression, spikes
 
@@ -34,7 +34,7 @@ _LEAST = 15  # samples
 _NOTHING = 0.02  # of the time between samples: a T1 that is none
 _TRIALS = 9  # of T1, and of t0
 _GROSS = 0.01  # of the travel: what no motor's start is off the model, a sample alone
-_TOO_SHORT = "the moves are too short to tell how they come to full speed"
+_TOO_SHORT = "the moves are too short to show how they come to full speed"
 _RAMP_SEEN = 10.0  # deviance by which a ramp has to be better: very strong evidence
 _CHI2 = 3.841  # of one degree of freedom, 95 %
 _ONE_SIDED = 2.706
@@ -92,7 +92,7 @@ def start_up(bench: Bench, moves: Sequence[Move]) -> StartUp:
         why = "no move begins from rest within the log"
         if bench.reference is not None:
             why = "what follows a reference is judged at full speed only"
-        return StartUp(T1=untold("s", why), ramp=None, fitted=())
+        return StartUp(T1=not_identifiable("s", why), ramp=None, fitted=())
     fit = _Fit([_window(bench, move) for _, move in shown], bench.step, bench.quantum)
     fitted = []
     for (k, move), window, travel in zip(shown, fit.windows, fit.travels(), strict=True):
@@ -171,7 +171,7 @@ class _Fit:
         return found
 
     def _one(self, window: _Window, log_T1: float, t0: float) -> Array:
-        """Return what is left over of a window, whitened, in units of its standard deviation."""
+        """Return the residual of a window, whitened, in units of its standard deviation."""
         columns = window.columns(t0, math.exp(log_T1), ramp=self.ramp)
         white = self.noise.whiten(np.column_stack([columns, window.travel]))
         basis, _ = np.linalg.qr(white[:, :-1])
@@ -244,22 +244,22 @@ class _Fit:
         return float(np.sum(self._residual(self._solve(self.best, log_T1)) ** 2))
 
     def estimate(self) -> Estimate:
-        """Return T1 with its interval, or the bound that is all the samples tell."""
+        """Return T1 with its interval, or its bound where the samples give no more."""
         least = float(np.sum(self._residual(self.best) ** 2))
         none = self._deviance(math.log(_NOTHING * self.step))
         inflation, df, information = self._information()
         if none - least < _CHI2 * inflation:
             bound = self._crossing(none + _ONE_SIDED * inflation)
             if bound > max(float(w.time[-1]) for w in self.windows):
-                return untold("s", _TOO_SHORT)
+                return not_identifiable("s", _TOO_SHORT)
             why = (
-                f"shorter than samples every {self.step:.3g} s can tell; below {bound:.3g} s with "
+                f"shorter than samples every {self.step:.3g} s resolve; below {bound:.3g} s with "
                 "a confidence of 95 %"
             )
             return bounded(0.0, bound, "s", why)
         std = math.sqrt(inflation / max(information, 1e-12))
         if std > 1.0:
-            return untold("s", _TOO_SHORT)
+            return not_identifiable("s", _TOO_SHORT)
         T1 = math.exp(self.best[0])
         return estimated(T1, T1 * std, "s", df=df, logarithmic=True)
 

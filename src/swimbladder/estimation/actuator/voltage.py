@@ -2,9 +2,9 @@
 
 What is made small is measured less simulated position, the simulation being exact (`response`).
 Each block has its own unknown start and a gain of its own about the common one, by as much as may
-be after seeing the log (`gains`); what is left over is an autoregression. Gross outliers are left
+be after seeing the log (`gains`); the residual is an autoregression. Gross outliers are left
 out. The standard deviations are those of the whitened problem, the interval of T1 comes from its
-profile likelihood, and what the sensitivities cannot tell apart is not told.
+profile likelihood, and what the sensitivities cannot distinguish is not identifiable.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 _ROUNDS = 4
 _FAR = 6.0  # robust standard deviations of all residuals beyond which a sample is an outlier
 _LIMIT_SEEN = 6.63  # deviance that a rate limit has to gain: 1 % by chance
-_VAGUE, _VAGUE_T1 = 0.15, 0.5  # standard deviations of what is turned that tell nothing
+_VAGUE, _VAGUE_T1 = 0.15, 0.5  # standard deviations of what is turned without information
 _SETTLED = 6.0  # T1 after which nobody knows how a run began
 _CLEARLY = 20.0  # squares of sigma by which a start at rest has to be better
 _LEVEL = 0.6  # of the steepest gain: the speeds level off
@@ -135,12 +135,12 @@ def _refine(problem: Problem, q: Array) -> VoltageFit:
     lost = len(q) + len(np.unique(problem.block[problem.used]))
     sigma = math.sqrt(float(residual @ residual) / max(len(residual) - lost, 1))
     sigma = max(sigma, FINEST * tolerance(problem.benches))
-    covariance, told, blind = _covariance(jacobian, sigma, problem.free)
+    covariance, known, blind = _covariance(jacobian, sigma, problem.free)
     return VoltageFit(
         problem=problem,
         q=q,
         covariance=covariance,
-        told=told,
+        known=known,
         blind=blind,
         sigma=sigma,
         spread=spread,
@@ -193,18 +193,18 @@ def _leave_out(problem: Problem, q: Array) -> None:
 
 
 def _covariance(jacobian: Array, sigma: float, free: Sequence[str]) -> tuple[Array, Array, Array]:
-    """Return the covariance of what is told, and the directions that are and are not, in columns.
+    """Return the covariance, and the directions that are identifiable and not, in columns.
 
-    A direction is not told where its standard deviation exceeds a seventh of what is turned, or
-    for the time constant a half: there the quadratic picture ends.
+    A direction is not identifiable where its standard deviation exceeds a seventh of what is
+    turned, or for the time constant a half: there the quadratic picture ends.
     """
     limit = np.array([_VAGUE_T1 if name == "T1" else _VAGUE for name in free])
     _, singular, directions = np.linalg.svd(jacobian * limit, full_matrices=False)
     with np.errstate(divide="ignore"):
         std = np.where(singular > 1e-12 * singular[0], sigma / singular, np.inf)
-    told = std < 1.0
-    kept = directions[told] * std[told, None] * limit
-    return kept.T @ kept, (directions[told] * limit).T, directions[~told].T
+    known = std < 1.0
+    kept = directions[known] * std[known, None] * limit
+    return kept.T @ kept, (directions[known] * limit).T, directions[~known].T
 
 
 def _with_limit(fit: VoltageFit) -> VoltageFit | None:

@@ -1,4 +1,4 @@
-"""The fit to voltage steps: its values, their covariance, and what the logs do not tell."""
+"""The fit to voltage steps: its values, their covariance, and what is not identifiable."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _OUTLIER = 10.0  # deviance that leaving a sample out costs
 class VoltageFit:
     """The fit at its best.
 
-    q: free parameters as they are turned; covariance: of q; told, blind: directions of q that the
-    logs tell and do not, in columns; spread: what is known of how the gains of the blocks differ.
+    q: free parameters as they are turned; covariance: of q; known, blind: directions of q that are
+    identifiable and not, in columns; spread: what is known of how the gains of the blocks differ.
     residual: measured less fitted of every sample in a block [m], its start taken off.
     """
 
     problem: Problem
     q: Array
     covariance: Array
-    told: Array
+    known: Array
     blind: Array
     sigma: float  # m, of the innovations
     spread: Spread
@@ -43,17 +43,17 @@ class VoltageFit:
     def spread_along(self, direction: Array) -> tuple[float, float]:
         """Return standard deviation and half the 95 % interval along a direction of q."""
         std = math.sqrt(max(float(direction @ self.covariance @ direction), 0.0))
-        if not self.told.size or std == 0.0:
+        if not self.known.size or std == 0.0:
             return std, 1.96 * std
-        return std, self.spread.reach(self.spread.variances(self.told, direction))
+        return std, self.spread.reach(self.spread.variances(self.known, direction))
 
     @property
     def widened(self) -> float:
         """By how much gains that may differ widen the interval of the gain: 1, not at all."""
-        if "K1" not in self.problem.free or not self.told.size:
+        if "K1" not in self.problem.free or not self.known.size:
             return 1.0
         K1 = np.array([float(name == "K1") for name in self.problem.free])
-        variances = self.spread.variances(self.told, K1)
+        variances = self.spread.variances(self.known, K1)
         return self.spread.reach(variances) / (1.96 * math.sqrt(max(float(variances[0]), 1e-300)))
 
     @property
@@ -78,7 +78,7 @@ class VoltageFit:
 
     @property
     def noise(self) -> float:
-        """Standard deviation of what is left over, outliers aside [m]."""
+        """Standard deviation of the residuals, outliers aside [m]."""
         return float(self.residual[self.problem.used].std())
 
 

@@ -129,7 +129,7 @@ def look_ahead(
     cast. advance: told the share of the work done since it was last called.
     Raises LogError or InputError where log, vehicle and horizons do not go together.
     """
-    tell = advance or (lambda _: None)
+    report = advance or (lambda _: None)
     rec = record(
         log, vehicle, drive="volume", bottom_depth=bottom_depth, surface_margin=surface_margin,
         column=column,
@@ -140,13 +140,13 @@ def look_ahead(
     samples = Samples(rec.time, rec.volume, rec.depth, rec.compared.astype(np.int8), rec.layers)
     members = draw(spread, vehicle, rec)
     bank = filter_bank(samples, members)
-    tell(0.1)
+    report(0.1)
     free = filter_bank(samples, [_integrator(member) for member in members])
-    tell(0.1)
+    report(0.1)
     found = []
     for seconds, (origin, target) in zip(horizons, pairs, strict=True):
         found.append(_horizon(rec, bank, free, seconds, origin, target))
-        tell(0.8 / len(horizons))
+        report(0.8 / len(horizons))
     last = [float(values[-1]) for values in _noise(bank)]
     return Ahead(
         source=log.source, record=rec, horizons=tuple(found),
@@ -196,7 +196,7 @@ def _pairs(rec: Record, seconds: float) -> tuple[Index, Index]:
 
 
 def _noise(bank: Bank) -> tuple[Array, Array, Array]:
-    """Return depth noise, walk and acceleration noise after each sample: weighed mean squares."""
+    """Return depth noise, random walk and acceleration noise after each sample: weighted."""
     noise = [(m.noise.depth, m.noise.random_walk, m.noise.acceleration) for m in bank.members]
     depth, walk, acceleration = (np.sqrt(bank.weighed(x)) for x in np.square(noise).T)
     return depth, walk, acceleration

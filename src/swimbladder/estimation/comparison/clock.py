@@ -32,7 +32,7 @@ _ALIKE = (0.3, 3.0)  # of the vehicle's force: another vehicle of the kind, whos
 _FAR = (0.1, 10.0)
 _TOLD = 0.6  # of the variance: the motion is that of the volume
 _LEAST = 30  # samples
-_SMALL = 0.02  # m, less motion than which tells nothing
+_SMALL = 0.02  # m, less motion than which has no information
 
 
 def refuse_wrong_clock(
@@ -114,7 +114,7 @@ def _fits(time: Array, depth: Array, volume: Array, vehicle: Vehicle) -> _Fit:
     moved, forced = (y - loose @ np.linalg.lstsq(loose, y)[0] for y in (moved, forced))
     power, total = float(forced @ forced), float(moved @ moved)
     if power == 0.0 or total == 0.0:
-        return _Fit(1.0, 0.0)  # nothing drove it, or it did not move: nothing is told
+        return _Fit(1.0, 0.0)  # nothing drove it, or it did not move: no information
     shared = float(moved @ forced)
     return _Fit(shared / power, shared**2 / power / total)
 

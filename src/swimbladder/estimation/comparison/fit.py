@@ -27,7 +27,7 @@ _SHIFTS = [s * m for m in (3e-8, 1e-7, 3e-7, 1e-6, 3e-6) for s in (1.0, -1.0)]  
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fitted number, its standard deviation (None where the log does not tell) and unit.
+    """A fitted number, its standard deviation (None where it is not identifiable) and unit.
 
     The deviation allows for residuals that resemble their neighbours; it holds as far as the
     model is right, which it does not test.
@@ -94,7 +94,7 @@ def adjust(
             break
     spread = _spread(problem.residual(q, whole), problem.slope(q, whole)) * problem.scale
     spread[problem.at_limit(q)] = np.nan
-    # a deviation wider than all that is possible: the log cannot tell
+    # a deviation wider than all that is possible: not identifiable
     spread[spread > (problem.most - problem.least) * problem.scale] = np.nan
     values = q * problem.scale
     fitted = {

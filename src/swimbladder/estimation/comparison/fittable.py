@@ -12,7 +12,7 @@ __all__ = ["FITTABLE", "Fittable", "first_value", "limits", "put"]
 
 
 class Fittable(NamedTuple):
-    """A quantity that can be fitted: its unit, and a difference that a log tells."""
+    """A quantity that can be fitted: its unit, and a difference that a log shows."""
 
     unit: str
     scale: float

@@ -28,7 +28,7 @@ from swimbladder.estimation.kalman.depth_filter import (
 from swimbladder.estimation.kalman.kernels import HELD, predict_kernel
 from swimbladder.physics.dynamics import Plant
 
-__all__ = ["Bank", "Member", "filter_bank", "told"]
+__all__ = ["Bank", "Member", "filter_bank", "log_likelihood"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -39,7 +39,7 @@ _WORTH = 1e-3  # of the weight, below which a member is left out
 
 
 class Member(NamedTuple):
-    """A guess of all that is not known, as likely as any other before the log begins."""
+    """A guess of all unknowns, as likely as any other before the log begins."""
 
     plant: Plant
     noise: Noise
@@ -91,7 +91,7 @@ class Bank:
 
 def filter_bank(samples: Samples, members: Sequence[Member], *, gate: float = GATE) -> Bank:
     """Return what the members make of a log; equal weights before its first sample."""
-    likelihood = np.stack([told(samples, member, gate=gate) for member in members])
+    likelihood = np.stack([log_likelihood(samples, member, gate=gate) for member in members])
     weight = np.exp(likelihood - likelihood.max(axis=0))
     weight /= weight.sum(axis=0)
     rows, mean, covariance = [], [], []
@@ -120,7 +120,7 @@ def _drifted(samples: Samples, member: Member) -> Samples:
     return samples._replace(volume=samples.volume - member.drift * since)
 
 
-def told(samples: Samples, member: Member, *, gate: float = GATE) -> Array:
+def log_likelihood(samples: Samples, member: Member, *, gate: float = GATE) -> Array:
     """Return the log likelihood [n] of the depths up to each sample, those in contact included."""
     found = _run(samples, member, gate)
     held = found.fate == HELD

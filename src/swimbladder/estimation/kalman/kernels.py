@@ -88,10 +88,10 @@ def filter_kernel(  # type: ignore[no-untyped-def]
 
     use [n]: 1 counts, 0 is held with the contact's noise, -1 is not looked at. start [3], cov
     [3, 3]: state and covariance at the first instant, before its sample. noise: variance of the
-    depth [m2], of the depth in contact [m2], walk^2 [m6/s], jolt^2 [m2/s3], variance of the speed
-    in contact [m2/s2]. Fills the states before (`before` [n, 3], `spread` [n, 3, 3]) and after
-    (`mean`, `P`) each sample, F [n, 3, 3] into sample k, and for each sample error [m], variance
-    [m2], log likelihood and fate.
+    depth [m2], of the depth in contact [m2], random walk^2 [m6/s], acceleration^2 [m2/s3], variance
+    of the speed in contact [m2/s2]. Fills the states before (`before` [n, 3], `spread` [n, 3, 3])
+    and after (`mean`, `P`) each sample, F [n, 3, 3] into sample k, and for each sample error [m],
+    variance [m2], log likelihood and fate.
     """
     R, R_held, walk2, jolt2 = noise[0], noise[1], noise[2], noise[3]
     floor2 = (R_held, noise[4])

@@ -1,6 +1,6 @@
 """The vertical motion's parameters from measured logs, with what is known of their errors.
 
-`experiment` says which stretches of a log tell something, `problem` predicts them with their
+`experiment` says which stretches of a log are informative, `problem` predicts them with their
 derivatives, `fit` finds the most probable parameters, `identifiability` says what the data leave
 open, `profiles`, `model_selection` and `diagnose` examine the answer, `run` puts them together.
 """

@@ -1,6 +1,6 @@
 """Coordinates in which the search for K2 and T2 is nearly linear.
 
-The motion has K2/T2 and 1/T2 as the factors of buoyancy and drag. Where the data tell little of
+The motion has K2/T2 and 1/T2 as the factors of buoyancy and drag. Where the data say little of
 the drag, as beside a quadratic one, a step in the logarithm of T2 leads to no drag at all, and the
 way back is flat; in the rate 1/T2 the same step is right at once.
 """

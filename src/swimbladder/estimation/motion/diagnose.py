@@ -44,7 +44,7 @@ def drift(problem: Problem, fit: Fit, j: int) -> Estimate:
     information = float((weight * clean * s).sum())
     if information <= 0.0:
         return estimate(0.0, math.inf, "m3/s")
-    inflation = _inflation(fit.colour[j])
+    inflation = _inflation(fit.ar[j])
     value = float((weight * clean * fit.residual[part]).sum()) / information
     return estimate(value, math.sqrt(inflation / information), "m3/s")
 
@@ -73,7 +73,7 @@ def single_gains(problem: Problem, fit: Fit) -> list[tuple[float, float, float]]
         inverse = np.linalg.pinv(A / np.outer(size, size), rcond=1e-12) / np.outer(size, size)
         step = inverse @ (J[:, mine].T @ (weight * fit.residual[part]))
         at = mine.index(i)
-        std = math.sqrt(inverse[at, at] * _inflation(fit.colour[j])) * per
+        std = math.sqrt(inverse[at, at] * _inflation(fit.ar[j])) * per
         found.append((e.step(), sign * float(step[at]) * per, std))
     return found
 
@@ -83,7 +83,7 @@ def diagnose(
 ) -> list[Finding]:
     """Return what a person has to know of residuals, nuisances and plausibility."""
     return [
-        *_coloured(experiments),
+        *_autocorrelated(experiments),
         *_outliers(experiments),
         *_drifts(experiments),
         *_trend(problem, fit),
@@ -105,13 +105,13 @@ def _first(coefficients: tuple[float, ...]) -> float:
     return min(abs(sum(coefficients)), 0.99)
 
 
-def _coloured(experiments: tuple[ExperimentFit, ...]) -> list[Finding]:
+def _autocorrelated(experiments: tuple[ExperimentFit, ...]) -> list[Finding]:
     bad = [e for e in experiments if e.whiteness_p < 1e-3 / len(experiments)]
     if not bad:
         return []
     return [
         Finding(
-            "coloured", "note",
+            "autocorrelated", "note",
             f"In {len(bad)} of {len(experiments)} logs the residuals are autocorrelated: the model "
             "is incomplete there, or the sensor is filtered. The intervals allow for it as "
             "autocorrelated noise, not as a model error.",

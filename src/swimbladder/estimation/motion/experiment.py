@@ -1,4 +1,4 @@
-"""A record as an experiment: the stretches of it that tell something, and what drives them."""
+"""A record as an experiment: its informative stretches, and what drives them."""
 
 from __future__ import annotations
 

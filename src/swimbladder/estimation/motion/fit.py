@@ -23,7 +23,7 @@ from swimbladder.estimation.motion.noise import (
     weights,
 )
 from swimbladder.estimation.motion.problem import VOLUME, Problem
-from swimbladder.estimation.motion.residual_autocorrelation import Colour, colours, information
+from swimbladder.estimation.motion.residual_autocorrelation import ArNoise, ar_noises, information
 
 __all__ = ["Fit", "fit", "inverse_of", "refine"]
 
@@ -35,10 +35,10 @@ _OF_STRETCHES = 4  # rounds of stretches with gaps of one size
 _HOPELESS = 10.0  # against the noise of neighbouring samples: a model that is not the vehicle's
 _GROWN = 20.0  # times that an error grows over a record, from where on stretches are searched
 _TILES = (15.0, 30.0, 60.0, 120.0)  # s
-# Of what is left over, against the noise of neighbouring samples:
+# Of the residuals, against the noise of neighbouring samples:
 _CLEAN = 1.0  # there is nothing better to find
 _POOR = 3.0  # more starts are tried than a few
-_ENOUGH = 2  # starts, where what is left over is no worse than that
+_ENOUGH = 2  # starts, where the residuals are no worse than that
 _OF_70 = 0.5565  # root mean square of a normal variable of deviation 1 without its largest 30 %
 _FINEST = 1e-4  # m, below which no sensor measures
 
@@ -53,17 +53,17 @@ class Fit:
     noise: Array  # m, of each experiment
     objective: float  # minus twice the logarithm of the posterior, up to a constant
     slope: Array  # [rows, len(x)] m
-    colour: tuple[tuple[float, ...], ...]  # autoregression of each experiment's residual
-    noise_colour: tuple[Colour, ...]  # the same of the noise, of which the fit has followed a part
+    ar: tuple[tuple[float, ...], ...]  # autoregression of each experiment's residual
+    ar_noise: tuple[ArNoise, ...]  # the same of the noise, of which the fit has followed a part
     information: Array  # [len(x), len(x)], data and priors, as if the residual were white
     covariance: Array  # [len(x), len(x)], the residual as it is
-    data: Array  # [len(x), len(x)], information of the data alone, coloured residuals allowed for
+    data: Array  # [len(x), len(x)], information of the data alone, with autocorrelated residuals
 
 
 def fit(problem: Problem) -> Fit:
     """Return the best of the fits from the vehicle's own values and from a regression's.
 
-    Where an error of the start grows over a record, and where what is left over is above the noise
+    Where an error of the start grows over a record, and where the residuals are above the noise
     of neighbouring samples, the records are searched in stretches too.
     """
     starts = _starts(problem)
@@ -156,7 +156,7 @@ def _cost(problem: Problem, x: Array) -> float:
 
 
 def _excess(problem: Problem, noise: Array) -> float:
-    """Return what is left over, over the noise that neighbouring samples differ by.
+    """Return the residuals, over the noise that neighbouring samples differ by.
 
     Of the experiment that is worst; 1 is as much more as chance may make it.
     """
@@ -269,14 +269,14 @@ def finish(problem: Problem, x: Array) -> Fit:
     inverse = inverse_of(A + prior)
     left = [root[part] * residual[part] for part in rows]
     seen = tuple(autoregression(u) for u in left)
-    found = colours(slopes, left, seen, inverse, prior)
+    found = ar_noises(slopes, left, seen, inverse, prior)
     B = information(slopes, found)
     covariance = inverse @ (B + prior) @ inverse
     covariance = 0.5 * (covariance + covariance.T)  # so to the last digit
     return Fit(
         x=x, residual=residual, weight=weight, noise=noise,
         objective=_objective(problem, x, residual, noise), slope=slope,
-        colour=seen, noise_colour=found,
+        ar=seen, ar_noise=found,
         information=A + prior, covariance=covariance, data=A @ inverse_of(B) @ A,
     )  # fmt: skip
 

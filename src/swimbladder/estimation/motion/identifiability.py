@@ -1,4 +1,4 @@
-"""Whether the data can tell: directions of the parameters in which they say too little."""
+"""Identifiability: directions of the parameters on which the data have too little information."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.problem import Problem
 from swimbladder.estimation.motion.result import Finding
 
-__all__ = ["Direction", "directions", "untold"]
+__all__ = ["Direction", "directions", "not_identifiable"]
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ _KNOWN = 0.1
 
 
 class Direction(NamedTuple):
-    """A combination of the parameters, and how well the data alone tell it."""
+    """A combination of the parameters, and how well the data alone determine it."""
 
     parts: Array  # [p] of length 1
     std: float  # in shares of the parameters, or of their scales
@@ -49,7 +49,7 @@ def directions(problem: Problem, fit: Fit) -> list[Direction]:
     ]
 
 
-def untold(problem: Problem, fit: Fit) -> list[Finding]:
+def not_identifiable(problem: Problem, fit: Fit) -> list[Finding]:
     """Return a finding of severity no for every question that data and priors leave open."""
     p = problem.shared
     std = np.sqrt(np.diag(fit.covariance)[:p])

@@ -145,7 +145,7 @@ def check_names(names: Sequence[str], model: Model, *, voltage: bool, option: st
         elif name in ("K1", "T1") and "K1" not in model.values:
             what, remedy = "the vehicle's actuator has none", "Choose a vehicle of kind identified"
         elif name in ("K1", "T1") and not voltage:
-            what = "a logged volume does not tell the actuator's parameters"
+            what = "a logged volume does not identify the actuator"
             remedy = "Use `swimbladder identify-actuator`, or --drive voltage"
         elif name not in (*_OF_LAW[model.law], "psi", "K1", "T1"):
             what = f"the drag law {model.law} has no such parameter"

@@ -29,11 +29,11 @@ _DECISIVE = 10.0  # difference of the criterion, "very strong" in Kass and Rafte
 def choices(problem: Problem, fit: Fit, models: Mapping[str, Model]) -> tuple[Choice, ...]:
     """Return every drag law with psi as it is and otherwise, best first.
 
-    models: of the vehicle, by law. All see the same samples; each coloured residual counts as the
+    models: of the vehicle, by law. All see the same samples; autocorrelated residuals count as the
     number of independent samples that it is worth under the model reported.
     """
     counts = np.diff(problem.rows)
-    each = np.array([_worth(c, n) for c, n in zip(fit.colour, counts, strict=True)])
+    each = np.array([_worth(c, n) for c, n in zip(fit.ar, counts, strict=True)])
     # one for all logs: then the fit is also what is best by the criterion, and a model that holds
     # another is never less likely than it
     worth = float((each * counts).sum() / counts.sum())

@@ -1,4 +1,4 @@
-"""What is left over: how large, how much of it outliers, and how much alike its neighbours."""
+"""Residuals: their scale, outliers and autocorrelation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _KEPT, _CUT = 3.5, 6.0
 _OUTLIER = 2.0 * math.log(1.0 / 0.01) - math.log(2.0 * math.pi)  # of a density of 0.01/m
 _MOST_ORDER = 6
 _AT_70 = 1.0364333894937898  # of the absolute value of a normal variable, its 70th percentile
-# m; less is left over only in a simulation without noise, and how the volume goes between two
+# m; residuals are less only in a simulation without noise, and how the volume goes between two
 # samples, which the log does not say, costs as much.
 _SMALLEST = 1e-4
 

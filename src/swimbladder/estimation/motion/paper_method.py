@@ -109,7 +109,7 @@ def _one(e: ExperimentFit) -> PaperFit:
     first = max(3, int(np.argmax(np.abs(change) > 0.0)))
     record = Record(even - even[0], r.depth[:n], change, float(np.mean(r.depth[:first])))
     fits = [_kept(fit, record) for fit in (fit_speed, fit_depth)]
-    why = "a fit of it runs away" if None in fits else ""
+    why = "a fit of it diverges" if None in fits else ""
     return PaperFit(source=e.source, step=step, by_speed=fits[0], by_depth=fits[1], why=why)
 
 
@@ -132,13 +132,13 @@ def _sentence(
         why = "; ".join(dict.fromkeys(one.why for one in each))
         return f"The paper's way has no log here that it can be used on. Of each: {why}."
     number = "27" if depth is not None else "26"
-    told = (
+    text = (
         f"The paper's way (each log alone by eq. ({number}), averaged) gives K2 = "
         f"{rounded(fit.K2)} 1/m2/s and T2 = {rounded(fit.T2, 3)} s"
     )
     ours = [found.parameters.get(name) for name in ("K2", "T2")]
     if None in ours or not found.identified:
-        return f"{told}."
+        return f"{text}."
     off = [
         (name, 100.0 * (value / e.value - 1.0), value < e.ci95[0] or value > e.ci95[1])
         for name, value, e in zip(("K2", "T2"), (fit.K2, fit.T2), ours, strict=True)
@@ -146,8 +146,8 @@ def _sentence(
     ]
     words = " and ".join(f"{share:+.0f} % in {name}" for name, share, _ in off)
     if not any(outside for *_, outside in off):
-        return f"{told}, {words} from ours: inside our intervals."
+        return f"{text}, {words} from ours: inside our intervals."
     return (
-        f"{told}, {words} from ours and outside our interval: it leaves psi out and takes each log "
+        f"{text}, {words} from ours and outside our interval: it leaves psi out and takes each log "
         "as neutral at its first sample. That it leaves little over does not make it right."
     )

@@ -56,6 +56,6 @@ def _experiment(
         },
         drift=drift(problem, found, j), noise=float(found.noise[j]),
         rms=float(np.sqrt(np.mean(left**2))) if len(left) else math.nan,
-        ar=found.colour[j], whiteness_p=whiteness(np.sqrt(weight[e.used]) * found.residual[part]),
+        ar=found.ar[j], whiteness_p=whiteness(np.sqrt(weight[e.used]) * found.residual[part]),
         outliers=int((weight[e.used] < 0.5).sum()), step=e.step(), own_gain=gain,
     )  # fmt: skip

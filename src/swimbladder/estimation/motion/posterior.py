@@ -1,7 +1,7 @@
 """The full posterior of the vehicle's parameters, by sampling (an optional extra: emcee).
 
 What belongs to single experiments is integrated out at every point by Laplace's method, exactly
-where the depths are linear in it, so that the sampler walks in the few dimensions of the vehicle.
+where the depths are linear in it, so that the sampler moves in the few dimensions of the vehicle.
 """
 
 from __future__ import annotations
@@ -61,9 +61,9 @@ def sample(
 ) -> Posterior:  # fmt: skip
     """Return draws from the posterior around a fit, its noise and outliers' weights as they are.
 
-    The likelihood is flattened by as much as coloured residuals widen the intervals. steps: of
-    each of the walkers. advance: told the share of the work done since last called.
-    Raises InputError where emcee is not installed, NoAnswerError where the sampler does not settle.
+    The likelihood is flattened by as much as autocorrelated residuals widen the intervals. steps:
+    of each of the walkers. advance: told the share of the work done since last called. Raises
+    InputError where emcee is not installed, NoAnswerError where the sampler does not settle.
     """
     try:
         import emcee
@@ -134,7 +134,7 @@ class _Density:
             H = own.T @ own
             step = np.linalg.solve(H, own.T @ r)
             x[self.p :] += step
-            if np.abs(step).max() < _LINEAR:  # what is left over follows from the derivatives
+            if np.abs(step).max() < _LINEAR:  # the residuals follow from the derivatives
                 break
         left = r - own @ step
         sign, logdet = np.linalg.slogdet(H)

@@ -28,7 +28,7 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
     """Return the profile of the i-th parameter of the vehicle.
 
     The weights and the noise stay those of the fit. The deviance is scaled by how much wider
-    coloured residuals make the interval (the vertical adjustment of Chandler and Bate 2007).
+    autocorrelated residuals make the interval (the vertical adjustment of Chandler and Bate 2007).
     """
     root = np.sqrt(fit.weight) / np.repeat(fit.noise, np.diff(problem.rows))
     spread = math.sqrt(fit.covariance[i, i])

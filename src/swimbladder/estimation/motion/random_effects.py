@@ -26,7 +26,7 @@ from swimbladder.estimation.comparison.filter_prior import (
     unknowns,
 )
 from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.kalman.bank import told
+from swimbladder.estimation.kalman.bank import log_likelihood
 from swimbladder.estimation.kalman.depth_filter import Samples
 from swimbladder.vehicle import Between, Drag, Identified, IdentifiedMotion, Motion, Vehicle
 
@@ -39,7 +39,7 @@ _COUNT = 1023  # of filters for each log
 _ROUNDS = 200
 # How the values identified follow the drag: what a share more of it makes of them.
 _OF_DRAG = {"K2": -1.0, "T2": -1.0, "drag_quadratic": 1.0}
-_LEAST = 0.2  # of the wide deviation: so narrow one cannot be told from none by these filters
+_LEAST = 0.2  # of the wide deviation: so narrow one is as good as none to these filters
 # Wide: beside what the vehicle's file says where it says little.
 _WIDE_PSI = 4e-4  # 1/m, of the displaced volume
 _WIDE_DRAG = 0.4
@@ -53,7 +53,7 @@ def between_logs(
     """Return the vehicle with the means over the logs, and how these differ, in its [identified].
 
     vehicle: identified from these logs. Its psi, drag, trim and noise become the means of what the
-    logs have each, and the covariance holds that a few logs do not tell these exactly. advance:
+    logs have each, and the covariance allows for the few logs that they are from. advance:
     told the share of the work done since last called.
     Raises InputError where there are too few logs, or the vehicle was not identified.
     """
@@ -97,7 +97,7 @@ def _likelihoods(record: Record, vehicle: Vehicle, wide: Unknowns) -> Array:
         record.time, record.volume, record.depth, record.compared.astype(np.int8), record.layers
     )
     members = draw(wide, vehicle, record, count=_COUNT)
-    return np.array([told(samples, member)[-1] for member in members])
+    return np.array([log_likelihood(samples, member)[-1] for member in members])
 
 
 def _spread(place: Array, likelihood: Array) -> tuple[Array, Array]:

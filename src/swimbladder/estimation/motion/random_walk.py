@@ -90,12 +90,12 @@ def fit_random_walk(
     drag: str | None = None, neutral_std: float = math.inf, bottom_depth: float = math.inf,
     acceleration: bool = True, gate: float = GATE,
 ) -> RandomWalkFit:  # fmt: skip
-    """Return the parameters, noise and walk that maximise the likelihood of all innovations.
+    """Return the parameters, noise and random walk that maximise the likelihood of all innovations.
 
     free: names of NAMES that are estimated, those of the drag law and psi where not given; fixed:
     values in SI that are held; priors: by name, log-normal for positive quantities. drag: linear,
     quadratic or blended, the vehicle's own where not given. neutral_std: of every record's neutral
-    volume about the vehicle's at its start [m3]; inf: nothing is known. jolt: whether white
+    volume about the vehicle's at its start [m3]; inf: nothing is known. acceleration: whether white
     acceleration may stand for what the model leaves out.
 
     Raises InputError where names, records and vehicle do not go together, NoAnswerError where the
@@ -179,7 +179,7 @@ def _climb(likelihood: Likelihood, x: Array) -> tuple[Array, float]:
 
 
 def _noisier(likelihood: Likelihood, x: Array) -> Array:
-    """Return another start: noise of every kind is larger, but the walk small."""
+    """Return another start: noise of every kind is larger, but the random walk small."""
     y = x.copy()
     for i, q in enumerate(likelihood.quantities):
         if q.name in _UNITS:
@@ -222,7 +222,7 @@ def _outcome(
 def _interval(
     full: Likelihood, x: Array, best: float, ratio: float, found: Estimate, likelihood: Maker
 ) -> Estimate:
-    """Return the walk with the interval of its likelihood profile, down to 0 where that may be."""
+    """Return the random walk with the interval of its likelihood profile, which may include 0."""
     at = [q.name for q in full.quantities].index("random_walk")
     others = [q for q in full.quantities if q.name != "random_walk"]
     middle, begin = float(x[at]), np.delete(x, at)

@@ -1,4 +1,4 @@
-"""How sure a walk's fit is: information, and the scatter of what records and blocks say."""
+"""Covariance of a random walk's fit: information, and the scatter of the scores of blocks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The likelihood of records under a model whose neutral volume walks: by a Kalman filter.
+"""The likelihood of records whose neutral volume is a random walk, by a Kalman filter.
 
 Only stretches clear of surface and bottom count, and the filter starts anew in each: contact would
 make the likelihood jump, and says little.
@@ -171,7 +171,7 @@ def _samples(record: Record, vehicle: Vehicle) -> list[Samples]:
     """Return what the filter takes of a record: its stretches clear of contact."""
     if record.volume is None or record.drive != "volume":
         raise InputError(
-            "a walk of the neutral volume shows only where the logged volume drives the vehicle",
+            "a random walk of the neutral volume is seen where only the logged volume drives it",
             field="--drive", value=record.drive, remedy="Drive it with volume",
         )  # fmt: skip
     found = []

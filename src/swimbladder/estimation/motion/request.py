@@ -43,7 +43,7 @@ def check_logs(
 
 
 def check_motion(records: Sequence[Record]) -> None:
-    """Raise NoAnswerError where no vehicle of the records moved by what a sensor can tell."""
+    """Raise NoAnswerError where no vehicle of the records moved by what a sensor resolves."""
     ranges = [float(np.ptp(r.depth[r.compared])) for r in records]
     if max(ranges) < _STILL:
         raise NoAnswerError(

@@ -34,7 +34,7 @@ class Finding(NamedTuple):
 class Profile(NamedTuple):
     """How much worse the fit becomes as one parameter is held and all others follow.
 
-    deviance: twice the drop of the log likelihood, coloured residuals allowed for; 3.84 at the ends
+    deviance: twice the drop of the log likelihood, for autocorrelated residuals; 3.84 at the ends
     of the 95 % interval.
     """
 
@@ -49,8 +49,8 @@ class Profile(NamedTuple):
 class Choice:
     """A model of the same data: its drag law, what became of psi, and the evidence for it.
 
-    log_likelihood: coloured residuals counted as the fewer independent ones that they are worth.
-    weight: probability among the models tried, by the Bayesian information criterion.
+    log_likelihood: autocorrelated residuals counted as the fewer independent ones that they are
+    worth. weight: probability among the models tried, by the Bayesian information criterion.
     """
 
     drag: str
@@ -86,7 +86,7 @@ class ExperimentFit:
     start_depth [m] and start_speed [m/s] of its first stretch. weight: 0 where a sample is not
     used, less than 1 for outliers. ar: coefficients of the residual's autoregression. drift: of the
     neutral volume over the log [m3/s]. own_gain: logarithm of the gain (K2; of a quadratic drag its
-    inverse) of this log alone over that of all together, and its std; None where it tells none.
+    inverse) of this log alone over that of all together, and its std; None where it has none.
     """
 
     source: str
@@ -128,10 +128,10 @@ class Identification:
     """The parameters of a vehicle's vertical motion, how sure they are, and why.
 
     parameters: in the order of `names`; covariance [p, p] of their values in SI units. A parameter
-    that the data do not tell is in `parameters` with an interval that says so, and among the
+    that is not identifiable is in `parameters` with an interval that says so, and among the
     findings of severity no. derived: what follows from them. assumptions: priors and settings, in
-    sentences; priors and neutral_std [m3], infinite for none, as numbers. walk, posterior: where
-    they were asked for.
+    sentences; priors and neutral_std [m3], infinite for none, as numbers. random_walk, posterior:
+    where they were asked for.
     """
 
     names: tuple[str, ...]
@@ -155,7 +155,7 @@ class Identification:
 
     @property
     def identified(self) -> bool:
-        """Whether the data tell all that was asked."""
+        """Whether the data identify all that was asked."""
         return all(f.severity != "no" for f in self.findings)
 
     @property
@@ -165,33 +165,35 @@ class Identification:
         return self.result_vehicle
 
     def check(self) -> None:
-        """Raise NoAnswerError, with every reason, where the data do not tell all that was asked."""
+        """Raise NoAnswerError, with every reason, where not all that was asked is identifiable."""
         reasons = [f.sentence for f in self.findings if f.severity == "no"]
         if reasons:
             raise NoAnswerError(" ".join(reasons))
 
     def to_json(self) -> dict[str, Any]:
-        """Return it in SI units, ready for JSON; what the data do not tell has no number."""
-        told = self.identified
+        """Return it in SI units, ready for JSON; without numbers of what is not identifiable."""
+        identified = self.identified
         unknown = {"value": None, "std": None, "ci95": None}
         return {
             "vehicle": self.result_vehicle.name,
-            "identified": told,
+            "identified": identified,
             "drag": self.law,
             "parameters": {
-                name: e.to_json() if told or e.origin == "set" else {**e.to_json(), **unknown}
+                name: e.to_json() if identified or e.origin == "set" else {**e.to_json(), **unknown}
                 for name, e in self.parameters.items()
             },
             "derived": {
-                name: e.to_json() if told else {**e.to_json(), **unknown}
+                name: e.to_json() if identified else {**e.to_json(), **unknown}
                 for name, e in self.derived.items()
             },
             "names": list(self.names),
-            "covariance": self.covariance.tolist() if told else None,
+            "covariance": self.covariance.tolist() if identified else None,
             "correlation": self.correlation.tolist(),
             "experiments": [e.to_json() for e in self.experiments],
             "findings": [f._asdict() for f in self.findings],
-            "choices": [{**c.to_json(), **({} if told else {"values": {}})} for c in self.choices],
+            "choices": [
+                {**c.to_json(), **({} if identified else {"values": {}})} for c in self.choices
+            ],
             "profiles": {
                 name: {
                     "values": p.values.tolist(),

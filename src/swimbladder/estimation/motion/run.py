@@ -17,7 +17,7 @@ from swimbladder.estimation.motion.experiment import experiment
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.fit import fit as solve
 from swimbladder.estimation.motion.fit_estimates import derived, parameters
-from swimbladder.estimation.motion.identifiability import untold
+from swimbladder.estimation.motion.identifiability import not_identifiable
 from swimbladder.estimation.motion.model import default_names, model_of
 from swimbladder.estimation.motion.model_selection import choices as list_choices
 from swimbladder.estimation.motion.model_selection import judge, models_of
@@ -73,7 +73,7 @@ def identify(
     is among the findings, and Identification.vehicle raises NoAnswerError then.
     """
     fixed, priors = dict(fixed or {}), dict(priors or {})
-    tell = advance or (lambda _: None)
+    report = advance or (lambda _: None)
     check_logs(logs, neutral_std, speed_std, drive)
     waters = water_of_each(len(logs), columns)
     records = [
@@ -91,11 +91,11 @@ def identify(
         experiments, model, names, fixed=fixed, priors=priors, neutral_std=neutral_std,
         speed_std=speed_std,
     )  # fmt: skip
-    tell(0.05)
+    report(0.05)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         share = 0.3 if random_walk or posterior is not None else 1.0
         found = _answer(
-            problem, vehicle, records, advance=lambda part: tell(share * part),
+            problem, vehicle, records, advance=lambda part: report(share * part),
             profiles=profiles and not random_walk, choices=choices and not random_walk,
             posterior=posterior,
         )  # fmt: skip
@@ -105,7 +105,7 @@ def identify(
             records, vehicle, free=names, fixed=fixed, priors=priors, drag=model.law,
             neutral_std=neutral_std, bottom_depth=bottom_depth,
         )  # fmt: skip
-        tell(0.6)
+        report(0.6)
         return with_random_walk(found, walked, vehicle, model, records)
 
 
@@ -113,29 +113,31 @@ def _answer(
     problem: Problem, vehicle: Vehicle, records: Sequence[Record], *,
     advance: Callable[[float], None], profiles: bool, choices: bool, posterior: int | None,
 ) -> Identification:  # fmt: skip
-    tell, names, model = advance, problem.names, problem.model
+    report, names, model = advance, problem.names, problem.model
     found = solve(problem)
-    tell(0.35 if choices or profiles else 0.95)
-    findings: list[Finding] = untold(problem, found)
+    report(0.35 if choices or profiles else 0.95)
+    findings: list[Finding] = not_identifiable(problem, found)
     drawn: dict[str, Profile] = {}
     for i, name in enumerate(names):
         if profiles and not findings:
             drawn[name] = profile(problem, found, i)
-        tell(0.3 / len(names) * profiles)
+        report(0.3 / len(names) * profiles)
     listed = (
         list_choices(problem, found, models_of(vehicle, model.base.z_bottom)) if choices else ()
     )
-    tell(0.3 * choices)
+    report(0.3 * choices)
     each = each_experiment(problem, found)
     findings += judge(listed)
     findings += diagnose(problem, found, each, dry_mass=dry_mass(vehicle))
     turned = [f for f in findings if f.kind == "backwards"]
     findings = turned or findings  # what follows from it need not be said
-    values_told, fewer = parameters(problem, found, drawn)
+    estimates, fewer = parameters(problem, found, drawn)
     findings += [] if turned else fewer
     drawn_points = None
     if posterior is not None and not any(f.severity == "no" for f in findings):
-        drawn_points = sample(problem, found, seed=posterior, advance=lambda part: tell(2.0 * part))
+        drawn_points = sample(
+            problem, found, seed=posterior, advance=lambda part: report(2.0 * part)
+        )
     values = problem.named(found.x)
     per = problem.per_entry(found.x)
     p = problem.shared
@@ -143,7 +145,7 @@ def _answer(
     size = np.sqrt(np.diag(covariance))
     noise = float(np.sqrt(np.average(found.noise**2, weights=np.diff(problem.rows))))
     return Identification(
-        names=names, law=model.law, parameters=values_told,
+        names=names, law=model.law, parameters=estimates,
         derived=derived(problem, found), covariance=covariance,
         correlation=covariance / np.outer(size, size), experiments=each,
         findings=tuple(findings), choices=listed, profiles=drawn,

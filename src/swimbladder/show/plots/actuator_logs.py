@@ -27,7 +27,7 @@ _FEWEST = 5  # samples that show a speed
 
 @styled
 def draw_log(found: ActuatorIdentification, steps: Sequence[Step]) -> Figure:
-    """Return voltage, position and what is left over of the steps of one log, against time."""
+    """Return voltage, position and residuals of the steps of one log, against time."""
     driven = any(s.voltage is not None for s in steps)
     heights = [1.0, 2.4, 1.3] if driven else [2.4, 1.3]
     figure = Figure(figsize=(9.6, 5.2 if driven else 4.2))
@@ -125,12 +125,12 @@ def _steady(step: Step) -> list[tuple[float, float]]:
 
 def _by_move(found: ActuatorIdentification, scale: float, axes: Axes) -> None:
     shown = [(k, s) for k, s in enumerate(found.steps, start=1) if s.speed is not None]
-    for way, colour, marker in (("out", BLUE, "o"), ("in", ORANGE, "s")):
+    for way, color, marker in (("out", BLUE, "o"), ("in", ORANGE, "s")):
         own = [(k, s) for k, s in shown if s.label == f"{way}ward"]
         speeds = [scale * (s.speed or 0.0) for _, s in own]
         numbers = [k for k, _ in own]
         label = f"{way}ward" if own else None
-        axes.plot(numbers, speeds, marker, ms=4.5, mfc="none", color=colour, label=label)
+        axes.plot(numbers, speeds, marker, ms=4.5, mfc="none", color=color, label=label)
         for fit in found.logs:
             rate = fit.parameters.get(f"rate_{way}")
             moved = [k for k, s in own if s.source == fit.source]
@@ -138,8 +138,8 @@ def _by_move(found: ActuatorIdentification, scale: float, axes: Axes) -> None:
                 continue
             ends = [moved[0] - 0.5, moved[-1] + 0.5]
             low, high = (scale * x for x in rate.ci95)
-            axes.plot(ends, [scale * rate.value] * 2, color=colour, lw=1.2)
-            axes.fill_between(ends, low, high, color=colour, alpha=0.25, lw=0.0)
+            axes.plot(ends, [scale * rate.value] * 2, color=color, lw=1.2)
+            axes.fill_between(ends, low, high, color=color, alpha=0.25, lw=0.0)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("number of the move")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -35,15 +35,15 @@ def draw_ballasting(found: Ballasting) -> Figure:
         volume.axvline(1e6 * side, color=VERMILION, lw=1.2, ls="--", label=label)
     several = len(found.columns) > 1
     for k, (column, curve) in enumerate(zip(found.columns, found.curves, strict=True)):
-        colour = _SEAS[k % len(_SEAS)]
+        color = _SEAS[k % len(_SEAS)]
         named = f"neutral, {column.source}" if several else "neutral volume"
-        volume.plot(1e6 * curve.nominal, curve.depth, color=colour, label=named)
+        volume.plot(1e6 * curve.nominal, curve.depth, color=color, label=named)
         volume.fill_betweenx(
-            curve.depth, 1e6 * curve.low, 1e6 * curve.high, color=colour, alpha=0.25, lw=0.0,
+            curve.depth, 1e6 * curve.low, 1e6 * curve.high, color=color, alpha=0.25, lw=0.0,
             label=f"in {100.0 * found.wanted:g} % of cases" if k == 0 else None,
         )  # fmt: skip
-        density.plot(column.density, column.depth, color=colour)
-        temperature.plot(column.temperature, column.depth, color=colour)
+        density.plot(column.density, column.depth, color=color)
+        temperature.plot(column.temperature, column.depth, color=color)
     if found.wish.neutral_depth is not None:
         volume.plot(
             [1e6 * found.wish.volume], [found.wish.neutral_depth], "o", color=GREY, ms=6,

@@ -24,13 +24,13 @@ def draw_sensitivity(found: Sensitivity) -> Figure:
     panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
     rows = np.arange(len(names))[::-1]
     for axes, one in zip(panels, shown, strict=False):
-        for kind, low, colour, label in (
+        for kind, low, color, label in (
             ("first", 0.0, BLUE, "first order"), ("total", -_HIGH, SKY, "total"),
         ):  # fmt: skip
             value = np.array([getattr(index, kind) for index in one.indices])
             ends = np.array([getattr(index, f"{kind}_ci95") for index in one.indices])
             at = rows + low + 0.5 * _HIGH
-            axes.barh(at, value, height=_HIGH, color=colour, label=label)
+            axes.barh(at, value, height=_HIGH, color=color, label=label)
             axes.hlines(at, ends[:, 0], ends[:, 1], color=BLACK, lw=1.0)
         axes.axvline(0.0, color=BLACK, lw=0.6)
         axes.set_title(f"{one.name}\n", fontsize=10.0)

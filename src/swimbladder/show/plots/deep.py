@@ -31,10 +31,10 @@ def draw_deep(found: DeepIdentification) -> Figure:
     dives, imbalance = figure.subplots(2, 1)
     begin = 0.0
     for k, fits in enumerate(found.dives):
-        colour, hours = _DIVES[k % len(_DIVES)], (fits.dive.time - fits.dive.time[0]) / 3600.0
+        color, hours = _DIVES[k % len(_DIVES)], (fits.dive.time - fits.dive.time[0]) / 3600.0
         first = k == 0
         dives.plot(
-            begin + hours, fits.dive.pressure / _DBAR, ".", color=colour, ms=3.0,
+            begin + hours, fits.dive.pressure / _DBAR, ".", color=color, ms=3.0,
             label="measured" if first else None,
         )  # fmt: skip
         dives.plot(
@@ -42,7 +42,7 @@ def draw_deep(found: DeepIdentification) -> Figure:
             color=BLACK, lw=0.9, label="model from its first sample" if first else None,
         )  # fmt: skip
         imbalance.plot(
-            fits.dive.pieces.pressure / _DBAR, 1e6 * fits.imbalance, ".", color=colour, ms=3.0,
+            fits.dive.pieces.pressure / _DBAR, 1e6 * fits.imbalance, ".", color=color, ms=3.0,
             label=fits.dive.name.rpartition("/")[2],
         )  # fmt: skip
         begin += float(hours[-1]) + 2.0

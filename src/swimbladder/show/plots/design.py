@@ -29,7 +29,7 @@ from swimbladder.show.plots.style import (
 
 __all__ = ["draw_design", "draw_plan", "groups"]
 
-_COLOURS = (BLUE, VERMILION, GREEN, PURPLE)
+_COLORS = (BLUE, VERMILION, GREEN, PURPLE)
 _ACROSS = 3
 
 
@@ -113,9 +113,9 @@ def _after(design: Design, axes: Axes) -> None:
         sets.append((design.against, "--", "s", design.rival))
     for weighed, line, marker, label in sets:
         time = _times(weighed, design.setting.settling)
-        for name, colour in zip(names, _COLOURS, strict=False):
+        for name, color in zip(names, _COLORS, strict=False):
             shares = [np.nan if a[name] is None else a[name] for a in weighed.after]
-            axes.plot(time, 100.0 * np.array(shares, float), line, color=colour, marker=marker,
+            axes.plot(time, 100.0 * np.array(shares, float), line, color=color, marker=marker,
                       ms=3.5, lw=1.2, label=f"{_symbol(name)}, {label}")  # fmt: skip
     axes.set_yscale("log")
     axes.set_xlabel("pool time, settling included [min]")

@@ -119,9 +119,9 @@ def draw_versus(hover: Hovering, dive: Profiling, found: DriveEnergy) -> Figure:
 @styled
 def draw_fit(fit: PumpFit) -> Figure:
     """Return power and delivery of the runs over pressure with what was found, and the dives."""
-    told = "delivery" in fit.parameters
+    delivery = "delivery" in fit.parameters
     figure = Figure(figsize=(9.0, 4.2))
-    panels = list(figure.subplots(1, 2 + told))
+    panels = list(figure.subplots(1, 2 + delivery))
     r, kept = fit.runs, fit.kept
     p, t = r.pressure[kept], r.duration[kept]
     line = np.linspace(0.0, p.max(), 100)
@@ -134,7 +134,7 @@ def draw_fit(fit: PumpFit) -> Figure:
     power = fit.value("idle_power") + fit.value("power_per_pressure") * line
     panels[0].plot(line / 1e4, power, color=BLUE, label="found")
     panels[0].set_ylabel("electrical power [W]")
-    if told and r.volume is not None:
+    if delivery and r.volume is not None:
         rate = (r.volume[kept] + fit.value("start_volume")) / t * 1e6
         panels[1].plot(p / 1e4, rate, ".", color=SKY, ms=3.0, label="runs, start added")
         steady = fit.value("delivery") - fit.value("slip") * line
@@ -153,7 +153,7 @@ def draw_fit(fit: PumpFit) -> Figure:
                           label="10 %")  # fmt: skip
         last.plot(measured, predicted, "o", color=BLUE, ms=4.0, label="dives")
         last.set_xlabel("energy as logged [kJ]")
-        last.set_ylabel("as the other dives tell it [kJ]")
+        last.set_ylabel("predicted from the other dives [kJ]")
         last.set_xlim(0.0, ends[1])
         last.set_ylim(0.0, ends[1])
         last.legend(loc="upper left")

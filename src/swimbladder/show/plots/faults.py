@@ -54,9 +54,9 @@ def draw_campaign(flown: Campaign) -> Figure:
          "#BDBDBD"),
     )  # fmt: skip
     left = np.zeros(len(lines))
-    for label, counts, colour in parts:
+    for label, counts, color in parts:
         share = 100.0 * np.array(counts) / total
-        fate.barh(rows, share, left=left, color=colour, label=label, height=0.75)
+        fate.barh(rows, share, left=left, color=color, label=label, height=0.75)
         left += share
     fate.set_yticks(rows, [line.name for line in lines])
     fate.set_xlim(0.0, 100.0)
@@ -97,7 +97,7 @@ def draw_mission(flown: Flown) -> Figure:
         time, supervised[:, TRACE["depth_seen"]], color=ORANGE, lw=0.8, zorder=3,
         label="sensor",
     )  # fmt: skip
-    for rows, label, colour, style in zip(
+    for rows, label, color, style in zip(
         flown.rows[::-1],
         ("full buoyancy 60 s after fault onset", "without the supervisor", "supervised")[
             -len(flown.rows) :
@@ -108,8 +108,8 @@ def draw_mission(flown: Flown) -> Figure:
     ):  # fmt: skip
         t = tick * np.arange(len(rows))
         label += f", to {t[-1]:.0f} s" if t[-1] > shown else ""
-        depth.plot(t, rows[:, TRACE["depth"]], color=colour, ls=style, label=label)
-        volume.plot(t, 1e6 * rows[:, TRACE["volume"]], color=colour, ls=style)
+        depth.plot(t, rows[:, TRACE["depth"]], color=color, ls=style, label=label)
+        volume.plot(t, 1e6 * rows[:, TRACE["volume"]], color=color, ls=style)
     _frame(volume, [1e6 * rows[:, TRACE["volume"]] for rows in flown.rows])
     volume.plot(time, 1e6 * supervised[:, TRACE["volume_seen"]], color=ORANGE, lw=0.8, zorder=3)
     depth.plot(

@@ -1,4 +1,4 @@
-"""The fit to each log, and what is left over: in time, as a distribution, against itself."""
+"""The fit to each log, and its residuals: in time, as a distribution, against itself."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _FURTHEST = 8.0  # standard deviations that are drawn
 
 
 def labels(found: Identification) -> list[str]:
-    """Return a short name for each log: what tells it from the others."""
+    """Return a short name for each log: what distinguishes it from the others."""
     parts = [_parts(e.source) for e in found.experiments]
     one_file = len({path for path, _ in parts}) == 1
     short = []

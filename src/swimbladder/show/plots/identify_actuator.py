@@ -1,4 +1,4 @@
-"""Steps of an actuator, measured against fitted, with what is left over."""
+"""Steps of an actuator, measured against fitted, with residuals."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def draw_steps(found: ActuatorIdentification, source: str | None = None) -> Figu
 
 
 def _step(step: Step, number: int, scale: float, upper: Axes, lower: Axes) -> None:
-    """Draw a step above, of a long move its start only, and all that is left over below."""
+    """Draw a step above, of a long move its start only, and all residuals below."""
     t, start = step.time - step.time[0], step.position[step.used][:1].sum()
     part = slice(0, step.start or None)
     x, fitted, used = step.position[part] - start, step.fitted[part] - start, step.used[part]

@@ -178,8 +178,8 @@ def _profile(axes: Axes, found: Identification, name: str) -> None:
     )
     axes.axhline(Z95**2, color=GREY, lw=0.9, ls=":", label="95 %: 3.84")
     plain = estimate(e.value, e.std, e.unit, logarithmic=log)
-    for ends, colour, height in ((p.ci95, BLUE, -0.5), (plain.ci95, VERMILION, -1.15)):
-        _interval(axes, per, ends, colour, height)
+    for ends, color, height in ((p.ci95, BLUE, -0.5), (plain.ci95, VERMILION, -1.15)):
+        _interval(axes, per, ends, color, height)
     prior = found.priors.get(name)
     if prior is not None:
         limits = axes.get_xlim()
@@ -191,16 +191,14 @@ def _profile(axes: Axes, found: Identification, name: str) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(5))
 
 
-def _interval(
-    axes: Axes, per: float, ends: tuple[float, float], colour: str, height: float
-) -> None:
+def _interval(axes: Axes, per: float, ends: tuple[float, float], color: str, height: float) -> None:
     """Draw a 95 % interval as a bar, open where it does not end."""
     low, high = axes.get_xlim()
     at = [
         per * end if math.isfinite(end) else edge
         for end, edge in zip(ends, (low, high), strict=True)
     ]
-    axes.plot(at, [height, height], color=colour, lw=2.2, solid_capstyle="butt")
+    axes.plot(at, [height, height], color=color, lw=2.2, solid_capstyle="butt")
     for end, place in zip(ends, at, strict=True):
         if math.isfinite(end):
-            axes.plot([place, place], [height - 0.22, height + 0.22], color=colour, lw=1.6)
+            axes.plot([place, place], [height - 0.22, height + 0.22], color=color, lw=1.6)

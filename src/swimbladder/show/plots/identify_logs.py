@@ -71,8 +71,8 @@ def draw_gains(
     The gain is K2; where a vehicle has none, the ratio to that of all. Raises ValueError where no
     log has a gain of its own.
     """
-    told = [e for e in found.experiments if e.own_gain is not None]
-    if not told:
+    own = [e for e in found.experiments if e.own_gain is not None]
+    if not own:
         raise ValueError("no log has a gain of its own")
     absolute = "K2" in found.names
     joint = found.parameters["K2"].value if absolute else 1.0
@@ -89,9 +89,9 @@ def draw_gains(
         )
     ]  # fmt: skip
     axes.axhline(joint, color=BLUE, lw=1.0)
-    widest = max(e.step for e in told)
+    widest = max(e.step for e in own)
     for sinks, mark, label in ((False, "^", "rising"), (True, "v", "sinking")):
-        chosen = [e for e in told if _sinks(e) == sinks]
+        chosen = [e for e in own if _sinks(e) == sinks]
         if not chosen:
             continue
         gain, std = np.array([e.own_gain for e in chosen]).T
@@ -103,13 +103,13 @@ def draw_gains(
             capsize=2.5, mfc=BLUE if sinks else "white", label=f"each log alone, {label}, 95 %",
         )  # fmt: skip
         shown.append(bars)
-    for (label, points), mark, colour in zip(
+    for (label, points), mark, color in zip(
         (singles or {}).items(), ("s", "D"), (VERMILION, GREEN), strict=False
     ):
         x, y = np.array(points).T
-        shown += axes.plot(1e6 * x, y, mark, ms=5.0, mfc="none", mew=1.4, color=colour, label=label)
+        shown += axes.plot(1e6 * x, y, mark, ms=5.0, mfc="none", mew=1.4, color=color, label=label)
         average = float(y.mean())
-        shown.append(axes.axhline(average, color=colour, lw=1.0, ls="--", label="their average"))
+        shown.append(axes.axhline(average, color=color, lw=1.0, ls="--", label="their average"))
     axes.set(
         xlabel="size of the volume change [cm³]",
         ylabel=axis_label("K2") if absolute else "gain over that of all logs [-]",

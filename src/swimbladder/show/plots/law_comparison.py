@@ -29,7 +29,7 @@ from swimbladder.show.plots.style import (
 
 __all__ = ["draw_pareto", "draw_steps"]
 
-_COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
+_COLORS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
 _MARKERS = {"fast": "^", "quiet": "o"}
 _STYLES = {"fast": "-", "quiet": "--"}
 _SHOWN = ("step-down", "step-small", "step-large", "step-deep")
@@ -89,7 +89,7 @@ def _pareto(
             axes.axvline(a, color=GREY, lw=0.8, ls=":")
             axes.axhline(b, color=GREY, lw=0.8, ls=":")
         axes.plot(
-            a, b, color=_colour(comparison, row), marker=_MARKERS.get(row.who.tuning, "s"), ls="",
+            a, b, color=_color(comparison, row), marker=_MARKERS.get(row.who.tuning, "s"), ls="",
             ms=_size(comparison, row), mec="white", mew=0.6, zorder=3,
         )  # fmt: skip
     if bound is not None:
@@ -137,7 +137,7 @@ def draw_steps(comparison: LawComparison) -> Figure:
             trace = row.traces[name]
             kept = trace.time <= end
             axes.plot(
-                trace.time[kept], trace.depth[kept], color=_colour(comparison, row), lw=1.3,
+                trace.time[kept], trace.depth[kept], color=_color(comparison, row), lw=1.3,
                 ls=_STYLES.get(row.who.tuning, ":"),
             )  # fmt: skip
         band = 0.02 * abs(p.target - p.start)
@@ -161,8 +161,8 @@ def _laws(comparison: LawComparison) -> list[str]:
     return list(dict.fromkeys(row.who.law.name for row in comparison.rows))
 
 
-def _colour(comparison: LawComparison, row: Row) -> str:
-    return _COLOURS[_laws(comparison).index(row.who.law.name) % len(_COLOURS)]
+def _color(comparison: LawComparison, row: Row) -> str:
+    return _COLORS[_laws(comparison).index(row.who.law.name) % len(_COLORS)]
 
 
 def _size(comparison: LawComparison, row: Row) -> float:
@@ -174,7 +174,7 @@ def _keys(comparison: LawComparison, *, lines: bool) -> list[Line2D]:
     """Return a legend entry for each row, and one for the bound of the steps."""
     found = [
         Line2D(
-            [], [], color=_colour(comparison, row), label=row.who.name,
+            [], [], color=_color(comparison, row), label=row.who.name,
             marker="" if lines else _MARKERS.get(row.who.tuning, "s"),
             ls=_STYLES.get(row.who.tuning, ":") if lines else "", lw=1.3, mec="white", mew=0.6,
             ms=7.0,

@@ -73,12 +73,12 @@ def _depth(result: MissionResult, first: Array, unit: float, words: str, axes: A
     axes.plot(first[:, Row.T] / unit, first[:, Row.Z], color=BLUE, label="depth")
     notes = result.flight.notes
     notes = notes[notes[:, Drive.T] <= first[-1, Row.T]]
-    for what, colour, marker, name in (
+    for what, color, marker, name in (
         (Note.PUMP, VERMILION, "^", "pump starts"), (Note.VALVE, GREEN, "v", "valve opens"),
     ):  # fmt: skip
         some = notes[notes[:, Drive.WHAT] == what]
         if len(some):
-            axes.plot(some[:, Drive.T] / unit, some[:, Drive.Z], marker, color=colour, ms=4,
+            axes.plot(some[:, Drive.T] / unit, some[:, Drive.Z], marker, color=color, ms=4,
                       mew=0.0, label=name)  # fmt: skip
     depth_axis(axes)
     axes.set_xlabel(f"time in the first cycle [{words}]")
@@ -87,11 +87,11 @@ def _depth(result: MissionResult, first: Array, unit: float, words: str, axes: A
 
 def _speed(result: MissionResult, axes: Axes) -> None:
     table = speeds(result.flight)
-    for name, colour, words in (
+    for name, color, words in (
         ("sinking_m_s", BLUE, "sinking"), ("rising_m_s", VERMILION, "rising"),
     ):  # fmt: skip
         if np.isfinite(table[name]).any():
-            axes.plot(100.0 * table[name], table["depth_m"], color=colour, label=words)
+            axes.plot(100.0 * table[name], table["depth_m"], color=color, label=words)
     axes.set_xlim(left=0.0)
     depth_axis(axes)
     axes.set_xlabel("mean vertical speed [cm/s]")
@@ -135,10 +135,10 @@ def _power(result: MissionResult, count: int, unit: float, words: str, axes: Axe
     others = cycle(product(("-", "--", ":"), (BLUE, ORANGE, SKY, BLACK, GREY)))
     axes.set_yscale("log")
     for name, values in power.items():
-        style, colour = ("-", own[name]) if name in own else next(others)
+        style, color = ("-", own[name]) if name in own else next(others)
         # what is off is far below the axis: a run of seconds in days is a stroke, not a dot
         axes.step(t, np.where(values > 0.0, values, 1e-6 * least), style,
-                  where="post", color=colour, lw=1.2, label=name)  # fmt: skip
+                  where="post", color=color, lw=1.2, label=name)  # fmt: skip
     axes.set_ylim(0.5 * least, 2.0 * most)
     axes.set_ylabel("power [W]")
     axes.set_xlabel(f"time in the first cycle [{words}]")
@@ -154,13 +154,13 @@ def _energy(result: MissionResult, axes: Axes) -> None:
         axes.set_ylabel("pumped [cm³]")
         return
     below = np.zeros(len(columns["cycle"]))
-    for key, colour, words in (
+    for key, color, words in (
         ("pump_J", VERMILION, "pump"), ("valve_J", GREEN, "valve"),
         ("holding_J", PURPLE, "holding"), ("loads_J", GREY, "standby and loads"),
     ):  # fmt: skip
         values = columns[key] / 1e3
         if np.any(values != 0.0):
-            axes.bar(columns["cycle"], values, bottom=below, color=colour, label=words, width=0.9)
+            axes.bar(columns["cycle"], values, bottom=below, color=color, label=words, width=0.9)
             below = below + values
     axes.set_ylabel("energy per cycle [kJ]")
     if below.any():

@@ -77,12 +77,12 @@ def draw_procedure(run: PoolRun) -> Figure:
 def draw_speeds(experiments: Sequence[Experiment], fit: Fit) -> Figure:
     """Return Fig. 13: speed from the noisy depths, and as eq. (26) has it with one K2 and T2."""
     figure, panels = _rising_and_sinking("speed, positive down [m/s]")
-    for axes, colour, mark, e in _placed(experiments, panels):
+    for axes, color, mark, e in _placed(experiments, panels):
         r = e.record
         speed = centred_differences(r.depth, float(r.time[1] - r.time[0]))
-        axes.plot(r.time, speed, mark, ms=2.2, mew=0.0, alpha=0.55, color=colour)
+        axes.plot(r.time, speed, mark, ms=2.2, mew=0.0, alpha=0.55, color=color)
         model = response(r.time, r.volume, K2=fit.K2, T2=fit.T2)[1]
-        axes.plot(r.time, model, color=colour, label=_size(e))
+        axes.plot(r.time, model, color=color, label=_size(e))
     return _with_key(figure, panels)
 
 
@@ -90,11 +90,11 @@ def draw_speeds(experiments: Sequence[Experiment], fit: Fit) -> Figure:
 def draw_depths(experiments: Sequence[Experiment], fit: Fit) -> Figure:
     """Return Fig. 14: depth as the sensor said, and as eq. (27) has it with one K2 and T2."""
     figure, panels = _rising_and_sinking("depth [m]")
-    for axes, colour, mark, e in _placed(experiments, panels):
+    for axes, color, mark, e in _placed(experiments, panels):
         r = e.record
-        axes.plot(r.time, r.depth, mark, ms=2.2, mew=0.0, alpha=0.55, color=colour)
+        axes.plot(r.time, r.depth, mark, ms=2.2, mew=0.0, alpha=0.55, color=color)
         model = r.start + response(r.time, r.volume, K2=fit.K2, T2=fit.T2)[0]
-        axes.plot(r.time, model, color=colour, label=_size(e))
+        axes.plot(r.time, model, color=color, label=_size(e))
     for axes in panels:
         depth_axis(axes)
     panels[1].set_ylabel("")
@@ -116,7 +116,7 @@ def _rising_and_sinking(label: str) -> tuple[Figure, list[Axes]]:
 def _placed(
     experiments: Sequence[Experiment], panels: list[Axes]
 ) -> list[tuple[Axes, str, str, Experiment]]:
-    """Each experiment with its panel (rising left, sinking right), its colour and its mark."""
+    """Each experiment with its panel (rising left, sinking right), its color and its mark."""
     sizes = sorted({abs(e.dV) for e in experiments})
     return [
         (
@@ -154,11 +154,11 @@ def draw_neglect(
             [1e6 * abs(dV) for dV, _ in still], [getattr(f, name) for _, f in still],
             "-", color=BLACK, label="no noise, exactly neutral start",
         )  # fmt: skip
-        for step, mark, colour in (("b", "^", BLUE), ("d", "v", VERMILION)):
+        for step, mark, color in (("b", "^", BLUE), ("d", "v", VERMILION)):
             chosen = [(e, f) for e, f in zip(experiments, fits, strict=True) if e.step == step]
             axes.plot(
                 [1e6 * abs(e.dV) for e, _ in chosen], [getattr(f, name) for _, f in chosen],
-                mark, color=colour, label=f"step ({step}), with noise",
+                mark, color=color, label=f"step ({step}), with noise",
             )  # fmt: skip
         axes.axhline(getattr(truth, name), color=GREY, ls="--", label="of the simulated vehicle")
         axes.set(xlabel="size of the change of volume [cm³]", ylabel=label)

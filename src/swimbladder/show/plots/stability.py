@@ -16,7 +16,7 @@ from swimbladder.show.plots.style import BLACK, BLUE, ORANGE, SKY, VERMILION, la
 
 __all__ = ["draw_recovery", "draw_robustness"]
 
-_COLOURS = {
+_COLORS = {
     Verdict.NOT_ASKED: "#FFFFFF", Verdict.RECOVERED: BLUE, Verdict.SLOW: SKY,
     Verdict.UNSETTLED: ORANGE, Verdict.LOST: VERMILION,
 }  # fmt: skip
@@ -37,7 +37,7 @@ def draw_recovery(found: Stability) -> Figure:
         Verdict.SLOW: "later", Verdict.UNSETTLED: f"not in {3.0 * found.within:g} s",
         Verdict.LOST: "lost",
     }  # fmt: skip
-    handles: list[Any] = [Patch(color=_COLOURS[v], label=text) for v, text in labels.items()]
+    handles: list[Any] = [Patch(color=_COLORS[v], label=text) for v, text in labels.items()]
     lines = [axes.get_legend_handles_labels()[0] for axes in panels]
     handles += next((line[:1] for line in lines if line), [])
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
@@ -46,7 +46,7 @@ def draw_recovery(found: Stability) -> Figure:
 
 
 def _draw(axes: Axes, one: Map) -> None:
-    shades = ListedColormap([_COLOURS[v] for v in Verdict])
+    shades = ListedColormap([_COLORS[v] for v in Verdict])
     axes.pcolormesh(
         one.x, one.y, one.verdicts, cmap=shades, vmin=-0.5, vmax=len(Verdict) - 0.5,
         shading="nearest", rasterized=True,
@@ -73,12 +73,12 @@ def draw_robustness(found: Stability) -> Figure:
     panels = list(np.atleast_1d(figure.subplots(len(laws), 1, sharex=True)))
     for axes, law in zip(panels, laws, strict=True):
         own = [s for s in found.stood if s.law == law]
-        for delay, colour, mark in zip(
+        for delay, color, mark in zip(
             sorted({s.delay for s in own}), (BLUE, VERMILION), ("o-", "s--"), strict=False
         ):
             line = [s for s in own if s.delay == delay]
             axes.plot(
-                [s.gain for s in line], [100.0 * s.settled for s in line], mark, color=colour,
+                [s.gain for s in line], [100.0 * s.settled for s in line], mark, color=color,
                 label=f"{delay:g} s late" if delay else "nominal",
             )  # fmt: skip
         axes.set_ylim(-5.0, 105.0)

@@ -1,4 +1,4 @@
-"""How every picture looks: colours that all can tell apart, units on axes, depth downwards."""
+"""How every picture looks: colours that all can distinguish, units on axes, depth downwards."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def draw_tuning(tuning: Tuning) -> Figure:
     settle = tuning.nominal.settle_median
     volts = tuning.law.command == "voltage"
     end = min(step.duration, _LONG * settle) if settle > 0.0 else step.duration
-    for traces, colour, width, alpha, label in (
+    for traces, color, width, alpha, label in (
         (tuning.shown[1], ORANGE, 0.8, 0.7, f"over the region{', supply low' if volts else ''}"),
         (tuning.shown[0], BLUE, 1.8, 1.0, "nominal"),
     ):
@@ -47,7 +47,7 @@ def draw_tuning(tuning: Tuning) -> Figure:
             (depth, traces.depth), (volume, 1e6 * traces.volume),
             (voltage, traces.command * (1.0 if volts else 1e6)),
         ):  # fmt: skip
-            lines = axes.plot(traces.time[kept], values[kept], color=colour, lw=width, alpha=alpha)
+            lines = axes.plot(traces.time[kept], values[kept], color=color, lw=width, alpha=alpha)
             lines[0].set_label(label)
     band = 0.02 * abs(step.target - step.start)
     depth.axhspan(step.target - band, step.target + band, color=GREY, alpha=0.25, lw=0.0)

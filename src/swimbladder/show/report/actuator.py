@@ -23,7 +23,7 @@ from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.plots.actuator_logs import draw_log, draw_speeds, shows_speeds
 from swimbladder.show.plots.identify_actuator import draw_steps
 from swimbladder.show.plots.style import save
-from swimbladder.show.report.actuator_text import headlines, labels, pairs, rows, told, words
+from swimbladder.show.report.actuator_text import has_value, headlines, labels, pairs, rows, words
 from swimbladder.show.report.html import render
 from swimbladder.units import rounded, unit_factor
 
@@ -152,12 +152,12 @@ def _known(k: Known) -> dict[str, Any]:
 
 
 def _alone(found: ActuatorIdentification, fit: LogFit) -> list[dict[str, str]]:
-    """Return the rows of what one of several logs tells by itself."""
+    """Return the rows of the estimates from one of several logs."""
     if len(found.logs) == 1:
         return []
     return [
         words(name, e) for name, e in fit.parameters.items()
-        if e.origin == "data" and told(e)
+        if e.origin == "data" and has_value(e)
     ]  # fmt: skip
 
 
@@ -167,8 +167,8 @@ def _figures(
     """Return the pictures of one log."""
     whole = _figure(
         f"log-{number}", "The whole log.",
-        "Each stretch between two rests is fitted from an unknown start. A pattern in what is left "
-        "over is something that the model does not know.",
+        "Each stretch between two rests is fitted from an unknown start. A pattern in the "
+        "residuals is something that the model lacks.",
         draw_log(found, steps), folder,
     )  # fmt: skip
     each = _figure(

@@ -11,7 +11,7 @@ from swimbladder.estimation.motion import Estimate as Known
 from swimbladder.show.report.text import row
 from swimbladder.units import rounded, unit_factor
 
-__all__ = ["headlines", "labels", "pairs", "rows", "told", "words"]
+__all__ = ["has_value", "headlines", "labels", "pairs", "rows", "words"]
 
 _STRONG = 0.5  # correlation worth a line
 
@@ -28,7 +28,7 @@ MEANING = {
 }
 
 
-def told(e: Estimate) -> bool:
+def has_value(e: Estimate) -> bool:
     """Return whether there is a number."""
     return e.value is not None and e.std is not None
 
@@ -78,7 +78,7 @@ def headlines(found: ActuatorIdentification) -> list[str]:
 
 
 def _data(e: Estimate) -> bool:
-    return told(e) and e.origin == "data"
+    return has_value(e) and e.origin == "data"
 
 
 def _headline(name: str, e: Estimate) -> str:

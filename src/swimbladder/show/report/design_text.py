@@ -1,4 +1,4 @@
-"""A design in plain words: what to do, in which order, and what it will tell."""
+"""A design in plain words: what to do, in which order, and its predicted errors."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class Picture(NamedTuple):
 def check_folder(out: Path, vehicle: str | Path) -> None:
     """Raise InputError where writing into `out` would take a vehicle file that is not ours.
 
-    A vehicle.toml of an earlier run is replaced, or taken away where the data do not tell; the one
+    A vehicle.toml of an earlier run is replaced, or taken away where it is not identified; the one
     that is read, or one that something else wrote, is left alone.
     """
     target = out / VEHICLE
@@ -74,8 +74,8 @@ def write_identification(
     answer: the text of identify.json; command: how the page says that it was made; seconds: how
     long the fit took; paper: the paper's fits, to stand beside. advance: told the share of the work
     done. No vehicle is written where the
-    data do not tell all that was asked, and one of an earlier run is taken away. Raises InputError
-    where the folder cannot be written; whatever is in it then stays as it is.
+    data do not identify all that was asked, and one of an earlier run is taken away. Raises
+    InputError where the folder cannot be written; whatever is in it then stays as it is.
     """
     check_folder(out, "")
     drawn = pictures(found, paper)
@@ -188,7 +188,7 @@ def pictures(found: Identification, paper: PaperFits | None = None) -> list[Pict
             Picture(
                 "ellipses", "Which pairs of values go together",
                 "Regions that hold both values with 68 % and 95 %. A long, thin one is a "
-                "trade-off: the data tell one combination better than each value.",
+                "trade-off: the data determine one combination better than each value.",
                 lambda: confidence.draw_ellipses(found),
             )
         )  # fmt: skip

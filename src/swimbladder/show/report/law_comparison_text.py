@@ -131,12 +131,12 @@ def table_csv(comparison: LawComparison) -> str:
     """Return every result of every law on every scenario as CSV, in SI units."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    told = False
+    mentioned = False
     for row in comparison.rows:
         for name, r in row.results.items():
             numbers = result_json(r)
-            if not told:
+            if not mentioned:
                 writer.writerow(["law", "tuning", "scenario", *numbers])
-                told = True
+                mentioned = True
             writer.writerow([row.who.law.name, row.who.tuning, name, *numbers.values()])
     return text.getvalue()
