@@ -42,10 +42,10 @@ def wave(n: int, amplitude: float, offset: float = 0.0) -> list[float]:
 
 
 def balanced(s: Solution) -> None:
-    """Volume to 1e-12 of what was pumped and leaked, energy to 1e-3 of its throughput."""
+    """Volume to the rounding of 1e5 steps, energy to 1e-3 of its throughput."""
     books = s.books
     moved = max(books.volume["travel"], abs(books.volume["pumped"]), s.vehicle.stroke.maximum)
-    assert abs(books.volume_residue) <= 1e-12 * moved
+    assert abs(books.volume_residue) <= 1e-11 * moved
     assert books.volume["change"] == pytest.approx(s.volume[-1] - s.volume[0], rel=1e-12, abs=1e-22)
     assert books.relative_energy_residue <= 1e-3
 
