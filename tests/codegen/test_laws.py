@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from swimbladder.codegen.subset import read_law
@@ -24,6 +24,7 @@ from tests.codegen.laws import (
     split,
     twin_of,
 )
+from tests.examples import examples
 
 
 @pytest.fixture(params=LAWS, scope="module")
@@ -103,7 +104,7 @@ def _near(numbers: list[float], drawn: bytes) -> list[float]:
 
 
 @pytest.mark.slow
-@settings(max_examples=600)
+@examples(600)
 @given(data=st.data())
 def test_random_calls_are_equal_to_the_bit(name, compiled, data):
     law, parameters = twin_of(name), example(name).parameters

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from swimbladder.cli import main
@@ -37,6 +37,7 @@ from tests.codegen.pool_day import (
     pool_chip,
     said_by,
 )
+from tests.examples import examples
 from tests.vehicles import paper
 
 ODD = [math.nan, math.inf, -math.inf, -0.0, 0.0, 1e-45, 1e-39, 3e38, -3e38, 1.0]
@@ -185,7 +186,7 @@ _SEEN = st.builds(
 )  # fmt: skip
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.lists(st.tuples(_SEEN, st.integers(1, 80), st.booleans()), min_size=1, max_size=12))
 def test_anything_seen_is_met_as_by_the_twin(day, seen):
     beside = day_twin(library())

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from swimbladder.codegen.c99 import write_c99
@@ -21,6 +21,7 @@ from tests.codegen import odd
 from tests.codegen.build import STRICT, Compiled, run, write
 from tests.codegen.laws import bits
 from tests.codegen.odd import ODD, Found, OddParameters, OddState, Slope
+from tests.examples import examples
 
 TWIN = twin(ODD)
 # Eighths of small numbers: sums and products are exact in float32 as in Python's own floats.
@@ -34,7 +35,7 @@ def compiled(request, tmp_path_factory):
     return Compiled(ODD, tmp_path_factory.mktemp("odd"))
 
 
-@settings(max_examples=500)
+@examples(500)
 @given(
     parameters=st.builds(
         OddParameters, st.builds(Slope, EIGHTHS), EIGHTHS, EIGHTHS, EIGHTHS, COUNTS
@@ -50,7 +51,7 @@ def test_every_construct_means_what_it_means_in_python(parameters, state, seen, 
     assert bits(TWIN.initial(parameters, seen, reference)) == bits(first)
 
 
-@settings(max_examples=1000)
+@examples(1000)
 @given(
     numbers=st.lists(st.one_of(EIGHTHS, st.floats(width=32)), min_size=11, max_size=11),
     most=COUNTS, n=COUNTS, on=st.booleans(),

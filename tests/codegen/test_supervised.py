@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from swimbladder.codegen.clock import VehicleTwin
@@ -28,6 +28,7 @@ from swimbladder.vehicle import Sensors, Supervisor
 from tests.codegen import chip
 from tests.codegen.build import STRICT, Program, run
 from tests.codegen.laws import bits, changed, controlled, flat, split
+from tests.examples import examples
 from tests.vehicles import paper
 
 _CALLS = """\
@@ -192,7 +193,7 @@ def test_only_what_a_reset_finds_lost_since_the_last_push_turns_it(pushing, lost
     assert len(given) == (1 if turned or not pushing else 20)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(stretches=_STRETCHES, anew=st.booleans(), reference=st.sampled_from([3.0, math.nan]))
 def test_any_faults_are_met_as_by_the_twin_and_the_state_stays_finite(
     both, stretches, anew, reference

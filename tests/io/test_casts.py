@@ -7,7 +7,7 @@ import h5netcdf
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import netcdf_file
 
@@ -16,6 +16,7 @@ from swimbladder.io.cast_columns import CAST_COLUMNS, cast_unit, kind_of
 from swimbladder.io.cast_rows import legs
 from swimbladder.io.casts import read_cast
 from swimbladder.physics.seawater import cast_column
+from tests.examples import examples
 
 PLACE = {"latitude": 43.0, "longitude": 8.0}
 
@@ -436,7 +437,7 @@ def test_files_that_are_none(tmp_path):
     assert "variable" in str(refused(path)) or "cannot be read" in str(refused(path))
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.integers(0, 4000), st.binary(min_size=1, max_size=20), st.sampled_from(range(5)))
 def test_damaged_bytes_end_in_a_cast_or_a_refusal(tmp_path_factory, at, by, kind):
     folder = tmp_path_factory.mktemp("fuzz")

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import swimbladder.design.analysis
@@ -26,6 +26,7 @@ from swimbladder.vehicle import (
     Supply,
     Vehicle,
 )
+from tests.examples import examples
 
 TABLE_3 = {
     "k_pV": "1002 V/dm3", "k_pz": "-0.1043 dm3/m", "k_iz": "-7.486e-4 dm3/s/m",
@@ -245,7 +246,7 @@ def decades(low, high):
     k_pz=decades(-8, -2), integral=decades(-5, 0), derivative=decades(0, 3),
     depth=st.just(0.0) | decades(-1, 3.5),
 )  # fmt: skip
-@settings(max_examples=60)
+@examples(60)
 def test_any_vehicle_gets_an_answer(
     K1, T1, area, load, k_l, psi, softness, mass, k_dl, h, k_pV, k_pz, integral, derivative, depth
 ):

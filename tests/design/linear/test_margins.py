@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
@@ -17,6 +17,7 @@ from swimbladder.design.linear.margins import (
     spectral_radius,
 )
 from swimbladder.design.linear.models import StateSpace
+from tests.examples import examples
 
 
 def system(A, B, C, h):
@@ -169,7 +170,7 @@ def test_peak_sensitivity_on_a_dense_grid(loop):
 
 
 @given(st.floats(0.0, 2.0 * math.pi), st.floats(0.0, 0.999))
-@settings(max_examples=50)
+@examples(50)
 def test_no_disturbance_inside_the_disk_destabilises(paper_broken, angle, share):
     """(2 + alpha e)/(2 - alpha e) for any |e| < 1: the disk of gains and phases around 1."""
     alpha = loop_margins(paper_broken).disk
@@ -248,7 +249,7 @@ def test_margins_are_of_one_input_and_one_output():
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=150)
+@examples(150)
 def test_random_loops_stand_until_the_margin_and_not_beyond(seed):
     """Random plants, resonant and unstable ones among them, judged by eigenvalues only."""
     rng = np.random.default_rng(seed)
@@ -280,7 +281,7 @@ def test_random_loops_stand_until_the_margin_and_not_beyond(seed):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=60)
+@examples(60)
 def test_no_crossing_is_missed(seed):
     """Every change of sign of Im L and of |L| - 1 on a dense grid has its eigenvalue."""
     rng = np.random.default_rng(seed)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from swimbladder.design.pool_day.events import Changed, End, Ended, Ready, Refused, Sample, Why
@@ -11,6 +11,7 @@ from swimbladder.design.pool_day.segments import Segmenter
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim import pool
 from swimbladder.vehicle import Sensors
+from tests.examples import examples
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +66,7 @@ def cuts_of(found):
     return [e.cut for e in found if isinstance(e, Ended)]
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     seed=st.integers(0, 10_000), noise=st.floats(0.0, 0.01), jitter=st.floats(0.0, 5e-6),
     size=st.floats(20e-6, 80e-6), tick=st.floats(0.1, 0.5), gain=st.floats(100.0, 500.0),
@@ -84,7 +85,7 @@ def test_one_release_is_one_experiment(seed, noise, jitter, size, tick, gain, qu
     assert abs(cut.travel) <= 3.5
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(seed=st.integers(0, 10_000))
 def test_spikes_gone_samples_and_repeats_change_no_phase(seed):
     rng = np.random.default_rng(seed)

@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from swimbladder.sim.closed_loop import Solution, drive, simulate
 from swimbladder.vehicle import Drag, PhysicalMotion
+from tests.examples import examples
 from tests.oracle import closed_loop
 from tests.vehicles import (
     BLENDED,
@@ -198,7 +199,7 @@ def test_energy_of_a_coasting_rotor_in_joules() -> None:
     assert gained["copper"] + gained["speed losses"] == pytest.approx(stored, rel=0.05)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(
     vehicle=vehicles(),
     commands=st.lists(st.floats(-1.3, 1.3), min_size=2, max_size=12),

@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from swimbladder.sim.closed_loop import StopReason, drive
+from tests.examples import examples
 from tests.oracle import open_loop
 from tests.vehicles import BLENDED, QUADRATIC, SWITCHED, paper, pump, screw, stepper
 
@@ -119,7 +120,7 @@ def test_numbers_of_any_kind_are_taken() -> None:
     np.testing.assert_array_equal(a.depth, b.depth)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(
     steps=st.lists(st.sampled_from([0.02, 0.3, 1.1, 7.0]), min_size=3, max_size=12),
     volumes=st.lists(st.floats(-3e-4, 3e-4), min_size=13, max_size=13),

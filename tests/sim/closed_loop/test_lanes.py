@@ -10,13 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from swimbladder.control.law import Law, Measurement
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import Solution, simulate, simulate_ensemble
 from swimbladder.vehicle import IdentifiedActuator, PhysicalMotion
+from tests.examples import examples
 from tests.vehicles import QUADRATIC, SWITCHED, exponents, paper, pump, vehicles
 
 # vehicles and missions that no user could mean
@@ -84,7 +85,7 @@ def same(compiled: Solution, plain: Solution) -> None:
 
 
 # the same examples each time: two roundings may part where a hull just grazes a limit
-@settings(max_examples=100, derandomize=True)
+@examples(100)
 @given(
     vehicle=vehicles(kinds="identified unified lossy"), parameters=waves,
     depth=st.floats(1.0, 40.0), share=st.sampled_from([0.0, 0.2, 0.5, 0.9, 1.0]),
@@ -96,7 +97,7 @@ def test_one_lane(vehicle, parameters, depth, share, ground) -> None:  # type: i
     same(compiled, by_hand(vehicle, parameters, **run))
 
 
-@settings(max_examples=25, derandomize=True)
+@examples(25)
 @given(
     lanes=st.lists(
         st.tuples(

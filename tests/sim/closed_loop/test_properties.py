@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from swimbladder.control.cascade import CASCADE, CascadeParameters
@@ -21,6 +21,7 @@ from swimbladder.vehicle import (
     UnifiedActuator,
     Vehicle,
 )
+from tests.examples import examples
 from tests.vehicles import vehicles
 
 # vehicles and missions that no user could mean
@@ -84,7 +85,7 @@ def light(
     )
 
 
-@settings(max_examples=150)
+@examples(150)
 @example(  # left the upper stop and met it again, while the leakage slackened
     vehicle=light(
         K1=0.0152, T1=0.368, k_l=9.12e-9, stroke=911.9e-6, psi=1.042e-5, area=0.0498, mass=7.389
@@ -152,7 +153,7 @@ def test_any_vehicle_on_any_mission(  # type: ignore[no-untyped-def]
     np.testing.assert_array_equal(again.depth, s.depth)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(vehicle=vehicles(), depth=st.floats(5.0, 50.0), share=st.floats(0.05, 0.95))
 def test_lighter_rises_and_heavier_sinks(vehicle, depth: float, share: float) -> None:  # type: ignore[no-untyped-def]
     """The signs of z and V: from rest with more than the neutral volume the depth falls."""
@@ -178,7 +179,7 @@ def test_lighter_rises_and_heavier_sinks(vehicle, depth: float, share: float) ->
     assert early.speed[1] / 1e-4 == pytest.approx(expected, rel=0.02)
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(vehicle=vehicles(kinds="identified unified lossy"), volts=st.floats(2.0, 12.0))
 def test_a_positive_voltage_presses_volume_out(vehicle, volts: float) -> None:  # type: ignore[no-untyped-def]
     """Where the load and the friction allow it at all: at the surface."""
@@ -196,7 +197,7 @@ def test_a_positive_voltage_presses_volume_out(vehicle, volts: float) -> None:  
     assert up.volume[-1] > down.volume[-1]
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(vehicle=vehicles(), strength=st.sampled_from([0.3, 1.0]), target=st.floats(2.0, 12.0))
 def test_steps_do_not_change_a_vehicle_with_laminar_drag(vehicle, strength, target) -> None:  # type: ignore[no-untyped-def]
     if vehicle.drag.law != "linear":

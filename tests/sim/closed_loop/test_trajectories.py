@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.sim.closed_loop import Solution, StopReason, simulate, step_metrics
 from swimbladder.vehicle import IdentifiedActuator
+from tests.examples import examples
 from tests.oracle import TABLE_3, closed_loop, paper_cascade
 from tests.vehicles import BLENDED, paper, pump
 
@@ -53,7 +54,7 @@ def test_a_step_against_the_exact_sampled_solution(start: float, target: float) 
     assert np.abs(ours.motor_rate - q).max() < 1e-14
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(
     start=st.floats(1.0, 40.0),
     moves=st.lists(st.tuples(st.floats(10.0, 120.0), st.floats(-0.6, 0.6)), min_size=1, max_size=5),

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -14,6 +14,7 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim import pool
 from swimbladder.sim.pool import Record
+from tests.examples import examples
 
 K2, T2, PSI = 7935.54, 36.3, 4.04e-6
 STEPS = (20e-6, 30e-6, 45e-6, 75e-6)
@@ -39,7 +40,7 @@ def travel(t, dV, psi=PSI):
     st.floats(500.0, 5e4), st.floats(1.0, 200.0),
     st.sampled_from([0.0, 4.04e-6, 1e-9, -1e-7, -4.04e-6, -1e-3]), st.integers(0, 2**32 - 1),
 )  # fmt: skip
-@settings(max_examples=30)
+@examples(30)
 def test_response_is_that_of_the_differential_equation(gain, lag, psi, seed):
     random = np.random.default_rng(seed)
     h = 0.3
@@ -112,7 +113,7 @@ def test_with_psi_known_the_truth_is_found(still):
 
 
 @given(st.floats(2e3, 4e4), st.floats(10.0, 100.0), st.sampled_from([0.0, 2e-6, -2e-6]))
-@settings(max_examples=25)
+@examples(25)
 def test_a_fit_finds_what_made_the_record(gain, lag, psi):
     time = np.arange(150) * 0.3
     volume = np.where(time < 2.0, 15e-6 * time, 30e-6)

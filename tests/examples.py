@@ -1,0 +1,14 @@
+"""How many examples a property is given: few in every run, ten times as many by `make prove`."""
+
+from typing import Any
+
+from hypothesis import settings
+
+__all__ = ["examples"]
+
+_DEFAULT = 100  # of hypothesis, and of the suite's own profile
+
+
+def examples(number: int) -> Any:
+    """Return the decorator of a property that takes so many examples in every run."""
+    return settings(max_examples=number * settings().max_examples // _DEFAULT)
