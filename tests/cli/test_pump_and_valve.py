@@ -12,7 +12,6 @@ COMMANDS = {
     "tune": [],
     "plan": ["--step", "1:3"],
     "compare-laws": [],
-    "stability": [],
     "firmware": [],
     "faults": [],
     "pool": ["--simulate"],

@@ -91,3 +91,33 @@ def test_a_positioner_has_eigenvalues_and_maps_but_no_describing_function(capsys
     said = capsys.readouterr().out
     assert code in (0, 1)
     assert "The actuator takes a volume" in said or "UNSTABLE" in said
+
+
+def test_a_float_is_followed_from_decision_to_decision(capsys, tmp_path):
+    out = tmp_path / "out"
+    command = ["stability", "example-float", "--depth", "100:500 m", "--cells", "5"]
+    assert main([*command, "--out", str(out), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["linear"] is None
+    decisions = answer["decisions"]
+    assert 0.0 < decisions["largest_eigenvalue"] < 1.0
+    assert {w["way"] for w in decisions["ways"]} == {"far", "near", "ascent"}
+    assert decisions["rest"]["growth_time_s"] is None
+    assert [c["source"] for c in answer["cycles"]][:2] == [
+        "compressibility, sinking", "compressibility, rising",
+    ]  # fmt: skip
+    assert all(m["lost"] == 0 for m in answer["maps"])
+    assert (out / "maps.png").exists()
+
+
+def test_a_float_that_asks_for_too_much_is_exit_code_1_with_its_parameters(capsys, tmp_path):
+    v = load_vehicle("example-float")
+    wild = v.controller.parameters | {"coefficient": "3000 cm3 s2/m2"}
+    v = v.model_copy(update={"controller": v.controller.model_copy(update={"parameters": wild})})
+    path = tmp_path / "wild.toml"
+    path.write_text(vehicle_file(v), encoding="utf-8")
+    command = ["stability", str(path), "--depth", "100:500 m", "--no-maps"]
+    assert main([*command, "--out", str(tmp_path / "out")]) == 1
+    captured = capsys.readouterr()
+    assert "UNSTABLE: with drag" in captured.out
+    assert "not stable" in captured.err

@@ -48,6 +48,7 @@ class Decision(NamedTuple):
     faster: bool  # what it acts on: the vehicle is too fast, not too slow
     samples: tuple[float, ...]  # s since the last decision; the last one is the decision
     slopes: tuple[float, ...]  # m3/m, of the change by the depth at each of them
+    largest: float  # m3, of the change from rest
 
     @property
     def period(self) -> float:
@@ -84,13 +85,13 @@ def decision_of(
     sign = 1.0 if down and not up else -1.0
     speed = sign * way.speed * (1.0 + (_OFF if faster else -_OFF))
 
-    def ask(moved: dict[int, float], until: int) -> list[tuple[float, float]]:
+    def ask(moved: dict[int, float], until: int, pace: float = speed) -> list[tuple[float, float]]:
         """Return times and changes of `until` calls, the depth at some of them moved [m]."""
         found: list[tuple[float, float]] = []
         state, time = None, 0.0
         for call in range(until):
-            depth = _DEEP + speed * time + moved.get(call, 0.0)
-            reference = 0.0 if up else _DEEP + speed * last + sign * way.distance
+            depth = _DEEP + pace * time + moved.get(call, 0.0)
+            reference = 0.0 if up else _DEEP + pace * last + sign * way.distance
             seen = Measurement(time, depth, math.nan)
             if state is None:
                 state = law.initial(numbers, seen, reference)
@@ -117,7 +118,8 @@ def decision_of(
         more, less = (ask({call: x}, second + 1)[-1][1] for x in (step, -step))
         slopes.append((more - less) / (2.0 * step))
     samples = tuple(called[n][0] - begin for n in range(first, second + 1))
-    return Decision(way, sign * way.speed, faster, samples, tuple(slopes))
+    largest = max(abs(change) for _, change in ask({}, second + 1, 0.0))
+    return Decision(way, sign * way.speed, faster, samples, tuple(slopes), largest)
 
 
 def decision_map(p: Plant, d: Decision, delivery: Delivery) -> Array:

@@ -38,6 +38,7 @@ class Predicted(NamedTuple):
     place: str  # where the loop is broken
     cycle: Cycle | None
     depth_amplitude: float  # m, of the depth's first harmonic; nan without a cycle
+    bound: bool = False  # amplitude and period are the most that it may have
 
 
 def without_rest(law: Law, parameters: Any) -> Any:

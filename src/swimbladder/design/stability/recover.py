@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.law import Law
+from swimbladder.design.linear.pump_valve import moved_by_volume
 from swimbladder.design.stability.reach import edge_speed, falls, holdable_depth
+from swimbladder.design.tuning.float_flights import Asked, fly_floats
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import simulate_ensemble
@@ -94,7 +96,7 @@ def recovery_maps(
     within [s]: what counts as recovered in time; band [m]; cells: to a side. advance: told the
     share of the work that is done.
     """
-    p = plant(vehicle)
+    p = plant(moved_by_volume(vehicle))
     low, high = max(depths[0], p.z_surface), depths[1]
     made = _Runs(vehicle, law, parameters, sample_time, within, band, parts)
     depth = np.linspace(low, high, cells)
@@ -125,7 +127,7 @@ def recovery_maps(
         E, S = np.meshgrid(error, speed)
         start = np.full_like(E, volume)
         verdicts, seconds = made.run(
-            reference + E, np.full_like(E, reference), S, start, np.ones_like(E, dtype=bool),
+            reference + E, np.full_like(E, reference), S, start, reference + E <= made.deepest,
             lambda x: advance(share * x),
         )  # fmt: skip
         edge = np.array([edge_speed(p, depth=reference + e, volume=volume) for e in error])
@@ -158,6 +160,12 @@ class _Runs:
     band: float
     parts: Store
 
+    @property
+    def deepest(self) -> float:
+        """Depth [m] below which a vehicle counts as lost: the rating of one that dives to it."""
+        rating = self.vehicle.hull.depth_limit
+        return rating if self.law.ways is not None and rating is not None else math.inf
+
     def run(
         self, depth: Array, target: Array, speed: Array, volume: Array, asked: NDArray[np.bool_],
         advance: Callable[[float], None],
@@ -178,19 +186,11 @@ class _Runs:
     def _chunk(
         self, depth: Array, target: Array, speed: Array, volume: Array
     ) -> dict[str, list[Any]]:
-        p = plant(self.vehicle)
-        data = simulate_ensemble(
-            self.vehicle, count=len(depth), setpoints=[(0.0, target)],
-            duration=_WATCHED * self.within, start_depth=depth, start_volume=volume,
-            start_speed=speed, law=self.law, parameters=self.parameters,
-            sample_time=self.sample_time, keep="trajectory",
-        )  # fmt: skip
-        time = data["time"].to_numpy()
-        outside = np.abs(data["depth"].to_numpy() - target) > self.band
+        p = plant(moved_by_volume(self.vehicle))
+        time, depths, ends, stopped = self._flown(depth, target, speed, volume)
+        outside = ~(np.abs(depths - target) <= self.band)
         after = len(time) - np.argmax(outside[::-1], axis=0)
         after[~outside.any(axis=0)] = 0
-        stopped = data["stop"].to_numpy() != 0
-        ends = (data[f"final_{n}"].to_numpy() for n in ("depth", "speed", "volume"))
         verdicts, seconds = [], []
         for k, z, w, V, out in zip(after, *ends, stopped, strict=True):
             settled = k < len(time) and not out
@@ -203,3 +203,26 @@ class _Runs:
             else:
                 verdicts.append(int(Verdict.UNSETTLED))
         return {"verdicts": verdicts, "seconds": seconds}
+
+    def _flown(
+        self, depth: Array, target: Array, speed: Array, volume: Array
+    ) -> tuple[Array, Array, tuple[Array, ...], NDArray[np.bool_]]:
+        """Return times, depths [n, runs], the last depth, speed and volume, and what is lost."""
+        duration = _WATCHED * self.within
+        if self.law.ways is not None:
+            asked = Asked(
+                targets=target, depths=depth, duration=duration, speeds=speed, volumes=volume
+            )
+            f = fly_floats(self.vehicle, self.parameters, asked)
+            deep = np.nan_to_num(f.depth, nan=math.inf).max(axis=0) > self.deepest
+            last = (f.depth[-1], f.speed[-1], f.volume[-1])
+            return f.time, f.depth, last, deep | ~np.isfinite(f.depth[-1])
+        data = simulate_ensemble(
+            self.vehicle, count=len(depth), setpoints=[(0.0, target)], duration=duration,
+            start_depth=depth, start_volume=volume, start_speed=speed, law=self.law,
+            parameters=self.parameters, sample_time=self.sample_time, keep="trajectory",
+        )  # fmt: skip
+        names = ("final_depth", "final_speed", "final_volume")
+        ends = tuple(data[name].to_numpy() for name in names)
+        stopped = data["stop"].to_numpy() != 0
+        return data["time"].to_numpy(), data["depth"].to_numpy(), ends, stopped

@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 
 from swimbladder.design.stability.around import Around, Mode, Spot
 from swimbladder.design.stability.confirm import Seen
+from swimbladder.design.stability.decided import Decided
 from swimbladder.design.stability.predict import Predicted
 from swimbladder.design.stability.recover import Map, Verdict
 from swimbladder.design.stability.robust import Stood
 from swimbladder.design.tuning.margins import decibels, falls_short
 
-__all__ = ["Confirmed", "Stability", "length", "modulus"]
+__all__ = ["Confirmed", "Stability", "length", "modulus", "short"]
 
 
 class Confirmed(NamedTuple):
@@ -48,11 +49,14 @@ class Stability:
     band: float  # m
     stood: tuple[Stood, ...]
     unmet: tuple[str, ...]  # what could not be looked at, and why
+    decided: Decided | None = None  # of a law of volume changes, in the place of `around`
     beyond: str = ""  # why part of the depths asked for is out of reach, whatever the law
 
     @property
     def stable(self) -> bool:
         """Whether small disturbances decay wherever it was looked; where not linear, any step."""
+        if self.decided is not None:
+            return self.decided.stable
         if self.around is not None:
             return self.around.stable
         return not any(m.name == "steps" and m.count(Verdict.RECOVERED) == 0 for m in self.maps)
@@ -69,6 +73,8 @@ class Stability:
     def _small(self) -> tuple[str, ...]:
         a = self.around
         low, high = self.depths
+        if self.decided is not None:
+            return self.decided.sentences(self.depths)
         if a is None:
             return (
                 f"The law {self.law} is not linear around rest: it has no eigenvalues and no "
@@ -107,7 +113,7 @@ class Stability:
     def _map_words(self, m: Map) -> str:
         said = (
             f"{m.title[0].upper()}{m.title[1:]}: of {m.asked} runs {m.count(Verdict.RECOVERED)} "
-            f"are within {100.0 * self.band:.3g} cm in {self.within:g} s and stay, "
+            f"are within {short(self.band)} in {self.within:g} s and stay, "
             f"{m.count(Verdict.SLOW)} later, {m.count(Verdict.UNSETTLED)} are not there in "
             f"{3.0 * self.within:g} s, {m.count(Verdict.LOST)} are lost"
         )
@@ -152,6 +158,7 @@ class Stability:
             "sentences": list(self.sentences),
             "region": list(self.words),
             "linear": None if self.around is None else _around(self.around),
+            **({} if self.decided is None else {"decisions": self.decided.to_json()}),
             "cycles_depth_m": self.depth,
             "cycles": [_cycle(c) for c in self.cycles],
             "within_s": self.within,
@@ -218,20 +225,29 @@ def _cycle(c: Confirmed) -> dict[str, Any]:
 
 def _cycle_words(c: Confirmed) -> str:
     p, s = c.predicted, c.seen
-    size = {"V": f"{p.size:.3g} V", "m": f"{1e3 * p.size:.3g} mm", "m3": f"{1e6 * p.size:.3g} cm3"}
-    head = f"{p.source[0].upper()}{p.source[1:]} ({size[p.unit]})"
+    shown = {"V": (1.0, "V"), "m": (1e3, "mm"), "m3": (1e6, "cm3"), "m3/m": (1e6, "cm3/m")}
+    factor, unit = shown.get(p.unit, (86400e6, "cm3 a day"))
+    head = f"{p.source[0].upper()}{p.source[1:]} ({factor * p.size:.3g} {unit})"
+    who = "the describing function"
+    if p.place == "decision":
+        who = "the balance from decision to decision"
     if p.cycle is None:
         seen = "" if s is None else (
             f"; the simulation goes to and fro by {1e3 * s.amplitude:.3g} mm every {s.period:.3g} s"
             if s.cycles
-            else f"; in the simulation none is left, and the depth is within "
-            f"{1e3 * s.farthest:.2g} mm"
+            else f"; in the simulation none is left, and the depth is within {_within(s.farthest)}"
         )  # fmt: skip
-        return f"{head}: the describing function predicts no limit cycle{seen}."
+        return f"{head}: {who} predicts no limit cycle{seen}."
+    if p.bound:
+        most = f"{head}: {length(p.depth_amplitude)} to either side at most"
+        if not math.isnan(p.cycle.period):
+            most += f", every {p.cycle.period:.3g} s at most"
+        if s is None or not s.cycles:
+            return f"{most}; the flight comes to rest."
+        return f"{most}; the flight has {length(s.amplitude)} every {s.period:.3g} s."
     kind = "a limit cycle" if p.cycle.stable else "the edge of what decays, an unstable cycle,"
     said = (
-        f"{head}: the describing function predicts {kind} of {length(p.depth_amplitude)} every "
-        f"{p.cycle.period:.3g} s"
+        f"{head}: {who} predicts {kind} of {length(p.depth_amplitude)} every {p.cycle.period:.3g} s"
     )
     if not p.cycle.believed:
         said += (
@@ -256,6 +272,15 @@ def _late(s: Stood) -> str:
 def length(x: float) -> str:
     """Return a length [m] as text, below 1 m in millimetres."""
     return f"{x:.3g} m" if x >= 1.0 else f"{1e3 * x:.3g} mm"
+
+
+def short(x: float) -> str:
+    """Return a length [m] as text, below 1 m in centimetres."""
+    return f"{x:.3g} m" if x >= 1.0 else f"{100.0 * x:.3g} cm"
+
+
+def _within(x: float) -> str:
+    return f"{x:.2g} m" if x >= 1.0 else f"{1e3 * x:.2g} mm"
 
 
 def _time(mode: Mode) -> str:

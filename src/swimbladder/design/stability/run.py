@@ -14,8 +14,11 @@ from threadpoolctl import threadpool_limits
 from swimbladder.control.law import Law
 from swimbladder.control.records import from_numbers, leaves, numbers
 from swimbladder.control.registry import own_law
+from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
 from swimbladder.design.stability.around import look_around
 from swimbladder.design.stability.confirm import edge, hold
+from swimbladder.design.stability.decided import around_decisions
+from swimbladder.design.stability.hunting import hunting
 from swimbladder.design.stability.predict import Predicted, predict, without_rest
 from swimbladder.design.stability.recover import Map, recovery_maps
 from swimbladder.design.stability.result import Confirmed, Stability
@@ -31,11 +34,13 @@ from swimbladder.errors import InputError
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop.outside import source_of
-from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle import PumpAndValve, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["stability"]
 
+_SOON = 600.0  # s, in which a disturbance is to be gone
+_AROUND = 1.5  # times its tolerance: a law of volume changes lets it drift to the edge of that
 _BAND = 0.05  # m, from the set-point, that counts as there
 _STEP = 1.5  # m, of the robustness trials, where the range has room
 _TUNED = 20  # runs of a tuning that only serves a comparison
@@ -46,14 +51,15 @@ _ENDLESS = {"V_min": -1.0, "V_max": 1.0, "z_surface": -1e4, "z_air": -2e4}
 
 def stability(
     vehicle: Vehicle, *, depths: tuple[float, float] = (0.0, 10.0), delay: float = 0.1,
-    within: float = 600.0, cells: int = 21, voltage_quantum: float = 0.0,
+    within: float | None = None, cells: int = 21, voltage_quantum: float = 0.0,
     maps: bool = True, with_robustness: bool = False, laws: Sequence[str] = (), draws: int = 200,
     keep: Path | None = None, advance: Callable[[float], None] | None = None,
 ) -> Stability:  # fmt: skip
     """Return what is stable of a vehicle under its controller.
 
     depths: least and greatest [m]. delay: from a sample to its command, as a share of the sample
-    time. within [s]: in which a disturbance is to be gone. cells: of a map, to a side.
+    time. within [s]: in which a disturbance is to be gone, 600 s where not given, of a law of
+    volume changes one and a half times the whole way and an hour. cells: of a map, to a side.
     voltage_quantum: of the motor's driver [V]. maps: whether to draw where it recovers from.
     with_robustness: whether to try wrong gains and late commands, over `draws` from the region; of
     the own law, and of `laws`, which are tuned first. keep: folder for what is done, so that a
@@ -62,7 +68,14 @@ def stability(
     Raises InputError for what cannot be, and for a vehicle without a controller.
     """
     _check(vehicle, depths, delay, within, cells, voltage_quantum, draws, laws)
-    law, numbers = own_law(vehicle)
+    law, numbers = own_law(vehicle, sampled=False)
+    if law.ways is not None and (with_robustness or laws):
+        raise InputError(
+            f"the law {law.name!r} is not called at each sample: it has no sample to be late",
+            field="--robustness",
+            remedy="Leave it out: the rates of pump and valve over the region are gains that err",
+        )
+    within = _within(law, numbers, depths) if within is None else within
     assert vehicle.controller is not None  # own_law
     tell = advance or (lambda _: None)
     h = vehicle.controller.sample_time
@@ -70,22 +83,29 @@ def stability(
     parts = Store(keep, vehicle, source_of(law), depths, within, _BAND)
     unmet: list[str] = []
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        smooth = without_rest(law, numbers)
-        band = max(_BAND, float(leaves(numbers).get(law.band, 0.0)))
-        around = look_around(
-            vehicle, law, smooth, depths=(low, 0.5 * (low + high), high), sample_time=h,
-            delay=delay * h, advance=lambda x: tell(0.1 * x),
-        )  # fmt: skip
-        at = _cycle_depth(vehicle, depths)
+        at, decided, around = _cycle_depth(vehicle, depths), None, None
         cycles: tuple[Confirmed, ...] = ()
-        if around is None or not around.stable:
-            unmet.append("Limit cycles are predicted for loops that are linear and stable at rest.")
-        elif not vehicle.voltage_driven:
-            unmet.append(
-                "The actuator takes a volume: its rate limit has no describing function here."
-            )
+        band = max(_BAND, float(leaves(numbers).get(law.band, 0.0)))
+        three = (low, 0.5 * (low + high), high)
+        if law.ways is not None:
+            band *= _AROUND
+            decided = around_decisions(vehicle, law, numbers, depths=three)
+            cycles = hunting(vehicle, numbers, depth=at, depths=depths)
         else:
-            cycles = _cycles(vehicle, law, numbers, at, h, voltage_quantum)
+            around = look_around(
+                vehicle, law, without_rest(law, numbers), depths=three, sample_time=h,
+                delay=delay * h, advance=lambda x: tell(0.1 * x),
+            )  # fmt: skip
+            if around is None or not around.stable:
+                unmet.append(
+                    "Limit cycles are predicted for loops that are linear and stable at rest."
+                )
+            elif not vehicle.voltage_driven:
+                unmet.append(
+                    "The actuator takes a volume: its rate limit has no describing function here."
+                )
+            else:
+                cycles = _cycles(vehicle, law, numbers, at, h, voltage_quantum)
         tell(0.2)
         found: tuple[Map, ...] = ()
         if maps:
@@ -103,13 +123,28 @@ def stability(
         vehicle=vehicle.name, law=law.name, sample_time=h, depths=depths, depth=at,
         words=region(vehicle).words, around=around, cycles=cycles, maps=found, within=within,
         band=band, stood=stood, unmet=tuple(unmet),
-        beyond=_beyond(vehicle, depths[1]),
+        beyond=_beyond(vehicle, depths[1]), decided=decided,
     )  # fmt: skip
+
+
+def _within(law: Law, numbers: Any, depths: tuple[float, float]) -> float:
+    """Return the time [s] in which a disturbance is to be gone, where none is given."""
+    if law.ways is None:
+        return _SOON
+    slowest = min(way.speed for way in law.ways(numbers) if way.name in ("far", "ascent"))
+    return 1.5 * (depths[1] - depths[0]) / slowest + 3600.0
 
 
 def _beyond(vehicle: Vehicle, deepest: float) -> str:
     """Return why the deepest of what was asked for is out of reach; empty where it is not."""
-    p, rating = plant(vehicle), vehicle.hull.depth_limit
+    p, rating = plant(moved_by_volume(vehicle)), vehicle.hull.depth_limit
+    if isinstance(vehicle.actuator, PumpAndValve):
+        stalls = pump_stall(vehicle, depth=deepest).holding_depth
+        if stalls < deepest:
+            return (
+                f"Below {stalls:.4g} m more leaks back than the pump presses out: no law brings "
+                "the vehicle up from there."
+            )
     if p.psi != 0.0:
         end = (p.V_max if p.psi > 0.0 else p.V_min) - p.V_0
         neutral = end / p.psi
@@ -124,7 +159,7 @@ def _beyond(vehicle: Vehicle, deepest: float) -> str:
 
 
 def _check(
-    vehicle: Vehicle, depths: tuple[float, float], delay: float, within: float, cells: int,
+    vehicle: Vehicle, depths: tuple[float, float], delay: float, within: float | None, cells: int,
     voltage_quantum: float, draws: int, laws: Sequence[str],
 ) -> None:  # fmt: skip
     surface = vehicle.hull.emergence_depth
@@ -135,7 +170,7 @@ def _check(
         )  # fmt: skip
     for field, value, fits, remedy in (
         ("--delay", delay, 0.0 <= delay < 1.0, "Give a share of the sample time, below 1"),
-        ("--within", within, 0.0 < within < 1e6, 'Give a time, like "600 s"'),
+        ("--within", within, within is None or 0.0 < within < 1e6, 'Give a time, like "600 s"'),
         ("--cells", cells, 5 <= cells <= 201, "Give 5 to 201"),
         ("--voltage-quantum", voltage_quantum, 0.0 <= voltage_quantum < 1e3, "Give 0 or more"),
         ("--draws", draws, 20 <= draws <= 100_000, "Give 20 or more"),

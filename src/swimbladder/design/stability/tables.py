@@ -19,14 +19,17 @@ def cycle_rows(cycles: Sequence[Confirmed]) -> list[tuple[str, ...]]:
         kind, foretold = "none", ("", "")
         if p.cycle is not None:
             kind = "stable" if p.cycle.stable else "edge"
-            if not p.cycle.believed:
+            if p.bound:
+                kind = "at most"
+            elif not p.cycle.believed:
                 kind += ", not relied on"
-            foretold = (length(p.depth_amplitude), f"{p.cycle.period:.3g} s")
+            every = p.cycle.period
+            foretold = (length(p.depth_amplitude), "" if every != every else f"{every:.3g} s")
         seen = ("none", "")
         if s is not None and s.cycles:
             seen = (length(s.amplitude), f"{s.period:.3g} s")
         a, t = c.errors
-        error = "" if math.isnan(a) else f"{100 * a:+.0f} %, {100 * t:+.0f} %"
+        error = "" if math.isnan(a) or p.bound else f"{100 * a:+.0f} %, {100 * t:+.0f} %"
         rows.append((p.source, kind, *foretold, *seen, error))
     return rows
 

@@ -11,8 +11,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from swimbladder.design.stability.recover import Map, Verdict
-from swimbladder.design.stability.result import Stability
-from swimbladder.show.plots.style import BLACK, BLUE, ORANGE, SKY, VERMILION, label_panels, styled
+from swimbladder.design.stability.result import Stability, short
+from swimbladder.show.plots.style import (
+    BLACK,
+    BLUE,
+    ORANGE,
+    SKY,
+    VERMILION,
+    label_panels,
+    styled,
+)
 
 __all__ = ["draw_recovery", "draw_robustness"]
 
@@ -33,7 +41,7 @@ def draw_recovery(found: Stability) -> Figure:
     for axes, one in zip(panels, found.maps, strict=True):
         axes.set_title(one.title, fontsize=9.5)
     labels = {
-        Verdict.RECOVERED: f"within {100.0 * found.band:.3g} cm in {found.within:g} s, and stays",
+        Verdict.RECOVERED: f"within {short(found.band)} in {found.within:g} s, and stays",
         Verdict.SLOW: "later", Verdict.UNSETTLED: f"not in {3.0 * found.within:g} s",
         Verdict.LOST: "lost",
     }  # fmt: skip
