@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.sim.faults.table import MISSION_COLUMNS, TRACE_COLUMNS
+from swimbladder.sim.faults.mission_tables import MISSION_COLUMNS, TRACE_COLUMNS
 from tests.codegen.conftest import gcc
 from tests.quoted import numbers
 
@@ -39,11 +39,12 @@ def test_a_campaign_and_one_of_its_missions(capsys, tmp_path):
     )
     one = json.loads(capsys.readouterr().out)
     assert one["outcomes"]["supervised"] == given["supervised"]
-    assert one["outcomes"]["alone"] == given["alone"]
+    assert one["outcomes"]["unsupervised"] == given["unsupervised"]
     assert one["reason"] == given["reason"]
     assert one["faults"][0]["kind"] == given["fault_1"]
     assert {p.name for p in (tmp_path / "one").iterdir()} == {
-        "mission-7-supervised.csv", "mission-7-alone.csv", "mission-7-told.csv", "mission-7.png",
+        "mission-7-supervised.csv", "mission-7-unsupervised.csv",
+        "mission-7-ideal_detection.csv", "mission-7.png",
     }  # fmt: skip
 
 
@@ -54,7 +55,10 @@ def test_the_table_is_printed(capsys, tmp_path):
     kept = json.loads((tmp_path / "faults.json").read_text(encoding="utf-8"))
     for row in kept["kinds"]:  # its name, and its counts
         lines = [line for line in said.out.splitlines() if line.strip().startswith(row["name"])]
-        counts = {float(row[n]) for n in ("missions", "recoverable", "saved", "lost_alone")}
+        counts = {
+            float(row[n])
+            for n in ("missions", "recoverable", "recovered", "lost_without_supervisor")
+        }
         assert any(counts <= numbers(line) for line in lines), row
     if code == 1:
         assert "--mission" in said.err

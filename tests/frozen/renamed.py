@@ -16,6 +16,17 @@ OPTIONS: dict[str, str] = {"--walk": "--random-walk"}
 # "outcomes.unsupervised" the key of that parent; "told": "flight.identified" goes a level down.
 # "faults: saved": "recovered" is for the cases of one command only.
 KEYS: dict[str, str] = {
+    "faults: saved": "recovered",
+    "faults: lost_alone": "lost_without_supervisor",
+    "faults: rescued": "recovered_by_supervisor",
+    "faults: unrecoverable_saved": "unrecoverable_surfaced",
+    "faults: latch_median": "detection_time_median",
+    "faults: latch_95": "detection_time_95",
+    "faults: lost_share_alone": "lost_share_without_supervisor",
+    "faults: lost_share_alone_of_all": "lost_share_without_supervisor_of_all",
+    "faults: alone": "unsupervised",
+    "faults: alone_deepest_m": "unsupervised_deepest_m",
+    "faults: told": "ideal_detection",
     # Deep dives.
     "identify: book_m3": "imbalance_m3",
     "identify: book_rms_m3": "imbalance_rms_m3",
@@ -33,7 +44,10 @@ KEYS: dict[str, str] = {
 KINDS: dict[str, str] = {"not told": "not identifiable", "walk": "random_walk"}
 
 # Parts of the names of written files: "mission-7-told.csv": "mission-7-ideal-detection.csv".
-FILES: dict[str, str] = {}
+FILES: dict[str, str] = {
+    "-alone.csv": "-unsupervised.csv",
+    "-told.csv": "-ideal_detection.csv",
+}
 
 # Identifiers in the generated C, as whole words.
 C_NAMES: dict[str, str] = {}

@@ -99,7 +99,7 @@ def _one(
         )  # fmt: skip
     with progress("loading the simulator"):
         from swimbladder.cli.faults_files import write_one
-        from swimbladder.sim.faults.one import fly_one
+        from swimbladder.sim.faults.single_mission import fly_one
     with compile_notice(), progress("flying the mission"):
         flown = fly_one(
             vehicle, int(number), healthy=mission.startswith("h"), seed=seed, depths=depths
@@ -117,7 +117,7 @@ def _one(
 def _print(flown: Campaign, files: list[Path]) -> None:
     from rich.table import Table
 
-    from swimbladder.sim.faults.verdict import MILD, rule_of_three
+    from swimbladder.sim.faults.campaign_result import MILD, rule_of_three
 
     course = flown.course
     assert course.vehicle.controller is not None
@@ -137,9 +137,10 @@ def _print(flown: Campaign, files: list[Path]) -> None:
         table.add_column(heading, justify="left" if first else "right", no_wrap=first)
     for line in flown.lines():
         table.add_row(
-            line.name, str(line.missions), str(line.recoverable), str(line.saved),
-            str(line.recoverable - line.saved), str(line.lost_alone), _seconds(line.latch_median),
-            _seconds(line.latch_95), f"{line.deepest:.1f}",
+            line.name, str(line.missions), str(line.recoverable), str(line.recovered),
+            str(line.recoverable - line.recovered), str(line.lost_without_supervisor),
+            _seconds(line.detection_time_median), _seconds(line.detection_time_95),
+            f"{line.deepest:.1f}",
         )  # fmt: skip
     output.print(table)
     output.print("")
@@ -147,10 +148,10 @@ def _print(flown: Campaign, files: list[Path]) -> None:
     gone = flown.lines()[-1]
     output.print(
         f"{able} of {total} missions are recoverable: full buoyancy, commanded 60 s after fault "
-        f"onset, surfaces the vehicle. With the supervisor {gone.saved} of them were recovered; "
-        f"without it {100.0 * flown.lost_alone:.0f} % were lost "
-        f"({100.0 * flown.all_lost_alone:.0f} % of all missions). Of the other {total - able} "
-        f"the supervisor brought up {gone.unrecoverable_saved}.",
+        f"onset, surfaces the vehicle. With the supervisor {gone.recovered} of them were "
+        f"recovered; without it {100.0 * flown.lost_without_supervisor:.0f} % were lost "
+        f"({100.0 * flown.all_lost_without_supervisor:.0f} % of all missions). Of the other "
+        f"{total - able} the supervisor brought up {gone.unrecoverable_surfaced}.",
         soft_wrap=True,
     )
     if len(flown.lost_early):
@@ -166,7 +167,7 @@ def _print(flown: Campaign, files: list[Path]) -> None:
             "after fault onset, and were then filled by a leak at full buoyancy: no command helps",
             soft_wrap=True,
         )
-    if flown.lost_alone < MILD:
+    if flown.lost_without_supervisor < MILD:
         output.print(
             f"the faults are mild for this law: without the supervisor less than {MILD:.0%} of "
             "the recoverable missions were lost",
@@ -199,7 +200,7 @@ def _verdict(flown: Campaign, vehicle: str, seed: int) -> str:
     if len(lost):
         parts.append(f"{len(lost)} of {int(flown.recoverable.sum())} recoverable missions were "
                      "lost:")  # fmt: skip
-        parts += [f"  {flown.told(int(n))}" for n in lost[:_SHOWN]]
+        parts += [f"  {flown.description(int(n))}" for n in lost[:_SHOWN]]
         if len(lost) > _SHOWN:
             parts.append(f"  and {len(lost) - _SHOWN} more: supervised in missions.csv")
     if len(alarms):

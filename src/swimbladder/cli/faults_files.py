@@ -10,8 +10,8 @@ from swimbladder.io.files import publish, write_atomically
 from swimbladder.show.plots.faults import draw_campaign, draw_mission
 from swimbladder.show.plots.style import save
 from swimbladder.sim.faults import Campaign
-from swimbladder.sim.faults.one import NAMES, Flown
-from swimbladder.sim.faults.table import missions_csv, trace_csv
+from swimbladder.sim.faults.mission_tables import missions_csv, trace_csv
+from swimbladder.sim.faults.single_mission import NAMES, Flown
 
 __all__ = ["write_campaign", "write_one"]
 

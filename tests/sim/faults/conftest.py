@@ -10,9 +10,9 @@ import pytest
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.faults.draw import Mission, course_of
-from swimbladder.sim.faults.rows import TRACE, Condition, Harm
+from swimbladder.sim.faults.fault_campaign import FaultCampaign
+from swimbladder.sim.faults.mission_records import TRACE, Condition, FaultRow
 from swimbladder.sim.faults.run import board_of
-from swimbladder.sim.faults.squadron import Squadron
 from tests.codegen.conftest import gcc
 
 __all__ = ["gcc"]
@@ -23,14 +23,14 @@ TICK = 0.3
 class Rig:
     """A vehicle, its course and its squadron; flies missions that a test writes."""
 
-    def __init__(self, vehicle, squadron, course):
-        self.vehicle, self.squadron, self.course = vehicle, squadron, course
+    def __init__(self, vehicle, campaign, course):
+        self.vehicle, self.campaign, self.course = vehicle, campaign, course
         self.tick = course.vehicle.controller.sample_time
 
     def fly(
         self,
-        *harms,
-        who="alone",
+        *fault_rows,
+        who="unsupervised",
         how=0,
         depth=20.0,
         target=None,
@@ -62,13 +62,15 @@ class Rig:
             faults=(),
             plant=np.array(p),
             condition=quiet,
-            harms=np.array([Harm(*map(float, h)) for h in harms]).reshape(-1, len(Harm._fields)),
+            fault_rows=np.array([FaultRow(*map(float, h)) for h in fault_rows]).reshape(
+                -1, len(FaultRow._fields)
+            ),
             turns=np.array([tick for tick, _ in turns]),
             depths=np.array([asked for _, asked in turns]),
             onset=math.inf,
         )
         assert len(p) == len(Plant._fields)
-        result, rows = self.squadron.traced(mission, who, how)
+        result, rows = self.campaign.traced(mission, who, how)
         return result, {name: rows[:, index] for name, index in TRACE.items()}
 
 
@@ -84,7 +86,7 @@ def rig_of(request):
             vehicle = load_vehicle(asked) if isinstance(asked, str) else asked
             course = course_of(vehicle, depths)
             boards.append(board_of(course))
-            made[name] = Rig(vehicle, Squadron(course, boards[-1]), course)
+            made[name] = Rig(vehicle, FaultCampaign(course, boards[-1]), course)
         return made[name]
 
     yield get

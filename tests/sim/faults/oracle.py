@@ -48,10 +48,10 @@ class Faulty:
     """A machine under faults (kind, severity, second one, first tick, tick of the end)."""
 
     def __init__(
-        self, machine, vehicle, harms, *, tick, depth, volume, speed=0.0, drift=0.0, swell=0.0,
+        self, machine, vehicle, fault_rows, *, tick, depth, volume, speed=0.0, drift=0.0, swell=0.0,
         swell_omega=1.0, swell_phase=0.0, gravity=9.80665, first=0,
     ):  # fmt: skip
-        self.healthy, self.harms, self.tick, self.first = machine, harms, tick, first
+        self.healthy, self.fault_rows, self.tick, self.first = machine, fault_rows, tick, first
         self.drift = drift
         self.swell = swell, swell_omega, swell_phase, gravity
         self.oracle = Oracle(vehicle, depth=depth, volume=volume, speed=speed)
@@ -64,7 +64,7 @@ class Faulty:
 
     def on(self, kind, k):
         """Yield (severity, second one, seconds since it began) of the faults of a kind."""
-        for fault, first, second, begin, end in self.harms:
+        for fault, first, second, begin, end in self.fault_rows:
             if fault == kind and begin <= k < end:
                 yield first, second, (k - begin) * self.tick
 
@@ -93,7 +93,7 @@ class Faulty:
                 m.R, m.k_emf = 1.0, self.healthy.k_v / self.healthy.k_u
             m.R_b = max(m.R_b, share * m.R)
         stroke, V = m.V_max - m.V_min, o.state[1]
-        for n, (fault, first, _, begin, _) in enumerate(self.harms):
+        for n, (fault, first, _, begin, _) in enumerate(self.fault_rows):
             if fault in (Fault.BLOCKED_OUT, Fault.BLOCKED_IN) and k >= begin:
                 sign = 1.0 if fault == Fault.BLOCKED_OUT else -1.0
                 self.stops.setdefault(n, (sign, V + sign * first * stroke))
@@ -130,7 +130,7 @@ class Faulty:
         if abs(way) > 1e-15:
             self.way = math.copysign(1.0, way)
         u = command
-        for fault, first, _, begin, end in self.harms:  # one upon the other, in their order
+        for fault, first, _, begin, end in self.fault_rows:  # one upon the other, in their order
             if not begin <= k < end:
                 continue
             if fault == Fault.REVERSED:

@@ -13,11 +13,11 @@ from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
 from swimbladder.sim.faults import run_missions
+from swimbladder.sim.faults.campaign_result import WIDTH, Outcome, outcomes, rule_of_three
 from swimbladder.sim.faults.draw import course_of, draw
 from swimbladder.sim.faults.kinds import FAMILIES, KINDS, Fault, draw_fault, kinds_of
-from swimbladder.sim.faults.rows import Result
-from swimbladder.sim.faults.table import MISSION_COLUMNS, missions_csv
-from swimbladder.sim.faults.verdict import WIDTH, Outcome, outcomes, rule_of_three
+from swimbladder.sim.faults.mission_records import Result
+from swimbladder.sim.faults.mission_tables import MISSION_COLUMNS, missions_csv
 from swimbladder.vehicle import Supervisor
 
 FEUP = load_vehicle("feup-em")
@@ -51,7 +51,7 @@ def test_a_mission_depends_on_seed_and_number_only():
     assert draw(course, seed=4, number=41, healthy=False).onset != one.onset
     well = draw(course, seed=3, number=41, healthy=True)
     assert well.faults == ()
-    assert len(well.harms) == 0
+    assert len(well.fault_rows) == 0
 
 
 def test_missions_stay_where_they_may():
@@ -76,11 +76,11 @@ def flown(request):
 
 
 def test_without_the_supervisor_many_are_lost_and_with_it_fewer(flown):
-    assert flown.all_lost_alone > 0.3
+    assert flown.all_lost_without_supervisor > 0.3
     last = flown.lines()[-1]
     assert last.missions == 310
-    assert last.saved > 0.9 * last.recoverable
-    assert last.recoverable - last.saved < 0.4 * last.lost_alone
+    assert last.recovered > 0.9 * last.recoverable
+    assert last.recoverable - last.recovered < 0.4 * last.lost_without_supervisor
 
 
 def test_healthy_missions_raise_no_alarm(flown):
@@ -99,8 +99,8 @@ def test_a_law_too_slow_for_its_time_limit_raises_no_false_alarm(flown):
 
 
 def test_what_nothing_can_save_is_not_counted_on(flown):
-    reversed_ = (flown.harm(0, "kind") == Fault.REVERSED) & (flown.harm(1, "kind") == 0.0)
-    for_good = np.isinf(flown.harm(0, "end"))
+    reversed_ = (flown.fault_row(0, "kind") == Fault.REVERSED) & (flown.fault_row(1, "kind") == 0.0)
+    for_good = np.isinf(flown.fault_row(0, "end"))
     assert not flown.recoverable[reversed_ & for_good].any()
 
 

@@ -16,7 +16,7 @@ from swimbladder.codegen.twin import twin
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.sim.faults.kinds import Fault
-from swimbladder.sim.faults.rows import RESULT, Result
+from swimbladder.sim.faults.mission_records import RESULT, Result
 
 ALWAYS = math.inf
 
@@ -65,8 +65,8 @@ def test_a_stalled_piston_leaves_the_glide_of_the_hull(rig):
 def test_water_that_leaks_in_is_a_volume_that_is_lost(rig):
     rate, z0, begin = 1e-6, 20.0, 20
     p, V = plant(rig.vehicle), rig.vehicle.neutral_volume(z0)
-    harms = ((Fault.STALLED, 0, 0, 0, ALWAYS), (Fault.LEAK_LARGE, rate, 0, begin, ALWAYS))
-    _, flown = rig.fly(*harms, depth=z0, ticks=200)
+    fault_rows = ((Fault.STALLED, 0, 0, 0, ALWAYS), (Fault.LEAK_LARGE, rate, 0, begin, ALWAYS))
+    _, flown = rig.fly(*fault_rows, depth=z0, ticks=200)
     k = np.arange(201)
     assert flown["water"] == pytest.approx(rate * rig.tick * np.maximum(k - begin, 0), abs=1e-18)
     x, depths = [z0, 0.0], [z0]
@@ -206,10 +206,10 @@ def test_a_board_that_is_reset_begins_its_mission_anew(rig):
 def test_a_positioner_that_stalled_goes_on_with_the_command_it_has(rig_of):
     rig = rig_of("ntnu-bv", (1.0, 1.5))
     p = plant(rig.vehicle)
-    harm = (Fault.STALLED, 0, 0, 10, 60)
+    fault_row = (Fault.STALLED, 0, 0, 10, 60)
     start = rig.vehicle.neutral_volume(1.0)
     _, flown = rig.fly(
-        harm, (Fault.DEPTH_NAN, 0, 0, 0, ALWAYS), depth=1.0, ticks=90, how=1, full_after=20.0
+        fault_row, (Fault.DEPTH_NAN, 0, 0, 0, ALWAYS), depth=1.0, ticks=90, how=1, full_after=20.0
     )
     assert flown["command"][21:] == pytest.approx(p.V_max)
     assert np.all(flown["volume"][20:61] == flown["volume"][20])
@@ -229,28 +229,28 @@ def test_told_to_come_up_it_does_so_at_full_voltage(rig):
 
 def test_it_is_told_after_the_first_fault_or_after_the_last(rig):
     """200 ticks after; a block counts once it has held the piston back for a second."""
-    harms = (Fault.DEPTH_NAN, 0, 0, 100, ALWAYS), (Fault.VOLUME_NAN, 0, 0, 180, ALWAYS)
+    fault_rows = (Fault.DEPTH_NAN, 0, 0, 100, ALWAYS), (Fault.VOLUME_NAN, 0, 0, 180, ALWAYS)
     for how, told in ((1, 380), (2, 300)):
-        _, flown = rig.fly(*harms, ticks=600, how=how)
+        _, flown = rig.fly(*fault_rows, ticks=600, how=how)
         assert np.all(flown["command"][told:] == 12.0)
         assert flown["command"][told - 1] != 12.0
-    harms = (Fault.LEAK_SMALL, 1e-9, 0, 50, ALWAYS), (Fault.BLOCKED_OUT, 1e-3, 0, 60, ALWAYS)
+    fault_rows = (Fault.LEAK_SMALL, 1e-9, 0, 50, ALWAYS), (Fault.BLOCKED_OUT, 1e-3, 0, 60, ALWAYS)
     turns = ((0.0, 20.0), (300.0, 18.0))  # the way up asks for volume at once
-    result, flown = rig.fly(*harms, ticks=700, turns=turns, how=1)
+    result, flown = rig.fly(*fault_rows, ticks=700, turns=turns, how=1)
     assert result[RESULT.acting] == 50.0
     held = int(np.argmax(flown["volume"] >= flown["volume"].max() - 1e-12))
     assert held > 300
     assert np.all(flown["command"][held + 3 + 200 + 2 :] == 12.0)
-    never, flown = rig.fly(*harms, ticks=280, how=1)  # it holds its depth below the block
+    never, flown = rig.fly(*fault_rows, ticks=280, how=1)  # it holds its depth below the block
     assert never[RESULT.last] == 280.0
     assert not np.all(flown["command"][270:] == 12.0)
 
 
 def test_a_vehicle_that_bobs_has_come_up(rig):
     """With full buoyancy from 20 m it comes fast, and goes down by metres before it comes back."""
-    harm = (Fault.DEPTH_NAN, 0, 0, 0, ALWAYS)
+    fault_row = (Fault.DEPTH_NAN, 0, 0, 0, ALWAYS)
     stay = round(60.0 / rig.tick)
-    result, flown = rig.fly(harm, ticks=3000, how=1, full_after=0.0, stay=stay)
+    result, flown = rig.fly(fault_row, ticks=3000, how=1, full_after=0.0, stay=stay)
     arrived, last = int(result[RESULT.arrived]), int(result[RESULT.last])
     assert flown["depth"][arrived] <= 1.0 + 1e-9 < flown["depth"][arrived - 1]
     assert stay <= last - arrived < stay + 30.0 / rig.tick
@@ -258,7 +258,9 @@ def test_a_vehicle_that_bobs_has_come_up(rig):
     assert result[RESULT.depth] <= 1.0
     # one that a leak fills goes down for good
     leak = (Fault.LEAK_LARGE, 4e-6, 0, 0, ALWAYS)
-    result, flown = rig.fly(harm, leak, ticks=3000, how=1, full_after=0.0, stay=stay, bottom=40.0)
+    result, flown = rig.fly(
+        fault_row, leak, ticks=3000, how=1, full_after=0.0, stay=stay, bottom=40.0
+    )
     assert np.nanmin(flown["depth"]) < 1.0
     assert math.isnan(result[RESULT.arrived])
     up = int(result[RESULT.up])
@@ -273,7 +275,7 @@ def test_a_vehicle_that_bobs_has_come_up(rig):
     # not filled: it could go out further
     block = (Fault.BLOCKED_OUT, 0.5, 0, 0, ALWAYS)
     result, flown = rig.fly(
-        harm, leak, block, ticks=3000, how=1, full_after=0.0, stay=stay, bottom=40.0
+        fault_row, leak, block, ticks=3000, how=1, full_after=0.0, stay=stay, bottom=40.0
     )
     assert flown["volume"].max() < 0.97 * p.V_max
     assert result[RESULT.filled] == -1.0
@@ -284,7 +286,10 @@ def test_a_vehicle_that_bobs_has_come_up(rig):
 
 def test_who_rests_between_pushes_has_longer_to_come_up(rig):
     limits = supervisor_parameters(rig.vehicle, rig.tick)
-    for who, longer in (("alone", 1.0), ("supervised", 1.0 + limits.push.rest / limits.push.again)):
+    for who, longer in (
+        ("unsupervised", 1.0),
+        ("supervised", 1.0 + limits.push.rest / limits.push.again),
+    ):
         result, _ = rig.fly(who=who, ticks=200)
         assert result[RESULT.last] == math.ceil(200 * longer)
 
@@ -299,28 +304,28 @@ def test_passing_the_rated_depth_ends_a_mission(rig):
 
 def test_the_deaf_vehicle_is_the_supervised_one_until_there_is_a_reason(rig):
     """With a depth that stands still it is pushed outward to see; then there is a reason."""
-    harms = ((Fault.DEPTH_STUCK, 0, 0, 100, ALWAYS),)
-    _, heard = rig.fly(*harms, who="supervised", ticks=600, target=20.5)
-    _, deaf = rig.fly(*harms, who="deaf", ticks=600, target=20.5)
+    fault_rows = ((Fault.DEPTH_STUCK, 0, 0, 100, ALWAYS),)
+    _, heard = rig.fly(*fault_rows, who="supervised", ticks=600, target=20.5)
+    _, ideal = rig.fly(*fault_rows, who="ideal", ticks=600, target=20.5)
     latched = int(np.argmax(heard["reason"] > 0.0))
     assert latched > 200
     for name in ("depth", "volume", "command"):
-        assert np.array_equal(heard[name][:latched], deaf[name][:latched])
+        assert np.array_equal(heard[name][:latched], ideal[name][:latched])
     pushed = heard["command"][:latched] == 12.0
     assert pushed[-5:].any()
-    assert not deaf["reason"].any()
+    assert not ideal["reason"].any()
     assert np.all(heard["command"][latched : latched + 50] == 12.0)
-    assert deaf["command"][latched] != 12.0  # its law's again
+    assert ideal["command"][latched] != 12.0  # its law's again
 
 
 def test_a_piston_blocked_outward_is_found_before_the_vehicle_sinks(rig):
     """1 cm3 above where it holds its depth: found at the top, where that still lifts it."""
-    harms = ((Fault.BLOCKED_OUT, 1.4e-3, 0, 150, ALWAYS),)
+    fault_rows = ((Fault.BLOCKED_OUT, 1.4e-3, 0, 150, ALWAYS),)
     turns = ((0.0, 20.0), (300.0, 30.0))
-    result, flown = rig.fly(*harms, who="supervised", turns=turns, ticks=3000, ramp=0.03)
+    result, flown = rig.fly(*fault_rows, who="supervised", turns=turns, ticks=3000, ramp=0.03)
     assert flown["reason"][-1] == 10.0
     assert result[RESULT.latched] * rig.tick < 90.0 + 20.0
     assert result[RESULT.deepest] < 20.5
     assert result[RESULT.depth] < 1.0
-    result, flown = rig.fly(*harms, turns=turns, ticks=3000, ramp=0.03)
+    result, flown = rig.fly(*fault_rows, turns=turns, ticks=3000, ramp=0.03)
     assert result[RESULT.deepest] > 60.0

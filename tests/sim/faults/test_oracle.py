@@ -11,8 +11,8 @@ from scipy import stats
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.faults.kinds import KINDS, Fault, Range, draw_fault, kinds_of
-from swimbladder.sim.faults.one import fly_one
-from swimbladder.sim.faults.rows import TRACE
+from swimbladder.sim.faults.mission_records import TRACE
+from swimbladder.sim.faults.single_mission import fly_one
 from tests.oracle import Machine
 from tests.sim.faults.oracle import COMPARED, Drawn, Faulty, follow
 
@@ -71,16 +71,16 @@ def compare(flown, found, first=0, skip=0, near=NEAR):
 
 
 def against_oracle(
-    rig, *harms, depth=20.0, ticks=300, bottom=math.inf, sea=SEA, near=NEAR, **run
+    rig, *fault_rows, depth=20.0, ticks=300, bottom=math.inf, sea=SEA, near=NEAR, **run
 ):  # fmt: skip
     """Fly, compare with the oracle; return (result, columns)."""
-    result, flown = rig.fly(*harms, depth=depth, ticks=ticks, bottom=bottom, **sea, **run)
+    result, flown = rig.fly(*fault_rows, depth=depth, ticks=ticks, bottom=bottom, **sea, **run)
     machine = Machine(rig.vehicle, bottom)
     if "supply" in run:
         machine.E = run["supply"]
     found = follow(
         Faulty(
-            machine, rig.vehicle, harms, tick=rig.tick, depth=depth,
+            machine, rig.vehicle, fault_rows, tick=rig.tick, depth=depth,
             volume=run.get("volume", rig.vehicle.neutral_volume(depth)), **sea,
         ),
         flown,
@@ -217,9 +217,9 @@ def test_each_kind_of_fault_does_what_it_is_said_to_do_and_only_while_it_lasts(r
     first, second, unit = SEVERE.get(fault, (0.0, 0.0, None))
     kind, end, tick = KINDS[fault], ends_of(fault), rig.tick
     assert (kind.first.unit if kind.first is not None else None) == unit
-    harm = (fault, first, second, BEGIN, end)
+    fault_row = (fault, first, second, BEGIN, end)
     run = dict(ticks=220, turns=TURNS, brown_out=0.0)
-    _, flown = against_oracle(rig, harm, **run)
+    _, flown = against_oracle(rig, fault_row, **run)
     _, well = rig.fly(depth=20.0, **SEA, **run)
     changed = [
         n for n in TRACE if not np.array_equal(well[n][:BEGIN], flown[n][:BEGIN], equal_nan=True)
@@ -268,8 +268,10 @@ def test_each_kind_of_fault_does_what_it_is_said_to_do_and_only_while_it_lasts(r
 
 def test_the_battery_that_the_supervisor_sees_sags_with_the_current_and_not_with_speed(rig):
     """A motor up to speed draws what its load asks for, and more while it starts."""
-    harm = (Fault.BATTERY_SAG, 0.6, 0, 0, ALWAYS)
-    _, flown = against_oracle(rig, harm, depth=30.0, turns=((0.0, 30.0), (20.0, 5.0)), ticks=60)
+    fault_row = (Fault.BATTERY_SAG, 0.6, 0, 0, ALWAYS)
+    _, flown = against_oracle(
+        rig, fault_row, depth=30.0, turns=((0.0, 30.0), (20.0, 5.0)), ticks=60
+    )
     running = flown["battery"][40]
     # at full duty R_b i with R i = c z at an even speed, against the battery without a load
     z = flown["depth"][40]
@@ -312,17 +314,17 @@ def test_a_drawn_mission_is_that_of_the_oracle_around_its_onset(number):
     vehicle = load_vehicle("feup-em")
     told = fly_one(vehicle, number, seed=3)
     c, tick = told.mission.condition, told.tick
-    harms = [(Fault(int(h[0])), *h[1:]) for h in told.mission.harms]
+    fault_rows = [(Fault(int(h[0])), *h[1:]) for h in told.mission.fault_rows]
     for rows in told.rows[:2]:
         flown = {name: rows[:, index] for name, index in TRACE.items()}
         first = min(int(told.mission.onset / tick) - 60, len(rows) - 200)
         machine = Drawn(Plant(*told.mission.plant), vehicle)
         assert not any(
-            h[0] in (Fault.BLOCKED_OUT, Fault.BLOCKED_IN) and h[3] < first for h in harms
+            h[0] in (Fault.BLOCKED_OUT, Fault.BLOCKED_IN) and h[3] < first for h in fault_rows
         )
         start = {name: flown[name][first] for name in ("depth", "volume", "speed")}
         faulty = Faulty(
-            machine, vehicle, harms, tick=tick, first=first, drift=c.drift, swell=c.swell,
+            machine, vehicle, fault_rows, tick=tick, first=first, drift=c.drift, swell=c.swell,
             swell_omega=c.swell_omega, swell_phase=c.swell_phase, gravity=c.gravity, **start,
         )  # fmt: skip
         faulty.applied = flown["applied"][first - 1]

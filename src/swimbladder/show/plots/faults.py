@@ -25,8 +25,8 @@ from swimbladder.show.plots.style import (
 )
 from swimbladder.sim.faults import Campaign
 from swimbladder.sim.faults.kinds import KINDS
-from swimbladder.sim.faults.one import Flown
-from swimbladder.sim.faults.rows import TRACE
+from swimbladder.sim.faults.mission_records import TRACE
+from swimbladder.sim.faults.single_mission import Flown
 
 __all__ = ["draw_campaign", "draw_mission"]
 
@@ -43,14 +43,14 @@ def draw_campaign(flown: Campaign) -> Figure:
     total = np.array([line.missions for line in lines], float)
     parts = (
         ("recovered, and not lost without the supervisor",
-         [line.saved - line.rescued for line in lines], SKY),
-        ("recovered by the supervisor", [line.rescued for line in lines], BLUE),
+         [line.recovered - line.recovered_by_supervisor for line in lines], SKY),
+        ("recovered by the supervisor", [line.recovered_by_supervisor for line in lines], BLUE),
         ("recoverable, and lost",
-         [line.recoverable - line.saved for line in lines], VERMILION),
+         [line.recoverable - line.recovered for line in lines], VERMILION),
         ("not recoverable, surfaced all the same",
-         [line.unrecoverable_saved for line in lines], "#A8D8C8"),
+         [line.unrecoverable_surfaced for line in lines], "#A8D8C8"),
         ("not recoverable",
-         [line.missions - line.recoverable - line.unrecoverable_saved for line in lines],
+         [line.missions - line.recoverable - line.unrecoverable_surfaced for line in lines],
          "#BDBDBD"),
     )  # fmt: skip
     left = np.zeros(len(lines))
@@ -64,8 +64,8 @@ def draw_campaign(flown: Campaign) -> Figure:
     fate.grid(visible=False, axis="y")
     figure.legend(loc="outside lower center", ncols=2)
     for row, line in zip(rows, lines, strict=True):
-        if not math.isnan(line.latch_median):
-            low, high = max(line.latch_median, 0.1), max(line.latch_95, 0.1)
+        if not math.isnan(line.detection_time_median):
+            low, high = max(line.detection_time_median, 0.1), max(line.detection_time_95, 0.1)
             soon.plot([low, high], [row, row], color=GREY, lw=1.5, zorder=1)
             soon.plot(low, row, "o", color=BLACK, ms=4.0)
             soon.plot(high, row, "|", color=BLACK, ms=9.0)
@@ -131,8 +131,8 @@ def draw_mission(flown: Flown) -> Figure:
     longest = tick * max(len(rows) for rows in flown.rows)
     battery.set_xlim(-0.02 * min(shown, longest), min(shown, longest))
     for axes in (depth, volume, command, battery):
-        for harm in flown.mission.harms:
-            axes.axvline(harm[3] * tick, color=VERMILION, lw=1.0, ls="--")
+        for fault_row in flown.mission.fault_rows:
+            axes.axvline(fault_row[3] * tick, color=VERMILION, lw=1.0, ls="--")
         if not math.isnan(flown.latched):
             axes.axvline(flown.latched, color=PURPLE, lw=1.2)
     figure.legend(

@@ -7,7 +7,7 @@ campaign and `verdict` says what became of it.
 
 from __future__ import annotations
 
+from swimbladder.sim.faults.campaign_result import Campaign
 from swimbladder.sim.faults.run import run_missions
-from swimbladder.sim.faults.verdict import Campaign
 
 __all__ = ["Campaign", "run_missions"]

@@ -14,7 +14,7 @@ from swimbladder.design.tuning.region import member, region, unknowns
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant, plant, terminal_speed
 from swimbladder.sim.faults.kinds import Fault, draw_fault, kinds_of
-from swimbladder.sim.faults.rows import Condition, Harm
+from swimbladder.sim.faults.mission_records import Condition, FaultRow
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["Course", "Mission", "Range", "course_of", "draw"]
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 SHALLOWEST = 1.0  # m under the surface
 RESERVE = 0.9  # of the depth at which the supervisor turns the vehicle round
-DURATION = 1200.0  # s until it is told to come up
+DURATION = 1200.0  # s until it is commanded to come up
 STAY = 60.0  # s at the surface
 STEP = 10.0  # m, largest change of a set-point
 RAMP = 0.1  # m/s, at which the depth asked for goes to a set-point; a fifth of the speed at most
@@ -59,7 +59,7 @@ class Mission:
     faults: tuple[Fault, ...]
     plant: Array  # [len(Plant)]
     condition: Condition
-    harms: Array  # [faults, len(Harm)]
+    fault_rows: Array  # [faults, len(Harm)]
     turns: Array  # ticks
     depths: Array  # m
     onset: float  # s, of the first fault; inf: none
@@ -157,7 +157,7 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
     if random.random() < 0.5:
         p["z_bottom"] = max(targets[:-1]) + random.uniform(1.0, 50.0)
     faults: tuple[Fault, ...] = ()
-    harms: list[Harm] = []
+    fault_rows: list[FaultRow] = []
     onset, times = math.inf, []
     if not healthy:
         kinds = kinds_of(vehicle)
@@ -171,10 +171,10 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
         for fault, time in zip(faults, times, strict=True):
             first, second, lasts = draw_fault(fault, random)
             begin = math.ceil(time / tick)
-            harms.append(
-                Harm(float(fault), first, second, begin, begin + max(1.0, round(lasts / tick)))
+            fault_rows.append(
+                FaultRow(float(fault), first, second, begin, begin + max(1.0, round(lasts / tick)))
                 if math.isfinite(lasts)
-                else Harm(float(fault), first, second, begin)
+                else FaultRow(float(fault), first, second, begin)
             )
     rest = p["psi"] * targets[0] + p["V_0"]
     condition = _condition(
@@ -184,7 +184,7 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
     )  # fmt: skip
     return Mission(
         number=number, faults=faults, plant=np.array(list(p.values())), condition=condition,
-        harms=np.array(harms, float).reshape(-1, len(Harm._fields)),
+        fault_rows=np.array(fault_rows, float).reshape(-1, len(FaultRow._fields)),
         turns=np.ceil(np.array(turns) / tick), depths=np.array(targets), onset=onset,
     )  # fmt: skip
 

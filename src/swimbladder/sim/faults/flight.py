@@ -59,23 +59,23 @@ from swimbladder.sim.engine.modes import (
     V_MIN,
     Z_SURFACE,
 )
-from swimbladder.sim.faults.call import call_begin, call_tick
+from swimbladder.sim.faults.c_call import call_begin, call_tick
 from swimbladder.sim.faults.draw import Mission
-from swimbladder.sim.faults.failing import (
+from swimbladder.sim.faults.fault_effects import (
     LEAK_LARGE,
     LEAK_SMALL,
     MOST,
     ROOM,
     acted,
+    apply_faults,
     board_misses,
     changes,
     driven,
     emf,
     see_depth,
     see_volume,
-    suffer,
 )
-from swimbladder.sim.faults.rows import Condition, Harm, Result, record_type
+from swimbladder.sim.faults.mission_records import Condition, FaultRow, Result, record_type
 from swimbladder.vehicle import Sensors
 
 __all__ = ["EARLY", "FULL", "OWN", "Room", "fly"]
@@ -144,7 +144,7 @@ class Now(NamedTuple):
     begun: float  # tick that its clock counts from
     turn: float  # set-point
     asked: float  # m
-    told: float  # 1: full buoyancy is commanded
+    commanded: float  # 1: full buoyancy is commanded
     full_at: float  # tick from which on it is
     deepest: float  # m
     below: float  # ticks since it was at the surface
@@ -159,7 +159,7 @@ FLIGHT = np.dtype([
     ("result", record_type(Result)),
     ("base", np.float64, (N_PLANT,)),  # the healthy vehicle
     ("faults", np.int64),  # how many
-    ("harms", np.float64, (MOST, len(Harm._fields))),
+    ("fault_rows", np.float64, (MOST, len(FaultRow._fields))),
     ("kept", np.float64, (ROOM,)),  # what the faults remember
     ("turns", np.float64, (MOST_TURNS,)),  # ticks of the set-points, inf behind the last
     ("depths", np.float64, (MOST_TURNS,)),  # m
@@ -184,13 +184,13 @@ def _keep(source, target):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _leaking(harms, k):  # type: ignore[no-untyped-def]
+def _leaking(fault_rows, k):  # type: ignore[no-untyped-def]
     """Return the water that comes in [m3/s] at tick k."""
     rate = 0.0
-    for n in range(harms.shape[0]):
-        kind = int(harms[n, 0])
-        if kind in (LEAK_SMALL, LEAK_LARGE) and k >= harms[n, 3]:
-            rate += harms[n, 1]
+    for n in range(fault_rows.shape[0]):
+        kind = int(fault_rows[n, 0])
+        if kind in (LEAK_SMALL, LEAK_LARGE) and k >= fault_rows[n, 3]:
+            rate += fault_rows[n, 1]
     return rate
 
 
@@ -222,7 +222,7 @@ def _surfaced(faults, S, k):  # type: ignore[no-untyped-def]
         result.beyond = k
         result.last = k
         return True
-    quiet = now.told != 0.0 or k >= c.quiet_at or k > result.latched
+    quiet = now.commanded != 0.0 or k >= c.quiet_at or k > result.latched
     afloat = z <= faults.flight.base[Z_SURFACE] + c.band
     now.below = 0.0 if afloat else now.below + 1.0
     if afloat and quiet and math.isnan(result.up):
@@ -243,35 +243,35 @@ def _begin(faults, S, k, built):  # type: ignore[no-untyped-def]
         return True
     c, now, result = faults.flight.condition, faults.flight.now, faults.flight.result
     m = faults.flight
-    base, harms = m.base, m.harms[: m.faults]
+    base, fault_rows = m.base, m.fault_rows[: m.faults]
     if k == 0:
         np.random.seed(np.uint32(c.seed))  # noqa: NPY002
     if _surfaced(faults, S, k):
         return True
     S[SLOW] = 1.0  # the plant changes between ticks
-    S[LEAK] = _leaking(harms, k)
+    S[LEAK] = _leaking(fault_rows, k)
     p = S[PLANT : PLANT + N_PLANT]
-    if changes(harms, k):
-        suffer(base, p, harms, k, S[V] + S[LOST], S[LOST])
+    if changes(fault_rows, k):
+        apply_faults(base, p, fault_rows, k, S[V] + S[LOST], S[LOST])
         built[:] = 0
         act = int(S[MODE]) % 10
         if act == MOVING_OUT:  # a positioner on its way, also one that could not move
             S[Q] = p[RATE]
         elif act == MOVING_IN:
             S[Q] = -p[RATE]
-    if now.acts < harms.shape[0]:
-        now.acts = acted(base, p, harms, k, c.tick, S[V], faults.flight.kept)
+    if now.acts < fault_rows.shape[0]:
+        now.acts = acted(base, p, fault_rows, k, c.tick, S[V], faults.flight.kept)
         if now.acts > 0 and math.isnan(result.acting):
             result.acting = k
             if now.how == EARLY:
                 now.full_at = k + c.full_after
-        if now.acts == harms.shape[0] and now.how == FULL:
+        if now.acts == fault_rows.shape[0] and now.how == FULL:
             now.full_at = k + c.full_after
     if base[POSITIONER] != 0.0:
         now.battery = np.nan
         return False
     u = S[APPLIED]
-    p[SUPPLY] = emf(base, harms, k, c.tick, abs(u) > 0.05 * base[SUPPLY])
+    p[SUPPLY] = emf(base, fault_rows, k, c.tick, abs(u) > 0.05 * base[SUPPLY])
     S[LOW_U], S[HIGH_U] = -p[SUPPLY], p[SUPPLY]
     applied = max(-p[SUPPLY], min(p[SUPPLY], u))
     drawn = (applied - p[KAPPA] * S[Q]) * (1.0 if applied >= 0.0 else -1.0)
@@ -283,13 +283,15 @@ def _begin(faults, S, k, built):  # type: ignore[no-untyped-def]
 def _sense(faults, S, k):  # type: ignore[no-untyped-def]
     """Write what the sensors give, with their faults."""
     m = faults.flight
-    c, now, harms, kept = m.condition, m.now, m.harms[: m.faults], m.kept
+    c, now, fault_rows, kept = m.condition, m.now, m.fault_rows[: m.faults], m.kept
     noise, other = np.random.normal(), np.random.normal()  # noqa: NPY002
     depth = S[Z] + S[DEPTH_NOISE] * noise
-    S[SEEN_DEPTH], now.age = see_depth(harms, k, c.tick, depth, S[DEPTH_QUANTUM], kept, faults.late)
+    S[SEEN_DEPTH], now.age = see_depth(
+        fault_rows, k, c.tick, depth, S[DEPTH_QUANTUM], kept, faults.late
+    )
     volume = S[V] + S[LOST] + S[VOLUME_NOISE] * other
     stroke = m.base[V_MAX] - m.base[V_MIN]
-    S[SEEN_VOLUME] = see_volume(harms, k, c.tick, volume, S[VOLUME_QUANTUM], stroke, kept)
+    S[SEEN_VOLUME] = see_volume(fault_rows, k, c.tick, volume, S[VOLUME_QUANTUM], stroke, kept)
     now.noise = noise
 
 
@@ -303,7 +305,7 @@ def _ask(faults, S, k):  # type: ignore[no-untyped-def]
         now.turn += 1
     now.asked += max(-c.ramp, min(c.ramp, m.depths[int(now.turn)] - now.asked))
     S[REFERENCE] = now.asked
-    missed, reset, now.hangs = board_misses(m.harms[: m.faults], k, c.tick)
+    missed, reset, now.hangs = board_misses(m.fault_rows[: m.faults], k, c.tick)
     if k >= now.full_at:
         now.hangs, now.hung_until = 0, -1  # what misses ticks or is reset does so here as well
     now.board, now.ran = _RAN, 0.0
@@ -325,7 +327,7 @@ def _ask(faults, S, k):  # type: ignore[no-untyped-def]
         now.board = _MISSED
         now.lost += 1
     elif k >= now.full_at:
-        now.command, now.told = base[V_MAX] if positioner else base[SUPPLY], 1.0
+        now.command, now.commanded = base[V_MAX] if positioner else base[SUPPLY], 1.0
     else:
         _prepare(faults, S)
         now.ran = 1.0
@@ -370,7 +372,9 @@ def _drive(faults, S, k, command):  # type: ignore[no-untyped-def]
             result.released = k
     p = S[PLANT : PLANT + N_PLANT]
     volume = S[V] + S[LOST]
-    u = driven(base, p, m.harms[: m.faults], k, c.tick, now.command, S[APPLIED], volume, m.kept)
+    u = driven(
+        base, p, m.fault_rows[: m.faults], k, c.tick, now.command, S[APPLIED], volume, m.kept
+    )
     u = max(S[LOW_U], min(S[HIGH_U], u))
     if faults.record.shape[0] > k:
         row = faults.record[k]
@@ -412,8 +416,8 @@ def fly(
         full_at=math.inf, deepest=c.start_depth,
     )  # fmt: skip
     m["result"] = unset._replace(stop=0.0, bottom=0.0, reason=0.0, resets=0.0, filled=-1.0)
-    m["turns"], m["faults"] = math.inf, len(mission.harms)
-    m["harms"][: len(mission.harms)] = mission.harms
+    m["turns"], m["faults"] = math.inf, len(mission.fault_rows)
+    m["fault_rows"][: len(mission.fault_rows)] = mission.fault_rows
     m["turns"][: len(mission.turns)] = mission.turns
     m["depths"][: len(mission.depths)] = mission.depths
     board = Board(*functions, room.memory, np.zeros(7, np.float32), np.zeros(3, np.float32))

@@ -13,11 +13,11 @@ from swimbladder.control.registry import own_law
 from swimbladder.errors import InputError
 from swimbladder.jobs import Store, each
 from swimbladder.sim.engine.modes import SUPPLY, Z_BOTTOM
+from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED
+from swimbladder.sim.faults.campaign_result import FACTS, FAULT_COLUMNS, WIDTH, Campaign
 from swimbladder.sim.faults.draw import Course, course_of, draw
-from swimbladder.sim.faults.glue import ALONE, DEAF, SUPERVISED
+from swimbladder.sim.faults.fault_campaign import FaultCampaign, sources
 from swimbladder.sim.faults.host import Board
-from swimbladder.sim.faults.squadron import Squadron, sources
-from swimbladder.sim.faults.verdict import FACTS, HARMS, WIDTH, Campaign
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["board_of", "run_missions"]
@@ -29,7 +29,7 @@ CHUNK = 200
 
 def board_of(course: Course) -> Board:
     """Return the vehicle's C, compiled for this machine; raises InputError without a compiler."""
-    return Board(sources(course), (ALONE, SUPERVISED, DEAF))
+    return Board(sources(course), (UNSUPERVISED, SUPERVISED, IDEAL))
 
 
 def run_missions(
@@ -57,19 +57,19 @@ def run_missions(
             )
     course = course_of(vehicle, depths)
     files = sources(course)
-    with Board(files, (ALONE, SUPERVISED, DEAF)) as board:
+    with Board(files, (UNSUPERVISED, SUPERVISED, IDEAL)) as board:
         kept = Store(keep, course, seed, files)
-        squadron = Squadron(course, board)
+        campaign = FaultCampaign(course, board)
         total = missions + healthy
         tables = [
-            _all(squadron, course, seed, n, well, kept, lambda done: advance(done / total))
+            _all(campaign, course, seed, n, well, kept, lambda done: advance(done / total))
             for n, well in ((missions, False), (healthy, True))
         ]
     return Campaign(course=course, seed=seed, faulty=tables[0], healthy=tables[1])
 
 
 def _all(
-    squadron: Squadron, course: Course, seed: int, count: int, healthy: bool, kept: Store,
+    campaign: FaultCampaign, course: Course, seed: int, count: int, healthy: bool, kept: Store,
     advance: Callable[[float], None],
 ) -> Array:  # fmt: skip
     """Return a row per mission [count, WIDTH]."""
@@ -77,7 +77,7 @@ def _all(
 
     def chunk(first: int) -> Array:
         end = min(first + CHUNK, count)
-        fly = partial(_rows, squadron, course, seed, first, end, healthy)
+        fly = partial(_rows, campaign, course, seed, first, end, healthy)
         return kept.get(fly, "healthy" if healthy else "faulty", first, end)
 
     for first, rows in each(chunk, range(0, count, CHUNK)):
@@ -87,20 +87,20 @@ def _all(
 
 
 def _rows(
-    squadron: Squadron, course: Course, seed: int, first: int, end: int, healthy: bool
+    campaign: FaultCampaign, course: Course, seed: int, first: int, end: int, healthy: bool
 ) -> Array:
     """Return the rows of missions first to end, flown."""
     rows = np.full((end - first, WIDTH), np.nan)
     for row, number in zip(rows, range(first, end), strict=True):
         mission = draw(course, seed=seed, number=number, healthy=healthy)
-        c, harms = mission.condition, mission.harms.reshape(-1)
+        c, fault_rows = mission.condition, mission.fault_rows.reshape(-1)
         row[: FACTS] = (
             number, mission.onset, c.start_depth, max(mission.depths), mission.plant[Z_BOTTOM],
             mission.plant[SUPPLY],
         )  # fmt: skip
-        row[FACTS : FACTS + harms.size] = harms
-        flown = [squadron.supervised(mission)] if healthy else squadron.flights(mission)
+        row[FACTS : FACTS + fault_rows.size] = fault_rows
+        flown = [campaign.supervised(mission)] if healthy else campaign.flights(mission)
         for n, result in enumerate(flown):
-            at = FACTS + HARMS + n * len(result)
+            at = FACTS + FAULT_COLUMNS + n * len(result)
             row[at : at + len(result)] = result
     return rows

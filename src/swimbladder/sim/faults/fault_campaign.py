@@ -1,4 +1,4 @@
-"""Missions flown three ways on this machine's cores: supervised, unsupervised, told to come up."""
+"""Missions flown three ways on this machine's cores: supervised, not, with ideal detection."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from swimbladder.codegen.library import make_library
 from swimbladder.codegen.safety import supervisor_parameters
+from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED, c_interface
+from swimbladder.sim.faults.campaign_result import Outcome, outcomes
 from swimbladder.sim.faults.draw import Course, Mission
 from swimbladder.sim.faults.flight import EARLY, FULL, OWN, Room, fly
-from swimbladder.sim.faults.glue import ALONE, DEAF, SUPERVISED, glue
 from swimbladder.sim.faults.host import Board
 from swimbladder.sim.faults.kinds import KINDS, Fault
-from swimbladder.sim.faults.rows import Condition, Result, Trace
-from swimbladder.sim.faults.verdict import Outcome, outcomes
+from swimbladder.sim.faults.mission_records import Condition, Result, Trace
 
-__all__ = ["Flights", "Squadron", "sources"]
+__all__ = ["FaultCampaign", "Flights", "sources"]
 
 Array = NDArray[np.float64]
 
@@ -27,8 +27,8 @@ class Flights(NamedTuple):
     """How a mission ends, each [len(Result)]."""
 
     supervised: Array
-    alone: Array
-    full: Array  # deaf to its reasons, and told to come up 60 s after the last fault acts
+    unsupervised: Array
+    full: Array  # ideal detection: full buoyancy 60 s after the last fault acts
     early: Array  # 60 s after the first does; nan unless it is of two, and lost in both above
 
 
@@ -45,11 +45,11 @@ def sources(course: Course) -> dict[str, str]:
         if name.startswith("src/")
     }
     first = 0.0 if made.law.command == "voltage" else made.vehicle.stroke.maximum
-    files["glue.c"] = glue(f"{float(np.float32(first))!r}f")
+    files["c_interface.c"] = c_interface(f"{float(np.float32(first))!r}f")
     return files
 
 
-class Squadron:
+class FaultCampaign:
     """A board, and the room in which its missions are flown, by any thread."""
 
     def __init__(self, course: Course, board: Board) -> None:
@@ -67,16 +67,16 @@ class Squadron:
     def flights(self, mission: Mission) -> Flights:
         """Return how a mission with faults ends."""
         supervised = self.flown(mission, SUPERVISED, OWN, self._none)
-        alone = self.flown(mission, ALONE, OWN, self._none)
-        full = self.flown(mission, DEAF, FULL, self._none)
+        unsupervised = self.flown(mission, UNSUPERVISED, OWN, self._none)
+        full = self.flown(mission, IDEAL, FULL, self._none)
         early = np.full(len(Result._fields), np.nan)
         tick = mission.condition.tick
         ended = outcomes(
             np.array([supervised, full]), tick=tick, stay=mission.condition.stay * tick
         )
         if len(mission.faults) > 1 and not np.any(ended == Outcome.SURFACED):
-            early = self.flown(mission, DEAF, EARLY, self._none)
-        return Flights(supervised, alone, full, early)
+            early = self.flown(mission, IDEAL, EARLY, self._none)
+        return Flights(supervised, unsupervised, full, early)
 
     def supervised(self, mission: Mission) -> Array:
         """Return how a supervised mission ends."""

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["RESULT", "TRACE", "Condition", "Harm", "Result", "Trace", "record_type"]
+__all__ = ["RESULT", "TRACE", "Condition", "FaultRow", "Result", "Trace", "record_type"]
 
 
 class Condition(NamedTuple):
@@ -39,7 +39,7 @@ class Condition(NamedTuple):
     seed: float  # of the noise, a whole number below 2^32
 
 
-class Harm(NamedTuple):
+class FaultRow(NamedTuple):
     """A fault as the kernel takes it; kind 0: none."""
 
     kind: float = 0.0

@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-__all__ = ["ALONE", "DEAF", "SUPERVISED", "glue"]
+__all__ = ["IDEAL", "SUPERVISED", "UNSUPERVISED", "c_interface"]
 
-ALONE, SUPERVISED, DEAF = "alone", "supervised", "deaf"
+UNSUPERVISED, SUPERVISED, IDEAL = "unsupervised", "supervised", "ideal"
 
 
-def glue(first: str) -> str:
+def c_interface(first: str) -> str:
     """Return the C; first: the controller's command until there is one, as C.
 
     seen: depth, its age, volume, battery, leak, lost ticks, depth asked for. said: the reason of
-    the supervisor, whether a weight is to be released, whether the law was called. The deaf vehicle
-    is the supervised one until there is a reason; it does not hear it, and goes on with its law.
+    the supervisor, whether a weight is to be released, whether the law was called. That of
+    ideal detection is supervised until there is a reason, which it ignores: its law goes on.
     """
     return f"""\
 #include "swb_vehicle.h"
 
-int alone_size(void)
+int unsupervised_size(void)
 {{
     return (int)sizeof(swb_controller);
 }}
 
-void alone_begin(void *memory, int after_reset)
+void unsupervised_begin(void *memory, int after_reset)
 {{
     (void)after_reset;
     swb_controller_begin(memory, {first});
 }}
 
-float alone_tick(void *memory, const float *seen, float *said)
+float unsupervised_tick(void *memory, const float *seen, float *said)
 {{
     const swb_controller *c = memory;
     said[0] = said[1] = 0.0f;
@@ -60,17 +60,17 @@ float supervised_tick(void *memory, const float *seen, float *said)
     return command;
 }}
 
-int deaf_size(void)
+int ideal_size(void)
 {{
     return (int)sizeof(swb_vehicle);
 }}
 
-void deaf_begin(void *memory, int after_reset)
+void ideal_begin(void *memory, int after_reset)
 {{
     swb_vehicle_begin(memory, after_reset != 0);
 }}
 
-float deaf_tick(void *memory, const float *seen, float *said)
+float ideal_tick(void *memory, const float *seen, float *said)
 {{
     swb_vehicle *v = memory;
     const swb_seen s = {{.depth = seen[0], .depth_age = seen[1], .volume = seen[2],

@@ -15,11 +15,11 @@ from swimbladder.control.supervisor_records import Reason
 from swimbladder.sim.engine.advance import DONE, LEFT_WATER
 from swimbladder.sim.faults.draw import STAY, Course
 from swimbladder.sim.faults.kinds import KINDS, Fault
-from swimbladder.sim.faults.rows import Harm, Result
+from swimbladder.sim.faults.mission_records import FaultRow, Result
 
 __all__ = [
     "FACTS",
-    "HARMS",
+    "FAULT_COLUMNS",
     "MILD",
     "WIDTH",
     "Campaign",
@@ -32,8 +32,8 @@ __all__ = [
 Array = NDArray[np.float64]
 
 FACTS = 6  # number, onset, start, deepest set-point, bottom, supply
-HARMS = 2 * len(Harm._fields)
-WIDTH = FACTS + HARMS + 4 * len(Result._fields)
+FAULT_COLUMNS = 2 * len(FaultRow._fields)
+WIDTH = FACTS + FAULT_COLUMNS + 4 * len(Result._fields)
 TOGETHER = "two faults at once"
 MILD = 0.3  # of the recoverable; fewer lost without a supervisor ask little of it
 
@@ -83,13 +83,13 @@ class Line(NamedTuple):
     family: str
     missions: int
     recoverable: int
-    saved: int  # of them, with the supervisor
-    lost_alone: int  # of them, without
-    rescued: int  # of them, with the supervisor and not without
-    unrecoverable_saved: int  # surfaced although they were not counted on
+    recovered: int  # of them, with the supervisor
+    lost_without_supervisor: int  # of them, without
+    recovered_by_supervisor: int  # of them, with the supervisor and not without
+    unrecoverable_surfaced: int  # surfaced although they were not counted on
     latched: int
-    latch_median: float  # s from onset to the reason; nan: never
-    latch_95: float
+    detection_time_median: float  # s from onset to the reason; nan: never
+    detection_time_95: float
     deepest: float  # m, supervised
 
 
@@ -118,15 +118,15 @@ class Campaign:
         assert self.course.vehicle.controller is not None
         return self.course.vehicle.controller.sample_time
 
-    def harm(self, which: int, field: str) -> Array:
+    def fault_row(self, which: int, field: str) -> Array:
         """Return a field of the first (0) or the second (1) fault of each mission."""
-        at = FACTS + which * len(Harm._fields) + Harm._fields.index(field)
+        at = FACTS + which * len(FaultRow._fields) + FaultRow._fields.index(field)
         column: Array = np.nan_to_num(self.faulty[:, at]) if field == "kind" else self.faulty[:, at]
         return column
 
     def result(self, flight: int, field: str) -> Array:
-        """Return a field of the flight: 0 supervised, 1 alone, 2 and 3 told to come up."""
-        at = FACTS + HARMS + flight * len(Result._fields) + Result._fields.index(field)
+        """Return a field of the flight: 0 supervised, 1 not, 2 and 3 with ideal detection."""
+        at = FACTS + FAULT_COLUMNS + flight * len(Result._fields) + Result._fields.index(field)
         column: Array = self.faulty[:, at]
         return column
 
@@ -135,7 +135,7 @@ class Campaign:
         return self._outcomes(self.faulty, flight)
 
     def _outcomes(self, table: Array, flight: int) -> Array:
-        at = FACTS + HARMS + flight * len(Result._fields)
+        at = FACTS + FAULT_COLUMNS + flight * len(Result._fields)
         return outcomes(table[:, at : at + len(Result._fields)], tick=self.tick, stay=STAY)
 
     @cached_property
@@ -144,13 +144,13 @@ class Campaign:
         found: NDArray[np.bool_] = self.outcome(2) == Outcome.SURFACED
         return found
 
-    def came_up(self, flight: int, *, told: int = 2) -> NDArray[np.bool_]:
-        """Whether each mission of a flight surfaced, or was filled but up no later than in `told`.
+    def came_up(self, flight: int, *, ideal: int = 2) -> NDArray[np.bool_]:
+        """Whether each mission of a flight surfaced, or was filled but up no later than in `ideal`.
 
         That flight, with ideal detection, stays for a minute; a leak fills both in the end.
         """
         found = self.outcome(flight)
-        sooner = self.result(flight, "up") <= self.result(told, "up")
+        sooner = self.result(flight, "up") <= self.result(ideal, "up")
         up: NDArray[np.bool_] = (found == Outcome.SURFACED) | ((found == Outcome.FILLED) & sooner)
         return up
 
@@ -171,28 +171,28 @@ class Campaign:
 
     @cached_property
     def lost_early(self) -> NDArray[np.intp]:
-        """Numbers of those lost that full buoyancy 60 s after the first of two faults would save.
+        """Numbers of those lost that full buoyancy 60 s after the first of two faults recovers.
 
         60 s after the second acts it does not: it is too late by then, or the second is a block
         that has not shown before.
         """
-        told: NDArray[np.bool_] = self.outcome(3) == Outcome.SURFACED
-        return np.flatnonzero(told & ~self.recoverable & ~self.came_up(0, told=3))
+        ideal: NDArray[np.bool_] = self.outcome(3) == Outcome.SURFACED
+        return np.flatnonzero(ideal & ~self.recoverable & ~self.came_up(0, ideal=3))
 
     @cached_property
-    def latch(self) -> Array:
+    def detection_time(self) -> Array:
         """Time from when the first fault acts to the supervisor's reason [s]; nan: it had none."""
         late: Array = (self.result(0, "latched") - self.result(0, "acting")) * self.tick
         return late
 
     @property
-    def lost_alone(self) -> float:
+    def lost_without_supervisor(self) -> float:
         """Share of the recoverable vehicles that are lost without the supervisor."""
-        alone = self.recoverable & ~self.came_up(1)
-        return int(alone.sum()) / max(1, int(self.recoverable.sum()))
+        unsupervised = self.recoverable & ~self.came_up(1)
+        return int(unsupervised.sum()) / max(1, int(self.recoverable.sum()))
 
     @property
-    def all_lost_alone(self) -> float:
+    def all_lost_without_supervisor(self) -> float:
         """Share of all vehicles with faults that are lost without the supervisor."""
         return float(np.mean(~self.came_up(1)))
 
@@ -209,7 +209,7 @@ class Campaign:
     @property
     def _healthy_reasons(self) -> Array:
         """The code of the supervisor's reason in each healthy mission; 0: it had none."""
-        reasons: Array = self.healthy[:, FACTS + HARMS + Result._fields.index("reason")]
+        reasons: Array = self.healthy[:, FACTS + FAULT_COLUMNS + Result._fields.index("reason")]
         return reasons
 
     @property
@@ -230,7 +230,7 @@ class Campaign:
 
     def lines(self) -> list[Line]:
         """Return a line for each kind of fault that came alone, one for pairs, and one for all."""
-        first, two = self.harm(0, "kind"), self.harm(1, "kind") > 0.0
+        first, two = self.fault_row(0, "kind"), self.fault_row(1, "kind") > 0.0
         found = [
             self._line(kind.name, kind.family, (first == fault) & ~two)
             for fault, kind in KINDS.items()
@@ -244,15 +244,16 @@ class Campaign:
 
     def _line(self, name: str, family: str, chosen: NDArray[np.bool_]) -> Line:
         able = self.recoverable & chosen
-        saved, alone = self.came_up(0), self.came_up(1)
-        latch = self.latch[chosen & ~np.isnan(self.latch)]
+        recovered, unsupervised = self.came_up(0), self.came_up(1)
+        latch = self.detection_time[chosen & ~np.isnan(self.detection_time)]
         return Line(
             name=name, family=family, missions=int(chosen.sum()), recoverable=int(able.sum()),
-            saved=int((able & saved).sum()), lost_alone=int((able & ~alone).sum()),
-            rescued=int((able & saved & ~alone).sum()),
-            unrecoverable_saved=int((chosen & ~able & saved).sum()), latched=len(latch),
-            latch_median=float(np.median(latch)) if len(latch) else math.nan,
-            latch_95=float(np.quantile(latch, 0.95)) if len(latch) else math.nan,
+            recovered=int((able & recovered).sum()),
+            lost_without_supervisor=int((able & ~unsupervised).sum()),
+            recovered_by_supervisor=int((able & recovered & ~unsupervised).sum()),
+            unrecoverable_surfaced=int((chosen & ~able & recovered).sum()), latched=len(latch),
+            detection_time_median=float(np.median(latch)) if len(latch) else math.nan,
+            detection_time_95=float(np.quantile(latch, 0.95)) if len(latch) else math.nan,
             deepest=float(self.result(0, "deepest")[chosen].max()) if chosen.any() else math.nan,
         )  # fmt: skip
 
@@ -261,20 +262,20 @@ class Campaign:
         code = int(self.result(0, "reason")[number])
         return Reason(code).words if code else ""
 
-    def told(self, number: int) -> str:
+    def description(self, number: int) -> str:
         """Return what happened to a mission, in a line."""
         parts = []
         for which in (0, 1):
-            code = int(self.harm(which, "kind")[number])
+            code = int(self.fault_row(which, "kind")[number])
             if code:
-                kind, begin = KINDS[Fault(code)], self.harm(which, "begin")[number] * self.tick
-                severity = self.harm(which, "first")[number]
+                kind, begin = KINDS[Fault(code)], self.fault_row(which, "begin")[number] * self.tick
+                severity = self.fault_row(which, "first")[number]
                 unit = f" {kind.first.unit}".rstrip() if kind.first is not None else ""
                 how = f" {severity:.3g}{unit}" if kind.first is not None else ""
-                end = self.harm(which, "end")[number] * self.tick
+                end = self.fault_row(which, "end")[number] * self.tick
                 lasts = f" for {end - begin:.0f} s" if math.isfinite(end) else ""
                 parts.append(f"{kind.name}{how} at {begin:.0f} s{lasts}")
-        late, reason = self.latch[number], self.reason(number)
+        late, reason = self.detection_time[number], self.reason(number)
         seen = f"{reason} {late:.0f} s after the first onset" if reason else "not detected"
         ended = Outcome(int(self.outcome(0)[number])).words
         return f"mission {number}: {', '.join(parts)}: {seen}, {ended}"
@@ -293,8 +294,8 @@ class Campaign:
             "lost": self.lost,
             "lost_early": self.lost_early,
             "filled": self.filled,
-            "lost_share_alone": self.lost_alone,
-            "lost_share_alone_of_all": self.all_lost_alone,
+            "lost_share_without_supervisor": self.lost_without_supervisor,
+            "lost_share_without_supervisor_of_all": self.all_lost_without_supervisor,
             "kinds": [line._asdict() for line in self.lines()],
             "healthy": {
                 "missions": trials,

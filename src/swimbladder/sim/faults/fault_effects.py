@@ -1,7 +1,7 @@
 """What faults do to sensors, plant, battery and driver: the compiled parts of a flight.
 
-Each takes all faults of a mission, `harms` [faults, len(Harm)], and the tick k. Random numbers come
-from the generator that compiled code has in each thread; a flight seeds it.
+Each takes the faults of a mission, `fault_rows` [faults, len(FaultRow)], and the tick k. Random
+numbers come from the generator that compiled code has in each thread; a flight seeds it.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ __all__ = [
     "MOST",
     "ROOM",
     "acted",
+    "apply_faults",
     "board_misses",
     "changes",
     "driven",
     "emf",
     "see_depth",
     "see_volume",
-    "suffer",
 ]
 
 _KIND, _FIRST, _SECOND, _BEGIN, _END = range(5)
@@ -55,75 +55,75 @@ _HELD_BACK = 1.0  # s on end, that a block stops the actuator before it counts a
 
 
 @part
-def _on(harm, k):  # type: ignore[no-untyped-def]
-    return harm[_BEGIN] <= k < harm[_END]
+def _on(fault_row, k):  # type: ignore[no-untyped-def]
+    return fault_row[_BEGIN] <= k < fault_row[_END]
 
 
 @part
-def see_depth(harms, k, tick, depth, quantum, kept, late):  # type: ignore[no-untyped-def]
+def see_depth(fault_rows, k, tick, depth, quantum, kept, late):  # type: ignore[no-untyped-def]
     """Return (depth [m], its age [s]) as the driver gives them, of what the sensor measured.
 
     kept [ROOM], late [n]: what was seen before; late[k % n] is written.
     """
-    for n in range(harms.shape[0]):
-        harm = harms[n]
-        if not _on(harm, k):
+    for n in range(fault_rows.shape[0]):
+        fault_row = fault_rows[n]
+        if not _on(fault_row, k):
             continue
-        kind = int(harm[_KIND])
+        kind = int(fault_row[_KIND])
         if kind == DEPTH_JUMP:
-            depth += harm[_FIRST]
+            depth += fault_row[_FIRST]
         elif kind == DEPTH_DRIFT:
-            depth += harm[_FIRST] * tick * (k - harm[_BEGIN])
+            depth += fault_row[_FIRST] * tick * (k - fault_row[_BEGIN])
         elif kind == DEPTH_SCALE:
-            depth *= 1.0 + harm[_FIRST]
+            depth *= 1.0 + fault_row[_FIRST]
         elif kind == DEPTH_NOISE:
-            depth += harm[_FIRST] * np.random.normal()  # noqa: NPY002
+            depth += fault_row[_FIRST] * np.random.normal()  # noqa: NPY002
     depth = quantised(depth, quantum)
     late[k % late.shape[0]] = depth
     age = 0.0
-    for n in range(harms.shape[0]):
-        harm = harms[n]
-        if not _on(harm, k):
+    for n in range(fault_rows.shape[0]):
+        fault_row = fault_rows[n]
+        if not _on(fault_row, k):
             continue
-        kind = int(harm[_KIND])
+        kind = int(fault_row[_KIND])
         if kind == DEPTH_STUCK:
-            if k == harm[_BEGIN]:
+            if k == fault_row[_BEGIN]:
                 kept[_STUCK] = depth
             depth = kept[_STUCK]
         elif kind == DEPTH_RANGE:
-            depth = harm[_FIRST]
+            depth = fault_row[_FIRST]
         elif kind == DEPTH_LATE:
-            behind = min(int(harm[_FIRST] / tick), late.shape[0] - 1, k)
+            behind = min(int(fault_row[_FIRST] / tick), late.shape[0] - 1, k)
             depth = late[(k - behind) % late.shape[0]]
-            if harm[_SECOND] > 0.5:
+            if fault_row[_SECOND] > 0.5:
                 age = behind * tick
         elif kind == DEPTH_OLD:
-            if k == harm[_BEGIN] or (k - kept[_HELD_AT]) * tick >= harm[_FIRST]:
+            if k == fault_row[_BEGIN] or (k - kept[_HELD_AT]) * tick >= fault_row[_FIRST]:
                 kept[_HELD], kept[_HELD_AT] = depth, k
             depth = kept[_HELD]
             age = (k - kept[_HELD_AT]) * tick
         elif kind == DEPTH_NAN:  # noqa: SIM114
             depth = math.nan
-        elif kind == DEPTH_DROPOUTS and np.random.random() < harm[_FIRST]:  # noqa: NPY002
+        elif kind == DEPTH_DROPOUTS and np.random.random() < fault_row[_FIRST]:  # noqa: NPY002
             depth = math.nan
     return depth, age
 
 
 @part
-def see_volume(harms, k, tick, volume, quantum, stroke, kept):  # type: ignore[no-untyped-def]
+def see_volume(fault_rows, k, tick, volume, quantum, stroke, kept):  # type: ignore[no-untyped-def]
     """Return the volume [m3] as the driver gives it; stroke: from end to end [m3]."""
-    for n in range(harms.shape[0]):
-        harm = harms[n]
-        if _on(harm, k) and int(harm[_KIND]) == VOLUME_DRIFT:
-            volume += harm[_FIRST] * stroke * tick * (k - harm[_BEGIN])
+    for n in range(fault_rows.shape[0]):
+        fault_row = fault_rows[n]
+        if _on(fault_row, k) and int(fault_row[_KIND]) == VOLUME_DRIFT:
+            volume += fault_row[_FIRST] * stroke * tick * (k - fault_row[_BEGIN])
     volume = quantised(volume, quantum)
-    for n in range(harms.shape[0]):
-        harm = harms[n]
-        if not _on(harm, k):
+    for n in range(fault_rows.shape[0]):
+        fault_row = fault_rows[n]
+        if not _on(fault_row, k):
             continue
-        kind = int(harm[_KIND])
+        kind = int(fault_row[_KIND])
         if kind == VOLUME_STUCK:
-            if k == harm[_BEGIN]:
+            if k == fault_row[_BEGIN]:
                 kept[_VOLUME] = volume
             volume = kept[_VOLUME]
         elif kind == VOLUME_NAN:
@@ -132,16 +132,16 @@ def see_volume(harms, k, tick, volume, quantum, stroke, kept):  # type: ignore[n
 
 
 @part
-def changes(harms, k):  # type: ignore[no-untyped-def]
+def changes(fault_rows, k):  # type: ignore[no-untyped-def]
     """Return whether a fault begins or ends at this tick."""
-    for n in range(harms.shape[0]):  # noqa: SIM110
-        if harms[n, _BEGIN] == k or harms[n, _END] == k:
+    for n in range(fault_rows.shape[0]):
+        if fault_rows[n, _BEGIN] == k or fault_rows[n, _END] == k:
             return True
     return False
 
 
 @part
-def acted(base, p, harms, k, tick, engine_volume, kept):  # type: ignore[no-untyped-def]
+def acted(base, p, fault_rows, k, tick, engine_volume, kept):  # type: ignore[no-untyped-def]
     """Return how many faults have acted by tick k: a block once it has stopped the actuator.
 
     Noise alone makes a piston touch a block, for a tick, that it is not held back by.
@@ -150,10 +150,10 @@ def acted(base, p, harms, k, tick, engine_volume, kept):  # type: ignore[no-unty
     """
     narrow = p[V_MAX] - p[V_MIN] < (1.0 - 1e-9) * (base[V_MAX] - base[V_MIN])
     count = 0
-    for n in range(harms.shape[0]):
-        harm = harms[n]
-        if _on(harm, k) and kept[_ACTED + n] == 0.0:
-            kind = int(harm[_KIND])
+    for n in range(fault_rows.shape[0]):
+        fault_row = fault_rows[n]
+        if _on(fault_row, k) and kept[_ACTED + n] == 0.0:
+            kind = int(fault_row[_KIND])
             if kind == BLOCKED_OUT:
                 acts = narrow and engine_volume >= p[V_MAX]
             elif kind == BLOCKED_IN:
@@ -170,7 +170,7 @@ def acted(base, p, harms, k, tick, engine_volume, kept):  # type: ignore[no-unty
 
 
 @part
-def suffer(base, p, harms, k, volume, shift):  # type: ignore[no-untyped-def]
+def apply_faults(base, p, fault_rows, k, volume, shift):  # type: ignore[no-untyped-def]
     """Set what faults change in the plant p of the healthy one `base`, where one begins or ends.
 
     volume [m3]: where the actuator is. shift [m3]: what volumes are counted less by, see `flight`.
@@ -179,50 +179,50 @@ def suffer(base, p, harms, k, volume, shift):  # type: ignore[no-untyped-def]
     p[LOAD_DRIVE], p[LOAD_BACK] = base[LOAD_DRIVE], base[LOAD_BACK]
     p[SAG], p[KAPPA] = base[SAG], base[KAPPA]
     stroke = base[V_MAX] - base[V_MIN]
-    for n in range(harms.shape[0]):
-        harm = harms[n]
-        if not _on(harm, k):
+    for n in range(fault_rows.shape[0]):
+        fault_row = fault_rows[n]
+        if not _on(fault_row, k):
             continue
-        kind = int(harm[_KIND])
+        kind = int(fault_row[_KIND])
         if kind == STALLED:
             p[GAIN], p[RATE] = 0.0, 0.0
         elif kind == SLOW:
-            p[GAIN] *= harm[_FIRST]
-            p[RATE] *= harm[_FIRST]
+            p[GAIN] *= fault_row[_FIRST]
+            p[RATE] *= fault_row[_FIRST]
         elif kind == WEAK:
-            p[LOAD_DRIVE] *= harm[_FIRST]
-            p[LOAD_BACK] *= harm[_FIRST]
+            p[LOAD_DRIVE] *= fault_row[_FIRST]
+            p[LOAD_BACK] *= fault_row[_FIRST]
         elif kind == BATTERY_SAG:
-            p[SAG] = max(p[SAG], harm[_FIRST])
+            p[SAG] = max(p[SAG], fault_row[_FIRST])
             if p[KAPPA] <= 0.0:  # not known: all that is lost with speed is taken for it
                 p[KAPPA] = 1.0 / base[GAIN]
-        elif kind == BLOCKED_OUT and harm[_BEGIN] == k:
-            p[V_MAX] = min(p[V_MAX], volume + harm[_FIRST] * stroke - shift)
-        elif kind == BLOCKED_IN and harm[_BEGIN] == k:
-            p[V_MIN] = max(p[V_MIN], volume - harm[_FIRST] * stroke - shift)
+        elif kind == BLOCKED_OUT and fault_row[_BEGIN] == k:
+            p[V_MAX] = min(p[V_MAX], volume + fault_row[_FIRST] * stroke - shift)
+        elif kind == BLOCKED_IN and fault_row[_BEGIN] == k:
+            p[V_MIN] = max(p[V_MIN], volume - fault_row[_FIRST] * stroke - shift)
 
 
 @part
-def emf(base, harms, k, tick, driving):  # type: ignore[no-untyped-def]
+def emf(base, fault_rows, k, tick, driving):  # type: ignore[no-untyped-def]
     """Return the battery's open-circuit voltage [V]; driving: whether the motor has a voltage."""
     share = 1.0
-    for n in range(harms.shape[0]):
-        harm = harms[n]
-        if not _on(harm, k):
+    for n in range(fault_rows.shape[0]):
+        fault_row = fault_rows[n]
+        if not _on(fault_row, k):
             continue
-        kind = int(harm[_KIND])
-        since = (k - harm[_BEGIN]) * tick
+        kind = int(fault_row[_KIND])
+        since = (k - fault_row[_BEGIN]) * tick
         if kind == BATTERY_DECLINE:
-            share *= max(0.0, 1.0 - harm[_FIRST] * since)
+            share *= max(0.0, 1.0 - fault_row[_FIRST] * since)
         elif kind == BATTERY_DEAD:
-            share *= max(0.0, 1.0 - since / harm[_FIRST])
+            share *= max(0.0, 1.0 - since / fault_row[_FIRST])
         elif kind == BATTERY_DROP or (kind == BATTERY_CELL and driving):
-            share *= 1.0 - harm[_FIRST]
+            share *= 1.0 - fault_row[_FIRST]
     return base[SUPPLY] * share
 
 
 @part
-def driven(base, p, harms, k, tick, u, before, volume, kept):  # type: ignore[no-untyped-def]
+def driven(base, p, fault_rows, k, tick, u, before, volume, kept):  # type: ignore[no-untyped-def]
     """Return what the actuator gets where the board commands u [V, or m3 from mid-stroke].
 
     before: what it got a tick ago; volume [m3]: where it is, from mid-stroke.
@@ -231,14 +231,14 @@ def driven(base, p, harms, k, tick, u, before, volume, kept):  # type: ignore[no
     way = before - (volume if positioner else 0.0)
     if way != 0.0:
         kept[_LOOSE] = math.copysign(1.0, way)
-    for n in range(harms.shape[0]):
-        harm = harms[n]
-        if not _on(harm, k):
+    for n in range(fault_rows.shape[0]):
+        fault_row = fault_rows[n]
+        if not _on(fault_row, k):
             continue
-        kind = int(harm[_KIND])
+        kind = int(fault_row[_KIND])
         if kind == REVERSED:
             u = -u
-        elif kind == RUNS_ON and (k - harm[_BEGIN]) * tick < harm[_FIRST]:
+        elif kind == RUNS_ON and (k - fault_row[_BEGIN]) * tick < fault_row[_FIRST]:
             if positioner:
                 u = base[V_MAX] if kept[_LOOSE] > 0.0 else base[V_MIN]
             else:
@@ -247,21 +247,24 @@ def driven(base, p, harms, k, tick, u, before, volume, kept):  # type: ignore[no
 
 
 @part
-def board_misses(harms, k, tick):  # type: ignore[no-untyped-def]
+def board_misses(fault_rows, k, tick):  # type: ignore[no-untyped-def]
     """Return (whether this tick is lost, whether the board is reset, ticks a law hangs for)."""
     lost, reset, hangs = False, False, 0
-    for n in range(harms.shape[0]):
-        harm = harms[n]
-        if not _on(harm, k):
+    for n in range(fault_rows.shape[0]):
+        fault_row = fault_rows[n]
+        if not _on(fault_row, k):
             continue
-        kind = int(harm[_KIND])
-        since = k - harm[_BEGIN]
+        kind = int(fault_row[_KIND])
+        since = k - fault_row[_BEGIN]
         if kind == TICKS_LOST:
-            lost = lost or np.random.random() < harm[_FIRST]  # noqa: NPY002
+            lost = lost or np.random.random() < fault_row[_FIRST]  # noqa: NPY002
         elif kind == PAUSE:
-            lost = lost or (since * tick) % (harm[_FIRST] + harm[_SECOND]) < harm[_FIRST]
+            lost = (
+                lost
+                or (since * tick) % (fault_row[_FIRST] + fault_row[_SECOND]) < fault_row[_FIRST]
+            )
         elif kind == RESETS:
-            reset = reset or since % max(1.0, math.floor(harm[_FIRST] / tick)) == 0.0
+            reset = reset or since % max(1.0, math.floor(fault_row[_FIRST] / tick)) == 0.0
         elif kind == HANG:
-            hangs = max(hangs, math.ceil(harm[_FIRST] / tick))
+            hangs = max(hangs, math.ceil(fault_row[_FIRST] / tick))
     return lost, reset, hangs

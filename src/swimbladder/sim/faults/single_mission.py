@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor_records import Reason
+from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED
+from swimbladder.sim.faults.campaign_result import Outcome, outcomes
 from swimbladder.sim.faults.draw import Course, Mission, course_of, draw
+from swimbladder.sim.faults.fault_campaign import FaultCampaign
 from swimbladder.sim.faults.flight import FULL, OWN
-from swimbladder.sim.faults.glue import ALONE, DEAF, SUPERVISED
 from swimbladder.sim.faults.kinds import KINDS
-from swimbladder.sim.faults.rows import Result
+from swimbladder.sim.faults.mission_records import Result
 from swimbladder.sim.faults.run import board_of
-from swimbladder.sim.faults.squadron import Squadron
-from swimbladder.sim.faults.verdict import Outcome, outcomes
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["NAMES", "Flown", "fly_one"]
 
 Array = NDArray[np.float64]
 
-NAMES = ("supervised", "alone", "told")
+NAMES = ("supervised", "unsupervised", "ideal_detection")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,11 +72,13 @@ class Flown:
                 for k, z in zip(m.turns, m.depths, strict=True)
             )
         ]
-        for fault, harm in zip(m.faults, m.harms, strict=True):
+        for fault, fault_row in zip(m.faults, m.fault_rows, strict=True):
             kind = KINDS[fault]
-            how = "" if kind.first is None else f": {harm[1]:.3g} {kind.first.unit}".rstrip()
-            end = f" to {harm[4] * self.tick:.0f} s" if math.isfinite(harm[4]) else " on"
-            said.append(f"from {harm[3] * self.tick:.0f} s{end}: {kind.name}, {kind.words}{how}")
+            how = "" if kind.first is None else f": {fault_row[1]:.3g} {kind.first.unit}".rstrip()
+            end = f" to {fault_row[4] * self.tick:.0f} s" if math.isfinite(fault_row[4]) else " on"
+            said.append(
+                f"from {fault_row[3] * self.tick:.0f} s{end}: {kind.name}, {kind.words}{how}"
+            )
         if self.reason:
             said.append(f"the supervisor took over at {self.latched:.0f} s: {self.reason}")
         else:
@@ -96,10 +98,10 @@ class Flown:
             "healthy": self.healthy,
             "faults": [
                 {
-                    "kind": KINDS[fault].name, "severity": harm[1], "onset_s": harm[3] * self.tick,
-                    "end_s": harm[4] * self.tick,
+                    "kind": KINDS[fault].name, "severity": row[1], "onset_s": row[3] * self.tick,
+                    "end_s": row[4] * self.tick,
                 }
-                for fault, harm in zip(self.mission.faults, self.mission.harms, strict=True)
+                for fault, row in zip(self.mission.faults, self.mission.fault_rows, strict=True)
             ],
             "latched_s": self.latched,
             "reason": self.reason,
@@ -120,10 +122,10 @@ def fly_one(
     own_law(vehicle)
     course = course_of(vehicle, depths)
     mission = draw(course, seed=seed, number=number, healthy=healthy)
-    ways = [(SUPERVISED, OWN), (ALONE, OWN), (DEAF, FULL)][: 2 if healthy else 3]
+    ways = [(SUPERVISED, OWN), (UNSUPERVISED, OWN), (IDEAL, FULL)][: 2 if healthy else 3]
     with board_of(course) as board:
-        squadron = Squadron(course, board)
-        flown = [squadron.traced(mission, who, how) for who, how in ways]
+        campaign = FaultCampaign(course, board)
+        flown = [campaign.traced(mission, who, how) for who, how in ways]
     return Flown(
         course=course, mission=mission, healthy=healthy,
         results=tuple(Result(*result) for result, _ in flown),

@@ -8,9 +8,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.sim.faults.campaign_result import Campaign, Outcome
 from swimbladder.sim.faults.kinds import KINDS, Fault
-from swimbladder.sim.faults.rows import Trace
-from swimbladder.sim.faults.verdict import Campaign, Outcome
+from swimbladder.sim.faults.mission_records import Trace
 
 __all__ = ["MISSION_COLUMNS", "TRACE_COLUMNS", "missions_csv", "trace_csv"]
 
@@ -18,7 +18,7 @@ MISSION_COLUMNS = (
     "mission", "fault_1", "severity_1", "onset_1_s", "end_1_s", "fault_2", "severity_2",
     "onset_2_s", "end_2_s", "start_depth_m", "deepest_setpoint_m", "bottom_m", "supply_V",
     "recoverable", "supervised", "reason", "latched_s", "release_s", "deepest_m", "resets",
-    "alone", "alone_deepest_m",
+    "unsupervised", "unsupervised_deepest_m",
 )  # fmt: skip
 TRACE_COLUMNS = (
     "time_s", "depth_m", "speed_m_s", "volume_m3", "command", "applied", "battery_V",
@@ -31,19 +31,19 @@ assert len(TRACE_COLUMNS) == 1 + len(Trace._fields)
 def missions_csv(flown: Campaign) -> str:
     """Return a row for each mission with faults; times in s from its start."""
     tick = flown.tick
-    supervised, alone = flown.outcome(0), flown.outcome(1)
+    supervised, unsupervised = flown.outcome(0), flown.outcome(1)
     facts = flown.faulty
     latched, released = flown.result(0, "latched") * tick, flown.result(0, "released") * tick
     deepest, resets = flown.result(0, "deepest"), flown.result(0, "resets")
-    alone_deepest = flown.result(1, "deepest")
-    harms = [
-        [flown.harm(which, field) for field in ("kind", "first", "begin", "end")]
+    without = flown.result(1, "deepest")
+    fault_rows = [
+        [flown.fault_row(which, field) for field in ("kind", "first", "begin", "end")]
         for which in (0, 1)
     ]
     lines = [",".join(MISSION_COLUMNS)]
     for n in range(len(facts)):
         cells: list[str] = [str(n)]
-        for kind, first, begin, end in harms:
+        for kind, first, begin, end in fault_rows:
             code = int(kind[n])
             if not code:
                 cells += ["", "", "", ""]
@@ -57,7 +57,7 @@ def missions_csv(flown: Campaign) -> str:
         cells += [
             str(int(flown.recoverable[n])), Outcome(int(supervised[n])).words, flown.reason(n),
             _number(latched[n]), _number(released[n]), _number(deepest[n]), str(int(resets[n])),
-            Outcome(int(alone[n])).words, _number(alone_deepest[n]),
+            Outcome(int(unsupervised[n])).words, _number(without[n]),
         ]  # fmt: skip
         lines.append(",".join(cells))
     return "\n".join(lines) + "\n"
