@@ -26,9 +26,9 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import Cast, Column, cast_column
 from swimbladder.physics.seawater.motion import moved
 from swimbladder.sim.engine.rodas.names import Drive, Note, Stop
+from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import Flight, fly_mission
-from swimbladder.sim.mission.prepare import Accuracy
 from swimbladder.vehicle import PhysicalMotion, PowerLawPump, PumpAndValve, Vehicle
 
 __all__ = ["Dived", "again", "drawn", "known", "the_vehicle"]

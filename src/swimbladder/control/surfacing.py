@@ -1,8 +1,8 @@
 """What the processor of a float with pump and valve does at the surface, around its law.
 
 A law of volume changes needs water above and below the vehicle. Above a depth `shallow` the
-processor acts itself: to surface it presses all volume out, and to dive it lets in as much as makes
-the vehicle sink, run by run until it does. Everywhere else the law decides.
+processor acts itself: to surface it moves the volume to its upper limit, and to dive it lets in as
+much as makes the vehicle sink, run by run until it does. Everywhere else the law decides.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ def at_surface(
     """
     p = parameters
     if depth <= p.shallow and reference <= 0.0:
-        lacking = p.full - volume
-        if floats > 0.0 and lacking <= p.lacking:
-            return WAIT, 0.0, state
-        return OUT, lacking, state
+        short = p.full - volume
+        if floats > 0.0 and short <= p.lacking:
+            return WAIT, 0.0, SurfacingState(depth, 0.0)
+        return OUT, short, state
     if depth <= p.shallow and reference > p.shallow:
         sinks = depth - state.depth >= _SINKS
         wanted = 0.0

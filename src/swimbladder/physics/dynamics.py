@@ -25,6 +25,7 @@ __all__ = [
     "Plant",
     "State",
     "acceleration",
+    "body_plant",
     "drag_force",
     "drag_law",
     "drag_per_mass",
@@ -90,9 +91,6 @@ def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
             field="motion.drag.rising_ratio", value=vehicle.drag.rising_ratio,
             remedy="Leave the line out here, and give a drag between the two",
         )  # fmt: skip
-    hull, stroke, m = vehicle.hull, vehicle.stroke, vehicle.mass
-    k_b = vehicle.water.specific_weight
-    d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
     if isinstance(vehicle.actuator, Positioner):
         driven = dict(
             positioner=1.0, T1=1.0, gain=0.0, load_drive=0.0, load_back=0.0, friction=0.0, k_l=0.0,
@@ -109,8 +107,16 @@ def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
             sag=sag,
             kappa=a.kappa if a.kappa is not None else 0.0,
         )  # fmt: skip
-    return Plant(
-        **driven, V_min=stroke.minimum, V_max=stroke.maximum,
+    return body_plant(vehicle, bottom_depth=bottom_depth)._replace(**driven)
+
+
+def body_plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
+    """Return the Plant of a vehicle whatever drives it; what only the drive knows is nan."""
+    hull, stroke, m = vehicle.hull, vehicle.stroke, vehicle.mass
+    k_b = vehicle.water.specific_weight
+    d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
+    return Plant(*[math.nan] * len(Plant._fields))._replace(
+        V_min=stroke.minimum, V_max=stroke.maximum,
         a_b=k_b / m, psi=hull.psi, V_0=vehicle.trim_error,
         d_l=d_l, d_b=d_b, d_0=d_0, d_t=d_t, epsilon=epsilon,
         z_surface=hull.emergence_depth, a_s=k_b * hull.waterplane_area / m,

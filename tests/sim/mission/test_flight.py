@@ -25,11 +25,12 @@ from swimbladder.sim.engine.rodas.names import (
     Stop,
     Table,
 )
+from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.mission.books import close_books
 from swimbladder.sim.mission.core import kernel
 from swimbladder.sim.mission.core.names import Cycle, Row
 from swimbladder.sim.mission.flight import fly_mission, thinned
-from swimbladder.sim.mission.prepare import Accuracy, first_state, make_plan
+from swimbladder.sim.mission.prepare import first_state, make_plan
 from swimbladder.sim.mission.result import MissionResult
 from tests.quoted import numbers
 from tests.sim.mission.conftest import phases

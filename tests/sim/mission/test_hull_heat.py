@@ -16,10 +16,10 @@ from swimbladder.physics.seawater import (
     uniform_column,
 )
 from swimbladder.sim.engine.rodas.names import Account, Drive, Note, Now
+from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.mission.books import close_books
 from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission
-from swimbladder.sim.mission.prepare import Accuracy
 from swimbladder.vehicle import HullPart
 from tests.sim.mission.conftest import phases
 from tests.sim.mission.oracle import Oracle

@@ -5,9 +5,10 @@ import pytest
 
 from swimbladder.physics.seawater.motion import InternalWave, WaterMotion, motion_table
 from swimbladder.sim.engine.rodas.names import Account, Given, Note
+from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission
-from swimbladder.sim.mission.prepare import Accuracy, make_plan
+from swimbladder.sim.mission.prepare import make_plan
 from tests.sim.mission.conftest import phases, stratified
 
 TIGHT = Accuracy(

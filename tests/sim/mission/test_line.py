@@ -11,11 +11,12 @@ from swimbladder.physics.pump_start import pump_start
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.physics.steady_drives import datasheet_point
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Note, Now
+from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.mission.books import close_books
 from swimbladder.sim.mission.core import kernel
 from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import Flight, fly_mission
-from swimbladder.sim.mission.prepare import Accuracy, Reckoning, first_state, make_plan
+from swimbladder.sim.mission.prepare import Reckoning, first_state, make_plan
 from swimbladder.sim.mission.reach import reach_of
 from swimbladder.vehicle import DatasheetPump, Oil, PowerLawPump
 from tests.sim.mission.conftest import phases

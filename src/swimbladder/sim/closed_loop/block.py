@@ -17,6 +17,7 @@ from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.dispatch import enroll
 from swimbladder.sim.closed_loop.lanes import measure_block, start_block
 from swimbladder.sim.closed_loop.outside import kernel_of
+from swimbladder.sim.closed_loop.pumped import Pumped, trim
 from swimbladder.sim.closed_loop.rows import RECORDED, Row, rows
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS
@@ -80,6 +81,7 @@ class Block:
     neutral: NDArray[np.float64] | None = None  # [ticks + 1, lanes], m3, beyond the plant's V_0
     layers: Layers = NO_LAYERS  # of the water, beyond the plant's psi z + V_0
     hooks: Any = ()  # what stands between the parts of the loop, see `hooks`
+    stepper: Pumped | None = None  # what moves the lanes, if not their modes' exponentials
     loses: bool = False  # whether the vehicle gets heavier, by the rows from LOST on, see `lost`
 
     @classmethod
@@ -89,12 +91,14 @@ class Block:
         seeds: Sequence[Sequence[int]] | None, record: bool, books: bool, events: bool,
         depth_error: NDArray[np.float64] | None = None,
         neutral: NDArray[np.float64] | None = None, layers: Layers = NO_LAYERS,
+        stepper: Pumped | None = None,
     ) -> Block:  # fmt: skip
         """Return a block of plants [len(Plant), lanes] that start at (q, V, z, w) [4, lanes].
 
         parameters: of the law by name, each a number or an array [lanes]. depth_error [m] and
         neutral [m3], [ticks + 1, lanes]: added to the measured depth, and to the neutral volume
-        from a tick on. layers: of the water, for all lanes.
+        from a tick on. layers: of the water, for all lanes. stepper: of pump and valve, see
+        `pumped`; plants are then those of `dynamics.body_plant`.
         """
         lanes = plants.shape[1]
         index = Plant._fields.index
@@ -129,7 +133,7 @@ class Block:
             books=np.zeros((lanes, len(Account) if books else 0)),
             log=np.zeros((lanes, _EVENTS if events else 0, 3)),
             noted=np.zeros((lanes, 1), np.int64),
-            depth_error=depth_error, neutral=neutral, layers=layers,
+            depth_error=depth_error, neutral=neutral, layers=layers, stepper=stepper,
         )  # fmt: skip
 
     def begin(self, chains: NDArray[np.float64] | None = None) -> Running:
@@ -148,7 +152,7 @@ class Block:
         the number of each tick before the law is, once the sensors have measured.
         """
         running = self.begin(chains)
-        trim, now = self.work[_V_0].copy(), np.zeros(self.lanes)
+        own, now = self.work[_V_0].copy(), np.zeros(self.lanes)
         sigma = self.work[Row.DEPTH_NOISE].copy()
         if self.depth_error is not None:
             self.work[Row.DEPTH_NOISE] = 1.0  # of what _amiss returns
@@ -158,7 +162,7 @@ class Block:
         for first, last in self._spans(_CHUNK if ask is None else 1):
             if self.neutral is not None and np.any(self.neutral[first] != now):
                 now = self.neutral[first]
-                self.work[_V_0] = trim + now
+                self.work[_V_0] = own + now
                 running.restart()
                 self.work[Row.SLOW][self.work[Row.STOPPED] != 0.0] = 1.0  # as the kernel left them
             noise = self._amiss(first, last, sigma)
@@ -220,12 +224,15 @@ class Running:
         self._state = from_leaves(block.law.state, dict.fromkeys(fields, 0.0))
         self._row = fields.index("volume_reference") if "volume_reference" in fields else -1
         self._built = np.zeros((block.lanes, COUNT), np.uint8)
-        self._kernel = kernel_of(block.law)
+        self._kernel = kernel_of(block.law, pumped=block.stepper is not None)
         self.restart()
 
     def restart(self) -> None:
         """Find each lane's mode anew: at the begin, and where its plant has changed."""
         b = self.block
+        if b.stepper is not None:
+            trim(b.stepper, b.work[_V_0])
+            return
         self._built[:] = 0
         start_block(
             self.flat, self.token, b.clock.tick / b.parts, self.chains, self._built, b.layers
@@ -235,7 +242,7 @@ class Running:
         """Run from tick `first` to `last`; noise [ticks, 2, lanes], standard normal, or empty."""
         b = self.block
         self._kernel(
-            self.flat, self.token, self._bend, self._sea, b.hooks, b.parameters, self._state, first,
-            last, b.clock.tick, b.parts, b.clock.turn, b.clock.given, b.depths, noise, b.record,
-            self._row, self.chains, self._built, b.books, b.log, b.noted, b.layers,
+            self.flat, self.token, self._bend, self._sea, b.hooks, b.stepper, b.parameters,
+            self._state, first, last, b.clock.tick, b.parts, b.clock.turn, b.clock.given, b.depths,
+            noise, b.record, self._row, self.chains, self._built, b.books, b.log, b.noted, b.layers,
         )  # fmt: skip

@@ -19,6 +19,7 @@ from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.accounts import close_books
 from swimbladder.sim.closed_loop.block import Block, Schedule, schedule, work_space
+from swimbladder.sim.closed_loop.floats import FloatModel, float_model
 from swimbladder.sim.closed_loop.given import check_starts, series, spread, vary_plants
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.closed_loop.single import check_counts, check_setpoints, choose_law
@@ -26,6 +27,7 @@ from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.chain import base_steps, book_steps
 from swimbladder.sim.engine.layers import Layers
+from swimbladder.sim.engine.rodas.names import Account as FloatAccount
 from swimbladder.vehicle import Sensors, Vehicle
 
 if TYPE_CHECKING:
@@ -89,6 +91,11 @@ def simulate_ensemble(
     `Books` calls the source. column: the water, the vehicle's own where not given. workers: threads
     (one per core). progress: called with the number of lanes done.
 
+    A float with pump and valve is flown by a law of volume changes, and surfaces where a set-point
+    is 0; start_depth 0 is afloat with all volume out. ``vary`` takes the fields of Plant that are
+    not of a motor; there are also ``pump_runs``, ``valve_runs`` and ``pumped``. A lane's steps are
+    as long as its motion lets: an hour costs about 1 ms.
+
     ``stop`` holds the code of each lane's StopReason. Overshoot, rise and settling are those of
     the last set-point. Raises InputError for an unknown name, a wrong length or a start that the
     stroke, the bottom or the surface does not allow.
@@ -98,7 +105,7 @@ def simulate_ensemble(
         raise InputError(
             "not a choice", field="keep", value=keep, remedy="Choose summary or trajectory"
         )
-    chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time)
+    chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time, pumped=True)
     times, _ = check_setpoints([(t, 0.0) for t, _ in setpoints], duration, tick)
     clock = schedule(times, duration, tick)
     depths = np.stack([spread(z, count, "setpoints", "m") for _, z in setpoints])
@@ -108,24 +115,28 @@ def simulate_ensemble(
     layers = medium.layers
     plants, values = vary_plants(medium.plant, numbers, vary or {}, count)
     row = Plant._fields.index
+    pumped = vehicle.command == "volume change"
+    model = float_model(vehicle, medium, column, reach=reach) if pumped else None
     neutral = plants[row("psi")] * z0 + plants[row("V_0")] + layers.along(z0)
+    if model is not None:
+        neutral[:] = np.nan  # as its stepper has it
     V0 = neutral if start_volume is None else spread(start_volume, count, "start_volume", "m3")
     w0 = spread(start_speed, count, "start_speed", "m/s")
     check_starts(plants, z0, V0)
     start = np.stack([np.zeros(count), V0, z0, w0])
     steps = book_steps if books else base_steps
-    parts = steps(_stiffest(plants), tick, float(np.abs(w0).max()), layers)
+    parts = 1 if pumped else steps(_stiffest(plants), tick, float(np.abs(w0).max()), layers)
     run = _Run(
         law=chosen, plants=plants, values=values, clock=clock, parts=parts, depths=depths,
         start=start, sensors=vehicle.sensors, seed=seed, record=keep == "trajectory",
         depth_error=series(depth_error, clock, count, "depth_error", "m"),
         neutral=series(neutral_change, clock, count, "neutral_change", "m3"), books=books,
-        layers=layers,
+        layers=layers, model=model,
     )  # fmt: skip
     work = np.empty((int(Row.STEP), count))
     record = np.empty((len(_TRAJECTORIES), clock.ticks + 1 if run.record else 0, count))
-    sums = np.empty((count, len(Account) if books else 0))
-    firsts = range(0, count, BLOCK)
+    sums = np.empty((count, run.sums))
+    firsts = range(0, count, run.lanes)
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         for first, (rows, kept, sum_) in zip(firsts, pool.map(run.block, firsts), strict=True):
             own = slice(first, first + rows.shape[1])
@@ -134,7 +145,9 @@ def simulate_ensemble(
                 progress(own.stop)
     data = _dataset(vehicle, chosen, clock, work, record)
     data.attrs["steps_per_sample"] = parts
-    if books:
+    if model is not None:
+        _add_drive(data, sums, model, books=books)
+    elif books:
         closed = [
             close_books(
                 vehicle,
@@ -183,7 +196,20 @@ class _Run:
     neutral: NDArray[np.float64] | None
     books: bool
     layers: Layers
+    model: FloatModel | None = None  # of pump and valve
     room: threading.local = field(default_factory=threading.local)  # of each worker
+
+    @property
+    def lanes(self) -> int:
+        """Lanes that run together; floats wait each for itself, and gain nothing by company."""
+        return BLOCK if self.model is None else 1
+
+    @property
+    def sums(self) -> int:
+        """Number of accounts of a lane."""
+        if self.model is not None:
+            return int(FloatAccount.COUNT)
+        return len(Account) if self.books else 0
 
     def block(
         self, first: int
@@ -193,28 +219,51 @@ class _Run:
         The last block is filled up with copies of its last lane, so that one kernel serves all.
         """
         count = self.plants.shape[1]
-        lanes = np.minimum(np.arange(first, first + BLOCK), count - 1)
+        lanes = np.minimum(np.arange(first, first + self.lanes), count - 1)
+        plants = self.plants[:, lanes]
+        values = {n: v[lanes] for n, v in self.values.items()}
+        stepper, start = None, self.start[:, lanes]
+        if self.model is not None:
+            stepper, start = self.model.lanes(values, plants, start[2], start[1], start[3])
         block = Block.lay_out(
-            plants=self.plants[:, lanes], law=self.law,
-            parameters={n: v[lanes] for n, v in self.values.items()},
+            plants=plants, law=self.law, parameters=values,
             clock=self.clock, parts=self.parts, depths=self.depths[:, lanes],
-            start=self.start[:, lanes], sensors=self.sensors,
+            start=start, sensors=self.sensors,
             seeds=None if self.seed is None else [[self.seed, int(i)] for i in lanes],
-            record=self.record, books=self.books, events=False,
+            record=self.record, books=self.books and stepper is None, events=False,
             depth_error=None if self.depth_error is None else self.depth_error[:, lanes],
             neutral=None if self.neutral is None else self.neutral[:, lanes],
-            layers=self.layers,
+            layers=self.layers, stepper=stepper,
         )  # fmt: skip
         if not hasattr(self.room, "chains"):
-            self.room.chains = work_space(BLOCK)
+            self.room.chains = work_space(self.lanes)
         block.run(chains=self.room.chains)
-        own = min(BLOCK, count - first)
+        own = min(self.lanes, count - first)
         chosen = [row for row, _ in _TRAJECTORIES.values()]
         return (
             block.work[: Row.STEP, :own].copy(),
             block.record[chosen][:, :, :own],
-            block.books[:own],
+            block.books[:own] if stepper is None else stepper.accounts[:own],
         )
+
+
+def _add_drive(
+    data: xarray.Dataset, accounts: NDArray[np.float64], model: FloatModel, *, books: bool
+) -> None:
+    """Add what the drive of each float did, and with `books` its energy."""
+    a = FloatAccount
+    for name, account, unit, what in (
+        ("pump_runs", a.PUMP_RUNS, "1", "runs of the pump"),
+        ("valve_runs", a.VALVE_RUNS, "1", "runs of valve and bypass"),
+        ("pumped", a.PUMPED, "m3", "volume pressed out"),
+    ):
+        data[name] = ("lane", accounts[:, account], {"units": unit, "long_name": what})
+    if books:
+        energy = accounts[:, [a.PUMP_ENERGY, a.VALVE_ENERGY, a.HOLDING_ENERGY]].sum(axis=1)
+        basis = "electrical energy of pump and valve"
+        if model.energy_unknown:
+            energy, basis = accounts[:, a.PUMP_WORK], "work of the pump on the water"
+        data["energy"] = ("lane", energy, {"units": "J", "long_name": basis})
 
 
 def _dataset(

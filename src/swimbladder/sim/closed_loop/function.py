@@ -22,12 +22,13 @@ class Held(NamedTuple):
     """
 
     command: float = 0.0  # V or m3
+    pause: float = 0.0  # s until the next call, of changes of volume, which are not held
 
 
 def _step(
     parameters: Held, state: Held, _seen: Measurement, _reference: float
 ) -> tuple[float, Held, float]:
-    return parameters.command, state, 0.0
+    return parameters.command, state, parameters.pause
 
 
 def _initial(parameters: Held, _seen: Measurement, _reference: float) -> Held:
@@ -52,7 +53,7 @@ def as_law(
     law = Law(
         name=getattr(function, "__name__", type(function).__name__),
         summary="a Python function",
-        command="voltage" if vehicle.voltage_driven else "volume",
+        command=vehicle.command,
         parameters=Held,
         state=Held,
         units={},
@@ -70,15 +71,17 @@ def run_function(
     It returns the command, or (command, next_sample_s).
     """
     work, clock, wait = block.work[:, 0], block.clock, 0.0
+    pumped = block.stepper is not None
 
     def ask(k: int) -> None:
         nonlocal wait
-        if wait <= 0.0:
+        if (work[Row.WAIT] if pumped else wait) <= 0.0:
             seen = Measurement(
                 k * clock.tick, float(work[Row.SEEN_DEPTH]), float(work[Row.SEEN_VOLUME])
             )
             said = function(seen, float(block.depths[clock.turn[k], 0]))
             work[Row.LAW], wait = _understood(function, said, clock.tick)
+            work[Row.LAW + 1] = wait * clock.tick if pumped else 0.0
         wait -= 1.0
 
     block.run(progress, ask=ask)
@@ -95,6 +98,7 @@ def _understood(function: Callable[..., Any], said: Any, tick: float) -> tuple[f
             "(command, next_sample_s)",
             field="law",
             value=said,
-            remedy="Return volts (a positioner: m3), or these and the seconds until the next call",
+            remedy="Return volts (a positioner: m3; a pump and valve: a change of it, in m3), or "
+            "these and the seconds until the next call",
         ) from None
     return command, math.ceil(ticks - 1e-9) if 1.0 < ticks < math.inf else max(1.0, ticks)

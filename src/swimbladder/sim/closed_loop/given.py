@@ -28,16 +28,18 @@ def vary_plants(
     values = {name: np.full(count, float(value)) for name, value in leaves(numbers).items()}
     for name, given in vary.items():
         array = spread(given, count, f"vary[{name!r}]", "")
-        if name in Plant._fields:
+        if name in Plant._fields and not np.isnan(getattr(p, name)):
             plants[Plant._fields.index(name)] = array
         elif name in values:
             values[name] = array
         else:
-            known = (*Plant._fields, *values)
+            own = [field for field in Plant._fields if not np.isnan(getattr(p, field))]
+            known = (*own, *values)
             near = difflib.get_close_matches(name, known, n=1)
             raise InputError(
                 "neither the plant nor the law has such a parameter",
                 field=f"vary[{name!r}]",
+                value=name,
                 remedy=(f"Did you mean {near[0]!r}? " if near else "")
                 + f"Known: {', '.join(known)}",
             )

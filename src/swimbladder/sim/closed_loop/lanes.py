@@ -16,6 +16,7 @@ from swimbladder.sim.closed_loop.dispatch import extent, gather, law_initial, sc
 from swimbladder.sim.closed_loop.hooks import begin, sense
 from swimbladder.sim.closed_loop.lane import commit, decide, judge, leap_lane, set_mode
 from swimbladder.sim.closed_loop.lost import lose
+from swimbladder.sim.closed_loop.pumped import LAW_NOT_FINITE, decide_lanes, move_lanes
 from swimbladder.sim.closed_loop.rows import (
     APPLIED,
     COMMAND,
@@ -63,7 +64,7 @@ from swimbladder.sim.engine.modes import (
 )
 from swimbladder.sim.engine.sensor import Sensor, measured
 
-LAW_NOT_FINITE, OVER = 5, 6  # why a lane stopped, beside engine.advance: OVER by its hooks
+OVER = 6  # why a lane stopped, beside engine.advance: by its hooks
 
 __all__ = ["LAW_NOT_FINITE", "OVER", "measure_block", "run_block", "start_block"]
 
@@ -130,14 +131,15 @@ def _start_laws(S, token, like, t):  # type: ignore[no-untyped-def]
 
 @compiled
 def run_block(  # type: ignore[no-untyped-def]
-    S, token, bend, sea, hooks, like, like_state, first, last, tick, parts, turn, given, depths,
-    noise, record, state_row, chains, built, books, log, count, layers,
+    S, token, bend, sea, hooks, stepper, like, like_state, first, last, tick, parts, turn, given,
+    depths, noise, record, state_row, chains, built, books, log, count, layers,
 ):  # fmt: skip
     """Run a block of len(token) lanes from tick `first` to `last`.
 
     S: the block's array, rows x lanes, flat. bend, sea: empty where drag is laminar, and where
-    nothing is lost, see `lost`. hooks: what stands between the parts, see `hooks`. like,
-    like_state: a law's parameters and state, for their types. tick [s], divided into `parts`.
+    nothing is lost, see `lost`. hooks: what stands between the parts, see `hooks`. stepper: what
+    moves the lanes, None: their modes' exponentials, see `pumped`. like, like_state: a law's
+    parameters and state, for their types. tick [s], divided into `parts`.
     turn [n]: which set-point holds at a tick; given: the tick of each set-point; depths
     [set-points, lanes].
     noise [ticks of this call, 2, lanes] standard normal, or empty.
@@ -170,6 +172,13 @@ def run_block(  # type: ignore[no-untyped-def]
         sense(hooks, S, k)
         if k == 0:
             _start_laws(S, token, like, t)
+        if stepper is not None:  # pruned before types are inferred: only one of both is compiled
+            decide_lanes(stepper, S, token, hooks, like, like_state, k, tick, since)
+            if record.shape[1] > 0:
+                _record(S, token, record, k, extent(like), state_row)
+            if k < turn.shape[0] - 1:
+                move_lanes(stepper, S, token, hooks, k, tick, min(last, turn.shape[0] - 1))
+            continue
         if whole and k < turn.shape[0] - 1:
             if _tick(S, token, bend, sea, like, like_state, k, t, since, tick) > 0:
                 for i in range(W_):

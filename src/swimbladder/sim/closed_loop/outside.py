@@ -21,6 +21,7 @@ from swimbladder.control.law import Law
 from swimbladder.io.files import source_hash
 from swimbladder.sim.closed_loop.lanes import run_block
 from swimbladder.sim.engine.cache import compiled
+from swimbladder.sim.engine.rodas.kept import NAME
 
 __all__ = ["fingerprint", "kernel_of", "source_of"]
 
@@ -28,14 +29,18 @@ _OWN = ("swimbladder.control.", "swimbladder.sim.closed_loop.")  # of `engine.ca
 _PLAIN = (bool, int, float, complex, str, bytes, type(None))
 
 
-def kernel_of(law: Law) -> Callable[..., Any]:
-    """Return the compiled `run_block` for a law; one of its own for a law from outside."""
+def kernel_of(law: Law, *, pumped: bool = False) -> Callable[..., Any]:
+    """Return the compiled `run_block` for a law; one of its own for a law from outside.
+
+    pumped: the one whose lanes `engine.rodas` moves, kept under the name of that source.
+    """
     module = law.step.__module__
+    stepper = NAME if pumped else ""
     if _is_own(law):
-        return run_block  # type: ignore[no-any-return]
+        return _kernel(stepper) if pumped else run_block
     if module == law.initial.__module__ and module.startswith("swimbladder.sim."):
-        return _kernel(_package(module.rpartition(".")[0]))
-    return _kernel(fingerprint(law.step, law.initial))
+        return _kernel(_package(module.rpartition(".")[0]) + stepper)
+    return _kernel(fingerprint(law.step, law.initial) + stepper)
 
 
 def source_of(law: Law) -> str:

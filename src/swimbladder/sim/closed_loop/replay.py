@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swimbladder.errors import InputError
+from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.accounts import close_books
 from swimbladder.sim.closed_loop.single import check_start
@@ -61,6 +62,7 @@ def drive(
         raise InputError(
             "a positioner is not driven by a voltage", field="voltage", remedy="Give the volume"
         )
+    refuse_pump_and_valve(vehicle.actuator)
     medium = medium_of(vehicle, column, reach=start_depth, bottom_depth=bottom_depth)
     if volume is not None:
         start: tuple[float, ...] = (0.0, float(inputs[0]), start_depth, start_speed)

@@ -65,7 +65,7 @@ def simulate(
     set-points, no controller, or a column that ends above a depth asked for.
     """
     if not callable(law) or isinstance(law, Law):
-        chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time)
+        chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time, pumped=True)
         function = None
     else:
         from swimbladder.sim.closed_loop.function import as_law
@@ -84,10 +84,18 @@ def simulate(
             vehicle, medium, setpoints=depths,
             start_depth=start_depth if start_volume is None else None,
         )  # fmt: skip
-        if law is None:
+        if law is None and vehicle.command != "volume change":
             check_sample_time(vehicle, chosen, numbers, tick, depths=[start_depth, *depths])
     start = check_start(medium, start_depth, start_volume, start_speed)
     clock = schedule(times, duration, tick)
+    if vehicle.command == "volume change":
+        from swimbladder.sim.closed_loop.float_run import run_float
+
+        return run_float(
+            vehicle, medium, column, law=chosen, parameters=numbers, clock=clock, depths=depths,
+            start=(start_depth, start_volume, start_speed), seed=seed, function=function,
+            progress=progress,
+        )  # fmt: skip
     divided = book_steps(p, tick, start_speed, layers) if parts is None else parts
     block = Block.lay_out(
         plants=np.array(p)[:, None], law=chosen, parameters=leaves(numbers), clock=clock,
@@ -116,11 +124,13 @@ def simulate(
 
 
 def choose_law(
-    vehicle: Vehicle, law: Law | None, parameters: Any, sample_time: float | None
-) -> tuple[Law, Any, float]:
+    vehicle: Vehicle, law: Law | None, parameters: Any, sample_time: float | None, *,
+    pumped: bool = False,
+) -> tuple[Law, Any, float]:  # fmt: skip
     """Return (law, parameters, sample time [s]): those given, or the vehicle's controller.
 
-    Raises InputError where there is none, or where the law commands what the actuator cannot do.
+    pumped: take a pump and valve too. Raises InputError where there is none, or where the law
+    commands what the actuator cannot do.
     """
     if law is not None and not isinstance(law, Law):
         raise InputError(
@@ -134,7 +144,7 @@ def choose_law(
         if own is not None and sample_time is not None:
             own = own.model_copy(update={"sample_time": sample_time})
             vehicle = vehicle.model_copy(update={"controller": own})
-        law, bound = own_law(vehicle)
+        law, bound = own_law(vehicle, sampled=not pumped)
         assert own is not None  # own_law
         tick = own.sample_time
         parameters = bound if parameters is None else parameters
@@ -155,7 +165,8 @@ def choose_law(
             value=parameters,
             remedy=f"Give a {law.parameters.__name__}: {', '.join(leaf_names(law.parameters))}",
         )
-    refuse_pump_and_valve(vehicle.actuator)
+    if not pumped:
+        refuse_pump_and_valve(vehicle.actuator)
     check_command(law, vehicle)
     return law, parameters, tick
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +69,10 @@ class Solution:
 
     depth [m], speed [m/s, down], volume [m3], motor_rate [m3/s, before leakage], reference [m],
     command as the law gave it, voltage [V] as applied (nan: a positioner), volume_reference [m3]
-    (nan: the law has none), current [A] and power [W] at the sample (nan where not known).
+    (nan: the law has none), current [A] and power [W] at the sample (nan where not known). Of a
+    pump and valve the command is the change of volume asked for at the sample [m3], the motor rate
+    what they move, and drive what they do: 0 nothing, 1 pump, 2 valve, 3 bypass, 4 the pump runs
+    and does not deliver yet (nan: another actuator).
     """
 
     vehicle: Vehicle
@@ -85,6 +88,7 @@ class Solution:
     volume_reference: Array
     current: Array
     power: Array
+    drive: Array
     events: tuple[Event, ...]
     events_left_out: int
     stop: StopReason
@@ -131,7 +135,7 @@ class Solution:
 
 
 _TIME = {"units": "s", "long_name": "time since the start", "axis": "T"}
-_VARIABLES: dict[str, dict[str, str]] = {
+_VARIABLES: dict[str, dict[str, Any]] = {
     "depth": {
         "units": "m", "standard_name": "depth", "long_name": "depth of the pressure sensor",
         "positive": "down",
@@ -140,6 +144,10 @@ _VARIABLES: dict[str, dict[str, str]] = {
     "speed": {"units": "m s-1", "long_name": "vertical speed, positive down"},
     "volume": {"units": "m3", "long_name": "change of displaced volume, positive is lighter"},
     "motor_rate": {"units": "m3 s-1", "long_name": "volume rate driven by the motor"},
+    "drive": {
+        "long_name": "what pump and valve do", "flag_values": [0.0, 1.0, 2.0, 3.0, 4.0],
+        "flag_meanings": "nothing pump valve bypass pump_without_delivery",
+    },
     "voltage": {"units": "V", "long_name": "voltage applied to the motor"},
     "volume_reference": {"units": "m3", "long_name": "volume asked for by the depth controller"},
     "current": {"units": "A", "long_name": "motor current"},
@@ -179,11 +187,19 @@ def _passages(before: int, after: int) -> list[str]:
 def assemble(
     vehicle: Vehicle, p: Plant, *, law: str, time: Array, reference: Array, record: Array,
     events: tuple[tuple[Event, ...], int], stop: StopReason, books: Books,
+    power: Array | None = None,
 ) -> Solution:  # fmt: skip
-    """Return a Solution from the kernel's record [7, n], with current and power where known."""
+    """Return a Solution from the kernel's record [7, n], with current and power where known.
+
+    power [W]: of pump and valve, whose record has what they do in the place of the voltage.
+    """
     depth, speed, volume, motor_rate, command, applied, volume_reference = record
     unknown = np.full_like(time, np.nan)
-    voltage, current, power = unknown, unknown, unknown
+    voltage, current, drive = unknown, unknown, unknown
+    if power is not None:
+        drive = applied
+    else:
+        power = unknown
     if vehicle.voltage_driven:
         voltage = _as_supplied(p, applied, motor_rate)
         resistance = reduced(vehicle.actuator, vehicle.water).resistance
@@ -196,7 +212,7 @@ def assemble(
     return Solution(
         vehicle=vehicle, law=law, time=time, reference=reference, depth=depth, speed=speed,
         volume=volume, motor_rate=motor_rate, command=command, voltage=voltage,
-        volume_reference=volume_reference, current=current, power=power,
+        volume_reference=volume_reference, current=current, power=power, drive=drive,
         events=_with_limit(events[0], vehicle, time, depth),
         events_left_out=events[1], stop=stop, books=books,
     )  # fmt: skip

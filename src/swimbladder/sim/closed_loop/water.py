@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swimbladder.errors import InputError
-from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.physics.dynamics import Plant, body_plant, plant
 from swimbladder.physics.hull import along_hull, neutral_volume
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers, layers_from
@@ -53,9 +53,11 @@ def medium_of(
     """Return a vehicle in the water of a column, or in its own where that is None.
 
     reach: the greatest depth it is asked to go to [m]. bottom_depth [m].
-    Raises InputError where the column ends above, and as `dynamics.plant` does.
+    Of a pump and valve the plant is that of the body. Raises InputError where the column ends
+    above, and as `dynamics.plant` does.
     """
-    own = plant(vehicle, bottom_depth=bottom_depth)
+    pumped = vehicle.command == "volume change"
+    own = (body_plant if pumped else plant)(vehicle, bottom_depth=bottom_depth)
     k_b = vehicle.water.specific_weight
     if column is None:
         return Medium(own, NO_LAYERS, k_b, 0.0)

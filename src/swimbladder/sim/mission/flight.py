@@ -13,9 +13,10 @@ from swimbladder.io.mission import Mission
 from swimbladder.jobs import Store
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Now, Stop
+from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.mission.core import kernel
 from swimbladder.sim.mission.core.names import Cycle, Row, Stage
-from swimbladder.sim.mission.prepare import Accuracy, Plan, Reckoning, first_state, make_plan
+from swimbladder.sim.mission.prepare import Plan, Reckoning, first_state, make_plan
 from swimbladder.sim.mission.reach import Reach, check_flight, check_reach, reach_of
 from swimbladder.vehicle import Vehicle
 

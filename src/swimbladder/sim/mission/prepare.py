@@ -8,53 +8,36 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission
 from swimbladder.physics.battery import hotel_power, surfacing_energy, usable_charge
-from swimbladder.physics.buoyancy_engine import drive_map
-from swimbladder.physics.dynamics import drag_terms
-from swimbladder.physics.hull import heat_expansion, layered_volume, neutral_volume
+from swimbladder.physics.hull import heat_expansion
 from swimbladder.physics.seawater import Column, check_motion, look_up
-from swimbladder.physics.seawater.lookup import slopes
-from swimbladder.sim.engine.modes import DEEPEST
-from swimbladder.sim.engine.rodas.names import Account, At, Given, Now, Table
-from swimbladder.sim.engine.rodas.oil_line import line_columns, line_given
+from swimbladder.sim.engine.rodas.names import Account, At, Given, Table
+from swimbladder.sim.engine.rodas.prepare import (
+    Accuracy,
+    first_lane,
+    given_of,
+    make_table,
+)
 from swimbladder.sim.mission.core.names import Holding, Kind, Stage
 from swimbladder.sim.mission.orders import approach_time, hold_parameters, law_parameters
 from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws
 from swimbladder.sim.mission.rescue import return_depth
 from swimbladder.sim.mission.swell import waves_of
-from swimbladder.vehicle import PumpAndValve, Vehicle
+from swimbladder.vehicle import Vehicle
 
 __all__ = [
-    "Accuracy",
     "Plan",
     "Reckoning",
     "first_state",
     "make_plan",
-    "make_table",
 ]
 
 Array = NDArray[np.float64]
 
 HELD = 0.9  # share of its time that a park or hold has to be within its tolerance
 SHALLOW = 5.0  # m; a float of the MERMAID kind counts as diving from 0.5 bar on
-
-
-@dataclass(frozen=True, kw_only=True)
-class Accuracy:
-    """Tolerances of a step, and what counts as rest.
-
-    relative [-]; depth [m], speed [m/s], volume [m3]; rest_deep, rest_afloat: amplitudes of an
-    oscillation [m] that is too small to be followed.
-    """
-
-    relative: float = 1e-4
-    depth: float = 1e-3
-    speed: float = 1e-5
-    volume: float = 1e-10
-    rest_deep: float = 1e-2
-    rest_afloat: float = 5e-2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,39 +103,6 @@ def _check_warmth(vehicle: Vehicle, mission: Mission) -> None:
     )  # fmt: skip
 
 
-def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
-    """Return the table over depth [n, Table.WIDTH], and why no energy is known ("": it is)."""
-    why = ""
-    try:
-        drive = drive_map(vehicle, column.pressure, temperature=column.temperature)
-    except NoAnswerError as error:
-        why = str(error)
-        drive = drive_map(vehicle, column.pressure, temperature=column.temperature, power=False)
-    columns = {
-        Table.PRESSURE: column.pressure,
-        Table.NEUTRAL: neutral_volume(vehicle, column),
-        Table.RATE_OUT: drive.rate_out,
-        Table.POWER_OUT: drive.power_out,
-        Table.RATE_IN: drive.rate_in,
-        Table.POWER_IN: drive.power_in,
-        Table.BYPASS: drive.bypass_in,
-        Table.POWER_BYPASS: drive.power_bypass,
-        Table.LEAKAGE: drive.leakage,
-        Table.HOLDING: drive.holding_power,
-        Table.START: drive.start_volume,
-        Table.LAYERS: layered_volume(vehicle, column),
-        Table.TEMPERATURE: column.temperature,
-    }
-    table = np.zeros((len(column.depth), int(Table.WIDTH)))
-    for place, values in columns.items():
-        # NaN: not known, or a load beyond the battery, at which nothing is moved
-        table[:, place] = np.nan_to_num(values, nan=0.0)
-        table[:, place + 1] = slopes(table[:, place], column.step)
-    for place, pair in line_columns(vehicle, column).items():
-        table[:, place : place + 2] = np.nan_to_num(pair, nan=0.0)
-    return np.ascontiguousarray(table), why
-
-
 def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
     """Return the depth above which the vehicle is about to dive, or has come up [m]."""
     laws = ((phase, law_parameters(vehicle, phase)) for phase in mission.phases)
@@ -165,42 +115,14 @@ def _given(
     vehicle: Vehicle, mission: Mission, column: Column, table: Array, accuracy: Accuracy,
     cycles: float | None, span: float | None, reckoning: Reckoning,
 ) -> Array:  # fmt: skip
-    hull, stroke, m = vehicle.hull, vehicle.stroke, vehicle.mass
-    lag = hull.thermal_time_constant
-    d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
-    a = vehicle.actuator
-    by_time = isinstance(a, PumpAndValve)
     deepest = mission.safety.deepest or min(
-        hull.depth_limit or math.inf, return_depth(vehicle, mission, table, column.step)
+        vehicle.hull.depth_limit or math.inf, return_depth(vehicle, mission, table, column.step)
     )
     empty, reserve, charge = _battery(vehicle, mission, column)
     last_time = mission.span if span is None else span
     last_cycle: float = mission.cycles or (math.inf if math.isfinite(last_time) else 1.0)
-    surface_weight = float(column.density[0]) * column.gravity
-    values = {
-        Given.STEP: column.step,
-        Given.MASS: m,
-        Given.D_L: d_l,
-        Given.D_B: d_b,
-        Given.D_0: d_0,
-        Given.D_T: d_t,
-        Given.EPSILON: epsilon,
-        Given.A_S: surface_weight * hull.waterplane_area / m,
-        Given.Z_SURFACE: hull.emergence_depth,
-        Given.Z_AIR: hull.emergence_depth - hull.height,
-        Given.Z_BOTTOM: mission.bottom,
-        Given.V_MIN: stroke.minimum,
-        Given.V_MAX: stroke.maximum,
-        Given.TRIM: 0.0,
-        Given.GIVE: 0.0,
-        Given.BY_VOLUME: 0.0 if by_time else 1.0,
-        Given.QUANTUM: a.quantum if isinstance(a, PumpAndValve) else 0.0,
-        Given.LONGEST: (a.longest_run or math.inf) if isinstance(a, PumpAndValve) else math.inf,
-        Given.DELIVERY: reckoning.pump,
-        Given.NOISE: vehicle.sensors.depth_noise,
-        Given.RESOLUTION: vehicle.sensors.depth_quantum,
+    asked = {
         Given.DEEPEST: deepest,
-        Given.NEUTRAL_TOP: vehicle.trim_error,
         Given.SHALLOW: shallow_depth(vehicle, mission),
         Given.EMPTY: empty,
         Given.RESERVE: reserve,
@@ -208,25 +130,13 @@ def _given(
         Given.LAST_CYCLE: last_cycle if cycles is None else cycles,
         Given.SURFACING: surfacing_energy(vehicle),
         Given.SELF_DISCHARGE: _self_discharge(vehicle),
-        Given.RTOL: accuracy.relative,
-        Given.ATOL_Z: accuracy.depth,
-        Given.ATOL_W: accuracy.speed,
-        Given.ATOL_V: accuracy.volume,
-        Given.REST_DEEP: accuracy.rest_deep,
-        Given.REST_AFLOAT: accuracy.rest_afloat,
-        Given.LONGEST_STEP: math.inf,
-        Given.Z_LOST: DEEPEST,
         Given.CHARGE: charge,
         Given.HELD: HELD,
-        Given.RISING: vehicle.drag.rising_ratio,
+        Given.DELIVERY: reckoning.pump,
         Given.FLOW: reckoning.valve,
         Given.MAKES_UP: 1.0 if reckoning.starts else 0.0,
-        Given.FOLLOWS: 1.0 / lag if lag > 0.0 else 0.0,
-        Given.EXPANSION: heat_expansion(vehicle) if lag > 0.0 else 0.0,
-        Given.VOLUME_NOISE: vehicle.sensors.volume_noise,
-        Given.VOLUME_QUANTUM: vehicle.sensors.volume_quantum,
-    } | line_given(vehicle, column)
-    return np.array([values[key] for key in list(Given)[: int(Given.COUNT)]])
+    }
+    return given_of(vehicle, column, bottom=mission.bottom, accuracy=accuracy, asked=asked)
 
 
 def _self_discharge(vehicle: Vehicle) -> float:
@@ -287,30 +197,10 @@ def first_state(
     At the depth of 0 it floats with all volume out; elsewhere it rests, with its neutral volume or
     the one that is given [m3]. Its hull is as warm as the water there, or as the mission says.
     """
-    g, t = plan.given, plan.table
-    x, at = np.zeros(int(Now.COUNT)), np.zeros(int(At.COUNT), dtype=np.int64)
-    accounts = np.zeros(int(Account.COUNT) + int(Holding.COUNT) * len(plan.stages))
-    step, z = float(g[Given.STEP]), mission.start_depth
-    x[Now.H], x[Now.CHARGE] = 1.0, g[Given.CHARGE]
-    at[At.SEED] = -1 if seed is None else seed
+    x, at = first_lane(
+        plan.given, plan.table, mission.start_depth, volume=volume,
+        temperature=mission.start_temperature, seed=seed,
+    )  # fmt: skip
     at[At.NEW_PHASE] = 1
-    at[At.SHUT] = 1  # the line is at the pressure of its reservoir
-    there = look_up(t, step, Table.TEMPERATURE, max(z, 0.0))[0]
-    x[Now.HULL] = there if mission.start_temperature is None else mission.start_temperature
-    grown = float(g[Given.EXPANSION] * (x[Now.HULL] - there))  # m3, beyond what the table says
-    if z == 0.0:
-        top = float(g[Given.Z_SURFACE])
-        v = float(g[Given.V_MAX])
-        force = look_up(t, step, Table.PRESSURE, top)[1] / g[Given.MASS]
-        light = v + grown - look_up(t, step, Table.NEUTRAL, top)[0] - g[Given.TRIM]
-        z = top - max(force * light / g[Given.A_S], 0.0)
-        at[At.PLACE] = 1
-    else:
-        v = float(look_up(t, step, Table.NEUTRAL, z)[0] + g[Given.TRIM] + g[Given.GIVE] * z)
-        v = v - grown if volume is None else volume
-        at[At.PLACE] = 1 if z < g[Given.Z_SURFACE] else 0
-    x[Now.Z], x[Now.V], x[Now.Z_MOST] = z, v, z
-    x[Now.V_LEAST], x[Now.V_MOST] = v, -math.inf
-    x[Now.T_LOOK], x[Now.T_MOVE], x[Now.V_MOVE] = 0.0, math.inf, math.nan
-    x[Now.T_ARRIVAL], x[Now.T_AFLOAT] = math.nan, math.nan
+    accounts = np.zeros(int(Account.COUNT) + int(Holding.COUNT) * len(plan.stages))
     return x, at, accounts

@@ -9,7 +9,18 @@ from __future__ import annotations
 import math
 
 from swimbladder.sim.engine.cache import part
-from swimbladder.sim.engine.rodas.leap import AIR, BOTTOM, LOST, SURFACE, VALVE, VOLUME, leap
+from swimbladder.sim.engine.rodas.kept import kept
+from swimbladder.sim.engine.rodas.leap import (
+    AIR,
+    BOTTOM,
+    LEVEL,
+    LOST,
+    SURFACE,
+    TOO_DEEP,
+    VALVE,
+    VOLUME,
+    leap,
+)
 from swimbladder.sim.engine.rodas.line import empty_line, fill_lacks, turn_valve, valve_turns
 from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.names import (
@@ -28,7 +39,9 @@ from swimbladder.sim.engine.rodas.sensing import normal
 
 __all__ = [
     "FULL",
+    "LEVEL",
     "STAYED",
+    "TOO_DEEP",
     "change_volume",
     "end_run",
     "end_turn",
@@ -269,7 +282,7 @@ def next_turn(p, table, x, at, until):  # type: ignore[no-untyped-def]
     return until
 
 
-@part
+@kept
 def move(p, table, waves, x, at, accounts, notes, counts, loads, level, until, work):  # type: ignore[no-untyped-def]
     """Move the vehicle by a step, `until` [s] at most, with what happens in it.
 

@@ -11,7 +11,7 @@ from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.motion import displaced, drag, inside, lagging, rate_of, terms
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Now, Table
 
-__all__ = ["book", "enter", "enter_energy", "power"]
+__all__ = ["enter", "enter_energy", "enter_step", "power"]
 
 T, Z, W, V, CHARGE = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.CHARGE)
 HULL, FOLLOWS, HEAT = int(Now.HULL), int(Given.FOLLOWS), int(Account.HEAT)
@@ -34,7 +34,7 @@ _INNER = 0.5 - 0.1 * math.sqrt(5.0)
 
 
 @part
-def book(p, table, waves, x, at, accounts, loads, h, work):  # type: ignore[no-untyped-def]
+def enter_step(p, table, waves, x, at, accounts, loads, h, work):  # type: ignore[no-untyped-def]
     """Enter a step of h [s] to work[0] in the accounts, by Lobatto's rule on its cubic."""
     y, k1, k2 = work[0], work[2], work[3]
     doing, shut = at[DOING], at[SHUT] == 1

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from swimbladder.sim.engine.cache import part
-from swimbladder.sim.engine.rodas.entries import book
+from swimbladder.sim.engine.rodas.entries import enter_step
 from swimbladder.sim.engine.rodas.line import relieve, valve_turns
 from swimbladder.sim.engine.rodas.motion import inside, rosenbrock, terms
 from swimbladder.sim.engine.rodas.names import At, Doing, Given, Now
@@ -113,7 +113,7 @@ def leap(p, table, waves, x, at, accounts, loads, level, until, work):  # type: 
             event = n
     if event >= 0:
         event, h = _located(p, table, waves, x, at, level, h, work)
-    book(p, table, waves, x, at, accounts, loads, h, work)
+    enter_step(p, table, waves, x, at, accounts, loads, h, work)
     x[T] = until if h == left else x[T] + h
     x[Z], x[W], x[V], x[HULL] = y[0], y[1], y[2], y[3]
     if x[Z] > x[Z_MOST]:

@@ -7,7 +7,9 @@ import math
 from swimbladder.control.rate import RateParameters
 from swimbladder.sim.engine.cache import part
 from swimbladder.sim.engine.rodas.drive import (
+    LEVEL,
     STAYED,
+    TOO_DEEP,
     end_run,
     end_turn,
     move,
@@ -16,7 +18,6 @@ from swimbladder.sim.engine.rodas.drive import (
     press_out,
     turn_line,
 )
-from swimbladder.sim.engine.rodas.leap import LEVEL, TOO_DEEP
 from swimbladder.sim.engine.rodas.line import empty_line
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Note, Now, Stop
 from swimbladder.sim.mission.core.moves import look
@@ -82,7 +83,7 @@ def _begin_row(rows, counts, x, at, accounts):  # type: ignore[no-untyped-def]
 
 @part
 def _alarm(p, table, x, at, accounts, notes, counts):  # type: ignore[no-untyped-def]
-    """Press out all volume, in runs as long as the pump stands, one after the other."""
+    """Move the volume to its upper limit, in runs as long as the pump stands."""
     note(notes, counts, x, NOTE_DEEP, x[W])
     at[ALARM] = 1
     if at[DOING] != NOTHING:

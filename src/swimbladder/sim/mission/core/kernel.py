@@ -8,14 +8,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from swimbladder.io.files import source_hash
-from swimbladder.sim.engine import rodas
 from swimbladder.sim.engine.cache import compiled
+from swimbladder.sim.engine.rodas.kept import NAME
 from swimbladder.sim.mission.core import fly as _fly
 from swimbladder.sim.mission.core import phase_step as _phase_step
 
 __all__ = ["fly_kernel", "phase_step_kernel"]
 
-_FOLDERS = (Path(str(rodas.__file__)).parent, Path(__file__).parent)
-_UNDER = f"mission-{source_hash(p for folder in _FOLDERS for p in folder.glob('*.py'))}"
+_UNDER = f"mission-{source_hash(Path(__file__).parent.glob('*.py'))}-{NAME}"
 fly_kernel = compiled(_fly.fly, under=_UNDER)
 phase_step_kernel = compiled(_phase_step.phase_step, under=_UNDER)

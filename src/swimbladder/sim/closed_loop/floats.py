@@ -1,0 +1,132 @@
+"""Floats with pump and valve as lanes of the loop: what the stepper takes, and what it gives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control.surfacing import SurfacingParameters
+from swimbladder.physics.dynamics import Plant, drag_force
+from swimbladder.physics.seawater import Column, uniform_column
+from swimbladder.sim.closed_loop.pumped import ANEW, BOARD, DIVES, PAUSE, SEGMENT, Z_SEEN, Pumped
+from swimbladder.sim.closed_loop.water import Medium
+from swimbladder.sim.engine.rodas.drive import FULL
+from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Now
+from swimbladder.sim.engine.rodas.prepare import (
+    Accuracy,
+    first_lane,
+    given_of,
+    make_table,
+)
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["FloatModel", "float_model"]
+
+Array = NDArray[np.float64]
+_EXACT = Accuracy(
+    relative=1e-6, depth=1e-5, speed=1e-7, volume=1e-12, rest_deep=1e-4, rest_afloat=1e-3
+)
+_SHALLOW = 5.0  # m, above which a float is about to dive, or has come up
+_SPEED, _PAUSE = 0.1, 60.0  # m/s and s of a law that states neither
+_MARGIN, _BELOW = 1.2, 100.0  # of the deepest depth, and m: how far the table goes on
+_VARIED = {  # fields of Plant that a lane may have of its own, and where they stand
+    "d_l": Given.D_L, "d_b": Given.D_B, "d_0": Given.D_0, "d_t": Given.D_T,
+    "epsilon": Given.EPSILON, "V_min": Given.V_MIN, "V_max": Given.V_MAX,
+    "z_surface": Given.Z_SURFACE, "a_s": Given.A_S, "z_air": Given.Z_AIR,
+    "z_bottom": Given.Z_BOTTOM,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class FloatModel:
+    """A float in its water, as the stepper takes it; lanes are made from it by `lanes`."""
+
+    vehicle: Vehicle
+    column: Column
+    plant: Plant  # of the body; what the drive would say is nan
+    given: Array  # [Given.COUNT]
+    table: Array  # [n, Table.WIDTH]
+    energy_unknown: str  # why no electrical energy is known; "" where it is
+
+    def lanes(
+        self, parameters: dict[str, Array], plants: Array, depth: Array, volume: Array,
+        speed: Array, *, noted: int = 0,
+    ) -> tuple[Pumped, Array]:  # fmt: skip
+        """Return a stepper of lanes that start at depths [m], and their states (q, V, z, w).
+
+        parameters: of the law by name, each [lanes]; plants [len(Plant), lanes]: of the body; what
+        a lane has of its own is taken from there. volume [m3]: nan in a lane: neutral, or at a
+        depth of 0 all out. noted: room for what happens with its time.
+        """
+        count = plants.shape[1]
+        given = np.repeat(self.given[None, :], count, axis=0)
+        rows = dict(zip(Plant._fields, plants, strict=True))
+        for name, place in _VARIED.items():
+            given[:, place] = rows[name]
+        own = self.plant
+        given[:, Given.MASS] = self.given[Given.MASS] * own.a_b / rows["a_b"]
+        given[:, Given.TRIM] = rows["V_0"] - own.V_0
+        given[:, Given.GIVE] = rows["psi"] - own.psi
+        x = np.zeros((count, int(Now.COUNT)))
+        at = np.zeros((count, int(At.COUNT)), dtype=np.int64)
+        board = np.zeros((count, BOARD))
+        for n in range(count):
+            asked = None if math.isnan(volume[n]) else float(volume[n])
+            x[n], at[n] = first_lane(given[n], self.table, float(depth[n]), volume=asked)
+            x[n, Now.W] = speed[n]
+            up, pause = self._surfacing({k: float(v[n]) for k, v in parameters.items()})
+            board[n, : len(up)], board[n, PAUSE] = up, pause
+            board[n, Z_SEEN] = x[n, Now.Z]
+            board[n, DIVES] = 0.0 if x[n, Now.V] >= up.full - up[3] else 1.0
+            board[n, ANEW] = 0.0
+        stepper = Pumped(
+            given=given, table=self.table, waves=np.zeros((0, 6)), x=x, at=at,
+            accounts=np.zeros((count, int(Account.COUNT))),
+            notes=np.zeros((count, noted, int(Drive.COUNT))),
+            counts=np.zeros((count, 3), dtype=np.int64), work=np.zeros((count, 6, 8)),
+            board=board, segment=np.zeros((count, SEGMENT)),
+        )  # fmt: skip
+        start = np.stack([np.zeros(count), x[:, Now.V], x[:, Now.Z], x[:, Now.W]])
+        return stepper, start
+
+    def _surfacing(self, parameters: dict[str, float]) -> tuple[SurfacingParameters, float]:
+        """Return what the processor assumes at the surface, and its pause there [s].
+
+        Those of the law where it has `far_speed`, `coefficient` and `dead`, as `rate` has.
+        """
+        stroke, g = self.vehicle.stroke, self.given
+        speed = parameters.get("far_speed", _SPEED)
+        own = drag_force(self.vehicle.drag, speed) / self.vehicle.water.specific_weight
+        slack = parameters["coefficient"] * speed**2 if "coefficient" in parameters else own
+        found = SurfacingParameters(
+            shallow=float(g[Given.SHALLOW]), neutral=float(g[Given.NEUTRAL_TOP]),
+            full=stroke.maximum, lacking=FULL * (stroke.maximum - stroke.minimum), slack=slack,
+            measured=float(g[Given.BY_VOLUME]),
+        )  # fmt: skip
+        return found, parameters.get("dead", _PAUSE)
+
+
+def float_model(
+    vehicle: Vehicle, medium: Medium, column: Column | None, *, reach: float
+) -> FloatModel:
+    """Return a float in the water of a column, or in its own where that is None.
+
+    medium: of `water.medium_of`, which refuses a column that ends above. reach: the greatest depth
+    that it is asked to go to [m].
+    """
+    if column is None:
+        column = uniform_column(vehicle.water, _MARGIN * max(reach, 0.0) + _BELOW)
+    table, why = make_table(vehicle, column)
+    hull = vehicle.hull
+    shallow = max(_SHALLOW, hull.emergence_depth + 0.1 * hull.height)
+    given = given_of(
+        vehicle, column, bottom=medium.plant.z_bottom, accuracy=_EXACT,
+        asked={Given.SHALLOW: shallow},
+    )  # fmt: skip
+    return FloatModel(
+        vehicle=vehicle, column=column, plant=medium.plant, given=given, table=table,
+        energy_unknown=why,
+    )  # fmt: skip

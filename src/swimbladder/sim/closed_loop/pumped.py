@@ -1,0 +1,223 @@
+"""The stepper of lanes with pump and valve: what the loop does with them at a tick.
+
+`Pumped` holds the arrays that `engine.rodas` moves, lane by lane, in the place of the modes'
+exponentials of `lane`. Its steps are as long as the motion lets, to the
+next call of the law at most; what lies between is read off the cubic of the last step.
+
+The processor calls the law when it asked to be called and no run of pump or valve lasts. Near the
+surface it acts itself, see `control.surfacing`; afterwards the law begins anew.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control.law import Measurement
+from swimbladder.control.surfacing import (
+    IN,
+    LAW,
+    OUT,
+    SurfacingParameters,
+    SurfacingState,
+    at_surface,
+)
+from swimbladder.sim.closed_loop.dispatch import (
+    compilable,
+    extent,
+    gather,
+    law_initial,
+    law_step,
+    scatter_where,
+)
+from swimbladder.sim.closed_loop.hooks import drive
+from swimbladder.sim.closed_loop.lane import commit, judge
+from swimbladder.sim.closed_loop.rows import (
+    APPLIED,
+    COMMAND,
+    REFERENCE,
+    SEEN_DEPTH,
+    SEEN_VOLUME,
+    STOP_TICK,
+    STOPPED,
+    WAIT,
+)
+from swimbladder.sim.closed_loop.rows import LAW as LAW_ROW
+from swimbladder.sim.engine.advance import CHATTERS, LEFT_WATER, NOT_FINITE, TOO_DEEP
+from swimbladder.sim.engine.cache import inlined, part
+from swimbladder.sim.engine.rodas.drive import (
+    STAYED,
+    change_volume,
+    end_turn,
+    move,
+    next_turn,
+    press_out,
+    take_in,
+    turn_line,
+)
+from swimbladder.sim.engine.rodas.motion import inside, rate_of
+from swimbladder.sim.engine.rodas.names import At, Doing, Given, Now, Stop
+
+__all__ = ["BOARD", "LAW_NOT_FINITE", "SEGMENT", "Pumped", "decide_lanes", "move_lanes", "trim"]
+
+Array = NDArray[np.float64]
+LAW_NOT_FINITE = 5  # why a lane stopped, beside engine.advance
+
+
+class Pumped(NamedTuple):
+    """Lanes that RODAS moves: `names` of `engine.rodas` says what stands where in their arrays."""
+
+    given: Array  # [lanes, Given.COUNT]
+    table: Array  # [n, Table.WIDTH], of all lanes
+    waves: Array  # [m, 6], as `table`
+    x: Array  # [lanes, Now.COUNT]
+    at: NDArray[np.int64]  # [lanes, At.COUNT]
+    accounts: Array  # [lanes, Account.COUNT]
+    notes: Array  # [lanes, k, Drive.COUNT]; nothing is noted where k is 0
+    counts: NDArray[np.int64]  # [lanes, 3]
+    work: Array  # [lanes, 6, 8]
+    board: Array  # [lanes, BOARD]: of `control.surfacing`, the pause [s], its state, 1: law anew
+    segment: Array  # [lanes, SEGMENT]: begin and end of the last step [s], z, w, V there, Doing
+
+
+N_UP = len(SurfacingParameters._fields)
+PAUSE, Z_SEEN, DIVES, ANEW, BOARD = N_UP, N_UP + 1, N_UP + 2, N_UP + 3, N_UP + 4
+BEGIN, END, Z_FROM, W_FROM, V_FROM, DID, SEGMENT = range(7)
+T, Z, W, V, T_MOVE = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.T_MOVE)
+DOING, SHUT, STOP = int(At.DOING), int(At.SHUT), int(At.STOP)
+LONGEST, NOTHING = int(Given.LONGEST), int(Doing.NOTHING)
+STOP_LEFT, STOP_LOST, STUCK = int(Stop.LEFT_WATER), int(Stop.LOST), int(Stop.STUCK)
+_PASSES = 200  # without time passing: a fault of the model
+_at_surface = inlined(compilable(at_surface))
+
+
+@part
+def _decide(  # type: ignore[no-untyped-def]
+    s, S, W_, i, hooks, like, like_state, k, tick
+):
+    """Let the processor of lane i act where it is time, and start the run that follows."""
+    S[COMMAND * W_ + i] = 0.0
+    waiting = S[WAIT * W_ + i]
+    if waiting > 0.0:
+        S[WAIT * W_ + i] = waiting - 1.0
+        return
+    p, x, at, board = s.given[i], s.x[i], s.at[i], s.board[i]
+    t, change, pause = k * tick, 0.0, board[PAUSE]
+    depth, volume = S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i]
+    reference = S[REFERENCE * W_ + i]
+    up = SurfacingParameters(board[0], board[1], board[2], board[3], board[4], board[5])
+    before = SurfacingState(board[Z_SEEN], board[DIVES])
+    action, wanted, after = _at_surface(up, before, depth, volume, reference, 1.0)
+    notes, counts = s.notes[i], s.counts[i]
+    if at[DOING] != NOTHING:
+        pass  # a run to the end stop, of a pump that may run as long as it takes
+    elif action == LAW:
+        row = (LAW_ROW + extent(like)) * W_ + i
+        parameters = gather(like, S, LAW_ROW * W_ + i, W_)
+        now = Measurement(t, depth, volume)
+        if board[ANEW] != 0.0:
+            board[ANEW] = 0.0
+            scatter_where(True, law_initial(parameters, now, reference), S, row, W_)
+        state = gather(like_state, S, row, W_)
+        change, state, pause = law_step(parameters, state, now, reference)
+        scatter_where(True, state, S, row, W_)
+        change = drive(hooks, S, k, change)
+        if not abs(change) < 1e30:
+            S[STOPPED * W_ + i], S[STOP_TICK * W_ + i] = LAW_NOT_FINITE, k
+            return
+        if change != 0.0:
+            longest = min(p[LONGEST], pause)  # a run is over by the next call
+            change_volume(
+                p, s.table, x, at, s.accounts[i], notes, counts, volume, change, longest
+            )  # fmt: skip
+    else:
+        board[Z_SEEN], board[DIVES], board[ANEW] = after.depth, after.dives, 1.0
+        change = wanted
+        if action == OUT:
+            press_out(p, s.table, x, at, s.accounts[i], notes, counts)
+        elif action == IN:
+            longest = min(p[LONGEST], pause)
+            take_in(p, s.table, x, at, s.accounts[i], notes, counts, volume, wanted, longest)
+    if at[DOING] != NOTHING and x[T_MOVE] < math.inf:
+        pause = max(pause, x[T_MOVE] - t)
+    S[COMMAND * W_ + i] = change
+    S[WAIT * W_ + i] = max(math.ceil(pause / tick - 1e-9) - 1.0, 0.0)
+
+
+@part
+def _move(s, S, W_, i, k, tick, ahead):  # type: ignore[no-untyped-def]
+    """Bring lane i to the end of tick k; its steps may go on to `ahead` [s]."""
+    p, x, at, seg, work = s.given[i], s.x[i], s.at[i], s.segment[i], s.work[i]
+    t = (k + 1) * tick
+    until = max(t, min(ahead, (k + 1.0 + S[WAIT * W_ + i]) * tick))
+    passes = 0
+    while x[T] < t and at[STOP] == 0:
+        before = x[T]
+        goal = next_turn(p, s.table, x, at, until)
+        if goal > before:
+            seg[BEGIN], seg[Z_FROM], seg[W_FROM], seg[V_FROM] = before, x[Z], x[W], x[V]
+            seg[DID] = at[DOING]
+            event = move(
+                p, s.table, s.waves, x, at, s.accounts[i], s.notes[i], s.counts[i], 0.0, 0.0, goal,
+                work,
+            )  # fmt: skip
+            seg[END] = x[T]
+            if event == STAYED:
+                work[0, 0], work[0, 1], work[0, 2] = x[Z], x[W], x[V]
+                for n in range(3):
+                    work[2, n], work[3, n] = 0.0, 0.0
+        end_turn(x, at, s.notes[i], s.counts[i])
+        turn_line(p, s.table, s.waves, x, at)
+        passes = 0 if x[T] > before else passes + 1
+        if passes > _PASSES:
+            at[STOP] = STUCK
+    z, w, v, doing = x[Z], x[W], x[V], float(at[DOING])
+    if x[T] > t:
+        share = (t - seg[BEGIN]) / (seg[END] - seg[BEGIN])
+        z = inside(seg[Z_FROM], work[0, 0], work[2, 0], work[3, 0], share)
+        w = inside(seg[W_FROM], work[0, 1], work[2, 1], work[3, 1], share)
+        v = inside(seg[V_FROM], work[0, 2], work[2, 2], work[3, 2], share)
+        doing = seg[DID]
+    elif at[STOP] != 0 or not abs(z) < 1e30:
+        why = CHATTERS
+        if not abs(z) < 1e30:
+            why = NOT_FINITE
+        elif at[STOP] == STOP_LEFT:
+            why = LEFT_WATER
+        elif at[STOP] == STOP_LOST:
+            why = TOO_DEEP
+        S[STOPPED * W_ + i], S[STOP_TICK * W_ + i] = why, k
+    commit(S, W_, i, (), rate_of(p, s.table, int(doing), at[SHUT] == 1, z, v, w)[0], v, z, w)
+    S[APPLIED * W_ + i] = doing
+
+
+def trim(stepper: Pumped, neutral: Array) -> None:
+    """Let the neutral volume at the surface be another [m3] [lanes] from here on."""
+    change = neutral - stepper.given[:, Given.NEUTRAL_TOP]
+    if np.any(stepper.given[:, Given.TRIM] != change):
+        stepper.given[:, Given.TRIM] = change
+        stepper.at[:, At.RESTS] = 0
+        stepper.x[:, Now.H] = np.minimum(stepper.x[:, Now.H], 1.0)
+
+
+@part
+def decide_lanes(stepper, S, token, hooks, like, like_state, k, tick, since):  # type: ignore[no-untyped-def]
+    """Judge every lane at tick k, `since` [s] its set-point, and let its processor act."""
+    W_ = len(token)
+    for i in range(W_):
+        judge(S, W_, i, since)
+        if S[STOPPED * W_ + i] == 0.0:
+            _decide(stepper, S, W_, i, hooks, like, like_state, k, tick)
+
+
+@part
+def move_lanes(stepper, S, token, hooks, k, tick, last):  # type: ignore[no-untyped-def]
+    """Bring every lane to the end of tick k; no step goes beyond the begin of tick `last`."""
+    W_ = len(token)
+    ahead = (last if len(hooks) == 0 else k + 1) * tick
+    for i in range(W_):
+        if S[STOPPED * W_ + i] == 0.0:
+            _move(stepper, S, W_, i, k, tick, ahead)

@@ -1,0 +1,226 @@
+"""Floats with pump and valve in the closed loop: against SciPy, missions and their balances."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+from swimbladder.control.cascade import CASCADE
+from swimbladder.control.law import Measurement
+from swimbladder.control.rate import RATE
+from swimbladder.control.registry import bind
+from swimbladder.errors import InputError
+from swimbladder.io.config import load_vehicle
+from swimbladder.io.mission import Mission
+from swimbladder.physics.buoyancy_engine import drive_map
+from swimbladder.physics.hull import neutral_volume
+from swimbladder.physics.seawater import uniform_column
+from swimbladder.sim.closed_loop import simulate
+from swimbladder.sim.closed_loop.ensemble import simulate_ensemble
+from swimbladder.sim.engine.rodas.prepare import Accuracy
+from swimbladder.sim.mission.core.names import Row
+from swimbladder.sim.mission.flight import fly_mission
+from tests.quoted import refused
+
+FLOAT = load_vehicle("example-float")
+TIGHT = Accuracy(relative=1e-8, depth=1e-7, speed=1e-9, volume=1e-14)
+
+
+@pytest.fixture(scope="module")
+def dive():
+    """From afloat to 300 m and back."""
+    return simulate(
+        FLOAT, setpoints=[(0.0, 300.0), (7200.0, 0.0)], duration=12600.0, start_depth=0.0
+    )
+
+
+@pytest.fixture(scope="module")
+def hover():
+    """From rest at 380 m to 420 m and back to 400 m, off the surface all the way."""
+    return simulate(
+        FLOAT, setpoints=[(0.0, 420.0), (2400.0, 400.0)], duration=4800.0, start_depth=380.0
+    )
+
+
+def flown_by_scipy(solution):
+    """Return the depths of the recorded commands: seconds of pump and valve, written out anew."""
+    v, a = FLOAT, FLOAT.actuator
+    grid = np.arange(300.0, 500.0, 0.5)
+    weight = v.water.specific_weight
+    drives = drive_map(v, weight * grid)
+    rests = CubicSpline(grid, neutral_volume(v, uniform_column(v.water, 500.0, step=0.5))[600:1000])
+    rate_out, rate_in = CubicSpline(grid, drives.rate_out), CubicSpline(grid, drives.rate_in)
+    leakage, k = CubicSpline(grid, drives.leakage), v.drag.k_dt
+
+    def force(_t, x, move):
+        z, w, V = x
+        rate = {1: rate_out(z), 0: 0.0, -1: -rate_in(z), 2: -leakage(z)}[move]
+        return [w, (weight * (rests(z) - V) - k * w * abs(w)) / v.mass, rate]
+
+    turns, ends = [(0.0, 2)], solution.time[-1]
+    for t, z, change in zip(solution.time, solution.depth, solution.command, strict=True):
+        if change == 0.0:
+            continue
+        flow = float(rate_out(z) if change > 0.0 else rate_in(z))
+        short = a.start_volume if change > 0.0 else 0.0
+        length = a.quantum * math.floor((abs(change) + short) / flow / a.quantum + 0.5)
+        primed = t + short / flow
+        turns += [(t, 0), (primed, 1)] if change > 0.0 else [(t, -1)]
+        turns.append((t + length, 2))
+    x, depth = np.array([solution.depth[0], 0.0, solution.volume[0]]), np.empty(0)
+    for (t, move), (end, _) in zip(turns, [*turns[1:], (ends, 0)], strict=True):
+        if end <= t:
+            continue
+        inside = solution.time[(solution.time >= t) & (solution.time < end)]
+        found = solve_ivp(
+            force, (t, end), x, method="DOP853", rtol=1e-11, atol=1e-13, args=(move,),
+            dense_output=True,
+        )  # fmt: skip
+        if len(inside):
+            depth = np.concatenate((depth, found.sol(inside)[0]))
+        x = found.y[:, -1]
+    return np.append(depth, x[0])
+
+
+def test_depths_are_those_of_scipy_for_the_seconds_of_pump_and_valve(hover):
+    assert np.count_nonzero(hover.command > 0.0) >= 2
+    assert np.count_nonzero(hover.command < 0.0) >= 1
+    expected = flown_by_scipy(hover)
+    assert np.abs(hover.depth - expected).max() < 1e-4
+
+
+def test_the_law_is_called_when_it_asked_to_be(hover):
+    """The law itself, from the recorded depths, gives the recorded commands and no others."""
+    numbers = bind(FLOAT.controller)[1]
+    state, due = None, 0.0
+    for k, t in enumerate(hover.time):
+        now = Measurement(float(t), float(hover.depth[k]), float(hover.volume[k]))
+        reference = float(hover.reference[k])
+        if state is None:
+            state = RATE.initial(numbers, now, reference)
+        change = 0.0
+        if t >= due:
+            change, state, pause = RATE.step(numbers, state, now, reference)
+            due = t + pause
+        assert hover.command[k] == pytest.approx(change, abs=1e-15)
+
+
+def test_volume_and_energy_add_up(dive, hover):
+    for s in (dive, hover):
+        books = s.books
+        assert abs(books.volume_residue) < 1e-12
+        assert books.relative_energy_residue < 1e-5
+        assert books.energy["source"] > 0.0
+        assert s.volume[-1] - s.volume[0] == pytest.approx(books.volume["change"], abs=1e-15)
+    spent = float(np.sum(0.5 * (dive.power[1:] + dive.power[:-1]) * np.diff(dive.time)))
+    assert spent == pytest.approx(dive.books.energy["source"], rel=0.05)
+
+
+def test_it_dives_and_surfaces(dive):
+    before = dive.time <= 7200.0
+    assert abs(dive.depth[before][-1] - 300.0) < 10.0  # the tolerance of its law
+    kinds = [event.kind for event in dive.events]
+    assert "submerged" in kinds
+    assert "reached the upper end stop" in kinds
+    assert dive.finished
+    # afloat: what is above the water weighs what the volume lifts beyond the neutral one
+    hull, excess = FLOAT.hull, dive.volume[-1] - FLOAT.neutral_volume(dive.depth[-1])
+    assert excess == pytest.approx(FLOAT.stroke.maximum, rel=1e-3)
+    rests = hull.emergence_depth - excess / hull.waterplane_area
+    assert dive.depth[-1] == pytest.approx(rests, abs=2e-3)  # it bobs by less
+    assert abs(dive.speed[-1]) < 1e-3
+
+
+def test_a_mission_of_the_same_phases_flies_the_same_way(dive):
+    mission = Mission(
+        phases=[{"kind": "hold", "depth": 300.0, "duration": 3600.0, "timeout": 5000.0}]
+    )
+    column = uniform_column(FLOAT.water, 460.0)
+    flight = fly_mission(FLOAT, mission, column, accuracy=TIGHT)
+    rows = flight.rows[(flight.rows[:, Row.T] > 0.0) & (flight.rows[:, Row.T] <= 7200.0)]
+    assert len(rows) > 100
+    assert rows[-1, Row.T] > 6000.0
+    for column_, values, tolerance in ((Row.Z, dive.depth, 2e-3), (Row.V, dive.volume, 1e-9)):
+        whole = rows[np.isclose(rows[:, Row.T] % 1.0, 0.0, atol=1e-9)]
+        assert len(whole) > 50
+        at = whole[:, Row.T].round().astype(int)
+        assert np.abs(values[at] - whole[:, column_]).max() < tolerance
+
+
+def test_lanes_are_single_runs_and_what_they_vary_counts():
+    flown = {
+        "setpoints": [(0.0, 420.0)], "duration": 2400.0, "start_depth": 380.0, "keep": "trajectory",
+    }  # fmt: skip
+    two = simulate_ensemble(FLOAT, count=2, vary={"d_t": [0.3893, 0.6]}, books=True, **flown)
+    drag = FLOAT.drag.model_copy(update={"k_dt": 0.6 * FLOAT.mass})
+    slow = FLOAT.model_copy(update={"motion": FLOAT.motion.model_copy(update={"drag": drag})})
+    flown.pop("keep")
+    one = simulate(slow, **flown)
+    assert np.abs(two["depth"].to_numpy()[:, 1] - one.depth).max() < 1e-9
+    assert float(two["energy"][1]) == pytest.approx(one.books.energy["source"], rel=1e-12)
+    assert abs(float(two["final_depth"][0] - two["final_depth"][1])) > 0.1
+    assert list(two["stop"]) == [0, 0]
+
+
+def test_a_neutral_volume_that_drifts_is_followed():
+    ticks = 2401
+    drift = np.zeros((ticks, 1))
+    drift[600:] = 2e-5  # 20 cm3 heavier
+    flown = {"setpoints": [(0.0, 400.0)], "duration": 2400.0, "start_depth": 400.0}
+    found = simulate_ensemble(FLOAT, count=1, neutral_change=drift, keep="trajectory", **flown)
+    depth = found["depth"].to_numpy()[:, 0]
+    assert np.abs(depth[:600] - 400.0).max() < 1.0
+    assert depth[600:].max() > 405.0
+    assert float(found["pump_runs"][0]) >= 1.0
+
+
+def test_noise_is_drawn_from_the_seed():
+    noisy = FLOAT.model_copy(
+        update={"sensors": FLOAT.sensors.model_copy(update={"depth_noise": 0.3})}
+    )
+    flown = {"setpoints": [(0.0, 400.0)], "duration": 1800.0, "start_depth": 380.0}
+    runs = [simulate(noisy, seed=seed, **flown).depth for seed in (1, 1, 2)]
+    assert np.array_equal(runs[0], runs[1])
+    assert np.abs(runs[0] - runs[2]).max() > 1e-3
+
+
+def test_a_float_that_hits_the_bottom_lies_there_and_comes_up_again():
+    s = simulate(
+        FLOAT, setpoints=[(0.0, 400.0), (3000.0, 300.0)], duration=6000.0, start_depth=380.0,
+        start_volume=-5e-5, bottom_depth=400.0,
+    )  # fmt: skip
+    assert s.deepest <= 400.0 + 1e-9
+    kinds = [event.kind for event in s.events]
+    assert kinds.index("reached the bottom") < kinds.index("left the bottom")
+    assert s.books.energy["bottom"] > 0.0
+    assert s.books.relative_energy_residue < 1e-5
+    assert s.depth[-1] < 330.0
+
+
+def test_a_python_function_commands_changes_of_volume():
+    def once(_seen, _reference):
+        return -1e-5, 600.0
+
+    s = simulate(
+        FLOAT, law=once, setpoints=[(0.0, 400.0)], duration=1500.0, start_depth=380.0,
+        sample_time=1.0,
+    )  # fmt: skip
+    asked = s.time[s.command != 0.0]
+    assert list(asked) == [0.0, 600.0, 1200.0]
+    assert s.books.volume["let in"] == pytest.approx(3e-5, rel=1e-3)
+
+
+def test_what_cannot_be_flown_is_refused():
+    flown = {"duration": 100.0, "start_depth": 0.0}
+    with refused(InputError, field="setpoints[0].depth", value=2500.0, holds=[2000.0]):
+        simulate(FLOAT, setpoints=[(0.0, 2500.0)], **flown)
+    parameters = CASCADE.parameters(*[1.0] * len(CASCADE.parameters._fields))
+    with refused(InputError, field="controller.law", value="cascade"):
+        simulate(
+            FLOAT, setpoints=[(0.0, 100.0)], law=CASCADE, parameters=parameters, sample_time=1.0,
+            **flown,
+        )  # fmt: skip
+    with refused(InputError, field="vary['T1']", value="T1"):
+        simulate_ensemble(FLOAT, count=1, setpoints=[(0.0, 100.0)], vary={"T1": 1.0}, **flown)
