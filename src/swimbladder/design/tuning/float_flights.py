@@ -18,9 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.seawater import Column, uniform_column
 from swimbladder.sim.engine.rodas.names import Drive, Given, Note, Now, Table
+from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.mission.core import kernel
 from swimbladder.sim.mission.core.names import Row, Stage
-from swimbladder.sim.mission.prepare import Accuracy, Plan, first_state, make_plan
+from swimbladder.sim.mission.prepare import Plan, first_state, make_plan
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["VARIED", "Asked", "Flights", "fly_floats"]
