@@ -22,7 +22,7 @@ def block_of(vehicle, *, command, lanes, ticks, start, tick=0.3, record=True, bo
     p = plant(vehicle, bottom_depth=bottom)
     block = Block.lay_out(
         plants=np.repeat(np.array(p)[:, None], lanes, axis=1), law=law,
-        parameters={"command": command},
+        parameters={"command": command, "pause": 0.0},
         clock=schedule([0.0], ticks * tick, tick), parts=1, depths=np.full((1, lanes), start[2]),
         start=np.repeat(np.array(start)[:, None], lanes, axis=1), sensors=Sensors(), seeds=None,
         record=record, books=False, events=False,
