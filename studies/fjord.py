@@ -210,7 +210,7 @@ def _warm(
     return found
 
 
-def weigh(ideas: list[Idea], tell: Callable[[str], None]) -> None:
+def evaluate(ideas: list[Idea], tell: Callable[[str], None]) -> None:
     """Tell how probable each idea makes all three missions, and what it takes for that."""
     tell("\n| idea | log likelihood | K2, 1/(m2 s) | mass, kg | psi, cm3/m | walk, cm3/s^0.5 |\n"
          "|---|---:|---:|---:|---:|---:|")  # fmt: skip
@@ -249,7 +249,7 @@ def main() -> None:
          "| stays | there | stays |\n|---|---|" + "---:|" * 8)  # fmt: skip
     tell("\n".join(parts))
     tell(line_table(folder, listed[1].logs, taught, listed[1].water))
-    weigh(listed, tell)
+    evaluate(listed, tell)
 
 
 if __name__ == "__main__":

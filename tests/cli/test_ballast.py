@@ -97,8 +97,8 @@ def test_uncertainty_is_taken_from_the_options(capsys, tmp_path, cast):
             "1 cm3")  # fmt: skip
     assert run(cast, tmp_path / "b", *options, *more) == 0
     unsure = json.loads(capsys.readouterr().out)
-    assert unsure["unknown"]["mass"] == 0.03
-    assert unsure["unknown"]["trim"] == 0.0
+    assert unsure["uncertainty"]["mass"] == 0.03
+    assert unsure["uncertainty"]["trim"] == 0.0
     assert unsure["margin_m3"] < sure["margin_m3"] - 20e-6
     assert unsure["spread_m3"]["volume"] == pytest.approx(20e-6)
 

@@ -51,7 +51,14 @@ def test_it_writes_a_vehicle_the_drives_and_pictures(capsys, tmp_path, parts):
     columns, keys = rows("files-written.md", "size")
     assert set(told) == set(keys)
     assert told["combinations"] == told["feasible"] == 1
-    names = ["drives.csv", "drives.png", "parts.png", "size.json", "vehicle.toml", "wishes.png"]
+    names = [
+        "drives.csv",
+        "drives.png",
+        "parts.png",
+        "size.json",
+        "vehicle.toml",
+        "requirements.png",
+    ]
     assert sorted(p.name for p in out.iterdir()) == names
     with (out / "drives.csv").open() as file:
         table = list(csv.DictReader(file))

@@ -27,6 +27,12 @@ KEYS: dict[str, str] = {
     "faults: alone": "unsupervised",
     "faults: alone_deepest_m": "unsupervised_deepest_m",
     "faults: told": "ideal_detection",
+    "ballast: unknown": "uncertainty",
+    "energy: told": "fitted_efficiency",
+    "energy: told_volume_m3": "fitted_volume_m3",
+    "energy: told_energy_J": "fitted_energy_J",
+    "energy: told_efficiency": "fitted_efficiency",
+    "energy: left_out": "excluded",
     # Deep dives.
     "identify: book_m3": "imbalance_m3",
     "identify: book_rms_m3": "imbalance_rms_m3",
@@ -45,6 +51,7 @@ KINDS: dict[str, str] = {"not told": "not identifiable", "walk": "random_walk"}
 
 # Parts of the names of written files: "mission-7-told.csv": "mission-7-ideal-detection.csv".
 FILES: dict[str, str] = {
+    "wishes.png": "requirements.png",
     "-alone.csv": "-unsupervised.csv",
     "-told.csv": "-ideal_detection.csv",
 }

@@ -119,7 +119,7 @@ def ballast(
         "air": quantity(air_std, "m3", "--air-std"),
         "density": quantity(density_std, "kg/m3", "--density-std"),
     }
-    wish = {
+    target = {
         "neutral_depth": quantity(neutral_depth, "m", "--neutral-depth"),
         "volume": quantity(at_volume, "m3", "--at-volume") or 0.0,
         "freeboard": quantity(freeboard, "m", "--freeboard"),
@@ -143,19 +143,19 @@ def ballast(
         latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
     )  # fmt: skip
 
-    from swimbladder.design.ballast import Wish, unknown_of
+    from swimbladder.design.ballast import Target, uncertainty_of
     from swimbladder.design.ballast import ballast as find
     from swimbladder.show.report.ballast import write_ballasting
 
     columns, said, warned = _columns(v, casts, asked)
     v, told, doubt = _weighed(v, weighed)
     warned += doubt
-    unknown = unknown_of(v, stds)
+    uncertainty = uncertainty_of(v, stds)
     with progress("drawing vehicles", 1.0) as advance:
         found = find(
-            v, columns, wish=Wish(**wish), unknown=unknown,  # type: ignore[arg-type]
+            v, columns, target=Target(**target), uncertainty=uncertainty,  # type: ignore[arg-type]
             probability=wanted, speed=moving or 0.0, density=density, material=named,
-            assumptions=(*warned, *said, told, *_hull_words(v), *unknown.said), advance=advance,
+            assumptions=(*warned, *said, told, *_hull_words(v), *uncertainty.said), advance=advance,
         )  # fmt: skip
     answer = found.to_json()
     with progress("drawing the picture"):

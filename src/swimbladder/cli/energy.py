@@ -144,7 +144,7 @@ def energy(
     wanted = quantity(depth, "m", "--depth")
     with progress("computing"), said_as_typed(typed, deepest="--depth", cast="--cast"):
         from swimbladder.design.energy import Thruster, drive_energy, hovering, profiling
-        from swimbladder.design.energy.sentences import (
+        from swimbladder.design.energy.messages import (
             assumptions,
             drive_sentences,
             versus_sentences,

@@ -43,8 +43,8 @@ def fit_runs(
     at: Literal["mean", "end"] = "end" if power_at == "end" else "mean"
     with progress("reading and fitting"):
         from swimbladder.design.energy import PumpRuns, check_runs, fit_pump, fitted_vehicle
-        from swimbladder.design.energy.logged import usable_runs
-        from swimbladder.design.energy.sentences import fit_sentences
+        from swimbladder.design.energy.logged_runs import usable_runs
+        from swimbladder.design.energy.messages import fit_sentences
         from swimbladder.io.pump_runs import read_pump_runs
         from swimbladder.show.report.energy import fit_json, write_fit
 
@@ -112,7 +112,7 @@ def _print_fit(found: PumpFit, said: tuple[str, ...]) -> None:
         for b in bands:
             rows.add_row(
                 f"{b.pressure / 1e4:.0f}", f"{b.runs}", f"{1e6 * b.volume:.3g}",
-                f"{b.energy:.4g}", f"{b.efficiency:.3f}", f"{b.told:.3f}",
+                f"{b.energy:.4g}", f"{b.efficiency:.3f}", f"{b.fitted:.3f}",
             )  # fmt: skip
         output.print(rows)
         output.print("")

@@ -10,7 +10,7 @@ from swimbladder.cli.logs import pair
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.design.pool_day import Operator, Tail
+    from swimbladder.design.pool_day import GrowingLog, Operator
     from swimbladder.vehicle import Vehicle
 
 __all__ = ["operator_of", "tail_of"]
@@ -59,9 +59,9 @@ def _with_noise(vehicle: Vehicle, sensor_std: str | None) -> Vehicle:
 def tail_of(
     vehicle: Vehicle, log: Path, column: list[str], log_format: str | None, timeout: str, *,
     wait: bool,
-) -> tuple[Tail, float]:  # fmt: skip
+) -> tuple[GrowingLog, float]:  # fmt: skip
     """Return what reads the log, and how long it waits for more [s]."""
-    from swimbladder.design.pool_day import Tail
+    from swimbladder.design.pool_day import GrowingLog
     from swimbladder.io.log_format import LogFormat
     from swimbladder.io.log_format import log_format as named
 
@@ -76,4 +76,4 @@ def tail_of(
     if wait:  # one bad row must not end the day
         form = form.model_copy(update={"bad_rows": "drop"})
     columns = dict(pair(text, "--column") for text in column)
-    return Tail(log, vehicle, columns=columns, log_format=form), limit
+    return GrowingLog(log, vehicle, columns=columns, log_format=form), limit

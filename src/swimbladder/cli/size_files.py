@@ -11,7 +11,7 @@ from swimbladder.cli.common import json_text
 from swimbladder.design.sizing import Sizing, columns, sized_vehicle, to_json
 from swimbladder.io.files import publish, write_atomically
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.plots.size import draw_candidates, draw_parts, draw_wishes
+from swimbladder.show.plots.size import draw_candidates, draw_parts, draw_requirements
 from swimbladder.show.plots.style import save
 from swimbladder.vehicle import Vehicle
 
@@ -22,7 +22,14 @@ _DIGITS = 12  # that are written: more than a part is known to, fewer than what 
 
 def write_sizing(found: Sizing, out: Path) -> list[Path]:
     """Write the vehicle, every drive that does the dive, the whole answer and three pictures."""
-    names = ["vehicle.toml", "drives.csv", "size.json", "drives.png", "parts.png", "wishes.png"]
+    names = [
+        "vehicle.toml",
+        "drives.csv",
+        "size.json",
+        "drives.png",
+        "parts.png",
+        "requirements.png",
+    ]
     head = f"Written by swimbladder size: {found.body.name} to {found.asked.dive.depth:g} m."
 
     def write(folder: Path) -> None:
@@ -32,7 +39,7 @@ def write_sizing(found: Sizing, out: Path) -> list[Path]:
         write_atomically(folder / names[2], json_text(to_json(found)) + "\n")
         save(draw_candidates(found), folder / names[3])
         save(draw_parts(found), folder / names[4])
-        save(draw_wishes(found), folder / names[5])
+        save(draw_requirements(found), folder / names[5])
 
     publish(out, write)
     return [out / name for name in names]

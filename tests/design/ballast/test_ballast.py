@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from swimbladder.design.ballast import Unknown, Wish, ballast, ballasted, unknown_of
-from swimbladder.design.ballast.unknown import drawn_volumes, sensitivities
+from swimbladder.design.ballast import Target, Uncertainty, ballast, ballasted, uncertainty_of
+from swimbladder.design.ballast.uncertainty import drawn_volumes, sensitivities
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.hull import displaced_volume, neutral_volume, weight_mass
@@ -15,7 +15,7 @@ from swimbladder.vehicle import Hull, HullPart, Identified
 from tests.quoted import refused
 
 LEAD = 11340.0
-KNOWN = Unknown()
+KNOWN = Uncertainty()
 
 
 def sea(deepest=800.0, warm=20.0, name="summer"):
@@ -57,8 +57,8 @@ def force(vehicle, column, depth, volume, added, density, emerged=0.0):
 @pytest.mark.parametrize("density", [LEAD, 2700.0, float("inf")])
 @pytest.mark.parametrize("volume", [0.0, 1e-4])
 def test_what_is_added_makes_it_neutral_where_it_is_wished(vehicle, density, volume):
-    wish = Wish(neutral_depth=500.0, volume=volume)
-    found = ballast(vehicle, [SEA], wish=wish, unknown=KNOWN, density=density, draws=1)
+    target = Target(neutral_depth=500.0, volume=volume)
+    found = ballast(vehicle, [SEA], target=target, uncertainty=KNOWN, density=density, draws=1)
     assert force(vehicle, SEA, 500.0, volume, found.added, density) == pytest.approx(0.0, abs=1e-6)
     # and so says the vehicle that is written for the other commands
     made = neutral_volume(found.vehicle, SEA)
@@ -66,16 +66,16 @@ def test_what_is_added_makes_it_neutral_where_it_is_wished(vehicle, density, vol
 
 
 def test_what_stands_outside_displaces_and_has_to_be_heavier():
-    wish = Wish(neutral_depth=500.0)
-    inside = ballast(FLOAT, [SEA], wish=wish, unknown=KNOWN, density=float("inf"), draws=1)
-    lead = ballast(FLOAT, [SEA], wish=wish, unknown=KNOWN, draws=1)
+    target = Target(neutral_depth=500.0)
+    inside = ballast(FLOAT, [SEA], target=target, uncertainty=KNOWN, density=float("inf"), draws=1)
+    lead = ballast(FLOAT, [SEA], target=target, uncertainty=KNOWN, draws=1)
     rho = float(np.interp(500.0, SEA.depth, SEA.density))
     assert lead.added / inside.added == pytest.approx(1.0 / (1.0 - rho / LEAD), rel=1e-9)
 
 
 def test_the_hull_stands_out_of_the_water_as_far_as_wished():
-    wish = Wish(freeboard=0.01)
-    found = ballast(FLOAT, [SEA], wish=wish, unknown=KNOWN, draws=1)
+    target = Target(freeboard=0.01)
+    found = ballast(FLOAT, [SEA], target=target, uncertainty=KNOWN, draws=1)
     out = 0.01 * FLOAT.hull.waterplane_area
     rest = force(FLOAT, SEA, 0.0, FLOAT.stroke.maximum, found.added, LEAD, emerged=out)
     assert rest == pytest.approx(0.0, abs=1e-6)
@@ -110,8 +110,8 @@ def test_ballast_added_outside_neither_gives_way_nor_changes_the_rest():
 
 def test_one_unknown_at_one_depth_has_normal_tails():
     column = uniform_column(FLOAT.water, 1000.0, step=10.0)  # neutral at -78 cm3 at 1000 m
-    unknown = Unknown(trim=100e-6)
-    found = ballast(FLOAT, [column], unknown=unknown, probability=0.9, draws=50_000)
+    uncertainty = Uncertainty(trim=100e-6)
+    found = ballast(FLOAT, [column], uncertainty=uncertainty, probability=0.9, draws=50_000)
     (need,) = found.needs
     assert (need.least, need.least_depth) == (pytest.approx(-78e-6, abs=1e-8), 1000.0)
     assert (need.most, need.most_depth) == (pytest.approx(0.0, abs=1e-12), 0.0)
@@ -125,56 +125,56 @@ def test_one_unknown_at_one_depth_has_normal_tails():
 
 def test_linearised_spreads_are_those_of_the_drawn_vehicles():
     vehicle = with_parts()
-    unknown = Unknown(
+    uncertainty = Uncertainty(
         mass=2e-3, volume=3e-6, trim=1e-6, psi=4e-9, heat=5e-6, air=5e-6, density=0.05
     )
-    drawn = drawn_volumes(vehicle, SEA, unknown, draws=20_000, seed=3)
-    terms = sensitivities(vehicle, SEA, unknown)
+    drawn = drawn_volumes(vehicle, SEA, uncertainty, draws=20_000, seed=3)
+    terms = sensitivities(vehicle, SEA, uncertainty)
     spread = np.sqrt(sum(term**2 for term in terms.values()))
     np.testing.assert_allclose(drawn.std(axis=0), spread, rtol=0.02)
     np.testing.assert_allclose(drawn.mean(axis=0), neutral_volume(vehicle, SEA), atol=2e-7)
 
 
-def as_it_may_be(vehicle, column, unknown, rng):
+def as_it_may_be(vehicle, column, uncertainty, rng):
     """One vehicle and sea as they may truly be, by changing their own fields."""
     n = rng.standard_normal(7)
-    mass = weight_mass(vehicle) + unknown.mass * n[0]
+    mass = weight_mass(vehicle) + uncertainty.mass * n[0]
     parts = list(vehicle.hull.parts)
     total = sum(part.volume for part in parts)
-    loss = unknown.psi * n[3] / vehicle.water.specific_weight
+    loss = uncertainty.psi * n[3] / vehicle.water.specific_weight
     parts = tuple(
         part.model_copy(
             update={
-                "volume": part.volume + unknown.volume * n[1] * part.volume / total,
+                "volume": part.volume + uncertainty.volume * n[1] * part.volume / total,
                 "compressibility": part.compressibility + loss / total,
-                "thermal_expansion": part.thermal_expansion + unknown.heat * n[4],
+                "thermal_expansion": part.thermal_expansion + uncertainty.heat * n[4],
             }
         )
         for part in parts
     )
-    air = vehicle.hull.trapped_air + unknown.air * n[5]
+    air = vehicle.hull.trapped_air + uncertainty.air * n[5]
     hull = vehicle.hull.model_copy(update={"parts": parts, "trapped_air": air})
     truth = vehicle.model_copy(update={"hull": hull})
     dense = Column(
         depth=column.depth, pressure=column.pressure, temperature=column.temperature,
-        density=column.density + unknown.density * n[6], gravity=column.gravity,
+        density=column.density + uncertainty.density * n[6], gravity=column.gravity,
     )  # fmt: skip
-    return neutral_volume(truth, dense, mass=mass) + unknown.trim * n[2]
+    return neutral_volume(truth, dense, mass=mass) + uncertainty.trim * n[2]
 
 
 def test_margins_and_probability_hold_for_simulated_vehicles():
     vehicle = with_parts()
-    unknown = Unknown(
+    uncertainty = Uncertainty(
         mass=0.03, volume=20e-6, trim=30e-6, psi=3e-8, heat=1e-5, air=1e-5, density=0.3
     )
     found = ballast(
-        vehicle, [SEA], wish=Wish(neutral_depth=300.0, volume=120e-6), unknown=unknown,
+        vehicle, [SEA], target=Target(neutral_depth=300.0, volume=120e-6), uncertainty=uncertainty,
         probability=0.9,
     )  # fmt: skip
     (need,) = found.needs
     rng = np.random.default_rng(11)
     runs = 3000
-    truths = np.array([as_it_may_be(found.vehicle, SEA, unknown, rng) for _ in range(runs)])
+    truths = np.array([as_it_may_be(found.vehicle, SEA, uncertainty, rng) for _ in range(runs)])
     inward = truths.min(axis=1) - vehicle.stroke.minimum
     outward = vehicle.stroke.maximum - truths.max(axis=1)
     noise = 4.0 * np.sqrt(0.9 * 0.1 / runs)
@@ -190,17 +190,17 @@ def test_margins_and_probability_hold_for_simulated_vehicles():
 
 
 def test_the_best_trim_leaves_both_ends_the_same():
-    unknown = Unknown(psi=5e-9, density=0.1)
-    found = ballast(FLOAT, [SEA], unknown=unknown)
-    again = ballast(ballasted(FLOAT, found.best, LEAD, SEA), [SEA], unknown=unknown)
+    uncertainty = Uncertainty(psi=5e-9, density=0.1)
+    found = ballast(FLOAT, [SEA], uncertainty=uncertainty)
+    again = ballast(ballasted(FLOAT, found.best, LEAD, SEA), [SEA], uncertainty=uncertainty)
     assert again.worst.margin_in == pytest.approx(again.worst.margin_out, abs=2e-6)
     assert again.worst.margin == pytest.approx(found.best_margin, abs=2e-6)
     assert abs(again.best) < 0.003
 
 
 def test_a_speed_takes_volume_at_both_ends():
-    still = ballast(FLOAT, [SEA], unknown=KNOWN, draws=1).worst
-    moving = ballast(FLOAT, [SEA], unknown=KNOWN, speed=0.2, draws=1).worst
+    still = ballast(FLOAT, [SEA], uncertainty=KNOWN, draws=1).worst
+    moving = ballast(FLOAT, [SEA], uncertainty=KNOWN, speed=0.2, draws=1).worst
     # switched drag above epsilon: k_dl eps + k_dt (w^2 - eps^2)
     drag = 0.8 * 0.05 + 16.0 * (0.2**2 - 0.05**2)
     deep = drag / (SEA.density[-1] * SEA.gravity)
@@ -214,7 +214,7 @@ def test_rising_takes_the_volume_of_its_own_drag():
     motion = FLOAT.motion.model_copy(update={"drag": drag})
     light = FLOAT.model_copy(update={"motion": motion})
     even, uneven = (
-        ballast(v, [SEA], unknown=KNOWN, speed=0.2, draws=1).worst for v in (FLOAT, light)
+        ballast(v, [SEA], uncertainty=KNOWN, speed=0.2, draws=1).worst for v in (FLOAT, light)
     )
     force = 0.8 * 0.05 + 16.0 * (0.2**2 - 0.05**2)
     spared = 0.4 * force / (SEA.density[0] * SEA.gravity)
@@ -223,8 +223,8 @@ def test_rising_takes_the_volume_of_its_own_drag():
 
 
 def test_a_freeboard_beside_a_neutral_depth_is_asked_of_the_stroke():
-    wish = Wish(neutral_depth=700.0, freeboard=0.02)
-    found = ballast(FLOAT, [SEA], wish=wish, unknown=KNOWN, draws=1)
+    target = Target(neutral_depth=700.0, freeboard=0.02)
+    found = ballast(FLOAT, [SEA], target=target, uncertainty=KNOWN, draws=1)
     (need,) = found.needs
     out = 0.02 * FLOAT.hull.waterplane_area
     assert need.most == pytest.approx(found.curves[0].nominal[0] + out)
@@ -235,16 +235,16 @@ def test_a_freeboard_beside_a_neutral_depth_is_asked_of_the_stroke():
 
 def test_of_several_seas_the_worst_counts():
     cold = sea(warm=6.0, name="winter")
-    wish = Wish(neutral_depth=500.0)
-    found = ballast(FLOAT, [SEA, cold], wish=wish, unknown=Unknown(psi=1e-8))
-    alone = ballast(FLOAT, [SEA], wish=wish, unknown=Unknown(psi=1e-8))
+    target = Target(neutral_depth=500.0)
+    found = ballast(FLOAT, [SEA, cold], target=target, uncertainty=Uncertainty(psi=1e-8))
+    alone = ballast(FLOAT, [SEA], target=target, uncertainty=Uncertainty(psi=1e-8))
     assert found.worst.margin <= alone.worst.margin
     assert [need.source for need in found.needs] == ["summer", "winter"]
 
 
 def test_it_says_what_is_short_and_by_how_much():
     made = ballasted(FLOAT, 0.6, LEAD, SEA)
-    found = ballast(made, [SEA], unknown=KNOWN, draws=1)
+    found = ballast(made, [SEA], uncertainty=KNOWN, draws=1)
     assert not found.covered
     words = " ".join(found.sentences)
     assert "does NOT cover it" in words
@@ -253,29 +253,33 @@ def test_it_says_what_is_short_and_by_how_much():
 
 
 def test_what_is_not_known_by_default_and_as_identified():
-    unknown = unknown_of(FLOAT, {})
-    assert unknown.trim == 0.5e-6
-    assert unknown.density == 0.1
-    assert unknown.psi == pytest.approx(0.05 * 1.166e-7, rel=0.01)  # of V_p beta rho g
-    assert len(unknown.said) == 3
+    uncertainty = uncertainty_of(FLOAT, {})
+    assert uncertainty.trim == 0.5e-6
+    assert uncertainty.density == 0.1
+    assert uncertainty.psi == pytest.approx(0.05 * 1.166e-7, rel=0.01)  # of V_p beta rho g
+    assert len(uncertainty.said) == 3
     identified = Identified(
         names=("psi", "mass"), values=(1e-8, 50.0), covariance=((4e-18, 0.0), (0.0, 1.0)),
         neutral_std=2e-6,
     )  # fmt: skip
     vehicle = FLOAT.model_copy(update={"identified": identified})
-    unknown = unknown_of(vehicle, {"density": 0.0})
-    assert (unknown.psi, unknown.trim, unknown.density) == (pytest.approx(2e-9), 2e-6, 0.0)
-    assert unknown_of(vehicle, {"mass": 0.01}).trim == 0.0  # weighed instead
+    uncertainty = uncertainty_of(vehicle, {"density": 0.0})
+    assert (uncertainty.psi, uncertainty.trim, uncertainty.density) == (
+        pytest.approx(2e-9),
+        2e-6,
+        0.0,
+    )
+    assert uncertainty_of(vehicle, {"mass": 0.01}).trim == 0.0  # weighed instead
     with refused(InputError, field="--psi-std", value=-1.0, holds={0.0}):
-        Unknown(psi=-1.0)
+        Uncertainty(psi=-1.0)
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"wish": Wish(neutral_depth=900.0)}, "not between the surface and 800 m"),
-        ({"wish": Wish(freeboard=2.0)}, "no more than the height of the hull"),
-        ({"wish": Wish(neutral_depth=1.0, volume=1.0)}, "outside the stroke"),
+        ({"target": Target(neutral_depth=900.0)}, "not between the surface and 800 m"),
+        ({"target": Target(freeboard=2.0)}, "no more than the height of the hull"),
+        ({"target": Target(neutral_depth=1.0, volume=1.0)}, "outside the stroke"),
         ({"probability": 1.0}, "probability"),
         ({"probability": 0.0095}, "probability"),
         ({"speed": 10.0}, "no speed"),
@@ -284,15 +288,15 @@ def test_what_is_not_known_by_default_and_as_identified():
 )
 def test_wishes_that_make_no_sense_are_refused(options, words):
     with pytest.raises(InputError, match=words) as caught:
-        ballast(FLOAT, [SEA], unknown=KNOWN, draws=1, **options)
+        ballast(FLOAT, [SEA], uncertainty=KNOWN, draws=1, **options)
     assert caught.value.field.startswith("--")
 
 
 def test_a_mass_that_nothing_has():
     light = FLOAT.model_copy(update={"stroke": FLOAT.stroke.model_copy(update={"minimum": -0.04})})
     with pytest.raises(NoAnswerError, match="more than half of the vehicle"):
-        ballast(light, [SEA], wish=Wish(neutral_depth=5.0, volume=-0.04), unknown=KNOWN, draws=1,
-                density=float("inf"))  # fmt: skip
+        ballast(light, [SEA], target=Target(neutral_depth=5.0, volume=-0.04), uncertainty=KNOWN,
+                draws=1, density=float("inf"))  # fmt: skip
 
 
 def test_the_surface_of_the_cast_is_the_water_of_gsw():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swimbladder.design.energy import check_runs, efficiency_bands, fit_pump, run_columns
-from swimbladder.design.energy.sentences import fit_sentences
+from swimbladder.design.energy.messages import fit_sentences
 from swimbladder.errors import InputError
 from tests.design.energy.test_fit import TRUTH, runs
 from tests.quoted import refused
@@ -22,9 +22,9 @@ def exact(dives=8):
 
 def test_without_noise_what_is_told_is_what_was_logged():
     c = run_columns(fit_pump(exact()))
-    assert np.allclose(c["told_energy_J"], c["energy_J"], rtol=1e-9)
-    assert np.allclose(c["told_volume_m3"], c["volume_m3"], rtol=1e-9, atol=1e-15)
-    assert np.allclose(c["told_efficiency"], c["efficiency"], rtol=1e-8, atol=1e-12)
+    assert np.allclose(c["fitted_energy_J"], c["energy_J"], rtol=1e-9)
+    assert np.allclose(c["fitted_volume_m3"], c["volume_m3"], rtol=1e-9, atol=1e-15)
+    assert np.allclose(c["fitted_efficiency"], c["efficiency"], rtol=1e-8, atol=1e-12)
 
 
 def test_a_row_is_the_runs_own():
@@ -48,7 +48,7 @@ def test_bands_are_sums_over_runs_of_neighbouring_pressures():
     work = np.sum(r.pressure[deepest] * r.volume[deepest])
     energy = np.sum(r.power[deepest] * r.duration[deepest])
     assert bands[-1].efficiency == pytest.approx(work / energy, rel=1e-12)
-    assert bands[-1].told == pytest.approx(bands[-1].efficiency, rel=1e-9)
+    assert bands[-1].fitted == pytest.approx(bands[-1].efficiency, rel=1e-9)
     assert bands[-1].volume == pytest.approx(r.volume[deepest].mean())
 
 
@@ -57,7 +57,7 @@ def test_without_volumes_there_is_no_efficiency():
     fit = fit_pump(r)
     assert efficiency_bands(fit) == []
     c = run_columns(fit)
-    for name in ("volume_m3", "efficiency", "told_volume_m3", "told_efficiency"):
+    for name in ("volume_m3", "efficiency", "fitted_volume_m3", "fitted_efficiency"):
         assert np.all(np.isnan(c[name]))
 
 

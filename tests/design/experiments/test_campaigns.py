@@ -7,9 +7,9 @@ import pytest
 from scipy.stats import chi2
 
 from swimbladder.design.experiments import load_plan, plan_file
+from swimbladder.design.experiments.conditions import ramps
 from swimbladder.design.experiments.flight import Flight, follow
 from swimbladder.design.experiments.predict import predict
-from swimbladder.design.experiments.setting import ramps
 from swimbladder.estimation.motion import identify
 from swimbladder.io.logs import Log
 from tests.design.experiments.truth import Vehicle, depths, run
@@ -47,9 +47,9 @@ def campaigns(design, vehicle, setting, tmp_path_factory):
     """
     limits = ramps(vehicle, setting)
     found = {}
-    for name, weighed in (("planned", design.chosen), ("paper", design.against)):
+    for name, evaluated in (("planned", design.chosen), ("paper", design.against)):
         path = tmp_path_factory.mktemp(name) / "plan.toml"
-        path.write_text(plan_file(design.plan(weighed)), encoding="utf-8")
+        path.write_text(plan_file(design.plan(evaluated)), encoding="utf-8")
         plan, rows = load_plan(path), []
         for k in range(CAMPAIGNS):
             true = truth(k)
@@ -58,7 +58,9 @@ def campaigns(design, vehicle, setting, tmp_path_factory):
             answer = identify(measured, vehicle, profiles=False, choices=False)
             there = design.question.values | dict(zip(NAMES, values.tolist(), strict=True))
             question = design.question._replace(model=design.question.model._replace(values=there))
-            flights = [follow(r, question.model, there, limits, setting) for r in weighed.releases]
+            flights = [
+                follow(r, question.model, there, limits, setting) for r in evaluated.releases
+            ]
             expected = predict(flights, question, setting)
             rows.append(
                 (

@@ -77,13 +77,13 @@ def test_what_cannot_be_told_is_said_with_a_remedy(vehicle):
 
 def test_a_prior_and_a_value_help(vehicle):
     plain = design_experiment(vehicle, **QUICK)
-    told = design_experiment(vehicle, **QUICK, priors={"psi": Prior(4.04e-6, 4e-8)})
+    fisher_information = design_experiment(vehicle, **QUICK, priors={"psi": Prior(4.04e-6, 4e-8)})
     held = design_experiment(vehicle, **QUICK, fixed={"psi": 4.04e-6})
     for name in ("K2", "T2"):
-        shares = [d.chosen.prediction.share[name] for d in (plain, told, held)]
+        shares = [d.chosen.prediction.share[name] for d in (plain, fisher_information, held)]
         assert shares[0] > shares[1] > 0.99 * shares[2]
     assert held.chosen.prediction.names == ("K2", "T2")
-    assert told.chosen.prediction.sources["psi"]["prior"] > 0.1
+    assert fisher_information.chosen.prediction.sources["psi"]["prior"] > 0.1
     assert len(plain.chosen.releases) == 2
     assert all(len(r.moves) == 1 for r in plain.chosen.releases)
 

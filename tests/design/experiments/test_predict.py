@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from swimbladder.design.experiments.conditions import Release
+from swimbladder.design.experiments.fisher_information import fisher_information
 from swimbladder.design.experiments.flight import follow
-from swimbladder.design.experiments.knowledge import told
-from swimbladder.design.experiments.left_out import without_drift, without_psi, without_trim
+from swimbladder.design.experiments.omitted_variables import (
+    without_drift,
+    without_psi,
+    without_trim,
+)
 from swimbladder.design.experiments.predict import predict
-from swimbladder.design.experiments.setting import Release
 from swimbladder.estimation.motion import Prior
 from tests.design.experiments.truth import Vehicle, depths
 
@@ -95,7 +99,7 @@ def test_the_covariance_is_that_of_exact_sensitivities(question, limits, setting
 
 def test_information_adds_up_over_records(question, limits, setting):
     records = flights(SET, question, limits, setting)
-    known = [told(f, question, question.values, setting) for f in records]
+    known = [fisher_information(f, question, question.values, setting) for f in records]
     C = np.linalg.inv(sum(k.gain for k in known)) * np.outer(TRUE, TRUE)
     assert C / predict(records, question, setting).covariance == pytest.approx(1.0, rel=1e-6)
 
@@ -152,12 +156,12 @@ def test_a_drift_does_what_a_refit_of_a_drifting_truth_shows(question, limits, s
     assert [found[n] for n in NAMES] == pytest.approx(expected, rel=2e-3, abs=2e-7)
     # One record alone: what adds up in squares.
     single = refit(records, slow, with_drifts(one))
-    gains = sum(told(f, question, question.values, slow).gain for f in records)
-    score = told(records[0], question, question.values, slow).drift
+    gains = sum(fisher_information(f, question, question.values, slow).gain for f in records)
+    score = fisher_information(records[0], question, question.values, slow).drift
     step = np.linalg.solve(gains, score) * slow.drift_std
     assert step == pytest.approx(single, rel=2e-3, abs=2e-7)
     p = predict(records, question, slow)
-    each = [told(f, question, question.values, slow).drift for f in records]
+    each = [fisher_information(f, question, question.values, slow).drift for f in records]
     moved = np.linalg.solve(gains, np.array(each).T) * slow.drift_std
     assert [p.drift[n] for n in NAMES] == pytest.approx(np.linalg.norm(moved, axis=1) * TRUE)
     shares = [

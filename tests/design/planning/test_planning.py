@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from swimbladder.design.planning import energy, least_time, plan, programme, solvers
-from swimbladder.design.planning.course import backward, resting
+from swimbladder.design.planning import energy, least_time, linear_program, plan, solvers
+from swimbladder.design.planning.linear_program import Goal, Near, posed
 from swimbladder.design.planning.motion import steps_along
-from swimbladder.design.planning.programme import Goal, Near, posed
+from swimbladder.design.planning.nominal_trajectory import backward, resting
 from swimbladder.design.planning.solvers import interior, vertex
 from swimbladder.design.planning.task import task_of
 from swimbladder.errors import InputError, NoAnswerError
@@ -106,7 +106,7 @@ def test_the_simulator_follows_the_plan_and_the_plan_its_limits(vehicle, options
 
 def test_a_longer_tail_to_rest_allows_no_sooner_arrival(monkeypatch):
     found = least_time(FEUP, 1.5, 3.0)
-    monkeypatch.setattr("swimbladder.design.planning.least._TAIL", 5.0)
+    monkeypatch.setattr("swimbladder.design.planning.minimum_time._TAIL", 5.0)
     assert least_time(FEUP, 1.5, 3.0).samples == found.samples
 
 
@@ -219,8 +219,8 @@ def test_a_plan_that_misses_the_band_by_little_says_so_in_metres():
 def test_corner_and_interior_are_optima_of_the_same_program():
     """Two solvers that share no code agree on what a step lacks, and on what cannot be."""
     task = task_of(FEUP, 1.5, 3.0)
-    course = resting(120)
-    steps = steps_along(task.plant, task.sample_time, course.speed, backward(course))
+    nominal = resting(120)
+    steps = steps_along(task.plant, task.sample_time, nominal.speed, backward(nominal))
     for goal in (Goal(near=None, rest=59, relaxed="rest"), Goal(near=47, rest=120, relaxed="near")):
         problem = posed(task, steps, goal, None)
         inside, corner = interior(problem), vertex(problem)
@@ -233,9 +233,9 @@ def test_corner_and_interior_are_optima_of_the_same_program():
 
 def test_what_the_interior_point_method_does_not_solve_the_simplex_method_does(monkeypatch):
     known, told = least_time(FEUP, 1.5, 3.0), []
-    corner = programme.vertex
+    corner = linear_program.vertex
     monkeypatch.setattr(solvers, "_INTERIOR", 2)
-    monkeypatch.setattr(programme, "vertex", lambda p: told.append(p) or corner(p))
+    monkeypatch.setattr(linear_program, "vertex", lambda p: told.append(p) or corner(p))
     found = least_time(FEUP, 1.5, 3.0)
     assert told
     assert found.samples == known.samples

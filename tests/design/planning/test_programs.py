@@ -9,13 +9,20 @@ from scipy.linalg import expm, null_space
 from scipy.optimize import linprog
 from scipy.sparse import lil_array
 
-from swimbladder.design.planning import course, least_time, plan
-from swimbladder.design.planning.course import backward, resting, settle_course
+from swimbladder.design.planning import least_time, nominal_trajectory, plan
 from swimbladder.design.planning.energy import least_energy
+from swimbladder.design.planning.linear_program import (
+    Answer,
+    Goal,
+    Near,
+    driven_by,
+    scale_of,
+    solve,
+)
+from swimbladder.design.planning.load_direction import best_load_direction
 from swimbladder.design.planning.motion import steps_along
-from swimbladder.design.planning.programme import Answer, Goal, Near, driven_by, scale_of, solve
+from swimbladder.design.planning.nominal_trajectory import backward, resting, settle
 from swimbladder.design.planning.run import search_least
-from swimbladder.design.planning.sides import best_sides
 from swimbladder.design.planning.task import task_of
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle
@@ -151,7 +158,7 @@ def test_on_a_side_that_is_given_the_motor_drives_no_volume_to_the_other():
     found = search_least(task, rest=True)
     n = 2 * found.rest
     speed = np.interp(
-        np.linspace(0, 1, n + 1), np.linspace(0, 1, found.rest + 1), found.course.speed
+        np.linspace(0, 1, n + 1), np.linspace(0, 1, found.rest + 1), found.nominal.speed
     )
     back = np.arange(n) % 7 < 3  # sides that are in its way: it is at their edge again and again
     steps = steps_along(task.plant, task.sample_time, speed, back)
@@ -171,18 +178,16 @@ def test_no_turn_of_a_single_sample_betters_a_plan_of_least_energy():
     def program(steps, near):
         return least_energy(task, steps, n, near)
 
-    _, along = settle_course(
-        task, lambda steps, near: solve(task, steps, Goal(None, n), near), resting(n)
-    )
-    first, _ = settle_course(task, program, along, back=backward(along))
-    best = best_sides(task, program, along)
+    _, along = settle(task, lambda steps, near: solve(task, steps, Goal(None, n), near), resting(n))
+    first, _ = settle(task, program, along, back=backward(along))
+    best = best_load_direction(task, program, along)
     assert best.objective < 0.99 * first.objective
     sides = np.diff(driven_by(task, best)) < 1e-6 * scale_of(task).state[1]
     for k in range(-1, n):  # the first as they are
         turned = sides.copy()
         if k >= 0:
             turned[k] = not turned[k]
-        other = settle_course(task, program, along, back=turned)[0]
+        other = settle(task, program, along, back=turned)[0]
         assert other is None or other.objective > best.objective * (1.0 - 1e-5)
 
 
@@ -214,9 +219,9 @@ def test_rounds_that_go_to_and_fro_settle_on_a_leash_only(monkeypatch):
         return Answer(states, np.zeros(n), 0.0, 0.0, 0.0)
 
     about.append(np.zeros(n + 1))
-    _, settled = settle_course(task, program, resting(n))
+    _, settled = settle(task, program, resting(n))
     assert settled.speed == pytest.approx(optimum, abs=1e-2 * scale_of(task).state[3])
-    monkeypatch.setattr(course, "_FREE", 999)
+    monkeypatch.setattr(nominal_trajectory, "_FREE", 999)
     about[:] = [np.zeros(n + 1)]
     with pytest.raises(NoAnswerError, match="does not settle"):
-        settle_course(task, program, resting(n))
+        settle(task, program, resting(n))

@@ -8,10 +8,10 @@ import pytest
 
 from swimbladder.design.pool_day import (
     Asked,
+    GrowingLog,
     Operator,
     PoolDay,
     Rules,
-    Tail,
     Target,
     finished,
     follow,
@@ -43,7 +43,7 @@ def lines():
 
 
 def tail_of(path):
-    return Tail(path, VEHICLE, columns={}, log_format=LogFormat())
+    return GrowingLog(path, VEHICLE, columns={}, log_format=LogFormat())
 
 
 def day_in(folder, **other):
@@ -60,7 +60,7 @@ def kinds(happening):
 
 
 def samples(tail):
-    return tail.look().samples
+    return tail.read_new().samples
 
 
 def test_a_partial_last_line_waits_for_its_end(tmp_path):
@@ -77,7 +77,7 @@ def test_a_partial_last_line_waits_for_its_end(tmp_path):
 def test_a_file_that_is_not_there_or_has_no_rows_yet(tmp_path):
     path = tmp_path / "log.csv"
     tail = tail_of(path)
-    assert tail.look().state == "missing"
+    assert tail.read_new().state == "missing"
     path.write_text("time_s,dep", encoding="ascii")
     assert samples(tail) == []
     path.write_text(HEADER, encoding="ascii")
@@ -93,13 +93,13 @@ def test_a_cut_file_is_waited_for_and_another_log_is_told(tmp_path):
     tail = tail_of(path)
     assert len(samples(tail)) == 4
     path.write_text(HEADER, encoding="ascii")  # as while it is copied anew
-    assert tail.look().state == "still"
+    assert tail.read_new().state == "still"
     path.write_text(HEADER + "".join(rows), encoding="ascii")
-    growth = tail.look()
+    growth = tail.read_new()
     assert not growth.new
     assert [s.time for s in growth.samples] == [4.0, 5.0]
     path.write_text(HEADER + "0,3,0\n1,3,0\n", encoding="ascii")
-    growth = tail.look()
+    growth = tail.read_new()
     assert growth.new
     assert [s.depth for s in growth.samples] == [3.0, 3.0]
 
@@ -109,7 +109,7 @@ def test_a_log_without_volume_is_refused_with_the_remedy(tmp_path):
     body = "".join(f"{k},1\n" for k in range(40))
     path.write_text("time_s,depth_m\n" + body, encoding="ascii")
     with refused(LogError, field="volume_m3 or piston_m") as caught:
-        tail_of(path).look()
+        tail_of(path).read_new()
     assert str(path) in str(caught.value)
     assert "--column" in str(caught.value)
 

@@ -14,7 +14,7 @@ from swimbladder.design.sizing import (
     Sizing,
     columns,
     load_parts,
-    needs,
+    requirements,
     sentences,
     size,
     sized_vehicle,
@@ -58,7 +58,7 @@ def found() -> Sizing:
 
 
 def test_the_stroke_is_the_sum_of_what_the_dive_asks() -> None:
-    asked = needs(BODY, uniform_column(BODY.water, 1001.0), DIVE)
+    asked = requirements(BODY, uniform_column(BODY.water, 1001.0), DIVE)
     psi, rho, g = BODY.hull.psi, BODY.water.density, BODY.water.gravity
     k_dt, k_dl, eps = BODY.drag.k_dt, BODY.drag.k_dl, BODY.drag.epsilon
     force = k_dt * (0.1**2 - eps**2) + k_dl * eps  # eq. (16), turbulent above epsilon
@@ -74,10 +74,10 @@ def test_the_stroke_is_the_sum_of_what_the_dive_asks() -> None:
 
 def test_the_stroke_covers_the_drag_of_each_way() -> None:
     water = uniform_column(BODY.water, 1001.0)
-    even = needs(BODY, water, DIVE)
+    even = requirements(BODY, water, DIVE)
     drag = BODY.drag.model_copy(update={"rising_ratio": 0.6})
     motion = BODY.motion.model_copy(update={"drag": drag})
-    asked = needs(BODY.model_copy(update={"motion": motion}), water, DIVE)
+    asked = requirements(BODY.model_copy(update={"motion": motion}), water, DIVE)
     # freeboard apart, the upper end comes down by 0.4 of what the drag takes, and the turn with it
     assert even.stroke - asked.stroke == pytest.approx(0.4 * even.drive * 1.1, rel=1e-9)
     assert asked.rate == pytest.approx(0.8 * even.rate, rel=1e-9)
@@ -87,7 +87,7 @@ def test_the_stroke_covers_the_drag_of_each_way() -> None:
 @pytest.mark.parametrize("psi", [4e-6, -4e-6])
 def test_what_the_neutral_volume_grows_by_is_pressed_out_on_either_way(psi: float) -> None:
     body = BODY.model_copy(update={"hull": BODY.hull.model_copy(update={"psi": psi})})
-    asked = needs(body, uniform_column(BODY.water, 101.0), Dive(depth=100.0))
+    asked = requirements(body, uniform_column(BODY.water, 101.0), Dive(depth=100.0))
     assert asked.moved.sum() == pytest.approx(2 * asked.drive + 100.0 * abs(psi), rel=1e-9)
     turn = 2 * asked.drive / 600.0
     assert asked.rate == pytest.approx(max(turn, psi * 0.1), rel=1e-9)
@@ -98,7 +98,7 @@ def test_what_the_neutral_volume_grows_by_is_pressed_out_on_either_way(psi: floa
 
 def test_the_trim_is_covered_as_often_as_it_says() -> None:
     dive = dataclasses.replace(DIVE, reserve=0.0, probability=0.9)
-    asked = needs(BODY, uniform_column(BODY.water, 1001.0), dive)
+    asked = requirements(BODY, uniform_column(BODY.water, 1001.0), dive)
     trims = np.random.default_rng(3).normal(0.0, dive.trim, 40_000)
     low = trims + asked.neutral.min() - asked.drive
     high = trims + asked.neutral.max() + asked.drive
@@ -108,7 +108,7 @@ def test_the_trim_is_covered_as_often_as_it_says() -> None:
 
 @pytest.mark.parametrize("kind", ["pump-valve", "electromechanical"])
 def test_a_candidate_is_the_steady_drive(found: Sizing, kind: str) -> None:
-    w = found.weighed
+    w = found.evaluation
     of_kind = [i for i, c in enumerate(found.batch.of) if c.kind == kind and w.feasible[i]]
     index = min(of_kind, key=lambda i: w.mass[i])
     c = found.batch.of[index]
@@ -126,7 +126,7 @@ def test_a_candidate_is_the_steady_drive(found: Sizing, kind: str) -> None:
 
 
 def test_no_other_drive_is_lighter(found: Sizing) -> None:
-    w = found.weighed
+    w = found.evaluation
     assert w.feasible[found.best]
     assert w.mass[found.best] <= 1.002 * w.mass[w.feasible].min()
     for index in found.pareto:
@@ -137,12 +137,12 @@ def test_no_other_drive_is_lighter(found: Sizing) -> None:
 
 def test_least_energy_takes_less_energy(found: Sizing) -> None:
     other = size(BODY, DIVE, parts=_few(), least="energy", sweeps=False)
-    assert other.weighed.cycle_energy[other.best] <= found.weighed.cycle_energy[found.best]
-    assert other.weighed.mass[other.best] >= found.weighed.mass[found.best] / 1.002
+    assert other.evaluation.cycle_energy[other.best] <= found.evaluation.cycle_energy[found.best]
+    assert other.evaluation.mass[other.best] >= found.evaluation.mass[found.best] / 1.002
 
 
 def test_each_part_is_shown_with_its_best_or_with_what_is_in_the_way(found: Sizing) -> None:
-    w = found.weighed
+    w = found.evaluation
     assert {c.what for c in found.choices} >= {"kind", "motor", "pump", "screw", "battery"}
     for choice in found.choices:
         members = [
@@ -170,7 +170,7 @@ def test_the_sized_vehicle_is_a_vehicle_that_does_it(found: Sizing) -> None:
     vehicle = sized_vehicle(found)
     again = read_model(Vehicle, vehicle_file(vehicle), "sized")
     assert again.model_dump() == vehicle.model_dump()
-    w, b = found.weighed, found.best
+    w, b = found.evaluation, found.best
     at = drive_map(vehicle, [found.asked.bottom_pressure])
     assert at.rate_out[0] >= found.asked.rate
     # evacuated by 0.2 bar, the pump beats that much more than the sea's pressure
@@ -209,9 +209,9 @@ def test_what_no_drive_does_names_the_requirement() -> None:
 
 
 def test_a_limit_of_mass_is_kept_or_refused(found: Sizing) -> None:
-    lightest = float(found.weighed.mass[found.best])
+    lightest = float(found.evaluation.mass[found.best])
     tight = size(BODY, DIVE, parts=_few(), largest_mass=1.05 * lightest, sweeps=False)
-    assert np.all(tight.weighed.mass[tight.weighed.feasible] <= 1.05 * lightest)
+    assert np.all(tight.evaluation.mass[tight.evaluation.feasible] <= 1.05 * lightest)
     with pytest.raises(NoAnswerError, match="mass"):
         size(BODY, DIVE, parts=_few(), largest_mass=0.5 * lightest, sweeps=False)
 
@@ -299,8 +299,8 @@ def test_a_battery_heavier_than_the_body_is_none(found: Sizing) -> None:
     dive = dataclasses.replace(DIVE, hotel=1000.0)
     with pytest.raises(NoAnswerError, match=r" has \d % of the mass .* that of the body at most"):
         size(BODY, dive, parts=_few(), sweeps=False)
-    assert weight_mass(BODY) / found.weighed.mass[found.best] == pytest.approx(
-        found.weighed.margins["mass"][found.best], rel=1e-12
+    assert weight_mass(BODY) / found.evaluation.mass[found.best] == pytest.approx(
+        found.evaluation.margins["mass"][found.best], rel=1e-12
     )
 
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from swimbladder.design.ballast import ballast, unknown_of
+from swimbladder.design.ballast import ballast, uncertainty_of
 from swimbladder.design.energy import Thruster, drive_energy, hovering, profiling
 from swimbladder.design.sizing import Dive, size
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.show.plots.ballast import draw_ballasting
 from swimbladder.show.plots.energy import draw_versus
-from swimbladder.show.plots.size import draw_candidates, draw_parts, draw_wishes
+from swimbladder.show.plots.size import draw_candidates, draw_parts, draw_requirements
 from swimbladder.show.plots.style import plain_log_ticks
 
 
@@ -35,7 +35,7 @@ def test_a_logarithmic_axis_has_several_numbers_on_any_span(span):
 
 
 def test_the_price_of_a_wish_is_seen_whole(found):
-    figure = draw_wishes(found)
+    figure = draw_requirements(found)
     sides = [axes for axes in figure.axes if axes.get_visible() and axes.lines]
     assert len(sides) == 2 * len(found.sweeps)
     for axes in sides:
@@ -49,7 +49,7 @@ def test_the_price_of_a_wish_is_seen_whole(found):
 def test_bars_that_are_cut_have_their_mass_written(found):
     axes = draw_parts(found).axes[0]
     edge = axes.get_xlim()[1]
-    masses = [float(found.weighed.mass[c.index]) for c in found.choices if c.index >= 0]
+    masses = [float(found.evaluation.mass[c.index]) for c in found.choices if c.index >= 0]
     cut = [text for text in axes.texts if "kg" in text.get_text()]
     assert len(cut) == sum(mass > edge for mass in masses)
     names = [label.get_text() for label in axes.get_yticklabels()]
@@ -59,7 +59,7 @@ def test_bars_that_are_cut_have_their_mass_written(found):
 
 def test_every_drive_is_shown_or_counted(found):
     axes = draw_candidates(found).axes[0]
-    w = found.weighed
+    w = found.evaluation
     mass, energy = w.mass[w.feasible], w.cycle_energy[w.feasible] * 1e-3
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     inside = (left <= mass) & (mass <= right) & (low <= energy) & (energy <= high)
@@ -81,7 +81,7 @@ def test_break_even_times_can_be_read_off():
 def test_no_legend_lies_over_the_ends_of_the_stroke():
     vehicle = load_vehicle("example-eh")
     column = uniform_column(vehicle.water, 1000.0)
-    figure = draw_ballasting(ballast(vehicle, [column], unknown=unknown_of(vehicle, {})))
+    figure = draw_ballasting(ballast(vehicle, [column], uncertainty=uncertainty_of(vehicle, {})))
     assert all(axes.get_legend() is None for axes in figure.axes)
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == [

@@ -3,16 +3,16 @@
 ::
 
     Unknown          1 sigma of what is not known: mass, volume, psi, heat, air, trim, density
-    ballast          a vehicle, casts, a wish -> Ballasting: mass to add, needs, margins, how likely
-    ballasted        the vehicle with that mass in the water of the cast
+    ballast          a vehicle, casts, a target -> Ballasting: mass to add, needs, margins, how
+    likely ballasted        the vehicle with that mass in the water of the cast
 
 Volumes are those of the drive, 0 at mid-stroke; the law is `swimbladder.physics.hull`.
 """
 
 from __future__ import annotations
 
-from swimbladder.design.ballast.result import Ballasting, Need, Wish
+from swimbladder.design.ballast.result import Ballasting, Need, Target
 from swimbladder.design.ballast.run import ballast, ballasted
-from swimbladder.design.ballast.unknown import Unknown, unknown_of
+from swimbladder.design.ballast.uncertainty import Uncertainty, uncertainty_of
 
-__all__ = ["Ballasting", "Need", "Unknown", "Wish", "ballast", "ballasted", "unknown_of"]
+__all__ = ["Ballasting", "Need", "Target", "Uncertainty", "ballast", "ballasted", "uncertainty_of"]

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.ballast.unknown import Unknown
+from swimbladder.design.ballast.uncertainty import Uncertainty
 from swimbladder.physics.hull import PsiTerms
 from swimbladder.physics.seawater import Column
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Ballasting", "Curve", "Need", "Wish"]
+__all__ = ["Ballasting", "Curve", "Need", "Target"]
 
 Array = NDArray[np.float64]
 _LIGHT = 5e-5  # kg, less is nothing
@@ -22,7 +22,7 @@ _WORTH = 0.01  # share of the stroke that a better trim has to bring, to be spok
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wish:
+class Target:
     """What the ballast is to bring about; nothing: it stays as it is.
 
     With a neutral depth the mass is for that, and the freeboard something that the stroke has to
@@ -80,11 +80,11 @@ class Ballasting:
 
     vehicle: Vehicle  # as ballasted
     given: Vehicle
-    wish: Wish
+    target: Target
     columns: tuple[Column, ...]
     curves: tuple[Curve, ...]
     needs: tuple[Need, ...]
-    unknown: Unknown
+    uncertainty: Uncertainty
     wanted: float  # probability
     draws: int
     speed: float  # m/s
@@ -121,7 +121,7 @@ class Ballasting:
         return (*self._mass_words(), *self._stroke_words(), self._psi_words())
 
     def _mass_words(self) -> list[str]:
-        w, made = self.wish, []
+        w, made = self.target, []
         if w.neutral_depth is not None:
             made.append(
                 f"To be neutral at {w.neutral_depth:g} m with a volume of {_cm3(w.volume)}: "
@@ -189,7 +189,7 @@ class Ballasting:
             )
         if need.margin_out < 0.0:
             what = (
-                f"to float with {100.0 * (self.wish.freeboard or 0.0):.3g} cm of freeboard"
+                f"to float with {100.0 * (self.target.freeboard or 0.0):.3g} cm of freeboard"
                 if need.out_for == "freeboard"
                 else f"to rise from {need.most_depth:g} m"
             )
@@ -250,7 +250,7 @@ class Ballasting:
                 for n in self.needs
             ],
             "psi": {"depth_m": self.psi_depth, "psi_m3_m": self.psi.psi, **self.psi._asdict()},
-            "unknown": {k: v for k, v in asdict(self.unknown).items() if k != "said"},
+            "uncertainty": {k: v for k, v in asdict(self.uncertainty).items() if k != "said"},
             "spread_m3": self.spread,
             "trim_error_m3": self.vehicle.trim_error,
             "sentences": list(self.sentences),

@@ -1,4 +1,4 @@
-"""Ballasting: the mass for a wish, the volumes that the sea asks for, and how sure that is."""
+"""Ballasting: the mass for a target, the volumes that the sea asks for, and how sure that is."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.ballast.result import Ballasting, Curve, Need, Wish
-from swimbladder.design.ballast.unknown import Unknown, drawn_volumes, sensitivities
+from swimbladder.design.ballast.result import Ballasting, Curve, Need, Target
+from swimbladder.design.ballast.uncertainty import Uncertainty, drawn_volumes, sensitivities
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import (
@@ -37,8 +37,8 @@ def ballast(
     vehicle: Vehicle,
     columns: Sequence[Column],
     *,
-    wish: Wish | None = None,
-    unknown: Unknown,
+    target: Target | None = None,
+    uncertainty: Uncertainty,
     probability: float = 0.95,
     speed: float = 0.0,
     density: float = MATERIALS["lead"],
@@ -48,25 +48,25 @@ def ballast(
     assumptions: Sequence[str] = (),
     advance: Callable[[float], None] = lambda _: None,
 ) -> Ballasting:
-    """Return what to add to a vehicle for a wish, and whether its stroke does in every column.
+    """Return what to add to a vehicle for a target, and whether its stroke does in every column.
 
-    columns: the seas it may meet, down to the deepest it has to go; the wish is for the first.
+    columns: the seas it may meet, down to the deepest it has to go; the target is for the first.
     density [kg/m3] of what is added outside the hull, infinite for what is added inside. speed: at
-    which it has to sink and rise besides [m/s]. Raises InputError for wishes that make no sense and
-    NoAnswerError where no mass fulfils them.
+    which it has to sink and rise besides [m/s]. Raises InputError for targets that make no sense
+    and NoAnswerError where no mass fulfils them.
     """
-    wish = wish or Wish()
-    _check(vehicle, columns, wish, probability, speed, density)
-    added = _added(vehicle, columns[0], wish, density)
+    target = target or Target()
+    _check(vehicle, columns, target, probability, speed, density)
+    added = _added(vehicle, columns[0], target, density)
     made = ballasted(vehicle, added, density, columns[0])
     curves, needs, floats = [], [], []
     for k, column in enumerate(columns):
         thin = _thinned(column, made)
         nominal = neutral_volume(made, thin)
-        drawn = drawn_volumes(made, thin, unknown, draws=draws, seed=seed + k)
+        drawn = drawn_volumes(made, thin, uncertainty, draws=draws, seed=seed + k)
         weight = thin.density * thin.gravity
         push = [abs(drag_force(made.drag, w)) / weight for w in (speed, -speed)]
-        needs.append(_need(made, thin, nominal, drawn, push, wish, probability))
+        needs.append(_need(made, thin, nominal, drawn, push, target, probability))
         tails = np.quantile(drawn, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
         curves.append(Curve(depth=thin.depth, nominal=nominal, low=tails[0], high=tails[1]))
         floats.append(made.stroke.maximum - drawn[:, 0])
@@ -79,13 +79,14 @@ def ballast(
     out = [made.stroke.maximum - float(curves[0].nominal[0]),
            float(np.quantile(floats[0], 1.0 - probability))]  # fmt: skip
     free, sure = (min(max(volume / area, 0.0), height) for volume in out)
-    at = min(wish.neutral_depth or 0.5 * first.deepest, first.deepest)
+    at = min(target.neutral_depth or 0.5 * first.deepest, first.deepest)
     spread = {
-        name: float(abs(values[-1])) for name, values in sensitivities(made, first, unknown).items()
+        name: float(abs(values[-1]))
+        for name, values in sensitivities(made, first, uncertainty).items()
     }
     return Ballasting(
-        vehicle=made, given=vehicle, wish=wish, columns=tuple(columns), curves=tuple(curves),
-        needs=tuple(needs), unknown=unknown, wanted=probability, draws=draws, speed=speed,
+        vehicle=made, given=vehicle, target=target, columns=tuple(columns), curves=tuple(curves),
+        needs=tuple(needs), uncertainty=uncertainty, wanted=probability, draws=draws, speed=speed,
         added=added, added_volume=added / density, material=material, best=shift / per_mass,
         best_margin=0.5 * (tight.margin_in + tight.margin_out),
         freeboard=free, sure_freeboard=sure, psi_depth=at,
@@ -149,7 +150,7 @@ def _with_ballast(hull: Hull, volume: float) -> tuple[HullPart, ...]:
 
 
 def _check(
-    vehicle: Vehicle, columns: Sequence[Column], wish: Wish, probability: float, speed: float,
+    vehicle: Vehicle, columns: Sequence[Column], target: Target, probability: float, speed: float,
     density: float,
 ) -> None:  # fmt: skip
     """Raise InputError for what cannot be asked."""
@@ -167,29 +168,29 @@ def _check(
     if density <= float(columns[0].density[-1]):
         refuse("ballast that is not denser than the water does nothing", "--ballast", density,
                "kg/m3", "Give the density of what you add, lead is 11340 kg/m3")  # fmt: skip
-    if wish.neutral_depth is not None and not 0.0 <= wish.neutral_depth <= deepest:
+    if target.neutral_depth is not None and not 0.0 <= target.neutral_depth <= deepest:
         refuse(f"the depth is not between the surface and {deepest:g} m, where the cast or "
-               "--deepest ends", "--neutral-depth", wish.neutral_depth, "m",
+               "--deepest ends", "--neutral-depth", target.neutral_depth, "m",
                "Give a depth in the cast, or --deepest")  # fmt: skip
-    if wish.freeboard is not None and not 0.0 <= wish.freeboard <= vehicle.hull.height:
+    if target.freeboard is not None and not 0.0 <= target.freeboard <= vehicle.hull.height:
         refuse(f"no more than the height of the hull, {vehicle.hull.height:g} m, can be out of "
-               "the water", "--freeboard", wish.freeboard, "m",
+               "the water", "--freeboard", target.freeboard, "m",
                "Check the number and its unit")  # fmt: skip
     stroke = vehicle.stroke
-    if not stroke.minimum <= wish.volume <= stroke.maximum:
-        refuse("outside the stroke", "--at-volume", wish.volume, "m3",
+    if not stroke.minimum <= target.volume <= stroke.maximum:
+        refuse("outside the stroke", "--at-volume", target.volume, "m3",
                "Volumes count from mid-stroke")  # fmt: skip
 
 
-def _added(vehicle: Vehicle, column: Column, wish: Wish, density: float) -> float:
-    """Return the mass to add for a wish [kg]: m/rho - V(p, T) is to be the volume wished for."""
-    if wish.neutral_depth is None and wish.freeboard is None:
+def _added(vehicle: Vehicle, column: Column, target: Target, density: float) -> float:
+    """Return the mass to add for a target [kg]: m/rho - V(p, T) is to be the volume wished for."""
+    if target.neutral_depth is None and target.freeboard is None:
         return 0.0
     neutral = neutral_volume(vehicle, column)
-    at = wish.neutral_depth or 0.0
-    volume = wish.volume
-    if wish.neutral_depth is None and wish.freeboard is not None:
-        volume = vehicle.stroke.maximum - wish.freeboard * vehicle.hull.waterplane_area
+    at = target.neutral_depth or 0.0
+    volume = target.volume
+    if target.neutral_depth is None and target.freeboard is not None:
+        volume = vehicle.stroke.maximum - target.freeboard * vehicle.hull.waterplane_area
     now = float(np.interp(at, column.depth, neutral))
     rho = float(np.interp(at, column.depth, column.density))
     added = (volume - now) / (1.0 / rho - 1.0 / density)
@@ -221,15 +222,15 @@ def _thinned(column: Column, vehicle: Vehicle) -> Column:
 
 
 def _need(
-    vehicle: Vehicle, column: Column, nominal: Array, drawn: Array, push: list[Array], wish: Wish,
-    probability: float,
+    vehicle: Vehicle, column: Column, nominal: Array, drawn: Array, push: list[Array],
+    target: Target, probability: float,
 ) -> Need:  # fmt: skip
     """Return what the stroke has to cover in one column, and how likely it does.
 
     push: what drives it down and up [m3] [n].
     """
     stroke = vehicle.stroke
-    out = wish.asked_freeboard * vehicle.hull.waterplane_area
+    out = target.asked_freeboard * vehicle.hull.waterplane_area
     down, up = push
     sink, rise = nominal - down, nominal + up
     rise[0] = max(rise[0], nominal[0] + out)

@@ -8,13 +8,13 @@ efficiency over pressure. fitted: a vehicle with that pump.
 
 from __future__ import annotations
 
-from swimbladder.design.energy.chain import DriveEnergy, drive_energy
+from swimbladder.design.energy.energy_per_volume import DriveEnergy, drive_energy
 from swimbladder.design.energy.fit import PumpFit, fit_pump
-from swimbladder.design.energy.fitted import fitted_vehicle
-from swimbladder.design.energy.logged import PumpRuns, check_runs
+from swimbladder.design.energy.fitted_pump import fitted_vehicle
+from swimbladder.design.energy.logged_runs import PumpRuns, check_runs
 from swimbladder.design.energy.runs import Band, efficiency_bands, run_columns
 from swimbladder.design.energy.thruster import Thruster
-from swimbladder.design.energy.versus import Hovering, Profiling, hovering, profiling
+from swimbladder.design.energy.thruster_comparison import Hovering, Profiling, hovering, profiling
 
 __all__ = [
     "Band",

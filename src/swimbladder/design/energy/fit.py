@@ -8,13 +8,14 @@ Each run of the pump against a pressure p over a time t, at a temperature T, has
 Where the battery's voltage U under load was logged too, the power is that times U/U_ref, U_ref the
 runs' median: at one pressure a motor draws the same current, and turns as fast as its voltage lets
 it (steady torque and back EMF of a motor at full voltage). A driver that holds the speed undoes
-that, so the voltage counts only where dives are told better by the others with it than without.
+that, so the voltage counts only where dives are predicted better from the others with it than
+without.
 
 Both are linear in what is not known, and solved by least squares. What is lost at the start is in
-them where runs of several lengths tell it; a power that was read at the end of a run has none.
+them where runs of several lengths determine it; a power that was read at the end of a run has none.
 Powers weigh by their time, so that the energy fits; volumes weigh alike, as a meter's error does.
 
-How sure they are: see `least`; what dives share is reckoned with.
+How sure they are: see `robust_regression`; what dives share is allowed for.
 """
 
 from __future__ import annotations
@@ -26,23 +27,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from swimbladder.design.energy.least import Least
-from swimbladder.design.energy.logged import FEWEST, PumpRuns, check_groups, usable_runs
+from swimbladder.design.energy.logged_runs import FEWEST, PumpRuns, check_groups, usable_runs
+from swimbladder.design.energy.robust_regression import Least
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 
 __all__ = ["Estimate", "PumpFit", "fit_pump"]
 
 Array = NDArray[np.float64]
-_BLOCKS = 300  # groups of runs where no dives are told apart, at most
+_BLOCKS = 300  # groups of runs without dives, at most
 _UNITS = {
     "idle_power": "W", "power_per_pressure": "W/Pa", "power_per_temperature": "W/K",
     "lost_energy": "J", "delivery": "m3/s", "slip": "m3/s/Pa", "start_volume": "m3",
 }  # fmt: skip
-_VOLTS = 0.005  # relative standard deviation of the voltages that tell whether power goes with them
-_ENOUGH = 15  # runs, five for each of three numbers, that may tell what a start loses
+_VOLTS = 0.005  # relative deviation of the voltages that shows whether power depends on them
+_ENOUGH = 15  # runs, five for each of three numbers, that may determine what a start loses
 _KNOWN = 0.8  # share of the runs with a temperature or voltage, for it to count
-_WARM = 0.5  # K, standard deviation of the temperatures that tell a dependence on them
-_LENGTHS = 0.1  # relative standard deviation of the durations that tell what a start loses
+_WARM = 0.5  # K, standard deviation of the temperatures that shows a dependence on them
+_LENGTHS = 0.1  # relative standard deviation of the durations that determines what a start loses
 
 
 class Estimate(NamedTuple):
@@ -68,14 +69,14 @@ class Predicted(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class PumpFit:
-    """What runs of a pump tell."""
+    """The fit to runs of a pump."""
 
     runs: PumpRuns
     kept: NDArray[np.bool_]  # the runs that count
     parameters: dict[str, Estimate]
     power_rms: float  # W, of the powers
     volume_rms: float  # m3, of the volumes; NaN without
-    clusters: int  # dives, or runs where no dives are told apart
+    clusters: int  # dives, or runs without dives
     dives: tuple[Predicted, ...] = field(default=())  # each from all the others
     without: dict[float, dict[str, float]] = field(default_factory=dict)  # numbers without a dive
     reference_voltage: float | None = None  # V, at which the powers hold; None: whatever it was
@@ -104,9 +105,9 @@ def fit_pump(
 
     power_at: whether a run's power is its mean or was read at its end. shortest: runs shorter than
     this [s] are left out. start, temperature: whether these terms may be fitted, where the runs can
-    tell them. voltage: whether the battery's may count, where it tells dives better; runs without
-    one are taken as at the reference. Raises NoAnswerError where the runs cannot tell what is
-    asked, naming what lacks.
+    determine them. voltage: whether the battery's may count, where it predicts dives better; runs
+    without one are taken as at the reference. Raises NoAnswerError where the runs cannot determine
+    what is asked, naming what lacks.
     """
     kept = usable_runs(runs, shortest)
     dive = _blocks(kept.size) if runs.dive is None else runs.dive
@@ -256,7 +257,7 @@ def _blocks(count: int) -> Array:
 
 
 def _warm(runs: PumpRuns, kept: NDArray[np.bool_]) -> Array | None:
-    """Return the temperatures [degC] where they tell a dependence, None otherwise."""
+    """Return the temperatures [degC] where they show a dependence, None otherwise."""
     T = runs.temperature
     if T is None:
         return None
@@ -267,5 +268,5 @@ def _warm(runs: PumpRuns, kept: NDArray[np.bool_]) -> Array | None:
 
 
 def _tell_a_start(duration: Array) -> bool:
-    """Return whether runs are enough, and of lengths that differ, to tell what a start loses."""
+    """Return whether runs are enough, and of different lengths, to determine what a start loses."""
     return bool(duration.size >= _ENOUGH and np.std(duration) > _LENGTHS * np.mean(duration))

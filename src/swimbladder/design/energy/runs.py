@@ -1,4 +1,4 @@
-"""Runs of a pump one by one: volume, electrical energy and efficiency, logged and told."""
+"""Runs of a pump one by one: volume, electrical energy and efficiency, logged and fitted."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from numpy.typing import NDArray
 from swimbladder.design.energy.fit import PumpFit
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 
-__all__ = ["Band", "efficiency_bands", "run_columns", "told_power", "told_volume"]
+__all__ = ["Band", "efficiency_bands", "fitted_power", "fitted_volume", "run_columns"]
 
 Array = NDArray[np.float64]
 _BANDS, _FEWEST = 8, 3  # bands of pressure at most, and runs in each at least
 
 
 class Band(NamedTuple):
-    """Runs of neighbouring pressures together; told: by the law, nan where it tells no volume."""
+    """Runs of neighbouring pressures together; fitted: by the law, nan without volumes."""
 
     runs: int
     pressure: float  # Pa, mean
     volume: float  # m3 a run
     energy: float  # J a run
     efficiency: float  # -, work on the sea p dV over the electrical energy, sums of both
-    told: float  # -
+    fitted: float  # -
 
 
-def told_power(fit: PumpFit) -> Array:
+def fitted_power(fit: PumpFit) -> Array:
     """Return what the law says of each run's power [W] [n]; nan where it lacks something."""
     r = fit.runs
     power = fit.value("idle_power") + fit.value("power_per_pressure") * r.pressure
@@ -38,8 +38,8 @@ def told_power(fit: PumpFit) -> Array:
     return np.asarray((power - start) * fit.voltage_share)
 
 
-def told_volume(fit: PumpFit) -> Array:
-    """Return what the law says that each run presses out [m3] [n]; nan where it tells none."""
+def fitted_volume(fit: PumpFit) -> Array:
+    """Return the volume of each run by the fitted law [m3] [n]; nan where it has none."""
     r = fit.runs
     if "delivery" not in fit.parameters:
         return np.full(r.duration.size, np.nan)
@@ -56,7 +56,7 @@ def run_columns(fit: PumpFit) -> dict[str, Array]:
     r = fit.runs
     nothing = np.full(r.duration.size, np.nan)
     volume = nothing if r.volume is None else r.volume
-    energy, told = r.power * r.duration, told_power(fit) * r.duration
+    energy, fitted = r.power * r.duration, fitted_power(fit) * r.duration
     return {
         "time_s": nothing if r.time is None else r.time,
         "dive": nothing if r.dive is None else r.dive,
@@ -65,9 +65,9 @@ def run_columns(fit: PumpFit) -> dict[str, Array]:
         "volume_m3": volume,
         "energy_J": energy,
         "efficiency": _ratio(r.pressure * volume, energy),
-        "told_volume_m3": told_volume(fit),
-        "told_energy_J": told,
-        "told_efficiency": _ratio(r.pressure * told_volume(fit), told),
+        "fitted_volume_m3": fitted_volume(fit),
+        "fitted_energy_J": fitted,
+        "fitted_efficiency": _ratio(r.pressure * fitted_volume(fit), fitted),
         "counts": fit.kept.astype(float),
     }
 
@@ -84,8 +84,8 @@ def efficiency_bands(fit: PumpFit) -> list[Band]:
     found = []
     for rows in np.array_split(order, count) if count else ():
         p, v, e = (columns[name][rows] for name in ("pressure_Pa", "volume_m3", "energy_J"))
-        told = columns["told_volume_m3"][rows], columns["told_energy_J"][rows]
-        work, spent = np.array([p @ v, p @ told[0]]), np.array([e.sum(), told[1].sum()])
+        fitted = columns["fitted_volume_m3"][rows], columns["fitted_energy_J"][rows]
+        work, spent = np.array([p @ v, p @ fitted[0]]), np.array([e.sum(), fitted[1].sum()])
         share = _ratio(work, spent)
         found.append(
             Band(

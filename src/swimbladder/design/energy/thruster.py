@@ -57,7 +57,7 @@ class Thruster(NamedTuple):
         """Return the electrical power [W] for a `thrust` [N]; arrays too.
 
         density: of the water [kg/m3]; speed: of advance in the direction of the thrust [m/s]. A
-        thrust against the motion is reckoned as at rest: braking is not paid back.
+        thrust against the motion is computed as at rest: braking is not paid back.
         """
         area = self.number * math.pi / 4.0 * self.diameter**2
         size = np.abs(np.asarray(thrust, float))

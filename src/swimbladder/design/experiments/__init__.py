@@ -1,8 +1,9 @@
-"""Which experiments tell most of a vehicle's motion in the time that there is in the pool.
+"""Which experiments are most informative on a vehicle's motion in the time at the pool.
 
-`setting` is the pool, `flight` follows a release, `knowledge` says what its record tells;
-`library`, `choose` and `search` find the best set, `predict` and `weigh` say what it will tell,
-`left_out` what would bias it, `findings` what a person has to know; `io.plan` is the file of it.
+`conditions` is the pool, `flight` follows a release, `fisher_information` is what its record adds;
+`library`, `selection` and `search` find the best set, `predict` and `evaluation` its errors,
+`omitted_variables` what would bias it, `findings` what a person has to know; `io.plan` is the file
+of it.
 """
 
 from swimbladder.design.experiments.result import Design

@@ -7,15 +7,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.experiments.knowledge import Question
+from swimbladder.design.experiments.fisher_information import Question
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["doubt", "vehicles"]
+__all__ = ["covariance_of", "vehicles"]
 
 Array = NDArray[np.float64]
 
 
-def doubt(question: Question, vehicle: Vehicle, uncertainty: float | None) -> Array:
+def covariance_of(question: Question, vehicle: Vehicle, uncertainty: float | None) -> Array:
     """Return the covariance of what is not known of the vehicle yet [p, p], in shares of values.
 
     uncertainty: share by which each parameter may be off, 1 sigma; where None, the covariance that
@@ -40,7 +40,7 @@ def doubt(question: Question, vehicle: Vehicle, uncertainty: float | None) -> Ar
 
 
 def vehicles(question: Question, covariance: Array) -> list[dict[str, float]]:
-    """Return vehicles with the mean and covariance of what is in doubt, two for each direction.
+    """Return vehicles with the mean and covariance of what is uncertain, two for each direction.
 
     The points of the third-degree spherical-radial rule (Arasaratnam and Haykin 2009): the mean
     plus and minus sqrt(p) standard deviations along each principal axis. Positive parameters are

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from swimbladder.design.experiments.knowledge import Question
-from swimbladder.design.experiments.setting import Setting
-from swimbladder.design.experiments.weigh import Curve, Weighed
+from swimbladder.design.experiments.conditions import Setting
+from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet
+from swimbladder.design.experiments.fisher_information import Question
 from swimbladder.estimation.motion.identifiability import LIMIT
 from swimbladder.estimation.motion.result import Finding
 from swimbladder.units import format_quantity
@@ -22,7 +22,7 @@ _COARSE = 0.3  # of the quantum: less noise than that and rounding is no white n
 
 
 def judge(
-    chosen: Weighed, curve: Curve, stretched: Mapping[str, float], question: Question,
+    chosen: EvaluatedSet, curve: Curve, stretched: Mapping[str, float], question: Question,
     setting: Setting,
 ) -> tuple[Finding, ...]:  # fmt: skip
     """Return what is to be said of a set; stretched: its shares in a pool half as deep again."""
@@ -63,7 +63,7 @@ def _signed(share: float) -> str:
     return f"{100.0 * share:+.2g}" if abs(share) < 0.995 else f"{100.0 * share:+.0f}"
 
 
-def _remedies(chosen: Weighed, stretched: Mapping[str, float]) -> list[Finding]:
+def _remedies(chosen: EvaluatedSet, stretched: Mapping[str, float]) -> list[Finding]:
     if not chosen.prediction.open:
         return []
     share = chosen.prediction.share
@@ -78,7 +78,7 @@ def _remedies(chosen: Weighed, stretched: Mapping[str, float]) -> list[Finding]:
     return [Finding("remedy", "note", f"{'; '.join(parts)}.")]
 
 
-def _ends(chosen: Weighed, setting: Setting) -> list[Finding]:
+def _ends(chosen: EvaluatedSet, setting: Setting) -> list[Finding]:
     found = []
     for k, (release, flight) in enumerate(zip(chosen.releases, chosen.flights, strict=True), 1):
         missed = chosen.partial[k - 1]
@@ -105,7 +105,7 @@ def _ends(chosen: Weighed, setting: Setting) -> list[Finding]:
     return found + _arrivals(chosen, setting)
 
 
-def _arrivals(chosen: Weighed, setting: Setting) -> list[Finding]:
+def _arrivals(chosen: EvaluatedSet, setting: Setting) -> list[Finding]:
     """Say which releases go fast where their records end, as seen in all vehicles."""
     fast = []
     for k in range(len(chosen.releases)):
@@ -127,7 +127,7 @@ def _arrivals(chosen: Weighed, setting: Setting) -> list[Finding]:
     ]  # fmt: skip
 
 
-def _biases(chosen: Weighed, setting: Setting) -> list[Finding]:
+def _biases(chosen: EvaluatedSet, setting: Setting) -> list[Finding]:
     found = []
     if chosen.psi is not None:
         left = chosen.psi
@@ -161,36 +161,38 @@ def _biases(chosen: Weighed, setting: Setting) -> list[Finding]:
     return found
 
 
-def _matters(bias: Mapping[str, float], chosen: Weighed) -> bool:
+def _matters(bias: Mapping[str, float], chosen: EvaluatedSet) -> bool:
     """Say whether a bias is more than a standard deviation without drift."""
-    told = chosen.prediction
+    prediction = chosen.prediction
     shares = {
-        n: told.share[n] * e.std / math.hypot(e.std, told.drift[n])
-        for n, e in told.parameters.items()
+        n: prediction.share[n] * e.std / math.hypot(e.std, prediction.drift[n])
+        for n, e in prediction.parameters.items()
     }
     return any(abs(share) > shares[name] for name, share in bias.items())
 
 
-def _limits(name: str, chosen: Weighed, stretched: Mapping[str, float]) -> Finding:
-    told = chosen.prediction
-    std, drift = told.parameters[name].std, told.drift[name]
+def _limits(name: str, chosen: EvaluatedSet, stretched: Mapping[str, float]) -> Finding:
+    prediction = chosen.prediction
+    std, drift = prediction.parameters[name].std, prediction.drift[name]
     whole = std**2 + drift**2
     sources = {
-        "the noise of the depths": told.sources[name]["noise"] * std**2 / whole,
-        "the error of the neutral volumes": told.sources[name]["neutral volume"] * std**2 / whole,
-        "what was known before": told.sources[name]["prior"] * std**2 / whole,
+        "the noise of the depths": prediction.sources[name]["noise"] * std**2 / whole,
+        "the error of the neutral volumes": prediction.sources[name]["neutral volume"]
+        * std**2
+        / whole,
+        "what was known before": prediction.sources[name]["prior"] * std**2 / whole,
         "a drift of the neutral volumes": drift**2 / whole,
     }
     listed = sorted(sources.items(), key=lambda item: -item[1])
     words = [
         f"{what} ({100.0 * part:.0f} % of the variance)" for what, part in listed[:2] if part > 0.1
     ]
-    ratio = stretched[name] / told.share[name]
+    ratio = stretched[name] / prediction.share[name]
     travel = ", and the travel" if ratio < 0.75 else ""
     return Finding(
         "limit", "note",
         f"{name} is limited by {' and '.join(words)}{travel}: with half as much travel again "
-        f"{percent(stretched[name])} instead of {percent(told.share[name])}.",
+        f"{percent(stretched[name])} instead of {percent(prediction.share[name])}.",
     )  # fmt: skip
 
 
@@ -199,11 +201,11 @@ def _sizes(curve: Curve) -> Finding:
     size = f"{1e6 * curve.sizes[best]:.2g} cm3"
     double = int(np.argmin(np.abs(curve.sizes - 2.0 * curve.sizes[best])))
     if best == len(curve.sizes) - 1:
-        sentence = f"Of single steps the largest tell most, {size}."
+        sentence = f"Of single steps the largest are most informative, {size}."
     else:
         sentence = (
-            f"Of single steps those of {size} tell most, {percent(curve.steps[best])} in this "
-            f"time: a larger one buys nothing ({percent(curve.steps[double])} with "
+            f"Of single steps those of {size} are most informative, {percent(curve.steps[best])} "
+            f"in this time: a larger one buys nothing ({percent(curve.steps[double])} with "
             f"{1e6 * curve.sizes[double]:.2g} cm3)."
         )
     fro = int(np.argmin(curve.to_and_fro))

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.experiments.setting import Passing, Ramps, Release, Setting
+from swimbladder.design.experiments.conditions import Passing, Ramps, Release, Setting
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.motion.experiment import Experiment, Segment
 from swimbladder.estimation.motion.model import Model

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from swimbladder.design.experiments.conditions import Ramps, Release, Setting, Turn
+from swimbladder.design.experiments.fisher_information import Question
 from swimbladder.design.experiments.flight import follow
-from swimbladder.design.experiments.knowledge import Question
-from swimbladder.design.experiments.setting import Ramps, Release, Setting, Turn
 
 __all__ = ["releases", "rounded", "sizes"]
 

@@ -9,9 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.design.experiments.conditions import Setting
+from swimbladder.design.experiments.fisher_information import (
+    Question,
+    fisher_information,
+    problem_of,
+)
 from swimbladder.design.experiments.flight import Flight
-from swimbladder.design.experiments.knowledge import Question, problem_of, told
-from swimbladder.design.experiments.setting import Setting
 from swimbladder.estimation.motion.estimates import Estimate, estimate
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.identifiability import not_identifiable
@@ -52,7 +56,7 @@ class Prediction:
 
 
 def predict(flights: Sequence[Flight], question: Question, setting: Setting) -> Prediction:
-    """Return what the records of these flights will tell, all fitted together."""
+    """Return the predicted errors of the records of these flights, all fitted together."""
     problem = problem_of(flights, question, setting)
     values, p = question.values, problem.shared
     x = problem.begin(values)
@@ -62,7 +66,7 @@ def predict(flights: Sequence[Flight], question: Question, setting: Setting) -> 
     data, P = J.T @ J, problem.prior_rows(x)[1]
     C = _inverse(data + P.T @ P)
     per = problem.per_entry(x)
-    drifts = [told(flight, question, values, setting).drift for flight in flights]
+    drifts = [fisher_information(flight, question, values, setting).drift for flight in flights]
     return Prediction(
         names=problem.names,
         parameters={
@@ -80,7 +84,7 @@ def predict(flights: Sequence[Flight], question: Question, setting: Setting) -> 
 
 
 def _inverse(M: Array) -> Array:
-    """Return the inverse of an information matrix; what nothing tells has a huge variance."""
+    """Return the inverse of an information matrix; without information, a huge variance."""
     size = np.sqrt(np.maximum(np.diag(M), 1e-300))
     values, vectors = np.linalg.eigh(M / np.outer(size, size))
     values = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))

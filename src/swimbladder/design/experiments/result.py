@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from swimbladder.design.experiments.conditions import Release, Setting
+from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet
+from swimbladder.design.experiments.fisher_information import Question
 from swimbladder.design.experiments.flight import Flight
-from swimbladder.design.experiments.knowledge import Question
-from swimbladder.design.experiments.left_out import LeftOut
-from swimbladder.design.experiments.setting import Release, Setting
-from swimbladder.design.experiments.weigh import Curve, Weighed
+from swimbladder.design.experiments.omitted_variables import OmittedVariable
 from swimbladder.estimation.motion.result import Finding
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 
@@ -24,7 +24,7 @@ _POINTS = 60
 
 @dataclass(frozen=True, kw_only=True)
 class Design:
-    """Which experiments to run, what they will tell, and how that compares.
+    """Which experiments to run, their predicted errors, and how these compare.
 
     chosen: the set to run, in order; against: another one, named `rival`. curve: what sizes of
     volume changes buy. piston_area [m2], None where the vehicle has no piston. assumptions: all
@@ -36,8 +36,8 @@ class Design:
     question: Question
     criterion: str
     budget: float  # s
-    chosen: Weighed
-    against: Weighed | None
+    chosen: EvaluatedSet
+    against: EvaluatedSet | None
     rival: str
     curve: Curve
     piston_area: float | None
@@ -46,7 +46,7 @@ class Design:
 
     @property
     def identifiable(self) -> bool:
-        """Whether the set tells all that is asked."""
+        """Whether the set identifies all that is asked."""
         return all(f.severity != "no" for f in self.findings)
 
     @property
@@ -57,10 +57,10 @@ class Design:
         ours, theirs = self.chosen.prediction.share, self.against.prediction.share
         return {name: theirs[name] / ours[name] for name in ours}
 
-    def plan(self, weighed: Weighed | None = None) -> Plan:
+    def plan(self, evaluated: EvaluatedSet | None = None) -> Plan:
         """Return the plan to follow at the pool: of the chosen set, or of another one."""
-        w = weighed or self.chosen
-        s, told = self.setting, w.prediction
+        w = evaluated or self.chosen
+        s, prediction = self.setting, w.prediction
         pairs = zip(w.releases, w.flights, strict=True)
         return Plan(
             name=f"experiments for {self.vehicle}", vehicle=self.vehicle, pool_depth=s.pool_depth,
@@ -69,7 +69,7 @@ class Design:
             neutral_std=s.neutral_std if math.isfinite(s.neutral_std) else None,
             expected=tuple(
                 Expected(name=name, value=e.value, std=e.std, unit=e.unit)
-                for name, e in told.parameters.items()
+                for name, e in prediction.parameters.items()
             ),
             experiments=tuple(_planned(release, flight, s) for release, flight in pairs),
         )  # fmt: skip
@@ -108,8 +108,8 @@ class Design:
         }
 
 
-def _set(w: Weighed) -> dict[str, Any]:
-    told = w.prediction
+def _set(w: EvaluatedSet) -> dict[str, Any]:
+    prediction = w.prediction
     return {
         "time_s": w.time,
         "experiments": [
@@ -132,21 +132,21 @@ def _set(w: Weighed) -> dict[str, Any]:
         "parameters": {
             name: {
                 **e.to_json(),
-                "drift_error": told.drift[name],
-                "share": told.share[name],
+                "drift_error": prediction.drift[name],
+                "share": prediction.share[name],
                 "share_range": list(w.spread[name]),
-                "sources": told.sources[name],
+                "sources": prediction.sources[name],
             }
-            for name, e in told.parameters.items()
+            for name, e in prediction.parameters.items()
         },
-        "names": list(told.names),
-        "covariance": told.covariance.tolist(),
-        "correlation": told.correlation.tolist(),
+        "names": list(prediction.names),
+        "covariance": prediction.covariance.tolist(),
+        "correlation": prediction.correlation.tolist(),
         "bias": {"psi": _bias(w.psi), "trim": _bias(w.trim), "drift": _bias(w.drift)},
     }
 
 
-def _bias(left: LeftOut | None) -> dict[str, Any] | None:
+def _bias(left: OmittedVariable | None) -> dict[str, Any] | None:
     if left is None:
         return None
     if not left.refit:

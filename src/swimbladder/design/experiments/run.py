@@ -9,15 +9,15 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from swimbladder.control.protocol import Does
-from swimbladder.design.experiments.choose import criterion as criterion_of
-from swimbladder.design.experiments.draws import doubt, vehicles
+from swimbladder.design.experiments.conditions import Ramps, Release, Setting, ramps
+from swimbladder.design.experiments.draws import covariance_of, vehicles
+from swimbladder.design.experiments.evaluation import curve, deeper, evaluate
 from swimbladder.design.experiments.findings import judge
-from swimbladder.design.experiments.knowledge import FEWEST, Question
+from swimbladder.design.experiments.fisher_information import FEWEST, Question
 from swimbladder.design.experiments.library import sizes
 from swimbladder.design.experiments.result import Design
 from swimbladder.design.experiments.search import Search, search
-from swimbladder.design.experiments.setting import Ramps, Release, Setting, ramps
-from swimbladder.design.experiments.weigh import curve, deeper, weigh
+from swimbladder.design.experiments.selection import criterion as criterion_of
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.estimation.motion import NAMES, NEUTRAL_STD, Prior
@@ -51,7 +51,7 @@ def design_experiment(
     criterion: str = "largest", uncertainty: float | None = None,
     against: Sequence[float] | None = None, advance: Callable[[float], None] | None = None,
 ) -> Design:  # fmt: skip
-    """Return the experiments that tell most of a vehicle's motion in a pool time.
+    """Return the most informative experiments on a vehicle's motion in a pool time.
 
     pool_depth, clearance: of the bottom, and of all records from it and from the surface [m].
     sensor_std, quantum: of the logged depth [m]; sample_time [s]; neutral_std [m3] and drift_std
@@ -66,7 +66,7 @@ def design_experiment(
     the share of the work done since last called.
 
     Raises InputError where vehicle, pool and time leave nothing to do. What the experiments will
-    not tell is among the findings.
+    not identify is among the findings.
     """
     tell = advance or (lambda _: None)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
@@ -84,7 +84,7 @@ def design_experiment(
                 "it must be between 0 and 100 %", field="--uncertainty", value=uncertainty,
                 remedy="Give the share by which the vehicle may be off, like 30%",
             )  # fmt: skip
-        others = vehicles(question, doubt(question, vehicle, uncertainty))
+        others = vehicles(question, covariance_of(question, vehicle, uncertainty))
         finder = Search(
             question=question, setting=s, ramps=limits, vehicles=others,
             judge=criterion_of(criterion, question.names),
@@ -92,9 +92,9 @@ def design_experiment(
         rival = _rival(vehicle, against, limits, s)
         budget = time or (sum(finder.of(r).cost for r in rival) if rival else _TIME)
         chosen = search(finder, budget, releases or _UNLIMITED, lambda part: tell(0.75 * part))
-        ours = weigh(chosen, question, s, limits, others)
+        ours = evaluate(chosen, question, s, limits, others)
         tell(0.07)
-        theirs = weigh(rival, question, s, limits, others) if rival else None
+        theirs = evaluate(rival, question, s, limits, others) if rival else None
         tell(0.07)
         ends = sizes(question, limits, s)
         end = min(limits.most, -limits.least, _LARGER * ends[-1])

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from swimbladder.design.experiments.choose import Criterion, Table, choose, in_order
+from swimbladder.design.experiments.conditions import Ramps, Release, Setting
+from swimbladder.design.experiments.fisher_information import Question, fisher_information
 from swimbladder.design.experiments.flight import follow
-from swimbladder.design.experiments.knowledge import Question, told
 from swimbladder.design.experiments.library import releases, rounded
-from swimbladder.design.experiments.setting import Ramps, Release, Setting
+from swimbladder.design.experiments.selection import Criterion, Table, choose, in_order
 
 __all__ = ["Search", "search"]
 
@@ -27,7 +27,7 @@ _LATE = 20.0  # of the criterion, for a set that takes twice its time
 _ALIKE = 0.02  # of the criterion, that fewer kinds of release may cost
 
 
-class _Told(NamedTuple):
+class _Tabulated(NamedTuple):
     gain: Array  # [d, p, p]
     drift: Array  # [d, p, p]
     cost: float  # s, of the vehicle as given or on average, whichever is longer
@@ -43,16 +43,16 @@ class Search:
     ramps: Ramps
     vehicles: Sequence[Mapping[str, float]]
     judge: Criterion
-    known: dict[Release, _Told] = field(default_factory=dict)
+    known: dict[Release, _Tabulated] = field(default_factory=dict)
 
-    def of(self, release: Release) -> _Told:
-        """Return what a release tells, of each vehicle."""
+    def of(self, release: Release) -> _Tabulated:
+        """Return the information of a release, on each vehicle."""
         if release not in self.known:
             self.known[release] = self._find(release)
         return self.known[release]
 
     def table(self, candidates: Sequence[Release]) -> Table:
-        """Return what all candidates tell."""
+        """Return the information of all candidates."""
         found = [self.of(release) for release in candidates]
         return Table(
             gain=np.array([f.gain for f in found]), drift=np.array([f.drift for f in found]),
@@ -60,24 +60,24 @@ class Search:
         )  # fmt: skip
 
     def learn(self, family: Sequence[Release]) -> None:
-        """Find what a family tells: where a release cannot end, neither can one that goes on."""
+        """Find a family's information: where a release cannot end, neither can one that goes on."""
         for before, release in zip([None, *family], family, strict=False):
             if before is not None and not self.of(before).complete:
                 self.known[release] = self.of(before)
             self.of(release)
 
-    def _find(self, release: Release) -> _Told:
+    def _find(self, release: Release) -> _Tabulated:
         s, q = self.setting, self.question
         gain, drift, time, complete = [], [], 0.0, False
         for values in self.vehicles:
             flight = follow(release, q.model, values, self.ramps, s)
-            knowledge = told(flight, q, values, s)
-            gain.append(knowledge.gain)
-            drift.append(s.drift_std**2 * np.outer(knowledge.drift, knowledge.drift))
+            information = fisher_information(flight, q, values, s)
+            gain.append(information.gain)
+            drift.append(s.drift_std**2 * np.outer(information.drift, information.drift))
             time += flight.duration / len(self.vehicles)
             complete |= flight.complete
         given = follow(release, q.model, q.values, self.ramps, s)
-        return _Told(
+        return _Tabulated(
             np.array(gain), np.array(drift), s.settling + max(time, given.duration),
             complete or given.complete,
         )  # fmt: skip

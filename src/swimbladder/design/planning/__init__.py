@@ -1,6 +1,6 @@
 """Planned motions: a step of depth in least time, with least volume moved or least energy."""
 
-from swimbladder.design.planning.least import LeastTime, least_time
+from swimbladder.design.planning.minimum_time import LeastTime, least_time
 from swimbladder.design.planning.result import Plan
 from swimbladder.design.planning.run import GOALS, plan
 

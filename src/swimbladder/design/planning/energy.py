@@ -24,8 +24,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from swimbladder.design.linear.models import Array
-from swimbladder.design.planning.motion import STATES, Steps
-from swimbladder.design.planning.programme import (
+from swimbladder.design.planning.linear_program import (
     Answer,
     Goal,
     Near,
@@ -35,6 +34,7 @@ from swimbladder.design.planning.programme import (
     posed,
     scale_of,
 )
+from swimbladder.design.planning.motion import STATES, Steps
 from swimbladder.design.planning.solvers import interior
 from swimbladder.design.planning.task import Task
 from swimbladder.errors import NoAnswerError
@@ -75,7 +75,7 @@ def winding(task: Task) -> tuple[float, float]:
     if found.resistance is None or found.kappa is None:
         raise NoAnswerError(
             "the energy is not known: the motor's resistance R and torque constant k_T (k_emf) are "
-            "not given, and an identified K1 does not tell them apart. Describe the actuator as "
+            "not given, and an identified K1 does not determine them. Describe the actuator as "
             "kind electromechanical, electrohydraulic or unified with resistance and emf_constant, "
             "or plan for --goal effort, the least volume moved"
         )

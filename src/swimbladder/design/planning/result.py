@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from swimbladder.design.linear.models import Array
-from swimbladder.design.planning.least import LeastTime
+from swimbladder.design.planning.minimum_time import LeastTime
 from swimbladder.design.planning.task import Task
 from swimbladder.units import rounded
 

@@ -10,13 +10,19 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from swimbladder.design.linear.models import Array
-from swimbladder.design.planning.course import Course, settle_course, sided, straight, stretched
 from swimbladder.design.planning.energy import electrical, least_energy, winding
-from swimbladder.design.planning.least import LeastTime, search_least
+from swimbladder.design.planning.linear_program import Answer, Goal, Near, scale_of, solve
+from swimbladder.design.planning.load_direction import best_load_direction
+from swimbladder.design.planning.minimum_time import LeastTime, search_least
 from swimbladder.design.planning.motion import Steps
-from swimbladder.design.planning.programme import Answer, Goal, Near, scale_of, solve
+from swimbladder.design.planning.nominal_trajectory import (
+    NominalTrajectory,
+    settle,
+    sided,
+    straight,
+    stretched,
+)
 from swimbladder.design.planning.result import Plan
-from swimbladder.design.planning.sides import best_sides
 from swimbladder.design.planning.task import Task, task_of
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.sim.closed_loop import drive
@@ -58,13 +64,13 @@ def plan(
     if goal == "energy":
         winding(task)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        least, end, course = search_least(task, rest=arrive == "rest", advance=advance)
+        least, end, nominal = search_least(task, rest=arrive == "rest", advance=advance)
         near = least.samples if arrive == "band" else None
         if goal != "time":
             end, near = _samples(task, least, duration), None
-        answer = _best(task, goal, near, end, course, advance or (lambda _: None))
+        answer = _best(task, goal, near, end, nominal, advance or (lambda _: None))
         if answer is None:
-            raise _impossible(task, end, least, course)
+            raise _impossible(task, end, least, nominal)
     found = _plan_of(task, goal, arrive, answer, least, near if near is not None else end)
     if found.lost:
         raise _lost(found)
@@ -121,7 +127,7 @@ def _samples(task: Task, least: LeastTime, duration: float | None) -> int:
 
 
 def _best(
-    task: Task, goal: str, near: int | None, end: int, course: Course,
+    task: Task, goal: str, near: int | None, end: int, nominal: NominalTrajectory,
     advance: Callable[[float], None],
 ) -> Answer | None:  # fmt: skip
     def program(steps: Steps, beside: Near) -> Answer | None:
@@ -130,17 +136,19 @@ def _best(
             return least_energy(task, steps, end, beside)
         return solve(task, steps, Goal(near=near, rest=end), beside)
 
-    begin = stretched(course, end)
+    begin = stretched(nominal, end)
     if goal == "energy" and sided(task.plant):
-        answer = best_sides(task, program, begin)
+        answer = best_load_direction(task, program, begin)
     else:
-        answer = settle_course(task, program, begin)[0]
+        answer = settle(task, program, begin)[0]
     if answer is None or (straight(task.plant) and not sided(task.plant)):
         return answer
     return answer._replace(proven=False)
 
 
-def _impossible(task: Task, end: int, least: LeastTime, course: Course) -> NoAnswerError:
+def _impossible(
+    task: Task, end: int, least: LeastTime, nominal: NominalTrajectory
+) -> NoAnswerError:
     """Return what is in the way, and how much more of each limit alone would do."""
     sizes, kept = scale_of(task), 1.0 - task.margin
     unit = ("cm3/s", 1e6) if task.plant.positioner else ("V", 1.0)
@@ -160,7 +168,7 @@ def _impossible(task: Task, end: int, least: LeastTime, course: Course) -> NoAns
             goal = Goal(near=None, rest=end, relaxed=name)
             return solve(task, steps, goal, beside)
 
-        answer, _ = settle_course(task, program, stretched(course, end))
+        answer, _ = settle(task, program, stretched(nominal, end))
         if answer is not None:
             need = _no_less(factor * (limit + answer.objective * size) / share)
             found.append(f"{words} {need:g} {shown} instead of {factor * limit / share:.4g}")

@@ -8,22 +8,22 @@ be done, `day` keeps the experiments, identifies the vehicle after each and says
 from swimbladder.design.pool_day.day import Asked, News, PoolDay
 from swimbladder.design.pool_day.events import Sample
 from swimbladder.design.pool_day.follow import finished, follow, rehearse
+from swimbladder.design.pool_day.growing_log import GrowingLog
 from swimbladder.design.pool_day.rehearsal import Operator
 from swimbladder.design.pool_day.rules import Rules
 from swimbladder.design.pool_day.segments import Segmenter
-from swimbladder.design.pool_day.tail import Tail
 from swimbladder.design.pool_day.tasks import Task, paper_tasks, plan_tasks
 from swimbladder.design.pool_day.verdict import Target, Verdict
 
 __all__ = [
     "Asked",
+    "GrowingLog",
     "News",
     "Operator",
     "PoolDay",
     "Rules",
     "Sample",
     "Segmenter",
-    "Tail",
     "Target",
     "Task",
     "Verdict",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from swimbladder.design.pool_day import remarks
+from swimbladder.design.pool_day import messages
 from swimbladder.design.pool_day.events import (
     Changed,
     Cut,
@@ -113,7 +113,7 @@ class PoolDay:
         elif isinstance(event, Turned):
             yield News("turned", event.time, f"Now {1e6 * event.volume:+.3g} cm3.")
         elif isinstance(event, Refused):
-            news = News("refused", event.time, remarks.of_refusal(event, self.rules))
+            news = News("refused", event.time, messages.of_refusal(event, self.rules))
             self.refused.append(news)
             yield news
         else:
@@ -127,7 +127,7 @@ class PoolDay:
         if known is not None and (known.set_aside or len(known.log) >= len(cut.samples)):
             return  # from an earlier run
         number = known.number if known is not None else self._number
-        said = remarks.of_cut(cut, self.rules)
+        said = messages.of_cut(cut, self.rules)
         one = keep(self.folder, number, cut, self.source, said)
         self.kept = sorted([*(k for k in self.kept if k is not known), one], key=_number)
         yield News("ended", event.time, _told(number, cut, said))
@@ -162,7 +162,7 @@ class PoolDay:
         if self.found is None:
             return {}
         told = {
-            k: remarks.of_fit(fit, self.asked.neutral_std)
+            k: messages.of_fit(fit, self.asked.neutral_std)
             for k, fit in zip(self.kept, self.found.experiments, strict=True)
         }
         return {k: fault for k, fault in told.items() if fault[0] > 1.0}

@@ -10,8 +10,8 @@ import numpy as np
 
 from swimbladder.design.pool_day.day import News, PoolDay
 from swimbladder.design.pool_day.events import Sample
+from swimbladder.design.pool_day.growing_log import GrowingLog, samples_of
 from swimbladder.design.pool_day.rehearsal import Operator
-from swimbladder.design.pool_day.tail import Tail, samples_of
 from swimbladder.design.pool_day.verdict import State
 from swimbladder.errors import LogError
 from swimbladder.io.logs import read_log
@@ -19,16 +19,16 @@ from swimbladder.io.tables import write_csv
 
 __all__ = ["finished", "follow", "rehearse"]
 
-_LOOK = 0.5  # s between two looks at the file
+_PERIOD = 0.5  # s between two reads of the file
 _IDLE = 4.0  # times what reading it takes, at least
-_BURST = 1.0  # s of a rehearsal's clock between two looks
+_BURST = 1.0  # s of a rehearsal's clock between two reads
 
 
 def follow(
-    day: PoolDay, tail: Tail, *, timeout: float, sleep: Callable[[float], None] = time.sleep,
+    day: PoolDay, tail: GrowingLog, *, timeout: float, sleep: Callable[[float], None] = time.sleep,
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[News | None]:  # fmt: skip
-    """Yield what happens in a growing log until it is good enough, and None at every look.
+    """Yield what happens in a growing log until it is good enough, and None at every read.
 
     timeout: ends when the log has not grown for so long [s]. Raises LogError where there is no log
     by then, or it cannot be used.
@@ -36,7 +36,7 @@ def follow(
     grown, seen = clock(), False
     yield from day.begin_log(str(tail.path))
     while True:
-        growth = tail.look()
+        growth = tail.read_new()
         if growth.new:
             yield from day.begin_log(str(tail.path))
             yield News("log", 0.0, f"{tail.path} begins anew: it is taken as another log.")
@@ -48,7 +48,7 @@ def follow(
             return
         if clock() - grown > timeout:
             break
-        sleep(max(_LOOK, _IDLE * tail.cost))
+        sleep(max(_PERIOD, _IDLE * tail.cost))
     if tail.trouble is not None:
         raise tail.trouble
     if not seen:
@@ -60,7 +60,7 @@ def follow(
     yield News("log", 0.0, f"{tail.path} has not grown for {timeout:g} s: taken as finished.")
 
 
-def finished(day: PoolDay, tail: Tail) -> Iterator[News | None]:
+def finished(day: PoolDay, tail: GrowingLog) -> Iterator[News | None]:
     """Yield what happened in a log that is finished; raises LogError where it cannot be used."""
     log = read_log(tail.path, columns=tail.columns, log_format=tail.log_format)
     tail.report = log.report
@@ -74,7 +74,7 @@ def rehearse(
     day: PoolDay, operator: Operator, *, most: int, speed: float, whole: Path,
     sleep: Callable[[float], None] = time.sleep,
 ) -> Iterator[News | None]:  # fmt: skip
-    """Yield what happens in a rehearsal of at most so many experiments; None at every look.
+    """Yield what happens in a rehearsal of at most so many experiments; None at every step.
 
     speed: simulated seconds a second, inf for no waiting. whole: the log of all of it, as far as
     it has come. Raises NoAnswerError where the vehicle does not come to rest or does not arrive.

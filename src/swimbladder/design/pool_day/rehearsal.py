@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from swimbladder.control import protocol
 from swimbladder.control.law import Measurement
 from swimbladder.control.registry import bind
-from swimbladder.design.pool_day.hands import Hands, hands_of
+from swimbladder.design.pool_day.manual_drive import ManualDrive, manual_drive_of
 from swimbladder.design.pool_day.rules import Rules
 from swimbladder.design.pool_day.tasks import Task, Turn
 from swimbladder.errors import InputError, NoAnswerError
@@ -123,7 +123,7 @@ class _Work:
         law, self._parameters = bind(vehicle.controller)
         self._initial: Callable[..., Any] = law.initial
         self._step: Callable[..., Any] = law.step
-        self._hands: Hands = hands_of(vehicle)
+        self._hands: ManualDrive = manual_drive_of(vehicle)
         self._task, self._start = task, task.start
         self._turns = [Turn(task.change, math.nan, task.change > 0.0), *task.turns]
         self._rules = Rules()

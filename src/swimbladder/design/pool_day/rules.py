@@ -1,4 +1,4 @@
-"""The numbers by which the phases of the procedure are told apart."""
+"""The numbers that distinguish the phases of the procedure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ FEWEST = 12  # samples of an experiment
 
 
 class Rules(NamedTuple):
-    """By which numbers phases are told apart; the first three are those of control.protocol."""
+    """Numbers that distinguish the phases; the first three are those of control.protocol."""
 
     minute: float = 60.0  # s, over which rest is judged
     rest_speed: float = 5e-4  # m/s
@@ -23,7 +23,7 @@ class Rules(NamedTuple):
     margin: float = 0.05  # m, within which a vehicle that something stops does not move
     travel: float = 3.0  # m, after which a glide is over
     turns: bool = False  # whether the volume may be changed again under way, as plans have it
-    least_travel: float = 0.3  # m, of a glide that tells something
+    least_travel: float = 0.3  # m, of an informative glide
     longest: float = 1200.0  # s, of a glide
     gap: float = 5.0  # s without a sample, which ends everything
     before: float = 3.0  # s of rest that an experiment's record begins with

@@ -22,7 +22,7 @@ __all__ = ["Segmenter"]
 
 Array = NDArray[np.float64]
 
-_LOOK = 0.5  # s between two looks at the window
+_PERIOD = 0.5  # s between two evaluations of the window
 _SURE = 3.0  # standard deviations of the volume's mean over a few seconds
 _IDLE = 10.0  # s of standing volume under way, after which a glide from no rest is one
 
@@ -37,7 +37,7 @@ class Segmenter:
         self._window = Window()
         self._glide: Glide | None = None
         self._look = self._time = -math.inf
-        self._stood: float | None = None  # m3, volume of the last glide, or of one told of
+        self._stood: float | None = None  # m3, volume of the last glide, or of one reported
 
     @property
     def under_way(self) -> bool:
@@ -62,7 +62,7 @@ class Segmenter:
             events += self.close(End.GAP)
         self._time = sample.time
         self._window.add(sample)
-        due = sample.time - self._look >= _LOOK
+        due = sample.time - self._look >= _PERIOD
         if due:
             self._look = sample.time
         if self._glide is None:
@@ -154,7 +154,7 @@ class Segmenter:
         )  # fmt: skip
 
     def _date(self, g: Glide) -> None:
-        """Tell a glide when the volume left, and how the minute before was; drop what is older."""
+        """Give a glide the time when the volume left, and the minute before; drop what is older."""
         assert g.volume is not None
         rows, change = self._window.rows, g.volume - g.rest.neutral
         padded = np.pad(rows[:, VOLUME], 1, mode="edge")  # medians of three: no single fault
@@ -169,7 +169,7 @@ class Segmenter:
         self._window.forget_before(since - self.rules.before)
 
     def _hasty(self) -> list[Event]:
-        """Look for a glide that did not begin at rest, to tell of it."""
+        """Look for a glide that did not begin at rest, to report it."""
         r = self.rules
         recent = self._window.since(self._time - _IDLE)
         if len(recent) < FEWEST or self._time - recent[0, TIME] < 0.9 * _IDLE:

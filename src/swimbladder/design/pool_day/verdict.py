@@ -208,6 +208,6 @@ def _instead(
     if not said:
         said.append("What limits them is the noise of the depth: glide longer.")
     said.append(
-        "A plan of `swimbladder design-experiment` may tell far more in the same time (--plan)."
+        "A plan of `swimbladder design-experiment` may identify far more in the same time (--plan)."
     )
     return " ".join(said)

@@ -18,7 +18,7 @@ __all__ = ["quantum", "steadied"]
 Array = NDArray[np.float64]
 
 _SURE = 4.0  # standard errors of a trend that is one
-_HALF = 4  # samples to either side of one, that tell whether the piston stands
+_HALF = 4  # samples to either side of one, that show whether the piston stands
 _NOISE = 6.0  # standard deviations of the sensor's noise, between the largest and the least of them
 _FEWEST = 8  # samples of a stretch
 _SMALL = 0.1  # of the range of the volume, up to which a step may be a quantum
@@ -88,7 +88,7 @@ def _stands(volume: Array, limit: float) -> list[tuple[int, int]]:
 
 
 def _trend(away: Array, step: float) -> bool:
-    """Say whether what is left over differs between thirds by more than noise and quantum do."""
+    """Say whether the residuals differ between thirds by more than noise and quantum do."""
     third = len(away) // 3
     means = [float(away[i * third : (i + 1) * third].mean()) for i in range(3)]
     noise = float(np.diff(away).std()) / math.sqrt(2.0)

@@ -9,19 +9,19 @@
 
 from __future__ import annotations
 
-from swimbladder.design.sizing.needs import Dive, Needs, needs
 from swimbladder.design.sizing.parts import Parts, load_parts
+from swimbladder.design.sizing.requirements import Dive, Requirements, requirements
 from swimbladder.design.sizing.result import columns, sentences, sized_vehicle, to_json
 from swimbladder.design.sizing.run import Sizing, size
 
 __all__ = [
     "Dive",
-    "Needs",
     "Parts",
+    "Requirements",
     "Sizing",
     "columns",
     "load_parts",
-    "needs",
+    "requirements",
     "sentences",
     "size",
     "sized_vehicle",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.design.sizing.candidates import Batch
-from swimbladder.design.sizing.needs import Needs
+from swimbladder.design.sizing.requirements import Requirements
 from swimbladder.physics.battery import needed_capacity, share_in_cold
 
 __all__ = ["Budget", "budget"]
@@ -37,7 +37,7 @@ class Budget:
     life: Array
 
 
-def budget(b: Batch, asked: Needs, *, cycle: Array, driver_loss: Array) -> Budget:
+def budget(b: Batch, asked: Requirements, *, cycle: Array, driver_loss: Array) -> Budget:
     """Return what a battery has to carry for all cycles, by the battery of missions.
 
     cycle: energy of the drive in one, driver_loss in it [J] [n]. The charge C obeys

@@ -10,8 +10,8 @@ import numpy as np
 
 from swimbladder.design.sizing.budget import Budget
 from swimbladder.design.sizing.candidates import PARTS
+from swimbladder.design.sizing.evaluation import REQUIREMENTS
 from swimbladder.design.sizing.run import Sizing
-from swimbladder.design.sizing.weigh import REQUIREMENTS
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.units import rounded
 from swimbladder.vehicle import (
@@ -38,7 +38,7 @@ __all__ = ["columns", "sentences", "sized_vehicle", "to_json"]
 
 def sentences(found: Sizing) -> list[str]:
     """Return the answer: the drive, the stroke, what it takes, what limits it."""
-    w, b, asked, dive = found.weighed, found.best, found.asked, found.asked.dive
+    w, b, asked, dive = found.evaluation, found.best, found.asked, found.asked.dive
     c = found.chosen
     parts = ", ".join(
         name if name.startswith(what) else f"{what} {name}"
@@ -109,7 +109,7 @@ def _battery(found: Sizing) -> str:
 
 def _spent(found: Sizing, index: int) -> dict[str, float]:
     return {
-        field.name: float(getattr(found.weighed.spent, field.name)[index])
+        field.name: float(getattr(found.evaluation.spent, field.name)[index])
         for field in dataclasses.fields(Budget) if field.name != "life"
     }  # fmt: skip
 
@@ -129,7 +129,7 @@ def sized_vehicle(found: Sizing) -> Vehicle:
     kept |= {
         "actuator": f"{source}; {', '.join(c.choices.values())}",
         "supply": f"{source}; {c.battery.name}, "
-        f"{rounded(float(found.weighed.battery_mass[found.best]), 2)} kg",
+        f"{rounded(float(found.evaluation.battery_mass[found.best]), 2)} kg",
         "loads": "asked for: --hotel and --surfacing",
         "driver": found.parts.provenance.get("driver", "as in the list of parts"),
         "stroke": "sized: " + ", ".join(
@@ -155,7 +155,7 @@ def sized_vehicle(found: Sizing) -> Vehicle:
             "actuator": _as_built(found),
             "supply": Supply(
                 voltage=c.supply, internal_resistance=c.supply * c.battery.resistance,
-                capacity=float(found.weighed.battery_energy[found.best]) * c.battery.usable,
+                capacity=float(found.evaluation.battery_energy[found.best]) * c.battery.usable,
                 cold_share=c.battery.cold_share, self_discharge=c.battery.self_discharge,
             ),
             "driver": found.batch.driver,
@@ -183,7 +183,9 @@ def _as_built(found: Sizing) -> PumpAndValve | ElectromechanicalActuator:
     n_h = actuator.drive.area_ratio
     return PumpAndValve(
         pump=DatasheetPump(
-            motor=actuator.motor, drive=actuator.drive, speed=float(found.weighed.speed[found.best])
+            motor=actuator.motor,
+            drive=actuator.drive,
+            speed=float(found.evaluation.speed[found.best]),
         ),
         valve=Valve(flow=asked.rate / math.sqrt(_EVACUATED)),
         internal_pressure=ATMOSPHERIC_PRESSURE - _EVACUATED,
@@ -193,7 +195,7 @@ def _as_built(found: Sizing) -> PumpAndValve | ElectromechanicalActuator:
 
 def columns(found: Sizing) -> dict[str, list[Any]]:
     """Return every drive that does the dive, lightest first, as columns of a table [n]."""
-    w = found.weighed
+    w = found.evaluation
     order = [int(i) for i in np.argsort(w.mass, kind="stable") if w.feasible[i]]
     names = [found.batch.of[index].choices for index in order]
     table: dict[str, list[Any]] = {key: [row.get(key, "") for row in names] for key in PARTS}
@@ -215,7 +217,7 @@ def columns(found: Sizing) -> dict[str, list[Any]]:
 
 def to_json(found: Sizing) -> dict[str, Any]:
     """Return the whole answer in SI units."""
-    w, asked = found.weighed, found.asked
+    w, asked = found.evaluation, found.asked
     return {
         "body": found.body.name,
         "water": found.column.source,
@@ -247,7 +249,7 @@ def to_json(found: Sizing) -> dict[str, Any]:
 
 
 def _one(found: Sizing, index: int) -> dict[str, Any]:
-    w = found.weighed
+    w = found.evaluation
     return {
         "parts": found.batch.of[index].choices,
         "mass": float(w.mass[index]),

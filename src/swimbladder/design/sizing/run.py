@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.design.sizing.candidates import Batch, Combination, combinations
-from swimbladder.design.sizing.needs import Dive, Needs, needs
+from swimbladder.design.sizing.evaluation import REQUIREMENTS, Evaluation, evaluate
 from swimbladder.design.sizing.parts import Parts, load_parts
-from swimbladder.design.sizing.weigh import REQUIREMENTS, Weighed, weigh
+from swimbladder.design.sizing.requirements import Dive, Requirements, requirements
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.hull import weight_mass
 from swimbladder.physics.seawater import Column, uniform_column
@@ -69,11 +69,11 @@ class Sizing:
 
     body: Vehicle
     column: Column
-    asked: Needs
+    asked: Requirements
     parts: Parts
     least: Least
     batch: Batch
-    weighed: Weighed
+    evaluation: Evaluation
     best: int
     pareto: list[int]
     choices: list[Choice]
@@ -111,23 +111,23 @@ def size(
     _check(body, dive, longest_travel, largest_mass)
     batch = combinations(parts, body.water)
 
-    def solve(wish: Dive) -> tuple[Needs, Weighed]:
+    def solve(wish: Dive) -> tuple[Requirements, Evaluation]:
         water = uniform_column(body.water, wish.depth * 1.001) if column is None else column
-        asked = needs(body, water, wish)
-        found = weigh(
+        asked = requirements(body, water, wish)
+        found = evaluate(
             batch, asked, body.water, longest_travel=longest_travel,
             largest_mass=min(largest_mass, weight_mass(body)),
             largest_stroke=_ROOM * body.hull.displaced_volume,
         )  # fmt: skip
         return asked, found
 
-    asked, weighed = solve(dive)
+    asked, evaluation = solve(dive)
     if advance is not None:
         advance(1.0)
-    score = _score(weighed, least)
-    if not np.any(weighed.feasible):
-        raise _none(batch, weighed, dive)
-    best = _best(batch, weighed, score)
+    score = _score(evaluation, least)
+    if not np.any(evaluation.feasible):
+        raise _none(batch, evaluation, dive)
+    best = _best(batch, evaluation, score)
     swept = []
     for what, factors in _SWEPT.items() if sweeps else ():
         swept.append(_sweep(what, factors, dive, column, solve, batch, least))
@@ -140,10 +140,10 @@ def size(
         parts=parts,
         least=least,
         batch=batch,
-        weighed=weighed,
+        evaluation=evaluation,
         best=best,
-        pareto=_pareto(weighed),
-        choices=_choices(batch, weighed, score),
+        pareto=_pareto(evaluation),
+        choices=_choices(batch, evaluation, score),
         sweeps=swept,
     )
 
@@ -166,36 +166,36 @@ def _check(body: Vehicle, dive: Dive, longest_travel: float, largest_mass: float
             )  # fmt: skip
 
 
-def _score(weighed: Weighed, least: Least) -> NDArray[np.float64]:
+def _score(evaluation: Evaluation, least: Least) -> NDArray[np.float64]:
     """What is to be small, infinite for what does not do; ties go to the lighter."""
-    first = weighed.mass if least == "mass" else weighed.cycle_energy + 1e-6 * weighed.mass
-    return np.where(weighed.feasible, first, np.inf)
+    first = evaluation.mass if least == "mass" else evaluation.cycle_energy + 1e-6 * evaluation.mass
+    return np.where(evaluation.feasible, first, np.inf)
 
 
-def _best(batch: Batch, weighed: Weighed, score: NDArray[np.float64]) -> int:
+def _best(batch: Batch, evaluation: Evaluation, score: NDArray[np.float64]) -> int:
     """The best; of those as good to 0.2 %, the one of the lowest supply and most of its voltage.
 
     Supply and winding hardly change mass and energy, but no driver runs well at a tenth of its
     voltage.
     """
     as_good = np.flatnonzero(score <= np.min(score) * _AS_GOOD)
-    order = np.lexsort((weighed.margins["voltage"][as_good], batch.supply[as_good, 0]))
+    order = np.lexsort((evaluation.margins["voltage"][as_good], batch.supply[as_good, 0]))
     return int(as_good[order[0]])
 
 
-def _pareto(weighed: Weighed) -> list[int]:
+def _pareto(evaluation: Evaluation) -> list[int]:
     """Candidates that no other beats in both mass and energy per cycle, lightest first."""
-    order = np.lexsort((weighed.cycle_energy, weighed.mass))
+    order = np.lexsort((evaluation.cycle_energy, evaluation.mass))
     front: list[int] = []
     least = math.inf
-    for index in order[weighed.feasible[order]]:
-        if weighed.cycle_energy[index] < least * (1.0 - 1e-9):
-            least = float(weighed.cycle_energy[index])
+    for index in order[evaluation.feasible[order]]:
+        if evaluation.cycle_energy[index] < least * (1.0 - 1e-9):
+            least = float(evaluation.cycle_energy[index])
             front.append(int(index))
     return front
 
 
-def _choices(batch: Batch, weighed: Weighed, score: NDArray[np.float64]) -> list[Choice]:
+def _choices(batch: Batch, evaluation: Evaluation, score: NDArray[np.float64]) -> list[Choice]:
     """The best drive with each part in it, or what is in the way of one."""
     members: dict[tuple[str, str], list[int]] = {}
     for index, combination in enumerate(batch.of):
@@ -207,9 +207,9 @@ def _choices(batch: Batch, weighed: Weighed, score: NDArray[np.float64]) -> list
         if math.isfinite(score[best]):
             found.append(Choice(what=what, name=name, index=best))
             continue
-        nearest = indices[int(np.argmax(weighed.worst[indices]))]
-        missing = min(weighed.margins, key=lambda m: weighed.margins[m][nearest])
-        margin = float(weighed.margins[missing][nearest])
+        nearest = indices[int(np.argmax(evaluation.worst[indices]))]
+        missing = min(evaluation.margins, key=lambda m: evaluation.margins[m][nearest])
+        margin = float(evaluation.margins[missing][nearest])
         found.append(Choice(what=what, name=name, index=-1, missing=missing, margin=margin))
     return found
 
@@ -219,7 +219,7 @@ def _sweep(
     factors: tuple[float, ...],
     dive: Dive,
     column: Column | None,
-    solve: Callable[[Dive], tuple[Needs, Weighed]],
+    solve: Callable[[Dive], tuple[Requirements, Evaluation]],
     batch: Batch,
     least: Least,
 ) -> Sweep:
@@ -230,14 +230,14 @@ def _sweep(
         value = max(round(value), 1) if what == "cycles" else value
         if what == "depth" and column is not None and value > column.deepest:
             continue
-        asked, weighed = solve(dataclasses.replace(dive, **{what: value}))
-        score = _score(weighed, least)
+        asked, evaluation = solve(dataclasses.replace(dive, **{what: value}))
+        score = _score(evaluation, least)
         best = int(np.argmin(score))
         done = math.isfinite(score[best])
         sweep.values.append(float(value))
         sweep.stroke.append(asked.stroke)
-        sweep.mass.append(float(weighed.mass[best]) if done else math.nan)
-        sweep.cycle_energy.append(float(weighed.cycle_energy[best]) if done else math.nan)
+        sweep.mass.append(float(evaluation.mass[best]) if done else math.nan)
+        sweep.cycle_energy.append(float(evaluation.cycle_energy[best]) if done else math.nan)
         sweep.drive.append(_brief(batch.of[best]) if done else "none")
     return sweep
 
@@ -249,19 +249,19 @@ def _brief(combination: Combination) -> str:
     return ", ".join(name for name in names if name != "none")
 
 
-def _none(batch: Batch, weighed: Weighed, dive: Dive) -> NoAnswerError:
+def _none(batch: Batch, evaluation: Evaluation, dive: Dive) -> NoAnswerError:
     """Say which requirement is in the way of the nearest drive, and what leaving it out gives."""
-    nearest = int(np.argmax(weighed.worst))
-    missing = min(weighed.margins, key=lambda m: weighed.margins[m][nearest])
+    nearest = int(np.argmax(evaluation.worst))
+    missing = min(evaluation.margins, key=lambda m: evaluation.margins[m][nearest])
     without = {}
     for name in REQUIREMENTS:
-        others = np.stack([m for other, m in weighed.margins.items() if other != name])
+        others = np.stack([m for other, m in evaluation.margins.items() if other != name])
         without[name] = np.min(others, axis=0) >= 1.0
     helps = [f"{name} ({met.sum()})" for name, met in without.items() if met.any()]
     if helps:  # what lacks one thing is nearer than what lacks a little of several
         missing = max(without, key=lambda name: int(without[name].sum()))
-        nearest = int(np.argmax(np.where(without[missing], weighed.margins[missing], -np.inf)))
-    short = float(weighed.margins[missing][nearest])
+        nearest = int(np.argmax(np.where(without[missing], evaluation.margins[missing], -np.inf)))
+    short = float(evaluation.margins[missing][nearest])
     alone = (
         "Left out one at a time, these requirements leave drives: " + ", ".join(helps)
         if helps

@@ -42,7 +42,7 @@ def draw_log(found: ActuatorIdentification, steps: Sequence[Step]) -> Figure:
         lower.plot(t[used], scale * step.residual[used], ".", ms=2.5, color=BLACK)
         if above and step.voltage is not None:
             above[0].step(t, step.voltage, where="post", color=BLUE, lw=1.2)
-    _left_out(steps, scale, upper)
+    _outliers(steps, scale, upper)
     left = np.concatenate([s.residual[s.used] for s in steps])
     band = 1.96 * scale * float(left.std())
     lower.axhspan(-band, band, color=SKY, alpha=0.3, lw=0.0, label="95 % of the noise")
@@ -58,7 +58,7 @@ def draw_log(found: ActuatorIdentification, steps: Sequence[Step]) -> Figure:
     return figure
 
 
-def _left_out(steps: Sequence[Step], scale: float, axes: Axes) -> None:
+def _outliers(steps: Sequence[Step], scale: float, axes: Axes) -> None:
     """Mark the samples left out, those beyond the axis at its edge."""
     out = [(s.time[~s.used], s.position[~s.used]) for s in steps if not s.used.all()]
     if out:

@@ -44,9 +44,9 @@ def draw_ballasting(found: Ballasting) -> Figure:
         )  # fmt: skip
         density.plot(column.density, column.depth, color=color)
         temperature.plot(column.temperature, column.depth, color=color)
-    if found.wish.neutral_depth is not None:
+    if found.target.neutral_depth is not None:
         volume.plot(
-            [1e6 * found.wish.volume], [found.wish.neutral_depth], "o", color=GREY, ms=6,
+            [1e6 * found.target.volume], [found.target.neutral_depth], "o", color=GREY, ms=6,
             label="to be neutral here",
         )  # fmt: skip
     volume.set_xlabel("volume of the drive [cm³], 0 at mid-stroke")

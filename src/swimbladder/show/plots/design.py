@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from swimbladder.design.experiments import Design
-from swimbladder.design.experiments.weigh import Weighed
+from swimbladder.design.experiments.evaluation import EvaluatedSet
 from swimbladder.show.plots.style import (
     BLACK,
     BLUE,
@@ -111,10 +111,10 @@ def _after(design: Design, axes: Axes) -> None:
     sets = [(design.chosen, "-", "o", "planned")]
     if design.against is not None:
         sets.append((design.against, "--", "s", design.rival))
-    for weighed, line, marker, label in sets:
-        time = _times(weighed, design.setting.settling)
+    for evaluated, line, marker, label in sets:
+        time = _times(evaluated, design.setting.settling)
         for name, color in zip(names, _COLORS, strict=False):
-            shares = [np.nan if a[name] is None else a[name] for a in weighed.after]
+            shares = [np.nan if a[name] is None else a[name] for a in evaluated.after]
             axes.plot(time, 100.0 * np.array(shares, float), line, color=color, marker=marker,
                       ms=3.5, lw=1.2, label=f"{_symbol(name)}, {label}")  # fmt: skip
     axes.set_yscale("log")
@@ -142,8 +142,8 @@ def _sizes(design: Design, axes: Axes) -> None:
     plain_log_ticks(axes, "x", "y")
 
 
-def _times(weighed: Weighed, settling: float) -> np.ndarray:
-    each = [settling + flight.duration for flight in weighed.flights]
+def _times(evaluated: EvaluatedSet, settling: float) -> np.ndarray:
+    each = [settling + flight.duration for flight in evaluated.flights]
     result: np.ndarray = np.cumsum(each) / 60.0
     return result
 

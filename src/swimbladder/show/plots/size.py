@@ -24,7 +24,7 @@ from swimbladder.show.plots.style import (
 )
 from swimbladder.units import rounded
 
-__all__ = ["draw_candidates", "draw_parts", "draw_wishes"]
+__all__ = ["draw_candidates", "draw_parts", "draw_requirements"]
 
 Array = NDArray[np.float64]
 _WIDEST = 5.0  # of the lightest: heavier bars are cut, and their mass written
@@ -32,7 +32,7 @@ _ABOVE = 1.08  # of the largest, so that its marker is whole; the stroke's lies 
 _APART = 1.25
 _SHOWN = 12.0  # times the lightest, and times the least energy: what is beyond is only counted
 
-_WISHES = {
+_REQUIREMENTS = {
     "depth": ("depth [m]", 1.0),
     "turn_time": ("turn time at depth [min]", 60.0),
     "speed": ("speed down and up [m/s]", 1.0),
@@ -44,7 +44,7 @@ _WISHES = {
 @styled
 def draw_candidates(found: Sizing) -> Figure:
     """Return mass of drive and battery against energy per cycle of every drive that does it."""
-    w = found.weighed
+    w = found.evaluation
     figure = Figure(figsize=(7.0, 4.6))
     axes = figure.add_subplot()
     screw = np.array([c.pump is None for c in found.batch.of])
@@ -93,7 +93,7 @@ def _frame(axes: Axes, mass: Array, energy: Array) -> int:
 @styled
 def draw_parts(found: Sizing) -> Figure:
     """Return the best mass with each part in the drive, all others free, and why there is none."""
-    w = found.weighed
+    w = found.evaluation
     kinds = [k for k in PARTS if any(c.what == k for c in found.choices)]
     rows = [
         c for kind in kinds for c in sorted(
@@ -147,7 +147,7 @@ def _label(what: str, name: str) -> str:
 
 
 @styled
-def draw_wishes(found: Sizing) -> Figure:
+def draw_requirements(found: Sizing) -> Figure:
     """Return what each wish costs: the least mass and its stroke as depth, time, ... change.
 
     Behind them where the chosen drive's battery goes.
@@ -157,7 +157,7 @@ def draw_wishes(found: Sizing) -> Figure:
     figure = Figure(figsize=(10.5, 2.9 * math.ceil(count / 3)))
     panels = list(figure.subplots(math.ceil(count / 3), 3, squeeze=False).flat)
     for axes, sweep in zip(panels, sweeps, strict=False):
-        _wish(axes, sweep, getattr(found.asked.dive, sweep.what))
+        _requirement(axes, sweep, getattr(found.asked.dive, sweep.what))
     _spent(panels[len(sweeps)], found)
     for axes in panels[count:]:
         axes.set_visible(False)
@@ -167,8 +167,8 @@ def draw_wishes(found: Sizing) -> Figure:
 
 def _spent(axes: Axes, found: Sizing) -> None:
     """Draw what becomes of the battery's energy."""
-    budget, best, dive = found.weighed.spent, found.best, found.asked.dive
-    drive = dive.cycles * found.weighed.cycle_energy[best] - budget.driver_loss[best]
+    budget, best, dive = found.evaluation.spent, found.best, found.asked.dive
+    drive = dive.cycles * found.evaluation.cycle_energy[best] - budget.driver_loss[best]
     driver = budget.driver_loss[best] + budget.driver_standby[best]
     bars = {
         "drive": drive, "driver": driver, "hotel": budget.drawn[best] - drive - driver,
@@ -185,8 +185,8 @@ def _spent(axes: Axes, found: Sizing) -> None:
     axes.set_xlabel("of the chosen battery [Wh] (orange: not drawn)")
 
 
-def _wish(axes: Axes, sweep: Sweep, asked: float) -> None:
-    name, unit = _WISHES[sweep.what]
+def _requirement(axes: Axes, sweep: Sweep, asked: float) -> None:
+    name, unit = _REQUIREMENTS[sweep.what]
     x = np.array(sweep.values) / unit
     axes.plot(x, sweep.mass, color=BLUE, marker="o", label="mass [kg]")
     axes.set_xlabel(name)

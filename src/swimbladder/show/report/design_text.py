@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from swimbladder.design.experiments import Design
+from swimbladder.design.experiments.conditions import Release, Turn
 from swimbladder.design.experiments.findings import percent
-from swimbladder.design.experiments.setting import Release, Turn
 
 __all__ = ["comparison", "headlines", "instruction", "moves", "volume"]
 
@@ -51,8 +51,8 @@ def headlines(design: Design) -> list[str]:
     """Return how long it takes, and the predicted standard errors."""
     w = design.chosen
     count = len(w.releases)
-    told = w.prediction
-    errors = ", ".join(f"{name} {percent(share)}" for name, share in told.share.items())
+    prediction = w.prediction
+    errors = ", ".join(f"{name} {percent(share)}" for name, share in prediction.share.items())
     return [
         f"{count} experiment{'s' if count > 1 else ''} in {w.time / 60.0:.0f} min, "
         f"{design.setting.settling / 60.0:.1f} min of settling before each included.",

@@ -18,7 +18,7 @@ from swimbladder.design.energy import (
     efficiency_bands,
     run_columns,
 )
-from swimbladder.design.energy.sentences import fit_sentences
+from swimbladder.design.energy.messages import fit_sentences
 from swimbladder.io.files import publish, write_atomically
 from swimbladder.io.tables import write_csv
 from swimbladder.io.vehicle_file import vehicle_file
@@ -98,7 +98,7 @@ def fit_json(fit: PumpFit) -> dict[str, Any]:
     """Return the numbers of a fit: parameters with their 95 %, and the dives."""
     return {
         "runs": int(fit.kept.sum()),
-        "left_out": int((~fit.kept).sum()),
+        "excluded": int((~fit.kept).sum()),
         "clusters": fit.clusters,
         "power_rms_W": fit.power_rms,
         "volume_rms_m3": fit.volume_rms,
@@ -115,7 +115,7 @@ def fit_json(fit: PumpFit) -> dict[str, Any]:
         "efficiency": [
             {
                 "runs": b.runs, "pressure_Pa": b.pressure, "volume_m3": b.volume,
-                "energy_J": b.energy, "efficiency": b.efficiency, "told": b.told,
+                "energy_J": b.energy, "efficiency": b.efficiency, "fitted_efficiency": b.fitted,
             }
             for b in efficiency_bands(fit)
         ],

@@ -21,21 +21,21 @@ from swimbladder.io.log_text import MOST_BYTES
 from swimbladder.io.logs import Log, read_log
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Growth", "Tail", "samples_of"]
+__all__ = ["GrowingLog", "Growth", "samples_of"]
 
 _EARLY = 20  # lines, up to which a log that cannot be read may just not be there yet
 _ENDS = (b"\n", b"\r")
 
 
 class Growth(NamedTuple):
-    """What a look at the file found. new: the log is another one than before."""
+    """What a read of the file found. new: the log is another one than before."""
 
     samples: list[Sample]
     new: bool
     state: Literal["missing", "still", "grown"]
 
 
-class Tail:
+class GrowingLog:
     """Reads what a logger has written so far, in bursts, cut or begun anew as it may be.
 
     The whole of the file is read each time it has grown, by the same reader as everywhere, so that
@@ -55,7 +55,7 @@ class Tail:
         self._data = b""
         self._known: NDArray[np.float64] = np.empty((0, 3))
 
-    def look(self) -> Growth:
+    def read_new(self) -> Growth:
         """Return what is new; raises LogError where the file is no such log."""
         try:
             data = read_at_most(self.path, MOST_BYTES)

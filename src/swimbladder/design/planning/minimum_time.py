@@ -8,9 +8,15 @@ from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
 
-from swimbladder.design.planning.course import AGREE, Course, resting, settle_course, stretched
+from swimbladder.design.planning.linear_program import Answer, Goal, Near, scale_of, solve
 from swimbladder.design.planning.motion import Steps
-from swimbladder.design.planning.programme import Answer, Goal, Near, scale_of, solve
+from swimbladder.design.planning.nominal_trajectory import (
+    AGREE,
+    NominalTrajectory,
+    resting,
+    settle,
+    stretched,
+)
 from swimbladder.design.planning.task import Task, task_of
 from swimbladder.errors import NoAnswerError
 from swimbladder.vehicle import Vehicle
@@ -42,7 +48,7 @@ class Found(NamedTuple):
 
     least: LeastTime
     rest: int
-    course: Course
+    nominal: NominalTrajectory
 
 
 def least_time(
@@ -70,33 +76,33 @@ def search_least(
 ) -> Found:
     """Return the least time and the course that takes it, by bisection; advance: as in `plan`."""
     tell = advance or (lambda _: None)
-    course = resting(1)
+    nominal = resting(1)
 
     def slack(n: int, end: int, relaxed: str, agree: float) -> Answer:
-        nonlocal course
+        nonlocal nominal
         goal = Goal(near=n if relaxed == "near" else None, rest=end, relaxed=relaxed)
 
         def program(steps: Steps, near: Near) -> Answer | None:
             tell(1.0)
             return solve(task, steps, goal, near)
 
-        answer, settled = settle_course(task, program, stretched(course, end), agree=agree)
+        answer, settled = settle(task, program, stretched(nominal, end), agree=agree)
         if answer is None:
             raise NoAnswerError(
                 "no motion is within the limits at all: leave less margin, or allow more speed"
             )
         if answer.objective <= _HOLDS:
-            course = settled
+            nominal = settled
         return answer
 
     high = _reached(task, lambda n, agree: slack(n, n, "rest", agree))
     at_rest, missed = _bisect(lambda n, agree: slack(n, n, "rest", agree), high // 2, high)
     if rest:
-        return Found(_least(task, at_rest, missed, 1.0), at_rest, stretched(course, at_rest))
+        return Found(_least(task, at_rest, missed, 1.0), at_rest, stretched(nominal, at_rest))
     end = min(math.ceil(_TAIL * at_rest), MOST_SAMPLES)
     settled, missed = _bisect(lambda n, agree: slack(n, end, "near", agree), 0, at_rest)
     size = float(scale_of(task).state[2])
-    return Found(_least(task, settled, missed, size), end, stretched(course, end))
+    return Found(_least(task, settled, missed, size), end, stretched(nominal, end))
 
 
 def _reached(task: Task, slack: Callable[[int, float], Answer]) -> int:

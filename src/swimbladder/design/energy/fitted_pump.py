@@ -1,4 +1,4 @@
-"""A vehicle with the pump that runs told, at its own battery's voltage."""
+"""A vehicle with the pump identified from runs, at its own battery's voltage."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def voltage_factor(supply: Supply | None, fit: PumpFit) -> float:
 
 
 def fitted_vehicle(vehicle: Vehicle, fit: PumpFit) -> Vehicle:
-    """Return a pump-and-valve vehicle with the pump that runs told.
+    """Return a pump-and-valve vehicle with the pump identified from runs.
 
     A slip, start loss or warmth below 0 is not distinguishable from none, and taken as 0. Without
     measured volumes delivery, slip and start loss stay, where the vehicle has a power law.
@@ -45,20 +45,20 @@ def fitted_vehicle(vehicle: Vehicle, fit: PumpFit) -> Vehicle:
     a = vehicle.actuator
     assert isinstance(a, PumpAndValve)
     old = a.pump if isinstance(a.pump, PowerLawPump) else None
-    told = "delivery" in fit.parameters
-    assert told or old is not None
+    known = "delivery" in fit.parameters
+    assert known or old is not None
     lack = ATMOSPHERIC_PRESSURE - a.internal_pressure
     factor = voltage_factor(vehicle.supply, fit)
     slip, per_pressure = max(fit.value("slip"), 0.0), max(fit.value("power_per_pressure"), 0.0)
     per_pressure, delivery = factor * per_pressure, factor * fit.value("delivery")
     pump = PowerLawPump(
-        delivery=delivery + slip * lack if told or old is None else old.delivery,
-        slip=slip if told or old is None else old.slip,
+        delivery=delivery + slip * lack if known or old is None else old.delivery,
+        slip=slip if known or old is None else old.slip,
         idle_power=factor * fit.value("idle_power") - per_pressure * lack,
         power_per_pressure=per_pressure,
         power_per_temperature=factor * min(fit.value("power_per_temperature"), 0.0),
         stall_pressure=None if old is None else old.stall_pressure,
     )
-    start = max(fit.value("start_volume"), 0.0) if told else a.start_volume
+    start = max(fit.value("start_volume"), 0.0) if known else a.start_volume
     actuator = a.model_copy(update={"pump": pump, "start_volume": start})
     return vehicle.model_copy(update={"actuator": actuator})

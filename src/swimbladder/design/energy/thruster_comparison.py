@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.energy.chain import DriveEnergy
+from swimbladder.design.energy.energy_per_volume import DriveEnergy
 from swimbladder.design.energy.thruster import Thruster
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import drag_force
@@ -29,7 +29,7 @@ from swimbladder.physics.hull import neutral_volume
 __all__ = ["Hovering", "Profiling", "hovering", "profiling"]
 
 Array = NDArray[np.float64]
-_POINTS = 200  # depths at which a dive is reckoned
+_POINTS = 200  # depths at which a dive is computed
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -77,7 +77,7 @@ def of_fit(fit: ExperimentFit, neutral_std: float) -> tuple[float, str]:
     if neutral >= drift:
         return neutral, (
             f"it did not start neutral but {1e6 * e.value:+.2g} +- {1e6 * e.std:.1g} cm3 off, "
-            f"where {1e6 * neutral_std:.2g} cm3 is reckoned with. Rest longer before the release, "
+            f"where {1e6 * neutral_std:.2g} cm3 is assumed. Rest longer before the release, "
             "clear of bottom and surface"
         )
     return drift, (

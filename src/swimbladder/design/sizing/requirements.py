@@ -15,7 +15,7 @@ from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Dive", "Needs", "needs"]
+__all__ = ["Dive", "Requirements", "requirements"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +107,7 @@ _NOT_NEGATIVE = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Needs:
+class Requirements:
     """What a dive asks of the drive.
 
     depth [m], pressure [Pa] and moved [m3]: where in a cycle how much volume has to be pressed
@@ -149,7 +149,7 @@ class Needs:
         }
 
 
-def needs(body: Vehicle, column: Column, dive: Dive) -> Needs:
+def requirements(body: Vehicle, column: Column, dive: Dive) -> Requirements:
     """Return what a dive of a body through a column of water asks of its drive.
 
     The stroke covers: the neutral volume from the surface to the depth; the volume that drives the
@@ -186,7 +186,7 @@ def needs(body: Vehicle, column: Column, dive: Dive) -> Needs:
     moved[:-1] += np.maximum(-change, 0.0)  # on the way up
     moved[0] += max(dive.freeboard - up, 0.0)
     way = column.temperature[column.depth <= dive.depth]
-    return Needs(
+    return Requirements(
         dive=dive,
         coldest=float(way.min()) if dive.coldest is None else dive.coldest,
         depth=grid,

@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from swimbladder.design.experiments.choose import Table, choose, criterion, in_order
-from swimbladder.design.experiments.draws import doubt, vehicles
+from swimbladder.design.experiments.conditions import Release
+from swimbladder.design.experiments.draws import covariance_of, vehicles
 from swimbladder.design.experiments.library import releases, rounded, sizes
-from swimbladder.design.experiments.setting import Release
+from swimbladder.design.experiments.selection import Table, choose, criterion, in_order
 from swimbladder.errors import InputError
 from swimbladder.estimation.motion import Prior
 from swimbladder.vehicle import Identified
@@ -95,7 +95,7 @@ def logs(values):
 
 
 def test_the_vehicles_have_the_mean_and_the_covariance_of_what_is_in_doubt(vehicle, question):
-    S = doubt(question, vehicle, None)
+    S = covariance_of(question, vehicle, None)
     assert np.sqrt(np.diag(S)) == pytest.approx([0.3, 0.3, 0.3])
     S[0, 1] = S[1, 0] = 0.05
     found = np.array([logs(v) for v in vehicles(question, S)])
@@ -110,13 +110,15 @@ def test_what_is_known_of_a_vehicle_is_not_in_doubt(vehicle, question):
         names=("psi", "K2"), values=(4.04e-6, 7935.54),
         covariance=((4.04e-8**2, 0.5 * 4.04e-8 * 79.3554), (0.5 * 4.04e-8 * 79.3554, 79.3554**2)),
     )  # fmt: skip
-    told = vehicle.model_copy(update={"identified": known})
-    S = doubt(question, told, None)
+    fisher_information = vehicle.model_copy(update={"identified": known})
+    S = covariance_of(question, fisher_information, None)
     assert np.sqrt(np.diag(S)) == pytest.approx([0.01, 0.3, 0.01])
     assert S[0, 2] == pytest.approx(0.5e-4)
-    assert np.sqrt(np.diag(doubt(question, told, 0.2))) == pytest.approx([0.2] * 3)
+    assert np.sqrt(np.diag(covariance_of(question, fisher_information, 0.2))) == pytest.approx(
+        [0.2] * 3
+    )
     prior = question._replace(priors={"psi": Prior(2e-6, 1e-7)})
-    S = doubt(prior, told, None)
+    S = covariance_of(prior, fisher_information, None)
     # In shares of what counts as a whole: 1e-4 of the hull's volume a metre.
     assert S[2] == pytest.approx([0.0, 0.0, (1e-7 / 2.75e-6) ** 2])
     assert prior.values["psi"] == 2e-6

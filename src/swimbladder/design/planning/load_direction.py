@@ -12,58 +12,63 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from swimbladder.design.planning.course import Course, Program, backward, settle_course
-from swimbladder.design.planning.programme import Answer, Flags
+from swimbladder.design.planning.linear_program import Answer, Flags
+from swimbladder.design.planning.nominal_trajectory import (
+    NominalTrajectory,
+    Program,
+    backward,
+    settle,
+)
 from swimbladder.design.planning.task import Task
 from swimbladder.errors import NoAnswerError
 
-__all__ = ["best_sides"]
+__all__ = ["best_load_direction"]
 
 _STRIDES = (12, 4, 1)  # samples by which an edge is moved
 _BETTER = 1e-6  # the share that is less
 _WORTH = 1e-6  # of the largest price, below which a sample is where it wants to be
 
 
-def best_sides(task: Task, program: Program, course: Course) -> Answer | None:
+def best_load_direction(task: Task, program: Program, nominal: NominalTrajectory) -> Answer | None:
     """Return the answer whose sides no turn betters, from those of a course; None: there is none.
 
-    Raises NoAnswerError as `settle_course` does.
+    Raises NoAnswerError as `settle` does.
     """
-    back = backward(course)
-    answer, course = settle_course(task, program, course, back=back)
+    back = backward(nominal)
+    answer, nominal = settle(task, program, nominal, back=back)
     if answer is None:  # not on these sides: begin with any that there are
-        free, course = settle_course(task, program, course)
+        free, nominal = settle(task, program, nominal)
         if free is None:
             return None
-        back = backward(course)
-        answer, course = settle_course(task, program, course, back=back)
+        back = backward(nominal)
+        answer, nominal = settle(task, program, nominal, back=back)
         if answer is None:
             return free
-    found = _Sides(task, program, answer, course, back)
+    found = _LoadDirections(task, program, answer, nominal, back)
     while found.move_edges() or found.turn_priced():
         pass
     return found.answer
 
 
-class _Sides:
+class _LoadDirections:
     """The best answer so far, its course, and the sides [n] that it is for."""
 
     def __init__(
-        self, task: Task, program: Program, answer: Answer, course: Course, back: Flags
+        self, task: Task, program: Program, answer: Answer, nominal: NominalTrajectory, back: Flags
     ) -> None:
         self.task, self.program = task, program
-        self.answer, self.course, self.back = answer, course, back
+        self.answer, self.nominal, self.back = answer, nominal, back
 
     def betters(self, back: Flags) -> bool:
         """Try other sides, and keep them where they take less."""
         try:
-            answer, course = settle_course(self.task, self.program, self.course, back=back)
+            answer, nominal = settle(self.task, self.program, self.nominal, back=back)
         except NoAnswerError:
             return False
         enough = self.answer.objective - _BETTER * abs(self.answer.objective)
         if answer is None or answer.objective >= enough:
             return False
-        self.answer, self.course, self.back = answer, course, back
+        self.answer, self.nominal, self.back = answer, nominal, back
         return True
 
     def move_edges(self) -> bool:

@@ -12,7 +12,7 @@ from swimbladder.errors import InputError, NoAnswerError
 __all__ = ["FEWEST", "PumpRuns", "check_groups", "check_runs", "usable_runs"]
 
 Array = NDArray[np.float64]
-FEWEST = 3  # dives, or runs where no dives are told apart: fewer leave no spread to be known
+FEWEST = 3  # dives, or runs without dives: fewer leave no spread to be known
 _DEEP = 2e5  # Pa: nearer to the surface the hydraulic work is next to none
 
 
@@ -68,13 +68,13 @@ def check_groups(runs: PumpRuns, kept: NDArray[np.bool_], groups: Array) -> None
     what = "runs" if runs.dive is None else "dives"
     if len(groups) < FEWEST:
         raise NoAnswerError(
-            f"{len(groups)} {what} with duration, pressure and power are too few to tell how sure "
+            f"{len(groups)} {what} with duration, pressure and power are too few to show how sure "
             f"a power law is: log {FEWEST} or more"
         )
     span = float(np.ptp(runs.pressure[kept]))
     if span < 1e4:
         raise NoAnswerError(
-            f"all runs are within {span / 1e4:.2g} dbar: nothing tells how power and delivery "
+            f"all runs are within {span / 1e4:.2g} dbar: nothing shows how power and delivery "
             "depend on pressure. Log runs at several depths"
         )
     if np.any(runs.pressure[kept] < -2e5) or np.any(runs.pressure[kept] > 1.2e8):

@@ -12,13 +12,13 @@ from swimbladder.control.registry import bind
 from swimbladder.errors import InputError
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
-__all__ = ["Hands", "hands_of"]
+__all__ = ["ManualDrive", "manual_drive_of"]
 
 _NEAR = 0.002  # of the stroke, that counts as there
 _SLOW = 120.0  # s, after which a move counts as over
 
 
-class Hands(Protocol):
+class ManualDrive(Protocol):
     """Moves the piston, and keeps it where it is."""
 
     def stay(self, seen: Measurement) -> None:
@@ -104,7 +104,7 @@ class _Direct:
         return self._volume
 
 
-def hands_of(vehicle: Vehicle) -> Hands:
+def manual_drive_of(vehicle: Vehicle) -> ManualDrive:
     """Return what moves the piston of a vehicle with a controller.
 
     Raises InputError where nothing known can: a voltage-driven one without a cascade.

@@ -1,4 +1,4 @@
-"""A set of releases weighed: what it tells, of which vehicles, after how many, and how surely."""
+"""A set of releases evaluated: predicted errors, for which vehicles, after how many releases."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.design.experiments.conditions import Passing, Ramps, Release, Setting, Turn
+from swimbladder.design.experiments.fisher_information import Question, fisher_information
 from swimbladder.design.experiments.flight import Flight, follow
-from swimbladder.design.experiments.knowledge import Question, told
-from swimbladder.design.experiments.left_out import (
-    LeftOut,
+from swimbladder.design.experiments.omitted_variables import (
+    OmittedVariable,
     without_drift,
     without_psi,
     without_trim,
 )
 from swimbladder.design.experiments.predict import Prediction, predict
-from swimbladder.design.experiments.setting import Passing, Ramps, Release, Setting, Turn
 
-__all__ = ["Curve", "Weighed", "curve", "deeper", "weigh"]
+__all__ = ["Curve", "EvaluatedSet", "curve", "deeper", "evaluate"]
 
 Array = NDArray[np.float64]
 _NOT_YET = 3.0  # of a parameter: nothing is known of it
@@ -29,26 +29,26 @@ _PLACE = 0.35  # of the way, where to-and-fro releases of the curve turn
 
 
 @dataclass(frozen=True, kw_only=True)
-class Weighed:
-    """A set of releases with what it tells of the vehicle as given, and of others.
+class EvaluatedSet:
+    """A set of releases with its predicted errors for the given vehicle, and for others.
 
     time: pool time [s], settling included. spread: least and largest share of each parameter's
-    error, drift included, over the vehicles that it may be. after: the same shares once each
+    error, drift included, over the parameter region. after: the same shares once each
     release is done, None where not yet known. partial: of each release, in how many of the vehicles
     not all its moves happen. psi, trim, drift: what leaving them out does.
     """
 
     releases: tuple[Release, ...]
     flights: tuple[Flight, ...]
-    others: tuple[tuple[Flight, ...], ...]  # of each vehicle that it may be
+    others: tuple[tuple[Flight, ...], ...]  # of each vehicle of the parameter region
     time: float
     prediction: Prediction
     spread: dict[str, tuple[float, float]]
     after: tuple[dict[str, float | None], ...]
     partial: tuple[int, ...]
-    psi: LeftOut | None
-    trim: LeftOut | None
-    drift: LeftOut
+    psi: OmittedVariable | None
+    trim: OmittedVariable | None
+    drift: OmittedVariable
 
     @property
     def largest(self) -> float:
@@ -56,10 +56,10 @@ class Weighed:
         return max(self.prediction.share.values())
 
 
-def weigh(
+def evaluate(
     releases: Sequence[Release], question: Question, setting: Setting, ramps: Ramps,
     vehicles: Sequence[Mapping[str, float]],
-) -> Weighed:  # fmt: skip
+) -> EvaluatedSet:  # fmt: skip
     """Return a set of releases with all that can be said of it beforehand."""
     flights = [follow(r, question.model, question.values, ramps, setting) for r in releases]
     others = [[follow(r, question.model, v, ramps, setting) for r in releases] for v in vehicles]
@@ -69,7 +69,7 @@ def weigh(
             for flights_of, v in zip(others, vehicles, strict=True)
         ]
     )
-    return Weighed(
+    return EvaluatedSet(
         releases=tuple(releases), flights=tuple(flights),
         others=tuple(tuple(flights_of) for flights_of in others),
         time=sum(f.duration + setting.settling for f in flights),
@@ -96,12 +96,12 @@ def _after(
     flights: Sequence[Flight], question: Question, values: Mapping[str, float], setting: Setting
 ) -> list[Array]:
     """Return the shares of all parameters after each of the records."""
-    known = [told(flight, question, values, setting) for flight in flights]
+    known = [fisher_information(flight, question, values, setting) for flight in flights]
     gain, found = question.prior() + 1e-9 * np.eye(len(question.names)), []
     drift = np.zeros_like(gain)
-    for knowledge in known:
-        gain = gain + knowledge.gain
-        drift = drift + setting.drift_std**2 * np.outer(knowledge.drift, knowledge.drift)
+    for information in known:
+        gain = gain + information.gain
+        drift = drift + setting.drift_std**2 * np.outer(information.drift, information.drift)
         C = np.linalg.inv(gain)
         found.append(np.sqrt(np.diag(C + C @ drift @ C)))
     return found
@@ -119,7 +119,7 @@ class Curve:
 
     @property
     def best_step(self) -> float:
-        """The size of single steps beyond which a larger one tells less [m3]."""
+        """The size of single steps beyond which a larger one is less informative [m3]."""
         return float(self.sizes[int(np.argmin(self.steps))])
 
 
@@ -147,7 +147,7 @@ def _repeated(
     """Return the largest share if releases are repeated for a time."""
     values = question.values
     flights = [follow(r, question.model, values, ramps, setting) for r in pair]
-    known = [told(f, question, values, setting) for f in flights]
+    known = [fisher_information(f, question, values, setting) for f in flights]
     times = time / sum(f.duration + setting.settling for f in flights)
     gain = times * sum(k.gain for k in known) + question.prior()
     drift = times * sum(np.outer(k.drift, k.drift) for k in known) * setting.drift_std**2

@@ -9,18 +9,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.design.experiments.conditions import Setting
+from swimbladder.design.experiments.fisher_information import Question, problem_of
 from swimbladder.design.experiments.flight import Flight
-from swimbladder.design.experiments.knowledge import Question, problem_of
-from swimbladder.design.experiments.setting import Setting
 from swimbladder.estimation.motion.fit import refine
 from swimbladder.estimation.motion.problem import VOLUME, Problem
 
-__all__ = ["LeftOut", "without_drift", "without_psi", "without_trim"]
+__all__ = ["OmittedVariable", "without_drift", "without_psi", "without_trim"]
 
 Array = NDArray[np.float64]
 
 
-class LeftOut(NamedTuple):
+class OmittedVariable(NamedTuple):
     """A bias in shares of the parameters, by name: linearised, and by a refit where one is made.
 
     rms: what the refit leaves over [m], noise included; nan without one.
@@ -31,7 +31,9 @@ class LeftOut(NamedTuple):
     rms: float
 
 
-def without_psi(flights: Sequence[Flight], question: Question, setting: Setting) -> LeftOut | None:
+def without_psi(
+    flights: Sequence[Flight], question: Question, setting: Setting
+) -> OmittedVariable | None:
     """Return what happens to the others if psi is taken for 0; None where it is, or all there is.
 
     The linearised bias is J^+ times what psi does to the depths; the refit is the fit of
@@ -51,14 +53,16 @@ def without_psi(flights: Sequence[Flight], question: Question, setting: Setting)
     p = problem.shared
     moved = step[:p] * problem.per_entry(x) / size
     refitted = (np.array([problem.value(found.x, i) for i in range(p)]) - true) / size
-    return LeftOut(
+    return OmittedVariable(
         linear=dict(zip(others, moved.tolist(), strict=True)),
         refit=dict(zip(others, refitted.tolist(), strict=True)),
         rms=math.sqrt(float(np.average(found.residual**2, weights=found.weight))),
     )
 
 
-def without_trim(flights: Sequence[Flight], question: Question, setting: Setting) -> LeftOut | None:
+def without_trim(
+    flights: Sequence[Flight], question: Question, setting: Setting
+) -> OmittedVariable | None:
     """Return the bias if every neutral volume is off the same way, by its standard deviation.
 
     None where nothing is known of neutral volumes, so that nothing can be wrong.
@@ -71,7 +75,9 @@ def without_trim(flights: Sequence[Flight], question: Question, setting: Setting
     return _linear(problem, x, step, question)
 
 
-def without_drift(flights: Sequence[Flight], question: Question, setting: Setting) -> LeftOut:
+def without_drift(
+    flights: Sequence[Flight], question: Question, setting: Setting
+) -> OmittedVariable:
     """Return the bias if every neutral volume drifts the same way, by its standard deviation."""
     problem, x = _at_the_truth(flights, question, setting)
     J = problem.slope(x)
@@ -105,7 +111,7 @@ def _pseudo_inverse(problem: Problem, x: Array, setting: Setting) -> Array:
     return inverse[:, : len(J)]
 
 
-def _linear(problem: Problem, x: Array, step: Array, question: Question) -> LeftOut:
+def _linear(problem: Problem, x: Array, step: Array, question: Question) -> OmittedVariable:
     size = np.array([question.size(name) for name in problem.names])
     moved = step[: problem.shared] * problem.per_entry(x) / size
-    return LeftOut(dict(zip(problem.names, moved.tolist(), strict=True)), {}, math.nan)
+    return OmittedVariable(dict(zip(problem.names, moved.tolist(), strict=True)), {}, math.nan)

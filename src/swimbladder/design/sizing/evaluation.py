@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swimbladder.design.sizing.budget import Budget, budget
 from swimbladder.design.sizing.candidates import Batch
-from swimbladder.design.sizing.needs import Needs
+from swimbladder.design.sizing.requirements import Requirements
 from swimbladder.physics.electric import (
     electrical_power,
     largest_voltage,
@@ -22,7 +22,7 @@ from swimbladder.physics.electric import (
 from swimbladder.physics.steady_drives import terminal_power
 from swimbladder.vehicle import Water
 
-__all__ = ["REQUIREMENTS", "Weighed", "weigh"]
+__all__ = ["REQUIREMENTS", "Evaluation", "evaluate"]
 
 _PACES = (1.0, 2.0, 4.0, 8.0)
 
@@ -44,7 +44,7 @@ REQUIREMENTS = {
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Weighed:
+class Evaluation:
     """Candidates against requirements, arrays [n].
 
     margins: what a candidate can over what is asked, by requirement; at least 1 is good enough.
@@ -85,15 +85,15 @@ class Weighed:
         return self.worst >= 1.0
 
 
-def weigh(
+def evaluate(
     batch: Batch,
-    asked: Needs,
+    asked: Requirements,
     water: Water,
     *,
     longest_travel: float,
     largest_mass: float = math.inf,
     largest_stroke: float = math.inf,
-) -> Weighed:
+) -> Evaluation:
     """Return how each candidate meets what is asked, at the pace that makes it lightest.
 
     A pace is a multiple of the wanted rate: a faster motor holds its load for a shorter time, until
@@ -112,7 +112,7 @@ def weigh(
     return _picked(paces, which)
 
 
-def _picked(paces: list[Weighed], which: NDArray[np.int64]) -> Weighed:
+def _picked(paces: list[Evaluation], which: NDArray[np.int64]) -> Evaluation:
     """Return of each candidate what it is at its own pace."""
     lanes = np.arange(len(which))
 
@@ -122,7 +122,7 @@ def _picked(paces: list[Weighed], which: NDArray[np.int64]) -> Weighed:
 
     numbers: dict[str, Any] = {
         field.name: pick([getattr(p, field.name) for p in paces])
-        for field in dataclasses.fields(Weighed)
+        for field in dataclasses.fields(Evaluation)
         if field.name not in ("margins", "spent")
     }
     numbers["spent"] = Budget(
@@ -132,12 +132,12 @@ def _picked(paces: list[Weighed], which: NDArray[np.int64]) -> Weighed:
         }
     )
     margins = {name: pick([p.margins[name] for p in paces]) for name in paces[0].margins}
-    return Weighed(margins=margins, **numbers)
+    return Evaluation(margins=margins, **numbers)
 
 
 def _at_pace(
-    batch: Batch, asked: Needs, water: Water, pace: float, limits: tuple[float, float, float]
-) -> Weighed:
+    batch: Batch, asked: Requirements, water: Water, pace: float, limits: tuple[float, float, float]
+) -> Evaluation:
     """Return how each candidate does at one pace; largest rate and stall do not depend on it."""
     dive = asked.dive
     longest_travel, largest_mass, largest_stroke = limits
@@ -205,7 +205,7 @@ def _at_pace(
             "mass": np.where(np.isfinite(mass), largest_mass / mass, np.inf),
         }
     fastest = _largest_rate(b, z[:, -1], available)
-    return Weighed(
+    return Evaluation(
         margins=margins,
         rate=np.full(len(b.of), rate),
         speed=speed,

@@ -1,4 +1,4 @@
-"""What a record tells of a vehicle's parameters, everything that is the record's own eliminated.
+"""Fisher information of a record on a vehicle's parameters, with the record's own eliminated.
 
 Parameters count in shares: a change of 1 is a whole of the parameter, or of what is large for one
 that may be 0. Information about them adds up over records, so that of a candidate is found once.
@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.design.experiments.conditions import Setting
 from swimbladder.design.experiments.flight import Flight, experiment_of
-from swimbladder.design.experiments.setting import Setting
 from swimbladder.estimation.motion.estimates import Prior
 from swimbladder.estimation.motion.model import Model
 from swimbladder.estimation.motion.problem import VOLUME, Problem
 
-__all__ = ["FEWEST", "Knowledge", "Question", "problem_of", "told"]
+__all__ = ["FEWEST", "Information", "Question", "fisher_information", "problem_of"]
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class Question(NamedTuple):
 
     @property
     def values(self) -> dict[str, float]:
-        """The vehicle as it is taken to be."""
+        """The assumed vehicle."""
         means = {name: prior.mean for name, prior in self.priors.items()}
         return {**self.model.values, **self.fixed, **means}
 
@@ -54,7 +54,7 @@ class Question(NamedTuple):
         return np.diag(known)
 
 
-class Knowledge(NamedTuple):
+class Information(NamedTuple):
     """Of one record: information about shares, and what a drift in it does to them.
 
     gain [p, p]; drift [p]: the score of a steady drift of the neutral volume, per m3/s.
@@ -79,13 +79,13 @@ def problem_of(
     )  # fmt: skip
 
 
-def told(
+def fisher_information(
     flight: Flight, question: Question, values: Mapping[str, float], setting: Setting
-) -> Knowledge:
-    """Return what a record tells of the vehicle that has these values."""
+) -> Information:
+    """Return the information of a record on the vehicle that has these values."""
     p = len(question.names)
     if len(flight.time) < FEWEST:
-        return Knowledge(np.zeros((p, p)), np.zeros(p))
+        return Information(np.zeros((p, p)), np.zeros(p))
     problem = problem_of([flight], question._replace(priors={}), setting)
     x = problem.begin(values)
     x[problem.starts_at[0] + 1] = 0.0
@@ -106,4 +106,4 @@ def told(
     middle = float(e.record.time.mean() - flight.time[flight.moved[0]])
     s = problem.drift_slope(x, 0) / setting.depth_noise + J[:, p] / VOLUME * middle
     drift = J[:, :p].T @ s - back.T @ (J[:, p:].T @ s)
-    return Knowledge(0.5 * (gain + gain.T), drift)
+    return Information(0.5 * (gain + gain.T), drift)

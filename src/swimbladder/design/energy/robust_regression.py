@@ -2,11 +2,11 @@
 
 Runs of one dive share what no column says (the battery, the oil, the weather), and long
 runs err otherwise than short ones. So whole dives are left out one by one, and the numbers that
-then come out tell the covariance (the jackknife over clusters, CR3: R. M. Bell and D. F. McCaffrey,
+then come out give the covariance (the jackknife over clusters, CR3: R. M. Bell and D. F. McCaffrey,
 Survey Methodology 28, 2002, 169). It holds for any correlation within dives and any spread of the
-errors. Where few dives tell a number (only two went deep) the spread itself is hardly known: its
-degrees of freedom, for the quantiles of Student's t, are Satterthwaite's, as these authors have it,
-for errors of equal size that dives share in the proportion found.
+errors. Where few dives determine a number (only two went deep) the spread itself is hardly known:
+its degrees of freedom, for the quantiles of Student's t, are Satterthwaite's, as these authors have
+it, for errors of equal size that dives share in the proportion found.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ class Least(NamedTuple):
     def of(cls, A: Array, y: Array, weight: Array, cluster: Array) -> Least:
         """Return the solution of A x = y [n, k], rows weighted and in clusters [n].
 
-        Raises NoAnswerError where the rows, or those without one cluster, do not tell x.
+        Raises NoAnswerError where the rows, or those without one cluster, do not determine x.
         """
         root = np.sqrt(weight / weight.mean())
         scale = np.abs(A).max(axis=0)
         B, b = A / scale * root[:, None], y * root
         if np.linalg.matrix_rank(B) < B.shape[1]:
             raise NoAnswerError(
-                "the runs do not tell power and delivery apart from pressure and duration: log "
+                "the runs do not distinguish power and delivery by pressure and duration: log "
                 "runs at several depths and of several lengths"
             )
         inverse = np.linalg.pinv(B)
@@ -54,7 +54,7 @@ class Least(NamedTuple):
             others = cluster != number
             if np.linalg.matrix_rank(B[others]) < B.shape[1]:
                 raise NoAnswerError(
-                    f"only dive {number:g} tells how the numbers depend on pressure: without "
+                    f"only dive {number:g} shows how the numbers depend on pressure: without "
                     "another one at its depth nothing says how sure they are. Log a second one"
                 )
             apart[g] = -inverse

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from swimbladder.design.energy.chain import DriveEnergy
+from swimbladder.design.energy.energy_per_volume import DriveEnergy
 from swimbladder.design.energy.fit import PumpFit
-from swimbladder.design.energy.fitted import voltage_factor
+from swimbladder.design.energy.fitted_pump import voltage_factor
 from swimbladder.design.energy.thruster import Thruster
-from swimbladder.design.energy.versus import Hovering, Profiling
+from swimbladder.design.energy.thruster_comparison import Hovering, Profiling
 from swimbladder.physics.buoyancy_engine import oil_note
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
@@ -121,7 +121,7 @@ def _assumed(thruster: Thruster) -> bool:
 
 
 def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> tuple[str, ...]:
-    """Return what the runs tell, how well dives are told by the others, and what a vehicle got."""
+    """Return the result of a fit, how well dives are predicted, and what a vehicle got."""
     said = [
         f"{int(fit.kept.sum())} runs"
         + (f" of {fit.clusters} dives" if fit.dives else "")
@@ -132,7 +132,8 @@ def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> tuple[str, ..
     if fit.dives:
         error = np.array([d.predicted / d.energy - 1.0 for d in fit.dives if d.energy > 0.0])
         said.append(
-            f"Each dive's energy told by the others: within {_percent(np.median(np.abs(error)))} "
+            "Each dive's energy predicted from the others: within "
+            f"{_percent(np.median(np.abs(error)))} "
             f"(median), {_percent(np.max(np.abs(error)))} at worst."
         )
         volume = np.array(
@@ -154,12 +155,12 @@ def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> tuple[str, ..
     if left:
         said.append(f"{left} runs were left out: too short, or without pressure or power.")
     if "delivery" not in fit.parameters:
-        said.append("No volumes were measured: the delivery is not told.")
+        said.append("No volumes were measured: the delivery is not identifiable.")
     return tuple(said)
 
 
 def _reaches(fit: PumpFit) -> float | None:
-    """Return the delivery over the power per pressure [-]; None where it is not told.
+    """Return the delivery over the power per pressure [-]; None where it is not identifiable.
 
     That is the efficiency of the part of the power that grows with the pressure.
     """
@@ -174,7 +175,7 @@ def _voltage(fit: PumpFit, vehicle: Vehicle | None) -> list[str]:
     if fit.reference_voltage is None:
         return [] if not volts.size else [
             f"The voltage, {volts.min():.4g} to {volts.max():.4g} V, is not counted: dives are "
-            "told no better with it, or it hardly varies, or too few runs have one."
+            "predicted no better with it, or it hardly varies, or too few runs have one."
         ]  # fmt: skip
     said = [
         f"Power goes with the battery's voltage under load, {volts.min():.4g} to "

@@ -15,7 +15,7 @@ from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.column import ATMOSPHERE
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Unknown", "drawn_volumes", "sensitivities", "unknown_of"]
+__all__ = ["Uncertainty", "drawn_volumes", "sensitivities", "uncertainty_of"]
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ _DENSITY = 0.1  # kg/m3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Unknown:
+class Uncertainty:
     """How far each may be off, 1 sigma, all independent."""
 
     mass: float = 0.0  # kg
@@ -54,7 +54,7 @@ class Unknown:
         return {f.name: float(getattr(self, f.name)) for f in fields(self) if f.name != "said"}
 
 
-def unknown_of(vehicle: Vehicle, given: Mapping[str, float | None]) -> Unknown:
+def uncertainty_of(vehicle: Vehicle, given: Mapping[str, float | None]) -> Uncertainty:
     """Return what is not known: as given, else as identified, else a default that is said."""
     values = {name: value for name, value in given.items() if value is not None}
     said = [f"{_WORDS[name]}: {_shown(name, value)} (given)" for name, value in values.items()]
@@ -79,7 +79,7 @@ def unknown_of(vehicle: Vehicle, given: Mapping[str, float | None]) -> Unknown:
     if "density" not in values:
         values["density"] = _DENSITY
         said.append(f"{_WORDS['density']}: {_DENSITY:g} kg/m3 (assumed; --density-std)")
-    return Unknown(**values, said=tuple(said))
+    return Uncertainty(**values, said=tuple(said))
 
 
 _WORDS = {
@@ -110,13 +110,13 @@ def _fields(vehicle: Vehicle, column: Column) -> tuple[float, Array, Array, Arra
 
 
 def drawn_volumes(
-    vehicle: Vehicle, column: Column, unknown: Unknown, *, draws: int, seed: int
+    vehicle: Vehicle, column: Column, uncertainty: Uncertainty, *, draws: int, seed: int
 ) -> Array:
-    """Return the neutral volumes of `draws` vehicles that it may be, in one column [draws, n]."""
+    """Return the neutral volumes of `draws` vehicles drawn from it, in one column [draws, n]."""
     weight, water, hull, warmer, boyle = _fields(vehicle, column)
     deeper = column.pressure / vehicle.water.specific_weight
     noise = np.random.default_rng(seed).standard_normal((draws, 7, 1))
-    s = unknown
+    s = uncertainty
     mass = weight + s.mass * noise[:, 0]
     displaced = (
         hull + s.volume * noise[:, 1] - s.psi * noise[:, 3] * deeper
@@ -126,17 +126,17 @@ def drawn_volumes(
     return mass / (water + s.density * noise[:, 6]) - displaced + s.trim * noise[:, 2]
 
 
-def sensitivities(vehicle: Vehicle, column: Column, unknown: Unknown) -> dict[str, Array]:
-    """Return what 1 sigma of each unknown moves the neutral volume by, linearised [m3] [n]."""
+def sensitivities(vehicle: Vehicle, column: Column, uncertainty: Uncertainty) -> dict[str, Array]:
+    """Return what 1 sigma of each uncertainty moves the neutral volume by, linearised [m3] [n]."""
     weight, water, _, warmer, boyle = _fields(vehicle, column)
     deeper = column.pressure / vehicle.water.specific_weight
     flat = np.ones_like(deeper)
     return {
-        "mass": unknown.mass / water,
-        "volume": -unknown.volume * flat,
-        "trim": unknown.trim * flat,
-        "psi": unknown.psi * deeper,
-        "heat": -unknown.heat * warmer,
-        "air": -unknown.air * boyle,
-        "density": -weight / water**2 * unknown.density,
+        "mass": uncertainty.mass / water,
+        "volume": -uncertainty.volume * flat,
+        "trim": uncertainty.trim * flat,
+        "psi": uncertainty.psi * deeper,
+        "heat": -uncertainty.heat * warmer,
+        "air": -uncertainty.air * boyle,
+        "density": -weight / water**2 * uncertainty.density,
     }

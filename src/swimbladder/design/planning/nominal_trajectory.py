@@ -12,14 +12,14 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from swimbladder.design.linear.models import Array
+from swimbladder.design.planning.linear_program import Answer, Flags, Near, scale_of
 from swimbladder.design.planning.motion import STATES, Steps, steps_along
-from swimbladder.design.planning.programme import Answer, Flags, Near, scale_of
 from swimbladder.design.planning.task import Task
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.dynamics import Plant
 
 __all__ = [
-    "AGREE", "Course", "Program", "backward", "resting", "settle_course", "sided", "straight",
+    "AGREE", "NominalTrajectory", "Program", "backward", "resting", "settle", "sided", "straight",
     "stretched",
 ]  # fmt: skip
 
@@ -30,7 +30,7 @@ AGREE = 1e-5  # of the scale of speed
 _NEARLY = 1e-2  # the same, with which a plan is refused
 
 
-class Course(NamedTuple):
+class NominalTrajectory(NamedTuple):
     """What the steps are linearised about, at each sample [n + 1]."""
 
     speed: Array  # m/s
@@ -44,27 +44,32 @@ class Program(Protocol):
         """Return the optimum."""
 
 
-def resting(n: int) -> Course:
+def resting(n: int) -> NominalTrajectory:
     """Return the course of a vehicle that stays where it is for n samples."""
-    return Course(np.zeros(n + 1), np.zeros(n + 1))
+    return NominalTrajectory(np.zeros(n + 1), np.zeros(n + 1))
 
 
-def stretched(course: Course, n: int) -> Course:
+def stretched(nominal: NominalTrajectory, n: int) -> NominalTrajectory:
     """Return a course drawn out, or pressed together, to n samples."""
-    if len(course.speed) == n + 1:
-        return course
-    old, new = np.linspace(0.0, 1.0, len(course.speed)), np.linspace(0.0, 1.0, n + 1)
-    return Course(np.interp(new, old, course.speed), np.interp(new, old, course.rate))
+    if len(nominal.speed) == n + 1:
+        return nominal
+    old, new = np.linspace(0.0, 1.0, len(nominal.speed)), np.linspace(0.0, 1.0, n + 1)
+    return NominalTrajectory(np.interp(new, old, nominal.speed), np.interp(new, old, nominal.rate))
 
 
-def backward(course: Course) -> Flags:
+def backward(nominal: NominalTrajectory) -> Flags:
     """Return in which samples [n] the motor is driven back."""
-    return 0.5 * (course.rate[1:] + course.rate[:-1]) < 0.0
+    return 0.5 * (nominal.rate[1:] + nominal.rate[:-1]) < 0.0
 
 
-def settle_course(
-    task: Task, program: Program, course: Course, *, agree: float = AGREE, back: Flags | None = None
-) -> tuple[Answer | None, Course]:
+def settle(
+    task: Task,
+    program: Program,
+    nominal: NominalTrajectory,
+    *,
+    agree: float = AGREE,
+    back: Flags | None = None,
+) -> tuple[Answer | None, NominalTrajectory]:
     """Return the answer that agrees with its own course, and that course.
 
     agree: largest difference of their speeds, over the scale of speed [-]. back: in which samples
@@ -76,23 +81,23 @@ def settle_course(
     size = float(scale_of(task).state[w])
     reach, gap = math.inf, math.inf
     for turn in range(_ROUNDS):
-        now = backward(course) if back is None else back
-        leash = None if math.isinf(reach) else (course.speed, reach)
-        answer = program(steps_along(p, h, course.speed, now), Near(leash, back))
+        now = backward(nominal) if back is None else back
+        leash = None if math.isinf(reach) else (nominal.speed, reach)
+        answer = program(steps_along(p, h, nominal.speed, now), Near(leash, back))
         if answer is None:
             if leash is None:
-                return None, course
+                return None, nominal
             reach *= 2.0 / _LEASH
             continue
-        new = Course(answer.states[:, w], answer.states[:, 0])
+        new = NominalTrajectory(answer.states[:, w], answer.states[:, 0])
         if straight(p) and (back is not None or not sided(p)):
             return answer, new
-        gap = float(np.abs(new.speed - course.speed).max()) / size
-        same = bool(((new.rate < 0.0) == (course.rate < 0.0))[_turns(task, new.rate)].all())
-        course = new
+        gap = float(np.abs(new.speed - nominal.speed).max()) / size
+        same = bool(((new.rate < 0.0) == (nominal.rate < 0.0))[_turns(task, new.rate)].all())
+        nominal = new
         # The side of a motor that has nothing to do is anybody's: it matters where the plan does.
         if gap < agree and (same or agree > AGREE or back is not None or not sided(p)):
-            return answer, course
+            return answer, nominal
         if turn >= _FREE:
             reach = min(reach * _LEASH, gap * size)
     if answer is None or gap > _NEARLY:
@@ -100,7 +105,7 @@ def settle_course(
             f"the plan does not settle: after {_ROUNDS} rounds its drag is still for speeds that "
             f"differ by {100.0 * gap:.2g} %. Plan with a shorter sample time (--sample-time)"
         )
-    return answer, course
+    return answer, nominal
 
 
 def _turns(task: Task, rate: Array) -> Flags:

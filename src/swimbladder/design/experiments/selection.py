@@ -1,4 +1,4 @@
-"""Which of many candidates to run: the set that tells most in the time that there is."""
+"""Which of many candidates to run: the most informative set in the available time."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def criterion(text: str, names: Sequence[str]) -> Criterion:
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """What candidates tell: information [c, d, p, p] about each of d vehicles, what a drift does
+    """Information of candidates [c, d, p, p] about each of d vehicles, what a drift does
     [c, d, p, p], and the pool time that they take [c] in s.
     """
 
@@ -159,7 +159,7 @@ def _exchanged(table: Table, chosen: list[int], budget: float, most: int) -> lis
 
 
 def in_order(table: Table, chosen: Sequence[int]) -> list[int]:
-    """Return the chosen ones so that each next tells most with those before it."""
+    """Return the chosen ones so that each next adds most to those before it."""
     whole = replace(table, judge=Criterion(kind="D", among=tuple(range(len(table.prior)))))
     left: list[int] = list(chosen)
     order: list[int] = []

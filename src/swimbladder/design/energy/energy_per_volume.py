@@ -37,7 +37,7 @@ class DriveEnergy:
 
 
 def drive_energy(vehicle: Vehicle, column: Column) -> DriveEnergy:
-    """Return what pressing volume out costs at each depth of a column.
+    """Return the cost of displacing volume at each depth of a column.
 
     Raises NoAnswerError, naming the fields, where the electrical power is not known.
     """
