@@ -62,7 +62,7 @@ _PACKAGE = Path(__file__).resolve().parent
 _SHOWN = ("cli", "show")  # parts of the package that compute nothing
 _REMARKS = {"provenance", "description"}  # of a vehicle: nothing depends on them
 EXECUTORS = ("threads", "processes", "dask")
-_POLL = 0.5  # s, between two looks at the markers
+_POLL = 0.5  # s, between two reads of the markers
 _PATIENCE = 10.0  # s, with a scheduler that does not answer
 _TRIES = 3  # times that workers may die one after the other without a chunk that is done
 
@@ -453,7 +453,7 @@ def _send(
     sent = client.submit(_same, job, key=f"swimbladder-{name}", pure=False)
     seen = time.monotonic()
     while True:
-        # few wait at a time: they are all to be told again when a worker dies
+        # few wait at a time: they are all submitted again when a worker dies
         room = 32 + 4 * sum(client.nthreads().values()) if client.status == "running" else 0
         for chunk in left if len(waiting) < room else ():
             key = f"swimbladder-{name}-{chunk}"

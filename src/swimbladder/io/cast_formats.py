@@ -23,7 +23,7 @@ class CastFormat:
 
     recognises: whether bytes are those of such a file. read: (bytes, path, columns of the user's
     as for texts, profile asked for) -> (the cast as it stands there, the profile that is still
-    asked for, None where the file's were told apart); raises LogError. What it gives is checked as
+    asked for, None where the file's are known); raises LogError. What it gives is checked as
     every cast is: units, order, density.
     """
 

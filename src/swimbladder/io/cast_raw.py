@@ -19,7 +19,7 @@ _FARTHEST = {"latitude": 90.0, "longitude": 360.0}  # degrees
 
 
 def place_of(name: str, values: Array, report: list[str]) -> float | None:
-    """Return the mean latitude or longitude of a file [degrees]; None where it tells none.
+    """Return the mean latitude or longitude of a file [degrees]; None where it has none.
 
     Positions that are none, as where a receiver had no fix, are left out and said.
     """

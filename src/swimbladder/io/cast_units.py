@@ -1,6 +1,6 @@
 """Whether the numbers of a cast can be in the units they are said to be in, by the physics.
 
-Depth tells of pressure, and so do density in situ, and conductivity where salinity stands beside
+Depth shows the unit of pressure, as do density in situ, and conductivity where salinity is beside
 it; the deepest trench, and what sea water can be, bound the rest. A cast in the wrong unit is
 refused with the unit that fits: it would otherwise sink a vehicle that its maker thinks afloat.
 """
@@ -37,12 +37,12 @@ _SEAS = (1.0, 7.5)  # S/m: a brackish sea in winter, and the Red Sea in summer a
 _DENSITY_FITS, _DENSITY_WRONG = 0.05, 0.2  # kg/m3; EOS-80 and TEOS-10 differ by up to 0.02
 _ABOVE = 0.2  # of the greatest depth: a sensor in air before a cast in shallow water is less
 _HIGHEST = 5.0  # m above the surface: a sensor on deck; TEOS-10's routines take no more either
-_ROWS = 3  # at least, that tell how warm the deep is
-_SURE = 10.0  # m or dbar that a cast has to go over, for its unit to be told
+_ROWS = 3  # at least, for how warm the deep is
+_SURE = 10.0  # m or dbar that a cast has to go over, for its unit to be known
 
 
 def by_depth(raw: RawCast) -> bool:
-    """Say whether depths beside tell the unit of the pressures."""
+    """Say whether depths beside determine the unit of the pressures."""
     return raw.pressure is not None and raw.depth is not None and bool(np.ptp(raw.depth) > _SURE)
 
 

@@ -19,7 +19,7 @@ __all__ = ["by_flags", "in_unit", "raw_cast", "unit_said"]
 
 Array = NDArray[np.float64]
 _GOOD = set("1258")  # Argo user's manual, reference table 2
-_UNJUDGED = set("09")  # no quality control, and missing: NaN tells of the second
+_UNJUDGED = set("09")  # no quality control, and missing: NaN shows the second
 
 
 def unit_said(name: str, found: str, variable: Variable, stated: str | None = None) -> str | None:

@@ -1,6 +1,6 @@
 """Casts from files: CSV and Parquet like logs, netCDF (CF, OG1), Argo, Sea-Bird; also gzipped.
 
-Nothing is guessed in silence and nothing bad goes through: a wrong unit is told by the physics, a
+Nothing is guessed in silence and nothing bad goes through: the physics detects a wrong unit, a
 density inversion that is more than noise is refused, and what was averaged, sorted or left out
 stands in `Cast.report`.
 """

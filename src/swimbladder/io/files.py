@@ -1,6 +1,6 @@
 """Files that appear whole or not at all, and files that are read to a limit.
 
-What is not whole yet stands in a temporary file or folder whose name tells the machine and the
+What is not whole yet stands in a temporary file or folder whose name has the machine and the
 process that write it. Where that process was killed, the next run in the same place removes it.
 """
 

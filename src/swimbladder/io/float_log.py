@@ -1,4 +1,4 @@
-"""What a float's log tells: where it was, what it decided, how long pump and valve ran, on what.
+"""A float's log: where it was, what it decided, how long pump and valve ran, on what.
 
 Pressures are above what the float's sensor reads at the surface [Pa]; times count from the log's
 first line [s], which is at `start`.
@@ -21,13 +21,13 @@ DEVICES: tuple[Device, ...] = ("pump", "valve", "bypass")
 
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """What the float's controller wanted: a speed, and the volume that it reckoned with."""
+    """What the float's controller wanted: a speed, and the volume that it computed."""
 
     time: float  # s
     speed_from: float  # Pa/s, positive down
     speed_to: float  # Pa/s
     change: float  # m3, positive: lighter
-    seconds: float  # s, that the device was reckoned to need
+    seconds: float  # s, computed for the device
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,10 +22,10 @@ _GAP = 5.0  # median steps
 _FAR = 8.0  # standard deviations of the noise
 _FASTER = 3.0  # times the largest steps that the signal is seen to keep up
 _QUANTA = 4.0
-_NEAR = 10  # samples on either side that tell what is noise
+_NEAR = 10  # samples on either side that define what is noise
 _BESIDE = 4  # and how fast the signal moves
 _SCALE = 1.4826  # standard deviation over median absolute deviation, of a normal distribution
-_FEWEST = 9  # samples that can tell what is normal
+_FEWEST = 9  # samples that can define what is normal
 _SHOWN = 3  # places that a report names
 # Steps of a coarse sensor, for a signal that otherwise hardly changes: a flicker is no spike.
 _COARSE = {"depth_m": 0.025, "piston_m": 2e-4, "volume_m3": 5e-7}
@@ -125,7 +125,7 @@ def spikes(name: str, values: Array, time: Array, gaps: Sequence[tuple[float, fl
     """Return which single samples of a column stand far off both their neighbours.
 
     A Hampel test over three samples: how far a sample is from their median, against the noise, as
-    the median absolute deviation around it tells, and against what may be true: the quantum of the
+    the median absolute deviation around it gives, and against what may be true: the quantum of the
     sensor, and the fastest motion that the signal is seen to keep up, nearby or anywhere. A voltage
     may jump, so only one far beyond all others counts. The first and the last sample, and those
     beside a gap or a missing value, are not judged.

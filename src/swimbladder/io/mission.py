@@ -61,7 +61,7 @@ class Phase(Parameters):
         "hour; park has none"
     )  # fmt: skip
     check_interval: Annotated[float, Unit("s"), Field(ge=0.1)] | None = Field(
-        None, description="between two looks at depth and speed; not given: park 10 min, the "
+        None, description="between two samples of depth and speed; not given: park 10 min, the "
         "others as in the vehicle's law `rate`, 60 s where it has another"
     )  # fmt: skip
     law: str | None = Field(

@@ -97,7 +97,7 @@ class PlannedExperiment(Parameters):
 
 
 class Expected(Parameters):
-    """A parameter as the plan's records should tell it."""
+    """A parameter as the plan's records should identify it."""
 
     name: str = Field(description="as `identify` calls it")
     value: float = Field(description="assumed, in `unit`")
@@ -121,15 +121,15 @@ class Plan(Parameters):
     )
     rest: _Time = Field(0.0, description="time on record before each release, at rest")
     depth_noise: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
-        0.0, description="white noise of the depth that is reckoned with, 1 sigma"
+        0.0, description="assumed white noise of the depth, 1 sigma"
     )
     depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
-        0.0, description="step between two depths that the sensor tells apart"
+        0.0, description="step between two depths that the sensor resolves"
     )
     neutral_std: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = Field(
         None, description="how well the neutral volume at rest is known, 1 sigma; not given: not"
     )
-    expected: tuple[Expected, ...] = Field((), description="what the records should tell")
+    expected: tuple[Expected, ...] = Field((), description="expected errors")
     experiments: Annotated[tuple[PlannedExperiment, ...], Field(min_length=1)] = Field(
         description="in the order in which to run them"
     )

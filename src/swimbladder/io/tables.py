@@ -23,7 +23,7 @@ def write_csv(
 ) -> Path:
     """Write columns of equal length under their names; return the path.
 
-    Numbers read back to the bit; NaN is written as ``nan``. `advance` is told how many rows were
+    Numbers read back to the bit; NaN is written as ``nan``. `advance` is given how many rows were
     written since it was last called. Raises InputError where the file cannot be written.
     """
     series = [np.asarray(values, dtype=np.float64) for values in columns.values()]

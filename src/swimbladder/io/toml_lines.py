@@ -1,4 +1,4 @@
-"""Where each key of a TOML text stands, which `tomllib` does not tell."""
+"""Where each key of a TOML text stands, which `tomllib` does not give."""
 
 from __future__ import annotations
 

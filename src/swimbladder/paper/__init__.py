@@ -32,9 +32,9 @@ def reproduce(
 ) -> dict[str, Any]:
     """Write the report into the folder `out` and return its numbers as results.json has them.
 
-    seed: of the sensors' noise in the pool; the same seed gives the same report. advance: told of
-    the work done, AMOUNT in all. Raises InputError where the seed is negative or the folder cannot
-    be written, NoAnswerError where the pool procedure does not end; nothing is then written.
+    seed: of the sensors' noise in the pool; the same seed gives the same report. advance: called
+    for the work done, AMOUNT in all. Raises InputError where the seed is negative or the folder
+    cannot be written, NoAnswerError where the pool procedure does not end; nothing is then written.
     """
     if seed < 0:
         raise InputError(

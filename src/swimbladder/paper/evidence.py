@@ -125,7 +125,7 @@ class Evidence:
 
 
 def gather(seed: int, advance: Callable[[float], None] = lambda _: None) -> Evidence:
-    """Simulate and fit everything; `advance` is told of each of the STAGES.
+    """Simulate and fit everything; `advance` is called for each of the STAGES.
 
     seed: of the pool's sensor noise. Raises NoAnswerError where the pool procedure does not end.
     """

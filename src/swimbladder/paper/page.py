@@ -93,7 +93,7 @@ class Judged:
 
 
 def draw(e: Evidence, advance: Callable[[float], None]) -> dict[str, Figure]:
-    """Return every figure by its name; `advance` is told of each."""
+    """Return every figure by its name; `advance` is called for each."""
     figures = {}
     for picture in FIGURES:
         figures[picture.name] = picture.draw(e)

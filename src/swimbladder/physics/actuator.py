@@ -7,7 +7,7 @@ Three descriptions of a voltage-driven actuator, each with less in it than the o
     any voltage-driven kind               --to_identified-->  K1, T1, k_z/k_u, k_l, eqs (23)-(24)
 
 Pump displacement and pitch are per revolution, as datasheets state them; eqs (7)-(8) divide by
-2 pi. Positive volume rate presses volume out against the sea: the motor drives. With a negative one
+2 pi. Positive volume rate displaces volume against the sea: the motor drives. With a negative one
 the sea helps and the motor is driven back.
 """
 

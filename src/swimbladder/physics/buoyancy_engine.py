@@ -85,7 +85,7 @@ def drive_map(
 
     temperature: of the water [degC] [n] or one, for a pump whose power depends on it. power: False
     leaves out (NaN) powers that are not known. Raises NoAnswerError where a power is wanted that R
-    and k_T, or a power law, do not tell, naming the fields.
+    and k_T, or a power law, do not determine, naming the fields.
     """
     if power:
         check_power_known(vehicle)
@@ -119,7 +119,7 @@ def check_power_known(vehicle: Vehicle) -> None:
     elif isinstance(a, IdentifiedActuator):
         missing = (
             "the motor's resistance R and torque constant k_T are not given, and an identified K1 "
-            "does not tell them apart. Describe the actuator as kind electromechanical or "
+            "does not determine them. Describe the actuator as kind electromechanical or "
             "electrohydraulic (actuator.motor.resistance, actuator.motor.torque_constant), as "
             "unified (actuator.resistance, actuator.emf_constant), or as pump-valve with a power "
             "law (actuator.pump.idle_power, actuator.pump.power_per_pressure)"

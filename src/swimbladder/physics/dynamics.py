@@ -2,7 +2,7 @@
 
 The state is ``(q, V, z, w)``: the volume rate that the motor drives q = k_q omega [m3/s], the
 volume V [m3], the depth z [m] and the vertical speed w = dz/dt [m/s], positive down. Dividing
-eqs (11)-(13) by lambda/k_v and m leaves only what a log can tell::
+eqs (11)-(13) by lambda/k_v and m leaves only what a log can identify::
 
     T1 dq/dt = K1 A (u - c z) - q          eq. (11), c = k_z/k_u
        dV/dt = q - k_l z                   eq. (12)
@@ -127,7 +127,7 @@ def body_plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
 def _sag(supply: Supply, actuator: ReducedActuator) -> float:
     """Return the supply's internal resistance over the motor's [-].
 
-    Raises InputError where the sag cannot be told, or where full duty would not give most voltage.
+    Raises InputError where the sag is not known, or where full duty would not give most voltage.
     """
     if supply.internal_resistance == 0.0:
         return 0.0

@@ -95,7 +95,7 @@ def largest_voltage(*, E: float, sag: float, emf: _F, direction: float = 1.0) ->
 def depth_at_rate(
     *, E: Any, sag: Any, load: Any, friction: Any, q: Any, gain: Any, kappa: Any
 ) -> Any:
-    """Depth [m] down to which the motor still presses volume out at the rate q [m3/s], steadily.
+    """Stall depth [m] of the motor at the rate q [m3/s], steadily.
 
     There the voltage it needs, load z + friction + q/gain, is the largest one at its speed.
     E [V], sag: R_b/R [-]; load [V/m], friction [V], gain [m3/s/V], kappa [V s/m3]: of a
@@ -110,7 +110,7 @@ def depth_at_rate(
 
 
 def stall_depth(*, E: Any, sag: Any, load: Any, friction: Any) -> Any:
-    """Depth [m] below which the motor can no longer press volume out: k_z z + T_b = k_u u_max.
+    """Stall depth [m] of the motor: k_z z + T_b = k_u u_max.
 
     At standstill there is no back electromotive force and u_max = E/(1 + sag). Arguments as in
     depth_at_rate, with sag 0 for a battery without internal resistance.
@@ -226,7 +226,7 @@ class EfficiencyChain(NamedTuple):
 
 
 def efficiency_chain(drive: SteadyDrive) -> EfficiencyChain:
-    """Return the efficiencies of a drive that presses volume out; NaN where it does not."""
+    """Return the efficiencies of a drive that pumps out; NaN where it does not."""
     d = drive
     pumped = d.sea + d.leakage
     shaft = pumped + d.transmission

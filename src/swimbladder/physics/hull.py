@@ -66,7 +66,7 @@ class PsiTerms(NamedTuple):
 
 
 def hull_parts(vehicle: Vehicle) -> tuple[HullPart, ...]:
-    """Return the parts of the hull; where none are given, the one that psi tells of.
+    """Return the parts of the hull; where none are given, the one that psi describes.
 
     It loses psi [m3/m], and as much as the displaced water does besides, per metre of [water]; its
     heat expansion is not known and taken as 0.
@@ -142,7 +142,7 @@ def mass_doubt(vehicle: Vehicle) -> str:
 def check_mass(vehicle: Vehicle) -> None:
     """Raise InputError for a dry mass that no ballast and no water brings into balance.
 
-    What the hull displaces and trim_error tell what the vehicle weighs. The dry mass may differ as
+    What the hull displaces and trim_error give the vehicle's weight. The dry mass may differ as
     far as it stands for the inertia with the water that moves along, and no farther. The mass that
     an identified motion implies may be off by what poor logs leave open.
     """
@@ -176,7 +176,7 @@ def weighing(vehicle: Vehicle, mass: float) -> Vehicle:
     """Return the vehicle with the trim_error of a mass [kg] in its own [water]."""
     at_surface = float(displaced_volume(vehicle, 0.0, vehicle.water.temperature))
     trim = mass / vehicle.water.density - at_surface
-    # a compression that psi tells of is counted with the water that is displaced
+    # a compression by psi is counted with the water that is displaced
     psi = vehicle.hull.psi
     if not vehicle.hull.parts:
         grown = (trim - vehicle.trim_error) * vehicle.water.compressibility

@@ -168,7 +168,7 @@ class Drag(Parameters):
     )
     rising_ratio: Annotated[float, Unit(""), Field(ge=0.1, le=10.0)] = Field(
         1.0, description="drag while rising over that while sinking at the same speed, which the "
-        "coefficients tell; for mission, ballast, energy and size, the others refuse it"
+        "coefficients give; for mission, ballast, energy and size, the others refuse it"
     )  # fmt: skip
 
     @model_validator(mode="after")

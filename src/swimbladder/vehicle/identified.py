@@ -35,7 +35,7 @@ class Between(Parameters):
         0.0, description="of the logarithm of the depth's noise"
     )
     neutral_walk: Annotated[float, Unit(""), Field(ge=0.0)] = Field(
-        description="of the logarithm of the walk's intensity"
+        description="of the logarithm of the random walk's intensity"
     )
     acceleration_noise: Annotated[float, Unit(""), Field(ge=0.0)] = Field(
         description="of the logarithm of the acceleration noise"
@@ -44,7 +44,7 @@ class Between(Parameters):
 
 class Identified(Parameters):
     """What was identified from logs: the covariance of numbers that stand elsewhere in this file,
-    and the noise that a filter or a prediction has to reckon with.
+    and the noise that a filter or a prediction has to allow for.
     """
 
     names: tuple[IdentifiedName, ...] = Field(min_length=1, description="what was identified")

@@ -62,13 +62,13 @@ class Sensors(Parameters):
         0.0, description="white noise of the measured depth, 1 sigma"
     )
     depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
-        0.0, description="step between two depths that the converter tells apart"
+        0.0, description="step between two depths that the converter resolves"
     )
     volume_noise: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
         0.0, description="white noise of the measured volume, 1 sigma"
     )
     volume_quantum: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
-        0.0, description="step between two volumes that the converter tells apart"
+        0.0, description="step between two volumes that the converter resolves"
     )
 
 

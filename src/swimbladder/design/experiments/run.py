@@ -62,8 +62,8 @@ def design_experiment(
     of volume in a record, at most; largest: change of volume [m3]. criterion: largest, D, A, or
     names of parameters. uncertainty: 1 sigma, as a share, of the vehicle's values, over which the
     design is good on average. against: volume changes [m3] of single steps to compare with, the
-    paper's eight where the vehicle's motion is an identified one; none where empty. advance: told
-    the share of the work done since last called.
+    paper's eight where the vehicle's motion is an identified one; none where empty. advance: called
+    with the share of the work done since last called.
 
     Raises InputError where vehicle, pool and time leave nothing to do. What the experiments will
     not identify is among the findings.

@@ -86,8 +86,8 @@ class Search:
 def search(s: Search, budget: float, most: int, advance: Callable[[float], None]) -> list[Release]:
     """Return the releases to run, in order, within a pool time [s] and a number of releases.
 
-    advance: told the share of the work done since last called. Raises InputError where the time is
-    too short for any release.
+    advance: called with the share of the work done since last called. Raises InputError where the
+    time is too short for any release.
     """
     families = releases(s.question, s.ramps, s.setting)
     for family in families:

@@ -51,7 +51,7 @@ def plan(
     effort (least volume moved) or energy (least electrical energy into the motor), both at rest
     after `duration` [s], twice the least time where not given. arrive: what arrival is for the goal
     time: band (within `band` [-] of the step for good) or rest. The others are those of `task_of`.
-    advance: told of every program that was solved.
+    advance: called for every program that was solved.
 
     Raises InputError for what cannot be meant, NoAnswerError, with the limit in the way, for what
     cannot be done.

@@ -76,8 +76,8 @@ def judge(
 ) -> Verdict:  # fmt: skip
     """Return the verdict on an identification, None where there is none yet.
 
-    priors: those it was made with. due: experiments of the plan that are not done yet; what they
-    tell is not known from the others. faults: what is wrong with single experiments.
+    priors: those it was made with. due: experiments of the plan that are not done yet; their
+    information is not known from the others. faults: what is wrong with single experiments.
     known_neutral: makes the same identification with exactly known neutral volumes; called only
     where needed.
     """

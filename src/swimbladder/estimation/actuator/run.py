@@ -56,7 +56,7 @@ def identify_actuator(
     vehicle: its file gives the piston's area, the load of the sea, the supply, and what else is
     known. fixed: {name: value} of PARAMETERS in SI, not fitted. asked: what has to be identified;
     K1 and T1 where the logs have a voltage, T1 and rate where they have positions alone, rate where
-    they have what was asked of a positioner. advance: told the share of the work done.
+    they have what was asked of a positioner. advance: called with the share of the work done.
 
     Raises LogError or InputError for logs that cannot be used, NoAnswerError where nothing moves.
     """

@@ -126,7 +126,7 @@ def look_ahead(
     tuning: the noise, where the vehicle's [identified] is not to say it; what neither says is
     learnt from the log, at each instant from what came before. bottom_depth [m]; surface_margin:
     depths less than this below the depth of emergence do not count [m]. column: the water of a
-    cast. advance: told the share of the work done since it was last called.
+    cast. advance: called with the share of the work done since it was last called.
     Raises LogError or InputError where log, vehicle and horizons do not go together.
     """
     report = advance or (lambda _: None)

@@ -68,7 +68,7 @@ def adjust(
     Every stage begins where the one before ended; the whole record is then fitted from each of
     these ends and from others beside them, until three ways lead to the same best place and that
     explains nine tenths of the variance.
-    advance: told the share of the work done since it was last called.
+    advance: called with the share of the work done since it was last called.
     Raises InputError for a name that cannot be fitted.
     """
     _check(names, vehicle, rec)

@@ -62,8 +62,8 @@ def sample(
     """Return draws from the posterior around a fit, its noise and outliers' weights as they are.
 
     The likelihood is flattened by as much as autocorrelated residuals widen the intervals. steps:
-    of each of the walkers. advance: told the share of the work done since last called. Raises
-    InputError where emcee is not installed, NoAnswerError where the sampler does not settle.
+    of each of the walkers. advance: called with the share of the work done since last called.
+    Raises InputError where emcee is not installed, NoAnswerError where the sampler does not settle.
     """
     try:
         import emcee

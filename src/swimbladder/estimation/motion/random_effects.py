@@ -54,7 +54,7 @@ def between_logs(
 
     vehicle: identified from these logs. Its psi, drag, trim and noise become the means of what the
     logs have each, and the covariance allows for the few logs that they are from. advance:
-    told the share of the work done since last called.
+    called with the share of the work done since last called.
     Raises InputError where there are too few logs, or the vehicle was not identified.
     """
     known = vehicle.identified

@@ -67,7 +67,7 @@ def identify(
     depth of emergence are left out [m]. random_walk: the neutral volumes are random walks, and the
     numbers those of the innovations' likelihood. posterior: seed of draws from it (needs emcee).
     columns: the water of casts, one for all logs or one for each; none: of constant density.
-    advance: told the share of the work done since last called.
+    advance: called with the share of the work done since last called.
 
     Raises InputError where logs, names and vehicle do not go together. What is not identifiable
     is among the findings, and Identification.vehicle raises NoAnswerError then.

@@ -72,7 +72,7 @@ def _pressure(text: str) -> float:
 
 
 class _Reader:
-    """The state of the float as its lines tell it."""
+    """The state of the float by its lines."""
 
     def __init__(self) -> None:
         self.first: float | None = None
@@ -217,7 +217,7 @@ class _Reader:
         return True
 
     def log(self, source: str) -> FloatLog:
-        """Return what the lines told."""
+        """Return what the lines hold."""
         columns = np.array([row[:3] for row in self.pressures]).T
         positions = self.known.pop("positions", None)
         said = [

@@ -29,7 +29,7 @@ class Cast:
 
     latitude and longitude in degrees, longitude None where it is not known. report: what a reader
     assumed, averaged and left out. pressure_column: the file's column of pressures whose unit
-    nothing but its name tells, if anything; None where more does. unit_named: whether that does.
+    only its name shows, if anything; None where more does. unit_named: whether that does.
     """
 
     pressure: Array  # dbar, above the atmosphere

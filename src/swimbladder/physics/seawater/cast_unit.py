@@ -1,7 +1,7 @@
 """Whether a cast that goes so deep may be in another unit of pressure than it is taken to be in.
 
-Physics tells a wrong unit at times, and readers refuse it then. Mostly it does not: water that is
-cold at 200 m is as real as water that is cold at 2000. What the vehicle is for tells more, and
+Physics detects a wrong unit at times, and readers refuse it then. Mostly it does not: water that is
+cold at 200 m is as real as water that is cold at 2000. What the vehicle is for says more, and
 where it speaks for another unit the file has to say which, in a header at least: a vehicle
 ballasted for the wrong water is lost.
 """
@@ -51,7 +51,7 @@ def check_cast_unit(cast: Cast, asked: float | None, rating: float | None) -> st
 def _others(cast: Cast, asked: float, rating: float | None) -> dict[str, float]:
     """Return the units in which a cast would fit the vehicle better, with the depth [m] of its end.
 
-    None where the user or physics tells the unit, or the cast fits in dbar.
+    None where the user or physics determines the unit, or the cast fits in dbar.
     """
     if cast.pressure_column is None:
         return {}
@@ -60,7 +60,7 @@ def _others(cast: Cast, asked: float, rating: float | None) -> dict[str, float]:
     least = asked
     if rating is not None and end > most:  # in kPa it may even end above what is asked for
         least = min(asked, _SHALLOW * rating)
-    elif rating is not None and end >= asked:  # it does; only a cast for this vehicle is a doubt
+    elif rating is not None and end >= asked:  # it does; only a cast for this vehicle is ambiguous
         least = max(asked, _NEAR[0] * rating)
     if least <= end <= most:
         return {}

@@ -47,8 +47,8 @@ def write_actuator(
 
     A vehicle is written where one was given and something of it was identified; else the one of an
     earlier run is taken away. command: how the page says that it was made; seconds: how long the
-    fit took; picture: also steps.png; advance: told the share of the work done. Raises InputError
-    where the folder cannot be written; whatever is in it then stays as it is.
+    fit took; picture: also steps.png; advance: called with the share of the work done. Raises
+    InputError where the folder cannot be written; whatever is in it then stays as it is.
     """
     files, old = {_PAGE: "", "steps.csv": ""}, out / "vehicle.toml"
     why = ""

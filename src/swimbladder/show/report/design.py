@@ -24,8 +24,8 @@ def write_design(
 ) -> list[Path]:  # fmt: skip
     """Write plan, page, numbers and pictures into the folder `out` and return the paths.
 
-    answer: the text of design.json; command: how the page says that it was made; advance: told the
-    share of the work done. Raises InputError where the folder cannot be written.
+    answer: the text of design.json; command: how the page says that it was made; advance: called
+    with the share of the work done. Raises InputError where the folder cannot be written.
     """
     names = ["plan.toml", "plan.html", "plan.png", "design.png", "design.json"]
 

@@ -72,10 +72,10 @@ def write_identification(
     """Write everything into the folder `out` and return the paths.
 
     answer: the text of identify.json; command: how the page says that it was made; seconds: how
-    long the fit took; paper: the paper's fits, to stand beside. advance: told the share of the work
-    done. No vehicle is written where the
-    data do not identify all that was asked, and one of an earlier run is taken away. Raises
-    InputError where the folder cannot be written; whatever is in it then stays as it is.
+    long the fit took; paper: the paper's fits, to stand beside. advance: called with the share of
+    the work done. No vehicle is written where the data do not identify all that was asked, and one
+    of an earlier run is taken away. Raises InputError where the folder cannot be written; whatever
+    is in it then stays as it is.
     """
     check_folder(out, "")
     drawn = pictures(found, paper)

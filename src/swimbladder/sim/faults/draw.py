@@ -31,7 +31,7 @@ UP = -1.0  # m from where the hull emerges: the set-point that ends a mission
 DEEP = 0.75  # of the missions begin anywhere in the range, the others rather at its top
 TOGETHER = 0.5  # of the missions have two faults
 SECOND_WITHIN = 30.0  # s after the first
-RECOVERY = 60.0  # s from when the faults act to the full buoyancy that tells what is recoverable
+RECOVERY = 60.0  # s from when the faults act to the full buoyancy that defines what is recoverable
 SLACK = 180.0  # s, for coming up
 SETTLE = 30.0  # s before anything may fail
 LATEST = 0.25 * DURATION  # s, of the first onset: it has three times as long to act
@@ -40,7 +40,7 @@ DRIFT = 1000.0  # s, in which trim drifts by what is not known of it; half a mis
 SWELL = 0.005  # of the stroke, the least; ten times as much the most
 BAND = 1.0  # m under the surface: a hull bobs in the swell
 BROWN_OUT = 0.45  # of the nominal supply; a 5 V regulator under a 12 V battery
-LOW_SUPPLY = 0.9  # of the nominal one, as tune reckons with
+LOW_SUPPLY = 0.9  # of the nominal one, as tune assumes
 
 
 class Range(NamedTuple):
@@ -59,7 +59,7 @@ class Mission:
     faults: tuple[Fault, ...]
     plant: Array  # [len(Plant)]
     condition: Condition
-    fault_rows: Array  # [faults, len(Harm)]
+    fault_rows: Array  # [faults, len(FaultRow)]
     turns: Array  # ticks
     depths: Array  # m
     onset: float  # s, of the first fault; inf: none
