@@ -1,18 +1,30 @@
 """The options that say how to read a cast: the same in every command that takes one."""
 
 import inspect
-import typing
 
 import gsw
 import numpy as np
 import pytest
 
-from swimbladder.cli import ballast, campaign, casts, energy, main, mission, size
+from swimbladder.cli import (
+    ballast,
+    campaign,
+    compare_laws,
+    energy,
+    main,
+    mission,
+    simulate,
+    size,
+    tune,
+)
+from swimbladder.cli.casts import CastReading
 
 COMMANDS = {
     "ballast": ballast.ballast, "campaign": campaign.campaign, "energy": energy.energy,
-    "mission": mission.mission, "size": size.size,
+    "mission": mission.mission, "size": size.size, "simulate": simulate.simulate,
+    "tune": tune.tune, "compare-laws": compare_laws.compare_laws,
 }  # fmt: skip
+SAMPLED = ("simulate", "tune", "compare-laws")
 OPTIONS = {
     "--column": "salinity=S", "--where": "dive=1", "--log-format": "form.toml", "--profile": "2",
     "--latitude": "0", "--longitude": "0", "--salinity": "0", "--inversions": "keep",
@@ -33,20 +45,18 @@ def words(command, tmp_path):
     task = tmp_path / "task.toml"
     task.write_text(MISSION)
     flown = [str(task)] if command in ("campaign", "mission") else []
-    return [command, "example-float", *flown, "--out", str(tmp_path / "out")]
+    vehicle = "feup-em" if command in SAMPLED else "example-float"
+    return [command, vehicle, *flown, "--out", str(tmp_path / "out")]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_all_of_them_alike(command):
-    kinds = typing.get_type_hints(COMMANDS[command], include_extras=True)
-    taken = inspect.signature(casts.asked_casts).parameters
-    names = [name for name in taken if name not in ("paths", "place")]
-    assert {"--" + name.replace("_", "-") for name in names} == set(OPTIONS)
-    for name in names:
-        assert kinds[name] is getattr(casts, _ALIAS.get(name, name.title().replace("_", "")))
-
-
-_ALIAS = {"column": "Columns"}
+    assert set(CastReading.named().values()) == set(OPTIONS)
+    taken, first = (inspect.signature(one).parameters for one in (COMMANDS[command], size.size))
+    for option in OPTIONS:
+        name = option[2:].replace("-", "_")
+        ours, theirs = (one[name].annotation.__metadata__[0] for one in (taken, first))
+        assert vars(ours) == vars(theirs)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -66,9 +76,8 @@ def test_runs_are_no_cast(capsys, tmp_path):
 
 
 def asked(path, **options):
-    names = inspect.signature(casts.asked_casts).parameters
-    given = {name: None for name in names if name not in ("paths", "place")} | options
-    return casts.asked_casts([path], **given)[0]
+    place = options.pop("place", None)
+    return CastReading(**options).casts(path, place)[0]
 
 
 def test_the_equator_is_a_latitude_and_stands_over_that_of_the_mission(tmp_path):

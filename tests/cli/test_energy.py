@@ -153,6 +153,7 @@ def test_bad_input_exits_2_and_names_it(words, named, capsys, tmp_path):
     runs = tmp_path / "runs.csv"
     runs.write_text(RUNS)
     given = [str(runs) if word == "RUNS" else word for word in words]
+    given += COLUMNS if "RUNS" in words else []
     assert main(["energy", *given, "--out", str(tmp_path / "o")]) == 2
     assert named in capsys.readouterr().err
     assert not (tmp_path / "o").exists()

@@ -202,7 +202,7 @@ def test_a_vehicle_file_that_is_not_ours_is_left_alone(capsys, pool, made, tmp_p
         (["--drag", "cubic"], "--drag: this drag law cannot be identified (got 'cubic')"),
         (["--neutral-std", "0"], "--neutral-std: it must be above 0"),
         (["--speed-std", "1 cm3"], "--speed-std: the unit 'cm3' is of another kind"),
-        (["--drive", "setpoint"], "--drive: no such input"),
+        (["--drive", "setpoint"], "--drive: this does not drive"),
         (["--bottom", "-1"], "--bottom: it must not be negative"),
         (["--where", "run=9"], "none of"),
         (["--column", "depth=z"], "no such column of a log"),

@@ -149,7 +149,7 @@ depth = 2
     assert "swimbladder simulate" in " ".join(capsys.readouterr().err.split())
 
 
-def test_a_hold_that_does_not_hold_is_exit_1(task, capsys):
+def test_a_hold_that_does_not_hold_is_exit_1(task, capsys, monkeypatch):
     """A hull that gives way more than the water runs away between two looks."""
     task.write_text("""schema_version = 1
 [[phases]]
@@ -161,9 +161,14 @@ check_interval = "30 s"
 duration = "10 min"
 law = "rate"
 """)
-    code = main(["mission", "feup-em", str(task), "--out", "flown", "--json"])
+    drawn = []
+    monkeypatch.setattr("swimbladder.show.plots.style.save", lambda figure, _: drawn.append(figure))
+    code = main(["mission", "feup-em", str(task), "--out", "flown", "--plot", "--json"])
     answer = json.loads(capsys.readouterr().out)
     assert code == 1
+    panel = drawn[0].axes[-1]  # where others have energy or battery: no line at 0 kJ
+    assert not panel.lines
+    assert "electrical power is not known" in " ".join(panel.texts[-1].get_text().split())
     assert answer["held"]["hold"]["share"] < 0.9
     assert any("is no holding" in reason for reason in answer["reasons"])
     assert answer["energy_unknown"]

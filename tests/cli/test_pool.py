@@ -59,7 +59,7 @@ def log(tmp_path_factory):
         (["--simulate", "--truth", "ntnu-bv"], "--truth"),
         (["--simulate", "--target-std", "2 cm"], "--target-std"),
         (["--simulate", "--target-std", "1 %", "--target", "K2=2%"], "--target-std"),
-        (["--simulate", "--target", "K2=-5 1/m2/s"], "--target K2"),
+        (["--simulate", "--target", "K2=-5 1/m2/s"], "--target: it must be above 0"),
         (["--simulate", "--pool-depth", "0.5"], "--pool-depth"),
         (["--simulate", "--column", "depth_m=z"], "--column"),
         (["--follow", "there-is-no.csv", "--truth", "feup-em"], "--truth"),

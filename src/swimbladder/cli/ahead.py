@@ -2,54 +2,83 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from swimbladder.cli.common import output, quantity
+from swimbladder.cli.options import Options, Read
 from swimbladder.errors import InputError
 from swimbladder.units import format_quantity
 
 if TYPE_CHECKING:
-    from swimbladder.estimation.comparison.ahead import Ahead
+    from swimbladder.estimation.comparison.ahead import Ahead as Result
 
-__all__ = ["ahead_options", "print_ahead", "write_ahead"]
+__all__ = ["Ahead", "print_ahead", "write_ahead"]
 
 _NOISES = {
-    "depth_noise": ("--depth-noise", "m", "mm"),
-    "random_walk": ("--random-walk", "m3/s^0.5", "cm3/s^0.5"),
-    "acceleration_noise": ("--acceleration-noise", "m/s/s^0.5", "mm/s/s^0.5"),
+    "depth_noise": ("m", "mm"),
+    "random_walk": ("m3/s^0.5", "cm3/s^0.5"),
+    "acceleration_noise": ("m/s/s^0.5", "mm/s/s^0.5"),
 }
 
 
-def ahead_options(text: str | None, **noises: str | None) -> dict[str, Any] | None:
-    """Return what look_ahead is called with; None where it is not asked for.
+def _noise(name: str) -> Read:
+    return Read(lambda text, option: quantity(text, _NOISES[name][0], option))
 
-    Raises InputError naming the option.
-    """
-    given = {
-        name: quantity(value, _NOISES[name][1], _NOISES[name][0]) for name, value in noises.items()
-    }
-    if text is None:
-        for name, value in given.items():
-            if value is not None:
+
+def _times(text: str, option: str) -> list[float]:
+    parts = (quantity(part.strip(), "s", option) for part in text.split(",") if part.strip())
+    return [part for part in parts if part is not None]
+
+
+@dataclass(frozen=True)
+class Ahead(Options):
+    """Predictions over some times, and the noise that they assume."""
+
+    horizons: Annotated[
+        str | None,
+        typer.Option(
+            "--ahead", metavar="TIME,...", help='Also predict these times ahead, as "10 s,60 s".'
+        ),
+        Read(_times),
+    ] = None
+    random_walk: Annotated[
+        str | None,
+        typer.Option(metavar="INTENSITY", help="Random walk of the neutral volume, for --ahead."),
+        _noise("random_walk"),
+    ] = None
+    depth_noise: Annotated[
+        str | None, typer.Option(metavar="DEPTH", help="Depth noise, 1 sigma, for --ahead.")
+    ] = None
+    acceleration_noise: Annotated[
+        str | None,
+        typer.Option(metavar="INTENSITY", help="Acceleration noise density, for --ahead."),
+        _noise("acceleration_noise"),
+    ] = None
+
+    def asked(self) -> dict[str, Any] | None:
+        """Return what look_ahead is called with; None where it is not asked for.
+
+        Raises InputError naming the option.
+        """
+        given = self.read()
+        horizons = given.pop("horizons")
+        if horizons is None:
+            for option, value in self.changed().items():
                 raise InputError(
-                    "this belongs to --ahead", field=_NOISES[name][0], value=noises[name],
+                    "this belongs to --ahead", field=option, value=value,
                     remedy='Add --ahead "10 s,60 s", or leave it out',
                 )  # fmt: skip
-        return None
-    parts = [part.strip() for part in text.split(",") if part.strip()]
-    horizons = [quantity(part, "s", "--ahead") or 0.0 for part in parts]
-    if not horizons or min(horizons) <= 0.0 or len(set(horizons)) < len(horizons):
-        raise InputError(
-            "these are no times ahead", field="--ahead", value=text, unit="s",
-            remedy='Give one or several, above 0 and different, as "10 s,60 s"',
-        )  # fmt: skip
-    from swimbladder.estimation.comparison.filter_prior import Tuning
+            return None
+        from swimbladder.estimation.comparison.filter_prior import Tuning
 
-    return {"horizons": horizons, "tuning": Tuning(**given)}
+        return {"horizons": horizons, "tuning": Tuning(**given)}
 
 
-def write_ahead(ahead: Ahead, folder: Path, name: str, *, plot: bool) -> list[Path]:
+def write_ahead(ahead: Result, folder: Path, name: str, *, plot: bool) -> list[Path]:
     """Write the predictions, and a picture where asked for; return the paths."""
     from swimbladder.io.tables import write_csv
 
@@ -61,7 +90,7 @@ def write_ahead(ahead: Ahead, folder: Path, name: str, *, plot: bool) -> list[Pa
     return files
 
 
-def print_ahead(ahead: Ahead) -> None:
+def print_ahead(ahead: Result) -> None:
     """Print a row for each span, and the noise that the filter assumed."""
     from rich.table import Table
 
@@ -86,7 +115,7 @@ def print_ahead(ahead: Ahead) -> None:
         soft_wrap=True,
     )
     for name, value in ahead.noise.items():
-        _, unit, shown = _NOISES[name]
+        unit, shown = _NOISES[name]
         output.print(
             f"{name.replace('_', ' ')}: {format_quantity(value, unit, shown, digits=3)}, "
             f"{ahead.origins[name]}"

@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.casts import (
-    Columns,
-    Inversions,
-    Latitude,
-    LogFormat,
-    Longitude,
-    Profile,
-    Salinity,
-    Where,
-    asked_casts,
-)
+from swimbladder.cli.casts import CastReading
 from swimbladder.cli.common import (
     asked_of,
     compile_notice,
@@ -27,10 +17,9 @@ from swimbladder.cli.common import (
     kept,
     output,
     progress,
-    quantity,
-    said_as_typed,
 )
 from swimbladder.cli.masses import warn_of_mass
+from swimbladder.cli.options import Files, Options, Read, grouped
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,6 +32,98 @@ if TYPE_CHECKING:
 __all__ = ["campaign"]
 
 
+def _part(text: str, option: str) -> tuple[int, int]:
+    """Return which part of how many is asked for."""
+    try:
+        number, total = (int(piece) for piece in text.split("/"))
+    except ValueError:
+        raise InputError(
+            "no part of a whole", field=option, value=text,
+            remedy="Give a number and how many there are, from --part 1/8 to --part 8/8",
+        ) from None  # fmt: skip
+    return number, total
+
+
+@dataclass(frozen=True)
+class Flown(Options):
+    """How many floats are flown, for how long."""
+
+    cycles: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Cycles (as in the mission).")
+    ] = None
+    span: Annotated[
+        str | None,
+        typer.Option("--duration", metavar="TIME", help="After it no cycle begins."),
+    ] = None
+    seed: Annotated[int, typer.Option(min=0, help="Of all that is drawn.")] = 1
+
+
+@dataclass(frozen=True)
+class Spreads(Options):
+    """How much floats differ, by the inputs of a `Spread`."""
+
+    trim: Annotated[
+        str | None,
+        typer.Option("--trim-std", metavar="VOLUME", help="1 sigma of the neutral volume (5 cm3)."),
+    ] = None
+    psi: Annotated[
+        str | None,
+        typer.Option(
+            "--psi-std",
+            metavar="PSI",
+            help="1 sigma of the hull's compression (0.002 cm3/m).",
+        ),
+    ] = None
+    drag: Annotated[
+        str | None,
+        typer.Option("--drag-std", metavar="SHARE", help="1 sigma of the drag (10 %)."),
+    ] = None
+    pump: Annotated[
+        str | None,
+        typer.Option("--pump-std", metavar="SHARE", help="1 sigma of the pump's delivery (5 %)."),
+    ] = None
+
+    def of(self, vehicle: Vehicle, file: Path | None, identified: bool) -> Spread:
+        """Return the spread of a file, or the usual one; as identified; with what is stated."""
+        from swimbladder.io.config import file_text, read_model
+        from swimbladder.sim.campaign.draw import Spread
+
+        found = Spread() if file is None else read_model(Spread, file_text(file), file)
+        if identified:
+            try:
+                found = found.identified(vehicle)
+            except InputError as error:
+                raise InputError(error.what, field="--identified", remedy=error.remedy) from None
+        given = {name: text for name, text in vars(self).items() if text is not None}
+        with self.said_as_typed():
+            return Spread(**{**found.model_dump(), **given})
+
+
+@dataclass(frozen=True)
+class Work(Options):
+    """Who flies them, as `jobs.Workers` has it."""
+
+    executor: Annotated[str, typer.Option(metavar="WHO", help="threads, processes or dask.")] = (
+        "threads"
+    )
+    count: Annotated[
+        int | None,
+        typer.Option("--workers", metavar="N", help="How many (one on each core)."),
+    ] = None
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="WHERE", help="Address of a dask scheduler, or the file it wrote."),
+    ] = None
+    part: Annotated[
+        str,
+        typer.Option(
+            metavar="K/N", help="Fly one part of N, into the same folder.", show_default=False
+        ),
+        Read(_part),
+    ] = "1/1"
+
+
+@grouped(out=Path("swimbladder-campaign"))
 def campaign(
     vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
     mission: Annotated[
@@ -53,26 +134,9 @@ def campaign(
         list[Path] | None,
         typer.Option("--cast", metavar="CTD", help="A water; several: each float draws one."),
     ] = None,
-    cycles: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Cycles (as in the mission).")
-    ] = None,
-    duration: Annotated[
-        str | None, typer.Option(metavar="TIME", help="After it no cycle begins.")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of all that is drawn.")] = 1,
-    trim_std: Annotated[
-        str | None, typer.Option(metavar="VOLUME", help="1 sigma of the neutral volume (5 cm3).")
-    ] = None,
-    psi_std: Annotated[
-        str | None,
-        typer.Option(metavar="PSI", help="1 sigma of the hull's compression (0.002 cm3/m)."),
-    ] = None,
-    drag_std: Annotated[
-        str | None, typer.Option(metavar="SHARE", help="1 sigma of the drag (10 %).")
-    ] = None,
-    pump_std: Annotated[
-        str | None, typer.Option(metavar="SHARE", help="1 sigma of the pump's delivery (5 %).")
-    ] = None,
+    *,
+    how: Flown,
+    stated: Spreads,
     spread: Annotated[
         Path | None, typer.Option("--spread", metavar="FILE", help="TOML file with all of these.")
     ] = None,
@@ -82,33 +146,9 @@ def campaign(
     sensitivity: Annotated[
         bool, typer.Option("--sensitivity", help="Sobol indices: what the outcome comes from.")
     ] = False,
-    executor: Annotated[
-        str, typer.Option(metavar="WHO", help="threads, processes or dask.")
-    ] = "threads",
-    workers: Annotated[
-        int | None, typer.Option(metavar="N", help="How many (one on each core).")
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="WHERE", help="Address of a dask scheduler, or the file it wrote."),
-    ] = None,
-    part: Annotated[
-        str | None, typer.Option(metavar="K/N", help="Fly one part of N, into the same folder.")
-    ] = None,
-    column: Columns = None,
-    where: Where = None,
-    log_format: LogFormat = None,
-    profile: Profile = None,
-    latitude: Latitude = None,
-    longitude: Longitude = None,
-    salinity: Salinity = None,
-    inversions: Inversions = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
-        "swimbladder-campaign"
-    ),
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
+    work: Work,
+    reading: CastReading,
+    to: Files,
 ) -> None:
     """Fly many floats on a mission: how many do it, how long their batteries last.
 
@@ -122,13 +162,9 @@ def campaign(
     from swimbladder.io.files import check_place
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
-    span, (number, parts) = quantity(duration, "s", "--duration"), _part(part)
-    check_place(out)
-    casts = asked_casts(
-        cast or [], column=column, where=where, log_format=log_format, profile=profile,
-        latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions,
-        place=task.latitude,
-    )  # fmt: skip
+    asked, who = how.read(), work.read()
+    check_place(to.out)
+    casts = reading.casts(cast, task.latitude)
     warn_of_mass(v)
     with asked_of(mission, task):
         columns = [water(v, task, one) for one in casts] or [water(v, task, None)]
@@ -138,24 +174,20 @@ def campaign(
         from swimbladder.sim.campaign.run import Floats
         from swimbladder.sim.campaign.sensitivity import Sensitivity
 
-    who = Workers(executor=executor, count=workers, scheduler=scheduler, part=(number, parts))
-    stated = {
-        "trim": trim_std, "psi": psi_std, "drag": drag_std, "pump": pump_std,
-    }  # fmt: skip
-    drawn = _spread(v, spread, identified, stated)
-    with asked_of(mission, task, duration=duration):
+    workers = Workers(**who)
+    drawn = stated.of(v, spread, identified)
+    with asked_of(mission, task, duration=how.span):
         job = Floats(
-            vehicle=v, mission=task, columns=columns, floats=floats, seed=seed, cycles=cycles,
-            spread=drawn, span=span, sensitivity=sensitivity,
-            store=(out / "campaign.zarr").absolute(),
+            vehicle=v, mission=task, columns=columns, floats=floats, spread=drawn,
+            sensitivity=sensitivity, store=(to.out / "campaign.zarr").absolute(), **asked,
         )  # fmt: skip
     layout = job.layout
     doing = f"flying {layout.floats} floats"
     job.check()
     with kept(job.store), compile_notice(), progress(doing, 1.0) as advance:
-        whole = run(job, who, advance)
+        whole = run(job, workers, advance)
     if not whole:
-        _unfinished(layout, part or "1/1", json)
+        _unfinished(layout, work.part, to.json)
         return
     layout.tidy()
     table, energy_unknown = layout.table(), job.plans[0].energy_known
@@ -163,54 +195,20 @@ def campaign(
     if job.design is not None:
         indices = Sensitivity(design=job.design, table=table, energy_unknown=energy_unknown)
     found = Campaign(
-        vehicle=v, mission=task, columns=columns, spread=job.spread, seed=seed,
+        vehicle=v, mission=task, columns=columns, spread=job.spread, seed=job.seed,
         table=table if indices is None else indices.independent, energy_unknown=energy_unknown,
     )  # fmt: skip
     answer = found.to_json()
     with progress("writing the results"):
         if indices is not None:
             answer["sensitivity"] = indices.to_json()
-        files = [out / "campaign.zarr", *_write(replace(found, table=table), answer, indices, out)]
-    if json:
-        emit_json({**answer, "files": [str(path) for path in files]})
-    else:
-        _print(found, indices, files)
+        files = [
+            to.out / "campaign.zarr",
+            *_write(replace(found, table=table), answer, indices, to.out),
+        ]
+    to.answer(answer, files, lambda: _print(found, indices))
     if indices is None and not found.good.all():
         raise typer.Exit(1)
-
-
-def _part(text: str | None) -> tuple[int, int]:
-    """Return which part of how many is asked for."""
-    if text is None:
-        return 1, 1
-    try:
-        number, total = (int(piece) for piece in text.split("/"))
-    except ValueError:
-        raise InputError(
-            "no part of a whole", field="--part", value=text,
-            remedy="Give a number and how many there are, from --part 1/8 to --part 8/8",
-        ) from None  # fmt: skip
-    return number, total
-
-
-def _spread(
-    vehicle: Vehicle, file: Path | None, identified: bool, stated: dict[str, str | None]
-) -> Spread:
-    """Return the spread of a file, or the usual one; as identified; with what options state."""
-    from swimbladder.io.config import file_text, read_model
-    from swimbladder.sim.campaign.draw import Spread
-
-    found = Spread() if file is None else read_model(Spread, file_text(file), file)
-    if identified:
-        try:
-            found = found.identified(vehicle)
-        except InputError as error:
-            raise InputError(error.what, field="--identified", remedy=error.remedy) from None
-    options = {f"--{name}-std": text for name, text in stated.items()}
-    names = {name: f"--{name}-std" for name in stated}
-    given = {name: text for name, text in stated.items() if text is not None}
-    with said_as_typed(options, **names):
-        return Spread(**{**found.model_dump(), **given})
 
 
 def _unfinished(layout: Layout, part: str, json: bool) -> None:
@@ -248,7 +246,7 @@ def _write(
     return [out / name for name in names]
 
 
-def _print(found: Campaign, indices: Sensitivity | None, files: list[Path]) -> None:
+def _print(found: Campaign, indices: Sensitivity | None) -> None:
     from rich.table import Table
 
     output.print(found.sentence, soft_wrap=True)
@@ -271,8 +269,6 @@ def _print(found: Campaign, indices: Sensitivity | None, files: list[Path]) -> N
     output.print(numbers)
     if indices is not None:
         _print_indices(indices)
-    for path in files:
-        output.print(f"wrote {path}", soft_wrap=True)
 
 
 def _print_indices(found: Sensitivity) -> None:

@@ -9,6 +9,7 @@ import errno
 import json
 import math
 import os
+import re
 import shutil
 import signal
 import sys
@@ -232,18 +233,23 @@ def quantity(text: str | None, unit: str, option: str) -> float | None:
 
 @contextlib.contextmanager
 def said_as_typed(typed: Mapping[str, str | None], **options: str) -> Iterator[None]:
-    """Name in InputErrors of the block the option, and what was typed for it.
+    """Name in InputErrors of the block the option, and what was typed for its number.
 
-    typed: by option; options: of fields that are called otherwise, ``deepest="--depth"``.
+    typed: by option; options: of fields that are called otherwise, ``deepest="--depth"``; a remedy
+    has them between backticks.
     """
     try:
         yield
     except InputError as error:
         option = options.get(error.field or "", error.field)
         text = typed.get(option or "")
+        remedy = error.remedy and re.sub(
+            r"`(\w+)`", lambda word: options.get(word[1], word[0]), error.remedy
+        )
+        value = error.value if text is None or isinstance(error.value, str) else text
         raise type(error)(
-            error.what, file=error.file, line=error.line, field=option,
-            value=error.value if text is None else text, unit=error.unit, remedy=error.remedy,
+            error.what, file=error.file, line=error.line, field=option, value=value,
+            unit=error.unit, remedy=remedy,
         ) from None  # fmt: skip
 
 

@@ -6,30 +6,21 @@ import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from swimbladder.cli.ahead import ahead_options, print_ahead, write_ahead
-from swimbladder.cli.casts import CastColumns, CastFiles, CastProfile, CastWhere, water_of_logs
+from swimbladder.cli.ahead import Ahead, print_ahead, write_ahead
+from swimbladder.cli.casts import LogCasts
 from swimbladder.cli.common import compile_notice, console, emit_json, output, progress
-from swimbladder.cli.logs import (
-    Chosen,
-    LogColumns,
-    LogForm,
-    LogRows,
-    chosen,
-    depth,
-    names,
-    pair,
-    read,
-)
-from swimbladder.errors import InputError, SwimbladderError
+from swimbladder.cli.logs import Chosen, LogReading
+from swimbladder.cli.options import Files, Options, grouped
+from swimbladder.errors import SwimbladderError
 from swimbladder.units import format_quantity, shown_unit
 
 if TYPE_CHECKING:
     from swimbladder.estimation.comparison import Comparison
-    from swimbladder.estimation.comparison.ahead import Ahead
+    from swimbladder.estimation.comparison.ahead import Ahead as Predicted
     from swimbladder.physics.seawater import Column
     from swimbladder.vehicle import Vehicle
 
@@ -38,16 +29,14 @@ __all__ = ["compare"]
 _ROUNDING = 1e-6  # of a difference between a log and the model: less is no number to print
 
 
-def compare(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")],
-    vehicle: Annotated[str, typer.Option(metavar="VEHICLE", help="Preset or TOML file.")],
-    where: LogRows = None,
-    column: LogColumns = None,
-    log_format: LogForm = None,
+@dataclass(frozen=True)
+class Fit(Options):
+    """How a log is compared, as `estimation.comparison.compare` has it."""
+
     drive: Annotated[
         str | None,
         typer.Option(metavar="INPUT", help="volume, voltage or setpoint (first that is logged)."),
-    ] = None,
+    ] = None
     fit: Annotated[
         str | None,
         typer.Option(
@@ -55,43 +44,30 @@ def compare(
             help="What to fit: neutral_volume (default), neutral_drift, mass, drag, "
             "drag_quadratic, psi, start_depth, start_speed; or none.",
         ),
-    ] = None,
-    bottom: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help="Depth of the bottom (none).")
-    ] = None,
+    ] = None
+    bottom_depth: Annotated[
+        str | None, typer.Option("--bottom", metavar="DEPTH", help="Depth of the bottom (none).")
+    ] = None
     surface_margin: Annotated[
         str, typer.Option(metavar="DEPTH", help="Depths less than this are not compared.")
-    ] = "0.1 m",
+    ] = "0.1 m"
     submerged: Annotated[
         bool,
         typer.Option("--submerged", help="Begin where it is first deeper than that."),
-    ] = False,
-    ahead: Annotated[
-        str | None,
-        typer.Option(metavar="TIME,...", help='Also predict these times ahead, as "10 s,60 s".'),
-    ] = None,
-    random_walk: Annotated[
-        str | None,
-        typer.Option(metavar="INTENSITY", help="Random walk of the neutral volume, for --ahead."),
-    ] = None,
-    depth_noise: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help="Depth noise, 1 sigma, for --ahead.")
-    ] = None,
-    acceleration_noise: Annotated[
-        str | None,
-        typer.Option(metavar="INTENSITY", help="Acceleration noise density, for --ahead."),
-    ] = None,
-    cast: CastFiles = None,
-    cast_where: CastWhere = None,
-    cast_column: CastColumns = None,
-    cast_profile: CastProfile = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
-        "swimbladder-compare"
-    ),
+    ] = False
+
+
+@grouped(out=Path("swimbladder-compare"))
+def compare(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")],
+    vehicle: Annotated[str, typer.Option(metavar="VEHICLE", help="Preset or TOML file.")],
+    *,
+    reading: LogReading,
+    fit: Fit,
+    ahead: Ahead,
+    casts: LogCasts,
     plot: Annotated[bool, typer.Option("--plot", help="Also draw compare.png.")] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
+    to: Files,
 ) -> None:
     """Drive the model with a measured log and compare depths.
 
@@ -103,38 +79,22 @@ def compare(
     from swimbladder.io.config import load_vehicle
 
     v = load_vehicle(vehicle, sampled=True)
-    options = {
-        "drive": _drive(drive),
-        "fit": names(fit),
-        "bottom_depth": depth(bottom, "--bottom"),
-        "surface_margin": depth(surface_margin, "--surface-margin"),
-        "submerged": submerged,
-    }
-    look = ahead_options(
-        ahead,
-        random_walk=random_walk,
-        depth_noise=depth_noise,
-        acceleration_noise=acceleration_noise,
-    )
-    mapped = dict(pair(text, "--column") for text in column or [])
-    tasks = [_Task(log, mapped, log_format) for log in chosen(logs, where or [])]
+    how = _How(v, reading, fit.given(), ahead.asked(), to.out, plot)
+    tasks = [_Task(log) for log in reading.chosen(logs)]
     from swimbladder.estimation.comparison.water import water_of_each
 
-    found = water_of_logs(
-        cast or (), cast_where or (), cast_column or (), cast_profile, v.hull.depth_limit
-    )
-    waters = water_of_each(len(tasks), found)
+    waters = water_of_each(len(tasks), casts.water(v.hull.depth_limit))
     for task, name, water in zip(tasks, _file_names(tasks), waters, strict=True):
         task.name, task.water = name, water
-        if len(tasks) == 1:
-            _compare(task, v, options, look, out, plot=plot)
-            continue
         try:
-            _compare(task, v, options, look, out, plot=plot)
+            with fit.said_as_typed(), ahead.said_as_typed():
+                _compare(task, how)
         except SwimbladderError as error:
+            if len(tasks) == 1:
+                raise
             task.error = error
     answers = [task.answer() for task in tasks]
-    if json:
+    if to.json:
         emit_json(answers[0] if len(answers) == 1 else {"comparisons": answers})
     else:
         _print(tasks)
@@ -143,17 +103,26 @@ def compare(
         raise typer.Exit(code)
 
 
+class _How(NamedTuple):
+    """How each log is read and compared."""
+
+    vehicle: Vehicle
+    reading: LogReading
+    options: dict[str, Any]
+    horizons: dict[str, Any] | None
+    out: Path
+    plot: bool
+
+
 @dataclass
 class _Task:
     """A log to compare, and what came of it."""
 
     log: Chosen
-    columns: dict[str, str]
-    log_format: str | None
     name: str = "compare"
     water: Column | None = None
     result: Comparison | None = None
-    ahead: Ahead | None = None
+    ahead: Predicted | None = None
     error: SwimbladderError | None = None
     files: tuple[Path, ...] = ()
 
@@ -163,19 +132,6 @@ class _Task:
         ahead = None if self.ahead is None else self.ahead.to_json()
         files = [str(path) for path in self.files]
         return {**self.result.to_json(), "ahead": ahead, "files": files}
-
-
-def _drive(text: str | None) -> str | None:
-    from swimbladder.estimation.comparison import DRIVES
-
-    if text is not None and text not in DRIVES:
-        raise InputError(
-            "no such input",
-            field="--drive",
-            value=text,
-            remedy=f"Choose one of {', '.join(DRIVES)}",
-        )
-    return text
 
 
 def _file_names(tasks: list[_Task]) -> list[str]:
@@ -193,20 +149,13 @@ def _file_names(tasks: list[_Task]) -> list[str]:
     return found
 
 
-def _compare(
-    task: _Task,
-    vehicle: Vehicle,
-    options: dict[str, Any],
-    look: dict[str, Any] | None,
-    out: Path,
-    *,
-    plot: bool,
-) -> None:
+def _compare(task: _Task, how: _How) -> None:
     """Read the log, compare, and write the files."""
     from swimbladder.io.files import make_folder
     from swimbladder.io.tables import write_csv
 
-    log = read(task.log, vehicle, columns=task.columns, log_format=task.log_format)
+    vehicle, options, look, plot = how.vehicle, how.options, how.horizons, how.plot
+    log = how.reading.log(task.log, vehicle)
     with progress("loading the simulator"):
         from swimbladder.estimation.comparison import compare as compare_log
 
@@ -215,12 +164,13 @@ def _compare(
     if look is not None:
         from swimbladder.estimation.comparison.ahead import look_ahead
 
-        edges = {name: options[name] for name in ("bottom_depth", "surface_margin")}
+        names = {"bottom_depth", "surface_margin"} & set(options)
+        edges = {name: options[name] for name in names}
         with compile_notice(), progress(f"predicting {task.log.label}", 1.0) as advance:
             task.ahead = look_ahead(
                 log, vehicle, **look, **edges, column=task.water, advance=advance
             )
-    folder = make_folder(out)
+    folder = make_folder(how.out)
     files = [write_csv(folder / f"{task.name}.csv", task.result.columns())]
     if plot:
         with progress(f"drawing {task.name}.png"):

@@ -2,34 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.casts import (
-    CastFile,
-    Columns,
-    Inversions,
-    Latitude,
-    LogFormat,
-    Longitude,
-    Profile,
-    Salinity,
-    Where,
-    asked_casts,
-    water_of_cast,
-)
+from swimbladder.cli.casts import CastFile, CastReading, water_of_cast
 from swimbladder.cli.common import (
     compile_notice,
     emit_json,
+    json_text,
     kept,
     output,
     progress,
-    quantity,
     typed_command,
 )
-from swimbladder.cli.depths import depth_pair, with_sensor
+from swimbladder.cli.depths import DepthSensor
+from swimbladder.cli.options import Files, Options, Read, grouped
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,49 +31,63 @@ __all__ = ["compare_laws"]
 _NOISE = "2 mm"  # where neither the vehicle file nor the user says what the sensor has
 
 
-def compare_laws(
-    vehicle: Annotated[
-        str | None, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
-    ] = None,
+@dataclass(frozen=True)
+class Flights(Options):
+    """Which laws are flown, how often and where."""
+
     laws: Annotated[
-        str | None, typer.Option(metavar="LAW,LAW", help="Laws to tune and fly (all that fit).")
-    ] = None,
-    runs: Annotated[int, typer.Option(metavar="N", help="Runs of every scenario.")] = 40,
-    depth: Annotated[
+        str | None,
+        typer.Option(metavar="LAW,LAW", help="Laws to tune and fly (all that fit)."),
+        Read(lambda text, _: [name.strip() for name in text.split(",")]),
+    ] = None
+    runs: Annotated[int, typer.Option(metavar="N", help="Runs of every scenario.")] = 40
+    depths: Annotated[
         str | None,
         typer.Option(
             "--depth", metavar="LEAST:MOST", help="Depths (what stroke, supply, rating allow)."
         ),
-    ] = None,
+    ] = None
+    sample_time: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Of the tuned laws (the controller's)."),
+    ] = None
+    seed: Annotated[int, typer.Option(metavar="N", help="Of noise, waves, drift, draws.")] = 1
+
+
+@dataclass(frozen=True)
+class Sensor(DepthSensor):
+    """The depth sensor, which has some noise."""
+
     depth_noise: Annotated[
         str | None,
         typer.Option(metavar="DEPTH", help="1 sigma of the depths (the vehicle's, else 2 mm)."),
+    ] = None
+
+    def assumed(self, vehicle: Vehicle) -> tuple[Vehicle, str]:
+        """Return the vehicle with it, and in words what was assumed of it, or nothing."""
+        v, known = self.on(vehicle), vehicle.identified
+        if self.depth_noise or v.sensors.depth_noise > 0.0 or v.sensors.depth_quantum > 0.0:
+            return v, ""
+        if known is not None and known.depth_noise > 0.0:
+            return Sensor(f"{known.depth_noise} m").on(vehicle), "depth noise as in the logs"
+        words = f"a depth sensor with {_NOISE} of noise, as none is stated (--depth-noise)"
+        return Sensor(_NOISE).on(vehicle), words
+
+
+@grouped(out=Path("swimbladder-compare-laws"))
+def compare_laws(
+    vehicle: Annotated[
+        str | None, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
     ] = None,
-    depth_quantum: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help="Step of the depth sensor (the vehicle's).")
-    ] = None,
-    sample_time: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Of the tuned laws (the controller's).")
-    ] = None,
-    seed: Annotated[int, typer.Option(metavar="N", help="Of noise, waves, drift, draws.")] = 1,
+    *,
+    flights: Flights,
+    sensor: Sensor,
     list_scenarios: Annotated[
         bool, typer.Option("--list-scenarios", help="Print what is flown, and nothing else.")
     ] = False,
     cast: CastFile = None,
-    column: Columns = None,
-    where: Where = None,
-    log_format: LogFormat = None,
-    profile: Profile = None,
-    latitude: Latitude = None,
-    longitude: Longitude = None,
-    salinity: Salinity = None,
-    inversions: Inversions = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
-        "swimbladder-compare-laws"
-    ),
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
+    reading: CastReading,
+    to: Files,
 ) -> None:
     r"""Fly every law on the same scenarios: soon, still, and at what cost.
 
@@ -93,59 +97,33 @@ def compare_laws(
     What is done is kept in the folder's parts/, so that a stopped comparison goes on there.
     """
     if list_scenarios:
-        _list(vehicle, depth, json)
+        _list(vehicle, flights.read()["depths"], to.json)
         return
     if vehicle is None:
         raise InputError("no vehicle", field="VEHICLE", remedy="Name a preset or a TOML file")
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
-    v, assumed = _sensed(load_vehicle(vehicle, sampled=True), depth_noise, depth_quantum)
-    options: dict[str, Any] = {
-        "laws": None if laws is None else [name.strip() for name in laws.split(",")],
-        "runs": runs,
-        "depths": None if depth is None else depth_pair(depth, "--depth"),
-        "sample_time": quantity(sample_time, "s", "--sample-time"),
-        "seed": seed,
-    }
-    casts = asked_casts(
-        [] if cast is None else [cast], column=column, where=where, log_format=log_format,
-        profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
-        inversions=inversions,
-    )  # fmt: skip
+    v, assumed = sensor.assumed(load_vehicle(vehicle, sampled=True))
+    options = flights.read()
     reach = None if options["depths"] is None else options["depths"][1]
-    options["column"] = water_of_cast(casts, reach, v.hull.depth_limit)
-    check_place(out)
+    options["column"] = water_of_cast(reading.casts(cast), reach, v.hull.depth_limit)
+    check_place(to.out)
+    parts = to.out / "parts"
     with progress("loading the simulator"):
-        from swimbladder.cli.common import json_text
         from swimbladder.design.law_comparison import compare_laws
         from swimbladder.show.report.law_comparison import write_comparison
-    with kept(out / "parts"), compile_notice(), progress("tuning and flying", 1.0) as advance:
-        found = compare_laws(v, **options, parts=out / "parts", advance=advance)
+    with kept(parts), compile_notice(), progress("tuning and flying", 1.0) as advance:
+        found = compare_laws(v, **options, parts=parts, advance=advance)
     if assumed:
         found = found.assuming(assumed)
     with progress("drawing and writing"):
-        files = write_comparison(
-            found, out, answer=json_text(found.to_json()), command=typed_command()
-        )
-    if json:
-        emit_json({**found.to_json(), "files": [str(path) for path in files]})
-    else:
-        _print(found, files)
+        answer = found.to_json()
+        files = write_comparison(found, to.out, answer=json_text(answer), command=typed_command())
+    to.answer(answer, files, lambda: _print(found))
 
 
-def _sensed(vehicle: Vehicle, noise: str | None, quantum: str | None) -> tuple[Vehicle, str]:
-    """Return the vehicle with a depth sensor, and in words what was assumed of it, or nothing."""
-    v, known = with_sensor(vehicle, noise, quantum), vehicle.identified
-    if noise is not None or v.sensors.depth_noise > 0.0 or v.sensors.depth_quantum > 0.0:
-        return v, ""
-    if known is not None and known.depth_noise > 0.0:
-        return with_sensor(v, f"{known.depth_noise} m", None), "depth noise as in the logs"
-    words = f"a depth sensor with {_NOISE} of noise, as none is stated (--depth-noise)"
-    return with_sensor(v, _NOISE, None), words
-
-
-def _list(vehicle: str | None, depth: str | None, json: bool) -> None:
+def _list(vehicle: str | None, depths: tuple[float, float] | None, json: bool) -> None:
     """Print the scenarios, with the depths that a vehicle gives them where one is named."""
     from swimbladder.design.law_comparison.scenarios import SCENARIOS, place, places
 
@@ -154,7 +132,7 @@ def _list(vehicle: str | None, depth: str | None, json: bool) -> None:
         from swimbladder.io.config import load_vehicle
 
         v = load_vehicle(vehicle, sampled=True)
-        where = places(v, None if depth is None else depth_pair(depth, "--depth"))
+        where = places(v, depths)
         for one in SCENARIOS:
             p = place(one, v, where)
             shown[one.name] |= {
@@ -174,7 +152,7 @@ def _list(vehicle: str | None, depth: str | None, json: bool) -> None:
     output.print(table)
 
 
-def _print(found: LawComparison, files: list[Path]) -> None:
+def _print(found: LawComparison) -> None:
     from rich.table import Table
 
     from swimbladder.show.report.law_comparison_text import HEADINGS, SOON, STILL, notes, summary
@@ -207,5 +185,3 @@ def _print(found: LawComparison, files: list[Path]) -> None:
         output.print(f"left out: {one.name}: {one.why}", soft_wrap=True)
     for words in found.assumptions:
         output.print(f"assumed: {words}", soft_wrap=True)
-    for path in files:
-        output.print(f"wrote {path}", soft_wrap=True)

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from swimbladder.cli.common import (
     compile_notice,
     console,
-    emit_json,
     json_text,
     output,
     progress,
     quantity,
     typed_command,
 )
-from swimbladder.cli.logs import names
-from swimbladder.cli.settings import held, priors
+from swimbladder.cli.options import Files, Options, Read, grouped
+from swimbladder.cli.settings import Sought, deviation
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,92 +27,117 @@ if TYPE_CHECKING:
 __all__ = ["design_experiment"]
 
 
-def design_experiment(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
-    pool_depth: Annotated[str, typer.Option(metavar="DEPTH", help="Depth of the bottom.")],
+def _against(text: str, option: str) -> tuple[float, ...] | None:
+    """Return volume changes [m3] of a list with one unit; None: the paper's, where they fit."""
+    if text.strip() == "paper":
+        return None
+    if text.strip() == "none":
+        return ()
+    parts = [part.strip() for part in text.split(",")]
+    unit = parts[-1].lstrip("+-.0123456789eE").strip()
+    if not unit:
+        raise InputError(
+            "the unit is missing", field=option, value=text, unit="m3",
+            remedy='Write it as "20,-20,30,-30 cm3", or paper, or none',
+        )  # fmt: skip
+    found = []
+    for part in [*(f"{p} {unit}" for p in parts[:-1]), parts[-1]]:
+        number = quantity(part, "m3", option)
+        assert number is not None
+        found.append(number)
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Setting(Options):
+    """The pool and the sensor."""
+
+    pool_depth: Annotated[str, typer.Option(metavar="DEPTH", help="Depth of the bottom.")]
     sensor_std: Annotated[
         str | None,
         typer.Option(metavar="DEPTH", help="Noise of the depth, 1 sigma (the vehicle's)."),
-    ] = None,
+    ] = None
     quantum: Annotated[
         str | None,
         typer.Option(metavar="DEPTH", help="Quantum of the depth sensor (the vehicle's)."),
-    ] = None,
+    ] = None
     sample_time: Annotated[
         str | None, typer.Option(metavar="TIME", help="Sample time (the controller's).")
-    ] = None,
+    ] = None
     neutral_std: Annotated[
         str | None,
         typer.Option(
             metavar="VOLUME",
             help="Prior of the neutral volume at rest, 1 sigma (0.5 cm3).",
         ),
-    ] = None,
-    drift: Annotated[
+        deviation("m3"),
+    ] = None
+    drift_std: Annotated[
         str | None,
-        typer.Option(metavar="RATE", help="Drift of the neutral volume, 1 sigma (0.1 cm3/min)."),
-    ] = None,
-    free: Annotated[
-        str | None,
-        typer.Option(metavar="NAME,...", help="Parameters to identify (drag law's, psi)."),
-    ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help='Fix at a value: "psi=2e-6 m3/m".'),
-    ] = None,
-    prior: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help='Prior: "psi=2e-6 +- 1e-6 m3/m".'),
-    ] = None,
-    drag: Annotated[
-        str | None,
-        typer.Option(metavar="LAW", help="linear, quadratic or blended (the vehicle's)."),
-    ] = None,
+        typer.Option(
+            "--drift",
+            metavar="RATE",
+            help="Drift of the neutral volume, 1 sigma (0.1 cm3/min).",
+        ),
+        Read(lambda text, option: quantity(text, "m3/s", option)),
+    ] = None
+
+
+@dataclass(frozen=True)
+class Experiments(Options):
+    """The experiments, and what they are compared with."""
+
     time: Annotated[
         str | None,
         typer.Option(metavar="TIME", help="Pool time, settling included (--against's; 60 min)."),
-    ] = None,
-    runs: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="At most so many experiments.")
-    ] = None,
+    ] = None
+    releases: Annotated[
+        int | None,
+        typer.Option("--runs", metavar="N", min=1, help="At most so many experiments."),
+    ] = None
     clearance: Annotated[
         str, typer.Option(metavar="DEPTH", help="From surface and bottom to where records end.")
-    ] = "0.75 m",
+    ] = "0.75 m"
     settling: Annotated[
         str | None,
         typer.Option(metavar="TIME", help="Settling time before a release (simulated)."),
-    ] = None,
-    longest: Annotated[str, typer.Option(metavar="TIME", help="Longest record.")] = "240 s",
+    ] = None
+    longest: Annotated[str, typer.Option(metavar="TIME", help="Longest record.")] = "240 s"
     moves: Annotated[
         int, typer.Option(metavar="N", min=1, help="Most changes of volume in a record.")
-    ] = 4,
+    ] = 4
     largest: Annotated[
         str | None, typer.Option(metavar="VOLUME", help="Largest change of volume (the stroke's).")
-    ] = None,
+    ] = None
     criterion: Annotated[
         str,
         typer.Option(
             metavar="WHICH", help="largest error, D, A; or NAME,...: the largest of these."
         ),
-    ] = "largest",
+    ] = "largest"
     uncertainty: Annotated[
         str | None,
         typer.Option(
             metavar="SHARE", help="Error of the vehicle's file, 1 sigma (as identified; 30%)."
         ),
-    ] = None,
+    ] = None
     against: Annotated[
         str,
         typer.Option(
             metavar="SET", help='Compare with single steps, "20,-20,30,-30 cm3"; paper; none.'
         ),
-    ] = "paper",
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
-        "swimbladder-design-experiment"
-    ),
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
+        Read(_against),
+    ] = "paper"
+
+
+@grouped(out=Path("swimbladder-design-experiment"))
+def design_experiment(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    *,
+    setting: Setting,
+    sought: Sought,
+    experiments: Experiments,
+    to: Files,
 ) -> None:
     """Design the most informative pool experiments, and predict the errors of their estimates.
 
@@ -125,31 +149,8 @@ def design_experiment(
     from swimbladder.io.files import check_place
 
     v = load_vehicle(vehicle, sampled=True)
-    options: dict[str, Any] = {
-        "pool_depth": quantity(pool_depth, "m", "--pool-depth"),
-        "sensor_std": quantity(sensor_std, "m", "--sensor-std"),
-        "quantum": quantity(quantum, "m", "--quantum"),
-        "sample_time": quantity(sample_time, "s", "--sample-time"),
-        "neutral_std": math.inf
-        if neutral_std == "none"
-        else quantity(neutral_std, "m3", "--neutral-std"),
-        "drift_std": quantity(drift, "m3/s", "--drift"),
-        "free": names(free),
-        "fixed": held(set_),
-        "priors": priors(prior),
-        "drag": drag,
-        "time": quantity(time, "s", "--time"),
-        "releases": runs,
-        "clearance": quantity(clearance, "m", "--clearance"),
-        "settling": quantity(settling, "s", "--settling"),
-        "longest": quantity(longest, "s", "--longest"),
-        "moves": moves,
-        "largest": math.inf if largest is None else quantity(largest, "m3", "--largest"),
-        "criterion": criterion,
-        "uncertainty": quantity(uncertainty, "", "--uncertainty"),
-        "against": _against(against),
-    }
-    check_place(out)
+    options = {**setting.given(), **sought.given(), **experiments.given()}
+    check_place(to.out)
     with progress("loading the simulator"):
         from swimbladder.design.experiments import design_experiment as find
         from swimbladder.show.report.design import write_design
@@ -159,41 +160,17 @@ def design_experiment(
     answer = found.to_json()
     with progress("writing the plan", 1.0) as advance:
         files = write_design(
-            found, out, answer=json_text(answer), command=typed_command(), advance=advance
+            found, to.out, answer=json_text(answer), command=typed_command(), advance=advance
         )
-    if json:
-        emit_json({**answer, "files": [str(path) for path in files]})
-    else:
-        _print(found, files)
+    to.answer(answer, files, lambda: _print(found))
     if not found.identifiable:
-        if json:
+        if to.json:
             for sentence in (f.sentence for f in found.findings if f.severity == "no"):
                 console.print(sentence, markup=False, soft_wrap=True)
         raise typer.Exit(1)
 
 
-def _against(text: str) -> tuple[float, ...] | None:
-    """Return volume changes [m3] of a list with one unit; None: the paper's, where they fit."""
-    if text.strip() == "paper":
-        return None
-    if text.strip() == "none":
-        return ()
-    parts = [part.strip() for part in text.split(",")]
-    unit = parts[-1].lstrip("+-.0123456789eE").strip()
-    if not unit:
-        raise InputError(
-            "the unit is missing", field="--against", value=text, unit="m3",
-            remedy='Write it as "20,-20,30,-30 cm3", or paper, or none',
-        )  # fmt: skip
-    found = []
-    for part in [*(f"{p} {unit}" for p in parts[:-1]), parts[-1]]:
-        number = quantity(part, "m3", "--against")
-        assert number is not None
-        found.append(number)
-    return tuple(found)
-
-
-def _print(found: Design, files: list[Path]) -> None:
+def _print(found: Design) -> None:
     from swimbladder.show.report.design_text import comparison, headlines
 
     output.print(
@@ -229,8 +206,6 @@ def _print(found: Design, files: list[Path]) -> None:
     output.print("")
     for sentence in found.assumptions:
         output.print(f"assumed: {sentence}", soft_wrap=True)
-    for path in files:
-        output.print(f"wrote {path}", soft_wrap=True)
 
 
 def _experiments(found: Design) -> object:

@@ -2,35 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from swimbladder.cli.cast_unit import refuse_doubted_unit
-from swimbladder.cli.casts import (
-    Columns,
-    Inversions,
-    Latitude,
-    LogFormat,
-    Longitude,
-    Profile,
-    Salinity,
-    Where,
-    above_rating,
-    asked_casts,
-    refuse_without_cast,
-)
-from swimbladder.cli.common import emit_json, json_text, output, progress, quantity, said_as_typed
+from swimbladder.cli.casts import CastReading
+from swimbladder.cli.common import json_text, output, progress
+from swimbladder.cli.options import Files, Options, grouped
+from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.design.energy import DriveEnergy
-    from swimbladder.physics.seawater import Cast, Column
-    from swimbladder.vehicle import Vehicle
 
 __all__ = ["energy"]
 
-_DEEP = 100.0  # m, where neither an option nor the vehicle's rating says how deep
 _SHORT = {
     "battery": "batt", "driver": "driver", "motor": "motor", "transmission": "drive",
     "leakage": "leak", "reservoir": "tank",
@@ -38,6 +26,60 @@ _SHORT = {
 _LINES = 11  # depths in the printed table
 
 
+@dataclass(frozen=True)
+class Compared(Options):
+    """How deep, and which tasks the drive does in the place of thrusters."""
+
+    deepest: Annotated[
+        str | None,
+        typer.Option("--depth", metavar="DEPTH", help="How deep (the vehicle's rating)."),
+    ] = None
+    weight_error: Annotated[
+        str, typer.Option(metavar="VOLUME", help="Too heavy by this while hovering.")
+    ] = "10 cm3"
+    speed: Annotated[str, typer.Option(metavar="SPEED", help="Of dives.")] = "0.1 m/s"
+
+
+@dataclass(frozen=True)
+class Thrusters(Options):
+    """The thruster, as `design.energy.Thruster` has it."""
+
+    diameter: Annotated[
+        str, typer.Option("--thruster-diameter", metavar="LENGTH", help="Of the propeller.")
+    ] = "76 mm"
+    efficiency: Annotated[
+        str,
+        typer.Option(
+            "--thruster-efficiency",
+            metavar="SHARE",
+            help="Of an ideal disc's, driver included.",
+        ),
+    ] = "35 %"
+    number: Annotated[
+        int,
+        typer.Option("--thruster-number", metavar="N", help="How many thrusters share the work."),
+    ] = 1
+    idle_power: Annotated[
+        str,
+        typer.Option(
+            "--thruster-idle", metavar="POWER", help="Of each while it turns, pushing or not."
+        ),
+    ] = "0 W"
+
+
+@dataclass(frozen=True)
+class Runs(Options):
+    """How a power and which runs of a table are taken."""
+
+    power_at: Annotated[
+        str, typer.Option(metavar="WHEN", help="--fit: mean (over the run) or end (of it).")
+    ] = "mean"
+    shortest: Annotated[
+        str, typer.Option(metavar="TIME", help="--fit: leave shorter runs out.")
+    ] = "0 s"
+
+
+@grouped(out=Path("swimbladder-energy"))
 def energy(
     vehicle: Annotated[
         str | None, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
@@ -45,48 +87,15 @@ def energy(
     cast: Annotated[
         Path | None, typer.Option(metavar="FILE", help="CTD cast (the vehicle's own water).")
     ] = None,
-    depth: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help="How deep (the vehicle's rating).")
-    ] = None,
-    weight_error: Annotated[
-        str, typer.Option(metavar="VOLUME", help="Too heavy by this while hovering.")
-    ] = "10 cm3",
-    speed: Annotated[str, typer.Option(metavar="SPEED", help="Of dives.")] = "0.1 m/s",
-    thruster_diameter: Annotated[
-        str, typer.Option(metavar="LENGTH", help="Of the propeller.")
-    ] = "76 mm",
-    thruster_efficiency: Annotated[
-        str, typer.Option(metavar="SHARE", help="Of an ideal disc's, driver included.")
-    ] = "35 %",
-    thruster_number: Annotated[
-        int, typer.Option(metavar="N", help="How many thrusters share the work.")
-    ] = 1,
-    thruster_idle: Annotated[
-        str, typer.Option(metavar="POWER", help="Of each while it turns, pushing or not.")
-    ] = "0 W",
+    *,
+    compared: Compared,
+    thrusters: Thrusters,
     fit: Annotated[
         Path | None, typer.Option(metavar="RUNS", help="CSV of logged runs: find the pump in it.")
     ] = None,
-    column: Columns = None,
-    where: Where = None,
-    log_format: LogFormat = None,
-    profile: Profile = None,
-    latitude: Latitude = None,
-    longitude: Longitude = None,
-    salinity: Salinity = None,
-    inversions: Inversions = None,
-    power_at: Annotated[
-        str, typer.Option(metavar="WHEN", help="--fit: mean (over the run) or end (of it).")
-    ] = "mean",
-    shortest: Annotated[
-        str, typer.Option(metavar="TIME", help="--fit: leave shorter runs out.")
-    ] = "0 s",
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
-        "swimbladder-energy"
-    ),
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
+    reading: CastReading,
+    runs: Runs,
+    to: Files,
 ) -> None:
     r"""Say what changing the volume costs at each depth, and what a thruster would.
 
@@ -95,55 +104,37 @@ def energy(
     pump. Exit code 1 says that the electrical power is not known, and which
     fields tell it.
     """
-    from swimbladder.errors import InputError
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
     v = None if vehicle is None else load_vehicle(vehicle)
-    check_place(out)
+    check_place(to.out)
     if fit is not None:
         if cast is not None:
             raise InputError(
                 "runs have their own pressures, and a cast does not count", field="--cast",
                 remedy="Leave out --cast or --fit",
             )  # fmt: skip
-        refuse_without_cast(
-            None, log_format=log_format, profile=profile, latitude=latitude, longitude=longitude,
-            salinity=salinity, inversions=inversions,
-        )  # fmt: skip
+        reading.refuse("columns", "where")
         from swimbladder.cli.energy_fit import fit_runs
 
-        fit_runs(fit, v, column or [], where or [], power_at, shortest, out, json)
+        fit_runs(fit, v, reading, runs, to)
         return
     if v is None:
         raise InputError(
             "there is neither a vehicle nor a table of runs", field="VEHICLE",
             remedy="Give a vehicle, or --fit RUNS.csv",
         )  # fmt: skip
-    _check_used(power_at, shortest)
-    casts = asked_casts(
-        [] if cast is None else [cast], column=column, where=where, log_format=log_format,
-        profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
-        inversions=inversions,
-    )  # fmt: skip
-    typed = {
-        "--weight-error": weight_error, "--speed": speed, "--thruster-diameter": thruster_diameter,
-        "--thruster-efficiency": thruster_efficiency, "--thruster-idle": thruster_idle,
-        "--depth": depth,
-    }  # fmt: skip
-    numbers = {
-        name: quantity(text, unit, option) or 0.0
-        for name, text, unit, option in (
-            ("weight_error", weight_error, "m3", "--weight-error"),
-            ("speed", speed, "m/s", "--speed"),
-            ("diameter", thruster_diameter, "m", "--thruster-diameter"),
-            ("efficiency", thruster_efficiency, "", "--thruster-efficiency"),
-            ("idle_power", thruster_idle, "W", "--thruster-idle"),
-        )
-    }
-    wanted = quantity(depth, "m", "--depth")
-    with progress("computing"), said_as_typed(typed, deepest="--depth", cast="--cast"):
-        from swimbladder.design.energy import Thruster, drive_energy, hovering, profiling
+    for name, option in Runs.named().items():
+        if getattr(runs, name) != getattr(Runs(), name):
+            raise InputError(
+                "there is no file that this is about", field=option,
+                remedy="Give --fit RUNS.csv too",
+            )  # fmt: skip
+    casts = reading.casts(cast)
+    asked, thrust = compared.read(), thrusters.read()
+    with progress("computing"), compared.said_as_typed(), thrusters.said_as_typed():
+        from swimbladder.design.energy import Thruster, drive_energy, hovering, profiling, sea
         from swimbladder.design.energy.messages import (
             assumptions,
             drive_sentences,
@@ -151,14 +142,12 @@ def energy(
         )
         from swimbladder.show.report.energy import energy_json, write_energy
 
-        water, warned = _water(v, casts, wanted)
+        refuse_doubted_unit(casts, asked["deepest"], v.hull.depth_limit)
+        water, warned = sea(v, next(iter(casts), None), asked["deepest"])
         found = drive_energy(v, water)
-        thruster = Thruster(
-            diameter=numbers["diameter"], efficiency=numbers["efficiency"],
-            number=thruster_number, idle_power=numbers["idle_power"],
-        )  # fmt: skip
-        hover = hovering(found, thruster, weight_error=numbers["weight_error"])
-        dive = profiling(found, thruster, speed=numbers["speed"])
+        thruster = Thruster(**thrust)
+        hover = hovering(found, thruster, weight_error=asked["weight_error"])
+        dive = profiling(found, thruster, speed=asked["speed"])
         said = [*warned, *drive_sentences(found), *versus_sentences(hover, dive, found)]
         rests = assumptions(found, thruster)
         answer = {
@@ -167,45 +156,8 @@ def energy(
             "sentences": said,
             "assumptions": rests,
         }
-        files = write_energy(found, hover, dive, out, answer=json_text(answer))
-    if json:
-        emit_json({**answer, "files": [str(path) for path in files]})
-        return
-    _print(found, said, rests)
-    for path in files:
-        output.print(f"wrote {path}", soft_wrap=True)
-
-
-def _check_used(power_at: str, shortest: str) -> None:
-    """Raise InputError for an option of --fit that nothing reads without it."""
-    from swimbladder.errors import InputError
-
-    for option, given in (("--power-at", power_at != "mean"), ("--shortest", shortest != "0 s")):
-        if given:
-            raise InputError(
-                "there is no file that this is about", field=option,
-                remedy="Give --fit RUNS.csv too",
-            )  # fmt: skip
-
-
-def _water(v: Vehicle, casts: list[Cast], wanted: float | None) -> tuple[Column, list[str]]:
-    """Return the water down to the wanted depth, the rating or the cast's end, and any doubt.
-
-    Raises InputError where a cast ends so far above the rating that its unit may be wrong.
-    """
-    from swimbladder.physics.seawater import cast_column, uniform_column
-
-    rating = v.hull.depth_limit
-    deepest = wanted if wanted is not None else rating
-    if not casts:
-        deepest = _DEEP if deepest is None else deepest
-        return uniform_column(v.water, deepest, step=min(1.0, abs(deepest) / 100.0)), []
-    refuse_doubted_unit(casts[:1], wanted, rating)
-    whole = cast_column(casts[0], None)
-    if wanted is None and (deepest is None or whole.deepest <= deepest):
-        return whole, above_rating(casts[0].name, whole.deepest, deepest, "--depth")
-    assert deepest is not None
-    return cast_column(casts[0], deepest), []
+        files = write_energy(found, hover, dive, to.out, answer=json_text(answer))
+    to.answer(answer, files, lambda: _print(found, said, rests))
 
 
 def _print(found: DriveEnergy, said: list[str], rests: tuple[str, ...]) -> None:

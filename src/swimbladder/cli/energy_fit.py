@@ -2,88 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-from swimbladder.cli.casts import pairs
-from swimbladder.cli.common import emit_json, json_text, output, progress, quantity
+from swimbladder.cli.common import json_text, output, progress
 
 if TYPE_CHECKING:
+    from swimbladder.cli.casts import CastReading
+    from swimbladder.cli.energy import Runs
+    from swimbladder.cli.options import Files
     from swimbladder.design.energy import PumpFit
     from swimbladder.vehicle import Vehicle
 
 __all__ = ["fit_runs"]
 
 
-def fit_runs(
-    path: Path,
-    v: Vehicle | None,
-    column: list[str],
-    where: list[str],
-    power_at: str,
-    shortest: str,
-    out: Path,
-    json: bool,
-) -> None:
-    """Find a pump in a CSV of its runs, print what it is and write `out`."""
+def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to: Files) -> None:
+    """Find a pump in a CSV of its runs, print what it is and write the files."""
     from swimbladder.errors import InputError
-    from swimbladder.vehicle import PowerLawPump, PumpAndValve
 
-    if power_at not in ("mean", "end"):
-        raise InputError(
-            "a power is not read then", field="--power-at", value=power_at,
-            remedy="Allowed: mean (over the run), end (of it)",
-        )  # fmt: skip
-    if v is not None and not isinstance(v.actuator, PumpAndValve):
-        raise InputError(
-            "a pump that runs or not is no part of this actuator", field="actuator.kind",
-            value=v.actuator.kind, remedy="Give a vehicle of kind pump-valve, or none",
-        )  # fmt: skip
-    least = quantity(shortest, "s", "--shortest") or 0.0
-    at: Literal["mean", "end"] = "end" if power_at == "end" else "mean"
-    with progress("reading and fitting"):
-        from swimbladder.design.energy import PumpRuns, check_runs, fit_pump, fitted_vehicle
-        from swimbladder.design.energy.logged_runs import usable_runs
+    table_form, asked = reading.read(), runs.read()
+    with progress("reading and fitting"), runs.said_as_typed():
+        from swimbladder.design.energy import PumpRuns, fit_pump, fitted_vehicle
+        from swimbladder.design.energy.fitted_pump import pump_and_valve
         from swimbladder.design.energy.messages import fit_sentences
         from swimbladder.io.pump_runs import read_pump_runs
         from swimbladder.show.report.energy import fit_json, write_fit
 
+        if v is not None:
+            pump_and_valve(v)
         table = read_pump_runs(
-            path,
-            columns=pairs(column, "--column"),
-            where=pairs(where, "--where"),
+            path, columns=table_form["columns"] or {}, where=table_form["where"] or {}
         )
-        runs = PumpRuns(**table._asdict())
         limit = None if v is None else v.hull.depth_limit
         try:
-            check_runs(runs, usable_runs(runs, least), depth_limit=limit)
+            found = fit_pump(PumpRuns(**table._asdict()), depth_limit=limit, **asked)
         except InputError as error:
-            raise error.at(file=path) from None
-        found = fit_pump(runs, power_at=at, shortest=least)
-        fitted = None
-        if v is not None and isinstance(v.actuator, PumpAndValve):
-            if "delivery" not in found.parameters and not isinstance(v.actuator.pump, PowerLawPump):
-                raise InputError(
-                    "without measured volumes the pump of the vehicle keeps its delivery, and one "
-                    "from datasheets has none to keep", field="volume_m3",
-                    remedy="Log the volume of each run, give the vehicle's pump as kind power-law, "
-                    "or leave the vehicle out",
-                )  # fmt: skip
-            fitted = fitted_vehicle(v, found)
+            raise (error if error.field in asked else error.at(file=path)) from None
+        fitted = None if v is None else fitted_vehicle(v, found)
         said = fit_sentences(found, fitted)
         answer = {**fit_json(found), "sentences": said, "report": table.report}
-        files = write_fit(found, fitted, out, answer=json_text(answer))
-    if json:
-        emit_json({**answer, "files": [str(path) for path in files]})
-        return
-    _print_fit(found, said)
-    for line in table.report:
-        output.print(line, soft_wrap=True)
-    for written in files:
-        output.print(f"wrote {written}", soft_wrap=True)
+        files = write_fit(found, fitted, to.out, answer=json_text(answer))
+    to.answer(answer, files, lambda: _print_fit(found, said, table.report))
 
 
-def _print_fit(found: PumpFit, said: tuple[str, ...]) -> None:
+def _print_fit(found: PumpFit, said: tuple[str, ...], report: Sequence[str]) -> None:
     from rich.table import Table
 
     from swimbladder.design.energy import efficiency_bands
@@ -116,3 +80,5 @@ def _print_fit(found: PumpFit, said: tuple[str, ...]) -> None:
             )  # fmt: skip
         output.print(rows)
         output.print("")
+    for line in report:
+        output.print(line, soft_wrap=True)

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.common import (
-    compile_notice,
-    emit_json,
-    kept,
-    output,
-    progress,
-)
+from swimbladder.cli.common import compile_notice, kept, output, progress
+from swimbladder.cli.options import Files, Options, grouped
 from swimbladder.errors import InputError, NoAnswerError
 
 if TYPE_CHECKING:
@@ -26,29 +22,33 @@ __all__ = ["faults"]
 _SHOWN = 20  # lost vehicles that are named; all are in the files
 
 
-def faults(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+@dataclass(frozen=True)
+class Missions(Options):
+    """Which missions are flown, as `sim.faults.run_missions` has it."""
+
     missions: Annotated[
         int, typer.Option(metavar="N", help="Missions in which something fails.")
-    ] = 100_000,
+    ] = 100_000
     healthy: Annotated[
         int | None, typer.Option(metavar="N", help="Missions without a fault (a tenth as many).")
-    ] = None,
-    depth: Annotated[
+    ] = None
+    depths: Annotated[
         str | None,
         typer.Option("--depth", metavar="LEAST:MOST", help="Depths that they are flown at."),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1,
+    ] = None
+    seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1
+
+
+@grouped(out=Path("swimbladder-faults"))
+def faults(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    *,
+    missions: Missions,
     mission: Annotated[
         str | None,
         typer.Option(metavar="N", help="Fly this one again, with its trajectory; hN: healthy."),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
-        "swimbladder-faults"
-    ),
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
+    to: Files,
 ) -> None:
     """Fly the vehicle's own C through missions in which sensors, actuator or battery fail.
 
@@ -56,39 +56,28 @@ def faults(
     Exit code 1: a recoverable mission was lost (full buoyancy 60 s after fault onset would have
     surfaced the vehicle), or a healthy mission raised an alarm. A run that is killed resumes.
     """
-    from swimbladder.cli.depths import depth_pair
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place, unfinished
 
-    v = load_vehicle(vehicle, sampled=True)
-    depths = None if depth is None else depth_pair(depth, "--depth")
-    check_place(out)
+    v, asked = load_vehicle(vehicle, sampled=True), missions.read()
+    check_place(to.out)
     if mission is not None:
-        _one(v, mission, depths, seed, out, json)
+        _one(v, mission, asked, to)
         return
     with progress("loading the simulator"):
         from swimbladder.cli.faults_files import write_campaign
         from swimbladder.sim.faults import run_missions
-    keep = unfinished(out)
+    keep = unfinished(to.out)
     with kept(keep), compile_notice(), progress("flying missions", 1.0) as advance:
-        flown = run_missions(
-            v, missions=missions, healthy=healthy, seed=seed, depths=depths, keep=keep,
-            advance=advance,
-        )  # fmt: skip
+        flown = run_missions(v, **asked, keep=keep, advance=advance)
     with progress("writing the missions"):
-        files = write_campaign(flown, out, keep)
-    if json:
-        emit_json({**flown.to_json(), "files": [str(path) for path in files]})
-    else:
-        _print(flown, files)
+        files = write_campaign(flown, to.out, keep)
+    to.answer(flown.to_json(), files, lambda: _print(flown))
     if not flown.passed:
-        raise NoAnswerError(_verdict(flown, vehicle, seed))
+        raise NoAnswerError(_verdict(flown, vehicle, missions.seed))
 
 
-def _one(
-    vehicle: Vehicle, mission: str, depths: tuple[float, float] | None, seed: int, out: Path,
-    json: bool,
-) -> None:  # fmt: skip
+def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> None:
     """Fly one mission again and write its trajectories."""
     number = mission.removeprefix("h")
     if not (number.isascii() and number.isdigit() and len(number) < 9):
@@ -102,19 +91,19 @@ def _one(
         from swimbladder.sim.faults.single_mission import fly_one
     with compile_notice(), progress("flying the mission"):
         flown = fly_one(
-            vehicle, int(number), healthy=mission.startswith("h"), seed=seed, depths=depths
-        )
-        files = write_one(flown, out)
-    if json:
-        emit_json({**flown.to_json(), "files": [str(path) for path in files]})
-        return
-    for line in flown.lines():
-        output.print(line, soft_wrap=True)
-    for path in files:
-        output.print(f"wrote {path}", soft_wrap=True)
+            vehicle, int(number), healthy=mission.startswith("h"), seed=asked["seed"],
+            depths=asked["depths"],
+        )  # fmt: skip
+        files = write_one(flown, to.out)
+
+    def show() -> None:
+        for line in flown.lines():
+            output.print(line, soft_wrap=True)
+
+    to.answer(flown.to_json(), files, show)
 
 
-def _print(flown: Campaign, files: list[Path]) -> None:
+def _print(flown: Campaign) -> None:
     from rich.table import Table
 
     from swimbladder.sim.faults.campaign_result import MILD, rule_of_three
@@ -186,8 +175,6 @@ def _print(flown: Campaign, files: list[Path]) -> None:
             "supervisor ended them: the law is slow for them",
             soft_wrap=True,
         )
-    for path in files:
-        output.print(f"wrote {path}", soft_wrap=True)
 
 
 def _seconds(value: float) -> str:

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import (
-    compile_notice,
-    emit_json,
-    output,
-    progress,
-    quantity,
-    said_as_typed,
-)
+from swimbladder.cli.common import compile_notice, output, progress, quantity
+from swimbladder.cli.options import Files, Options, Read, grouped
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,51 +20,88 @@ if TYPE_CHECKING:
 
 __all__ = ["firmware"]
 
-_START, _TARGET, _DURATION = 1.5, 3.0, 400.0
 _ARRIVED = 0.1  # of the step, within which a golden trace has arrived
-_OPTIONS = {
-    "start_depth": "--start",
-    "setpoints[0].depth": "--target",
-    "duration": "--duration",
-}
 
 
+def _volumes(text: str, option: str) -> tuple[float | None, float | None]:
+    """Return two changes of volume [m3], the same twice where there is one."""
+    first, colon, last = text.partition(":")
+    if re.fullmatch(r"[\d.eE+\s-]+", first):  # "20:75 cm3": both in cm3
+        first += " " + re.sub(r"^[\d.eE+\s-]+", "", last)
+    least = quantity(first, "m3", option)
+    return least, quantity(last, "m3", option) if colon else least
+
+
+@dataclass(frozen=True)
+class Golden(Options):
+    """The step of the golden trace."""
+
+    start_depth: Annotated[
+        str, typer.Option("--start", metavar="DEPTH", help="Golden trace: start.")
+    ] = "1.5 m"
+    target: Annotated[str, typer.Option(metavar="DEPTH", help="Golden trace: set-point.")] = "3 m"
+    duration: Annotated[str, typer.Option(metavar="TIME", help="Golden trace: how long.")] = "400 s"
+    seed: Annotated[int, typer.Option(help="Golden trace: seed of the sensors' noise.", min=0)] = 1
+
+
+@dataclass(frozen=True)
+class Pool(Options):
+    """The pool procedure, as `codegen.pool.PoolOptions` has it."""
+
+    depth: Annotated[
+        str | None,
+        typer.Option(
+            "--pool", metavar="DEPTH", help="Add the pool procedure, for a pool this deep."
+        ),
+    ] = None
+    clearance: Annotated[
+        str | None,
+        typer.Option(
+            "--pool-clearance",
+            metavar="DEPTH",
+            help="Its rests, from bottom and surface (0.75 m).",
+        ),
+    ] = None
+    volumes: Annotated[
+        str | None,
+        typer.Option(
+            "--pool-volumes",
+            metavar="FIRST:LAST",
+            help="Its changes of volume (20:75 cm3).",
+        ),
+        Read(_volumes),
+    ] = None
+    rounds: Annotated[
+        int | None,
+        typer.Option("--pool-rounds", metavar="N", help="Its number of rounds (4)."),
+    ] = None
+
+    def options(self) -> PoolOptions | None:
+        """Return what is said of the pool, None where nothing is."""
+        from swimbladder.codegen.pool import PoolOptions
+
+        if self.depth is None:
+            for option, given in self.changed().items():
+                raise InputError(
+                    "it sets the pool procedure, and there is none",
+                    field=option, value=given, remedy='Give --pool, like --pool "4.5 m"',
+                )  # fmt: skip
+            return None
+        given = self.given()
+        first_last = dict(zip(("first", "last"), given.pop("volumes", ()), strict=False))
+        return PoolOptions(given.pop("depth"), **first_last, **given)
+
+
+@grouped(out=Path("swimbladder-firmware"))
 def firmware(
     vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
     law: Annotated[
         str | None, typer.Option(metavar="LAW", help="Refuse a controller of another law.")
     ] = None,
-    start: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help=f"Golden trace: start ({_START} m)")
-    ] = None,
-    target: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help=f"Golden trace: set-point ({_TARGET} m)")
-    ] = None,
-    duration: Annotated[
-        str | None, typer.Option(metavar="TIME", help=f"Golden trace: how long ({_DURATION:g} s)")
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Golden trace: seed of the sensors' noise.", min=0)] = 1,
-    pool: Annotated[
-        str | None,
-        typer.Option(metavar="DEPTH", help="Add the pool procedure, for a pool this deep."),
-    ] = None,
-    pool_clearance: Annotated[
-        str | None,
-        typer.Option(metavar="DEPTH", help="Its rests, from bottom and surface (0.75 m)."),
-    ] = None,
-    pool_volumes: Annotated[
-        str | None,
-        typer.Option(metavar="FIRST:LAST", help="Its changes of volume (20:75 cm3)."),
-    ] = None,
-    pool_rounds: Annotated[
-        int | None, typer.Option(metavar="N", help="Its number of rounds (4).")
-    ] = None,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder of the library.")
-    ] = Path("swimbladder-firmware"),
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
+    *,
+    golden: Golden,
+    pool: Pool,
+    to: Files,
 ) -> None:
     """Write the vehicle's controller as an Arduino library in C99 and float32.
 
@@ -85,75 +117,24 @@ def firmware(
 
     v = load_vehicle(vehicle, sampled=True)
     _check_law(v, law)
-    options = _pool(pool, pool_clearance, pool_volumes, pool_rounds)
-    depth, goal, time = (
-        default if (given := quantity(text, unit, option)) is None else given
-        for text, unit, option, default in (
-            (start, "m", "--start", _START),
-            (target, "m", "--target", _TARGET),
-            (duration, "s", "--duration", _DURATION),
-        )
-    )
-    check_place(out)
+    options, asked = pool.options(), golden.read()
+    check_place(to.out)
     with progress("loading the simulator"):
         from swimbladder.codegen.library import make_library, write_library
 
-    ticks = None if v.controller is None else time / v.controller.sample_time
+    ticks = None if v.controller is None else asked["duration"] / v.controller.sample_time
     done = 0
-    typed = {"--start": start, "--target": target, "--duration": duration}
-    with (
-        said_as_typed(typed, **_OPTIONS), compile_notice(),
-        progress("flying the golden trace", ticks) as advance,
-    ):  # fmt: skip
+    doing = progress("flying the golden trace", ticks)
+    named = {"setpoints[0].depth": "target"}
+    with golden.said_as_typed(**named), compile_notice(), doing as advance:
 
         def report(flown: int) -> None:
             nonlocal done
             advance(flown - done)
             done = flown
 
-        made = make_library(
-            v, start_depth=depth, target=goal, duration=time, seed=seed, pool=options,
-            progress=report,
-        )  # fmt: skip
-    files = write_library(made, out)
-    if json:
-        emit_json({**made.to_json(), "files": [str(path) for path in files]})
-    else:
-        _print(made, files)
-
-
-def _pool(
-    depth: str | None, clearance: str | None, volumes: str | None, rounds: int | None
-) -> PoolOptions | None:
-    """Return what is said of the pool, None where nothing is."""
-    from swimbladder.codegen.pool import PoolOptions
-
-    others = {"--pool-clearance": clearance, "--pool-volumes": volumes, "--pool-rounds": rounds}
-    metres = quantity(depth, "m", "--pool")
-    if metres is None:
-        for option, given in others.items():
-            if given is not None:
-                raise InputError(
-                    "it sets the pool procedure, and there is none",
-                    field=option, value=given, remedy='Give --pool, like --pool "4.5 m"',
-                )  # fmt: skip
-        return None
-    options = PoolOptions(metres)
-    apart = quantity(clearance, "m", "--pool-clearance")
-    if apart is not None:
-        options = options._replace(clearance=apart)
-    if volumes is not None:
-        first, colon, last = volumes.partition(":")
-        if re.fullmatch(r"[\d.eE+\s-]+", first):  # "20:75 cm3": both in cm3
-            first += " " + re.sub(r"^[\d.eE+\s-]+", "", last)
-        least = quantity(first, "m3", "--pool-volumes")
-        most = quantity(last, "m3", "--pool-volumes") if colon else least
-        assert least is not None
-        assert most is not None
-        options = options._replace(first=least, last=most)
-    if rounds is not None:
-        options = options._replace(rounds=rounds)
-    return options
+        made = make_library(v, **asked, pool=options, progress=report)
+    to.answer(made.to_json(), write_library(made, to.out), lambda: _print(made))
 
 
 def _check_law(vehicle: Vehicle, law: str | None) -> None:
@@ -173,7 +154,7 @@ def _check_law(vehicle: Vehicle, law: str | None) -> None:
     )
 
 
-def _print(made: Library, files: list[Path]) -> None:
+def _print(made: Library) -> None:
     from swimbladder.codegen.meanings import summary
     from swimbladder.codegen.pool import pool_summary
 
@@ -197,5 +178,3 @@ def _print(made: Library, files: list[Path]) -> None:
         "to do: fill in the two functions of an example; README.md says how, and how to check",
     ):
         output.print(line, soft_wrap=True)
-    for path in files:
-        output.print(f"wrote {path}", soft_wrap=True)

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import (
-    console,
-    emit_json,
-    output,
-    progress,
-    quantity,
-    typed_command,
-)
-from swimbladder.cli.logs import LogForm, LogRows, chosen, pair, read
+from swimbladder.cli.common import console, output, progress, quantity, typed_command
+from swimbladder.cli.logs import LogReading, pair, pairs
+from swimbladder.cli.options import Files, Read, grouped
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -27,6 +22,20 @@ if TYPE_CHECKING:
 __all__ = ["identify_actuator"]
 
 
+@dataclass(frozen=True)
+class Reading(LogReading):
+    """How logs of an actuator are read."""
+
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=COLUMN", help=r'As in piston_m="Position \[mm]" or piston_m=Position@mm.'
+        ),
+        Read(pairs),
+    ] = None
+
+
+@grouped(out=Path("swimbladder-identify-actuator"))
 def identify_actuator(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")],
     vehicle: Annotated[
@@ -36,14 +45,8 @@ def identify_actuator(
             help="Preset or TOML file: piston area, load of the sea, supply; written anew.",
         ),
     ] = None,
-    where: LogRows = None,
-    column: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=COLUMN", help=r'As in piston_m="Position \[mm]" or piston_m=Position@mm.'
-        ),
-    ] = None,
-    log_format: LogForm = None,
+    *,
+    reading: Reading,
     set_: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help='Not fitted, as in dead_zone="0.5 V".'),
@@ -56,13 +59,8 @@ def identify_actuator(
             "rate (K1 and T1; without a voltage T1 and rate; of a positioner the rate).",
         ),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
-        "swimbladder-identify-actuator"
-    ),
     plot: Annotated[bool, typer.Option("--plot", help="Also draw steps.png.")] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
+    to: Files,
 ) -> None:
     """Find K1, T1, dead zone, asymmetry and rate of an actuator, with a report.
 
@@ -80,15 +78,14 @@ def identify_actuator(
         assert number is not None
         fixed[name] = number
     asked = None if ask is None else [name.strip() for name in ask.split(",") if name.strip()]
-    mapped = dict(pair(text, "--column") for text in column or [])
     given = [
-        read(one, v, columns=mapped, log_format=log_format, quiet=k > 0, required=("time_s",))
-        for k, one in enumerate(chosen(logs, where or []))
+        reading.log(one, v, quiet=k > 0, required=("time_s",))
+        for k, one in enumerate(reading.chosen(logs))
     ]
     with progress("loading the fit"):
         from swimbladder.estimation.actuator import identify_actuator as identify
 
-    check_place(out)
+    check_place(to.out)
     begun = time.perf_counter()
     with progress("identifying the actuator", 1.0) as advance:
         found = identify(given, v, fixed=fixed, asked=asked, advance=advance)
@@ -97,16 +94,13 @@ def identify_actuator(
         from swimbladder.show.report.actuator import write_actuator
 
         files, why = write_actuator(
-            found, out, command=typed_command(), seconds=seconds, picture=plot, advance=advance
+            found, to.out, command=typed_command(), seconds=seconds, picture=plot, advance=advance
         )
     if why:
         console.print(f"no vehicle is written: {why}", markup=False, soft_wrap=True)
-    if json:
-        emit_json({**found.to_json(), "files": files})
-    else:
-        _print(found, files)
+    to.answer(found.to_json(), files, lambda: _print(found))
     if not found.identified:
-        if json:
+        if to.json:
             console.print(found.refusal, markup=False, soft_wrap=True)
         raise typer.Exit(1)
 
@@ -127,7 +121,7 @@ def _row(name: str, e: Estimate) -> tuple[str, ...]:
     return (name, shown(e.value, e.unit), shown(e.std, e.unit, 2), interval)
 
 
-def _print(found: ActuatorIdentification, files: list[Path]) -> None:
+def _print(found: ActuatorIdentification) -> None:
     """Print the parameters, each log, the nine, and what is to be said."""
     _print_parameters(found)
     if len(found.logs) > 1:
@@ -146,8 +140,6 @@ def _print(found: ActuatorIdentification, files: list[Path]) -> None:
         output.print(f"assumed: {sentence}", soft_wrap=True)
     for note in found.notes:
         output.print(f"note: {note}", soft_wrap=True)
-    for path in files:
-        output.print(f"wrote {path}", soft_wrap=True)
 
 
 def _table(*headings: str) -> Table:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from swimbladder.cli.cast_unit import refuse_doubted_unit
-from swimbladder.cli.casts import casts_beside_logs, pairs
-from swimbladder.cli.common import console, emit_json, json_text, output, progress
+from swimbladder.cli.common import console, json_text, output, progress
 from swimbladder.cli.identify_view import number_table
-from swimbladder.cli.logs import Chosen, selections
-from swimbladder.cli.settings import known, once, setting
+from swimbladder.cli.logs import once
+from swimbladder.cli.options import names
+from swimbladder.cli.settings import known, setting
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
+    from swimbladder.cli.casts import LogCasts
+    from swimbladder.cli.logs import Chosen, LogReading
+    from swimbladder.cli.options import Files
+    from swimbladder.cli.settings import Sought
     from swimbladder.estimation.motion.deep import DeepIdentification
     from swimbladder.vehicle import Vehicle
 
@@ -36,11 +39,8 @@ def refuse_others(given: Mapping[str, object]) -> None:
 
 
 def identify_deep(
-    logs: Sequence[Chosen], vehicle: Vehicle, given: str, casts: Sequence[Path], *,
-    cast_where: Sequence[str], cast_columns: Sequence[str], cast_profile: int | None,
-    column: Sequence[str], log_format: str | None,
-    free: tuple[str, ...] | None, fixed: Sequence[str], priors: Sequence[str], out: Path,
-    json: bool,
+    logs: Sequence[Chosen], vehicle: Vehicle, given: str, reading: LogReading, sought: Sought,
+    casts: LogCasts, to: Files,
 ) -> None:  # fmt: skip
     """Identify, write the files, print; exit code 1 where a parameter is not identifiable.
 
@@ -55,21 +55,21 @@ def identify_deep(
     from swimbladder.show.report.identification import check_folder
 
     units = {name: about.unit for name, about in DEEP.items()}
-    held = once([setting(text, units) for text in fixed], "--set")
+    held = once([setting(text, units) for text in sought.fixed or ()], "--set")
     errors = {name: about.unit for name, about in CAST.items()}
-    before = once([known(text, units | errors) for text in priors], "--prior")
-    check_place(out)
-    check_folder(out, given)
-    count = len(casts) * len(selections(list(cast_where)))
-    check_deep_request(vehicle, len(logs), count, free=free, fixed=list(held), priors=before)
-    mapped = pairs(list(column), "--column")
+    before = once([known(text, units | errors) for text in sought.priors or ()], "--prior")
+    free = None if sought.free is None else names(sought.free)
+    check_place(to.out)
+    check_folder(to.out, given)
+    check_deep_request(vehicle, len(logs), casts.number, free=free, fixed=list(held), priors=before)
+    mapped = reading.columns()
     read = []
     for log in logs:
         with progress(f"reading {log.label}"):
             read.append(read_float_log(
-                log.path, log_format_name=log_format, columns=mapped, where=log.where
+                log.path, log_format_name=reading.log_format, columns=mapped, where=log.where
             ))  # fmt: skip
-    found_casts = casts_beside_logs(casts, cast_where, cast_columns, cast_profile)
+    found_casts = casts.casts()
     deepest = max(float(np.nanmax(log.pressure)) for log in read) / _DBAR
     reach = -float(gsw.z_from_p(deepest, found_casts[0].latitude))
     refuse_doubted_unit(found_casts, reach, vehicle.hull.depth_limit, option="--cast-column")
@@ -85,18 +85,16 @@ def identify_deep(
         )
     answer = found.to_json()
     with progress("drawing the picture"):
-        files = write_deep(found, out, answer=json_text(answer))
-    if json:
-        emit_json({**answer, "files": [str(path) for path in files]})
-    else:
-        _print(found, [note for log in read for note in log.report], files)
+        files = write_deep(found, to.out, answer=json_text(answer))
+    notes = [note for log in read for note in log.report]
+    to.answer(answer, files, lambda: _print(found, notes))
     if not found.identified:
-        if json:
+        if to.json:
             console.print(found.sentences[0], markup=False, soft_wrap=True)
         raise typer.Exit(1)
 
 
-def _print(found: DeepIdentification, notes: Sequence[str], files: Sequence[Path]) -> None:
+def _print(found: DeepIdentification, notes: Sequence[str]) -> None:
     for i, sentence in enumerate(found.sentences):
         output.print(sentence, style="bold" if i == 0 else None, soft_wrap=True)
     output.print("")
@@ -108,8 +106,6 @@ def _print(found: DeepIdentification, notes: Sequence[str], files: Sequence[Path
         output.print(f"assumed: {sentence}", soft_wrap=True)
     for note in notes:
         output.print(f"note: {note}", soft_wrap=True)
-    for path in files:
-        output.print(f"wrote {path}", soft_wrap=True)
 
 
 def _parameters(found: DeepIdentification) -> object:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swimbladder.cli.common import output
@@ -16,9 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["number_table", "print_found"]
 
 
-def print_found(
-    found: Identification, paper: PaperFits | None, seconds: float, files: list[Path]
-) -> None:
+def print_found(found: Identification, paper: PaperFits | None, seconds: float) -> None:
     """Print what was found: the answer first, then its basis."""
     from swimbladder.show.plots.identify import labels
     from swimbladder.show.report.text import correlations, findings, headlines, reading
@@ -60,9 +57,6 @@ def print_found(
         output.print(f"assumed: {sentence}", soft_wrap=True)
     for note in reading(found, labels(found)):
         output.print(f"note: {note}", soft_wrap=True)
-    for path in files:
-        if path.suffix != ".png":
-            output.print(f"wrote {path}", soft_wrap=True)
 
 
 def _posterior(drawn: Posterior) -> Any:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeVar
 
 import typer
 
-from swimbladder.cli.common import console, progress, quantity
+from swimbladder.cli.common import console, progress
+from swimbladder.cli.options import Options, Read
 from swimbladder.errors import InputError, LogError
 
 if TYPE_CHECKING:
@@ -17,36 +19,9 @@ if TYPE_CHECKING:
     from swimbladder.io.logs import Log
     from swimbladder.vehicle import Vehicle
 
-__all__ = [
-    "Chosen",
-    "LogColumns",
-    "LogForm",
-    "LogRows",
-    "chosen",
-    "depth",
-    "names",
-    "pair",
-    "read",
-    "selections",
-]
+__all__ = ["Chosen", "LogReading", "once", "pair", "pairs", "selections"]
 
-LogRows = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--where", metavar="COLUMN=VALUE", help="Only these rows; VALUE,VALUE: one log each."
-    ),
-]
-LogColumns = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--column", metavar="NAME=COLUMN",
-        help=r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.',
-    ),
-]  # fmt: skip
-LogForm = Annotated[
-    str | None,
-    typer.Option("--log-format", metavar="FORMAT", help=r"TOML file with a \[log] table."),
-]
+_Value = TypeVar("_Value")
 
 
 class Chosen(NamedTuple):
@@ -62,14 +37,6 @@ class Chosen(NamedTuple):
         return f"{self.path.name} {rows}".rstrip()
 
 
-def chosen(paths: list[Path], where: list[str]) -> list[Chosen]:
-    """Return every selection of every file, in order.
-
-    Raises InputError for a selection that is not NAME=VALUE.
-    """
-    return [Chosen(path, one) for path in paths for one in selections(where)]
-
-
 def pair(text: str, option: str) -> tuple[str, str]:
     """Return NAME and VALUE of a text NAME=VALUE given to `option`.
 
@@ -83,57 +50,79 @@ def pair(text: str, option: str) -> tuple[str, str]:
     return name.strip(), value.strip()
 
 
-def selections(texts: list[str]) -> list[dict[str, str]]:
+def once(pairs: Sequence[tuple[str, _Value]], option: str) -> dict[str, _Value]:
+    """Return the pairs as a dictionary; raises InputError where a name stands twice."""
+    found: dict[str, _Value] = {}
+    for name, value in pairs:
+        if name in found:
+            raise InputError("given twice", field=option, value=name, remedy="Give it once")
+        found[name] = value
+    return found
+
+
+def pairs(texts: Sequence[str], option: str) -> dict[str, str]:
+    """Return the pairs NAME=VALUE of an option; raises InputError where a name stands twice."""
+    return once([pair(text, option) for text in texts], option)
+
+
+def selections(texts: Sequence[str]) -> list[dict[str, str]]:
     """Return one selection of rows for each log: all combinations of the values given."""
-    pairs = [pair(text, "--where") for text in texts]
-    names = [name for name, _ in pairs]
-    values = [[v.strip() for v in value.split(",") if v.strip()] for _, value in pairs]
+    given = [pair(text, "--where") for text in texts]
+    names = [name for name, _ in given]
+    values = [[v.strip() for v in value.split(",") if v.strip()] for _, value in given]
     return [dict(zip(names, one, strict=True)) for one in product(*values)]
 
 
-def names(text: str | None) -> tuple[str, ...] | None:
-    """Return the names of NAME,NAME; none of ``none``; None where nothing is given."""
-    if text is None:
-        return None
-    found = tuple(name.strip() for name in text.split(",") if name.strip())
-    return () if found in ((), ("none",)) else found
+@dataclass(frozen=True)
+class LogReading(Options):
+    """Which rows of files make logs, and how they are read."""
 
+    where: Annotated[
+        list[str] | None,
+        typer.Option(metavar="COLUMN=VALUE", help="Only these rows; VALUE,VALUE: one log each."),
+    ] = None
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=COLUMN", help=r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.'
+        ),
+        Read(pairs),
+    ] = None
+    log_format: Annotated[
+        str | None,
+        typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table."),
+    ] = None
 
-def depth(text: str | None, option: str) -> float:
-    """Return a depth [m], infinite where none is given; raises InputError naming the option."""
-    number = quantity(text, "m", option)
-    if number is not None and number < 0.0:
-        raise InputError(
-            "it must not be negative",
-            field=option,
-            value=text,
-            unit="m",
-            remedy="Check the number and its unit",
-        )
-    return float("inf") if number is None else number
+    def chosen(self, paths: Sequence[Path]) -> list[Chosen]:
+        """Return every selection of every file, in order; raises InputError naming the option."""
+        return [Chosen(path, one) for path in paths for one in selections(self.where or [])]
 
+    def columns(self) -> dict[str, str]:
+        """Return columns by name; raises InputError naming the option."""
+        return pairs(self.column or [], "--column")
 
-def read(
-    log: Chosen, vehicle: Vehicle | None, *, columns: Mapping[str, str], log_format: str | None,
-    quiet: bool = False, required: Collection[str] = ("time_s", "depth_m"),
-) -> Log:  # fmt: skip
-    """Return the log of a vehicle, read by the format asked for or the one shipped for it.
+    def log(
+        self, log: Chosen, vehicle: Vehicle | None, *, quiet: bool = False,
+        required: Collection[str] = ("time_s", "depth_m"),
+    ) -> Log:  # fmt: skip
+        """Return the log of a vehicle, read by the format asked for or the one shipped for it.
 
-    quiet: that a shipped one is used has been said. required: columns it must have. Raises
-    LogError, an InputError, with file, line, column, value and remedy.
-    """
-    from swimbladder.io.logs import read_log
+        quiet: that a shipped one is used has been said. required: columns it must have. Raises
+        LogError, an InputError, with file, line, column, value and remedy.
+        """
+        from swimbladder.io.logs import read_log
 
-    with progress(f"reading {log.label}"):
-        form = _format(log.path, vehicle, columns, log_format, required, quiet=quiet)
-        try:
-            return read_log(
-                log.path, columns=columns, where=log.where, log_format=form, required=required
-            )
-        except LogError as error:
-            if form is None and not columns and error.field in required:
-                raise _of_its_kind(error, log.path, vehicle) from None
-            raise
+        columns = self.columns()
+        with progress(f"reading {log.label}"):
+            form = _format(log.path, vehicle, columns, self.log_format, required, quiet=quiet)
+            try:
+                return read_log(
+                    log.path, columns=columns, where=log.where, log_format=form, required=required
+                )
+            except LogError as error:
+                if form is None and not columns and error.field in required:
+                    raise _of_its_kind(error, log.path, vehicle) from None
+                raise
 
 
 def _of_its_kind(error: LogError, path: Path, vehicle: Vehicle | None) -> LogError:

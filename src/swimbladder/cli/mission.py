@@ -4,35 +4,17 @@ from __future__ import annotations
 
 import datetime
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from swimbladder.cli.cast_unit import refuse_doubted_unit
-from swimbladder.cli.casts import (
-    CastFile,
-    Columns,
-    Inversions,
-    Latitude,
-    LogFormat,
-    Longitude,
-    Profile,
-    Salinity,
-    Where,
-    asked_casts,
-)
-from swimbladder.cli.common import (
-    asked_of,
-    compile_notice,
-    emit_json,
-    json_text,
-    kept,
-    output,
-    progress,
-    quantity,
-)
+from swimbladder.cli.casts import CastFile, CastReading
+from swimbladder.cli.common import asked_of, compile_notice, json_text, kept, output, progress
 from swimbladder.cli.masses import warn_of_mass
+from swimbladder.cli.options import Files, Options, Read, grouped
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -48,40 +30,50 @@ _BELOW = 50.0  # m more
 _BEGIN = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)  # where the user does not say
 
 
+def _moment(text: str, option: str) -> datetime.datetime:
+    try:
+        found = datetime.datetime.fromisoformat(text)
+    except ValueError:
+        raise InputError(
+            "this is no time", field=option, value=text, remedy="Write 2026-03-01T12:00:00Z"
+        ) from None
+    return found if found.tzinfo else found.replace(tzinfo=datetime.UTC)
+
+
+@dataclass(frozen=True)
+class Flown(Options):
+    """How a mission is flown."""
+
+    cycles: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Cycles (as in the mission).")
+    ] = None
+    duration: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="No cycle begins after this time."),
+    ] = None
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of the sensors' noise (no noise).")
+    ] = None
+    begin: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Start, ISO 8601, for netCDF (2000-01-01)."),
+        Read(_moment),
+    ] = None
+
+
+@grouped(out=Path("swimbladder-mission"))
 def mission(
     vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
     mission: Annotated[
         Path, typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
     ],
     cast: CastFile = None,
-    cycles: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Cycles (as in the mission).")
-    ] = None,
-    duration: Annotated[
-        str | None, typer.Option(metavar="TIME", help="No cycle begins after this time.")
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed of the sensors' noise (no noise).")
-    ] = None,
-    begin: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Start, ISO 8601, for netCDF (2000-01-01).")
-    ] = None,
-    column: Columns = None,
-    where: Where = None,
-    log_format: LogFormat = None,
-    profile: Profile = None,
-    latitude: Latitude = None,
-    longitude: Longitude = None,
-    salinity: Salinity = None,
-    inversions: Inversions = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
-        "swimbladder-mission"
-    ),
+    *,
+    how: Flown,
+    reading: CastReading,
+    to: Files,
     netcdf: Annotated[bool, typer.Option("--netcdf", help="Also write mission.nc (OG1).")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Also write mission.png.")] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
 ) -> None:
     r"""Simulate a mission of phases and cycles: depth, time, pump, battery.
 
@@ -95,41 +87,21 @@ def mission(
     from swimbladder.io.files import check_place, unfinished
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
-    span = quantity(duration, "s", "--duration")
-    start = _moment(begin) or _BEGIN
-    check_place(out)
-    keep = unfinished(out)
-    casts = asked_casts(
-        [] if cast is None else [cast], column=column, where=where, log_format=log_format,
-        profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
-        inversions=inversions, place=task.latitude,
-    )  # fmt: skip
-    read = casts[0] if casts else None
+    asked = how.read()
+    begin = asked.pop("begin") or _BEGIN
+    check_place(to.out)
+    keep = unfinished(to.out)
+    read = next(iter(reading.casts(cast, task.latitude)), None)
     warn_of_mass(v)
-    with asked_of(mission, task, duration=duration):
-        found = _fly(v, task, water(v, task, read), cycles, span, seed, keep)
+    with asked_of(mission, task, duration=how.duration):
+        found = _fly(v, task, water(v, task, read), keep, asked)
     answer = found.to_json()
     with progress("writing the files"):
-        files = _write(found, out, answer, read, start, netcdf=netcdf, plot=plot)
+        files = _write(found, to.out, answer, read, begin, netcdf=netcdf, plot=plot)
     shutil.rmtree(keep, ignore_errors=True)
-    if json:
-        emit_json({**answer, "files": [str(path) for path in files]})
-    else:
-        _print(found, read, files)
+    to.answer(answer, files, lambda: _print(found, read))
     if not found.completed:
         raise typer.Exit(1)
-
-
-def _moment(text: str | None) -> datetime.datetime | None:
-    if text is None:
-        return None
-    try:
-        found = datetime.datetime.fromisoformat(text)
-    except ValueError:
-        raise InputError(
-            "this is no time", field="--begin", value=text, remedy="Write 2026-03-01T12:00:00Z"
-        ) from None
-    return found if found.tzinfo else found.replace(tzinfo=datetime.UTC)
 
 
 def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
@@ -150,17 +122,16 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
 
 
 def _fly(
-    vehicle: Vehicle, task: Mission, column: Column, cycles: int | None, span: float | None,
-    seed: int | None, keep: Path,
-) -> MissionResult:  # fmt: skip
+    vehicle: Vehicle, task: Mission, column: Column, keep: Path, asked: dict[str, Any]
+) -> MissionResult:
     with progress("loading the simulator"):
         from swimbladder.sim.mission.flight import fly_mission
         from swimbladder.sim.mission.result import MissionResult
 
     with kept(keep), compile_notice(), progress("flying", 1.0) as advance:
         flown = fly_mission(
-            vehicle, task, column, cycles=cycles, span=span, seed=seed, keep=keep,
-            advance=advance,
+            vehicle, task, column, cycles=asked["cycles"], span=asked["duration"],
+            seed=asked["seed"], keep=keep, advance=advance,
         )  # fmt: skip
     return MissionResult(flown, flown.reach)
 
@@ -207,7 +178,7 @@ def _write(
     return [out / name for name in names]
 
 
-def _print(found: MissionResult, cast: Cast | None, files: list[Path]) -> None:
+def _print(found: MissionResult, cast: Cast | None) -> None:
     from rich.table import Table
 
     from swimbladder.sim.mission.phase_laws import law_words
@@ -245,5 +216,3 @@ def _print(found: MissionResult, cast: Cast | None, files: list[Path]) -> None:
         for name, energy in sorted(found.books.battery.items(), key=lambda pair: -pair[1]):
             share = 100.0 * energy / total if total > 0.0 else 0.0
             output.print(f"{name}: {energy / 1e3:.4g} kJ, {share:.0f} %", soft_wrap=True)
-    for path in files:
-        output.print(f"wrote {path}", soft_wrap=True)

@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import (
-    compile_notice,
-    console,
-    emit_json,
-    json_text,
-    output,
-    progress,
-    quantity,
-)
-from swimbladder.cli.depths import depth_pair
+from swimbladder.cli.common import compile_notice, console, json_text, output, progress
+from swimbladder.cli.options import Files, Options, depth_pair, grouped
 
 if TYPE_CHECKING:
     from swimbladder.design.planning import Plan
@@ -26,79 +19,69 @@ if TYPE_CHECKING:
 __all__ = ["plan"]
 
 
-def plan(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
-    step: Annotated[str, typer.Option(metavar="FROM:TO", help="Depths, from rest to rest.")],
+@dataclass(frozen=True)
+class Asked(Options):
+    """What is planned, as `design.planning.plan` has it."""
+
     goal: Annotated[
         str,
         typer.Option(metavar="GOAL", help="time, effort (volume moved) or energy: the least."),
-    ] = "time",
+    ] = "time"
     arrive: Annotated[
         str | None,
         typer.Option(metavar="HOW", help="band (for good, goal time's own) or rest (exactly)."),
-    ] = None,
+    ] = None
     duration: Annotated[
         str | None,
         typer.Option(metavar="TIME", help="Until rest, for effort and energy (twice the least)."),
-    ] = None,
+    ] = None
     supply: Annotated[
         str | None, typer.Option(metavar="VOLTAGE", help="The battery's (the vehicle's).")
-    ] = None,
+    ] = None
     sample_time: Annotated[
         str | None, typer.Option(metavar="TIME", help="Between commands (the controller's).")
-    ] = None,
+    ] = None
     band: Annotated[
         str, typer.Option(metavar="SHARE", help="Of the step, to either side of the target.")
-    ] = "2 %",
+    ] = "2 %"
     margin: Annotated[
         str, typer.Option(metavar="SHARE", help="Of supply and stroke, left for feedback.")
-    ] = "0 %",
+    ] = "0 %"
     speed_limit: Annotated[
         str | None, typer.Option(metavar="SPEED", help="Fastest that it may go.")
-    ] = None,
-    bottom: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help="Depth of the bottom.")
-    ] = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
-        "swimbladder-plan"
-    ),
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
+    ] = None
+    bottom_depth: Annotated[
+        str | None, typer.Option("--bottom", metavar="DEPTH", help="Depth of the bottom.")
+    ] = None
+
+
+@grouped(out=Path("swimbladder-plan"))
+def plan(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    step: Annotated[str, typer.Option(metavar="FROM:TO", help="Depths, from rest to rest.")],
+    *,
+    asked: Asked,
+    to: Files,
 ) -> None:
     r"""Plan a step of depth within voltage, stroke, speed and depths: the best there is.
 
     plan.csv is a log of it, mission.toml its depths as set-points for `simulate`. Exit code 1 says
     that there is no plan, what is in the way, and how much more of it would do.
     """
-    import math
-
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place, publish, write_atomically
     from swimbladder.io.tables import write_csv
 
     v = load_vehicle(vehicle, sampled=True)
     start, target = depth_pair(step, "--step")
-    deepest = quantity(bottom, "m", "--bottom")
-    share, kept = quantity(band, "", "--band"), quantity(margin, "", "--margin")
-    assert share is not None
-    assert kept is not None
-    options = {
-        "duration": quantity(duration, "s", "--duration"),
-        "supply": quantity(supply, "V", "--supply"),
-        "sample_time": quantity(sample_time, "s", "--sample-time"),
-        "speed_limit": quantity(speed_limit, "m/s", "--speed-limit"),
-    }
-    check_place(out)
+    options = asked.given()
+    check_place(to.out)
     with progress("loading the solvers"):
         from swimbladder.design.planning import plan as find
         from swimbladder.show.plots.plan import draw_plan
         from swimbladder.show.plots.style import save
     with _told_how_to_go_on(), compile_notice(), progress("solving programs") as advance:
-        found = find(
-            v, start, target, goal=goal, arrive=arrive, band=share, margin=kept,
-            bottom_depth=math.inf if deepest is None else deepest, advance=advance, **options,
-        )  # fmt: skip
+        found = find(v, start, target, advance=advance, **options)
     answer = found.to_json()
     names = ["plan.csv", "mission.toml", "plan.json", "plan.png"]
 
@@ -108,18 +91,15 @@ def plan(
         write_atomically(folder / names[2], json_text(answer) + "\n")
         save(draw_plan(found), folder / names[3])
 
-    publish(out, write)
-    files = [out / name for name in names]
-    if json:
-        emit_json({**answer, "files": [str(path) for path in files]})
-        return
-    output.print(f"{v.name}, goal {goal}", soft_wrap=True)
-    output.print("")
-    for sentence in found.sentences:
-        output.print(sentence, soft_wrap=True)
-    output.print("")
-    for path in files:
-        output.print(f"wrote {path}", soft_wrap=True)
+    def show() -> None:
+        output.print(f"{v.name}, goal {found.goal}", soft_wrap=True)
+        output.print("")
+        for sentence in found.sentences:
+            output.print(sentence, soft_wrap=True)
+        output.print("")
+
+    publish(to.out, write)
+    to.answer(answer, [to.out / name for name in names], show)
 
 
 @contextlib.contextmanager

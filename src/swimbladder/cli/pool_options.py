@@ -1,141 +1,164 @@
-"""What `swimbladder pool` is told of parameters: what is sought, how well, what is known."""
+"""The options of `swimbladder pool`: what is rehearsed, followed, done and sought."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from swimbladder.cli.common import quantity
-from swimbladder.cli.logs import pair
-from swimbladder.cli.settings import deviation, held
-from swimbladder.cli.settings import priors as priors_of
-from swimbladder.errors import InputError, UnitError
+import typer
+
+from swimbladder.cli.common import console, quantity
+from swimbladder.cli.logs import pair, pairs
+from swimbladder.cli.options import Options, Read
+from swimbladder.cli.settings import deviation
+from swimbladder.errors import UnitError
 from swimbladder.units import parse_quantity
 
 if TYPE_CHECKING:
-    from swimbladder.design.pool_day import Asked, Rules, Target
-    from swimbladder.io.plan import Plan
+    from swimbladder.design.pool_day import GrowingLog, Operator, Target
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["asked_of", "rules_of"]
+__all__ = ["Followed", "Goals", "Procedure", "Rehearsed"]
 
-_LEAST_CHANGE = 0.008  # of half the stroke
-_STD = 0.02  # of a parameter, to which it is to be known
-
-
-def rules_of(vehicle: Vehicle, bottom: float | None, travel: str, plan: Plan | None) -> Rules:
-    """Return by which numbers phases are told apart; bottom [m], None where it is not known.
-
-    A plan says where its records end.
-
-    Raises InputError for a distance that tells nothing.
-    """
-    from swimbladder.design.pool_day import Rules
-
-    far = quantity(travel, "m", "--travel")
-    assert far is not None
-    least = Rules().least_travel
-    if not far > least:
-        raise InputError(
-            f"an experiment has to go further than {least:g} m", field="--travel", value=travel,
-            unit="m", remedy="Give more, or leave it out",
-        )  # fmt: skip
-    half = 0.5 * (vehicle.stroke.maximum - vehicle.stroke.minimum)
-    change = _LEAST_CHANGE * half
-    if plan is not None:
-        least = min(abs(one.moves[0].volume) for one in plan.experiments)
-        return Rules(
-            change=min(change, 0.5 * least), surface=plan.shallowest, bottom=plan.deepest,
-            travel=math.inf, turns=True,
-            longest=max(one.longest for one in plan.experiments),
-        )  # fmt: skip
-    rules = Rules(
-        change=change, surface=vehicle.hull.emergence_depth + 0.1, travel=far,
-        bottom=math.inf if bottom is None else bottom - 0.05,
-    )  # fmt: skip
-    # A quarter of the pool's depth is kept clear at either end: see paper_tasks.
-    shallowest = vehicle.hull.emergence_depth + (least + 0.1) / 0.75
-    if bottom is not None and bottom <= shallowest:
-        raise InputError(
-            f"too shallow: an experiment has to go further than {least:g} m",
-            field="--pool-depth", value=bottom, unit="m",
-            remedy=f"Give the depth of the bottom, more than {shallowest:.2g} m",
-        )  # fmt: skip
-    return rules
+_NOISE = 2e-3  # m
 
 
-def asked_of(
-    vehicle: Vehicle, *, free: tuple[str, ...] | None, fixed: Sequence[str],
-    priors: Sequence[str], drag: str | None, neutral_std: str, target: str | None,
-    target_std: str | None,
-) -> Asked:  # fmt: skip
-    """Return what is to be identified, how well, and what is known before.
+@dataclass(frozen=True)
+class Rehearsed(Options):
+    """A rehearsal in simulated water."""
 
-    Raises InputError for what this vehicle does not have.
-    """
-    from swimbladder.design.pool_day import Asked
-    from swimbladder.estimation.motion.model import check_names, default_names, model_of
+    truth: Annotated[
+        str | None,
+        typer.Option(metavar="VEHICLE", help="The vehicle in the simulated water (VEHICLE)."),
+    ] = None
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            help="Simulated seconds a second (60 on a terminal, else as fast as it goes)."
+        ),
+    ] = None
+    sensor_std: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DEPTH", help="Noise of the simulated depth (the vehicle's; 2 mm if none)."
+        ),
+    ] = None
+    seed: Annotated[int, typer.Option(help="Seed of the simulated noise.", min=0)] = 0
+    most: Annotated[int, typer.Option(help="Experiments after which a rehearsal ends.", min=1)] = 16
 
-    known, before = held(fixed), priors_of(priors)
-    model = model_of(vehicle, law=drag, bottom_depth=math.inf)
-    chosen = default_names(model.law, list(known)) if free is None else free
-    for option, given in (
-        ("--free", chosen), ("--set", tuple(known)), ("--prior", tuple(before)),
-    ):  # fmt: skip
-        check_names(given, model, voltage=False, option=option)
-    std = deviation(neutral_std, "m3", "--neutral-std")
-    return Asked(
-        targets=_targets(target, target_std, chosen), free=free, fixed=known, priors=before,
-        drag=drag, neutral_std=std,
-    )  # fmt: skip
+    def operator(self, vehicle: Vehicle, bottom: float) -> Operator:
+        """Return who rehearses: the vehicle in simulated water `bottom` [m] deep."""
+        from swimbladder.design.pool_day import Operator
+        from swimbladder.design.pool_day.follow import check_waiting
+        from swimbladder.io.config import load_vehicle
+
+        truth = vehicle if self.truth is None else load_vehicle(self.truth, sampled=True)
+        std = self.read()["sensor_std"]
+        if std is None and truth.sensors.depth_noise == truth.sensors.depth_quantum == 0.0:
+            std = _NOISE
+            console.print(
+                f"{truth.name} states no noise of its depth: {1e3 * std:g} mm (1 sigma) is taken; "
+                "--sensor-std says another",
+                soft_wrap=True,
+            )
+        with self.said_as_typed(depth_noise="sensor_std"):
+            check_waiting(speed=self.speed)
+            if std is not None:
+                truth = truth.with_sensors(depth_noise=std)
+            return Operator(vehicle, truth, pool_depth=bottom, seed=self.seed)
 
 
-def _targets(text: str | None, each: str | None, names: Sequence[str]) -> tuple[Target, ...]:
+@dataclass(frozen=True)
+class Followed(Options):
+    """A log that is being written."""
+
+    columns: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--column",
+            metavar="NAME=COLUMN",
+            help=r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.',
+        ),
+        Read(pairs),
+    ] = None
+    log_format: Annotated[
+        str | None, typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table.")
+    ] = None
+    wait: Annotated[
+        bool, typer.Option("--wait/--no-wait", help="Wait for more, or take the log as finished.")
+    ] = True
+    timeout: Annotated[
+        str, typer.Option(metavar="TIME", help="End when the log has not grown for so long.")
+    ] = "15 min"
+
+    def tail(self, vehicle: Vehicle, log: Path) -> tuple[GrowingLog, float]:
+        """Return what reads the log, and how long it waits for more [s]."""
+        from swimbladder.design.pool_day import GrowingLog
+        from swimbladder.design.pool_day.follow import check_waiting
+        from swimbladder.io.log_format import LogFormat, log_format
+
+        given = self.read()
+        with self.said_as_typed():
+            check_waiting(timeout=given["timeout"])
+        form = LogFormat() if self.log_format is None else log_format(self.log_format)
+        if self.wait:  # one bad row must not end the day
+            form = form.model_copy(update={"bad_rows": "drop"})
+        tail = GrowingLog(log, vehicle, columns=given["columns"] or {}, log_format=form)
+        return tail, given["timeout"]
+
+
+@dataclass(frozen=True)
+class Procedure(Options):
+    """What is done in the pool."""
+
+    pool_depth: Annotated[
+        str | None,
+        typer.Option(metavar="DEPTH", help="Depth of the bottom (4.5 m in a rehearsal)."),
+    ] = None
+    travel: Annotated[
+        str, typer.Option(metavar="DISTANCE", help="An experiment is over after this.")
+    ] = "3 m"
+    plan: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PLAN", help="What to do, from design-experiment (the paper's experiments)."
+        ),
+    ] = None
+
+
+def _targets(text: str, option: str) -> list[Target]:
     from swimbladder.design.pool_day import Target
     from swimbladder.estimation.motion.model import NAMES
 
-    if text is not None and each is not None:
-        raise InputError(
-            "--target says each by itself", field="--target-std", value=each,
-            remedy="Give one of the two",
-        )  # fmt: skip
-    if text is None:
-        share = _STD if each is None else _share(each, "--target-std")
-        main = [name for name in ("K2", "T2", "mass") if name in names]
-        if "mass" in main or not main:
-            main = [name for name in names if name != "psi"]
-        return tuple(Target(name, share) for name in main)
     found = []
     for item in text.split(","):
-        name, value = pair(item, "--target")
-        if name not in names:
-            raise InputError(
-                "it is not identified", field="--target", value=name,
-                remedy=f"Choose from {', '.join(names)}",
-            )  # fmt: skip
+        name, value = pair(item, option)
         try:
-            found.append(Target(name, _share(value, "--target")))
+            found.append(Target(name, parse_quantity(value, "")))
         except UnitError:
-            std = quantity(value, NAMES[name].unit, f"--target {name}")
+            unit = NAMES[name].unit if name in NAMES else ""
+            std = quantity(value, unit, f"{option} {name}")
             assert std is not None
-            if not std > 0.0:
-                raise InputError(
-                    "it must be above 0", field=f"--target {name}", value=value,
-                    unit=NAMES[name].unit, remedy="Give a standard deviation, or a share like 2 %",
-                ) from None  # fmt: skip
             found.append(Target(name, std, relative=False))
-    return tuple(found)
+    return found
 
 
-def _share(text: str, option: str) -> float:
-    try:
-        number = parse_quantity(text, "")
-    except InputError as error:
-        raise error.at(field=option) from None
-    if not 0.0 < number < 1.0:
-        raise InputError(
-            "it must be a share above 0 and below 1", field=option, value=text,
-            remedy="Write it like 2 %",
-        )  # fmt: skip
-    return number
+@dataclass(frozen=True)
+class Goals(Options):
+    """How well parameters are to be known."""
+
+    target_std: Annotated[
+        str | None,
+        typer.Option(metavar="SHARE", help="How well each but psi is to be known (2 %)."),
+    ] = None
+    target: Annotated[
+        str | None,
+        typer.Option(metavar="NAME=STD,...", help='Or each by itself, as in "K2=2%,T2=3%".'),
+        Read(_targets),
+    ] = None
+    neutral_std: Annotated[
+        str,
+        typer.Option(metavar="VOLUME", help="How well a rest tells the neutral volume."),
+        deviation("m3"),
+    ] = "0.5 cm3"

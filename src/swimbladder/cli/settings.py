@@ -5,20 +5,23 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from swimbladder.cli.common import quantity
-from swimbladder.cli.logs import pair
+from swimbladder.cli.logs import once, pair
+from swimbladder.cli.options import Options, Read
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.estimation.motion import Prior
 
-__all__ = ["deviation", "held", "known", "once", "priors", "setting"]
+__all__ = ["Sought", "deviation", "known", "setting"]
 
 _PLUS_MINUS = re.compile(r"\+-|\+/-|±")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-_Value = TypeVar("_Value")
 
 
 def setting(text: str, units: Mapping[str, str]) -> tuple[str, float]:
@@ -58,62 +61,52 @@ def known(text: str, units: Mapping[str, str]) -> tuple[str, Prior]:
     else:
         mean = _number(mean_text if mean_unit else f"{mean_text} {std_unit}", unit, field)
         std = _number(std_text if std_unit else f"{std_text} {mean_unit}", unit, field)
-    if not std > 0.0:
-        raise InputError(
-            "the standard deviation of a prior has to be above 0",
-            field=field,
-            value=value,
-            unit=unit,
-            remedy=f'{how}; or --set "{name}=VALUE {unit}" for what is known exactly',
-        )
     return name, Prior(mean, std)
 
 
-def held(texts: Sequence[str] | None) -> dict[str, float]:
-    """Return the values, in SI, of all that is given to --set.
-
-    Raises InputError naming option and value.
-    """
-    units = _units()
-    return once([setting(text, units) for text in texts or []], "--set")
+def _held(texts: Sequence[str], option: str) -> dict[str, float]:
+    return once([setting(text, _units()) for text in texts], option)
 
 
-def priors(texts: Sequence[str] | None) -> dict[str, Prior]:
-    """Return the priors, in SI, of all that is given to --prior.
-
-    Raises InputError naming option and value.
-    """
-    units = _units()
-    return once([known(text, units) for text in texts or []], "--prior")
+def _priors(texts: Sequence[str], option: str) -> dict[str, Prior]:
+    return once([known(text, _units()) for text in texts], option)
 
 
-def deviation(text: str, unit: str, option: str) -> float:
-    """Return a standard deviation in `unit`, infinite for ``none``.
+@dataclass(frozen=True)
+class Sought(Options):
+    """What is identified, and what is known of it."""
 
-    Raises InputError naming the option where it is not above 0.
-    """
-    if text.strip().lower() == "none":
-        return math.inf
-    number = _number(text, unit, option)
-    if not number > 0.0:
-        raise InputError(
-            "it must be above 0",
-            field=option,
-            value=text,
-            unit=unit,
-            remedy="Give a standard deviation, or none for no assumption",
-        )
-    return number
+    free: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="Parameters to identify: K2, T2, psi; mass, drag_quadratic; K1, T1 (those of the "
+            "drag law, and psi).",
+        ),
+    ] = None
+    fixed: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help='Fix at a value: "psi=2e-6 m3/m".'),
+        Read(_held),
+    ] = None
+    priors: Annotated[
+        list[str] | None,
+        typer.Option("--prior", metavar="NAME=VALUE", help='Prior: "psi=2e-6 +- 1e-6 m3/m".'),
+        Read(_priors),
+    ] = None
+    drag: Annotated[
+        str | None,
+        typer.Option(metavar="LAW", help="linear, quadratic or blended (the vehicle's)."),
+    ] = None
 
 
-def once(pairs: Sequence[tuple[str, _Value]], option: str) -> dict[str, _Value]:
-    """Return the pairs as a dictionary; raises InputError where a name stands twice."""
-    found: dict[str, _Value] = {}
-    for name, value in pairs:
-        if name in found:
-            raise InputError("given twice", field=option, value=name, remedy="Give it once")
-        found[name] = value
-    return found
+def deviation(unit: str) -> Read:
+    """Return that an option is a standard deviation in `unit`, infinite for ``none``."""
+
+    def read(text: str, option: str) -> float:
+        return math.inf if text.strip().lower() == "none" else _number(text, unit, option)
+
+    return Read(read)
 
 
 def _units() -> dict[str, str]:

@@ -5,34 +5,16 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.casts import (
-    CastFile,
-    Columns,
-    Inversions,
-    Latitude,
-    LogFormat,
-    Longitude,
-    Profile,
-    Salinity,
-    Where,
-    asked_casts,
-    water_of_cast,
-)
-from swimbladder.cli.common import (
-    asked_of,
-    compile_notice,
-    console,
-    emit_json,
-    progress,
-    quantity,
-    said_as_typed,
-)
+from swimbladder.cli.casts import CastFile, CastReading, water_of_cast
+from swimbladder.cli.common import asked_of, compile_notice, console, progress, said_as_typed
 from swimbladder.cli.masses import warn_of_mass
+from swimbladder.cli.options import Files, Options, grouped
 from swimbladder.cli.simulate_files import answer_of, print_answer, steps_of, write_files
 from swimbladder.errors import InputError
 
@@ -46,54 +28,47 @@ if TYPE_CHECKING:
 __all__ = ["simulate"]
 
 _START, _TARGET, _DURATION = 1.5, 3.0, 400.0
-_OPTIONS = {
-    "start_depth": "--start",
-    "setpoints[0].depth": "--target",
-    "duration": "--duration",
-    "bottom_depth": "--bottom",
-}
+_FIELDS = {"setpoints[0].depth": "target"}
 
 
+@dataclass(frozen=True)
+class Step(Options):
+    """A step of depth, in place of a mission's file."""
+
+    start_depth: Annotated[
+        str | None,
+        typer.Option("--start", metavar="DEPTH", help=f"Start, at rest and neutral ({_START} m)"),
+    ] = None
+    target: Annotated[
+        str | None, typer.Option(metavar="DEPTH", help=f"Set-point ({_TARGET} m)")
+    ] = None
+    duration: Annotated[
+        str | None, typer.Option(metavar="TIME", help=f"How long ({_DURATION:g} s)")
+    ] = None
+    bottom_depth: Annotated[
+        str | None,
+        typer.Option("--bottom", metavar="DEPTH", help="Depth of the bottom (none)"),
+    ] = None
+
+
+@grouped(out=Path("swimbladder-simulate"))
 def simulate(
     vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
     mission: Annotated[
         Path | None,
         typer.Argument(metavar="MISSION", help="TOML file with set-points, start and duration."),
     ] = None,
-    start: Annotated[
-        str | None,
-        typer.Option(metavar="DEPTH", help=f"Start, at rest and neutral ({_START} m)"),
-    ] = None,
-    target: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help=f"Set-point ({_TARGET} m)")
-    ] = None,
-    duration: Annotated[
-        str | None, typer.Option(metavar="TIME", help=f"How long ({_DURATION:g} s)")
-    ] = None,
-    bottom: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help="Depth of the bottom (none)")
-    ] = None,
+    *,
+    step: Step,
     seed: Annotated[
         int | None,
         typer.Option(help="Seed of the sensors' noise (sensors without noise)", min=0),
     ] = None,
     cast: CastFile = None,
-    column: Columns = None,
-    where: Where = None,
-    log_format: LogFormat = None,
-    profile: Profile = None,
-    latitude: Latitude = None,
-    longitude: Longitude = None,
-    salinity: Salinity = None,
-    inversions: Inversions = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
-        "swimbladder-simulate"
-    ),
+    reading: CastReading,
+    to: Files,
     netcdf: Annotated[bool, typer.Option("--netcdf", help="Also write trajectory.nc.")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Also write trajectory.png.")] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
 ) -> None:
     """Simulate depth steps or a mission in closed loop.
 
@@ -107,26 +82,18 @@ def simulate(
     from swimbladder.io.files import make_folder
 
     v = load_vehicle(vehicle, sampled=True, weighed=True)
-    typed = {"--start": start, "--target": target, "--duration": duration, "--bottom": bottom}
-    with said_as_typed(typed, **_OPTIONS if mission is None else {}):
-        task = _mission(mission, start=start, target=target, duration=duration, bottom=bottom)
-    casts = asked_casts(
-        [] if cast is None else [cast], column=column, where=where, log_format=log_format,
-        profile=profile, latitude=latitude, longitude=longitude, salinity=salinity,
-        inversions=inversions,
-    )  # fmt: skip
+    with step.said_as_typed(**_FIELDS) if mission is None else said_as_typed({}):
+        task = _mission(mission, step)
+    casts = reading.casts(cast)
     warn_of_mass(v)
-    with said_as_typed(typed, **_OPTIONS) if mission is None else asked_of(mission, task):
+    with step.said_as_typed(**_FIELDS) if mission is None else asked_of(mission, task):
         water, medium = _water(v, task, casts)
         s = _run(v, task, seed, water)
-    folder = make_folder(out)
+    folder = make_folder(to.out)
     files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)
     notes = [*_notes(s, water, medium), *_seed_unused(v, seed)]
-    answer = answer_of(s, task, steps_of(s, task), files, water, notes)
-    if json:
-        emit_json(answer)
-    else:
-        print_answer(answer)
+    answer = answer_of(s, task, steps_of(s, task), water, notes)
+    to.answer(answer, files, lambda: print_answer(answer))
     if not (answer["completed"] and answer["within_depth_limit"]):
         if not s.finished:
             console.print(f"stopped at {s.time[-1]:.6g} s: {s.stop.value}")
@@ -139,33 +106,23 @@ def simulate(
         raise typer.Exit(1)
 
 
-def _mission(path: Path | None, **given: str | None) -> Mission:
+def _mission(path: Path | None, step: Step) -> Mission:
     """Return the mission of a file, or one step from the options."""
     from swimbladder.io.config import load_mission
     from swimbladder.io.mission import Mission, Setpoint
 
     if path is not None:
-        for option, text in given.items():
-            if text is not None:
+        for name, option in step.named().items():
+            if (text := getattr(step, name)) is not None:
                 raise InputError(
-                    "the mission file says this already",
-                    field=f"--{option}",
-                    value=text,
+                    "the mission file says this already", field=option, value=text,
                     remedy=f"Leave the option out, or the file {path}",
-                )
+                )  # fmt: skip
         return load_mission(path)
-    units = {"start": "m", "target": "m", "duration": "s", "bottom": "m"}
-    numbers = {name: quantity(given[name], unit, f"--{name}") for name, unit in units.items()}
-    start, target = numbers["start"], numbers["target"]
-    duration, bottom = numbers["duration"], numbers["bottom"]
-    depth = _TARGET if target is None else target
-    return Mission(
-        name="step",
-        start_depth=_START if start is None else start,
-        bottom_depth=bottom,
-        duration=_DURATION if duration is None else duration,
-        setpoints=(Setpoint(time=0.0, depth=depth),),
-    )
+    given = step.given()
+    target = Setpoint(time=0.0, depth=given.pop("target", _TARGET))
+    asked = {"start_depth": _START, "duration": _DURATION, **given}
+    return Mission(name="step", setpoints=(target,), **asked)
 
 
 def _water(

@@ -100,7 +100,6 @@ def answer_of(
     s: Solution,
     task: Mission,
     steps: list[dict[str, Any]],
-    files: list[Path],
     column: Column | None,
     notes: Sequence[str],
 ) -> dict[str, Any]:
@@ -123,7 +122,6 @@ def answer_of(
         "steps": steps,
         "water": None if column is None else column.source,
         "notes": list(notes),
-        "files": [str(path) for path in files],
     }
 
 
@@ -168,5 +166,3 @@ def print_answer(answer: dict[str, Any]) -> None:
     output.print(answer["stop_reason"])
     for note in answer["notes"]:
         output.print(f"note: {note}", soft_wrap=True)
-    for path in answer["files"]:
-        output.print(f"wrote {path}", soft_wrap=True)

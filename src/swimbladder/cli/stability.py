@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import (
-    compile_notice,
-    emit_json,
-    json_text,
-    kept,
-    output,
-    progress,
-    quantity,
-)
-from swimbladder.cli.depths import depth_pair
+from swimbladder.cli.common import compile_notice, json_text, kept, output, progress
+from swimbladder.cli.options import Files, Options, Read, grouped
 from swimbladder.errors import NoAnswerError
 
 if TYPE_CHECKING:
@@ -25,43 +18,43 @@ if TYPE_CHECKING:
 __all__ = ["stability"]
 
 
-def stability(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
-    depth: Annotated[
+@dataclass(frozen=True)
+class Asked(Options):
+    """What is looked at, as `design.stability.stability` has it."""
+
+    depths: Annotated[
         str, typer.Option("--depth", metavar="LEAST:MOST", help="Depths it is for.")
-    ] = "0:10 m",
+    ] = "0:10 m"
     delay: Annotated[
         str, typer.Option(metavar="SHARE", help="From sample to command, of a sample.")
-    ] = "10 %",
+    ] = "10 %"
     within: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TIME",
-            help="In which a disturbance is to be gone (600 s; of a float half as long again as "
-            "the way, and an hour).",
-        ),
-    ] = None,
-    cells: Annotated[int, typer.Option(metavar="N", help="Of a map, to a side.")] = 21,
+        str, typer.Option(metavar="TIME", help="In which a disturbance is to be gone.")
+    ] = "600 s"
+    cells: Annotated[int, typer.Option(metavar="N", help="Of a map, to a side.")] = 21
     voltage_quantum: Annotated[
         str, typer.Option(metavar="VOLTAGE", help="Step of the motor's driver (none).")
-    ] = "0 V",
+    ] = "0 V"
     no_maps: Annotated[
         bool, typer.Option("--no-maps", help="Leave out from where it recovers.")
-    ] = False,
-    robustness: Annotated[
+    ] = False
+    with_robustness: Annotated[
         bool, typer.Option("--robustness", help="Try gains of 0.5 to 2 and half a sample late.")
-    ] = False,
-    law: Annotated[
+    ] = False
+    laws: Annotated[
         list[str] | None,
-        typer.Option(metavar="LAW", help="With --robustness: this law too, tuned first."),
-    ] = None,
-    draws: Annotated[int, typer.Option(metavar="N", help="Vehicles of each trial.")] = 200,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")] = Path(
-        "swimbladder-stability"
-    ),
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
+        typer.Option("--law", metavar="LAW", help="With --robustness: this law too, tuned first."),
+        Read(lambda texts, _: tuple(texts)),
+    ] = None
+    draws: Annotated[int, typer.Option(metavar="N", help="Vehicles of each trial.")] = 200
+
+
+@grouped(out=Path("swimbladder-stability"))
+def stability(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    *,
+    asked: Asked,
+    to: Files,
 ) -> None:
     r"""Say how stable a vehicle is under its law: small motions, limit cycles, large motions.
 
@@ -72,20 +65,11 @@ def stability(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place, publish, unfinished, write_atomically
 
-    v = load_vehicle(vehicle)
-    options: dict[str, Any] = {
-        "depths": depth_pair(depth, "--depth"),
-        "delay": quantity(delay, "", "--delay"),
-        "within": quantity(within, "s", "--within"),
-        "cells": cells,
-        "voltage_quantum": quantity(voltage_quantum, "V", "--voltage-quantum"),
-        "maps": not no_maps,
-        "with_robustness": robustness,
-        "laws": tuple(law or ()),
-        "draws": draws,
-    }
-    check_place(out)
-    keep = unfinished(out)
+    v = load_vehicle(vehicle, sampled=True)
+    options = asked.given()
+    options["maps"] = not options.pop("no_maps")
+    check_place(to.out)
+    keep = unfinished(to.out)
     with progress("loading the simulator"):
         from swimbladder.design.stability import stability as find
         from swimbladder.jobs import Store
@@ -112,18 +96,14 @@ def stability(
     if found.stood:
         names.append("robustness.png")
     with progress("writing the pictures"):
-        publish(out, write)
+        publish(to.out, write)
     Store(keep).forget()
-    files = [out / name for name in names]
-    if json:
-        emit_json({**answer, "files": [str(path) for path in files]})
-    else:
-        _print(found, files)
+    to.answer(answer, [to.out / name for name in names], lambda: _print(found))
     if not found.stable:
         raise NoAnswerError("the loop is not stable over the range that was asked for")
 
 
-def _print(found: Stability, files: list[Path]) -> None:
+def _print(found: Stability) -> None:
     from rich.table import Table
 
     from swimbladder.design.stability.tables import cycle_rows, robustness_rows
@@ -155,5 +135,3 @@ def _print(found: Stability, files: list[Path]) -> None:
     output.print("")
     for sentence in found.words:
         output.print(f"assumed: {sentence}", soft_wrap=True)
-    for path in files:
-        output.print(f"wrote {path}", soft_wrap=True)

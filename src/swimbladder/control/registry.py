@@ -148,16 +148,17 @@ def own_law(vehicle: Vehicle, *, sampled: bool = True) -> tuple[Law, Any]:
 
 def check_command(
     law: Law, vehicle: Vehicle, *, field: str = "controller.law",
-    among: Collection[str] | None = None,
+    among: Collection[str] | None = None, remedy: str | None = None,
 ) -> None:  # fmt: skip
     """Raise InputError where a vehicle's actuator does not take what a law commands.
 
     field: where the law was chosen. among: the names to choose from there; None: all.
+    remedy: what to do, where that is not to choose another name.
     """
     if law.command != vehicle.command:
         names = (*LAWS, *MISSION_LAWS) if among is None else among
         fitting = [name for name in names if law_by_name(name).command == vehicle.command]
         raise InputError(
             f"this law commands a {law.command}, but the actuator takes a {vehicle.command}",
-            field=field, value=law.name, remedy=f"Choose one of: {', '.join(fitting)}",
+            field=field, value=law.name, remedy=remedy or f"Choose one of: {', '.join(fitting)}",
         )  # fmt: skip

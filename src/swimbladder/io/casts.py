@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ from swimbladder.io.log_text import read_bytes
 from swimbladder.physics.seawater import Cast
 from swimbladder.physics.seawater.cast import pressure_of_depth
 
-__all__ = ["read_cast"]
+__all__ = ["check_reading", "read_cast"]
 
 Array = NDArray[np.float64]
 _LATITUDE = 45.0  # where gravity is the mean of pole and equator, to 1 part in 10 000
@@ -54,11 +55,7 @@ def read_cast(
     above 0.03 kg/m3.
     Raises LogError, an InputError, with file, line, column, value and remedy.
     """
-    if salinity is not None and not 0.0 <= salinity <= MOST_SALT:
-        raise InputError(
-            "no practical salinity of a sea", field="salinity", value=salinity,
-            remedy="Give it in PSS-78: 0 in fresh water, 35 in the ocean",
-        )  # fmt: skip
+    check_reading(latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions)
     file = Path(path)
     data = read_bytes(file)
     binary, said = format_of(data, file)
@@ -81,6 +78,32 @@ def read_cast(
     if "@" in (columns or {}).get("pressure_dbar", ""):
         raw = replace(raw, unit_stated=True)
     return _cast(_whole(_salted(raw, salinity)), profile, inversions)
+
+
+def check_reading(
+    *,
+    latitude: float | None = None,
+    longitude: float | None = None,
+    salinity: float | None = None,
+    inversions: str = "refuse",
+) -> None:
+    """Raise InputError where what is said of a cast beside its file cannot be."""
+    for name, degrees, most in (("latitude", latitude, 90.0), ("longitude", longitude, 360.0)):
+        if degrees is not None and not abs(degrees) <= most:
+            raise InputError(
+                f"not between -{most:g} and {most:g}", field=name, value=degrees, unit="degrees",
+                remedy="Give degrees with decimals, south and west negative",
+            )  # fmt: skip
+    if salinity is not None and not 0.0 <= salinity <= MOST_SALT:
+        raise InputError(
+            "no practical salinity of a sea", field="salinity", value=salinity,
+            remedy="Give it in PSS-78: 0 in fresh water, 35 in the ocean",
+        )  # fmt: skip
+    if inversions not in get_args(Inversions):
+        raise InputError(
+            "not one of the choices", field="inversions", value=inversions,
+            remedy="Choose refuse, average or keep",
+        )  # fmt: skip
 
 
 def _text_cast(

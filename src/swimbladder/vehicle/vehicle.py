@@ -58,10 +58,10 @@ LawNumbers = dict[str, Annotated[float | str, BeforeValidator(_number_or_text)]]
 class Sensors(Parameters):
     """What the controller sees: white noise (1 sigma), then the quantum of the converter."""
 
-    depth_noise: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
+    depth_noise: Annotated[float, Unit("m"), Field(ge=0.0, lt=1e3)] = Field(
         0.0, description="white noise of the measured depth, 1 sigma"
     )
-    depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
+    depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0, lt=1e3)] = Field(
         0.0, description="step between two depths that the converter resolves"
     )
     volume_noise: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
@@ -186,6 +186,11 @@ class Vehicle(Parameters):
         if isinstance(self.motion, IdentifiedMotion):
             return Drag(law="linear", k_dl=self.water.specific_weight / self.motion.K2)
         return self.motion.drag
+
+    def with_sensors(self, **given: float) -> Vehicle:
+        """Return the vehicle with other numbers of its sensors; raises InputError for bad ones."""
+        sensors = Sensors(**{**self.sensors.model_dump(), **given})
+        return self.model_copy(update={"sensors": sensors})
 
     @property
     def command(self) -> Literal["voltage", "volume", "volume change"]:

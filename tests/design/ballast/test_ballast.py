@@ -289,7 +289,14 @@ def test_what_is_not_known_by_default_and_as_identified():
 def test_wishes_that_make_no_sense_are_refused(options, words):
     with pytest.raises(InputError, match=words) as caught:
         ballast(FLOAT, [SEA], uncertainty=KNOWN, draws=1, **options)
-    assert caught.value.field.startswith("--")
+    assert caught.value.field in (
+        "neutral_depth",
+        "freeboard",
+        "volume",
+        "probability",
+        "speed",
+        "material",
+    )
 
 
 def test_a_mass_that_nothing_has():

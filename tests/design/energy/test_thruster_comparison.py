@@ -71,7 +71,7 @@ def test_at_the_least_thrust_a_maker_states_turning_takes_more_than_pushing():
     "wrong", [{"diameter": 0.0}, {"efficiency": 1.2}, {"number": 0}, {"idle_power": -1.0}]
 )
 def test_no_such_thruster(wrong):
-    with pytest.raises(InputError, match="--thruster-"):
+    with pytest.raises(InputError, match="no thruster has this"):
         Thruster(**wrong).checked()
 
 
@@ -184,9 +184,9 @@ def test_a_dive_beyond_the_stroke_is_not_made():
 
 def test_nothing_to_do_is_refused():
     found = constant(deepest=20.0)
-    with refused(InputError, field="--speed", value=0.0):
+    with refused(InputError, field="speed", value=0.0):
         profiling(found, THRUSTER, speed=0.0)
-    with refused(InputError, field="--weight-error", value=-1e-06):
+    with refused(InputError, field="weight_error", value=-1e-06):
         hovering(found, THRUSTER, weight_error=-1e-6)
 
 

@@ -333,7 +333,7 @@ def test_the_command_writes_a_vehicle_that_simulates(capsys, tmp_path):
     [
         (["--depth", "5"], "a colon between"),
         (["--depth", "0:5 kg"], "of another kind"),
-        (["--depth-noise", "-1 mm"], "must be 0 or more"),
+        (["--depth-noise", "-1 mm"], "greater than or equal to 0"),
         (["--law", "planed"], "Did you mean planned?"),
         (["--runs", "3"], "too few"),
     ],

@@ -2,17 +2,30 @@
 
 ::
 
-    Unknown          1 sigma of what is not known: mass, volume, psi, heat, air, trim, density
-    ballast          a vehicle, casts, a target -> Ballasting: mass to add, needs, margins, how
-    likely ballasted        the vehicle with that mass in the water of the cast
+    Uncertainty          1 sigma of what is not known: mass, volume, psi, heat, air, trim, density
+    seas             casts -> the water down to where a vehicle goes; with_mass: that on the scale
+    ballast          a vehicle, casts, a target -> Ballasting: mass to add, needs, margins, odds
+    ballasted        the vehicle with that mass in the water of the cast
 
 Volumes are those of the drive, 0 at mid-stroke; the law is `swimbladder.physics.hull`.
 """
 
 from __future__ import annotations
 
+from swimbladder.design.ballast.given import material_of, seas, with_mass
 from swimbladder.design.ballast.result import Ballasting, Need, Target
 from swimbladder.design.ballast.run import ballast, ballasted
 from swimbladder.design.ballast.uncertainty import Uncertainty, uncertainty_of
 
-__all__ = ["Ballasting", "Need", "Target", "Uncertainty", "ballast", "ballasted", "uncertainty_of"]
+__all__ = [
+    "Ballasting",
+    "Need",
+    "Target",
+    "Uncertainty",
+    "ballast",
+    "ballasted",
+    "material_of",
+    "seas",
+    "uncertainty_of",
+    "with_mass",
+]

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.design.ballast.given import MATERIALS
 from swimbladder.design.ballast.result import Ballasting, Curve, Need, Target
 from swimbladder.design.ballast.uncertainty import Uncertainty, drawn_volumes, sensitivities
 from swimbladder.errors import InputError, NoAnswerError
@@ -22,13 +23,10 @@ from swimbladder.physics.seawater import Column
 from swimbladder.units import rounded
 from swimbladder.vehicle import Hull, HullPart, PhysicalMotion, Vehicle
 
-__all__ = ["MATERIALS", "ballast", "ballasted"]
+__all__ = ["ballast", "ballasted"]
 
 Array = NDArray[np.float64]
 
-# kg/m3 at room temperature: CRC Handbook of Chemistry and Physics, 97th ed., section 4 (elements)
-# and 12 (alloys): lead, iron/plain steel, stainless steel 304, aluminium.
-MATERIALS = {"lead": 11340.0, "steel": 7850.0, "stainless": 8000.0, "aluminium": 2700.0}
 _DRAWS = 20_000  # so that a probability of 95 % is known to 0.15 % (1 sigma)
 _POINTS = 200  # depths that each draw is looked at, the extremes of the mean among them
 
@@ -160,25 +158,28 @@ def _check(
         raise InputError(what, field=field, value=value, unit=unit, remedy=remedy)
 
     if not 0.5 <= probability < 1.0:
-        refuse("a probability from 50 % to below 100 % is asked for", "--probability",
+        refuse("a probability from 50 % to below 100 % is asked for", "probability",
                probability, "", "Write it like 95 %")  # fmt: skip
     if not 0.0 <= speed <= 2.0:
-        refuse("no speed of a vehicle that moves by its volume", "--speed", speed, "m/s",
+        refuse("no speed of a vehicle that moves by its volume", "speed", speed, "m/s",
                "Give what it has to sink and rise with, 0 or more")  # fmt: skip
     if density <= float(columns[0].density[-1]):
-        refuse("ballast that is not denser than the water does nothing", "--ballast", density,
+        refuse("ballast that is not denser than the water does nothing", "material", density,
                "kg/m3", "Give the density of what you add, lead is 11340 kg/m3")  # fmt: skip
     if target.neutral_depth is not None and not 0.0 <= target.neutral_depth <= deepest:
-        refuse(f"the depth is not between the surface and {deepest:g} m, where the cast or "
-               "--deepest ends", "--neutral-depth", target.neutral_depth, "m",
-               "Give a depth in the cast, or --deepest")  # fmt: skip
+        refuse(f"the depth is not between the surface and {deepest:g} m, where the water "
+               "ends", "neutral_depth", target.neutral_depth, "m",
+               "Give a depth in the water, or water as deep")  # fmt: skip
     if target.freeboard is not None and not 0.0 <= target.freeboard <= vehicle.hull.height:
         refuse(f"no more than the height of the hull, {vehicle.hull.height:g} m, can be out of "
-               "the water", "--freeboard", target.freeboard, "m",
+               "the water", "freeboard", target.freeboard, "m",
                "Check the number and its unit")  # fmt: skip
+    if target.volume != 0.0 and target.neutral_depth is None:
+        refuse("a volume to be neutral with needs the depth", "volume", target.volume, "m3",
+               "Give the neutral depth too, or leave the volume out")  # fmt: skip
     stroke = vehicle.stroke
     if not stroke.minimum <= target.volume <= stroke.maximum:
-        refuse("outside the stroke", "--at-volume", target.volume, "m3",
+        refuse("outside the stroke", "volume", target.volume, "m3",
                "Volumes count from mid-stroke")  # fmt: skip
 
 

@@ -8,10 +8,10 @@ efficiency over pressure. fitted: a vehicle with that pump.
 
 from __future__ import annotations
 
-from swimbladder.design.energy.energy_per_volume import DriveEnergy, drive_energy
+from swimbladder.design.energy.energy_per_volume import DriveEnergy, drive_energy, sea
 from swimbladder.design.energy.fit import PumpFit, fit_pump
 from swimbladder.design.energy.fitted_pump import fitted_vehicle
-from swimbladder.design.energy.logged_runs import PumpRuns, check_runs
+from swimbladder.design.energy.logged_runs import PumpRuns
 from swimbladder.design.energy.runs import Band, efficiency_bands, run_columns
 from swimbladder.design.energy.thruster import Thruster
 from swimbladder.design.energy.thruster_comparison import Hovering, Profiling, hovering, profiling
@@ -24,7 +24,6 @@ __all__ = [
     "PumpFit",
     "PumpRuns",
     "Thruster",
-    "check_runs",
     "drive_energy",
     "efficiency_bands",
     "fit_pump",
@@ -32,4 +31,5 @@ __all__ = [
     "hovering",
     "profiling",
     "run_columns",
+    "sea",
 ]

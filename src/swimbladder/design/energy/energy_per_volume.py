@@ -8,14 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.physics.buoyancy_engine import DriveMap, drive_map, steady_point
-from swimbladder.physics.seawater import Column
+from swimbladder.physics.seawater import Cast, Column, cast_column, uniform_column
+from swimbladder.physics.seawater.cast_unit import above_rating, check_cast_unit
 from swimbladder.physics.steady_drives import SteadyPoint
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["SHARES", "DriveEnergy", "drive_energy", "stall_pressure"]
+__all__ = ["SHARES", "DriveEnergy", "drive_energy", "sea", "stall_pressure"]
 
 Array = NDArray[np.float64]
 SHARES = np.linspace(0.025, 1.0, 40)  # of the full voltage, in the efficiency map
+_DEEP = 100.0  # m, where neither the user nor the vehicle's rating says how deep
 _DEEPEST_SEA = 1.12e8  # Pa, the bottom of the Challenger Deep: further down there is no stall
 
 
@@ -63,6 +65,26 @@ def drive_energy(vehicle: Vehicle, column: Column) -> DriveEnergy:
         efficiency=efficiency, stages=stages, stall=stall, stall_depth=_depth(column, stall),
         shares=shares, efficiencies=efficiencies,
     )  # fmt: skip
+
+
+def sea(
+    vehicle: Vehicle, cast: Cast | None = None, deepest: float | None = None
+) -> tuple[Column, list[str]]:
+    """Return the water of a cast, or a vehicle's own, and what is in doubt of it.
+
+    deepest [m]; None: the rating, or where the cast ends above that. Raises InputError where a
+    cast may be in another unit.
+    """
+    rating = vehicle.hull.depth_limit
+    down = rating if deepest is None else deepest
+    if cast is None:
+        down = _DEEP if down is None else down
+        return uniform_column(vehicle.water, down, step=min(1.0, abs(down) / 100.0)), []
+    check_cast_unit(cast, deepest, rating)
+    whole = cast_column(cast, None)
+    if deepest is None and (down is None or whole.deepest <= down):
+        return whole, above_rating(cast.name, whole.deepest, down, "deepest")
+    return cast_column(cast, down), []
 
 
 def stall_pressure(vehicle: Vehicle) -> float:

@@ -21,19 +21,27 @@ How sure they are: see `robust_regression`; what dives share is allowed for.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from swimbladder.design.energy.logged_runs import FEWEST, PumpRuns, check_groups, usable_runs
+from swimbladder.design.energy.logged_runs import (
+    FEWEST,
+    PumpRuns,
+    check_groups,
+    check_runs,
+    usable_runs,
+)
 from swimbladder.design.energy.robust_regression import Least
+from swimbladder.errors import InputError
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 
 __all__ = ["Estimate", "PumpFit", "fit_pump"]
 
 Array = NDArray[np.float64]
+PowerAt = Literal["mean", "end"]
 _BLOCKS = 300  # groups of runs without dives, at most
 _UNITS = {
     "idle_power": "W", "power_per_pressure": "W/Pa", "power_per_temperature": "W/K",
@@ -95,8 +103,9 @@ class PumpFit:
 def fit_pump(
     runs: PumpRuns,
     *,
-    power_at: Literal["mean", "end"] = "mean",
+    power_at: PowerAt = "mean",
     shortest: float = 0.0,
+    depth_limit: float | None = None,
     start: bool = True,
     temperature: bool = True,
     voltage: bool = True,
@@ -104,12 +113,19 @@ def fit_pump(
     """Return power law and delivery of a pump from its runs.
 
     power_at: whether a run's power is its mean or was read at its end. shortest: runs shorter than
-    this [s] are left out. start, temperature: whether these terms may be fitted, where the runs can
-    determine them. voltage: whether the battery's may count, where it predicts dives better; runs
-    without one are taken as at the reference. Raises NoAnswerError where the runs cannot determine
-    what is asked, naming what lacks.
+    this [s] are left out. depth_limit: of the vehicle [m]. start, temperature: whether these terms
+    may be fitted, where the runs can determine them. voltage: whether the battery's may count,
+    where it predicts dives better; runs without one are taken as at the reference. Raises
+    InputError for runs in a wrong unit, as `check_runs` does, and NoAnswerError where they cannot
+    determine what is asked, naming what lacks.
     """
+    if power_at not in get_args(PowerAt):
+        raise InputError(
+            "a power is not read then", field="power_at", value=power_at,
+            remedy="Allowed: mean (over the run), end (of it)",
+        )  # fmt: skip
     kept = usable_runs(runs, shortest)
+    check_runs(runs, kept, depth_limit=depth_limit)
     dive = _blocks(kept.size) if runs.dive is None else runs.dive
     kept &= np.isfinite(dive)
     warm = _warm(runs, kept) if temperature else None

@@ -9,7 +9,7 @@ from swimbladder.errors import InputError
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Supply, Vehicle
 
-__all__ = ["fitted_vehicle", "voltage_factor"]
+__all__ = ["fitted_vehicle", "pump_and_valve", "voltage_factor"]
 
 
 def voltage_factor(supply: Supply | None, fit: PumpFit) -> float:
@@ -32,6 +32,16 @@ def voltage_factor(supply: Supply | None, fit: PumpFit) -> float:
     return left / fit.reference_voltage
 
 
+def pump_and_valve(vehicle: Vehicle) -> PumpAndValve:
+    """Return the actuator of a vehicle that has a pump; raises InputError for another."""
+    if not isinstance(vehicle.actuator, PumpAndValve):
+        raise InputError(
+            "a pump that runs or not is no part of this actuator", field="actuator.kind",
+            value=vehicle.actuator.kind, remedy="Give a vehicle of kind pump-valve, or none",
+        )  # fmt: skip
+    return vehicle.actuator
+
+
 def fitted_vehicle(vehicle: Vehicle, fit: PumpFit) -> Vehicle:
     """Return a pump-and-valve vehicle with the pump identified from runs.
 
@@ -40,13 +50,19 @@ def fitted_vehicle(vehicle: Vehicle, fit: PumpFit) -> Vehicle:
     Logged pressures are the sea's above the atmosphere, and the pump beats besides what the
     reservoir's gas lacks of an atmosphere. Where the power goes with the voltage, so does the
     speed: power and measured delivery are those at the vehicle's supply, see `voltage_factor`;
-    slip goes with the pressure alone.
+    slip goes with the pressure alone. Raises InputError for another actuator, and where nothing
+    has a delivery.
     """
-    a = vehicle.actuator
-    assert isinstance(a, PumpAndValve)
+    a = pump_and_valve(vehicle)
     old = a.pump if isinstance(a.pump, PowerLawPump) else None
     known = "delivery" in fit.parameters
-    assert known or old is not None
+    if not known and old is None:
+        raise InputError(
+            "without measured volumes the pump of the vehicle keeps its delivery, and one from "
+            "datasheets has none to keep", field="volume_m3",
+            remedy="Log the volume of each run, give the vehicle's pump as kind power-law, or "
+            "leave the vehicle out",
+        )  # fmt: skip
     lack = ATMOSPHERIC_PRESSURE - a.internal_pressure
     factor = voltage_factor(vehicle.supply, fit)
     slip, per_pressure = max(fit.value("slip"), 0.0), max(fit.value("power_per_pressure"), 0.0)

@@ -43,12 +43,12 @@ class Thruster(NamedTuple):
             ("efficiency", self.efficiency, "", 0.0 < self.efficiency <= 1.0,
              'Give a share above 0 and up to 1; "35 %" is 0.35'),
             ("number", self.number, "", self.number >= 1, "Give 1 or more"),
-            ("idle", self.idle_power, "W", 0.0 <= self.idle_power < math.inf,
+            ("idle_power", self.idle_power, "W", 0.0 <= self.idle_power < math.inf,
              "Give a power of 0 or more"),
         ):  # fmt: skip
             if not fine:
                 raise InputError(
-                    "no thruster has this", field=f"--thruster-{name}", value=value, unit=unit,
+                    "no thruster has this", field=name, value=value, unit=unit,
                     remedy=remedy,
                 )  # fmt: skip
         return self

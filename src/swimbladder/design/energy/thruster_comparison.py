@@ -62,7 +62,7 @@ def hovering(found: DriveEnergy, thruster: Thruster, *, weight_error: float) -> 
 
     Raises InputError where the weight error is not above 0.
     """
-    _positive(weight_error, "--weight-error", "m3")
+    _positive(weight_error, "weight_error", "m3")
     column, m = found.column, found.map
     weight = column.density * column.gravity * weight_error
     power = thruster.checked().power(weight, column.density)
@@ -81,7 +81,7 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
 
     Raises InputError where the speed is not above 0.
     """
-    _positive(speed, "--speed", "m/s")
+    _positive(speed, "speed", "m/s")
     thruster = thruster.checked()
     vehicle, column = found.vehicle, found.column
     z = np.linspace(0.0, column.deepest, _POINTS + 1)
@@ -122,10 +122,10 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
     )  # fmt: skip
 
 
-def _positive(value: float, option: str, unit: str) -> None:
+def _positive(value: float, field: str, unit: str) -> None:
     if not (math.isfinite(value) and value > 0.0):
         raise InputError(
-            "not above 0", field=option, value=value, unit=unit, remedy="Give a number above 0"
+            "not above 0", field=field, value=value, unit=unit, remedy="Give a number above 0"
         )
 
 

@@ -13,15 +13,27 @@ from swimbladder.design.pool_day.events import Sample
 from swimbladder.design.pool_day.growing_log import GrowingLog, samples_of
 from swimbladder.design.pool_day.rehearsal import Operator
 from swimbladder.design.pool_day.verdict import State
-from swimbladder.errors import LogError
+from swimbladder.errors import InputError, LogError
 from swimbladder.io.logs import read_log
 from swimbladder.io.tables import write_csv
 
-__all__ = ["finished", "follow", "rehearse"]
+__all__ = ["check_waiting", "finished", "follow", "rehearse"]
 
 _PERIOD = 0.5  # s between two reads of the file
 _IDLE = 4.0  # times what reading it takes, at least
 _BURST = 1.0  # s of a rehearsal's clock between two reads
+
+
+def check_waiting(*, timeout: float | None = None, speed: float | None = None) -> None:
+    """Raise InputError for a time or a speed with which nothing comes; None: any."""
+    for field, value, unit, remedy in (
+        ("timeout", timeout, "s", "Give a time, or do not wait where a log is finished"),
+        ("speed", speed, "", "Give simulated seconds a second, or leave it out"),
+    ):
+        if value is not None and not value > 0.0:
+            raise InputError(
+                "it must be above 0", field=field, value=value, unit=unit, remedy=remedy
+            )
 
 
 def follow(
@@ -33,6 +45,7 @@ def follow(
     timeout: ends when the log has not grown for so long [s]. Raises LogError where there is no log
     by then, or it cannot be used.
     """
+    check_waiting(timeout=timeout)
     grown, seen = clock(), False
     yield from day.begin_log(str(tail.path))
     while True:
@@ -79,6 +92,7 @@ def rehearse(
     speed: simulated seconds a second, inf for no waiting. whole: the log of all of it, as far as
     it has come. Raises NoAnswerError where the vehicle does not come to rest or does not arrive.
     """
+    check_waiting(speed=speed)
     yield from day.begin_log("rehearsal")
     command = "voltage_V" if day.vehicle.voltage_driven else "reference_volume_m3"
     columns: dict[str, list[np.ndarray]] = {

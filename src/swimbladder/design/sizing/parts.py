@@ -175,6 +175,22 @@ class Parts(Parameters):
     )
     driver: Driver = Field(Driver(), description="the motor's driver; not given: it loses nothing")
 
+    def with_driver(
+        self, efficiency: float | None = None, standby_power: float | None = None
+    ) -> Parts:
+        """Return the list with another driver, or some of its numbers; raises InputError."""
+        asked = {"efficiency": efficiency, "standby_power": standby_power}
+        given = {name: value for name, value in asked.items() if value is not None}
+        if not given:
+            return self
+        options = {"efficiency": "--driver-efficiency", "standby_power": "--driver-standby"}
+        source = "asked for: " + " and ".join(options[name] for name in given)
+        if len(given) < len(asked):
+            source += "; the rest " + self.provenance.get("driver", "as in the list of parts")
+        driver = Driver(**{**self.driver.model_dump(), **given})
+        provenance = {**self.provenance, "driver": source}
+        return self.model_copy(update={"driver": driver, "provenance": provenance})
+
 
 def load_parts(path: str | Path | None = None) -> Parts:
     """Return the list of parts of a TOML file; of the one that comes with swimbladder when None.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,6 +108,11 @@ def size(
     parts = load_parts() if parts is None else parts
     if column is None and dive.coldest is None:
         dive = dataclasses.replace(dive, coldest=_COLDEST)
+    if least not in get_args(Least):
+        raise InputError(
+            "not something to be least", field="least", value=least,
+            remedy="Allowed: mass, energy",
+        )  # fmt: skip
     _check(body, dive, longest_travel, largest_mass)
     batch = combinations(parts, body.water)
 

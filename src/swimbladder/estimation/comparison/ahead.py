@@ -130,6 +130,12 @@ def look_ahead(
     Raises LogError or InputError where log, vehicle and horizons do not go together.
     """
     report = advance or (lambda _: None)
+    if not horizons or not min(horizons) > 0.0 or len(set(horizons)) < len(horizons):
+        raise InputError(
+            "these are no times ahead", field="horizons", unit="s",
+            value=",".join(f"{seconds:g}" for seconds in horizons),
+            remedy='Give one or several, above 0 and different, as "10 s,60 s"',
+        )  # fmt: skip
     rec = record(
         log, vehicle, drive="volume", bottom_depth=bottom_depth, surface_margin=surface_margin,
         column=column,

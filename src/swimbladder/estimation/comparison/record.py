@@ -97,6 +97,12 @@ def record(
         raise InputError(
             "no such input", field="drive", value=drive, remedy=f"Choose one of {', '.join(DRIVES)}"
         )
+    for field, metres in (("bottom_depth", bottom_depth), ("surface_margin", surface_margin)):
+        if not metres >= 0.0:
+            raise InputError(
+                "it must not be negative", field=field, value=metres, unit="m",
+                remedy="Check the number and its unit",
+            )  # fmt: skip
     notes = list(log.report)
     chosen = drive or _first_drive(log, vehicle)
     series = _driving(log, vehicle, chosen)

@@ -27,18 +27,21 @@ def check_logs(
     """Raise InputError for no log, or for a deviation or drive that cannot be."""
     if not logs:
         raise InputError("no log is given", field="LOG", remedy="Give at least one log")
-    for field, value, unit in (
-        ("--neutral-std", neutral_std, "m3"), ("--speed-std", speed_std, "m/s"),
-    ):  # fmt: skip
-        if not value > 0.0:
-            raise InputError(
-                "it must be above 0", field=field, value=value, unit=unit,
-                remedy="Give a standard deviation, or none for no assumption",
-            )  # fmt: skip
-    if drive == "setpoint":
+    check_std("neutral_std", neutral_std, "m3")
+    check_std("speed_std", speed_std, "m/s")
+    if drive not in (None, "volume", "voltage"):
         raise InputError(
-            "a set-point does not drive the vehicle without its controller", field="--drive",
+            "this does not drive the vehicle's model by itself", field="drive",
             value=drive, remedy="Choose volume or voltage",
+        )  # fmt: skip
+
+
+def check_std(field: str, value: float, unit: str) -> None:
+    """Raise InputError for a standard deviation that is not above 0."""
+    if not value > 0.0:
+        raise InputError(
+            "it must be above 0", field=field, value=value, unit=unit,
+            remedy="Give a standard deviation, or none for no assumption",
         )  # fmt: skip
 
 
@@ -92,7 +95,7 @@ def check_parameters(
                 "no such prior: the deviation has to be above 0, and the mean of a positive "
                 "quantity too",
                 field="--prior", value=f"{name}={prior.mean:g} +- {prior.std:g}",
-                unit=NAMES[name].unit,
+                unit=NAMES[name].unit, remedy="What is known exactly is fixed: `fixed`",
             )  # fmt: skip
 
 

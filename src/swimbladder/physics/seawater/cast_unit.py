@@ -12,13 +12,14 @@ from swimbladder.errors import InputError
 from swimbladder.physics.seawater.cast import Cast
 from swimbladder.units import unit_factor
 
-__all__ = ["check_cast_unit"]
+__all__ = ["above_rating", "check_cast_unit"]
 
 _LARGER, _SMALLER = ("bar", "MPa"), ("kPa", "mbar", "psi")
 _NEAR = (0.75, 1.25)  # of the rating, where a cast for a vehicle ends
 _DEEPER = 2.2  # of the rating: deep casts are taken for shallower vehicles too, 2000 m for 1000
 _BEYOND = 4.0  # times the depth asked for: as deep as a cast for it goes, where there is no rating
 _SHALLOW = 0.25  # of the rating: less is no cast for the vehicle
+_FAR_ABOVE = 0.5  # of the rating: a cast that ends above it may be in another unit
 _SHOWN = 10.0  # m below which a depth is shown with a decimal
 
 
@@ -46,6 +47,29 @@ def check_cast_unit(cast: Cast, asked: float | None, rating: float | None) -> st
             field="pressure_dbar", remedy=remedy,
         )  # fmt: skip
     return f"{cast.name}: the column {name!r} is taken at its word: {ends}. {remedy}"
+
+
+def above_rating(name: str, end: float, rating: float | None, asked: str) -> list[str]:
+    """Return what is said of a cast that ends above the rating [m] though no depth was asked for.
+
+    asked: the field that asks for a depth. Raises InputError where it ends far above.
+    """
+    if rating is None:
+        return []
+    if end < _FAR_ABOVE * rating:
+        raise InputError(
+            f"it ends at {end:.0f} m, and the vehicle is rated for {rating:g} m", file=name,
+            field="cast",
+            remedy="Is its pressure in bar, not dbar? Then map it with --column "
+            f'"pressure_dbar=NAME@bar". If not, say how deep it is to go: `{asked}` "{end:.0f} m"',
+        )  # fmt: skip
+    # the grid of a cast that was taken down to the rating ends within a metre of it
+    if end >= rating - 1.0:
+        return []
+    return [
+        f"{name} ends at {end:.0f} m, the vehicle is rated for {rating:g} m: nothing is said of "
+        "the water below"
+    ]
 
 
 def _others(cast: Cast, asked: float, rating: float | None) -> dict[str, float]:

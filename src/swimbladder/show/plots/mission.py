@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import cycle, product
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -171,6 +172,11 @@ def _energy(result: MissionResult, axes: Axes) -> None:
 def _battery(result: MissionResult, axes: Axes) -> None:
     rows, charge = result.flight.rows, result.charge()
     unit, words = _unit(float(result.flight.end[Now.T]))
+    if not result.energy_known:
+        axes.set_axis_off()
+        why = result.flight.plan.energy_known.split(". ")[0]
+        axes.text(0.5, 0.5, fill(why, 40), ha="center", va="center", transform=axes.transAxes)
+        return
     if np.isnan(charge).all():
         axes.plot(rows[:, Row.T] / unit, drawn_energy(rows) / 1e3, color=BLUE)
         axes.set_ylabel("energy drawn [kJ]")

@@ -8,7 +8,7 @@ from typing import Any
 
 from swimbladder.control.law import Law
 from swimbladder.control.rate import RATE
-from swimbladder.control.registry import bind
+from swimbladder.control.registry import bind, check_command
 from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.hull import heat_expansion
@@ -115,13 +115,10 @@ def _law_of(vehicle: Vehicle, phase: Phase) -> PhaseLaw | None:
     law, numbers = bind(controller)
     if law.name == RATE.name:
         return None  # it commands any drive by volumes
-    if law.command != vehicle.command:
-        raise InputError(
-            f"law {law.name!r} commands a {law.command}, but the actuator takes a "
-            f"{vehicle.command}",
-            field="controller.law", value=law.name,
-            remedy=f'Choose a law for this kind of actuator, or write law = "{RATE.name}"',
-        )  # fmt: skip
+    check_command(
+        law, vehicle,
+        remedy=f'Choose a law for this kind of actuator, or write law = "{RATE.name}"',
+    )  # fmt: skip
     return PhaseLaw(
         law=law, parameters=numbers, sample_time=controller.sample_time,
         source=source_of(vehicle, phase),
