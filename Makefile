@@ -44,7 +44,6 @@ lint: $(INSTALLED) ## Check style, types, layers, words and the size of the sour
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-logo
-	@$(BIN)/python scripts/check_words.py
 	@$(BIN)/python scripts/budget.py
 
 format: $(INSTALLED) ## Format the code and mend what the linter can mend

@@ -1,13 +1,15 @@
-"""What the source may cost: counts that `make lint` lets fall but not rise, in budget.toml.
+"""Counts that `make lint` lets fall but not rise: of the source, and of discouraged words.
 
 ::
 
-    python scripts/budget.py            # compare; exit 1 where a count is above the budget
-    python scripts/budget.py --lower    # write what is counted now, where it is less
+    python scripts/budget.py                 # compare with budget.toml; exit 1 where more
+    python scripts/budget.py --lower         # write what is counted now, where it is less
+    python scripts/budget.py --where KIND    # list the places of a kind of word of words.toml
 """
 
 from __future__ import annotations
 
+import argparse
 import ast
 import io
 import re
@@ -15,11 +17,15 @@ import sys
 import tokenize
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from scripts import words
+
 ROOT = Path(__file__).resolve().parents[1]
-BUDGET = Path(__file__).with_name("budget.toml")
+BUDGET = "scripts/budget.toml"
 SHARED = 6  # lines in a row that make a repetition
 _NO_CODE = {
     tokenize.COMMENT,
@@ -97,31 +103,57 @@ def counted(source: Path) -> dict[str, int]:
     return dict(counts)
 
 
-def exceeded(counts: Mapping[str, int], budget: Mapping[str, int]) -> list[str]:
-    """Return a line for each count that is above its budget, or has none."""
-    return [
-        f"{name}: {now}, the budget in {BUDGET.name} is {budget.get(name, 'missing')}"
-        for name, now in sorted(counts.items())
-        if now > budget.get(name, -1)
-    ]
+def read(path: Path) -> dict[str, dict[str, int]]:
+    """Return the budgets of a file; raise ValueError for what is not a count."""
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    for table, budgets in tables.items():
+        for name, budget in budgets.items():
+            if type(budget) is not int or budget < 0:
+                raise ValueError(f"{path}: {table}: {name}: a budget is a count (got {budget!r})")
+    return tables
 
 
-def main(arguments: list[str]) -> int:
-    """Compare the tree with its budget, or lower the budget; return the exit code."""
-    counts = counted(ROOT / "src" / "swimbladder")
-    budget = tomllib.loads(BUDGET.read_text(encoding="utf-8"))
-    if arguments == ["--lower"]:
-        lower = {name: min(now, budget.get(name, now)) for name, now in counts.items()}
-        head = [line for line in BUDGET.read_text(encoding="utf-8").splitlines() if line[:1] == "#"]
-        rows = [f"{name} = {value}" for name, value in sorted(lower.items())]
-        BUDGET.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
-        budget = lower
-    above = exceeded(counts, budget)
-    below = [f"{name} {now}" for name, now in sorted(counts.items()) if now < budget.get(name, 0)]
-    if below:
-        print(f"Less than the budget, lower it with --lower: {', '.join(below)}")
+def main(arguments: Sequence[str], root: Path = ROOT) -> int:
+    """Compare the project with its budget, or lower the budget; return the exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("--where", metavar="KIND", help="list the places of a kind of word")
+    parser.add_argument("--lower", action="store_true", help="lower budgets to today's counts")
+    options = parser.parse_args(arguments)
+    where = words.places(root)
+    named = {kind.name: kind for kind in where}
+    if options.where is not None:
+        if options.where not in named:
+            parser.error(f"no such kind: {options.where}. There are {', '.join(named)}")
+        print("\n".join(where[named[options.where]]) or "none")
+        return 0
+    counts = {
+        "source": counted(root / "src" / "swimbladder"),
+        "words": {kind.name: len(found) for kind, found in where.items()},
+    }
+    budgets, above = read(root / BUDGET), []
+    lower: dict[str, dict[str, int]] = {"source": {}, "words": {}}
+    for table, now in counts.items():
+        for name, count in sorted(now.items()):
+            budget = budgets.get(table, {}).get(name, 0)
+            lower[table][name] = min(count, budget)
+            if count > budget:
+                kind = named.get(name) if table == "words" else None
+                say = kind and f". Say: {kind.say}. List them: budget.py --where '{name}'"
+                above.append(f"{name}: {count}, {BUDGET} allows {budget}{say or ''}")
+            elif count < budget and not options.lower:
+                print(f"{name}: {count}, {BUDGET} allows {budget}: lower it with --lower")
+    if options.lower:
+        (root / BUDGET).write_text(_written(root / BUDGET, lower), encoding="utf-8")
     print("\n".join(above), end="\n" if above else "")
     return 1 if above else 0
+
+
+def _written(path: Path, budgets: Mapping[str, Mapping[str, int]]) -> str:
+    """Return the text of a file of budgets, with the comments at its head."""
+    rows = [line for line in path.read_text(encoding="utf-8").splitlines() if line[:1] == "#"]
+    for table, kept in budgets.items():
+        rows += [f"[{table}]", *(f'"{name}" = {n}' for name, n in kept.items() if n), ""]
+    return "\n".join(rows)
 
 
 if __name__ == "__main__":

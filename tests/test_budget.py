@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from scripts import budget
 
 SIX = "".join(f"value_{n} = compute({n})\n" for n in range(6))
@@ -49,23 +51,45 @@ def test_six_lines_that_stand_twice_count_once(tmp_path: Path) -> None:
     assert budget.counted(tree(tmp_path, b="x = 1\n" + "".join(five)))["repeated_lines"] == 0
 
 
-def test_a_count_may_not_rise_and_needs_a_budget() -> None:
-    assert budget.exceeded({"lines": 5}, {"lines": 5}) == []
-    assert budget.exceeded({"lines": 4}, {"lines": 5}) == []
-    assert len(budget.exceeded({"lines": 5}, {"lines": 3})) == 1
-    assert len(budget.exceeded({"lines": 5}, {"files": 5})) == 1
-
-
-def test_lowering_never_raises(tmp_path: Path, monkeypatch) -> None:
+@pytest.fixture
+def project(tmp_path):
+    """A project of one module, without budgets of words."""
     (tmp_path / "src/swimbladder").mkdir(parents=True)
+    (tmp_path / "scripts").mkdir()
     tree(tmp_path / "src/swimbladder", one=TEXT)
-    monkeypatch.setattr(budget, "ROOT", tmp_path)
-    monkeypatch.setattr(budget, "BUDGET", tmp_path / "budget.toml")
-    budget.BUDGET.write_text("# why\n")
-    assert budget.main(["--lower"]) == 0
-    assert budget.BUDGET.read_text().startswith("# why\ncode_lines = 5\n")
-    assert budget.main([]) == 0
-    tree(tmp_path / "src/swimbladder", two=SIX)
-    assert budget.main([]) == 1
-    assert budget.main(["--lower"]) == 1
-    assert "code_lines = 5\n" in budget.BUDGET.read_text()
+    (tmp_path / "scripts/words.toml").write_text("")
+    return tmp_path
+
+
+def budgets(root: Path, **counts: int) -> Path:
+    path = root / budget.BUDGET
+    path.write_text("# why\n[source]\n" + "".join(f"{k} = {n}\n" for k, n in counts.items()))
+    return path
+
+
+def test_a_count_may_not_rise_and_needs_a_budget(project, capsys) -> None:
+    counts = budget.counted(project / "src/swimbladder")
+    budgets(project, **counts)
+    assert budget.main([], project) == 0
+    assert capsys.readouterr().out == ""
+    budgets(project, **counts | {"code_lines": counts["code_lines"] - 1})
+    assert budget.main([], project) == 1
+    budgets(project, **{name: n for name, n in counts.items() if name != "code_lines"})
+    assert budget.main([], project) == 1
+    assert "code_lines: 5" in capsys.readouterr().out
+
+
+def test_lowering_never_raises(project) -> None:
+    path = budgets(project, **budget.counted(project / "src/swimbladder") | {"code_lines": 7})
+    assert budget.main(["--lower"], project) == 0
+    assert path.read_text().startswith('# why\n[source]\n"code_lines" = 5\n')
+    assert budget.main([], project) == 0
+    tree(project / "src/swimbladder", two=SIX)
+    assert budget.main(["--lower"], project) == 1
+    assert '"code_lines" = 5\n' in path.read_text()
+
+
+def test_a_budget_is_a_count(project) -> None:
+    budgets(project, code_lines=-1)
+    with pytest.raises(ValueError, match="got -1"):
+        budget.main([], project)
