@@ -5,7 +5,6 @@ import pytest
 from swimbladder.cli import main
 
 COMMANDS = {
-    "simulate": [],
     "compare": ["LOG", "--vehicle"],
     "identify-actuator": ["LOG", "--vehicle"],
     "design-experiment": ["--pool-depth", "4 m"],

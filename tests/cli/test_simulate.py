@@ -53,6 +53,31 @@ def vehicle_file(folder, old="", new="", *, text=None):
     return str(path)
 
 
+def test_a_float_dives_and_comes_up_again(capsys, tmp_path):
+    a = answer(capsys, "example-float", "--plot", "--netcdf", "--out", str(tmp_path))
+    assert [step["target_depth_m"] for step in a["steps"]] == [500.0, 0.0]
+    assert abs(a["steps"][0]["final_depth_m"] - 500.0) < 10.0  # the tolerance of its law
+    assert a["final_depth_m"] == pytest.approx(0.086, abs=2e-3)  # its sensor is below the top
+    assert a["completed"]
+    header, columns = table(tmp_path / "trajectory.csv")
+    assert {"drive", "volume_change_m3", "volume_rate_m3_s"} < set(header)
+    assert "voltage_V" not in header
+    moved = columns["volume_m3"][-1] - columns["volume_m3"][0]
+    assert abs(moved) < 1e-6
+    spent = np.sum(columns["power_W"][:-1] * np.diff(columns["time_s"]))
+    assert spent == pytest.approx(a["energy_J"], rel=0.05)  # runs end between samples
+    assert (tmp_path / "trajectory.png").stat().st_size > 10_000
+    assert (tmp_path / "trajectory.nc").exists()
+
+
+def test_a_float_goes_to_one_depth_where_one_is_given(capsys, tmp_path):
+    given = ["--start", "100", "--target", "150", "--duration", "1 h", "--out", str(tmp_path)]
+    a = answer(capsys, "example-float", *given)
+    assert len(a["steps"]) == 1
+    assert abs(a["final_depth_m"] - 150.0) < 10.0
+    assert a["duration_s"] == 3600.0
+
+
 def test_the_papers_step_has_the_numbers_of_an_independent_simulation(capsys, tmp_path):
     """SciPy's LSODA at rtol 1e-9 gives 14.7 %, 37.8 s, 338 s and -99 to +13 cm3 from rest."""
     step = ["--start", "1.5", "--target", "3.0", "--duration", "400"]

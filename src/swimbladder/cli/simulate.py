@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["simulate"]
 
 _START, _TARGET, _DURATION = 1.5, 3.0, 400.0
+_DIVE, _WAY = 500.0, 250.0  # m, and m in an hour, of a float with pump and valve
 _FIELDS = {"setpoints[0].depth": "target"}
 
 
@@ -37,13 +39,21 @@ class Step(Options):
 
     start_depth: Annotated[
         str | None,
-        typer.Option("--start", metavar="DEPTH", help=f"Start, at rest and neutral ({_START} m)"),
+        typer.Option(
+            "--start",
+            metavar="DEPTH",
+            help=f"Start, at rest and neutral ({_START} m; a float: the surface)",
+        ),
     ] = None
     target: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help=f"Set-point ({_TARGET} m)")
+        str | None,
+        typer.Option(
+            metavar="DEPTH", help=f"Set-point ({_TARGET} m; a float: {_DIVE:g} m and up again)"
+        ),
     ] = None
     duration: Annotated[
-        str | None, typer.Option(metavar="TIME", help=f"How long ({_DURATION:g} s)")
+        str | None,
+        typer.Option(metavar="TIME", help=f"How long ({_DURATION:g} s; a float: as it takes)"),
     ] = None
     bottom_depth: Annotated[
         str | None,
@@ -76,14 +86,16 @@ def simulate(
 
     With --cast the neutral volume follows the density and temperature of that water.
 
+    A float with pump and valve floats at a set-point of 0.
+
     Exit code 1 when the simulation stopped before its end; the files are written all the same.
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import make_folder
 
-    v = load_vehicle(vehicle, sampled=True, weighed=True)
+    v = load_vehicle(vehicle, sampled=True, pumped=True, weighed=True)
     with step.said_as_typed(**_FIELDS) if mission is None else said_as_typed({}):
-        task = _mission(mission, step)
+        task = _mission(v, mission, step)
     casts = reading.casts(cast)
     warn_of_mass(v)
     with step.said_as_typed(**_FIELDS) if mission is None else asked_of(mission, task):
@@ -106,8 +118,11 @@ def simulate(
         raise typer.Exit(1)
 
 
-def _mission(path: Path | None, step: Step) -> Mission:
-    """Return the mission of a file, or one step from the options."""
+def _mission(vehicle: Vehicle, path: Path | None, step: Step) -> Mission:
+    """Return the mission of a file, or one step from the options.
+
+    Of a float with pump and valve: a dive from the surface, and back where no target is given.
+    """
     from swimbladder.io.config import load_mission
     from swimbladder.io.mission import Mission, Setpoint
 
@@ -120,9 +135,20 @@ def _mission(path: Path | None, step: Step) -> Mission:
                 )  # fmt: skip
         return load_mission(path)
     given = step.given()
-    target = Setpoint(time=0.0, depth=given.pop("target", _TARGET))
-    asked = {"start_depth": _START, "duration": _DURATION, **given}
-    return Mission(name="step", setpoints=(target,), **asked)
+    target = given.pop("target", None)
+    if vehicle.command != "volume change":
+        asked = {"start_depth": _START, "duration": _DURATION, **given}
+        point = Setpoint(time=0.0, depth=_TARGET if target is None else target)
+        return Mission(name="step", setpoints=(point,), **asked)
+    deepest = min(vehicle.hull.depth_limit or math.inf, given.get("bottom_depth", math.inf))
+    depth = min(_DIVE, 0.5 * deepest) if target is None else target
+    way = abs(depth - given.setdefault("start_depth", 0.0))
+    span = 3600.0 * (2.0 if target is None else 1.0) * math.ceil(way / _WAY + 1.0)
+    span = given.setdefault("duration", span)
+    points = [Setpoint(time=0.0, depth=depth)]
+    if target is None:
+        points.append(Setpoint(time=0.5 * span, depth=0.0))
+    return Mission(name="dive" if len(points) > 1 else "step", setpoints=tuple(points), **given)
 
 
 def _water(
@@ -146,10 +172,12 @@ def _notes(s: Solution, column: Column | None, medium: Medium | None) -> list[st
     if column is None or medium is None:
         return []
     notes = [f"cast: {remark}" for remark in column.report]
-    notes.append(
-        f"force and load go with {medium.specific_weight:.5g} N/m3, the cast's mean down to the "
-        f"deepest set-point, from which it differs by {100.0 * medium.misses:.2g} % at most there"
-    )
+    if s.vehicle.command != "volume change":
+        notes.append(
+            f"force and load go with {medium.specific_weight:.5g} N/m3, the cast's mean down to "
+            f"the deepest set-point, from which it differs by {100.0 * medium.misses:.2g} % at "
+            "most there"
+        )
     if s.deepest > column.deepest:
         notes.append(
             f"the vehicle went down to {s.deepest:.4g} m, and the cast ends at "
@@ -177,7 +205,9 @@ def _run(vehicle: Vehicle, task: Mission, seed: int | None, column: Column | Non
 
     own = vehicle.controller  # where it is none that is said below
     samples = None if own is None else task.span / own.sample_time
-    with compile_notice(), progress("simulating", samples) as advance, _no_search_for_blas():
+    floats = vehicle.command == "volume change"  # their tables take scipy.interpolate
+    blas = contextlib.nullcontext() if floats else _no_search_for_blas()
+    with compile_notice(), progress("simulating", samples) as advance, blas:
         done = 0
 
         def report(samples_done: int) -> None:

@@ -39,6 +39,9 @@ def write_files(
         "current_A": s.current,
         "power_W": s.power,
         "reference_depth_m": s.reference,
+        "volume_change_m3": np.where(np.isnan(s.drive), np.nan, s.command),
+        "volume_rate_m3_s": np.where(np.isnan(s.drive), np.nan, s.motor_rate),
+        "drive": s.drive,
     }
     columns = {name: values for name, values in known.items() if not np.all(np.isnan(values))}
     with progress("writing trajectory.csv", len(s.time)) as advance:

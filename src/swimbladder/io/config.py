@@ -42,11 +42,12 @@ _Model = TypeVar("_Model", bound=Parameters)
 
 
 def load_vehicle(
-    name_or_path: str | Path, *, sampled: bool = False, weighed: bool = False
+    name_or_path: str | Path, *, sampled: bool = False, pumped: bool = False, weighed: bool = False
 ) -> Vehicle:
     """Return the vehicle of a preset's name or of a TOML file.
 
-    sampled: refuse one whose drive has no loop of voltages or positions, a pump and valve.
+    sampled: refuse one whose drive has no loop of voltages or positions, a pump and valve; pumped:
+    but take that.
     weighed: refuse one whose dry mass no water carries; a mass that an identified motion implies is
     held against the hull always.
     Raises InputError with file, line, field, value, unit and remedy.
@@ -56,7 +57,7 @@ def load_vehicle(
     text = vehicle_text(name_or_path)
     vehicle = read_model(Vehicle, text, file)
     try:
-        if sampled:
+        if sampled and not pumped:
             refuse_pump_and_valve(vehicle.actuator)
         if weighed or isinstance(vehicle.motion, IdentifiedMotion):
             check_mass(vehicle)

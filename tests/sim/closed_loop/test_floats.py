@@ -118,6 +118,18 @@ def test_volume_and_energy_add_up(dive, hover):
     assert spent == pytest.approx(dive.books.energy["source"], rel=0.05)
 
 
+def test_the_record_says_what_pump_and_valve_do(hover):
+    assert set(hover.drive[hover.command > 0.0]) <= {1.0, 4.0}
+    assert set(hover.drive[hover.command < 0.0]) == {2.0}
+    assert np.all(hover.motor_rate[hover.drive == 2.0] < 0.0)
+    assert np.all(hover.motor_rate[hover.drive == 1.0] > 0.0)
+    assert np.all(hover.power[hover.drive != 0.0] > 0.0)
+    assert np.all(np.isnan(hover.voltage))
+    data = hover.dataset()
+    assert data["drive"].attrs["flag_meanings"].split()[2] == "valve"
+    assert "voltage" not in data
+
+
 def test_it_dives_and_surfaces(dive):
     before = dive.time <= 7200.0
     assert abs(dive.depth[before][-1] - 300.0) < 10.0  # the tolerance of its law

@@ -29,7 +29,7 @@ def draw_solution(solution: Solution) -> Figure:
     """Return the figure that plot_solution writes."""
     s = solution
     panels = [_depth, _volume]
-    panels += [panel for panel in (_voltage, _power, _current) if _known(s, panel)]
+    panels += [panel for panel in (_voltage, _drive, _power, _current) if _known(s, panel)]
     figure = Figure(figsize=(7.5, 1.0 + 1.65 * len(panels)))
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for draw, place in zip(panels, axes, strict=True):
@@ -41,7 +41,8 @@ def draw_solution(solution: Solution) -> Figure:
 
 
 def _known(s: Solution, panel: Any) -> bool:
-    values = {_voltage: s.voltage, _power: s.power, _current: s.current}[panel]
+    known = {_voltage: s.voltage, _drive: s.drive, _power: s.power, _current: s.current}
+    values = known[panel]
     return not bool(np.all(np.isnan(values)))
 
 
@@ -80,6 +81,17 @@ def _volume(s: Solution, axes: Axes) -> None:
 def _voltage(s: Solution, axes: Axes) -> None:
     axes.step(s.time, s.voltage, where="post", color=GREEN, lw=0.9)
     axes.set_ylabel("voltage [V]")
+
+
+def _drive(s: Solution, axes: Axes) -> None:
+    """Draw when pump, valve and bypass run; a run counts for the sample that it begins in."""
+    runs = {"pump": (1.0, 4.0), "valve": (2.0,), "bypass": (3.0,)}
+    for place, kinds in enumerate(runs.values()):
+        on = np.flatnonzero(np.isin(s.drive, kinds))
+        axes.plot(s.time[on], np.full(len(on), place), "|", color=GREEN, ms=9, mew=0.9)
+    axes.set_yticks(range(len(runs)), list(runs))
+    axes.set_ylim(-0.6, len(runs) - 0.4)
+    axes.set_ylabel("drive [on]")
 
 
 def _at_samples(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64]) -> None:

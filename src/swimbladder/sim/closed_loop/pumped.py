@@ -44,6 +44,7 @@ from swimbladder.sim.closed_loop.rows import (
     STOP_TICK,
     STOPPED,
     WAIT,
+    Q,
 )
 from swimbladder.sim.closed_loop.rows import LAW as LAW_ROW
 from swimbladder.sim.engine.advance import CHATTERS, LEFT_WATER, NOT_FINITE, TOO_DEEP
@@ -143,7 +144,8 @@ def _decide(  # type: ignore[no-untyped-def]
             take_in(p, s.table, x, at, s.accounts[i], notes, counts, volume, wanted, longest)
     if at[DOING] != NOTHING and x[T_MOVE] < math.inf:
         pause = max(pause, x[T_MOVE] - t)
-    S[COMMAND * W_ + i] = change
+    S[COMMAND * W_ + i], S[APPLIED * W_ + i] = change, at[DOING]
+    S[Q * W_ + i] = rate_of(p, s.table, at[DOING], at[SHUT] == 1, x[Z], x[V], x[W])[0]
     S[WAIT * W_ + i] = max(math.ceil(pause / tick - 1e-9) - 1.0, 0.0)
 
 
