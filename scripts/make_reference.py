@@ -15,7 +15,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from swimbladder.control.records import leaf_names
-from swimbladder.control.registry import LAWS, MISSION_LAWS
+from swimbladder.control.registry import LAWS
 from swimbladder.io.files import write_atomically
 from swimbladder.io.log_format import LogColumns, LogFormat
 from swimbladder.io.mission import Mission, Phase, Safety, Setpoint
@@ -164,7 +164,7 @@ def vehicle() -> Iterator[str]:
 def laws() -> Iterator[str]:
     """Yield each law and its parameters."""
     units = {"voltage": "V", "volume": "m3", "volume change": "a change of volume, m3"}
-    for law in (*(LAWS[name] for name in LAWS.own), *MISSION_LAWS.values()):
+    for law in (LAWS[name] for name in LAWS.own):
         command = units[law.command]
         yield from (
             "",

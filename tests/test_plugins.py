@@ -319,8 +319,8 @@ class TestWhatIsBroken:
             ("", "AttributeError"),
             (LAW, "is called 'bad' and the law 'hover'"),
             (LAW.replace('name="hover"', 'name="bad"').replace('"k_d": "m3 s/m", ', ""), "k_d has"),
-            (LAW.replace('name="hover"', 'name="bad"').replace('"voltage"', '"volume change"'),
-             "not called at each sample"),
+            (LAW.replace('name="hover"', 'name="bad"').replace('"voltage"', '"torque"'),
+             "no actuator takes a torque"),
         ],
     )  # fmt: skip
     def test_it_is_one_line_and_in_nobodys_way(self, beside, text, says):

@@ -7,6 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from swimbladder.control.registry import LAWS
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import (
     Controller,
@@ -27,6 +28,9 @@ from swimbladder.vehicle import (
     UnifiedActuator,
     Vehicle,
 )
+
+SAMPLED = [name for name, law in LAWS.items() if law.command != "volume change"]
+"""The laws of voltages and positions."""
 
 TABLE_3 = {"k_pV": "1002 V/dm3", "k_pz": "-0.1043 dm3/m", "k_iz": "-7.486e-4 dm3/s/m"} | {
     "k_dz": "-2.341 dm3 s/m"

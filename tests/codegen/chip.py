@@ -22,12 +22,12 @@ from swimbladder.codegen.library import Library, make_library, write_library
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Law, Measurement
-from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import SUPERVISOR
 from swimbladder.control.supervisor_records import Watched
 from swimbladder.sim.closed_loop import simulate
 from tests.codegen.build import run, write
 from tests.codegen.laws import bits, controlled, laid_out, layout, scalars_of
+from tests.vehicles import SAMPLED
 
 HERE = Path(__file__).parent / "simavr"
 MCUS = ("atmega328p", "atmega2560")
@@ -233,4 +233,4 @@ def report(laws: Sequence[str]) -> str:
 
 
 if __name__ == "__main__":
-    print(report(sys.argv[1:] or list(LAWS)))
+    print(report(sys.argv[1:] or SAMPLED))

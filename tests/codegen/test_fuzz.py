@@ -2,15 +2,15 @@
 
 import pytest
 
-from swimbladder.control.registry import LAWS
 from tests.codegen import fuzz
 from tests.codegen.build import run
+from tests.vehicles import SAMPLED
 
 
 @pytest.mark.usefixtures("clang")
 @pytest.mark.parametrize(
     "name",
-    [name if name == "cascade" else pytest.param(name, marks=pytest.mark.slow) for name in LAWS],
+    [name if name == "cascade" else pytest.param(name, marks=pytest.mark.slow) for name in SAMPLED],
 )
 def test_a_short_run_breaks_nothing(name, tmp_path):
     _breaks_nothing(name, tmp_path, runs=2000)
@@ -18,7 +18,7 @@ def test_a_short_run_breaks_nothing(name, tmp_path):
 
 @pytest.mark.prove
 @pytest.mark.usefixtures("clang")
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", SAMPLED)
 def test_a_long_run_breaks_nothing(name, tmp_path):
     _breaks_nothing(name, tmp_path, runs=100_000)
 

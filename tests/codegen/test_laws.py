@@ -25,9 +25,10 @@ from tests.codegen.laws import (
     twin_of,
 )
 from tests.examples import examples
+from tests.vehicles import SAMPLED
 
 
-@pytest.fixture(params=LAWS, scope="module")
+@pytest.fixture(params=SAMPLED, scope="module")
 def name(request) -> str:
     return request.param
 

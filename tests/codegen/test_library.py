@@ -14,12 +14,11 @@ from hypothesis import strategies as st
 import swimbladder as sb
 from swimbladder.codegen.clock import ControllerTwin, wait_in_ticks
 from swimbladder.codegen.library import Library, make_library, write_library
-from swimbladder.control.registry import LAWS
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.vehicle import Controller
 from tests.codegen.build import STRICT, run
 from tests.codegen.laws import bits, controlled, example, twin_of
-from tests.vehicles import paper
+from tests.vehicles import SAMPLED, paper
 
 ARDUINO = Path(__file__).parent / "arduino"
 
@@ -30,7 +29,7 @@ def library(name: str) -> Library:
     return make_library(controlled(name), duration=300 * example(name).tick)
 
 
-@pytest.fixture(params=LAWS, scope="module")
+@pytest.fixture(params=SAMPLED, scope="module")
 def name(request) -> str:
     return request.param
 

@@ -27,7 +27,7 @@ from swimbladder.control.rate import (
     volume_change,
     whole,
 )
-from swimbladder.control.registry import LAWS, MISSION_LAWS, law_by_name, law_parameters
+from swimbladder.control.registry import LAWS, law_by_name, law_parameters
 from swimbladder.errors import InputError
 from tests.quoted import refused
 
@@ -40,9 +40,8 @@ FLOAT = RateParameters(
 SMOOTH = FLOAT._replace(speed_step=0.0, volume_step=0.0)
 
 
-def test_it_is_a_law_of_missions() -> None:
-    assert RATE.name in MISSION_LAWS
-    assert RATE.name not in LAWS
+def test_it_is_a_law_of_volume_changes() -> None:
+    assert LAWS["rate"].command == "volume change"
     assert law_by_name("rate") is RATE
     assert set(RATE.units) == set(RATE.parameters._fields)
     said = {**FLOAT._asdict(), "coefficient": "160 cm3 s2/dm2", "near": "1500 cm"}

@@ -20,7 +20,7 @@ def test_every_law_is_complete(name: str) -> None:
     law = law_by_name(name)
     assert law.name == name
     assert law.summary
-    assert law.command in ("voltage", "volume")
+    assert law.command in ("voltage", "volume", "volume change")
     assert set(law.units) == set(leaf_names(law.parameters))
     assert len(law.state._fields) >= 1
     assert list(inspect.signature(law.step).parameters) == [

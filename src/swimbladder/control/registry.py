@@ -7,7 +7,6 @@ from importlib import import_module
 from typing import Any
 
 from swimbladder.control.law import Law
-from swimbladder.control.rate import RATE
 from swimbladder.control.records import from_leaves, leaf_names
 from swimbladder.errors import InputError
 from swimbladder.physics.actuator import refuse_pump_and_valve
@@ -18,7 +17,6 @@ from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = [
     "LAWS",
-    "MISSION_LAWS",
     "bind",
     "check_command",
     "law_by_name",
@@ -41,12 +39,10 @@ def _accept(law: Any, name: str) -> Law:
             f"the entry point is called {name!r} and the law {law.name!r}",
             remedy="Give both one name",
         )
-    if name in MISSION_LAWS:
-        raise InputError("swimbladder has a law of that name", remedy="Give it another name")
-    if law.command not in ("voltage", "volume"):
+    if law.command not in ("voltage", "volume", "volume change"):
         raise InputError(
-            f"a law that commands a {law.command} is not called at each sample",
-            remedy="Command a voltage or a volume",
+            f"no actuator takes a {law.command}",
+            remedy="Command a voltage, a volume or a volume change",
         )
     for kind in (law.parameters, law.state):
         leaf_names(kind)  # refuses what holds no numbers
@@ -64,20 +60,17 @@ LAWS: Registry[Law] = Registry(
         module.replace("_", "-"): _own(module)
         for module in (
             "cascade", "sea_cascade", "adrc", "deadband", "observer", "pulse", "planned",
-            "position_pid", "position_observer",
+            "position_pid", "position_observer", "rate",
         )
     },
     accept=_accept,
 )  # fmt: skip
-"""The laws that are called at each sample: simulated, tuned and translated; one word each here."""
-
-MISSION_LAWS: Mapping[str, Law] = {RATE.name: RATE}
-"""The laws that are called when they ask to be, of vehicles that `swimbladder mission` flies."""
+"""The laws: called at a sample when they asked to be; one word each here."""
 
 
 def law_by_name(name: str) -> Law:
     """Return the law of that name; raises InputError where there is none."""
-    known = [*LAWS.names(), *MISSION_LAWS]
+    known = LAWS.names()
     if name not in known:
         raise InputError(
             "unknown control law",
@@ -85,7 +78,7 @@ def law_by_name(name: str) -> Law:
             value=name,
             remedy=f"{did_you_mean(name, known)}Laws: {', '.join(known)}",
         )
-    return MISSION_LAWS[name] if name in MISSION_LAWS else LAWS[name]
+    return LAWS[name]
 
 
 def law_parameters(law: Law, values: Mapping[str, float | str], *, sample_time: float) -> Any:
@@ -156,7 +149,7 @@ def check_command(
     remedy: what to do, where that is not to choose another name.
     """
     if law.command != vehicle.command:
-        names = (*LAWS, *MISSION_LAWS) if among is None else among
+        names = LAWS if among is None else among
         fitting = [name for name in names if law_by_name(name).command == vehicle.command]
         raise InputError(
             f"this law commands a {law.command}, but the actuator takes a {vehicle.command}",

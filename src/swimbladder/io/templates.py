@@ -9,7 +9,7 @@ from typing import Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from swimbladder.control.registry import LAWS, MISSION_LAWS, law_by_name
+from swimbladder.control.registry import LAWS, law_by_name
 from swimbladder.io.template_examples import BODY, EXAMPLES, INSTEAD, Table
 from swimbladder.vehicle import Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, listed_model, models_in, tags_of
@@ -80,7 +80,7 @@ def _subtable(
         _table(lines, models[0], given or {}, path, off=off)
         return
     if path == ("controller", "parameters"):
-        own = (*map(law_by_name, LAWS.own), *MISSION_LAWS.values())
+        own = map(law_by_name, LAWS.own)
         units = next(law.units for law in own if set(given or {}) <= set(law.units))
         for key, value in (given or {}).items():
             lines += [f"# [{units[key] or '-'}]", f"{key} = {_toml(value)}"]

@@ -11,7 +11,6 @@ from scipy.integrate import solve_ivp
 
 from swimbladder.cli import main
 from swimbladder.control.records import leaves
-from swimbladder.control.registry import LAWS
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
@@ -26,6 +25,7 @@ from swimbladder.sim.mission.phase_laws import phase_laws
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.vehicle import Load
 from tests.quoted import refused
+from tests.vehicles import SAMPLED
 
 FILES = Path(__file__).parents[2] / "frozen" / "inputs"
 
@@ -53,7 +53,7 @@ def simulated(vehicle, flight, **more):
     return found, samples
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", SAMPLED)
 @pytest.mark.parametrize("seed", [None, 3])
 def test_every_law_flies_as_it_is_simulated(name, seed):
     vehicle = load_vehicle(str(FILES / f"law-{name}.toml"))
@@ -70,7 +70,7 @@ def test_every_law_flies_as_it_is_simulated(name, seed):
     assert facts[0]["sample_time_s"] == vehicle.controller.sample_time
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", SAMPLED)
 def test_gains_change_the_dive(name):
     vehicle = load_vehicle(str(FILES / f"law-{name}.toml"))
     law = phase_laws(vehicle, steps(HOLD, PARK))[0]

@@ -72,7 +72,7 @@ def choose_laws(vehicle: Vehicle, wanted: Sequence[str] | None) -> tuple[list[st
                 "no such law", field="--laws", value=name,
                 remedy=f"{did_you_mean(name, LAWS.names())}Choose from {', '.join(LAWS.names())}",
             )  # fmt: skip
-    command = "voltage" if vehicle.voltage_driven else "volume"
+    command = vehicle.command
     kept = []
     out = [] if wanted else [LeftOut(name=n, why=why) for n, why in LAWS.broken().items()]
     for name in dict.fromkeys(wanted or LAWS):

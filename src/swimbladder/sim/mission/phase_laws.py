@@ -119,6 +119,12 @@ def _law_of(vehicle: Vehicle, phase: Phase) -> PhaseLaw | None:
         law, vehicle,
         remedy=f'Choose a law for this kind of actuator, or write law = "{RATE.name}"',
     )  # fmt: skip
+    if law.command == "volume change":
+        raise InputError(
+            "a mission flies a pump and valve by its own rule only",
+            field="controller.law", value=law.name,
+            remedy=f'Write law = "{RATE.name}", or fly set-points with `swimbladder simulate`',
+        )  # fmt: skip
     return PhaseLaw(
         law=law, parameters=numbers, sample_time=controller.sample_time,
         source=source_of(vehicle, phase),
