@@ -11,9 +11,11 @@ from swimbladder.control.registry import bind
 from swimbladder.design.linear.decisions import smooth
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume
 from swimbladder.design.stability import stability
-from swimbladder.design.stability.decided import around_decisions, rest_of
+from swimbladder.design.stability.decided import around_decisions
 from swimbladder.design.stability.hunting import hunting
+from swimbladder.design.tuning.decisions import decisions_of, radius_of, rest_of
 from swimbladder.design.tuning.float_flights import Asked, fly_floats
+from swimbladder.design.tuning.region import member
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import acceleration, plant
 from tests.quoted import refused
@@ -34,9 +36,6 @@ def with_law(**changes: float):
 
 
 def test_the_search_finds_what_random_points_of_the_region_have():
-    from swimbladder.design.stability.decided import _radius, decisions_of
-    from swimbladder.design.tuning.region import member
-
     found = around_decisions(FLOAT, LAW, OWN, depths=DEPTHS)
     assert found.stable
     assert 0.3 < found.on_grid <= found.radius < 1.0
@@ -45,7 +44,7 @@ def test_the_search_finds_what_random_points_of_the_region_have():
         s = random.normal(size=4)
         one = member(FLOAT, s / np.linalg.norm(s) * random.uniform() ** 0.25)
         for d in decisions_of(LAW, OWN):
-            assert _radius(FLOAT, one, d, rates, 2) <= found.radius + 1e-6
+            assert radius_of(FLOAT, one, d, rates, 2) <= found.radius + 1e-6
     assert all(w.ratio == pytest.approx(1.0, rel=1e-3) for w in found.ways)
 
 
@@ -63,7 +62,7 @@ def test_flights_grow_from_decision_to_decision_where_the_map_says_so(share, gro
     speed = -0.98 * OWN.ascent_speed
     heavy = -p.d_t / p.a_b * speed * speed
     flown = fly_floats(
-        FLOAT, smooth(LAW, numbers),
+        FLOAT, LAW, smooth(LAW, numbers),
         Asked(targets=0.0, depths=1500.0, duration=1100.0, speeds=speed,
               volumes=FLOAT.neutral_volume(1500.0) - heavy),
     )  # fmt: skip
@@ -119,7 +118,9 @@ def test_a_swing_halves_in_the_time_that_is_stated():
 
 
 def test_limit_cycles_on_the_way_are_as_predicted():
-    found = {c.predicted.source: c for c in hunting(FLOAT, OWN, depth=800.0, depths=DEPTHS[::2])}
+    found = {
+        c.predicted.source: c for c in hunting(FLOAT, LAW, OWN, depth=800.0, depths=DEPTHS[::2])
+    }
     for way in ("sinking", "rising"):
         c = found[f"compressibility, {way}"]
         amplitude, period = c.errors
@@ -140,7 +141,7 @@ def test_a_step_of_the_volume_that_is_too_coarse_goes_to_and_fro_within_its_boun
     coarse = OWN._replace(volume_step=2e-6)
     (c,) = (
         c
-        for c in hunting(FLOAT, coarse, depth=800.0, depths=DEPTHS[::2])
+        for c in hunting(FLOAT, LAW, coarse, depth=800.0, depths=DEPTHS[::2])
         if c.predicted.source == "step of the volume"
     )
     assert c.predicted.depth_amplitude == pytest.approx(0.5 * 2e-6 / 4.9e-8)
@@ -151,7 +152,7 @@ def test_a_step_of_the_volume_that_is_too_coarse_goes_to_and_fro_within_its_boun
 def test_a_hull_that_gives_way_hunts_within_its_bound():
     (c,) = (
         c
-        for c in hunting(with_psi(2e-8), OWN, depth=800.0, depths=DEPTHS[::2])
+        for c in hunting(with_psi(2e-8), LAW, OWN, depth=800.0, depths=DEPTHS[::2])
         if c.predicted.source == "hull that gives way"
     )
     assert c.seen.farthest < 1.2 * c.predicted.depth_amplitude

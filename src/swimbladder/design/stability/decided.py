@@ -3,10 +3,7 @@
 What `around` is for laws that are called at each sample this is for laws that are called when they
 ask to be: the largest eigenvalue of the map from one decision to the next (`linear.decisions`), in
 the middle of the region, at the ends of its axes, at drawn points, and from the worst of these on
-by Nelder and Mead's simplex. At rest such a law does nothing for small errors, since its change
-goes with the square of a speed: there the hull decides. With one that gives way more than the water
-(psi > 0) errors grow from decision to decision; the band in which they are caught has to be
-narrower than the one that the law keeps.
+by Nelder and Mead's simplex. At rest the hull decides (`tuning.decisions`).
 """
 
 from __future__ import annotations
@@ -22,25 +19,20 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from swimbladder.control.law import Law
-from swimbladder.control.rate import RateParameters
-from swimbladder.control.records import leaves
-from swimbladder.design.linear.decisions import Decision, Delivery, decision_map, decision_of
-from swimbladder.design.linear.margins import spectral_radius
+from swimbladder.design.linear.decisions import Decision
 from swimbladder.design.linear.pump_valve import DriveRates, drag_slope, drive_rates
-from swimbladder.design.tuning.region import Member, member, unit_points, unknowns
-from swimbladder.physics.dynamics import Plant, drag_per_mass
-from swimbladder.sim.mission.holding import least_band
-from swimbladder.vehicle import PumpAndValve, Vehicle
+from swimbladder.design.tuning.decisions import (
+    Rest,
+    decisions_of,
+    deliveries,
+    radius_of,
+    rest_of,
+)
+from swimbladder.design.tuning.region import member, unit_points, unknowns
+from swimbladder.physics.dynamics import drag_per_mass
+from swimbladder.vehicle import Vehicle
 
-__all__ = [
-    "Decided",
-    "Rest",
-    "WayFound",
-    "WorstWay",
-    "around_decisions",
-    "decisions_of",
-    "rest_of",
-]
+__all__ = ["Decided", "WayFound", "WorstWay", "around_decisions"]
 
 Array = NDArray[np.float64]
 
@@ -56,22 +48,6 @@ class WayFound(NamedTuple):
     ratio: float  # -, eta c/c_true: of the change that would set the speed at once
     time_constant: float  # s, in which the speed follows the volume
     delivery: float  # s, that the change from rest takes where the drive is slowest
-
-
-class Rest(NamedTuple):
-    """The vehicle at rest between two decisions, worst of the region."""
-
-    growth_time: float  # s, e-fold of a small error; inf where it does not grow
-    period: float  # s, of what swings about the neutral depth; inf where nothing does
-    halves: float  # s, in which a swing of the tolerance halves by its drag; inf without a swing
-    band: float  # m, that is kept at least between two decisions
-    tolerance: float  # m, that the law is to keep
-    psi: float  # m3/m, of the hull that gives way most
-
-    @property
-    def held(self) -> bool:
-        """Whether what grows is caught within the band."""
-        return math.isinf(self.growth_time) or self.band <= self.tolerance
 
 
 class WorstWay(NamedTuple):
@@ -206,18 +182,6 @@ def _finite(x: float) -> float | None:
     return x if math.isfinite(x) else None
 
 
-def decisions_of(law: Law, parameters: Any) -> list[Decision]:
-    """Return what a law decides on each of its ways, down and up, too slow and too fast."""
-    assert law.ways is not None
-    found = []
-    for way in law.ways(parameters):
-        for down in (False,) if math.isinf(way.distance) else (True, False):
-            for faster in (False, True):
-                one = decision_of(law, parameters, way, down=down, faster=faster)
-                found += [] if one is None else [one]
-    return found
-
-
 def around_decisions(
     vehicle: Vehicle,
     law: Law,
@@ -234,12 +198,12 @@ def around_decisions(
     grid: list[tuple[float, Array, Decision, int]] = []
     for s in points:
         one = member(vehicle, s)
-        grid += [(_radius(vehicle, one, d, rates, k), s, d, k) for d, k in pieces]
+        grid += [(radius_of(vehicle, one, d, rates, k), s, d, k) for d, k in pieces]
     ranked = sorted(grid, key=lambda g: -g[0])
     best, calls = ranked[0], 0
 
     def better(d: Decision, k: int, x: Array) -> float:
-        return -_radius(vehicle, member(vehicle, _inside(x)), d, rates, k)
+        return -radius_of(vehicle, member(vehicle, _inside(x)), d, rates, k)
 
     for _, start, d, k in ranked[:_STARTS]:
         found = minimize(
@@ -269,30 +233,6 @@ def _inside(x: Array) -> Array:
     return inside
 
 
-def _waits(vehicle: Vehicle, one: Member, d: Decision, rates: DriveRates, k: int) -> list[Delivery]:
-    """Return how the smallest change and that from rest are delivered, by a drive that errs.
-
-    The processor takes the drive to give what is known: its runs are as long as that says.
-    """
-    a = vehicle.actuator
-    longest = math.inf
-    if isinstance(a, PumpAndValve) and a.longest_run is not None:
-        longest = a.longest_run
-    rate = rates.pump[k] if d.pumps else rates.valve[k]
-    start = rates.start_volume[k] if d.pumps else 0.0
-    share = one.drive[0] if d.pumps else one.drive[1]
-    if rate <= 0.0:
-        return [Delivery(0.0, 0.0)]
-    whole = (d.largest + start) / rate
-    part = min(1.0, longest / whole)
-    return [Delivery(share, min(start / rate, longest)), Delivery(part * share, part * whole)]
-
-
-def _radius(vehicle: Vehicle, one: Member, d: Decision, rates: DriveRates, k: int) -> float:
-    maps = (decision_map(one.plant, d, x) for x in _waits(vehicle, one, d, rates, k))
-    return max(spectral_radius(M) for M in maps)
-
-
 def _way(
     vehicle: Vehicle,
     d: Decision,
@@ -310,41 +250,5 @@ def _way(
         nominal=max(g[0] for g in own),
         ratio=c / (2.0 * w) / c_true,
         time_constant=1.0 / slope if slope > 0.0 else math.inf,
-        delivery=max(_waits(vehicle, one, d, rates, k)[-1].delay for *_, k in own),
+        delivery=max(deliveries(vehicle, one, d, rates, k)[-1].delay for *_, k in own),
     )
-
-
-def rest_of(vehicle: Vehicle, law: Law, parameters: Any, rates: DriveRates) -> Rest:
-    """Return what happens at rest, with the psi of the region that gives way most."""
-    a = vehicle.actuator
-    shortest = a.quantum * max(*rates.pump, *rates.valve) if isinstance(a, PumpAndValve) else 0.0
-    names, _ = unknowns(vehicle)
-    points = np.concatenate([np.zeros((1, len(names))), unit_points(vehicle)])
-    p = max((member(vehicle, s).plant for s in points), key=lambda p: p.psi)
-    tolerance = float(leaves(parameters)[law.band])
-    sigma = math.sqrt(p.a_b * abs(p.psi))
-    hull = vehicle.hull.model_copy(update={"psi": p.psi})
-    band = 0.0
-    if isinstance(parameters, RateParameters):
-        smallest = max(parameters.volume_step, shortest)
-        softest = vehicle.model_copy(update={"hull": hull})
-        band = least_band(softest, p.psi, parameters, smallest)[0]
-    if p.psi > 0.0:
-        return Rest(1.0 / sigma, math.inf, math.inf, band, tolerance, p.psi)
-    if p.psi == 0.0:
-        return Rest(math.inf, math.inf, math.inf, band, tolerance, p.psi)
-    period = 2.0 * math.pi / sigma
-    return Rest(math.inf, period, _halves(p, sigma, tolerance), band, tolerance, p.psi)
-
-
-def _halves(p: Plant, omega: float, amplitude: float) -> float:
-    """Return the time in which a swing halves by its drag [s].
-
-    By the work of the drag over a period A' = -(b A + q A^2), b = d/2 of its linear part and q = 4
-    d_t omega/(3 pi) of its quadratic one.
-    """
-    b = 0.5 * (p.d_l if math.isinf(p.epsilon) else p.d_b)
-    q = 4.0 / (3.0 * math.pi) * p.d_t * omega
-    if b <= 0.0:
-        return 1.0 / (q * amplitude) if q > 0.0 else math.inf
-    return math.log((2.0 * b + q * amplitude) / (b + q * amplitude)) / b

@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from swimbladder.control.law import Law
 from swimbladder.control.rate import RateParameters
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume
 from swimbladder.design.stability.confirm import Seen, measure
@@ -46,7 +47,7 @@ _FIRST = 3.0  # periods before what is looked at
 
 
 def hunting(
-    vehicle: Vehicle, parameters: Any, *, depth: float, depths: tuple[float, float]
+    vehicle: Vehicle, law: Law, parameters: Any, *, depth: float, depths: tuple[float, float]
 ) -> tuple[Confirmed, ...]:
     """Return the limit cycles at a depth [m] and on the way between depths [m]."""
     if not isinstance(parameters, RateParameters):
@@ -56,9 +57,9 @@ def hunting(
     for down in (True, False):
         one = on_the_way(p, parameters, down=down)
         if one is not None:
-            found.append(Confirmed(one, _flown_way(vehicle, parameters, one, depths, down)))
+            found.append(Confirmed(one, _flown_way(vehicle, law, parameters, one, depths)))
     rests = _at_rest(vehicle, p, parameters, depth)
-    found += [Confirmed(one, _flown_rest(vehicle, parameters, one, depth)) for one in rests]
+    found += [Confirmed(one, _flown_rest(vehicle, law, parameters, one, depth)) for one in rests]
     return tuple(found)
 
 
@@ -128,19 +129,19 @@ def _at_rest(vehicle: Vehicle, p: Plant, q: RateParameters, depth: float) -> lis
 
 
 def _flown_way(
-    vehicle: Vehicle, q: RateParameters, one: Predicted, depths: tuple[float, float], down: bool
+    vehicle: Vehicle, law: Law, q: RateParameters, one: Predicted, depths: tuple[float, float]
 ) -> Seen | None:
     """Return how a flight through the depths goes on between two actions; None: too few."""
     assert one.cycle is not None
-    low, high = depths
+    (low, high), down = depths, one.source.endswith("sinking")
     speed = q.far_speed if down else q.ascent_speed
     begin, target = (low, high) if down else (high, low)
     until = (high - low - 2.0 * q.far) / speed
     if until < 3.0 * one.cycle.period:
         return None
     # Up it is asked to come to the surface: so it keeps its speed to the end.
-    asked = Asked(targets=target if down else 0.0, depths=begin, duration=until, points=4000)
-    flown = fly_floats(vehicle, q, asked)
+    asked = Asked(targets=target if down else 0.0, depths=begin, duration=until)
+    flown = fly_floats(vehicle, law, q, asked)
     times = flown.actions[0][:, 0]
     times = times[times > 0.5 * one.cycle.period]
     if len(times) < 3:
@@ -153,7 +154,9 @@ def _flown_way(
     return Seen(True, 0.5 * float(np.ptp(bent)), period, float(np.max(np.abs(bent))))
 
 
-def _flown_rest(vehicle: Vehicle, q: RateParameters, one: Predicted, depth: float) -> Seen:
+def _flown_rest(
+    vehicle: Vehicle, law: Law, q: RateParameters, one: Predicted, depth: float
+) -> Seen:
     """Return what remains of a flight that begins off the depth, one cause left in."""
     leaks = one.source == "leakage"
     known = one.cycle is not None and math.isfinite(one.cycle.period)
@@ -168,8 +171,8 @@ def _flown_rest(vehicle: Vehicle, q: RateParameters, one: Predicted, depth: floa
     # Where no whole number of steps takes it to the middle of the band, on its way out of it.
     apart = q.volume_step / abs(vehicle.hull.psi) if vehicle.hull.psi else 0.0
     begin = depth + max(0.5 * apart, 1.5 * q.tolerance)
-    asked = Asked(targets=depth, depths=begin, duration=duration, speeds=_KICK, points=6000)
-    flown = fly_floats(alone, q, asked, seed=0 if quantised else None)
+    asked = Asked(targets=depth, depths=begin, duration=duration, speeds=_KICK)
+    flown = fly_floats(alone, law, q, asked, seed=0 if quantised else None)
     return _remains(flown, depth, min(_FIRST * period, 0.3 * duration))
 
 

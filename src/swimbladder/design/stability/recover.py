@@ -213,10 +213,10 @@ class _Runs:
             asked = Asked(
                 targets=target, depths=depth, duration=duration, speeds=speed, volumes=volume
             )
-            f = fly_floats(self.vehicle, self.parameters, asked)
+            f = fly_floats(self.vehicle, self.law, self.parameters, asked)
             deep = np.nan_to_num(f.depth, nan=math.inf).max(axis=0) > self.deepest
             last = (f.depth[-1], f.speed[-1], f.volume[-1])
-            return f.time, f.depth, last, deep | ~np.isfinite(f.depth[-1])
+            return f.time, f.depth, last, deep | f.stopped
         data = simulate_ensemble(
             self.vehicle, count=len(depth), setpoints=[(0.0, target)], duration=duration,
             start_depth=depth, start_volume=volume, start_speed=speed, law=self.law,

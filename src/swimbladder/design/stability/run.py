@@ -90,7 +90,7 @@ def stability(
         if law.ways is not None:
             band *= _AROUND
             decided = around_decisions(vehicle, law, numbers, depths=three)
-            cycles = hunting(vehicle, numbers, depth=at, depths=depths)
+            cycles = hunting(vehicle, law, numbers, depth=at, depths=depths)
         else:
             around = look_around(
                 vehicle, law, without_rest(law, numbers), depths=three, sample_time=h,

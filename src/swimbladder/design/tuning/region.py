@@ -38,7 +38,6 @@ Array = NDArray[np.float64]
 UNKNOWN = 0.05  # of K2 and T2, or of mass and drag, where nothing was identified
 NEUTRAL = 2e-6  # m3, where nothing is known: either way
 WALK = 1e-6 / 60.0  # m3/s^0.5, likewise: 1 cm3 per root hour
-DRIFT = 0.1e-6 / 60.0  # m3/s^0.5, of floats: about what those of deep-dives.md lose by creep
 FLOATS = ("drag", "psi", "pump", "valve")
 """What is uncertain of a pump and valve: factors, psi in m3/m."""
 
@@ -74,8 +73,9 @@ def unknowns(vehicle: Vehicle) -> tuple[tuple[str, ...], bool]:
 
 def neutral_walk(vehicle: Vehicle) -> float:
     """Return the intensity [m3/s^0.5] of the random walk that a neutral volume is reckoned with."""
-    least = DRIFT if isinstance(vehicle.actuator, PumpAndValve) else WALK
-    return least if vehicle.identified is None else max(least, vehicle.identified.neutral_walk)
+    if isinstance(vehicle.actuator, PumpAndValve):
+        return 0.0  # what a float's volume loses is leakage and creep, and flown as such
+    return WALK if vehicle.identified is None else max(WALK, vehicle.identified.neutral_walk)
 
 
 def member(vehicle: Vehicle, s: Array, *, level: float = 0.95) -> Member:
@@ -129,7 +129,8 @@ def region(vehicle: Vehicle, *, level: float = 0.95, drawn: int = _DRAWN, seed: 
         neutral = max(NEUTRAL, 2.0 * known.neutral_std)
     walk = neutral_walk(vehicle)
     drift = f"{60e6 * walk:.2g} cm3 in a root hour"
-    words.append(f"neutral volume within {1e6 * neutral:.2g} cm3, walking {drift}")
+    moves = f", walking {drift}" if walk > 0.0 else ""
+    words.append(f"neutral volume within {1e6 * neutral:.2g} cm3{moves}")
     points = unit_points(vehicle, drawn=drawn, seed=seed)
     found = [Member(plant(moved_by_volume(vehicle)), {})]
     found += [member(vehicle, s, level=level) for s in points]

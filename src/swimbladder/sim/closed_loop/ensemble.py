@@ -19,7 +19,7 @@ from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.accounts import close_books
 from swimbladder.sim.closed_loop.block import Block, Schedule, schedule, work_space
-from swimbladder.sim.closed_loop.floats import FloatModel, float_model
+from swimbladder.sim.closed_loop.floats import RATES, FloatModel, float_model
 from swimbladder.sim.closed_loop.given import check_starts, series, spread, vary_plants
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.closed_loop.single import check_counts, check_setpoints, choose_law
@@ -93,8 +93,9 @@ def simulate_ensemble(
 
     A float with pump and valve is flown by a law of volume changes, and surfaces where a set-point
     is 0; start_depth 0 is afloat with all volume out. ``vary`` takes the fields of Plant that are
-    not of a motor; there are also ``pump_runs``, ``valve_runs`` and ``pumped``. A lane's steps are
-    as long as its motion lets: an hour costs about 1 ms.
+    not of a motor, and ``pump`` and ``valve``: what these give over what the processor takes them
+    to. There are also ``pump_runs``, ``valve_runs`` and ``pumped``. A lane's steps are as long as
+    its motion lets: an hour costs about 1 ms.
 
     ``stop`` holds the code of each lane's StopReason. Overshoot, rise and settling are those of
     the last set-point. Raises InputError for an unknown name, a wrong length or a start that the
@@ -113,9 +114,13 @@ def simulate_ensemble(
     reach = float(max(depths.max(), z0.max()))
     medium = medium_of(vehicle, column, reach=reach, bottom_depth=bottom_depth)
     layers = medium.layers
-    plants, values = vary_plants(medium.plant, numbers, vary or {}, count)
-    row = Plant._fields.index
+    given = dict(vary or {})
     pumped = vehicle.command == "volume change"
+    rates = np.ones((len(RATES), count if pumped else 0))
+    for n, name in enumerate(RATES if pumped else ()):
+        rates[n] = spread(given.pop(name, 1.0), count, f"vary[{name!r}]", "")
+    plants, values = vary_plants(medium.plant, numbers, given, count)
+    row = Plant._fields.index
     model = float_model(vehicle, medium, column, reach=reach) if pumped else None
     neutral = plants[row("psi")] * z0 + plants[row("V_0")] + layers.along(z0)
     if model is not None:
@@ -131,7 +136,7 @@ def simulate_ensemble(
         start=start, sensors=vehicle.sensors, seed=seed, record=keep == "trajectory",
         depth_error=series(depth_error, clock, count, "depth_error", "m"),
         neutral=series(neutral_change, clock, count, "neutral_change", "m3"), books=books,
-        layers=layers, model=model,
+        layers=layers, model=model, rates=rates,
     )  # fmt: skip
     work = np.empty((int(Row.STEP), count))
     record = np.empty((len(_TRAJECTORIES), clock.ticks + 1 if run.record else 0, count))
@@ -197,6 +202,7 @@ class _Run:
     books: bool
     layers: Layers
     model: FloatModel | None = None  # of pump and valve
+    rates: NDArray[np.float64] = field(default_factory=lambda: np.ones((len(RATES), 0)))
     room: threading.local = field(default_factory=threading.local)  # of each worker
 
     @property
@@ -224,7 +230,9 @@ class _Run:
         values = {n: v[lanes] for n, v in self.values.items()}
         stepper, start = None, self.start[:, lanes]
         if self.model is not None:
-            stepper, start = self.model.lanes(values, plants, start[2], start[1], start[3])
+            stepper, start = self.model.lanes(
+                values, plants, start[2], start[1], start[3], rates=self.rates[:, lanes]
+            )
         block = Block.lay_out(
             plants=plants, law=self.law, parameters=values,
             clock=self.clock, parts=self.parts, depths=self.depths[:, lanes],

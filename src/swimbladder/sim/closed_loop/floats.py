@@ -23,7 +23,10 @@ from swimbladder.sim.engine.rodas.prepare import (
 )
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["FloatModel", "float_model"]
+__all__ = ["RATES", "FloatModel", "float_model"]
+
+RATES = ("pump", "valve")
+"""What a lane's drive may give over what its processor knows."""
 
 Array = NDArray[np.float64]
 _EXACT = Accuracy(
@@ -53,13 +56,14 @@ class FloatModel:
 
     def lanes(
         self, parameters: dict[str, Array], plants: Array, depth: Array, volume: Array,
-        speed: Array, *, noted: int = 0,
+        speed: Array, *, noted: int = 0, rates: Array | None = None,
     ) -> tuple[Pumped, Array]:  # fmt: skip
         """Return a stepper of lanes that start at depths [m], and their states (q, V, z, w).
 
         parameters: of the law by name, each [lanes]; plants [len(Plant), lanes]: of the body; what
         a lane has of its own is taken from there. volume [m3]: nan in a lane: neutral, or at a
-        depth of 0 all out. noted: room for what happens with its time.
+        depth of 0 all out. noted: room for what happens with its time. rates: of pump and valve
+        over what the processor knows [len(RATES), lanes].
         """
         count = plants.shape[1]
         given = np.repeat(self.given[None, :], count, axis=0)
@@ -68,6 +72,8 @@ class FloatModel:
             given[:, place] = rows[name]
         own = self.plant
         given[:, Given.MASS] = self.given[Given.MASS] * own.a_b / rows["a_b"]
+        if rates is not None:
+            given[:, Given.DELIVERY], given[:, Given.FLOW] = rates
         given[:, Given.TRIM] = rows["V_0"] - own.V_0
         given[:, Given.GIVE] = rows["psi"] - own.psi
         x = np.zeros((count, int(Now.COUNT)))
