@@ -87,10 +87,10 @@ class Decision(NamedTuple):
 
 
 def whole(number: float) -> float:
-    """Return the nearest whole number, halves away from 0; up to 65,535."""
+    """Return the nearest whole number, halves away from 0; up to 16,777,215."""
     size = abs(number) + 0.5
-    found, power = 0.0, 32768.0
-    for _ in range(16):
+    found, power = 0.0, 8388608.0
+    for _ in range(24):
         if size - found >= power:
             found = found + power
         power = 0.5 * power

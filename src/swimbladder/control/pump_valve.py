@@ -1,0 +1,295 @@
+"""From a change of volume to seconds of pump and valve: what the board of a float does all day.
+
+A law such as `rate` asks for a change of volume once and sleeps. `timed` makes a law of it that is
+called at every tick and commands seconds: how long, until the next tick, the pump is to run
+(positive) or a valve to be open (negative). Around the law it does what the processor of
+`swimbladder mission` does: all volume out at the surface, volume taken in run by run until the
+float sinks, one run for a change of volume, over before the law is called next.
+
+A run is as long as the drive takes at the measured depth: the pump's delivery and what each start
+falls short of are polynomials of the depth, the flow through a valve follows the root of the
+pressure. The volume is what the runs since the surface make it, or what a sensor measures. Times
+are counted in whole ticks, so that float32 adds nothing up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+from typing import Any, NamedTuple
+
+from swimbladder.control.law import Law, Measurement
+from swimbladder.control.rate import whole
+from swimbladder.control.surfacing import (
+    IN,
+    LAW,
+    OUT,
+    WAIT,
+    SurfacingParameters,
+    SurfacingState,
+    at_surface,
+)
+
+__all__ = [
+    "DriveParameters",
+    "DriveState",
+    "delivery",
+    "in_steps",
+    "run_length",
+    "timed",
+    "valve_rate",
+]
+
+_DUE = 1e-3  # of a tick, by which a time may be short of its end
+_CLOCK = 1048576.0  # ticks, 2^20, after which the law begins anew: float32 keeps its times apart
+
+
+class DriveParameters(NamedTuple):
+    """Pump, valves, stroke and water as the board's processor knows them."""
+
+    tick: float  # s
+    per_depth: float  # 1/m, 1 / the depth to which the polynomials were fitted
+    pump_0: float  # m3/s, delivery at the surface
+    pump_1: float  # m3/s, times depth over that depth, and so on
+    pump_2: float  # m3/s
+    pump_3: float  # m3/s
+    pump_4: float  # m3/s
+    short_0: float  # m3, that a start of the pump falls short at the surface
+    short_1: float  # m3, times depth over that depth, and so on
+    short_2: float  # m3
+    head_0: float  # Pa, of the sea over the reservoir at the surface
+    head_1: float  # Pa/m
+    valve_flow: float  # m3/s/Pa^0.5
+    bypass_flow: float  # m3/s/Pa^0.5, 0 without one
+    quantum: float  # s, step of a run
+    longest: float  # s, of a run
+    longest_for_law: float  # s, of a run that the law asks for: it is over at the next call
+    pause: float  # s, between two samples while it comes up or begins to dive
+    volume_least: float  # m3
+    volume_most: float  # m3
+    beyond: float  # m3, pumped beyond that at the surface, to be sure
+
+
+DRIVE_UNITS = {
+    **dict.fromkeys(("tick", "quantum", "longest", "longest_for_law", "pause"), "s"),
+    **dict.fromkeys(("pump_0", "pump_1", "pump_2", "pump_3", "pump_4"), "m3/s"),
+    **dict.fromkeys(("short_0", "short_1", "short_2"), "m3"),
+    **dict.fromkeys(("volume_least", "volume_most", "beyond"), "m3"),
+    **dict.fromkeys(SurfacingParameters._fields[1:5], "m3"),
+    **dict.fromkeys(("valve_flow", "bypass_flow"), "m3/s/Pa^0.5"),
+    "per_depth": "1/m",
+    "head_0": "Pa",
+    "head_1": "Pa/m",
+    "shallow": "m",
+    "measured": "",
+}
+
+
+class DriveState(NamedTuple):
+    """What the board remembers of its drive; whole numbers of ticks are floats too."""
+
+    asked: float  # m, depth asked for last
+    last: float  # m, depth measured last
+    clock: float  # ticks, since the law began
+    since: float  # ticks, since the last sample of the law
+    wait: float  # s, from that to the next
+    run: float  # s, of the run: positive pump, negative valve
+    ran: float  # ticks of it
+    wide: float  # -, 1: it is the bypass that is open
+    primes: float  # m3, that its start still falls short
+    volume: float  # m3, what the runs since the surface make it
+    floats: float  # -, 1: all volume is out, pumped a little beyond
+    anew: float  # -, 1: the law begins anew when it is called
+
+
+def delivery(p: DriveParameters, depth: float) -> float:
+    """Return the volume that the pump delivers per time at a depth [m3/s]."""
+    x = min(max(depth * p.per_depth, 0.0), 1.0)
+    return p.pump_0 + x * (p.pump_1 + x * (p.pump_2 + x * (p.pump_3 + x * p.pump_4)))
+
+
+def shortfall(p: DriveParameters, depth: float) -> float:
+    """Return the volume that a start of the pump falls short at a depth [m3]."""
+    x = min(max(depth * p.per_depth, 0.0), 1.0)
+    return max(p.short_0 + x * (p.short_1 + x * p.short_2), 0.0)
+
+
+def valve_rate(p: DriveParameters, flow: float, depth: float) -> float:
+    """Return the volume let in per time through a valve of a flow [m3/s/Pa^0.5] at a depth."""
+    return flow * math.sqrt(max(p.head_0 + p.head_1 * depth, 0.0))
+
+
+def in_steps(length: float, quantum: float) -> float:
+    """Return the length of a run [s] as the processor's clock gives it."""
+    if quantum > 0.0:
+        return quantum * whole(length / quantum)
+    return length
+
+
+def run_length(wanted: float, lost: float, rate: float, longest: float) -> float:
+    """Return how long a change of volume takes [s], `longest` at most.
+
+    wanted, lost [m3]: the change and what the start falls short; rate [m3/s], 0: none.
+    """
+    if rate > 0.0:
+        return min((abs(wanted) + lost) / rate, longest)
+    return longest
+
+
+def begun(p: DriveParameters, s: DriveState, length: float, wide: float) -> DriveState:
+    """Return the state as a run begins, of a length [s]: positive pump, negative valve."""
+    primes = shortfall(p, s.last) if length > 0.0 else 0.0
+    return s._replace(run=length, ran=0.0, wide=wide, primes=primes)
+
+
+def change(p: DriveParameters, s: DriveState, wanted: float, longest: float) -> DriveState:
+    """Begin the run that a change of volume [m3] takes, `longest` [s] at most."""
+    pumps = wanted > 0.0
+    lost = shortfall(p, s.last) if pumps else 0.0
+    rate = delivery(p, s.last) if pumps else valve_rate(p, p.valve_flow, s.last)
+    length = in_steps(run_length(wanted, lost, rate, longest), p.quantum)
+    return begun(p, s, math.copysign(length, wanted), 0.0)
+
+
+def pump_out(p: DriveParameters, s: DriveState, short: float) -> DriveState:
+    """Begin a run for the volume that is not out [m3] and a little beyond, `longest` at most."""
+    wanted = short + p.beyond
+    length = run_length(wanted, shortfall(p, s.last), delivery(p, s.last), p.longest)
+    s = s._replace(floats=1.0 if length < p.longest else 0.0)
+    return change(p, s, wanted, p.longest)
+
+
+def take_in(p: DriveParameters, s: DriveState, wanted: float) -> DriveState:
+    """Begin a run that lets in volume [m3] by valve or bypass, whichever is quicker up there."""
+    by_valve, by_bypass = valve_rate(p, p.valve_flow, 0.0), valve_rate(p, p.bypass_flow, 0.0)
+    if max(by_valve, by_bypass) <= 0.0:  # no head at depth 0: there is some where it floats
+        by_valve = valve_rate(p, p.valve_flow, s.last)
+        by_bypass = valve_rate(p, p.bypass_flow, s.last)
+    flow = max(by_valve, by_bypass)
+    length = p.longest_for_law
+    if flow > 0.0:
+        length = in_steps(run_length(wanted, 0.0, flow, p.longest_for_law), p.quantum)
+        length = max(length, p.quantum)
+    return begun(p, s, -length, 1.0 if by_bypass > by_valve else 0.0)
+
+
+def seconds(p: DriveParameters, s: DriveState) -> float:
+    """Return what this tick has of the run [s]: positive pump, negative valve."""
+    left = min(max(abs(s.run) - s.ran * p.tick, 0.0), p.tick)
+    return math.copysign(left, s.run) if left > 0.0 else 0.0
+
+
+def advanced(p: DriveParameters, s: DriveState, command: float) -> DriveState:
+    """Return the state after a tick with a command [s]: the clock, and the volume moved."""
+    volume, primes = s.volume, s.primes
+    if command > 0.0:
+        pumped = max(delivery(p, s.last), 0.0) * command
+        primed = min(primes, pumped)
+        primes = primes - primed
+        volume = min(volume + pumped - primed, p.volume_most)
+    if command < 0.0:
+        flow = p.bypass_flow if s.wide > 0.0 else p.valve_flow
+        volume = max(volume + valve_rate(p, flow, s.last) * command, p.volume_least)
+    ran = s.ran + 1.0 if command != 0.0 else s.ran
+    return s._replace(
+        clock=s.clock + 1.0, since=s.since + 1.0, ran=ran, primes=primes, volume=volume
+    )
+
+
+def seen(p: DriveParameters, s: DriveState, measurement: Measurement, asked: float) -> DriveState:
+    """Return the state with what is measured; where another depth is asked for, a sample is due."""
+    if math.isfinite(measurement.depth):
+        s = s._replace(last=measurement.depth)
+    if math.isfinite(measurement.volume):
+        s = s._replace(volume=measurement.volume)
+    if asked != s.asked or s.clock >= _CLOCK:
+        s = s._replace(asked=asked, clock=0.0, wait=0.0, anew=1.0)
+    return s
+
+
+def due(p: DriveParameters, s: DriveState) -> bool:
+    """Return whether the run is over and the law, or what is in its place, is to be called."""
+    return s.ran * p.tick >= abs(s.run) and s.since * p.tick >= s.wait - _DUE * p.tick
+
+
+def _record(name: str, **kinds: type[Any]) -> Any:
+    """Return a NamedTuple of named tuples."""
+    made: Any = namedtuple(name, kinds)  # type: ignore[misc]  # its fields are not known to mypy
+    made.__annotations__ = kinds
+    return made
+
+
+def timed(law: Law) -> Law:
+    """Return the law of a board whose `law` commands changes of volume: it commands seconds.
+
+    Its parameters and its state are those of the law, of the surface and of the drive.
+    """
+    called, first = law.step, law.initial
+    Timed = _record("Timed", law=law.parameters, surface=SurfacingParameters, drive=DriveParameters)
+    TimedState = _record("TimedState", law=law.state, surface=SurfacingState, drive=DriveState)
+
+    def initial(parameters: Any, measurement: Measurement, reference: float) -> Any:
+        p, depth, volume = parameters.surface, measurement.depth, measurement.volume
+        if not math.isfinite(volume):
+            volume = p.full if depth <= p.shallow else p.neutral
+        drive = DriveState(
+            asked=reference,
+            last=depth,
+            clock=0.0,
+            since=0.0,
+            wait=0.0,
+            run=0.0,
+            ran=0.0,
+            wide=0.0,
+            primes=0.0,
+            volume=volume,
+            floats=0.0,
+            anew=1.0,
+        )
+        inner = first(parameters.law, measurement, reference)
+        return TimedState(inner, SurfacingState(depth, 0.0), drive)
+
+    def step(
+        parameters: Any, state: Any, measurement: Measurement, reference: float
+    ) -> tuple[float, Any, float]:
+        """Return the seconds of this tick [s], the state, and a tick [s]."""
+        p, inner, top, depth = parameters.drive, state.law, state.surface, measurement.depth
+        if reference != state.drive.asked:
+            top = SurfacingState(state.drive.last, top.dives)
+        s = seen(p, state.drive, measurement, reference)
+        if due(p, s):
+            s = s._replace(since=0.0, run=0.0, ran=0.0, wait=p.pause)
+            who, wanted, top = at_surface(
+                parameters.surface, top, depth, s.volume, reference, s.floats
+            )
+            if who == OUT:
+                s = pump_out(p, s, wanted)
+                top = SurfacingState(depth, 0.0)
+            elif who == IN and wanted != 0.0:
+                s = take_in(p, s, wanted)
+            elif who == LAW:
+                now = Measurement(s.clock * p.tick, depth, s.volume)
+                if s.anew > 0.0 and math.isfinite(depth):
+                    inner = first(parameters.law, now, reference)
+                    s = s._replace(anew=0.0)
+                wanted, inner, pause = called(parameters.law, inner, now, reference)
+                s = s._replace(wait=pause)
+                if wanted != 0.0:
+                    s = change(p, s, wanted, p.longest_for_law)
+            if who != OUT and who != WAIT:
+                s = s._replace(floats=0.0)
+            if who != LAW:
+                s = s._replace(anew=1.0)
+        command = seconds(p, s)
+        return command, TimedState(inner, top, advanced(p, s, command)), p.tick
+
+    return Law(
+        name=law.name,
+        summary=f"{law.summary}; in seconds of pump and valve",
+        command="volume change",
+        parameters=Timed,
+        state=TimedState,
+        units={**law.units, **DRIVE_UNITS},
+        step=step,
+        initial=initial,
+    )
