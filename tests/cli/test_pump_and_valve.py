@@ -11,7 +11,6 @@ COMMANDS = {
     "tune": [],
     "plan": ["--step", "1:3"],
     "compare-laws": [],
-    "firmware": [],
     "faults": [],
     "pool": ["--simulate"],
 }

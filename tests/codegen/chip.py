@@ -22,12 +22,13 @@ from swimbladder.codegen.library import Library, make_library, write_library
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Law, Measurement
+from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import SUPERVISOR
 from swimbladder.control.supervisor_records import Watched
+from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from tests.codegen.build import run, write
 from tests.codegen.laws import bits, controlled, laid_out, layout, scalars_of
-from tests.vehicles import SAMPLED
 
 HERE = Path(__file__).parent / "simavr"
 MCUS = ("atmega328p", "atmega2560")
@@ -142,15 +143,16 @@ def frames(law: Law, folder: Path, mcu: str) -> Chip:
 
 
 def _first(made: Library) -> float:
-    return 0.0 if made.law.command == "voltage" else made.vehicle.stroke.maximum
+    return made.vehicle.stroke.maximum if made.law.command == "volume" else 0.0
 
 
 def twin_of(made: Library) -> ControllerTwin:
     """Return the twin of a library's controller."""
     low, high = made.limits
     return ControllerTwin(
-        twin(made.law), made.parameters, tick_s=made.tick_s, low=low, high=high, first=_first(made)
-    )
+        twin(made.law), made.parameters, tick_s=made.tick_s, low=low, high=high, first=_first(made),
+        seconds=made.drive is not None,
+    )  # fmt: skip
 
 
 class Flight(NamedTuple):
@@ -206,6 +208,19 @@ def fly_supervised(
     return flight, beside
 
 
+def replay(made: Library, chip: Chip, *, supervised: bool) -> Flight:
+    """Give a chip what the golden trace's sensors saw of a float, to the bit."""
+    beside, unequal = vehicle_twin(made), 0
+    for depth, volume, asked, command in zip(*made.golden[:4], strict=True):
+        seen = Watched(float(depth), 0.1, float(volume), 14.0, False, 0, 0)
+        if supervised:
+            said, expected = chip.answer(*seen[:6], asked)[0], beside.tick(seen, asked)
+        else:
+            said, expected = chip.answer(depth, volume, asked)[0], command
+        unequal += bits(said) != bits(expected)
+    return Flight(len(made.golden.depth), unequal, float(made.golden.depth[-1]), chip.cycles)
+
+
 def report(laws: Sequence[str]) -> str:
     """Return a table of what the controller of each law takes on each chip."""
     rows = [
@@ -214,13 +229,17 @@ def report(laws: Sequence[str]) -> str:
         "|---|---|---|---|---|---|---|",
     ]
     for name in laws:
-        made = make_library(controlled(name))
+        floats = LAWS[name].command == "volume change"
+        made = make_library(load_vehicle("example-float") if floats else controlled(name))
         for mcu in MCUS:
             for supervised in (False, True):
                 with tempfile.TemporaryDirectory() as folder:
                     make = vehicle if supervised else controller
                     chip = make(made, Path(folder), mcu)
-                    flight = fly_supervised(made, chip)[0] if supervised else fly(made, chip)
+                    if floats:
+                        flight = replay(made, chip, supervised=supervised)
+                    else:
+                        flight = fly_supervised(made, chip)[0] if supervised else fly(made, chip)
                     stack = chip.close()
                 most = max(flight.cycles)
                 model = re.sub("atmega", "ATmega", mcu).replace("8p", "8P")
@@ -233,4 +252,4 @@ def report(laws: Sequence[str]) -> str:
 
 
 if __name__ == "__main__":
-    print(report(sys.argv[1:] or SAMPLED))
+    print(report(sys.argv[1:] or [*LAWS]))

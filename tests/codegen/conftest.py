@@ -41,3 +41,8 @@ def avr():
 @pytest.fixture(scope="session")
 def arm():
     _need("arm-none-eabi-gcc")
+
+
+@pytest.fixture(scope="session")
+def qemu():
+    _need("arm-none-eabi-gcc", "qemu-system-arm")

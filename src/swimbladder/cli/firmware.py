@@ -37,10 +37,17 @@ class Golden(Options):
     """The step of the golden trace."""
 
     start_depth: Annotated[
-        str, typer.Option("--start", metavar="DEPTH", help="Golden trace: start.")
-    ] = "1.5 m"
-    target: Annotated[str, typer.Option(metavar="DEPTH", help="Golden trace: set-point.")] = "3 m"
-    duration: Annotated[str, typer.Option(metavar="TIME", help="Golden trace: how long.")] = "400 s"
+        str | None,
+        typer.Option("--start", metavar="DEPTH", help="Golden trace: start (1.5 m; float: 0 m)"),
+    ] = None
+    target: Annotated[
+        str | None,
+        typer.Option(metavar="DEPTH", help="Golden trace: set-point (3 m; float: 100 m)"),
+    ] = None
+    duration: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Golden trace: time (400 s; float: 5400 s)"),
+    ] = None
     seed: Annotated[int, typer.Option(help="Golden trace: seed of the sensors' noise.", min=0)] = 1
 
 
@@ -108,6 +115,7 @@ def firmware(
     The library holds the law, a supervisor that brings the vehicle up when a fault is detected (see
     [supervisor] in the vehicle's file), sketches with two functions to fill in, and a
     golden trace: a depth step flown by the law's twin in float32, equal to the C to the last bit.
+    The board of a float with pump and valve commands seconds of them (kind pump-valve).
     With --pool it also holds the pool procedure (a)-(d), which identify and pool --follow read.
     Exit code 1 where the controller does not bring the vehicle through that step, or the procedure
     does not come to its end on the vehicle's model.
@@ -115,14 +123,18 @@ def firmware(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
-    v = load_vehicle(vehicle, sampled=True)
+    v = load_vehicle(vehicle)
+    if v.command != "volume change":
+        v = load_vehicle(vehicle, sampled=True)
     _check_law(v, law)
-    options, asked = pool.options(), golden.read()
+    options, asked = pool.options(), golden.given()
     check_place(to.out)
     with progress("loading the simulator"):
-        from swimbladder.codegen.library import make_library, write_library
+        from swimbladder.codegen.library import DIVE, STEP, make_library, write_library
 
-    ticks = None if v.controller is None else asked["duration"] / v.controller.sample_time
+    usual = DIVE if v.command == "volume change" else STEP
+    length = asked.get("duration", usual.duration)
+    ticks = None if v.controller is None else length / v.controller.sample_time
     done = 0
     doing = progress("flying the golden trace", ticks)
     named = {"setpoints[0].depth": "target"}
@@ -161,20 +173,28 @@ def _print(made: Library) -> None:
     golden, unit = made.golden, "V" if made.law.command == "voltage" else "m3"
     low, high = made.limits
     end = float(golden.depth[-1])
-    late = []
-    if not abs(end - made.target) <= _ARRIVED * abs(made.target - made.start_depth):
+    late, way, fit = [], f"{made.start_depth:g} to {made.target:g} m", []
+    commands = f"command {low:.6g} to {high:.6g} {unit}"
+    to_do = "fill in the two functions of an example"
+    there = abs(end - made.target) <= _ARRIVED * abs(made.target - made.start_depth)
+    if made.drive is not None:
+        commands, way = "command seconds of pump and valve", f"{way} and up again"
+        to_do = "fill in one function of an example, and check its pins"
+        there = end <= made.drive.parameters.surface.shallow
+        fit.append(made.drive.summary())
+    if not there:
         late.append(
             f"the golden trace ends at {end:.3g} m, before the vehicle has arrived: it tests less "
             "of the C than one with a longer --duration"
         )
     for line in (
-        f"{made.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s, "
-        f"command {low:.6g} to {high:.6g} {unit}",
-        f"golden trace: {made.start_depth:g} to {made.target:g} m in {len(golden.depth)} ticks; "
+        f"{made.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s, {commands}",
+        f"golden trace: {way} in {len(golden.depth)} ticks; "
         f"float32 moves the vehicle by at most {golden.difference * 1e3:.2g} mm",
         *late,
+        *fit,
         summary(made.supervisor),
         *([] if made.pool is None else [pool_summary(made.pool)]),
-        "to do: fill in the two functions of an example; README.md says how, and how to check",
+        f"to do: {to_do}; README.md says how, and how to check",
     ):
         output.print(line, soft_wrap=True)

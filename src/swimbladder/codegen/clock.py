@@ -42,17 +42,18 @@ def wait_in_ticks(next_s: Any, tick_s: Any) -> int:
 class ControllerTwin:
     """What the microcontroller does at every tick, in float32.
 
-    law: a law's `twin`; low, high: limits of the command; first: the command until there is one.
+    law: a law's `twin`; low, high: limits of the command; first: the command until there is one;
+    seconds: the command is seconds of pump and valve, and the volume need not be measured.
     """
 
     def __init__(
         self, law: Law, parameters: Any, *, tick_s: float, low: float, high: float,
-        first: float = 0.0,
+        first: float = 0.0, seconds: bool = False,
     ) -> None:  # fmt: skip
         self.law, self.parameters = law, parameters
         self.tick_s = np.float32(tick_s)
         self.low, self.high = np.float32(low), np.float32(high)
-        self.command = np.float32(first)
+        self.command, self.seconds = np.float32(first), seconds
         self.state: Any = None
         self.ticks = 0
         self.waiting = 0
@@ -83,7 +84,8 @@ class ControllerTwin:
         self.waiting = 1
         state = self.state
         if state is None:
-            if not all(map(math.isfinite, (seen.depth, seen.volume, reference))):
+            needed = (seen.depth, 0.0 if self.seconds else seen.volume, reference)
+            if not all(map(math.isfinite, needed)):
                 self.missed += 1
                 return
             state = self.law.initial(self.parameters, seen, reference)
@@ -137,6 +139,12 @@ class VehicleTwin:
         return reasons_in(self.state.rescue.reasons)
 
     @property
+    def wide(self) -> bool:
+        """Whether a command of seconds below 0 is for the bypass."""
+        state = self.controller.state
+        return state is not None and bool(state.drive.wide > 0.0)
+
+    @property
     def release(self) -> bool:
         """Whether the drop weight is to go."""
         return bool(self.state.rescue.release)
@@ -148,6 +156,8 @@ class VehicleTwin:
             wanted = self.controller.tick(seen.depth, seen.volume, reference)
         self.ticks += 1
         seen = seen._replace(missed=min(self.controller.missed, NEVER))
+        if self.controller.seconds:
+            seen = seen._replace(volume=0.0)
         command, self.state, _ = self.supervisor.step(self.limits, self.state, seen, wanted)
         return command
 

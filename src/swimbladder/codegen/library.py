@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -16,7 +16,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from swimbladder.codegen.c99 import MEASUREMENT_H, write_c99
 from swimbladder.codegen.c_names import c_field, c_float, c_law, c_number
 from swimbladder.codegen.clock import MOST_TURNS, SOON
-from swimbladder.codegen.golden import Golden, command_limits, fly
+from swimbladder.codegen.golden import Golden, asked_of_float, command_limits, fly, fly_on_seconds
 from swimbladder.codegen.meanings import facts_of
 from swimbladder.codegen.pool import (
     PoolDay,
@@ -24,6 +24,7 @@ from swimbladder.codegen.pool import (
     plan_pool_day,
     pool_facts,
 )
+from swimbladder.codegen.pump_valve import BoardLaw, board_law
 from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.tree import COUNT, FLOAT
@@ -31,6 +32,7 @@ from swimbladder.codegen.twin import twin
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.protocol import POOL
 from swimbladder.control.records import leaves
+from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor import SUPERVISOR
 from swimbladder.control.supervisor_records import Reason, SupervisorParameters, Watched
 from swimbladder.errors import InputError
@@ -39,9 +41,23 @@ from swimbladder.sim.closed_loop.checks import check_sample_time
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Library", "make_library", "write_library"]
+__all__ = ["DIVE", "STEP", "Library", "make_library", "write_library"]
 
 _ON_BOARD = 100  # rows of the golden trace that a board checks
+LAUNCH, UNDER_WATER = 10, 60  # min, of the mission in a float's sketch
+
+
+class Mission(NamedTuple):
+    """A golden mission: from where to where, and for how long."""
+
+    start: float  # m
+    target: float  # m
+    duration: float  # s
+
+
+STEP = Mission(1.5, 3.0, 400.0)
+DIVE = Mission(0.0, 100.0, 5400.0)
+"""What a float does instead; its target is half the depth limit where that is less."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,12 +68,13 @@ class Library:
     law: Law
     parameters: Any
     tick_s: float
-    limits: tuple[float, float]  # V or m3
+    limits: tuple[float, float]  # V or m3, s of pump and valve
     start_depth: float  # m, of the golden mission
     target: float  # m
     golden: Golden
     supervisor: SupervisorParameters
     pool: PoolDay | None
+    drive: BoardLaw | None  # of a pump and valve
     files: Mapping[str, str]
 
     def to_json(self) -> dict[str, Any]:
@@ -84,7 +101,7 @@ class Library:
                 "float32_difference_m": self.golden.difference,
             },
             "pool": None if self.pool is None else self.pool.to_json(),
-        }
+        } | ({} if self.drive is None else {"drive": self.drive.to_json()})
 
 
 def _finite(value: float) -> float | None:
@@ -95,20 +112,37 @@ def _finite(value: float) -> float | None:
 
 
 def make_library(
-    vehicle: Vehicle, *, start_depth: float = 1.5, target: float = 3.0, duration: float = 400.0,
-    seed: int | None = 1, pool: PoolOptions | None = None,
+    vehicle: Vehicle, *, start_depth: float | None = None, target: float | None = None,
+    duration: float | None = None, seed: int | None = 1, pool: PoolOptions | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Library:  # fmt: skip
     """Return the library of a vehicle's controller; the golden mission is a depth step.
 
-    start_depth, target [m], duration [s], seed: of its sensors' noise (None: ideal sensors); pool:
-    the pool that its pool procedure is made for (None: it has none).
+    start_depth, target [m], duration [s] (`STEP` where not given; a float's also comes up again,
+    `DIVE`), seed: of its sensors' noise (None: ideal sensors); pool: the pool that its pool
+    procedure is made for (None: it has none).
     Raises InputError where the vehicle has no controller or does not fit the pool, and
     NoAnswerError where it does not come through the mission, or through the pool day.
     """
+    floats = vehicle.command == "volume change"
+    if pool is not None and floats:
+        raise InputError(
+            "the pool procedure changes the volume by a voltage for a time, and this vehicle has a "
+            "pump and a valve",
+            field="--pool",
+            value=pool.depth,
+            unit="m",
+            remedy="Leave it out, and log a dive of the sketch",
+        )
     vehicle = vehicle if pool is None else _in_pool(vehicle, pool)
-    law, parameters, tick_s = choose_law(vehicle, None, None, None)
+    law, parameters, tick_s = _controller(vehicle)
     limits = supervisor_parameters(vehicle, tick_s, in_pool=pool is not None)
+    usual = DIVE if floats else STEP
+    if floats and target is None and usual.target > limits.deep.depth_limit:
+        usual = usual._replace(target=0.5 * limits.deep.depth_limit)
+    start_depth = usual.start if start_depth is None else start_depth
+    target = usual.target if target is None else target
+    duration = usual.duration if duration is None else duration
     for name, depth in (("start", start_depth), ("target", target)):
         if depth > limits.deep.depth_limit:
             raise InputError(
@@ -116,17 +150,43 @@ def make_library(
                 remedy=f"Give up to {limits.deep.depth_limit:.4g} m, or say more of the vehicle "
                 "in its [supervisor] table",
             )  # fmt: skip
-    check_sample_time(vehicle, law, parameters, tick_s, depths=[start_depth, target])
+    drive, ends = None, command_limits(vehicle, tick_s)
+    if floats:
+        drive = board_law(
+            vehicle,
+            law,
+            parameters,
+            tick_s,
+            deepest=min(limits.deep.deepest, limits.depth.depth_most),
+        )
+        law, parameters = drive.law, drive.parameters
+        _check_dive(start_depth, target, duration, parameters.surface.shallow)
+    else:
+        check_sample_time(vehicle, law, parameters, tick_s, depths=[start_depth, target])
     program = read_law(law)
-    first = 0.0 if law.command == "voltage" else vehicle.stroke.maximum
-    golden = fly(
-        vehicle, law, twin(law, program), parameters, tick_s=tick_s, start_depth=start_depth,
-        target=target, duration=duration, seed=seed, first=first, progress=progress,
-    )  # fmt: skip
+    first = vehicle.stroke.maximum if law.command == "volume" else 0.0
+    own = twin(law, program)
+    if floats:
+        asked = asked_of_float(target, duration, tick_s)
+        golden = fly_on_seconds(
+            vehicle,
+            (own, law),
+            parameters,
+            tick_s=tick_s,
+            start_depth=start_depth,
+            asked=asked,
+            seed=seed,
+            progress=progress,
+        )
+    else:
+        golden = fly(
+            vehicle, law, own, parameters, tick_s=tick_s, start_depth=start_depth,
+            target=target, duration=duration, seed=seed, first=first, progress=progress,
+        )  # fmt: skip
     day = None if pool is None else plan_pool_day(vehicle, pool, limits, seed=seed)
     source = write_c99(program)
     supervisor = write_c99(read_law(SUPERVISOR, Watched), private=True)
-    facts = _facts(vehicle, law, parameters, tick_s, first) | {
+    facts = _facts(vehicle, law, parameters, tick_s, first, ends) | {
         "reasons": list(Reason), "limits": _numbers(limits, SUPERVISOR.units),
         **facts_of(limits),
         "start": f"{start_depth:g}", "goal": f"{target:g}", "target": c_float(target),
@@ -140,11 +200,15 @@ def make_library(
         for row in zip(*(column[:_ON_BOARD] for column in golden[:4]), strict=True)
     ]
     facts["rows"] = len(rows)
+    sketch = "Float.ino.j2" if drive is None else "PumpFloat.ino.j2"
+    readme = "README.md.j2" if drive is None else "README_float.md.j2"
+    if drive is not None:
+        facts |= _drive_facts(vehicle, drive, tick_s)
     avr = facts | {"boards": "an AVR (Uno, Nano, Mega)", "avr": True, "wait": False, "pwm": _PWM}
     other = facts | {"boards": "an ESP32 or RP2040", "avr": False, "wait": True, "pwm": _PWM_12}
     files = {
         "library.properties": _render("library.properties.j2", facts),
-        "README.md": _render("README.md.j2", facts),
+        "README.md": _render(readme, facts),
         "src/swb_measurement.h": MEASUREMENT_H,
         f"src/{source.header_name}": source.header,
         f"src/{source.source_name}": source.source,
@@ -154,13 +218,18 @@ def make_library(
         f"src/{supervisor.source_name}": supervisor.source,
         "src/swb_vehicle.h": _render("swb_vehicle.h.j2", facts),
         "src/swb_vehicle.c": _render("swb_vehicle.c.j2", facts),
-        "examples/FloatAVR/FloatAVR.ino": _render("Float.ino.j2", avr),
-        "examples/FloatESP32RP2040/FloatESP32RP2040.ino": _render("Float.ino.j2", other),
+        "examples/FloatAVR/FloatAVR.ino": _render(sketch, avr),
+        "examples/FloatESP32RP2040/FloatESP32RP2040.ino": _render(sketch, other),
         "examples/GoldenTrace/GoldenTrace.ino": _render("GoldenTrace.ino.j2", facts),
         "examples/GoldenTrace/golden.h": _render("golden.h.j2", facts | {"rows": rows}),
         "extras/check.c": _render("check.c.j2", facts),
         "extras/golden.csv": _table(golden, tick_s, _COLUMN[law.command]),
     }
+    if drive is not None:
+        files |= {
+            "src/swb_drive.h": _render("swb_drive.h.j2", facts),
+            "src/swb_drive.c": _render("swb_drive.c.j2", facts),
+        }
     if day is not None:
         procedure = write_c99(read_law(POOL))
         files |= {
@@ -175,9 +244,29 @@ def make_library(
         }
     return Library(
         vehicle=vehicle, law=law, parameters=parameters, tick_s=tick_s,
-        limits=command_limits(vehicle), start_depth=start_depth, target=target, golden=golden,
-        supervisor=limits, pool=day, files=files,
+        limits=ends, start_depth=start_depth, target=target, golden=golden,
+        supervisor=limits, pool=day, drive=drive, files=files,
     )  # fmt: skip
+
+
+def _controller(vehicle: Vehicle) -> tuple[Law, Any, float]:
+    """Return (law, its parameters, its sample time [s]) of a vehicle's own controller."""
+    if vehicle.command != "volume change":
+        return choose_law(vehicle, None, None, None)
+    law, parameters = own_law(vehicle, sampled=False)
+    assert vehicle.controller is not None  # own_law checks it
+    return law, parameters, vehicle.controller.sample_time
+
+
+def _check_dive(start: float, target: float, duration: float, shallow: float) -> None:
+    """Raise InputError where a float's golden mission is none."""
+    for option, value, good, unit, what in (
+        ("--start", start, start >= 0.0, "m", "a float starts at the surface, 0 m, or below it"),
+        ("--target", target, target > shallow, "m", f"a float dives deeper than {shallow:.3g} m"),
+        ("--duration", duration, duration > 0.0, "s", "a mission takes a finite time above 0"),
+    ):
+        if not (good and math.isfinite(value)):
+            raise InputError(what, field=option, value=value, unit=unit, remedy="Give another one")
 
 
 def _in_pool(vehicle: Vehicle, pool: PoolOptions) -> Vehicle:
@@ -219,18 +308,23 @@ def _remove(path: Path) -> None:
         ) from error  # fmt: skip
 
 
-_COLUMN = {"voltage": "voltage_V", "volume": "reference_volume_m3"}
+_COLUMN = {"voltage": "voltage_V", "volume": "reference_volume_m3", "volume change": "run_s"}
 _PWM = "analogWrite(PWM_PIN, 255.0f * fabsf(voltage) / BATTERY_VOLTS), and a pin for its sign"
 _PWM_12 = "a duty cycle of fabsf(voltage) / BATTERY_VOLTS, and a pin for its sign"
 
 
 def _facts(
-    vehicle: Vehicle, law: Law, parameters: Any, tick_s: float, first: float
+    vehicle: Vehicle,
+    law: Law,
+    parameters: Any,
+    tick_s: float,
+    first: float,
+    limits: tuple[float, float],
 ) -> dict[str, Any]:
     """Return what the templates are filled with."""
     plain = re.sub(r"[^\w .-]", "_", vehicle.name, flags=re.ASCII)
-    low, high = command_limits(vehicle)
-    volts = law.command == "voltage"
+    low, high = limits
+    volts, floats = law.command == "voltage", law.command == "volume change"
     columns = f"time_s,depth_m,volume_m3,{_COLUMN[law.command]},reference_depth_m"
     release = re.match(r"\d+\.\d+\.\d+", version("swimbladder"))
     return {
@@ -239,9 +333,11 @@ def _facts(
         "version": release.group() if release else "0.0.0",
         "law": law.name,
         "c_law": c_law(law.name),
-        "command": law.command,
-        "unit": "V" if volts else "m3",
-        "ends": "the supply's voltage" if volts else "the ends of the stroke",
+        "command": "seconds" if floats else law.command,
+        "unit": "V" if volts else ("s" if floats else "m3"),
+        "ends": "the supply's voltage"
+        if volts
+        else ("a whole tick of a valve or of the pump" if floats else "the ends of the stroke"),
         "tick": c_float(tick_s),
         "tick_text": f"{tick_s:.9g}",
         "tick_us": round(tick_s * 1e6),
@@ -252,13 +348,31 @@ def _facts(
         "first": c_float(first),
         "soon": SOON,
         "most_turns": MOST_TURNS,
-        "digits": 3 if volts else 9,
+        "digits": 3 if volts or floats else 9,
         "header": columns,
-        "drive": "put the voltage on the motor, positive: the volume grows" if volts
+        "drive": "put the voltage on the motor, positive: the volume grows"
+        if volts
         else "send the actuator to the volume [m3]",
-        "bench": "a positive voltage must make it grow." if volts
+        "bench": "a positive voltage must make it grow."
+        if volts
         else "the actuator must go where it is sent.",
         "parameters": _numbers(parameters, law.units),
+    }
+
+
+def _drive_facts(vehicle: Vehicle, drive: BoardLaw, tick_s: float) -> dict[str, Any]:
+    """Return what the templates of a float say beside that."""
+    p, top = drive.parameters.drive, drive.parameters.surface
+    ticks = [math.ceil(60.0 * minutes / tick_s) for minutes in (LAUNCH, LAUNCH + UNDER_WATER)]
+    return {
+        "grace_us": round(min(0.25 * tick_s, 0.5) * 1e6), "launch_ticks": ticks[0],
+        "up_ticks": ticks[1], "launch_min": LAUNCH, "dive_min": UNDER_WATER,
+        "shallow": f"{top.shallow:.3g}", "beyond": f"{p.beyond * 1e6:.3g}",
+        "longest": f"{p.longest:.4g}", "quantum": f"{p.quantum:.4g}",
+        "bypass": p.bypass_flow > 0.0, "fit_depth": f"{1.0 / p.per_depth:.4g}",
+        "rate_error": f"{max(100.0 * drive.rate_error, 1e-3):.2g} %",
+        "start_error": f"{drive.start_error * 1e6:.2g}",
+        "line": getattr(vehicle.actuator, "line", None) is not None,
     }  # fmt: skip
 
 

@@ -10,6 +10,13 @@ from swimbladder.control.supervisor_records import Reason, SupervisorParameters
 
 __all__ = ["facts_of", "meanings", "summary"]
 
+_VOLUME = (
+    Reason.VOLUME_MISSING,
+    Reason.VOLUME_IMPOSSIBLE,
+    Reason.NOT_FOLLOWING,
+    Reason.NOT_MOVING_AS_MODELLED,
+)
+
 
 def meanings(p: SupervisorParameters) -> list[tuple[int, str, str, str]]:
     """Return (number, name, what happened, after how long) for each reason."""
@@ -34,12 +41,12 @@ def meanings(p: SupervisorParameters) -> list[tuple[int, str, str, str]]:
             f"{p.deep.deepest:.4g} m",
             seconds(p.deep.deep),
         ),
-        Reason.DEPTH_MISSING: ("the depth was no number", seconds(p.volume.blind)),
+        Reason.DEPTH_MISSING: ("the depth was no number", seconds(p.depth.gap)),
         Reason.DEPTH_IMPOSSIBLE: (
             f"the depth was not {p.depth.depth_least:.3g} to {p.depth.depth_most:.4g} m, or jumped",
-            seconds(p.volume.blind),
+            seconds(p.depth.gap),
         ),
-        Reason.DEPTH_LATE: (age, seconds(p.volume.blind)),
+        Reason.DEPTH_LATE: (age, seconds(p.depth.gap)),
         Reason.DEPTH_FROZEN: ("the depth was the very same to the last digit", same),
         Reason.VOLUME_MISSING: ("the volume was no number", seconds(p.volume.blind)),
         Reason.VOLUME_IMPOSSIBLE: ("the volume was outside the stroke", seconds(p.volume.blind)),
@@ -65,11 +72,19 @@ def meanings(p: SupervisorParameters) -> list[tuple[int, str, str, str]]:
 
 def facts_of(p: SupervisorParameters) -> dict[str, Any]:
     """Return what the templates say of the limits."""
+    floats = p.rate.positioner > 0.0 and p.rate.rate == 0.0
     push = "the volume is commanded to its largest, for good" if p.rate.positioner > 0.0 else (
         f"{p.push.surface_command:g} V for {p.push.push * p.S_p:.0f} s, then "
         f"{p.push.hold_command:.3g} V to hold the piston, and the full voltage again now and then"
     )  # fmt: skip
+    if floats:
+        push = (
+            f"valves close and the pump runs for {p.push.push * p.S_p:.0f} s, and on while the "
+            f"vehicle moves, then {p.push.again * p.S_p:.0f} s of it every "
+            f"{(p.push.rest + p.push.again) * p.S_p:.0f} s"
+        )
     return {
+        "unwatched": _VOLUME if floats else (),
         "battery_text": f"{p.board.battery_low:.3g} V",
         "release_text": f"{p.push.release * p.S_p:.0f}",
         "push_text": f"{p.push.push * p.S_p:.0f}",

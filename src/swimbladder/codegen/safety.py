@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from swimbladder.control.law import NEVER
+from swimbladder.control.records import leaves
+from swimbladder.control.registry import bind
 from swimbladder.control.supervisor_records import (
     BoardLimits,
     DeepLimits,
@@ -21,10 +25,18 @@ from swimbladder.control.supervisor_records import (
     VolumeLimits,
 )
 from swimbladder.errors import InputError
-from swimbladder.physics.dynamics import Plant, drag_per_mass, plant, terminal_speed
-from swimbladder.vehicle import Vehicle
+from swimbladder.physics.buoyancy_engine import drive_map
+from swimbladder.physics.dynamics import (
+    Plant,
+    drag_force,
+    drag_per_mass,
+    even_drag,
+    plant,
+    terminal_speed,
+)
+from swimbladder.vehicle import Positioner, PumpAndValve, Vehicle
 
-__all__ = ["supervisor_parameters"]
+__all__ = ["cruising_speed", "supervisor_parameters"]
 
 _COUNTED = NEVER - 1  # ticks
 _SURE_TO_MOVE = 0.95  # of the depth at which the motor stalls
@@ -69,6 +81,9 @@ _RELEASE_S = 60.0
 _RISE = 1.0  # m
 _COAST_S = 60.0  # s, where there is hardly any drag
 _DEEPEST = 12000.0  # m, deeper than any sea
+_SPEED, _HASTE = 0.1, 2.0  # m/s, that of Argo floats; times it, so fast it may sink at most
+_AFLOAT_REST_S = 600.0  # between pushes of a pump that has pumped all out: it may run dry
+_NO_USE = {"neutral_range", "neutral_change", "model_error", "prove_after", "hold_voltage"}
 
 
 def supervisor_parameters(
@@ -78,7 +93,11 @@ def supervisor_parameters(
 
     Raises InputError where full buoyancy would not bring the vehicle up from its depth limit.
     """
-    p, given, sensors = plant(vehicle), vehicle.supervisor, vehicle.sensors
+    pumps = isinstance(vehicle.actuator, PumpAndValve)
+    if pumps:
+        vehicle = _with_pump(vehicle)
+    given, sensors = vehicle.supervisor, vehicle.sensors
+    p = plant(_as_positioner(vehicle) if pumps else vehicle)
     tick = sample_time
     half = 0.5 * (p.V_max - p.V_min)
     neutral_range = given.neutral_range
@@ -122,7 +141,7 @@ def supervisor_parameters(
     stop_rate = max(_STOP_SHARE * full_rate, 3.0 * grown / tick)
     if voltage and tick <= p.T1:  # the motor's own lag would look like a stop
         stop_rate = math.inf
-    return SupervisorParameters(
+    found = SupervisorParameters(
         S_p=tick, per_tick=1.0 / tick,
         push=PushLimits(
             surface_command=p.supply if voltage else p.V_max,
@@ -195,6 +214,118 @@ def supervisor_parameters(
             time_ticks=0 if whole is None else whole % _BLOCK,
         ),
     )  # fmt: skip
+    return _for_pump(vehicle, found) if pumps else found
+
+
+def _with_pump(vehicle: Vehicle) -> Vehicle:
+    """Return a vehicle with a pump whose battery has a lowest voltage, where it has a battery.
+
+    Raises InputError for what the supervisor of a pump cannot use.
+    """
+    given = vehicle.supervisor
+    for name in sorted(_NO_USE & given.model_fields_set):
+        if getattr(given, name) is not None:
+            raise InputError(
+                "it is about a volume that is measured or a motor that is driven by a voltage, and "
+                "the volume of a pump and valve is known from the times of its runs only",
+                field=f"supervisor.{name}",
+                value=getattr(given, name),
+                remedy="Leave it out",
+            )
+    if vehicle.supply is None or given.battery_low is not None:
+        return vehicle
+    known = given.model_copy(update={"battery_low": _BATTERY_SHARE * vehicle.supply.voltage})
+    return vehicle.model_copy(update={"supervisor": known})
+
+
+def _pump_rates(vehicle: Vehicle, volts: float) -> tuple[float, float]:
+    """Return the depth to which a pump delivers at a voltage [m], and its least rate [m3/s].
+
+    The rate is that above 0.95 of this depth and above the vehicle's own limits. A pump as measured
+    knows of no voltage, and one that delivers everywhere does so to an infinite depth.
+    """
+    low = vehicle
+    if vehicle.supply is not None and volts > 0.0:
+        supply = vehicle.supply.model_copy(update={"voltage": min(volts, vehicle.supply.voltage)})
+        low = vehicle.model_copy(update={"supply": supply})
+    bounds = (vehicle.supervisor.depth_limit, vehicle.hull.depth_limit, _DEEPEST)
+    depth = np.linspace(0.0, _DEEPEST, 2401)
+    rate = drive_map(low, depth * vehicle.water.specific_weight, power=False).rate_out
+    stalls = rate <= 0.0
+    deepest = float(depth[np.argmax(stalls)]) if stalls.any() else math.inf
+    used = depth <= min(_SURE_TO_MOVE * deepest, *(b for b in bounds if b is not None))
+    if not rate[0] > 0.0:
+        raise InputError(
+            f"at {volts:g} V the pump delivers nothing",
+            field="supervisor.battery_low",
+            value=volts,
+            unit="V",
+            remedy="Give a higher voltage",
+        )
+    return deepest, float(np.min(rate[used]))
+
+
+def _as_positioner(vehicle: Vehicle) -> Vehicle:
+    """Return the vehicle with a piston as slow as its pump at its slowest, for its motion."""
+    rate = _pump_rates(vehicle, vehicle.supervisor.battery_low or 0.0)[1]
+    piston = Positioner(speed=rate, piston_area=1.0)
+    return even_drag(vehicle).model_copy(update={"actuator": piston})
+
+
+def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters:
+    """Return the limits of a vehicle that is commanded seconds of pump and valve.
+
+    Its volume is not watched, nor what follows from it: model, actuator, test pushes. The
+    supervisor sees a volume of 0, and commands a pump that runs all of a tick.
+    """
+    tick, deep = p.S_p, p.deep
+    start = float(drive_map(vehicle, 0.0, power=False).start_volume[0])
+    fast = _HASTE * cruising_speed(vehicle)
+    drag = drag_force(vehicle.drag, fast)
+    lacks = drag / vehicle.water.specific_weight + start
+    light = vehicle.drag.rising_ratio
+    fastest = p.depth.fastest / math.sqrt(min(light, 1.0))
+    return p._replace(
+        push=p.push._replace(
+            surface_command=tick,
+            hold_command=0.0,
+            away_command=0.0,
+            away_hold=0.0,
+            again=ticks(_LEAST_PUSH_S + start * deep.per_turn_rate, tick),
+            rest=ticks(_AFLOAT_REST_S, tick),
+            grown=math.inf,
+            away=math.inf,
+            astray=NEVER,
+        ),
+        depth=p.depth._replace(fastest=fastest, step=p.depth.step + fastest - p.depth.fastest),
+        volume=VolumeLimits(
+            blind=NEVER, volume_least=-1.0, volume_most=1.0, volume_low=-1.0, volume_high=1.0
+        ),
+        rate=p.rate._replace(rate=0.0, rate_least=math.inf, stop_rate=math.inf, following=NEVER),
+        same=p.same._replace(same_moved=NEVER, moved=math.inf),
+        proof=ProofLimits(same_tried=NEVER, unproven=NEVER, sinks=math.inf, reach=math.inf),
+        neutral=NeutralLimits(psi=0.0, psi_range=0.0, neutral=0.0, neutral_range=math.inf),
+        motion=p.motion._replace(
+            neutral_change=math.inf,
+            known=NEVER,
+            calm=0.0,
+            model_error=0.0,
+            inertia=0.0,
+            drag_linear=0.0,
+            epsilon=math.inf,
+            drag_blunt=0.0,
+            drag_0=0.0,
+            drag_square=0.0,
+            wrong=NEVER,
+        ),
+        deep=deep._replace(neutral_deepest=lacks, coast=min(vehicle.mass * fast / drag, _COAST_S)),
+    )
+
+
+def cruising_speed(vehicle: Vehicle) -> float:
+    """Return the largest speed that a float's law asks for [m/s]; 0.1 where it does not say."""
+    given = {} if vehicle.controller is None else leaves(bind(vehicle.controller)[1])
+    return float(given.get("far_speed", _SPEED))
 
 
 def ticks(seconds: float, tick: float) -> int:
@@ -239,6 +370,8 @@ def _depths(
     load = p.gain * p.load_drive + p.k_l
     free = p.gain * (volts - p.friction)
     moved = free / load if load > 0.0 else math.inf
+    if isinstance(vehicle.actuator, PumpAndValve):
+        moved = _pump_rates(vehicle, volts)[0]
     if p.positioner == 0.0 and free <= 0.0:
         raise InputError(
             f"at {volts:g} V the motor does not beat its friction, {p.friction:g} V",

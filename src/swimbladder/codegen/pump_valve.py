@@ -1,0 +1,138 @@
+"""What a board knows of its pump and valves: rates over depth as polynomials, volumes, times."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from swimbladder.codegen.safety import cruising_speed
+from swimbladder.control.law import Law
+from swimbladder.control.pump_valve import DriveParameters, timed
+from swimbladder.control.records import leaves
+from swimbladder.control.surfacing import SurfacingParameters
+from swimbladder.errors import InputError
+from swimbladder.physics.buoyancy_engine import drive_map
+from swimbladder.physics.dynamics import drag_force
+from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
+from swimbladder.sim.engine.rodas.drive import FULL
+from swimbladder.vehicle import PumpAndValve, Vehicle
+
+__all__ = ["BoardLaw", "board_law"]
+
+_SHALLOW = 5.0  # m, above which a float is about to dive, or has come up, as in `simulate`
+_BEYOND = 0.05  # of the stroke, pumped beyond what lacks at the surface: what seeped in, and errors
+_PAUSE = 60.0  # s, between two samples near the surface, where the law does not say
+_MOST = 0.02  # of the rate, by which its polynomial may be off
+_LONGEST_TICK = 1000.0  # s, so that microseconds of 32 bits count two of them
+_FINE = 801  # depths at which the polynomials are compared
+
+
+class BoardLaw(NamedTuple):
+    """The law of a board that commands seconds, its parameters, and how well they fit."""
+
+    law: Law
+    parameters: Any
+    rate_error: float  # -, most by which the polynomial of the pump's rate is off
+    start_error: float  # m3, most by which that of what a start falls short is off
+
+    def summary(self) -> str:
+        """Return what the command line says of the fit, one line."""
+        return (
+            f"drive: the pump's rate by a polynomial down to "
+            f"{1.0 / self.parameters.drive.per_depth:.4g} m, off by "
+            f"{max(100.0 * self.rate_error, 1e-3):.2g} % at most; a start falls short by "
+            f"{self.parameters.drive.short_0 * 1e6:.3g} cm3 at the surface"
+        )
+
+    def to_json(self) -> dict[str, float]:
+        """Return what a program wants to know of the fit, in SI."""
+        depth = 1.0 / self.parameters.drive.per_depth
+        return {
+            "fitted_to_m": depth,
+            "rate_error": self.rate_error,
+            "start_error_m3": self.start_error,
+        }
+
+
+def board_law(
+    vehicle: Vehicle, law: Law, parameters: Any, tick: float, *, deepest: float
+) -> BoardLaw:
+    """Return a law of volume changes as the board of a vehicle takes it, fitted down to a depth.
+
+    deepest [m]. Raises InputError for a sample time that the clock cannot count, a rate that the
+    polynomial does not follow, and hulls where the sea does not come in at all.
+    """
+    a = vehicle.actuator
+    assert isinstance(a, PumpAndValve)
+    if tick > _LONGEST_TICK:
+        raise InputError(
+            "the board's clock does not count so long a tick",
+            field="controller.sample_time",
+            value=tick,
+            unit="s",
+            remedy=f"Give at most {_LONGEST_TICK:g} s: the law sleeps anyway",
+        )
+    depth = 0.5 * deepest * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, _FINE)))
+    weight = vehicle.water.specific_weight
+    drive = drive_map(vehicle, depth * weight, power=False)
+    x = depth / deepest
+    rate, rate_error = _fitted(x, drive.rate_out, 4, drive.rate_out)
+    if not rate_error <= _MOST:
+        raise InputError(
+            f"the board's polynomial of the pump's delivery is off by {rate_error:.1%} somewhere "
+            f"above {deepest:.4g} m",
+            field="supervisor.depth_limit",
+            value=deepest,
+            unit="m",
+            remedy="Give a smaller depth limit, above which the delivery bends less",
+        )
+    short, start_error = _fitted(x, drive.start_volume, 2, np.ones_like(x))
+    given, stroke = leaves(parameters), vehicle.stroke
+    pause = float(given.get("dead", _PAUSE))
+    whole = stroke.maximum - stroke.minimum
+    longest = a.longest_run or 2.0 * whole / float(np.min(drive.rate_out))
+    speed, top = cruising_speed(vehicle), vehicle.hull.emergence_depth
+    slack = drag_force(vehicle.drag, speed) / weight
+    if "coefficient" in given:  # as the law assumes it
+        slack = float(given["coefficient"]) * speed**2
+    shallow = max(_SHALLOW, top + 0.1 * vehicle.hull.height)
+    made, full = timed(law), stroke.maximum
+    surface = SurfacingParameters(shallow, vehicle.trim_error, full, FULL * whole, slack, 0.0)
+    board = DriveParameters(
+        tick=tick,
+        per_depth=1.0 / deepest,
+        pump_0=rate[0],
+        pump_1=rate[1],
+        pump_2=rate[2],
+        pump_3=rate[3],
+        pump_4=rate[4],
+        short_0=short[0],
+        short_1=short[1],
+        short_2=short[2],
+        head_0=ATMOSPHERIC_PRESSURE - a.internal_pressure,
+        head_1=weight,
+        valve_flow=a.valve.flow,
+        bypass_flow=0.0 if a.bypass is None else a.bypass.flow,
+        quantum=a.quantum,
+        longest=longest,
+        longest_for_law=min(longest, pause),
+        pause=pause,
+        volume_least=stroke.minimum,
+        volume_most=stroke.maximum,
+        beyond=_BEYOND * whole,
+    )
+    return BoardLaw(made, made.parameters(parameters, surface, board), rate_error, start_error)
+
+
+def _fitted(
+    x: NDArray[np.float64], y: NDArray[np.float64], degree: int, unit: NDArray[np.float64]
+) -> tuple[list[float], float]:
+    """Return the coefficients of a polynomial, and the most by which it is off, in a unit [n]."""
+    if np.ptp(y) == 0.0:
+        return [float(y[0])] + degree * [0.0], 0.0
+    found = Polynomial.fit(x, y, degree, w=1.0 / unit).convert()
+    off = float(np.max(np.abs(found(x) - y) / unit))
+    return [*map(float, found.coef), *(degree + 1 - len(found.coef)) * [0.0]], off
