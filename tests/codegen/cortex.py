@@ -26,16 +26,18 @@ _FRAME = np.dtype(
 )  # fmt: skip
 
 
-def execute(made: Library, folder: Path, core: str, program: Path, *words: object) -> str:
-    """Compile a program with a library's sources, run it with words; return what it prints."""
+def execute(
+    made: Library, folder: Path, core: str, program: Path, *words: object, more: Sequence[Path] = ()
+) -> str:
+    """Compile a program with a library's sources and more, run it with words; return its prints."""
     machine, flags = CORES[core]
     write_library(made, folder / "library")
     src = folder / "library" / "src"
-    sources = [HERE / "vectors.c", program, *sorted(src.glob("*.c"))]
+    sources = [HERE / "vectors.c", program, *more, *sorted(src.glob("*.c"))]
     elf = folder / "program.elf"
     run(
         "arm-none-eabi-gcc", "-std=c99", "-O2", *_WARN, *flags, "-mthumb", "--specs=rdimon.specs",
-        "-Wl,--section-start=.vectors=0", "-I", src, *sources, "-o", elf, "-lm",
+        "-Wl,--section-start=.vectors=0", "-DBOARD_HAS_MAIN", "-I", src, *sources, "-o", elf, "-lm",
     )  # fmt: skip
     given = ",".join(f"arg={word}" for word in ("program", *words))
     return run(

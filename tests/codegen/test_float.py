@@ -16,6 +16,8 @@ from swimbladder.codegen.library import Library, make_library, write_library
 from swimbladder.codegen.pool import PoolOptions
 from swimbladder.codegen.pump_valve import board_law
 from swimbladder.codegen.safety import supervisor_parameters
+from swimbladder.codegen.twin import twin
+from swimbladder.control.law import Measurement
 from swimbladder.control.pump_valve import delivery, valve_rate
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor_records import Reason, Watched
@@ -29,8 +31,8 @@ from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Oil, Sensors, Supervisor
 from tests.codegen import chip, cortex
-from tests.codegen.build import STRICT, run
-from tests.codegen.laws import bits
+from tests.codegen.build import STRICT, Compiled, run
+from tests.codegen.laws import bits, flat, split
 from tests.codegen.test_library import ARDUINO, LibraryInC, _sketch
 from tests.codegen.test_supervised import VehicleInC, said_by
 
@@ -417,6 +419,58 @@ class TestTheCortexM:
             command = twin.tick(seen[n], asked[n])
             assert bits(*said) == bits(command, twin.state.rescue.reasons), n
         assert twin.reason is Reason.DEPTH_MISSING
+
+
+@pytest.mark.usefixtures("qemu")
+def test_a_board_without_arduino_runs_pump_and_valves(tmp_path):
+    """On an emulated Cortex-M3: what the log commands is what its pins were on for."""
+    made = library()
+    write_library(made, tmp_path)
+    board = tmp_path / "extras" / "board.c"
+    said = cortex.execute(made, tmp_path, "cortex-m3", cortex.HERE / "board.c", more=[board])
+    *lines, last = said.splitlines()
+    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+    log = sb.read_log(tmp_path / "log.csv")
+    assert np.all(np.diff(log.time) == 1.0)
+    rows = [line.split(",") for line in lines[1:]]
+    run = np.array([float(row[3]) for row in rows])
+    pump, valve, bypass, both = map(int, re.findall(r"\d+", last))
+    assert both == 0
+    assert valve == 0
+    assert pump == pytest.approx(1000.0 * run[run > 0.0].sum(), abs=1300)  # less the last tick's
+    assert bypass == pytest.approx(-1000.0 * run[run < 0.0].sum(), abs=20)
+    assert bypass > 10_000
+    assert rows[-1][1] == "nan"
+    assert rows[-1][-1] == "4"
+    assert run[-1] == 1.0
+    twin = chip.vehicle_twin(made)
+    for n, row in enumerate(rows):
+        seen = Watched(float(row[1]), math.nan, math.nan, math.nan, False, 0, 0)
+        assert float(twin.tick(seen, float(row[4]))) == pytest.approx(run[n], abs=5.1e-4), n
+
+
+def test_random_numbers_give_the_same_bits(gcc, tmp_path):  # noqa: ARG001
+    """Any parameters, state and depth, NaN, infinities and subnormals among them."""
+    made, rng = library(), np.random.default_rng(11)
+    law, compiled = twin(made.law), Compiled(made.law, tmp_path)
+    p = np.array(flat(made.parameters), "f4")
+    state = made.law.initial(made.parameters, Measurement(0.0, 9.0, math.nan), 60.0)
+    odd = np.array([np.nan, np.inf, -np.inf, -0.0, 1e-45, 3e38, 0.0, 1.0], "f4")
+    for n in range(900):
+        frame = np.r_[p, np.array(flat(state), "f4"), rng.uniform(-5.0, 90.0, 4).astype("f4")]
+        if n % 3 == 1:
+            frame = (frame * rng.uniform(0.5, 1.5, len(frame))).astype("f4")
+            at = rng.random(len(frame)) < 0.1
+            frame[at] = rng.choice(odd, at.sum())
+        elif n % 3 == 2:
+            frame = rng.integers(0, 2**32, len(frame), np.uint32).view("f4")
+        given, before, seen, reference = split(made.law, list(frame))
+        expected = law.step(given, before, seen, reference)
+        said = compiled.step(given, before, seen, reference)
+        assert bits(said[0], *flat(said[1]), said[2]) == bits(*flat(*expected)), n
+        first = compiled.initial(given, seen, reference)
+        assert bits(*flat(first)) == bits(*flat(law.initial(given, seen, reference)))
+        state = expected[1] if n % 3 == 0 else state
 
 
 @pytest.mark.usefixtures("cppcheck")

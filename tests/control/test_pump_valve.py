@@ -177,7 +177,9 @@ def test_the_volume_is_that_of_the_runs_or_the_one_measured():
 def test_the_clock_of_the_law_begins_anew_before_float32_runs_out_of_it():
     board = Board(0.0, every=600.0)
     board.ticks(1, 600.0)
-    board.state = board.state._replace(drive=board.state.drive._replace(clock=2.0**20))
+    board.state = board.state._replace(drive=board.state.drive._replace(clock=2.0**20 - 1.0))
+    board.ticks(1, 600.0)
+    assert board.state.drive.clock == 2.0**20
     board.ticks(1, 600.0)
     assert board.state.drive.clock == 1.0
     assert board.state.law.times == 1.0

@@ -229,6 +229,7 @@ def make_library(
         files |= {
             "src/swb_drive.h": _render("swb_drive.h.j2", facts),
             "src/swb_drive.c": _render("swb_drive.c.j2", facts),
+            "extras/board.c": _render("board.c.j2", facts),
         }
     if day is not None:
         procedure = write_c99(read_law(POOL))
