@@ -6,9 +6,16 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from swimbladder.cli import main
+from swimbladder.errors import InputError
+from swimbladder.io.casts import read_cast
+from swimbladder.io.config import load_vehicle
+from swimbladder.io.tables import write_csv
+from swimbladder.physics.seawater import cast_column
+from swimbladder.sim.faults import run_missions
 from swimbladder.sim.faults.mission_tables import MISSION_COLUMNS, TRACE_COLUMNS
 from tests.codegen.conftest import gcc
 from tests.quoted import numbers
@@ -89,6 +96,31 @@ def test_without_a_compiler_one_line_says_what_to_install(capsys, tmp_path, monk
 def test_what_is_refused_names_the_option(capsys, tmp_path, options, said):
     assert main([*FEW, *options, "--out", str(tmp_path / "out")]) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("gcc")
+def test_missions_are_flown_in_the_water_of_a_cast(capsys, tmp_path):
+    """In layers; a water that ends above the missions is refused, by Python too."""
+    cast, depth = tmp_path / "lake.csv", np.arange(0.0, 8.1, 0.25)
+    warm = 8.0 + 14.0 / (1.0 + np.exp((depth - 4.0) / 0.4))
+    write_csv(cast, {"pressure_dbar": depth, "temperature_degC": warm, "salinity": 0.0 * depth})
+    lake = ["--cast", str(cast), "--latitude", "45", "--column", "pressure_dbar=pressure_dbar@dbar"]
+    words = ["faults", "feup-em", "--missions", "8", "--healthy", "2", *lake]
+    shallow = ["--depth", "1:5 m"]
+    out = ["--out", str(tmp_path / "o"), "--json"]
+    assert main([*words, *shallow, *out]) in (0, 1)
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["water"] == "lake.csv"
+    assert main(["faults", "feup-em", "--mission", "3", *shallow, *out]) == 0
+    plain = json.loads(capsys.readouterr().out)
+    assert plain["water"] is None
+    assert main([*words, "--mission", "3", *shallow, *out]) == 0
+    assert json.loads(capsys.readouterr().out)["faults"] == plain["faults"]
+    column = cast_column(read_cast(cast, latitude=45.0), step=0.1)
+    with pytest.raises(InputError) as refused:
+        run_missions(load_vehicle("feup-em"), missions=2, column=column)
+    assert main([*words, *out]) == 2
+    assert refused.value.what in json.loads(capsys.readouterr().out)["error"]
 
 
 @pytest.mark.usefixtures("gcc")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swimbladder.cli.casts import CastFile, CastReading, water_of_cast
 from swimbladder.cli.common import compile_notice, kept, output, progress
 from swimbladder.cli.options import Files, Options, grouped
 from swimbladder.errors import InputError, NoAnswerError
@@ -44,6 +45,8 @@ def faults(
     vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
     *,
     missions: Missions,
+    cast: CastFile = None,
+    reading: CastReading,
     mission: Annotated[
         str | None,
         typer.Option(metavar="N", help="Fly this one again, with its trajectory; hN: healthy."),
@@ -51,6 +54,8 @@ def faults(
     to: Files,
 ) -> None:
     """Fly the vehicle's own C through missions in which sensors, actuator or battery fail.
+
+    With --cast they are flown in that water; the C is that of the vehicle's file.
 
     The controller and its supervisor are compiled on this machine and flown against the plant.
     Exit code 1: a recoverable mission was lost (full buoyancy 60 s after fault onset would have
@@ -60,6 +65,8 @@ def faults(
     from swimbladder.io.files import check_place, unfinished
 
     v, asked = load_vehicle(vehicle, sampled=True), missions.read()
+    reach = None if asked["depths"] is None else asked["depths"][1]
+    asked["column"] = water_of_cast(reading.casts(cast), reach, v.hull.depth_limit)
     check_place(to.out)
     if mission is not None:
         _one(v, mission, asked, to)
@@ -92,7 +99,7 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
     with compile_notice(), progress("flying the mission"):
         flown = fly_one(
             vehicle, int(number), healthy=mission.startswith("h"), seed=asked["seed"],
-            depths=asked["depths"],
+            depths=asked["depths"], column=asked["column"],
         )  # fmt: skip
         files = write_one(flown, to.out)
 
@@ -110,12 +117,16 @@ def _print(flown: Campaign) -> None:
 
     course = flown.course
     assert course.vehicle.controller is not None
+    sea = "" if course.column is None else f" in the water of {course.water}"
     output.print(
-        f"{course.vehicle.name}, law {course.vehicle.controller.law}: {len(flown.faulty)} missions "
+        f"{course.vehicle.name}{sea}, law {course.vehicle.controller.law}: {len(flown.faulty)} "
+        "missions "
         f"with faults between {course.depths.least:.3g} and {course.depths.most:.3g} m "
         f"({course.depths.limit}), time limit {course.time_limit:.0f} s",
         soft_wrap=True,
     )
+    for remark in () if course.column is None else course.column.report:
+        output.print(f"cast: {remark}", soft_wrap=True)
     output.print("")
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for heading in (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from swimbladder.io.config import load_vehicle
-from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.faults.draw import Mission, course_of
 from swimbladder.sim.faults.fault_campaign import FaultCampaign
 from swimbladder.sim.faults.mission_records import TRACE, Condition, FaultRow
@@ -46,12 +46,13 @@ class Rig:
         turns: (tick, depth asked for [m]), in place of `target`.
         """
         turns = turns or ((0.0, depth if target is None else target),)
-        p = plant(self.vehicle, bottom_depth=bottom)
+        medium = self.course.medium
+        p = medium.plant._replace(z_bottom=bottom)
         if supply is not None:
             p = p._replace(supply=supply)
         quiet = Condition(
             end=ticks, tick=self.tick, start_depth=depth,
-            start_volume=self.vehicle.neutral_volume(depth) if volume is None else volume,
+            start_volume=medium.neutral_volume(depth) if volume is None else volume,
             depth_noise=0.0, depth_quantum=0.0, volume_noise=0.0, volume_quantum=0.0,
             battery_noise=0.0, ramp=1e9, drift=0.0, swell=0.0, swell_omega=1.0, swell_phase=0.0,
             gravity=9.80665, leak_input=math.inf, brown_out=0.0, boot=7, band=1.0, rated=math.inf,
@@ -68,6 +69,7 @@ class Rig:
             turns=np.array([tick for tick, _ in turns]),
             depths=np.array([asked for _, asked in turns]),
             onset=math.inf,
+            layers=medium.layers,
         )
         assert len(p) == len(Plant._fields)
         result, rows = self.campaign.traced(mission, who, how)
@@ -80,11 +82,11 @@ def rig_of(request):
     request.getfixturevalue("gcc")
     made, boards = {}, []
 
-    def get(asked, depths=None):
+    def get(asked, depths=None, column=None):
         name = asked if isinstance(asked, str) else asked.name
         if name not in made:
             vehicle = load_vehicle(asked) if isinstance(asked, str) else asked
-            course = course_of(vehicle, depths)
+            course = course_of(vehicle, depths, column)
             boards.append(board_of(course))
             made[name] = Rig(vehicle, FaultCampaign(course, boards[-1]), course)
         return made[name]

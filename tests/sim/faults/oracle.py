@@ -44,6 +44,20 @@ class Drawn(Machine):
         return math.copysign(p.d_b * s + p.d_0 + p.d_t * s * s, w)
 
 
+class Layered(Machine):
+    """A machine in layered water: heavier by what that adds, pressure and loads `share` times."""
+
+    def __init__(self, vehicle, added, share, bottom=math.inf):
+        super().__init__(vehicle, bottom)
+        self.added, own = added, self.rho_g
+        self.rho_g, self.k_z, self.k_z_back, self.k_l = (
+            share * x for x in (own, self.k_z, self.k_z_back, self.k_l)
+        )
+
+    def weight(self, V, z):
+        return super().weight(V, z) + self.rho_g * self.added(z)
+
+
 class Faulty:
     """A machine under faults (kind, severity, second one, first tick, tick of the end)."""
 

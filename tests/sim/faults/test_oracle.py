@@ -10,11 +10,14 @@ from scipy import stats
 
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import Plant
+from swimbladder.physics.seawater import Column
 from swimbladder.sim.faults.kinds import KINDS, Fault, Range, draw_fault, kinds_of
 from swimbladder.sim.faults.mission_records import TRACE
 from swimbladder.sim.faults.single_mission import fly_one
+from tests.layered import SEA as SALT
+from tests.layered import added, density
 from tests.oracle import Machine
-from tests.sim.faults.oracle import COMPARED, Drawn, Faulty, follow
+from tests.sim.faults.oracle import COMPARED, Drawn, Faulty, Layered, follow
 
 ALWAYS = math.inf
 # A motor whose load does not depend on the direction; and one that stops where it turns, as all
@@ -101,6 +104,42 @@ def test_a_flight_in_swell_with_drift_and_a_leak_is_that_of_the_oracle(rig_of, n
         near=NEAR if name in ("feup-em", "leaky") else NEAR_TURNING,
     )  # fmt: skip
     assert np.ptp(flown["depth"]) > (0.05 if small else 1.0)
+
+
+def test_a_flight_in_the_layers_of_a_cast_is_that_of_the_oracle(rig_of):
+    """Through a halocline, where gravity is another than at home, while actuator and hull fail."""
+    vehicle = variant("layered", water={"density": SALT}, hull={"height": 0.4})
+    step, g = 0.001, 9.7
+    z = np.arange(0.0, 9.0, step)
+    column = Column(
+        depth=z, pressure=SALT * g * z, density=density(z), temperature=np.full_like(z, 8.0),
+        gravity=g, compressibility=vehicle.water.compressibility, source="halocline",
+    )  # fmt: skip
+    rig = rig_of(vehicle, (1.0, 6.0), column)
+    share, psi = g / vehicle.water.gravity, vehicle.hull.psi
+
+    def layers(depth):
+        return added(depth, vehicle) + (share - 1.0) * psi * depth
+
+    medium = rig.course.medium
+    assert medium.share == pytest.approx(share, rel=1e-12)
+    start = psi * 2.0 + vehicle.trim_error + layers(2.0)
+    assert medium.neutral_volume(2.0) == pytest.approx(start, abs=2e-12)
+    harms = (Fault.SLOW, 0.3, 0, 20, 150), (Fault.LEAK_SMALL, 2e-7, 0, 40, ALWAYS)
+    turns = ((0.0, 0.6), (130.0, 4.0))
+    _, flown = rig.fly(*harms, depth=2.0, turns=turns, ticks=300, **SEA)
+    assert flown["depth"].min() < 1.2 < 2.0 < flown["depth"].max()
+    faulty = Faulty(
+        Layered(vehicle, layers, share), vehicle, harms, tick=rig.tick, depth=2.0,
+        volume=start, **SEA,
+    )  # fmt: skip
+    # steps of fourth order from row to row of the table, where the rest of the plant is exact
+    near = NEAR | {"depth": 2e-5, "speed": 2e-5, "volume": 1e-10, "battery": 5e-6}
+    compare(flown, follow(faulty, flown), near=near)
+    # and where it would be without the layers is somewhere else
+    plain = Faulty(Layered(vehicle, lambda _: 0.0, share), vehicle, harms, tick=rig.tick, depth=2.0,
+                   volume=start, **SEA)  # fmt: skip
+    assert np.abs(follow(plain, flown)["depth"] - flown["depth"]).max() > 0.1
 
 
 @pytest.mark.parametrize("sea", ["swell", "drift"])

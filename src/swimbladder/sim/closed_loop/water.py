@@ -10,7 +10,7 @@ rho_mean g dV. So the engine's pressure is rho_mean g z, and the energy books st
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,6 +34,11 @@ class Medium:
     layers: Layers
     specific_weight: float  # N/m3, rho g
     misses: float  # -, of the specific weight down there, by which the cast's is off anywhere
+    share: float = 1.0  # -, of the specific weight of the vehicle's own water
+
+    def of(self, plant: Plant) -> Plant:
+        """Return another plant of the vehicle, that of its own water, in this water."""
+        return plant._replace(**{name: self.share * getattr(plant, name) for name in _WEIGHED})
 
     def neutral_volume(self, depth: float) -> float:
         """Return the volume at which the vehicle rests at a depth [m3]."""
@@ -69,12 +74,8 @@ def medium_of(
     mean = float(np.interp(down, depth, column.pressure)) / down
     within = column.density[depth <= down + column.step] * column.gravity
     share = mean / k_b
-    return Medium(
-        own._replace(**{name: share * getattr(own, name) for name in _WEIGHED}),
-        layers,
-        mean,
-        float(np.abs(within / mean - 1.0).max()),
-    )
+    medium = Medium(own, layers, mean, float(np.abs(within / mean - 1.0).max()), share)
+    return replace(medium, plant=medium.of(own))
 
 
 def check_reach(column: Column, reach: float) -> None:

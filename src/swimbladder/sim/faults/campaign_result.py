@@ -285,6 +285,7 @@ class Campaign:
         alarms, trials = len(self.false_alarms), len(self.healthy)
         return {
             "vehicle": self.course.vehicle.name,
+            "water": self.course.water,
             "law": self.course.vehicle.controller and self.course.vehicle.controller.law,
             "seed": self.seed,
             "missions": len(self.faulty),

@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.design.tuning.region import member, region, unknowns
 from swimbladder.errors import InputError
-from swimbladder.physics.dynamics import Plant, plant, terminal_speed
+from swimbladder.physics.dynamics import terminal_speed
+from swimbladder.physics.seawater import Column
+from swimbladder.physics.seawater.cast_unit import check_cast_unit
+from swimbladder.sim.closed_loop.checks import check_depths
+from swimbladder.sim.closed_loop.water import Medium, medium_of
+from swimbladder.sim.engine.layers import NO_LAYERS, Layers
 from swimbladder.sim.faults.kinds import Fault, draw_fault, kinds_of
 from swimbladder.sim.faults.mission_records import Condition, FaultRow
 from swimbladder.vehicle import Vehicle
@@ -63,6 +68,7 @@ class Mission:
     turns: Array  # ticks
     depths: Array  # m
     onset: float  # s, of the first fault; inf: none
+    layers: Layers = NO_LAYERS  # of the water
 
 
 class Course(NamedTuple):
@@ -74,6 +80,13 @@ class Course(NamedTuple):
     speed: float  # m/s, of full buoyancy half way up from the deepest
     ramp: float  # m/s, at which the depth asked for goes to a set-point
     end: float  # s
+    medium: Medium  # the vehicle in the water
+    column: Column | None  # the water; None: the vehicle's own
+
+    @property
+    def water(self) -> str | None:
+        """The water of a cast; None: the vehicle's own."""
+        return None if self.column is None else self.column.source
 
     @property
     def time_limit(self) -> float:
@@ -83,16 +96,31 @@ class Course(NamedTuple):
         return limit
 
 
-def course_of(vehicle: Vehicle, depths: tuple[float, float] | None) -> Course:
+def course_of(
+    vehicle: Vehicle, depths: tuple[float, float] | None, column: Column | None = None
+) -> Course:
     """Return what the missions of a vehicle have in common; depths [m] as asked for, or its own.
 
+    column: the water, the vehicle's own where not given; its supervisor is that of its file.
     The supervisor's time limit is the vehicle's, or leaves time for a way up from the deepest.
-    Raises InputError where the depths are not given and nothing limits them, or where the
-    supervisor would not let the vehicle go there.
+    Raises InputError where the depths are not given and nothing limits them, where the supervisor
+    would not let the vehicle go there, and where the water ends above or the stroke does not reach
+    the neutral volume in it.
     """
-    p = plant(vehicle)
-    where = _range_of(vehicle, p.z_surface + SHALLOWEST, depths)
-    speed = _rise_speed(p, where.most)
+    where = _range_of(vehicle, vehicle.hull.emergence_depth + SHALLOWEST, depths)
+    if column is not None and column.cast is not None:
+        check_cast_unit(column.cast, where.most, vehicle.hull.depth_limit)
+    medium = medium_of(vehicle, column, reach=where.most)
+    if column is not None:
+        try:
+            check_depths(vehicle, medium, setpoints=where[:2], start_depth=None)
+        except InputError as error:
+            raise InputError(
+                error.what, field="--depth", value=error.value, unit=error.unit,
+                remedy=error.remedy,
+            ) from None  # fmt: skip
+    p = medium.plant
+    speed = _rise_speed(medium, where.most)
     ramp = min(RAMP, speed / 5.0)
     way = where.most - p.z_surface - UP
     limit = vehicle.supervisor.time_limit
@@ -107,8 +135,9 @@ def course_of(vehicle: Vehicle, depths: tuple[float, float] | None) -> Course:
             remedy="Leave it out, give more, or ask for less --depth",
         )  # fmt: skip
     return Course(
-        vehicle, where, region(vehicle).neutral, speed, ramp, limit + SLACK + 3.0 * way / speed
-    )
+        vehicle, where, region(vehicle).neutral, speed, ramp, limit + SLACK + 3.0 * way / speed,
+        medium, column,
+    )  # fmt: skip
 
 
 def _range_of(vehicle: Vehicle, least: float, depths: tuple[float, float] | None) -> Range:
@@ -152,7 +181,7 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
     )
     assert vehicle.controller is not None
     tick = vehicle.controller.sample_time
-    p = _plant(vehicle, course.neutral, random)
+    p = _plant(course, random)
     turns, targets = _set_points(course.depths, p["z_surface"], random)
     if random.random() < 0.5:
         p["z_bottom"] = max(targets[:-1]) + random.uniform(1.0, 50.0)
@@ -176,7 +205,7 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
                 if math.isfinite(lasts)
                 else FaultRow(float(fault), first, second, begin)
             )
-    rest = p["psi"] * targets[0] + p["V_0"]
+    rest = p["psi"] * targets[0] + p["V_0"] + course.medium.layers.at(targets[0])
     condition = _condition(
         course, random, tick=tick, start=targets[0], V=rest,
         stay=STAY,
@@ -186,11 +215,13 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
         number=number, faults=faults, plant=np.array(list(p.values())), condition=condition,
         fault_rows=np.array(fault_rows, float).reshape(-1, len(FaultRow._fields)),
         turns=np.ceil(np.array(turns) / tick), depths=np.array(targets), onset=onset,
+        layers=course.medium.layers,
     )  # fmt: skip
 
 
-def _plant(vehicle: Vehicle, neutral: float, random: np.random.Generator) -> dict[str, float]:
+def _plant(course: Course, random: np.random.Generator) -> dict[str, float]:
     """Return a vehicle of the region, its trim within what is not known, its battery not full."""
+    vehicle = course.vehicle
     names, ball = unknowns(vehicle)
     n = len(names)
     if ball:
@@ -198,8 +229,8 @@ def _plant(vehicle: Vehicle, neutral: float, random: np.random.Generator) -> dic
         s *= random.random() ** (1.0 / n) / np.linalg.norm(s)
     else:
         s = random.uniform(-1.0, 1.0, n)
-    p = member(vehicle, s).plant._asdict()
-    p["V_0"] += random.uniform(-1.0, 1.0) * neutral
+    p = course.medium.of(member(vehicle, s).plant)._asdict()
+    p["V_0"] += random.uniform(-1.0, 1.0) * course.neutral
     p["supply"] *= random.uniform(LOW_SUPPLY, 1.0)
     return p
 
@@ -221,9 +252,10 @@ def _set_points(
     return [*times, DURATION], [*targets, surface + UP]
 
 
-def _rise_speed(p: Plant, depth: float) -> float:
+def _rise_speed(medium: Medium, depth: float) -> float:
     """Return the terminal speed [m/s] of full buoyancy half way up from a depth [m]."""
-    lift = p.V_max - p.V_0 - 0.5 * p.psi * depth
+    p = medium.plant
+    lift = p.V_max - p.V_0 - 0.5 * p.psi * depth - medium.layers.at(0.5 * depth)
     return terminal_speed(p, p.a_b * max(lift, 0.05 * (p.V_max - p.V_min)))
 
 
@@ -256,7 +288,8 @@ def _condition(
         battery_noise=0.005, ramp=course.ramp * tick,
         drift=random.uniform(-1.0, 1.0) * course.neutral / max(DRIFT, 0.5 * course.time_limit),
         swell=swell if rough else 0.0, swell_omega=2.0 * math.pi / period, swell_phase=phase,
-        gravity=vehicle.water.gravity, leak_input=threshold if has_input else math.inf,
+        gravity=(vehicle.water if course.column is None else course.column).gravity,
+        leak_input=threshold if has_input else math.inf,
         brown_out=BROWN_OUT * supply if vehicle.voltage_driven else 0.0,
         boot=math.ceil(BOOT / tick), band=BAND, rated=math.inf if limit is None else limit,
         stay=stay / tick, quiet_at=math.ceil(quiet / tick),

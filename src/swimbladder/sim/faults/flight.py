@@ -45,6 +45,7 @@ from swimbladder.sim.closed_loop.rows import (
 )
 from swimbladder.sim.engine.cache import inlined
 from swimbladder.sim.engine.chain import base_steps
+from swimbladder.sim.engine.layers import Layers, layered
 from swimbladder.sim.engine.modes import (
     KAPPA,
     MOVING_IN,
@@ -172,6 +173,7 @@ class Faults(NamedTuple):
     flight: Any  # a record of FLIGHT
     board: Board
     before: Any  # the board's memory at the begin of a tick
+    layers: Layers  # of the water
     late: Array  # depths seen before
     record: Array  # [ticks, len(Trace)] or no rows
 
@@ -195,7 +197,7 @@ def _leaking(fault_rows, k):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _filled(base, volume, lifting, z, afloat, before):  # type: ignore[no-untyped-def]
+def _filled(base, layers, volume, lifting, z, afloat, before):  # type: ignore[no-untyped-def]
     """Return 1 once a vehicle is heavy with all its volume [m3] out since it was at the surface.
 
     0: all out, and not heavy; -1: not all out, or not there. lifting [m3]: volume less the water.
@@ -207,7 +209,7 @@ def _filled(base, volume, lifting, z, afloat, before):  # type: ignore[no-untype
         return -1.0
     if afloat:
         return 0.0
-    if before == 0.0 and lifting < base[V_0] + base[PSI] * z:
+    if before == 0.0 and lifting < base[V_0] + base[PSI] * z + layered(layers, z)[0]:
         return 1.0
     return before
 
@@ -227,7 +229,9 @@ def _surfaced(faults, S, k):  # type: ignore[no-untyped-def]
     now.below = 0.0 if afloat else now.below + 1.0
     if afloat and quiet and math.isnan(result.up):
         result.up = k
-    result.filled = _filled(faults.flight.base, S[V] + S[LOST], S[V], z, afloat, result.filled)
+    result.filled = _filled(
+        faults.flight.base, faults.layers, S[V] + S[LOST], S[V], z, afloat, result.filled
+    )
     if not quiet or now.below > c.stay:  # one that came up fast bobs, and comes back sooner
         result.arrived = np.nan
     elif afloat and math.isnan(result.arrived):
@@ -432,10 +436,10 @@ def fly(
             depth_noise=c.depth_noise, depth_quantum=c.depth_quantum, volume_noise=c.volume_noise,
             volume_quantum=c.volume_quantum,
         ),
-        seeds=None, record=False, books=False, events=False,
+        seeds=None, record=False, books=False, events=False, layers=mission.layers,
     )  # fmt: skip
     block.parameters, block.loses = board, True
-    block.hooks = Faults(m, board, room.before, room.late, record)
+    block.hooks = Faults(m, board, room.before, mission.layers, room.late, record)
     work = block.work[:, 0]
     work[Row.APPLIED] = c.start_volume if p.positioner != 0.0 else 0.0
     work[Row.DRIFT], work[Row.SWELL] = c.drift, c.swell

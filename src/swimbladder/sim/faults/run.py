@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from swimbladder.control.registry import own_law
 from swimbladder.errors import InputError
 from swimbladder.jobs import Store, each
+from swimbladder.physics.seawater import Column
 from swimbladder.sim.engine.modes import SUPPLY, Z_BOTTOM
 from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED
 from swimbladder.sim.faults.campaign_result import FACTS, FAULT_COLUMNS, WIDTH, Campaign
@@ -34,15 +35,16 @@ def board_of(course: Course) -> Board:
 
 def run_missions(
     vehicle: Vehicle, *, missions: int = 100_000, healthy: int | None = None, seed: int = 1,
-    depths: tuple[float, float] | None = None, keep: Path | None = None,
-    advance: Callable[[float], None] = lambda _: None,
+    depths: tuple[float, float] | None = None, column: Column | None = None,
+    keep: Path | None = None, advance: Callable[[float], None] = lambda _: None,
 ) -> Campaign:  # fmt: skip
     """Fly missions with faults, and `healthy` ones without (a tenth as many); return what happened.
 
-    depths [m]: least and greatest. keep: a folder for what is done, so that a run that was killed
+    depths [m]: least and greatest. column: the water, the vehicle's own where not given. keep: a
+    folder for what is done, so that a run that was killed
     goes on there. advance: called with the share of the work that was done.
-    Raises InputError for a vehicle without a controller, for depths that it cannot hold, and where
-    there is no C compiler.
+    Raises InputError for a vehicle without a controller, for depths that it cannot hold, for water
+    that ends above them, and where there is no C compiler.
     """
     own_law(vehicle)
     if healthy is None:
@@ -55,7 +57,7 @@ def run_missions(
                 value=count,
                 remedy="Give some hundreds to try, 100000 to prove",
             )
-    course = course_of(vehicle, depths)
+    course = course_of(vehicle, depths, column)
     files = sources(course)
     with Board(files, (UNSUPERVISED, SUPERVISED, IDEAL)) as board:
         kept = Store(keep, course, seed, files)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor_records import Reason
+from swimbladder.physics.seawater import Column
 from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED
 from swimbladder.sim.faults.campaign_result import Outcome, outcomes
 from swimbladder.sim.faults.draw import Course, Mission, course_of, draw
@@ -94,6 +95,7 @@ class Flown:
         """Return what a program wants to know, in SI."""
         return {
             "vehicle": self.course.vehicle.name,
+            "water": self.course.water,
             "mission": self.mission.number,
             "healthy": self.healthy,
             "faults": [
@@ -113,14 +115,14 @@ class Flown:
 
 def fly_one(
     vehicle: Vehicle, number: int, *, healthy: bool = False, seed: int = 1,
-    depths: tuple[float, float] | None = None,
+    depths: tuple[float, float] | None = None, column: Column | None = None,
 ) -> Flown:  # fmt: skip
     """Return mission `number` of a seed, as a campaign flew it, with its trajectories.
 
     Raises InputError as `run_missions` does.
     """
     own_law(vehicle)
-    course = course_of(vehicle, depths)
+    course = course_of(vehicle, depths, column)
     mission = draw(course, seed=seed, number=number, healthy=healthy)
     ways = [(SUPERVISED, OWN), (UNSUPERVISED, OWN), (IDEAL, FULL)][: 2 if healthy else 3]
     with board_of(course) as board:
