@@ -8,7 +8,6 @@ COMMANDS = {
     "compare": ["LOG", "--vehicle"],
     "identify-actuator": ["LOG", "--vehicle"],
     "design-experiment": ["--pool-depth", "4 m"],
-    "tune": [],
     "plan": ["--step", "1:3"],
     "compare-laws": [],
     "faults": [],

@@ -25,12 +25,13 @@ class Design(Options):
     """What gains are sought."""
 
     law: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="LAW",
-            help="Name of a law (docs/reference/vehicle-file.md has all; a wrong one lists them).",
+            help="Name of a law (planned; of a pump and valve rate). "
+            "docs/reference/vehicle-file.md has all; a wrong one lists them.",
         ),
-    ] = "planned"
+    ] = None
     goal: Annotated[
         str,
         typer.Option(
@@ -43,7 +44,8 @@ class Design(Options):
         typer.Option("--depth", metavar="LEAST:MOST", help="Range of depths of the design."),
     ] = "0:10 m"
     step: Annotated[
-        str | None, typer.Option(metavar="FROM:TO", help="Step of the trials (1.5 m).")
+        str | None,
+        typer.Option(metavar="FROM:TO", help="Step of the trials (1.5 m; of a float all depths)."),
     ] = None
     sample_time: Annotated[
         str | None,
@@ -60,7 +62,8 @@ class Design(Options):
     hold: Annotated[
         str | None,
         typer.Option(
-            metavar="DEPTH", help="Allowed holding error, rms (quiet 9.5 mm, energy 5 cm)."
+            metavar="DEPTH",
+            help="Allowed holding error, rms (quiet 9.5 mm, energy 5 cm; of a float its band).",
         ),
     ] = None
     runs: Annotated[int, typer.Option(metavar="N", help="Runs of every trial.")] = 200
@@ -86,7 +89,7 @@ def tune(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
-    v = sensor.on(load_vehicle(vehicle, sampled=True))
+    v = sensor.on(load_vehicle(vehicle))
     options = design.read()
     reach = max(*options["depths"], *(options["step"] or ()))
     options["column"] = water_of_cast(reading.casts(cast), reach, v.hull.depth_limit)

@@ -29,14 +29,19 @@ run is shorter; the next decision sees that.
 from __future__ import annotations
 
 import math
+from itertools import product
 from typing import NamedTuple
 
 from swimbladder.control.law import Law, Measurement, Way
+from swimbladder.control.recipe import Recipe, Setting
+from swimbladder.errors import NoAnswerError
+from swimbladder.physics.dynamics import drag_per_mass, terminal_speed
 
 __all__ = [
     "RATE",
     "Decision",
     "RateParameters",
+    "RateSettings",
     "RateState",
     "approach_speed",
     "ascend",
@@ -46,6 +51,22 @@ __all__ = [
     "volume_change",
     "ways",
 ]
+
+_ROOM = 0.25  # of the stroke that is left, for a speed
+_DECISIONS = 1.5  # intervals between two decisions, that a zone is flown through in
+_RUN = 10.0  # s, least time to measure a speed in
+_FINEST = 1e-4  # m/s, step of a speed
+_GROWS = 0.5  # e-folds of an error between two decisions
+_HOLDS = 86400.0  # s, of a trial that is about holding
+# Tried for each goal: shares of the fastest speed, s of sleep, of what the band holds in volume.
+_SHARES = {"fast": (1.0, 0.75, 0.5), "quiet": (0.5, 0.25), "energy": (0.7, 0.4, 0.25)}
+_DEAD = {
+    "fast": (30.0, 60.0, 120.0),
+    "quiet": (60.0, 120.0, 300.0, 600.0),
+    "energy": (60.0, 300.0),
+}
+_STEPS = {"fast": (0.1,), "quiet": (0.05, 0.15, 0.4), "energy": (0.05, 0.2)}
+_BANDS = (0.5, 1.0)  # of the slow speed, that a speed may be off
 
 
 class RateParameters(NamedTuple):
@@ -211,6 +232,116 @@ def step(
     return 0.0, after, p.dead
 
 
+class RateSettings(NamedTuple):
+    """What the law is tuned with."""
+
+    speed: float  # m/s, far from the target
+    dead: float  # s
+    run: float  # s
+    tolerance: float  # m
+    slow: float  # m/s, next to the tolerance
+    band: float  # -, of the slow speed, that a speed may be off
+    step: float  # m/s
+    volume_step: float  # m3
+
+
+def gains(setting: Setting, chosen: RateSettings) -> RateParameters:
+    """Return the parameters: the coefficient from the drag at the speed, zones from its time.
+
+    Each zone is as wide as what is flown at its speed in two decisions, to see it and to act.
+    """
+    k, p = chosen, setting.plant
+    interval = k.dead + k.run
+    near_speed = min(max(2.0 * k.slow, 0.4 * k.speed), k.speed)
+    near = k.tolerance + _DECISIONS * near_speed * interval
+    return RateParameters(
+        coefficient=drag_per_mass(k.speed, p) / (p.a_b * k.speed * k.speed),
+        tolerance=k.tolerance,
+        near=near,
+        far=near + _DECISIONS * k.speed * interval,
+        slow_speed=k.slow,
+        near_speed=near_speed,
+        far_speed=k.speed,
+        ascent_speed=k.speed,
+        speed_band=k.band * k.slow,
+        speed_step=k.step,
+        volume_step=k.volume_step,
+        dead=k.dead,
+        run=k.run,
+        window=2.0 * interval,
+    )
+
+
+def fastest(setting: Setting) -> float:
+    """Return the speed [m/s] that a share of the stroke drives, as much as is left everywhere."""
+    assert setting.drive is not None  # a law of volume changes
+    p = setting.plant
+    return terminal_speed(p, p.a_b * _ROOM * setting.drive.room)
+
+
+def lasts(setting: Setting, way: float, goal: str) -> float:
+    """Return how long a trial over a way [m] lasts [s]: its last third is holding."""
+    arrives = way / (_SHARES[goal][-1] * fastest(setting)) + 3600.0
+    return max(1.6 * arrives, arrives + 7200.0 if goal == "fast" else _HOLDS)
+
+
+def candidates(setting: Setting, goal: str, held: float) -> list[RateSettings]:
+    """Return what is tried for a goal, `held` [m] being the tolerance.
+
+    Raises NoAnswerError where pump, stroke, sensor or band leave nothing, with what does.
+    """
+    drive, p = setting.drive, setting.plant
+    assert drive is not None  # a law of volume changes
+    found, why = [], ""
+    grows = math.sqrt(p.a_b * p.psi) if p.psi > 0.0 else 0.0
+    quantum = drive.tick * max(drive.rate_out, drive.rate_in)
+    holds = 2.0 * held * abs(p.psi)  # m3, that the band holds
+    for share, dead, band, part in product(_SHARES[goal], _DEAD[goal], _BANDS, _STEPS[goal]):
+        speed = share * fastest(setting)
+        c = drag_per_mass(speed, p) / (p.a_b * speed * speed)
+        runs = (2.0 * c * speed * speed + drive.start) / drive.rate_out
+        if runs > min(dead, drive.longest):
+            least = min(dead, drive.longest)
+            why = why or (
+                f"the pump needs {runs:.3g} s to turn {100.0 * speed:.3g} cm/s round, at "
+                f"{1e6 * drive.rate_out:.3g} cm3/s, and may run for {least:.3g} s"
+            )
+            continue
+        # The speed of a whole band in a decision; a speed stands out of noise over `run`.
+        slow = min(0.3 * speed, held / (dead + _RUN))
+        noise = math.sqrt(2.0) * setting.noise
+        run = max(_RUN, 5.0 * math.ceil(8.0 * noise / (band * slow) / 5.0))
+        slow = min(slow, held / (dead + run))
+        step = max(4.0 * noise / run, _FINEST)
+        if step > 0.5 * band * slow or run > 10.0 * dead:
+            why = (
+                f"with {1e3 * setting.noise:.3g} mm of noise a speed of {100.0 * slow:.2g} cm/s, "
+                f"which does not cross {2.0 * held:.3g} m between two decisions, is lost in it"
+            )
+            continue
+        volume_step = max(part * (holds or c * slow * slow), quantum)
+        volume_step = min(volume_step, max(c * slow * slow, quantum))
+        if 0.0 < holds < 2.0 * volume_step:
+            why = (
+                f"the least change of the volume, {1e6 * volume_step:.3g} cm3, moves the place of "
+                f"rest by {volume_step / abs(p.psi):.3g} m, and the band is {2.0 * held:.3g} m"
+            )
+            continue
+        if grows * (dead + run) > _GROWS:
+            why = (
+                f"the hull gives way so that errors grow e-fold in {1.0 / grows:.3g} s, and it "
+                f"decides every {dead + run:.3g} s"
+            )
+            continue
+        found.append(RateSettings(speed, dead, run, held, slow, band, step, volume_step))
+    if not found:
+        raise NoAnswerError(
+            f"no setting of the law 'rate' does it: {why}. A faster pump, a wider band (--hold), a "
+            "better depth sensor or a stiffer hull would help"
+        )
+    return found
+
+
 RATE = Law(
     name="rate",
     summary="pumps or bleeds once for a change of speed, k_dt w|w|/(rho g), and sleeps",
@@ -238,4 +369,12 @@ RATE = Law(
     band="tolerance",
     ways=ways,
     roundings=("speed_band", "speed_step", "volume_step"),
+    recipe=Recipe(
+        gains=gains,
+        candidates=candidates,
+        lasts=lasts,
+        held=10.0,
+        linear=False,
+        example=RateSettings(0.1, 60.0, 10.0, 10.0, 0.02, 1.0, 1e-3, 2e-7),
+    ),
 )

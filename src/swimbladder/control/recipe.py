@@ -9,7 +9,7 @@ takes matrices, in `motion`, which is loaded when gains are made.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,6 +20,7 @@ __all__ = [
     "FAST",
     "QUIET",
     "STROKE",
+    "Drive",
     "Grid",
     "Knobs",
     "Recipe",
@@ -62,6 +63,17 @@ class Knobs(NamedTuple):
     volts: float = 1.0
 
 
+class Drive(NamedTuple):
+    """A pump and valve over a range of depths, at their slowest."""
+
+    rate_out: float  # m3/s of the pump, with the least of the supply
+    rate_in: float  # m3/s of the valve
+    start: float  # m3 by which a start of the pump falls short
+    tick: float  # s, step of the time of a run
+    longest: float  # s, of a run of the pump
+    room: float  # m3 from the neutral volume to the nearer end of the stroke
+
+
 class Setting(NamedTuple):
     """The vehicle as the gains see it: nominal, with the least of the supply."""
 
@@ -72,6 +84,7 @@ class Setting(NamedTuple):
     neutral_range: float  # m3, how far the neutral volume may be from what is known
     least_move: float  # m3, below which a volume is not told from noise
     walk: float  # m3/s^0.5, intensity of the neutral volume's random walk
+    drive: Drive | None = None  # of a pump and valve
 
 
 class Grid(NamedTuple):
@@ -110,9 +123,17 @@ class Recipe:
     `motion.runaway`. bands: that go with either, in times of the depth error allowed. volts: shares
     of the supply, tried for energy. holds_best: no other law of its kind holds a depth more
     quietly. example: knobs with which the paper's vehicle shows all of the law, for tests.
+
+    A law of volume changes is tuned with numbers of its own. candidates: (vehicle's numbers, goal,
+    error of the depth allowed [m]) -> what is tried; NoAnswerError says what leaves nothing. lasts:
+    (vehicle's numbers, way [m], goal) -> how long a trial lasts [s]. held: error of the depth that
+    is allowed where nothing is said [m].
     """
 
-    gains: Callable[[Setting, Knobs], Any]
+    gains: Callable[[Setting, Any], Any]
+    candidates: Callable[[Setting, str, float], Sequence[Any]] | None = None
+    lasts: Callable[[Setting, float, str], float] | None = None
+    held: float = 0.0
     fast: Grid | None = None
     quiet: Grid | None = None
     linear: bool = True
@@ -123,7 +144,7 @@ class Recipe:
     bands: tuple[float, ...] = ()
     volts: tuple[float, ...] = (0.25, 0.5, 1.0)
     holds_best: bool = False
-    example: Knobs = _EXAMPLE
+    example: Any = _EXAMPLE
 
 
 def stiffness(p: Plant) -> tuple[float, float]:

@@ -99,7 +99,6 @@ def fly_floats(
         parameters=parameters,
         sample_time=asked.tick or _tick(parameters),
         keep="trajectory",
-        books=True,
         column=column,
     )
     time, command = data["time"].to_numpy(), data["command"].to_numpy()

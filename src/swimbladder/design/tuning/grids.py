@@ -14,7 +14,7 @@ from swimbladder.control.motion import off_in, runaway
 from swimbladder.control.recipe import Knobs, Recipe, Setting
 from swimbladder.design.tuning.trial import Trial
 
-__all__ = ["GOALS", "HELD", "goals_of", "grid", "options", "preference", "score"]
+__all__ = ["GOALS", "HELD", "float_score", "goals_of", "grid", "options", "preference", "score"]
 
 GOALS = ("fast", "quiet", "energy")
 # m rms, that a depth is held to where nothing is said: 1 cm less what 40 runs may be off, and 5 cm.
@@ -29,7 +29,7 @@ _MOVED = 0.45e-3 / 3600.0  # m3/s, that it may move meanwhile; then starts and t
 
 def goals_of(recipe: Recipe) -> tuple[str, ...]:
     """Return the goals that a law can be tuned for."""
-    return GOALS[1:] if recipe.fast is None else GOALS
+    return GOALS[1:] if recipe.fast is None and recipe.candidates is None else GOALS
 
 
 def grid(recipe: Recipe, goal: str, setting: Setting, held: float) -> Iterator[Knobs]:
@@ -99,3 +99,16 @@ def score(goal: str, t: Trial, held: float) -> tuple[float, ...]:
         return (off, t.energy)
     # A tenth of overshoot on the way there counts like a tenth more of starts.
     return (off, max(t.rate / _MOVED, 1.0), (t.starts + t.turns) * (1.0 + t.overshoot_95))
+
+
+def float_score(goal: str, t: Trial, held: float) -> tuple[float, ...]:
+    """Return what is to be small of a float: the time to its depth, what holding takes, or all.
+
+    Where no energy is known, what is moved counts in its place.
+    """
+    arrives = t.settle_95 if math.isfinite(t.settle_95) else 1e9
+    stays = (round(1.0 - t.settled, 2), max(t.rms / held, 1.0))
+    if goal == "fast":
+        return (*stays, round(20.0 * math.log(arrives)), t.starts)
+    power, energy = (t.power, t.energy) if math.isfinite(t.power) else (t.rate, t.rate)
+    return (*stays, energy) if goal == "energy" else (*stays, power, t.starts)

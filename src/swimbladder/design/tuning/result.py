@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from swimbladder.control.law import Law
-from swimbladder.control.recipe import Knobs, Setting
+from swimbladder.control.recipe import Setting
 from swimbladder.control.records import leaves
 from swimbladder.design.tuning.gains import gains
 from swimbladder.design.tuning.margins import Loop, Worst, decibels, loops
@@ -34,7 +34,7 @@ class Tuning:
     law: Law
     goal: str
     setting: Setting  # what the gains were made from
-    knobs: Knobs
+    knobs: Any
     parameters: Any
     margins: Worst | None  # None: a law without a linear form around rest
     nominal: Trial
@@ -49,6 +49,8 @@ class Tuning:
     held: float  # m rms, that holding a depth was allowed; 0: the goal is fast
     assumptions: tuple[str, ...]
     plants: tuple[Plant, ...]  # of the region, the nominal one first
+    radius: float = math.nan  # -, of a law of volume changes: largest eigenvalue over the region
+    band: float = 0.0  # m, likewise: within which a flight has arrived
 
     def loops(self) -> tuple[Loop, ...]:
         """Return the linear loops that the margins are of: none where there are no margins."""
@@ -70,6 +72,8 @@ class Tuning:
     @property
     def sentences(self) -> tuple[str, ...]:
         """What a person wants to know first."""
+        if self.law.ways is not None:
+            return self._float_sentences
         m, r, n = self.margins, self.region, self.nominal
         settled = (
             f"The step from {self.step.start:g} to {self.step.target:g} m settles to 2 % in "
@@ -114,6 +118,32 @@ class Tuning:
             )
         return tuple(sentences)
 
+    @property
+    def _float_sentences(self) -> tuple[str, ...]:
+        n, r = self.nominal, self.region
+        low, high = sorted((self.step.start, self.step.target))
+        sentences = [
+            f"Between {low:g} and {high:g} m it arrives within {self.band:.3g} m after "
+            f"{_hours(n.settle_median)} (median of {n.runs} flights of the nominal vehicle, half "
+            f"of them up), {_hours(r.settle_95)} in 95 % of {r.runs} flights over the region"
+            f"{self._low}; {100.0 * r.settled:.0f} % of these arrive and stay, overshoot "
+            f"{100.0 * r.overshoot_95:.1f} %.",
+            f"There it stays within {r.rms:.2g} m rms with {3600.0 * r.starts:.2g} starts of the "
+            f"pump and {3600.0 * r.turns:.2g} openings of the valve an hour, "
+            f"{3600e6 * r.rate:.2g} cm3 an hour.",
+        ]
+        if math.isfinite(r.energy):
+            sentences.append(
+                f"Pump and valve take {r.energy:.3g} J in the {self.step.duration / 3600.0:.3g} "
+                f"h of a flight and {3600.0 * r.power:.3g} J an hour while it holds (region, from "
+                "the battery's cells)."
+            )
+        sentences.append(
+            f"Over {len(self.plants)} vehicles of the region errors of the speed decay from one "
+            f"decision to the next: the largest eigenvalue has the modulus {self.radius:.3f}."
+        )
+        return tuple(sentences)
+
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON; None where a run never settles."""
         m = self.margins
@@ -142,6 +172,7 @@ class Tuning:
                 "disk": m.disk,
                 "vehicles": len(self.plants),
             },
+            **({} if math.isnan(self.radius) else {"decision_eigenvalue": self.radius}),
             "step": self.step._asdict(),
             "nominal": _trial(self.nominal),
             "region": _trial(self.region),
@@ -168,6 +199,10 @@ def _trial(t: Trial) -> dict[str, Any]:
 
 def _or_none(x: float) -> float | None:
     return x if math.isfinite(x) else None
+
+
+def _hours(x: float) -> str:
+    return f"{x / 3600.0:.3g} h" if math.isfinite(x) else "more than the time watched"
 
 
 def _seconds(x: float) -> str:

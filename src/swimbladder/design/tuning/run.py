@@ -4,28 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from swimbladder.control.law import Law
 from swimbladder.control.records import leaves
-from swimbladder.control.registry import check_command, own_law
+from swimbladder.control.registry import bind, check_command, own_law
 from swimbladder.design.linear.depths import stall
+from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
 from swimbladder.design.tuning.energy import winding
+from swimbladder.design.tuning.float_trial import Drawn, arrival_band, float_traces
 from swimbladder.design.tuning.gains import recipe_of, setting_of, tunable, tunable_names
 from swimbladder.design.tuning.grids import GOALS, HELD, goals_of
+from swimbladder.design.tuning.knobs import with_supply
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.result import Tuning
 from swimbladder.design.tuning.search import search
 from swimbladder.design.tuning.trial import Step, traces
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.physics.actuator import refuse_pump_and_valve
-from swimbladder.physics.dynamics import plant
+from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.layers import Layers
-from swimbladder.vehicle import Controller, Vehicle
+from swimbladder.vehicle import Controller, DatasheetPump, PumpAndValve, Vehicle
 
 __all__ = ["GOALS", "tune"]
 
@@ -38,7 +42,7 @@ _ASKED = "(--depth, --step)"
 
 
 def tune(
-    vehicle: Vehicle, *, law: str = "planned", goal: str = "fast",
+    vehicle: Vehicle, *, law: str | None = None, goal: str = "fast",
     depths: tuple[float, float] = (0.0, 10.0), sample_time: float | None = None,
     delay: float = 0.1, supply: float | None = None, step: tuple[float, float] | None = None,
     hold: float | None = None, runs: int = 200, column: Column | None = None,
@@ -46,28 +50,32 @@ def tune(
 ) -> Tuning:  # fmt: skip
     """Return the gains of a law for this vehicle and goal, with what they guarantee.
 
-    law: the name of one that has a recipe. goal: fast (a step soon
-    settled), quiet (little volume moved and few starts of the motor while a depth is held) or
-    energy (least electrical energy for a step and holding). depths: least and greatest [m].
+    law: the name of one that has a recipe; planned where not given, rate for a pump and valve.
+    goal: fast (a step soon settled), quiet (little volume moved and few starts of the motor while a
+    depth is held; of a pump and valve least power) or energy (least electrical energy for a step
+    and holding). depths: least and greatest [m].
     sample_time [s]: the controller's where not given. delay: from a sample to its command, as a
     share of the sample time. supply [V]: the least; nine tenths of the vehicle's where not given.
-    step: depths [m] of the trial, 1.5 m within the range where not given. hold [m rms]: error
-    allowed to a quiet law (9.5 mm) or one that saves energy (5 cm). advance: told the share of the
+    step: depths [m] of the trial, 1.5 m within the range where not given, of a pump and valve the
+    whole range. hold [m rms]: error allowed to a quiet law (9.5 mm) or one that saves energy (5
+    cm); of a pump and valve the tolerance, that of its law or 10 m. advance: told the share of the
     work done. column: the water that the trials are flown in and that stroke and neutral volume are
     held against; margins are those of the vehicle's own psi and density.
 
     Raises InputError for what cannot be; NoAnswerError where no gains hold this vehicle, with what
     limits them, or where the energy of its motor is not known.
     """
+    pumped = isinstance(vehicle.actuator, PumpAndValve)
+    law = law or ("rate" if pumped else "planned")
     chosen = tunable(law)
     _check(vehicle, law, goal, depths, delay, runs, hold)
     h = _sample_time(vehicle, sample_time)
     vehicle, sensor = _with_noise(vehicle)
-    p = plant(vehicle)
-    if supply is not None and not vehicle.voltage_driven:
+    p = _supplied(vehicle)
+    if supply is not None and math.isinf(p.supply):
         raise InputError(
-            "a positioner has a supply of its own", field="--supply", value=supply, unit="V",
-            remedy="Leave it out",
+            f"a {'power law of a pump' if pumped else 'positioner'} has a supply of its own",
+            field="--supply", value=supply, unit="V", remedy="Leave it out",
         )  # fmt: skip
     least = _LOW * p.supply if supply is None else supply
     if not 0.0 < least <= p.supply:
@@ -76,17 +84,23 @@ def tune(
             value=least, unit="V", remedy=f"Give more than 0 V, and up to {p.supply:g} V",
         )  # fmt: skip
     around = region(vehicle)
-    ends = _step(depths, step)
+    ends = depths if pumped and step is None else _step(depths, step)
     judged = tuple(sorted({*depths, *ends}))
     layers = medium_of(vehicle, column, reach=judged[-1]).layers
     off = layers.along(np.linspace(judged[0], judged[-1], _ROWS))
     _check_reach(vehicle, judged, least, around, layers)
     setting = setting_of(
         vehicle, sample_time=h, supply=least,
-        neutral_range=max(10.0 * around.neutral, 20e-6) + float(np.abs(off).max()),
+        neutral_range=(around.neutral if pumped else max(10.0 * around.neutral, 20e-6))
+        + float(np.abs(off).max()),
+        depths=judged,
     )  # fmt: skip
-    held = HELD.get(goal, 0.0) if hold is None else hold
-    long = _WATCH if goal != "fast" else _watched(vehicle, least, abs(ends[1] - ends[0]), h)
+    held, long = _held(vehicle, chosen, goal, hold), _WATCH
+    recipe = recipe_of(law)
+    if recipe.lasts is not None:
+        long = recipe.lasts(setting, abs(ends[1] - ends[0]), goal)
+    elif goal == "fast":
+        long = _watched(vehicle, least, abs(ends[1] - ends[0]), h)
     watched = Step(*ends, long)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         found = search(
@@ -98,12 +112,18 @@ def tune(
         law=law, sample_time=h,
         parameters={n: v for n, v in leaves(numbers).items() if n != "S_p"},
     )  # fmt: skip
-    shown = (
-        traces(vehicle, chosen, numbers, watched, sample_time=h, region=None, runs=_SHOWN[0],
-               supply=None, column=column),
-        traces(vehicle, chosen, numbers, watched, sample_time=h, region=around, runs=_SHOWN[1],
-               supply=least),
-    )  # fmt: skip
+    if pumped:
+        flown = partial(float_traces, vehicle, chosen, numbers, watched)
+        shown = (
+            flown(Drawn(_SHOWN[0], column=column)),
+            flown(Drawn(_SHOWN[1], around, least, column)),
+        )
+    else:
+        stepped = partial(traces, vehicle, chosen, numbers, watched, sample_time=h, column=column)
+        shown = (
+            stepped(region=None, runs=_SHOWN[0], supply=None),
+            stepped(region=around, runs=_SHOWN[1], supply=least),
+        )
     origin = f"tuned for {goal}, {depths[0]:g} to {depths[1]:g} m"
     return Tuning(
         vehicle=vehicle.model_copy(
@@ -115,7 +135,8 @@ def tune(
         law=chosen, goal=goal, setting=setting, knobs=found.knobs, parameters=numbers,
         margins=found.margins, nominal=found.nominal, region=found.region, shown=shown,
         step=watched, sample_time=h, delay=delay * h, depths=depths, judged=judged, supply=least,
-        held=held,
+        held=held, radius=found.radius,
+        band=arrival_band(chosen, numbers, watched) if pumped else 0.0,
         assumptions=(
             *around.words,
             sensor,
@@ -123,8 +144,8 @@ def tune(
             *_in_water(column, off),
             f"the supply falls to {least:.3g} V"
             if math.isfinite(least)
-            else f"the positioner moves {1e6 * p.rate:.3g} cm3/s",
-            f"a command comes {1e3 * delay * h:.3g} ms after its sample",
+            else f"the {'pump' if pumped else 'positioner'} moves {1e6 * p.rate:.3g} cm3/s",
+            *(() if pumped else (f"a command comes {1e3 * delay * h:.3g} ms after its sample",)),
         ),
         plants=around.plants,
     )  # fmt: skip
@@ -134,9 +155,8 @@ def _check(
     vehicle: Vehicle, law: str, goal: str, depths: tuple[float, float], delay: float, runs: int,
     hold: float | None,
 ) -> None:  # fmt: skip
-    refuse_pump_and_valve(vehicle.actuator)
     if vehicle.controller is not None:
-        own_law(vehicle)
+        own_law(vehicle, sampled=False)
     check_command(tunable(law), vehicle, field="--law", among=tunable_names())
     if goal not in GOALS:
         raise InputError(
@@ -147,12 +167,14 @@ def _check(
             f"the law {law} is not tuned for this", field="--goal", value=goal,
             remedy=f"Choose from {', '.join(goals_of(recipe_of(law)))}, or another law",
         )  # fmt: skip
-    if hold is not None and (goal == "fast" or not 0.0 < hold < math.inf):
+    pumped = isinstance(vehicle.actuator, PumpAndValve)
+    allowed = goal != "fast" or pumped
+    if hold is not None and not (allowed and 0.0 < hold < math.inf):
         raise InputError(
             "an error that is allowed is above 0, and for quiet and energy", field="--hold",
             value=hold, unit="m", remedy='Give something like "1 cm" with --goal quiet',
         )  # fmt: skip
-    if goal == "energy" and winding(vehicle) is None:
+    if goal == "energy" and not pumped and winding(vehicle) is None:
         raise NoAnswerError(
             f"the energy that {vehicle.name!r} takes is not known: its actuator of the kind "
             f"{vehicle.actuator.kind!r} has no winding resistance R and no torque constant k_T. "
@@ -171,6 +193,28 @@ def _check(
         )  # fmt: skip
     if runs < 20:
         raise InputError("too few runs to tell", field="--runs", value=runs, remedy="Give 20")
+
+
+def _supplied(vehicle: Vehicle) -> Plant:
+    """Return the plant, of a pump and valve with the supply of its pump, where it needs one."""
+    p = plant(moved_by_volume(vehicle))
+    a = vehicle.actuator
+    if isinstance(a, PumpAndValve) and isinstance(a.pump, DatasheetPump) and vehicle.supply:
+        return p._replace(supply=vehicle.supply.voltage)
+    return p
+
+
+def _held(vehicle: Vehicle, law: Law, goal: str, given: float | None) -> float:
+    """Return the error of the depth that is allowed [m]."""
+    if given is not None:
+        return given
+    assert law.recipe is not None  # tunable
+    if law.recipe.held == 0.0:
+        return HELD.get(goal, 0.0)
+    own = vehicle.controller
+    if own is not None and own.law == law.name:
+        return float(leaves(bind(own)[1])[law.band])
+    return law.recipe.held
 
 
 def _with_noise(vehicle: Vehicle) -> tuple[Vehicle, str]:
@@ -227,6 +271,16 @@ def _check_reach(
                 f"{1e6 * high:.4g} cm3, beyond its stroke of {1e6 * stroke.minimum:g} to "
                 f"{1e6 * stroke.maximum:g} cm3: no law holds all of these vehicles there. {cure}"
             )
+    if isinstance(vehicle.actuator, PumpAndValve):
+        pump = pump_stall(with_supply(vehicle, supply), depth=deepest)
+        if pump.holding_depth <= deepest:
+            at = f"with {supply:.3g} V " if math.isfinite(supply) else ""
+            raise NoAnswerError(
+                f"{at}the pump presses out less than leaks back below {pump.holding_depth:.4g} m: "
+                f"no law brings the vehicle up from {deepest:g} m. It takes a stronger pump, a "
+                f"higher supply, or less depth {_ASKED}"
+            )
+        return
     if not vehicle.voltage_driven:
         return
     p = plant(vehicle)._replace(supply=supply)

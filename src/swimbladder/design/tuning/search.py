@@ -7,13 +7,19 @@ margins, and the first few of these are tried, with few runs while they are comp
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from swimbladder.control.recipe import Knobs, Setting
 from swimbladder.design.linear.models import StateSpace
+from swimbladder.design.linear.pump_valve import drive_rates
+from swimbladder.design.tuning.decisions import largest_radius, rest_of
+from swimbladder.design.tuning.float_trial import Drawn, float_trial
 from swimbladder.design.tuning.gains import gains, recipe_of, tunable, tunable_names
-from swimbladder.design.tuning.grids import grid, options, preference, score
+from swimbladder.design.tuning.grids import float_score, grid, options, preference, score
+from swimbladder.design.tuning.knobs import with_supply
 from swimbladder.design.tuning.margins import (
     WANTED,
     Worst,
@@ -23,7 +29,7 @@ from swimbladder.design.tuning.margins import (
     roughly,
     worst,
 )
-from swimbladder.design.tuning.region import Region
+from swimbladder.design.tuning.region import Member, Region
 from swimbladder.design.tuning.trial import Step, Trial, trial
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.seawater import Column
@@ -40,17 +46,24 @@ _FINAL = 3  # options of a law that rests, whose band is fitted to the error tha
 _FITTED = 3  # times, each with as many runs as are told of
 _SLACK = 0.97  # of the margins: the linear form is that of differences
 _AWAY = 0.3  # of a step, off which its end counts as not brought there
+_FLIGHTS = {"fast": 20, "quiet": 40, "energy": 20}  # of floats while they are compared
+_AGAIN = 4  # best of them, compared with all flights: what happens while they hold is rare
+_ARRIVE = 0.8  # share of flights that have to arrive and stay
 _LOST = 2.0  # times the error allowed, that is no holding any more
 
 
 class Found(NamedTuple):
-    """Knobs with what they give; margins: None for a law that has none."""
+    """Knobs with what they give; margins: None for a law that has none.
 
-    knobs: Knobs
+    radius: largest eigenvalue's modulus over the region from decision to decision; nan: has none.
+    """
+
+    knobs: Any
     parameters: Any
     margins: Worst | None
     nominal: Trial
     region: Trial
+    radius: float = math.nan
 
 
 class _Search:
@@ -121,6 +134,10 @@ def search(
     Raises NoAnswerError where no knobs have the margins, with the one that is farthest from them,
     or where none holds the vehicle.
     """
+    if recipe_of(name).candidates is not None:
+        drawn = Drawn(runs, region, setting.limit, column)
+        asked = _Asked(goal, held, tuple(depths), step, drawn)
+        return _search_floats(name, vehicle, setting, asked, advance or (lambda _: None))
     law, recipe, h = tunable(name), recipe_of(name), setting.sample_time
     tell = advance or (lambda _: None)
     look = _Search(name, setting, region, depths, delay, tell)
@@ -189,6 +206,74 @@ def search(
         f"{h:g} s: {nearest}. A shorter sample time, a faster motor or parameters known better "
         "would help"
     )
+
+
+class _Asked(NamedTuple):
+    """What a float is to do, and which floats."""
+
+    goal: str
+    held: float  # m
+    depths: tuple[float, ...]  # m
+    step: Step
+    drawn: Drawn
+
+
+def _search_floats(
+    name: str, vehicle: Vehicle, setting: Setting, asked: _Asked, advance: Callable[[float], None]
+) -> Found:
+    """Return the best setting of a law of volume changes: stable over the region, then flown."""
+    law, recipe = tunable(name), recipe_of(name)
+    goal, held, depths, step, drawn = asked
+    region = drawn.region
+    assert region is not None  # search
+    assert recipe.candidates is not None
+    rates = drive_rates(with_supply(vehicle, setting.limit), depths)
+    members = [Member(p, {}, drive) for p, drive in zip(region.plants, region.drives, strict=True)]
+    kept: list[tuple[float, Any, Any]] = []
+    least, unheld = math.inf, ""
+    every = recipe.candidates(setting, goal, held)
+    for chosen in every:
+        numbers = recipe.gains(setting, chosen)
+        radius = largest_radius(vehicle, law, numbers, members, rates)
+        rest = rest_of(vehicle, law, numbers, rates)
+        if not rest.held:
+            unheld = f"at rest the best goes {rest.band:.3g} m between two decisions"
+        elif radius < 1.0:
+            kept.append((radius, chosen, numbers))
+        least = min(least, radius)
+        advance(0.2 / len(every))
+    if not kept:
+        why = unheld if least < 1.0 else f"the smallest eigenvalue has the modulus {least:.3g}"
+        raise NoAnswerError(
+            f"no setting of the law {name!r} is stable from decision to decision over the region: "
+            f"{why}. Parameters known better, a wider band (--hold) or a faster pump would help"
+        )
+
+    tried = partial(float_trial, vehicle, law)
+    few = drawn._replace(runs=min(drawn.runs, _FLIGHTS[goal]))
+
+    scored = []
+    for radius, chosen, numbers in kept:
+        seen = tried(numbers, step, few)
+        scored.append((float_score(goal, seen, held), radius, chosen, numbers))
+        advance(0.5 / len(kept))
+    scored.sort(key=lambda one: one[0])
+    final = []
+    for _, radius, chosen, numbers in scored[: 1 if goal == "fast" else _AGAIN]:
+        over = tried(numbers, step, drawn)
+        final.append((float_score(goal, over, held), radius, chosen, numbers, over))
+    _, radius, chosen, numbers, over = min(final, key=lambda one: one[0])
+    span = abs(step.target - step.start)
+    if over.settled < _ARRIVE or not over.rms <= _LOST * held:
+        raise NoAnswerError(
+            f"no setting of the law {name!r} brings the float over {span:g} m and keeps it within "
+            f"{held:g} m over the region: of the best {100.0 * over.settled:.0f} % of {over.runs} "
+            f"flights arrive and stay in {step.duration / 3600.0:.3g} h, {over.rms:.3g} m rms. A "
+            "wider band (--hold), a faster pump, more stroke or parameters known better would help"
+        )
+    advance(0.3)
+    nominal = tried(numbers, step, drawn._replace(region=None, supply=math.inf))
+    return Found(chosen, numbers, None, nominal, over, radius)
 
 
 def _spread(kept: list[tuple[float, Knobs]]) -> list[tuple[float, Knobs]]:

@@ -49,12 +49,16 @@ def draw_tuning(tuning: Tuning) -> Figure:
         ):  # fmt: skip
             lines = axes.plot(traces.time[kept], values[kept], color=color, lw=width, alpha=alpha)
             lines[0].set_label(label)
-    band = 0.02 * abs(step.target - step.start)
-    depth.axhspan(step.target - band, step.target + band, color=GREY, alpha=0.25, lw=0.0)
-    depth.axhline(step.target, color=BLACK, lw=0.8, ls="--", label="set-point, 2 % band")
-    limit = tuning.vehicle.supply
+    band = tuning.band or 0.02 * abs(step.target - step.start)
+    size = f"{band:.3g} m" if tuning.band else "2 %"
+    # Of floats one half goes the other way.
+    for goal in (step.start, step.target)[0 if tuning.band else 1 :]:
+        depth.axhspan(goal - band, goal + band, color=GREY, alpha=0.25, lw=0.0)
+        depth.axhline(goal, color=BLACK, lw=0.8, ls="--")
+    depth.get_lines()[-1].set_label(f"set-point, {size} band")
+    limit = tuning.vehicle.supply if volts else None
     used = max(float(np.abs(traces.command).max()) for traces in tuning.shown)
-    if limit is not None and volts and used < _QUIET * limit.voltage:
+    if limit is not None and used < _QUIET * limit.voltage:
         limit = None  # it would squeeze what is used to a line
     if limit is not None:
         for side in (-1.0, 1.0):
@@ -65,7 +69,8 @@ def draw_tuning(tuning: Tuning) -> Figure:
     depth.invert_yaxis()
     depth.set_ylabel("depth [m]")
     volume.set_ylabel("volume [cm³]")
-    voltage.set_ylabel("voltage [V]" if volts else "volume asked for [cm³]")
+    asked = "change asked for [cm³]" if tuning.band else "volume asked for [cm³]"
+    voltage.set_ylabel("voltage [V]" if volts else asked)
     voltage.set_xlabel("time since the set-point changed [s]")
     depth.legend(loc="best")
     if limit is not None:

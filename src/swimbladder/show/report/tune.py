@@ -9,7 +9,6 @@ from pathlib import Path
 from swimbladder.control.records import leaves
 from swimbladder.design.tuning import Tuning
 from swimbladder.design.tuning.margins import WANTED
-from swimbladder.design.tuning.trial import Trial
 from swimbladder.io.files import publish, write_atomically
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.plots.style import save, svg_text
@@ -59,9 +58,9 @@ def _page(found: Tuning, images: Mapping[str, str], command: str) -> str:
         "found": found,
         "images": images,
         "command": command,
-        "trials": _trials(found.nominal, found.region),
+        "trials": _trials(found),
         "margins": _margins(found),
-        "rests": found.knobs.dead > 0.0 or found.knobs.pause > 0.0,
+        "rests": bool(found.margins and (found.knobs.dead or found.knobs.pause)),
         "depths": ", ".join(f"{z:g}" for z in found.judged),
         "parameters": [
             (name, f"{float(value) * unit_factor(unit, shown_unit(unit)):.5g}", shown_unit(unit))
@@ -72,27 +71,44 @@ def _page(found: Tuning, images: Mapping[str, str], command: str) -> str:
     return render("tune.html.j2", values)
 
 
-def _trials(nominal: Trial, region: Trial) -> list[tuple[str, str, str]]:
-    rows = [
-        ("runs", "{:d}", 1.0, "runs"),
-        ("settled within 2 %", "{:.0f} %", 100.0, "settled"),
-        ("settling, median", "{:.1f} s", 1.0, "settle_median"),
-        ("settling, 95 %", "{:.1f} s", 1.0, "settle_95"),
-        ("overshoot, median", "{:.1f} %", 100.0, "overshoot_median"),
-        ("overshoot, 95 %", "{:.1f} %", 100.0, "overshoot_95"),
-        ("held, rms", "{:.2g} mm", 1e3, "rms"),
-        ("volume moved while held", "{:.2g} L/h", 3.6e6, "rate"),
-        ("motor starts while held", "{:.0f}/h", 3600.0, "starts"),
-        ("energy of the motor in a run", "{:.3g} J", 1.0, "energy"),
-        ("power of the motor while held", "{:.3g} mW", 1e3, "power"),
-    ]
-    found = []
+def _trials(found: Tuning) -> list[tuple[str, str, str]]:
+    rows = _FLOAT_ROWS if found.band else _ROWS
+    table = []
     for label, form, factor, name in rows:
-        values = [float(getattr(t, name)) for t in (nominal, region)]
+        values = [float(getattr(t, name)) for t in (found.nominal, found.region)]
         if not (name in ("energy", "power") and math.isnan(values[0])):
             cells = [_cell(form, factor * value) for value in values]
-            found.append((label, cells[0], cells[1]))
-    return found
+            table.append((label.format(band=found.band), cells[0], cells[1]))
+    return table
+
+
+_ROWS = (
+    ("runs", "{:d}", 1.0, "runs"),
+    ("settled within 2 %", "{:.0f} %", 100.0, "settled"),
+    ("settling, median", "{:.1f} s", 1.0, "settle_median"),
+    ("settling, 95 %", "{:.1f} s", 1.0, "settle_95"),
+    ("overshoot, median", "{:.1f} %", 100.0, "overshoot_median"),
+    ("overshoot, 95 %", "{:.1f} %", 100.0, "overshoot_95"),
+    ("held, rms", "{:.2g} mm", 1e3, "rms"),
+    ("volume moved while held", "{:.2g} L/h", 3.6e6, "rate"),
+    ("motor starts while held", "{:.0f}/h", 3600.0, "starts"),
+    ("energy of the motor in a run", "{:.3g} J", 1.0, "energy"),
+    ("power of the motor while held", "{:.3g} mW", 1e3, "power"),
+)
+_FLOAT_ROWS = (
+    ("flights, half down and half up", "{:d}", 1.0, "runs"),
+    ("arrive within {band:.3g} m and stay", "{:.0f} %", 100.0, "settled"),
+    ("time to the depth, median", "{:.3g} h", 1.0 / 3600.0, "settle_median"),
+    ("time to the depth, 95 %", "{:.3g} h", 1.0 / 3600.0, "settle_95"),
+    ("overshoot, median", "{:.1f} %", 100.0, "overshoot_median"),
+    ("overshoot, 95 %", "{:.1f} %", 100.0, "overshoot_95"),
+    ("held, rms", "{:.2g} m", 1.0, "rms"),
+    ("volume moved while held", "{:.2g} cm3/h", 3600e6, "rate"),
+    ("starts of the pump while held", "{:.2g}/h", 3600.0, "starts"),
+    ("openings of the valve while held", "{:.2g}/h", 3600.0, "turns"),
+    ("energy of pump and valve in a flight", "{:.3g} J", 1.0, "energy"),
+    ("energy while held", "{:.3g} J/h", 3600.0, "power"),
+)
 
 
 def _cell(form: str, value: float) -> str:

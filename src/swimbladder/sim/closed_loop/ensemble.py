@@ -94,8 +94,8 @@ def simulate_ensemble(
     A float with pump and valve is flown by a law of volume changes, and surfaces where a set-point
     is 0; start_depth 0 is afloat with all volume out. ``vary`` takes the fields of Plant that are
     not of a motor, and ``pump`` and ``valve``: what these give over what the processor takes them
-    to. There are also ``pump_runs``, ``valve_runs`` and ``pumped``. A lane's steps are as long as
-    its motion lets: an hour costs about 1 ms.
+    to. There are also ``pump_runs``, ``valve_runs``, ``pumped`` and ``energy``. A lane's steps are
+    as long as its motion lets: an hour costs about 1 ms.
 
     ``stop`` holds the code of each lane's StopReason. Overshoot, rise and settling are those of
     the last set-point. Raises InputError for an unknown name, a wrong length or a start that the
@@ -151,7 +151,7 @@ def simulate_ensemble(
     data = _dataset(vehicle, chosen, clock, work, record)
     data.attrs["steps_per_sample"] = parts
     if model is not None:
-        _add_drive(data, sums, model, books=books)
+        _add_drive(data, sums, model)
     elif books:
         closed = [
             close_books(
@@ -255,10 +255,8 @@ class _Run:
         )
 
 
-def _add_drive(
-    data: xarray.Dataset, accounts: NDArray[np.float64], model: FloatModel, *, books: bool
-) -> None:
-    """Add what the drive of each float did, and with `books` its energy."""
+def _add_drive(data: xarray.Dataset, accounts: NDArray[np.float64], model: FloatModel) -> None:
+    """Add what the drive of each float did, and its energy."""
     a = FloatAccount
     for name, account, unit, what in (
         ("pump_runs", a.PUMP_RUNS, "1", "runs of the pump"),
@@ -266,12 +264,11 @@ def _add_drive(
         ("pumped", a.PUMPED, "m3", "volume pressed out"),
     ):
         data[name] = ("lane", accounts[:, account], {"units": unit, "long_name": what})
-    if books:
-        energy = accounts[:, [a.PUMP_ENERGY, a.VALVE_ENERGY, a.HOLDING_ENERGY]].sum(axis=1)
-        basis = "electrical energy of pump and valve"
-        if model.energy_unknown:
-            energy, basis = accounts[:, a.PUMP_WORK], "work of the pump on the water"
-        data["energy"] = ("lane", energy, {"units": "J", "long_name": basis})
+    energy = accounts[:, [a.PUMP_ENERGY, a.VALVE_ENERGY, a.HOLDING_ENERGY]].sum(axis=1)
+    basis = "electrical energy of pump and valve"
+    if model.energy_unknown:
+        energy, basis = accounts[:, a.PUMP_WORK], "work of the pump on the water"
+    data["energy"] = ("lane", energy, {"units": "J", "long_name": basis})
 
 
 def _dataset(

@@ -1,0 +1,213 @@
+"""Floats tuned over depths and region: better than what they had, and no where nothing does it."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from swimbladder import load_vehicle
+from swimbladder.cli import main
+from swimbladder.control.rate import candidates, gains
+from swimbladder.control.registry import bind
+from swimbladder.design.tuning import tune
+from swimbladder.design.tuning.float_flights import Asked, fly_floats
+from swimbladder.design.tuning.float_trial import Drawn, draw_floats, energy_of, float_trial
+from swimbladder.design.tuning.grids import float_score
+from swimbladder.design.tuning.knobs import setting_of
+from swimbladder.design.tuning.region import FLOATS, member, region
+from swimbladder.design.tuning.trial import Step, Trial
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.casts import read_cast
+from swimbladder.io.config import load_vehicle as load_file
+from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.physics.seawater import cast_column
+from swimbladder.vehicle.spread import Spread
+from tests.quoted import refused
+
+FLOAT = load_vehicle("example-float")
+LAW, OWN = bind(FLOAT.controller)
+DEPTHS = (100.0, 300.0)
+AROUND = region(FLOAT)
+
+
+def changed(where: str, **values):
+    part = getattr(FLOAT, where)
+    return FLOAT.model_copy(update={where: part.model_copy(update=values)})
+
+
+@pytest.fixture(scope="module")
+def fast():
+    return tune(FLOAT, depths=DEPTHS, runs=20)
+
+
+@pytest.fixture(scope="module")
+def sea(tmp_path_factory):
+    """A sea with a warm top, down to 700 dbar."""
+    path = tmp_path_factory.mktemp("sea") / "sea.csv"
+    p = np.arange(0.0, 700.0, 2.0)
+    rows = np.column_stack([p, 4.0 + 16.0 * np.exp(-p / 150.0), np.full_like(p, 35.0)])
+    head = "Pressure [dbar],Temperature (deg C),Salinity [PSU]"
+    np.savetxt(path, rows, delimiter=",", fmt="%.4f", header=head, comments="")
+    return path
+
+
+def test_the_fast_law_is_sooner_there_than_the_one_it_had(fast):
+    own = float_trial(FLOAT, LAW, OWN, fast.step, Drawn(20, AROUND, fast.supply))
+    assert fast.region.settled == 1.0
+    assert fast.region.settle_95 < 0.8 * own.settle_95
+    assert fast.region.rms < OWN.tolerance
+    assert 0.0 < fast.radius < 1.0
+    assert (fast.law.name, fast.depths, fast.step[:2]) == ("rate", DEPTHS, DEPTHS)
+
+
+def test_the_coefficient_is_that_of_the_drag(fast):
+    """k_dt/(rho g), whatever speed it is taken at: the drag is quadratic."""
+    k = FLOAT.drag.k_dt / FLOAT.water.specific_weight
+    assert fast.parameters.coefficient == pytest.approx(k, rel=1e-9)
+    assert fast.parameters.tolerance == OWN.tolerance
+    json = fast.to_json()
+    assert json["margins"] is None
+    assert json["decision_eigenvalue"] == fast.radius
+    assert json["parameters"]["far_speed"]["unit"] == "m/s"
+    assert json["knobs"]["speed"] == fast.parameters.far_speed
+
+
+def test_the_vehicle_is_one_that_other_commands_read(fast, tmp_path):
+    path = tmp_path / "tuned.toml"
+    path.write_text(vehicle_file(fast.vehicle), encoding="utf-8")
+    assert bind(load_file(path).controller)[1] == pytest.approx(fast.parameters)
+
+
+@pytest.mark.prove
+def test_a_quiet_law_takes_less_to_hold_than_the_one_it_had():
+    quiet = tune(FLOAT, goal="quiet", depths=(100.0, 1500.0), runs=60)
+    own = float_trial(FLOAT, LAW, OWN, quiet.step, Drawn(60, AROUND, quiet.supply))
+    assert quiet.region.power < 0.7 * own.power
+    assert quiet.region.starts < own.starts
+
+
+def test_each_goal_prefers_what_it_is_about():
+    base = Trial(20, 1.0, 3600.0, 4000.0, 0.0, 0.0, 5.0, 1e-10, 1e-4, 1e-4, 3000.0, 0.01)
+    sooner, calmer = base._replace(settle_95=3000.0), base._replace(power=0.005)
+    cheaper, lost = base._replace(energy=2000.0), base._replace(settled=0.5, power=0.0)
+    for goal, best in (("fast", sooner), ("quiet", calmer), ("energy", cheaper)):
+        every = (base, sooner, calmer, cheaper, lost)
+        assert min(every, key=lambda t: float_score(goal, t, 10.0)) is best
+    unknown = base._replace(energy=math.nan, power=math.nan)
+    assert float_score("quiet", unknown._replace(rate=1e-11), 10.0) < float_score(
+        "quiet", unknown, 10.0
+    )
+
+
+def test_the_energy_of_actions_is_that_of_the_ledger():
+    """Rates and powers at the depth of each action, against the loop's own integral."""
+    step = Step(*DEPTHS, 14400.0)
+    drawn = Drawn(4, None)
+    asked = Asked(targets=[300.0, 100.0], depths=[100.0, 300.0], duration=step.duration)
+    flown = fly_floats(FLOAT, LAW, OWN, asked)
+    for lane in range(2):
+        assert energy_of(FLOAT, flown, lane).sum() == pytest.approx(flown.energy[lane], rel=0.02)
+    found = float_trial(FLOAT, LAW, OWN, step, drawn)
+    assert found.energy == pytest.approx(flown.energy.mean(), rel=1e-6)
+
+
+def test_a_pump_that_gives_less_moves_less():
+    still = OWN._replace(speed_step=0.0, volume_step=0.0)
+    asked = Asked(targets=1500.0, depths=500.0, duration=60.0, tick=1.0)
+    whole, part = (
+        fly_floats(FLOAT, LAW, still, asked, vary={"valve": x}).volume[-1, 0] for x in (1.0, 0.6)
+    )
+    begin = FLOAT.neutral_volume(500.0)
+    assert (part - begin) / (whole - begin) == pytest.approx(0.6, rel=0.02)
+
+
+def test_floats_are_drawn_from_the_region():
+    drawn = draw_floats(FLOAT, Drawn(4000, AROUND))
+    usual = Spread()
+    far = math.sqrt(9.4877)  # 95 % of chi-square with 4 degrees of freedom
+    sigma = {"drag": usual.drag, "psi": usual.psi, "pump": usual.pump, "valve": usual.pump}
+    for name in FLOATS:
+        middle = FLOAT.hull.psi if name == "psi" else 1.0
+        off = np.abs(drawn[name] - middle) / sigma[name]
+        assert off.max() <= far * (1.0 + 1e-9)
+        assert drawn[name].mean() == pytest.approx(middle, abs=0.3 * sigma[name])
+    assert np.abs(drawn["V_0"] - FLOAT.trim_error).max() <= 2.0 * usual.trim
+    edge = member(FLOAT, np.array([1.0, 0.0, 0.0, 0.0]))
+    assert edge.shares["drag"] == pytest.approx(1.0 + far * usual.drag, rel=1e-4)
+    assert edge.plant.d_t == pytest.approx(AROUND.plants[0].d_t * edge.shares["drag"])
+
+
+def test_zones_are_flown_through_in_more_than_a_decision():
+    setting = setting_of(FLOAT, sample_time=1.0, supply=13.0, neutral_range=1e-5, depths=DEPTHS)
+    for goal in ("fast", "quiet", "energy"):
+        for chosen in candidates(setting, goal, 10.0):
+            q = gains(setting, chosen)
+            interval = q.dead + q.run
+            assert q.slow_speed * interval <= 2.0 * q.tolerance
+            assert q.near_speed * interval < q.near - q.tolerance + 1e-9
+            assert q.far_speed * interval < q.far - q.near + 1e-9
+            assert q.speed_band <= q.slow_speed
+
+
+def test_in_the_water_of_a_cast_it_is_flown_there(sea):
+    column = cast_column(read_cast(sea))
+    step = Step(*DEPTHS, 14400.0)
+    even, wet = (float_trial(FLOAT, LAW, OWN, step, Drawn(4, column=c)) for c in (None, column))
+    assert wet.energy != even.energy
+    assert wet.settled == 1.0
+    with refused(InputError, field="cast"):
+        tune(FLOAT, depths=(100.0, 900.0), runs=20, column=column)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "options", "words"),
+    [
+        (changed("supply", voltage=3.0), {"depths": (100.0, 1900.0)}, "leaks back"),
+        (FLOAT, {"depths": (100.0, 2500.0)}, "rated for 2000 m"),
+        (changed("stroke", minimum=-60e-6), {"depths": (100.0, 1900.0)}, "outside its stroke"),
+        (FLOAT, {"hold": 0.2}, "keeps it within 0.2 m"),
+        (changed("sensors", depth_noise=0.2), {"hold": 0.5}, "is lost in it"),
+        (changed("hull", psi=-4e-6), {"depths": (2.0, 40.0), "hold": 0.4}, "no setting"),
+        (changed("hull", psi=2e-6), {"depths": (2.0, 100.0)}, "hull gives way"),
+        (changed("actuator", longest_run=2.0), {}, "the pump needs"),
+    ],
+)
+def test_where_no_setting_does_it_the_answer_is_no_and_why(vehicle, options, words):
+    with pytest.raises(NoAnswerError) as told:
+        tune(vehicle, runs=20, **({"depths": DEPTHS} | options))
+    assert words in str(told.value)
+
+
+def test_what_does_not_go_together_is_refused():
+    with refused(InputError, field="--law"):
+        tune(FLOAT, law="planned", depths=DEPTHS)
+    with refused(InputError, field="--law"):
+        tune(load_vehicle("feup-em"), law="rate")
+    with refused(InputError, field="--hold"):
+        tune(FLOAT, depths=DEPTHS, hold=-1.0)
+    with refused(InputError, field="--supply"):
+        tune(FLOAT, depths=DEPTHS, supply=20.0)
+
+
+def test_the_command_tunes_a_float_in_a_cast_as_python_does(capsys, sea, tmp_path):
+    out = tmp_path / "out"
+    command = ["tune", "example-float", "--depth", "100:300 m", "--runs", "20", "--cast", str(sea)]
+    assert main([*command, "--out", str(out), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    names = {"vehicle.toml", "tune.html", "tune.json", "tune.png"}
+    assert {p.name for p in out.iterdir()} == names
+    found = tune(FLOAT, depths=DEPTHS, runs=20, column=cast_column(read_cast(sea)))
+    assert answer["region"] == pytest.approx(found.to_json()["region"], rel=1e-2)
+    page = (out / "tune.html").read_text(encoding="utf-8")
+    assert "time to the depth, 95 %" in page
+    assert "from one decision to the next" in page
+    assert bind(load_file(out / "vehicle.toml").controller)[1] == pytest.approx(
+        found.parameters, rel=1e-2
+    )
+
+
+def test_the_command_says_no_with_exit_code_1(capsys, tmp_path):
+    command = ["tune", "example-float", "--depth", "100:2500 m", "--out", str(tmp_path / "out")]
+    assert main(command) == 1
+    assert "rated for 2000 m" in capsys.readouterr().err
