@@ -29,8 +29,13 @@ class Asked(Options):
         str, typer.Option(metavar="SHARE", help="From sample to command, of a sample.")
     ] = "10 %"
     within: Annotated[
-        str, typer.Option(metavar="TIME", help="In which a disturbance is to be gone.")
-    ] = "600 s"
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="In which a disturbance is to be gone (600 s; of a float half as long again as "
+            "the way, and an hour).",
+        ),
+    ] = None
     cells: Annotated[int, typer.Option(metavar="N", help="Of a map, to a side.")] = 21
     voltage_quantum: Annotated[
         str, typer.Option(metavar="VOLTAGE", help="Step of the motor's driver (none).")
@@ -65,7 +70,7 @@ def stability(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place, publish, unfinished, write_atomically
 
-    v = load_vehicle(vehicle, sampled=True)
+    v = load_vehicle(vehicle)
     options = asked.given()
     options["maps"] = not options.pop("no_maps")
     check_place(to.out)
