@@ -104,7 +104,7 @@ def compare_laws(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place
 
-    v, assumed = sensor.assumed(load_vehicle(vehicle, sampled=True))
+    v, assumed = sensor.assumed(load_vehicle(vehicle, sampled=True, pumped=True))
     options = flights.read()
     reach = None if options["depths"] is None else options["depths"][1]
     options["column"] = water_of_cast(reading.casts(cast), reach, v.hull.depth_limit)
@@ -125,15 +125,15 @@ def compare_laws(
 
 def _list(vehicle: str | None, depths: tuple[float, float] | None, json: bool) -> None:
     """Print the scenarios, with the depths that a vehicle gives them where one is named."""
-    from swimbladder.design.law_comparison.scenarios import SCENARIOS, place, places
+    from swimbladder.design.law_comparison.scenarios import SCENARIOS, place, places, scenarios_of
+    from swimbladder.io.config import load_vehicle
 
-    shown: dict[str, dict[str, Any]] = {one.name: {"words": one.words} for one in SCENARIOS}
-    if vehicle is not None:
-        from swimbladder.io.config import load_vehicle
-
-        v = load_vehicle(vehicle, sampled=True)
+    v = None if vehicle is None else load_vehicle(vehicle, sampled=True, pumped=True)
+    flown = SCENARIOS if v is None else scenarios_of(v)
+    shown: dict[str, dict[str, Any]] = {one.name: {"words": one.words} for one in flown}
+    if v is not None:
         where = places(v, depths)
-        for one in SCENARIOS:
+        for one in flown:
             p = place(one, v, where)
             shown[one.name] |= {
                 "start_m": p.start, "target_m": p.target, "duration_s": p.duration,

@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.design.law_comparison.contenders import Contender
-from swimbladder.design.law_comparison.scenarios import Placed
+from swimbladder.design.law_comparison.scenarios import BAND, Placed
 from swimbladder.design.law_comparison.swell import depth_error
 from swimbladder.design.tuning.energy import winding
 from swimbladder.design.tuning.region import Region
 from swimbladder.design.tuning.trial import draw, motor_starts, motor_turns, percentile, random_walk
+from swimbladder.errors import NoAnswerError
+from swimbladder.physics.buoyancy_engine import check_power_known
 from swimbladder.physics.dynamics import plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import simulate_ensemble
@@ -31,12 +33,12 @@ _SHOWN = 900.0  # s of the first run that are kept to be looked at
 class Flown(NamedTuple):
     """What was measured in each run [runs]."""
 
-    settle: Array  # s, to 2 % for good; nan: never
+    settle: Array  # s, to 2 % for good, a float within `BAND`; nan: never
     overshoot: Array  # -, of the step
     square: Array  # m2, mean squared depth error while it counts
     farthest: Array  # m, largest depth error while it counts
     volume_rate: Array  # m3/s, moved to and fro while it counts
-    starts: Array  # 1/s, of the motor from rest while it counts
+    starts: Array  # 1/s, of the motor from rest while it counts; of a float all runs of the drive
     turns: Array  # 1/s, of the motor, from one direction into the other
     power: Array  # W, electrical, mean of the whole run; nan where it is not known
     stopped: Array  # 1: the run ended before its time, or left the hull's rated depths
@@ -67,6 +69,12 @@ class Result(NamedTuple):
 
 def no_energy(vehicle: Vehicle) -> str | None:
     """Return why the electrical energy is not known; None where it is."""
+    if vehicle.command == "volume change":
+        try:
+            check_power_known(vehicle)
+        except NoAnswerError as error:
+            return str(error)
+        return None
     if winding(vehicle) is not None:
         return None
     if isinstance(vehicle.actuator, Positioner):
@@ -96,6 +104,15 @@ def fly(
         target=placed.target, counted=placed.scenario.counted,
         energy=data["energy"].to_numpy() if "energy" in data else np.full(runs, np.nan),
     )  # fmt: skip
+    if vehicle.command == "volume change":
+        runs_of_drive = data["pump_runs"].to_numpy() + data["valve_runs"].to_numpy()
+        outside = np.abs(data["depth"].to_numpy() - placed.target) > BAND
+        last = len(time) - 1 - np.argmax(outside[::-1], axis=0)
+        settle = np.where(outside.any(axis=0), time[last], 0.0)
+        flown = flown._replace(
+            settle=np.where(outside[-1], np.nan, settle), starts=runs_of_drive / float(time[-1]),
+            turns=np.zeros(runs),
+        )  # fmt: skip
     rating = vehicle.hull.depth_limit
     crushed = data["greatest_depth"].to_numpy() > (math.inf if rating is None else rating)
     lost = (data["stop"].to_numpy() != 0) | crushed
@@ -132,9 +149,11 @@ def _flown(
         )  # fmt: skip
     if s.walk > 0.0:
         walk = random_walk(s.walk, placed.duration, sample_time=h, runs=runs, seed=seed)
+    pumped = vehicle.command == "volume change"  # neutral is then what its stepper makes of it
+    neutral = None if pumped else medium.neutral_volume(placed.start)
     data = simulate_ensemble(
         vehicle, count=runs, setpoints=[(0.0, placed.target)], duration=placed.duration,
-        start_depth=placed.start, start_volume=medium.neutral_volume(placed.start), vary=vary,
+        start_depth=placed.start, start_volume=neutral, vary=vary,
         seed=seed, law=who.law, parameters=who.parameters, sample_time=h, depth_error=error,
         neutral_change=walk, column=column, keep="trajectory", books=no_energy(vehicle) is None,
         workers=1,

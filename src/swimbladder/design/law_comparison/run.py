@@ -22,11 +22,11 @@ from swimbladder.design.law_comparison.fly import Result, fly, no_energy, summar
 from swimbladder.design.law_comparison.result import LawComparison, Row, Trace
 from swimbladder.design.law_comparison.scenarios import (
     LOW_SUPPLY,
-    SCENARIOS,
     Placed,
     Scenario,
     place,
     places,
+    scenarios_of,
 )
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.errors import InputError, NoAnswerError
@@ -46,7 +46,7 @@ _FEWEST = 2
 def compare_laws(
     vehicle: Vehicle, *, laws: Sequence[str] | None = None, runs: int = 40,
     depths: tuple[float, float] | None = None, seed: int = 1, sample_time: float | None = None,
-    scenarios: Sequence[Scenario] = SCENARIOS, tune_for: Sequence[str] = GOALS,
+    scenarios: Sequence[Scenario] | None = None, tune_for: Sequence[str] = GOALS,
     parts: Path | None = None, column: Column | None = None,
     advance: Callable[[float], None] | None = None,
 ) -> LawComparison:  # fmt: skip
@@ -73,10 +73,10 @@ def compare_laws(
     names, left_out = choose_laws(vehicle, laws)
     where = places(vehicle, depths)
     medium_of(vehicle, column, reach=where.most)  # refuses a cast that ends above
-    placed = [place(one, vehicle, where) for one in scenarios]
+    placed = [place(one, vehicle, where) for one in scenarios or scenarios_of(vehicle)]
     around = region(vehicle)
     store = Store(parts)
-    shallow = place(SCENARIOS[0], vehicle, where)
+    shallow = place(scenarios_of(vehicle)[0], vehicle, where)
     jobs = [(name, goal) for name in names for goal in tune_for]
     with ThreadPoolExecutor(1) as aside:  # they have a process of their own
         bounding = aside.submit(_bounds, vehicle, placed, store)
@@ -113,6 +113,9 @@ def _bounds(
     steps = [p for p in placed if p.is_step]
     missing = {p.scenario.name: "each vehicle drawn has its own" for p in steps if p.scenario.drawn}
     steps = [p for p in steps if not p.scenario.drawn]
+    if vehicle.command == "volume change":
+        why = "none is computed for a pump and valve"
+        return {}, missing | {p.scenario.name: why for p in steps}
     if vehicle.controller is None:
         why = "the vehicle has no controller, so no sample time"
         return {}, missing | {p.scenario.name: why for p in steps}
@@ -193,7 +196,7 @@ def _assumptions(
     if sensors.depth_quantum > 0.0:
         noise += f" and a quantum of {1e3 * sensors.depth_quantum:.2g} mm"
     found = [f"depths {range_words}", noise]
-    if vehicle.supply is not None:
+    if vehicle.supply is not None and vehicle.command != "volume change":
         weak = LOW_SUPPLY * vehicle.supply.voltage
         found.append(f"a low battery gives {weak:.3g} V, which the tuned laws reckon with")
     found += [f"vehicles drawn: {words}" for words in around.words]

@@ -6,11 +6,24 @@ import math
 from typing import Literal, NamedTuple
 
 from swimbladder.design.linear.depths import stall
+from swimbladder.design.linear.pump_valve import pump_stall
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.physics.dynamics import plant
+from swimbladder.physics.dynamics import body_plant, plant
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["LOW_SUPPLY", "SCENARIOS", "Placed", "Places", "Scenario", "Swell", "place", "places"]
+__all__ = [
+    "BAND",
+    "FLOAT_SCENARIOS",
+    "LOW_SUPPLY",
+    "SCENARIOS",
+    "Placed",
+    "Places",
+    "Scenario",
+    "Swell",
+    "place",
+    "places",
+    "scenarios_of",
+]
 
 LOW_SUPPLY = 0.9  # of the supply's voltage: what `tune` takes for a battery that is nearly empty
 _REACH = 0.8  # of the depth at which stroke or supply end: where a vehicle is still to be steered
@@ -18,6 +31,7 @@ _UNSTATED = 10.0  # m, that a vehicle of no stated rating is taken to
 _NEAR = (1.5, 0.3)  # m below the least depth, and at most this share of the range: as `tune` steps
 _WATCHED = 20.0  # times the least time of a step, that it is watched at least
 _HOUR = 3600.0
+_SLOW = 0.03  # m/s
 
 
 class Swell(NamedTuple):
@@ -74,6 +88,34 @@ SCENARIOS: tuple[Scenario, ...] = (
              "shallow", duration=2.0 * _HOUR, counted=1200.0, walk=_WALK),
 )  # fmt: skip
 
+FLOAT_SCENARIOS: tuple[Scenario, ...] = (
+    Scenario("step-down", "a step of 100 m down", "shallow", 100.0),
+    Scenario("step-up", "the same step up", "shallow", -100.0),
+    Scenario("step-small", "a step of 30 m down", "shallow", 30.0),
+    Scenario("step-small-up", "the same step up", "shallow", -30.0),
+    Scenario("step-large", "a step of 400 m down", "shallow", 400.0, share=0.6),
+    Scenario("step-large-up", "the same step up", "shallow", -400.0, share=0.6),
+    Scenario("step-deep", "a step of 100 m down to the greatest depth", "deep", 100.0),
+    Scenario("step-uncertain", "100 m down, of vehicles drawn from the region of what is not known",
+             "shallow", 100.0, drawn=True),
+    Scenario("hold", "six hours at rest, with the noise of the sensor", "shallow",
+             duration=6.0 * _HOUR, counted=_HOUR),
+    Scenario("hold-swell", f"the same in swell of {_SWELL.height:g} m", "shallow",
+             duration=6.0 * _HOUR, counted=_HOUR, swell=_SWELL),
+    Scenario("hold-deep", "six hours at the greatest depth", "deep",
+             duration=6.0 * _HOUR, counted=_HOUR),
+    Scenario("hold-drift", "half a day while the neutral volume walks 1 cm3 per root hour",
+             "shallow", duration=12.0 * _HOUR, counted=_HOUR, walk=_WALK),
+)  # fmt: skip
+"""Of floats with pump and valve, whose laws sleep for minutes and keep a band of metres."""
+
+BAND = 10.0  # m, within which such a float has come to its depth, as those of Argo count
+
+
+def scenarios_of(vehicle: Vehicle) -> tuple[Scenario, ...]:
+    """Return what is flown with a vehicle."""
+    return FLOAT_SCENARIOS if vehicle.command == "volume change" else SCENARIOS
+
 
 class Places(NamedTuple):
     """Between which depths a vehicle's laws are compared [m], and what ends the range."""
@@ -105,6 +147,8 @@ def places(vehicle: Vehicle, given: tuple[float, float] | None = None) -> Places
     Raises InputError for no range, NoAnswerError where the vehicle does not reach what was given.
     """
     top = max(vehicle.hull.emergence_depth, 0.0)
+    if vehicle.command == "volume change":
+        top = max(top, 2.0 * BAND)  # near the surface its processor acts, not the law
     reach, why = _reach(vehicle)
     if given is None:
         most, words = (
@@ -133,7 +177,8 @@ def places(vehicle: Vehicle, given: tuple[float, float] | None = None) -> Places
 
 def _reach(vehicle: Vehicle) -> tuple[float, str]:
     """Return the depth [m] that ends the vehicle's range, and what happens there."""
-    p = plant(vehicle)
+    floats = vehicle.command == "volume change"
+    p = body_plant(vehicle) if floats else plant(vehicle)
     found = [(math.inf, "")]
     if vehicle.hull.depth_limit is not None:
         found.append((vehicle.hull.depth_limit, "its rating ends"))
@@ -144,6 +189,8 @@ def _reach(vehicle: Vehicle) -> tuple[float, str]:
         weak = p._replace(supply=LOW_SUPPLY * p.supply)
         held = stall(weak, depth=0.0, depth_limit=None).holding_depth
         found.append((held, f"the motor stalls with {weak.supply:.3g} V"))
+    if floats:
+        found.append((pump_stall(vehicle, depth=0.0).holding_depth, "the pump stalls"))
     return min(found)
 
 
@@ -151,7 +198,8 @@ def place(scenario: Scenario, vehicle: Vehicle, where: Places) -> Placed:
     """Return a scenario with depths and duration for a vehicle.
 
     The duration is at least 20 times the time that the step takes without drag and psi, and at the
-    speed that half of the room in the stroke keeps.
+    speed that half of the room in the stroke keeps; of a float with pump and valve two hours beyond
+    the way at 3 cm/s.
     """
     span = where.most - where.least
     size = min(abs(scenario.size), scenario.share * span)
@@ -162,6 +210,8 @@ def place(scenario: Scenario, vehicle: Vehicle, where: Places) -> Placed:
     start, target = (far, near) if scenario.size < 0.0 else (near, far)
     if size == 0.0:
         return Placed(scenario, start, target, scenario.duration)
+    if vehicle.command == "volume change":
+        return Placed(scenario, start, target, size / _SLOW + 2.0 * _HOUR)
     p = plant(vehicle)
     rate = p.rate if p.positioner else p.gain * p.supply
     pull = 0.5 * p.a_b * min(p.V_max - p.V_0, p.V_0 - p.V_min)

@@ -185,13 +185,18 @@ def draw(region: Region, *, runs: int, seed: int, medium: Medium | None = None) 
     chosen = rng.integers(0, len(region.plants), runs)
     inside = np.sqrt(rng.uniform(size=runs))  # from the middle towards the boundary
     vary = {}
+    own = region.plants[0] if medium is None else medium.plant
     for name in _FIELDS:
+        if np.isnan(getattr(own, name)):  # of a motor that a pump and valve has not
+            continue
         at = Plant._fields.index(name)
         nominal = region.plants[0][at]
         edge = np.array([region.plants[i][at] for i in chosen])
         vary[name] = nominal + inside * (edge - nominal)
         if medium is not None and nominal != 0.0:  # what goes with the density
             vary[name] *= medium.plant[at] / nominal
+    for n, name in enumerate(("pump", "valve") if region.drives else ()):
+        vary[name] = 1.0 + inside * (np.array([region.drives[i][n] for i in chosen]) - 1.0)
     vary["V_0"] = region.plants[0].V_0 + rng.uniform(-region.neutral, region.neutral, runs)
     return vary
 

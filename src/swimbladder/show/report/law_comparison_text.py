@@ -8,6 +8,7 @@ import math
 
 from swimbladder.design.law_comparison import LawComparison
 from swimbladder.design.law_comparison.result import Row, result_json
+from swimbladder.design.law_comparison.scenarios import BAND
 
 __all__ = [
     "HEADINGS",
@@ -42,13 +43,23 @@ _NOTES = (
     "hold, swell, deep, drift: depth error, mm rms. L/h, starts, turns, J/h: an hour of holding in "
     "the noise of the sensor. A motor that never rests starts seldom and turns often.",
 )
+_FLOAT_NOTES = (
+    _NOTES[0],
+    f"settles: median of the runs, step of 100 m, for good within {BAND:g} m; 95 %: of the runs "
+    "with drawn vehicles. over, deep: overshoot in 95 % of the runs, worst shallow step and step "
+    "at the greatest depth. lost: runs of the worst scenario that left the water or the rated "
+    "depths, or went below any sea.",
+    "hold, swell, deep, drift: depth error, mm rms. L/h, J/h: an hour of holding in the noise of "
+    "the sensor; starts: runs of pump and valve.",
+)
 
 
 def notes(comparison: LawComparison) -> tuple[str, ...]:
     """Return what the columns of HEADINGS mean, and why the energy is not known."""
+    said = _FLOAT_NOTES if comparison.vehicle.command == "volume change" else _NOTES
     if comparison.no_energy is None:
-        return _NOTES
-    return (*_NOTES, f"J/h is unknown: {comparison.no_energy}.")
+        return said
+    return (*said, f"J/h is unknown: {comparison.no_energy}.")
 
 
 def summary(comparison: LawComparison) -> list[tuple[str, ...]]:

@@ -1,0 +1,69 @@
+"""Laws of volume changes compared: scenarios of floats, what is measured, what is drawn."""
+
+import numpy as np
+import pytest
+
+from swimbladder.control.rate import RATE
+from swimbladder.control.registry import bind
+from swimbladder.design.law_comparison import compare_laws
+from swimbladder.design.law_comparison.contenders import Contender
+from swimbladder.design.law_comparison.fly import fly, no_energy
+from swimbladder.design.law_comparison.scenarios import (
+    BAND,
+    FLOAT_SCENARIOS,
+    place,
+    places,
+    scenarios_of,
+)
+from swimbladder.design.tuning.region import region
+from swimbladder.errors import NoAnswerError
+from swimbladder.io.config import load_vehicle
+from swimbladder.sim.closed_loop import simulate_ensemble
+from tests.quoted import refused
+
+FLOAT = load_vehicle("example-float")
+SOME = [s for s in FLOAT_SCENARIOS if s.name in ("step-small", "step-uncertain")]
+
+
+def test_a_float_steps_by_its_bands_and_not_near_the_surface():
+    assert scenarios_of(FLOAT) is FLOAT_SCENARIOS
+    assert scenarios_of(load_vehicle("feup-em")) is not FLOAT_SCENARIOS
+    where = places(FLOAT)
+    assert where.least >= BAND
+    assert where.most == pytest.approx(0.8 * 2000.0)
+    placed = [place(one, FLOAT, where) for one in FLOAT_SCENARIOS]
+    assert all(where.least <= z <= where.most for p in placed for z in (p.start, p.target))
+    assert all(abs(p.target - p.start) > 2.0 * BAND for p in placed if p.is_step)
+    with refused(NoAnswerError):
+        places(FLOAT, (50.0, 3000.0))
+
+
+def test_what_is_measured_is_that_of_the_flights():
+    numbers = bind(FLOAT.controller)[1]
+    who = Contender(law=RATE, tuning="as in the file", parameters=numbers, sample_time=1.0)
+    placed = place(SOME[0], FLOAT, places(FLOAT, (50.0, 400.0)))
+    flown, time, _ = fly(FLOAT, who, placed, region=region(FLOAT), runs=2, seed=1)
+    same = simulate_ensemble(
+        FLOAT, count=2, setpoints=[(0.0, placed.target)], duration=placed.duration,
+        start_depth=placed.start, keep="trajectory", books=True, seed=1,
+    )  # fmt: skip
+    error = np.abs(same["depth"].to_numpy() - placed.target)
+    settled = float(flown.settle[0])
+    assert np.all(error[int(settled) + 1 :] <= BAND)
+    assert error[int(settled), 0] > BAND
+    power = same["energy"].to_numpy() / placed.duration
+    assert flown.power == pytest.approx(power)
+    assert no_energy(FLOAT) is None
+    assert time[-1] <= placed.duration
+
+
+def test_a_comparison_draws_floats_and_says_what_it_leaves_out():
+    found = compare_laws(FLOAT, laws=["cascade"], runs=2, depths=(50.0, 400.0), scenarios=SOME)
+    assert [row.who.law.name for row in found.rows] == ["rate"]
+    assert any(one.name == "cascade" and "volume change" in one.why for one in found.left_out)
+    assert any("pump" in words for words in found.assumptions)
+    results = found.rows[0].results
+    assert results["step-small"].settled == 1.0
+    assert results["step-uncertain"].lost == 0.0
+    assert not found.bounds
+    assert set(found.no_bound) == {"step-small", "step-uncertain"}
