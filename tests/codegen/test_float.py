@@ -21,7 +21,7 @@ from swimbladder.control.law import Measurement
 from swimbladder.control.pump_valve import delivery, valve_rate
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor_records import Reason, Watched
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.buoyancy_engine import drive_map
@@ -29,7 +29,7 @@ from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.names import Drive, Note
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.units import parse_quantity
-from swimbladder.vehicle import Oil, Sensors, Supervisor
+from swimbladder.vehicle import Oil, PowerLawPump, Sensors, Supervisor
 from tests.codegen import chip, cortex
 from tests.codegen.build import STRICT, Compiled, run
 from tests.codegen.laws import bits, flat, split
@@ -210,7 +210,7 @@ class TestTheC:
 
     def test_a_time_limit_and_a_reset_bring_it_up(self, gcc, tmp_path):  # noqa: ARG002
         made = make_library(
-            the_float(supervisor=Supervisor(time_limit="300 s")), target=30.0, duration=60.0
+            the_float(supervisor=Supervisor(time_limit="300 s")), target=30.0, duration=300.0
         )
         other, twin = VehicleInC(made, tmp_path), chip.vehicle_twin(made)
         seen = Watched(50.0, 0.1, math.nan, 14.0, False, 0, 0)
@@ -247,7 +247,7 @@ class TestTheDive:
     def test_a_float_that_passes_its_depth_limit_turns_round_above_the_deepest(self):
         """Asked for more than the limit, at twice the speed of its law."""
         vehicle = the_float(supervisor=Supervisor(depth_limit="150 m"))
-        made = make_library(vehicle, target=100.0, duration=60.0)
+        made = make_library(vehicle, target=100.0, duration=300.0)
         board = chip.vehicle_twin(made)
         plant = FloatPlant(vehicle, start_depth=0.0, deepest=400.0)
         deepest = 0.0
@@ -516,6 +516,17 @@ class TestTheChip:
         assert on_chip.size.flash == pytest.approx(int(said), rel=0.2)
 
 
+def test_a_pump_that_stalls_limits_the_depth():
+    vehicle = the_float()
+    pump = PowerLawPump(
+        delivery="0.8 mL/s", slip="1e-13 m3/s/Pa", idle_power="7 W", power_per_pressure="8 mW/dbar"
+    )
+    vehicle = the_float(actuator=vehicle.actuator.model_copy(update={"pump": pump}))
+    stall = (8e6 - 16325.0) / vehicle.water.specific_weight  # delivery over slip, less the head
+    p = supervisor_parameters(vehicle, 1.0)
+    assert p.deep.depth_limit == pytest.approx(0.9 * 0.95 * stall, abs=5.0)
+
+
 class TestRefusals:
     @pytest.mark.parametrize(
         "field", ["prove_after", "hold_voltage", "neutral_range", "model_error"]
@@ -553,6 +564,19 @@ class TestRefusals:
             board_law(vehicle, law, numbers, 1500.0, deepest=2000.0)
         assert caught.value.field == "controller.sample_time"
 
+    def test_a_voltage_at_which_the_pump_stands(self):
+        with pytest.raises(InputError) as caught:
+            make_library(the_float(supervisor=Supervisor(battery_low="0.1 V")))
+        assert caught.value.field == "supervisor.battery_low"
+
+    def test_a_float_that_cannot_dive_gets_no_library(self):
+        """As much pressure inside as outside, and no bypass: the valve lets next to nothing in."""
+        vehicle = the_float()
+        shut = {"bypass": None, "internal_pressure": 101325.0}
+        vehicle = the_float(actuator=vehicle.actuator.model_copy(update=shut))
+        with pytest.raises(NoAnswerError, match="has not dived"):
+            make_library(vehicle, duration=900.0)
+
     def test_a_float_without_a_controller(self):
         with pytest.raises(InputError) as caught:
             make_library(the_float(controller=None))
@@ -569,6 +593,7 @@ def test_the_limits_of_the_supervisor_follow_from_pump_and_hull():
     low = low.model_copy(update={"supply": low.supply.model_copy(update={"voltage": 11.52})})
     rate = drive_map(low, 1800.0 * low.water.specific_weight, power=False).rate_out[0]
     assert p.push.push * rate > 600e-6
+    assert p.push.again * rate > 4.5e-6  # what a start falls short of, and more
     assert p.time.time_blocks == 65535
 
 

@@ -101,6 +101,23 @@ def test_a_change_is_a_run_over_ticks_and_then_rest():
     assert said[15:] == [0.0] * 5
 
 
+def test_ticks_of_half_a_second_have_half_of_it_each():
+    board = Board(10e-6, every=20.0, tick=0.5)
+    said = board.ticks(40, 600.0)
+    assert said[:30] == [0.5] * 30
+    assert not any(said[30:])
+    assert board.state.law.times == 1.0
+    board.ticks(1, 600.0)
+    assert board.state.law.times == 2.0
+
+
+def test_a_float_that_begins_afloat_pumps_a_little_to_be_sure():
+    board = Board(0.0, depth=0.1)
+    said = board.ticks(60, 0.0)
+    assert sum(said) == pytest.approx(32e-6 / delivery(DRIVE, 0.1), abs=0.006)
+    assert not any(board.ticks(200, 0.0))
+
+
 def test_the_last_tick_of_a_run_has_what_is_left():
     said = Board(-10.3e-6).ticks(20, 600.0)
     flow = 1e-8 * math.sqrt(1e4 + 1e4 * 500.0)
@@ -170,6 +187,10 @@ def test_the_volume_is_that_of_the_runs_or_the_one_measured():
     before = board.state.drive.volume
     board.ticks(20, 600.0)
     assert board.state.drive.volume - before == pytest.approx(10e-6 - 0.0, abs=0.3e-6)
+    for change in (10.3e-6, -10.3e-6):  # with a last tick that is not whole
+        board = Board(change, every=1000.0)
+        board.ticks(30, 600.0)
+        assert board.state.drive.volume == pytest.approx(change, abs=0.12e-6)
     board.ticks(1, 600.0, volume=1.5e-4)
     assert board.state.drive.volume == 1.5e-4
 

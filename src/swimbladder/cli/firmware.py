@@ -181,6 +181,8 @@ def _print(made: Library) -> None:
         commands, way = "command seconds of pump and valve", f"{way} and up again"
         to_do = "fill in one function of an example, and check its pins"
         there = end <= made.drive.parameters.surface.shallow
+        if golden.depth.max() < (1.0 - _ARRIVED) * made.target:
+            end, there = float(golden.depth.max()), False
         fit.append(made.drive.summary())
     if not there:
         late.append(

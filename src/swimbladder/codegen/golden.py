@@ -67,7 +67,7 @@ def fly_on_seconds(
     """Return the golden trace of a float under a law's twin, for the depths asked for [m] [n].
 
     As `fly`, for a law that commands seconds of pump and valve: the volume is not measured.
-    laws: the twin and the law itself.
+    laws: the twin and the law itself. Raises NoAnswerError where the float does not dive.
     """
     low, high = command_limits(vehicle, tick_s)
     flown = []
@@ -92,6 +92,12 @@ def fly_on_seconds(
             )
         )
     rows, double = flown
+    if not rows[:, 0].max() > parameters.surface.shallow:
+        raise NoAnswerError(
+            f"the golden mission: asked for {asked.max():g} m the float has not dived after "
+            f"{_UP * len(asked) * tick_s:.4g} s. Give a longer --duration, or see what valve and "
+            "bypass let in at the surface (actuator.valve.flow, actuator.internal_pressure)"
+        )
     depth, command = np.asarray(rows[:, 1], np.float32), np.asarray(rows[:, 3], np.float32)
     nothing = np.full_like(depth, np.nan)
     difference = float(np.abs(rows[:, 0] - double[:, 0]).max())

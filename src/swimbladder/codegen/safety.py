@@ -25,7 +25,7 @@ from swimbladder.control.supervisor_records import (
     VolumeLimits,
 )
 from swimbladder.errors import InputError
-from swimbladder.physics.buoyancy_engine import drive_map
+from swimbladder.physics.buoyancy_engine import drive_map, running_pump
 from swimbladder.physics.dynamics import (
     Plant,
     drag_force,
@@ -34,6 +34,8 @@ from swimbladder.physics.dynamics import (
     plant,
     terminal_speed,
 )
+from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
+from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.vehicle import Positioner, PumpAndValve, Vehicle
 
 __all__ = ["cruising_speed", "supervisor_parameters"]
@@ -241,19 +243,22 @@ def _with_pump(vehicle: Vehicle) -> Vehicle:
 def _pump_rates(vehicle: Vehicle, volts: float) -> tuple[float, float]:
     """Return the depth to which a pump delivers at a voltage [m], and its least rate [m3/s].
 
-    The rate is that above 0.95 of this depth and above the vehicle's own limits. A pump as measured
-    knows of no voltage, and one that delivers everywhere does so to an infinite depth.
+    The rate is that down to the depth limit. A pump as measured knows of no voltage, and one that
+    delivers everywhere does so to an infinite depth. Raises InputError where it delivers nowhere.
     """
-    low = vehicle
+    low, a = vehicle, vehicle.actuator
+    assert isinstance(a, PumpAndValve)
     if vehicle.supply is not None and volts > 0.0:
         supply = vehicle.supply.model_copy(update={"voltage": min(volts, vehicle.supply.voltage)})
         low = vehicle.model_copy(update={"supply": supply})
     bounds = (vehicle.supervisor.depth_limit, vehicle.hull.depth_limit, _DEEPEST)
     depth = np.linspace(0.0, _DEEPEST, 2401)
-    rate = drive_map(low, depth * vehicle.water.specific_weight, power=False).rate_out
+    head = depth * vehicle.water.specific_weight + ATMOSPHERIC_PRESSURE - a.internal_pressure
+    rate = running_pump(low, a, head, REFERENCE_TEMPERATURE)[0]
     stalls = rate <= 0.0
     deepest = float(depth[np.argmax(stalls)]) if stalls.any() else math.inf
-    used = depth <= min(_SURE_TO_MOVE * deepest, *(b for b in bounds if b is not None))
+    sure = _DEPTH_SHARE * _SURE_TO_MOVE * deepest
+    used = depth <= min(sure, *(b for b in bounds if b is not None))
     if not rate[0] > 0.0:
         raise InputError(
             f"at {volts:g} V the pump delivers nothing",
