@@ -109,12 +109,15 @@ def controller(made: Library, folder: Path, mcu: str) -> Chip:
     return Chip(folder, mcu, [*sources, HERE / "controller.c"], inputs=3, outputs=1, flags=[first])
 
 
-def vehicle(made: Library, folder: Path, mcu: str) -> Chip:
+def vehicle(made: Library, folder: Path, mcu: str, *flags: str) -> Chip:
     """Return a chip that runs law and supervisor: what is seen and a reference -> command, bits."""
     write_library(made, folder / "library")
     sources = sorted((folder / "library" / "src").glob("*.c"))
     inputs = [*["<f4"] * 4, "?", "<u4", "<f4"]
-    return Chip(folder, mcu, [*sources, HERE / "vehicle.c"], inputs=inputs, outputs=["<f4", "<u2"])
+    return Chip(
+        folder, mcu, [*sources, HERE / "vehicle.c"], inputs=inputs, outputs=["<f4", "<u2"],
+        flags=flags,
+    )  # fmt: skip
 
 
 def vehicle_twin(made: Library, spoil: Any = None, **more: Any) -> VehicleTwin:

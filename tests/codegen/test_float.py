@@ -5,6 +5,7 @@ import functools
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ from swimbladder.sim.engine.rodas.names import Drive, Note
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Oil, PowerLawPump, Sensors, Supervisor
-from tests.codegen import chip, cortex
+from tests.codegen import chip, cortex, fuzz
 from tests.codegen.build import STRICT, Compiled, run
 from tests.codegen.laws import bits, flat, split
 from tests.codegen.test_library import ARDUINO, LibraryInC, _sketch
@@ -73,6 +74,18 @@ def _spoilt(made: Library) -> tuple[list[Watched], list[float]]:
 @pytest.fixture(scope="module")
 def in_c(gcc, tmp_path_factory) -> VehicleInC:  # noqa: ARG001
     return VehicleInC(library(), tmp_path_factory.mktemp("float"))
+
+
+REASONS: list[tuple[Reason, dict[str, Any], int]] = [
+    (Reason.LEAK, {"leak": True}, 3),
+    (Reason.DEPTH_LIMIT, {"depth": 1801.0}, 1800),
+    (Reason.DEPTH_MISSING, {"depth": math.nan}, 6),
+    (Reason.DEPTH_IMPOSSIBLE, {"depth": 5000.0}, 6),
+    (Reason.DEPTH_LATE, {"depth_age": 60.0}, 6),
+    (Reason.BATTERY_LOW, {"battery": 11.0}, 11),
+    (Reason.TICKS_LOST, {"lost": 3}, 30),
+]
+"""A reason, what the board sees then, and within how many ticks it is found."""
 
 
 class TestSeconds:
@@ -172,17 +185,7 @@ class TestTheC:
         assert twin.reason is None
 
     @pytest.mark.parametrize(
-        ("reason", "spoilt", "within"),
-        [
-            (Reason.LEAK, {"leak": True}, 3),
-            (Reason.DEPTH_LIMIT, {"depth": 1801.0}, 1800),
-            (Reason.DEPTH_MISSING, {"depth": math.nan}, 6),
-            (Reason.DEPTH_IMPOSSIBLE, {"depth": 5000.0}, 6),
-            (Reason.DEPTH_LATE, {"depth_age": 60.0}, 6),
-            (Reason.BATTERY_LOW, {"battery": 11.0}, 11),
-            (Reason.TICKS_LOST, {"lost": 3}, 30),
-        ],
-        ids=lambda x: x.name if isinstance(x, Reason) else "",
+        ("reason", "spoilt", "within"), REASONS, ids=[reason.name for reason, *_ in REASONS]
     )
     def test_each_reason_brings_it_up_by_its_pump(self, in_c, reason, spoilt, within):
         """A valve that is open closes at once, since the pump is commanded."""
@@ -473,6 +476,13 @@ def test_random_numbers_give_the_same_bits(gcc, tmp_path):  # noqa: ARG001
         state = expected[1] if n % 3 == 0 else state
 
 
+@pytest.mark.usefixtures("gcc")
+def test_random_bytes_break_nothing(tmp_path):
+    """Under the address and undefined-behaviour sanitizers; see `fuzzing/harness.c`."""
+    program = fuzz.build(library(), tmp_path, "random")
+    assert run(program, "2000", "1").stdout == b"2000 runs\n"
+
+
 @pytest.mark.usefixtures("cppcheck")
 def test_it_pleases_cppcheck(tmp_path):
     write_library(library(), tmp_path)
@@ -525,6 +535,34 @@ def test_a_pump_that_stalls_limits_the_depth():
     stall = (8e6 - 16325.0) / vehicle.water.specific_weight  # delivery over slip, less the head
     p = supervisor_parameters(vehicle, 1.0)
     assert p.deep.depth_limit == pytest.approx(0.9 * 0.95 * stall, abs=5.0)
+
+
+@pytest.mark.avr
+@pytest.mark.usefixtures("avr")
+def test_each_reason_brings_it_up_on_the_chip(tmp_path):
+    """By the twin's bits, with one program that begins anew for each of them."""
+    own = Supervisor(depth_limit="120 m", time_limit="100 s")
+    made = make_library(the_float(supervisor=own), duration=300.0)
+    on_chip = chip.vehicle(made, tmp_path, "atmega2560", "-DBEGINS")
+    healthy = Watched(50.0, 0.1, math.nan, 14.0, False, 0, 0)
+    found = []
+    for reason, spoilt, _ in [*REASONS, (Reason.TIME_LIMIT, {}, 0), (Reason.RESTARTED, {}, 0)]:
+        reset = reason is Reason.RESTARTED
+        beside = chip.vehicle_twin(made, after_reset=reset)
+        for n in range(130):
+            seen = healthy._replace(**(spoilt if n >= 20 else {}))
+            if reason is Reason.DEPTH_LIMIT and n >= 20:
+                seen = seen._replace(depth=50.0 + (n - 20))
+            first = seen._replace(leak=reset, lost=2**32 - 1)
+            said = on_chip.answer(*(first if n == 0 else seen)[:6], 80.0)
+            expected = beside.tick(seen, 80.0)
+            assert bits(*said) == bits(expected, beside.state.rescue.reasons), (reason, n)
+            if beside.reason is not None:
+                assert said[0] == 1.0  # the pump runs all of the tick
+                break
+        found.append(beside.reason)
+    on_chip.close()
+    assert found == [*(reason for reason, *_ in REASONS), Reason.TIME_LIMIT, Reason.RESTARTED]
 
 
 class TestRefusals:

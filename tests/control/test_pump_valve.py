@@ -109,6 +109,9 @@ def test_ticks_of_half_a_second_have_half_of_it_each():
     assert board.state.law.times == 1.0
     board.ticks(1, 600.0)
     assert board.state.law.times == 2.0
+    board = Board(100e-6, every=20.0, tick=0.5)
+    assert board.ticks(120, 600.0) == [0.5] * 120
+    assert board.state.law.times == 1.0
 
 
 def test_a_float_that_begins_afloat_pumps_a_little_to_be_sure():

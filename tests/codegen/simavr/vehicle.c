@@ -21,6 +21,13 @@ int main(void)
     swb_vehicle_begin(&vehicle, false);
     for (;;) {
         uart_read(&in, sizeof in);
+#ifdef BEGINS /* a frame that begins anew, after a reset where it says there is a leak */
+        if (in.seen.lost_ticks == 0xfffffffful) {
+            swb_vehicle_begin(&vehicle, in.seen.leak);
+            in.seen.lost_ticks = 0;
+            in.seen.leak = false;
+        }
+#endif
         GPIOR0 = 1;
         out.command = swb_vehicle_tick(&vehicle, &in.seen, in.reference);
         GPIOR0 = 0;
