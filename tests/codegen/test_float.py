@@ -34,7 +34,7 @@ from swimbladder.vehicle import Oil, PowerLawPump, Sensors, Supervisor
 from tests.codegen import chip, cortex, fuzz
 from tests.codegen.build import STRICT, Compiled, run
 from tests.codegen.laws import bits, flat, split
-from tests.codegen.test_library import ARDUINO, LibraryInC, _sketch
+from tests.codegen.test_library import LibraryInC, _sketch, compile_sketches
 from tests.codegen.test_supervised import VehicleInC, said_by
 
 NOISE = Sensors(depth_noise="3 cm", depth_quantum="1 cm")
@@ -495,19 +495,9 @@ def test_it_pleases_cppcheck(tmp_path):
 @pytest.mark.avr
 @pytest.mark.usefixtures("avr")
 class TestTheChip:
-    def test_the_sketches_compile_for_a_mega(self, tmp_path):
-        made = library()
-        write_library(made, tmp_path / "library")
-        for name in ("FloatAVR", "GoldenTrace"):
-            sketch = tmp_path / "library" / "examples" / name
-            (tmp_path / f"{name}.cpp").write_text(
-                f'#include <Arduino.h>\n#include "{sketch / name}.ino"\n'
-            )
-            run(
-                "avr-g++", "-std=gnu++11", "-mmcu=atmega2560", "-Os", "-Wall", "-Wextra", "-Werror",
-                "-I", ARDUINO, "-I", tmp_path / "library" / "src", "-I", sketch,
-                "-c", tmp_path / f"{name}.cpp", "-o", tmp_path / "sketch.o",
-            )  # fmt: skip
+    @pytest.mark.parametrize("mcu", chip.MCUS)
+    def test_the_sketches_compile(self, mcu, tmp_path):
+        compile_sketches(library(), tmp_path, mcu)
 
     def test_dive_and_way_up_are_those_of_the_twin_to_the_bit(self, tmp_path):
         """Every tick of law and supervisor on the ATmega2560; at the end the depth is missing."""

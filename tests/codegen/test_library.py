@@ -285,20 +285,24 @@ def test_the_library_compiles_for_arm(name, tmp_path):
         run("arm-none-eabi-gcc", *flags, "-c", source, "-o", tmp_path / "object.o")
 
 
-@pytest.mark.usefixtures("avr")
-def test_the_sketches_compile_for_avr(name, tmp_path):
-    made = library(name)
-    write_library(made, tmp_path / "library")
+def compile_sketches(made: Library, folder: Path, mcu: str) -> None:
+    """Compile two examples of a library by avr-g++, warnings as errors."""
+    write_library(made, folder / "library")
     for example_ in ("FloatAVR", "GoldenTrace"):
-        sketch = tmp_path / "library" / "examples" / example_
-        (tmp_path / f"{example_}.cpp").write_text(
+        sketch = folder / "library" / "examples" / example_
+        (folder / f"{example_}.cpp").write_text(
             f'#include <Arduino.h>\n#include "{sketch / example_}.ino"\n'
         )
         run(
-            "avr-g++", "-std=gnu++11", "-mmcu=atmega328p", "-Os", "-Wall", "-Wextra", "-Werror",
-            "-I", ARDUINO, "-I", tmp_path / "library" / "src", "-I", sketch,
-            "-c", tmp_path / f"{example_}.cpp", "-o", tmp_path / "sketch.o",
+            "avr-g++", "-std=gnu++11", f"-mmcu={mcu}", "-Os", "-Wall", "-Wextra", "-Werror",
+            "-I", ARDUINO, "-I", folder / "library" / "src", "-I", sketch,
+            "-c", folder / f"{example_}.cpp", "-o", folder / "sketch.o",
         )  # fmt: skip
+
+
+@pytest.mark.usefixtures("avr")
+def test_the_sketches_compile_for_avr(name, tmp_path):
+    compile_sketches(library(name), tmp_path, "atmega328p")
 
 
 def test_the_files_of_a_library():
