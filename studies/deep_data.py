@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from swimbladder.estimation.motion.deep_dive import DeepDive, deep_dive
-from swimbladder.io.float_log import Action, Device, FloatLog, Stage, Wish
+from swimbladder.io.float_log import Action, Device, FloatLog, Stage, Target
 from swimbladder.physics.seawater import Cast, Column, cast_column
 from swimbladder.vehicle import Vehicle
 
@@ -111,10 +111,10 @@ def _mission(dive: pd.Series) -> tuple[Stage, ...]:
 def _action(row: pd.Series, time: float) -> Action:
     device: Device = row["device"]
     seconds = float(row["cmd_ms"]) / 1000.0
-    wish = None
+    target = None
     if np.isfinite(row["want_mL"]):
-        wish = Wish(
+        target = Target(
             time=time, speed_from=100.0 * row["v_from_mbar_s"], speed_to=100.0 * row["v_to_mbar_s"],
             change=1e-6 * row["want_mL"], seconds=row["want_ms"] / 1000.0,
         )  # fmt: skip
-    return Action(device=device, time=time, asked=seconds, seconds=seconds, wish=wish)
+    return Action(device=device, time=time, asked=seconds, seconds=seconds, target=target)

@@ -161,7 +161,7 @@ def logged(log: FloatLog, dive: DeepDive) -> Told:
     # samples are hours apart in one log; the float asks for no speed only where it has arrived
     rests = [
         a.time - dive.time[0] for a in log.actions
-        if a.wish is not None and abs(a.wish.speed_to) < MBAR and a.time > dive.time[0]
+        if a.target is not None and abs(a.target.speed_to) < MBAR and a.time > dive.time[0]
     ]  # fmt: skip
     arrived = float(min([*inside[:1], *rests[:1]]))
     leave = float(

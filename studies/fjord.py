@@ -21,7 +21,7 @@ import numpy as np
 from studies.fjord_line import columns, line_table
 from studies.tank import HORIZONS
 from swimbladder.estimation.comparison import compare, record
-from swimbladder.estimation.comparison.ahead import look_ahead
+from swimbladder.estimation.comparison.ahead import predict_ahead
 from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.estimation.motion.model import model_of
 from swimbladder.estimation.motion.random_walk import RandomWalkFit, fit_random_walk
@@ -150,7 +150,7 @@ def judge(idea: Idea, number: int, vehicle: Vehicle) -> tuple[str, str]:
     """
     log = idea.logs[number]
     cells, parts = [], []
-    ahead = look_ahead(log, vehicle, horizons=HORIZONS, column=idea.water)
+    ahead = predict_ahead(log, vehicle, horizons=HORIZONS, column=idea.water)
     assert log.reference_depth is not None
     arrived = int(np.argmax(log.depth > NEAR * log.reference_depth.max()))
     for horizon in ahead.horizons:

@@ -22,7 +22,7 @@ import numpy as np
 
 from studies.tank_table import Row, parameters, table
 from swimbladder.estimation.comparison import Record, compare, record
-from swimbladder.estimation.comparison.ahead import Ahead, look_ahead
+from swimbladder.estimation.comparison.ahead import Ahead, predict_ahead
 from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.estimation.kalman.depth_filter import Noise, Samples, Start, filter_depth
 from swimbladder.estimation.motion.model import model_of
@@ -125,7 +125,7 @@ def train(logs: Mapping[int, Log], vehicle: Vehicle) -> tuple[Vehicle, RandomWal
 def judge(number: int, log: Log, vehicle: Vehicle, *, open_loop: bool = True) -> Row:
     """Return how well a log is predicted, ahead and, where asked for, open loop."""
     bottom = bottom_of(log)
-    ahead = look_ahead(log, vehicle, horizons=HORIZONS, bottom_depth=bottom)
+    ahead = predict_ahead(log, vehicle, horizons=HORIZONS, bottom_depth=bottom)
     rec = ahead.record
     near, far = ahead.horizons
     rms = [np.nan, np.nan]

@@ -280,29 +280,29 @@ def run(job: Job, workers: Workers, advance: Callable[[float], None] = lambda _:
     k, n = workers.part
     done = job.done()
     ours = [chunk for chunk in range(k - 1, job.count, n) if chunk not in done]
-    told = 0
+    reported = 0
 
-    def tell() -> None:
-        nonlocal told
+    def report() -> None:
+        nonlocal reported
         found = len(job.done())
-        advance((found - told) / job.count)
-        told = found
+        advance((found - reported) / job.count)
+        reported = found
 
-    tell()
+    report()
     if ours:
-        do = {"threads": _by_threads, "processes": _by_processes, "dask": _by_dask}
-        do[workers.executor](job, ours, workers, tell)
-        tell()
+        do = {"threads": _by_threads, "processes": _by_pool, "dask": _by_dask}
+        do[workers.executor](job, ours, workers, report)
+        report()
     return len(job.done()) == job.count
 
 
-def _by_threads(job: Job, chunks: list[int], workers: Workers, tell: Callable[[], None]) -> None:
+def _by_threads(job: Job, chunks: list[int], workers: Workers, report: Callable[[], None]) -> None:
     job.create()
     for _ in each(job.do, chunks, workers=workers.local):
-        tell()
+        report()
 
 
-def _by_processes(job: Job, chunks: list[int], workers: Workers, tell: Callable[[], None]) -> None:
+def _by_pool(job: Job, chunks: list[int], workers: Workers, report: Callable[[], None]) -> None:
     """Do chunks by processes; those of a pool that broke by another."""
     job.create()
     name, source, tries = job.name, software(), 0
@@ -317,7 +317,7 @@ def _by_processes(job: Job, chunks: list[int], workers: Workers, tell: Callable[
                         finished, left = wait(left, _POLL, FIRST_COMPLETED)
                         for future in finished:
                             future.result()
-                        tell()
+                        report()
                 finally:
                     pool.shutdown(wait=False, cancel_futures=True)
         except BrokenProcessPool:
@@ -365,7 +365,7 @@ def _do(name: str, source: str, job: Job, chunk: int) -> None:
         known.do(chunk)
 
 
-def _by_dask(job: Job, chunks: list[int], workers: Workers, tell: Callable[[], None]) -> None:
+def _by_dask(job: Job, chunks: list[int], workers: Workers, report: Callable[[], None]) -> None:
     try:
         distributed = importlib.import_module("distributed")
     except ImportError:
@@ -390,7 +390,7 @@ def _by_dask(job: Job, chunks: list[int], workers: Workers, tell: Callable[[], N
         stack.enter_context(client.as_current())
         _check_versions(client)
         job.create()
-        _send(distributed, client, job, chunks, tell)
+        _send(distributed, client, job, chunks, report)
 
 
 def _written_address(file: Path) -> str:
@@ -446,7 +446,7 @@ def _check_versions(client: Any) -> None:
 
 
 def _send(
-    distributed: Any, client: Any, job: Job, chunks: list[int], tell: Callable[[], None]
+    distributed: Any, client: Any, job: Job, chunks: list[int], report: Callable[[], None]
 ) -> None:
     """Have workers of a cluster do chunks; what is done is read from the disk."""
     name, source, left, waiting = job.name, software(), iter(chunks), dict[Any, int]()
@@ -476,7 +476,7 @@ def _send(
                 "the scheduler no longer answers. What is done stays done: the same command goes "
                 "on there with a scheduler that runs"
             )
-        tell()
+        report()
 
 
 def _same(job: Job) -> Job:

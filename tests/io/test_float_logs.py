@@ -179,18 +179,18 @@ def test_what_its_pump_and_valves_did(made_up: Path) -> None:
     assert bypass.before is not None
     assert bypass.after is not None
     assert (bypass.before.current, bypass.after.current) == (0.3, 0.39)
-    assert bypass.wish is None
+    assert bypass.target is None
     assert (valve.device, valve.seconds, valve.pressure) == ("valve", 9.0, 6.5e4)
-    assert valve.wish is not None
-    assert (valve.wish.speed_from, valve.wish.speed_to) == (200.0, 400.0)
-    assert (valve.wish.change, valve.wish.seconds) == pytest.approx((-20e-6, 9.0))
+    assert valve.target is not None
+    assert (valve.target.speed_from, valve.target.speed_to) == (200.0, 400.0)
+    assert (valve.target.change, valve.target.seconds) == pytest.approx((-20e-6, 9.0))
     assert (pump.device, pump.asked, pump.seconds, pump.stage) == ("pump", 60.0, 60.0, 0)
-    assert pump.wish is not None
+    assert pump.target is not None
     assert pump.before is not None
     assert pump.after is not None
-    assert pump.wish.change == pytest.approx(130e-6)
+    assert pump.target.change == pytest.approx(130e-6)
     assert (pump.before.current, pump.after.voltage, pump.after.current) == (0.04, 14.3, 0.6)
-    assert (fill.asked, fill.seconds, fill.stage, fill.wish) == (300.0, 112.0, None, None)
+    assert (fill.asked, fill.seconds, fill.stage, fill.target) == (300.0, 112.0, None, None)
     assert math.isnan(fill.pressure)
 
 
@@ -238,10 +238,10 @@ def test_raw_logs_give_what_others_took_from_them(data_dir: Path, key: str) -> N
     asked = [1000.0 * a.asked for a in log.actions]
     assert asked == pytest.approx(actions["cmd_ms"].to_numpy())
     for name, found in (
-        ("want_mL", [a.wish and 1e6 * a.wish.change for a in log.actions]),
-        ("want_ms", [a.wish and 1e3 * a.wish.seconds for a in log.actions]),
-        ("v_from_mbar_s", [a.wish and a.wish.speed_from / 100.0 for a in log.actions]),
-        ("v_to_mbar_s", [a.wish and a.wish.speed_to / 100.0 for a in log.actions]),
+        ("want_mL", [a.target and 1e6 * a.target.change for a in log.actions]),
+        ("want_ms", [a.target and 1e3 * a.target.seconds for a in log.actions]),
+        ("v_from_mbar_s", [a.target and a.target.speed_from / 100.0 for a in log.actions]),
+        ("v_to_mbar_s", [a.target and a.target.speed_to / 100.0 for a in log.actions]),
         ("end_mV", [a.after and 1e3 * a.after.voltage for a in log.actions]),
         ("end_uA", [a.after and 1e6 * a.after.current for a in log.actions]),
     ):

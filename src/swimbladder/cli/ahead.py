@@ -60,7 +60,7 @@ class Ahead(Options):
     ] = None
 
     def asked(self) -> dict[str, Any] | None:
-        """Return what look_ahead is called with; None where it is not asked for.
+        """Return what predict_ahead is called with; None where it is not asked for.
 
         Raises InputError naming the option.
         """

@@ -162,12 +162,12 @@ def _compare(task: _Task, how: _How) -> None:
     with compile_notice(), progress(f"comparing {task.log.label}", 1.0) as advance:
         task.result = compare_log(log, vehicle, **options, column=task.water, advance=advance)
     if look is not None:
-        from swimbladder.estimation.comparison.ahead import look_ahead
+        from swimbladder.estimation.comparison.ahead import predict_ahead
 
         names = {"bottom_depth", "surface_margin"} & set(options)
         edges = {name: options[name] for name in names}
         with compile_notice(), progress(f"predicting {task.log.label}", 1.0) as advance:
-            task.ahead = look_ahead(
+            task.ahead = predict_ahead(
                 log, vehicle, **look, **edges, column=task.water, advance=advance
             )
     folder = make_folder(how.out)

@@ -14,9 +14,9 @@ __all__ = ["warn_of_mass"]
 
 def warn_of_mass(vehicle: Vehicle) -> None:
     """Say on stderr where a vehicle weighs another mass than its dry one."""
-    from swimbladder.physics.hull import mass_doubt
+    from swimbladder.physics.hull import mass_mismatch
 
-    doubt = mass_doubt(vehicle)
+    doubt = mass_mismatch(vehicle)
     if doubt:
         console.print(
             f"warning: {doubt}; it sinks and rises by trim_error, and the dry mass is its inertia",

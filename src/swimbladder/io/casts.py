@@ -187,7 +187,7 @@ def _cast(raw: RawCast, profile: int | None, inversions: Inversions) -> Cast:
 
     raw = check_units(raw)
     other = raw.unit_named not in (None, "dbar")  # who writes that has looked
-    told = raw.unit_stated or other or raw.pressure is None or by_depth(raw)
+    unit_known = raw.unit_stated or other or raw.pressure is None or by_depth(raw)
     guide = raw.pressure if raw.pressure is not None else raw.depth
     assert guide is not None
     raw = raw.only(one_leg(raw, guide, profile))
@@ -214,7 +214,7 @@ def _cast(raw: RawCast, profile: int | None, inversions: Inversions) -> Cast:
     return Cast(
         pressure=pressure, SA=SA, CT=CT, latitude=latitude, longitude=raw.longitude,
         name=f"{raw.path.name} {raw.name}".strip(), report=tuple(raw.report),
-        pressure_column=None if told else raw.names.get("pressure_dbar", "NAME"),
+        pressure_column=None if unit_known else raw.names.get("pressure_dbar", "NAME"),
         unit_named=raw.unit_named is not None,
     )  # fmt: skip
 

@@ -13,14 +13,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["DEVICES", "Action", "Device", "FloatLog", "Reading", "Stage", "Wish"]
+__all__ = ["DEVICES", "Action", "Device", "FloatLog", "Reading", "Stage", "Target"]
 
 Device = Literal["pump", "valve", "bypass"]
 DEVICES: tuple[Device, ...] = ("pump", "valve", "bypass")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wish:
+class Target:
     """What the float's controller wanted: a speed, and the volume that it computed."""
 
     time: float  # s
@@ -54,7 +54,7 @@ class Action:
     pressure: float = np.nan
     before: Reading | None = None
     after: Reading | None = None
-    wish: Wish | None = None
+    target: Target | None = None
     stage: int | None = None
 
 

@@ -126,10 +126,10 @@ def check_power_known(vehicle: Vehicle) -> None:
         )
     elif isinstance(a, UnifiedActuator):
         fields = {"resistance": a.resistance, "emf_constant": a.emf_constant}
-        lacking = [f"actuator.{name}" for name, value in fields.items() if value is None]
-        if lacking:
+        absent = [f"actuator.{name}" for name, value in fields.items() if value is None]
+        if absent:
             missing = (
-                f"{' and '.join(lacking)} {'are' if len(lacking) > 1 else 'is'} not given. Take "
+                f"{' and '.join(absent)} {'are' if len(absent) > 1 else 'is'} not given. Take "
                 "them from the motor's datasheet"
             )
     if missing:

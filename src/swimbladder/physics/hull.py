@@ -37,7 +37,7 @@ __all__ = [
     "hull_parts",
     "layered_volume",
     "linear_psi",
-    "mass_doubt",
+    "mass_mismatch",
     "neutral_volume",
     "psi_terms",
     "weighing",
@@ -125,7 +125,7 @@ def weight_mass(vehicle: Vehicle) -> float:
     return vehicle.water.density * (at_surface + vehicle.trim_error)
 
 
-def mass_doubt(vehicle: Vehicle) -> str:
+def mass_mismatch(vehicle: Vehicle) -> str:
     """Return what is odd about a dry mass that trim_error does not carry; "" where nothing is."""
     if not isinstance(vehicle.motion, PhysicalMotion):
         return ""

@@ -9,7 +9,7 @@ import pytest
 
 from swimbladder.cli import main
 from swimbladder.errors import InputError, LogError
-from swimbladder.estimation.comparison.ahead import look_ahead
+from swimbladder.estimation.comparison.ahead import predict_ahead
 from swimbladder.estimation.comparison.filter_prior import Tuning
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
@@ -44,7 +44,7 @@ def made(seed, *, span=240.0, depth=12.0):
 @pytest.fixture(scope="module")
 def outcome():
     log, _ = made(3)
-    return look_ahead(log, VEHICLE, horizons=(10.0, 60.0)), log
+    return predict_ahead(log, VEHICLE, horizons=(10.0, 60.0)), log
 
 
 def test_the_numbers_are_those_of_the_arrays(outcome):
@@ -71,7 +71,7 @@ def test_the_model_that_made_the_log_predicts_it_better_than_what_knows_less(out
 
 def test_the_band_holds_what_it_promises():
     """Over several logs; the errors within one are alike."""
-    runs = [look_ahead(made(seed)[0], VEHICLE, horizons=(10.0,)) for seed in range(20, 26)]
+    runs = [predict_ahead(made(seed)[0], VEHICLE, horizons=(10.0,)) for seed in range(20, 26)]
     held = np.mean([run.horizons[0].coverage for run in runs])
     assert 0.90 < held <= 1.0
     told = [run.noise["depth_noise"] for run in runs]
@@ -85,7 +85,7 @@ def test_what_comes_after_an_instant_changes_no_prediction_from_it(outcome):
     cut = int(h.origin[len(h.origin) // 2])
     depth = log.depth.copy()
     depth[cut + 1 :] += np.random.default_rng(0).normal(0.0, 0.2, len(depth) - cut - 1)
-    other = look_ahead(replace(log, depth=depth), VEHICLE, horizons=(10.0,)).horizons[0]
+    other = predict_ahead(replace(log, depth=depth), VEHICLE, horizons=(10.0,)).horizons[0]
     past = h.origin <= cut
     np.testing.assert_array_equal(other.origin[past], h.origin[past])
     np.testing.assert_allclose(other.predicted[past], h.predicted[past], rtol=0, atol=1e-9)
@@ -96,7 +96,7 @@ def test_what_comes_after_an_instant_changes_no_prediction_from_it(outcome):
 def test_noise_that_is_given_is_used():
     log, _ = made(5, span=60.0)
     given = Tuning(depth_noise=5e-3, random_walk=0.1e-6, acceleration_noise=1e-4)
-    ahead = look_ahead(log, VEHICLE, horizons=(10.0,), tuning=given)
+    ahead = predict_ahead(log, VEHICLE, horizons=(10.0,), tuning=given)
     assert ahead.noise == pytest.approx(given._asdict())
     assert set(ahead.origins.values()) == {"given"}
 
@@ -108,7 +108,7 @@ def test_noise_that_was_identified_is_used():
         "depth_noise": 5e-3, "neutral_walk": 0.1e-6, "acceleration_noise": 1e-4,
     }  # fmt: skip
     vehicle = type(VEHICLE).model_validate(VEHICLE.model_dump() | {"identified": table})
-    ahead = look_ahead(log, vehicle, horizons=(10.0,))
+    ahead = predict_ahead(log, vehicle, horizons=(10.0,))
     assert ahead.noise["depth_noise"] == pytest.approx(5e-3, rel=0.5)
     assert "[identified]" in ahead.origins["random_walk"]
     assert ahead.noise["random_walk"] == pytest.approx(0.1e-6, rel=1.0)
@@ -117,14 +117,14 @@ def test_noise_that_was_identified_is_used():
 def test_what_cannot_be_is_refused():
     log, _ = made(5, span=60.0)
     with refused(InputError, field="--ahead", value=100.0) as caught:
-        look_ahead(log, VEHICLE, horizons=(100.0,))
+        predict_ahead(log, VEHICLE, horizons=(100.0,))
     assert caught.value.field == "--ahead"
     with refused(InputError, field="--ahead", value=0.1):
-        look_ahead(log, VEHICLE, horizons=(0.1,))
+        predict_ahead(log, VEHICLE, horizons=(0.1,))
     with refused(InputError, field="--random-walk", value=-1.0):
-        look_ahead(log, VEHICLE, horizons=(10.0,), tuning=Tuning(random_walk=-1.0))
+        predict_ahead(log, VEHICLE, horizons=(10.0,), tuning=Tuning(random_walk=-1.0))
     with refused(LogError, field="volume"):
-        look_ahead(replace(log, volume=None), VEHICLE)
+        predict_ahead(replace(log, volume=None), VEHICLE)
 
 
 @pytest.fixture(scope="module")

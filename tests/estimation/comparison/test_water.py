@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.errors import InputError, LogError
 from swimbladder.estimation.comparison import compare
-from swimbladder.estimation.comparison.ahead import look_ahead
+from swimbladder.estimation.comparison.ahead import predict_ahead
 from swimbladder.estimation.comparison.water import follow_in, layers_of, water_of_each
 from swimbladder.physics.dynamics import plant
 from swimbladder.physics.hull import along_hull, linear_psi
@@ -82,7 +82,7 @@ def test_the_neutral_volume_and_its_drift_are_found_in_layers():
 def test_predictions_ahead_gain_by_the_cast():
     log = sailed(VEHICLE, seed=3)
     skills = [
-        look_ahead(log, VEHICLE, horizons=(10.0, 40.0), column=water).horizons
+        predict_ahead(log, VEHICLE, horizons=(10.0, 40.0), column=water).horizons
         for water in (COLUMN, None)
     ]
     for near, far in zip(*skills, strict=True):

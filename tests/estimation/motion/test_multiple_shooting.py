@@ -8,7 +8,7 @@ from swimbladder.estimation.comparison.record import record
 from swimbladder.estimation.motion import identify
 from swimbladder.estimation.motion.experiment import experiment
 from swimbladder.estimation.motion.model import model_of
-from swimbladder.estimation.motion.multiple_shooting import Bridged, growth
+from swimbladder.estimation.motion.multiple_shooting import Shooting, growth
 from swimbladder.estimation.motion.problem import Problem
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
@@ -92,7 +92,7 @@ def test_growth_is_what_the_slopes_of_the_true_path_say(vehicle, dive):
 
 def test_gaps_have_the_derivatives_of_their_differences_and_close_on_a_true_path(vehicle, dive):
     problem = problem_of(vehicle, log_of(dive, 0))
-    cut = Bridged(problem, 1e5)
+    cut = Shooting(problem, 1e5)
     cut.gap = 1e-3
     rng = np.random.default_rng(1)
     x = cut.begin() + 0.01 * rng.normal(size=cut.size)

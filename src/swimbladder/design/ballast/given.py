@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from swimbladder.errors import InputError
-from swimbladder.physics.hull import mass_doubt, weighing, weight_mass
+from swimbladder.physics.hull import mass_mismatch, weighing, weight_mass
 from swimbladder.physics.seawater import Cast, Column, cast_column, uniform_column
 from swimbladder.physics.seawater.cast_unit import above_rating, check_cast_unit
 from swimbladder.units import parse_quantity
@@ -81,7 +81,7 @@ def with_mass(vehicle: Vehicle, mass: float | None = None) -> tuple[Vehicle, str
         assumed = f"it weighs {by_trim:.6g} kg, by trim_error in the water of the vehicle's file"
         if isinstance(vehicle.motion, PhysicalMotion):
             assumed += f" (its dry mass there is {vehicle.motion.dry_mass:.6g} kg)"
-        warning = mass_doubt(vehicle)
+        warning = mass_mismatch(vehicle)
         rest = ", and trim_error is taken; weigh it and give --mass"
         return vehicle, assumed, [warning + rest] if warning else []
     if not 0.5 * by_trim < mass < 2.0 * by_trim:

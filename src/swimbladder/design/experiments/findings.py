@@ -143,11 +143,11 @@ def _biases(chosen: EvaluatedSet, setting: Setting) -> list[Finding]:
                 f": {'no more than the intervals hold' if small else then}.",
             )
         )  # fmt: skip
-    for kind, left_out, what in (
+    for kind, omitted, what in (
         ("trim", chosen.trim, f"by {format_quantity(setting.neutral_std, 'm3', 'cm3', 2)}"),
         ("drift", chosen.drift, "by " + format_quantity(60.0 * setting.drift_std, "m3", "cm3", 2)),
     ):  # fmt: skip
-        if left_out is None or not _matters(left_out.linear, chosen):
+        if omitted is None or not _matters(omitted.linear, chosen):
             continue
         how = "were off" if kind == "trim" else "drifted"
         each = " a minute" if kind == "drift" else ""
@@ -155,7 +155,7 @@ def _biases(chosen: EvaluatedSet, setting: Setting) -> list[Finding]:
             Finding(
                 kind, "warning",
                 f"If all neutral volumes {how} {what}{each} the same way: "
-                f"{describe(left_out.linear)}; the fit's intervals do not contain that.",
+                f"{describe(omitted.linear)}; the fit's intervals do not contain that.",
             )
         )  # fmt: skip
     return found

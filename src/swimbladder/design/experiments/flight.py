@@ -21,7 +21,7 @@ __all__ = ["CLEAR", "Flight", "experiment_of", "follow"]
 Array = NDArray[np.float64]
 
 CLEAR = 0.05  # m inside of an end of the range that a depth has to be before the end counts
-_FIRST_LOOK = 60.0  # s, followed at first; then twice as long each time
+_FIRST_STRETCH = 60.0  # s, followed at first; then twice as long each time
 
 
 class Flight(NamedTuple):
@@ -55,7 +55,7 @@ def follow(
     time = h * np.arange(whole, dtype=np.float64)
     volume = np.zeros(whole)
     p = model.plant(values, -values["psi"] * release.start)
-    at, moved, looked = first, [first], min(whole, first + math.ceil(_FIRST_LOOK / h))
+    at, moved, looked = first, [first], min(whole, first + math.ceil(_FIRST_STRETCH / h))
     volume[at:] = ramps.move(0.0, release.moves[0].volume, whole - at)
     while True:
         depth = _depths(p, time[:looked], volume[:looked], release.start)
@@ -67,7 +67,7 @@ def follow(
                 at = k
                 moved.append(k)
                 volume[k:] = ramps.move(float(volume[k]), following.volume, whole - k)
-                looked = min(whole, max(looked, k + math.ceil(_FIRST_LOOK / h)))
+                looked = min(whole, max(looked, k + math.ceil(_FIRST_STRETCH / h)))
                 continue
         if end < looked or looked == whole:
             return Flight(release, time[:end], volume[:end], depth[:end], tuple(moved), why)

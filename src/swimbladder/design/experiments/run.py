@@ -35,7 +35,7 @@ _SETTLING = 120.0  # s, where no procedure can be simulated
 _SETTLING_STEP = 30e-6  # m3, of the procedure that is simulated for it
 _DEEPER = 1.5
 _LARGER = 2.0  # of the largest size that a design has: what the curve goes to
-_WALK_TIME = 100.0  # s, over which a random walk is taken for a steady drift
+_DRIFT_TIME = 100.0  # s, over which a random walk is taken for a steady drift
 _UNLIMITED = 10_000
 _LEAST_TRAVEL = 0.2  # m
 
@@ -68,7 +68,7 @@ def design_experiment(
     Raises InputError where vehicle, pool and time leave nothing to do. What the experiments will
     not identify is among the findings.
     """
-    tell = advance or (lambda _: None)
+    report = advance or (lambda _: None)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         question = _question(vehicle, free, dict(fixed or {}), dict(priors or {}), drag)
         settled, how = _settling(vehicle, settling, pool_depth, clearance)
@@ -77,7 +77,7 @@ def design_experiment(
             quantum=quantum, sample_time=sample_time, neutral_std=neutral_std, drift_std=drift_std,
             settling=settled, rest=rest, longest=longest, largest=largest, moves=moves,
         )  # fmt: skip
-        tell(0.05)
+        report(0.05)
         limits = ramps(vehicle, s)
         if uncertainty is not None and not 0.0 <= uncertainty <= 1.0:
             raise InputError(
@@ -91,16 +91,16 @@ def design_experiment(
         )  # fmt: skip
         rival = _rival(vehicle, against, limits, s)
         budget = time or (sum(finder.of(r).cost for r in rival) if rival else _TIME)
-        chosen = search(finder, budget, releases or _UNLIMITED, lambda part: tell(0.75 * part))
+        chosen = search(finder, budget, releases or _UNLIMITED, lambda part: report(0.75 * part))
         ours = evaluate(chosen, question, s, limits, others)
-        tell(0.07)
+        report(0.07)
         theirs = evaluate(rival, question, s, limits, others) if rival else None
-        tell(0.07)
+        report(0.07)
         ends = sizes(question, limits, s)
         end = min(limits.most, -limits.least, _LARGER * ends[-1])
         buys = curve(question, s, limits, (ends[0], end), budget)
         stretched = deeper(chosen, question, s, limits, _DEEPER)
-        tell(0.06)
+        report(0.06)
     return Design(
         vehicle=vehicle.name, setting=s, question=question, criterion=criterion, budget=budget,
         chosen=ours, against=theirs, rival=_rival_name(against), curve=buys,
@@ -202,7 +202,7 @@ def _setting(
         neutral_std = (known.neutral_std if known is not None else 0.0) or NEUTRAL_STD
     if drift_std is None:
         walk = known.neutral_walk if known is not None else 0.0
-        drift_std = walk / math.sqrt(_WALK_TIME) if walk > 0.0 else DRIFT_STD
+        drift_std = walk / math.sqrt(_DRIFT_TIME) if walk > 0.0 else DRIFT_STD
     if sample_time is None:
         sample_time = vehicle.controller.sample_time if vehicle.controller is not None else 0.3
     s = Setting(

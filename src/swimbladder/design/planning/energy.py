@@ -45,7 +45,7 @@ __all__ = ["electrical", "least_energy", "winding"]
 
 _CONVEX = 1e-9  # a curvature below this share of the largest is none
 _AT_REST = (0.0, 1.0, 1e2, 1e4, 1e6)  # multiples of the distance from rest at the end
-_LACKING = 1e-3  # of the curvature, added first where it is not enough
+_ADDED = 1e-3  # of the curvature, added first where it is not enough
 _ROUNDS, _SETTLED = 60, 1e-7  # of tangents, and the share that ends them
 
 
@@ -96,12 +96,12 @@ def least_energy(task: Task, steps: Steps, end: int, near: Near | None = None) -
     """
     n = len(steps.A)
     form = _form(task, steps)
-    lacking, storage = 0.0, _storage(form)
+    added, storage = 0.0, _storage(form)
     convex = storage is not None
     while storage is None:
-        lacking = 4.0 * lacking if lacking else _LACKING * float(form.r.max())
-        storage = _storage(form._replace(r=form.r + lacking))
-    cost, Q = _squares(form._replace(r=form.r + lacking), *storage)
+        added = 4.0 * added if added else _ADDED * float(form.r.max())
+        storage = _storage(form._replace(r=form.r + added))
+    cost, Q = _squares(form._replace(r=form.r + added), *storage)
     unit = float(np.abs(Q.data).max())
     problem = posed(task, steps, Goal(near=None, rest=end), near, costly=False)
     _, u = columns_of(n)
@@ -109,7 +109,7 @@ def least_energy(task: Task, steps: Steps, end: int, near: Near | None = None) -
     answer = None
     for _ in range(_ROUNDS):
         bent = cost.copy()
-        bent[u] -= lacking * commands
+        bent[u] -= added * commands
         found = interior(problem._replace(cost=bent / unit, Q=Q / unit))
         if found is None:
             return None

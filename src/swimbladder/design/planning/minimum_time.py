@@ -75,7 +75,7 @@ def search_least(
     task: Task, *, rest: bool, advance: Callable[[float], None] | None = None
 ) -> Found:
     """Return the least time and the course that takes it, by bisection; advance: as in `plan`."""
-    tell = advance or (lambda _: None)
+    report = advance or (lambda _: None)
     nominal = resting(1)
 
     def slack(n: int, end: int, relaxed: str, agree: float) -> Answer:
@@ -83,7 +83,7 @@ def search_least(
         goal = Goal(near=n if relaxed == "near" else None, rest=end, relaxed=relaxed)
 
         def program(steps: Steps, near: Near) -> Answer | None:
-            tell(1.0)
+            report(1.0)
             return solve(task, steps, goal, near)
 
         answer, settled = settle(task, program, stretched(nominal, end), agree=agree)

@@ -130,7 +130,7 @@ class PoolDay:
         said = messages.of_cut(cut, self.rules)
         one = keep(self.folder, number, cut, self.source, said)
         self.kept = sorted([*(k for k in self.kept if k is not known), one], key=_number)
-        yield News("ended", event.time, _told(number, cut, said))
+        yield News("ended", event.time, _summary(number, cut, said))
         try:
             self._identify()
         except LogError as error:
@@ -161,11 +161,11 @@ class PoolDay:
         """Return by how much experiments are off, and why, of those that are."""
         if self.found is None:
             return {}
-        told = {
+        misfits = {
             k: messages.of_fit(fit, self.asked.neutral_std)
             for k, fit in zip(self.kept, self.found.experiments, strict=True)
         }
-        return {k: fault for k, fault in told.items() if fault[0] > 1.0}
+        return {k: fault for k, fault in misfits.items() if fault[0] > 1.0}
 
     @property
     def _number(self) -> int:
@@ -279,7 +279,7 @@ def _number(kept: Kept) -> int:
     return kept.number
 
 
-def _told(number: int, cut: Cut, said: Sequence[str]) -> str:
+def _summary(number: int, cut: Cut, said: Sequence[str]) -> str:
     way = "down" if cut.travel > 0.0 else "up"
     glide = sum(1 for s in cut.samples if s.time >= cut.released)
     took = cut.samples[-1].time - cut.released

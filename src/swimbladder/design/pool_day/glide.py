@@ -33,7 +33,7 @@ _TURNING = 20.0  # s that one under way may take
 _INSIDE = 0.1  # m from where a glide is over, that it has to have been before
 _HALTED = (10.0, 0.015)  # s and m: a vehicle that turns round goes further in that time
 _SLOWER = 0.3  # of the largest speed, below which something stops a vehicle that does not turn
-_LOOKS = 3  # one after the other that have to say so
+_SLOW_SAMPLES = 3  # one after the other that have to say so
 _SHORTEST = 3.0  # s of an experiment
 
 
@@ -59,7 +59,7 @@ class Glide:
         self._off = self._turns = 0
         self._fastest = 0.0  # m/s
         self._speeds: list[float] = []  # m/s, at the latest looks
-        self._slow_looks = 0
+        self._slow_samples = 0
         self._least, self._greatest = math.inf, -math.inf  # m, depths so far
 
     def feed(self, sample: Sample) -> list[Event]:
@@ -88,7 +88,7 @@ class Glide:
     def _noise(self) -> float:
         return 6.0 * self._scatter
 
-    def look(self) -> list[Event]:
+    def evaluate(self) -> list[Event]:
         """Look at the last seconds: does the volume stand, does the vehicle still go?"""
         if self.volume is None:
             return self._believe()
@@ -155,11 +155,11 @@ class Glide:
         gone = float(np.median(z[-third:]) - np.median(z[:third]))
         speed = abs(gone / float(t[-third:].mean() - t[:third].mean()))
         slow = speed < _SLOWER * self._fastest and self._fastest > 20.0 * self.rules.rest_speed
-        self._slow_looks = self._slow_looks + 1 if slow else 0
+        self._slow_samples = self._slow_samples + 1 if slow else 0
         if not slow:
             self._speeds = [*self._speeds[-4:], speed]
             self._fastest = max(self._fastest, float(np.median(self._speeds)))
-        return self._slow_looks >= _LOOKS
+        return self._slow_samples >= _SLOW_SAMPLES
 
     def end(self, end: End) -> list[Event]:
         """End the experiment: return it, or why it is none."""

@@ -123,7 +123,7 @@ class _Work:
         law, self._parameters = bind(vehicle.controller)
         self._initial: Callable[..., Any] = law.initial
         self._step: Callable[..., Any] = law.step
-        self._hands: ManualDrive = manual_drive_of(vehicle)
+        self._drive: ManualDrive = manual_drive_of(vehicle)
         self._task, self._start = task, task.start
         self._turns = [Turn(task.change, math.nan, task.change > 0.0), *task.turns]
         self._rules = Rules()
@@ -142,7 +142,7 @@ class _Work:
         if self._does == "halt" and seen.time - self._began >= _HALT - 1e-9:
             self._released = seen.time
             self._move(seen)
-        if self._does == "move" and self._hands.done(seen):
+        if self._does == "move" and self._drive.done(seen):
             self._does = "glide"
         if self._does == "glide":
             self._glide(seen)
@@ -152,7 +152,7 @@ class _Work:
             command, self._state, _ = self._step(self._parameters, self._state, seen, self._start)
             self._window = protocol.extend(self._window, seen.depth - self._start, seen.volume)
             return float(command), "hold"
-        return self._hands.command(seen), self._does
+        return self._drive.command(seen), self._does
 
     def _hold(self, seen: Measurement) -> None:
         """Bring the vehicle to rest; when it has been for a minute, open the loop."""
@@ -164,15 +164,15 @@ class _Work:
         still = abs(protocol.slope(w, self._tick)) <= r.rest_speed
         if still and abs(w.z / w.samples) <= r.rest_distance:
             self._neutral, self._began, self._does = w.V / w.samples, seen.time, "halt"
-            self._hands.stay(seen)
+            self._drive.stay(seen)
         elif seen.time > _PATIENCE:
             self._does = "gave up"
-            self._hands.stay(seen)
+            self._drive.stay(seen)
         else:
             self._window = protocol.EMPTY
 
     def _move(self, seen: Measurement) -> None:
-        self._hands.go(self._neutral + self._turns.pop(0).volume, seen)
+        self._drive.go(self._neutral + self._turns.pop(0).volume, seen)
         self._does, self._seen = "move", []
         self._deepest, self._shallowest = -math.inf, math.inf
 
@@ -198,4 +198,4 @@ class _Work:
             or seen.time - self._released > task.longest
         ):
             self._does, self._began = "arrived", seen.time
-            self._hands.stay(seen)
+            self._drive.stay(seen)

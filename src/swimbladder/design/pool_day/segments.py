@@ -36,8 +36,8 @@ class Segmenter:
         self.ready = False
         self._window = Window()
         self._glide: Glide | None = None
-        self._look = self._time = -math.inf
-        self._stood: float | None = None  # m3, volume of the last glide, or of one reported
+        self._evaluated = self._time = -math.inf
+        self._last_volume: float | None = None  # m3, volume of the last glide, or of one reported
 
     @property
     def under_way(self) -> bool:
@@ -62,14 +62,14 @@ class Segmenter:
             events += self.close(End.GAP)
         self._time = sample.time
         self._window.add(sample)
-        due = sample.time - self._look >= _PERIOD
+        due = sample.time - self._evaluated >= _PERIOD
         if due:
-            self._look = sample.time
+            self._evaluated = sample.time
         if self._glide is None:
             return events + (self._seek() if due else [])
         events += self._glide.feed(sample)
         if due and not self._glide.over:
-            events += self._glide.look()
+            events += self._glide.evaluate()
         return events + self._after(self._glide, events)
 
     def close(self, end: End = End.LOG) -> list[Event]:
@@ -80,9 +80,9 @@ class Segmenter:
 
     def _forget(self) -> None:
         if self._glide is not None:
-            self._stood = self._glide.volume
+            self._last_volume = self._glide.volume
         self._window.clear()
-        self._glide, self.ready, self.rest, self._look = None, False, None, -math.inf
+        self._glide, self.ready, self.rest, self._evaluated = None, False, None, -math.inf
 
     def _after(self, g: Glide, events: list[Event]) -> list[Event]:
         """Do what follows from what a glide said."""
@@ -102,7 +102,7 @@ class Segmenter:
         left = self._left()
         if left is not None:
             self._glide = left
-            events = left.feed(Sample(*self._window.rows[-1, :3].tolist())) or left.look()
+            events = left.feed(Sample(*self._window.rows[-1, :3].tolist())) or left.evaluate()
             return events + self._after(left, events)
         was, self.rest = self.ready, self._rest(now)
         if self.rest is None or not _still(self.rest, r):
@@ -175,11 +175,11 @@ class Segmenter:
         if len(recent) < FEWEST or self._time - recent[0, TIME] < 0.9 * _IDLE:
             return []
         level, gone = recent[-1, VOLUME], recent[-1, SMOOTH] - recent[0, SMOOTH]
-        if self._stood is not None and abs(level - self._stood) < r.change:
+        if self._last_volume is not None and abs(level - self._last_volume) < r.change:
             return []
         if abs(gone) < r.least_travel or np.ptp(recent[:, VOLUME]) > 0.25 * r.change:
             return []
-        self._stood = float(level)
+        self._last_volume = float(level)
         return [Refused(self._time, Why.NOT_AT_REST, float(gone / np.ptp(recent[:, TIME])))]
 
 

@@ -84,21 +84,21 @@ def judge(
     if found is None:
         return Verdict(State.MORE, f"No experiment yet; at least {LEAST} are needed.", LEAST)
     n = len(found.experiments)
-    untold = [f.sentence for f in found.findings if f.severity == "no"]
+    not_identified = [f.sentence for f in found.findings if f.severity == "no"]
     if n < LEAST:
-        lacking = LEAST - n
+        missing = LEAST - n
         return Verdict(
-            State.MORE, f"At least {lacking} more: with fewer than {LEAST} experiments a fault of "
-            "the model cannot show.", lacking,
+            State.MORE, f"At least {missing} more: with fewer than {LEAST} experiments a fault of "
+            "the model cannot show.", missing,
         )  # fmt: skip
-    missed = [] if untold else [
+    missed = [] if not_identified else [
         t for t in targets
         if not t.reached(found.parameters[t.name].value, found.parameters[t.name].std)
     ]  # fmt: skip
     warnings = [*faults, *(
         f.sentence for f in found.findings if f.severity == "warning" and f.kind not in _SINGLE
     )]  # fmt: skip
-    if not untold and not missed:
+    if not not_identified and not missed:
         if warnings:
             return Verdict(
                 State.WARNED, "The targets are met, but what was found speaks against the "
@@ -106,11 +106,11 @@ def judge(
             )  # fmt: skip
         return Verdict(State.GOOD, f"Good enough to stop: {_known(found, targets)}.")
     if due:
-        how = _known(found, missed) if missed else f"{untold[0]}"
+        how = _known(found, missed) if missed else f"{not_identified[0]}"
         left = f"{due} experiment{'s' * (due > 1)} of the plan still to do"
         return Verdict(State.MORE, f"Not yet: {how.rstrip('.')}; {left}.", due)
-    if untold:
-        return Verdict(State.LIMITED, f"More of the same will not help. {' '.join(untold)}")
+    if not_identified:
+        return Verdict(State.LIMITED, f"More of the same will not help. {' '.join(not_identified)}")
     more = forecast(found, targets, priors)
     how = _known(found, missed)
     if more is not None and more <= _MOST:

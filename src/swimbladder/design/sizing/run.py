@@ -116,9 +116,9 @@ def size(
     _check(body, dive, longest_travel, largest_mass)
     batch = combinations(parts, body.water)
 
-    def solve(wish: Dive) -> tuple[Requirements, Evaluation]:
-        water = uniform_column(body.water, wish.depth * 1.001) if column is None else column
-        asked = requirements(body, water, wish)
+    def solve(swept: Dive) -> tuple[Requirements, Evaluation]:
+        water = uniform_column(body.water, swept.depth * 1.001) if column is None else column
+        asked = requirements(body, water, swept)
         found = evaluate(
             batch, asked, body.water, longest_travel=longest_travel,
             largest_mass=min(largest_mass, weight_mass(body)),
@@ -249,8 +249,8 @@ def _sweep(
 
 def _brief(combination: Combination) -> str:
     """Return a drive in few words."""
-    left_out = ("kind", "winding", "battery")
-    names = [name for what, name in combination.choices.items() if what not in left_out]
+    unnamed = ("kind", "winding", "battery")
+    names = [name for what, name in combination.choices.items() if what not in unnamed]
     return ", ".join(name for name in names if name != "none")
 
 

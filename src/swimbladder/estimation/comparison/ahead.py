@@ -26,7 +26,7 @@ from swimbladder.io.logs import Log
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Ahead", "Horizon", "Tuning", "look_ahead"]
+__all__ = ["Ahead", "Horizon", "Tuning", "predict_ahead"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -116,7 +116,7 @@ class Ahead:
         return {"horizons": [h.to_json() for h in self.horizons], "noise": noise}
 
 
-def look_ahead(
+def predict_ahead(
     log: Log, vehicle: Vehicle, *, horizons: Sequence[float] = (10.0, 60.0),
     tuning: Tuning | None = None, bottom_depth: float = np.inf, surface_margin: float = 0.1,
     column: Column | None = None, advance: Callable[[float], None] | None = None,
@@ -204,7 +204,7 @@ def _pairs(rec: Record, seconds: float) -> tuple[Index, Index]:
 def _noise(bank: Bank) -> tuple[Array, Array, Array]:
     """Return depth noise, random walk and acceleration noise after each sample: weighted."""
     noise = [(m.noise.depth, m.noise.random_walk, m.noise.acceleration) for m in bank.members]
-    depth, walk, acceleration = (np.sqrt(bank.weighed(x)) for x in np.square(noise).T)
+    depth, walk, acceleration = (np.sqrt(bank.weighted(x)) for x in np.square(noise).T)
     return depth, walk, acceleration
 
 

@@ -30,7 +30,7 @@ _UNITS = {
 _FACTORS = (1e-3, 1e-6, 60.0, 1e3, 1.0 / 60.0)  # true time over time as read, if that is no unit's
 _ALIKE = (0.3, 3.0)  # of the vehicle's force: another vehicle of the kind, whose file is a guess
 _FAR = (0.1, 10.0)
-_TOLD = 0.6  # of the variance: the motion is that of the volume
+_EXPLAINED = 0.6  # of the variance: the motion is that of the volume
 _LEAST = 30  # samples
 _SMALL = 0.02  # m, less motion than which has no information
 
@@ -59,7 +59,7 @@ def refuse_wrong_clock(
         return
     for factor, unit in _others(log.times.seconds):
         found = read_with(factor)
-        if not (found.near(*_ALIKE) and found.explained > _TOLD):
+        if not (found.near(*_ALIKE) and found.explained > _EXPLAINED):
             continue
         only, remedy = (
             f"{factor:.3g} times as long only",

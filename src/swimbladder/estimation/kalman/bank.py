@@ -83,7 +83,7 @@ class Bank:
         mean, square = mean / total, square / total
         return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
-    def weighed(self, values: Array) -> Array:
+    def weighted(self, values: Array) -> Array:
         """Return the weighed mean [n] of values [members] after each sample."""
         result: Array = values @ self.weight
         return result

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from swimbladder.estimation.motion.coordinates import Coordinates
 from swimbladder.estimation.motion.initial_guess import regression
-from swimbladder.estimation.motion.multiple_shooting import GAPS, Bridged, growth, joined, longest
+from swimbladder.estimation.motion.multiple_shooting import GAPS, Shooting, growth, joined, longest
 from swimbladder.estimation.motion.noise import (
     autoregression,
     cost,
@@ -97,7 +97,7 @@ def _in_stretches(problem: Problem, best: Found, start: Array, *, clean: float) 
     grown = max(growth(problem, best[1]), growth(problem, start))
     if grown <= _GROWN and _excess(problem, best[2]) < clean:
         return best
-    cut = Bridged(problem, grown)
+    cut = Shooting(problem, grown)
     noise = float(np.median(_floors(problem)))
     x = cut.begin_like(start)
     for gap in GAPS:

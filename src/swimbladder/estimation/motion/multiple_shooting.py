@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from swimbladder.estimation.motion.experiment import Segment
 from swimbladder.estimation.motion.problem import LOST, Problem
 
-__all__ = ["GAPS", "Bridged", "growth", "joined", "longest"]
+__all__ = ["GAPS", "Shooting", "growth", "joined", "longest"]
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def longest(problem: Problem) -> float:
     )
 
 
-class Bridged(Problem):
+class Shooting(Problem):
     """A problem cut into stretches, whose gaps count as residuals of the priors' kind."""
 
     def __init__(self, whole: Problem, grown: float) -> None:

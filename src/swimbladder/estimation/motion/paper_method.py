@@ -20,7 +20,7 @@ __all__ = ["PaperFit", "PaperFits", "paper_fits"]
 
 _UNEVEN = 0.05  # of the sample time, that samples may be off an even grid
 _FEWEST = 20  # samples
-_RUNAWAY = 1e7  # 1/m2/s or s, from which a fit has found no number
+_DIVERGED = 1e7  # 1/m2/s or s, from which a fit has found no number
 _REST = 5e-3  # m/s, at the start
 
 
@@ -120,7 +120,7 @@ def _kept(fit: Callable[[Record], Fit], record: Record) -> Fit | None:
             found = fit(record)
     except (OverflowError, ValueError):  # of an exponential; of what is not finite
         return None
-    far = max(found.K2, found.T2, 1.0 / found.K2, 1.0 / found.T2) > _RUNAWAY
+    far = max(found.K2, found.T2, 1.0 / found.K2, 1.0 / found.T2) > _DIVERGED
     return None if far else found
 
 

@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from swimbladder.errors import LogError
-from swimbladder.io.float_log import Action, Device, FloatLog, Reading, Stage, Wish
+from swimbladder.io.float_log import Action, Device, FloatLog, Reading, Stage, Target
 from swimbladder.io.log_formats.mermaid_lines import in_order, lines_of, written
 from swimbladder.io.log_text import counted, read_bytes
 
@@ -84,7 +84,7 @@ class _Reader:
         self.stages: dict[int, Stage] = {}
         self.stage = -2
         self.speeds: tuple[float, float] | None = None
-        self.wish: Wish | None = None
+        self.target: Target | None = None
         self.before: Reading | None = None
         self.colder = 0  # samples without a temperature that a sea has
         self.oddities: dict[str, list[int]] = {}
@@ -94,8 +94,8 @@ class _Reader:
         if self.first is None:
             self.first = stamp
         self.now = stamp - self.first
-        told = _PARTS.get(part)
-        if told is not None and not told(self, text.rstrip()):
+        reader = _PARTS.get(part)
+        if reader is not None and not reader(self, text.rstrip()):
             self.odd(f"of {part} with numbers that cannot be", number)
 
     def odd(self, what: str, number: int) -> None:
@@ -123,7 +123,7 @@ class _Reader:
             return max(abs(a), abs(b)) < 1e5
         if found := re.match(r"need to transfer ([+-]\d+)mL \((\w+) during (\d+)ms\)", text):
             speeds = self.speeds or (np.nan, np.nan)
-            self.wish = Wish(
+            self.target = Target(
                 time=self.now, speed_from=speeds[0], speed_to=speeds[1],
                 change=float(found[1]) * 1e-6, seconds=float(found[3]) / 1000.0,
             )  # fmt: skip
@@ -131,14 +131,14 @@ class _Reader:
         return True
 
     def begun(self, device: Device, milliseconds: str) -> None:
-        wish = self.wish if self.wish and self.now - self.wish.time < 30.0 else None
+        target = self.target if self.target and self.now - self.target.time < 30.0 else None
         self.actions.append(
             {
                 "device": device, "time": self.now, "asked": float(milliseconds) / 1000.0,
-                "wish": wish, "before": self.before, "stage": self.stage,
+                "target": target, "before": self.before, "stage": self.stage,
             }
         )  # fmt: skip
-        self.wish = self.before = None
+        self.target = self.before = None
 
     def worked(self, text: str, *, device: Device) -> bool:
         if found := re.match(r"(?:(?:pump )?during|(?:\w+ )?opening(?: for)?) (\d+)ms", text):

@@ -107,9 +107,9 @@ def draw_parts(found: Sizing) -> Figure:
     for place, choice in enumerate(rows):
         labels.append(_label(choice.what, choice.name))
         if choice.index < 0:
-            lacking = f"none does: {100.0 * choice.margin:.0f} % of the {choice.missing} needed"
+            label = f"none does: {100.0 * choice.margin:.0f} % of the {choice.missing} needed"
             axes.text(
-                0.02 * lightest, place, lacking,
+                0.02 * lightest, place, label,
                 va="center", fontsize=8.0, color=GREY,
             )  # fmt: skip
             continue
