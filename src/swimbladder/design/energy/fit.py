@@ -131,7 +131,7 @@ def fit_pump(
     warm = _warm(runs, kept) if temperature else None
     if warm is not None:
         kept &= np.isfinite(warm)
-    design = _Design(runs, warm, power_at, start and _tell_a_start(runs.duration[kept]))
+    design = _Design(runs, warm, power_at, start and _identifies_start(runs.duration[kept]))
     groups = np.unique(dive[kept])
     check_groups(runs, kept, groups)
     powers, reference = _powers(design, kept, dive, _reference(runs, kept) if voltage else None)
@@ -283,6 +283,6 @@ def _warm(runs: PumpRuns, kept: NDArray[np.bool_]) -> Array | None:
     return T
 
 
-def _tell_a_start(duration: Array) -> bool:
+def _identifies_start(duration: Array) -> bool:
     """Return whether runs are enough, and of different lengths, to determine what a start loses."""
     return bool(duration.size >= _ENOUGH and np.std(duration) > _LENGTHS * np.mean(duration))

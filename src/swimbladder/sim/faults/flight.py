@@ -128,7 +128,7 @@ _LAW = Law(
 )  # fmt: skip
 
 
-class Now(NamedTuple):
+class FlightState(NamedTuple):
     """What a flight remembers from tick to tick, beside the rows of its lane."""
 
     how: float  # OWN, FULL or EARLY
@@ -156,7 +156,7 @@ class Now(NamedTuple):
 
 
 FLIGHT = np.dtype([
-    ("condition", record_type(Condition)), ("now", record_type(Now)),
+    ("condition", record_type(Condition)), ("now", record_type(FlightState)),
     ("result", record_type(Result)),
     ("base", np.float64, (N_PLANT,)),  # the healthy vehicle
     ("faults", np.int64),  # how many
@@ -415,7 +415,7 @@ def fly(
     flights = np.zeros(1, FLIGHT)
     m: Any = flights[0]
     m["condition"], m["base"] = c, mission.plant
-    m["now"] = Now(*(0.0 for _ in Now._fields))._replace(
+    m["now"] = FlightState(*(0.0 for _ in FlightState._fields))._replace(
         how=how, off_until=-1.0, hung_until=-1.0, must_begin=1.0, asked=mission.depths[0],
         full_at=math.inf, deepest=c.start_depth,
     )  # fmt: skip
