@@ -1,9 +1,9 @@
 """What changing the volume costs: over depth, against a thruster, and from logged runs of a pump.
 
-chain: joules per volume, rate, power and efficiencies over depth. thruster, versus: the same task
-by a thruster, after the question of Carneiro et al. (IEEE J. Oceanic Eng., 2020). fit: a pump's
-power law and delivery, with uncertainty, from runs that a vehicle logged. runs: each of them, and
-efficiency over pressure. fitted: a vehicle with that pump.
+energy_per_volume: with rate, power and efficiencies over depth. thruster, thruster_comparison: the
+same task by a thruster, after the question of Carneiro et al. (IEEE J. Oceanic Eng., 2020). fit: a
+pump's power law and delivery, with uncertainty, from runs that a vehicle logged. runs: each of
+them, and efficiency over pressure. fitted_pump: a vehicle with that pump.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 `segments` finds rest, changes of volume and glides in samples as they come, `tasks` says what is to
 be done, `day` keeps the experiments, identifies the vehicle after each and says when to stop
-(`verdict`) and what went wrong (`remarks`); `tail` reads a growing file, `rehearsal` simulates.
+(`verdict`) and what went wrong (`messages`); `growing_log` reads a file that grows, `rehearsal`
+simulates.
 """
 
 from swimbladder.design.pool_day.day import Asked, News, PoolDay
