@@ -224,6 +224,15 @@ def test_a_python_function_commands_changes_of_volume():
     assert s.books.volume["let in"] == pytest.approx(3e-5, rel=1e-3)
 
 
+def test_a_start_at_the_surface_with_a_volume_is_taken_as_it_is():
+    s = simulate(
+        FLOAT, setpoints=[(0.0, 100.0)], duration=60.0, start_depth=0.0, start_volume=-1e-4
+    )
+    assert s.volume[0] == -1e-4
+    assert s.depth[0] == pytest.approx(0.0, abs=1e-8)
+    assert s.depth[-1] > 1.0  # too heavy to float
+
+
 def test_what_cannot_be_flown_is_refused():
     flown = {"duration": 100.0, "start_depth": 0.0}
     with refused(InputError, field="setpoints[0].depth", value=2500.0, holds=[2000.0]):
@@ -234,5 +243,7 @@ def test_what_cannot_be_flown_is_refused():
             FLOAT, setpoints=[(0.0, 100.0)], law=CASCADE, parameters=parameters, sample_time=1.0,
             **flown,
         )  # fmt: skip
+    with refused(InputError, field="parts", value=4):
+        simulate(FLOAT, setpoints=[(0.0, 100.0)], parts=4, **flown)
     with refused(InputError, field="vary['T1']", value="T1"):
         simulate_ensemble(FLOAT, count=1, setpoints=[(0.0, 100.0)], vary={"T1": 1.0}, **flown)

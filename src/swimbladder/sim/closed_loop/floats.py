@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 _EXACT = Accuracy(
     relative=1e-6, depth=1e-5, speed=1e-7, volume=1e-12, rest_deep=1e-4, rest_afloat=1e-3
 )
+_AT_SURFACE = 1e-9  # m
 _SHALLOW = 5.0  # m, above which a float is about to dive, or has come up
 _SPEED, _PAUSE = 0.1, 60.0  # m/s and s of a law that states neither
 _MARGIN, _BELOW = 1.2, 100.0  # of the deepest depth, and m: how far the table goes on
@@ -81,7 +82,10 @@ class FloatModel:
         board = np.zeros((count, BOARD))
         for n in range(count):
             asked = None if math.isnan(volume[n]) else float(volume[n])
-            x[n], at[n] = first_lane(given[n], self.table, float(depth[n]), volume=asked)
+            z = float(depth[n])
+            if asked is not None:
+                z = max(z, _AT_SURFACE)  # not afloat with all volume out
+            x[n], at[n] = first_lane(given[n], self.table, z, volume=asked)
             x[n, Now.W] = speed[n]
             up, pause = self._surfacing({k: float(v[n]) for k, v in parameters.items()})
             board[n, : len(up)], board[n, PAUSE] = up, pause

@@ -89,6 +89,11 @@ def simulate(
     start = check_start(medium, start_depth, start_volume, start_speed)
     clock = schedule(times, duration, tick)
     if vehicle.command == "volume change":
+        if parts is not None:
+            raise InputError(
+                "the steps of a float are as long as its motion lets", field="parts", value=parts,
+                remedy="Leave it out",
+            )  # fmt: skip
         from swimbladder.sim.closed_loop.float_run import run_float
 
         return run_float(
