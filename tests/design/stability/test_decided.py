@@ -79,6 +79,19 @@ def test_an_unstable_law_is_said_with_its_parameters():
     assert found.to_json()["decisions"]["largest_eigenvalue"] > 1.0
 
 
+def test_drag_that_is_less_on_the_way_up_counts_there():
+    """A coefficient from the drag of sinking asks for too much where the drag of rising is 0.4."""
+    lighter = FLOAT.motion.drag.model_copy(update={"rising_ratio": 0.4})
+    motion = FLOAT.motion.model_copy(update={"drag": lighter})
+    found = around_decisions(
+        FLOAT.model_copy(update={"motion": motion}), LAW, OWN, depths=(100.0, 1500.0)
+    )
+    assert not found.stable
+    assert not found.worst.down
+    ratios = {w.decision.speed > 0.0: w.ratio for w in found.ways}
+    assert ratios == {True: pytest.approx(1.0, rel=1e-3), False: pytest.approx(2.5, rel=1e-3)}
+
+
 def test_a_hull_that_gives_way_faster_than_is_decided_is_unstable_at_rest():
     found = stability(with_psi(2e-6), depths=(20.0, 100.0), maps=False)
     assert not found.stable

@@ -25,6 +25,7 @@ from swimbladder.design.tuning.decisions import (
     Rest,
     decisions_of,
     deliveries,
+    going,
     radius_of,
     rest_of,
 )
@@ -241,7 +242,7 @@ def _way(
 ) -> WayFound:
     own = [g for g in nominal if g[2] is d]
     one = member(vehicle, np.zeros(len(unknowns(vehicle)[0])))
-    p, w = one.plant, abs(d.speed)
+    p, w = going(vehicle, one.plant, d.speed), abs(d.speed)
     slope = drag_slope(p, w)
     c_true = drag_per_mass(w, p) / (p.a_b * w * w)
     c = sum(abs(s) * (d.samples[-1] - t) for s, t in zip(d.slopes, d.samples, strict=True))

@@ -25,7 +25,7 @@ from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.mission.holding import least_band
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
-__all__ = ["Rest", "decisions_of", "deliveries", "largest_radius", "radius_of", "rest_of"]
+__all__ = ["Rest", "decisions_of", "deliveries", "going", "largest_radius", "radius_of", "rest_of"]
 
 
 class Rest(NamedTuple):
@@ -77,9 +77,16 @@ def deliveries(
     return [Delivery(share, min(start / rate, longest)), Delivery(part * share, part * whole)]
 
 
+def going(vehicle: Vehicle, p: Plant, speed: float) -> Plant:
+    """Return a plant with the drag of the way it goes at a speed [m/s, positive down]."""
+    share = vehicle.drag.rising_ratio if speed < 0.0 else 1.0
+    return p._replace(d_l=share * p.d_l, d_b=share * p.d_b, d_0=share * p.d_0, d_t=share * p.d_t)
+
+
 def radius_of(vehicle: Vehicle, one: Member, d: Decision, rates: DriveRates, k: int) -> float:
     """Return the largest eigenvalue's modulus at depth k of `rates`, any change."""
-    maps = (decision_map(one.plant, d, x) for x in deliveries(vehicle, one, d, rates, k))
+    p = going(vehicle, one.plant, d.speed)
+    maps = (decision_map(p, d, x) for x in deliveries(vehicle, one, d, rates, k))
     return max(spectral_radius(M) for M in maps)
 
 
