@@ -8,23 +8,18 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from swimbladder.codegen.safety import cruising_speed
 from swimbladder.control.law import Law
 from swimbladder.control.pump_valve import DriveParameters, timed
 from swimbladder.control.records import leaves
-from swimbladder.control.surfacing import SurfacingParameters
 from swimbladder.errors import InputError
 from swimbladder.physics.buoyancy_engine import drive_map
-from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
-from swimbladder.sim.engine.rodas.drive import FULL
+from swimbladder.sim.closed_loop.floats import surfacing_of
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
 __all__ = ["BoardLaw", "board_law"]
 
-_SHALLOW = 5.0  # m, above which a float is about to dive, or has come up, as in `simulate`
 _BEYOND = 0.05  # of the stroke, pumped beyond what lacks at the surface: what seeped in, and errors
-_PAUSE = 60.0  # s, between two samples near the surface, where the law does not say
 _MOST = 0.02  # of the rate, by which its polynomial may be off
 _LONGEST_TICK = 1000.0  # s, so that microseconds of 32 bits count two of them
 _FINE = 801  # depths at which the polynomials are compared
@@ -90,17 +85,10 @@ def board_law(
             remedy="Give a smaller depth limit, above which the delivery bends less",
         )
     short, start_error = _fitted(x, drive.start_volume, 2, np.ones_like(x))
-    given, stroke = leaves(parameters), vehicle.stroke
-    pause = float(given.get("dead", _PAUSE))
+    surface, pause = surfacing_of(vehicle, leaves(parameters))
+    stroke, made = vehicle.stroke, timed(law)
     whole = stroke.maximum - stroke.minimum
     longest = a.longest_run or 2.0 * whole / float(np.min(drive.rate_out))
-    speed, top = cruising_speed(vehicle), vehicle.hull.emergence_depth
-    slack = drag_force(vehicle.drag, speed) / weight
-    if "coefficient" in given:  # as the law assumes it
-        slack = float(given["coefficient"]) * speed**2
-    shallow = max(_SHALLOW, top + 0.1 * vehicle.hull.height)
-    made, full = timed(law), stroke.maximum
-    surface = SurfacingParameters(shallow, vehicle.trim_error, full, FULL * whole, slack, 0.0)
     board = DriveParameters(
         tick=tick,
         per_depth=1.0 / deepest,

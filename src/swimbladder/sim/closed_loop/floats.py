@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,7 @@ from swimbladder.sim.engine.rodas.prepare import (
     given_of,
     make_table,
 )
-from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle import PumpAndValve, Vehicle
 
 __all__ = ["RATES", "FloatModel", "float_model"]
 
@@ -87,7 +88,8 @@ class FloatModel:
                 z = max(z, _AT_SURFACE)  # not afloat with all volume out
             x[n], at[n] = first_lane(given[n], self.table, z, volume=asked)
             x[n, Now.W] = speed[n]
-            up, pause = self._surfacing({k: float(v[n]) for k, v in parameters.items()})
+            own_law = {k: float(v[n]) for k, v in parameters.items()}
+            up, pause = surfacing_of(self.vehicle, own_law)
             board[n, : len(up)], board[n, PAUSE] = up, pause
             board[n, Z_SEEN] = x[n, Now.Z]
             board[n, DIVES] = 0.0 if x[n, Now.V] >= up.full - up[3] else 1.0
@@ -102,21 +104,24 @@ class FloatModel:
         start = np.stack([np.zeros(count), x[:, Now.V], x[:, Now.Z], x[:, Now.W]])
         return stepper, start
 
-    def _surfacing(self, parameters: dict[str, float]) -> tuple[SurfacingParameters, float]:
-        """Return what the processor assumes at the surface, and its pause there [s].
 
-        Those of the law where it has `far_speed`, `coefficient` and `dead`, as `rate` has.
-        """
-        stroke, g = self.vehicle.stroke, self.given
-        speed = parameters.get("far_speed", _SPEED)
-        own = drag_force(self.vehicle.drag, speed) / self.vehicle.water.specific_weight
-        slack = parameters["coefficient"] * speed**2 if "coefficient" in parameters else own
-        found = SurfacingParameters(
-            shallow=float(g[Given.SHALLOW]), neutral=float(g[Given.NEUTRAL_TOP]),
-            full=stroke.maximum, lacking=FULL * (stroke.maximum - stroke.minimum), slack=slack,
-            measured=float(g[Given.BY_VOLUME]),
-        )  # fmt: skip
-        return found, parameters.get("dead", _PAUSE)
+def surfacing_of(
+    vehicle: Vehicle, parameters: Mapping[str, float]
+) -> tuple[SurfacingParameters, float]:
+    """Return what the processor assumes at the surface, and its pause there [s].
+
+    parameters: of the law, by name: its `far_speed`, `coefficient` and `dead` count, as `rate` has.
+    """
+    hull, stroke = vehicle.hull, vehicle.stroke
+    speed = parameters.get("far_speed", _SPEED)
+    own = drag_force(vehicle.drag, speed) / vehicle.water.specific_weight
+    slack = parameters["coefficient"] * speed**2 if "coefficient" in parameters else own
+    found = SurfacingParameters(
+        shallow=max(_SHALLOW, hull.emergence_depth + 0.1 * hull.height), neutral=vehicle.trim_error,
+        full=stroke.maximum, lacking=FULL * (stroke.maximum - stroke.minimum), slack=slack,
+        measured=0.0 if isinstance(vehicle.actuator, PumpAndValve) else 1.0,
+    )  # fmt: skip
+    return found, parameters.get("dead", _PAUSE)
 
 
 def float_model(
