@@ -369,7 +369,7 @@ def _depths(
 
     The hull bears it, full buoyancy is above the neutral volume, the motor moves at `volts`.
     """
-    given, spare = vehicle.supervisor.depth_limit, p.V_max - p.V_0
+    given, spare = vehicle.supervisor.depth_limit, min(p.V_max, p.switch_out) - p.V_0
     rated = vehicle.hull.depth_limit or math.inf
     lifted = spare / p.psi if p.psi > 0.0 else math.inf
     load = p.gain * p.load_drive + p.k_l

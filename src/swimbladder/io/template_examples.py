@@ -181,6 +181,7 @@ INSTEAD: dict[str, str] = {
     "actuator.bypass.flow": '"60 mL/s/bar^0.5"',
     "actuator.resistance": '"1.5 ohm"',
     "actuator.emf_constant": '"30 mV s/rad"',
+    "stroke.switch_margin": '"0 cm3"',
     "supply.voltage": '"12 V"',
     "supply.capacity": '"500 Wh"',
     "loads.name": '"processor"',

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from swimbladder.errors import InputError
 from swimbladder.physics.actuator import ReducedActuator, reduced, refuse_pump_and_valve
-from swimbladder.vehicle import Drag, IdentifiedMotion, Positioner, Supply, Vehicle
+from swimbladder.vehicle import Drag, IdentifiedMotion, Positioner, Stroke, Supply, Vehicle
 
 __all__ = [
     "Plant",
@@ -75,6 +75,8 @@ class Plant(NamedTuple):
     a_s: float  # 1/s2, stiffness of the emerging hull, rho g A_w/m
     z_air: float  # m, depth at which the hull would have left the water
     z_bottom: float  # m, inf without one
+    switch_in: float = -math.inf  # m3, at which a limit switch cuts what drives further in
+    switch_out: float = math.inf  # m3, the same outwards
 
 
 def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
@@ -120,8 +122,14 @@ def body_plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
         a_b=k_b / m, psi=hull.psi, V_0=vehicle.trim_error,
         d_l=d_l, d_b=d_b, d_0=d_0, d_t=d_t, epsilon=epsilon,
         z_surface=hull.emergence_depth, a_s=k_b * hull.waterplane_area / m,
-        z_air=hull.emergence_depth - hull.height, z_bottom=bottom_depth,
+        z_air=hull.emergence_depth - hull.height, z_bottom=bottom_depth, **_switches(stroke),
     )  # fmt: skip
+
+
+def _switches(stroke: Stroke) -> dict[str, float]:
+    if stroke.switch_margin is None:
+        return {"switch_in": -math.inf, "switch_out": math.inf}
+    return {"switch_in": stroke.lowest, "switch_out": stroke.highest}
 
 
 def _sag(supply: Supply, actuator: ReducedActuator) -> float:

@@ -51,6 +51,20 @@ class Stroke(Parameters):
 
     minimum: Annotated[float, Unit("m3")] = Field(description="volume with the piston fully in")
     maximum: Annotated[float, Unit("m3")] = Field(description="volume with the piston fully out")
+    switch_margin: Annotated[float, Unit("m3"), Field(ge=0.0)] | None = Field(
+        None, description="volume before either end stop at which a limit switch cuts the command "
+        "that drives on; the piston may coast to the stop; not given: no switches"
+    )  # fmt: skip
+
+    @property
+    def lowest(self) -> float:
+        """The least volume that a command drives to [m3]: the end stop, or the switch before it."""
+        return self.minimum + (self.switch_margin or 0.0)
+
+    @property
+    def highest(self) -> float:
+        """The largest volume that a command drives to [m3]."""
+        return self.maximum - (self.switch_margin or 0.0)
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -61,6 +75,11 @@ class Stroke(Parameters):
                 "Volumes are counted from mid-stroke: the minimum is usually negative",
                 "minimum",
             )
+        if self.lowest >= self.highest:
+            raise refusal(
+                "the switches leave no stroke between them",
+                "Give the volume between a switch and its end stop", "switch_margin",
+            )  # fmt: skip
         return self
 
 

@@ -216,6 +216,11 @@ class Vehicle(Parameters):
                 "Add a table [supply] with the battery's voltage",
                 "supply",
             )
+        if isinstance(self.actuator, PumpAndValve) and self.stroke.switch_margin:
+            raise refusal(
+                "a pump and a valve have no limit switches before the ends of their stroke here",
+                "Leave it out; the pump stops at the end of its stroke", "stroke.switch_margin",
+            )  # fmt: skip
         self._electricity_fits()
         neutral = self.neutral_volume(max(self.hull.emergence_depth, 0.0))
         if not self.stroke.minimum < neutral < self.stroke.maximum:

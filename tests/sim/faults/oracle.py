@@ -66,7 +66,7 @@ class Faulty:
         swell_omega=1.0, swell_phase=0.0, gravity=9.80665, first=0,
     ):  # fmt: skip
         self.healthy, self.fault_rows, self.tick, self.first = machine, fault_rows, tick, first
-        self.drift = drift
+        self.drift, self.stroke = drift, vehicle.stroke
         self.swell = swell, swell_omega, swell_phase, gravity
         self.oracle = Oracle(vehicle, depth=depth, volume=volume, speed=speed)
         self.oracle.m = copy.copy(machine)
@@ -153,7 +153,21 @@ class Faulty:
                 ends = (self.healthy.V_min, self.healthy.V_max) if m.positioner else (-m.E, m.E)
                 u = ends[1] if self.way > 0.0 else ends[0]
         low, high = (self.healthy.V_min, self.healthy.V_max) if m.positioner else (-m.E, m.E)
-        return max(low, min(high, u))
+        u = max(low, min(high, u))
+        return 0.0 if self.pressed(u, k) else u
+
+    def pressed(self, u, k):
+        """Return whether a limit switch cuts the voltage that a motor would get."""
+        if self.stroke.switch_margin is None or u == 0.0:
+            return False
+        outer, V = u > 0.0, self.oracle.state[1]
+        if any((side >= 0.5) == outer for side, _, _ in self.on(Fault.SWITCH_OPEN, k)):
+            return True
+        if any((side >= 0.5) == outer for side, _, _ in self.on(Fault.SWITCH_CLOSED, k)):
+            return False
+        margin = self.stroke.switch_margin
+        beyond = V - self.stroke.maximum if outer else self.stroke.minimum - V
+        return beyond >= -margin
 
     def step(self, k, command, wait):
         """Return a row of COMPARED at tick k, and advance by a tick with the board's command."""

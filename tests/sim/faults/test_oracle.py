@@ -125,19 +125,19 @@ def test_a_flight_in_the_layers_of_a_cast_is_that_of_the_oracle(rig_of):
     assert medium.share == pytest.approx(share, rel=1e-12)
     start = psi * 2.0 + vehicle.trim_error + layers(2.0)
     assert medium.neutral_volume(2.0) == pytest.approx(start, abs=2e-12)
-    harms = (Fault.SLOW, 0.3, 0, 20, 150), (Fault.LEAK_SMALL, 2e-7, 0, 40, ALWAYS)
+    fault_rows = (Fault.SLOW, 0.3, 0, 20, 150), (Fault.LEAK_SMALL, 2e-7, 0, 40, ALWAYS)
     turns = ((0.0, 0.6), (130.0, 4.0))
-    _, flown = rig.fly(*harms, depth=2.0, turns=turns, ticks=300, **SEA)
+    _, flown = rig.fly(*fault_rows, depth=2.0, turns=turns, ticks=300, **SEA)
     assert flown["depth"].min() < 1.2 < 2.0 < flown["depth"].max()
     faulty = Faulty(
-        Layered(vehicle, layers, share), vehicle, harms, tick=rig.tick, depth=2.0,
+        Layered(vehicle, layers, share), vehicle, fault_rows, tick=rig.tick, depth=2.0,
         volume=start, **SEA,
     )  # fmt: skip
     # steps of fourth order from row to row of the table, where the rest of the plant is exact
     near = NEAR | {"depth": 2e-5, "speed": 2e-5, "volume": 1e-10, "battery": 5e-6}
     compare(flown, follow(faulty, flown), near=near)
     # and where it would be without the layers is somewhere else
-    plain = Faulty(Layered(vehicle, lambda _: 0.0, share), vehicle, harms, tick=rig.tick, depth=2.0,
+    plain = Faulty(Layered(vehicle, lambda _: 0.0, share), vehicle, fault_rows, tick=rig.tick, depth=2.0,
                    volume=start, **SEA)  # fmt: skip
     assert np.abs(follow(plain, flown)["depth"] - flown["depth"]).max() > 0.1
 
@@ -250,7 +250,9 @@ def ran(fault, ticks, begin, end, tick, boot):
     return board
 
 
-@pytest.mark.parametrize("fault", KINDS, ids=lambda fault: fault.name.lower())
+@pytest.mark.parametrize(
+    "fault", [f for f, kind in KINDS.items() if not kind.switch], ids=lambda f: f.name.lower()
+)
 def test_each_kind_of_fault_does_what_it_is_said_to_do_and_only_while_it_lasts(rig, fault):
     """Value, sign, unit, begin and end: all columns of a flight against the oracle."""
     first, second, unit = SEVERE.get(fault, (0.0, 0.0, None))
@@ -317,6 +319,35 @@ def test_the_battery_that_the_supervisor_sees_sags_with_the_current_and_not_with
     load = Machine(rig.vehicle).k_z * z
     assert flown["applied"][39] == 12.0
     assert running == pytest.approx(12.0 - 0.6 * load, rel=1e-3)
+
+
+SWITCHES = [
+    (kind, side) for kind in (Fault.SWITCH_OPEN, Fault.SWITCH_CLOSED) for side in (0.2, 0.8)
+]
+
+
+@pytest.mark.parametrize("fault", [None, *SWITCHES])
+def test_limit_switches_cut_and_fail_as_in_the_oracle(rig_of, fault):
+    """All out and all in: cut at each switch; one that is open cuts before, one closed never."""
+    vehicle = variant("switched", stroke={"switch_margin": 40e-6})
+    rig, out = rig_of(vehicle), fault is not None and fault[1] > 0.5
+    fault_rows = () if fault is None else ((fault[0], fault[1], 0, 20, ALWAYS),)
+    turns = ((0.0, 5.0), (30.0, 60.0 if fault and not out else -20.0))
+    _, flown = against_oracle(
+        rig, *fault_rows, depth=20.0, ticks=200, turns=turns, near=NEAR_TURNING
+    )
+    least, most = flown["volume"].min(), flown["volume"].max()
+    if fault is None:
+        assert vehicle.stroke.highest < most < vehicle.stroke.maximum
+    elif fault[0] == Fault.SWITCH_CLOSED:
+        end, stop = (most, "maximum") if out else (least, "minimum")
+        assert end == pytest.approx(getattr(vehicle.stroke, stop), abs=1e-15)
+    else:
+        way = flown["applied"] > 0.0 if out else flown["applied"] < 0.0
+        assert not way[20:].any()
+    assert set(kinds_of(vehicle)) - set(kinds_of(load_vehicle("feup-em"))) == {
+        Fault.SWITCH_OPEN, Fault.SWITCH_CLOSED,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("fault", [Fault.STALLED, Fault.SLOW, Fault.REVERSED, Fault.BLOCKED_OUT,

@@ -104,7 +104,8 @@ def task_of(
             remedy='Give two depths, like "1.5:3 m"',
         )  # fmt: skip
     most = p.rate if p.positioner else p.supply
-    middle, half = 0.5 * (p.V_max + p.V_min), 0.5 * (p.V_max - p.V_min)
+    low, high = vehicle.stroke.lowest, vehicle.stroke.highest
+    middle, half = 0.5 * (high + low), 0.5 * (high - low)
     fastest = math.inf if speed_limit is None else speed_limit
     task = Task(
         vehicle=vehicle, plant=p, start=start, target=target, sample_time=sample_time,

@@ -257,19 +257,19 @@ def _check_reach(
     cure = f"Trim it otherwise, give it more stroke, or tune for other depths {_ASKED}"
     for depth in depths:
         neutral = vehicle.neutral_volume(depth) + layers.at(depth)
-        if not stroke.minimum < neutral < stroke.maximum:
+        if not stroke.lowest < neutral < stroke.highest:
             raise NoAnswerError(
                 f"at {depth:g} m the vehicle is neutral at {1e6 * neutral:.4g} cm3, outside its "
-                f"stroke of {1e6 * stroke.minimum:g} to {1e6 * stroke.maximum:g} cm3: no law holds "
+                f"stroke of {1e6 * stroke.lowest:g} to {1e6 * stroke.highest:g} cm3: no law holds "
                 f"it there. {cure}"
             )
         each = [p.psi * depth + p.V_0 + layers.at(depth) for p in around.plants]
         low, high = min(each) - around.neutral, max(each) + around.neutral
-        if not (stroke.minimum < low and high < stroke.maximum):
+        if not (stroke.lowest < low and high < stroke.highest):
             raise NoAnswerError(
                 f"at {depth:g} m the vehicle may be neutral anywhere from {1e6 * low:.4g} to "
-                f"{1e6 * high:.4g} cm3, beyond its stroke of {1e6 * stroke.minimum:g} to "
-                f"{1e6 * stroke.maximum:g} cm3: no law holds all of these vehicles there. {cure}"
+                f"{1e6 * high:.4g} cm3, beyond its stroke of {1e6 * stroke.lowest:g} to "
+                f"{1e6 * stroke.highest:g} cm3: no law holds all of these vehicles there. {cure}"
             )
     if isinstance(vehicle.actuator, PumpAndValve):
         pump = pump_stall(with_supply(vehicle, supply), depth=deepest)

@@ -109,8 +109,10 @@ class Block:
         work[Row.LAW : Row.LAW + len(values)] = [values[n] for n in leaf_names(law.parameters)]
         positioner = plants[index("positioner")] != 0.0
         supply = plants[index("supply")]
-        work[Row.LOW_U] = np.where(positioner, plants[index("V_min")], -supply)
-        work[Row.HIGH_U] = np.where(positioner, plants[index("V_max")], supply)
+        least = np.maximum(plants[index("V_min")], plants[index("switch_in")])
+        most = np.minimum(plants[index("V_max")], plants[index("switch_out")])
+        work[Row.LOW_U] = np.where(positioner, least, -supply)
+        work[Row.HIGH_U] = np.where(positioner, most, supply)
         work[Row.DEPTH_NOISE] = sensors.depth_noise
         work[Row.DEPTH_QUANTUM] = sensors.depth_quantum
         work[Row.VOLUME_NOISE] = sensors.volume_noise

@@ -129,7 +129,7 @@ def _check_depth(vehicle: Vehicle, depth: float, bottom: float, field: str) -> N
 
 def _within_stroke(vehicle: Vehicle, outwards: bool) -> str:
     """Return what to do where the stroke ends, at its largest volume (outwards) or its least."""
-    end = vehicle.stroke.maximum if outwards else vehicle.stroke.minimum
+    end = vehicle.stroke.highest if outwards else vehicle.stroke.lowest
     psi, over = vehicle.hull.psi, end - vehicle.trim_error
     if psi == 0.0 or over / psi <= 0.0:  # at no depth, or at none below the surface
         return "Trim the vehicle otherwise (trim_error), or lengthen the stroke"
@@ -142,16 +142,16 @@ def _within_stroke(vehicle: Vehicle, outwards: bool) -> str:
 
 def _check_stroke(vehicle: Vehicle, medium: Medium, depth: float, field: str) -> None:
     stroke, neutral = vehicle.stroke, medium.neutral_volume(depth)
-    if stroke.minimum < neutral < stroke.maximum:
+    if stroke.lowest < neutral < stroke.highest:
         return
     if medium.layers is NO_LAYERS:
-        where, remedy = "there", _within_stroke(vehicle, neutral >= stroke.maximum)
+        where, remedy = "there", _within_stroke(vehicle, neutral >= stroke.highest)
     else:
         where = "there, in the water of the cast"
         remedy = "Trim the vehicle for this water (`swimbladder ballast --cast` says how, and "
         remedy += "writes the vehicle), or lengthen the stroke"
     raise InputError(
         f"the stroke is smaller than the neutral volume {where}: {neutral * 1e6:.4g} cm3 is "
-        f"outside {stroke.minimum * 1e6:g} to {stroke.maximum * 1e6:g} cm3",
+        f"outside {stroke.lowest * 1e6:g} to {stroke.highest * 1e6:g} cm3",
         field=field, value=depth, unit="m", remedy=remedy,
     )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from swimbladder.control.law import Measurement
@@ -65,6 +67,8 @@ from swimbladder.sim.engine.modes import (
     QUICK_BOBBING,
     SAG,
     SLOW_BOBBING,
+    SWITCH_IN,
+    SWITCH_OUT,
     V_MAX,
     V_MIN,
     Z_AIR,
@@ -75,7 +79,7 @@ from swimbladder.sim.engine.modes import (
     split,
 )
 
-__all__ = ["commit", "decide", "judge", "leap_lane", "set_mode", "within"]
+__all__ = ["commit", "decide", "judge", "leap_lane", "limited", "set_mode", "within"]
 
 
 @shared
@@ -152,13 +156,26 @@ def decide(S, W_, i, hooks, like, like_state, k, t, per_tick):  # type: ignore[n
         S[WAIT * W_ + i] = (ticks if ticks > 0.0 else 0.0) if due else waiting - 1.0
         S[COMMAND * W_ + i] = command if due else S[COMMAND * W_ + i]
         scatter_where(due, state, S, row, W_)
-    command = drive(hooks, S, k, S[COMMAND * W_ + i])
-    low, high = S[LOW_U * W_ + i], S[HIGH_U * W_ + i]
-    u = command if command < high else high
-    u = low if u < low else u
-    u += command - command  # nan where the command is not finite
+    u = limited(S, W_, i, drive(hooks, S, k, S[COMMAND * W_ + i]))
     S[APPLIED * W_ + i] = u
     return u
+
+
+@inlined
+def limited(S: Any, W_: int, i: int, command: float) -> float:
+    """Return what lane i's driver gives of a command: within its limits, cut by limit switches.
+
+    A switch that is pressed takes the voltage that would drive on; a positioner takes no volume
+    beyond, so that its limits are its switches.
+    """
+    low, high = S[LOW_U * W_ + i], S[HIGH_U * W_ + i]
+    if S[(PLANT + POSITIONER) * W_ + i] == 0.0:
+        volume = S[V * W_ + i] + S[LOST * W_ + i]
+        high = 0.0 if volume >= S[(PLANT + SWITCH_OUT) * W_ + i] else high
+        low = 0.0 if volume <= S[(PLANT + SWITCH_IN) * W_ + i] else low
+    u = command if command < high else high
+    u = low if u < low else u
+    return u + (command - command)  # nan where the command is not finite
 
 
 @inlined

@@ -63,7 +63,7 @@ class Row(IntEnum):
     SWELL_DECAY = 46  # 1/m
     STEP = 47  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
     PLANT = 91
-    LAW = 116  # parameters, then state
+    LAW = 118  # parameters, then state
 
 
 N_STEP = 44

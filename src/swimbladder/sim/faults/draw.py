@@ -200,11 +200,8 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
         for fault, time in zip(faults, times, strict=True):
             first, second, lasts = draw_fault(fault, random)
             begin = math.ceil(time / tick)
-            fault_rows.append(
-                FaultRow(float(fault), first, second, begin, begin + max(1.0, round(lasts / tick)))
-                if math.isfinite(lasts)
-                else FaultRow(float(fault), first, second, begin)
-            )
+            end = begin + max(1.0, round(lasts / tick)) if math.isfinite(lasts) else math.inf
+            fault_rows.append(FaultRow(float(fault), first, second, begin, end))
     rest = p["psi"] * targets[0] + p["V_0"] + course.medium.layers.at(targets[0])
     condition = _condition(
         course, random, tick=tick, start=targets[0], V=rest,

@@ -20,6 +20,8 @@ from swimbladder.sim.engine.modes import (
     RATE,
     SAG,
     SUPPLY,
+    SWITCH_IN,
+    SWITCH_OUT,
     V_MAX,
     V_MIN,
 )
@@ -51,6 +53,7 @@ _HELD_BACK = 1.0  # s on end, that a block stops the actuator before it counts a
     DEPTH_DRIFT, DEPTH_SCALE, DEPTH_NOISE, VOLUME_NAN, VOLUME_STUCK, VOLUME_DRIFT, STALLED, SLOW,
     WEAK, REVERSED, BLOCKED_OUT, BLOCKED_IN, RUNS_ON, BATTERY_DECLINE, BATTERY_SAG, BATTERY_DROP,
     BATTERY_CELL, BATTERY_DEAD, TICKS_LOST, PAUSE, RESETS, HANG, LEAK_SMALL, LEAK_LARGE,
+    SWITCH_OPEN, SWITCH_CLOSED,
 ) = (int(fault) for fault in Fault)  # fmt: skip
 
 
@@ -178,13 +181,20 @@ def apply_faults(base, p, fault_rows, k, volume, shift):  # type: ignore[no-unty
     p[GAIN], p[RATE] = base[GAIN], base[RATE]
     p[LOAD_DRIVE], p[LOAD_BACK] = base[LOAD_DRIVE], base[LOAD_BACK]
     p[SAG], p[KAPPA] = base[SAG], base[KAPPA]
+    p[SWITCH_IN], p[SWITCH_OUT] = base[SWITCH_IN], base[SWITCH_OUT]
     stroke = base[V_MAX] - base[V_MIN]
     for n in range(fault_rows.shape[0]):
         fault_row = fault_rows[n]
         if not _on(fault_row, k):
             continue
         kind = int(fault_row[_KIND])
-        if kind == STALLED:
+        if kind >= SWITCH_OPEN:  # or closed
+            sign = 1.0 if kind == SWITCH_OPEN else -1.0
+            if fault_row[_FIRST] < 0.5:
+                p[SWITCH_IN] = sign * math.inf
+            else:
+                p[SWITCH_OUT] = -sign * math.inf
+        elif kind == STALLED:
             p[GAIN], p[RATE] = 0.0, 0.0
         elif kind == SLOW:
             p[GAIN] *= fault_row[_FIRST]

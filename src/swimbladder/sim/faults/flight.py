@@ -17,6 +17,7 @@ from swimbladder.control.law import Law, Measurement
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.block import Block, Schedule, work_space
 from swimbladder.sim.closed_loop.hooks import Hooks, hook_in
+from swimbladder.sim.closed_loop.lane import limited
 from swimbladder.sim.closed_loop.lanes import OVER
 from swimbladder.sim.closed_loop.rows import (
     APPLIED,
@@ -379,7 +380,7 @@ def _drive(faults, S, k, command):  # type: ignore[no-untyped-def]
     u = driven(
         base, p, m.fault_rows[: m.faults], k, c.tick, now.command, S[APPLIED], volume, m.kept
     )
-    u = max(S[LOW_U], min(S[HIGH_U], u))
+    u = limited(S, 1, 0, u)
     if faults.record.shape[0] > k:
         row = faults.record[k]
         wet = 1.0 if S[WATER] > c.leak_input else 0.0

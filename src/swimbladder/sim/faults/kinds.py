@@ -52,6 +52,8 @@ class Fault(IntEnum):
     HANG = 29
     LEAK_SMALL = 30
     LEAK_LARGE = 31
+    SWITCH_OPEN = 32
+    SWITCH_CLOSED = 33
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,6 +86,7 @@ class Kind:
     second: Range | None = None
     may_end: bool = True  # one in seven lasts for 5 to 300 s only
     motor: bool = False  # there is none such where the actuator takes a volume
+    switch: bool = False  # there is none such without limit switches
 
 
 FAMILIES = ("sensor", "actuator", "battery", "timing", "leak")
@@ -224,6 +227,16 @@ KINDS: Mapping[Fault, Kind] = {
         name="large leak", family="leak", may_end=False, words="water comes in, much",
         first=Range(least=20e-6 / 60.0, most=300e-6 / 60.0, unit="m3/s"),
     ),
+    Fault.SWITCH_OPEN: Kind(
+        name="limit switch open", family="actuator", motor=True, switch=True,
+        words="a limit switch cuts its direction everywhere; below 0.5 the inner, else the outer",
+        first=Range(least=0.0, most=1.0, unit="", log=False),
+    ),
+    Fault.SWITCH_CLOSED: Kind(
+        name="limit switch closed", family="actuator", motor=True, switch=True,
+        words="a limit switch never cuts; below 0.5 the inner, else the outer",
+        first=Range(least=0.0, most=1.0, unit="", log=False),
+    ),
 }  # fmt: skip
 
 _ENDS, _LASTS = 0.15, Range(least=5.0, most=300.0, unit="s")
@@ -231,7 +244,12 @@ _ENDS, _LASTS = 0.15, Range(least=5.0, most=300.0, unit="s")
 
 def kinds_of(vehicle: Vehicle) -> tuple[Fault, ...]:
     """Return the kinds of faults that a vehicle can have."""
-    return tuple(f for f, kind in KINDS.items() if vehicle.voltage_driven or not kind.motor)
+    switches = vehicle.stroke.switch_margin is not None
+    return tuple(
+        fault
+        for fault, kind in KINDS.items()
+        if (vehicle.voltage_driven or not kind.motor) and (switches or not kind.switch)
+    )
 
 
 def draw_fault(fault: Fault, random: np.random.Generator) -> tuple[float, float, float]:

@@ -53,6 +53,12 @@ def phase_laws(vehicle: Vehicle, mission: Mission) -> tuple[PhaseLaw, ...]:
             ) from None  # fmt: skip
     flown = tuple(one for one in found if one is not None)
     if not flown:
+        if vehicle.stroke.switch_margin:
+            raise InputError(
+                "the mission's own rule knows no limit switches", field="stroke.switch_margin",
+                value=vehicle.stroke.switch_margin, unit="m3",
+                remedy="Fly a law: give the vehicle a [controller], or leave the switches out",
+            )  # fmt: skip
         _check_rests(mission)
         return ()
     if len(flown) < len(found):
