@@ -93,7 +93,7 @@ def test_what_a_law_says_of_itself_is_about_its_own_parameters(name: str) -> Non
     assert {law.volume_gain, law.dead_zone, law.near, law.band} - {""} <= own
     if law.recipe is None:
         return
-    assert law.recipe.fast or law.recipe.quiet or law.recipe.sleeps
+    assert law.recipe.fast or law.recipe.quiet or law.recipe.sleeps or law.recipe.candidates
     vehicle = load_vehicle("feup-em")
     setting = setting_of(vehicle, sample_time=0.3, supply=12.0, neutral_range=5e-5)
     made = law.recipe.gains(setting, law.recipe.example)
