@@ -150,6 +150,11 @@ def test_limit_cycles_on_the_way_are_as_predicted():
     assert leak.seen.farthest < 1.5 * leak.predicted.depth_amplitude
 
 
+def test_a_way_that_is_too_short_shows_no_cycle():
+    cycles = hunting(FLOAT, LAW, OWN, depth=200.0, depths=(100.0, 500.0))
+    assert all(c.seen is None for c in cycles if c.predicted.source.startswith("compress"))
+
+
 def test_a_step_of_the_volume_that_is_too_coarse_goes_to_and_fro_within_its_bound():
     coarse = OWN._replace(volume_step=2e-6)
     (c,) = (

@@ -185,6 +185,8 @@ def test_what_does_not_go_together_is_refused():
         tune(FLOAT, law="planned", depths=DEPTHS)
     with refused(InputError, field="--law"):
         tune(load_vehicle("feup-em"), law="rate")
+    with refused(InputError, field="--depth"):
+        tune(FLOAT)  # 0 to 10 m: within the band
     with refused(InputError, field="--hold"):
         tune(FLOAT, depths=DEPTHS, hold=-1.0)
     with refused(InputError, field="--supply"):

@@ -145,7 +145,7 @@ def _flown_way(
     times = flown.actions[0][:, 0]
     times = times[times > 0.5 * one.cycle.period]
     if len(times) < 3:
-        return Seen(False, math.nan, math.nan, math.nan)
+        return None
     periods = np.diff(times)
     within = (flown.time >= times[0]) & (flown.time <= times[-1])
     t, z = flown.time[within], flown.depth[within, 0]

@@ -254,6 +254,8 @@ def _cycle_words(c: Confirmed) -> str:
             f", and cannot be relied on: its error may be {100 * p.cycle.amplitude_error:.0f} % of "
             f"amplitude and {100 * p.cycle.period_error:.0f} % of period by the third harmonic"
         )
+    if s is None and p.place == "decision":
+        return f"{said}; the way is too short to show three of them."
     if s is None:
         return f"{said}; the simulation, begun at rest, found no such edge."
     if not s.cycles:

@@ -84,7 +84,14 @@ def tune(
             value=least, unit="V", remedy=f"Give more than 0 V, and up to {p.supply:g} V",
         )  # fmt: skip
     around = region(vehicle)
+    held = _held(vehicle, chosen, goal, hold)
     ends = depths if pumped and step is None else _step(depths, step)
+    if pumped and abs(ends[1] - ends[0]) <= 2.0 * held:
+        raise InputError(
+            f"the way is no longer than the band of {held:g} m to either side that the law keeps",
+            field="--depth", value=f"{depths[0]:g}:{depths[1]:g}", unit="m",
+            remedy="Give depths farther apart, like 100:1500, or a narrower band (--hold)",
+        )  # fmt: skip
     judged = tuple(sorted({*depths, *ends}))
     layers = medium_of(vehicle, column, reach=judged[-1]).layers
     off = layers.along(np.linspace(judged[0], judged[-1], _ROWS))
@@ -95,7 +102,7 @@ def tune(
         + float(np.abs(off).max()),
         depths=judged,
     )  # fmt: skip
-    held, long = _held(vehicle, chosen, goal, hold), _WATCH
+    long = _WATCH
     recipe = recipe_of(law)
     if recipe.lasts is not None:
         long = recipe.lasts(setting, abs(ends[1] - ends[0]), goal)
