@@ -21,7 +21,7 @@ from swimbladder.control.law import Law
 from swimbladder.io.files import source_hash
 from swimbladder.sim.closed_loop.lanes import run_block
 from swimbladder.sim.engine.cache import compiled
-from swimbladder.sim.engine.rodas.kept import NAME
+from swimbladder.sim.engine.rodas import NAME
 
 __all__ = ["fingerprint", "kernel_of", "source_of"]
 

@@ -4,3 +4,14 @@
 step, `leap` takes a step with its error, events and accounts, `rest` lets time pass without steps,
 `line` is the oil between pump and check valve, `sensing` what the sensors give.
 """
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from swimbladder.io.files import source_hash
+
+__all__ = ["NAME"]
+
+NAME = f"rodas-{source_hash(Path(__file__).parent.glob('*.py'))}"
+"""Of this source: kernels that hold it are kept under it."""

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 
-from swimbladder.sim.engine.cache import part
-from swimbladder.sim.engine.rodas.kept import kept
+from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.leap import (
     AIR,
     BOTTOM,
@@ -270,7 +269,7 @@ def _at_volume(p, x, at, notes, counts):  # type: ignore[no-untyped-def]
         end_run(x, at, notes, counts)
 
 
-@part
+@inlined
 def next_turn(p, table, x, at, until):  # type: ignore[no-untyped-def]
     """Return `until` [s], or when the drive ends or changes what it does, if that is earlier."""
     if at[DOING] != NOTHING:
@@ -282,7 +281,7 @@ def next_turn(p, table, x, at, until):  # type: ignore[no-untyped-def]
     return until
 
 
-@kept
+@inlined
 def move(p, table, waves, x, at, accounts, notes, counts, loads, level, until, work):  # type: ignore[no-untyped-def]
     """Move the vehicle by a step, `until` [s] at most, with what happens in it.
 
@@ -312,7 +311,7 @@ def move(p, table, waves, x, at, accounts, notes, counts, loads, level, until, w
     return event
 
 
-@part
+@inlined
 def end_turn(x, at, notes, counts):  # type: ignore[no-untyped-def]
     """Let a primed pump deliver, and end a run whose time is over."""
     if at[DOING] == PRIMING and at[SHUT] == 0 and x[T] >= x[T_PRIMED]:
@@ -321,7 +320,7 @@ def end_turn(x, at, notes, counts):  # type: ignore[no-untyped-def]
         end_run(x, at, notes, counts)
 
 
-@part
+@inlined
 def turn_line(p, table, waves, x, at):  # type: ignore[no-untyped-def]
     """Open or shut the check valve of an oil line where its pressure is that of the sea."""
     if p[LINE] > 0.0 and at[STOP] == 0:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from swimbladder.io.files import source_hash
 from swimbladder.sim.engine.cache import compiled
-from swimbladder.sim.engine.rodas.kept import NAME
+from swimbladder.sim.engine.rodas import NAME
 from swimbladder.sim.mission.core import fly as _fly
 from swimbladder.sim.mission.core import phase_step as _phase_step
 
