@@ -14,15 +14,15 @@ import typer
 
 from swimbladder.cli import main
 from swimbladder.cli.options import Files, Options, Read, grouped
-from swimbladder.design.ballast import Wish, ballast, material_of, seas, unknown_of, with_mass
+from swimbladder.design.ballast import Target, ballast, material_of, seas, uncertainty_of, with_mass
 from swimbladder.design.energy import PumpFit, PumpRuns, fit_pump, fitted_vehicle, sea
 from swimbladder.design.pool_day.asked import asked_of, rules_of
 from swimbladder.design.pool_day.follow import check_waiting
-from swimbladder.design.pool_day.verdict import Target
+from swimbladder.design.pool_day.verdict import Target as PoolTarget
 from swimbladder.design.sizing import Dive, load_parts, size
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison import compare
-from swimbladder.estimation.comparison.ahead import look_ahead
+from swimbladder.estimation.comparison.ahead import predict_ahead
 from swimbladder.estimation.motion import Prior, identify
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
@@ -150,7 +150,7 @@ def _cast(**given):
 
 def _ballast(**given):
     return lambda _: ballast(
-        FLOAT, seas(FLOAT, []).columns, unknown=unknown_of(FLOAT, {}), draws=1, **given
+        FLOAT, seas(FLOAT, []).columns, uncertainty=uncertainty_of(FLOAT, {}), draws=1, **given
     )
 
 
@@ -170,8 +170,8 @@ REFUSED = [
     ),
     ([*BALLAST, "--mass", "3 kg"], lambda _: with_mass(FLOAT, 3.0)),
     ([*BALLAST, "--ballast", "cork"], lambda _: material_of("cork")),
-    ([*BALLAST, "--at-volume", "1 cm3"], _ballast(wish=Wish(volume=1e-6))),
-    ([*BALLAST, "--neutral-depth", "9 km"], _ballast(wish=Wish(neutral_depth=9000.0))),
+    ([*BALLAST, "--at-volume", "1 cm3"], _ballast(target=Target(volume=1e-6))),
+    ([*BALLAST, "--neutral-depth", "9 km"], _ballast(target=Target(neutral_depth=9000.0))),
     ([*BALLAST, "--probability", "30 %"], _ballast(probability=0.3)),
     ([*BALLAST, "--speed", "9 m/s"], _ballast(speed=9.0)),
     (
@@ -193,7 +193,7 @@ REFUSED = [
     ([*COMPARE, "--bottom=-1 m"], lambda f: compare(_log(f), NTNU, bottom_depth=-1.0)),
     ([*COMPARE, "--surface-margin=-1 m"], lambda f: compare(_log(f), NTNU, surface_margin=-1.0)),
     ([*COMPARE, "--drive", "steam"], lambda f: compare(_log(f), NTNU, drive="steam")),
-    ([*COMPARE, "--ahead", "5 s,5 s"], lambda f: look_ahead(_log(f), NTNU, horizons=(5.0, 5.0))),
+    ([*COMPARE, "--ahead", "5 s,5 s"], lambda f: predict_ahead(_log(f), NTNU, horizons=(5.0, 5.0))),
     ([*IDENTIFY, "--drive", "setpoint"], lambda f: identify([_log(f)], NTNU, drive="setpoint")),
     ([*IDENTIFY, "--neutral-std", "0"], lambda f: identify([_log(f)], NTNU, neutral_std=0.0)),
     ([*IDENTIFY, "--speed-std=-1 m/s"], lambda f: identify([_log(f)], NTNU, speed_std=-1.0)),
@@ -203,9 +203,9 @@ REFUSED = [
     ([*POOL, "--travel", "1 cm"], lambda _: rules_of(FEUP, travel=0.01)),
     ([*POOL, "--pool-depth", "0.3 m"], lambda _: rules_of(FEUP, pool_depth=0.3)),
     ([*POOL, "--target-std", "200 %"], lambda _: asked_of(FEUP, target_std=2.0)),
-    ([*POOL, "--target", "K9=2%"], lambda _: asked_of(FEUP, target=[Target("K9", 0.02)])),
+    ([*POOL, "--target", "K9=2%"], lambda _: asked_of(FEUP, target=[PoolTarget("K9", 0.02)])),
     ([*POOL, "--target", "K2=0 1/m2/s"],
-     lambda _: asked_of(FEUP, target=[Target("K2", 0.0, relative=False)])),
+     lambda _: asked_of(FEUP, target=[PoolTarget("K2", 0.0, relative=False)])),
     ([*POOL, "--neutral-std", "0"], lambda _: asked_of(FEUP, neutral_std=0.0)),
     ([*POOL, "--free", "K7"], lambda _: asked_of(FEUP, free=("K7",))),
     ([*POOL, "--speed", "0"], lambda _: check_waiting(speed=0.0)),
