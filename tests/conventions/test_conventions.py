@@ -407,7 +407,7 @@ def test_the_books_have_the_accounts_that_the_page_explains(name):
     vehicle = load_vehicle(name)
     s = simulate(vehicle, setpoints=[(0.0, 1.4)], duration=120.0, start_depth=0.8)
     books = s.books
-    assert set(books.energy) <= {row[0].strip("`") for row in table("Books")}
+    assert set(books.energy) <= {row[0].strip("`") for row in table("Balances")}
     assert books.energy["source"] == pytest.approx(
         sum(value for key, value in books.energy.items() if key != "source"),
         abs=1e-3 * books.throughput,
@@ -425,7 +425,7 @@ def test_no_account_is_explained_that_no_vehicle_has():
         found |= set(
             simulate(vehicle, setpoints=[(0.0, 1.4)], duration=6.0, start_depth=1.4).books.energy
         )
-    assert {row[0].strip("`") for row in table("Books")} == found
+    assert {row[0].strip("`") for row in table("Balances")} == found
 
 
 def test_the_page_lists_why_a_simulation_stops():
