@@ -55,9 +55,9 @@ def test_it_writes_a_vehicle_the_drives_and_pictures(capsys, tmp_path, parts):
         "drives.csv",
         "drives.png",
         "parts.png",
+        "requirements.png",
         "size.json",
         "vehicle.toml",
-        "requirements.png",
     ]
     assert sorted(p.name for p in out.iterdir()) == names
     with (out / "drives.csv").open() as file:
