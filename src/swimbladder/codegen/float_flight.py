@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Measurement
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.seawater import uniform_column
+from swimbladder.sim.engine.cache import compiled
+from swimbladder.sim.engine.rodas import NAME
 from swimbladder.sim.engine.rodas.drive import (
     end_run,
     end_turn,
@@ -24,7 +26,6 @@ from swimbladder.sim.engine.rodas.drive import (
     start_run,
     turn_line,
 )
-from swimbladder.sim.engine.rodas.kept import kept
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Now
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
 from swimbladder.sim.engine.rodas.sensing import measured
@@ -77,7 +78,7 @@ def _tick(lane: _Lane, doing: int, length: float, until: float) -> float:
     return float(measured(p, lane.waves, x, at))
 
 
-_tick_kernel = kept(_tick)
+_tick_kernel = compiled(_tick, under=NAME, allocates=False)
 
 
 class FloatPlant:

@@ -137,8 +137,8 @@ def test_a_flight_in_the_layers_of_a_cast_is_that_of_the_oracle(rig_of):
     near = NEAR | {"depth": 2e-5, "speed": 2e-5, "volume": 1e-10, "battery": 5e-6}
     compare(flown, follow(faulty, flown), near=near)
     # and where it would be without the layers is somewhere else
-    plain = Faulty(Layered(vehicle, lambda _: 0.0, share), vehicle, fault_rows, tick=rig.tick, depth=2.0,
-                   volume=start, **SEA)  # fmt: skip
+    even = Layered(vehicle, lambda _: 0.0, share)
+    plain = Faulty(even, vehicle, fault_rows, tick=rig.tick, depth=2.0, volume=start, **SEA)
     assert np.abs(follow(plain, flown)["depth"] - flown["depth"]).max() > 0.1
 
 
