@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from studies.deep_data import dives_of
 from swimbladder.estimation.motion.deep_dive import DeepDive
-from swimbladder.estimation.motion.deep_findings import between_json
+from swimbladder.estimation.motion.deep_findings import effects_json
 from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep, start_volume
 from swimbladder.estimation.motion.deep_model import (
     DEEP,
@@ -188,7 +188,7 @@ def study(folder: Path) -> Study:
     for k, dive in enumerate(dives):
         rest = [*dives[:k], *dives[k + 1 :]]
         found, speeds = fit_deep(body, rest, priors, free=DEFAULT), constant_speeds(rest)
-        between = between_json(found) or {}
+        between = effects_json(found) or {}
         values = {**found.values, **{name: one["value"] for name, one in between.items()}}
         others.append(found)
         alone.append(fit_deep(body, [dive], priors, free=DEFAULT))
@@ -216,7 +216,7 @@ def main() -> None:
     fit, dives, body = told.fit, told.dives, told.body
     print("| parameter | value | 1 sigma | unit | from | each dive by itself | differ, 1 sigma |")
     print("|---|---:|---:|---|---|---:|---:|")
-    between = between_json(fit) or {}
+    between = effects_json(fit) or {}
     for name in fit.names:
         unit = DEEP[name].unit
         shown = shown_unit(unit) if unit else ""
@@ -257,7 +257,7 @@ def _print_sets(told: Study) -> None:
     )
     for one, rest, mean in zip(told.alone, told.others, told.means, strict=True):
         held = [abs(rest.values[n] - fit.values[n]) <= Z95 * fit.std(n) for n in fit.names]
-        drag = (between_json(rest) or {})["drag"]
+        drag = (effects_json(rest) or {})["drag"]
         print(
             f"| {mean.dive.name} | {one.values['drag']:.1f} +- {one.std('drag'):.1f} "
             f"| {rest.values['drag']:.1f} | {rest.values['drag_up']:.3f} "

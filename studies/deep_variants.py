@@ -23,7 +23,7 @@ import numpy as np
 from studies.deep_data import dives_of
 from studies.deep_dives import float_vehicle
 from swimbladder.estimation.motion.deep_dive import DeepDive
-from swimbladder.estimation.motion.deep_findings import between_json
+from swimbladder.estimation.motion.deep_findings import effects_json
 from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep
 from swimbladder.estimation.motion.deep_model import (
     CAST,
@@ -69,7 +69,7 @@ def main() -> None:
         print(_row(variant.name, body, dives, fit), flush=True)
         return fit
 
-    drag = (between_json(told(Variant("one set"))) or {})["drag"]["value"]
+    drag = (effects_json(told(Variant("one set"))) or {})["drag"]["value"]
     told(Variant(f"drag held at {drag:.0f}", fixed={"drag": drag}))
     told(Variant("a pump that slips", more=("pump_slip",)))
     told(Variant("trapped air", more=("trapped_air",)))

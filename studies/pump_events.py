@@ -39,8 +39,8 @@ def table(vehicles: Iterable[Vehicle]) -> pd.DataFrame:
                         "volume_mL": 1e6 * c["volume_m3"],
                         "electrical_J": c["energy_J"],
                         "efficiency": c["efficiency"],
-                        "told_volume_mL": 1e6 * c["told_volume_m3"],
-                        "told_electrical_J": c["told_energy_J"],
+                        "told_volume_mL": 1e6 * c["fitted_volume_m3"],
+                        "told_electrical_J": c["fitted_energy_J"],
                     }
                 )
             )
@@ -52,7 +52,7 @@ def summary(vehicles: Iterable[Vehicle]) -> pd.DataFrame:
     rows = [
         (
             vehicle.name, band.pressure / 1e4, band.runs, 1e6 * band.volume, band.energy,
-            band.efficiency, band.told,
+            band.efficiency, band.fitted,
         )
         for vehicle in vehicles
         for law in glider_laws(vehicle)

@@ -38,7 +38,8 @@ def test_json_is_one_object(capsys, tmp_path):
     told = json.loads(capsys.readouterr().out)
     page = Path(__file__).parents[2] / "docs" / "reference" / "files-written.md"
     section = page.read_text(encoding="utf-8").partition("## firmware\n")[2].partition("\n## ")[0]
-    assert set(told) == set(re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE))
+    floats = {"drive"}  # of a pump and valve only
+    assert set(told) == set(re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)) - floats
     (line,) = re.findall(r"^\| `golden` \|.*$", section, re.MULTILINE)
     assert set(told["golden"]) == set(re.findall(r"`(\w+)`", line)) - {"golden"}
     assert told["command"] == "volume"

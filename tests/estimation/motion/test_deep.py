@@ -125,11 +125,11 @@ def test_intervals_hold_as_often_as_they_say() -> None:
     """
     *rows, whole = summary([outcome(index, seed=2) for index in range(_DIVES)])
     assert {row.name for row in rows} == set(DEFAULT)
-    misfit_of = np.array([row.misfit for row in rows])
-    assert whole.misfit == pytest.approx(np.mean(misfit_of))
+    held = np.array([row.held for row in rows])
+    assert whole.held == pytest.approx(np.mean(held))
     # Binomial, of parameters that go together: fewer of all in one of a thousand such tests.
-    assert np.mean(misfit_of) > 0.86
-    assert misfit_of.min() >= binom.ppf(1e-3 / len(rows), _DIVES, 0.95) / _DIVES
+    assert np.mean(held) > 0.86
+    assert held.min() >= binom.ppf(1e-3 / len(rows), _DIVES, 0.95) / _DIVES
     narrowed = {row.name: row.narrowed for row in rows}
     assert max(narrowed[name] for name in ("drag", "pump_delivery", "valve", "drag_up")) < 0.6
 
@@ -214,10 +214,10 @@ def test_dives_that_contradict_each_other_widen_the_intervals(scene) -> None:
     vehicle, _, column = scene
     logs, _ = two_dives(vehicle, column, TRUTH)
     others, _ = two_dives(vehicle, column, TRUTH | {"valve": 1.0})
-    misfit_of = {name: TRUTH[name] for name in ("drag", "stiffening", "inertia", "pump_start")}
-    agreed = identify_deep(logs, [column], vehicle, fixed=misfit_of)
+    held = {name: TRUTH[name] for name in ("drag", "stiffening", "inertia", "pump_start")}
+    agreed = identify_deep(logs, [column], vehicle, fixed=held)
     assert agreed.fit.tempering > 0.5
-    told = identify_deep([*logs, *others], [column], vehicle, fixed=misfit_of)
+    told = identify_deep([*logs, *others], [column], vehicle, fixed=held)
     assert told.fit.tempering < 0.4
     apart = float(f"{told.fit.tempering**-0.5:.2g}")  # how far, over what each says by itself
     assert any(apart in numbers(said) for said in told.sentences)
@@ -264,11 +264,11 @@ def test_what_starts_fall_short_by_counts_once(scene) -> None:
     assert fixed.result_vehicle.actuator.start_volume == SHORT
     # With the pump as its file has it, counting it twice does not fit.
     free = ("compressibility", "drag_up")
-    misfit_of = {name: value for name, value in truth.items() if name not in free}
+    held = {name: value for name, value in truth.items() if name not in free}
     imbalances = []
     for start in (0.0, SHORT):
         fit = fit_deep(
-            body, dives, priors_of(vehicle, {}), free=free, fixed=misfit_of | {"pump_start": start}
+            body, dives, priors_of(vehicle, {}), free=free, fixed=held | {"pump_start": start}
         )
         imbalances.append([
             np.std(balance(body, fit.values, float(begun), dive))
@@ -333,8 +333,8 @@ def test_the_written_vehicle_rests_where_the_fit_does(scene) -> None:
     vehicle = plain.model_copy(update={"hull": hull, "trim_error": 2e-5})
     body = body_of(vehicle)
     _, dives = two_dives(vehicle, column, TRUTH)
-    misfit_of = {"trapped_air": 3e-5, "thermal_expansion": 0.2e-4, "stiffening": 0.0, "drag": 165.0}
-    fit = fit_deep(body, dives, priors_of(vehicle, {}), free=DEFAULT, fixed=misfit_of)
+    held = {"trapped_air": 3e-5, "thermal_expansion": 0.2e-4, "stiffening": 0.0, "drag": 165.0}
+    fit = fit_deep(body, dives, priors_of(vehicle, {}), free=DEFAULT, fixed=held)
     after = identified_vehicle(vehicle, fit.values)
     assert weight_mass(after) == pytest.approx(body.mass, rel=1e-12)
     # Trapped air grows with its warmth in the hull, and not in the fit: the hull as it was filled.
@@ -358,7 +358,7 @@ def test_what_cannot_be_identified(scene) -> None:
         identify_deep([log], [column], vehicle, free=["drug"])
     with pytest.raises(InputError, match="nothing is left"):
         identify_deep([log], [column], vehicle, free=["drag"], fixed={"drag": 1.0})
-    with pytest.raises(InputError, match="no pump or valve"):
+    with pytest.raises(InputError, match="no runs of pump or valve"):
         identify_deep([made_up_log([], 8.0)], [column], vehicle)
     shallow = replace(log, pressure=np.full(len(log), 1e4))
     with pytest.raises(InputError, match="no dive"):

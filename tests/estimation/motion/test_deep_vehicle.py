@@ -86,7 +86,7 @@ def test_a_fitted_value_without_a_place_is_said(scene) -> None:
     found = identify_deep([odd], [column], vehicle, priors=known)
     assert found.parameters["thermal_expansion"].origin == "data"
     assert not found.identified
-    assert not found.doubted
+    assert not found.inconsistent
     assert found.result_vehicle is vehicle
     first = found.sentences[0]
     assert first.startswith("thermal_expansion comes out -0.00")

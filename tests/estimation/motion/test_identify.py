@@ -215,7 +215,7 @@ def test_voltage_drives_where_no_volume_is_logged():
         ({"free": ("K2",), "priors": {"psi": Prior(0.0, 1.0)}}, "not identified"),
         ({"drag": "cubic"}, "cannot be identified"),
         ({"neutral_std": 0.0}, "above 0"),
-        ({"drive": "setpoint"}, "set-point does not drive"),
+        ({"drive": "setpoint"}, "does not drive the vehicle"),
     ],
 )
 def test_what_does_not_go_together_is_refused(options, message):

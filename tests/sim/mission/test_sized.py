@@ -57,7 +57,7 @@ def test_the_mission_does_the_cycles_that_were_asked_for(cold, battery):
     found = size(BODY, DIVE, column=cold, sweeps=False, parts=listed)
     flight, cycles = flown(sized_vehicle(found), cold)
     assert DIVE.cycles <= cycles <= 1.05 * DIVE.cycles + 1
-    book, spent = close_books(flight).battery, found.weighed.spent
+    book, spent = close_books(flight).battery, found.evaluation.spent
     per_cycle = {key: value / cycles for key, value in book.items()}
     standby = spent.driver_standby[found.best] / DIVE.cycles
     assert per_cycle["driver's standby"] == pytest.approx(standby, rel=0.01)
@@ -84,14 +84,14 @@ def test_the_capacity_for_what_a_cycle_took_is_that_many_cycles(cold):
 def test_without_a_reserve_it_lasts_as_long_as_the_battery_says(cold):
     dive = dataclasses.replace(DIVE, battery_reserve=0.0)
     found = size(BODY, dive, column=cold, sweeps=False, parts=parts())
-    mean = found.weighed.spent.drawn[found.best] / (dive.cycles * dive.cycle_time)
+    mean = found.evaluation.spent.drawn[found.best] / (dive.cycles * dive.cycle_time)
     lasts = endurance(sized_vehicle(found).supply, float(mean), 4.0)
     assert lasts == pytest.approx(dive.cycles * dive.cycle_time, rel=1e-9)
 
 
 def test_the_parts_of_the_battery_are_all_of_it(cold):
     found = size(BODY, DIVE, column=cold, sweeps=False, parts=parts())
-    w, spent = found.weighed, found.weighed.spent
+    w, spent = found.evaluation, found.evaluation.spent
     whole = spent.drawn + spent.self_discharged + spent.cold + spent.reserve + spent.unusable
     kept = w.feasible
     assert np.allclose(whole[kept], spent.carried[kept], rtol=1e-12)
@@ -109,20 +109,20 @@ def test_without_cold_driver_and_years_it_is_the_plain_sum(cold):
     no_driver = type(listed.driver)()
     plain = listed.model_copy(update={"batteries": tuple(ideal), "driver": no_driver})
     found = size(BODY, DIVE, column=cold, sweeps=False, parts=plain)
-    b, w = found.best, found.weighed
+    b, w = found.best, found.evaluation
     rest = DIVE.hotel * DIVE.cycle_time + DIVE.surface_energy
     carried = DIVE.cycles * (w.cycle_energy[b] + rest) / 0.9 / ideal[0].usable
     assert w.battery_energy[b] == pytest.approx(carried, rel=1e-12)
     stands_by = plain.model_copy(
         update={"driver": no_driver.model_copy(update={"standby_power": 0.01})}
     )
-    more = size(BODY, DIVE, column=cold, sweeps=False, parts=stands_by).weighed
+    more = size(BODY, DIVE, column=cold, sweeps=False, parts=stands_by).evaluation
     added = DIVE.cycles * 0.01 * DIVE.cycle_time / 0.9 / ideal[0].usable
     assert more.battery_energy[b] - carried == pytest.approx(added, rel=1e-9)
     half = plain.model_copy(
         update={"batteries": (ideal[0].model_copy(update={"cold_share": 0.5}),)}
     )
-    more = size(BODY, DIVE, column=cold, sweeps=False, parts=half).weighed
+    more = size(BODY, DIVE, column=cold, sweeps=False, parts=half).evaluation
     assert more.battery_energy[b] == pytest.approx(carried / (1.0 - 0.5 * 16.0 / 20.0), rel=1e-12)
 
 
@@ -136,5 +136,5 @@ def test_cold_water_is_assumed_where_nothing_says():
     found = size(BODY, DIVE, sweeps=False, parts=parts())
     assert found.asked.coldest == 4.0
     warm = size(BODY, dataclasses.replace(DIVE, coldest=20.0), sweeps=False, parts=parts())
-    assert warm.weighed.battery_energy[warm.best] < found.weighed.battery_energy[found.best]
-    assert np.all(warm.weighed.spent.cold[warm.weighed.feasible] == 0.0)
+    assert warm.evaluation.battery_energy[warm.best] < found.evaluation.battery_energy[found.best]
+    assert np.all(warm.evaluation.spent.cold[warm.evaluation.feasible] == 0.0)
