@@ -80,7 +80,7 @@ class Valve(Parameters):
 class PumpAndValve(Parameters):
     """A pump presses oil into the bladder, a valve lets it back, a check valve holds the volume.
 
-    Only `mission`, `energy`, `ballast` and `size` take it: its command is a change of volume.
+    Its command is a change of volume, by the law `rate` or one like it; `faults` does not take it.
     """
 
     kind: Literal["pump-valve"] = "pump-valve"

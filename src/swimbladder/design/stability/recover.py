@@ -23,6 +23,7 @@ from swimbladder.design.tuning.float_flights import Asked, fly_floats
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import simulate_ensemble
+from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["Map", "Verdict", "recovery_maps"]
@@ -133,7 +134,7 @@ def recovery_maps(
         edge = np.array([edge_speed(p, depth=reference + e, volume=volume) for e in error])
         maps.append(
             Map(
-                name=f"errors-{n + 1}", title=f"errors and speeds about {reference:.3g} m",
+                name=f"errors-{n + 1}", title=f"errors and speeds about {rounded(reference, 3)} m",
                 x_label="depth less set-point [m]", y_label="speed, down [m/s]", x=error, y=speed,
                 verdicts=verdicts, seconds=seconds, edge=edge,
                 hopeless=(S - edge >= 0.0) | (reference >= held),
