@@ -118,9 +118,9 @@ def read(data, path, columns, profile):
 CAST = CastFormat(recognises=lambda data: data.startswith(b"SWBZ"), read=read)
 '''
 POINTS = {
-    "laws": {"hover": "swb_hover.law:LAW"},
-    "log_formats": {"hover-logger": "swb_hover.formats:LOG"},
-    "cast_formats": {"hover-cast": "swb_hover.formats:CAST"},
+    "laws": {"hover": "swb_probe.law:LAW"},
+    "log_formats": {"hover-logger": "swb_probe.formats:LOG"},
+    "cast_formats": {"hover-cast": "swb_probe.formats:CAST"},
 }
 # The numbers of Table 3 under the names of this law.
 TABLE_3 = dict(
@@ -147,8 +147,8 @@ def described(folder, name, points):
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
     """The folder into which pip has installed the package."""
-    source, target = tmp_path_factory.mktemp("swb-hover"), tmp_path_factory.mktemp("site")
-    module = source / "swb_hover"
+    source, target = tmp_path_factory.mktemp("swb-probe"), tmp_path_factory.mktemp("site")
+    module = source / "swb_probe"
     module.mkdir()
     (module / "__init__.py").write_text("")
     (module / "law.py").write_text(LAW)
@@ -163,7 +163,7 @@ def installed(tmp_path_factory):
     ]
     (source / "pyproject.toml").write_text(
         '[build-system]\nrequires = ["hatchling"]\nbuild-backend = "hatchling.build"\n'
-        '[project]\nname = "swb-hover"\nversion = "1.0"\n' + "\n".join(entries) + "\n"
+        '[project]\nname = "swb-probe"\nversion = "1.0"\n' + "\n".join(entries) + "\n"
     )
     subprocess.run(
         [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps",
@@ -191,7 +191,7 @@ def refused(call, *words):
 class TestALaw:
     def test_it_is_there_and_without_its_package_it_is_not(self, hover):
         assert LAWS["hover"].name == "hover"
-        assert LAWS.package("hover") == "swb-hover"
+        assert LAWS.package("hover") == "swb-probe"
         assert LAWS.package("cascade") is None
         assert list(LAWS)[-1] == "hover"
         sys.path.remove(str(hover))
@@ -291,7 +291,7 @@ class TestFormats:
         assert np.allclose(cast.SA, same.SA, rtol=1e-9)
         assert np.allclose(cast.CT, same.CT, rtol=1e-9)
         path.write_bytes(b"SWBZ no zlib")
-        refused(lambda: read_cast(path), "hover-cast", "swb-hover fails", "uninstall it")
+        refused(lambda: read_cast(path), "hover-cast", "swb-probe fails", "uninstall it")
         path.write_bytes(b"SWBX")
         with pytest.raises(InputError):
             read_cast(path)
@@ -378,5 +378,5 @@ def test_nothing_of_others_is_imported_before_it_is_used(installed):
         env={"PYTHONPATH": str(installed), "PATH": ""},
     )  # fmt: skip
     loaded = done.stderr.split()
-    assert not re.search(r"swb_hover", done.stderr)
+    assert not re.search(r"swb_probe", done.stderr)
     assert "swimbladder.plugins" not in loaded
