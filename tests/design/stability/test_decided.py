@@ -186,3 +186,5 @@ def test_it_comes_back_from_everywhere_within_its_stroke(tmp_path):
 def test_what_has_no_samples_is_refused_gains_late_by_one():
     with refused(InputError, field="--robustness"):
         stability(FLOAT, depths=(100.0, 500.0), with_robustness=True)
+    with refused(InputError, field="--law"):
+        stability(FLOAT, depths=(100.0, 500.0), laws=("adrc",))

@@ -72,7 +72,7 @@ def stability(
     if law.ways is not None and (with_robustness or laws):
         raise InputError(
             f"the law {law.name!r} is not called at each sample: it has no sample to be late",
-            field="--robustness",
+            field="--robustness" if with_robustness else "--law",
             remedy="Leave it out: the rates of pump and valve over the region are gains that err",
         )
     within = _within(law, numbers, depths) if within is None else within
