@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from swimbladder.design.law_comparison import LawComparison
 from swimbladder.design.law_comparison.pareto import front
 from swimbladder.design.law_comparison.result import Row
+from swimbladder.design.law_comparison.scenarios import BAND
 from swimbladder.show.plots.style import (
     BLACK,
     BLUE,
@@ -42,8 +43,10 @@ def draw_pareto(comparison: LawComparison) -> Figure:
     """Return settling and holding, each against what is moved, with the fronts."""
     figure = Figure(figsize=(7.5, 7.6))
     left, right = figure.subplots(2, 1)
+    floats = comparison.vehicle.command == "volume change"
+    settled = f"within {BAND:g} m" if floats else "to 2 % of the step"
     _pareto(
-        left, comparison, ("step-down", "settle_median", 1.0, "settling to 2 % of the step [s]"),
+        left, comparison, ("step-down", "settle_median", 1.0, f"settling {settled} [s]"),
         ("hold", "volume_rate", 3.6e6, "moved while holding [L/h]"),
         bound=comparison.bounds.get("step-down"),
     )  # fmt: skip
@@ -122,8 +125,9 @@ def _leading(value: float) -> int:
 
 @styled
 def draw_steps(comparison: LawComparison) -> Figure:
-    """Return the first run of every law on four steps, each with its 2 % band and its bound."""
+    """Return the first run of every law on four steps, each with the band to settle in, bound."""
     placed = [p for p in comparison.placed if p.scenario.name in _SHOWN]
+    floats = comparison.vehicle.command == "volume change"
     figure = Figure(figsize=(7.5, 2.3 + 2.2 * math.ceil(len(placed) / 2)))
     panels = [
         figure.add_subplot(math.ceil(len(placed) / 2), min(2, len(placed)), n + 1)
@@ -140,7 +144,7 @@ def draw_steps(comparison: LawComparison) -> Figure:
                 trace.time[kept], trace.depth[kept], color=_color(comparison, row), lw=1.3,
                 ls=_STYLES.get(row.who.tuning, ":"),
             )  # fmt: skip
-        band = 0.02 * abs(p.target - p.start)
+        band = BAND if floats else 0.02 * abs(p.target - p.start)
         axes.axhspan(p.target - band, p.target + band, color=GREY, alpha=0.25, lw=0.0)
         if bound is not None:
             axes.axvline(bound, color=BLACK, lw=1.0, ls="--")
