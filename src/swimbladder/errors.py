@@ -16,8 +16,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-__all__ = ["InputError", "LogError", "NoAnswerError", "SwimbladderError", "UnitError"]
-
 
 class SwimbladderError(Exception):
     """The root of all errors that swimbladder raises on purpose."""

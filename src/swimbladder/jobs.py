@@ -42,19 +42,6 @@ from pydantic import BaseModel
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.files import make_folder, source_hash, write_through
 
-__all__ = [
-    "EXECUTORS",
-    "Job",
-    "Store",
-    "Workers",
-    "each",
-    "identity",
-    "place_files",
-    "release",
-    "run",
-    "software",
-]
-
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 

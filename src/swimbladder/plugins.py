@@ -19,8 +19,6 @@ from typing import Any, Generic, TypeVar
 
 from swimbladder.errors import InputError
 
-__all__ = ["Registry"]
-
 Kind = TypeVar("Kind")
 
 

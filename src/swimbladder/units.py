@@ -17,8 +17,6 @@ from functools import cache
 
 from swimbladder.errors import UnitError
 
-__all__ = ["format_quantity", "parse_quantity", "rounded", "shown_unit", "to_si", "unit_factor"]
-
 
 @dataclass(frozen=True)
 class _Unit:

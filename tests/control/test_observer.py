@@ -18,8 +18,10 @@ from swimbladder.control.motion import (
 )
 from swimbladder.control.observer import OBSERVER, initial, step
 from swimbladder.control.observers import Estimate, Trust, estimate, moves
+from swimbladder.control.recipe import Knobs
 from swimbladder.control.records import from_leaves, leaves, numbers
-from swimbladder.design.tuning.gains import Knobs, gains, setting_of
+from swimbladder.design.tuning.gains import gains
+from swimbladder.design.tuning.knobs import setting_of
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 

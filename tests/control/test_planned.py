@@ -8,7 +8,9 @@ from scipy.optimize import linprog
 
 import swimbladder
 from swimbladder.control.planned import PLANNED, Path, along
-from swimbladder.design.tuning.gains import Knobs, gains, setting_of
+from swimbladder.control.recipe import Knobs
+from swimbladder.design.tuning.gains import gains
+from swimbladder.design.tuning.knobs import setting_of
 from swimbladder.io.config import load_vehicle
 
 JERK, SPEED, H = 8.7e-3, 0.35, 0.3

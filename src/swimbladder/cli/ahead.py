@@ -16,8 +16,6 @@ from swimbladder.units import format_quantity
 if TYPE_CHECKING:
     from swimbladder.estimation.comparison.ahead import Ahead as Result
 
-__all__ = ["Ahead", "print_ahead", "write_ahead"]
-
 _NOISES = {
     "depth_noise": ("m", "mm"),
     "random_walk": ("m3/s^0.5", "cm3/s^0.5"),

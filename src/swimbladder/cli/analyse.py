@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from swimbladder.design.linear import Analysis, Margins
     from swimbladder.design.linear.pump_valve import DriveRates
 
-__all__ = ["analyse"]
-
 
 def analyse(
     vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from swimbladder.design.ballast import Ballasting
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["ballast"]
-
 
 @dataclass(frozen=True)
 class Targets(Options):

@@ -23,13 +23,11 @@ from swimbladder.cli.options import Files, Options, Read, grouped
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.sim.campaign.draw import Spread
     from swimbladder.sim.campaign.result import Campaign
     from swimbladder.sim.campaign.sensitivity import Sensitivity
     from swimbladder.sim.campaign.store import Layout
     from swimbladder.vehicle import Vehicle
-
-__all__ = ["campaign"]
+    from swimbladder.vehicle.spread import Spread
 
 
 def _part(text: str, option: str) -> tuple[int, int]:
@@ -86,7 +84,7 @@ class Spreads(Options):
     def of(self, vehicle: Vehicle, file: Path | None, identified: bool) -> Spread:
         """Return the spread of a file, or the usual one; as identified; with what is stated."""
         from swimbladder.io.config import file_text, read_model
-        from swimbladder.sim.campaign.draw import Spread
+        from swimbladder.vehicle.spread import Spread
 
         found = Spread() if file is None else read_model(Spread, file_text(file), file)
         if identified:

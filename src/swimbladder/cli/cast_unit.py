@@ -11,8 +11,6 @@ from swimbladder.errors import InputError
 if TYPE_CHECKING:
     from swimbladder.physics.seawater import Cast
 
-__all__ = ["refuse_doubted_unit"]
-
 
 def refuse_doubted_unit(
     casts: Sequence[Cast], asked: float | None, rating: float | None, *, option: str = "--column"

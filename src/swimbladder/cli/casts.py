@@ -19,8 +19,6 @@ from swimbladder.errors import InputError
 if TYPE_CHECKING:
     from swimbladder.physics.seawater import Cast, Column
 
-__all__ = ["CastFile", "CastReading", "LogCasts", "water_of_cast"]
-
 CastFile = Annotated[
     Path | None,
     typer.Option("--cast", metavar="CTD", help="The water: CSV, netCDF, Argo profile."),

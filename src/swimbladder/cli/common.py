@@ -28,23 +28,6 @@ from swimbladder.units import parse_quantity
 if TYPE_CHECKING:
     from swimbladder.io.mission import Mission
 
-__all__ = [
-    "Output",
-    "asked_of",
-    "compile_notice",
-    "console",
-    "emit_json",
-    "json_text",
-    "kept",
-    "output",
-    "progress",
-    "quantity",
-    "run",
-    "said_as_typed",
-    "stop_on_terminate",
-    "typed_command",
-]
-
 _WIDE = 10_000  # columns: any table
 
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from swimbladder.physics.seawater import Column
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["compare"]
-
 _ROUNDING = 1e-6  # of a difference between a log and the model: less is no number to print
 
 

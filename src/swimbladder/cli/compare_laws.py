@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from swimbladder.design.law_comparison import LawComparison
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["compare_laws"]
-
 _NOISE = "2 mm"  # where neither the vehicle file nor the user says what the sensor has
 
 

@@ -12,8 +12,6 @@ from swimbladder.cli.options import Options
 if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["DepthSensor"]
-
 
 @dataclass(frozen=True)
 class DepthSensor(Options):

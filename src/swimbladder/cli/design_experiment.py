@@ -24,8 +24,6 @@ from swimbladder.errors import InputError
 if TYPE_CHECKING:
     from swimbladder.design.experiments import Design
 
-__all__ = ["design_experiment"]
-
 
 def _against(text: str, option: str) -> tuple[float, ...] | None:
     """Return volume changes [m3] of a list with one unit; None: the paper's, where they fit."""

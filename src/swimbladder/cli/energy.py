@@ -17,8 +17,6 @@ from swimbladder.errors import InputError
 if TYPE_CHECKING:
     from swimbladder.design.energy import DriveEnergy
 
-__all__ = ["energy"]
-
 _SHORT = {
     "battery": "batt", "driver": "driver", "motor": "motor", "transmission": "drive",
     "leakage": "leak", "reservoir": "tank",

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from swimbladder.design.energy import PumpFit
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["fit_runs"]
-
 
 def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to: Files) -> None:
     """Find a pump in a CSV of its runs, print what it is and write the files."""

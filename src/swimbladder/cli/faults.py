@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from swimbladder.sim.faults import Campaign
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["faults"]
-
 _SHOWN = 20  # lost vehicles that are named; all are in the files
 
 

@@ -13,8 +13,6 @@ from swimbladder.sim.faults import Campaign
 from swimbladder.sim.faults.mission_tables import missions_csv, trace_csv
 from swimbladder.sim.faults.single_mission import NAMES, Flown
 
-__all__ = ["write_campaign", "write_one"]
-
 
 def write_campaign(flown: Campaign, out: Path, keep: Path) -> list[Path]:
     """Write faults.json, missions.csv and faults.png; forget what was kept in case of a kill."""

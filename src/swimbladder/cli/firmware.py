@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from swimbladder.codegen.pool import PoolOptions
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["firmware"]
-
 _ARRIVED = 0.1  # of the step, within which a golden trace has arrived
 
 

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from swimbladder.io.logs import Log
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["identify"]
-
 
 @dataclass(frozen=True)
 class Fit(Options):

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from swimbladder.estimation.actuator import ActuatorIdentification, Estimate
 
-__all__ = ["identify_actuator"]
-
 
 @dataclass(frozen=True)
 class Reading(LogReading):

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from swimbladder.estimation.motion.deep import DeepIdentification
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["identify_deep", "refuse_others"]
-
 _DBAR = 1e4  # Pa
 
 

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from swimbladder.estimation.motion.paper_method import PaperFits
     from swimbladder.estimation.motion.posterior import Posterior
 
-__all__ = ["number_table", "print_found"]
-
 
 def print_found(found: Identification, paper: PaperFits | None, seconds: float) -> None:
     """Print what was found: the answer first, then its basis."""

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from swimbladder.io.logs import Log
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["Chosen", "LogReading", "once", "pair", "pairs", "selections"]
-
 _Value = TypeVar("_Value")
 
 

@@ -9,8 +9,6 @@ from swimbladder.cli.common import console
 if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["warn_of_mass"]
-
 
 def warn_of_mass(vehicle: Vehicle) -> None:
     """Say on stderr where a vehicle weighs another mass than its dry one."""

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from swimbladder.sim.mission.result import MissionResult
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["mission", "water"]
-
 _MARGIN = 1.1  # of the deepest phase: how far down the vehicle's own water is tabulated, and
 _BELOW = 50.0  # m more
 _BEGIN = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)  # where the user does not say

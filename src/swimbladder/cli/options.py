@@ -20,8 +20,6 @@ from typer.models import OptionInfo
 from swimbladder.cli.common import emit_json, output, quantity, said_as_typed
 from swimbladder.errors import InputError
 
-__all__ = ["Files", "Options", "Read", "depth_pair", "grouped"]
-
 _UNITS = {
     "DEPTH": "m", "DENSITY": "kg/m3", "DISTANCE": "m", "ENERGY": "J", "LENGTH": "m", "MASS": "kg",
     "POWER": "W", "PSI": "m3/m", "SHARE": "", "SPEED": "m/s", "TEMP": "degC", "TIME": "s",

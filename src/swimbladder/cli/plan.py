@@ -16,8 +16,6 @@ from swimbladder.cli.options import Files, Options, depth_pair, grouped
 if TYPE_CHECKING:
     from swimbladder.design.planning import Plan
 
-__all__ = ["plan"]
-
 
 @dataclass(frozen=True)
 class Asked(Options):

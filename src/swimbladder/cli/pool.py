@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from swimbladder.io.plan import Plan
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["pool"]
-
 _POOL = 4.5  # m
 _OF_ONE = ("--column", "--log-format", "--truth", "--speed", "--sensor-std")  # kind of run
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from swimbladder.design.pool_day import GrowingLog, Operator, Target
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["Followed", "Goals", "Procedure", "Rehearsed"]
-
 _NOISE = 2e-3  # m
 
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from swimbladder.design.pool_day import News, PoolDay
 
-__all__ = ["View", "parameter_table"]
-
 _LATEST = 6  # lines of news in the panel
 _STYLES = {"refused": "yellow", "identified": "bold", "log": "dim", "turned": "dim"}
 

@@ -9,8 +9,6 @@ import typer
 
 from swimbladder.cli.common import compile_notice, console, emit_json, output, progress
 
-__all__ = ["reproduce"]
-
 
 def reproduce(
     out: Annotated[

@@ -18,8 +18,6 @@ from swimbladder.errors import InputError
 if TYPE_CHECKING:
     from swimbladder.estimation.motion import Prior
 
-__all__ = ["Sought", "deviation", "known", "setting"]
-
 _PLUS_MINUS = re.compile(r"\+-|\+/-|±")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 

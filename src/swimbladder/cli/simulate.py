@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from swimbladder.sim.closed_loop.water import Medium
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["simulate"]
-
 _START, _TARGET, _DURATION = 1.5, 3.0, 400.0
 _DIVE, _WAY = 500.0, 250.0  # m, and m in an hour, of a float with pump and valve
 _FIELDS = {"setpoints[0].depth": "target"}

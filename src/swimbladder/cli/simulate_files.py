@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from swimbladder.physics.seawater import Column
     from swimbladder.sim.closed_loop import Solution
 
-__all__ = ["answer_of", "print_answer", "steps_of", "write_files"]
-
 _STEP = (
     "time_s", "start_depth_m", "target_depth_m", "overshoot_pct", "rise90_s", "settle2_s",
     "final_depth_m", "peak_volume_m3", "volume_range_m3", "actuator_travel_m3",

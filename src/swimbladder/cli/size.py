@@ -13,8 +13,6 @@ from swimbladder.cli.casts import CastReading
 from swimbladder.cli.common import output, progress
 from swimbladder.cli.options import Files, Options, grouped
 
-__all__ = ["size"]
-
 
 @dataclass(frozen=True)
 class Task(Options):

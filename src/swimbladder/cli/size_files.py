@@ -15,8 +15,6 @@ from swimbladder.show.plots.size import draw_candidates, draw_parts, draw_requir
 from swimbladder.show.plots.style import save
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["write_sizing"]
-
 _DIGITS = 12  # that are written: more than a part is known to, fewer than what sums of floats add
 
 

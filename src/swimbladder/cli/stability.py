@@ -15,8 +15,6 @@ from swimbladder.errors import NoAnswerError
 if TYPE_CHECKING:
     from swimbladder.design.stability import Stability
 
-__all__ = ["stability"]
-
 
 @dataclass(frozen=True)
 class Asked(Options):

@@ -17,8 +17,6 @@ from swimbladder.control.records import leaves
 if TYPE_CHECKING:
     from swimbladder.design.tuning import Tuning
 
-__all__ = ["tune"]
-
 
 @dataclass(frozen=True)
 class Design(Options):

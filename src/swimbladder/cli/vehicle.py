@@ -14,8 +14,6 @@ from swimbladder.errors import InputError
 if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle
 
-__all__ = ["vehicle"]
-
 vehicle = typer.Typer(no_args_is_help=True)
 
 _Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]

@@ -19,8 +19,6 @@ from swimbladder.codegen.c_names import c_field, c_float, c_law, c_record, c_typ
 from swimbladder.codegen.c_places import Home, home_of, in_place
 from swimbladder.codegen.tree import BOOL, COUNT, Function, Program, Record
 
-__all__ = ["MEASUREMENT_H", "CSource", "write_c99"]
-
 
 class CSource(NamedTuple):
     """The files of a law: a header and its source, beside ``swb_measurement.h``."""

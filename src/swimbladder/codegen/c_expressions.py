@@ -27,8 +27,6 @@ from swimbladder.codegen.tree import (
     place_of,
 )
 
-__all__ = ["ExpressionText"]
-
 _CHOICE, _LOGIC, _COMPARE, _SUM, _PRODUCT, _UNARY, _ATOM = range(7)
 _LEVEL = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT}
 _FUNCTIONS = {

@@ -18,17 +18,6 @@ from swimbladder.codegen.tree import (
     Statement,
 )
 
-__all__ = [
-    "alive",
-    "assigned",
-    "calls_of",
-    "fields_read",
-    "inner_home",
-    "mentioned",
-    "names_read",
-    "parts",
-]
-
 
 def parts(node: object) -> Iterator[object]:
     """Yield a statement or expression and all that is in it, but no function that it calls."""

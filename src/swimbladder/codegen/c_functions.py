@@ -27,8 +27,6 @@ from swimbladder.codegen.tree import (
     place_of,
 )
 
-__all__ = ["FunctionText", "shortened"]
-
 Path = tuple[str, ...]  # names of fields that lead to a place in the state
 
 _COPIES = 6  # of a function of numbers; calls of it take less than more of them

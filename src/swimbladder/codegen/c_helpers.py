@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["ARITHMETIC", "CALLED", "HELPERS", "NEEDS"]
-
 ARITHMETIC = """\
 #if defined(__FAST_MATH__)
 #error "the law is to be compiled without -ffast-math or -Ofast: NaN has to stay NaN"

@@ -10,18 +10,6 @@ import numpy as np
 
 from swimbladder.codegen.tree import BOOL, COUNT, Record, Type
 
-__all__ = [
-    "c_field",
-    "c_float",
-    "c_law",
-    "c_local",
-    "c_number",
-    "c_record",
-    "c_type",
-    "remarks",
-    "wrapped",
-]
-
 # Words of C and C++, and macros of <math.h>, <stdbool.h> and Arduino that a field might meet.
 _WORDS = """
     alignas alignof and asm auto bitand bitor bool break case catch char class compl const

@@ -20,8 +20,6 @@ from swimbladder.codegen.tree import (
     place_of,
 )
 
-__all__ = ["Home", "home_of", "in_place"]
-
 Home = tuple[str, str | None]  # the parameter that is the state, and the variable that lives there
 
 

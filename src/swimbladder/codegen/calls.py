@@ -29,8 +29,6 @@ from swimbladder.control.law import Count, less, more
 if TYPE_CHECKING:
     from swimbladder.codegen.expressions import Expressions
 
-__all__ = ["Calls", "is_count"]
-
 _Builtin = Literal["min", "max", "abs", "sqrt", "isfinite", "copysign"]
 _ON_COUNTS: dict[Callable[..., Any], Literal["min", "max", "more", "less"]] = {
     min: "min", max: "max", more: "more", less: "less"

@@ -17,8 +17,6 @@ from swimbladder.control.records import numbers
 from swimbladder.control.supervisor import SUPERVISOR
 from swimbladder.control.supervisor_records import Reason, SupervisorParameters, Watched, reasons_in
 
-__all__ = ["MOST_TURNS", "SOON", "ControllerTwin", "VehicleTwin", "wait_in_ticks"]
-
 _MOST_TICKS = 1_000_000
 SOON = 3  # ticks: a push that lasted longer has been judged before a reset
 MOST_TURNS = 4  # turns of a push that gained the other way round

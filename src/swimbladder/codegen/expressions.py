@@ -33,8 +33,6 @@ from swimbladder.control.law import NEVER
 if TYPE_CHECKING:
     from swimbladder.codegen.statements import Body
 
-__all__ = ["Expressions"]
-
 _Operator = Literal["+", "-", "*", "/", "&", "|"]
 _Comparison = Literal["<", "<=", ">", ">=", "==", "!="]
 _ARITHMETIC: dict[type[ast.AST], _Operator] = {

@@ -31,8 +31,6 @@ from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of,
 from swimbladder.sim.engine.rodas.sensing import measured
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["FloatPlant", "fly_float"]
-
 Array = NDArray[np.float64]
 T, T_MOVE, DOING, STOP = int(Now.T), int(Now.T_MOVE), int(At.DOING), int(At.STOP)
 NOTHING, PUMPING, PRIMING = int(Doing.NOTHING), int(Doing.PUMPING), int(Doing.PRIMING)

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 
 from swimbladder.codegen.tree import For, If, Return, Statement
 
-__all__ = ["always_returns", "inside", "is_docstring", "stores"]
-
 
 def is_docstring(node: ast.stmt) -> bool:
     """Say whether a statement is a text by itself."""

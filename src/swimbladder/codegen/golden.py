@@ -16,8 +16,6 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Golden", "asked_of_float", "command_limits", "fly", "fly_on_seconds"]
-
 _UP = 2.0 / 3.0  # of a float's golden mission, after which it is to come up
 
 

@@ -41,8 +41,6 @@ from swimbladder.sim.closed_loop.checks import check_sample_time
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["DIVE", "STEP", "Library", "make_library", "write_library"]
-
 _ON_BOARD = 100  # rows of the golden trace that a board checks
 LAUNCH, UNDER_WATER = 10, 60  # min, of the mission in a float's sketch
 

@@ -8,8 +8,6 @@ from typing import Any
 from swimbladder.control.law import NEVER, Count
 from swimbladder.control.supervisor_records import Reason, SupervisorParameters
 
-__all__ = ["facts_of", "meanings", "summary"]
-
 _VOLUME = (
     Reason.VOLUME_MISSING,
     Reason.VOLUME_IMPOSSIBLE,

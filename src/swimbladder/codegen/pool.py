@@ -19,15 +19,6 @@ from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import Vehicle
 
-__all__ = [
-    "PoolDay",
-    "PoolOptions",
-    "board_procedure",
-    "plan_pool_day",
-    "pool_facts",
-    "pool_summary",
-]
-
 _BANDWIDTH = (
     0.1  # over the sample time, of a loop made for want of a cascade: docs/explanation/laws.md
 )

@@ -16,16 +16,14 @@ from numpy.typing import NDArray
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Law, Measurement
-from swimbladder.control.protocol import POOL, Phase
-from swimbladder.control.protocol_records import Does, PoolParameters
+from swimbladder.control.protocol import POOL
+from swimbladder.control.protocol_records import Does, Phase, PoolParameters
 from swimbladder.control.supervisor import SUPERVISOR
 from swimbladder.control.supervisor_records import Reason, SupervisorParameters, Watched
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Vehicle
-
-__all__ = ["PoolTwin", "Rehearsal", "float32_twin", "rehearse"]
 
 _LONGEST = 3600.0  # s, that a round may take in a rehearsal
 _AFLOAT = 60.0  # s, at the surface before it begins

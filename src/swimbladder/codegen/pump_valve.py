@@ -17,8 +17,6 @@ from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.sim.closed_loop.floats import surfacing_of
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
-__all__ = ["BoardLaw", "board_law"]
-
 _BEYOND = 0.05  # of the stroke, pumped beyond what lacks at the surface: what seeped in, and errors
 _MOST = 0.02  # of the rate, by which its polynomial may be off
 _LONGEST_TICK = 1000.0  # s, so that microseconds of 32 bits count two of them

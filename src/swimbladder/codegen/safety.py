@@ -38,8 +38,6 @@ from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.vehicle import Positioner, PumpAndValve, Vehicle
 
-__all__ = ["supervisor_parameters"]
-
 _COUNTED = NEVER - 1  # ticks
 _SURE_TO_MOVE = 0.95  # of the depth at which the motor stalls
 _BLOCK = 4096  # ticks, as the supervisor counts time

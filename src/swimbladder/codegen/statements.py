@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from swimbladder.codegen.subset import Source
     from swimbladder.codegen.tree import Constant
 
-__all__ = ["Body", "Reader"]
-
 _OPERATORS: dict[type[ast.AST], str] = {
     ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"
 }  # fmt: skip

@@ -31,8 +31,6 @@ from swimbladder.control.law import Count, Law, Measurement
 from swimbladder.control.records import field_types, is_record, leaf_names
 from swimbladder.errors import InputError
 
-__all__ = ["Source", "read_law"]
-
 
 def read_law(law: Law, seen: type[Any] = Measurement) -> Program:
     """Return a law as a tree; seen: the NamedTuple that it sees at a sample.

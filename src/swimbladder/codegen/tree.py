@@ -10,38 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-__all__ = [
-    "BOOL",
-    "COUNT",
-    "FLOAT",
-    "INT",
-    "Assign",
-    "Binary",
-    "Builtin",
-    "Call",
-    "Choice",
-    "Compare",
-    "Constant",
-    "Expression",
-    "Field",
-    "For",
-    "Function",
-    "If",
-    "Logic",
-    "Make",
-    "Minus",
-    "Name",
-    "Not",
-    "Number",
-    "Program",
-    "Record",
-    "Return",
-    "Scalar",
-    "Statement",
-    "Type",
-    "place_of",
-]
-
 
 @dataclass(frozen=True)
 class Scalar:

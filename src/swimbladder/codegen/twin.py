@@ -45,8 +45,6 @@ from swimbladder.codegen.tree import (
 )
 from swimbladder.control.law import NEVER, Law, less, more
 
-__all__ = ["rounded", "twin"]
-
 
 def twin(law: Law, program: Program | None = None) -> Law:
     """Return the law in float32: `step` and `initial` take any numbers, and round them first.

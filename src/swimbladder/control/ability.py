@@ -10,8 +10,6 @@ follow begins anew where it is.
 
 from __future__ import annotations
 
-__all__ = ["BEHIND", "learn_ability", "usable"]
-
 BEHIND = 5.0  # samples at full rate, that the volume may be behind before a path begins anew
 _TRUST = 0.3  # in a sample that shows what the motor has
 _SPARE = 1.1  # a motor with 1/1.1 of its rate follows paths as they are

@@ -26,8 +26,6 @@ from swimbladder.control.law import Law, Measurement
 from swimbladder.control.profile import Means, Target, approach, depart, means_between
 from swimbladder.control.recipe import Grid, Knobs, Recipe, Setting, stiffness, target_numbers
 
-__all__ = ["ADRC", "AdrcGains", "AdrcParameters", "AdrcState", "adrc_gains", "initial", "step"]
-
 _DEEPEST = 12000.0  # m, beyond it a depth is none
 _LARGEST = 1000.0  # m3, beyond it a volume is none
 _QUICKEST = 20.0  # m/s, beyond it no speed is believed

@@ -27,16 +27,6 @@ from swimbladder.control.law import Law, Measurement
 from swimbladder.control.recipe import Knobs, Recipe, Setting, stiffness
 from swimbladder.errors import InputError
 
-__all__ = [
-    "DEADBAND",
-    "DeadbandGains",
-    "DeadbandParameters",
-    "DeadbandState",
-    "deadband_gains",
-    "initial",
-    "step",
-]
-
 _DEEPEST = 12000.0  # m, beyond it a depth is none
 _LARGEST = 1000.0  # m3, beyond it a volume is none
 _QUICKEST = 20.0  # m/s, beyond it no speed is believed

@@ -14,8 +14,6 @@ from __future__ import annotations
 from swimbladder.control.deadband import DeadbandParameters, DeadbandState, decide, predict
 from swimbladder.control.law import Measurement
 
-__all__ = ["begin", "step"]
-
 
 def begin(parameters: DeadbandParameters, measurement: Measurement, speed: float) -> DeadbandState:
     """Start at a speed [m/s] that drag balances with the volume as it is."""

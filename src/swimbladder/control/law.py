@@ -24,8 +24,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 if TYPE_CHECKING:
     from swimbladder.control.recipe import Recipe
 
-__all__ = ["NEVER", "Count", "Law", "Measurement", "Way", "less", "more"]
-
 NEVER = 65535  # the largest count
 Count = Annotated[int, "0 to 65535"]
 

@@ -13,16 +13,6 @@ from swimbladder.control.recipe import stiffness
 if TYPE_CHECKING:
     from swimbladder.physics.dynamics import Plant
 
-__all__ = [
-    "filter_gains",
-    "held_motion",
-    "hold_gains",
-    "motion_over_sample",
-    "off_in",
-    "pulse_gains",
-    "runaway",
-]
-
 Array = NDArray[np.float64]
 
 _LEFT = 0.2  # of an error, after a hold

@@ -31,14 +31,6 @@ from swimbladder.control.observers import (
 from swimbladder.control.recipe import FAST, QUIET, STROKE, Knobs, Recipe, Setting, room_of
 from swimbladder.control.records import from_leaves
 
-__all__ = [
-    "OBSERVER",
-    "ObserverParameters",
-    "ObserverState",
-    "initial",
-    "step",
-]
-
 _NEAR = 2.5  # times the band of predicted errors: depth errors in which the motor rests
 _REST = 0.2  # of the time that a volume is held for: least time between two starts
 

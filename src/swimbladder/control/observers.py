@@ -17,22 +17,6 @@ from typing import Any, NamedTuple
 from swimbladder.control.law import Measurement
 from swimbladder.control.recipe import Knobs, Setting, stiffness
 
-__all__ = [
-    "OBSERVED_UNITS",
-    "RESTING_UNITS",
-    "Estimate",
-    "Observed",
-    "Resting",
-    "Trust",
-    "begin_estimate",
-    "estimate",
-    "feedback",
-    "jitter",
-    "limited",
-    "moves",
-    "trusted",
-]
-
 
 class Trust(NamedTuple):
     """Gains on the innovation, the depth that is measured beyond the predicted one."""

@@ -43,17 +43,6 @@ from swimbladder.control.recipe import (
 )
 from swimbladder.control.records import from_leaves
 
-__all__ = [
-    "FINE",
-    "PLANNED",
-    "Path",
-    "PlannedParameters",
-    "PlannedState",
-    "along",
-    "initial",
-    "step",
-]
-
 FINE = 32  # steps of the path in a sample
 
 _SINGLE = 4e-7  # of the target, that single precision does not tell apart

@@ -26,14 +26,6 @@ from swimbladder.control.observers import (
 from swimbladder.control.recipe import FAST, QUIET, STROKE, Knobs, Recipe, Setting, room_of
 from swimbladder.control.records import from_leaves
 
-__all__ = [
-    "POSITION_OBSERVER",
-    "PositionObserverParameters",
-    "PositionObserverState",
-    "initial",
-    "step",
-]
-
 
 class PositionObserverParameters(NamedTuple):
     """The model, the filter, the feedback and the piston's limits; see `observer`."""

@@ -13,8 +13,6 @@ from typing import NamedTuple
 
 from swimbladder.control.law import Law, Measurement
 
-__all__ = ["POSITION_PID", "PositionPidParameters", "PositionPidState", "initial", "step"]
-
 
 class PositionPidParameters(NamedTuple):
     """Gains, limits and the way from a position to a volume; S_p is the sample time."""

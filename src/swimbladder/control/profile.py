@@ -17,8 +17,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-__all__ = ["Means", "Target", "approach", "depart", "means_between"]
-
 _ROOT_TURNS = 12  # each leaves a quarter of the logarithm's error
 _TURNS = 10  # each leaves a quarter to three quarters of it
 _LEAST_SHARE = 0.05  # of speed and jerk, that remains whatever is left

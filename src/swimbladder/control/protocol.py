@@ -28,28 +28,10 @@ from swimbladder.control.cascade import CascadeState
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.protocol_records import (
     POOL_UNITS,
-    Does,
-    Phase,
     PoolParameters,
     PoolState,
     Window,
 )
-
-__all__ = [
-    "EMPTY",
-    "POOL",
-    "Does",
-    "Phase",
-    "PoolParameters",
-    "PoolState",
-    "Window",
-    "at_rest",
-    "extend",
-    "initial",
-    "slope",
-    "step",
-    "timed_voltage",
-]
 
 _WAITS = -1.0
 _HOLD = 0.0

@@ -8,17 +8,6 @@ from typing import NamedTuple
 
 from swimbladder.control.cascade import CASCADE, CascadeParameters, CascadeState
 
-__all__ = [
-    "MARGIN",
-    "POOL_UNITS",
-    "Does",
-    "Phase",
-    "PoolParameters",
-    "PoolState",
-    "Window",
-    "procedure_for",
-]
-
 MARGIN = 0.05  # m, from surface or bottom, that counts as arrived
 
 

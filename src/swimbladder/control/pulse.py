@@ -39,8 +39,6 @@ from swimbladder.control.observers import (
 from swimbladder.control.recipe import QUIET, STROKE, Knobs, Recipe, Setting, room_of, stiffness
 from swimbladder.control.records import from_leaves
 
-__all__ = ["PULSE", "PulseParameters", "PulseState", "Run", "initial", "run", "step"]
-
 _LEAST = 0.4  # share of its rate that a motor is believed to have
 _MOST = 2.5  # likewise
 _LEARNT = 2.0  # times what is near: from there the neutral volume is learnt as fast as can be

@@ -30,16 +30,6 @@ from swimbladder.control.surfacing import (
     at_surface,
 )
 
-__all__ = [
-    "DriveParameters",
-    "DriveState",
-    "delivery",
-    "in_steps",
-    "run_length",
-    "timed",
-    "valve_rate",
-]
-
 _DUE = 1e-3  # of a tick, by which a time may be short of its end
 _CLOCK = 1048576.0  # ticks, 2^20, after which the law begins anew: float32 keeps its times apart
 

@@ -37,21 +37,6 @@ from swimbladder.control.recipe import Recipe, Setting
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.dynamics import drag_per_mass, terminal_speed
 
-__all__ = [
-    "RATE",
-    "Decision",
-    "RateParameters",
-    "RateSettings",
-    "RateState",
-    "approach_speed",
-    "ascend",
-    "decide",
-    "initial",
-    "step",
-    "volume_change",
-    "ways",
-]
-
 _ROOM = 0.25  # of the stroke that is left, for a speed
 _DECISIONS = 1.5  # intervals between two decisions, that a zone is flown through in
 _RUN = 10.0  # s, least time to measure a speed in

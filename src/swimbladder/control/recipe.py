@@ -16,22 +16,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from swimbladder.physics.dynamics import Plant
 
-__all__ = [
-    "FAST",
-    "QUIET",
-    "STROKE",
-    "Drive",
-    "Grid",
-    "Knobs",
-    "Recipe",
-    "Setting",
-    "fastest_speed",
-    "jerk_of",
-    "room_of",
-    "stiffness",
-    "target_numbers",
-]
-
 STROKE = 0.5  # of the stroke to the nearer end: what a path may take to accelerate
 _CRUISE = 0.25  # the same to keep a speed
 _SHORTEST = 10.0  # samples, of a target's way

@@ -14,17 +14,6 @@ from typing import Any, TypeVar
 
 from swimbladder.errors import InputError
 
-__all__ = [
-    "field_types",
-    "from_leaves",
-    "from_numbers",
-    "is_record",
-    "leaf_names",
-    "leaves",
-    "numbers",
-]
-
-
 Kind = TypeVar("Kind")
 
 

@@ -15,15 +15,6 @@ from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Controller, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 
-__all__ = [
-    "LAWS",
-    "bind",
-    "check_command",
-    "law_by_name",
-    "law_parameters",
-    "own_law",
-]
-
 
 def _own(module: str) -> Callable[[], Law]:
     """Return how a law of this package is loaded: that of a module, named as the module is."""

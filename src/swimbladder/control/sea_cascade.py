@@ -25,16 +25,6 @@ from swimbladder.control.law import Law, Measurement
 from swimbladder.control.profile import Means, Target, approach, depart, means_between
 from swimbladder.control.recipe import Grid, Knobs, Recipe, Setting, stiffness, target_numbers
 
-__all__ = [
-    "SEA_CASCADE",
-    "SeaCascadeGains",
-    "SeaCascadeParameters",
-    "SeaCascadeState",
-    "initial",
-    "sea_cascade_gains",
-    "step",
-]
-
 _DEEPEST = 12000.0  # m, beyond it a depth is none
 _LARGEST = 1000.0  # m3, beyond it a volume is none
 _BROUGHT = 0.25  # share of the dead zone in which a volume counts as reached

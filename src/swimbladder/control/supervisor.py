@@ -39,8 +39,6 @@ from swimbladder.control.supervisor_watches import (
     watch_still,
 )
 
-__all__ = ["SUPERVISOR", "step"]
-
 
 def watch_push(
     p: SupervisorParameters, s: PushWatch, volume: float, measured: bool, sinks: bool, high: bool,

@@ -7,37 +7,6 @@ from typing import NamedTuple
 
 from swimbladder.control.law import NEVER, Count
 
-__all__ = [
-    "SUPERVISOR_UNITS",
-    "BoardLimits",
-    "BoardWatch",
-    "DeepLimits",
-    "DepthLimits",
-    "DepthWatch",
-    "MotionLimits",
-    "MotionWatch",
-    "NeutralLimits",
-    "ProofLimits",
-    "PushLimits",
-    "PushWatch",
-    "RateLimits",
-    "RateWatch",
-    "Reason",
-    "RestLimits",
-    "RestWatch",
-    "SameLimits",
-    "SameWatch",
-    "SupervisorParameters",
-    "SupervisorState",
-    "TimeLimits",
-    "TimeWatch",
-    "VolumeLimits",
-    "VolumeWatch",
-    "Watched",
-    "initial",
-    "reasons_in",
-]
-
 
 class Watched(NamedTuple):
     """What the supervisor sees at a tick; NaN for what the board has not, or could not measure."""

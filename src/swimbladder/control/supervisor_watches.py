@@ -27,25 +27,6 @@ from swimbladder.control.supervisor_records import (
     Watched,
 )
 
-__all__ = [
-    "believable",
-    "count_blind",
-    "count_time",
-    "count_unmeasured",
-    "expected_rate",
-    "first_of",
-    "reasons_of",
-    "rests",
-    "times",
-    "watch_board",
-    "watch_deep",
-    "watch_motion",
-    "watch_rate",
-    "watch_reach",
-    "watch_sameness",
-    "watch_still",
-]
-
 _BLOCK = 4096  # ticks that the fine count of time holds
 _MOST_LOST = _BLOCK - 1  # ticks that are counted at once
 _REASONS = 15

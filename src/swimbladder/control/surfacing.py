@@ -9,10 +9,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = [
-    "IN", "LAW", "OUT", "WAIT", "SurfacingParameters", "SurfacingState", "at_surface",
-]  # fmt: skip
-
 LAW, OUT, IN, WAIT = 0.0, 1.0, 2.0, 3.0
 """Who acts: the law; the pump, until all volume is out; the valve, by a change; nobody."""
 

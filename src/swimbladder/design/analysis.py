@@ -12,8 +12,6 @@ from swimbladder.errors import InputError
 from swimbladder.sim.closed_loop.checks import law_at_rest
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["analyse"]
-
 
 def analyse(
     vehicle: Vehicle,

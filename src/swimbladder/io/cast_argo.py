@@ -19,8 +19,6 @@ from swimbladder.io.cast_variables import by_flags, in_unit, raw_cast
 from swimbladder.io.log_text import counted
 from swimbladder.io.netcdf_in import Variable
 
-__all__ = ["argo_cast", "is_profiles"]
-
 Array = NDArray[np.float64]
 _ARGO = {"pressure_dbar": "PRES", "temperature_degC": "TEMP", "salinity": "PSAL"}
 _SEVERAL = 2

@@ -15,8 +15,6 @@ from swimbladder.io.cast_raw import RawCast
 from swimbladder.io.log_text import counted
 from swimbladder.units import unit_factor
 
-__all__ = ["cnv_cast", "is_cnv"]
-
 Array = NDArray[np.float64]
 
 _NAME = re.compile(r"# name (\d+) = ([^:]+):\s*(.*)")

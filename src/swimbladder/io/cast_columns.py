@@ -12,8 +12,6 @@ from swimbladder.io.log_sources import column_readings, listed
 from swimbladder.units import unit_factor
 from swimbladder.vehicle.schema import did_you_mean
 
-__all__ = ["CAST_COLUMNS", "NAMES", "cast_sources", "cast_unit", "check_names", "kind_of"]
-
 CAST_COLUMNS = {
     "pressure_dbar": "dbar",
     "depth_m": "m",

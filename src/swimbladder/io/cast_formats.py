@@ -14,8 +14,6 @@ from swimbladder.io.cast_raw import RawCast
 from swimbladder.io.netcdf_in import is_netcdf
 from swimbladder.plugins import Registry
 
-__all__ = ["CAST_FORMATS", "CastFormat", "format_of"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class CastFormat:

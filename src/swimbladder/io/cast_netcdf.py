@@ -16,8 +16,6 @@ from swimbladder.io.cast_raw import RawCast, place_of
 from swimbladder.io.cast_variables import by_flags, in_unit, raw_cast, unit_said
 from swimbladder.io.netcdf_in import Variable, read_variables
 
-__all__ = ["netcdf_cast"]
-
 Array = NDArray[np.float64]
 _FEWEST = 2
 

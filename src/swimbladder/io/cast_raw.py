@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from swimbladder.errors import LogError
 from swimbladder.io.log_text import counted
 
-__all__ = ["RawCast", "place_of"]
-
 Array = NDArray[np.float64]
 _FARTHEST = {"latitude": 90.0, "longitude": 360.0}  # degrees
 

@@ -12,8 +12,6 @@ from swimbladder.io.cast_raw import RawCast
 from swimbladder.io.cast_units import COLDEST, DEEPEST, MOST_SALT, WARMEST
 from swimbladder.io.log_text import counted
 
-__all__ = ["averaged", "legs", "one_leg", "without_spikes"]
-
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from swimbladder.io.cast_raw import RawCast
 from swimbladder.io.log_text import counted
 
-__all__ = ["INVERSION", "Inversions", "stable"]
-
 Array = NDArray[np.float64]
 Inversions = Literal["refuse", "average", "keep"]
 # kg/m3 between two depths; the threshold of Argo's density inversion test (Argo Quality Control

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from swimbladder.io.cast_raw import RawCast
 from swimbladder.units import unit_factor
 
-__all__ = ["DEEPEST", "MOST_SALT", "WARMEST", "by_depth", "check_units"]
-
 Array = NDArray[np.float64]
 
 DEEPEST = 11_500.0  # dbar: Challenger Deep has 11 250

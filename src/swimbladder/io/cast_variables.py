@@ -15,8 +15,6 @@ from swimbladder.io.log_text import counted
 from swimbladder.io.netcdf_in import Variable
 from swimbladder.units import unit_factor
 
-__all__ = ["by_flags", "in_unit", "raw_cast", "unit_said"]
-
 Array = NDArray[np.float64]
 _GOOD = set("1258")  # Argo user's manual, reference table 2
 _UNJUDGED = set("09")  # no quality control, and missing: NaN shows the second

@@ -28,8 +28,6 @@ from swimbladder.io.log_text import read_bytes
 from swimbladder.physics.seawater import Cast
 from swimbladder.physics.seawater.cast import pressure_of_depth
 
-__all__ = ["check_reading", "read_cast"]
-
 Array = NDArray[np.float64]
 _LATITUDE = 45.0  # where gravity is the mean of pole and equator, to 1 part in 10 000
 

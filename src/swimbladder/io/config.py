@@ -21,16 +21,6 @@ from swimbladder.physics.dynamics import even_drag, plant
 from swimbladder.physics.hull import check_mass
 from swimbladder.vehicle import IdentifiedMotion, Parameters, Vehicle, input_error
 
-__all__ = [
-    "Mission",
-    "file_text",
-    "load_mission",
-    "load_vehicle",
-    "locate",
-    "read_model",
-    "vehicle_text",
-]
-
 SCHEMA_VERSION = 1
 _MOST_BYTES = 1 << 24  # of a file: a mission of 300 000 set-points
 _SCHEMA_REMEDY = f"Write schema_version = {SCHEMA_VERSION} on the first line"

@@ -20,20 +20,6 @@ from pathlib import Path
 
 from swimbladder.errors import InputError
 
-__all__ = [
-    "check_place",
-    "make_folder",
-    "pipes_kept",
-    "publish",
-    "read_at_most",
-    "remove_leftovers",
-    "source_hash",
-    "temporary_folder",
-    "unfinished",
-    "write_atomically",
-    "write_through",
-]
-
 _MARK = ".swimbladder-"
 _OLD = 86_400.0  # s after which what another machine left is no longer being written
 _LONGEST = 255 - len(".-unfinished")  # bytes of a folder's name

@@ -13,8 +13,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["DEVICES", "Action", "Device", "FloatLog", "Reading", "Stage", "Target"]
-
 Device = Literal["pump", "valve", "bypass"]
 DEVICES: tuple[Device, ...] = ("pump", "valve", "bypass")
 

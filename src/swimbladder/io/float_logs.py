@@ -23,8 +23,6 @@ from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import read_bytes
 from swimbladder.vehicle.schema import did_you_mean
 
-__all__ = ["FLOAT_COLUMNS", "read_float_log"]
-
 FLOAT_COLUMNS = {
     "time_s": "s",
     "pressure_Pa": "Pa",

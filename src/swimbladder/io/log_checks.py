@@ -13,8 +13,6 @@ from swimbladder.errors import LogError
 from swimbladder.io.log_format import LogFormat
 from swimbladder.io.log_text import counted
 
-__all__ = ["find_gaps", "in_order", "spikes", "suspects"]
-
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 

@@ -11,8 +11,6 @@ from swimbladder.errors import LogError
 from swimbladder.io.log_format import LogFormat
 from swimbladder.units import parse_quantity
 
-__all__ = ["depth_source", "to_depth"]
-
 Array = NDArray[np.float64]
 
 _ABOVE = 0.5  # m above the surface, that a sensor may be off

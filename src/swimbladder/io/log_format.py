@@ -38,8 +38,6 @@ from swimbladder.units import parse_quantity, unit_factor
 from swimbladder.vehicle import Parameters, Unit
 from swimbladder.vehicle.schema import did_you_mean, refusal
 
-__all__ = ["COLUMNS", "LogColumn", "LogColumns", "LogFormat", "column_factor", "log_format"]
-
 COLUMNS = {
     "time_s": "s",
     "depth_m": "m",

@@ -12,8 +12,6 @@ from swimbladder.errors import LogError
 from swimbladder.io.log_format import Delimiter, LogFormat
 from swimbladder.io.log_text import counted
 
-__all__ = ["BLANK", "CONTROL", "Header", "find_header", "quoted_row"]
-
 # What no log writes on purpose: controls but the tab, and the mark of what could not be decoded.
 CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\ufffd]")
 BLANK = "".join(map(chr, range(33))) + "\x7f\u00a0\ufeff"

@@ -23,8 +23,6 @@ from swimbladder.io.log_time import (
 )
 from swimbladder.io.log_where import column_texts, number
 
-__all__ = ["ColumnReader"]
-
 Array = NDArray[np.float64]
 
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "+inf", "-inf", "nat", "#n/a"}

@@ -18,8 +18,6 @@ from swimbladder.io.log_rows import Column
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ParquetRows", "is_parquet"]
-
 _TEXT_OPTIONS = (
     "encoding", "delimiter", "header_starts", "names", "skip_lines", "units_row", "skip_rows",
     "fields", "part",

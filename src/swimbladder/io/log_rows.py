@@ -16,8 +16,6 @@ from swimbladder.io.log_format import LogFormat
 from swimbladder.io.log_header import BLANK, CONTROL, find_header, quoted_row
 from swimbladder.io.log_text import counted, text_lines
 
-__all__ = ["Column", "Rows", "Sheet"]
-
 Column = list[str] | NDArray[np.float64]
 
 _LONGEST_QUOTE = 20  # lines that a quoted field may go over

@@ -11,8 +11,6 @@ from swimbladder.io.log_depth import depth_source
 from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat
 from swimbladder.vehicle.schema import did_you_mean
 
-__all__ = ["column_readings", "column_sources", "listed", "mapped_columns", "wanted_names"]
-
 
 def mapped_columns(
     form: LogFormat,

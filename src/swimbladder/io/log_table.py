@@ -18,8 +18,6 @@ from swimbladder.io.log_text import read_bytes
 from swimbladder.io.log_time import TimeColumn
 from swimbladder.io.log_where import RowTest, column_texts, none_chosen
 
-__all__ = ["Table", "read_header", "read_table"]
-
 Array = NDArray[np.float64]
 Choose = Callable[[list[str]], dict[str, LogColumn]]
 

@@ -12,8 +12,6 @@ from swimbladder.errors import LogError
 from swimbladder.io.files import read_at_most
 from swimbladder.io.log_format import Encoding
 
-__all__ = ["MOST_BYTES", "counted", "read_bytes", "text_lines"]
-
 MOST_BYTES = 1 << 28  # of a file, decompressed; taken apart it needs ten times that
 _BOMS = (
     (codecs.BOM_UTF8, "utf-8-sig"),

@@ -15,8 +15,6 @@ from swimbladder.errors import LogError
 from swimbladder.io.log_format import LogColumn, LogFormat, bracketed
 from swimbladder.io.log_text import counted
 
-__all__ = ["TimeColumn", "counter_seconds", "reads_text", "text_seconds", "time_remedy"]
-
 Array = NDArray[np.float64]
 Instant = Callable[[str], tuple[float, bool]]
 

@@ -12,8 +12,6 @@ from swimbladder.errors import LogError
 from swimbladder.io.log_format import LogFormat
 from swimbladder.io.log_rows import Column
 
-__all__ = ["RowTest", "column_texts", "none_chosen", "number"]
-
 
 def number(text: str, *, comma: bool) -> float:
     """Return a text as a number; raises ValueError where it is none."""

@@ -25,8 +25,6 @@ from swimbladder.io.log_table import Table, read_header, read_table
 from swimbladder.io.log_text import counted
 from swimbladder.io.log_time import TimeColumn
 
-__all__ = ["Log", "header_names", "read_log"]
-
 Array = NDArray[np.float64]
 REQUIRED = ("time_s", "depth_m")
 

@@ -13,8 +13,6 @@ from swimbladder.physics.seawater import WaterMotion
 from swimbladder.vehicle import LawNumbers, Parameters, Unit
 from swimbladder.vehicle.schema import refusal
 
-__all__ = ["Mission", "Phase", "Safety", "Setpoint"]
-
 _MOST_PHASES = 50  # whether each was missed is kept as a bit of a double's 53
 _DEEPEST, _NO_SEA = 11_000.0, "no sea is so deep"  # m; Challenger Deep: 10,935 m
 

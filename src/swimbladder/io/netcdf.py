@@ -12,8 +12,6 @@ from swimbladder.io.files import write_through
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["write"]
-
 CONVENTIONS = "CF-1.11"
 
 

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import LogError
 
-__all__ = ["Variable", "is_netcdf", "read_variables"]
-
 Array = NDArray[np.float64]
 # What netCDF-4 keeps for itself: references to dimensions, and dimensions that hold no numbers.
 _HDF_ONLY = ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "_Netcdf4Dimid", "_Netcdf4Coordinates")

@@ -18,8 +18,6 @@ from swimbladder.units import format_quantity, parse_quantity
 from swimbladder.vehicle import Parameters, Unit, field_unit
 from swimbladder.vehicle.schema import refusal
 
-__all__ = ["Expected", "Move", "Plan", "PlannedExperiment", "Trace", "load_plan", "plan_file"]
-
 _Length = Annotated[float, Unit("m")]
 _Time = Annotated[float, Unit("s"), Field(ge=0.0)]
 _Series = Annotated[tuple[Annotated[float, Field(strict=True)], ...], Field(min_length=1)]

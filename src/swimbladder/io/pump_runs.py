@@ -15,8 +15,6 @@ from swimbladder.io.log_sources import column_readings, listed
 from swimbladder.io.log_table import read_table
 from swimbladder.vehicle.schema import did_you_mean
 
-__all__ = ["RUN_COLUMNS", "RunTable", "read_pump_runs"]
-
 Array = NDArray[np.float64]
 RUN_COLUMNS = {
     "duration_s": "s",

@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike
 
 from swimbladder.io.files import write_through
 
-__all__ = ["write_csv"]
-
 _CHUNK = 20_000
 
 

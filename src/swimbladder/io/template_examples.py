@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["BODY", "EXAMPLES", "INSTEAD", "Table"]
-
 Table = dict[str, Any]
 
 BODY: Table = {

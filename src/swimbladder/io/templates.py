@@ -14,8 +14,6 @@ from swimbladder.io.template_examples import BODY, EXAMPLES, INSTEAD, Table
 from swimbladder.vehicle import Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, listed_model, models_in, tags_of
 
-__all__ = ["KINDS", "vehicle_template"]
-
 KINDS = tuple(EXAMPLES)
 """The kinds of actuator that a template can be made for."""
 

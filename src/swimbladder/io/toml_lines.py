@@ -6,8 +6,6 @@ from bisect import bisect_right
 
 from swimbladder.vehicle.schema import dotted
 
-__all__ = ["key_lines"]
-
 _Path = tuple[str | int, ...]
 
 

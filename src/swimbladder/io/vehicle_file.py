@@ -11,8 +11,6 @@ from pydantic import BaseModel
 from swimbladder.vehicle import Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, listed_model
 
-__all__ = ["vehicle_file"]
-
 _ALWAYS = ("schema_version", "kind", "law")
 
 

@@ -12,17 +12,6 @@ from swimbladder.sim.closed_loop import drive
 from swimbladder.sim.pool import centred_differences, timed_travel
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
-__all__ = [
-    "CLEARANCE",
-    "POOL_DEPTH",
-    "TRAVELS",
-    "Identified",
-    "Pulse",
-    "timed_voltages",
-    "unheld_rise",
-    "voltage_steps",
-]
-
 POOL_DEPTH = 4.5  # m, section 3.2
 CLEARANCE = 0.75  # m, ours
 TRAVELS = (2.5e-3, 4e-3, 6e-3, 10e-3)  # m, section 3.1, dx

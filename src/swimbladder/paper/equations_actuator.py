@@ -31,8 +31,6 @@ from swimbladder.vehicle import (
     Vehicle,
 )
 
-__all__ = ["FREQUENCIES", "actuator_checks", "at"]
-
 FREQUENCIES = 1j * np.geomspace(1e-3, 1e3, 61)  # rad/s
 
 

@@ -13,8 +13,6 @@ from swimbladder.physics import actuator as act
 from swimbladder.physics import oil
 from swimbladder.vehicle import ElectrohydraulicActuator, Vehicle
 
-__all__ = ["hydraulic_checks"]
-
 _EXACT = 1e-12  # rounding only
 
 

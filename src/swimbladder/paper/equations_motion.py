@@ -29,8 +29,6 @@ from swimbladder.sim.closed_loop import drive
 from swimbladder.sim.pool import fit_depth, fit_speed, still_starts
 from swimbladder.vehicle import IdentifiedMotion, PhysicalMotion, Vehicle
 
-__all__ = ["motion_checks"]
-
 
 def motion_checks(e: Evidence) -> list[EquationCheck]:
     """Return the checks of the motion's and of the controller's equations."""

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["ERRATA", "SILENT", "Erratum"]
-
 
 class Erratum(NamedTuple):
     """A place in the paper, what stands there, and what is right."""

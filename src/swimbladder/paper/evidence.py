@@ -36,8 +36,6 @@ from swimbladder.sim.pool import (
 )
 from swimbladder.vehicle import IdentifiedActuator, IdentifiedMotion, Sensors, Vehicle
 
-__all__ = ["SETPOINTS", "STAGES", "VOLUME_STEPS", "Evidence", "MatchedSteps", "Step", "gather"]
-
 VOLUME_STEPS = (20e-6, 30e-6, 45e-6, 75e-6)  # m3, section 3.1, dV
 SENSORS = Sensors(depth_noise=2e-3, depth_quantum=5e-3, volume_quantum=0.75e-6)  # ours
 # Ours, within 0.5 and 4 m: the paper's set-points are only in its figures. (time s, depth m)

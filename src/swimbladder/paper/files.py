@@ -17,8 +17,6 @@ from swimbladder.io.tables import write_csv
 from swimbladder.paper.evidence import Evidence
 from swimbladder.sim.pool import Fit, PoolRun, response
 
-__all__ = ["json_text", "trajectories"]
-
 
 def trajectories(e: Evidence) -> dict[str, dict[str, Any]]:
     """Return every curve of the report: file name -> columns, SI."""

@@ -14,8 +14,6 @@ import numpy as np
 from swimbladder.paper.evidence import Evidence
 from swimbladder.paper.verdict import Finding, number
 
-__all__ = ["independent"]
-
 DENOMINATOR = (3.26700, 36.3900, 0.997115, -0.0320596, -0.00203660)
 POLES = (0.03704, -0.03230, 0.02172, -11.111)  # 1/s: growing, real and imaginary part, fast
 

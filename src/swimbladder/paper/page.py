@@ -22,8 +22,6 @@ from swimbladder.show.plots.style import svg_text
 from swimbladder.show.report import inline_svg, render
 from swimbladder.sim.pool import Fit
 
-__all__ = ["FIGURES", "Judged", "answer", "draw", "page"]
-
 
 class Picture(NamedTuple):
     """A figure of the report: its name, title, caption, and how it is drawn."""

@@ -14,8 +14,6 @@ from swimbladder.paper.verdict import Finding, Known, claim, number
 from swimbladder.physics.dynamics import plant
 from swimbladder.physics.oil import relative_volume_change
 
-__all__ = ["published"]
-
 _LENGTH, _RADIUS, _FLOTATION, _DRY_MASS = 1.285, 0.1, 5.5e-3, 33.0  # section 3, SI
 
 

@@ -10,8 +10,6 @@ from swimbladder.paper.evidence import VOLUME_STEPS, Evidence
 from swimbladder.paper.verdict import Finding, Known, claim, number
 from swimbladder.physics.actuator import reduced
 
-__all__ = ["published_results"]
-
 
 def published_results(e: Evidence) -> list[Finding]:
     """Return K1, T1, k_z/k_u, the volume steps, Table 2, Table 3 and the claims of section 3.2."""

@@ -11,18 +11,6 @@ from swimbladder.physics.actuator import reduced, unified
 from swimbladder.sim.closed_loop import StepMetrics
 from swimbladder.sim.pool import Fit, average
 
-__all__ = [
-    "Table",
-    "experiments",
-    "neglect",
-    "pairs",
-    "pulses",
-    "steps",
-    "table1",
-    "table2",
-    "table3",
-]
-
 
 class Table(NamedTuple):
     """A table: caption, heads, rows of texts."""

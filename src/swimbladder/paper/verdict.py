@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["EquationCheck", "Finding", "Known", "Verdict", "claim", "deviation", "number"]
-
 
 class Verdict(Enum):
     """How ours compares with the paper's; each member's value says it in a sentence."""

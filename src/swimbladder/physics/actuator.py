@@ -28,26 +28,6 @@ from swimbladder.vehicle import (
     Water,
 )
 
-__all__ = [
-    "ReducedActuator",
-    "back_driving_load",
-    "driving_load",
-    "hydraulic_load_coefficient",
-    "hydraulic_volume_per_angle",
-    "leakage_coefficient",
-    "leakage_volume_rate",
-    "pump_leakage_flow",
-    "reduced",
-    "refuse_pump_and_valve",
-    "screw_load_coefficient",
-    "screw_volume_per_angle",
-    "speed_loss_coefficient",
-    "stall_torque_per_volt",
-    "to_identified",
-    "unified",
-    "volume_lost_to_leakage",
-]
-
 
 class ReducedActuator(NamedTuple):
     """What eqs (11)-(12) need of an actuator once they are divided by k_v: nothing is lost."""

@@ -15,20 +15,6 @@ import numpy as np
 from swimbladder.errors import NoAnswerError
 from swimbladder.vehicle import Load, Phase, Supply, Vehicle
 
-__all__ = [
-    "WARM",
-    "capacity",
-    "charge_after",
-    "endurance",
-    "hotel_power",
-    "load_is_on",
-    "needed_capacity",
-    "share_in_cold",
-    "surfacing_energy",
-    "usable_charge",
-    "usable_share",
-]
-
 WARM = 20.0  # degC at which a battery's capacity is stated
 
 

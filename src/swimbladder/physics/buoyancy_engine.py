@@ -41,16 +41,6 @@ from swimbladder.vehicle import (
     Vehicle,
 )
 
-__all__ = [
-    "DriveMap",
-    "check_power_known",
-    "drive_map",
-    "oil_note",
-    "pressure_ratio",
-    "running_pump",
-    "steady_point",
-]
-
 Array = NDArray[np.float64]
 
 

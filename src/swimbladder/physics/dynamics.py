@@ -21,22 +21,6 @@ from swimbladder.errors import InputError
 from swimbladder.physics.actuator import ReducedActuator, reduced, refuse_pump_and_valve
 from swimbladder.vehicle import Drag, IdentifiedMotion, Positioner, Stroke, Supply, Vehicle
 
-__all__ = [
-    "Plant",
-    "State",
-    "acceleration",
-    "body_plant",
-    "drag_force",
-    "drag_law",
-    "drag_per_mass",
-    "drag_terms",
-    "even_drag",
-    "motor_rhs",
-    "plant",
-    "positioner_rhs",
-    "terminal_speed",
-]
-
 
 class State(NamedTuple):
     """The state of a vehicle: motor-driven volume rate, volume, depth, vertical speed."""

@@ -17,23 +17,6 @@ from numpy.typing import NDArray
 from swimbladder.errors import InputError
 from swimbladder.vehicle import Supply, UnifiedActuator, Water
 
-__all__ = [
-    "EfficiencyChain",
-    "SteadyDrive",
-    "copper_loss",
-    "depth_at_rate",
-    "efficiency_chain",
-    "electrical_power",
-    "energy_per_volume",
-    "largest_voltage",
-    "mechanical_power",
-    "stall_depth",
-    "steady_drive",
-    "supply_current",
-    "terminal_voltage",
-    "winding_current",
-]
-
 _F = TypeVar("_F", float, NDArray[np.float64])
 
 

@@ -28,22 +28,6 @@ from swimbladder.physics.seawater.column import ATMOSPHERE, water_compressibilit
 from swimbladder.physics.seawater.lookup import slopes
 from swimbladder.vehicle import Hull, HullPart, IdentifiedMotion, PhysicalMotion, Vehicle
 
-__all__ = [
-    "PsiTerms",
-    "along_hull",
-    "check_mass",
-    "displaced_volume",
-    "heat_expansion",
-    "hull_parts",
-    "layered_volume",
-    "linear_psi",
-    "mass_mismatch",
-    "neutral_volume",
-    "psi_terms",
-    "weighing",
-    "weight_mass",
-]
-
 Array = NDArray[np.float64]
 _ZERO_CELSIUS = 273.15  # K
 _CONTRADICT = 0.02  # of the mass: sea water against fresh is more

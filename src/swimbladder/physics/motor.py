@@ -22,18 +22,6 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.actuator import unified
 from swimbladder.vehicle import Actuator, ElectrohydraulicActuator, ElectromechanicalActuator, Water
 
-__all__ = [
-    "FullMotor",
-    "InductanceError",
-    "StepResponse",
-    "full_motor",
-    "holding_voltage",
-    "inductance_error",
-    "motor_poles",
-    "speed_transfer",
-    "step_response",
-]
-
 
 class FullMotor(NamedTuple):
     """The constants of Fig. 2 with the drive on the shaft."""

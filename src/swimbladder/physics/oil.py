@@ -12,16 +12,6 @@ from typing import NamedTuple
 from swimbladder.errors import InputError
 from swimbladder.vehicle import Oil, Water
 
-__all__ = [
-    "ATMOSPHERIC_PRESSURE",
-    "OilCompression",
-    "effective_bulk_modulus",
-    "oil_compression",
-    "oil_pressure_rate",
-    "oil_volume_ratio",
-    "relative_volume_change",
-]
-
 ATMOSPHERIC_PRESSURE = 101325.0  # Pa
 
 

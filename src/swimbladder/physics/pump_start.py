@@ -28,8 +28,6 @@ from numpy.typing import NDArray
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.vehicle import Oil
 
-__all__ = ["POLYTROPIC", "LineCurves", "PumpStart", "line_compliance", "line_curves", "pump_start"]
-
 Array = NDArray[np.float64]
 Law = Callable[[Array], Array]
 POLYTROPIC = 1.4  # exponent of the air in a line: adiabatic, as a start takes a second

@@ -20,20 +20,6 @@ from swimbladder.vehicle import (
     Water,
 )
 
-__all__ = [
-    "REFERENCE_TEMPERATURE",
-    "PumpRun",
-    "SteadyPoint",
-    "battery_power",
-    "datasheet_point",
-    "delivered",
-    "full_voltage",
-    "motor_point",
-    "pump_run",
-    "terminal_power",
-    "valve_flow",
-]
-
 Array = NDArray[np.float64]
 REFERENCE_TEMPERATURE = 15.0  # degC at which the power of a pump is stated
 

@@ -8,18 +8,6 @@ from pydantic import Field, StrictBool, model_validator
 
 from swimbladder.vehicle.schema import Parameters, Unit, refusal
 
-__all__ = [
-    "ElectrohydraulicActuator",
-    "ElectromechanicalActuator",
-    "HydraulicDrive",
-    "IdentifiedActuator",
-    "Motor",
-    "Oil",
-    "Positioner",
-    "ScrewDrive",
-    "UnifiedActuator",
-]
-
 _Ratio = Annotated[float, Unit(""), Field(gt=0.0)]
 _Efficiency = Annotated[float, Unit(""), Field(gt=0.0, le=1.0)]
 

@@ -8,17 +8,6 @@ from pydantic import Field, model_validator
 
 from swimbladder.vehicle.schema import Parameters, Unit, refusal
 
-__all__ = [
-    "Drag",
-    "Hull",
-    "HullPart",
-    "IdentifiedMotion",
-    "Motion",
-    "PhysicalMotion",
-    "Stroke",
-    "Water",
-]
-
 _ROUNDING = 1e-4  # share of the displaced volume by which its parts may miss it: rounded numbers
 
 

@@ -8,8 +8,6 @@ from pydantic import Field, StrictBool
 
 from swimbladder.vehicle.schema import Parameters, Unit
 
-__all__ = ["Driver", "Load", "Phase", "Supply"]
-
 Phase = Literal["descend", "park", "profile", "hold", "surface"]
 
 

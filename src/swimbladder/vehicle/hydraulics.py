@@ -9,8 +9,6 @@ from pydantic import Field, model_validator
 from swimbladder.vehicle.actuators import HydraulicDrive, Motor, Oil
 from swimbladder.vehicle.schema import Parameters, Unit, refusal
 
-__all__ = ["DatasheetPump", "PowerLawPump", "Pump", "PumpAndValve", "Valve"]
-
 _ATMOSPHERE = 101325.0  # Pa, at which the share of trapped air counts
 _VACUUM = 1e3  # Pa; a gas rotary pump goes no lower, and oil gives off what it has dissolved
 

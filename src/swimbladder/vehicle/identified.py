@@ -8,8 +8,6 @@ from pydantic import Field, model_validator
 
 from swimbladder.vehicle.schema import Parameters, Unit, refusal
 
-__all__ = ["Between", "Identified", "IdentifiedName"]
-
 # As identify calls them: K1, T1, K2, T2 of eqs (22), (28), (29); masses and drag where they stand
 # for these.
 IdentifiedName = Literal["K1", "T1", "K2", "T2", "mass", "drag_quadratic", "psi"]

@@ -23,19 +23,6 @@ if TYPE_CHECKING:
 else:
     ModelMetaclass = type(BaseModel)
 
-__all__ = [
-    "Parameters",
-    "Unit",
-    "did_you_mean",
-    "dotted",
-    "field_unit",
-    "input_error",
-    "listed_model",
-    "models_in",
-    "refusal",
-    "tags_of",
-]
-
 # Sizes that no part of a vehicle has: their products would leave the range of floats.
 SMALLEST, LARGEST = 1e-20, 1e15
 

@@ -14,8 +14,6 @@ from swimbladder.errors import InputError
 from swimbladder.vehicle.schema import Parameters, Unit, refusal
 from swimbladder.vehicle.vehicle import Vehicle
 
-__all__ = ["INPUTS", "Correlation", "Spread"]
-
 Array = NDArray[np.float64]
 
 Input = Literal["trim", "psi", "drag", "pump", "mass"]

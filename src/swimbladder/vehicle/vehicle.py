@@ -28,9 +28,6 @@ from swimbladder.vehicle.hydraulics import DatasheetPump, PumpAndValve
 from swimbladder.vehicle.identified import Identified
 from swimbladder.vehicle.schema import Parameters, Unit, refusal
 
-__all__ = ["Actuator", "Controller", "LawNumbers", "Sensors", "Supervisor", "Vehicle"]
-
-
 Actuator = Annotated[
     ElectrohydraulicActuator
     | ElectromechanicalActuator

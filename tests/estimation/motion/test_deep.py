@@ -10,7 +10,7 @@ from scipy.stats import binom
 
 from studies.deep_calibration import outcome, summary
 from swimbladder.errors import InputError
-from swimbladder.estimation.motion.deep import contradictions, identified_vehicle, identify_deep
+from swimbladder.estimation.motion.deep import contradictions, identify_deep
 from swimbladder.estimation.motion.deep_dive import deep_dive
 from swimbladder.estimation.motion.deep_fit import balance, fit_deep, start_volume
 from swimbladder.estimation.motion.deep_model import (
@@ -21,6 +21,7 @@ from swimbladder.estimation.motion.deep_model import (
     run_volumes,
 )
 from swimbladder.estimation.motion.deep_replay import replay
+from swimbladder.estimation.motion.deep_vehicle import identified_vehicle
 from swimbladder.estimation.motion.estimates import Prior
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.hull import neutral_volume, weight_mass

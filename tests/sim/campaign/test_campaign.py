@@ -15,7 +15,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.jobs import Workers, run
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.campaign.draw import Drawn, Spread, draw, varied
+from swimbladder.sim.campaign.draw import Drawn, draw, varied
 from swimbladder.sim.campaign.result import share_interval
 from swimbladder.sim.campaign.run import Fact, Floats
 from swimbladder.sim.campaign.store import FLOATS
@@ -25,6 +25,7 @@ from swimbladder.sim.mission.core.names import Holding, Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.vehicle import Identified
+from swimbladder.vehicle.spread import Spread
 
 TASK = Mission(
     phases=[

@@ -13,8 +13,6 @@ from swimbladder.physics.seawater.cast_unit import above_rating, check_cast_unit
 from swimbladder.units import parse_quantity
 from swimbladder.vehicle import PhysicalMotion, Vehicle
 
-__all__ = ["MATERIALS", "Seas", "material_of", "seas", "with_mass"]
-
 # kg/m3 at room temperature: CRC Handbook of Chemistry and Physics, 97th ed., section 4 (elements)
 # and 12 (alloys): lead, iron/plain steel, stainless steel 304, aluminium.
 MATERIALS = {"lead": 11340.0, "steel": 7850.0, "stainless": 8000.0, "aluminium": 2700.0}

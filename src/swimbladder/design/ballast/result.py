@@ -14,8 +14,6 @@ from swimbladder.physics.seawater import Column
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Ballasting", "Curve", "Need", "Target"]
-
 Array = NDArray[np.float64]
 _LIGHT = 5e-5  # kg, less is nothing
 _WORTH = 0.01  # share of the stroke that a better trim has to bring, to be spoken of

@@ -23,8 +23,6 @@ from swimbladder.physics.seawater import Column
 from swimbladder.units import rounded
 from swimbladder.vehicle import Hull, HullPart, PhysicalMotion, Vehicle
 
-__all__ = ["ballast", "ballasted"]
-
 Array = NDArray[np.float64]
 
 _DRAWS = 20_000  # so that a probability of 95 % is known to 0.15 % (1 sigma)

@@ -15,8 +15,6 @@ from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.column import ATMOSPHERE
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Uncertainty", "drawn_volumes", "sensitivities", "uncertainty_of"]
-
 Array = NDArray[np.float64]
 
 # Where nothing is said: the error of a neutral volume that one experiment leaves; a share of the

@@ -13,8 +13,6 @@ from swimbladder.physics.seawater.cast_unit import above_rating, check_cast_unit
 from swimbladder.physics.steady_drives import SteadyPoint
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["SHARES", "DriveEnergy", "drive_energy", "sea", "stall_pressure"]
-
 Array = NDArray[np.float64]
 SHARES = np.linspace(0.025, 1.0, 40)  # of the full voltage, in the efficiency map
 _DEEP = 100.0  # m, where neither the user nor the vehicle's rating says how deep

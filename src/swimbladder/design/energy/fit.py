@@ -38,8 +38,6 @@ from swimbladder.design.energy.robust_regression import Least
 from swimbladder.errors import InputError
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 
-__all__ = ["Estimate", "PumpFit", "fit_pump"]
-
 Array = NDArray[np.float64]
 PowerAt = Literal["mean", "end"]
 _BLOCKS = 300  # groups of runs without dives, at most

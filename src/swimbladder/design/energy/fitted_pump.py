@@ -9,8 +9,6 @@ from swimbladder.errors import InputError
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Supply, Vehicle
 
-__all__ = ["fitted_vehicle", "pump_and_valve", "voltage_factor"]
-
 
 def voltage_factor(supply: Supply | None, fit: PumpFit) -> float:
     """Return a supply's voltage under the runs' median current over the fit's reference [-].

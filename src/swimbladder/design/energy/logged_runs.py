@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, NoAnswerError
 
-__all__ = ["FEWEST", "PumpRuns", "check_groups", "check_runs", "usable_runs"]
-
 Array = NDArray[np.float64]
 FEWEST = 3  # dives, or runs without dives: fewer leave no spread to be known
 _DEEP = 2e5  # Pa: nearer to the surface the hydraulic work is next to none

@@ -15,8 +15,6 @@ from swimbladder.physics.buoyancy_engine import oil_note
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["assumptions", "drive_sentences", "fit_sentences", "versus_sentences"]
-
 _LEAST, _MOST = 0.1, 1.1  # efficiencies that no pump has are beyond
 _DAY, _HOUR, _MINUTE = 86400.0, 3600.0, 60.0
 

@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import NoAnswerError
 
-__all__ = ["Least"]
-
 Array = NDArray[np.float64]
 
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from swimbladder.design.energy.fit import PumpFit
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 
-__all__ = ["Band", "efficiency_bands", "fitted_power", "fitted_volume", "run_columns"]
-
 Array = NDArray[np.float64]
 _BANDS, _FEWEST = 8, 3  # bands of pressure at most, and runs in each at least
 

@@ -24,8 +24,6 @@ import numpy as np
 
 from swimbladder.errors import InputError
 
-__all__ = ["Thruster"]
-
 
 class Thruster(NamedTuple):
     """One or several equal thrusters."""

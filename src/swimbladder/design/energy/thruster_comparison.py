@@ -26,8 +26,6 @@ from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import neutral_volume
 
-__all__ = ["Hovering", "Profiling", "hovering", "profiling"]
-
 Array = NDArray[np.float64]
 _POINTS = 200  # depths at which a dive is computed
 

@@ -15,8 +15,6 @@ from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import drive
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Passing", "Ramps", "Release", "Setting", "Turn", "ramps"]
-
 Array = NDArray[np.float64]
 
 

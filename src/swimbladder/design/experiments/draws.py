@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from swimbladder.design.experiments.fisher_information import Question
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["covariance_of", "vehicles"]
-
 Array = NDArray[np.float64]
 
 

@@ -20,8 +20,6 @@ from swimbladder.design.experiments.omitted_variables import (
 )
 from swimbladder.design.experiments.predict import Prediction, predict
 
-__all__ = ["Curve", "EvaluatedSet", "curve", "deeper", "evaluate"]
-
 Array = NDArray[np.float64]
 _NOT_YET = 3.0  # of a parameter: nothing is known of it
 _SIZES = 12

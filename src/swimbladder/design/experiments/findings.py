@@ -14,8 +14,6 @@ from swimbladder.estimation.motion.identifiability import LIMIT
 from swimbladder.estimation.motion.result import Finding
 from swimbladder.units import format_quantity
 
-__all__ = ["describe", "judge", "percent"]
-
 _SEEN = 1.5  # of the noise: a residual that is larger shows that something is left out
 _FAST = 0.2  # m/s
 _COARSE = 0.3  # of the quantum: less noise than that and rounding is no white noise

@@ -19,8 +19,6 @@ from swimbladder.estimation.motion.estimates import Prior
 from swimbladder.estimation.motion.model import Model
 from swimbladder.estimation.motion.problem import VOLUME, Problem
 
-__all__ = ["FEWEST", "Information", "Question", "fisher_information", "problem_of"]
-
 Array = NDArray[np.float64]
 
 FEWEST = 12  # samples of a record, below which `identify` does not take it

@@ -16,8 +16,6 @@ from swimbladder.estimation.motion.model import Model
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.bundle import Course
 
-__all__ = ["CLEAR", "Flight", "experiment_of", "follow"]
-
 Array = NDArray[np.float64]
 
 CLEAR = 0.05  # m inside of an end of the range that a depth has to be before the end counts

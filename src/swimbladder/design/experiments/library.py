@@ -11,8 +11,6 @@ from swimbladder.design.experiments.conditions import Ramps, Release, Setting, T
 from swimbladder.design.experiments.fisher_information import Question
 from swimbladder.design.experiments.flight import follow
 
-__all__ = ["releases", "rounded", "sizes"]
-
 _SIZES = 7
 _SECOND = (1.0, 0.5, 0.0)  # of the first volume, with the other sign; 0: coasting
 _PLACES = (0.35, 0.5, 0.65)  # of the way through the range at which the volume is reversed

@@ -15,8 +15,6 @@ from swimbladder.design.experiments.flight import Flight
 from swimbladder.estimation.motion.fit import refine
 from swimbladder.estimation.motion.problem import VOLUME, Problem
 
-__all__ = ["OmittedVariable", "without_drift", "without_psi", "without_trim"]
-
 Array = NDArray[np.float64]
 
 

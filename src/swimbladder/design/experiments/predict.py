@@ -24,8 +24,6 @@ from swimbladder.estimation.motion.problem import Problem
 from swimbladder.estimation.motion.residual_autocorrelation import ArNoise
 from swimbladder.estimation.motion.result import Finding
 
-__all__ = ["Prediction", "predict"]
-
 Array = NDArray[np.float64]
 
 

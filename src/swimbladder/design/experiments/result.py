@@ -16,8 +16,6 @@ from swimbladder.design.experiments.omitted_variables import OmittedVariable
 from swimbladder.estimation.motion.result import Finding
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 
-__all__ = ["Design"]
-
 _TRACE = 1.0  # s between the points of an expected trace, at the least
 _POINTS = 60
 

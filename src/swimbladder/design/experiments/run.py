@@ -8,7 +8,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from swimbladder.control.protocol import Does
+from swimbladder.control.protocol_records import Does
 from swimbladder.design.experiments.conditions import Ramps, Release, Setting, ramps
 from swimbladder.design.experiments.draws import covariance_of, vehicles
 from swimbladder.design.experiments.evaluation import curve, deeper, evaluate
@@ -25,8 +25,6 @@ from swimbladder.estimation.motion.model import check_names, default_names, mode
 from swimbladder.sim.pool import pool_parameters, run_procedure
 from swimbladder.units import format_quantity
 from swimbladder.vehicle import IdentifiedMotion, Vehicle
-
-__all__ = ["DRIFT_STD", "PAPER", "design_experiment", "paper_steps"]
 
 DRIFT_STD = 0.1e-6 / 60.0  # m3/s
 PAPER = tuple(sign * dV for dV in (20e-6, 30e-6, 45e-6, 75e-6) for sign in (1.0, -1.0))  # m3, 3.1

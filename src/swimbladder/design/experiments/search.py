@@ -18,8 +18,6 @@ from swimbladder.design.experiments.flight import follow
 from swimbladder.design.experiments.library import releases, rounded
 from swimbladder.design.experiments.selection import Criterion, Table, choose, in_order
 
-__all__ = ["Search", "search"]
-
 Array = NDArray[np.float64]
 _TRIES = 40  # of sizes and places, for each kind of release in the set
 _NEAR = 0.1  # first step of these: of a volume, of a third of the range

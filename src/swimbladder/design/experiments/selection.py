@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
 
-__all__ = ["Criterion", "Table", "choose", "criterion", "in_order"]
-
 Array = NDArray[np.float64]
 _UNKNOWN = 1e-4  # information about a share: off by a hundred wholes
 _LITTLE = 0.0  # of the criterion: a whole of a parameter

@@ -12,8 +12,6 @@ from swimbladder.design.planning import least_time
 from swimbladder.errors import SwimbladderError
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Asked", "answer", "least_times"]
-
 
 class Asked(NamedTuple):
     """A step [m] with the supply's voltage [V], None for a positioner."""

@@ -19,8 +19,6 @@ from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.vehicle import Controller, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 
-__all__ = ["GOALS", "IN_FILE", "PAPER", "Contender", "LeftOut", "choose_laws", "own", "tuned"]
-
 GOALS = ("fast", "quiet")  # fast for steps, quiet for holding
 IN_FILE = "as in the file"
 PAPER = "the paper's"

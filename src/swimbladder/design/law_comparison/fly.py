@@ -23,8 +23,6 @@ from swimbladder.sim.closed_loop.block import schedule
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Positioner, Vehicle
 
-__all__ = ["Flown", "Result", "fly", "measure", "no_energy", "summarise"]
-
 Array = NDArray[np.float64]
 
 _SHOWN = 900.0  # s of the first run that are kept to be looked at

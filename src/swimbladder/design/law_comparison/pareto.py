@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["front"]
-
 
 def front(costs: ArrayLike) -> NDArray[np.bool_]:
     """Return which rows of costs [rows, kinds], all to be small, no other row beats.

@@ -17,8 +17,6 @@ from swimbladder.design.law_comparison.pareto import front
 from swimbladder.design.law_comparison.scenarios import Placed, Places
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["COSTS", "LawComparison", "Row", "Trace"]
-
 Array = NDArray[np.float64]
 
 # What a law is judged by: name, unit, scenario, and the number of a Result that is to be small.

@@ -36,8 +36,6 @@ from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["compare_laws"]
-
 _TUNING, _FLYING = 0.7, 0.3  # shares of the work
 _PATIENCE = 180.0  # s, with the linear programs of the least times
 _FEWEST = 2

@@ -11,20 +11,6 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import body_plant, plant
 from swimbladder.vehicle import Vehicle
 
-__all__ = [
-    "BAND",
-    "FLOAT_SCENARIOS",
-    "LOW_SUPPLY",
-    "SCENARIOS",
-    "Placed",
-    "Places",
-    "Scenario",
-    "Swell",
-    "place",
-    "places",
-    "scenarios_of",
-]
-
 LOW_SUPPLY = 0.9  # of the supply's voltage: what `tune` takes for a battery that is nearly empty
 _REACH = 0.8  # of the depth at which stroke or supply end: where a vehicle is still to be steered
 _UNSTATED = 10.0  # m, that a vehicle of no stated rating is taken to

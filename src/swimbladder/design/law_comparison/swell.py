@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 from swimbladder.design.law_comparison.scenarios import Swell
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["amplitude", "depth_error", "wavenumber"]
-
 Array = NDArray[np.float64]
 
 

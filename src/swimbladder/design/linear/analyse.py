@@ -47,8 +47,6 @@ from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
-__all__ = ["Analysis", "OpenLoop", "analyse_linear", "check_depth"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class OpenLoop:

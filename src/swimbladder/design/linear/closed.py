@@ -21,8 +21,6 @@ from swimbladder.design.linear.models import Array, StateSpace, linearise
 from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, command_slope
 from swimbladder.physics.dynamics import Plant
 
-__all__ = ["ClosedLoop", "Mode", "close"]
-
 _LONGEST = 100  # samples: the longest delay that eigenvalues are computed for
 
 

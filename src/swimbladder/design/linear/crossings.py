@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from swimbladder.design.linear.models import Array, StateSpace, balancing_scale
 
-__all__ = ["crossing_frequencies"]
-
 _NEAR = 1e-3  # how far from the circle rounding may carry an eigenvalue of a cluster
 
 

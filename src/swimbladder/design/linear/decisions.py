@@ -30,8 +30,6 @@ from swimbladder.control.records import from_leaves, leaves
 from swimbladder.design.linear.pump_valve import drag_slope
 from swimbladder.physics.dynamics import Plant
 
-__all__ = ["Decision", "Delivery", "decision_map", "decision_of", "smooth"]
-
 Array = NDArray[np.float64]
 
 _OFF = 1e-4  # of a speed, by which the law is made to act

@@ -14,20 +14,6 @@ from swimbladder.design.linear.models import Array, StateSpace, linearise
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.electric import largest_voltage, stall_depth
 
-__all__ = [
-    "DepthLoad",
-    "NeutralVolume",
-    "Stall",
-    "StiffHull",
-    "depth_load",
-    "double_integrator_phase_margin",
-    "doubling_time",
-    "inner_loop_depth_gain",
-    "neutral_volume",
-    "stall",
-    "stiff_hull",
-]
-
 
 class DepthLoad(NamedTuple):
     """The positive feedback that the depth load keeps when a loop around V does not reject it.

@@ -12,8 +12,6 @@ from swimbladder.design.linear.margins import Margins
 if TYPE_CHECKING:
     from swimbladder.design.linear.analyse import Analysis
 
-__all__ = ["findings"]
-
 
 def findings(a: Analysis) -> dict[str, tuple[str, ...]]:
     """Return what an analysis says: by subject, a sentence or two for each point."""

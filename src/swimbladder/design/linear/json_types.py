@@ -10,8 +10,6 @@ from swimbladder.design.linear.margins import Margins
 from swimbladder.design.linear.pump_valve import DriveRates, Motion
 from swimbladder.design.linear.routh import RouthTable
 
-__all__ = ["closed_loop_json", "drive_json", "motion_json", "plain", "routh_json"]
-
 
 def routh_json(table: RouthTable) -> dict[str, Any]:
     """Return a Routh table for JSON."""

@@ -18,15 +18,6 @@ from numpy.typing import NDArray
 from swimbladder.design.linear.crossings import crossing_frequencies
 from swimbladder.design.linear.models import Array, StateSpace
 
-__all__ = [
-    "Margins",
-    "equivalent_poles",
-    "frequency_response",
-    "largest_delay",
-    "loop_margins",
-    "spectral_radius",
-]
-
 
 class Margins(NamedTuple):
     """Margins of a loop L under negative feedback; of a stable closed loop only."""

@@ -19,17 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.physics.dynamics import Plant, State, acceleration, motor_rhs
 
-__all__ = [
-    "Array",
-    "OperatingPoint",
-    "StateSpace",
-    "balancing_scale",
-    "linearise",
-    "linearised_motion",
-    "operating_point",
-    "polynomials",
-]
-
 Array = NDArray[np.float64]
 
 

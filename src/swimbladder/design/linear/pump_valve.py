@@ -25,16 +25,6 @@ from swimbladder.physics.dynamics import Plant, drag_law, even_drag
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.vehicle import Positioner, PumpAndValve, Vehicle
 
-__all__ = [
-    "DriveRates",
-    "Motion",
-    "drag_slope",
-    "drive_rates",
-    "motions",
-    "moved_by_volume",
-    "pump_stall",
-]
-
 _SPEEDS = (0.02, 0.05, 0.1)  # m/s, of a vehicle whose law asks for none
 _DEEPEST = 20_000.0  # m, below any sea
 _HALVINGS = 60

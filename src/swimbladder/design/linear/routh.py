@@ -16,8 +16,6 @@ from decimal import Decimal
 from fractions import Fraction
 from itertools import pairwise
 
-__all__ = ["RouthTable", "routh_table"]
-
 # Smaller than any quotient of products of floats that a table of reasonable degree can hold.
 _EPSILON_BITS = 1 << 15
 _EPSILON = Fraction(1, 1 << _EPSILON_BITS)

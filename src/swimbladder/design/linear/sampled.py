@@ -18,8 +18,6 @@ import numpy as np
 from swimbladder.control.records import from_numbers, leaf_names, numbers
 from swimbladder.design.linear.models import Array, StateSpace
 
-__all__ = ["LinearLaw", "SampledLoop", "command_slope", "discretise", "linearise_law"]
-
 _TERMS = 19  # of the series: 0.5^19/19! is below the rounding of a double
 _INPUTS = ("depth", "volume", "reference")
 

@@ -15,21 +15,6 @@ import numpy as np
 
 from swimbladder.physics.dynamics import Plant
 
-__all__ = [
-    "Ratio",
-    "TransferFunction",
-    "depth_per_voltage",
-    "depth_per_voltage_without_loads",
-    "depth_per_volume",
-    "depth_per_volume_identified",
-    "depth_per_volume_physical",
-    "transfer_functions",
-    "volume_per_depth",
-    "volume_per_depth_identified",
-    "volume_per_voltage",
-    "volume_per_voltage_identified",
-]
-
 Ratio = tuple[tuple[float, ...], tuple[float, ...]]
 
 

@@ -41,8 +41,6 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.physics.actuator import reduced
 from swimbladder.vehicle import Positioner
 
-__all__ = ["electrical", "least_energy", "winding"]
-
 _CONVEX = 1e-9  # a curvature below this share of the largest is none
 _AT_REST = (0.0, 1.0, 1e2, 1e4, 1e6)  # multiples of the distance from rest at the end
 _ADDED = 1e-3  # of the curvature, added first where it is not enough

@@ -14,11 +14,6 @@ from swimbladder.design.planning.solvers import Optimum, Problem, interior, vert
 from swimbladder.design.planning.task import Task
 from swimbladder.errors import NoAnswerError
 
-__all__ = [
-    "Answer", "Flags", "Goal", "Near", "Scale", "answer_of", "columns_of", "driven_by", "posed",
-    "scale_of", "solve",
-]  # fmt: skip
-
 Flags = NDArray[np.bool_]
 
 _NEGLIGIBLE = 1e-12  # coefficients of scaled rows that only spoil the solver's pivots

@@ -22,8 +22,6 @@ from swimbladder.design.planning.nominal_trajectory import (
 from swimbladder.design.planning.task import Task
 from swimbladder.errors import NoAnswerError
 
-__all__ = ["best_load_direction"]
-
 _STRIDES = (12, 4, 1)  # samples by which an edge is moved
 _BETTER = 1e-6  # the share that is less
 _WORTH = 1e-6  # of the largest price, below which a sample is where it wants to be

@@ -21,8 +21,6 @@ from swimbladder.design.planning.task import Task, task_of
 from swimbladder.errors import NoAnswerError
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["MOST_SAMPLES", "LeastTime", "least_time", "search_least"]
-
 MOST_SAMPLES = 4000
 _HOLDS = 1e-6  # scaled slack that counts as none
 _ROUGHLY = 3e-3  # agreement of a course while the number of samples is looked for

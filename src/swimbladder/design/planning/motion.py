@@ -17,8 +17,6 @@ from scipy.linalg import expm
 from swimbladder.design.linear.models import Array, linearise
 from swimbladder.physics.dynamics import Plant, drag_law
 
-__all__ = ["STATES", "Steps", "drag_along", "steps_along"]
-
 STATES = ("q", "V", "z", "w")
 
 

@@ -18,11 +18,6 @@ from swimbladder.design.planning.task import Task
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.dynamics import Plant
 
-__all__ = [
-    "AGREE", "NominalTrajectory", "Program", "backward", "resting", "settle", "sided", "straight",
-    "stretched",
-]  # fmt: skip
-
 _FREE = 4  # rounds without a leash: Newton's method mostly needs fewer
 _LEASH = 0.6  # what it shrinks by
 _ROUNDS = 25

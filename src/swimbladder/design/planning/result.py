@@ -11,9 +11,6 @@ from swimbladder.design.planning.minimum_time import LeastTime
 from swimbladder.design.planning.task import Task
 from swimbladder.units import rounded
 
-__all__ = ["Plan"]
-
-
 _LOST = 0.1  # of the step: a motion that far from the plan is another
 
 

@@ -29,8 +29,6 @@ from swimbladder.sim.closed_loop import drive
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["ARRIVALS", "GOALS", "plan"]
-
 GOALS = ("time", "effort", "energy")
 ARRIVALS = ("band", "rest")
 

@@ -18,8 +18,6 @@ from scipy.sparse import csc_matrix, csr_array, eye_array, vstack
 from swimbladder.design.linear.models import Array
 from swimbladder.errors import NoAnswerError
 
-__all__ = ["Optimum", "Problem", "interior", "vertex"]
-
 # On scaled rows: the dual simplex method, then an interior-point method with a crossover.
 _ATTEMPTS = ("highs-ds", "highs-ipm")
 _EXACT = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9}

@@ -12,8 +12,6 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Task", "task_of"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Task:

@@ -15,8 +15,6 @@ from swimbladder.estimation.motion.request import check_std
 from swimbladder.io.plan import Plan
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["asked_of", "rules_of"]
-
 _LEAST_CHANGE = 0.008  # of half the stroke
 _STD = 0.02  # of a parameter, to which it is to be known
 

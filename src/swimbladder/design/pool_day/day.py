@@ -27,8 +27,6 @@ from swimbladder.errors import LogError
 from swimbladder.estimation.motion import NEUTRAL_STD, Identification, Prior, identify
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Asked", "Doing", "News", "PoolDay"]
-
 _THERE = 0.2  # m from where a plan wants the vehicle to rest
 
 Doing = Literal["waiting", "moving", "at rest", "under way"]

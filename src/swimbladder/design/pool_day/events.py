@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from swimbladder.design.pool_day.rest import Rest
 from swimbladder.design.pool_day.volume import steadied
 
-__all__ = ["Changed", "Cut", "End", "Ended", "Event", "Ready", "Refused", "Sample", "Turned", "Why"]
-
 
 class Sample(NamedTuple):
     """A row of a log."""

@@ -17,17 +17,6 @@ from swimbladder.io.files import write_atomically
 from swimbladder.io.logs import Log, read_log
 from swimbladder.io.tables import write_csv
 
-__all__ = [
-    "STATE",
-    "Kept",
-    "earlier",
-    "keep",
-    "read_state",
-    "same_start",
-    "set_aside",
-    "write_state",
-]
-
 STATE = "pool.json"
 _MARK = "swimbladder pool"
 _FACTS = (

@@ -17,8 +17,6 @@ from swimbladder.errors import InputError, LogError
 from swimbladder.io.logs import read_log
 from swimbladder.io.tables import write_csv
 
-__all__ = ["check_waiting", "finished", "follow", "rehearse"]
-
 _PERIOD = 0.5  # s between two reads of the file
 _IDLE = 4.0  # times what reading it takes, at least
 _BURST = 1.0  # s of a rehearsal's clock between two reads

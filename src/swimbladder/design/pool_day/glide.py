@@ -22,8 +22,6 @@ from swimbladder.design.pool_day.rest import Rest, settled
 from swimbladder.design.pool_day.rules import FEWEST, Rules
 from swimbladder.design.pool_day.window import DEPTH, SMOOTH, TIME, VOLUME, Window
 
-__all__ = ["RECENT", "Glide"]
-
 Array = NDArray[np.float64]
 
 RECENT = 3.0  # s, over which a volume has to have left, or to stand still

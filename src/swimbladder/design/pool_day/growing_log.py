@@ -21,8 +21,6 @@ from swimbladder.io.log_text import MOST_BYTES
 from swimbladder.io.logs import Log, read_log
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["GrowingLog", "Growth", "samples_of"]
-
 _EARLY = 20  # lines, up to which a log that cannot be read may just not be there yet
 _ENDS = (b"\n", b"\r")
 

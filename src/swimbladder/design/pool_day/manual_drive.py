@@ -12,8 +12,6 @@ from swimbladder.control.registry import bind
 from swimbladder.errors import InputError
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
-__all__ = ["ManualDrive", "manual_drive_of"]
-
 _NEAR = 0.002  # of the stroke, that counts as there
 _SLOW = 120.0  # s, after which a move counts as over
 

@@ -10,8 +10,6 @@ from swimbladder.design.pool_day.events import Cut, End, Refused, Why
 from swimbladder.design.pool_day.rules import Rules
 from swimbladder.estimation.motion import ExperimentFit
 
-__all__ = ["of_cut", "of_fit", "of_refusal"]
-
 _EARLY = 0.6  # m
 _FEW = 30  # samples under way
 _OUTLIERS = 0.1  # of the samples

@@ -24,8 +24,6 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Operator", "Performed"]
-
 Array = NDArray[np.float64]
 Does = Literal["hold", "halt", "move", "glide", "arrived", "over", "gave up"]
 

@@ -8,8 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Rest", "neutral_volume", "settled", "stillness"]
-
 Array = NDArray[np.float64]
 
 _BLOCK = 5.0  # s; what the vehicle does in less than this is the sensor's noise

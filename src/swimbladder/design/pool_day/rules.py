@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-__all__ = ["FEWEST", "Rules"]
-
 FEWEST = 12  # samples of an experiment
 
 

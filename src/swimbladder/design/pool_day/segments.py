@@ -18,8 +18,6 @@ from swimbladder.design.pool_day.rest import Rest, neutral_volume, stillness
 from swimbladder.design.pool_day.rules import FEWEST, Rules
 from swimbladder.design.pool_day.window import SMOOTH, TIME, VOLUME, Window
 
-__all__ = ["Segmenter"]
-
 Array = NDArray[np.float64]
 
 _PERIOD = 0.5  # s between two evaluations of the window

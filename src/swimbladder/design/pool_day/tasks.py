@@ -9,8 +9,6 @@ from typing import NamedTuple
 from swimbladder.io.plan import Plan
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["PAPER", "Task", "Turn", "next_task", "paper_tasks", "plan_tasks", "undone"]
-
 PAPER = (20e-6, 30e-6, 45e-6, 75e-6)  # m3, section 3.1, each up and down
 _SHARE = 0.5  # of the volume that is free to either side of neutral
 _ALIKE = 1.25  # factor between two changes of volume that count as the same

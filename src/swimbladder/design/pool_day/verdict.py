@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from swimbladder.estimation.motion import NAMES, Identification, Prior
 
-__all__ = ["LEAST", "MARGIN", "State", "Target", "Verdict", "forecast", "judge"]
-
 Array = NDArray[np.float64]
 
 LEAST = 4  # experiments; with fewer no trend with the size of the step can show

@@ -13,8 +13,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["quantum", "steadied"]
-
 Array = NDArray[np.float64]
 
 _SURE = 4.0  # standard errors of a trend that is one

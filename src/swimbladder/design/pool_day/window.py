@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from swimbladder.design.pool_day.events import Sample
 
-__all__ = ["DEPTH", "SMOOTH", "TIME", "VOLUME", "Window"]
-
 Array = NDArray[np.float64]
 
 TIME, DEPTH, VOLUME, SMOOTH = range(4)  # SMOOTH: the median of the last five depths

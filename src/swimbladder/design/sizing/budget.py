@@ -11,8 +11,6 @@ from swimbladder.design.sizing.candidates import Batch
 from swimbladder.design.sizing.requirements import Requirements
 from swimbladder.physics.battery import needed_capacity, share_in_cold
 
-__all__ = ["Budget", "budget"]
-
 Array = NDArray[np.float64]
 
 

@@ -32,8 +32,6 @@ from swimbladder.vehicle import (
     Water,
 )
 
-__all__ = ["PARTS", "Batch", "Combination", "combinations"]
-
 PARTS = (  # what a drive is made of, in the order of tables and pictures
     "kind", "motor", "winding", "supply", "battery", "pump", "amplifier", "gear", "screw", "piston",
 )  # fmt: skip

@@ -22,8 +22,6 @@ from swimbladder.physics.electric import (
 from swimbladder.physics.steady_drives import terminal_power
 from swimbladder.vehicle import Water
 
-__all__ = ["REQUIREMENTS", "Evaluation", "evaluate"]
-
 _PACES = (1.0, 2.0, 4.0, 8.0)
 
 REQUIREMENTS = {

@@ -12,18 +12,6 @@ from swimbladder.errors import InputError
 from swimbladder.io.config import file_text, read_model
 from swimbladder.vehicle import Driver, Motor, Parameters, Unit
 
-__all__ = [
-    "Amplifier",
-    "BatteryKind",
-    "Gear",
-    "MotorPart",
-    "Parts",
-    "Piston",
-    "Pump",
-    "Screw",
-    "load_parts",
-]
-
 _Name = Annotated[str, Field(min_length=1)]
 _Positive = Field(gt=0.0)
 _Mass = Annotated[float, Unit("kg"), Field(ge=0.0)]

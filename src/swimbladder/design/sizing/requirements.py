@@ -15,8 +15,6 @@ from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Dive", "Requirements", "requirements"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Dive:

@@ -33,7 +33,6 @@ _REPLACED = {
 }  # fmt: skip
 _EVACUATED = 2e4  # Pa
 _YEAR = 365.25 * 86400.0  # s
-__all__ = ["columns", "sentences", "sized_vehicle", "to_json"]
 
 
 def sentences(found: Sizing) -> list[str]:

@@ -19,8 +19,6 @@ from swimbladder.physics.hull import weight_mass
 from swimbladder.physics.seawater import Column, uniform_column
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Choice", "Sizing", "Sweep", "size"]
-
 Least = Literal["mass", "energy"]
 _AS_GOOD = 1.002
 _ROOM = 0.5  # of the body: what the drive lets in has to find room inside, beside all else

@@ -29,8 +29,6 @@ from swimbladder.design.tuning.region import member, unit_points, unknowns
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["MEASURES", "Around", "Found", "Mode", "Spot", "look_around", "modes"]
-
 Array = NDArray[np.float64]
 
 _STARTS = 3  # of the search, for each measure

@@ -17,8 +17,6 @@ from swimbladder.control.law import Law
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Seen", "edge", "hold", "measure"]
-
 Array = NDArray[np.float64]
 
 _PERIODS = 60.0  # that a cycle is given to settle

@@ -30,8 +30,6 @@ from scipy.optimize import root
 from swimbladder.design.linear.models import StateSpace
 from swimbladder.design.stability.describing import Nonlinearity
 
-__all__ = ["BELIEVED", "Cycle", "balance"]
-
 Array = NDArray[np.float64]
 
 BELIEVED = 0.15  # expected error of amplitude or period up to which it is a prediction

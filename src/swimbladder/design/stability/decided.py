@@ -33,8 +33,6 @@ from swimbladder.design.tuning.region import member, unit_points, unknowns
 from swimbladder.physics.dynamics import drag_per_mass
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Decided", "WayFound", "WorstWay", "around_decisions"]
-
 Array = NDArray[np.float64]
 
 _STARTS = 3  # of the search

@@ -14,16 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "Nonlinearity",
-    "dead_zone",
-    "harmonic",
-    "play",
-    "quantiser",
-    "relay",
-    "saturation",
-]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 

@@ -37,8 +37,6 @@ from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
 from swimbladder.sim.mission.holding import least_band
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["hunting", "on_the_way"]
-
 _DECISION = "decision"  # where the loop is looked at
 _LONGEST = 20.0 * 86400.0  # s, that a cycle is flown for
 _SHORTEST = 200.0  # decisions, likewise at least

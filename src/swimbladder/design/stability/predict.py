@@ -24,8 +24,6 @@ from swimbladder.design.stability.cycles import Cycle, balance
 from swimbladder.design.stability.describing import Nonlinearity, play, quantiser, relay, saturation
 from swimbladder.physics.dynamics import Plant
 
-__all__ = ["Predicted", "broken_at_volume", "predict", "without_rest"]
-
 _BROUGHT = 0.25  # share of a law's dead zone at which its motor stops: observer, sea-cascade
 
 

@@ -34,8 +34,6 @@ from scipy.optimize import brentq
 
 from swimbladder.physics.dynamics import Plant, acceleration
 
-__all__ = ["edge_speed", "falls", "fastest_rate", "holdable_depth", "mode_bound", "unstable_rate"]
-
 Array = NDArray[np.float64]
 
 _FASTEST = 50.0  # m/s, beyond any vehicle's speed

@@ -26,8 +26,6 @@ from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Map", "Verdict", "recovery_maps"]
-
 Array = NDArray[np.float64]
 
 _CHUNK = 160  # runs between two looks at the clock; whole blocks of lanes

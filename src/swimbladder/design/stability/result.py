@@ -14,8 +14,6 @@ from swimbladder.design.stability.recover import Map, Verdict
 from swimbladder.design.stability.robust import Stood
 from swimbladder.design.tuning.margins import decibels, falls_short
 
-__all__ = ["Confirmed", "Stability", "length", "modulus", "short"]
-
 
 class Confirmed(NamedTuple):
     """A predicted cycle beside what the simulator does; None where no edge was found."""

@@ -22,8 +22,6 @@ from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["GAINS", "Stood", "robustness", "settling_band"]
-
 GAINS = (0.5, 0.7, 1.0, 1.4, 2.0)
 _SHARE = 0.02  # of a step, to which it settles
 

@@ -37,8 +37,6 @@ from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.vehicle import PumpAndValve, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 
-__all__ = ["stability"]
-
 _SOON = 600.0  # s, in which a disturbance is to be gone
 _AROUND = 1.5  # times its tolerance: a law of volume changes lets it drift to the edge of that
 _BAND = 0.05  # m, from the set-point, that counts as there

@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from swimbladder.design.stability.result import Confirmed, length
 from swimbladder.design.stability.robust import Stood
 
-__all__ = ["cycle_rows", "robustness_rows"]
-
 
 def cycle_rows(cycles: Sequence[Confirmed]) -> list[tuple[str, ...]]:
     """Return the table of limit cycles: foretold beside simulated."""

@@ -14,8 +14,6 @@ from typing import Any, NamedTuple
 
 from swimbladder.control.law import Law
 
-__all__ = ["Wrapped", "wrapped"]
-
 _STEP = """
 def step(parameters, state, measurement, reference):
     p = parameters

@@ -25,8 +25,6 @@ from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.mission.holding import least_band
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
-__all__ = ["Rest", "decisions_of", "deliveries", "going", "largest_radius", "radius_of", "rest_of"]
-
 
 class Rest(NamedTuple):
     """The vehicle at rest between two decisions, worst of the region."""

@@ -16,8 +16,6 @@ from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.electric import electrical_power, largest_voltage, winding_current
 from swimbladder.vehicle import Positioner, Vehicle
 
-__all__ = ["Winding", "electrical_energy", "winding"]
-
 Array = NDArray[np.float64]
 
 

@@ -20,8 +20,6 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["VARIED", "Asked", "Flights", "fly_floats"]
-
 Array = NDArray[np.float64]
 
 VARIED = ("drag", "psi", "pump", "valve", "V_0")

@@ -24,8 +24,6 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Drawn", "arrival_band", "draw_floats", "energy_of", "float_traces", "float_trial"]
-
 Array = NDArray[np.float64]
 _SHARE = 0.02  # of the step
 

@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from swimbladder.control.law import Law
-from swimbladder.control.recipe import Knobs, Recipe, Setting
+from swimbladder.control.recipe import Recipe, Setting
 from swimbladder.control.registry import LAWS
-from swimbladder.design.tuning.knobs import setting_of
 from swimbladder.errors import InputError
 from swimbladder.vehicle.schema import did_you_mean
-
-__all__ = ["Knobs", "Setting", "gains", "recipe_of", "setting_of", "tunable", "tunable_names"]
 
 
 def tunable_names(command: str | None = None) -> list[str]:

@@ -14,8 +14,6 @@ from swimbladder.control.motion import off_in, runaway
 from swimbladder.control.recipe import Knobs, Recipe, Setting
 from swimbladder.design.tuning.trial import Trial
 
-__all__ = ["GOALS", "HELD", "float_score", "goals_of", "grid", "options", "preference", "score"]
-
 GOALS = ("fast", "quiet", "energy")
 # m rms, that a depth is held to where nothing is said: 1 cm less what 40 runs may be off, and 5 cm.
 HELD = {"quiet": 9.5e-3, "energy": 5e-2}

@@ -11,8 +11,6 @@ from swimbladder.design.tuning.region import neutral_walk
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
-__all__ = ["setting_of", "with_supply"]
-
 _FINEST = 0.5e-3  # m, noise that a filter reckons with at least
 _LEAST = 1e-4  # of the stroke: volumes below are none
 

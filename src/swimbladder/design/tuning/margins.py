@@ -15,20 +15,6 @@ from swimbladder.design.linear.models import StateSpace, linearise
 from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, linearise_law
 from swimbladder.physics.dynamics import Plant
 
-__all__ = [
-    "WANTED",
-    "Loop",
-    "Worst",
-    "at_rest",
-    "decibels",
-    "exactly",
-    "falls_short",
-    "lacking",
-    "loops",
-    "roughly",
-    "worst",
-]
-
 Array = NDArray[np.float64]
 
 _POINTS = 160  # frequencies of a rough look

@@ -22,17 +22,6 @@ from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import PumpAndValve, Vehicle
 from swimbladder.vehicle.spread import INPUTS, Spread
 
-__all__ = [
-    "FLOATS",
-    "Member",
-    "Region",
-    "member",
-    "neutral_walk",
-    "region",
-    "unit_points",
-    "unknowns",
-]
-
 Array = NDArray[np.float64]
 
 UNKNOWN = 0.05  # of K2 and T2, or of mass and drag, where nothing was identified

@@ -15,8 +15,6 @@ from swimbladder.design.tuning.trial import Step, Traces, Trial
 from swimbladder.physics.dynamics import Plant
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Tuning"]
-
 _MORE = 1.05  # times the rms that was asked for: as near as trials tell
 _WIDER = 3.0  # times the rms of a hold, that a band has to be to be told from it
 

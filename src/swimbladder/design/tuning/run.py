@@ -17,9 +17,9 @@ from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
 from swimbladder.design.tuning.energy import winding
 from swimbladder.design.tuning.float_trial import Drawn, arrival_band, float_traces
-from swimbladder.design.tuning.gains import recipe_of, setting_of, tunable, tunable_names
+from swimbladder.design.tuning.gains import recipe_of, tunable, tunable_names
 from swimbladder.design.tuning.grids import GOALS, HELD, goals_of
-from swimbladder.design.tuning.knobs import with_supply
+from swimbladder.design.tuning.knobs import setting_of, with_supply
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.result import Tuning
 from swimbladder.design.tuning.search import search
@@ -30,8 +30,6 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.layers import Layers
 from swimbladder.vehicle import Controller, DatasheetPump, PumpAndValve, Vehicle
-
-__all__ = ["GOALS", "tune"]
 
 _LOW = 0.9  # of the supply's voltage, a battery that is nearly empty
 _WATCH = 2700.0  # s, that a hold is watched for: what counts is the last third

@@ -35,8 +35,6 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Found", "search"]
-
 _TRIED = 4
 _TRIED_QUIET = 8
 _TRIED_ENERGY = 5

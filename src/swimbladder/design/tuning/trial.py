@@ -21,18 +21,6 @@ if TYPE_CHECKING:
 
     from swimbladder.physics.seawater import Column
 
-__all__ = [
-    "Step",
-    "Traces",
-    "Trial",
-    "draw",
-    "motor_starts",
-    "motor_turns",
-    "percentile",
-    "traces",
-    "trial",
-]
-
 Array = NDArray[np.float64]
 
 _WALK_EVERY = 10.0  # s, between two steps of a neutral volume that walks

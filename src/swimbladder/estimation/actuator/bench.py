@@ -16,8 +16,6 @@ from swimbladder.io.logs import Log
 from swimbladder.physics.actuator import reduced
 from swimbladder.vehicle import ElectromechanicalActuator, IdentifiedActuator, Positioner, Vehicle
 
-__all__ = ["Bench", "Driven", "Quantity", "bench", "piston_area"]
-
 Array = NDArray[np.float64]
 Quantity = Literal["piston", "volume"]
 Driven = Literal["voltage", "reference", "nothing"]

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from swimbladder.estimation.actuator.bench import Bench
 
-__all__ = ["Block", "cut"]
-
 _IDLE = 0.02  # of the largest voltage: none
 _BEFORE = 8  # samples of rest that are kept before the voltage comes
 _AFTER = 1.0  # s after it went, by which the actuator stands

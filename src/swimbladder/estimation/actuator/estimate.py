@@ -11,18 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.units import format_quantity
 
-__all__ = [
-    "Estimate",
-    "Pooled",
-    "bounded",
-    "estimated",
-    "given",
-    "not_identifiable",
-    "pool",
-    "shown",
-    "shown_unit",
-]
-
 Array = NDArray[np.float64]
 
 

@@ -11,8 +11,6 @@ from swimbladder.estimation.actuator.result import Finding
 from swimbladder.estimation.actuator.soft_start import SoftStart
 from swimbladder.estimation.actuator.voltage_fit import VoltageFit
 
-__all__ = ["ASSUMPTIONS", "logs_differ", "not_identifiable_finding", "of_moves", "of_voltage"]
-
 ASSUMPTIONS: Mapping[Driven, tuple[str, ...]] = {
     "voltage": (
         "A logged voltage is on the motor from its sample to the next, without delay.",

@@ -22,8 +22,6 @@ from swimbladder.estimation.actuator.plateau import Rate, rate_of
 from swimbladder.estimation.actuator.result import Step
 from swimbladder.estimation.actuator.startup import start_up
 
-__all__ = ["MovesFit", "fit_moves", "together"]
-
 _NO_VOLTAGE = "not in the log: it holds no voltage"
 _WAYS = {1: "out", -1: "in"}
 

@@ -20,8 +20,6 @@ from swimbladder.estimation.actuator.response import steady_speed
 from swimbladder.estimation.actuator.result import Step
 from swimbladder.estimation.actuator.voltage_fit import VoltageFit, named
 
-__all__ = ["by_direction", "covariance_of", "from_voltage", "steps_of"]
-
 
 def from_voltage(fit: VoltageFit, chosen: dict[str, float], unit: str) -> dict[str, Estimate]:
     """Return K1, T1, dead_zone, load_voltage, asymmetry and rate; not identifiable ones say why.

@@ -19,8 +19,6 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator.initial_guess import tolerance
 from swimbladder.estimation.actuator.model import Problem
 
-__all__ = ["FINEST", "Spread", "gains", "slope"]
-
 Array = NDArray[np.float64]
 
 _DIFFER = 2.71  # deviance that differing gains have to gain: 5 % by chance

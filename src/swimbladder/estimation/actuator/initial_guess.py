@@ -14,8 +14,6 @@ from swimbladder.estimation.actuator.bench import Bench
 from swimbladder.estimation.actuator.blocks import Block
 from swimbladder.estimation.actuator.model import FIRST, Problem
 
-__all__ = ["first_guess", "guess_from", "robustly", "speeds", "tolerance"]
-
 Array = NDArray[np.float64]
 
 _IDLE = 0.02  # of the largest voltage: the same

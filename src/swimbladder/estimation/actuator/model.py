@@ -15,8 +15,6 @@ from swimbladder.estimation.actuator.blocks import Block
 from swimbladder.estimation.actuator.noise import Autoregression
 from swimbladder.estimation.actuator.response import Drive, respond, steady_speed
 
-__all__ = ["FIRST", "LOGARITHMIC", "Problem", "Whitener", "drive_of"]
-
 Array = NDArray[np.float64]
 
 _IDLE, _TURNS = 0.02, 0.1  # of the largest voltage: none; another one

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from swimbladder.estimation.actuator.bench import Bench
 
-__all__ = ["Move", "moves"]
-
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 

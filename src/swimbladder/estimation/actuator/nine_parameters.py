@@ -14,8 +14,6 @@ from swimbladder.estimation.actuator.estimate import Estimate
 from swimbladder.physics.actuator import reduced
 from swimbladder.vehicle import IdentifiedActuator, IdentifiedMotion, Positioner, Vehicle
 
-__all__ = ["NINE", "Known", "nine"]
-
 Source = Literal["logs", "set", "vehicle", "not known"]
 
 NINE: Mapping[str, tuple[str, str]] = {

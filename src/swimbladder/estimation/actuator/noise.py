@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-__all__ = ["WHITE", "Autoregression", "autoregression", "changes", "quantum", "scale", "spikes"]
-
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 

@@ -12,8 +12,6 @@ from swimbladder.estimation.actuator.bench import Bench
 from swimbladder.estimation.actuator.moves import Move
 from swimbladder.estimation.actuator.noise import autoregression, changes, spikes
 
-__all__ = ["Rate", "rate_of"]
-
 Array = NDArray[np.float64]
 
 

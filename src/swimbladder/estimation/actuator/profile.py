@@ -11,8 +11,6 @@ from swimbladder.estimation.actuator.estimate import Estimate, bounded, estimate
 from swimbladder.estimation.actuator.voltage import solve
 from swimbladder.estimation.actuator.voltage_fit import VoltageFit
 
-__all__ = ["profile_of_T1"]
-
 _TWO_SIDED = 1.959963984540054
 _ONE_SIDED = 1.6448536269514722
 _FASTEST = 1e-3  # of the time between samples: as good as none

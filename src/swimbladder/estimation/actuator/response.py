@@ -21,8 +21,6 @@ from numpy.typing import NDArray
 
 from swimbladder.sim.engine.cache import compiled
 
-__all__ = ["Drive", "respond", "steady_speed"]
-
 Array = NDArray[np.float64]
 
 

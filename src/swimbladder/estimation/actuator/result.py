@@ -15,8 +15,6 @@ from swimbladder.estimation.actuator.nine_parameters import Known
 from swimbladder.physics.actuator import to_identified
 from swimbladder.vehicle import Actuator, Identified, Positioner, Vehicle
 
-__all__ = ["ActuatorIdentification", "Finding", "LogFit", "Step"]
-
 Array = NDArray[np.float64]
 
 

@@ -32,8 +32,6 @@ from swimbladder.io.logs import Log
 from swimbladder.vehicle import Positioner, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 
-__all__ = ["PARAMETERS", "identify_actuator"]
-
 PARAMETERS: Mapping[str, str] = {
     "K1": "m/s/V", "T1": "s", "dead_zone": "V", "load_voltage": "V", "asymmetry": "",
     "rate": "m/s",

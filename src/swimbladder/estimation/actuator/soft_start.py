@@ -18,8 +18,6 @@ from swimbladder.estimation.actuator.model import Problem
 from swimbladder.estimation.actuator.voltage import solve
 from swimbladder.estimation.actuator.voltage_fit import VoltageFit, named
 
-__all__ = ["SoftStart", "slewed", "soft_start"]
-
 Array = NDArray[np.float64]
 
 _RAMPS = (0.3, 0.6, 1.0, 1.5, 2.0, 3.0)  # of the fitted T1: a ramp to the largest voltage

@@ -25,8 +25,6 @@ from swimbladder.estimation.actuator.estimate import Estimate, bounded, estimate
 from swimbladder.estimation.actuator.moves import Move
 from swimbladder.estimation.actuator.noise import WHITE, autoregression, spikes
 
-__all__ = ["StartUp", "start_up"]
-
 Array = NDArray[np.float64]
 
 _LONG = 3  # times the samples that the start takes are looked at, or

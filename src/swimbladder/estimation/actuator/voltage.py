@@ -35,8 +35,6 @@ from swimbladder.estimation.actuator.noise import (
 )
 from swimbladder.estimation.actuator.voltage_fit import VoltageFit
 
-__all__ = ["fit_voltage", "solve"]
-
 Array = NDArray[np.float64]
 
 _ROUNDS = 4

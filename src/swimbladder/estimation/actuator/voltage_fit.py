@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from swimbladder.estimation.actuator.gain_spread import Spread
 from swimbladder.estimation.actuator.model import Problem
 
-__all__ = ["VoltageFit", "named"]
-
 Array = NDArray[np.float64]
 _OUTLIER = 10.0  # deviance that leaving a sample out costs
 

@@ -26,8 +26,6 @@ from swimbladder.io.logs import Log
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Ahead", "Horizon", "Tuning", "predict_ahead"]
-
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 

@@ -20,8 +20,6 @@ from swimbladder.physics.dynamics import plant
 from swimbladder.units import unit_factor
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["refuse_wrong_clock"]
-
 Array = NDArray[np.float64]
 
 _UNITS = {

@@ -21,8 +21,6 @@ from swimbladder.estimation.kalman.depth_filter import Noise, Start
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["UNITS", "Normal", "Tuning", "Unknowns", "draw", "places", "unknowns"]
-
 UNITS = {"depth_noise": "m", "random_walk": "m3/s^0.5", "acceleration_noise": "m/s/s^0.5"}
 
 _MEMBERS = 256

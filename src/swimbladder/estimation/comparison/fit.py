@@ -16,8 +16,6 @@ from swimbladder.estimation.comparison.record import Record
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 
-__all__ = ["Fitted", "Outcome", "adjust", "default_names"]
-
 Array = NDArray[np.float64]
 
 _LARGEST = 10.0  # m, a residual beyond this says no more

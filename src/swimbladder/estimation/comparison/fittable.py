@@ -8,8 +8,6 @@ from typing import Any, NamedTuple
 from swimbladder.estimation.comparison.predict import Start
 from swimbladder.vehicle import IdentifiedMotion, Vehicle
 
-__all__ = ["FITTABLE", "Fittable", "first_value", "limits", "put"]
-
 
 class Fittable(NamedTuple):
     """A quantity that can be fitted: its unit, and a difference that a log shows."""

@@ -14,8 +14,6 @@ from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import Solution, drive, simulate
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Start", "Window", "measured_start", "predict", "run", "stages"]
-
 Array = NDArray[np.float64]
 
 _SPAN = 3.0  # s to each side, for the depth and speed at which a window starts

@@ -16,8 +16,6 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
 from swimbladder.vehicle import ElectromechanicalActuator, IdentifiedActuator, Positioner, Vehicle
 
-__all__ = ["DRIVES", "Drive", "Record", "piston_area", "record"]
-
 Array = NDArray[np.float64]
 Drive = Literal["volume", "voltage", "setpoint"]
 DRIVES: tuple[Drive, ...] = get_args(Drive)

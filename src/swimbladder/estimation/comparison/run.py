@@ -19,8 +19,6 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import Solution
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Comparison", "compare"]
-
 Array = NDArray[np.float64]
 
 

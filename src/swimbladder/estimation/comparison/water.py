@@ -16,8 +16,6 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.engine.layers import Layers, layers_from
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["follow_in", "layers_of", "water_of_each"]
-
 Array = NDArray[np.float64]
 _QUICKEST = 5.0  # of a span between samples times the rate of the motion: a hundred steps
 _LOST = 50.0  # m off, where a search has lost the log

@@ -28,8 +28,6 @@ from swimbladder.estimation.kalman.depth_filter import (
 from swimbladder.estimation.kalman.kernels import HELD, predict_kernel
 from swimbladder.physics.dynamics import Plant
 
-__all__ = ["Bank", "Member", "filter_bank", "log_likelihood"]
-
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 

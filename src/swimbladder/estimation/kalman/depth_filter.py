@@ -18,8 +18,6 @@ from swimbladder.estimation.kalman.kernels import (
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
 
-__all__ = ["GATE", "Filtered", "Noise", "Samples", "Start", "filter_depth", "follow"]
-
 Array = NDArray[np.float64]
 GATE = 3.0  # standard deviations of an innovation beyond which it is not believed in full
 

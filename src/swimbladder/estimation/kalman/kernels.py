@@ -10,19 +10,6 @@ from swimbladder.estimation.kalman.motion import transition
 from swimbladder.sim.engine.cache import allocating, compiled
 from swimbladder.sim.engine.modes import DEEPEST, V_0, Z_AIR
 
-__all__ = [
-    "CLIPPED",
-    "COUNTED",
-    "HELD",
-    "REJECTED",
-    "RESTARTED",
-    "UNSEEN",
-    "filter_kernel",
-    "follow_kernel",
-    "predict_kernel",
-    "smooth_kernel",
-]
-
 # What became of a sample.
 UNSEEN, HELD, COUNTED, CLIPPED, REJECTED, RESTARTED = 0, 1, 2, 3, 4, 5
 _IN_A_ROW = 4  # samples beyond the gate to one side: not outliers, the state is wrong

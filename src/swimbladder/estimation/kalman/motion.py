@@ -32,8 +32,6 @@ from swimbladder.sim.engine.modes import (
     drag,
 )
 
-__all__ = ["BOBBING_DAMPING", "transition"]
-
 # Damping of the emerging hull over critical damping [-]: waves carry its energy away, which the
 # plant leaves out; without it a filter would believe in minutes of bobbing.
 BOBBING_DAMPING = 0.5

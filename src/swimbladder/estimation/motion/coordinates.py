@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from swimbladder.estimation.motion.problem import Problem
 
-__all__ = ["Coordinates"]
-
 Array = NDArray[np.float64]
 
 _SIZE = 30.0  # s, of the T2 whose rate is 1

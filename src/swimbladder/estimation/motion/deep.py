@@ -31,8 +31,6 @@ from swimbladder.io.float_log import FloatLog
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
 
-__all__ = ["DeepIdentification", "DiveFit", "contradictions", "identified_vehicle", "identify_deep"]
-
 Array = NDArray[np.float64]
 
 _FAR = 2.5  # deviations of a prior, one in eighty by chance

@@ -22,8 +22,6 @@ from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.lookup import slopes
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
-__all__ = ["DeepDive", "Pieces", "deep_dive", "nodes"]
-
 Array = NDArray[np.float64]
 
 SHORTEST = 50.0  # s between two samples for a speed: 10 mbar of resolution are 2 mm/s then

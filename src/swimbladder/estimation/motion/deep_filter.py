@@ -30,8 +30,6 @@ from swimbladder.estimation.motion.deep_water import AWAY, swing
 from swimbladder.io.files import source_hash
 from swimbladder.sim.engine.cache import compiled
 
-__all__ = ["DYNAMIC", "GATE", "RATE", "V0", "D", "P", "U", "W", "Z", "filter_kernel"]
-
 GATE = 4.0
 DYNAMIC = 7
 P, W, U, Z, D, V0, RATE = 0, 1, 2, 3, 4, 5, 6  # RATE: u'

@@ -11,8 +11,6 @@ from swimbladder.estimation.motion.deep_dive import DeepDive
 from swimbladder.estimation.motion.deep_fit import DeepFit
 from swimbladder.estimation.motion.deep_model import DEEP
 
-__all__ = ["differences", "effects_json", "weakly_determined"]
-
 _SELDOM = 1800.0  # s, between two samples
 _CONTRADICT = 0.5  # tempering: chance leaves more, with some 50 squares
 _OFF, _MOST = 1.96, 3  # deviations beyond which a parameter is named, and how many are

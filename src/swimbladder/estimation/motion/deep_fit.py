@@ -30,8 +30,6 @@ from swimbladder.estimation.motion.deep_overdispersion import DiveScore, distanc
 from swimbladder.estimation.motion.deep_path import Filtered, Noise, Path, deep_path, filtered
 from swimbladder.estimation.motion.estimates import Prior
 
-__all__ = ["FACTOR", "NOISES", "DeepFit", "balance", "fit_deep", "start_volume"]
-
 Array = NDArray[np.float64]
 
 # Before: a typical value, and by which factor it may be off. Oil and runs are held tightly: left to

@@ -15,8 +15,6 @@ import math
 
 from swimbladder.sim.engine.cache import part
 
-__all__ = ["glide"]
-
 _LEAST = 1e-9  # N; some 1e-7 mL of volume
 
 

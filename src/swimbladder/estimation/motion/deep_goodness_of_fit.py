@@ -21,8 +21,6 @@ from swimbladder.estimation.motion.deep_model import Body, cast_volume, drag_vol
 from swimbladder.estimation.motion.deep_path import Noise
 from swimbladder.estimation.motion.deep_water import displaced_variance
 
-__all__ = ["BEYOND", "MANY", "Misfit", "inconsistent", "messages", "misfit_of", "water_messages"]
-
 Array = NDArray[np.float64]
 
 # Of `Misfit`, and of how far dives are apart over what they say. Simulated dives of

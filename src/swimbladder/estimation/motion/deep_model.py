@@ -28,23 +28,6 @@ from swimbladder.physics.seawater.column import ATMOSPHERE
 from swimbladder.vehicle import PumpAndValve, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 
-__all__ = [
-    "CAST",
-    "DEEP",
-    "DEFAULT",
-    "Body",
-    "DeepName",
-    "body_of",
-    "cast_volume",
-    "check_deep_names",
-    "check_deep_request",
-    "drag_volume",
-    "excess",
-    "hull_volume",
-    "priors_of",
-    "run_volumes",
-]
-
 Array = NDArray[np.float64]
 
 

@@ -25,8 +25,6 @@ from swimbladder.estimation.motion.deep_model import Body, cast_volume, hull_vol
 from swimbladder.estimation.motion.deep_water import displaced_variance
 from swimbladder.estimation.motion.estimates import Prior
 
-__all__ = ["Filtered", "Noise", "Path", "deep_path", "filtered"]
-
 Array = NDArray[np.float64]
 
 FINE, COARSE = 5.0, 15.0  # s, steps while the speed follows a run, and else: 1 cm at most

@@ -23,8 +23,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["TYPICAL", "RandomEffects", "Single", "random_effects", "square_error"]
-
 Array = NDArray[np.float64]
 
 TYPICAL = 0.3  # deviations of a prior by which dives differ; six real ones have 0.06 to 0.6

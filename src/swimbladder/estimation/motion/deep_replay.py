@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from swimbladder.estimation.motion.deep_dive import DeepDive
 from swimbladder.estimation.motion.deep_model import Body, hull_volume, run_volumes
 
-__all__ = ["Replay", "replay"]
-
 Array = NDArray[np.float64]
 STEP = 20.0  # s; half of it moves arrivals by less than a second
 

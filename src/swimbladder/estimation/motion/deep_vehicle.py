@@ -22,8 +22,6 @@ from swimbladder.vehicle import (
     field_unit,
 )
 
-__all__ = ["identified_vehicle", "out_of_place"]
-
 _STIFFENS = 1e-20  # 1/Pa2, the least that a vehicle's file has
 
 # Where a vehicle's file holds each, and what it hangs on when it comes out strange.

@@ -16,8 +16,6 @@ import math
 
 from swimbladder.sim.engine.cache import part
 
-__all__ = ["AWAY", "displaced_variance", "swing"]
-
 AWAY = 7200.0  # s; with tau of 300 s 1.9 km of displacement per m/s of speed: 6 m for 3 mm/s
 _D = math.sqrt(0.5)
 

@@ -14,8 +14,6 @@ from swimbladder.estimation.motion.initial_guess import backwards
 from swimbladder.estimation.motion.problem import VOLUME, Problem
 from swimbladder.estimation.motion.result import ExperimentFit, Finding
 
-__all__ = ["diagnose", "drift", "single_gains"]
-
 Array = NDArray[np.float64]
 
 _SURE = 3.0  # standard deviations

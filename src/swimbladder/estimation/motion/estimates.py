@@ -6,8 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
-__all__ = ["Z95", "Estimate", "Origin", "Prior", "estimate"]
-
 Origin = Literal["data", "prior", "set"]
 
 Z95 = 1.959963984540054  # of the normal distribution, two-sided

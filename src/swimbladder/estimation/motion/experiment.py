@@ -14,8 +14,6 @@ from swimbladder.errors import LogError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Experiment", "Segment", "experiment"]
-
 Array = NDArray[np.float64]
 
 _FEWEST = 12  # samples of a stretch

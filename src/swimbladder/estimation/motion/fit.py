@@ -25,8 +25,6 @@ from swimbladder.estimation.motion.noise import (
 from swimbladder.estimation.motion.problem import VOLUME, Problem
 from swimbladder.estimation.motion.residual_autocorrelation import ArNoise, ar_noises, information
 
-__all__ = ["Fit", "fit", "inverse_of", "refine"]
-
 Array = NDArray[np.float64]
 Found = tuple[float, Array, Array]  # objective, x, noise [m] of each experiment
 

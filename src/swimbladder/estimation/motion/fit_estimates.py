@@ -14,8 +14,6 @@ from swimbladder.estimation.motion.problem import Problem
 from swimbladder.estimation.motion.result import Finding, Profile
 from swimbladder.units import format_quantity, shown_unit
 
-__all__ = ["derived", "parameters"]
-
 _OFF = 0.1  # of the half interval, from which the profile's interval is given
 _PRIOR_ONLY = 0.9  # of the prior's deviation is left
 _CONTRADICTED = 3.0  # standard deviations from the prior

@@ -11,8 +11,6 @@ from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.problem import Problem
 from swimbladder.estimation.motion.result import Finding
 
-__all__ = ["Direction", "directions", "not_identifiable"]
-
 Array = NDArray[np.float64]
 
 LIMIT = 0.3  # of a parameter, or of what is large for one that may be 0: more is not known

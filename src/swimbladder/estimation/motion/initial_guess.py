@@ -19,8 +19,6 @@ from scipy.optimize import lsq_linear
 from swimbladder.estimation.motion.experiment import Experiment, Segment
 from swimbladder.estimation.motion.model import Model
 
-__all__ = ["backwards", "regression"]
-
 Array = NDArray[np.float64]
 
 _CLEARLY = 8.0  # standard deviations

@@ -11,8 +11,6 @@ from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 
-__all__ = ["LAWS", "NAMES", "Model", "Name", "check_names", "default_names", "model_of"]
-
 LAWS = ("linear", "quadratic", "blended")
 
 

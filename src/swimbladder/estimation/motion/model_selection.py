@@ -16,8 +16,6 @@ from swimbladder.estimation.motion.problem import Problem
 from swimbladder.estimation.motion.result import Choice, Finding
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["choices", "judge", "models_of"]
-
 Array = NDArray[np.float64]
 Psi = Literal["free", "prior", "set", "zero"]
 

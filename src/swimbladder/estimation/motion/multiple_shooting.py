@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 from swimbladder.estimation.motion.experiment import Segment
 from swimbladder.estimation.motion.problem import LOST, Problem
 
-__all__ = ["GAPS", "Shooting", "growth", "joined", "longest"]
-
 Array = NDArray[np.float64]
 
 GAPS = (1.0, 1e-2, 1e-4, 1e-6)  # of the noise: what a gap may be, one search after the other

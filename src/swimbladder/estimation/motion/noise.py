@@ -10,18 +10,6 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-__all__ = [
-    "autocovariance",
-    "autoregression",
-    "cost",
-    "pooled",
-    "robust_scale",
-    "scale",
-    "weights",
-    "whiteness",
-    "yule_walker",
-]
-
 Array = NDArray[np.float64]
 
 # Weight 1 up to _KEPT standard deviations, none from _CUT on. For normal noise this costs

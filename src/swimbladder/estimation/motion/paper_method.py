@@ -16,8 +16,6 @@ from swimbladder.estimation.motion.result import ExperimentFit, Identification
 from swimbladder.sim.pool import Fit, Record, average, fit_depth, fit_speed
 from swimbladder.units import rounded
 
-__all__ = ["PaperFit", "PaperFits", "paper_fits"]
-
 _UNEVEN = 0.05  # of the sample time, that samples may be off an even grid
 _FEWEST = 20  # samples
 _DIVERGED = 1e7  # 1/m2/s or s, from which a fit has found no number

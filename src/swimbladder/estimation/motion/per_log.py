@@ -14,8 +14,6 @@ from swimbladder.estimation.motion.noise import whiteness
 from swimbladder.estimation.motion.problem import DEPTH, SPEED, VOLUME, Problem
 from swimbladder.estimation.motion.result import ExperimentFit
 
-__all__ = ["each_experiment"]
-
 
 def each_experiment(problem: Problem, found: Fit) -> tuple[ExperimentFit, ...]:
     """Return the fit of each log: residuals, weights, and what belongs to it alone."""

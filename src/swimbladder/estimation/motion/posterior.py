@@ -18,8 +18,6 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.problem import Problem
 
-__all__ = ["Posterior", "sample"]
-
 Array = NDArray[np.float64]
 
 _WALKERS = 24

@@ -21,8 +21,6 @@ from swimbladder.estimation.motion.model import Model
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.bundle import Course
 
-__all__ = ["DEPTH", "LOST", "SPEED", "VOLUME", "Problem"]
-
 Array = NDArray[np.float64]
 
 VOLUME, DEPTH, SPEED = 1e-6, 1e-2, 1e-2  # m3, m, m/s: units of the experiments' own entries of x

@@ -15,8 +15,6 @@ from swimbladder.estimation.motion.model import NAMES
 from swimbladder.estimation.motion.problem import Problem
 from swimbladder.estimation.motion.result import Profile
 
-__all__ = ["profile"]
-
 Array = NDArray[np.float64]
 
 _AT = (0.7, 1.4, 2.1, 2.8)  # standard deviations to either side

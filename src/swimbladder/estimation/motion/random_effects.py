@@ -30,8 +30,6 @@ from swimbladder.estimation.kalman.bank import log_likelihood
 from swimbladder.estimation.kalman.depth_filter import Samples
 from swimbladder.vehicle import Between, Drag, Identified, IdentifiedMotion, Motion, Vehicle
 
-__all__ = ["FEWEST", "between_logs"]
-
 Array = NDArray[np.float64]
 
 FEWEST = 4  # logs

@@ -27,8 +27,6 @@ from swimbladder.estimation.motion.random_walk_covariance import Maker, covarian
 from swimbladder.estimation.motion.random_walk_likelihood import NOISES, Likelihood, Quantity
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["RandomWalkFit", "fit_random_walk"]
-
 Array = NDArray[np.float64]
 
 _SAME = 0.003  # of log likelihood: a step that gains less is the last

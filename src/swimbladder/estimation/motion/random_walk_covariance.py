@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.motion.random_walk_likelihood import Likelihood, Quantity
 
-__all__ = ["Maker", "covariance", "without_trace"]
-
 Array = NDArray[np.float64]
 Maker = Callable[[Sequence[Quantity], Mapping[str, float]], Likelihood]
 

@@ -21,8 +21,6 @@ from swimbladder.estimation.motion.experiment import experiment
 from swimbladder.estimation.motion.model import Model
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["NOISES", "Likelihood", "Quantity"]
-
 Array = NDArray[np.float64]
 
 _SPEED_STD = 0.1  # m/s, of the speed at a start: nothing is known

@@ -18,8 +18,6 @@ from swimbladder.estimation.motion.result import Finding, Identification
 from swimbladder.estimation.motion.vehicle_update import identified_vehicle
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["with_random_walk"]
-
 _CONSTANT = (
     "trade-off",
     "not identifiable",

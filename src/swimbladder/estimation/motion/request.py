@@ -16,8 +16,6 @@ from swimbladder.io.logs import Log
 from swimbladder.units import format_quantity
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["assumptions", "check_logs", "check_motion", "check_parameters", "driven_by"]
-
 _STILL = 1e-4  # m, below which no sensor measures
 
 

@@ -18,8 +18,6 @@ from scipy.linalg import matmul_toeplitz
 
 from swimbladder.estimation.motion.noise import autocovariance, yule_walker
 
-__all__ = ["ArNoise", "ar_noises", "information"]
-
 Array = NDArray[np.float64]
 
 _ROUNDS = 4  # of the correction: more change an interval by less than a hundredth

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from swimbladder.estimation.motion.posterior import Posterior
     from swimbladder.estimation.motion.random_walk import RandomWalkFit
 
-__all__ = ["Choice", "ExperimentFit", "Finding", "Identification", "Profile", "Severity"]
-
 Array = NDArray[np.float64]
 Severity = Literal["note", "warning", "no"]
 

@@ -40,8 +40,6 @@ from swimbladder.io.logs import Log
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["NEUTRAL_STD", "identify"]
-
 Array = NDArray[np.float64]
 
 NEUTRAL_STD = 0.5e-6  # m3

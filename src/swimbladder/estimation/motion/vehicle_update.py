@@ -18,8 +18,6 @@ from swimbladder.vehicle import (
     Vehicle,
 )
 
-__all__ = ["dry_mass", "identified_vehicle"]
-
 
 def dry_mass(vehicle: Vehicle) -> float | None:
     """Return dry and entrained mass [kg], None where the vehicle does not state them."""

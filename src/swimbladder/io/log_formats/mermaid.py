@@ -33,8 +33,6 @@ from swimbladder.io.float_log import Action, Device, FloatLog, Reading, Stage, T
 from swimbladder.io.log_formats.mermaid_lines import in_order, lines_of, written
 from swimbladder.io.log_text import counted, read_bytes
 
-__all__ = ["is_mermaid", "read_mermaid"]
-
 _SETTING = re.compile(r" *(\w+) (\d.*?)(?: \(.*)?$")
 _HIGHEST = 2.5e7  # Pa; a higher pressure crushes such a float and is a misprint
 _COLDEST = -5.0  # degC; no sea is colder, and floats without the sensor log such a number

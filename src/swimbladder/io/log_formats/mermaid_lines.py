@@ -10,8 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-__all__ = ["Line", "in_order", "lines_of", "written"]
-
 # the part may be left out before a setting, which is indented then
 _LINE = re.compile(
     r"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d|\d{9,10}):"

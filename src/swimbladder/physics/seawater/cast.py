@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from swimbladder.errors import InputError
 from swimbladder.physics.seawater.column import Column, grid
 
-__all__ = ["Cast", "cast_column", "depth_of_pressure", "pressure_of_depth"]
-
 Array = NDArray[np.float64]
 _DBAR = 1e4  # Pa
 _LAYER = 10.0  # dbar

@@ -12,8 +12,6 @@ from swimbladder.errors import InputError
 from swimbladder.physics.seawater.cast import Cast
 from swimbladder.units import unit_factor
 
-__all__ = ["above_rating", "check_cast_unit"]
-
 _LARGER, _SMALLER = ("bar", "MPa"), ("kPa", "mbar", "psi")
 _NEAR = (0.75, 1.25)  # of the rating, where a cast for a vehicle ends
 _DEEPER = 2.2  # of the rating: deep casts are taken for shallower vehicles too, 2000 m for 1000

@@ -15,8 +15,6 @@ from swimbladder.vehicle import Water
 if TYPE_CHECKING:
     from swimbladder.physics.seawater.cast import Cast
 
-__all__ = ["ATMOSPHERE", "Column", "grid", "uniform_column", "water_compressibility"]
-
 Array = NDArray[np.float64]
 ATMOSPHERE = 101325.0  # Pa, standard atmosphere
 _SALINITY = 35.0  # g/kg, of sea water, to make a temperature conservative

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from swimbladder.physics.seawater.column import Column
 
-__all__ = ["DENSITY", "PRESSURE", "TEMPERATURE", "look_up", "look_up_bent", "slopes", "water_table"]
-
 Array = NDArray[np.float64]
 PRESSURE, DENSITY, TEMPERATURE = 0, 2, 4  # columns of a table; the slope stands one further
 

@@ -19,16 +19,6 @@ from swimbladder.errors import InputError
 from swimbladder.physics.seawater.column import Column
 from swimbladder.vehicle import Parameters, Unit
 
-__all__ = [
-    "InternalWave",
-    "MovedWater",
-    "Swell",
-    "WaterMotion",
-    "check_motion",
-    "motion_table",
-    "moved",
-]
-
 Array = NDArray[np.float64]
 
 

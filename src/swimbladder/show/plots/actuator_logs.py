@@ -17,8 +17,6 @@ from swimbladder.estimation.actuator.response import steady_speed
 from swimbladder.estimation.actuator.result import Step
 from swimbladder.show.plots.style import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, styled
 
-__all__ = ["draw_log", "draw_speeds", "shows_speeds"]
-
 Array = NDArray[np.float64]
 
 _STEADY = 0.02  # of the largest voltage: the same

@@ -11,8 +11,6 @@ from matplotlib.figure import Figure
 from swimbladder.estimation.comparison.ahead import Ahead, Horizon
 from swimbladder.show.plots.style import BLACK, SKY, VERMILION, depth_axis, save, styled
 
-__all__ = ["draw_ahead", "plot_ahead"]
-
 _Z95 = 1.959963984540054
 
 

@@ -18,8 +18,6 @@ from swimbladder.show.plots.style import (
     styled,
 )
 
-__all__ = ["draw_ballasting"]
-
 _SEAS = (BLUE, ORANGE, GREEN, PURPLE, SKY)
 
 

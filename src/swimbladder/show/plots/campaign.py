@@ -8,8 +8,6 @@ from matplotlib.figure import Figure
 from swimbladder.show.plots.style import BLACK, BLUE, SKY, label_panels, styled
 from swimbladder.sim.campaign.sensitivity import Sensitivity
 
-__all__ = ["draw_sensitivity"]
-
 _HIGH = 0.36  # of a bar
 
 

@@ -21,8 +21,6 @@ from swimbladder.show.plots.style import (
     styled,
 )
 
-__all__ = ["draw_comparison", "plot_comparison"]
-
 _SHADE = "#E8E8E8"
 
 

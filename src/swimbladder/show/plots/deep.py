@@ -18,8 +18,6 @@ from swimbladder.show.plots.style import (
     styled,
 )
 
-__all__ = ["draw_deep"]
-
 _DIVES = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION)
 _DBAR = 1e4  # Pa
 

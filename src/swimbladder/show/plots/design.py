@@ -27,8 +27,6 @@ from swimbladder.show.plots.style import (
     styled,
 )
 
-__all__ = ["draw_design", "draw_plan", "groups"]
-
 _COLORS = (BLUE, VERMILION, GREEN, PURPLE)
 _ACROSS = 3
 

@@ -22,8 +22,6 @@ from swimbladder.show.plots.style import (
 )
 from swimbladder.units import rounded
 
-__all__ = ["draw_energy", "draw_fit", "draw_versus"]
-
 _STAGES = {
     "battery": SKY, "driver": PURPLE, "motor": BLUE, "transmission": ORANGE, "leakage": GREEN,
     "reservoir": GREY,

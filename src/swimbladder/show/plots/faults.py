@@ -28,8 +28,6 @@ from swimbladder.sim.faults.kinds import KINDS
 from swimbladder.sim.faults.mission_records import TRACE
 from swimbladder.sim.faults.single_mission import Flown
 
-__all__ = ["draw_campaign", "draw_mission"]
-
 _LONGER = 1.3  # of the supervised flight and that with ideal detection: the rest is cut
 
 

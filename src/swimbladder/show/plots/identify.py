@@ -16,8 +16,6 @@ from swimbladder.estimation.motion import ExperimentFit, Identification
 from swimbladder.show.plots.style import BLACK, BLUE, GREY, SKY, VERMILION, depth_axis, styled
 from swimbladder.units import rounded
 
-__all__ = ["PER_PAGE", "draw_distribution", "draw_fits", "draw_residuals", "labels"]
-
 Array = NDArray[np.float64]
 
 PER_PAGE = 24  # logs in one picture

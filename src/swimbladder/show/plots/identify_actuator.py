@@ -13,8 +13,6 @@ from swimbladder.estimation.actuator import ActuatorIdentification
 from swimbladder.estimation.actuator.result import Step
 from swimbladder.show.plots.style import BLACK, GREY, ORANGE, VERMILION, save, styled
 
-__all__ = ["draw_steps", "plot_steps"]
-
 _MOST = 12  # steps in the figure
 
 

@@ -17,8 +17,6 @@ from swimbladder.estimation.motion.estimates import Z95, estimate
 from swimbladder.show.plots.style import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, styled
 from swimbladder.units import shown_unit, unit_factor
 
-__all__ = ["WIDTH", "axis_label", "draw_ellipses", "draw_profiles", "per_shown"]
-
 Array = NDArray[np.float64]
 
 _PRETTY = {

@@ -16,8 +16,6 @@ from swimbladder.show.plots.identify import labels
 from swimbladder.show.plots.identify_confidence import WIDTH, axis_label, per_shown
 from swimbladder.show.plots.style import BLACK, BLUE, GREEN, ORANGE, SKY, VERMILION, styled
 
-__all__ = ["draw_gains", "draw_neutral"]
-
 
 @styled
 def draw_neutral(found: Identification) -> Figure:

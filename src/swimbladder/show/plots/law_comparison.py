@@ -28,8 +28,6 @@ from swimbladder.show.plots.style import (
     styled,
 )
 
-__all__ = ["draw_pareto", "draw_steps"]
-
 _COLORS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
 _MARKERS = {"fast": "^", "quiet": "o"}
 _STYLES = {"fast": "-", "quiet": "--"}

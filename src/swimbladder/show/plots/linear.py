@@ -15,8 +15,6 @@ from swimbladder.design.linear import Analysis, ClosedLoop, Margins, StateSpace
 from swimbladder.design.linear.margins import frequency_response
 from swimbladder.show.plots.style import BLUE, GREY, VERMILION, styled
 
-__all__ = ["draw_drive", "draw_loop_gains", "draw_nyquist", "draw_open_loop", "draw_poles"]
-
 
 class _Break(NamedTuple):
     """A place where the loop is broken, and how it is drawn."""

@@ -26,14 +26,13 @@ from swimbladder.show.plots.style import (
     label_panels,
     styled,
 )
+from swimbladder.sim.engine.rodas.ledger import HOLDING
 from swimbladder.sim.engine.rodas.names import Drive, Note, Now
-from swimbladder.sim.mission.books import HOLDING, PUMP, VALVE
+from swimbladder.sim.mission.books import PUMP, VALVE
 from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.power import consumer_energy, drawn_energy, mean_power
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import cycle_columns, speeds
-
-__all__ = ["draw_mission"]
 
 Array = NDArray[np.float64]
 _MINUTE, _HOUR, _DAY = 60.0, 3600.0, 86400.0

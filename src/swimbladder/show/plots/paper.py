@@ -22,15 +22,6 @@ from swimbladder.show.plots.style import (
 from swimbladder.sim.closed_loop import Solution
 from swimbladder.sim.pool import Experiment, Fit, PoolRun, centred_differences, response
 
-__all__ = [
-    "draw_depths",
-    "draw_long_step",
-    "draw_neglect",
-    "draw_procedure",
-    "draw_speeds",
-    "draw_steps",
-]
-
 _SIZES = (BLUE, GREEN, ORANGE, PURPLE)  # one for each change of volume
 _MARKS = ("o", "s", "^", "D")
 

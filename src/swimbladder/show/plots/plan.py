@@ -17,8 +17,6 @@ from swimbladder.show.plots.style import (
     styled,
 )
 
-__all__ = ["draw_plan"]
-
 
 @styled
 def draw_plan(plan: Plan) -> Figure:

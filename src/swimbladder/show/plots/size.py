@@ -24,8 +24,6 @@ from swimbladder.show.plots.style import (
 )
 from swimbladder.units import rounded
 
-__all__ = ["draw_candidates", "draw_parts", "draw_requirements"]
-
 Array = NDArray[np.float64]
 _WIDEST = 5.0  # of the lightest: heavier bars are cut, and their mass written
 _ABOVE = 1.08  # of the largest, so that its marker is whole; the stroke's lies below the mass's

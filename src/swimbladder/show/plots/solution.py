@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from swimbladder.show.plots.style import BLACK, BLUE, GREEN, GREY, ORANGE, depth_axis, save, styled
 from swimbladder.sim.closed_loop import Solution
 
-__all__ = ["draw_solution", "plot_solution"]
-
 
 def plot_solution(solution: Solution, path: str | Path) -> Path:
     """Write a picture of a simulation: what is known of depth, volume, voltage, power, current.

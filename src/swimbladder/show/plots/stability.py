@@ -22,8 +22,6 @@ from swimbladder.show.plots.style import (
     styled,
 )
 
-__all__ = ["draw_recovery", "draw_robustness"]
-
 _COLORS = {
     Verdict.NOT_ASKED: "#FFFFFF", Verdict.RECOVERED: BLUE, Verdict.SLOW: SKY,
     Verdict.UNSETTLED: ORANGE, Verdict.LOST: VERMILION,

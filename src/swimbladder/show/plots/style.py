@@ -15,24 +15,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 
 from swimbladder.io.files import write_through
 
-__all__ = [
-    "BLACK",
-    "BLUE",
-    "GREEN",
-    "GREY",
-    "ORANGE",
-    "PURPLE",
-    "SKY",
-    "STYLE",
-    "VERMILION",
-    "depth_axis",
-    "label_panels",
-    "plain_log_ticks",
-    "save",
-    "styled",
-    "svg_text",
-]
-
 # Okabe and Ito, "Color Universal Design", 2008.
 BLACK, GREY = "#000000", "#767676"
 BLUE, SKY = "#0072B2", "#56B4E9"

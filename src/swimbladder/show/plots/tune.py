@@ -22,8 +22,6 @@ from swimbladder.show.plots.style import (
     styled,
 )
 
-__all__ = ["draw_sensitivity", "draw_tuning"]
-
 _LEAST = 0.05  # sensitivity that is shown
 _QUIET = 0.2  # of the supply's voltage: where less is used the supply is not shown
 _LONG = 4.0  # times the median settling, that is shown

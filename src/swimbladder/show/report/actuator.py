@@ -27,8 +27,6 @@ from swimbladder.show.report.actuator_text import has_value, headlines, labels, 
 from swimbladder.show.report.html import render
 from swimbladder.units import rounded, unit_factor
 
-__all__ = ["write_actuator"]
-
 _PAGE = "identify-actuator.html"
 _HEAD = "Identified by swimbladder identify-actuator."
 _DRIVEN = {

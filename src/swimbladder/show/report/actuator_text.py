@@ -11,8 +11,6 @@ from swimbladder.estimation.motion import Estimate as Known
 from swimbladder.show.report.text import row
 from swimbladder.units import rounded, unit_factor
 
-__all__ = ["has_value", "headlines", "labels", "pairs", "rows", "words"]
-
 _STRONG = 0.5  # correlation worth a line
 
 MEANING = {

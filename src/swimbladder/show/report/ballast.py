@@ -14,8 +14,6 @@ from swimbladder.physics.hull import neutral_volume
 from swimbladder.show.plots.ballast import draw_ballasting
 from swimbladder.show.plots.style import save
 
-__all__ = ["write_ballasting"]
-
 
 def write_ballasting(found: Ballasting, out: Path, *, answer: str) -> list[Path]:
     """Write ballast.csv, ballast.png, ballast.json and vehicle.toml into `out`; return the paths.

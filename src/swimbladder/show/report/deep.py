@@ -14,8 +14,6 @@ from swimbladder.show.plots.deep import draw_deep
 from swimbladder.show.plots.style import save
 from swimbladder.show.report.identification import MARK, check_folder
 
-__all__ = ["write_deep"]
-
 
 def write_deep(found: DeepIdentification, out: Path, *, answer: str) -> list[Path]:
     """Write deep.json, deep.csv, deep.png and, where identified, vehicle.toml; return the paths.

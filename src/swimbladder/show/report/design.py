@@ -15,8 +15,6 @@ from swimbladder.show.report.design_text import comparison, headlines, instructi
 from swimbladder.show.report.html import render
 from swimbladder.show.report.text import row
 
-__all__ = ["write_design"]
-
 
 def write_design(
     design: Design, out: Path, *, answer: str, command: str,

@@ -6,8 +6,6 @@ from swimbladder.design.experiments import Design
 from swimbladder.design.experiments.conditions import Release, Turn
 from swimbladder.design.experiments.findings import percent
 
-__all__ = ["comparison", "headlines", "instruction", "moves", "volume"]
-
 
 def volume(value: float, area: float | None) -> str:
     """Return a volume [m3] as text, with the travel of the piston where there is one."""

@@ -26,8 +26,6 @@ from swimbladder.show.plots.energy import draw_energy, draw_fit, draw_versus
 from swimbladder.show.plots.style import save
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["energy_json", "fit_json", "write_energy", "write_fit"]
-
 _ROWS = 201  # depths in tables, at most
 
 

@@ -9,8 +9,6 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-__all__ = ["inline_svg", "render", "symbols"]
-
 _GREEK = {
     "psi": "ψ", "rho": "ρ", "eta": "η", "lambda": "λ", "alpha": "α", "omega": "ω", "epsilon": "ε",
     "beta": "β", "Delta": "Δ", "pi": "π",

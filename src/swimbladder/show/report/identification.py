@@ -24,8 +24,6 @@ from swimbladder.show.plots.style import save
 from swimbladder.show.report.identification_page import page
 from swimbladder.show.report.text import row
 
-__all__ = ["Picture", "check_folder", "pictures", "residuals", "write_identification"]
-
 VEHICLE = "vehicle.toml"
 POSTERIOR = "posterior.csv"
 MARK = "Identified by swimbladder identify"

@@ -18,8 +18,6 @@ from swimbladder.show.report.text import Row, correlations, findings, headlines,
 from swimbladder.sim.pool import Fit
 from swimbladder.units import rounded, shown_unit, unit_factor
 
-__all__ = ["page"]
-
 _SYMBOL = {"drag_quadratic": "k_dt", "mass": "m"}
 _FULL = 1440  # pixels of a picture as wide as the page
 _PSI = {"free": "estimated", "prior": "with its prior", "set": "as set", "zero": "left out"}

@@ -22,8 +22,6 @@ from swimbladder.show.report.law_comparison_text import (
     table_csv,
 )
 
-__all__ = ["write_comparison"]
-
 _FOLDER = "vehicles"
 
 

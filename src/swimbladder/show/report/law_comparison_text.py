@@ -10,19 +10,6 @@ from swimbladder.design.law_comparison import LawComparison
 from swimbladder.design.law_comparison.result import Row, result_json
 from swimbladder.design.law_comparison.scenarios import BAND
 
-__all__ = [
-    "HEADINGS",
-    "HOLD_HEADINGS",
-    "SOON",
-    "STEP_HEADINGS",
-    "STILL",
-    "holds",
-    "notes",
-    "steps",
-    "summary",
-    "table_csv",
-]
-
 SOON = ("law", "settles [s]", "of bound", "95 % [s]", "over [%]", "deep [%]", "lost")
 STILL = ("law", "hold", "swell", "deep", "drift", "L/h", "starts", "turns", "J/h")
 HEADINGS = (*SOON, *STILL[1:])

@@ -9,8 +9,6 @@ from typing import NamedTuple
 from swimbladder.estimation.motion import Estimate, Finding, Identification
 from swimbladder.units import rounded, shown_unit, unit_factor
 
-__all__ = ["Row", "correlations", "findings", "headlines", "reading", "row", "rows"]
-
 _ORDER = {"no": 0, "warning": 1, "note": 2}
 _STRONG = 0.5  # correlation worth a line
 

@@ -16,8 +16,6 @@ from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
 from swimbladder.show.report.html import inline_svg, render
 from swimbladder.units import shown_unit, unit_factor
 
-__all__ = ["write_tuning"]
-
 
 def write_tuning(found: Tuning, out: Path, *, answer: str, command: str) -> list[Path]:
     """Write vehicle.toml, tune.html, tune.json and pictures into `out`; return the paths.

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from swimbladder.sim.engine.rodas.names import Given
 from swimbladder.sim.mission.prepare import Plan
-from swimbladder.vehicle.spread import INPUTS, Correlation, Spread
-
-__all__ = ["INPUTS", "Correlation", "Drawn", "Spread", "draw", "drawn_of", "varied"]
+from swimbladder.vehicle.spread import Spread
 
 Array = NDArray[np.float64]
 _CUT = 3.0  # sigma; a share of -1 or a drag of 0 is no float

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.campaign.draw import Drawn, Spread
+from swimbladder.sim.campaign.draw import Drawn
 from swimbladder.sim.campaign.run import Fact
 from swimbladder.sim.engine.rodas.names import Stop
 from swimbladder.sim.mission.words import REASONS
 from swimbladder.vehicle import Vehicle
-
-__all__ = ["Campaign", "good_floats", "share_interval"]
+from swimbladder.vehicle.spread import Spread
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission
 from swimbladder.jobs import identity, software
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.campaign.draw import Drawn, Spread, draw, varied
+from swimbladder.sim.campaign.draw import Drawn, draw, varied
 from swimbladder.sim.campaign.sobol import Design
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
 from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Now
@@ -26,8 +26,7 @@ from swimbladder.sim.mission.core.names import Cycle, Holding, Row, Stage
 from swimbladder.sim.mission.prepare import Plan, first_state, make_plan
 from swimbladder.sim.mission.reach import check_flight, check_reach
 from swimbladder.vehicle import Vehicle
-
-__all__ = ["Fact", "Floats"]
+from swimbladder.vehicle.spread import Spread
 
 Array = NDArray[np.float64]
 CHUNK = 50  # floats at most

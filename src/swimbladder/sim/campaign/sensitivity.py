@@ -14,8 +14,6 @@ from swimbladder.sim.campaign.result import good_floats
 from swimbladder.sim.campaign.run import Fact
 from swimbladder.sim.campaign.sobol import Design, Index, indices
 
-__all__ = ["Output", "Sensitivity"]
-
 Array = NDArray[np.float64]
 
 

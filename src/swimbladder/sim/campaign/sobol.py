@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
-from swimbladder.sim.campaign.draw import INPUTS, Spread, drawn_of
-
-__all__ = ["Design", "Index", "indices"]
+from swimbladder.sim.campaign.draw import drawn_of
+from swimbladder.vehicle.spread import INPUTS, Spread
 
 Array = NDArray[np.float64]
 _FEWEST = 16  # rows

@@ -32,8 +32,6 @@ from swimbladder.sim.engine.rodas.names import Stop
 if TYPE_CHECKING:
     import zarr
 
-__all__ = ["CYCLES", "FLOATS", "Layout"]
-
 Array = NDArray[np.float64]
 MARKER = "flown"
 _MOST_WIDE = 1024  # cycles in a chunk

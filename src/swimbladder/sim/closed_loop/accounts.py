@@ -12,8 +12,6 @@ from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.books import Account
 from swimbladder.vehicle import IdentifiedActuator, Positioner, Vehicle
 
-__all__ = ["Books", "close_books"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Books:

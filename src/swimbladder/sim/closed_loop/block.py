@@ -25,8 +25,6 @@ from swimbladder.sim.engine.layers import NO_LAYERS, Layers
 from swimbladder.sim.engine.modes import COUNT
 from swimbladder.vehicle import Sensors
 
-__all__ = ["Block", "Schedule", "schedule", "work_space"]
-
 _EVENTS = 2000  # passages kept of each vehicle; more are counted
 _V_0 = Row.PLANT + Plant._fields.index("V_0")
 _CHUNK = 4096  # ticks between calls: progress, interruption, memory of the noise

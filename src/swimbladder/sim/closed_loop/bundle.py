@@ -25,8 +25,6 @@ from swimbladder.sim.engine.crossings import may_hide
 from swimbladder.sim.engine.layers import NO_LAYERS
 from swimbladder.sim.engine.modes import COUNT, Z_BOTTOM, Z_SURFACE, Act, first_mode
 
-__all__ = ["Course"]
-
 Array = NDArray[np.float64]
 _PRESCRIBED = int(Act.PRESCRIBED)
 _FEW = 8  # halvings: without a motor the rates are those of drag and of psi

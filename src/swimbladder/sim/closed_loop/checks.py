@@ -20,8 +20,6 @@ from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.layers import NO_LAYERS
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["check_depths", "check_sample_time", "law_at_rest"]
-
 _GROWS = 1e-4  # of an error over a sample; of three integrators, which do not, 1e-5 is computed
 _SHORTEST = 2.0**-12  # of the sample time, below which it is not what makes a loop unstable
 

@@ -20,8 +20,6 @@ from swimbladder.control.records import from_numbers, leaf_names, numbers
 from swimbladder.errors import InputError
 from swimbladder.sim.engine.cache import inlined
 
-__all__ = ["compilable", "enroll", "extent", "gather", "law_initial", "law_step", "scatter_where"]
-
 _INLINE: Any = {"forceinline": True}
 _LAWS: dict[type[Any], Law] = {}
 

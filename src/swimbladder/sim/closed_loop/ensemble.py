@@ -33,8 +33,6 @@ from swimbladder.vehicle import Sensors, Vehicle
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["BLOCK", "simulate_ensemble"]
-
 _STATE = slice(int(Row.Q), int(Row.Q) + 4)
 BLOCK = 40  # lanes that run together: few enough for the first-level cache, no power of 2
 

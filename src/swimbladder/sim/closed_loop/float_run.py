@@ -24,8 +24,6 @@ from swimbladder.sim.engine.rodas.ledger import Balance, balance, stored_energy
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Note, Table
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["float_balance", "run_float"]
-
 Array = NDArray[np.float64]
 _ROOM = 20_000  # notes, beside what runs of the drive add
 _WORDS = {

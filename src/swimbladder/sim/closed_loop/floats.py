@@ -24,8 +24,6 @@ from swimbladder.sim.engine.rodas.prepare import (
 )
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
-__all__ = ["RATES", "FloatModel", "float_model", "surfacing_of"]
-
 RATES = ("pump", "valve")
 """What a lane's drive may give over what its processor knows."""
 

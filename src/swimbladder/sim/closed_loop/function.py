@@ -12,8 +12,6 @@ from swimbladder.sim.closed_loop.block import Block
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Held", "as_law", "run_function"]
-
 
 class Held(NamedTuple):
     """What a Python function commands, as the kernels know it: a law's parameters, and its state.

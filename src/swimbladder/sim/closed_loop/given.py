@@ -14,8 +14,6 @@ from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.block import Schedule
 
-__all__ = ["check_starts", "series", "spread", "vary_plants"]
-
 
 def vary_plants(
     p: Plant, numbers: Any, vary: Mapping[str, ArrayLike], count: int

@@ -12,8 +12,6 @@ from typing import Any, NamedTuple
 from numba import types
 from numba.extending import overload
 
-__all__ = ["Hooks", "ask", "begin", "drive", "hook_in", "sense"]
-
 
 class Hooks(NamedTuple):
     """The compiled functions of a class; each takes its named tuple, the lane's rows, the tick."""

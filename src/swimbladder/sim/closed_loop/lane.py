@@ -79,8 +79,6 @@ from swimbladder.sim.engine.modes import (
     split,
 )
 
-__all__ = ["commit", "decide", "judge", "leap_lane", "limited", "set_mode", "within"]
-
 
 @shared
 def set_mode(S, token, i, mode, chains, built, h, p, layers):  # type: ignore[no-untyped-def]

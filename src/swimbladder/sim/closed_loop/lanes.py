@@ -66,8 +66,6 @@ from swimbladder.sim.engine.sensor import Sensor, measured
 
 OVER = 6  # why a lane stopped, beside engine.advance: by its hooks
 
-__all__ = ["LAW_NOT_FINITE", "OVER", "measure_block", "run_block", "start_block"]
-
 
 @shared
 def measure_block(S, token, noise, k):  # type: ignore[no-untyped-def]

@@ -29,8 +29,6 @@ from swimbladder.sim.closed_loop.rows import (
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.modes import BOTTOM, V_MAX, V_MIN, resting_volume, split
 
-__all__ = ["lose"]
-
 
 @inlined
 def _swell(S, W_, i, t):  # type: ignore[no-untyped-def]

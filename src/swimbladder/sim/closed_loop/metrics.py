@@ -7,8 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["StepMetrics", "step_metrics"]
-
 
 class StepMetrics(NamedTuple):
     """A step response at its samples; times from the set-point on, None: never."""

@@ -23,8 +23,6 @@ from swimbladder.sim.closed_loop.lanes import run_block
 from swimbladder.sim.engine.cache import compiled
 from swimbladder.sim.engine.rodas import NAME
 
-__all__ = ["fingerprint", "kernel_of", "source_of"]
-
 _OWN = ("swimbladder.control.", "swimbladder.sim.closed_loop.")  # of `engine.cache`'s sources
 _PLAIN = (bool, int, float, complex, str, bytes, type(None))
 

@@ -62,8 +62,6 @@ from swimbladder.sim.engine.rodas.drive import (
 from swimbladder.sim.engine.rodas.motion import inside, rate_of
 from swimbladder.sim.engine.rodas.names import At, Doing, Given, Now, Stop
 
-__all__ = ["BOARD", "LAW_NOT_FINITE", "SEGMENT", "Pumped", "decide_lanes", "move_lanes", "trim"]
-
 Array = NDArray[np.float64]
 LAW_NOT_FINITE = 5  # why a lane stopped, beside engine.advance
 

@@ -22,8 +22,6 @@ from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS, book_steps
 from swimbladder.sim.engine.modes import COUNT, Act
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["drive"]
-
 
 def drive(
     vehicle: Vehicle,

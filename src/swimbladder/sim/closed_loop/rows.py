@@ -6,8 +6,6 @@ from enum import IntEnum
 
 from swimbladder.physics.dynamics import Plant
 
-__all__ = ["N_PLANT", "RECORDED", "Row", "rows"]
-
 
 class Row(IntEnum):
     """Rows of a block's array, each of one number per lane."""

@@ -27,8 +27,6 @@ from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.chain import book_steps
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["check_counts", "check_setpoints", "check_start", "choose_law", "simulate"]
-
 
 def simulate(
     vehicle: Vehicle,

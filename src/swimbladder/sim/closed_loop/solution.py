@@ -19,8 +19,6 @@ from swimbladder.vehicle import Vehicle
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["Event", "Solution", "StopReason", "assemble", "name_events"]
-
 Array = NDArray[np.float64]
 
 

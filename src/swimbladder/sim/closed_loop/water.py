@@ -21,8 +21,6 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers, layers_from
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Medium", "medium_of"]
-
 _WEIGHED = ("load_drive", "load_back", "k_l", "a_b", "a_s")  # of Plant: they go with rho g
 
 

@@ -38,16 +38,6 @@ from swimbladder.sim.engine.modes import (
     first_mode,
 )
 
-__all__ = [
-    "CHATTERS",
-    "DONE",
-    "LEFT_WATER",
-    "NOT_FINITE",
-    "TOO_DEEP",
-    "advance",
-    "follow",
-]
-
 DONE, LEFT_WATER, TOO_DEEP, CHATTERS, NOT_FINITE = 0, 1, 2, 3, 4
 _TRANSITIONS = 500  # in one step: more is no motion but chatter
 _FINE = 6  # level from which on turns inside a step cannot hide a crossing that matters

@@ -43,8 +43,6 @@ from swimbladder.sim.engine.modes import (
     supply_limit,
 )
 
-__all__ = ["Account", "decays", "enter", "enter_bend", "enter_blow"]
-
 
 class Account(IntEnum):
     """Rows of the accounts of a vehicle: integrals over time since the start."""

@@ -28,19 +28,6 @@ from numba.extending import intrinsic
 
 from swimbladder.io.files import source_hash
 
-__all__ = [
-    "OPTIONS",
-    "allocating",
-    "cache_folder",
-    "compiled",
-    "inlined",
-    "is_cached",
-    "on_compile",
-    "part",
-    "shared",
-    "wide",
-]
-
 # Division as the hardware does it and fused multiply-add: without either no loop is vectorised.
 # Nothing but Python calls a kernel, so that none needs a way in for C.
 OPTIONS: dict[str, Any] = {

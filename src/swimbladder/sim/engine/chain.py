@@ -20,20 +20,6 @@ from swimbladder.sim.engine.cache import compiled, inlined, part, shared
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers, layered
 from swimbladder.sim.engine.modes import A_B, EPSILON, drag, linear_part
 
-__all__ = [
-    "ALPHA",
-    "BETA",
-    "COEFFICIENTS",
-    "LEVELS",
-    "TICKS",
-    "accept",
-    "base_steps",
-    "book_steps",
-    "build_chain",
-    "copy",
-    "leap",
-]
-
 _MOST_STEPS = 10_000  # a tick is divided into
 LEVELS = 21  # of halving: events are found to h/2^20
 TICKS = 1 << 20

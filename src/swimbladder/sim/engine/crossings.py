@@ -36,8 +36,6 @@ from swimbladder.sim.engine.modes import (
     split,
 )
 
-__all__ = ["at_stop", "may_hide", "note", "put_at_limit"]
-
 
 @part
 def may_hide(p, layers, mode, x, y, h):  # type: ignore[no-untyped-def]

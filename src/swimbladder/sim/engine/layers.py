@@ -15,8 +15,6 @@ from swimbladder.physics.seawater import look_up
 from swimbladder.physics.seawater.lookup import look_up_bent, slopes
 from swimbladder.sim.engine.cache import part
 
-__all__ = ["NO_LAYERS", "Layers", "layered", "layers_from"]
-
 Array = NDArray[np.float64]
 
 

@@ -14,24 +14,6 @@ from swimbladder.physics.dynamics import Plant, drag_law
 from swimbladder.sim.engine.cache import inlined, part, shared
 from swimbladder.sim.engine.layers import layered
 
-__all__ = [
-    "COUNT",
-    "DEEPEST",
-    "LANE",
-    "QUICK_BOBBING",
-    "SLOW_BOBBING",
-    "Act",
-    "Where",
-    "drag",
-    "drag_at",
-    "event",
-    "first_mode",
-    "linear_part",
-    "resting_volume",
-    "split",
-    "supply_limit",
-]
-
 
 class Act(IntEnum):
     """States of the actuator."""

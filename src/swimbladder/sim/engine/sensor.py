@@ -8,8 +8,6 @@ import numpy as np
 
 from swimbladder.sim.engine.cache import inlined
 
-__all__ = ["Sensor", "measured", "quantised"]
-
 
 class Sensor(NamedTuple):
     """A sensor as the kernels take it, in the unit of what it measures."""

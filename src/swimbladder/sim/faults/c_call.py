@@ -12,8 +12,6 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import intrinsic
 
-__all__ = ["call_begin", "call_tick"]
-
 _BYTES = ir.IntType(8).as_pointer()
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["IDEAL", "SUPERVISED", "UNSUPERVISED", "c_interface"]
-
 UNSUPERVISED, SUPERVISED, IDEAL = "unsupervised", "supervised", "ideal"
 
 

@@ -17,18 +17,6 @@ from swimbladder.sim.faults.draw import STAY, Course
 from swimbladder.sim.faults.kinds import KINDS, Fault
 from swimbladder.sim.faults.mission_records import FaultRow, Result
 
-__all__ = [
-    "FACTS",
-    "FAULT_COLUMNS",
-    "MILD",
-    "WIDTH",
-    "Campaign",
-    "Line",
-    "Outcome",
-    "outcomes",
-    "rule_of_three",
-]
-
 Array = NDArray[np.float64]
 
 FACTS = 6  # number, onset, start, deepest set-point, bottom, supply

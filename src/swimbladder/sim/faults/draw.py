@@ -22,8 +22,6 @@ from swimbladder.sim.faults.kinds import Fault, draw_fault, kinds_of
 from swimbladder.sim.faults.mission_records import Condition, FaultRow
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Course", "Mission", "Range", "course_of", "draw"]
-
 Array = NDArray[np.float64]
 
 SHALLOWEST = 1.0  # m under the surface

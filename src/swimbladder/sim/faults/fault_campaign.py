@@ -18,8 +18,6 @@ from swimbladder.sim.faults.host import Board
 from swimbladder.sim.faults.kinds import KINDS, Fault
 from swimbladder.sim.faults.mission_records import Condition, Result, Trace
 
-__all__ = ["FaultCampaign", "Flights", "sources"]
-
 Array = NDArray[np.float64]
 
 

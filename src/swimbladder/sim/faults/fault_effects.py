@@ -28,19 +28,6 @@ from swimbladder.sim.engine.modes import (
 from swimbladder.sim.engine.sensor import quantised
 from swimbladder.sim.faults.kinds import Fault
 
-__all__ = [
-    "MOST",
-    "ROOM",
-    "acted",
-    "apply_faults",
-    "board_misses",
-    "changes",
-    "driven",
-    "emf",
-    "see_depth",
-    "see_volume",
-]
-
 _KIND, _FIRST, _SECOND, _BEGIN, _END = range(5)
 MOST = 4  # faults of a mission
 _HELD, _HELD_AT, _VOLUME, _LOOSE, _STUCK, _BLOCKED = range(6)

@@ -80,8 +80,6 @@ from swimbladder.sim.faults.fault_effects import (
 from swimbladder.sim.faults.mission_records import Condition, FaultRow, Result, record_type
 from swimbladder.vehicle import Sensors
 
-__all__ = ["EARLY", "FULL", "OWN", "Room", "fly"]
-
 Array = NDArray[np.float64]
 
 # The board decides; or full buoyancy is commanded from `full_after` the last fault acts on, or from

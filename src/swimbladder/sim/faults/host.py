@@ -17,8 +17,6 @@ from types import TracebackType
 from swimbladder.errors import InputError
 from swimbladder.io.files import temporary_folder
 
-__all__ = ["Board", "compiler"]
-
 _FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 
 

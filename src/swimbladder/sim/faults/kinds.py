@@ -15,8 +15,6 @@ import numpy as np
 
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["FAMILIES", "KINDS", "Fault", "Kind", "Range", "draw_fault", "kinds_of"]
-
 
 class Fault(IntEnum):
     """Number of a kind of fault in the kernel; `KINDS` says what each is."""

@@ -7,8 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["RESULT", "TRACE", "Condition", "FaultRow", "Result", "Trace", "record_type"]
-
 
 class Condition(NamedTuple):
     """What a mission is flown in."""

@@ -12,8 +12,6 @@ from swimbladder.sim.faults.campaign_result import Campaign, Outcome
 from swimbladder.sim.faults.kinds import KINDS, Fault
 from swimbladder.sim.faults.mission_records import Trace
 
-__all__ = ["MISSION_COLUMNS", "TRACE_COLUMNS", "missions_csv", "trace_csv"]
-
 MISSION_COLUMNS = (
     "mission", "fault_1", "severity_1", "onset_1_s", "end_1_s", "fault_2", "severity_2",
     "onset_2_s", "end_2_s", "start_depth_m", "deepest_setpoint_m", "bottom_m", "supply_V",

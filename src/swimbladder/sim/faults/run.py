@@ -21,8 +21,6 @@ from swimbladder.sim.faults.fault_campaign import FaultCampaign, sources
 from swimbladder.sim.faults.host import Board
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["board_of", "run_missions"]
-
 Array = NDArray[np.float64]
 
 CHUNK = 200

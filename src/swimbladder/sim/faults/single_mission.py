@@ -22,8 +22,6 @@ from swimbladder.sim.faults.mission_records import Result
 from swimbladder.sim.faults.run import board_of
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["NAMES", "Flown", "fly_one"]
-
 Array = NDArray[np.float64]
 
 NAMES = ("supervised", "unsupervised", "ideal_detection")

@@ -15,18 +15,6 @@ from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.law_flight import medium_for
 from swimbladder.vehicle import Load
 
-__all__ = [
-    "HOLDING",
-    "PUMP",
-    "SELF_DISCHARGE",
-    "STANDBY",
-    "VALVE",
-    "MissionBooks",
-    "close_books",
-    "consumers",
-    "load_name",
-]
-
 Array = NDArray[np.float64]
 PUMP, VALVE = "pump", "valve"
 STANDBY, SELF_DISCHARGE = "driver's standby", "self-discharge"

@@ -13,8 +13,6 @@ from swimbladder.sim.mission.core.names import Cycle
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import speeds
 
-__all__ = ["created", "float_configuration"]
-
 
 def created(begin: datetime.datetime) -> datetime.datetime:
     """Return when results say that they were made: the same for the same run.

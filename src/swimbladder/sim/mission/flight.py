@@ -20,8 +20,6 @@ from swimbladder.sim.mission.prepare import Plan, Reckoning, first_state, make_p
 from swimbladder.sim.mission.reach import Reach, check_flight, check_reach, reach_of
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Flight", "fly_mission", "thinned"]
-
 Array = NDArray[np.float64]
 _MOST = 1e6  # rows of steps that are kept in all; those where something changes come on top
 _ROWS, _NOTES, _CYCLES = 40_000, 8_000, 8

@@ -19,8 +19,6 @@ from swimbladder.sim.mission.prepare import Plan
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["check_holds", "coarse_words", "least_band"]
-
 _GROWTH = 0.8  # e-folds between two looks, above which no law of ours holds
 # Of what a band holds in volume, in a step: floats a few percent apart held it for 99 % of the time
 # with a quarter, for 89 % and up with a half, for 79 % and up with all of it.

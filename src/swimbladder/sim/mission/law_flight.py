@@ -46,8 +46,6 @@ from swimbladder.sim.mission.phase_laws import PhaseLaw
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.vehicle import Positioner, Vehicle
 
-__all__ = ["check_samples", "fly_by_laws", "medium_for"]
-
 Array = NDArray[np.float64]
 
 _ROWS = 40_000  # of a trajectory, about

@@ -27,8 +27,6 @@ from swimbladder.sim.mission.tables import trajectory_columns
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["og1_dataset", "write_og1"]
-
 # The phases of OG1 (vocabularyCollection/phase.md of OceanGlidersCommunity/OG-format-user-manual).
 ASCENT, DESCENT, SURFACING, PARKING = 1, 2, 3, 4
 _VOCABULARY = "https://vocab.nerc.ac.uk/collection/OG1/current/"

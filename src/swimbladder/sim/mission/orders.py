@@ -14,16 +14,6 @@ from swimbladder.physics.dynamics import drag_force
 from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws, rate_controller, source_of
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
-__all__ = [
-    "ASLEEP",
-    "approach_time",
-    "drag_coefficient",
-    "hold_parameters",
-    "law_facts",
-    "law_parameters",
-    "runaway",
-]
-
 # What a phase does where neither it nor the vehicle says so.
 _SPEED = 0.1  # m/s, that of Argo floats
 _TOLERANCE = 10.0  # m

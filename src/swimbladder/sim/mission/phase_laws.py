@@ -14,8 +14,6 @@ from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.hull import heat_expansion
 from swimbladder.vehicle import Controller, Vehicle
 
-__all__ = ["PhaseLaw", "flown_by", "law_words", "phase_laws", "rate_controller", "source_of"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PhaseLaw:

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.physics.battery import load_is_on, surfacing_energy
-from swimbladder.sim.mission.books import HOLDING, PUMP, SELF_DISCHARGE, STANDBY, VALVE, load_name
+from swimbladder.sim.engine.rodas.ledger import HOLDING
+from swimbladder.sim.mission.books import PUMP, SELF_DISCHARGE, STANDBY, VALVE, load_name
 from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import Flight
-
-__all__ = ["consumer_energy", "drawn_energy", "drive_energy", "mean_power", "power_names"]
 
 Array = NDArray[np.float64]
 

@@ -27,13 +27,6 @@ from swimbladder.sim.mission.rescue import return_depth
 from swimbladder.sim.mission.swell import waves_of
 from swimbladder.vehicle import Vehicle
 
-__all__ = [
-    "Plan",
-    "Reckoning",
-    "first_state",
-    "make_plan",
-]
-
 Array = NDArray[np.float64]
 
 HELD = 0.9  # share of its time that a park or hold has to be within its tolerance

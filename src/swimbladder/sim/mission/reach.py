@@ -25,8 +25,6 @@ from swimbladder.sim.mission.rescue import return_depth
 from swimbladder.sim.mission.starts import check_starts
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
-__all__ = ["Need", "Reach", "check_flight", "check_reach", "reach_of"]
-
 Array = NDArray[np.float64]
 
 

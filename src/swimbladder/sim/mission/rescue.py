@@ -13,8 +13,6 @@ from swimbladder.sim.engine.rodas.names import Table
 from swimbladder.sim.mission.orders import law_parameters
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["return_depth"]
-
 Array = NDArray[np.float64]
 
 _HASTE = 2.0  # times the speed that is asked for: so fast it may sink while nobody looks

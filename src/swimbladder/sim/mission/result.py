@@ -19,8 +19,6 @@ from swimbladder.sim.mission.power import drawn_energy
 from swimbladder.sim.mission.reach import Reach
 from swimbladder.sim.mission.words import holding_words, note_words, reason_words, span_words
 
-__all__ = ["MissionResult"]
-
 Array = NDArray[np.float64]
 
 

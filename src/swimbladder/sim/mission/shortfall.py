@@ -9,8 +9,6 @@ from swimbladder.sim.engine.rodas.names import At, Drive, Given, Note, Now, Tabl
 from swimbladder.sim.mission.core.names import Stage
 from swimbladder.sim.mission.flight import Flight
 
-__all__ = ["battery_words", "timeout_words"]
-
 
 def timeout_words(flight: Flight, phase: int) -> str:
     """Return how far a phase that ran out of time came, in the cycle in which most was missing."""

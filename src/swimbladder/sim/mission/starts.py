@@ -25,8 +25,6 @@ from swimbladder.vehicle import PumpAndValve, Vehicle
 if TYPE_CHECKING:
     from swimbladder.sim.mission.flight import Flight
 
-__all__ = ["Runs", "Start", "check_starts", "runs_of", "start_of", "starts_words"]
-
 _REMEDY = "Allow longer runs, or take a pump that delivers more, or a smaller line"
 _CUT = 0.99  # of the longest run: it would have gone on
 _FEW = 0.5  # of what a pump delivers in its time: less, and starts take most of it

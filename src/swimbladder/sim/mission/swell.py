@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 
 from swimbladder.physics.seawater import WaterMotion, motion_table
 
-__all__ = ["seen_share", "waves_of"]
-
 Array = NDArray[np.float64]
 
 

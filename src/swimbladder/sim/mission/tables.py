@@ -19,8 +19,6 @@ from swimbladder.sim.mission.power import (
 )
 from swimbladder.sim.mission.result import MissionResult
 
-__all__ = ["cycle_columns", "cycle_words", "events_csv", "speeds", "trajectory_columns"]
-
 Array = NDArray[np.float64]
 _DEPTHS = 50  # rows of the table of speeds
 

@@ -18,8 +18,6 @@ from swimbladder.sim.mission.starts import starts_words
 if TYPE_CHECKING:
     from swimbladder.sim.mission.result import MissionResult
 
-__all__ = ["REASONS", "holding_words", "note_words", "reason_words", "span_words"]
-
 REASONS = {
     Stop.FINISHED: "the mission came to its end",
     Stop.RESERVE: "the battery came to its reserve (safety.battery)",

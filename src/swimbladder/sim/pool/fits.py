@@ -17,16 +17,6 @@ from scipy.signal import lfilter
 
 from swimbladder.sim.pool.record import Array, Record
 
-__all__ = [
-    "Fit",
-    "average",
-    "centred_differences",
-    "fit_depth",
-    "fit_jointly",
-    "fit_speed",
-    "response",
-]
-
 
 class Fit(NamedTuple):
     """K2 and T2 of one experiment, of several together, or their average."""

@@ -11,22 +11,12 @@ import numpy as np
 from swimbladder.control import protocol
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.law import Measurement
-from swimbladder.control.protocol import Does, PoolParameters, PoolState
-from swimbladder.control.protocol_records import procedure_for
+from swimbladder.control.protocol_records import Does, PoolParameters, PoolState, procedure_for
 from swimbladder.control.registry import bind
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.sim.closed_loop import Solution, simulate
 from swimbladder.sim.pool.record import Array, Record
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
-
-__all__ = [
-    "Experiment",
-    "PoolRun",
-    "pool_parameters",
-    "pool_test",
-    "run_procedure",
-    "timed_travel",
-]
 
 
 @dataclass(frozen=True, kw_only=True)

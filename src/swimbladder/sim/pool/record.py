@@ -13,8 +13,6 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.sim.closed_loop import drive
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Array", "Record", "still_starts"]
-
 Array = NDArray[np.float64]
 
 

@@ -12,10 +12,8 @@ from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.leap import (
     AIR,
     BOTTOM,
-    LEVEL,
     LOST,
     SURFACE,
-    TOO_DEEP,
     VALVE,
     VOLUME,
     leap,
@@ -35,22 +33,6 @@ from swimbladder.sim.engine.rodas.names import (
 )
 from swimbladder.sim.engine.rodas.rest import lift_volume, settle, stay
 from swimbladder.sim.engine.rodas.sensing import normal
-
-__all__ = [
-    "FULL",
-    "LEVEL",
-    "STAYED",
-    "TOO_DEEP",
-    "change_volume",
-    "end_run",
-    "end_turn",
-    "move",
-    "next_turn",
-    "note",
-    "press_out",
-    "take_in",
-    "turn_line",
-]
 
 T, Z, W, V, H = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.H)
 T_MOVE, V_MOVE, HULL = int(Now.T_MOVE), int(Now.V_MOVE), int(Now.HULL)

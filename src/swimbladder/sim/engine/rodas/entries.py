@@ -11,8 +11,6 @@ from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.motion import displaced, drag, inside, lagging, rate_of, terms
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Now, Table
 
-__all__ = ["enter", "enter_energy", "enter_step", "power"]
-
 T, Z, W, V, CHARGE = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.CHARGE)
 HULL, FOLLOWS, HEAT = int(Now.HULL), int(Given.FOLLOWS), int(Account.HEAT)
 SHUT = int(At.SHUT)

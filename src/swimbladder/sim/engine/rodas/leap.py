@@ -15,10 +15,6 @@ from swimbladder.sim.engine.rodas.line import relieve, valve_turns
 from swimbladder.sim.engine.rodas.motion import inside, rosenbrock, terms
 from swimbladder.sim.engine.rodas.names import At, Doing, Given, Now
 
-__all__ = [
-    "AIR", "BOTTOM", "GUARDS", "LEVEL", "LOST", "SURFACE", "TOO_DEEP", "VALVE", "VOLUME", "leap",
-]  # fmt: skip
-
 T, Z, W, V, H, V_MOVE = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.H), int(Now.V_MOVE)
 Z_MOST, V_LEAST, V_MOST, DOING = int(Now.Z_MOST), int(Now.V_LEAST), int(Now.V_MOST), int(At.DOING)
 HULL, FOLLOWS, EXPANSION = int(Now.HULL), int(Given.FOLLOWS), int(Given.EXPANSION)

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from swimbladder.physics.seawater import look_up
 from swimbladder.sim.engine.rodas.names import Account, Given, Now, Table
 
-__all__ = ["HOLDING", "Balance", "balance", "potential", "stored_energy"]
-
 Array = NDArray[np.float64]
 HOLDING = "holding"
 

@@ -32,11 +32,6 @@ from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Now, Table
 
-__all__ = [
-    "advance_line", "empty_line", "fill_lacks", "line_flow", "relieve", "stalls", "turn_valve",
-    "valve_turns",
-]  # fmt: skip
-
 _moved = inlined(moved)
 
 T, Z, V, H, LEVEL = int(Now.T), int(Now.Z), int(Now.V), int(Now.H), int(Now.LINE_LEVEL)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from swimbladder.physics.seawater.lookup import look_up_bent
 from swimbladder.sim.engine.cache import part
 
-__all__ = ["value"]
-
 # Value, slope and curvature of a column at depth z [m]; of the columns over the line's pressure z
 # is its logarithm, as in `line`, and the step that of its grid.
 value = part(look_up_bent)

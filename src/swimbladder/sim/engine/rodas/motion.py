@@ -35,17 +35,6 @@ from swimbladder.sim.engine.rodas.line import line_flow
 from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.names import Doing, Given, Table
 
-__all__ = [
-    "displaced",
-    "drag",
-    "inside",
-    "lagging",
-    "rate_of",
-    "rosenbrock",
-    "slope_of_force",
-    "terms",
-]
-
 _moved = inlined(moved)
 
 PRESSURE, NEUTRAL = int(Table.PRESSURE), int(Table.NEUTRAL)

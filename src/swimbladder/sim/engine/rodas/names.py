@@ -4,18 +4,6 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-__all__ = [
-    "Account",
-    "At",
-    "Doing",
-    "Drive",
-    "Given",
-    "Note",
-    "Now",
-    "Stop",
-    "Table",
-]
-
 
 class Table(IntEnum):
     """Columns of the table [n, WIDTH]: value, and its slope in the next; over depth but the last.

@@ -16,8 +16,6 @@ from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.sim.engine.rodas.names import Given, Table
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
 
-__all__ = ["line_columns", "line_given"]
-
 Array = NDArray[np.float64]
 _BEYOND = 1.2  # of the column's pressure: so far the line is tabulated
 

@@ -19,8 +19,6 @@ from swimbladder.sim.engine.rodas.names import At, Given, Now, Table
 from swimbladder.sim.engine.rodas.oil_line import line_columns, line_given
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
-__all__ = ["Accuracy", "first_lane", "given_of", "make_table"]
-
 Array = NDArray[np.float64]
 
 

@@ -11,8 +11,6 @@ from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.motion import drag, lagging, rate_of, slope_of_force, terms
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Now, Table
 
-__all__ = ["lift_volume", "settle", "stay"]
-
 T, Z, W, V, V_MOVE = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.V_MOVE)
 V_LEAST, V_MOST, DOING, PLACE = int(Now.V_LEAST), int(Now.V_MOST), int(At.DOING), int(At.PLACE)
 RESTS, STEP, MASS, A_S = int(At.RESTS), int(Given.STEP), int(Given.MASS), int(Given.A_S)

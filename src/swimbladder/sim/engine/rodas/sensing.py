@@ -11,8 +11,6 @@ from swimbladder.sim.engine.rodas.names import At, Given, Now
 from swimbladder.sim.engine.sensor import Sensor
 from swimbladder.sim.engine.sensor import measured as reading
 
-__all__ = ["measured", "measured_volume", "normal"]
-
 T, Z, V = int(Now.T), int(Now.Z), int(Now.V)
 DRAWS, SEED, BY_VOLUME = int(At.DRAWS), int(At.SEED), int(Given.BY_VOLUME)
 NOISE, RESOLUTION = int(Given.NOISE), int(Given.RESOLUTION)

@@ -7,9 +7,7 @@ import math
 from swimbladder.control.rate import RateParameters
 from swimbladder.sim.engine.cache import part
 from swimbladder.sim.engine.rodas.drive import (
-    LEVEL,
     STAYED,
-    TOO_DEEP,
     end_run,
     end_turn,
     move,
@@ -18,6 +16,7 @@ from swimbladder.sim.engine.rodas.drive import (
     press_out,
     turn_line,
 )
+from swimbladder.sim.engine.rodas.leap import LEVEL, TOO_DEEP
 from swimbladder.sim.engine.rodas.line import empty_line
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Note, Now, Stop
 from swimbladder.sim.mission.core.moves import look
@@ -31,8 +30,6 @@ from swimbladder.sim.mission.core.phases import (
     enter_hold,
     next_phase,
 )
-
-__all__ = ["RESCUE", "fly", "row"]
 
 T, Z, W, V, T_END = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.T_END)
 T_LOOK, T_MOVE, CHARGE, PHASE = int(Now.T_LOOK), int(Now.T_MOVE), int(Now.CHARGE), int(At.PHASE)

@@ -13,8 +13,6 @@ from swimbladder.sim.engine.rodas import NAME
 from swimbladder.sim.mission.core import fly as _fly
 from swimbladder.sim.mission.core import phase_step as _phase_step
 
-__all__ = ["fly_kernel", "phase_step_kernel"]
-
 _UNDER = f"mission-{source_hash(Path(__file__).parent.glob('*.py'))}-{NAME}"
 fly_kernel = compiled(_fly.fly, under=_UNDER)
 phase_step_kernel = compiled(_phase_step.phase_step, under=_UNDER)

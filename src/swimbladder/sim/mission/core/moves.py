@@ -22,8 +22,6 @@ from swimbladder.sim.engine.rodas.names import At, Doing, Given, Now
 from swimbladder.sim.engine.rodas.sensing import measured, measured_volume
 from swimbladder.sim.mission.core.names import Kind, Stage
 
-__all__ = ["look"]
-
 RateParameters, RateState = rate.RateParameters, rate.RateState
 _law_step = inlined(compilable(rate.step))
 _law_initial = inlined(compilable(rate.initial))

@@ -4,14 +4,6 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-__all__ = [
-    "Cycle",
-    "Holding",
-    "Kind",
-    "Row",
-    "Stage",
-]
-
 
 class Stage(IntEnum):
     """Columns of the phases [n, COUNT]."""

@@ -16,8 +16,6 @@ from swimbladder.sim.mission.core.phases import (
     next_phase,
 )
 
-__all__ = ["phase_step"]
-
 T, Z, W, T_END, CHARGE = int(Now.T), int(Now.Z), int(Now.W), int(Now.T_END), int(Now.CHARGE)
 PHASE, ARRIVED, ALARM, STOP = int(At.PHASE), int(At.ARRIVED), int(At.ALARM), int(At.STOP)
 NEW_PHASE, DEEPEST, EMPTY = int(At.NEW_PHASE), int(Given.DEEPEST), int(Given.EMPTY)

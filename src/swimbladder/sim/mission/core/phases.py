@@ -11,16 +11,6 @@ from swimbladder.sim.engine.rodas.motion import rate_of
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Note, Now, Stop
 from swimbladder.sim.mission.core.names import Cycle, Holding, Kind, Stage
 
-__all__ = [
-    "afloat",
-    "arrive",
-    "awaited_level",
-    "begin_phase",
-    "close_cycle",
-    "enter_hold",
-    "next_phase",
-]
-
 T, Z, V, T_PHASE, T_END = int(Now.T), int(Now.Z), int(Now.V), int(Now.T_PHASE), int(Now.T_END)
 T_LOOK, T_MOVE, CHARGE = int(Now.T_LOOK), int(Now.T_MOVE), int(Now.CHARGE)
 T_ARRIVAL, Z_MOST, V_LEAST = int(Now.T_ARRIVAL), int(Now.Z_MOST), int(Now.V_LEAST)
