@@ -16,7 +16,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.tables import write_csv
 from swimbladder.physics.seawater import cast_column
 from swimbladder.sim.faults import run_missions
-from swimbladder.sim.faults.mission_tables import MISSION_COLUMNS, TRACE_COLUMNS
+from swimbladder.sim.faults.single_mission import MISSION_COLUMNS, TRACE_COLUMNS
 from tests.codegen.conftest import gcc
 from tests.quoted import numbers
 

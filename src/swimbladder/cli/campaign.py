@@ -23,8 +23,7 @@ from swimbladder.cli.options import Files, Options, Read, grouped
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.sim.campaign.result import Campaign
-    from swimbladder.sim.campaign.sensitivity import Sensitivity
+    from swimbladder.sim.campaign.result import Campaign, Sensitivity
     from swimbladder.sim.campaign.store import Layout
     from swimbladder.vehicle import Vehicle
     from swimbladder.vehicle.spread import Spread
@@ -168,9 +167,8 @@ def campaign(
         columns = [water(v, task, one) for one in casts] or [water(v, task, None)]
     with progress("loading the simulator"):
         from swimbladder.jobs import Workers, run
-        from swimbladder.sim.campaign.result import Campaign
+        from swimbladder.sim.campaign.result import Campaign, Sensitivity
         from swimbladder.sim.campaign.run import Floats
-        from swimbladder.sim.campaign.sensitivity import Sensitivity
 
     workers = Workers(**who)
     drawn = stated.of(v, spread, identified)

@@ -10,8 +10,7 @@ from swimbladder.io.files import publish, write_atomically
 from swimbladder.show.plots.faults import draw_campaign, draw_mission
 from swimbladder.show.plots.style import save
 from swimbladder.sim.faults import Campaign
-from swimbladder.sim.faults.mission_tables import missions_csv, trace_csv
-from swimbladder.sim.faults.single_mission import NAMES, Flown
+from swimbladder.sim.faults.single_mission import NAMES, Flown, missions_csv, trace_csv
 
 
 def write_campaign(flown: Campaign, out: Path, keep: Path) -> list[Path]:

@@ -13,10 +13,9 @@ from swimbladder.io.mission import Mission
 from swimbladder.jobs import Workers, run
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.show.plots.campaign import draw_sensitivity
-from swimbladder.sim.campaign.draw import Drawn
+from swimbladder.sim.campaign.draw import Design, Drawn, indices
+from swimbladder.sim.campaign.result import Sensitivity
 from swimbladder.sim.campaign.run import Fact, Floats
-from swimbladder.sim.campaign.sensitivity import Sensitivity
-from swimbladder.sim.campaign.sobol import Design, indices
 from swimbladder.vehicle.spread import Spread
 
 THREE = Spread(trim=1.0, psi=1.0, drag=0.3, pump=0.0)

@@ -10,9 +10,8 @@ import pytest
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.faults.draw import Mission, course_of
-from swimbladder.sim.faults.fault_campaign import FaultCampaign
 from swimbladder.sim.faults.mission_records import TRACE, Condition, FaultRow
-from swimbladder.sim.faults.run import board_of
+from swimbladder.sim.faults.run import FaultCampaign, board_of
 from tests.codegen.conftest import gcc
 
 __all__ = ["gcc"]

@@ -17,7 +17,7 @@ from swimbladder.sim.faults.campaign_result import WIDTH, Outcome, outcomes, rul
 from swimbladder.sim.faults.draw import course_of, draw
 from swimbladder.sim.faults.kinds import FAMILIES, KINDS, Fault, draw_fault, kinds_of
 from swimbladder.sim.faults.mission_records import Result
-from swimbladder.sim.faults.mission_tables import MISSION_COLUMNS, missions_csv
+from swimbladder.sim.faults.single_mission import MISSION_COLUMNS, missions_csv
 from swimbladder.vehicle import Supervisor
 
 FEUP = load_vehicle("feup-em")

@@ -7,11 +7,10 @@ import pytest
 
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.engine.rodas.names import Doing
-from swimbladder.sim.mission.books import close_books
+from swimbladder.sim.mission.books import close_books, consumer_energy, mean_power, power_names
 from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission, thinned
 from swimbladder.sim.mission.og1 import og1_dataset
-from swimbladder.sim.mission.power import consumer_energy, mean_power, power_names
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.reach import reach_of
 from swimbladder.sim.mission.result import MissionResult

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from swimbladder.show.plots.style import BLACK, BLUE, SKY, label_panels, styled
-from swimbladder.sim.campaign.sensitivity import Sensitivity
+from swimbladder.sim.campaign.result import Sensitivity
 
 _HIGH = 0.36  # of a bar
 

@@ -28,9 +28,8 @@ from swimbladder.show.plots.style import (
 )
 from swimbladder.sim.engine.rodas.ledger import HOLDING
 from swimbladder.sim.engine.rodas.names import Drive, Note, Now
-from swimbladder.sim.mission.books import PUMP, VALVE
+from swimbladder.sim.mission.books import PUMP, VALVE, consumer_energy, drawn_energy, mean_power
 from swimbladder.sim.mission.core.names import Row
-from swimbladder.sim.mission.power import consumer_energy, drawn_energy, mean_power
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import cycle_columns, speeds
 

@@ -1,16 +1,27 @@
-"""What differs from float to float: trim, hull, drag, pump, mass, and the water it is in."""
+"""What differs from float to float: trim, hull, drag, pump, mass, and the water it is in.
+
+Sobol indices of a campaign: which floats to fly for them, and what they say.
+
+Which input, or group of correlated ones, does the variance of an output come from? The first-order
+index is the share that goes when the input is known, the total index the share that stays when all
+the others are (Saltelli et al., Comput. Phys. Commun. 181, 2010, 259). The noise of the sensors is
+an input like the others: it is drawn anew for each float.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.errors import InputError
 from swimbladder.sim.engine.rodas.names import Given
 from swimbladder.sim.mission.prepare import Plan
-from swimbladder.vehicle.spread import Spread
+from swimbladder.vehicle.spread import INPUTS, Spread
 
 Array = NDArray[np.float64]
 _CUT = 3.0  # sigma; a share of -1 or a drag of 0 is no float
@@ -61,3 +72,122 @@ def varied(plan: Plan, drawn: Array) -> Plan:
     for place in (Given.D_L, Given.D_B, Given.D_0, Given.D_T):
         given[place] *= drawn[Drawn.DRAG] / drawn[Drawn.MASS]
     return replace(plan, given=given)
+
+
+_FEWEST = 16  # rows
+_RESAMPLES = 999
+_CAST, _NOISE = "cast", "sensor noise"
+
+
+@dataclass(frozen=True)
+class Design:
+    """Floats in rows of 2 + groups: of matrix A, of B, and of A with one group's inputs from B.
+
+    rows: a power of 2.
+    """
+
+    spread: Spread
+    groups: tuple[tuple[str, ...], ...]
+    rows: int
+    casts: int
+    seed: int
+
+    @classmethod
+    def of(cls, spread: Spread, *, casts: int, noisy: bool, seed: int, floats: int) -> Design:
+        """Return the largest design of at most so many floats; raises InputError for too few."""
+        groups: list[tuple[str, ...]] = [*spread.groups]
+        groups += [(_CAST,)] * (casts > 1) + [(_NOISE,)] * noisy
+        width = 2 + len(groups)
+        if not groups:
+            raise InputError(
+                "nothing spreads, so that nothing can be sensitive to it", field="--sensitivity",
+                remedy="Give a spread, like --trim-std '5 cm3'",
+            )  # fmt: skip
+        if floats < _FEWEST * width:
+            raise InputError(
+                f"too few floats for the indices of {len(groups)} inputs", field="--floats",
+                value=floats, remedy=f"Give {_FEWEST * width} at least; thousands say more",
+            )  # fmt: skip
+        rows = 1 << ((floats // width).bit_length() - 1)
+        return cls(spread, tuple(groups), rows, casts, seed)
+
+    @property
+    def width(self) -> int:
+        """Floats of a row."""
+        return 2 + len(self.groups)
+
+    @property
+    def floats(self) -> int:
+        """How many floats it takes."""
+        return self.rows * self.width
+
+    @property
+    def names(self) -> list[str]:
+        """What the groups are called."""
+        return [" and ".join(group) for group in self.groups]
+
+    @cached_property
+    def _points(self) -> Array:
+        """Quasi-random points in the unit cube [rows, 2, inputs and cast]."""
+        from scipy.stats import qmc
+
+        size = len(INPUTS) + 1
+        sobol = qmc.Sobol(2 * size, rng=np.random.default_rng([self.seed, self.rows]))
+        return np.asarray(sobol.random(self.rows)).reshape(self.rows, 2, size)
+
+    def drawn(self, number: int) -> tuple[Array, int]:
+        """Return what float `number` is like: of `draw.Drawn`, and the seed of its noise."""
+        from scipy.special import ndtri
+
+        row, block = divmod(number, self.width)
+        chosen = self.groups[block - 2] if block >= 2 else ()
+        inputs = (*INPUTS, _CAST)
+        other = np.array([block == 1 or name in chosen for name in inputs])
+        u = np.where(other, self._points[row, 1], self._points[row, 0])
+        noise = 2 * row + (block == 1 or _NOISE in chosen)
+        cast = float(min(int(u[-1] * self.casts), self.casts - 1))
+        return drawn_of(self.spread, ndtri(np.clip(u[:-1], 1e-12, 1.0 - 1e-12)), cast), noise
+
+
+class Index(NamedTuple):
+    """Indices of an output for a group of inputs, with intervals of 95 %."""
+
+    first: float
+    first_ci95: tuple[float, float]
+    total: float
+    total_ci95: tuple[float, float]
+
+
+def indices(values: Array, *, seed: int = 1) -> list[Index]:
+    """Return the indices of an output for each group; its values are [rows, 2 + groups], finite.
+
+    Intervals by a bootstrap over the rows, its 2.5 and 97.5 percentiles.
+    """
+    from scipy.stats import bootstrap, sobol_indices
+
+    def both(chosen: NDArray[np.int64]) -> Array:
+        part = values[chosen]
+        # twice the same output: with one alone SciPy drops an axis too many for a single input
+        pair: Any = {
+            "f_A": np.tile(part[:, 0], (2, 1)), "f_B": np.tile(part[:, 1], (2, 1)),
+            "f_AB": np.repeat(part[:, None, 2:].T, 2, axis=1),
+        }  # fmt: skip
+        found = sobol_indices(func=pair, n=len(part))
+        return np.array(
+            [np.reshape(found.first_order, (2, -1))[0], np.reshape(found.total_order, (2, -1))[0]]
+        )
+
+    rows = np.arange(len(values))
+    point = both(rows)
+    spread = bootstrap(
+        (rows,), both, n_resamples=_RESAMPLES, vectorized=False, method="percentile",
+        confidence_level=0.95, rng=np.random.default_rng(seed),
+    )  # fmt: skip
+    low, high = (np.asarray(end) for end in spread.confidence_interval)
+    return [
+        Index(
+            float(point[0, k]), (float(low[0, k]), float(high[0, k])),
+            float(point[1, k]), (float(low[1, k]), float(high[1, k])),
+        )
+        for k in range(values.shape[1] - 2)
+    ]  # fmt: skip

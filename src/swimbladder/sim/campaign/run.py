@@ -17,8 +17,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission
 from swimbladder.jobs import identity, software
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.campaign.draw import Drawn, draw, varied
-from swimbladder.sim.campaign.sobol import Design
+from swimbladder.sim.campaign.draw import Design, Drawn, draw, varied
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
 from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Now
 from swimbladder.sim.mission.core import kernel

@@ -7,10 +7,15 @@ depth step looks like.
 
 from swimbladder.sim.closed_loop.accounts import Books
 from swimbladder.sim.closed_loop.ensemble import simulate_ensemble
-from swimbladder.sim.closed_loop.metrics import StepMetrics, step_metrics
 from swimbladder.sim.closed_loop.replay import drive
 from swimbladder.sim.closed_loop.single import simulate
-from swimbladder.sim.closed_loop.solution import Event, Solution, StopReason
+from swimbladder.sim.closed_loop.solution import (
+    Event,
+    Solution,
+    StepMetrics,
+    StopReason,
+    step_metrics,
+)
 
 __all__ = [
     "Books",

@@ -13,9 +13,8 @@ import numpy as np
 
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_initial, scatter_where
-from swimbladder.sim.closed_loop.hooks import begin, sense
+from swimbladder.sim.closed_loop.hooks import begin, lose, sense
 from swimbladder.sim.closed_loop.lane import commit, decide, judge, leap_lane, set_mode
-from swimbladder.sim.closed_loop.lost import lose
 from swimbladder.sim.closed_loop.pumped import LAW_NOT_FINITE, decide_lanes, move_lanes
 from swimbladder.sim.closed_loop.rows import (
     APPLIED,

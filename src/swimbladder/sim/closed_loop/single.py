@@ -92,7 +92,7 @@ def simulate(
                 "the steps of a float are as long as its motion lets", field="parts", value=parts,
                 remedy="Leave it out",
             )  # fmt: skip
-        from swimbladder.sim.closed_loop.float_run import run_float
+        from swimbladder.sim.closed_loop.floats import run_float
 
         return run_float(
             vehicle, medium, column, law=chosen, parameters=numbers, clock=clock, depths=depths,

@@ -61,7 +61,7 @@ from swimbladder.sim.engine.modes import (
     V_MIN,
     Z_SURFACE,
 )
-from swimbladder.sim.faults.c_call import call_begin, call_tick
+from swimbladder.sim.faults.c_interface import call_begin, call_tick
 from swimbladder.sim.faults.draw import Mission
 from swimbladder.sim.faults.fault_effects import (
     LEAK_LARGE,

@@ -17,10 +17,10 @@ import numpy as np
 
 from swimbladder.io.files import write_through
 from swimbladder.sim.engine.rodas.names import Doing
+from swimbladder.sim.mission.books import power_names
 from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.export import created
 from swimbladder.sim.mission.phase_laws import law_words
-from swimbladder.sim.mission.power import power_names
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import trajectory_columns
 

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from swimbladder.physics.hull import linear_psi
 from swimbladder.sim.engine.rodas.names import Account, At, Given, Now, Stop
-from swimbladder.sim.mission.books import MissionBooks, close_books
+from swimbladder.sim.mission.books import MissionBooks, close_books, drawn_energy
 from swimbladder.sim.mission.core.names import Cycle, Holding, Row
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.orders import law_facts
-from swimbladder.sim.mission.power import drawn_energy
 from swimbladder.sim.mission.reach import Reach
 from swimbladder.sim.mission.words import holding_words, note_words, reason_words, span_words
 

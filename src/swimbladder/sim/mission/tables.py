@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.sim.engine.rodas.names import Account, Doing, Drive, Given, Note
-from swimbladder.sim.mission.core.names import Cycle, Row
-from swimbladder.sim.mission.flight import Flight
-from swimbladder.sim.mission.power import (
+from swimbladder.sim.mission.books import (
     consumer_energy,
     drawn_energy,
     drive_energy,
     mean_power,
     power_names,
 )
+from swimbladder.sim.mission.core.names import Cycle, Row
+from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.result import MissionResult
 
 Array = NDArray[np.float64]

@@ -16,12 +16,13 @@ from swimbladder.sim.pool.fits import (
 from swimbladder.sim.pool.procedure import (
     Experiment,
     PoolRun,
+    Record,
     pool_parameters,
     pool_test,
     run_procedure,
+    still_starts,
     timed_travel,
 )
-from swimbladder.sim.pool.record import Record, still_starts
 
 __all__ = [
     "Experiment",

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from swimbladder.sim.pool.record import Array, Record
+from swimbladder.sim.pool.procedure import Array, Record
 
 
 class Fit(NamedTuple):
