@@ -19,9 +19,8 @@ from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SEA_CASCADE, SeaCascadeParameters, sea_cascade_gains
 from swimbladder.design.stability.confirm import Seen, edge, hold
-from swimbladder.design.stability.predict import Predicted, predict, without_rest
-from swimbladder.design.tuning.gains import gains, tunable
-from swimbladder.design.tuning.knobs import setting_of
+from swimbladder.design.stability.cycles import Predicted, predict, without_rest
+from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant

@@ -16,13 +16,12 @@ import numpy as np
 
 from studies.reversals import KNOBS as SLOW
 from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
-from swimbladder.codegen.golden import command_limits
 from swimbladder.codegen.safety import supervisor_parameters
+from swimbladder.codegen.twin import command_limits
 from swimbladder.control.cascade import CASCADE
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.registry import bind
-from swimbladder.design.tuning.gains import gains, tunable
-from swimbladder.design.tuning.knobs import setting_of
+from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Vehicle

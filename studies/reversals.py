@@ -14,9 +14,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from swimbladder.control.recipe import Knobs
-from swimbladder.design.tuning.gains import gains, tunable
-from swimbladder.design.tuning.knobs import setting_of
+from swimbladder.control.law import Knobs
+from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Step, traces
 from swimbladder.io.config import load_vehicle

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
-from swimbladder.control.recipe import stiffness
+from swimbladder.control.law import stiffness
 from swimbladder.design.tuning.region import WALK
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant

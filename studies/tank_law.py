@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
+from swimbladder.control.law import Knobs
 from swimbladder.control.position_observer import PositionObserverParameters
-from swimbladder.control.recipe import Knobs
-from swimbladder.design.tuning.gains import gains
-from swimbladder.design.tuning.knobs import setting_of
+from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["FITTING", "position_observer_gains"]

@@ -14,12 +14,10 @@ from typing import Any
 
 from studies.reversals import KNOBS as QUIET_KNOBS
 from swimbladder.cli.common import progress
-from swimbladder.control.law import Law
-from swimbladder.control.recipe import Knobs
+from swimbladder.control.law import Knobs, Law
 from swimbladder.control.registry import bind
 from swimbladder.design.tuning import Tuning, tune
-from swimbladder.design.tuning.gains import gains, tunable
-from swimbladder.design.tuning.knobs import setting_of
+from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.trial import Step, Trial, trial
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import Vehicle

@@ -15,7 +15,7 @@ from swimbladder.codegen.library import make_library
 from swimbladder.control.records import leaves
 from swimbladder.control.registry import LAWS
 from swimbladder.design.law_comparison.contenders import choose_laws
-from swimbladder.design.stability.wrapped import wrapped
+from swimbladder.design.stability.robust import wrapped
 from swimbladder.design.tuning import tune
 from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast
@@ -35,7 +35,7 @@ LAW = """
 from typing import NamedTuple
 
 from swimbladder import Law
-from swimbladder.control.recipe import QUIET, Grid, Recipe, stiffness
+from swimbladder.control.law import QUIET, Grid, Recipe, stiffness
 
 
 class Gains(NamedTuple):
@@ -93,8 +93,8 @@ import zlib
 import numpy as np
 
 from swimbladder.errors import LogError
-from swimbladder.io.cast_formats import CastFormat
-from swimbladder.io.cast_raw import RawCast
+from swimbladder.io.casts import CastFormat
+from swimbladder.io.cast_columns import RawCast
 
 LOG = """
 [log]

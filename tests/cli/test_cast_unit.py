@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.cli.cast_unit import refuse_doubted_unit
+from swimbladder.cli.casts import refuse_doubted_unit
 from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_mission, load_vehicle

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from swimbladder.codegen.c99 import MEASUREMENT_H, CSource, write_c99
-from swimbladder.codegen.c_names import c_law
+from swimbladder.codegen.c_places import c_law
 from swimbladder.codegen.subset import read_law
 from swimbladder.control.law import Law, Measurement
 from tests.codegen.laws import flat, laid_out, layout

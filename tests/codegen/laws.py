@@ -40,8 +40,7 @@ def _preset(name: str) -> Example:
 
 def _tuned(name: str) -> Example:
     """The paper's vehicle at 12 V with 2 mm noise, gains as the tuner makes them."""
-    from swimbladder.design.tuning.gains import gains, recipe_of
-    from swimbladder.design.tuning.knobs import setting_of
+    from swimbladder.design.tuning.gains import gains, recipe_of, setting_of
 
     vehicle = paper(sensors=Sensors(depth_noise="2 mm"))
     setting = setting_of(vehicle, sample_time=0.3, supply=12.0, neutral_range=5e-5)

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swimbladder.codegen.library import Library, make_library, write_library
-from swimbladder.codegen.pool import PoolOptions
-from swimbladder.codegen.pool_twin import PoolTwin, float32_twin, rehearse
+from swimbladder.codegen.pool import PoolOptions, PoolTwin, float32_twin, rehearse
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Measurement
 from swimbladder.control.protocol import POOL

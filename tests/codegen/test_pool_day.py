@@ -10,13 +10,11 @@ from hypothesis import strategies as st
 
 from swimbladder.cli import main
 from swimbladder.codegen.library import make_library
-from swimbladder.codegen.pool import PoolOptions, board_procedure, plan_pool_day
-from swimbladder.codegen.pool_twin import PoolTwin, rehearse
+from swimbladder.codegen.pool import PoolOptions, PoolTwin, board_procedure, plan_pool_day, rehearse
 from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import NEVER
-from swimbladder.control.protocol import POOL
-from swimbladder.control.protocol_records import Does
+from swimbladder.control.protocol import POOL, Does
 from swimbladder.control.supervisor import SUPERVISOR
 from swimbladder.control.supervisor_records import Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError

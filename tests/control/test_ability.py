@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from swimbladder.control.ability import learn_ability, usable
-from swimbladder.control.recipe import Knobs
+from swimbladder.control.law import Knobs
 from swimbladder.control.registry import LAWS
-from swimbladder.design.stability.wrapped import wrapped
-from swimbladder.design.tuning.gains import gains
-from swimbladder.design.tuning.knobs import setting_of
+from swimbladder.design.stability.robust import wrapped
+from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Step, traces
 from swimbladder.io.config import load_vehicle

@@ -18,7 +18,7 @@ from swimbladder.control.deadband import (
 )
 from swimbladder.control.law import Measurement
 from swimbladder.control.records import leaves
-from swimbladder.design.stability.wrapped import wrapped
+from swimbladder.design.stability.robust import wrapped
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Hull, IdentifiedActuator, Sensors
 from tests.control.examples import K2, S_P, SLEEPER, T2, blind, by_hand

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swimbladder.control.law import Measurement
+from swimbladder.control.law import Knobs, Measurement
 from swimbladder.control.motion import (
     filter_gains,
     held_motion,
@@ -18,10 +18,8 @@ from swimbladder.control.motion import (
 )
 from swimbladder.control.observer import OBSERVER, initial, step
 from swimbladder.control.observers import Estimate, Trust, estimate, moves
-from swimbladder.control.recipe import Knobs
 from swimbladder.control.records import from_leaves, leaves, numbers
-from swimbladder.design.tuning.gains import gains
-from swimbladder.design.tuning.knobs import setting_of
+from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 

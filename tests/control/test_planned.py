@@ -7,10 +7,9 @@ import pytest
 from scipy.optimize import linprog
 
 import swimbladder
+from swimbladder.control.law import Knobs
 from swimbladder.control.planned import PLANNED, Path, along
-from swimbladder.control.recipe import Knobs
-from swimbladder.design.tuning.gains import gains
-from swimbladder.design.tuning.knobs import setting_of
+from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.io.config import load_vehicle
 
 JERK, SPEED, H = 8.7e-3, 0.35, 0.3

@@ -11,8 +11,7 @@ from swimbladder.codegen.twin import twin
 from swimbladder.control import cascade, protocol
 from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.law import Measurement
-from swimbladder.control.protocol import EMPTY, POOL
-from swimbladder.control.protocol_records import Does, Window, procedure_for
+from swimbladder.control.protocol import EMPTY, POOL, Does, Window, procedure_for
 
 LOOP = CascadeParameters(k_pV=1.002e6, k_pz=-1.043e-4, k_iz=-7.486e-7, k_dz=-2.341e-3, S_p=0.3)
 dV = 30e-6

@@ -8,7 +8,7 @@ import pytest
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.records import leaf_names, leaves
 from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters
-from swimbladder.design.tuning.knobs import setting_of
+from swimbladder.design.tuning.gains import setting_of
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import Controller

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from swimbladder.errors import InputError
-from swimbladder.io.netcdf import write
+from swimbladder.io.tables import write
 
 
 @pytest.fixture

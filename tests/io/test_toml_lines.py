@@ -5,7 +5,7 @@ import tomllib
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swimbladder.io.toml_lines import key_lines
+from swimbladder.io.config import key_lines
 from swimbladder.vehicle.schema import dotted
 
 TEXT = '''\

@@ -9,9 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_are
 
 from studies.starts import Drift, Grid, drift_of, fewest, least_cost, main, stage_cost, transition
-from swimbladder.control.recipe import Knobs
-from swimbladder.design.tuning.gains import gains, tunable
-from swimbladder.design.tuning.knobs import setting_of
+from swimbladder.control.law import Knobs
+from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Step, trial
 from swimbladder.io.config import load_vehicle

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.cast_unit import refuse_doubted_unit
-from swimbladder.cli.casts import CastReading
+from swimbladder.cli.casts import CastReading, refuse_doubted_unit
 from swimbladder.cli.common import json_text, output, progress
 from swimbladder.cli.options import Files, Options, grouped
 

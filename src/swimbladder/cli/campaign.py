@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.casts import CastReading
+from swimbladder.cli.casts import CastReading, warn_of_mass
 from swimbladder.cli.common import (
     asked_of,
     compile_notice,
@@ -18,7 +18,6 @@ from swimbladder.cli.common import (
     output,
     progress,
 )
-from swimbladder.cli.masses import warn_of_mass
 from swimbladder.cli.options import Files, Options, Read, grouped
 from swimbladder.errors import InputError
 

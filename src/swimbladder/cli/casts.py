@@ -1,4 +1,11 @@
-"""What the commands that take a cast share: its options, and a column down to where it is asked."""
+"""What the commands that take a cast share: its options, and a column down to where it is asked.
+
+Whether a cast may be in another unit of pressure: the warning, and the option that tells it.
+
+Depths and depth sensors as commands about controllers take them.
+
+What the commands that fly a vehicle say of a dry mass that its trim does not carry.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +17,70 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.cast_unit import refuse_doubted_unit
-from swimbladder.cli.common import progress, quantity
+from swimbladder.cli.common import console, progress, quantity
 from swimbladder.cli.logs import pairs, selections
 from swimbladder.cli.options import Options, Read
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.physics.seawater import Cast, Column
+    from swimbladder.vehicle import Vehicle
+
+
+def refuse_doubted_unit(
+    casts: Sequence[Cast], asked: float | None, rating: float | None, *, option: str = "--column"
+) -> None:
+    """Raise InputError as `check_cast_unit` does; what it warns of stands on stderr.
+
+    option: the one that maps columns.
+    """
+    from swimbladder.physics.seawater.cast_unit import check_cast_unit
+
+    for cast in casts:
+        try:
+            doubt = check_cast_unit(cast, asked, rating)
+        except InputError as error:
+            raise InputError(
+                error.what, file=error.file, field=error.field,
+                remedy=(error.remedy or "").replace("--column", option),
+            ) from None  # fmt: skip
+        if doubt:
+            console.print(
+                f"warning: {doubt.replace('--column', option)}", soft_wrap=True, markup=False
+            )
+
+
+@dataclass(frozen=True)
+class DepthSensor(Options):
+    """The depth sensor that a vehicle is tried with."""
+
+    depth_noise: Annotated[
+        str | None,
+        typer.Option(metavar="DEPTH", help="Depth noise, 1 sigma (the vehicle's sensor)."),
+    ] = None
+    depth_quantum: Annotated[
+        str | None,
+        typer.Option(metavar="DEPTH", help="Quantum of the depth sensor (the vehicle's)."),
+    ] = None
+
+    def on(self, vehicle: Vehicle) -> Vehicle:
+        """Return the vehicle with this sensor; raises InputError for one that there is not."""
+        given = self.given()
+        with self.said_as_typed():
+            return vehicle.with_sensors(**given)
+
+
+def warn_of_mass(vehicle: Vehicle) -> None:
+    """Say on stderr where a vehicle weighs another mass than its dry one."""
+    from swimbladder.physics.hull import mass_mismatch
+
+    doubt = mass_mismatch(vehicle)
+    if doubt:
+        console.print(
+            f"warning: {doubt}; it sinks and rises by trim_error, and the dry mass is its inertia",
+            soft_wrap=True, markup=False,
+        )  # fmt: skip
+
 
 CastFile = Annotated[
     Path | None,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.casts import CastFile, CastReading, water_of_cast
+from swimbladder.cli.casts import CastFile, CastReading, DepthSensor, water_of_cast
 from swimbladder.cli.common import (
     compile_notice,
     emit_json,
@@ -18,7 +18,6 @@ from swimbladder.cli.common import (
     progress,
     typed_command,
 )
-from swimbladder.cli.depths import DepthSensor
 from swimbladder.cli.options import Files, Options, Read, grouped
 from swimbladder.errors import InputError
 
@@ -153,7 +152,7 @@ def _list(vehicle: str | None, depths: tuple[float, float] | None, json: bool) -
 def _print(found: LawComparison) -> None:
     from rich.table import Table
 
-    from swimbladder.show.report.law_comparison_text import HEADINGS, SOON, STILL, notes, summary
+    from swimbladder.show.report.law_comparison import HEADINGS, SOON, STILL, notes, summary
 
     output.print(
         f"{found.vehicle.name}, {len(found.rows)} "

@@ -169,7 +169,7 @@ def design_experiment(
 
 
 def _print(found: Design) -> None:
-    from swimbladder.show.report.design_text import comparison, headlines
+    from swimbladder.show.report.design import comparison, headlines
 
     output.print(
         f"{found.vehicle}, {found.question.model.law} drag, a pool of "
@@ -210,7 +210,7 @@ def _experiments(found: Design) -> object:
     from rich.table import Table
 
     from swimbladder.design.experiments.findings import percent
-    from swimbladder.show.report.design_text import moves
+    from swimbladder.show.report.design import moves
 
     w = found.chosen
     table = Table(box=None, pad_edge=False, collapse_padding=True)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from swimbladder.cli.cast_unit import refuse_doubted_unit
+from swimbladder.cli.casts import refuse_doubted_unit
 from swimbladder.cli.common import console, json_text, output, progress
-from swimbladder.cli.identify_view import number_table
+from swimbladder.cli.identify import number_table
 from swimbladder.cli.logs import once
 from swimbladder.cli.options import names
 from swimbladder.cli.settings import known, setting

@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.cast_unit import refuse_doubted_unit
-from swimbladder.cli.casts import CastFile, CastReading
+from swimbladder.cli.casts import CastFile, CastReading, refuse_doubted_unit, warn_of_mass
 from swimbladder.cli.common import asked_of, compile_notice, json_text, kept, output, progress
-from swimbladder.cli.masses import warn_of_mass
 from swimbladder.cli.options import Files, Options, Read, grouped
 from swimbladder.errors import InputError
 

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.casts import CastFile, CastReading, water_of_cast
+from swimbladder.cli.casts import CastFile, CastReading, warn_of_mass, water_of_cast
 from swimbladder.cli.common import asked_of, compile_notice, console, progress, said_as_typed
-from swimbladder.cli.masses import warn_of_mass
 from swimbladder.cli.options import Files, Options, grouped
 from swimbladder.cli.simulate_files import answer_of, print_answer, steps_of, write_files
 from swimbladder.errors import InputError

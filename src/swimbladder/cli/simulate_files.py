@@ -46,7 +46,7 @@ def write_files(
         files = [write_csv(folder / "trajectory.csv", columns, advance=advance)]
     if netcdf:
         with progress("writing trajectory.nc"):
-            from swimbladder.io.netcdf import write
+            from swimbladder.io.tables import write
 
             title = f"{s.vehicle.name}: {task.name or 'mission'}, simulated in closed loop"
             if column is not None:

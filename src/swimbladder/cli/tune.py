@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.casts import CastFile, CastReading, water_of_cast
+from swimbladder.cli.casts import CastFile, CastReading, DepthSensor, water_of_cast
 from swimbladder.cli.common import compile_notice, json_text, output, progress, typed_command
-from swimbladder.cli.depths import DepthSensor
 from swimbladder.cli.options import Files, Options, grouped
 from swimbladder.control.records import leaves
 

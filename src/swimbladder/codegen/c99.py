@@ -12,11 +12,20 @@ import re
 import textwrap
 from typing import NamedTuple
 
+from swimbladder.codegen.c_expressions import ARITHMETIC, CALLED, HELPERS, NEEDS
 from swimbladder.codegen.c_flow import calls_of, fields_read
 from swimbladder.codegen.c_functions import FunctionText, shortened
-from swimbladder.codegen.c_helpers import ARITHMETIC, CALLED, HELPERS, NEEDS
-from swimbladder.codegen.c_names import c_field, c_float, c_law, c_record, c_type, remarks
-from swimbladder.codegen.c_places import Home, home_of, in_place
+from swimbladder.codegen.c_places import (
+    Home,
+    c_field,
+    c_float,
+    c_law,
+    c_record,
+    c_type,
+    home_of,
+    in_place,
+    remarks,
+)
 from swimbladder.codegen.tree import BOOL, COUNT, Function, Program, Record
 
 

@@ -9,8 +9,7 @@ from collections.abc import Collection, Iterator
 
 from swimbladder.codegen.c_expressions import ExpressionText
 from swimbladder.codegen.c_flow import alive, assigned, inner_home, mentioned
-from swimbladder.codegen.c_names import c_field, c_local, c_type, wrapped
-from swimbladder.codegen.c_places import Home
+from swimbladder.codegen.c_places import Home, c_field, c_local, c_type, wrapped
 from swimbladder.codegen.tree import (
     Assign,
     Call,

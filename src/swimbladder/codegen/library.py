@@ -14,9 +14,8 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from swimbladder.codegen.c99 import MEASUREMENT_H, write_c99
-from swimbladder.codegen.c_names import c_field, c_float, c_law, c_number
+from swimbladder.codegen.c_places import c_field, c_float, c_law, c_number
 from swimbladder.codegen.clock import MOST_TURNS, SOON
-from swimbladder.codegen.golden import Golden, asked_of_float, command_limits, fly, fly_on_seconds
 from swimbladder.codegen.meanings import facts_of
 from swimbladder.codegen.pool import (
     PoolDay,
@@ -28,7 +27,14 @@ from swimbladder.codegen.pump_valve import BoardLaw, board_law
 from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.tree import COUNT, FLOAT
-from swimbladder.codegen.twin import twin
+from swimbladder.codegen.twin import (
+    Golden,
+    asked_of_float,
+    command_limits,
+    fly,
+    fly_on_seconds,
+    twin,
+)
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.protocol import POOL
 from swimbladder.control.records import leaves

@@ -5,9 +5,9 @@ from __future__ import annotations
 import ast
 from typing import TYPE_CHECKING, Protocol
 
+from swimbladder.codegen.c_flow import always_returns, inside, is_docstring, stores
 from swimbladder.codegen.calls import is_count
 from swimbladder.codegen.expressions import Expressions
-from swimbladder.codegen.flow import always_returns, inside, is_docstring, stores
 from swimbladder.codegen.tree import (
     COUNT,
     FLOAT,

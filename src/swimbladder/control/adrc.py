@@ -22,9 +22,17 @@ import math
 from typing import NamedTuple
 
 from swimbladder.control.ability import BEHIND, learn_ability, usable
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import (
+    Grid,
+    Knobs,
+    Law,
+    Measurement,
+    Recipe,
+    Setting,
+    stiffness,
+    target_numbers,
+)
 from swimbladder.control.profile import Means, Target, approach, depart, means_between
-from swimbladder.control.recipe import Grid, Knobs, Recipe, Setting, stiffness, target_numbers
 
 _DEEPEST = 12000.0  # m, beyond it a depth is none
 _LARGEST = 1000.0  # m3, beyond it a volume is none

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from swimbladder.control.law import Law, Measurement
-from swimbladder.control.recipe import QUIET, Grid, Knobs, Recipe, Setting, stiffness
+from swimbladder.control.law import (
+    QUIET,
+    Grid,
+    Knobs,
+    Law,
+    Measurement,
+    Recipe,
+    Setting,
+    stiffness,
+)
 
 _THIRD = 0.4  # of the natural frequency: the third pole
 _GRID = Grid((0.3, 0.45), (0.05, 0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23), (0.6, 0.8, 1.0))

@@ -23,8 +23,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from swimbladder.control.law import Law, Measurement
-from swimbladder.control.recipe import Knobs, Recipe, Setting, stiffness
+from swimbladder.control.law import Knobs, Law, Measurement, Recipe, Setting, stiffness
 from swimbladder.errors import InputError
 
 _DEEPEST = 12000.0  # m, beyond it a depth is none

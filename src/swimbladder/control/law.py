@@ -1,4 +1,4 @@
-"""What a control law is.
+"""What a control law is, and how its parameters follow from a vehicle's numbers.
 
 A law is one pure function, so that the simulator, the tuner and the firmware can hang on it::
 
@@ -6,23 +6,29 @@ A law is one pure function, so that the simulator, the tuner and the firmware ca
 
 `parameters`, `state` and `measurement` are named tuples of floats, `reference` is the depth
 asked for [m]. The command is a voltage [V] or, for a positioner, a volume [m3], or, for pump and
-valve, a change of it [m3]. `next_sample_s`
-says how long until the law wants to be called again [s]; the clock of the vehicle has whole ticks
-(the controller's sample time), and the time is rounded up to them. The function uses arithmetic,
-comparisons, ``min``, ``max``, ``abs`` and the `math` module only, so that it compiles.
+valve, a change of it [m3]. `next_sample_s` says how long until the law wants to be called again
+[s]; the clock of the vehicle has whole ticks (the controller's sample time), and the time is
+rounded up to them. The function uses arithmetic, comparisons, ``min``, ``max``, ``abs`` and the
+`math` module only, so that it compiles.
 
 What is counted may be a `Count`, a whole number that takes 16 bits where the law is compiled: it
 grows and shrinks by `more` and `less`, which stay within them.
+
+A law's file has its `Recipe`: from it `tune` and `compare-laws` learn what to try, as natural
+frequencies and dampings, which mean the same for every vehicle, and how parameters are made of
+that. What several laws share stands here; what takes matrices, in `motion`, which is loaded when
+gains are made.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 if TYPE_CHECKING:
-    from swimbladder.control.recipe import Recipe
+    from swimbladder.physics.dynamics import Plant
 
 NEVER = 65535  # the largest count
 Count = Annotated[int, "0 to 65535"]
@@ -87,3 +93,155 @@ class Law:
     band: str = ""
     ways: Callable[[Any], Sequence[Way]] | None = None
     roundings: tuple[str, ...] = ()
+
+
+STROKE = 0.5  # of the stroke to the nearer end: what a path may take to accelerate
+_CRUISE = 0.25  # the same to keep a speed
+_SHORTEST = 10.0  # samples, of a target's way
+
+
+class Knobs(NamedTuple):
+    """What a law is tuned with.
+
+    frequency [rad/s] and damping [-] of the depth under feedback; inner [1/s]: rate at which the
+    volume follows; sharpness [-]: bandwidth of the filter over `frequency`; learning [-]: how fast
+    the neutral volume is learnt, as a share of what the filter could (adrc: bandwidth of the
+    disturbance's estimate over `frequency`); share [-]: of the motor's speed that a path takes;
+    dead [m3]: volume error that the motor rests at; pause [s]: how long a volume is made to be held
+    and an error is predicted ahead near the set-point (deadband: sleep); band [m]: predicted depth
+    errors that are left alone (deadband: depth errors); pulse [-]: time that a pulse of the law
+    pulse takes, as a share of `pause`; volts [-]: share of the supply in use.
+    """
+
+    frequency: float
+    damping: float
+    inner: float
+    sharpness: float = 6.0
+    learning: float = 0.01
+    share: float = 0.8
+    dead: float = 0.0
+    pause: float = 0.0
+    band: float = 0.0
+    pulse: float = 0.1
+    volts: float = 1.0
+
+
+class Drive(NamedTuple):
+    """A pump and valve over a range of depths, at their slowest."""
+
+    rate_out: float  # m3/s of the pump, with the least of the supply
+    rate_in: float  # m3/s of the valve
+    start: float  # m3 by which a start of the pump falls short
+    tick: float  # s, step of the time of a run
+    longest: float  # s, of a run of the pump
+    room: float  # m3 from the neutral volume to the nearer end of the stroke
+
+
+class Setting(NamedTuple):
+    """The vehicle as the gains see it: nominal, with the least of the supply."""
+
+    plant: Plant
+    sample_time: float  # s
+    noise: float  # m, of a measured depth, quantum included
+    limit: float  # V, least supply
+    neutral_range: float  # m3, how far the neutral volume may be from what is known
+    least_move: float  # m3, below which a volume is not told from noise
+    walk: float  # m3/s^0.5, intensity of the neutral volume's random walk
+    drive: Drive | None = None  # of a pump and valve
+
+
+class Grid(NamedTuple):
+    """Knobs that are combined."""
+
+    inner: tuple[float, ...]  # of the volume's error that a sample closes
+    frequency: tuple[float, ...]  # shares of the inner rate
+    damping: tuple[float, ...] = (1.0,)
+    sharpness: tuple[float, ...] = (1.0,)
+    learning: tuple[float, ...] = (1.0,)
+
+
+FAST = Grid(
+    (0.3, 0.45), (0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23), (0.8, 1.0), (5.0, 8.0, 12.0),
+    (0.003, 0.01),
+)  # fmt: skip
+QUIET = Grid(
+    (0.3,), (0.042, 0.046, 0.05, 0.06, 0.07, 0.08, 0.12), (0.7, 0.85, 1.0), (3.0, 4.0, 5.0, 6.0),
+    (1.0, 0.7, 0.4, 0.2, 0.1, 0.03),
+)  # fmt: skip
+
+
+_EXAMPLE = Knobs(frequency=0.35, damping=0.9, inner=1.2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """How the parameters of a law are made, and what `tune` tries.
+
+    gains: (vehicle's numbers, knobs) -> parameters, pure. fast, quiet: what is combined for these
+    goals (quiet: for energy too); None: it is not tuned for that. linear: around rest it has
+    margins. shares: of the motor's speed that a path takes, tried for fast. jitter: (parameters,
+    vehicle's numbers) -> what the noise makes of the volume asked for [m3], 1 sigma, for laws whose
+    dead zone is chosen by it. holds: for how long a volume is held near the set-point, in times of
+    `motion.off_in`, of laws that rest there. sleeps: of laws that sleep, in times of
+    `motion.runaway`. bands: that go with either, in times of the depth error allowed. volts: shares
+    of the supply, tried for energy. holds_best: no other law of its kind holds a depth more
+    quietly. example: knobs with which the paper's vehicle shows all of the law, for tests.
+
+    A law of volume changes is tuned with numbers of its own. candidates: (vehicle's numbers, goal,
+    error of the depth allowed [m]) -> what is tried; NoAnswerError says what leaves nothing. lasts:
+    (vehicle's numbers, way [m], goal) -> how long a trial lasts [s]. held: error of the depth that
+    is allowed where nothing is said [m].
+    """
+
+    gains: Callable[[Setting, Any], Any]
+    candidates: Callable[[Setting, str, float], Sequence[Any]] | None = None
+    lasts: Callable[[Setting, float, str], float] | None = None
+    held: float = 0.0
+    fast: Grid | None = None
+    quiet: Grid | None = None
+    linear: bool = True
+    shares: tuple[float, ...] = ()
+    jitter: Callable[[Any, Setting], float] | None = None
+    holds: tuple[float, ...] = ()
+    sleeps: tuple[float, ...] = ()
+    bands: tuple[float, ...] = ()
+    volts: tuple[float, ...] = (0.25, 0.5, 1.0)
+    holds_best: bool = False
+    example: Any = _EXAMPLE
+
+
+def stiffness(p: Plant) -> tuple[float, float]:
+    """Return (drag [1/s], buoyancy [1/m2/s2]): w' = a (psi z - V) - d w about rest."""
+    return (p.d_l if p.epsilon > 0.0 else p.d_b), p.a_b
+
+
+def room_of(p: Plant) -> float:
+    """Return the volume from neutral at the surface to the nearer end of the stroke [m3]."""
+    return min(p.V_max - p.V_0, p.V_0 - p.V_min)
+
+
+def jerk_of(s: Setting, k: Knobs) -> float:
+    """Return the jerk [m/s3] that a share of the motor's speed gives."""
+    return k.share * s.plant.gain * s.limit * k.volts * stiffness(s.plant)[1]
+
+
+def fastest_speed(p: Plant, jerk: float) -> float:
+    """Return a speed [m/s] for which neither accelerating nor keeping it takes the stroke."""
+    d, a = stiffness(p)
+    room = room_of(p)
+    force = _CRUISE * room * a
+    speed = (STROKE * room * a) ** 2 / jerk
+    if d + p.d_t <= 0.0:
+        return speed
+    return min(speed, 2.0 * force / (d + math.sqrt(d * d + 4.0 * p.d_t * force)))
+
+
+def target_numbers(s: Setting, k: Knobs) -> dict[str, float]:
+    """Return what sea-cascade and adrc have in common: how the target moves, and the limits."""
+    p, jerk = s.plant, jerk_of(s, k)
+    return {
+        "leash": 0.0, "fastest": fastest_speed(p, jerk), "jerk": jerk,
+        "shortest": _SHORTEST * s.sample_time, "psi": p.psi, "depth_voltage": p.load_drive,
+        "rate_per_volt": p.gain, "voltage_limit": k.volts * s.limit, "volume_min": p.V_min,
+        "volume_max": p.V_max, "S_p": s.sample_time,
+    }  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
-from swimbladder.control.recipe import stiffness
+from swimbladder.control.law import stiffness
 
 if TYPE_CHECKING:
     from swimbladder.physics.dynamics import Plant

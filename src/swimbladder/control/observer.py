@@ -14,7 +14,17 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import (
+    FAST,
+    QUIET,
+    STROKE,
+    Knobs,
+    Law,
+    Measurement,
+    Recipe,
+    Setting,
+    room_of,
+)
 from swimbladder.control.observers import (
     OBSERVED_UNITS,
     RESTING_UNITS,
@@ -28,7 +38,6 @@ from swimbladder.control.observers import (
     moves,
     trusted,
 )
-from swimbladder.control.recipe import FAST, QUIET, STROKE, Knobs, Recipe, Setting, room_of
 from swimbladder.control.records import from_leaves
 
 _NEAR = 2.5  # times the band of predicted errors: depth errors in which the motor rests

@@ -14,8 +14,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from swimbladder.control.law import Measurement
-from swimbladder.control.recipe import Knobs, Setting, stiffness
+from swimbladder.control.law import Knobs, Measurement, Setting, stiffness
 
 
 class Trust(NamedTuple):

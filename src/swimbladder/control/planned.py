@@ -19,7 +19,18 @@ import math
 from typing import NamedTuple
 
 from swimbladder.control.ability import BEHIND, learn_ability, usable
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import (
+    FAST,
+    QUIET,
+    Knobs,
+    Law,
+    Measurement,
+    Recipe,
+    Setting,
+    fastest_speed,
+    jerk_of,
+    stiffness,
+)
 from swimbladder.control.observers import (
     OBSERVED_UNITS,
     Estimate,
@@ -30,16 +41,6 @@ from swimbladder.control.observers import (
     jitter,
     limited,
     moves,
-)
-from swimbladder.control.recipe import (
-    FAST,
-    QUIET,
-    Knobs,
-    Recipe,
-    Setting,
-    fastest_speed,
-    jerk_of,
-    stiffness,
 )
 from swimbladder.control.records import from_leaves
 

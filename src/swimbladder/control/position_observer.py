@@ -11,7 +11,17 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import (
+    FAST,
+    QUIET,
+    STROKE,
+    Knobs,
+    Law,
+    Measurement,
+    Recipe,
+    Setting,
+    room_of,
+)
 from swimbladder.control.observers import (
     OBSERVED_UNITS,
     Estimate,
@@ -23,7 +33,6 @@ from swimbladder.control.observers import (
     limited,
     moves,
 )
-from swimbladder.control.recipe import FAST, QUIET, STROKE, Knobs, Recipe, Setting, room_of
 from swimbladder.control.records import from_leaves
 
 

@@ -22,7 +22,17 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import (
+    QUIET,
+    STROKE,
+    Knobs,
+    Law,
+    Measurement,
+    Recipe,
+    Setting,
+    room_of,
+    stiffness,
+)
 from swimbladder.control.observers import (
     OBSERVED_UNITS,
     RESTING_UNITS,
@@ -36,7 +46,6 @@ from swimbladder.control.observers import (
     moves,
     trusted,
 )
-from swimbladder.control.recipe import QUIET, STROKE, Knobs, Recipe, Setting, room_of, stiffness
 from swimbladder.control.records import from_leaves
 
 _LEAST = 0.4  # share of its rate that a motor is believed to have

@@ -32,8 +32,7 @@ import math
 from itertools import product
 from typing import NamedTuple
 
-from swimbladder.control.law import Law, Measurement, Way
-from swimbladder.control.recipe import Recipe, Setting
+from swimbladder.control.law import Law, Measurement, Recipe, Setting, Way
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.dynamics import drag_per_mass, terminal_speed
 

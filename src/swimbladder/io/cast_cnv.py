@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.io.cast_columns import CAST_COLUMNS, cast_unit, check_names
-from swimbladder.io.cast_raw import RawCast
+from swimbladder.io.cast_columns import CAST_COLUMNS, RawCast, cast_unit, check_names
 from swimbladder.io.log_text import counted
 from swimbladder.units import unit_factor
 

@@ -1,22 +1,350 @@
-"""A cast in a netCDF file: CF and OG1 by standard name; Argo's profile files by `cast_argo`."""
+"""A cast in a netCDF file: CF and OG1 by standard name; Argo's profile files by `cast_argo`.
+
+A cast in a profile file of Argo.
+
+The adjusted values are taken where there are any, and in the modes A and D no others; of each
+sample only what its quality flags call good (Argo user's manual, reference table 2: 1 good,
+2 probably good, 5 changed, 8 interpolated).
+
+The variables of a netCDF file as columns of a cast: in their units, and by their flags.
+
+Variables of a netCDF file from its bytes: netCDF-3 by SciPy, netCDF-4 by h5py.
+"""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import LogError
-from swimbladder.io.cast_argo import argo_cast, is_profiles
-from swimbladder.io.cast_columns import CAST_COLUMNS, NAMES, check_names, kind_of
-from swimbladder.io.cast_raw import RawCast, place_of
-from swimbladder.io.cast_variables import by_flags, in_unit, raw_cast, unit_said
-from swimbladder.io.netcdf_in import Variable, read_variables
+from swimbladder.errors import InputError, LogError
+from swimbladder.io.cast_columns import (
+    CAST_COLUMNS,
+    NAMES,
+    RawCast,
+    cast_unit,
+    check_names,
+    kind_of,
+    place_of,
+)
+from swimbladder.io.log_text import counted
+from swimbladder.units import unit_factor
 
 Array = NDArray[np.float64]
+# What netCDF-4 keeps for itself: references to dimensions, and dimensions that hold no numbers.
+_HDF_ONLY = ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "_Netcdf4Dimid", "_Netcdf4Coordinates")
+_NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variable:
+    """A variable: numbers with NaN where it has none, or texts, and its attributes as texts."""
+
+    values: Array | NDArray[np.str_]
+    attributes: Mapping[str, str]
+
+    @property
+    def numeric(self) -> bool:
+        """Whether it holds numbers."""
+        return self.values.dtype.kind == "f"
+
+
+def is_netcdf(data: bytes) -> bool:
+    """Say whether bytes are those of a netCDF file."""
+    return data.startswith((b"CDF\x01", b"CDF\x02", b"\x89HDF\r\n\x1a\n"))
+
+
+def read_variables(data: bytes, path: str | Path) -> dict[str, Variable]:
+    """Return the variables of a netCDF file by name.
+
+    Raises LogError where the bytes are damaged.
+    """
+    try:
+        return _classic(data) if data.startswith(b"CDF") else _hdf(data)
+    except Exception as error:  # whatever a decoder makes of damaged bytes, it is the bytes
+        raise LogError(
+            f"this netCDF file cannot be read: {' '.join(str(error).split())[:200]}",
+            file=path, field="file", remedy="Fetch it anew, or write its variables to a CSV",
+        ) from None  # fmt: skip
+
+
+def _classic(data: bytes) -> dict[str, Variable]:
+    from scipy.io import netcdf_file
+
+    file: Any  # its variables have attributes that the stubs do not know
+    with netcdf_file(io.BytesIO(data), "r", mmap=False) as file:
+        return {
+            str(name): _variable(np.array(v.data), dict(v._attributes))
+            for name, v in file.variables.items()
+        }
+
+
+def _hdf(data: bytes) -> dict[str, Variable]:
+    import h5py
+
+    found = {}
+    with h5py.File(io.BytesIO(data), "r") as file:
+        for name, item in file.items():
+            if not isinstance(item, h5py.Dataset):
+                continue
+            attributes = {k: v for k, v in item.attrs.items() if k not in _HDF_ONLY}
+            if not _text(item.attrs.get("NAME", "")).startswith(_NO_VARIABLE):
+                found[str(name)] = _variable(np.asarray(item[...]), attributes)
+    return found
+
+
+def _variable(raw: NDArray[Any], attributes: Mapping[str, Any]) -> Variable:
+    said = {str(name): _text(value) for name, value in attributes.items()}
+    if raw.dtype.kind in "SUO":
+        return Variable(values=_texts(raw), attributes=said)
+    values = raw.astype(np.float64)
+    for name in ("_FillValue", "missing_value"):
+        if name in attributes:
+            # as the file has it: 99999 in float32 is 99999 in float64
+            values[np.isin(raw, np.asarray(attributes[name]).astype(raw.dtype))] = np.nan
+    if attributes.get("scale_factor") is not None:
+        values = values * float(np.ravel(attributes["scale_factor"])[0])
+    if attributes.get("add_offset") is not None:
+        values = values + float(np.ravel(attributes["add_offset"])[0])
+    values[~np.isfinite(values)] = np.nan
+    return Variable(values=values, attributes=said)
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace").strip("\0 ")
+    return str(value).strip()
+
+
+def _texts(raw: NDArray[Any]) -> NDArray[np.str_]:
+    """Return texts; single characters, as netCDF-3 has them, joined along the last dimension."""
+    flat = [_text(item) if not isinstance(item, bytes) else item.decode("latin-1") for item in
+            np.ravel(raw)]  # fmt: skip
+    texts: NDArray[np.str_] = np.array(flat, dtype=np.str_).reshape(raw.shape)
+    if raw.ndim and raw.dtype.itemsize == 1 and raw.dtype.kind == "S":
+        rows = texts.reshape(-1, texts.shape[-1]) if texts.size else texts.reshape(0, 1)
+        joined = np.array(["".join(c or "\0" for c in row) for row in rows], dtype=np.str_)
+        return joined.reshape(raw.shape[:-1])
+    return texts
+
+
+_GOOD = set("1258")  # Argo user's manual, reference table 2
+_UNJUDGED = set("09")  # no quality control, and missing: NaN shows the second
+
+
+def unit_said(name: str, found: str, variable: Variable, stated: str | None = None) -> str | None:
+    """Return the unit of a variable that is the column `name`: as stated, by its attribute, or by
+    its name as that of a CSV's column; None where nothing says one.
+    """
+    said = variable.attributes.get("units", "") if stated is None else stated
+    if said:
+        return cast_unit(said)
+    kind = kind_of(found)
+    return kind[1] if kind is not None and kind[0] == name else None
+
+
+def in_unit(
+    name: str, found: str, variable: Variable, path: Path, report: list[str],
+    stated: str | None = None,
+) -> Array:  # fmt: skip
+    """Return the numbers of a variable in the unit of the column; `stated` is over its own.
+
+    report: gets a line of what was done. Raises LogError for texts and units of another kind.
+    """
+    if not variable.numeric:
+        raise LogError(
+            "no numbers but texts", file=path, field=found,
+            remedy=f'Choose another variable with --column "{name}=NAME"',
+        )  # fmt: skip
+    values = np.asarray(variable.values, dtype=np.float64)
+    unit, wanted = unit_said(name, found, variable, stated), CAST_COLUMNS[name]
+    if unit == "K" and wanted == "degC":
+        report.append(f"{found} is in kelvin; 273.15 subtracted")
+        return values - 273.15
+    if unit is None:
+        report.append(f"{name} read from {found}, which has no unit: taken to be {wanted or 'one'}")
+        return values
+    try:
+        factor = unit_factor(unit, wanted)
+    except InputError as error:
+        raise LogError(
+            error.what, file=path, field=found, value=unit, unit=wanted or "none",
+            remedy="Correct the variable's attribute `units`"
+            + (f', or say the unit with --column "{name}={found}@{wanted}"' if wanted else ""),
+        ) from None  # fmt: skip
+    report.append(f"{name} read from {found}" + ("" if factor == 1.0 else f", times {factor:g}"))
+    return values * factor
+
+
+def by_flags(
+    found: str, variables: Mapping[str, Variable], values: Array, path: Path, report: list[str]
+) -> None:
+    """Blank the values that their quality flags do not call good.
+
+    Raises LogError for flags that are not one for each value.
+    """
+    named = next((n for n in (f"{found}_QC", f"{found}_qc") if n in variables), None)
+    if named is None:
+        return
+    texts = _flag_texts(variables[named], values.shape)
+    if texts is None:
+        raise LogError(
+            f"not one quality flag for each value of {found}", file=path, field=named,
+            remedy="Give the flags the shape of the values, or write what is good to a CSV",
+        )  # fmt: skip
+    bad = np.isfinite(values) & ~np.isin(texts, list(_GOOD | _UNJUDGED))
+    if bad.any():
+        report.append(f"{counted(int(bad.sum()), 'value')} of {found} flagged as bad left out")
+        values[bad] = np.nan
+
+
+def _flag_texts(flags: Variable, shape: tuple[int, ...]) -> NDArray[np.str_] | None:
+    """Return a flag for each value: numbers as digits, strings of flags taken apart."""
+    if flags.numeric:
+        digits = np.nan_to_num(flags.values, nan=9.0).astype(int).astype(np.str_)
+        return digits if digits.shape == shape else None
+    if flags.values.shape == shape:  # a text for each, as xarray writes them
+        return np.array([str(text)[:1] for text in np.ravel(flags.values)]).reshape(shape)
+    letters = np.array([list(str(row).ljust(shape[-1])[: shape[-1]]) for row in
+                        np.ravel(flags.values)], dtype=np.str_)  # fmt: skip
+    return letters.reshape(shape) if letters.size == np.prod(shape) else None
+
+
+def raw_cast(
+    rows: Mapping[str, Array], path: Path, report: list[str], *, latitude: float | None = None,
+    longitude: float | None = None, name: str = "", names: Mapping[str, str] | None = None,
+    unit_named: str | None = None,
+) -> RawCast:  # fmt: skip
+    """Return the columns of a profile, each [n], as a cast as it stands in its file.
+
+    names: of the variables, by column; unit_named: that of pressure, where the file says one.
+    """
+    count = len(rows["temperature_degC"])
+    return RawCast(
+        path=path, pressure=rows.get("pressure_dbar"), depth=rows.get("depth_m"),
+        temperature=rows["temperature_degC"], salinity=rows.get("salinity"),
+        conductivity=rows.get("conductivity_S_m"), density=rows.get("density_kg_m3"),
+        row=np.arange(1, count + 1), row_name="sample", latitude=latitude,
+        longitude=longitude, name=name, report=report, names=dict(names or {}),
+        unit_named=unit_named,
+    )  # fmt: skip
+
+
+_ARGO = {"pressure_dbar": "PRES", "temperature_degC": "TEMP", "salinity": "PSAL"}
+_SEVERAL = 2
+_SHOWN = 4  # profiles, where there are too many
+
+
+def is_profiles(variables: Mapping[str, Variable]) -> bool:
+    """Say whether these are the variables of an Argo profile file."""
+    return all(name in variables for name in ("PRES", "TEMP")) and (
+        variables["PRES"].values.ndim == 2
+    )
+
+
+def argo_cast(variables: Mapping[str, Variable], path: Path, profile: int | None) -> RawCast:
+    """Return one profile of an Argo file: the primary one, or that asked for from 1.
+
+    Raises LogError where there are several to choose from, or none that is good.
+    """
+    report: list[str] = []
+    n = _number(variables, path, profile, report)
+    mode = _letters(variables, "DATA_MODE", n)
+    rows: dict[str, Array] = {}
+    for name, plain in _ARGO.items():
+        if plain not in variables:
+            continue
+        found = plain
+        adjusted = variables.get(f"{plain}_ADJUSTED")
+        if adjusted is not None and np.isfinite(np.asarray(adjusted.values[n], float)).any():
+            found = f"{plain}_ADJUSTED"
+        elif adjusted is not None and mode in ("A", "D"):
+            raise LogError(
+                f"in mode {mode} no value of {plain} was found fit to be adjusted: none is good",
+                file=path, field=f"{plain}_ADJUSTED",
+                remedy="Take another profile; if you trust its raw values, write them to a CSV",
+            )  # fmt: skip
+        values = in_unit(name, found, variables[found], path, report)
+        if values.shape != variables["PRES"].values.shape:
+            raise LogError(
+                "not as many values as pressures", file=path, field=found,
+                remedy="Fetch the file anew: every profile has a value per level",
+            )  # fmt: skip
+        by_flags(found, variables, values, path, report)
+        rows[name] = values[n]
+    where = {}
+    for name, variable in (("latitude", "LATITUDE"), ("longitude", "LONGITUDE")):
+        if variable in variables:
+            at = np.ravel(np.asarray(variables[variable].values, float))[n : n + 1]
+            where[name] = place_of(name, at, report)
+    return raw_cast(
+        rows, path, report, name=_platform(variables, n), latitude=where.get("latitude"),
+        longitude=where.get("longitude"),
+    )  # fmt: skip
+
+
+def _number(
+    variables: Mapping[str, Variable], path: Path, profile: int | None, report: list[str]
+) -> int:
+    """Return the profile that is asked for, from 0: else the only one, or only primary one.
+
+    Raises LogError where there are several, or fewer than asked for.
+    """
+    pressures = np.asarray(variables["PRES"].values, float)
+    count = len(pressures)
+    if profile is not None and profile > count:
+        raise LogError(
+            f"the file has {counted(count, 'profile')}", file=path, field="--profile",
+            value=profile, remedy=f"Choose from 1 to {count}",
+        )  # fmt: skip
+    if profile is not None or count < _SEVERAL:
+        return (profile or 1) - 1
+    held = [k for k in range(count) if np.isfinite(pressures[k]).any()]
+    primary = [k for k in held if _scheme(variables, k).startswith("primary")]
+    found = primary or held or [0]
+    if len(found) > 1:
+        some = ", ".join(
+            f"{k + 1}: {f'{_platform(variables, k)} to'.strip()} {np.nanmax(pressures[k]):.0f} dbar"
+            for k in found[:_SHOWN]
+        )
+        raise LogError(
+            f"there are {len(found)} profiles in it "
+            f"({some}{', ...' if len(found) > _SHOWN else ''})",
+            file=path, field="profile", remedy="Choose one with --profile N",
+        )  # fmt: skip
+    why = "the primary sampling" if primary else "the only one with pressures"
+    report.append(f"profile {found[0] + 1} of {count} taken, {why}")
+    return found[0]
+
+
+def _scheme(variables: Mapping[str, Variable], n: int) -> str:
+    schemes = variables.get("VERTICAL_SAMPLING_SCHEME")
+    texts = np.zeros(0) if schemes is None or schemes.numeric else np.ravel(schemes.values)
+    return str(texts[n]).lower() if n < len(texts) else ""
+
+
+def _letters(variables: Mapping[str, Variable], name: str, n: int) -> str:
+    """Return the n-th letter of a variable of one for each profile; "" where there is none."""
+    found = variables.get(name)
+    letters = "" if found is None or found.numeric else "".join(map(str, np.ravel(found.values)))
+    return letters[n : n + 1]
+
+
+def _platform(variables: Mapping[str, Variable], n: int) -> str:
+    number, cycle = variables.get("PLATFORM_NUMBER"), variables.get("CYCLE_NUMBER")
+    parts = []
+    if number is not None and not number.numeric:
+        parts.append(f"float {str(np.ravel(number.values)[n]).strip(chr(0) + ' ')}")
+    if cycle is not None and cycle.numeric and np.isfinite(np.ravel(cycle.values)[n]):
+        parts.append(f"cycle {int(np.ravel(cycle.values)[n])}")
+    return " ".join(parts)
+
+
 _FEWEST = 2
 
 

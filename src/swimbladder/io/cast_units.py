@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.io.cast_raw import RawCast
+from swimbladder.io.cast_columns import RawCast
 from swimbladder.units import unit_factor
 
 Array = NDArray[np.float64]

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import LogError
 from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, bracketed
-from swimbladder.io.log_numbers import ColumnReader
+from swimbladder.io.log_numbers import ColumnReader, RowTest, column_texts, none_chosen
 from swimbladder.io.log_parquet import ParquetRows, is_parquet
 from swimbladder.io.log_rows import Column, Rows, Sheet
 from swimbladder.io.log_text import read_bytes
 from swimbladder.io.log_time import TimeColumn
-from swimbladder.io.log_where import RowTest, column_texts, none_chosen
 
 Array = NDArray[np.float64]
 Choose = Callable[[list[str]], dict[str, LogColumn]]

@@ -24,8 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.errors import InputError
 from swimbladder.physics.seawater import Column
-from swimbladder.physics.seawater.column import ATMOSPHERE, water_compressibility
-from swimbladder.physics.seawater.lookup import slopes
+from swimbladder.physics.seawater.column import ATMOSPHERE, slopes, water_compressibility
 from swimbladder.vehicle import Hull, HullPart, IdentifiedMotion, PhysicalMotion, Vehicle
 
 Array = NDArray[np.float64]

@@ -26,14 +26,18 @@ The paper's symbols stand in the fields that were identified (K1, T1, K2, T2, ps
 from __future__ import annotations
 
 from swimbladder.vehicle.actuators import (
+    Driver,
     ElectrohydraulicActuator,
     ElectromechanicalActuator,
     HydraulicDrive,
     IdentifiedActuator,
+    Load,
     Motor,
     Oil,
+    Phase,
     Positioner,
     ScrewDrive,
+    Supply,
     UnifiedActuator,
 )
 from swimbladder.vehicle.body import (
@@ -46,7 +50,6 @@ from swimbladder.vehicle.body import (
     Stroke,
     Water,
 )
-from swimbladder.vehicle.electricity import Driver, Load, Phase, Supply
 from swimbladder.vehicle.hydraulics import DatasheetPump, PowerLawPump, PumpAndValve, Valve
 from swimbladder.vehicle.identified import Between, Identified
 from swimbladder.vehicle.schema import Parameters, Unit, field_unit, input_error

@@ -9,10 +9,13 @@ from pydantic import BeforeValidator, Field, model_validator
 from swimbladder.errors import InputError
 from swimbladder.units import parse_quantity
 from swimbladder.vehicle.actuators import (
+    Driver,
     ElectrohydraulicActuator,
     ElectromechanicalActuator,
     IdentifiedActuator,
+    Load,
     Positioner,
+    Supply,
     UnifiedActuator,
 )
 from swimbladder.vehicle.body import (
@@ -23,7 +26,6 @@ from swimbladder.vehicle.body import (
     Stroke,
     Water,
 )
-from swimbladder.vehicle.electricity import Driver, Load, Supply
 from swimbladder.vehicle.hydraulics import DatasheetPump, PumpAndValve
 from swimbladder.vehicle.identified import Identified
 from swimbladder.vehicle.schema import Parameters, Unit, refusal

@@ -8,8 +8,15 @@ import pytest
 
 from swimbladder.design.experiments.conditions import Release
 from swimbladder.design.experiments.draws import covariance_of, vehicles
-from swimbladder.design.experiments.library import releases, rounded, sizes
-from swimbladder.design.experiments.selection import Table, choose, criterion, in_order
+from swimbladder.design.experiments.search import (
+    Table,
+    choose,
+    criterion,
+    in_order,
+    releases,
+    rounded,
+    sizes,
+)
 from swimbladder.errors import InputError
 from swimbladder.estimation.motion import Prior
 from swimbladder.vehicle import Identified

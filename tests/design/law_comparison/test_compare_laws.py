@@ -6,8 +6,8 @@ import pytest
 
 from swimbladder.design.law_comparison import SCENARIOS, compare_laws
 from swimbladder.design.law_comparison import run as running
-from swimbladder.design.law_comparison.bounds import Asked, least_times
 from swimbladder.design.law_comparison.contenders import LeftOut
+from swimbladder.design.law_comparison.run import Asked, least_times
 from swimbladder.design.planning import least_time
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle

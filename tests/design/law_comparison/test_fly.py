@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 
 from swimbladder.design.law_comparison.contenders import PAPER, own
-from swimbladder.design.law_comparison.fly import Flown, fly, measure, no_energy, summarise
+from swimbladder.design.law_comparison.fly import (
+    Flown,
+    depth_error,
+    fly,
+    measure,
+    no_energy,
+    summarise,
+)
 from swimbladder.design.law_comparison.scenarios import SCENARIOS, Placed, Scenario, place, places
-from swimbladder.design.law_comparison.swell import depth_error
 from swimbladder.design.tuning.region import region
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate

@@ -7,10 +7,16 @@ import pytest
 
 from swimbladder import load_vehicle
 from swimbladder.control.registry import bind
-from swimbladder.design.linear.decisions import Delivery, decision_map, decision_of, smooth
 from swimbladder.design.linear.margins import spectral_radius
-from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume
-from swimbladder.design.tuning.float_flights import Asked, fly_floats
+from swimbladder.design.linear.pump_valve import (
+    Delivery,
+    decision_map,
+    decision_of,
+    drive_rates,
+    moved_by_volume,
+    smooth,
+)
+from swimbladder.design.tuning.float_trial import Asked, fly_floats
 from swimbladder.physics.dynamics import drag_per_mass, plant
 
 FLOAT = load_vehicle("example-float")

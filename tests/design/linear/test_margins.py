@@ -8,8 +8,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from swimbladder.design.linear.crossings import crossing_frequencies
 from swimbladder.design.linear.margins import (
+    crossing_frequencies,
     equivalent_poles,
     frequency_response,
     largest_delay,

@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from swimbladder.design.planning import energy, least_time, linear_program, plan, solvers
-from swimbladder.design.planning.linear_program import Goal, Near, posed
-from swimbladder.design.planning.motion import steps_along
+from swimbladder.design.planning import energy, least_time, linear_program, plan
+from swimbladder.design.planning.linear_program import Goal, Near, interior, posed, vertex
 from swimbladder.design.planning.nominal_trajectory import backward, resting
-from swimbladder.design.planning.solvers import interior, vertex
-from swimbladder.design.planning.task import task_of
+from swimbladder.design.planning.task import steps_along, task_of
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
@@ -234,7 +232,7 @@ def test_corner_and_interior_are_optima_of_the_same_program():
 def test_what_the_interior_point_method_does_not_solve_the_simplex_method_does(monkeypatch):
     known, told = least_time(FEUP, 1.5, 3.0), []
     corner = linear_program.vertex
-    monkeypatch.setattr(solvers, "_INTERIOR", 2)
+    monkeypatch.setattr(linear_program, "_INTERIOR", 2)
     monkeypatch.setattr(linear_program, "vertex", lambda p: told.append(p) or corner(p))
     found = least_time(FEUP, 1.5, 3.0)
     assert told

@@ -19,11 +19,14 @@ from swimbladder.design.planning.linear_program import (
     scale_of,
     solve,
 )
-from swimbladder.design.planning.load_direction import best_load_direction
-from swimbladder.design.planning.motion import steps_along
-from swimbladder.design.planning.nominal_trajectory import backward, resting, settle
+from swimbladder.design.planning.nominal_trajectory import (
+    backward,
+    best_load_direction,
+    resting,
+    settle,
+)
 from swimbladder.design.planning.run import search_least
-from swimbladder.design.planning.task import task_of
+from swimbladder.design.planning.task import steps_along, task_of
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import drive

@@ -9,8 +9,7 @@ from scipy.optimize import brentq
 
 from swimbladder.design.linear.margins import spectral_radius
 from swimbladder.design.linear.models import StateSpace
-from swimbladder.design.stability.cycles import balance
-from swimbladder.design.stability.describing import dead_zone, quantiser, relay, saturation
+from swimbladder.design.stability.cycles import balance, dead_zone, quantiser, relay, saturation
 
 H = 0.01
 # an integrator and two lags of a second

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from swimbladder.design.stability.describing import (
+from swimbladder.design.stability.cycles import (
     dead_zone,
     harmonic,
     play,

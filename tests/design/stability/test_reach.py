@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swimbladder.design.stability.reach import (
+from swimbladder.design.stability.recover import (
     edge_speed,
     falls,
     fastest_rate,

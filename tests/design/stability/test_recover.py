@@ -5,8 +5,7 @@ import pytest
 
 from swimbladder.control.registry import bind
 from swimbladder.design.stability import recover
-from swimbladder.design.stability.reach import holdable_depth
-from swimbladder.design.stability.recover import Verdict, recovery_maps
+from swimbladder.design.stability.recover import Verdict, holdable_depth, recovery_maps
 from swimbladder.io.config import load_vehicle
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant

@@ -7,7 +7,7 @@ from swimbladder.control.records import leaf_names
 from swimbladder.control.registry import LAWS, bind
 from swimbladder.design.linear.models import linearise
 from swimbladder.design.linear.sampled import discretise
-from swimbladder.design.stability.wrapped import wrapped
+from swimbladder.design.stability.robust import wrapped
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import simulate_ensemble

@@ -11,10 +11,15 @@ from swimbladder.cli import main
 from swimbladder.control.rate import candidates, gains
 from swimbladder.control.registry import bind
 from swimbladder.design.tuning import tune
-from swimbladder.design.tuning.float_flights import Asked, fly_floats
-from swimbladder.design.tuning.float_trial import Drawn, draw_floats, energy_of, float_trial
-from swimbladder.design.tuning.grids import float_score
-from swimbladder.design.tuning.knobs import setting_of
+from swimbladder.design.tuning.float_trial import (
+    Asked,
+    Drawn,
+    draw_floats,
+    energy_of,
+    float_trial,
+    fly_floats,
+)
+from swimbladder.design.tuning.gains import float_score, setting_of
 from swimbladder.design.tuning.region import FLOATS, member, region
 from swimbladder.design.tuning.trial import Step, Trial
 from swimbladder.errors import InputError, NoAnswerError

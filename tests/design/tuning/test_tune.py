@@ -9,20 +9,23 @@ import numpy as np
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.control.law import Measurement
+from swimbladder.control.law import Knobs, Measurement
 from swimbladder.control.motion import off_in
-from swimbladder.control.recipe import Knobs
 from swimbladder.control.registry import bind
 from swimbladder.design.analysis import analyse
 from swimbladder.design.linear.models import linearise
 from swimbladder.design.linear.sampled import SampledLoop, linearise_law
 from swimbladder.design.tuning import tune
-from swimbladder.design.tuning.energy import electrical_energy, winding
-from swimbladder.design.tuning.gains import gains, tunable
-from swimbladder.design.tuning.knobs import setting_of
+from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.margins import WANTED, exactly, falls_short, lacking, roughly, worst
 from swimbladder.design.tuning.region import region
-from swimbladder.design.tuning.trial import motor_starts, motor_turns, trial
+from swimbladder.design.tuning.trial import (
+    electrical_energy,
+    motor_starts,
+    motor_turns,
+    trial,
+    winding,
+)
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from studies.benches import Motor, steps, travel
-from swimbladder.estimation.actuator.response import Drive, respond, steady_speed
+from swimbladder.estimation.actuator.model import Drive, respond, steady_speed
 
 
 def drive(motor):

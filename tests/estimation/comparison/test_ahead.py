@@ -9,8 +9,7 @@ import pytest
 
 from swimbladder.cli import main
 from swimbladder.errors import InputError, LogError
-from swimbladder.estimation.comparison.ahead import predict_ahead
-from swimbladder.estimation.comparison.filter_prior import Tuning
+from swimbladder.estimation.comparison.ahead import Tuning, predict_ahead
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
 from swimbladder.io.tables import write_csv

@@ -8,15 +8,16 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from swimbladder.estimation.motion.deep_findings import weakly_determined
-from swimbladder.estimation.motion.deep_fit import _LEAST, DeepFit
-from swimbladder.estimation.motion.deep_model import Prior
-from swimbladder.estimation.motion.deep_random_effects import (
+from swimbladder.estimation.motion.deep_fit import (
+    _LEAST,
     TYPICAL,
+    DeepFit,
     RandomEffects,
     Single,
     random_effects,
     square_error,
 )
+from swimbladder.estimation.motion.deep_model import Prior
 
 Z95 = 1.959964
 

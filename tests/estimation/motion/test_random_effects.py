@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.comparison.filter_prior import Tuning, unknowns
+from swimbladder.estimation.comparison.ahead import Tuning, unknowns
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.motion.random_effects import FEWEST, between_logs
 from swimbladder.io.config import load_vehicle, read_model

@@ -12,8 +12,7 @@ from swimbladder.estimation.motion import Estimate, Prior, identify
 from swimbladder.estimation.motion.paper_method import paper_fits
 from swimbladder.io.config import load_vehicle
 from swimbladder.show.report import text
-from swimbladder.show.report.identification import pictures, residuals, write_identification
-from swimbladder.show.report.identification_page import page
+from swimbladder.show.report.identification import page, pictures, residuals, write_identification
 from tests.estimation.motion.pool import campaign, pool_log
 from tests.quoted import numbers
 

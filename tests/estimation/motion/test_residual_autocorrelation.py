@@ -5,8 +5,7 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from swimbladder.estimation.motion.noise import autoregression
-from swimbladder.estimation.motion.residual_autocorrelation import ArNoise, ar_noises, information
+from swimbladder.estimation.motion.noise import ArNoise, ar_noises, autoregression, information
 
 
 def _designs():

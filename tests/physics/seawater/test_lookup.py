@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swimbladder.physics.seawater import Cast, cast_column, look_up, uniform_column, water_table
-from swimbladder.physics.seawater.lookup import DENSITY, PRESSURE, TEMPERATURE, look_up_bent, slopes
+from swimbladder.physics.seawater.column import DENSITY, PRESSURE, TEMPERATURE, look_up_bent, slopes
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.vehicle import Water
 

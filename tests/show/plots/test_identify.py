@@ -10,7 +10,6 @@ from swimbladder.estimation.motion import Prior, identify
 from swimbladder.io.config import load_vehicle
 from swimbladder.show.plots import identify as plots
 from swimbladder.show.plots import identify_confidence as confidence
-from swimbladder.show.plots import identify_logs as each_log
 from tests.estimation.motion.pool import campaign
 
 FEUP_EM = load_vehicle("feup-em")
@@ -143,7 +142,7 @@ def test_a_profile_stands_beside_its_quadratic_approximation(found):
 
 
 def test_neutral_volumes_stand_against_the_prior(found):
-    left, right = each_log.draw_neutral(found).axes
+    left, right = plots.draw_neutral(found).axes
     widths = sorted(patch.get_width() for patch in left.patches)
     assert widths == pytest.approx([1.0, 2.0])  # cm3: one and two deviations to either side
     dots = left.containers[0].lines[0].get_xydata()
@@ -152,12 +151,12 @@ def test_neutral_volumes_stand_against_the_prior(found):
     assert "[cm³]" in left.get_xlabel()
     assert "[cm³/h]" in right.get_xlabel()
     free = dataclasses.replace(found, neutral_std=float("inf"))
-    assert each_log.draw_neutral(free).axes[0].patches[:] == []
+    assert plots.draw_neutral(free).axes[0].patches[:] == []
 
 
 def test_gains_stand_against_the_size_of_the_step(found):
     singles = {"paper, eq. (27)": [(2e-5, 16000.0), (7.5e-5, 10600.0)]}
-    (axes,) = each_log.draw_gains(found, singles).axes
+    (axes,) = plots.draw_gains(found, singles).axes
     rising, sinking = axes.containers
     assert len(rising.lines[0].get_xdata()) == len(sinking.lines[0].get_xdata()) == 2
     e = found.experiments[0]
@@ -176,14 +175,14 @@ def test_what_is_not_there_cannot_be_drawn(found):
         confidence.draw_profiles(dataclasses.replace(found, profiles={}))
     nothing = tuple(dataclasses.replace(e, own_gain=None) for e in found.experiments)
     with pytest.raises(ValueError, match="no log has a gain"):
-        each_log.draw_gains(dataclasses.replace(found, experiments=nothing))
+        plots.draw_gains(dataclasses.replace(found, experiments=nothing))
 
 
 def test_a_quadratic_drag_has_a_relative_gain():
     truth = {"m": 44.0, "k_dt": 14.0, "psi": 1e-6}
     logs = campaign(52, steps=(6e-5, -9e-5, 12e-5, -15e-5), **truth)
     found = identify(logs, FEUP_EM, drag="quadratic", choices=False, profiles=False)
-    (axes,) = each_log.draw_gains(found).axes
+    (axes,) = plots.draw_gains(found).axes
     assert axes.get_ylabel() == "gain over that of all logs [-]"
     names = [axes.get_xlabel() for axes in confidence.draw_ellipses(found).axes]
     assert "mass [kg]" in names

@@ -10,9 +10,8 @@ from scipy.integrate import solve_ivp
 
 import swimbladder as sb
 from swimbladder.codegen.clock import ControllerTwin
-from swimbladder.codegen.golden import command_limits
 from swimbladder.codegen.safety import supervisor_parameters
-from swimbladder.codegen.twin import twin
+from swimbladder.codegen.twin import command_limits, twin
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.sim.faults.kinds import Fault

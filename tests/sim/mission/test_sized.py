@@ -7,7 +7,7 @@ import pytest
 
 import swimbladder as sb
 from swimbladder.design.sizing import Dive, load_parts, size, sized_vehicle
-from swimbladder.design.sizing.budget import Budget
+from swimbladder.design.sizing.evaluation import Budget
 from swimbladder.io.mission import Mission
 from swimbladder.physics.battery import endurance, needed_capacity, usable_share
 from swimbladder.physics.seawater import uniform_column

@@ -13,8 +13,13 @@ from swimbladder.design.energy.fit import PumpFit, fit_pump
 from swimbladder.design.energy.fitted_pump import fitted_vehicle
 from swimbladder.design.energy.logged_runs import PumpRuns
 from swimbladder.design.energy.runs import Band, efficiency_bands, run_columns
-from swimbladder.design.energy.thruster import Thruster
-from swimbladder.design.energy.thruster_comparison import Hovering, Profiling, hovering, profiling
+from swimbladder.design.energy.thruster_comparison import (
+    Hovering,
+    Profiling,
+    Thruster,
+    hovering,
+    profiling,
+)
 
 __all__ = [
     "Band",

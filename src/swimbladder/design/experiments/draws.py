@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.experiments.fisher_information import Question
+from swimbladder.design.experiments.flight import Question
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]

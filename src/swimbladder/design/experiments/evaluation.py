@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.design.experiments.conditions import Passing, Ramps, Release, Setting, Turn
-from swimbladder.design.experiments.fisher_information import Question, fisher_information
-from swimbladder.design.experiments.flight import Flight, follow
-from swimbladder.design.experiments.omitted_variables import (
+from swimbladder.design.experiments.flight import Flight, Question, fisher_information, follow
+from swimbladder.design.experiments.predict import (
     OmittedVariable,
+    Prediction,
+    predict,
     without_drift,
     without_psi,
     without_trim,
 )
-from swimbladder.design.experiments.predict import Prediction, predict
 
 Array = NDArray[np.float64]
 _NOT_YET = 3.0  # of a parameter: nothing is known of it

@@ -9,7 +9,7 @@ import numpy as np
 
 from swimbladder.design.experiments.conditions import Setting
 from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet
-from swimbladder.design.experiments.fisher_information import Question
+from swimbladder.design.experiments.flight import Question
 from swimbladder.estimation.motion.identifiability import LIMIT
 from swimbladder.estimation.motion.result import Finding
 from swimbladder.units import format_quantity

@@ -10,9 +10,8 @@ import numpy as np
 
 from swimbladder.design.experiments.conditions import Release, Setting
 from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet
-from swimbladder.design.experiments.fisher_information import Question
-from swimbladder.design.experiments.flight import Flight
-from swimbladder.design.experiments.omitted_variables import OmittedVariable
+from swimbladder.design.experiments.flight import Flight, Question
+from swimbladder.design.experiments.predict import OmittedVariable
 from swimbladder.estimation.motion.result import Finding
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 

@@ -8,16 +8,15 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from swimbladder.control.protocol_records import Does
+from swimbladder.control.protocol import Does
 from swimbladder.design.experiments.conditions import Ramps, Release, Setting, ramps
 from swimbladder.design.experiments.draws import covariance_of, vehicles
 from swimbladder.design.experiments.evaluation import curve, deeper, evaluate
 from swimbladder.design.experiments.findings import judge
-from swimbladder.design.experiments.fisher_information import FEWEST, Question
-from swimbladder.design.experiments.library import sizes
+from swimbladder.design.experiments.flight import FEWEST, Question
 from swimbladder.design.experiments.result import Design
-from swimbladder.design.experiments.search import Search, search
-from swimbladder.design.experiments.selection import criterion as criterion_of
+from swimbladder.design.experiments.search import Search, search, sizes
+from swimbladder.design.experiments.search import criterion as criterion_of
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.estimation.motion import NAMES, NEUTRAL_STD, Prior

@@ -1,24 +1,264 @@
-"""The search for the best set: a library on a grid, a choice from it, then off the grid."""
+"""The search for the best set: a library on a grid, a choice from it, then off the grid.
+
+The releases that a design chooses from: steps, and to and fro, of sizes and places on a grid.
+
+Which of many candidates to run: the most informative set in the available time.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from swimbladder.design.experiments.conditions import Ramps, Release, Setting
-from swimbladder.design.experiments.fisher_information import Question, fisher_information
-from swimbladder.design.experiments.flight import follow
-from swimbladder.design.experiments.library import releases, rounded
-from swimbladder.design.experiments.selection import Criterion, Table, choose, in_order
+from swimbladder.design.experiments.conditions import Ramps, Release, Setting, Turn
+from swimbladder.design.experiments.flight import Question, fisher_information, follow
+from swimbladder.errors import InputError
+
+_SIZES = 7
+_SECOND = (1.0, 0.5, 0.0)  # of the first volume, with the other sign; 0: coasting
+_PLACES = (0.35, 0.5, 0.65)  # of the way through the range at which the volume is reversed
+_HALVINGS = 12
+_GRIDS = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)  # m, of depths that a person sets
+_GRID = 50.0  # of these in the range, at least
+_QUICKEST = 60  # samples of the shortest record
+_SURE = 4.0  # deviations of the neutral volume, so that the vehicle leaves the way it should
+
+
+def sizes(question: Question, ramps: Ramps, setting: Setting) -> list[float]:
+    """Return sizes of volume changes [m3], from one that takes half the longest record to cross
+    the range, to the largest that the stroke has and whose record is long enough.
+    """
+    most = min(ramps.most, -ramps.least)
+
+    def duration(size: float) -> float:
+        release = Release.to_and_fro(setting.deepest, [size], [])
+        return follow(release, question.model, question.values, ramps, setting).duration
+
+    large = _where(duration, _QUICKEST * setting.sample_time, 1e-4 * most, most)
+    least = _where(duration, 0.5 * setting.longest, 1e-4 * most, most)
+    if math.isfinite(setting.neutral_std):
+        least = max(least, _SURE * setting.neutral_std)
+    found: list[float] = np.geomspace(min(least, 0.5 * large), large, _SIZES).tolist()
+    return found
+
+
+def _where(duration: Callable[[float], float], wanted: float, low: float, high: float) -> float:
+    """Return the size at which a step takes the time wanted, or an end of the range of sizes."""
+    if duration(high) >= wanted:
+        return high
+    if duration(low) <= wanted:
+        return low
+    for _ in range(_HALVINGS):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if duration(middle) > wanted else (low, middle)
+    return math.sqrt(low * high)
+
+
+def releases(question: Question, ramps: Ramps, setting: Setting) -> list[list[Release]]:
+    """Return the candidates, from rest near the bottom and near the surface, in families.
+
+    Each release of a family goes on where the one before it ends.
+    """
+    found: list[list[Release]] = []
+    counts = sorted({n for n in (2, 4, 6, 8, setting.moves) if 2 <= n <= setting.moves})
+    for size in sizes(question, ramps, setting):
+        for start, sign in ((setting.deepest, 1.0), (setting.shallowest, -1.0)):
+            first = sign * size
+            found.append([Release.to_and_fro(start, [first], [])])
+            for place in _PLACES if setting.moves > 1 else ():
+                turn = start - sign * place * (setting.deepest - setting.shallowest)
+                for second in _SECOND:
+                    back, lengths = -second * first, counts if second else [2]
+                    family = [
+                        Release.to_and_fro(start, ([first, back] * n)[:n], [turn] * (n - 1))
+                        for n in lengths
+                    ]
+                    found.append(family)
+    return [[rounded(release, setting) for release in family] for family in found]
+
+
+def rounded(release: Release, setting: Setting) -> Release:
+    """Return a release with volumes and depths of moves that a person can set."""
+    span = setting.deepest - setting.shallowest
+    grid = next((g for g in _GRIDS if g <= span / _GRID), _GRIDS[-1])
+    first = abs(release.moves[0].volume)
+    step = 10.0 ** (math.floor(math.log10(first)) - 1)  # two digits of the first volume
+    moves = []
+    for volume, when in release.moves:
+        place = when
+        if when is not None:
+            inside = min(max(when.depth, setting.shallowest + grid), setting.deepest - grid)
+            place = when._replace(depth=round(grid * round(inside / grid), 6))
+        moves.append(Turn(float(f"{step * round(volume / step):.6g}"), place))
+    return release._replace(moves=tuple(moves))
+
 
 Array = NDArray[np.float64]
+_UNKNOWN = 1e-4  # information about a share: off by a hundred wholes
+_LITTLE = 0.0  # of the criterion: a whole of a parameter
+_PASSES = 40
+_WORTH = 1e-6  # of the criterion, that an exchange has to bring
+
+
+@dataclass(frozen=True, kw_only=True)
+class Criterion:
+    """How good a covariance is, in one number, less is better.
+
+    kind: largest, the logarithm of the largest standard deviation; D, that of the geometric mean of
+    the confidence ellipsoid's axes; A, that of the root of the mean variance. Of the parameters
+    `among`.
+    """
+
+    kind: str
+    among: tuple[int, ...]
+
+    def __call__(self, covariance: Array) -> Array:
+        """Return it for covariances [..., p, p] of shares."""
+        at = np.array(self.among)
+        C = covariance[..., at[:, None], at]
+        if self.kind == "D":
+            result: Array = 0.5 * np.linalg.slogdet(C)[1] / len(at)
+            return result
+        variance = np.diagonal(C, axis1=-2, axis2=-1)
+        one = variance.max(axis=-1) if self.kind == "largest" else variance.mean(axis=-1)
+        logs: Array = 0.5 * np.log(one)
+        return logs
+
+
+def criterion(text: str, names: Sequence[str]) -> Criterion:
+    """Return the criterion of that name; names of parameters ask for the largest among them.
+
+    Raises InputError for any other text.
+    """
+    if text in ("largest", "D", "A"):
+        return Criterion(kind=text, among=tuple(range(len(names))))
+    wanted = [part.strip() for part in text.split(",")]
+    if not all(part in names for part in wanted):
+        raise InputError(
+            "no such criterion", field="--criterion", value=text,
+            remedy=f"Choose largest, D or A, or name parameters: {', '.join(names)}",
+        )  # fmt: skip
+    return Criterion(
+        kind="largest", among=tuple(names.index(part) for part in dict.fromkeys(wanted))
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """Information of candidates [c, d, p, p] about each of d vehicles, what a drift does
+    [c, d, p, p], and the pool time that they take [c] in s.
+    """
+
+    gain: Array
+    drift: Array
+    cost: Array
+    prior: Array  # [p, p]
+    judge: Criterion
+
+    def value(self, gain: Array, drift: Array) -> Array:
+        """Return the criterion, averaged over the vehicles, of sums of records [..., d, p, p]."""
+        p = self.prior.shape[0]
+        C = np.linalg.inv(gain + self.prior + _UNKNOWN * np.eye(p))
+        result: Array = self.judge(np.add(C, C @ drift @ C)).mean(axis=-1)
+        return result
+
+    def of(self, chosen: Sequence[int]) -> float:
+        """Return the criterion of a set of candidates."""
+        at = list(chosen)
+        return float(self.value(self.gain[at].sum(axis=0), self.drift[at].sum(axis=0)))
+
+    def with_each(self, chosen: Sequence[int]) -> Array:
+        """Return the criterion of a set and each of the candidates added to it [c]."""
+        at = list(chosen)
+        return self.value(
+            self.gain[at].sum(axis=0) + self.gain, self.drift[at].sum(axis=0) + self.drift
+        )
+
+
+def choose(table: Table, budget: float, most: int) -> list[int]:
+    """Return the candidates to run, some perhaps more than once, within a pool time [s].
+
+    Greedy by what is gained per time, once for the criterion and once for the whole ellipsoid,
+    which also counts where one candidate alone is no answer; then exchanges (Fedorov) of up to two
+    for another until none helps. most: releases. Raises InputError where the time is too short for
+    any.
+    """
+    if not (table.cost <= budget).any():
+        raise InputError(
+            "the time is too short for one release", field="--time", value=round(budget), unit="s",
+            remedy=f"Give at least {table.cost.min() / 60.0:.1f} min, or a shorter --settling",
+        )  # fmt: skip
+    whole = replace(table, judge=Criterion(kind="D", among=tuple(range(len(table.prior)))))
+    found = []
+    for guide in (table, whole):
+        chosen = _greedy(guide, budget, most)
+        for _ in range(_PASSES):
+            better = _exchanged(table, chosen, budget, most)
+            if better == chosen:
+                break
+            chosen = better
+        found.append(chosen)
+    return min(found, key=table.of)
+
+
+def _greedy(table: Table, budget: float, most: int) -> list[int]:
+    chosen: list[int] = []
+    now, left = table.of(chosen), budget
+    while len(chosen) < most and (table.cost <= left).any():
+        values = np.where(table.cost <= left, table.with_each(chosen), np.inf)
+        best = int(np.argmax((now - values) / table.cost))
+        if not values[best] < now and chosen:
+            break
+        chosen.append(best)
+        now, left = float(values[best]), left - float(table.cost[best])
+    return chosen
+
+
+def _exchanged(table: Table, chosen: list[int], budget: float, most: int) -> list[int]:
+    """Return the best set that none, one or two of the chosen and another make, or fewer."""
+    best, least = chosen, table.of(chosen) - _WORTH
+    kinds = sorted(set(chosen))
+    out: list[tuple[int, ...]] = [(), *((kind,) for kind in kinds)]
+    out += list(combinations(kinds, 2)) + [(k, k) for k in kinds]
+    for gone in out:
+        others = list(chosen)
+        for kind in gone:
+            if kind in others:
+                others.remove(kind)
+        if len(others) > len(chosen) - len(gone):
+            continue
+        if others and table.of(others) < least:
+            best, least = others, table.of(others)
+        room = budget - float(table.cost[others].sum())
+        if len(others) < most and (table.cost <= room).any():
+            values = np.where(table.cost <= room, table.with_each(others), np.inf)
+            k = int(np.argmin(values))
+            if values[k] < least:
+                best, least = [*others, k], float(values[k])
+    return best
+
+
+def in_order(table: Table, chosen: Sequence[int]) -> list[int]:
+    """Return the chosen ones so that each next adds most to those before it."""
+    whole = replace(table, judge=Criterion(kind="D", among=tuple(range(len(table.prior)))))
+    left: list[int] = list(chosen)
+    order: list[int] = []
+    while left:
+        values = table.with_each(order)[left]
+        if values.min() > _LITTLE:  # nothing is known of some parameter yet, whichever is next
+            values = whole.with_each(order)[left]
+        order.append(left.pop(int(np.argmin(values))))
+    return order
+
+
 _TRIES = 40  # of sizes and places, for each kind of release in the set
 _NEAR = 0.1  # first step of these: of a volume, of a third of the range
 _LATE = 20.0  # of the criterion, for a set that takes twice its time

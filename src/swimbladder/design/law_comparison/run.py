@@ -1,15 +1,20 @@
-"""`compare_laws`: contenders found, flown on every scenario, and kept as they come."""
+"""`compare_laws`: contenders found, flown on every scenario, and kept as they come.
+
+The least time of each step, found in a process of its own: some programs take very long.
+"""
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from swimbladder.design.law_comparison.bounds import Asked, least_times
 from swimbladder.design.law_comparison.contenders import (
     GOALS,
     Contender,
@@ -28,13 +33,58 @@ from swimbladder.design.law_comparison.scenarios import (
     places,
     scenarios_of,
 )
+from swimbladder.design.planning import least_time
 from swimbladder.design.tuning.region import Region, region
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.jobs import Store, each
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
+
+
+class Asked(NamedTuple):
+    """A step [m] with the supply's voltage [V], None for a positioner."""
+
+    start: float
+    target: float
+    supply: float | None
+
+
+def least_times(vehicle: Vehicle, steps: Sequence[Asked], *, limit: float) -> list[dict[str, Any]]:
+    """Return for each step its least time [s] as ``time``, or in words ``why`` there is none.
+
+    limit [s]: after which no more are waited for; ``late`` says that one was not.
+    """
+    asked = json.dumps({"vehicle": vehicle.model_dump_json(), "steps": [list(s) for s in steps]})
+    try:
+        ran = subprocess.run(
+            [sys.executable, "-c", f"from {__name__} import answer; answer()"],
+            input=asked.encode(), stdout=subprocess.PIPE, timeout=limit, check=False,
+        )  # fmt: skip
+        printed = ran.stdout
+    except subprocess.TimeoutExpired as expired:
+        printed = expired.stdout or b""
+    whole = printed[: printed.rfind(b"\n") + 1].decode()
+    found: list[dict[str, Any]] = [json.loads(line) for line in whole.splitlines()]
+    why = f"the linear programs took longer than {limit:g} s (swimbladder plan has no limit)"
+    return found + [{"why": why, "late": True}] * (len(steps) - len(found))
+
+
+def _one(vehicle: Vehicle, step: Asked) -> dict[str, Any]:
+    try:
+        return {"time": least_time(vehicle, step.start, step.target, supply=step.supply).time}
+    except SwimbladderError as error:
+        return {"why": str(error)}
+
+
+def answer() -> None:
+    """Read a vehicle and steps from stdin, print a line of JSON for each: the process itself."""
+    given = json.loads(sys.stdin.read())
+    vehicle = Vehicle.model_validate_json(given["vehicle"])
+    for step in given["steps"]:
+        print(json.dumps(_one(vehicle, Asked(*step))), flush=True)
+
 
 _TUNING, _FLYING = 0.7, 0.3  # shares of the work
 _PATIENCE = 180.0  # s, with the linear programs of the least times

@@ -7,11 +7,10 @@ says it in sentences. Laws come in as functions: nothing here knows one by name.
 """
 
 from swimbladder.design.linear.analyse import Analysis, OpenLoop, analyse_linear
-from swimbladder.design.linear.closed import ClosedLoop
 from swimbladder.design.linear.margins import Margins, loop_margins
 from swimbladder.design.linear.models import StateSpace, linearise
 from swimbladder.design.linear.routh import RouthTable, routh_table
-from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, linearise_law
+from swimbladder.design.linear.sampled import ClosedLoop, LinearLaw, SampledLoop, linearise_law
 
 __all__ = [
     "Analysis",

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from swimbladder.design.linear.closed import ClosedLoop
 from swimbladder.design.linear.margins import Margins
+from swimbladder.design.linear.sampled import ClosedLoop
 
 if TYPE_CHECKING:
     from swimbladder.design.linear.analyse import Analysis

@@ -31,12 +31,11 @@ from swimbladder.design.planning.linear_program import (
     answer_of,
     columns_of,
     driven_by,
+    interior,
     posed,
     scale_of,
 )
-from swimbladder.design.planning.motion import STATES, Steps
-from swimbladder.design.planning.solvers import interior
-from swimbladder.design.planning.task import Task
+from swimbladder.design.planning.task import STATES, Steps, Task
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.actuator import reduced
 from swimbladder.vehicle import Positioner

@@ -9,7 +9,6 @@ from typing import NamedTuple
 from threadpoolctl import threadpool_limits
 
 from swimbladder.design.planning.linear_program import Answer, Goal, Near, scale_of, solve
-from swimbladder.design.planning.motion import Steps
 from swimbladder.design.planning.nominal_trajectory import (
     AGREE,
     NominalTrajectory,
@@ -17,7 +16,7 @@ from swimbladder.design.planning.nominal_trajectory import (
     settle,
     stretched,
 )
-from swimbladder.design.planning.task import Task, task_of
+from swimbladder.design.planning.task import Steps, Task, task_of
 from swimbladder.errors import NoAnswerError
 from swimbladder.vehicle import Vehicle
 

@@ -12,18 +12,17 @@ from threadpoolctl import threadpool_limits
 from swimbladder.design.linear.models import Array
 from swimbladder.design.planning.energy import electrical, least_energy, winding
 from swimbladder.design.planning.linear_program import Answer, Goal, Near, scale_of, solve
-from swimbladder.design.planning.load_direction import best_load_direction
 from swimbladder.design.planning.minimum_time import LeastTime, search_least
-from swimbladder.design.planning.motion import Steps
 from swimbladder.design.planning.nominal_trajectory import (
     NominalTrajectory,
+    best_load_direction,
     settle,
     sided,
     straight,
     stretched,
 )
 from swimbladder.design.planning.result import Plan
-from swimbladder.design.planning.task import Task, task_of
+from swimbladder.design.planning.task import Steps, Task, task_of
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.sim.closed_loop import drive
 from swimbladder.units import rounded

@@ -7,9 +7,8 @@ simulates.
 """
 
 from swimbladder.design.pool_day.day import Asked, News, PoolDay
-from swimbladder.design.pool_day.events import Sample
 from swimbladder.design.pool_day.follow import finished, follow, rehearse
-from swimbladder.design.pool_day.growing_log import GrowingLog
+from swimbladder.design.pool_day.growing_log import GrowingLog, Sample
 from swimbladder.design.pool_day.rehearsal import Operator
 from swimbladder.design.pool_day.rules import Rules
 from swimbladder.design.pool_day.segments import Segmenter

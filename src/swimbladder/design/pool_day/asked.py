@@ -11,7 +11,7 @@ from swimbladder.design.pool_day.verdict import Target
 from swimbladder.errors import InputError
 from swimbladder.estimation.motion import NEUTRAL_STD, Prior
 from swimbladder.estimation.motion.model import NAMES, check_names, default_names, model_of
-from swimbladder.estimation.motion.request import check_std
+from swimbladder.estimation.motion.run import check_std
 from swimbladder.io.plan import Plan
 from swimbladder.vehicle import Vehicle
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from swimbladder.design.pool_day import messages
-from swimbladder.design.pool_day.events import (
+from swimbladder.design.pool_day.files import STATE, Kept, keep, same_start, set_aside, write_state
+from swimbladder.design.pool_day.growing_log import (
     Changed,
     Cut,
     Ended,
@@ -18,7 +19,6 @@ from swimbladder.design.pool_day.events import (
     Sample,
     Turned,
 )
-from swimbladder.design.pool_day.files import STATE, Kept, keep, same_start, set_aside, write_state
 from swimbladder.design.pool_day.rules import Rules
 from swimbladder.design.pool_day.segments import Segmenter
 from swimbladder.design.pool_day.tasks import Task, next_task, undone

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.pool_day.events import (
+from swimbladder.design.pool_day.growing_log import (
     Changed,
     Cut,
     End,

@@ -1,10 +1,14 @@
-"""A log that grows: what is new in it since it was last looked at."""
+"""A log that grows: what is new in it since it was last looked at.
+
+What a log shows as it grows: samples in, rest, changes of volume and experiments out.
+"""
 
 from __future__ import annotations
 
 import shutil
 import tempfile
 from collections.abc import Mapping
+from enum import Enum
 from pathlib import Path
 from time import perf_counter
 from typing import Literal, NamedTuple
@@ -12,7 +16,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.pool_day.events import Sample
+from swimbladder.design.pool_day.rest import Rest
+from swimbladder.design.pool_day.volume import steadied
 from swimbladder.errors import LogError
 from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.io.files import read_at_most, temporary_folder
@@ -20,6 +25,105 @@ from swimbladder.io.log_format import LogFormat
 from swimbladder.io.log_text import MOST_BYTES
 from swimbladder.io.logs import Log, read_log
 from swimbladder.vehicle import Vehicle
+
+
+class Sample(NamedTuple):
+    """A row of a log."""
+
+    time: float  # s
+    depth: float  # m
+    volume: float  # m3, of any zero
+
+
+class End(Enum):
+    """What ended an experiment."""
+
+    TRAVEL = "it had gone far enough"
+    SURFACE = "it reached the surface"
+    BOTTOM = "it reached the bottom"
+    STOPPED = "it was stopped, by the bottom it seems"
+    PISTON = "the piston moved"
+    GAP = "the log has a gap"
+    LONG = "it took too long"
+    LOG = "the log ended"
+
+
+class Why(Enum):
+    """Why a stretch of the log is no experiment."""
+
+    NOT_AT_REST = "the volume was changed before the vehicle was at rest"
+    NOT_SETTLED = "the volume did not stand still"
+    SHORT = "the vehicle hardly moved"
+    FEW_SAMPLES = "there are too few samples"
+    STUCK = "the volume was changed and the vehicle did not move"
+
+
+class Cut(NamedTuple):
+    """An experiment, cut out of a log."""
+
+    rest: Rest  # before it
+    samples: tuple[Sample, ...]  # from a little before the release on
+    released: float  # s
+    change: float  # m3, of the volume, from the mean of the rest
+    travel: float  # m, to the furthest point, positive down
+    end: End
+    turns: int = 0  # changes of volume under way
+
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """Return the columns of a log that `identify` reads.
+
+        The volume counts from where the vehicle was neutral: the mean over the minute of rest. So
+        does its first row, since a log's first row is taken as neutral; what the piston did there,
+        while it held the depth, is not: it jitters about that mean. While it stands: `steadied`.
+        """
+        time, depth, volume = np.array(self.samples).T
+        glide = time >= self.released
+        volume[glide] = steadied(time[glide], volume[glide])
+        volume = volume - self.rest.neutral
+        volume[0] = 0.0
+        return {"time_s": time, "depth_m": depth, "volume_m3": volume}
+
+
+class Ready(NamedTuple):
+    """The vehicle has been at rest for a minute."""
+
+    time: float  # s
+    rest: Rest
+
+
+class Changed(NamedTuple):
+    """The volume was changed, and stands: an experiment is under way."""
+
+    time: float  # s, of the release
+    change: float  # m3
+    rest: Rest
+
+
+class Turned(NamedTuple):
+    """The volume was changed again under way, and stands."""
+
+    time: float  # s
+    volume: float  # m3, above the one at rest
+
+
+class Ended(NamedTuple):
+    """An experiment is over."""
+
+    time: float  # s
+    cut: Cut
+
+
+class Refused(NamedTuple):
+    """A stretch of the log looks like an experiment and is none."""
+
+    time: float  # s
+    why: Why
+    number: float  # m/s, m3, m or samples: by how much
+    end: End | None = None
+
+
+Event = Ready | Changed | Turned | Ended | Refused
+
 
 _EARLY = 20  # lines, up to which a log that cannot be read may just not be there yet
 _ENDS = (b"\n", b"\r")

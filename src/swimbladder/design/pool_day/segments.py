@@ -12,8 +12,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.pool_day.events import Changed, End, Event, Ready, Refused, Sample, Why
 from swimbladder.design.pool_day.glide import RECENT, Glide
+from swimbladder.design.pool_day.growing_log import Changed, End, Event, Ready, Refused, Sample, Why
 from swimbladder.design.pool_day.rest import Rest, neutral_volume, stillness
 from swimbladder.design.pool_day.rules import FEWEST, Rules
 from swimbladder.design.pool_day.window import SMOOTH, TIME, VOLUME, Window

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.pool_day.events import Sample
+from swimbladder.design.pool_day.growing_log import Sample
 
 Array = NDArray[np.float64]
 

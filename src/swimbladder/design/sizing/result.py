@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.design.sizing.budget import Budget
 from swimbladder.design.sizing.candidates import PARTS
-from swimbladder.design.sizing.evaluation import REQUIREMENTS
+from swimbladder.design.sizing.evaluation import REQUIREMENTS, Budget
 from swimbladder.design.sizing.run import Sizing
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.units import rounded

@@ -15,22 +15,175 @@ where L runs along -1/N.
 
 A cycle of a sampled loop need not be a whole number of samples long; if it is not, it is not
 periodic but lies on a closed curve, and the balance gives its mean period.
+
+Describing functions: what a nonlinearity makes of the first harmonic of a sine.
+
+After Gelb and Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design,
+McGraw-Hill 1968, chapter 2 and appendix B. All here are odd. Those without memory are real, with a
+slope of 1 where they are linear; those with memory turn the phase as well.
+
+The nonlinearities that a vehicle under its law really has, each in the loop that it stands in.
+
+The voltage saturates, and may be rounded, where the loop is broken at the voltage. The depth is
+rounded at the depth. A motor that friction holds, and a law that lets the motor rest, stand
+between the volume U that the law wants and V: a gain k_pV on U - V brings V along within a few
+samples, so seen from outside friction of u_f volts is a play of u_f/k_pV, and a dead zone D is a
+switch. V waits until the gap is D, then closes all but r of it: it goes between -M and M with M =
+(D - r)/2, and turns where U is h = (D + r)/2. That loop is broken at the volume, with the mean lag
+of the inner loop, 1/(K1 A k_pV), as a delay.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from swimbladder.design.linear.models import StateSpace
-from swimbladder.design.stability.describing import Nonlinearity
+from swimbladder.control.law import Law
+from swimbladder.control.records import from_leaves, leaves
+from swimbladder.design.linear.models import StateSpace, linearise
+from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, discretise
+from swimbladder.physics.dynamics import Plant
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_TURN = 4096  # points of a period
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nonlinearity:
+    """One nonlinearity: what it does to a sine, and to its first harmonic.
+
+    size: its limit, half of its dead zone, or its quantum, in the unit of what goes in. onset:
+    amplitude up to which N is 1 or 0; reach: times the onset, up to which cycles are looked for.
+    """
+
+    name: str
+    size: float
+    onset: float
+    reach: float
+    gain: Callable[[Array], Complex]  # amplitudes -> N(A) [-]
+    output: Callable[[Array], Array]  # two periods of a signal -> what comes out
+
+    def amplitudes(self, count: int) -> Array:
+        """Return amplitudes beyond the onset, closest where N changes most."""
+        return self.onset * (1.0 + np.geomspace(1e-8, self.reach, count))
+
+    def third(self, amplitude: float) -> float:
+        """Return the third harmonic of the output over the first [-]; inf where there is none."""
+        first = abs(harmonic(self.output, amplitude, 1))
+        return abs(harmonic(self.output, amplitude, 3)) / first if first > 0.0 else math.inf
+
+
+def harmonic(output: Callable[[Array], Array], amplitude: float, order: int) -> complex:
+    """Return a harmonic of output(amplitude sin t) against the sine, in the second period."""
+    t = (np.arange(2 * _TURN) + 0.5) * 2.0 * math.pi / _TURN
+    y = output(amplitude * np.sin(t))[_TURN:]
+    found = 2j * np.mean(y * np.exp(-1j * order * t[_TURN:]))
+    return complex(found)
+
+
+def _cap(x: Array) -> Array:
+    """Return (2/pi) (asin x + x sqrt(1 - x^2)), the share of a sine below x of its amplitude."""
+    x = np.clip(x, -1.0, 1.0)
+    result: Array = 2.0 / math.pi * (np.arcsin(x) + x * np.sqrt(1.0 - x * x))
+    return result
+
+
+def saturation(limit: float) -> Nonlinearity:
+    """Return a limit to either side: N = 1 up to it, then (2/pi)(asin r + r sqrt(1-r^2)), r = d/A.
+
+    Gelb and Vander Velde 1968, appendix B.
+    """
+    return Nonlinearity(
+        name="saturation", size=limit, onset=limit, reach=1e5,
+        gain=lambda A: _cap(limit / A).astype(np.complex128),
+        output=lambda x: np.clip(x, -limit, limit),
+    )  # fmt: skip
+
+
+def dead_zone(half: float) -> Nonlinearity:
+    """Return a dead zone of `half` to either side: N is 1 less that of the limit at its edge."""
+    return Nonlinearity(
+        name="dead zone", size=half, onset=half, reach=1e5,
+        gain=lambda A: (1.0 - _cap(half / A)).astype(np.complex128),
+        output=lambda x: x - np.clip(x, -half, half),
+    )  # fmt: skip
+
+
+def quantiser(quantum: float) -> Nonlinearity:
+    """Return rounding to a quantum q: N = (4 q/pi A) sum sqrt(1 - ((2 i - 1) q/2 A)^2).
+
+    The sum is over the steps that the sine reaches; its greatest value is 4/pi, at A = q/sqrt 2.
+    """
+    edges = (np.arange(1, 41) - 0.5) * quantum
+
+    def gain(A: Array) -> Complex:
+        reached = np.sqrt(np.maximum(1.0 - (edges / A[..., None]) ** 2, 0.0)).sum(axis=-1)
+        return np.asarray(4.0 * quantum / (math.pi * A) * reached, dtype=np.complex128)
+
+    return Nonlinearity(
+        name="quantiser", size=quantum, onset=0.5 * quantum, reach=78.0, gain=gain,
+        output=lambda x: quantum * np.floor(x / quantum + 0.5),
+    )  # fmt: skip
+
+
+def relay(level: float, hysteresis: float = 0.0) -> Nonlinearity:
+    """Return a switch between -level and level that turns `hysteresis` beyond 0.
+
+    N = (4 level/(pi A)) (sqrt(1 - (h/A)^2) - j h/A).
+    """
+    h = hysteresis
+
+    def gain(A: Array) -> Complex:
+        sine = h / A
+        found: Complex = 4.0 * level / (math.pi * A) * (np.sqrt(1.0 - sine**2) - 1j * sine)
+        return found
+
+    def output(x: Array) -> Array:
+        turned = np.where(x > h, 1.0, np.where(x < -h, -1.0, 0.0))
+        last = np.maximum.accumulate(np.where(turned != 0.0, np.arange(len(x)), 0))
+        held: Array = level * turned[last]
+        return held
+
+    onset = h if h > 0.0 else 1e-4 * level
+    return Nonlinearity(
+        name="relay", size=max(h, level), onset=onset, reach=1e5 * level / onset, gain=gain,
+        output=output,
+    )  # fmt: skip
+
+
+def play(half: float) -> Nonlinearity:
+    """Return play: what follows is dragged along once the gap is `half` (backlash of 2 half).
+
+    N = (1 + cap(x))/2 - j (4 b/(pi A)) (1 - b/A), x = 1 - 2 b/A, b = half.
+    """
+
+    def gain(A: Array) -> Complex:
+        ratio = half / A
+        found: Complex = 0.5 * (1.0 + _cap(1.0 - 2.0 * ratio)) - 1j * (
+            4.0 / math.pi * ratio * (1.0 - ratio)
+        )
+        return found
+
+    def output(x: Array) -> Array:
+        followed, y = np.empty_like(x), 0.0
+        for i, value in enumerate(x):
+            y = min(max(y, value - half), value + half)
+            followed[i] = y
+        return followed
+
+    return Nonlinearity(
+        name="play", size=half, onset=half, reach=1e5, gain=gain, output=output
+    )  # fmt: skip
+
 
 BELIEVED = 0.15  # expected error of amplitude or period up to which it is a prediction
 _AMPLITUDES, _FREQUENCIES = 1200, 600
@@ -134,3 +287,113 @@ def _returning(loop: StateSpace, nonlinearity: Nonlinearity, A: float, w: float)
     angle = abs((3.0 * w * loop.sample_time + math.pi) % (2.0 * math.pi) - math.pi)
     both = np.abs(_response(loop, np.array([w, angle / loop.sample_time])))
     return float(nonlinearity.third(A) * both[1] / both[0])
+
+
+_BROUGHT = 0.25  # share of a law's dead zone at which its motor stops: observer, sea-cascade
+
+
+class Predicted(NamedTuple):
+    """A nonlinearity of the vehicle, and a cycle that it makes; none where it makes none."""
+
+    source: str  # voltage limit, motor friction, dead zone of the law, ...
+    size: float
+    unit: str  # of the size
+    place: str  # where the loop is broken
+    cycle: Cycle | None
+    depth_amplitude: float  # m, of the depth's first harmonic; nan without a cycle
+    bound: bool = False  # amplitude and period are the most that it may have
+
+
+def without_rest(law: Law, parameters: Any) -> Any:
+    """Return the law's parameters without its dead zone and pauses: its linear part."""
+    resting = dict.fromkeys(filter(None, (law.dead_zone, law.near)), 0.0)
+    return from_leaves(type(parameters), leaves(parameters) | resting)
+
+
+def broken_at_volume(p: Plant, law: LinearLaw, *, depth: float, k_pV: float) -> StateSpace:
+    """Return the loop from the volume V to minus the volume U that the law wants.
+
+    U = V + (u - c z)/k_pV: what an inner loop of that gain would bring V to.
+    """
+    h, k = law.sample_time, law.system
+    body = discretise(
+        linearise(p._replace(positioner=1.0), depth=depth), h,
+        command_delay=1.0 / (p.gain * k_pV),
+    )  # fmt: skip
+    seen = [k.inputs.index(name) for name in body.outputs]
+    z, V = body.C[[body.outputs.index("depth")]], body.C[[body.outputs.index("volume")]]
+    wanted = np.hstack([V + (k.D[:, seen] @ body.C - p.load_drive * z) / k_pV, k.C / k_pV])
+    n, m = len(body.states), len(k.states)
+    A = np.block([[body.A, np.zeros((n, m))], [k.B[:, seen] @ body.C, k.A]])
+    return StateSpace(
+        A=A, B=np.vstack([body.B, np.zeros((m, 1))]), C=-wanted, D=np.zeros((1, 1)),
+        states=(*body.states, *k.states), inputs=("volume",), outputs=("volume",), sample_time=h,
+    )  # fmt: skip
+
+
+def predict(
+    p: Plant, law: Law, parameters: Any, linear: LinearLaw, *, depth: float, depth_quantum: float,
+    voltage_quantum: float,
+) -> tuple[Predicted, ...]:  # fmt: skip
+    """Return what each nonlinearity of a voltage-driven vehicle does at `depth` [m], by itself.
+
+    linear: the law's linear form, without its dead zone; depth_quantum [m]; voltage_quantum [V].
+    """
+    loop = SampledLoop(plant=linearise(p, depth=depth), law=linear)
+    h = linear.sample_time
+    at_voltage, at_depth = loop.broken_at_command(), loop.broken_at_depth()
+    from_voltage = discretise(loop.plant, h).part(output="depth", input="command")
+    found = []
+
+    def add(
+        source: str, size: float, unit: str, place: str, broken: StateSpace,
+        nonlinearity: Nonlinearity, to_depth: StateSpace | None,
+    ) -> None:  # fmt: skip
+        cycles = balance(broken, nonlinearity)
+        for cycle in cycles:
+            N = abs(complex(nonlinearity.gain(np.array([cycle.amplitude]))[0]))
+            depth_amplitude = cycle.amplitude
+            if to_depth is not None:
+                depth_amplitude *= N * abs(to_depth.at(np.exp(1j * cycle.frequency * h))[0, 0, 0])
+            found.append(Predicted(source, size, unit, place, cycle, depth_amplitude))
+        if not cycles:
+            found.append(Predicted(source, size, unit, place, None, math.nan))
+
+    add("voltage limit", p.supply, "V", "voltage", at_voltage, saturation(p.supply), from_voltage)
+    if voltage_quantum > 0.0:
+        add("quantum of the voltage", voltage_quantum, "V", "voltage", at_voltage,
+            quantiser(voltage_quantum), from_voltage)  # fmt: skip
+    if depth_quantum > 0.0:
+        add("quantum of the depth", depth_quantum, "m", "depth", at_depth,
+            quantiser(depth_quantum), None)  # fmt: skip
+    known = leaves(parameters)
+    k_pV = float(known.get(law.volume_gain, 0.0))
+    if not k_pV > 0.0:
+        return tuple(found)
+    body = discretise(linearise(p._replace(positioner=1.0), depth=depth), h)
+    to_depth = body.part(output="depth", input="command")
+    at_volume = broken_at_volume(p, linear, depth=depth, k_pV=k_pV)
+    held = p.friction + 0.5 * (p.load_drive - p.load_back) * depth
+    if held > 0.0:
+        add("friction of the motor", held, "V", "volume", at_volume, play(held / k_pV), to_depth)
+    rest = float(known.get(law.dead_zone, 0.0))
+    if rest > 0.0:
+        rests = rest * _left(p, k_pV, h)
+        switch = relay(0.5 * (rest - rests), 0.5 * (rest + rests))
+        add("dead zone of the law", rest, "m3", "volume", at_volume, switch, to_depth)
+    return tuple(found)
+
+
+def _left(p: Plant, k_pV: float, h: float) -> float:
+    """Return the share of a volume error that is left once the motor rests [-].
+
+    Each sample holds u = k_pV (U - V), until less than a quarter is left; the motor then runs out.
+    """
+    gap, rate, decay = 1.0, 0.0, math.exp(-h / p.T1)
+    for _ in range(1000):
+        goal = p.gain * k_pV * gap
+        gap -= goal * h + (rate - goal) * p.T1 * (1.0 - decay)
+        rate = goal + (rate - goal) * decay
+        if abs(gap) < _BROUGHT:
+            return gap - rate * p.T1
+    return 1.0  # it never comes near: the motor does not rest

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from swimbladder.control.law import Law
-from swimbladder.design.linear.decisions import Decision
-from swimbladder.design.linear.pump_valve import DriveRates, drag_slope, drive_rates
-from swimbladder.design.tuning.decisions import (
+from swimbladder.design.linear.pump_valve import Decision, DriveRates, drag_slope, drive_rates
+from swimbladder.design.tuning.margins import (
     Rest,
     decisions_of,
     deliveries,

@@ -29,10 +29,9 @@ from swimbladder.control.law import Law
 from swimbladder.control.rate import RateParameters
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume
 from swimbladder.design.stability.confirm import Seen, measure
-from swimbladder.design.stability.cycles import Cycle
-from swimbladder.design.stability.predict import Predicted
+from swimbladder.design.stability.cycles import Cycle, Predicted
 from swimbladder.design.stability.result import Confirmed
-from swimbladder.design.tuning.float_flights import Asked, Flights, fly_floats
+from swimbladder.design.tuning.float_trial import Asked, Flights, fly_floats
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
 from swimbladder.sim.mission.holding import least_band
 from swimbladder.vehicle import Vehicle

@@ -7,7 +7,7 @@ tried, `search` finds, `run` puts them together.
 
 from __future__ import annotations
 
-from swimbladder.design.tuning.grids import GOALS
+from swimbladder.design.tuning.gains import GOALS
 from swimbladder.design.tuning.result import Tuning
 from swimbladder.design.tuning.run import tune
 

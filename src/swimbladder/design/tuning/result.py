@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from swimbladder.control.law import Law
-from swimbladder.control.recipe import Setting
+from swimbladder.control.law import Law, Setting
 from swimbladder.control.records import leaves
 from swimbladder.design.tuning.gains import gains
 from swimbladder.design.tuning.margins import Loop, Worst, decibels, loops

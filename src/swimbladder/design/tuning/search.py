@@ -12,20 +12,30 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
-from swimbladder.control.recipe import Knobs, Setting
+from swimbladder.control.law import Knobs, Setting
 from swimbladder.design.linear.models import StateSpace
 from swimbladder.design.linear.pump_valve import drive_rates
-from swimbladder.design.tuning.decisions import largest_radius, rest_of
 from swimbladder.design.tuning.float_trial import Drawn, float_trial
-from swimbladder.design.tuning.gains import gains, recipe_of, tunable, tunable_names
-from swimbladder.design.tuning.grids import float_score, grid, options, preference, score
-from swimbladder.design.tuning.knobs import with_supply
+from swimbladder.design.tuning.gains import (
+    float_score,
+    gains,
+    grid,
+    options,
+    preference,
+    recipe_of,
+    score,
+    tunable,
+    tunable_names,
+    with_supply,
+)
 from swimbladder.design.tuning.margins import (
     WANTED,
     Worst,
     exactly,
     falls_short,
     lacking,
+    largest_radius,
+    rest_of,
     roughly,
     worst,
 )

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from swimbladder.estimation.actuator.bench import Bench, Driven
 from swimbladder.estimation.actuator.estimate import Estimate, shown
 from swimbladder.estimation.actuator.from_moves import MovesFit
+from swimbladder.estimation.actuator.from_voltage import SoftStart
 from swimbladder.estimation.actuator.result import Finding
-from swimbladder.estimation.actuator.soft_start import SoftStart
-from swimbladder.estimation.actuator.voltage_fit import VoltageFit
+from swimbladder.estimation.actuator.voltage import VoltageFit
 
 ASSUMPTIONS: Mapping[Driven, tuple[str, ...]] = {
     "voltage": (

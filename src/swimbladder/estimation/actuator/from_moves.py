@@ -18,9 +18,8 @@ from swimbladder.estimation.actuator.estimate import (
 )
 from swimbladder.estimation.actuator.moves import Move, moves
 from swimbladder.estimation.actuator.noise import spikes
-from swimbladder.estimation.actuator.plateau import Rate, rate_of
 from swimbladder.estimation.actuator.result import Step
-from swimbladder.estimation.actuator.startup import start_up
+from swimbladder.estimation.actuator.startup import Rate, rate_of, start_up
 
 _NO_VOLTAGE = "not in the log: it holds no voltage"
 _WAYS = {1: "out", -1: "in"}

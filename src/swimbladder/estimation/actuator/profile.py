@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from swimbladder.estimation.actuator.estimate import Estimate, bounded, estimated
-from swimbladder.estimation.actuator.voltage import solve
-from swimbladder.estimation.actuator.voltage_fit import VoltageFit
+from swimbladder.estimation.actuator.voltage import VoltageFit, solve
 
 _TWO_SIDED = 1.959963984540054
 _ONE_SIDED = 1.6448536269514722

@@ -22,11 +22,11 @@ from swimbladder.estimation.actuator.from_voltage import (
     by_direction,
     covariance_of,
     from_voltage,
+    soft_start,
     steps_of,
 )
 from swimbladder.estimation.actuator.nine_parameters import nine
 from swimbladder.estimation.actuator.result import ActuatorIdentification, Finding, LogFit
-from swimbladder.estimation.actuator.soft_start import soft_start
 from swimbladder.estimation.actuator.voltage import fit_voltage
 from swimbladder.io.logs import Log
 from swimbladder.vehicle import Positioner, Vehicle

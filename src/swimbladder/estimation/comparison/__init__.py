@@ -6,8 +6,7 @@ what is asked to be adjusted, `run` puts them together, `picture` draws the outc
 
 from __future__ import annotations
 
-from swimbladder.estimation.comparison.fit import Fitted
-from swimbladder.estimation.comparison.fittable import FITTABLE
+from swimbladder.estimation.comparison.fit import FITTABLE, Fitted
 from swimbladder.estimation.comparison.record import DRIVES, Record, record
 from swimbladder.estimation.comparison.run import Comparison, compare
 

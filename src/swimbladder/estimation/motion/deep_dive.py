@@ -19,7 +19,7 @@ from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.hull import layered_volume
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.seawater import Column
-from swimbladder.physics.seawater.lookup import slopes
+from swimbladder.physics.seawater.column import slopes
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
 Array = NDArray[np.float64]

@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from swimbladder.estimation.motion.deep_glide import glide
+from swimbladder.estimation.motion.deep_model import glide
 from swimbladder.estimation.motion.deep_water import AWAY, swing
 from swimbladder.io.files import source_hash
 from swimbladder.sim.engine.cache import compiled

@@ -7,6 +7,22 @@ sum of de de'/S + dS dS'/(2 S^2), whose inverse, priors included, is the covaria
 *Forecasting, Structural Time Series Models and the Kalman Filter*, 1989, section 3.4). That of
 several dives is by how far each, identified by itself, lies from what fits all
 (`deep_random_effects`).
+
+How far dives of one vehicle differ, and what that leaves of a set that fits them all.
+
+Samples of a dive share its errors of the model, hours and days long, so that their number says
+little of the vehicle. Each dive alone has parameters x_d of its own, with information I_d at m_d::
+
+    m_d ~ N(x_d, I_d^-1)     x_d ~ N(x, diag tau^2)     x ~ N(0, 1)     tau ~ half-Cauchy(TYPICAL)
+
+in deviations of the priors: random effects (e.g. Gelman, *Bayesian Analysis* 1, 2006, 515, on tau
+of few groups), which never determine x better than so many dives can. x_d and x are integrated
+exactly, tau drawn by Gibbs on a grid (Ritter and Tanner, *J. Am. Stat. Assoc.* 87, 1992, 861).
+
+One set x_0 that fits all samples best predicts dives best, and is no estimate of x where dives
+differ: it is pulled to where the misfit is small in mL, towards small volumes. Its mean square
+error about x is that of the random effects, and the square of how far they lie from it (Hausman,
+*Econometrica* 46, 1978, 1251, compares two such estimates).
 """
 
 from __future__ import annotations
@@ -22,7 +38,6 @@ from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.motion import deep_random_effects as effects
 from swimbladder.estimation.motion.deep_dive import DeepDive
 from swimbladder.estimation.motion.deep_filter import GATE, V0
 from swimbladder.estimation.motion.deep_model import Body, check_deep_names, drag_volume, excess
@@ -31,6 +46,83 @@ from swimbladder.estimation.motion.deep_path import Filtered, Noise, Path, deep_
 from swimbladder.estimation.motion.estimates import Prior
 
 Array = NDArray[np.float64]
+
+TYPICAL = 0.3  # deviations of a prior by which dives differ; six real ones have 0.06 to 0.6
+_GRID = np.append(0.01, np.geomspace(0.03, 3.0, 11))  # of tau
+_SWEEPS, _SETTLE = 60, 12  # of the draws; twice as many move deviations by a few percent
+_SEED = 1
+
+
+class Single(NamedTuple):
+    """Estimates from one dive alone of parameters [k], in deviations of their priors."""
+
+    value: Array  # with the priors [k]
+    information: Array  # without them [k, k]
+
+
+class RandomEffects(NamedTuple):
+    """Parameters of a vehicle whose dives differ, in deviations of their priors."""
+
+    value: Array  # [k]
+    covariance: Array  # [k, k]
+    spread: Array  # tau, 1 sigma from dive to dive [k]
+
+
+def random_effects(dives: Sequence[Single]) -> RandomEffects:
+    """Return the parameters that dives differ about, and by how much; for two dives or more."""
+    count = len(dives[0].value)
+    information = np.array([one.information for one in dives])
+    score = np.array([(one.information + np.eye(count)) @ one.value for one in dives])
+    rng = np.random.default_rng(_SEED)
+    prior = np.log(np.gradient(_GRID) / (1.0 + (_GRID / TYPICAL) ** 2))
+    tau, samples = np.full(count, TYPICAL), 0
+    value, square, differ = np.zeros(count), np.zeros((count, count)), np.zeros(count)
+    for sweep in range(_SWEEPS):
+        for j in range(count):
+            tried = np.repeat(tau[None], len(_GRID), axis=0)
+            tried[:, j] = _GRID
+            evidence, mean, covariance = _given(information, score, tried)
+            share = np.exp(evidence + prior - np.max(evidence + prior))
+            share /= share.sum()
+            tau[j] = rng.choice(_GRID, p=share)
+            if sweep >= _SETTLE:
+                value += share @ mean
+                square += np.tensordot(
+                    share, covariance + mean[:, :, None] * mean[:, None, :], axes=1
+                )
+                differ[j] += share @ _GRID
+                samples += 1
+    value, differ = value / samples, differ * count / samples
+    return RandomEffects(value, square / samples - np.outer(value, value), differ)
+
+
+def _given(information: Array, score: Array, tau: Array) -> tuple[Array, Array, Array]:
+    """Return log evidence [g], mean [g, k] and covariance [g, k, k] of x for tau [g, k].
+
+    information [d, k, k]: I_d; score [d, k]: I_d m_d.
+    """
+    eye, spread = np.eye(tau.shape[1]), tau[:, None, :] ** 2
+    mixed = eye + information[None] * spread[:, :, None, :]  # 1 + I_d T
+    counts = np.linalg.solve(mixed, np.broadcast_to(information, mixed.shape))  # (I_d^-1 + T)^-1
+    says = np.linalg.solve(mixed, np.broadcast_to(score[None, :, :, None], (*mixed.shape[:3], 1)))
+    says = says[..., 0]
+    covariance = np.linalg.inv(counts.sum(axis=1) + eye)
+    total = says.sum(axis=1)
+    mean = np.einsum("gij,gj->gi", covariance, total)
+    evidence = (
+        0.5 * np.einsum("dk,gdk->g", score, spread * says)
+        + 0.5 * np.einsum("gk,gk->g", total, mean)
+        - 0.5 * np.linalg.slogdet(mixed)[1].sum(axis=1)
+        + 0.5 * np.linalg.slogdet(covariance)[1]
+    )
+    return evidence, mean, covariance
+
+
+def square_error(found: RandomEffects, value: Array) -> Array:
+    """Return the mean square error of a set `value` [k] of parameters [k, k]."""
+    off = value - found.value
+    return np.asarray(found.covariance + np.outer(off, off))
+
 
 # Before: a typical value, and by which factor it may be off. Oil and runs are held tightly: left to
 # themselves they would explain what drag and hull should, and no balance would have to close.
@@ -64,7 +156,7 @@ class DeepFit:
     covariance: Array
     noise: Noise
     tempering: float  # power of the likelihood below 1 where the dives are overdispersed
-    random_effects: effects.RandomEffects | None  # in deviations of the priors; None: one dive
+    random_effects: RandomEffects | None  # in deviations of the priors; None: one dive
     distance: tuple[float, ...]  # how far each dive by itself is from this, in its deviations
     priors: Mapping[str, Prior]
     innovations: tuple[Array, ...]  # of each dive, of all samples but one, in their deviations
@@ -131,16 +223,16 @@ def fit_deep(
     problem, apiece = _Problem(body, paths, priors, names, fixed), 1.0
     if len(paths) > 1:  # and each by itself, which takes as long together
         apiece = 0.5
-    differing: effects.RandomEffects | None = None
+    differing: RandomEffects | None = None
     with threadpool_limits(limits=1):
         x, found = _searched(problem, lambda share: advance(apiece * share))
         covariance = np.linalg.inv(found.scores[0].information + np.eye(count))
         if len(paths) > 1:
-            differing = effects.random_effects([
+            differing = random_effects([
                 _alone(_Problem(body, [path], priors, names, fixed), advance, apiece / len(paths))
                 for path in paths
             ])  # fmt: skip
-            covariance = effects.square_error(differing, x[:count])
+            covariance = square_error(differing, x[:count])
     tempering = min(1.0, 1.0 / overdispersion(found.scores))
     # Of the starts: what the filter does not know, and what the parameters do not.
     moves = found.starts[:, :count]
@@ -286,10 +378,10 @@ def _searched(problem: _Problem, advance: Callable[[float], None]) -> tuple[Arra
     return x, found
 
 
-def _alone(problem: _Problem, advance: Callable[[float], None], part: float) -> effects.Single:
+def _alone(problem: _Problem, advance: Callable[[float], None], part: float) -> Single:
     """Return the estimates from one dive alone; `part` of the work."""
     x, found = _searched(problem, lambda share: advance(part * share))
-    return effects.Single(x[: len(problem.names)], found.scores[0].information)
+    return Single(x[: len(problem.names)], found.scores[0].information)
 
 
 def _guess(problem: _Problem) -> Array:

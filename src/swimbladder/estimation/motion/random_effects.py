@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.comparison.filter_prior import (
+from swimbladder.estimation.comparison.ahead import (
     Normal,
     Tuning,
     Unknowns,
@@ -26,8 +26,7 @@ from swimbladder.estimation.comparison.filter_prior import (
     unknowns,
 )
 from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.kalman.bank import log_likelihood
-from swimbladder.estimation.kalman.depth_filter import Samples
+from swimbladder.estimation.kalman.depth_filter import Samples, log_likelihood
 from swimbladder.vehicle import Between, Drag, Identified, IdentifiedMotion, Motion, Vehicle
 
 Array = NDArray[np.float64]

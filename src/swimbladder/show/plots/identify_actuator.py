@@ -1,17 +1,156 @@
-"""Steps of an actuator, measured against fitted, with residuals."""
+"""Steps of an actuator, measured against fitted, with residuals.
+
+Whole logs of an actuator, measured against fitted, and the speeds that they show.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from swimbladder.estimation.actuator import ActuatorIdentification
+from swimbladder.estimation.actuator.model import drive_of, steady_speed
 from swimbladder.estimation.actuator.result import Step
-from swimbladder.show.plots.style import BLACK, GREY, ORANGE, VERMILION, save, styled
+from swimbladder.show.plots.style import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, save, styled
+
+Array = NDArray[np.float64]
+
+_STEADY = 0.02  # of the largest voltage: the same
+_FEWEST = 5  # samples that show a speed
+
+
+@styled
+def draw_log(found: ActuatorIdentification, steps: Sequence[Step]) -> Figure:
+    """Return voltage, position and residuals of the steps of one log, against time."""
+    driven = any(s.voltage is not None for s in steps)
+    heights = [1.0, 2.4, 1.3] if driven else [2.4, 1.3]
+    figure = Figure(figsize=(9.6, 5.2 if driven else 4.2))
+    panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
+    *above, upper, lower = panels.tolist()
+    scale, unit, name = _units(found)
+    for k, step in enumerate(steps):
+        t, used = step.time, step.used
+        label = [None if k else text for text in ("measured", "fitted", "left out")]
+        upper.plot(t[used], scale * step.position[used], ".", ms=3, color=BLACK, label=label[0])
+        upper.plot(t, scale * step.fitted, color=VERMILION, lw=1.2, label=label[1])
+        lower.plot(t[used], scale * step.residual[used], ".", ms=2.5, color=BLACK)
+        if above and step.voltage is not None:
+            above[0].step(t, step.voltage, where="post", color=BLUE, lw=1.2)
+    _outliers(steps, scale, upper)
+    left = np.concatenate([s.residual[s.used] for s in steps])
+    band = 1.96 * scale * float(left.std())
+    lower.axhspan(-band, band, color=SKY, alpha=0.3, lw=0.0, label="95 % of the noise")
+    lower.axhline(0.0, color=GREY, lw=0.8)
+    upper.set_ylabel(f"{name} [{unit}]")
+    lower.set_ylabel(f"measured less\nfitted [{unit}]")
+    lower.set_xlabel("time since the log's first sample [s]")
+    if above:
+        above[0].set_ylabel("voltage [V]")
+    upper.legend(loc="upper right", ncols=3, bbox_to_anchor=(1.0, 1.12))
+    lower.legend(loc="upper right", bbox_to_anchor=(1.0, 1.2))
+    figure.align_ylabels()
+    return figure
+
+
+def _outliers(steps: Sequence[Step], scale: float, axes: Axes) -> None:
+    """Mark the samples left out, those beyond the axis at its edge."""
+    out = [(s.time[~s.used], s.position[~s.used]) for s in steps if not s.used.all()]
+    if out:
+        low, high = axes.get_ylim()
+        t, x = (np.concatenate(part) for part in zip(*out, strict=True))
+        axes.plot(t, np.clip(scale * x, low, high), "x", ms=4, color=ORANGE, label="left out")
+        axes.set_ylim(low, high)
+
+
+def shows_speeds(found: ActuatorIdentification) -> bool:
+    """Return whether there are steady speeds to draw."""
+    return any(s.speed is not None or _steady(s) for s in found.steps)
+
+
+@styled
+def draw_speeds(found: ActuatorIdentification) -> Figure:
+    """Return steady speed against voltage, or of each move where no voltage is logged."""
+    figure = Figure(figsize=(6.4, 3.9))
+    axes = figure.subplots()
+    scale, unit, _ = _units(found)
+    axes.set_ylabel(f"steady speed [{unit}/s]")
+    draw = _by_voltage if found.driven == "voltage" else _by_move
+    draw(found, scale, axes)
+    axes.legend(loc="best")
+    return figure
+
+
+def _by_voltage(found: ActuatorIdentification, scale: float, axes: Axes) -> None:
+    points = [point for step in found.steps for point in _steady(step)]
+    u, v = np.array(points).T
+    axes.plot(u, scale * v, "o", ms=4.5, mfc="none", color=BLACK, label="second half of a step")
+    values = {name: e.value for name, e in found.parameters.items() if e.value is not None}
+    if "K1A" in values:
+        values["K1"] = values.pop("K1A")
+    # in one direction alone, a load counts as dead zone
+    one_way = float(u.min()) * float(u.max()) >= 0.0
+    values = {**({"asymmetry": 1.0, "load_voltage": 0.0} if one_way else {}), **values}
+    if {"K1", "dead_zone", "load_voltage", "asymmetry"} <= values.keys():
+        drive = drive_of({"T1": 1.0, **values})
+        grid = np.linspace(min(float(u.min()), 0.0), max(float(u.max()), 0.0), 400)
+        line = [scale * steady_speed(x, drive) for x in grid.tolist()]
+        axes.plot(grid, line, color=VERMILION, lw=1.2, label="fitted")
+    axes.axhline(0.0, color=GREY, lw=0.8)
+    axes.set_xlabel("voltage [V]")
+
+
+def _steady(step: Step) -> list[tuple[float, float]]:
+    """Return (voltage [V], speed) of the stretches of steady voltage in a step."""
+    if step.voltage is None:
+        return []
+    u, t, x = step.voltage, step.time, step.position
+    same = _STEADY * float(np.abs(u).max(initial=0.0))
+    turns = np.flatnonzero(np.abs(np.diff(u)) > same) + 1
+    found = []
+    for low, high in itertools.pairwise([0, *turns.tolist(), len(u)]):
+        half = (low + high) // 2
+        gap = (high - half) // 2
+        if high - low >= _FEWEST and gap > 0 and abs(float(u[low])) > same:
+            ahead = np.arange(half, high - gap)
+            speed = (x[ahead + gap] - x[ahead]) / (t[ahead + gap] - t[ahead])
+            found.append((float(u[low]), float(np.median(speed))))
+    return found
+
+
+def _by_move(found: ActuatorIdentification, scale: float, axes: Axes) -> None:
+    shown = [(k, s) for k, s in enumerate(found.steps, start=1) if s.speed is not None]
+    for way, color, marker in (("out", BLUE, "o"), ("in", ORANGE, "s")):
+        own = [(k, s) for k, s in shown if s.label == f"{way}ward"]
+        speeds = [scale * (s.speed or 0.0) for _, s in own]
+        numbers = [k for k, _ in own]
+        label = f"{way}ward" if own else None
+        axes.plot(numbers, speeds, marker, ms=4.5, mfc="none", color=color, label=label)
+        for fit in found.logs:
+            rate = fit.parameters.get(f"rate_{way}")
+            moved = [k for k, s in own if s.source == fit.source]
+            if rate is None or rate.value is None or not moved:
+                continue
+            ends = [moved[0] - 0.5, moved[-1] + 0.5]
+            low, high = (scale * x for x in rate.ci95)
+            axes.plot(ends, [scale * rate.value] * 2, color=color, lw=1.2)
+            axes.fill_between(ends, low, high, color=color, alpha=0.25, lw=0.0)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("number of the move")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+
+
+def _units(found: ActuatorIdentification) -> tuple[float, str, str]:
+    """Return the scale, the unit and the name of the position as people read it."""
+    return (1e3, "mm", "piston") if found.quantity == "piston" else (1e6, "cm³", "volume")
+
 
 _MOST = 12  # steps in the figure
 

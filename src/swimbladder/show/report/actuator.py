@@ -20,8 +20,7 @@ from swimbladder.io.config import file_text
 from swimbladder.io.files import publish, write_atomically
 from swimbladder.io.tables import write_csv
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.plots.actuator_logs import draw_log, draw_speeds, shows_speeds
-from swimbladder.show.plots.identify_actuator import draw_steps
+from swimbladder.show.plots.identify_actuator import draw_log, draw_speeds, draw_steps, shows_speeds
 from swimbladder.show.plots.style import save
 from swimbladder.show.report.actuator_text import has_value, headlines, labels, pairs, rows, words
 from swimbladder.show.report.html import render

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.physics.seawater import look_up
-from swimbladder.physics.seawater.lookup import look_up_bent, slopes
+from swimbladder.physics.seawater.column import look_up_bent, slopes
 from swimbladder.sim.engine.cache import part
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from swimbladder.control import protocol
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.law import Measurement
-from swimbladder.control.protocol_records import Does, PoolParameters, PoolState, procedure_for
+from swimbladder.control.protocol import Does, PoolParameters, PoolState, procedure_for
 from swimbladder.control.registry import bind
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.sim.closed_loop import Solution, drive, simulate

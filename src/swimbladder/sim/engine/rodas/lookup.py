@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swimbladder.physics.seawater.lookup import look_up_bent
+from swimbladder.physics.seawater.column import look_up_bent
 from swimbladder.sim.engine.cache import part
 
 # Value, slope and curvature of a column at depth z [m]; of the columns over the line's pressure z

@@ -20,7 +20,7 @@ from swimbladder.physics.hull import heat_expansion, layered_volume, neutral_vol
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.pump_start import POLYTROPIC, LineCurves, line_curves
 from swimbladder.physics.seawater import Column, look_up
-from swimbladder.physics.seawater.lookup import slopes
+from swimbladder.physics.seawater.column import slopes
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.sim.engine.modes import DEEPEST
 from swimbladder.sim.engine.rodas.names import At, Given, Now, Table
