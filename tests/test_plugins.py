@@ -32,18 +32,18 @@ STEP = {"setpoints": [(0.0, 3.0)], "duration": 120.0, "start_depth": 1.5}
 
 # The paper's cascade, written anew: what it does is known from the law of the tree.
 LAW = """
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from swimbladder import Law
 from swimbladder.control.law import QUIET, Grid, Recipe, stiffness
 
 
 class Gains(NamedTuple):
-    inner: float  # V/m3
-    k_p: float  # m3/m
-    k_i: float  # m3/s/m
-    k_d: float  # m3 s/m
-    S_p: float  # s
+    inner: Annotated[float, "V/m3"]
+    k_p: Annotated[float, "m3/m"]
+    k_i: Annotated[float, "m3/s/m"]
+    k_d: Annotated[float, "m3 s/m"]
+    S_p: Annotated[float, "s"]
 
 
 class Memory(NamedTuple):
@@ -78,7 +78,6 @@ GRID = Grid((0.3, 0.45), (0.05, 0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23), (0.6, 
 LAW = Law(
     name="hover", summary="the paper's cascade, written anew", command="voltage",
     parameters=Gains, state=Memory, step=step, initial=initial,
-    units={"inner": "V/m3", "k_p": "m3/m", "k_i": "m3/s/m", "k_d": "m3 s/m", "S_p": "s"},
     recipe=Recipe(
         gains=gains, fast=GRID, quiet=GRID._replace(inner=(0.3,), frequency=QUIET.frequency),
         volts=(1.0,),
@@ -318,7 +317,8 @@ class TestWhatIsBroken:
             ("def LAW(:", "SyntaxError"),
             ("", "AttributeError"),
             (LAW, "is called 'bad' and the law 'hover'"),
-            (LAW.replace('name="hover"', 'name="bad"').replace('"k_d": "m3 s/m", ', ""), "k_d has"),
+            (LAW.replace('name="hover"', 'name="bad"').replace(', "m3 s/m"]', "]", 1)
+             .replace("Annotated[float]", "float"), "k_d has"),
             (LAW.replace('name="hover"', 'name="bad"').replace('"voltage"', '"torque"'),
              "no actuator takes a torque"),
         ],

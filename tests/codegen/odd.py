@@ -164,5 +164,5 @@ def again(p, state, command):
 
 ODD = Law(
     name="odd-one", summary="odd", command="voltage", parameters=OddParameters, state=OddState,
-    units={}, step=step, initial=initial,
+    step=step, initial=initial,
 )  # fmt: skip

@@ -2,7 +2,7 @@
 
 # ruff: noqa: ARG001
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pytest
@@ -89,7 +89,7 @@ def initial(p, m, reference):
 
 def law_of(step):
     return Law(
-        name="places", summary="", command="voltage", parameters=P, state=S, units={"a": ""},
+        name="places", summary="", command="voltage", parameters=P, state=S,
         step=step, initial=initial,
     )  # fmt: skip
 
@@ -148,7 +148,7 @@ def stay(p, state, m, reference):
 @pytest.mark.usefixtures("gcc")
 def test_a_state_of_zeros_keeps_its_sign(tmp_path):
     law = Law(
-        name="zeros", summary="", command="voltage", parameters=P, state=Counts, units={"a": ""},
+        name="zeros", summary="", command="voltage", parameters=P, state=Counts,
         step=stay, initial=begin,
     )  # fmt: skip
     assert "memset" in write_c99(read_law(law)).source
@@ -162,20 +162,20 @@ class Slope(NamedTuple):
 
 
 class Share(NamedTuple):
-    old: float  # -
-    new: float  # -
+    old: Annotated[float, ""]
+    new: Annotated[float, ""]
 
 
 class Gains(NamedTuple):
-    k: float  # V/m
-    d: float  # V/m
+    k: Annotated[float, "V/m"]
+    d: Annotated[float, "V/m"]
     share: Share
 
 
 class Nested(NamedTuple):
     gains: Gains
-    limit: float  # V
-    S_p: float  # s
+    limit: Annotated[float, "V"]
+    S_p: Annotated[float, "s"]
 
 
 class Remembered(NamedTuple):
@@ -202,7 +202,6 @@ def nested_step(p, state, m, reference):
 NESTED = Law(
     name="nested", summary="a law of nested records", command="voltage", parameters=Nested,
     state=Remembered, step=nested_step, initial=nested_initial,
-    units={"k": "V/m", "d": "V/m", "old": "", "new": "", "limit": "V", "S_p": "s"},
 )  # fmt: skip
 
 

@@ -425,7 +425,7 @@ def bits_of_floats(p, s, m, r):
 )
 def test_what_is_refused_names_file_line_and_remedy(step, says, line):
     law = Law(
-        name="wrong", summary="", command="voltage", parameters=Q, state=S, units={"a": ""},
+        name="wrong", summary="", command="voltage", parameters=Q, state=S,
         step=step, initial=start,
     )  # fmt: skip
     with pytest.raises(InputError) as caught:
@@ -440,7 +440,7 @@ def test_what_is_refused_names_file_line_and_remedy(step, says, line):
 
 def test_parameters_that_are_no_floats_are_refused():
     law = Law(
-        name="wrong", summary="", command="voltage", parameters=P, state=S, units={}, step=power,
+        name="wrong", summary="", command="voltage", parameters=P, state=S, step=power,
         initial=start,
     )  # fmt: skip
     with pytest.raises(InputError, match="'n' of P is no float"):
@@ -454,7 +454,7 @@ class B(NamedTuple):
 
 def test_two_numbers_of_one_name_are_refused():
     law = Law(
-        name="wrong", summary="", command="voltage", parameters=B, state=S, units={}, step=power,
+        name="wrong", summary="", command="voltage", parameters=B, state=S, step=power,
         initial=start,
     )  # fmt: skip
     with pytest.raises(InputError, match="'x' stands in B twice") as caught:
@@ -464,7 +464,7 @@ def test_two_numbers_of_one_name_are_refused():
 
 def test_one_class_for_parameters_and_state_is_refused():
     law = Law(
-        name="wrong", summary="", command="voltage", parameters=Q, state=Q, units={}, step=power,
+        name="wrong", summary="", command="voltage", parameters=Q, state=Q, step=power,
         initial=start,
     )  # fmt: skip
     with pytest.raises(InputError, match="same class"):
@@ -475,7 +475,7 @@ def test_a_function_without_source_is_refused():
     space = {}
     exec("def step(p, s, m, r):\n    return r, s, 1.0\n", space)
     law = Law(
-        name="wrong", summary="", command="voltage", parameters=Q, state=S, units={},
+        name="wrong", summary="", command="voltage", parameters=Q, state=S,
         step=space["step"], initial=start,
     )  # fmt: skip
     with pytest.raises(InputError, match="cannot be read"):

@@ -47,7 +47,7 @@ def wants_step(p, state, _measurement, _reference):
 
 ASKS = Law(
     name="asks", summary="asks for the same change each time", command="volume change",
-    parameters=Wants, state=Calls, units={"change": "m3", "every": "s"}, step=wants_step,
+    parameters=Wants, state=Calls, step=wants_step,
     initial=begins,
 )  # fmt: skip
 

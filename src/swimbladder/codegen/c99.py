@@ -110,11 +110,8 @@ def _standard(program: Program) -> list[str]:
 
 def _structs(program: Program) -> list[str]:
     """Return the law's own records, save what it sees where every law sees that."""
-    units, with_unit = dict(program.units), program.parameters.own()
     return [
-        _struct(program.name, record, units if record in with_unit else {})
-        for record in program.own()
-        if record.name != "measurement"
+        _struct(program.name, record) for record in program.own() if record.name != "measurement"
     ]
 
 
@@ -134,16 +131,13 @@ def _step(program: Program) -> str:
     )
 
 
-def _struct(
-    law: str, record: Record, units: dict[str, str], read: dict[str, set[str]] | None = None
-) -> str:
+def _struct(law: str, record: Record, read: dict[str, set[str]] | None = None) -> str:
     said = remarks(record.kind)
     lines = ["typedef struct {"]
     for name, kind in record.fields:
         if read is not None and name not in read[record.name]:
             continue
-        words = said.get(name) or units.get(name) or ""
-        comment = f" /* {words} */" if words else ""
+        comment = f" /* {said[name]} */" if said.get(name) else ""
         lines.append(f"    {c_type(law, kind)} {c_field(name)};{comment}")
     return "\n".join([*lines, f"}} {c_record(law, record)};", ""])
 
@@ -176,7 +170,7 @@ def _source(program: Program, private: bool) -> str:
     functions = "\n".join([*(helpers[n] for n in helpers if n in used), *entries])
     own = {record.name for record in program.own()}
     structs = [
-        _struct(program.name, r, {}, fields)
+        _struct(program.name, r, fields)
         for r in program.records
         if r.name not in own and re.search(rf"\b{c_record(program.name, r)}\b", functions)
     ]

@@ -29,6 +29,7 @@ from swimbladder.codegen.tree import (
     Type,
     place_of,
 )
+from swimbladder.control.records import units
 
 # Words of C and C++, and macros of <math.h>, <stdbool.h> and Arduino that a field might meet.
 _WORDS = """
@@ -100,12 +101,16 @@ def c_float(value: float) -> str:
 
 
 def remarks(kind: type | None) -> dict[str, str]:
-    """Return what stands beside each field in the source of a NamedTuple, its unit mostly."""
+    """Return the unit of each field of a NamedTuple, and what stands beside it in the source."""
     try:
         text = inspect.getsource(kind) if kind is not None else ""
     except (OSError, TypeError):
         text = ""
-    return {name: said.replace("*/", "* /") for name, said in _FIELD.findall(text)}
+    known = {name: unit or "-" for name, unit in units(kind).items()} if kind is not None else {}
+    for name, said in _FIELD.findall(text):
+        unit = known.get(name, "")
+        known[name] = said if said.startswith(unit) else f"{unit}, {said}"
+    return {name: said.replace("*/", "* /") for name, said in known.items()}
 
 
 def wrapped(line: str, width: int = 100) -> str:

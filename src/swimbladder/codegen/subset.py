@@ -55,7 +55,7 @@ def read_law(law: Law, seen: type[Any] = Measurement) -> Program:
         name=law.name, parameters=parameters, state=state, measurement=measurement,
         records=tuple(reader.records.values()), constants=tuple(reader.constants.values()),
         helpers=tuple(f for f in reader.functions.values() if f.name in reader.called),
-        step=step, initial=initial, words=law.summary, units=tuple(law.units.items()),
+        step=step, initial=initial, words=law.summary,
     )  # fmt: skip
 
 

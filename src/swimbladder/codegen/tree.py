@@ -245,7 +245,6 @@ class Program:
     step: Function
     initial: Function
     words: str
-    units: tuple[tuple[str, str], ...]
 
     def own(self) -> tuple[Record, ...]:
         """Return the records of its parameters, its state and what it sees, inner ones first."""

@@ -19,7 +19,7 @@ profile is that of `profile`, whose jerk the motor can follow.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from swimbladder.control.ability import BEHIND, learn_ability, usable
 from swimbladder.control.law import (
@@ -42,31 +42,31 @@ _QUICKEST = 20.0  # m/s, beyond it no speed is believed
 class AdrcGains(NamedTuple):
     """Gains of the feedback and of the observer."""
 
-    k_p: float  # 1/s2
-    k_d: float  # 1/s
-    l_z: float  # -
-    l_w: float  # 1/s
-    l_f: float  # 1/s2
+    k_p: Annotated[float, "1/s2"]
+    k_d: Annotated[float, "1/s"]
+    l_z: Annotated[float, ""]
+    l_w: Annotated[float, "1/s"]
+    l_f: Annotated[float, "1/s2"]
 
 
 class AdrcParameters(NamedTuple):
     """One number of the vehicle, gains, limits; see `adrc_gains`."""
 
-    b: float  # 1/m2/s2, acceleration per volume, K2/T2
-    drag: float  # 1/s, deceleration per speed, 1/T2; 0: part of the disturbance
-    psi: float  # m3/m, neutral volume per depth; 0: part of the disturbance
+    b: Annotated[float, "1/m2/s2"]  # acceleration per volume, K2/T2
+    drag: Annotated[float, "1/s"]  # deceleration per speed, 1/T2; 0: part of the disturbance
+    psi: Annotated[float, "m3/m"]  # neutral volume per depth; 0: part of the disturbance
     gains: AdrcGains
-    k_pV: float  # V/m3
-    leash: float  # m, largest error that counts; 0: any
-    fastest: float  # m/s, of the target; 0: no limit
-    jerk: float  # m/s3, of the target; 0: no limit
-    shortest: float  # s, that the target takes for any change
-    depth_voltage: float  # V/m, k_z/k_u
-    rate_per_volt: float  # m3/s/V, K1 A
-    voltage_limit: float  # V
-    volume_min: float  # m3
-    volume_max: float  # m3
-    S_p: float  # s
+    k_pV: Annotated[float, "V/m3"]
+    leash: Annotated[float, "m"]  # largest error that counts; 0: any
+    fastest: Annotated[float, "m/s"]  # of the target; 0: no limit
+    jerk: Annotated[float, "m/s3"]  # of the target; 0: no limit
+    shortest: Annotated[float, "s"]  # that the target takes for any change
+    depth_voltage: Annotated[float, "V/m"]  # k_z/k_u
+    rate_per_volt: Annotated[float, "m3/s/V"]  # K1 A
+    voltage_limit: Annotated[float, "V"]
+    volume_min: Annotated[float, "m3"]
+    volume_max: Annotated[float, "m3"]
+    S_p: Annotated[float, "s"]
 
 
 class AdrcState(NamedTuple):
@@ -97,29 +97,6 @@ class Observed(NamedTuple):
     depth: float  # m
     speed: float  # m/s
     disturbance: float  # m/s2
-
-
-ADRC_UNITS = {
-    "b": "1/m2/s2",
-    "drag": "1/s",
-    "psi": "m3/m",
-    "k_p": "1/s2",
-    "k_d": "1/s",
-    "l_z": "",
-    "l_w": "1/s",
-    "l_f": "1/s2",
-    "k_pV": "V/m3",
-    "leash": "m",
-    "fastest": "m/s",
-    "jerk": "m/s3",
-    "shortest": "s",
-    "depth_voltage": "V/m",
-    "rate_per_volt": "m3/s/V",
-    "voltage_limit": "V",
-    "volume_min": "m3",
-    "volume_max": "m3",
-    "S_p": "s",
-}
 
 
 def adrc_gains(
@@ -314,7 +291,6 @@ ADRC = Law(
     command="voltage",
     parameters=AdrcParameters,
     state=AdrcState,
-    units=ADRC_UNITS,
     step=step,
     initial=initial,
     volume_gain="k_pV",

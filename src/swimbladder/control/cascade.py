@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from swimbladder.control.law import (
     QUIET,
@@ -22,11 +22,11 @@ _GRID = Grid((0.3, 0.45), (0.05, 0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23), (0.6,
 class CascadeParameters(NamedTuple):
     """Gains of Table 3 in SI; the sample time is the one eqs (36)-(37) divide by."""
 
-    k_pV: float  # V/m3
-    k_pz: float  # m3/m
-    k_iz: float  # m3/s/m
-    k_dz: float  # m3 s/m
-    S_p: float  # s
+    k_pV: Annotated[float, "V/m3"]
+    k_pz: Annotated[float, "m3/m"]
+    k_iz: Annotated[float, "m3/s/m"]
+    k_dz: Annotated[float, "m3 s/m"]
+    S_p: Annotated[float, "s"]
 
 
 class CascadeState(NamedTuple):
@@ -81,7 +81,6 @@ CASCADE = Law(
     command="voltage",
     parameters=CascadeParameters,
     state=CascadeState,
-    units={"k_pV": "V/m3", "k_pz": "m3/m", "k_iz": "m3/s/m", "k_dz": "m3 s/m", "S_p": "s"},
     step=step,
     initial=initial,
     volume_gain="k_pV",

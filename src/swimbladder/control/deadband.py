@@ -21,7 +21,7 @@ what a late command may add, ends after half an interval. A drive that holds by 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from swimbladder.control.law import Knobs, Law, Measurement, Recipe, Setting, stiffness
 from swimbladder.errors import InputError
@@ -52,27 +52,27 @@ class DeadbandGains(NamedTuple):
 class DeadbandParameters(NamedTuple):
     """The model, the bands, the times and the motor."""
 
-    K2: float  # 1/m2/s, speed per volume
-    T2: float  # s
-    psi: float  # m3/m, neutral volume per depth
-    depth_noise: float  # m, 1 sigma
-    neutral_step: float  # m3, 1 sigma of what the neutral volume changes from wake to wake
-    band: float  # m, depth errors that are left alone
-    speed_band: float  # m/s, speeds that are left alone
-    fastest: float  # m/s, speed that is asked for at most
-    k_z: float  # 1/s
-    k_w: float  # -
-    growth: float  # -, of a deviation from rest over an interval; 1 where psi is not above 0
-    interval: float  # s, shortest sleep
-    longest: float  # s, longest sleep
-    k_pV: float  # V/m3
-    tolerance: float  # m3, nearer than this the volume counts as reached
-    depth_voltage: float  # V/m, k_z/k_u
-    rate_per_volt: float  # m3/s/V, of the volume, K1 A
-    voltage_limit: float  # V
-    volume_min: float  # m3
-    volume_max: float  # m3
-    S_p: float  # s
+    K2: Annotated[float, "1/m2/s"]  # speed per volume
+    T2: Annotated[float, "s"]
+    psi: Annotated[float, "m3/m"]  # neutral volume per depth
+    depth_noise: Annotated[float, "m"]  # 1 sigma
+    neutral_step: Annotated[float, "m3"]  # change of the neutral volume between wakes, 1 sigma
+    band: Annotated[float, "m"]  # depth errors that are left alone
+    speed_band: Annotated[float, "m/s"]  # speeds that are left alone
+    fastest: Annotated[float, "m/s"]  # speed that is asked for at most
+    k_z: Annotated[float, "1/s"]
+    k_w: Annotated[float, ""]
+    growth: Annotated[float, ""]  # of a deviation over an interval; 1 where psi is not above 0
+    interval: Annotated[float, "s"]  # shortest sleep
+    longest: Annotated[float, "s"]  # longest sleep
+    k_pV: Annotated[float, "V/m3"]
+    tolerance: Annotated[float, "m3"]  # nearer than this the volume counts as reached
+    depth_voltage: Annotated[float, "V/m"]  # k_z/k_u
+    rate_per_volt: Annotated[float, "m3/s/V"]  # of the volume, K1 A
+    voltage_limit: Annotated[float, "V"]
+    volume_min: Annotated[float, "m3"]
+    volume_max: Annotated[float, "m3"]
+    S_p: Annotated[float, "s"]
 
 
 class DeadbandState(NamedTuple):
@@ -113,31 +113,6 @@ class Decision(NamedTuple):
     moves: float  # -, 1 where the volume is to be moved
     sleep: float  # s, to the next look at the depth
     volume_reference: float  # m3
-
-
-DEADBAND_UNITS = {
-    "K2": "1/m2/s",
-    "T2": "s",
-    "psi": "m3/m",
-    "depth_noise": "m",
-    "neutral_step": "m3",
-    "band": "m",
-    "speed_band": "m/s",
-    "fastest": "m/s",
-    "k_z": "1/s",
-    "k_w": "",
-    "growth": "",
-    "interval": "s",
-    "longest": "s",
-    "k_pV": "V/m3",
-    "tolerance": "m3",
-    "depth_voltage": "V/m",
-    "rate_per_volt": "m3/s/V",
-    "voltage_limit": "V",
-    "volume_min": "m3",
-    "volume_max": "m3",
-    "S_p": "s",
-}
 
 
 def deadband_gains(
@@ -377,7 +352,6 @@ DEADBAND = Law(
     command="voltage",
     parameters=DeadbandParameters,
     state=DeadbandState,
-    units=DEADBAND_UNITS,
     step=step,
     initial=initial,
     volume_gain="k_pV",

@@ -23,7 +23,7 @@ gains are made.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
@@ -65,8 +65,9 @@ class Law:
     """A law: its step, its first state and what its numbers mean.
 
     parameters, state: NamedTuple classes whose fields are floats, counts or truths, the state of
-    at least one field. units: the unit of each parameter. initial: (parameters, measurement,
-    reference) -> state, also pure. A state field called `volume_reference` [m3] is recorded.
+    at least one field; a parameter is annotated with its unit, `Annotated[float, "m3/s"]`.
+    initial: (parameters, measurement, reference) -> state, also pure. A state field called
+    `volume_reference` [m3] is recorded.
 
     What the commands need to know beyond that, where the law has it. recipe: how its parameters are
     made for a vehicle; None: it is not tuned. Names of parameters, empty where there is none:
@@ -83,7 +84,6 @@ class Law:
     command: Literal["voltage", "volume", "volume change"]
     parameters: type[Any]
     state: type[Any]
-    units: Mapping[str, str]
     step: Callable[..., Any]
     initial: Callable[..., Any]
     recipe: Recipe | None = None
@@ -93,6 +93,13 @@ class Law:
     band: str = ""
     ways: Callable[[Any], Sequence[Way]] | None = None
     roundings: tuple[str, ...] = ()
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each parameter that is annotated with one."""
+        from swimbladder.control.records import units
+
+        return units(self.parameters)
 
 
 STROKE = 0.5  # of the stroke to the nearer end: what a path may take to accelerate

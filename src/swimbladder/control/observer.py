@@ -12,7 +12,7 @@ the clock (Astrom and Bernhardsson, IEEE CDC 2002, 2011).
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from swimbladder.control.law import (
     FAST,
@@ -26,8 +26,6 @@ from swimbladder.control.law import (
     room_of,
 )
 from swimbladder.control.observers import (
-    OBSERVED_UNITS,
-    RESTING_UNITS,
     Estimate,
     Observed,
     Resting,
@@ -48,25 +46,25 @@ class ObserverParameters(NamedTuple):
     """The model, the filter, the feedback and the actuator's limits."""
 
     model: Observed
-    k_z: float  # m3/m, volume per depth error
-    k_w: float  # m3 s/m, volume per speed error
-    k_V: float  # V/m3, voltage per volume error
-    dead: float  # m3, volume error below which the motor rests
-    near: float  # m, depth error within which the motor rests; 0: none
-    pause: float  # s, least time between two of its starts there
-    band: float  # m, predicted error that starts it
-    a_z: float  # -, prediction per depth error
-    a_w: float  # s, per speed
-    a_V: float  # m/m3, per volume off neutral
-    r_z: float  # m3/m, as k_z, for a volume that is held
-    r_w: float  # m3 s/m, as k_w, likewise
+    k_z: Annotated[float, "m3/m"]  # volume per depth error
+    k_w: Annotated[float, "m3 s/m"]  # volume per speed error
+    k_V: Annotated[float, "V/m3"]  # voltage per volume error
+    dead: Annotated[float, "m3"]  # volume error below which the motor rests
+    near: Annotated[float, "m"]  # depth error within which the motor rests; 0: none
+    pause: Annotated[float, "s"]  # least time between two of its starts there
+    band: Annotated[float, "m"]  # predicted error that starts it
+    a_z: Annotated[float, ""]  # prediction per depth error
+    a_w: Annotated[float, "s"]  # per speed
+    a_V: Annotated[float, "m/m3"]  # per volume off neutral
+    r_z: Annotated[float, "m3/m"]  # as k_z, for a volume that is held
+    r_w: Annotated[float, "m3 s/m"]  # as k_w, likewise
     resting: Resting
-    farthest: float  # m, a depth error beyond which no more volume is asked for
-    depth_voltage: float  # V/m, load of the sea
-    limit: float  # V
-    volume_min: float  # m3
-    volume_max: float  # m3
-    S_p: float  # s
+    farthest: Annotated[float, "m"]  # a depth error beyond which no more volume is asked for
+    depth_voltage: Annotated[float, "V/m"]  # load of the sea
+    limit: Annotated[float, "V"]
+    volume_min: Annotated[float, "m3"]
+    volume_max: Annotated[float, "m3"]
+    S_p: Annotated[float, "s"]
 
 
 class ObserverState(NamedTuple):
@@ -158,13 +156,6 @@ OBSERVER = Law(
     command="voltage",
     parameters=ObserverParameters,
     state=ObserverState,
-    units={
-        **OBSERVED_UNITS,
-        "k_z": "m3/m", "k_w": "m3 s/m", "k_V": "V/m3", "dead": "m3",
-        "near": "m", "pause": "s", "band": "m", "a_z": "", "a_w": "s", "a_V": "m/m3",
-        "r_z": "m3/m", "r_w": "m3 s/m", **RESTING_UNITS, "farthest": "m",
-        "depth_voltage": "V/m", "limit": "V", "volume_min": "m3", "volume_max": "m3", "S_p": "s",
-    },
     step=step,
     initial=initial,
     volume_gain="k_V",

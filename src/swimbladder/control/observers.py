@@ -12,7 +12,7 @@ straight between samples.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from swimbladder.control.law import Knobs, Measurement, Setting, stiffness
 
@@ -20,17 +20,17 @@ from swimbladder.control.law import Knobs, Measurement, Setting, stiffness
 class Trust(NamedTuple):
     """Gains on the innovation, the depth that is measured beyond the predicted one."""
 
-    l_z: float  # -
-    l_w: float  # 1/s
-    l_b: float  # m3/m
+    l_z: Annotated[float, ""]
+    l_w: Annotated[float, "1/s"]
+    l_b: Annotated[float, "m3/m"]
 
 
 class Resting(NamedTuple):
     """The same gains while nothing moves, near the set-point."""
 
-    n_z: float  # -
-    n_w: float  # 1/s
-    n_b: float  # m3/m
+    n_z: Annotated[float, ""]
+    n_w: Annotated[float, "1/s"]
+    n_b: Annotated[float, "m3/m"]
 
 
 class Observed(NamedTuple):
@@ -41,39 +41,19 @@ class Observed(NamedTuple):
     turbulent drag on top.
     """
 
-    f_zz: float  # -
-    f_zw: float  # s
-    f_wz: float  # 1/s
-    f_ww: float  # -
-    g_z0: float  # m/m3
-    g_z1: float  # m/m3
-    g_w0: float  # m/s/m3
-    g_w1: float  # m/s/m3
-    turbulent: float  # 1/m, S_p k_dt/m
+    f_zz: Annotated[float, ""]
+    f_zw: Annotated[float, "s"]
+    f_wz: Annotated[float, "1/s"]
+    f_ww: Annotated[float, ""]
+    g_z0: Annotated[float, "m/m3"]
+    g_z1: Annotated[float, "m/m3"]
+    g_w0: Annotated[float, "m/s/m3"]
+    g_w1: Annotated[float, "m/s/m3"]
+    turbulent: Annotated[float, "1/m"]  # S_p k_dt/m
     trust: Trust
-    neutral: float  # m3, neutral volume at depth 0 as it is known before
-    neutral_range: float  # m3, farthest that the estimate goes from there
-    psi: float  # m3/m
-
-
-OBSERVED_UNITS = {
-    "f_zz": "",
-    "f_zw": "s",
-    "f_wz": "1/s",
-    "f_ww": "",
-    "g_z0": "m/m3",
-    "g_z1": "m/m3",
-    "g_w0": "m/s/m3",
-    "g_w1": "m/s/m3",
-    "turbulent": "1/m",
-    "l_z": "",
-    "l_w": "1/s",
-    "l_b": "m3/m",
-    "neutral": "m3",
-    "neutral_range": "m3",
-    "psi": "m3/m",
-}
-RESTING_UNITS = {"n_z": "", "n_w": "1/s", "n_b": "m3/m"}  # fmt: skip
+    neutral: Annotated[float, "m3"]  # neutral volume at depth 0 as it is known before
+    neutral_range: Annotated[float, "m3"]  # farthest that the estimate goes from there
+    psi: Annotated[float, "m3/m"]
 
 
 class Estimate(NamedTuple):

@@ -16,7 +16,7 @@ estimates has room.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from swimbladder.control.ability import BEHIND, learn_ability, usable
 from swimbladder.control.law import (
@@ -32,7 +32,6 @@ from swimbladder.control.law import (
     stiffness,
 )
 from swimbladder.control.observers import (
-    OBSERVED_UNITS,
     Estimate,
     Observed,
     begin_estimate,
@@ -61,21 +60,21 @@ class PlannedParameters(NamedTuple):
     """The observer's model and filter, the feedback, the path's bounds, the actuator's limits."""
 
     model: Observed
-    inertia: float  # m3 s2/m, T2/K2 = m/(rho g): volume per acceleration
-    laminar: float  # 1/s, 1/T2
-    quadratic: float  # 1/m, k_dt/m
-    share: float  # -, of the volume's rate at the deeper end of the path that the path takes
-    speed: float  # m/s, bound of the path
-    k_z: float  # m3/m, volume per depth error
-    k_w: float  # m3 s/m, volume per speed error
-    k_V: float  # V/m3, voltage per volume error
-    dead: float  # m3, volume error below which the motor rests once the path has arrived
-    rate: float  # V s/m3, voltage per rate of volume, 1/(K1 A)
-    depth_voltage: float  # V/m, load of the sea
-    limit: float  # V
-    volume_min: float  # m3
-    volume_max: float  # m3
-    S_p: float  # s
+    inertia: Annotated[float, "m2 s2"]  # T2/K2 = m/(rho g): volume per acceleration
+    laminar: Annotated[float, "1/s"]  # 1/T2
+    quadratic: Annotated[float, "1/m"]  # k_dt/m
+    share: Annotated[float, ""]  # of the volume's rate at the deeper end that the path takes
+    speed: Annotated[float, "m/s"]  # bound of the path
+    k_z: Annotated[float, "m3/m"]  # volume per depth error
+    k_w: Annotated[float, "m3 s/m"]  # volume per speed error
+    k_V: Annotated[float, "V/m3"]  # voltage per volume error
+    dead: Annotated[float, "m3"]  # volume error at which the motor rests at the end
+    rate: Annotated[float, "V s/m3"]  # voltage per rate of volume, 1/(K1 A)
+    depth_voltage: Annotated[float, "V/m"]  # load of the sea
+    limit: Annotated[float, "V"]
+    volume_min: Annotated[float, "m3"]
+    volume_max: Annotated[float, "m3"]
+    S_p: Annotated[float, "s"]
 
 
 class PlannedState(NamedTuple):
@@ -216,12 +215,6 @@ PLANNED = Law(
     command="voltage",
     parameters=PlannedParameters,
     state=PlannedState,
-    units={
-        **OBSERVED_UNITS,
-        "inertia": "m2 s2", "laminar": "1/s", "quadratic": "1/m", "share": "", "speed": "m/s",
-        "k_z": "m3/m", "k_w": "m3 s/m", "k_V": "V/m3", "dead": "m3", "rate": "V s/m3",
-        "depth_voltage": "V/m", "limit": "V", "volume_min": "m3", "volume_max": "m3", "S_p": "s",
-    },
     step=step,
     initial=initial,
     volume_gain="k_V",

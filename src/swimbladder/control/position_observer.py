@@ -9,7 +9,7 @@ it goes in a sample: then the next sample finds it there. Within a dead zone it 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from swimbladder.control.law import (
     FAST,
@@ -23,7 +23,6 @@ from swimbladder.control.law import (
     room_of,
 )
 from swimbladder.control.observers import (
-    OBSERVED_UNITS,
     Estimate,
     Observed,
     begin_estimate,
@@ -40,14 +39,14 @@ class PositionObserverParameters(NamedTuple):
     """The model, the filter, the feedback and the piston's limits; see `observer`."""
 
     model: Observed
-    k_z: float  # m3/m, volume per depth error
-    k_w: float  # m3 s/m, volume per speed error
-    dead: float  # m3, volume error below which the piston rests
-    farthest: float  # m, a depth error beyond which no more volume is asked for
-    rate: float  # m3/s, of the piston
-    volume_min: float  # m3
-    volume_max: float  # m3
-    S_p: float  # s
+    k_z: Annotated[float, "m3/m"]  # volume per depth error
+    k_w: Annotated[float, "m3 s/m"]  # volume per speed error
+    dead: Annotated[float, "m3"]  # volume error below which the piston rests
+    farthest: Annotated[float, "m"]  # a depth error beyond which no more volume is asked for
+    rate: Annotated[float, "m3/s"]  # of the piston
+    volume_min: Annotated[float, "m3"]
+    volume_max: Annotated[float, "m3"]
+    S_p: Annotated[float, "s"]
 
 
 class PositionObserverState(NamedTuple):
@@ -102,11 +101,6 @@ POSITION_OBSERVER = Law(
     command="volume",
     parameters=PositionObserverParameters,
     state=PositionObserverState,
-    units={
-        **OBSERVED_UNITS,
-        "k_z": "m3/m", "k_w": "m3 s/m", "dead": "m3", "farthest": "m", "rate": "m3/s",
-        "volume_min": "m3", "volume_max": "m3", "S_p": "s",
-    },
     step=step,
     initial=initial,
     dead_zone="dead",

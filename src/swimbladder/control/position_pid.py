@@ -9,7 +9,7 @@ limits. The piston's position counts inward: further in displaces less and the v
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from swimbladder.control.law import Law, Measurement
 
@@ -17,16 +17,16 @@ from swimbladder.control.law import Law, Measurement
 class PositionPidParameters(NamedTuple):
     """Gains, limits and the way from a position to a volume; S_p is the sample time."""
 
-    K_p: float  # m/m, position per depth
-    K_i: float  # m/s/m
-    K_d: float  # m s/m
-    threshold: float  # m, the integral holds while |error| is this or more
-    smoothing: float  # -, weight of the newest depth in the average; 1: no smoothing
-    position_min: float  # m, inward
-    position_max: float  # m, inward
-    piston_area: float  # m2
-    volume_at_zero: float  # m3, with the piston at position 0
-    S_p: float  # s
+    K_p: Annotated[float, "m/m"]  # position per depth
+    K_i: Annotated[float, "m/s/m"]
+    K_d: Annotated[float, "m s/m"]
+    threshold: Annotated[float, "m"]  # the integral holds while |error| is this or more
+    smoothing: Annotated[float, ""]  # weight of the newest depth in the average; 1: no smoothing
+    position_min: Annotated[float, "m"]  # inward
+    position_max: Annotated[float, "m"]  # inward
+    piston_area: Annotated[float, "m2"]
+    volume_at_zero: Annotated[float, "m3"]  # with the piston at position 0
+    S_p: Annotated[float, "s"]
 
 
 class PositionPidState(NamedTuple):
@@ -79,18 +79,6 @@ POSITION_PID = Law(
     command="volume",
     parameters=PositionPidParameters,
     state=PositionPidState,
-    units={
-        "K_p": "m/m",
-        "K_i": "m/s/m",
-        "K_d": "m s/m",
-        "threshold": "m",
-        "smoothing": "",
-        "position_min": "m",
-        "position_max": "m",
-        "piston_area": "m2",
-        "volume_at_zero": "m3",
-        "S_p": "s",
-    },
     step=step,
     initial=initial,
 )

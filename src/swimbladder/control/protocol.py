@@ -25,10 +25,10 @@ from __future__ import annotations
 
 import math
 from enum import Enum
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from swimbladder.control import cascade
-from swimbladder.control.cascade import CASCADE, CascadeParameters, CascadeState
+from swimbladder.control.cascade import CascadeParameters, CascadeState
 from swimbladder.control.law import Law, Measurement
 
 MARGIN = 0.05  # m, from surface or bottom, that counts as arrived
@@ -67,27 +67,27 @@ class PoolParameters(NamedTuple):
     """The procedure, the loop that holds a depth in it, and what it knows of the actuator."""
 
     loop: CascadeParameters  # which may be tuned coarsely
-    deep: float  # m, where the vehicle rests in step (a)
-    shallow: float  # m, and in step (c)
-    surface: float  # m, where step (b) is over
-    bottom: float  # m, and step (d)
-    change: float  # m3, of the volume in the first round, positive
-    more: float  # m3, by which each round's is larger than that of the one before
-    rounds: float  # -, how often steps (a) to (d) are done
-    rate_per_volt: float  # m3/s/V, K1 A
-    limit: float  # V, the largest there is
-    load_voltage: float  # V/m, that holds the piston against a metre of water; 0: none is applied
-    minute: float  # s, over which rest is judged and the volume averaged
-    rest_speed: float  # m/s, mean speed over the minute that counts as none
-    rest_distance: float  # m, of the mean depth from its target that counts as there
-    halt: float  # s, for the motor to stop
-    patience: float  # s, longest that a phase may take
-    blind: float  # s, longest without a measurement that can be
-    depth_least: float  # m, that can be
-    depth_most: float  # m
-    volume_least: float  # m3
-    volume_most: float  # m3
-    end_volume: float  # m3, to go to when it is over; infinite: the piston is held where it is
+    deep: Annotated[float, "m"]  # where the vehicle rests in step (a)
+    shallow: Annotated[float, "m"]  # and in step (c)
+    surface: Annotated[float, "m"]  # where step (b) is over
+    bottom: Annotated[float, "m"]  # and step (d)
+    change: Annotated[float, "m3"]  # of the volume in the first round, positive
+    more: Annotated[float, "m3"]  # by which each round's is larger than that of the one before
+    rounds: Annotated[float, ""]  # how often steps (a) to (d) are done
+    rate_per_volt: Annotated[float, "m3/s/V"]  # K1 A
+    limit: Annotated[float, "V"]  # the largest there is
+    load_voltage: Annotated[float, "V/m"]  # that holds the piston against a metre of water, or 0
+    minute: Annotated[float, "s"]  # over which rest is judged and the volume averaged
+    rest_speed: Annotated[float, "m/s"]  # mean speed over the minute that counts as none
+    rest_distance: Annotated[float, "m"]  # of the mean depth from its target that counts as there
+    halt: Annotated[float, "s"]  # for the motor to stop
+    patience: Annotated[float, "s"]  # longest that a phase may take
+    blind: Annotated[float, "s"]  # longest without a measurement that can be
+    depth_least: Annotated[float, "m"]  # that can be
+    depth_most: Annotated[float, "m"]
+    volume_least: Annotated[float, "m3"]
+    volume_most: Annotated[float, "m3"]
+    end_volume: Annotated[float, "m3"]  # to go to when it is over; infinite: none
 
     @property
     def phases(self) -> tuple[Phase, ...]:
@@ -104,18 +104,6 @@ class PoolParameters(NamedTuple):
             Phase("", Does.DONE),
             Phase("", Does.GAVE_UP),
         )
-
-
-POOL_UNITS = {
-    **CASCADE.units,
-    **dict.fromkeys(
-        ("deep", "shallow", "surface", "bottom", "rest_distance", "depth_least", "depth_most"), "m"
-    ),
-    **dict.fromkeys(("change", "more", "volume_least", "volume_most", "end_volume"), "m3"),
-    **dict.fromkeys(("minute", "halt", "patience", "blind"), "s"),
-    "rounds": "", "rate_per_volt": "m3/s/V", "limit": "V", "load_voltage": "V/m",
-    "rest_speed": "m/s",
-}  # fmt: skip
 
 
 def procedure_for(
@@ -357,7 +345,6 @@ POOL = Law(
     command="voltage",
     parameters=PoolParameters,
     state=PoolState,
-    units=POOL_UNITS,
     step=step,
     initial=initial,
 )

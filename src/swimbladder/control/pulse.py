@@ -20,7 +20,7 @@ in a sample of a run how fast it comes back: a supply, a driver or a load other 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from swimbladder.control.law import (
     QUIET,
@@ -34,8 +34,6 @@ from swimbladder.control.law import (
     stiffness,
 )
 from swimbladder.control.observers import (
-    OBSERVED_UNITS,
-    RESTING_UNITS,
     Estimate,
     Observed,
     Resting,
@@ -64,28 +62,28 @@ class PulseParameters(NamedTuple):
     """The model, the filter, the feedback, the pulses and the actuator's limits."""
 
     model: Observed
-    k_z: float  # m3/m, volume per depth error
-    k_w: float  # m3 s/m, volume per speed error
-    k_V: float  # V/m3, voltage per volume error
-    dead: float  # m3, volume error below which the motor rests
-    near: float  # m, depth error within which the motor moves by pulses; 0: none
-    band: float  # m, predicted error that starts one
-    a_z: float  # -, prediction per depth error
-    a_w: float  # s, per speed
-    a_V: float  # m/m3, per volume off neutral
-    homing: float  # 1/s, speed towards the set-point that a pulse leaves, per depth error
-    p_z: float  # m3/m, volume that it leaves, per depth error
-    acceleration: float  # 1/m2/s2, by a volume off neutral
-    rate: float  # m3/s, at which the volume goes out and back
-    swing: float  # V, which gives that rate
-    learn: float  # -, of what a sample shows of the motor
+    k_z: Annotated[float, "m3/m"]  # volume per depth error
+    k_w: Annotated[float, "m3 s/m"]  # volume per speed error
+    k_V: Annotated[float, "V/m3"]  # voltage per volume error
+    dead: Annotated[float, "m3"]  # volume error below which the motor rests
+    near: Annotated[float, "m"]  # depth error within which the motor moves by pulses; 0: none
+    band: Annotated[float, "m"]  # predicted error that starts one
+    a_z: Annotated[float, ""]  # prediction per depth error
+    a_w: Annotated[float, "s"]  # per speed
+    a_V: Annotated[float, "m/m3"]  # per volume off neutral
+    homing: Annotated[float, "1/s"]  # speed to the set-point that a pulse leaves, per error
+    p_z: Annotated[float, "m3/m"]  # volume that it leaves, per depth error
+    acceleration: Annotated[float, "1/m2/s2"]  # by a volume off neutral
+    rate: Annotated[float, "m3/s"]  # at which the volume goes out and back
+    swing: Annotated[float, "V"]  # which gives that rate
+    learn: Annotated[float, ""]  # of what a sample shows of the motor
     resting: Resting
-    farthest: float  # m, a depth error beyond which no more volume is asked for
-    depth_voltage: float  # V/m, load of the sea
-    limit: float  # V
-    volume_min: float  # m3
-    volume_max: float  # m3
-    S_p: float  # s
+    farthest: Annotated[float, "m"]  # a depth error beyond which no more volume is asked for
+    depth_voltage: Annotated[float, "V/m"]  # load of the sea
+    limit: Annotated[float, "V"]
+    volume_min: Annotated[float, "m3"]
+    volume_max: Annotated[float, "m3"]
+    S_p: Annotated[float, "s"]
 
 
 class PulseState(NamedTuple):
@@ -248,14 +246,6 @@ PULSE = Law(
     command="voltage",
     parameters=PulseParameters,
     state=PulseState,
-    units={
-        **OBSERVED_UNITS,
-        "k_z": "m3/m", "k_w": "m3 s/m", "k_V": "V/m3", "dead": "m3",
-        "near": "m", "band": "m", "a_z": "", "a_w": "s", "a_V": "m/m3",
-        "homing": "1/s", "p_z": "m3/m", "acceleration": "1/m2/s2", "rate": "m3/s", "swing": "V",
-        "learn": "", **RESTING_UNITS, "farthest": "m",
-        "depth_voltage": "V/m", "limit": "V", "volume_min": "m3", "volume_max": "m3", "S_p": "s",
-    },
     step=step,
     initial=initial,
     volume_gain="k_V",

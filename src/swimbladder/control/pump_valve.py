@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.rate import whole
@@ -37,42 +37,27 @@ _CLOCK = 1048576.0  # ticks, 2^20, after which the law begins anew: float32 keep
 class DriveParameters(NamedTuple):
     """Pump, valves, stroke and water as the board's processor knows them."""
 
-    tick: float  # s
-    per_depth: float  # 1/m, 1 / the depth to which the polynomials were fitted
-    pump_0: float  # m3/s, delivery at the surface
-    pump_1: float  # m3/s, times depth over that depth, and so on
-    pump_2: float  # m3/s
-    pump_3: float  # m3/s
-    pump_4: float  # m3/s
-    short_0: float  # m3, that a start of the pump falls short at the surface
-    short_1: float  # m3, times depth over that depth, and so on
-    short_2: float  # m3
-    head_0: float  # Pa, of the sea over the reservoir at the surface
-    head_1: float  # Pa/m
-    valve_flow: float  # m3/s/Pa^0.5
-    bypass_flow: float  # m3/s/Pa^0.5, 0 without one
-    quantum: float  # s, step of a run
-    longest: float  # s, of a run
-    longest_for_law: float  # s, of a run that the law asks for: it is over at the next call
-    pause: float  # s, between two samples while it comes up or begins to dive
-    volume_least: float  # m3
-    volume_most: float  # m3
-    beyond: float  # m3, pumped beyond that at the surface, to be sure
-
-
-DRIVE_UNITS = {
-    **dict.fromkeys(("tick", "quantum", "longest", "longest_for_law", "pause"), "s"),
-    **dict.fromkeys(("pump_0", "pump_1", "pump_2", "pump_3", "pump_4"), "m3/s"),
-    **dict.fromkeys(("short_0", "short_1", "short_2"), "m3"),
-    **dict.fromkeys(("volume_least", "volume_most", "beyond"), "m3"),
-    **dict.fromkeys(SurfacingParameters._fields[1:5], "m3"),
-    **dict.fromkeys(("valve_flow", "bypass_flow"), "m3/s/Pa^0.5"),
-    "per_depth": "1/m",
-    "head_0": "Pa",
-    "head_1": "Pa/m",
-    "shallow": "m",
-    "measured": "",
-}
+    tick: Annotated[float, "s"]
+    per_depth: Annotated[float, "1/m"]  # 1 / the depth to which the polynomials were fitted
+    pump_0: Annotated[float, "m3/s"]  # delivery at the surface
+    pump_1: Annotated[float, "m3/s"]  # times depth over that depth, and so on
+    pump_2: Annotated[float, "m3/s"]
+    pump_3: Annotated[float, "m3/s"]
+    pump_4: Annotated[float, "m3/s"]
+    short_0: Annotated[float, "m3"]  # that a start of the pump falls short at the surface
+    short_1: Annotated[float, "m3"]  # times depth over that depth, and so on
+    short_2: Annotated[float, "m3"]
+    head_0: Annotated[float, "Pa"]  # of the sea over the reservoir at the surface
+    head_1: Annotated[float, "Pa/m"]
+    valve_flow: Annotated[float, "m3/s/Pa^0.5"]
+    bypass_flow: Annotated[float, "m3/s/Pa^0.5"]  # 0 without one
+    quantum: Annotated[float, "s"]  # step of a run
+    longest: Annotated[float, "s"]  # of a run
+    longest_for_law: Annotated[float, "s"]  # of a run of the law: over at its next call
+    pause: Annotated[float, "s"]  # between two samples while it comes up or begins to dive
+    volume_least: Annotated[float, "m3"]
+    volume_most: Annotated[float, "m3"]
+    beyond: Annotated[float, "m3"]  # pumped beyond that at the surface, to be sure
 
 
 class DriveState(NamedTuple):
@@ -279,7 +264,6 @@ def timed(law: Law) -> Law:
         command="volume change",
         parameters=Timed,
         state=TimedState,
-        units={**law.units, **DRIVE_UNITS},
         step=step,
         initial=initial,
     )

@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import math
 from itertools import product
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from swimbladder.control.law import Law, Measurement, Recipe, Setting, Way
 from swimbladder.errors import NoAnswerError
@@ -56,20 +56,20 @@ _BANDS = (0.5, 1.0)  # of the slow speed, that a speed may be off
 class RateParameters(NamedTuple):
     """Zones, speeds, steps and times."""
 
-    coefficient: float  # m3 s2/m2, volume per speed squared, k_dt/(rho g)
-    tolerance: float  # m, of the band around the target in which it is to rest
-    near: float  # m from the target, beyond which `near_speed` is asked for
-    far: float  # m from the target, beyond which `far_speed` is asked for
-    slow_speed: float  # m/s, nearer than both
-    near_speed: float  # m/s
-    far_speed: float  # m/s
-    ascent_speed: float  # m/s, to the surface
-    speed_band: float  # m/s, a difference of speed that calls for an action
-    speed_step: float  # m/s, speeds are rounded to; 0: not rounded
-    volume_step: float  # m3, changes are rounded to; 0: not rounded
-    dead: float  # s, from a decision to the next look
-    run: float  # s, over which a speed is measured
-    window: float  # s, over which it is measured while the vehicle rests in the band
+    coefficient: Annotated[float, "m3 s2/m2"]  # volume per speed squared, k_dt/(rho g)
+    tolerance: Annotated[float, "m"]  # of the band around the target in which it is to rest
+    near: Annotated[float, "m"]  # m from the target, beyond which `near_speed` is asked for
+    far: Annotated[float, "m"]  # m from the target, beyond which `far_speed` is asked for
+    slow_speed: Annotated[float, "m/s"]  # nearer than both
+    near_speed: Annotated[float, "m/s"]
+    far_speed: Annotated[float, "m/s"]
+    ascent_speed: Annotated[float, "m/s"]  # to the surface
+    speed_band: Annotated[float, "m/s"]  # a difference of speed that calls for an action
+    speed_step: Annotated[float, "m/s"]  # speeds are rounded to; 0: not rounded
+    volume_step: Annotated[float, "m3"]  # changes are rounded to; 0: not rounded
+    dead: Annotated[float, "s"]  # from a decision to the next look
+    run: Annotated[float, "s"]  # over which a speed is measured
+    window: Annotated[float, "s"]  # over which it is measured while the vehicle rests in the band
 
 
 class RateState(NamedTuple):
@@ -332,22 +332,6 @@ RATE = Law(
     command="volume change",
     parameters=RateParameters,
     state=RateState,
-    units={
-        "coefficient": "m3 s2/m2",
-        "tolerance": "m",
-        "near": "m",
-        "far": "m",
-        "slow_speed": "m/s",
-        "near_speed": "m/s",
-        "far_speed": "m/s",
-        "ascent_speed": "m/s",
-        "speed_band": "m/s",
-        "speed_step": "m/s",
-        "volume_step": "m3",
-        "dead": "s",
-        "run": "s",
-        "window": "s",
-    },
     step=step,
     initial=initial,
     band="tolerance",

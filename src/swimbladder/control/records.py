@@ -9,9 +9,11 @@ from __future__ import annotations
 import sys
 import typing
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import cache
 from typing import Any, TypeVar
 
+from swimbladder.control.law import Count
 from swimbladder.errors import InputError
 
 Kind = TypeVar("Kind")
@@ -23,22 +25,42 @@ def is_record(kind: type[Any]) -> bool:
 
 
 def field_types(kind: type[Any]) -> Mapping[str, Any]:
-    """Return the type of each field of a named tuple as it is annotated, float where it is not."""
+    """Return the type of each field of a named tuple as it is annotated, float where it is not.
+
+    Without its unit: that of `Annotated[float, "m3"]` is float.
+    """
     known: Any = kind
-    return _types(known)
+    return {name: written for name, (written, _) in _fields(known).items()}
+
+
+def units(kind: type[Any]) -> dict[str, str]:
+    """Return the units of the fields and leaves of a record that are annotated with one."""
+    known: Any = kind
+    found: dict[str, str] = {}
+    for name, (written, unit) in _fields(known).items():
+        found |= units(written) if is_record(written) else {}
+        found |= {name: unit} if unit is not None else {}
+    return found
 
 
 @cache
-def _types(kind: Any) -> Mapping[str, Any]:
+def _fields(kind: Any) -> Mapping[str, tuple[Any, str | None]]:
+    """Return type and unit of each field."""
     module, found = vars(sys.modules[kind.__module__]), {}
     for field in kind._fields:
         written = getattr(kind, "__annotations__", {}).get(field, float)
         if isinstance(written, typing.ForwardRef):
             written = written.__forward_arg__
         if isinstance(written, str):
-            plain = {"float": float, "bool": bool}
-            written = plain.get(written) or module.get(written, written)
-        found[field] = written
+            with suppress(NameError):  # a class within a function: its names are not at hand
+                written = eval(written, dict(module))
+        unit = None
+        if typing.get_origin(written) is typing.Annotated:
+            base, *said = typing.get_args(written)
+            counted = [base, *said[:1]] == list(typing.get_args(Count))
+            unit = next(iter(said[counted:]), None)
+            written = Count if counted else base
+        found[field] = (written, unit)
     return found
 
 

@@ -40,7 +40,8 @@ def _accept(law: Any, name: str) -> Law:
     for parameter in leaf_names(law.parameters):
         if parameter not in law.units and parameter != "S_p":
             raise InputError(
-                f"its parameter {parameter} has no unit", remedy="Add it to the law's units"
+                f"its parameter {parameter} has no unit",
+                remedy=f'Annotate it: {parameter}: Annotated[float, "m3/s"]',
             )
     return law
 

@@ -18,7 +18,7 @@ volume is missing the motor holds against the sea.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from swimbladder.control.ability import BEHIND, learn_ability, usable
 from swimbladder.control.law import (
@@ -41,32 +41,32 @@ _BROUGHT = 0.25  # share of the dead zone in which a volume counts as reached
 class SeaCascadeGains(NamedTuple):
     """The cascade's own gains."""
 
-    k_pV: float  # V/m3
-    k_pz: float  # m3/m
-    k_iz: float  # m3/s/m
-    k_dz: float  # m3 s/m
+    k_pV: Annotated[float, "V/m3"]
+    k_pz: Annotated[float, "m3/m"]
+    k_iz: Annotated[float, "m3/s/m"]
+    k_dz: Annotated[float, "m3 s/m"]
 
 
 class SeaCascadeParameters(NamedTuple):
     """The paper's gains and what the sea adds; an addition whose number is 0 is left out."""
 
     gains: SeaCascadeGains
-    target_weight: float  # -, of the target's motion in the derivative; 1 as the paper has it
-    smoothing: float  # -, weight of the newest difference in the derivative; 1: no smoothing
-    leash: float  # m, largest error that counts
-    fastest: float  # m/s, of the target
-    jerk: float  # m/s3, of the target
-    shortest: float  # s, that the target takes for any change
-    volume_per_speed: float  # m3 s/m, 1/K2
-    volume_per_acceleration: float  # m3 s2/m, T2/K2
-    psi: float  # m3/m, neutral volume per depth
-    depth_voltage: float  # V/m, k_z/k_u
-    rate_per_volt: float  # m3/s/V, K1 A
-    voltage_limit: float  # V
-    volume_min: float  # m3
-    volume_max: float  # m3
-    dead_zone: float  # m3
-    S_p: float  # s
+    target_weight: Annotated[float, ""]  # of the target's motion in the derivative; the paper: 1
+    smoothing: Annotated[float, ""]  # weight of the newest difference; 1: no smoothing
+    leash: Annotated[float, "m"]  # largest error that counts
+    fastest: Annotated[float, "m/s"]  # of the target
+    jerk: Annotated[float, "m/s3"]  # of the target
+    shortest: Annotated[float, "s"]  # that the target takes for any change
+    volume_per_speed: Annotated[float, "m3 s/m"]  # 1/K2
+    volume_per_acceleration: Annotated[float, "m3 s2/m"]  # T2/K2
+    psi: Annotated[float, "m3/m"]  # neutral volume per depth
+    depth_voltage: Annotated[float, "V/m"]  # k_z/k_u
+    rate_per_volt: Annotated[float, "m3/s/V"]  # K1 A
+    voltage_limit: Annotated[float, "V"]
+    volume_min: Annotated[float, "m3"]
+    volume_max: Annotated[float, "m3"]
+    dead_zone: Annotated[float, "m3"]
+    S_p: Annotated[float, "s"]
 
 
 class SeaCascadeState(NamedTuple):
@@ -92,30 +92,6 @@ class SeaCascadeState(NamedTuple):
     driven: float  # V, at the one before that
     ability: float  # -, share of its rate that the motor was seen to have
     volume_reference: float  # m3
-
-
-SEA_CASCADE_UNITS = {
-    "k_pV": "V/m3",
-    "k_pz": "m3/m",
-    "k_iz": "m3/s/m",
-    "k_dz": "m3 s/m",
-    "target_weight": "",
-    "smoothing": "",
-    "leash": "m",
-    "fastest": "m/s",
-    "jerk": "m/s3",
-    "shortest": "s",
-    "volume_per_speed": "m3 s/m",
-    "volume_per_acceleration": "m3 s2/m",
-    "psi": "m3/m",
-    "depth_voltage": "V/m",
-    "rate_per_volt": "m3/s/V",
-    "voltage_limit": "V",
-    "volume_min": "m3",
-    "volume_max": "m3",
-    "dead_zone": "m3",
-    "S_p": "s",
-}
 
 
 def sea_cascade_gains(
@@ -341,7 +317,6 @@ SEA_CASCADE = Law(
     command="voltage",
     parameters=SeaCascadeParameters,
     state=SeaCascadeState,
-    units=SEA_CASCADE_UNITS,
     step=step,
     initial=initial,
     volume_gain="k_pV",

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from swimbladder.control.law import NEVER, Count, Law, less, more
 from swimbladder.control.supervisor_records import (
-    SUPERVISOR_UNITS,
     PushWatch,
     SupervisorParameters,
     SupervisorState,
@@ -166,7 +165,6 @@ SUPERVISOR = Law(
     command="voltage",
     parameters=SupervisorParameters,
     state=SupervisorState,
-    units=SUPERVISOR_UNITS,
     step=step,
     initial=initial,
 )

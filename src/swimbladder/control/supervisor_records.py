@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from swimbladder.control.law import NEVER, Count
 
@@ -23,146 +23,148 @@ class Watched(NamedTuple):
 class PushLimits(NamedTuple):
     """How the vehicle is brought up."""
 
-    surface_command: float  # V or m3, that makes the vehicle lightest
-    hold_command: float  # V or m3, that keeps it so
-    away_command: float  # V or m3, that makes it heaviest; lightest with the wires swapped
-    away_hold: float  # V or m3, that then keeps it lightest enough
-    push: Count  # ticks of the surface command at first
-    again: Count  # ticks of it after a rest
-    rest: Count  # ticks of the hold command in between
-    grown: float  # m3, by which the volume is known to have grown
-    away: float  # m3, by which a push that drives it away is known
-    astray: Count  # ticks in which a push moves it nowhere
-    release: Count  # ticks in which it has to rise
-    rise: float  # m, by so much
+    surface_command: Annotated[float, "V or m3"]  # that makes the vehicle lightest
+    hold_command: Annotated[float, "V or m3"]  # that keeps it so
+    away_command: Annotated[float, "V or m3"]  # that makes it heaviest; with swapped wires lightest
+    away_hold: Annotated[float, "V or m3"]  # that then keeps it lightest enough
+    push: Annotated[Count, "ticks"]  # ticks of the surface command at first
+    again: Annotated[Count, "ticks"]  # ticks of it after a rest
+    rest: Annotated[Count, "ticks"]  # ticks of the hold command in between
+    grown: Annotated[float, "m3"]  # by which the volume is known to have grown
+    away: Annotated[float, "m3"]  # by which a push that drives it away is known
+    astray: Annotated[Count, "ticks"]  # ticks in which a push moves it nowhere
+    release: Annotated[Count, "ticks"]  # ticks in which it has to rise
+    rise: Annotated[float, "m"]  # by so much
 
 
 class DepthLimits(NamedTuple):
     """Which depths can be."""
 
-    depth_least: float  # m, the least that the sensor can mean
-    depth_most: float  # m, the largest
-    fastest: float  # m, that the depth may change in a tick
-    jump: float  # m, that it may change at once: noise, quantum
-    step: float  # m, both: that it may change from a tick to the next
-    late_age: float  # s, at which a depth is late
-    blind_quarters: Count  # quarters of ticks without a good depth, each good one takes one away
-    gap: Count  # ticks without a depth after which the model begins anew
+    depth_least: Annotated[float, "m"]  # the least that the sensor can mean
+    depth_most: Annotated[float, "m"]  # the largest
+    fastest: Annotated[float, "m"]  # that the depth may change in a tick
+    jump: Annotated[float, "m"]  # that it may change at once: noise, quantum
+    step: Annotated[float, "m"]  # both: that it may change from a tick to the next
+    late_age: Annotated[float, "s"]  # at which a depth is late
+    blind_quarters: Annotated[Count, "ticks/4"]  # without a good depth, less one for each good
+    gap: Annotated[Count, "ticks"]  # ticks without a depth after which the model begins anew
 
 
 class VolumeLimits(NamedTuple):
     """Which volumes can be, and where the stroke ends."""
 
-    blind: Count  # ticks without a good volume
-    volume_least: float  # m3, the least that the sensor can mean
-    volume_most: float  # m3, the largest
-    volume_low: float  # m3, below it the actuator may be at its end
-    volume_high: float  # m3, above it as well
+    blind: Annotated[Count, "ticks"]  # ticks without a good volume
+    volume_least: Annotated[float, "m3"]  # the least that the sensor can mean
+    volume_most: Annotated[float, "m3"]  # the largest
+    volume_low: Annotated[float, "m3"]  # below it the actuator may be at its end
+    volume_high: Annotated[float, "m3"]  # above it as well
 
 
 class RateLimits(NamedTuple):
     """How the volume follows a command."""
 
-    positioner: float  # -, 1: commands are volumes
-    rate: float  # m3/s/V, K1 A; of a positioner m3/s
-    load_drive: float  # V/m, k_z/k_u while the motor drives
-    load_back: float  # V/m, while the sea drives it back
-    friction: float  # V
-    leakage: float  # m2/s, k_l
-    rate_smoothing: float  # -
-    rate_share: float  # -, of the rate asked for that may be missing
-    rate_least: float  # m3/s, that may be missing anyway
-    stop_rate: float  # m3/s, asked for, with which a push that ends where others did is a stop
-    stop_least: float  # m3/s, below which it has ended
-    stops: Count  # ticks of it
-    following: Count  # ticks in which the volume does not follow
+    positioner: Annotated[float, ""]  # 1: commands are volumes
+    rate: Annotated[float, "m3/s/V or m3/s"]  # K1 A; the latter of a positioner
+    load_drive: Annotated[float, "V/m"]  # k_z/k_u while the motor drives
+    load_back: Annotated[float, "V/m"]  # while the sea drives it back
+    friction: Annotated[float, "V"]
+    leakage: Annotated[float, "m2/s"]  # k_l
+    rate_smoothing: Annotated[float, ""]
+    rate_share: Annotated[float, ""]  # of the rate asked for that may be missing
+    rate_least: Annotated[float, "m3/s"]  # that may be missing anyway
+    stop_rate: Annotated[float, "m3/s"]  # asked for, where a push that ends as others did is a stop
+    stop_least: Annotated[float, "m3/s"]  # below which it has ended
+    stops: Annotated[Count, "ticks"]  # ticks of it
+    following: Annotated[Count, "ticks"]  # ticks in which the volume does not follow
 
 
 class SameLimits(NamedTuple):
     """How long a depth can be the very same."""
 
-    same: Count  # ticks of the very same depth that noise does not allow
-    same_begun: Count  # ticks of it after which the volume has to stay as well
-    same_moved: Count  # ticks of it that are too many where it does not
-    moved: float  # m3, by so much
-    same_noisy: Count  # ticks of the very same depth where the sensor has shown its noise
-    noisy: float  # -, share of ticks in which the depth turns, where it has
-    noisy_weight: float  # -, of the newest in it
+    same: Annotated[Count, "ticks"]  # ticks of the very same depth that noise does not allow
+    same_begun: Annotated[Count, "ticks"]  # ticks of it after which the volume has to stay as well
+    same_moved: Annotated[Count, "ticks"]  # ticks of it that are too many where it does not
+    moved: Annotated[float, "m3"]  # by so much
+    same_noisy: Annotated[
+        Count, "ticks"
+    ]  # ticks of the same depth where the sensor has shown noise
+    noisy: Annotated[float, ""]  # share of ticks in which the depth turns, where it has
+    noisy_weight: Annotated[float, ""]  # of the newest in it
 
 
 class ProofLimits(NamedTuple):
     """When the actuator has to show that it can push outward."""
 
-    same_tried: Count  # ticks of it after which the vehicle is pushed outward to see
-    unproven: Count  # ticks after which it has to show anew that the actuator can push outward
-    sinks: float  # m3, before it is heavier by so much
-    reach: float  # m3, by so much beyond the neutral volume
+    same_tried: Annotated[Count, "ticks"]  # ticks of it after which it is pushed outward to see
+    unproven: Annotated[Count, "ticks"]  # ticks after which it has to show anew that it can
+    sinks: Annotated[float, "m3"]  # before it is heavier by so much
+    reach: Annotated[float, "m3"]  # by so much beyond the neutral volume
 
 
 class NeutralLimits(NamedTuple):
     """Which neutral volume the vehicle can have."""
 
-    psi: float  # m3/m
-    psi_range: float  # m3/m, how well psi is known
-    neutral: float  # m3, neutral volume at the surface
-    neutral_range: float  # m3, how well it is known, drift included
+    psi: Annotated[float, "m3/m"]
+    psi_range: Annotated[float, "m3/m"]  # how well psi is known
+    neutral: Annotated[float, "m3"]  # neutral volume at the surface
+    neutral_range: Annotated[float, "m3"]  # how well it is known, drift included
 
 
 class MotionLimits(NamedTuple):
     """How depth and volume belong together."""
 
-    neutral_change: float  # m3, how far it may walk from what the dive has shown
-    known: Count  # ticks in which the dive has to show it
-    forgetting: float  # -, least weight of the newest in it
-    calm: float  # m3, by which the model may miss where it is learnt
-    model_error: float  # -, share of the force on the vehicle that the model may miss
-    inertia: float  # m2, volume that the motion takes per second difference of the low passes
-    drag_linear: float  # m2, and per first difference
-    epsilon: float  # m/s, above which drag is not linear
-    drag_blunt: float  # m2 s, volume that drag takes there: per speed
-    drag_0: float  # m3
-    drag_square: float  # m s2, per speed squared
-    per_tau: float  # 1/s, 1 / the time of each low pass
-    smoothing: float  # -, weight of the newest in it
-    settle: Count  # ticks that they take
-    wrong: Count  # ticks in which depth and volume do not fit
+    neutral_change: Annotated[float, "m3"]  # how far it may walk from what the dive has shown
+    known: Annotated[Count, "ticks"]  # ticks in which the dive has to show it
+    forgetting: Annotated[float, ""]  # least weight of the newest in it
+    calm: Annotated[float, "m3"]  # by which the model may miss where it is learnt
+    model_error: Annotated[float, ""]  # share of the force on the vehicle that the model may miss
+    inertia: Annotated[float, "m2"]  # volume per second difference of the low passes
+    drag_linear: Annotated[float, "m2"]  # and per first difference
+    epsilon: Annotated[float, "m/s"]  # above which drag is not linear
+    drag_blunt: Annotated[float, "m2 s"]  # volume that drag takes there: per speed
+    drag_0: Annotated[float, "m3"]
+    drag_square: Annotated[float, "m s2"]  # per speed squared
+    per_tau: Annotated[float, "1/s"]  # 1 / the time of each low pass
+    smoothing: Annotated[float, ""]  # weight of the newest in it
+    settle: Annotated[Count, "ticks"]  # ticks that they take
+    wrong: Annotated[Count, "ticks"]  # ticks in which depth and volume do not fit
 
 
 class RestLimits(NamedTuple):
     """Where the vehicle may rest."""
 
-    surface: float  # m, from there up the vehicle may float
-    aground: float  # m, from there down it may lie on the bottom
-    still_distance: float  # m, within which a depth stands still
-    still: Count  # ticks that it has to
+    surface: Annotated[float, "m"]  # from there up the vehicle may float
+    aground: Annotated[float, "m"]  # from there down it may lie on the bottom
+    still_distance: Annotated[float, "m"]  # within which a depth stands still
+    still: Annotated[Count, "ticks"]  # ticks that it has to
 
 
 class DeepLimits(NamedTuple):
     """How deep it may be."""
 
-    depth_limit: float  # m
-    deepest: float  # m, that it must not pass before it turns round
-    neutral_deepest: float  # m3, largest neutral volume there
-    per_turn_rate: float  # s/m3, 1 / the least rate at the depth limit
-    coast: float  # s, in which drag takes speed away
-    deep: Count  # ticks too deep
+    depth_limit: Annotated[float, "m"]
+    deepest: Annotated[float, "m"]  # that it must not pass before it turns round
+    neutral_deepest: Annotated[float, "m3"]  # largest neutral volume there
+    per_turn_rate: Annotated[float, "s/m3"]  # 1 / the least rate at the depth limit
+    coast: Annotated[float, "s"]  # in which drag takes speed away
+    deep: Annotated[Count, "ticks"]  # ticks too deep
 
 
 class BoardLimits(NamedTuple):
     """What battery, leak sensor and law may do."""
 
-    battery_low: float  # V
-    battery: Count  # ticks below it
-    leak: Count  # ticks of leak
-    missed: Count  # calls without a command
+    battery_low: Annotated[float, "V"]
+    battery: Annotated[Count, "ticks"]  # ticks below it
+    leak: Annotated[Count, "ticks"]  # ticks of leak
+    missed: Annotated[Count, "ticks"]  # calls without a command
 
 
 class TimeLimits(NamedTuple):
     """How long the dive may take."""
 
-    lost_quarters: Count  # quarters of ticks lost, each that comes takes one away
-    time_blocks: Count  # of 4096 ticks
-    time_ticks: Count  # beyond them
+    lost_quarters: Annotated[Count, "ticks/4"]  # lost, less one for each that comes
+    time_blocks: Annotated[Count, "4096 ticks"]
+    time_ticks: Annotated[Count, "ticks"]  # beyond them
 
 
 class SupervisorParameters(NamedTuple):
@@ -171,8 +173,8 @@ class SupervisorParameters(NamedTuple):
     A limit that is infinite, or in ticks NEVER, is off.
     """
 
-    S_p: float  # s
-    per_tick: float  # 1/s, 1/S_p
+    S_p: Annotated[float, "s"]
+    per_tick: Annotated[float, "1/s"]  # 1/S_p
     push: PushLimits
     depth: DepthLimits
     volume: VolumeLimits
@@ -191,7 +193,7 @@ class TimeWatch(NamedTuple):
     """Ticks."""
 
     tick: Count  # ticks since the start, up to 4096; without a time limit they are not counted
-    block: Count  # of 4096 ticks
+    block: Count
     lost: Count  # quarters of ticks
 
 
@@ -298,42 +300,6 @@ class SupervisorState(NamedTuple):
     board: BoardWatch
     push: PushWatch
     rescue: Rescue
-
-
-SUPERVISOR_UNITS = {
-    **dict.fromkeys(("surface_command", "hold_command", "away_command", "away_hold"), "V or m3"),
-    **dict.fromkeys(("S_p", "late_age", "coast"), "s"),
-    **dict.fromkeys(
-        ("push", "again", "rest", "release", "blind", "gap", "same", "same_begun", "same_moved",
-         "following", "stops", "settle", "wrong", "same_tried", "unproven", "still", "deep",
-         "battery", "leak", "missed", "known", "same_noisy", "astray", "time_ticks"),
-        "ticks",
-    ),
-    "time_blocks": "4096 ticks",
-    **dict.fromkeys(("blind_quarters", "lost_quarters"), "ticks/4"),
-    **dict.fromkeys(
-        ("rise", "depth_least", "depth_most", "fastest", "jump", "step", "surface", "aground",
-         "still_distance", "depth_limit", "deepest"),
-        "m",
-    ),
-    **dict.fromkeys(
-        ("moved", "sinks", "reach", "volume_least", "volume_most", "volume_low", "volume_high",
-         "neutral", "neutral_range", "neutral_deepest", "neutral_change", "calm", "grown"),
-        "m3",
-    ),
-    **dict.fromkeys(
-        ("positioner", "rate_smoothing", "rate_share", "model_error", "smoothing", "forgetting",
-         "noisy", "noisy_weight"),
-        "",
-    ),
-    "rate": "m3/s/V or m3/s", "load_drive": "V/m", "load_back": "V/m", "friction": "V",
-    **dict.fromkeys(("rate_least", "stop_rate", "stop_least"), "m3/s"),
-    "leakage": "m2/s", "away": "m3",
-    "per_turn_rate": "s/m3", "psi": "m3/m",
-    "psi_range": "m3/m", "per_tick": "1/s", "per_tau": "1/s", "inertia": "m2",
-    "drag_linear": "m2", "drag_blunt": "m2 s", "drag_0": "m3",
-    "drag_square": "m s2", "epsilon": "m/s", "battery_low": "V",
-}  # fmt: skip
 
 
 class Reason(IntEnum):

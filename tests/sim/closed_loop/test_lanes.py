@@ -52,7 +52,7 @@ def still(parameters, measurement, reference):  # type: ignore[no-untyped-def]  
 
 WAVE = Law(
     name="wave", summary="a swinging voltage", command="voltage", parameters=Wave, state=Nothing,
-    units={"swing": "V", "offset": "V", "omega": "1/s"}, step=wave, initial=still,
+    step=wave, initial=still,
 )  # fmt: skip
 waves = st.builds(Wave, st.floats(0.0, 14.0), st.floats(-6.0, 6.0), exponents(0.05, 4.0))
 

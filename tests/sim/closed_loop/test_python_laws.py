@@ -234,7 +234,7 @@ def bang_initial(parameters, measurement, reference):  # type: ignore[no-untyped
 
 BANG = Law(
     name="bang", summary="full voltage or none", command="voltage", parameters=BangParameters,
-    state=BangState, units={"volts": "V", "band": "m", "S_p": "s"}, step=bang, initial=bang_initial,
+    state=BangState, step=bang, initial=bang_initial,
 )  # fmt: skip
 
 

@@ -296,7 +296,7 @@ def initial(parameters, measurement, reference):
 
 FACTOR = 1.0
 LAW = Law(name="mine", summary="", command="voltage", parameters=Gains, state=Memory,
-          units={"gain": "V"}, step=step, initial=initial)
+          step=step, initial=initial)
 """
 FIND = """
 from mine import LAW

@@ -105,11 +105,10 @@ def _wrap(law: Law) -> Wrapped:
         "law_initial": law.initial,
     }  # fmt: skip
     exec(_STEP, space)  # one for each law: the compiler finds it by its parameters
-    units = {**law.units, "w_gain": "", "w_late": "", "w_quantum": "", "w_tick": "s", "w_rest": ""}
     return Wrapped(
         Law(
             name=f"{law.name}, wrapped", summary=f"{law.summary}; gain and delay off",
-            command=law.command, parameters=Parameters, state=State, units=units,
+            command=law.command, parameters=Parameters, state=State,
             step=space["step"], initial=space["initial"],
         ),
         law,

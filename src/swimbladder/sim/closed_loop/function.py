@@ -54,7 +54,6 @@ def as_law(
         command=vehicle.command,
         parameters=Held,
         state=Held,
-        units={},
         step=_step,
         initial=_initial,
     )

@@ -123,7 +123,7 @@ def _initial(_board: Board, _measurement: Measurement, _reference: float) -> Not
 
 _LAW = Law(
     name="board", summary="the C of a board", command="voltage", parameters=Board, state=Nothing,
-    units={}, step=_step, initial=_initial,
+    step=_step, initial=_initial,
 )  # fmt: skip
 
 
