@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
-import enum
 import errno
 import json
-import math
 import os
 import re
 import shutil
@@ -15,7 +12,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -23,6 +20,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.measure import Measurement
 
 from swimbladder.errors import InputError, SwimbladderError
+from swimbladder.io.answers import plain
 from swimbladder.units import parse_quantity
 
 if TYPE_CHECKING:
@@ -261,32 +259,7 @@ def emit_json(answer: Mapping[str, Any]) -> None:
 
 def json_text(answer: Mapping[str, Any]) -> str:
     """Return an answer as JSON; NaN and infinities become null."""
-    return json.dumps(_plain(answer), indent=2, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    """Return `value` in JSON's own types."""
-    if isinstance(value, enum.Enum):
-        return _plain(value.value)
-    if value is None or isinstance(value, (bool, int, str)):
-        return value
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, complex):
-        return [_plain(value.real), _plain(value.imag)]
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, tuple) and hasattr(value, "_asdict"):
-        return _plain(value._asdict())
-    if isinstance(value, (list, tuple, set, frozenset)):
-        return [_plain(item) for item in value]
-    if isinstance(value, PurePath):
-        return str(value)
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if hasattr(value, "tolist"):  # numpy arrays and scalars
-        return _plain(value.tolist())
-    raise TypeError(f"{type(value).__name__} has no place in a JSON answer")
+    return json.dumps(plain(answer), indent=2, allow_nan=False)
 
 
 @contextlib.contextmanager

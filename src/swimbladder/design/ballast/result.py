@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.design.ballast.uncertainty import Uncertainty
+from swimbladder.io.answers import as_json
 from swimbladder.physics.hull import PsiTerms
 from swimbladder.physics.seawater import Column
 from swimbladder.units import rounded
@@ -220,40 +221,26 @@ class Ballasting:
 
     def to_json(self) -> dict[str, Any]:
         """Return the answer as JSON, SI."""
-        need = self.worst
+        of_cast = (
+            "source least_m3 least_depth_m most_m3 most_depth_m probability margin_in_m3 "
+            "margin_out_m3"
+        )
         return {
-            "vehicle": self.vehicle.name,
-            "covered": self.covered,
-            "probability": need.probability,
-            "probability_asked": self.wanted,
-            "margin_m3": need.margin,
-            "margin_share": need.margin / self.stroke,
-            "added_kg": self.added,
-            "added_volume_m3": self.added_volume,
-            "material": self.material,
-            "best_added_kg": self.best,
-            "best_margin_m3": self.best_margin,
-            "freeboard_m": self.freeboard,
-            "freeboard_sure_m": self.sure_freeboard,
+            **as_json(self.vehicle, "vehicle=name trim_error_m3"),
+            **as_json(
+                self,
+                "covered probability_asked=wanted added_kg added_volume_m3 material "
+                "best_added_kg=best best_margin_m3 freeboard_m freeboard_sure_m=sure_freeboard "
+                "speed_m_s spread_m3 sentences assumptions",
+            ),
+            **as_json(self.worst, "probability margin_m3"),
+            "margin_share": self.worst.margin / self.stroke,
             "deepest_m": self.columns[0].deepest,
-            "speed_m_s": self.speed,
             "stroke_m3": [self.vehicle.stroke.minimum, self.vehicle.stroke.maximum],
-            "casts": [
-                {
-                    "source": n.source, "least_m3": n.least, "least_depth_m": n.least_depth,
-                    "most_m3": n.most, "most_depth_m": n.most_depth,
-                    "probability": n.probability, "margin_in_m3": n.margin_in,
-                    "margin_out_m3": n.margin_out,
-                }
-                for n in self.needs
-            ],
+            "casts": [as_json(need, of_cast) for need in self.needs],
             "psi": {"depth_m": self.psi_depth, "psi_m3_m": self.psi.psi, **self.psi._asdict()},
-            "uncertainty": {k: v for k, v in asdict(self.uncertainty).items() if k != "said"},
-            "spread_m3": self.spread,
-            "trim_error_m3": self.vehicle.trim_error,
-            "sentences": list(self.sentences),
-            "assumptions": list(self.assumptions),
-        }  # fmt: skip
+            "uncertainty": self.uncertainty.numbers(),
+        }
 
 
 def _cm3(volume: float) -> str:

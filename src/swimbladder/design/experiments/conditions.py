@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,11 @@ class Passing(NamedTuple):
 
     depth: float  # m
     up: bool
+
+    @property
+    def way(self) -> Literal["up", "down"]:
+        """The way, in a word."""
+        return "up" if self.up else "down"
 
 
 class Turn(NamedTuple):

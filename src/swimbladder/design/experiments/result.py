@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.design.experiments.conditions import Release, Setting
+from swimbladder.design.experiments.conditions import Release, Setting, Turn
 from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet
 from swimbladder.design.experiments.flight import Flight, Question
 from swimbladder.design.experiments.predict import OmittedVariable
 from swimbladder.estimation.motion.result import Finding
+from swimbladder.io.answers import as_json
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 
 _TRACE = 1.0  # s between the points of an expected trace, at the least
@@ -73,55 +74,39 @@ class Design:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
-        s = self.setting
+        c = self.curve
         return {
-            "vehicle": self.vehicle,
+            **as_json(
+                self,
+                "vehicle criterion identifiable time_budget_s=budget findings assumptions",
+            ),
             "drag": self.question.model.law,
-            "criterion": self.criterion,
-            "identifiable": self.identifiable,
-            "time_budget_s": self.budget,
             **_set(self.chosen),
-            "against": None
-            if self.against is None
-            else {"name": self.rival, **_set(self.against), "error_ratio": self.gains},
-            "curve": {
-                "size_m3": self.curve.sizes.tolist(),
-                "steps": self.curve.steps.tolist(),
-                "to_and_fro": self.curve.to_and_fro.tolist(),
-                "best_step_m3": self.curve.best_step,
-            },
-            "setting": {
-                "pool_depth_m": s.pool_depth,
-                "shallowest_m": s.shallowest,
-                "deepest_m": s.deepest,
-                "sample_time_s": s.sample_time,
-                "depth_noise_m": s.depth_noise,
-                "neutral_std_m3": s.neutral_std,
-                "drift_std_m3_s": s.drift_std,
-                "settling_s": s.settling,
-            },
-            "findings": [f._asdict() for f in self.findings],
-            "assumptions": list(self.assumptions),
+            "against": self.against
+            and {"name": self.rival, **_set(self.against), "error_ratio": self.gains},
+            "curve": as_json(c, "size_m3=sizes steps to_and_fro best_step_m3"),
+            "setting": as_json(
+                self.setting,
+                "pool_depth_m shallowest_m deepest_m sample_time_s depth_noise_m neutral_std_m3 "
+                "drift_std_m3_s settling_s",
+            ),
         }
 
 
 def _set(w: EvaluatedSet) -> dict[str, Any]:
     prediction = w.prediction
+
+    def move(one: Turn) -> dict[str, Any]:
+        place = one.when and {"depth_m": one.when.depth, "going": one.when.way}
+        return {"volume_m3": one.volume, **(place or {"depth_m": None, "going": None})}
+
     return {
         "time_s": w.time,
         "experiments": [
             {
                 "start_depth_m": r.start,
-                "moves": [
-                    {
-                        "volume_m3": m.volume,
-                        "depth_m": None if m.when is None else m.when.depth,
-                        "going": None if m.when is None else ("up" if m.when.up else "down"),
-                    }
-                    for m in r.moves
-                ],
-                "duration_s": f.duration,
-                "ended": f.ended,
+                "moves": [move(m) for m in r.moves],
+                **as_json(f, "duration_s ended"),
                 "share_after": after,
             }
             for r, f, after in zip(w.releases, w.flights, w.after, strict=True)
@@ -136,19 +121,14 @@ def _set(w: EvaluatedSet) -> dict[str, Any]:
             }
             for name, e in prediction.parameters.items()
         },
-        "names": list(prediction.names),
-        "covariance": prediction.covariance.tolist(),
-        "correlation": prediction.correlation.tolist(),
+        **as_json(prediction, "names covariance correlation"),
         "bias": {"psi": _bias(w.psi), "trim": _bias(w.trim), "drift": _bias(w.drift)},
     }
 
 
 def _bias(left: OmittedVariable | None) -> dict[str, Any] | None:
-    if left is None:
-        return None
-    if not left.refit:
-        return {"linear": left.linear}
-    return {"linear": left.linear, "refit": left.refit, "refit_rms_m": left.rms}
+    keys = "linear refit refit_rms_m=rms" if left and left.refit else "linear"
+    return left and as_json(left, keys)
 
 
 def _planned(release: Release, flight: Flight, s: Setting) -> PlannedExperiment:
@@ -166,7 +146,7 @@ def _planned(release: Release, flight: Flight, s: Setting) -> PlannedExperiment:
         moves=tuple(
             Move(volume=m.volume)
             if m.when is None
-            else Move(volume=m.volume, depth=m.when.depth, going="up" if m.when.up else "down")
+            else Move(volume=m.volume, depth=m.when.depth, going=m.when.way)
             for m in release.moves
         ),
         trace=Trace(

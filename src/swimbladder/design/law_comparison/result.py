@@ -17,6 +17,7 @@ from swimbladder.control.records import leaves
 from swimbladder.design.law_comparison.contenders import PAPER, Contender, LeftOut
 from swimbladder.design.law_comparison.fly import Result
 from swimbladder.design.law_comparison.scenarios import Placed, Places
+from swimbladder.io.answers import as_json
 from swimbladder.vehicle import Vehicle
 
 
@@ -151,15 +152,12 @@ class LawComparison:
         """Return it in SI units, ready for JSON."""
         return {
             "vehicle": self.vehicle.name,
-            "runs": self.runs,
-            "seed": self.seed,
+            **as_json(self, "runs seed energy_unknown=no_energy assumptions"),
             "depths_m": [self.where.least, self.where.most],
             "scenarios": {
                 p.scenario.name: {
                     "words": p.scenario.words,
-                    "start_m": p.start,
-                    "target_m": p.target,
-                    "duration_s": p.duration,
+                    **as_json(p, "start_m target_m duration_s"),
                     "least_time_s": self.bounds.get(p.scenario.name),
                     "no_least_time": self.no_bound.get(p.scenario.name),
                 }
@@ -167,39 +165,24 @@ class LawComparison:
             },
             "laws": [
                 {
-                    "name": row.who.name,
                     "law": row.who.law.name,
-                    "tuning": row.who.tuning,
+                    **as_json(row.who, "name tuning sample_time_s"),
                     "unbeaten": unbeaten,
                     "reference": row is self.reference,
-                    "sample_time_s": row.who.sample_time,
                     "parameters": leaves(row.who.parameters),
-                    "results": {name: result_json(r) for name, r in row.results.items()},
+                    "results": {name: as_json(r, RESULT) for name, r in row.results.items()},
                 }
                 for row, unbeaten in zip(self.rows, self.unbeaten, strict=True)
             ],
             "left_out": {one.name: one.why for one in self.left_out},
-            "energy_unknown": self.no_energy,
-            "assumptions": list(self.assumptions),
         }
 
 
-def result_json(r: Result) -> dict[str, float]:
-    """Return a result under names that say the unit."""
-    return {
-        "settled": r.settled,
-        "settle2_median_s": r.settle_median,
-        "settle2_95_s": r.settle_95,
-        "overshoot_median": r.overshoot_median,
-        "overshoot_95": r.overshoot_95,
-        "rms_m": r.rms,
-        "farthest_m": r.farthest,
-        "volume_rate_m3_s": r.volume_rate,
-        "starts_1_s": r.starts,
-        "turns_1_s": r.turns,
-        "power_W": r.power,
-        "lost": r.lost,
-    }
+RESULT = (
+    "settled settle2_median_s=settle_median settle2_95_s=settle_95 overshoot_median overshoot_95 "
+    "rms_m farthest_m volume_rate_m3_s starts_1_s turns_1_s power_W lost"
+)
+"""Numbers of a result, as `io.answers.as_json` takes them."""
 
 
 def _seconds(x: float) -> str:

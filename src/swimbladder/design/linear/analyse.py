@@ -40,110 +40,43 @@ from swimbladder.design.linear.routh import RouthTable, routh_table
 from swimbladder.design.linear.sampled import ClosedLoop, LinearLaw, close
 from swimbladder.design.linear.transfer import TransferFunction, transfer_functions
 from swimbladder.errors import InputError
+from swimbladder.io.answers import as_json, plain
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
+_MARGINS = (
+    "gain_up gain_up_frequency_rad_s gain_down gain_down_frequency_rad_s phase_rad "
+    "phase_frequency_rad_s delay_s delay_frequency_rad_s peak_sensitivity peak_frequency_rad_s "
+    "disk disk_gain disk_phase_rad disk_frequency_rad_s"
+)
 
-def routh_json(table: RouthTable) -> dict[str, Any]:
-    """Return a Routh table for JSON."""
-    return {
-        "powers": table.powers,
-        "rows": table.rows,
-        "first_column_signs": table.first_column,
-        "notes": table.notes,
-        "right_half_plane": table.right,
-        "imaginary_axis": table.axis,
-        "sentence": table.sentence,
-    }
+
+def _margins(found: Margins | None) -> dict[str, Any] | None:
+    return found and as_json(found, _MARGINS) | {"phase_deg": math.degrees(found.phase)}
 
 
 def closed_loop_json(c: ClosedLoop) -> dict[str, Any]:
     """Return a sampled loop for JSON, in SI units."""
-    load = c.depth_load
     return {
-        "law": c.law,
-        "sample_time_s": c.sample_time,
-        "stable": c.stable,
-        "spectral_radius": c.spectral_radius,
-        "spectral_radius_back_driven": c.spectral_radius_back_driven,
+        **as_json(
+            c,
+            "law sample_time_s stable spectral_radius spectral_radius_back_driven "
+            "computation_delay_limit_s=computation_delay depth_delay_limit_s=depth_delay "
+            "spectral_radius_with_one_sample_of_computation=radius_at_whole_sample "
+            "inner_gain_per_sample volume_per_sample_m3 error_at_rate_limit_m",
+        ),
         "poles_z": [mode.z for mode in c.modes],
         "poles_s": [mode.s if math.isfinite(mode.s.real) else None for mode in c.modes],
         "damping": [mode.damping for mode in c.modes],
         "time_constant_s": [mode.time_constant for mode in c.modes],
         "margins": {"command": _margins(c.at_command), "depth": _margins(c.at_depth)},
-        "computation_delay_limit_s": c.computation_delay,
         "stable_with_one_sample_of_computation": c.radius_at_whole_sample < 1.0,
-        "spectral_radius_with_one_sample_of_computation": c.radius_at_whole_sample,
-        "depth_delay_limit_s": c.depth_delay,
-        "inner_gain_per_sample": c.inner_gain_per_sample,
-        "volume_per_sample_m3": c.volume_per_sample,
-        "error_at_rate_limit_m": c.error_at_rate_limit,
-        "depth_load": load
-        and {
-            "k_pV_V_m3": load.k_pV,
-            "extra_psi_m3_m": load.extra_psi,
-            "share_of_psi": load.share_of_psi,
-            "doubling_time_s": load.doubling_time,
-            "doubling_time_rejected_s": load.doubling_time_rejected,
-        },
+        "depth_load": c.depth_load
+        and as_json(
+            c.depth_load,
+            "k_pV_V_m3 extra_psi_m3_m share_of_psi doubling_time_s doubling_time_rejected_s",
+        ),
     }
-
-
-def drive_json(d: DriveRates) -> dict[str, Any]:
-    """Return what pump and valves do over depth for JSON, in SI units."""
-    return {
-        "depth_m": d.depths,
-        "pump_rate_m3_s": d.pump,
-        "pump_power_W": d.pump_power,
-        "valve_rate_m3_s": d.valve,
-        "bypass_rate_m3_s": d.bypass,
-        "leakage_m3_s": d.leakage,
-        "start_volume_m3": d.start_volume,
-    }
-
-
-def motion_json(m: Motion) -> dict[str, Any]:
-    """Return how a body goes on about a speed for JSON, in SI units."""
-    return {
-        "speed_m_s": m.speed,
-        "time_constant_s": m.time_constant,
-        "poles": m.poles,
-        "growth_time_s": m.growth_time,
-        "period_s": m.period,
-    }
-
-
-def _margins(found: Margins | None) -> dict[str, Any] | None:
-    return found and {
-        "gain_up": found.gain_up,
-        "gain_up_frequency_rad_s": found.gain_up_frequency,
-        "gain_down": found.gain_down,
-        "gain_down_frequency_rad_s": found.gain_down_frequency,
-        "phase_rad": found.phase,
-        "phase_deg": math.degrees(found.phase),
-        "phase_frequency_rad_s": found.phase_frequency,
-        "delay_s": found.delay,
-        "delay_frequency_rad_s": found.delay_frequency,
-        "peak_sensitivity": found.peak_sensitivity,
-        "peak_frequency_rad_s": found.peak_frequency,
-        "disk": found.disk,
-        "disk_gain": found.disk_gain,
-        "disk_phase_rad": found.disk_phase,
-        "disk_frequency_rad_s": found.disk_frequency,
-    }
-
-
-def plain(value: Any) -> Any:
-    """Return lists for tuples, [re, im] for complex numbers, None for what is not finite."""
-    if isinstance(value, bool) or value is None or isinstance(value, (int, str)):
-        return value
-    if isinstance(value, complex):
-        return [plain(value.real), plain(value.imag)]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
-    return [plain(item) for item in value]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,84 +135,58 @@ class Analysis:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything in JSON's own types, SI numbers; None for what is infinite."""
-        o, n, p = self.open_loop, self.neutral, self.operating_point
+        o, stall, rest = self.open_loop, self.stall, "depth_m volume_m3 motor_rate_m3_s"
+        if self.vehicle.voltage_driven:
+            rest += " voltage_V voltage_back_V"
+        volts = dict.fromkeys(("voltage_V", "voltage_back_V"))
         answer = {
             "vehicle": self.vehicle.name,
-            "depth_m": self.depth,
-            "rests": self.rests,
+            **as_json(self, "depth_m rests stable findings notes"),
             "command": self.vehicle.command,
-            "operating_point": {
-                "depth_m": p.depth,
-                "volume_m3": p.volume,
-                "motor_rate_m3_s": p.motor_rate,
-                "voltage_V": p.voltage if self.vehicle.voltage_driven else None,
-                "voltage_back_V": p.voltage_back if self.vehicle.voltage_driven else None,
-            },
+            "operating_point": volts | as_json(self.operating_point, rest),
             "open_loop": {
-                "input": o.input,
+                **as_json(o, "input numerator denominator poles doubling_time_s"),
                 "output": "Z",
-                "numerator": o.numerator,
-                "denominator": o.denominator,
-                "poles": o.poles,
-                "doubling_time_s": o.doubling_time,
                 "stable": o.routh.stable,
             },
-            "routh": routh_json(o.routh),
+            "routh": as_json(
+                o.routh,
+                "powers rows first_column_signs=first_column notes right_half_plane=right "
+                "imaginary_axis=axis sentence",
+            ),
             "transfer_functions": [
-                {
-                    "equations": t.equations,
-                    "input": t.input,
-                    "output": t.output,
-                    "symbols": t.symbols,
-                    "numerator": t.numerator,
-                    "denominator": t.denominator,
-                    "poles": t.poles,
-                }
+                as_json(t, "equations input output symbols numerator denominator poles")
                 for t in self.transfer_functions
             ],
-            "state_space": {
-                "states": self.model.states,
-                "inputs": self.model.inputs,
-                "outputs": self.model.outputs,
-                "A": self.model.A.tolist(),
-                "B": self.model.B.tolist(),
-                "C": self.model.C.tolist(),
-                "D": self.model.D.tolist(),
-            },
+            "state_space": as_json(self.model, "states inputs outputs A B C D"),
             "stiff_hull": self.stiff_hull
-            and {
-                "psi_m3_m": self.stiff_hull.psi,
-                "poles": self.stiff_hull.poles,
-                "doubling_time_s": self.stiff_hull.doubling_time,
-                "poles_without_loads": self.stiff_hull.poles_without_loads,
-                "unstable": self.stiff_hull.unstable,
-            },
+            and as_json(
+                self.stiff_hull, "psi_m3_m poles doubling_time_s poles_without_loads unstable"
+            ),
             "double_integrator_phase_margin_rad": self.double_integrator_phase_margin,
-            "stall": self.stall
-            and {
-                "depth_m": self.stall.depth,
-                "depth_without_sag_m": self.stall.depth_without_sag,
-                "holding_depth_m": self.stall.holding_depth,
-                "back_drive_depth_m": self.stall.back_drive_depth,
-                "voltage_V": self.stall.voltage,
-                "extending_rate_m3_s": self.stall.extending_rate,
-                "depth_limit_m": self.vehicle.hull.depth_limit,
-                "within_limit": self.stall.within_limit,
-            },
-            "neutral_volume": {
-                "depth_m": n.depths,
-                "volume_m3": n.volumes,
-                "leaves_stroke_at_m": n.leaves_stroke,
-            },
+            "stall": stall
+            and as_json(
+                stall,
+                "depth_m depth_without_sag_m holding_depth_m back_drive_depth_m voltage_V "
+                "extending_rate_m3_s within_limit",
+            )
+            | {"depth_limit_m": self.vehicle.hull.depth_limit},
+            "neutral_volume": as_json(
+                self.neutral, "depth_m=depths volume_m3=volumes leaves_stroke_at_m=leaves_stroke"
+            ),
             "closed_loop": self.closed_loop and closed_loop_json(self.closed_loop),
-            "stable": self.stable,
-            "findings": self.findings,
-            "notes": self.notes,
         }
         if self.drive is not None:
             answer |= {
-                "drive": drive_json(self.drive),
-                "motions": [motion_json(one) for one in self.motions],
+                "drive": as_json(
+                    self.drive,
+                    "depth_m=depths pump_rate_m3_s=pump pump_power_W valve_rate_m3_s=valve "
+                    "bypass_rate_m3_s=bypass leakage_m3_s start_volume_m3",
+                ),
+                "motions": [
+                    as_json(one, "speed_m_s time_constant_s poles growth_time_s period_s")
+                    for one in self.motions
+                ],
             }
         return {key: plain(value) for key, value in answer.items()}
 

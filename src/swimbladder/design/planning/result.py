@@ -9,6 +9,7 @@ from typing import Any
 from swimbladder.design.linear.models import Array
 from swimbladder.design.planning.minimum_time import LeastTime
 from swimbladder.design.planning.task import Task
+from swimbladder.io.answers import as_json
 from swimbladder.units import rounded
 
 _LOST = 0.1  # of the step: a motion that far from the plan is another
@@ -96,27 +97,15 @@ class Plan:
 
     def to_json(self) -> dict[str, Any]:
         """Return the answer in SI units."""
-        t = self.task
         return {
-            "vehicle": t.vehicle.name,
-            "goal": self.goal,
-            "arrive": self.arrive,
-            "start_m": t.start,
-            "target_m": t.target,
-            "sample_time_s": t.sample_time,
-            "band_m": t.band,
-            "margin": t.margin,
-            "least_time_s": self.least.time,
-            "short_a_sample_sooner": self.least.short,
-            "arrival_s": self.arrival,
+            "vehicle": self.task.vehicle.name,
+            **as_json(self.task, "start_m target_m sample_time_s band_m margin"),
+            **as_json(self.least, "least_time_s=time short_a_sample_sooner=short"),
+            **as_json(
+                self,
+                "goal arrive arrival_s moved_m3 energy_J at_limit gap proven residual_m sentences",
+            ),
             "duration_s": float(self.time[-1]),
-            "moved_m3": self.moved,
-            "energy_J": self.energy,
-            "at_limit": self.at_limit,
-            "gap": self.gap,
-            "proven": self.proven,
-            "residual_m": self.residual,
-            "sentences": list(self.sentences),
         }
 
     def columns(self) -> dict[str, Array]:

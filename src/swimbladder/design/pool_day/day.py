@@ -25,6 +25,7 @@ from swimbladder.design.pool_day.tasks import Task, next_task, undone
 from swimbladder.design.pool_day.verdict import LEAST, Target, Verdict, judge
 from swimbladder.errors import LogError
 from swimbladder.estimation.motion import NEUTRAL_STD, Identification, Prior, identify
+from swimbladder.io.answers import as_json
 from swimbladder.vehicle import Vehicle
 
 _THERE = 0.2  # m from where a plan wants the vehicle to rest
@@ -251,18 +252,12 @@ class PoolDay:
         return {
             "vehicle": self.vehicle.name,
             "mode": self.mode,
-            "good_enough": self.verdict.good,
-            "state": self.verdict.state,
-            "verdict": self.verdict.sentence,
+            **as_json(
+                self.verdict, "good_enough=good state verdict=sentence more_experiments=more limits"
+            ),
             "next": self.advice,
-            "more_experiments": self.verdict.more,
-            "limits": dict(self.verdict.limits),
-            "targets": [
-                {"name": t.name, "std": t.std, "relative": t.relative} for t in self.asked.targets
-            ],
-            "parameters": found["parameters"] if found else {},
-            "findings": found["findings"] if found else [],
-            "assumptions": found["assumptions"] if found else [],
+            "targets": [t._asdict() for t in self.asked.targets],
+            **{name: found[name] if found else kind() for name, kind in _FOUND},
             "experiments": [
                 {**k.to_json(), "neutral_error": e["neutral_error"], "rms_m": e["rms_m"]}
                 for k, e in zip(self.kept, each, strict=True)
@@ -271,6 +266,11 @@ class PoolDay:
             "refused": [{"time_s": n.time, "why": n.sentence} for n in self.refused],
             "files": [str(k.path) for k in (*self.kept, *self.aside)] + [str(self.folder / STATE)],
         }
+
+
+_FOUND: tuple[tuple[str, type], ...] = (
+    ("parameters", dict), ("findings", list), ("assumptions", list),
+)  # fmt: skip
 
 
 def _number(kept: Kept) -> int:

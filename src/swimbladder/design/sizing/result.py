@@ -10,7 +10,8 @@ import numpy as np
 
 from swimbladder.design.sizing.candidates import PARTS
 from swimbladder.design.sizing.evaluation import REQUIREMENTS, Budget
-from swimbladder.design.sizing.run import Sizing
+from swimbladder.design.sizing.run import Choice, Sizing
+from swimbladder.io.answers import as_json
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.units import rounded
 from swimbladder.vehicle import (
@@ -216,51 +217,45 @@ def columns(found: Sizing) -> dict[str, list[Any]]:
 def to_json(found: Sizing) -> dict[str, Any]:
     """Return the whole answer in SI units."""
     w, asked = found.evaluation, found.asked
+
+    def choice(one: Choice) -> dict[str, Any]:
+        done = one.index >= 0
+        return {
+            **as_json(one, "what name"),
+            "mass": float(w.mass[one.index]) if done else math.nan,
+            "cycle_energy": float(w.cycle_energy[one.index]) if done else math.nan,
+            "missing": one.missing or None,
+            "margin": None if done else one.margin,
+        }
+
     return {
         "body": found.body.name,
         "water": found.column.source,
-        "least": found.least,
-        "dive": dataclasses.asdict(asked.dive),
-        "stroke": asked.stroke,
-        "stroke_shares": asked.shares,
+        **as_json(found, "least sweeps"),
+        **as_json(asked, "dive stroke stroke_shares=shares pressure=bottom_pressure"),
         "neutral_above_inner_stop": -asked.lowest,
-        "pressure": asked.bottom_pressure,
         "least_rate": asked.rate,
         "combinations": len(found.batch.of),
         "feasible": int(np.count_nonzero(w.feasible)),
         "chosen": _one(found, found.best),
         "pareto": [_one(found, index) for index in found.pareto],
-        "choices": [
-            {
-                "what": choice.what, "name": choice.name,
-                "mass": float(w.mass[choice.index]) if choice.index >= 0 else math.nan,
-                "cycle_energy":
-                    float(w.cycle_energy[choice.index]) if choice.index >= 0 else math.nan,
-                "missing": choice.missing or None,
-                "margin": None if choice.index >= 0 else choice.margin,
-            }
-            for choice in found.choices
-        ],
-        "sweeps": [dataclasses.asdict(sweep) for sweep in found.sweeps],
+        "choices": [choice(one) for one in found.choices],
         "sentences": sentences(found),
-    }  # fmt: skip
+    }
+
+
+_NUMBERS = (
+    "mass", "battery_mass", "battery_energy", "cycle_energy", "energy_per_volume", "rate",
+    "voltage", "current", "holding_power", "stall", "turn_time",
+)  # fmt: skip
 
 
 def _one(found: Sizing, index: int) -> dict[str, Any]:
     w = found.evaluation
+    numbers = {name: float(getattr(w, name)[index]) for name in _NUMBERS}
     return {
         "parts": found.batch.of[index].choices,
-        "mass": float(w.mass[index]),
-        "battery_mass": float(w.battery_mass[index]),
-        "battery_energy": float(w.battery_energy[index]),
+        **{"stall_depth" if name == "stall" else name: x for name, x in numbers.items()},
         "battery": _spent(found, index),
-        "cycle_energy": float(w.cycle_energy[index]),
-        "energy_per_volume": float(w.energy_per_volume[index]),
-        "rate": float(w.rate[index]),
-        "voltage": float(w.voltage[index]),
-        "current": float(w.current[index]),
-        "holding_power": float(w.holding_power[index]),
-        "stall_depth": float(w.stall[index]),
-        "turn_time": float(w.turn_time[index]),
         "margins": {name: float(margin[index]) for name, margin in w.margins.items()},
     }

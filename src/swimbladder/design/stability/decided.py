@@ -29,6 +29,7 @@ from swimbladder.design.tuning.margins import (
     rest_of,
 )
 from swimbladder.design.tuning.region import member, unit_points, unknowns
+from swimbladder.io.answers import as_json
 from swimbladder.physics.dynamics import drag_per_mass
 from swimbladder.vehicle import Vehicle
 
@@ -144,40 +145,27 @@ class Decided:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
-        r = self.rest
+        ways = [
+            {
+                "way": w.decision.way.name,
+                **as_json(w.decision, "speed_m_s too_fast=faster interval_s=period"),
+                **as_json(
+                    w,
+                    "largest_eigenvalue=nominal coefficient_ratio=ratio time_constant_s delivery_s",
+                ),
+            }
+            for w in self.ways
+        ]
+        of_rest = (
+            "psi_m3_m growth_time_s period_s tolerance_halves_s=halves band_m tolerance_m held"
+        )
         return {
-            "largest_eigenvalue": self.radius,
-            "worst_at": {**self.worst._asdict(), "shares": dict(self.worst.shares)},
-            "on_grid": self.on_grid,
-            "maps": self.maps,
-            "maps_searched": self.searched,
-            "ways": [
-                {
-                    "way": w.decision.way.name,
-                    "speed_m_s": w.decision.speed,
-                    "too_fast": w.decision.faster,
-                    "largest_eigenvalue": w.nominal,
-                    "coefficient_ratio": w.ratio,
-                    "time_constant_s": w.time_constant,
-                    "interval_s": w.decision.period,
-                    "delivery_s": w.delivery,
-                }
-                for w in self.ways
-            ],
-            "rest": {
-                "psi_m3_m": r.psi,
-                "growth_time_s": _finite(r.growth_time),
-                "period_s": _finite(r.period),
-                "tolerance_halves_s": _finite(r.halves),
-                "band_m": r.band,
-                "tolerance_m": r.tolerance,
-                "held": r.held,
-            },
+            **as_json(
+                self, "largest_eigenvalue=radius worst_at=worst on_grid maps maps_searched=searched"
+            ),
+            "ways": ways,
+            "rest": as_json(self.rest, of_rest),
         }
-
-
-def _finite(x: float) -> float | None:
-    return x if math.isfinite(x) else None
 
 
 def around_decisions(

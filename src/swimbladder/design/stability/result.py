@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from swimbladder.design.stability.around import Around, Mode, Spot
+from swimbladder.design.stability.around import Around, Mode
 from swimbladder.design.stability.confirm import Seen
 from swimbladder.design.stability.cycles import Predicted
 from swimbladder.design.stability.decided import Decided
 from swimbladder.design.stability.recover import Map, Verdict
 from swimbladder.design.stability.robust import Stood
-from swimbladder.design.tuning.margins import decibels, falls_short
+from swimbladder.design.tuning.margins import MARGINS, decibels, falls_short
+from swimbladder.io.answers import as_json
 
 
 class Confirmed(NamedTuple):
@@ -152,19 +153,12 @@ class Stability:
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         return {
-            "vehicle": self.vehicle,
-            "law": self.law,
-            "sample_time_s": self.sample_time,
-            "depths_m": list(self.depths),
-            "stable": self.stable,
-            "sentences": list(self.sentences),
-            "region": list(self.words),
+            **as_json(self, "vehicle law sample_time_s depths_m stable sentences region=words"),
             "linear": None if self.around is None else _around(self.around),
             **({} if self.decided is None else {"decisions": self.decided.to_json()}),
             "cycles_depth_m": self.depth,
             "cycles": [_cycle(c) for c in self.cycles],
-            "within_s": self.within,
-            "band_m": self.band,
+            **as_json(self, "within_s band_m robustness=stood"),
             "maps": [
                 {
                     "name": m.name, "title": m.title, "runs": m.asked,
@@ -172,57 +166,41 @@ class Stability:
                 }
                 for m in self.maps
             ],
-            "robustness": [s._asdict() for s in self.stood],
         }  # fmt: skip
+
+
+_MODE = "frequency_rad_s damping time_constant_s"
 
 
 def _around(a: Around) -> dict[str, Any]:
-    m = a.margins
-
-    def mode(one: tuple[Mode, Spot]) -> dict[str, Any]:
-        return {
-            "frequency_rad_s": one[0].frequency, "damping": one[0].damping,
-            "time_constant_s": one[0].time_constant, "at": one[1]._asdict(),
-        }  # fmt: skip
-
     return {
-        "largest_eigenvalue": a.radius,
-        "worst_at": a.worst_spot._asdict(),
-        "margins": {
-            "gain_up": m.gain_up, "gain_down": m.gain_down, "phase_rad": m.phase,
-            "delay_s": m.delay, "peak_sensitivity": m.peak_sensitivity, "disk": m.disk,
+        **as_json(
+            a,
+            "largest_eigenvalue=radius worst_at=worst_spot loops=looked loops_searched=searched "
+            "computation_delay_s=delay largest_eigenvalue_with_a_sample_of_delay="
+            "whole_sample_radius",
+        ),
+        "margins": as_json(a.margins, MARGINS),
+        **{
+            name: as_json(mode, _MODE) | {"at": spot._asdict()}
+            for name, (mode, spot) in (("slowest", a.slowest), ("least_damped", a.least_damped))
         },
-        "slowest": mode(a.slowest),
-        "least_damped": mode(a.least_damped),
-        "searches": [
-            {"measure": f.measure, "on_grid": f.on_grid, "searched": f.searched,
-             "at": f.spot._asdict()}
-            for f in a.found
-        ],
-        "loops": a.looked,
-        "loops_searched": a.searched,
-        "computation_delay_s": a.delay,
-        "largest_eigenvalue_with_a_sample_of_delay": a.whole_sample_radius,
-    }  # fmt: skip
+        "searches": [as_json(f, "measure on_grid searched at=spot") for f in a.found],
+    }
 
 
 def _cycle(c: Confirmed) -> dict[str, Any]:
     p, s = c.predicted, c.seen
-    amplitude_error, period_error = c.errors
+    of_cycle = (
+        "amplitude period_s stable third_harmonic=third amplitude_error period_error believed"
+    )
     return {
-        "source": p.source, "size": p.size, "unit": p.unit, "broken_at": p.place,
-        "predicted": None if p.cycle is None else {
-            "amplitude": p.cycle.amplitude, "depth_amplitude_m": p.depth_amplitude,
-            "period_s": p.cycle.period, "stable": p.cycle.stable,
-            "third_harmonic": p.cycle.third, "amplitude_error": p.cycle.amplitude_error,
-            "period_error": p.cycle.period_error, "believed": p.cycle.believed,
-        },
-        "simulated": None if s is None else {
-            "cycles": s.cycles, "depth_amplitude_m": s.amplitude, "period_s": s.period,
-            "farthest_m": s.farthest,
-        },
-        "relative_error": {"amplitude": amplitude_error, "period": period_error},
-    }  # fmt: skip
+        **as_json(p, "source size unit broken_at=place"),
+        "predicted": p.cycle
+        and as_json(p.cycle, of_cycle) | {"depth_amplitude_m": p.depth_amplitude},
+        "simulated": s and as_json(s, "cycles depth_amplitude_m=amplitude period_s farthest_m"),
+        "relative_error": dict(zip(("amplitude", "period"), c.errors, strict=True)),
+    }
 
 
 def _cycle_words(c: Confirmed) -> str:

@@ -163,6 +163,8 @@ class Worst(NamedTuple):
 
 # 6 dB either way, 45 degrees, a peak sensitivity of 1.6 and a balanced disk margin of 0.5.
 WANTED = Worst(True, 2.0, 0.5, math.radians(45.0), 0.0, 1.6, 0.5)
+MARGINS = "gain_up gain_down phase_rad delay_s peak_sensitivity disk"
+"""Numbers of `Worst`, as `io.answers.as_json` takes them."""
 _LOST = Worst(False, 1.0, 1.0, 0.0, 0.0, math.inf, 0.0)
 
 

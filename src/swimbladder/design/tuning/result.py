@@ -9,8 +9,9 @@ from typing import Any
 from swimbladder.control.law import Law, Setting
 from swimbladder.control.records import leaves
 from swimbladder.design.tuning.gains import gains
-from swimbladder.design.tuning.margins import Loop, Worst, decibels, loops
+from swimbladder.design.tuning.margins import MARGINS, Loop, Worst, decibels, loops
 from swimbladder.design.tuning.trial import Step, Traces, Trial
+from swimbladder.io.answers import as_json
 from swimbladder.physics.dynamics import Plant
 from swimbladder.vehicle import Vehicle
 
@@ -143,59 +144,32 @@ class Tuning:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON; None where a run never settles."""
-        m = self.margins
         return {
             "vehicle": self.vehicle.name,
             "law": self.law.name,
-            "goal": self.goal,
-            "sample_time_s": self.sample_time,
-            "computation_delay_s": self.delay,
-            "depths_m": list(self.depths),
-            "supply_V": _or_none(self.supply),
+            **as_json(
+                self,
+                "goal sample_time_s computation_delay_s=delay depths_m supply_V step assumptions",
+            ),
             "hold_m": self.held or None,
             "parameters": {
                 name: {"value": float(value), "unit": self.law.units[name]}
                 for name, value in leaves(self.parameters).items()
             },
             "knobs": self.knobs._asdict(),
-            "margins": None
-            if m is None
-            else {
-                "gain_up": m.gain_up,
-                "gain_down": m.gain_down,
-                "phase_rad": m.phase,
-                "delay_s": m.delay,
-                "peak_sensitivity": m.peak_sensitivity,
-                "disk": m.disk,
-                "vehicles": len(self.plants),
-            },
+            "margins": self.margins
+            and {**as_json(self.margins, MARGINS), "vehicles": len(self.plants)},
             **({} if math.isnan(self.radius) else {"decision_eigenvalue": self.radius}),
-            "step": self.step._asdict(),
-            "nominal": _trial(self.nominal),
-            "region": _trial(self.region),
-            "assumptions": list(self.assumptions),
+            "nominal": as_json(self.nominal, TRIAL),
+            "region": as_json(self.region, TRIAL),
         }
 
 
-def _trial(t: Trial) -> dict[str, Any]:
-    return {
-        "runs": t.runs,
-        "settled": t.settled,
-        "settle2_median_s": _or_none(t.settle_median),
-        "settle2_95_s": _or_none(t.settle_95),
-        "overshoot_median": t.overshoot_median,
-        "overshoot_95": t.overshoot_95,
-        "rms_m": t.rms,
-        "volume_rate_m3_s": t.rate,
-        "starts_1_s": t.starts,
-        "turns_1_s": t.turns,
-        "energy_J": _or_none(t.energy),
-        "power_W": _or_none(t.power),
-    }
-
-
-def _or_none(x: float) -> float | None:
-    return x if math.isfinite(x) else None
+TRIAL = (
+    "runs settled settle2_median_s=settle_median settle2_95_s=settle_95 overshoot_median "
+    "overshoot_95 rms_m volume_rate_m3_s=rate starts_1_s turns_1_s energy_J power_W"
+)
+"""Numbers of a trial, as `io.answers.as_json` takes them."""
 
 
 def _hours(x: float) -> str:

@@ -12,8 +12,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from swimbladder.design.law_comparison import LawComparison
-from swimbladder.design.law_comparison.result import Row, result_json
+from swimbladder.design.law_comparison.result import RESULT, Row
 from swimbladder.design.law_comparison.scenarios import BAND
+from swimbladder.io.answers import as_json
 from swimbladder.io.files import make_folder, publish, write_atomically
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.plots.law_comparison import draw_pareto, draw_steps
@@ -142,11 +143,12 @@ def table_csv(comparison: LawComparison) -> str:
     mentioned = False
     for row in comparison.rows:
         for name, r in row.results.items():
-            numbers = result_json(r)
+            numbers = as_json(r, RESULT)
             if not mentioned:
                 writer.writerow(["law", "tuning", "scenario", *numbers])
                 mentioned = True
-            writer.writerow([row.who.law.name, row.who.tuning, name, *numbers.values()])
+            known = ["nan" if x is None else x for x in numbers.values()]
+            writer.writerow([row.who.law.name, row.who.tuning, name, *known])
     return text.getvalue()
 
 
