@@ -209,7 +209,7 @@ def _print(found: Design) -> None:
 def _experiments(found: Design) -> object:
     from rich.table import Table
 
-    from swimbladder.design.experiments.findings import percent
+    from swimbladder.design.experiments.result import percent
     from swimbladder.show.report.design import moves
 
     w = found.chosen
@@ -233,7 +233,7 @@ def _experiments(found: Design) -> object:
 def _parameters(found: Design) -> object:
     from rich.table import Table
 
-    from swimbladder.design.experiments.findings import percent
+    from swimbladder.design.experiments.result import percent
     from swimbladder.show.report.text import row
 
     w = found.chosen

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swimbladder.design.energy import efficiency_bands, fit_pump, run_columns
-from swimbladder.design.energy.logged_runs import check_runs
+from swimbladder.design.energy.fit import check_runs
 from swimbladder.design.energy.messages import fit_sentences
 from swimbladder.errors import InputError
 from tests.design.energy.test_fit import TRUTH, runs

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from swimbladder.design.experiments.conditions import Release
-from swimbladder.design.experiments.draws import covariance_of, vehicles
+from swimbladder.design.experiments.flight import covariance_of, vehicles
 from swimbladder.design.experiments.search import (
     Table,
     choose,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swimbladder.design.law_comparison.result import front
+from swimbladder.design.law_comparison.run import front
 
 COST = st.sampled_from([0.0, 1.0, 2.0, 3.0, float("nan"), float("inf")])
 

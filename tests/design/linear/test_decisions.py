@@ -16,7 +16,7 @@ from swimbladder.design.linear.pump_valve import (
     moved_by_volume,
     smooth,
 )
-from swimbladder.design.tuning.float_trial import Asked, fly_floats
+from swimbladder.design.tuning.trial import Asked, fly_floats
 from swimbladder.physics.dynamics import drag_per_mass, plant
 
 FLOAT = load_vehicle("example-float")

@@ -10,11 +10,11 @@ from swimbladder import load_vehicle
 from swimbladder.control.registry import bind
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, smooth
 from swimbladder.design.stability import stability
-from swimbladder.design.stability.decided import around_decisions
-from swimbladder.design.stability.hunting import hunting
-from swimbladder.design.tuning.float_trial import Asked, fly_floats
+from swimbladder.design.stability.around import around_decisions
+from swimbladder.design.stability.confirm import hunting
 from swimbladder.design.tuning.margins import decisions_of, radius_of, rest_of
 from swimbladder.design.tuning.region import member
+from swimbladder.design.tuning.trial import Asked, fly_floats
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import acceleration, plant
 from tests.quoted import refused

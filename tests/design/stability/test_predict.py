@@ -7,9 +7,8 @@ import pytest
 
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SEA_CASCADE, sea_cascade_gains
-from swimbladder.design.stability.confirm import edge, hold, measure
+from swimbladder.design.stability.confirm import Confirmed, edge, hold, measure
 from swimbladder.design.stability.cycles import predict, without_rest
-from swimbladder.design.stability.result import Confirmed
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant

@@ -11,17 +11,18 @@ from swimbladder.cli import main
 from swimbladder.control.rate import candidates, gains
 from swimbladder.control.registry import bind
 from swimbladder.design.tuning import tune
-from swimbladder.design.tuning.float_trial import (
+from swimbladder.design.tuning.gains import float_score, setting_of
+from swimbladder.design.tuning.region import FLOATS, member, region
+from swimbladder.design.tuning.trial import (
     Asked,
     Drawn,
+    Step,
+    Trial,
     draw_floats,
     energy_of,
     float_trial,
     fly_floats,
 )
-from swimbladder.design.tuning.gains import float_score, setting_of
-from swimbladder.design.tuning.region import FLOATS, member, region
-from swimbladder.design.tuning.trial import Step, Trial
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle as load_file

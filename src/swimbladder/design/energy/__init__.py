@@ -1,18 +1,21 @@
 """What changing the volume costs: over depth, against a thruster, and from logged runs of a pump.
 
-energy_per_volume: with rate, power and efficiencies over depth. thruster, thruster_comparison: the
-same task by a thruster, after the question of Carneiro et al. (IEEE J. Oceanic Eng., 2020). fit: a
-pump's power law and delivery, with uncertainty, from runs that a vehicle logged. runs: each of
-them, and efficiency over pressure. fitted_pump: a vehicle with that pump.
+energy_per_volume: with rate, power and efficiencies over depth. thruster_comparison: the same task
+by a thruster, after the question of Carneiro et al. (IEEE J. Oceanic Eng., 2020). fit: a pump's
+power law and delivery, with uncertainty, from runs that a vehicle logged. fitted_pump: a vehicle
+with that pump, each of the runs, and efficiency over pressure.
 """
 
 from __future__ import annotations
 
 from swimbladder.design.energy.energy_per_volume import DriveEnergy, drive_energy, sea
-from swimbladder.design.energy.fit import PumpFit, fit_pump
-from swimbladder.design.energy.fitted_pump import fitted_vehicle
-from swimbladder.design.energy.logged_runs import PumpRuns
-from swimbladder.design.energy.runs import Band, efficiency_bands, run_columns
+from swimbladder.design.energy.fit import PumpFit, PumpRuns, fit_pump
+from swimbladder.design.energy.fitted_pump import (
+    Band,
+    efficiency_bands,
+    fitted_vehicle,
+    run_columns,
+)
 from swimbladder.design.energy.thruster_comparison import (
     Hovering,
     Profiling,

@@ -1,9 +1,8 @@
 """Which experiments are most informative on a vehicle's motion in the time at the pool.
 
-`conditions` is the pool, `flight` follows a release, `fisher_information` is what its record adds;
-`library`, `selection` and `search` find the best set, `predict` and `evaluation` its errors,
-`omitted_variables` what would bias it, `findings` what a person has to know; `io.plan` is the file
-of it.
+`conditions` is the pool, `flight` follows a release and says what its record adds, `search` finds
+the best set, `evaluation` its errors and what would bias it, `result` what a person has to know;
+`io.plan` is the file of it.
 """
 
 from swimbladder.design.experiments.result import Design

@@ -1,26 +1,244 @@
-"""A set of releases evaluated: predicted errors, for which vehicles, after how many releases."""
+"""A set of releases evaluated: predicted errors, for which vehicles, after how many releases.
+
+That is what `identify` will say of the records, before there are any, and what becomes of its
+estimates where the model leaves something out: psi, a trim, a drift.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.design.experiments.conditions import Passing, Ramps, Release, Setting, Turn
-from swimbladder.design.experiments.flight import Flight, Question, fisher_information, follow
-from swimbladder.design.experiments.predict import (
-    OmittedVariable,
-    Prediction,
-    predict,
-    without_drift,
-    without_psi,
-    without_trim,
+from swimbladder.design.experiments.flight import (
+    Flight,
+    Question,
+    fisher_information,
+    follow,
+    problem_of,
 )
+from swimbladder.estimation.motion.estimates import Estimate, estimate
+from swimbladder.estimation.motion.fit import Fit, refine
+from swimbladder.estimation.motion.identifiability import not_identifiable
+from swimbladder.estimation.motion.model import NAMES
+from swimbladder.estimation.motion.noise import ArNoise
+from swimbladder.estimation.motion.problem import VOLUME, Problem
+from swimbladder.estimation.motion.result import Finding
 
 Array = NDArray[np.float64]
+
+
+class OmittedVariable(NamedTuple):
+    """A bias in shares of the parameters, by name: linearised, and by a refit where one is made.
+
+    rms: what the refit leaves over [m], noise included; nan without one.
+    """
+
+    linear: dict[str, float]
+    refit: dict[str, float]
+    rms: float
+
+
+def without_psi(
+    flights: Sequence[Flight], question: Question, setting: Setting
+) -> OmittedVariable | None:
+    """Return what happens to the others if psi is taken for 0; None where it is, or all there is.
+
+    The linearised bias is J^+ times what psi does to the depths; the refit is the fit of
+    `identify`, of records with noise.
+    """
+    others = [name for name in question.names if name != "psi"]
+    if question.values["psi"] == 0.0 or not others:
+        return None
+    problem, x = _at_the_truth(flights, question, setting, fixed={"psi": 0.0})
+    effect = problem.residual(x)
+    step = _pseudo_inverse(problem, x, setting) @ effect
+    noise = np.random.default_rng(1).normal(scale=setting.depth_noise, size=len(effect))
+    problem.measured = problem.measured + noise
+    found = refine(problem, x)
+    size = np.array([question.size(name) for name in others])
+    true = np.array([question.values[name] for name in others])
+    p = problem.shared
+    moved = step[:p] * problem.per_entry(x) / size
+    refitted = (np.array([problem.value(found.x, i) for i in range(p)]) - true) / size
+    return OmittedVariable(
+        linear=dict(zip(others, moved.tolist(), strict=True)),
+        refit=dict(zip(others, refitted.tolist(), strict=True)),
+        rms=math.sqrt(float(np.average(found.residual**2, weights=found.weight))),
+    )
+
+
+def without_trim(
+    flights: Sequence[Flight], question: Question, setting: Setting
+) -> OmittedVariable | None:
+    """Return the bias if every neutral volume is off the same way, by its standard deviation.
+
+    None where nothing is known of neutral volumes, so that nothing can be wrong.
+    """
+    if not math.isfinite(setting.neutral_std):
+        return None
+    problem, x = _at_the_truth(flights, question, setting)
+    effect = problem.slope(x)[:, problem.shared : problem.first_start].sum(axis=1)
+    step = _pseudo_inverse(problem, x, setting) @ effect * setting.neutral_std / VOLUME
+    return _linear(problem, x, step, question)
+
+
+def without_drift(
+    flights: Sequence[Flight], question: Question, setting: Setting
+) -> OmittedVariable:
+    """Return the bias if every neutral volume drifts the same way, by its standard deviation."""
+    problem, x = _at_the_truth(flights, question, setting)
+    J = problem.slope(x)
+    effect = np.zeros(len(problem.measured))
+    for j, flight in enumerate(flights):
+        rows = slice(problem.rows[j], problem.rows[j + 1])
+        middle = float(flight.time.mean() - flight.time[flight.moved[0]])
+        shift = J[rows, problem.shared + j] / VOLUME * middle
+        effect[rows] = problem.drift_slope(x, j) + shift
+    step = _pseudo_inverse(problem, x, setting) @ effect * setting.drift_std
+    return _linear(problem, x, step, question)
+
+
+def _at_the_truth(
+    flights: Sequence[Flight], question: Question, setting: Setting, *,
+    fixed: Mapping[str, float] | None = None,
+) -> tuple[Problem, Array]:  # fmt: skip
+    problem = problem_of(flights, question, setting, fixed=fixed)
+    x = problem.begin(question.values)
+    for at in problem.starts_at[:-1]:
+        x[at + 1] = 0.0
+    return problem, x
+
+
+def _pseudo_inverse(problem: Problem, x: Array, setting: Setting) -> Array:
+    """Return what turns a small change of the depths [m] into one of x, [len(x), rows]."""
+    J, P = problem.slope(x) / setting.depth_noise, problem.prior_rows(x)[1]
+    rows = np.concatenate([J, P])
+    size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    inverse: Array = np.linalg.pinv(rows / size) / size[:, None] / setting.depth_noise
+    return inverse[:, : len(J)]
+
+
+def _linear(problem: Problem, x: Array, step: Array, question: Question) -> OmittedVariable:
+    size = np.array([question.size(name) for name in problem.names])
+    moved = step[: problem.shared] * problem.per_entry(x) / size
+    return OmittedVariable(dict(zip(problem.names, moved.tolist(), strict=True)), {}, math.nan)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """The covariance of a set of records, and where it comes from. Arrays in the order of names.
+
+    parameters: as `identify` will report them, its standard deviations and intervals. sources: the
+    shares of the variance that are due to the depths' noise, to the neutral volumes and to what was
+    known before. drift: what a drift of the neutral volumes adds, 1 sigma, in their units; `share`
+    puts both together, as a share of the parameter. open: what the records leave open.
+    """
+
+    names: tuple[str, ...]
+    parameters: dict[str, Estimate]
+    covariance: Array  # [p, p], of the values in SI
+    sources: dict[str, dict[str, float]]
+    drift: dict[str, float]
+    share: dict[str, float]
+    open: tuple[Finding, ...]
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation of the parameters [p, p]."""
+        size = np.sqrt(np.diag(self.covariance))
+        result: Array = self.covariance / np.outer(size, size)
+        return result
+
+
+def predict(flights: Sequence[Flight], question: Question, setting: Setting) -> Prediction:
+    """Return the predicted errors of the records of these flights, all fitted together."""
+    problem = problem_of(flights, question, setting)
+    values, p = question.values, problem.shared
+    x = problem.begin(values)
+    for at in problem.starts_at[:-1]:
+        x[at + 1] = 0.0
+    J = problem.slope(x) / setting.depth_noise
+    data, P = J.T @ J, problem.prior_rows(x)[1]
+    C = _inverse(data + P.T @ P)
+    per = problem.per_entry(x)
+    drifts = [fisher_information(flight, question, values, setting).drift for flight in flights]
+    return Prediction(
+        names=problem.names,
+        parameters={
+            name: estimate(
+                values[name], float(per[i] * math.sqrt(C[i, i])), NAMES[name].unit,
+                logarithmic=problem.logarithmic[i],
+            )
+            for i, name in enumerate(problem.names)
+        },
+        covariance=C[:p, :p] * np.outer(per, per),
+        sources=_sources(problem, C, data, P),
+        **_drifted(problem, C, per, drifts, question, setting),
+        open=tuple(not_identifiable(problem, _fit(problem, x, J, data, P, C, setting))),
+    )  # fmt: skip
+
+
+def _inverse(M: Array) -> Array:
+    """Return the inverse of an information matrix; without information, a huge variance."""
+    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+    values, vectors = np.linalg.eigh(M / np.outer(size, size))
+    values = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))
+    result: Array = (vectors / values) @ vectors.T / np.outer(size, size)
+    return result
+
+
+def _sources(problem: Problem, C: Array, data: Array, P: Array) -> dict[str, dict[str, float]]:
+    """Return each variance's shares: C = C (data + priors) C, a sum over what the errors are of."""
+    parts = {
+        "noise": data,
+        "neutral volume": P[len(problem.priors) :].T @ P[len(problem.priors) :],
+        "prior": P[: len(problem.priors)].T @ P[: len(problem.priors)],
+    }
+    variance = {source: np.diag(C @ part @ C) for source, part in parts.items()}
+    whole = np.sum(list(variance.values()), axis=0)
+    return {
+        name: {source: float(v[i] / whole[i]) for source, v in variance.items()}
+        for i, name in enumerate(problem.names)
+    }
+
+
+def _drifted(
+    problem: Problem, C: Array, per: Array, drifts: Sequence[Array], question: Question,
+    setting: Setting,
+) -> dict[str, dict[str, float]]:  # fmt: skip
+    """Return what drifts add to the error [unit], and the shares of it all."""
+    p = problem.shared
+    size = np.array([question.size(name) for name in problem.names])
+    shares = C[:p, :p] * np.outer(per / size, per / size)
+    moved = shares @ np.stack(drifts, axis=1) * setting.drift_std
+    off = np.sqrt((moved**2).sum(axis=1))
+    both = np.sqrt(np.diag(shares) + off**2)
+    return {
+        "drift": {n: float(d) for n, d in zip(problem.names, off * size, strict=True)},
+        "share": {n: float(s) for n, s in zip(problem.names, both, strict=True)},
+    }
+
+
+def _fit(
+    problem: Problem, x: Array, J: Array, data: Array, P: Array, C: Array, setting: Setting
+) -> Fit:
+    """Return the fit that would be made if the records were as predicted."""
+    n, k = len(problem.measured), len(problem.experiments)
+    information: Array = data + P.T @ P
+    return Fit(
+        x=x, residual=np.zeros(n), weight=np.ones(n), noise=np.full(k, setting.depth_noise),
+        objective=0.0, slope=J * setting.depth_noise, ar=((),) * k,
+        ar_noise=(ArNoise((), 1.0),) * k,
+        information=information, covariance=C, data=data,
+    )  # fmt: skip
+
+
 _NOT_YET = 3.0  # of a parameter: nothing is known of it
 _SIZES = 12
 _PLACE = 0.35  # of the way, where to-and-fro releases of the curve turn

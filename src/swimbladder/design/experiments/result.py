@@ -3,18 +3,220 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from swimbladder.design.experiments.conditions import Release, Setting, Turn
-from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet
+from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet, OmittedVariable
 from swimbladder.design.experiments.flight import Flight, Question
-from swimbladder.design.experiments.predict import OmittedVariable
+from swimbladder.estimation.motion.identifiability import LIMIT
 from swimbladder.estimation.motion.result import Finding
 from swimbladder.io.answers import as_json
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
+from swimbladder.units import format_quantity
+
+_SEEN = 1.5  # of the noise: a residual that is larger shows that something is left out
+_FAST = 0.2  # m/s
+_COARSE = 0.3  # of the quantum: less noise than that and rounding is no white noise
+
+
+def judge(
+    chosen: EvaluatedSet, curve: Curve, stretched: Mapping[str, float], question: Question,
+    setting: Setting,
+) -> tuple[Finding, ...]:  # fmt: skip
+    """Return what is to be said of a set; stretched: its shares in a pool half as deep again."""
+    found = list(chosen.prediction.open)
+    found += _remedies(chosen, stretched)
+    found += _ends(chosen, setting)
+    found += _biases(chosen, setting)
+    found += [_limits(name, chosen, stretched) for name in question.names]
+    found.append(_sizes(curve))
+    if setting.quantum > 0.0 and setting.noise < _COARSE * setting.quantum:
+        found.append(
+            Finding(
+                "quantum", "warning",
+                f"The noise of {1e3 * setting.noise:g} mm is small against the quantum of "
+                f"{1e3 * setting.quantum:g} mm: a record that rounds so coarsely is no signal with "
+                "white noise, and the errors may be larger than said.",
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def describe(left: Mapping[str, float]) -> str:
+    """Return biases as text: "K2 by +81 %, T2 more than tenfold"."""
+    return ", ".join(
+        f"{name} by {_signed(share)} %" if share < 9.0 else f"{name} more than tenfold"
+        for name, share in left.items()
+    )
+
+
+def percent(share: float | None) -> str:
+    """Return a share as text, with two digits."""
+    if share is None or not math.isfinite(share):
+        return "not known"
+    return f"{100.0 * share:.2g} %" if share < 1.0 else f"{100.0 * share:.0f} %"
+
+
+def _signed(share: float) -> str:
+    return f"{100.0 * share:+.2g}" if abs(share) < 0.995 else f"{100.0 * share:+.0f}"
+
+
+def _remedies(chosen: EvaluatedSet, stretched: Mapping[str, float]) -> list[Finding]:
+    if not chosen.prediction.open:
+        return []
+    share = chosen.prediction.share
+    worst = max(share, key=lambda name: share[name])
+    longer = (share[worst] / LIMIT) ** 2
+    parts = [
+        f"With half as much travel again {worst} would be known to {percent(stretched[worst])}"
+    ]
+    if 1.0 < longer < 50.0:
+        parts.append(f"about {longer:.1f} times the pool time would do")
+    parts.append(f"or give what is known of it (--prior, --set {worst})")
+    return [Finding("remedy", "note", f"{'; '.join(parts)}.")]
+
+
+def _ends(chosen: EvaluatedSet, setting: Setting) -> list[Finding]:
+    found = []
+    for k, (release, flight) in enumerate(zip(chosen.releases, chosen.flights, strict=True), 1):
+        missed = chosen.partial[k - 1]
+        where = {"shallowest": "the shallow end", "deepest": "the deep end",
+                 "longest": "the longest time of a record"}[flight.ended]  # fmt: skip
+        if not flight.complete:
+            done = len(flight.moved)
+            found.append(
+                Finding(
+                    "range", "warning",
+                    f"Experiment {k} reaches {where} {flight.duration:.0f} s after the release, "
+                    f"before move {done + 1} of {len(release.moves)}: that move will not happen.",
+                )
+            )  # fmt: skip
+        elif missed:
+            found.append(
+                Finding(
+                    "range", "warning",
+                    f"Experiment {k}: {missed} of the {len(chosen.others)} vehicles of "
+                    "the parameter region reach an end of the range before the last move; "
+                    "the prediction includes this.",
+                )
+            )  # fmt: skip
+    return found + _arrivals(chosen, setting)
+
+
+def _arrivals(chosen: EvaluatedSet, setting: Setting) -> list[Finding]:
+    """Say which releases go fast where their records end, as seen in all vehicles."""
+    fast = []
+    for k in range(len(chosen.releases)):
+        ends = [f[k] for f in (chosen.flights, *chosen.others) if f[k].ended != "longest"]
+        speeds = [abs(f.depth[-1] - f.depth[-2]) / setting.sample_time for f in ends]
+        if speeds and max(speeds) > _FAST:
+            fast.append((k + 1, max(speeds)))
+    if not fast:
+        return []
+    listed = ", ".join(f"{k} ({speed:.2f} m/s)" for k, speed in fast)
+    seconds = setting.clearance / max(speed for _, speed in fast)
+    return [
+        Finding(
+            "arrival", "warning",
+            f"Fast where the record ends, in some vehicle of the parameter region: {listed}. "
+            f"Surface or bottom follow in {seconds:.0f} s or more: have the loop, or a hand, "
+            "catch it.",
+        )
+    ]  # fmt: skip
+
+
+def _biases(chosen: EvaluatedSet, setting: Setting) -> list[Finding]:
+    found = []
+    if chosen.psi is not None:
+        left = chosen.psi
+        seen = left.rms > _SEEN * setting.depth_noise
+        small = not _matters(left.refit, chosen)
+        then = "the fit would show it" if seen else "nobody would notice"
+        found.append(
+            Finding(
+                "psi", "note" if seen or small else "warning",
+                f"If psi were left out: {describe(left.refit)} (refit of a simulated campaign; "
+                f"linearised {describe(left.linear)}), at {1e3 * left.rms:.1f} mm rms instead of "
+                f"{1e3 * setting.depth_noise:.1f} mm"
+                f": {'no more than the intervals hold' if small else then}.",
+            )
+        )  # fmt: skip
+    for kind, omitted, what in (
+        ("trim", chosen.trim, f"by {format_quantity(setting.neutral_std, 'm3', 'cm3', 2)}"),
+        ("drift", chosen.drift, "by " + format_quantity(60.0 * setting.drift_std, "m3", "cm3", 2)),
+    ):  # fmt: skip
+        if omitted is None or not _matters(omitted.linear, chosen):
+            continue
+        how = "were off" if kind == "trim" else "drifted"
+        each = " a minute" if kind == "drift" else ""
+        found.append(
+            Finding(
+                kind, "warning",
+                f"If all neutral volumes {how} {what}{each} the same way: "
+                f"{describe(omitted.linear)}; the fit's intervals do not contain that.",
+            )
+        )  # fmt: skip
+    return found
+
+
+def _matters(bias: Mapping[str, float], chosen: EvaluatedSet) -> bool:
+    """Say whether a bias is more than a standard deviation without drift."""
+    prediction = chosen.prediction
+    shares = {
+        n: prediction.share[n] * e.std / math.hypot(e.std, prediction.drift[n])
+        for n, e in prediction.parameters.items()
+    }
+    return any(abs(share) > shares[name] for name, share in bias.items())
+
+
+def _limits(name: str, chosen: EvaluatedSet, stretched: Mapping[str, float]) -> Finding:
+    prediction = chosen.prediction
+    std, drift = prediction.parameters[name].std, prediction.drift[name]
+    whole = std**2 + drift**2
+    sources = {
+        "the noise of the depths": prediction.sources[name]["noise"] * std**2 / whole,
+        "the error of the neutral volumes": prediction.sources[name]["neutral volume"]
+        * std**2
+        / whole,
+        "what was known before": prediction.sources[name]["prior"] * std**2 / whole,
+        "a drift of the neutral volumes": drift**2 / whole,
+    }
+    listed = sorted(sources.items(), key=lambda item: -item[1])
+    words = [
+        f"{what} ({100.0 * part:.0f} % of the variance)" for what, part in listed[:2] if part > 0.1
+    ]
+    ratio = stretched[name] / prediction.share[name]
+    travel = ", and the travel" if ratio < 0.75 else ""
+    return Finding(
+        "limit", "note",
+        f"{name} is limited by {' and '.join(words)}{travel}: with half as much travel again "
+        f"{percent(stretched[name])} instead of {percent(prediction.share[name])}.",
+    )  # fmt: skip
+
+
+def _sizes(curve: Curve) -> Finding:
+    best = int(np.argmin(curve.steps))
+    size = f"{1e6 * curve.sizes[best]:.2g} cm3"
+    double = int(np.argmin(np.abs(curve.sizes - 2.0 * curve.sizes[best])))
+    if best == len(curve.sizes) - 1:
+        sentence = f"Of single steps the largest are most informative, {size}."
+    else:
+        sentence = (
+            f"Of single steps those of {size} are most informative, {percent(curve.steps[best])} "
+            f"in this time: a larger one buys nothing ({percent(curve.steps[double])} with "
+            f"{1e6 * curve.sizes[double]:.2g} cm3)."
+        )
+    fro = int(np.argmin(curve.to_and_fro))
+    return Finding(
+        "size", "note",
+        f"{sentence} To and fro it is {1e6 * curve.sizes[fro]:.2g} cm3, with "
+        f"{percent(curve.to_and_fro[fro])}.",
+    )  # fmt: skip
+
 
 _TRACE = 1.0  # s between the points of an expected trace, at the least
 _POINTS = 60

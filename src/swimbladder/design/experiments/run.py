@@ -10,11 +10,9 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.control.protocol import Does
 from swimbladder.design.experiments.conditions import Ramps, Release, Setting, ramps
-from swimbladder.design.experiments.draws import covariance_of, vehicles
 from swimbladder.design.experiments.evaluation import curve, deeper, evaluate
-from swimbladder.design.experiments.findings import judge
-from swimbladder.design.experiments.flight import FEWEST, Question
-from swimbladder.design.experiments.result import Design
+from swimbladder.design.experiments.flight import FEWEST, Question, covariance_of, vehicles
+from swimbladder.design.experiments.result import Design, judge
 from swimbladder.design.experiments.search import Search, search, sizes
 from swimbladder.design.experiments.search import criterion as criterion_of
 from swimbladder.errors import InputError, NoAnswerError

@@ -1,14 +1,12 @@
 """Every law on the same scenarios: how soon, how still, and what it costs in volume and energy.
 
-`scenarios` says what is flown, `swell` what waves do to the depth that is read, `contenders` which
-laws with which gains, `fly` flies them and measures, `pareto` finds those that no other beats,
-`store` keeps what is done, `run` puts them together.
+`scenarios` says what is flown, `contenders` which laws with which gains, `fly` flies them, in swell
+too, and measures, `run` puts them together and finds those that no other beats.
 """
 
 from __future__ import annotations
 
-from swimbladder.design.law_comparison.result import LawComparison
-from swimbladder.design.law_comparison.run import compare_laws
+from swimbladder.design.law_comparison.run import LawComparison, compare_laws
 from swimbladder.design.law_comparison.scenarios import SCENARIOS
 
 __all__ = ["SCENARIOS", "LawComparison", "compare_laws"]

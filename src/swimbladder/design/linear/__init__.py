@@ -2,8 +2,9 @@
 
 `models` differentiates the right-hand side, `transfer` has the paper's formulas, `routh` counts
 growing roots, `depths` says what depth does, `sampled` closes the loop at the law's sample time,
-`margins` measures how far it is from instability, `closed` and `analyse` gather it all, `findings`
-says it in sentences. Laws come in as functions: nothing here knows one by name.
+`margins` measures how far it is from instability, `pump_valve` has what is linear of floats,
+`analyse` gathers it all and says it in sentences. Laws come in as functions: nothing here knows one
+by name.
 """
 
 from swimbladder.design.linear.analyse import Analysis, OpenLoop, analyse_linear

@@ -86,6 +86,14 @@ def moved_by_volume(vehicle: Vehicle) -> Vehicle:
     return even_drag(vehicle).model_copy(update={"actuator": moved})
 
 
+def with_supply(vehicle: Vehicle, volts: float) -> Vehicle:
+    """Return a vehicle whose supply has so many volts; as it is where that is not finite."""
+    if vehicle.supply is None or not math.isfinite(volts):
+        return vehicle
+    low = vehicle.supply.model_copy(update={"voltage": volts})
+    return vehicle.model_copy(update={"supply": low})
+
+
 def drive_rates(vehicle: Vehicle, depths: Sequence[float]) -> DriveRates:
     """Return what the drive of a pump and valve does at depths [m] of the vehicle's own water."""
     z = np.asarray(depths, float)

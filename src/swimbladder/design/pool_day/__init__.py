@@ -10,7 +10,7 @@ from swimbladder.design.pool_day.day import Asked, News, PoolDay
 from swimbladder.design.pool_day.follow import finished, follow, rehearse
 from swimbladder.design.pool_day.growing_log import GrowingLog, Sample
 from swimbladder.design.pool_day.rehearsal import Operator
-from swimbladder.design.pool_day.rules import Rules
+from swimbladder.design.pool_day.rest import Rules
 from swimbladder.design.pool_day.segments import Segmenter
 from swimbladder.design.pool_day.tasks import Task, paper_tasks, plan_tasks
 from swimbladder.design.pool_day.verdict import Target, Verdict

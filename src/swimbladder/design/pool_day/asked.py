@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from swimbladder.design.pool_day.day import Asked
-from swimbladder.design.pool_day.rules import Rules
+from swimbladder.design.pool_day.rest import Rules
 from swimbladder.design.pool_day.verdict import Target
 from swimbladder.errors import InputError
 from swimbladder.estimation.motion import NEUTRAL_STD, Prior

@@ -19,7 +19,7 @@ from swimbladder.design.pool_day.growing_log import (
     Sample,
     Turned,
 )
-from swimbladder.design.pool_day.rules import Rules
+from swimbladder.design.pool_day.rest import Rules
 from swimbladder.design.pool_day.segments import Segmenter
 from swimbladder.design.pool_day.tasks import Task, next_task, undone
 from swimbladder.design.pool_day.verdict import LEAST, Target, Verdict, judge

@@ -16,8 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.pool_day.rest import Rest
-from swimbladder.design.pool_day.volume import steadied
+from swimbladder.design.pool_day.rest import Rest, steadied
 from swimbladder.errors import LogError
 from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.io.files import read_at_most, temporary_folder

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from swimbladder.design.pool_day.growing_log import Cut, End, Refused, Why
-from swimbladder.design.pool_day.rules import Rules
+from swimbladder.design.pool_day.rest import Rules
 from swimbladder.estimation.motion import ExperimentFit
 
 _EARLY = 0.6  # m

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from swimbladder.design.sizing.parts import Parts, load_parts
 from swimbladder.design.sizing.requirements import Dive, Requirements, requirements
-from swimbladder.design.sizing.result import columns, sentences, sized_vehicle, to_json
-from swimbladder.design.sizing.run import Sizing, size
+from swimbladder.design.sizing.run import Sizing, columns, sentences, size, sized_vehicle, to_json
 
 __all__ = [
     "Dive",

@@ -1,23 +1,38 @@
-"""Search all combinations of parts for the one that does the dive with the least mass or energy."""
+"""Search all combinations of parts for the one that does the dive with the least mass or energy.
+
+Also what is said of it: sentences, a table, JSON and a vehicle.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.sizing.candidates import Batch, Combination, combinations
-from swimbladder.design.sizing.evaluation import REQUIREMENTS, Evaluation, evaluate
+from swimbladder.design.sizing.candidates import PARTS, Batch, Combination, combinations
+from swimbladder.design.sizing.evaluation import REQUIREMENTS, Budget, Evaluation, evaluate
 from swimbladder.design.sizing.parts import Parts, load_parts
 from swimbladder.design.sizing.requirements import Dive, Requirements, requirements
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.answers import as_json
 from swimbladder.physics.hull import weight_mass
+from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.seawater import Column, uniform_column
-from swimbladder.vehicle import Vehicle
+from swimbladder.units import rounded
+from swimbladder.vehicle import (
+    DatasheetPump,
+    ElectromechanicalActuator,
+    Load,
+    PumpAndValve,
+    Stroke,
+    Supply,
+    Valve,
+    Vehicle,
+)
 
 Least = Literal["mass", "energy"]
 _AS_GOOD = 1.002
@@ -276,3 +291,239 @@ def _none(batch: Batch, evaluation: Evaluation, dive: Dive) -> NoAnswerError:
         f"{alone}. A longer turn time, a slower dive, less trim to cover or stronger parts "
         "(--parts) make it easier."
     )
+
+
+_DEEPEST = 11_000.0  # m, there is no deeper water
+
+_REPLACED = {
+    "actuator", "water", "supply", "stroke", "trim_error", "controller", "identified", "sensors",
+    "loads", "driver",
+}  # fmt: skip
+_EVACUATED = 2e4  # Pa
+_YEAR = 365.25 * 86400.0  # s
+
+
+def sentences(found: Sizing) -> list[str]:
+    """Return the answer: the drive, the stroke, what it takes, what limits it."""
+    w, b, asked, dive = found.evaluation, found.best, found.asked, found.asked.dive
+    c = found.chosen
+    parts = ", ".join(
+        name if name.startswith(what) else f"{what} {name}"
+        for what, name in c.choices.items() if what != "kind"
+    )  # fmt: skip
+    feasible = int(np.count_nonzero(w.feasible))
+    tight = min(w.margins, key=lambda name: w.margins[name][b])
+    shares = ", ".join(
+        f"{name} {volume * 1e6:.0f}" for name, volume in asked.shares.items() if volume > 0.0
+    )
+    lines = [
+        f"{feasible:,} of {len(found.batch.of):,} drives do {dive.depth:g} m; least {found.least}: "
+        f"{c.kind}, {parts}.",
+        f"Stroke {asked.stroke * 1e6:.0f} cm3 ({shares} cm3), neutral at the surface "
+        f"{-asked.lowest * 1e6:.0f} cm3 above the inner stop.",
+        f"At {dive.depth:g} m ({asked.bottom_pressure / 1e5:.0f} bar) it presses out "
+        f"{w.rate[b] * 1e6 * 60.0:.1f} mL/min with {w.voltage[b]:.1f} V and {w.current[b]:.2f} A, "
+        f"{w.energy_per_volume[b] * 1e-6:.1f} J/mL; at the voltage of a low battery it turns from "
+        f"sinking to rising in {w.turn_time[b] / 60.0:.1f} min and {_stall(w.stall[b])}.",
+        f"A cycle takes {w.cycle_energy[b]:.0f} J for the drive and {_hotel(found):.0f} J for the "
+        f"rest; {dive.cycles} cycles need {w.battery_energy[b] / 3600.0:.0f} Wh of "
+        f"{c.battery.name}, {rounded(float(w.battery_mass[b]), 2)} kg. Drive and battery weigh "
+        f"{rounded(float(w.mass[b]), 2)} kg.",
+        _battery(found),
+        f"Tightest: {REQUIREMENTS[tight]}, {100.0 * (w.margins[tight][b] - 1.0):.0f} % to spare.",
+    ]
+    if np.ptp(found.column.density) == 0.0:
+        lines.append(
+            "The water has one density at every depth: a sea that is lighter at its surface asks "
+            "for more stroke (--cast)."
+        )
+    if w.holding_power[b] > 0.0 and dive.park_time > 0.0:
+        lines.append(
+            f"The screw can be driven back: holding it at {dive.depth:g} m takes "
+            f"{w.holding_power[b]:.2f} W, which is in the energy of a cycle."
+        )
+    return lines
+
+
+def _stall(depth: float) -> str:
+    return f"stalls at {depth:.0f} m" if depth < _DEEPEST else "stalls nowhere in the sea"
+
+
+def _hotel(found: Sizing) -> float:
+    dive = found.asked.dive
+    power = dive.hotel + found.batch.driver.standby_power
+    return power * dive.cycle_time + dive.surface_energy
+
+
+def _battery(found: Sizing) -> str:
+    """Return what of the battery does not move or measure anything, in a sentence."""
+    spent, asked = _spent(found, found.best), found.asked
+    years = asked.dive.cycles * asked.dive.cycle_time / _YEAR
+    lasting = f"{years:.1f} years" if years >= 1.0 else f"{12.0 * years:.1f} months"
+
+    def share(*names: str) -> str:
+        return f"{100.0 * sum(spent[name] for name in names) / spent['carried']:.1f} %"
+
+    return (
+        f"Of the battery {share('drawn')} is drawn "
+        f"({share('driver_loss', 'driver_standby')} by the driver), {share('cold')} is not to be "
+        f"had in water of {asked.coldest:.3g} degC, {share('self_discharged')} is lost by itself "
+        f"in {lasting}, {share('reserve')} is not flown with (the reserve, "
+        f"{100.0 * asked.dive.battery_reserve:g} % of what can be had in that water), and "
+        f"{share('unusable')} cannot be taken out at all."
+    )
+
+
+def _spent(found: Sizing, index: int) -> dict[str, float]:
+    return {
+        field.name: float(getattr(found.evaluation.spent, field.name)[index])
+        for field in dataclasses.fields(Budget) if field.name != "life"
+    }  # fmt: skip
+
+
+def sized_vehicle(found: Sizing) -> Vehicle:
+    """Return the body with the chosen drive, stroke and battery, ballasted for the sea's surface.
+
+    It has no controller: gains of another drive would not fit.
+    """
+    asked, c, body = found.asked, found.chosen, found.body
+    half = 0.5 * asked.stroke
+    source = f"sized: least {found.least} of {len(found.batch.of):,} combinations"
+    kept = {
+        key: text for key, text in body.provenance.items()
+        if key.split(".")[0] not in _REPLACED
+    }  # fmt: skip
+    kept |= {
+        "actuator": f"{source}; {', '.join(c.choices.values())}",
+        "supply": f"{source}; {c.battery.name}, "
+        f"{rounded(float(found.evaluation.battery_mass[found.best]), 2)} kg",
+        "loads": "asked for: --hotel and --surfacing",
+        "driver": found.parts.provenance.get("driver", "as in the list of parts"),
+        "stroke": "sized: " + ", ".join(
+            f"{name} {volume * 1e6:.0f} cm3" for name, volume in asked.shares.items()
+        ),
+        "water": f"at the surface: {found.column.source}",
+        "trim_error": "sized: ballasted so that the stops lie evenly about 0",
+    }  # fmt: skip
+    return Vehicle.model_validate(
+        body.model_dump(
+            exclude={*_REPLACED, "provenance", "name", "description"},
+            exclude_unset=True,
+        )
+        | {
+            "schema_version": 1,
+            "name": f"{body.name}-{asked.dive.depth:g}m",
+            "description": f"{body.name} with a drive sized for {asked.dive.depth:g} m",
+            "provenance": kept,
+            "water": body.water.model_copy(update={
+                "density": float(found.column.density[0]),
+                "temperature": float(found.column.temperature[0]),
+            }),
+            "actuator": _as_built(found),
+            "supply": Supply(
+                voltage=c.supply, internal_resistance=c.supply * c.battery.resistance,
+                capacity=float(found.evaluation.battery_energy[found.best]) * c.battery.usable,
+                cold_share=c.battery.cold_share, self_discharge=c.battery.self_discharge,
+            ),
+            "driver": found.batch.driver,
+            "stroke": Stroke(minimum=-half, maximum=half),
+            "loads": (Load(
+                name="all but the drive", power=asked.dive.hotel,
+                energy_per_surfacing=asked.dive.surface_energy,
+            ),),
+            "trim_error": -(asked.lowest + half),
+        }
+    )  # fmt: skip
+
+
+def _as_built(found: Sizing) -> PumpAndValve | ElectromechanicalActuator:
+    """Return the drive as a vehicle has it: a pump held at the wanted speed, behind a check valve.
+
+    The hull is evacuated to 0.2 bar below the atmosphere, and the valve lets in the volume of a
+    turn in the turn time under that alone: at the surface, where the sea does not help.
+    """
+    c, asked = found.chosen, found.asked
+    actuator = c.actuator
+    if isinstance(actuator, ElectromechanicalActuator):
+        return actuator
+    assert c.pump is not None
+    n_h = actuator.drive.area_ratio
+    return PumpAndValve(
+        pump=DatasheetPump(
+            motor=actuator.motor,
+            drive=actuator.drive,
+            speed=float(found.evaluation.speed[found.best]),
+        ),
+        valve=Valve(flow=asked.rate / math.sqrt(_EVACUATED)),
+        internal_pressure=ATMOSPHERIC_PRESSURE - _EVACUATED,
+        leakage=min(c.pump.at_rest, c.pump.leakage) / n_h**2,
+    )
+
+
+def columns(found: Sizing) -> dict[str, list[Any]]:
+    """Return every drive that does the dive, lightest first, as columns of a table [n]."""
+    w = found.evaluation
+    order = [int(i) for i in np.argsort(w.mass, kind="stable") if w.feasible[i]]
+    names = [found.batch.of[index].choices for index in order]
+    table: dict[str, list[Any]] = {key: [row.get(key, "") for row in names] for key in PARTS}
+    numbers = {
+        "mass_kg": w.mass, "battery_mass_kg": w.battery_mass, "battery_energy_J": w.battery_energy,
+        "cycle_energy_J": w.cycle_energy, "energy_per_volume_J_per_m3": w.energy_per_volume,
+        "rate_m3_per_s": w.rate, "motor_speed_rad_per_s": w.speed, "voltage_V": w.voltage,
+        "current_A": w.current,
+        "holding_power_W": w.holding_power, "stall_depth_m": w.stall, "turn_time_s": w.turn_time,
+        "piston_travel_m": np.where(w.travel > 0.0, w.travel, np.nan),
+    }  # fmt: skip
+    numbers |= {
+        f"battery_{field.name}_J": getattr(w.spent, field.name)
+        for field in dataclasses.fields(Budget) if field.name not in ("carried", "life")
+    }  # fmt: skip
+    numbers |= {f"margin_{name.replace(' ', '_')}": margin for name, margin in w.margins.items()}
+    return table | {name: values[order].tolist() for name, values in numbers.items()}
+
+
+def to_json(found: Sizing) -> dict[str, Any]:
+    """Return the whole answer in SI units."""
+    w, asked = found.evaluation, found.asked
+
+    def choice(one: Choice) -> dict[str, Any]:
+        done = one.index >= 0
+        return {
+            **as_json(one, "what name"),
+            "mass": float(w.mass[one.index]) if done else math.nan,
+            "cycle_energy": float(w.cycle_energy[one.index]) if done else math.nan,
+            "missing": one.missing or None,
+            "margin": None if done else one.margin,
+        }
+
+    return {
+        "body": found.body.name,
+        "water": found.column.source,
+        **as_json(found, "least sweeps"),
+        **as_json(asked, "dive stroke stroke_shares=shares pressure=bottom_pressure"),
+        "neutral_above_inner_stop": -asked.lowest,
+        "least_rate": asked.rate,
+        "combinations": len(found.batch.of),
+        "feasible": int(np.count_nonzero(w.feasible)),
+        "chosen": _one(found, found.best),
+        "pareto": [_one(found, index) for index in found.pareto],
+        "choices": [choice(one) for one in found.choices],
+        "sentences": sentences(found),
+    }
+
+
+_NUMBERS = (
+    "mass", "battery_mass", "battery_energy", "cycle_energy", "energy_per_volume", "rate",
+    "voltage", "current", "holding_power", "stall", "turn_time",
+)  # fmt: skip
+
+
+def _one(found: Sizing, index: int) -> dict[str, Any]:
+    w = found.evaluation
+    numbers = {name: float(getattr(w, name)[index]) for name in _NUMBERS}
+    return {
+        "parts": found.batch.of[index].choices,
+        **{"stall_depth" if name == "stall" else name: x for name, x in numbers.items()},
+        "battery": _spent(found, index),
+        "margins": {name: float(margin[index]) for name, margin in w.margins.items()},
+    }

@@ -1,9 +1,9 @@
 """Stability of a vehicle under its law: what the linear analysis at one point leaves open.
 
-`around` looks at eigenvalues and margins over the region of parameters and searches it for the
-worst; `describing`, `cycles` and `predict` foretell limit cycles, `confirm` simulates them; `reach`
-says from where no controller comes back, `recover` from where this one does; `wrapped` and `robust`
-try wrong gains and late commands; `run` does it all, `result` says it.
+`around` computes eigenvalues and margins over the region of parameters and searches it for the
+worst; `cycles` predicts limit cycles, `confirm` simulates them; `recover` says from where no
+controller comes back, and from where this one does; `robust` tries wrong gains and late commands;
+`run` does it all, `result` says it.
 """
 
 from swimbladder.design.stability.result import Stability

@@ -44,7 +44,7 @@ from scipy.optimize import brentq
 
 from swimbladder.control.law import Law
 from swimbladder.design.linear.pump_valve import moved_by_volume
-from swimbladder.design.tuning.float_trial import Asked, fly_floats
+from swimbladder.design.tuning.trial import Asked, fly_floats
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import Plant, acceleration, plant
 from swimbladder.sim.closed_loop import simulate_ensemble

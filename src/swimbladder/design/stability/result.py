@@ -8,31 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
-from swimbladder.design.stability.around import Around, Mode
-from swimbladder.design.stability.confirm import Seen
-from swimbladder.design.stability.cycles import Predicted
-from swimbladder.design.stability.decided import Decided
+from swimbladder.design.stability.around import Around, Decided, Mode
+from swimbladder.design.stability.confirm import Confirmed
 from swimbladder.design.stability.recover import Map, Verdict
 from swimbladder.design.stability.robust import Stood
 from swimbladder.design.tuning.margins import MARGINS, decibels, falls_short
 from swimbladder.io.answers import as_json
-
-
-class Confirmed(NamedTuple):
-    """A predicted cycle beside what the simulator does; None where no edge was found."""
-
-    predicted: Predicted
-    seen: Seen | None
-
-    @property
-    def errors(self) -> tuple[float, float]:
-        """Prediction over simulation, less 1: of the depth's amplitude and of the period."""
-        c, s = self.predicted.cycle, self.seen
-        if c is None or s is None or not s.cycles:
-            return math.nan, math.nan
-        return self.predicted.depth_amplitude / s.amplitude - 1.0, c.period / s.period - 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

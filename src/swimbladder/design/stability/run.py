@@ -15,13 +15,11 @@ from swimbladder.control.law import Law
 from swimbladder.control.records import from_numbers, leaves, numbers
 from swimbladder.control.registry import own_law
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
-from swimbladder.design.stability.around import look_around
-from swimbladder.design.stability.confirm import edge, hold
+from swimbladder.design.stability.around import around_decisions, look_around
+from swimbladder.design.stability.confirm import Confirmed, edge, hold, hunting
 from swimbladder.design.stability.cycles import Predicted, predict, without_rest
-from swimbladder.design.stability.decided import around_decisions
-from swimbladder.design.stability.hunting import hunting
 from swimbladder.design.stability.recover import Map, recovery_maps
-from swimbladder.design.stability.result import Confirmed, Stability
+from swimbladder.design.stability.result import Stability
 from swimbladder.design.stability.robust import Stood, robustness, wrapped
 from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.gains import goals_of, recipe_of, tunable, tunable_names

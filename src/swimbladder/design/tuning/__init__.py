@@ -1,8 +1,7 @@
 """Gains for a vehicle: margins over what is not known of it, then trials with noise.
 
-`knobs` are what is chosen, `motion` and `gains` make a law's parameters of them, `region` says
-which vehicles are possible, `margins` and `trial` (with `energy`) judge, `grids` says what is
-tried, `search` finds, `run` puts them together.
+`gains` makes a law's parameters of what is tried, `region` says which vehicles are possible,
+`margins` and `trial` judge, `search` finds, `run` puts them together.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from typing import Any
 from swimbladder.control.law import Drive, Knobs, Law, Recipe, Setting
 from swimbladder.control.motion import off_in, runaway
 from swimbladder.control.registry import LAWS
-from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume
+from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, with_supply
 from swimbladder.design.tuning.region import neutral_walk
 from swimbladder.design.tuning.trial import Trial
 from swimbladder.errors import InputError
@@ -157,14 +157,6 @@ def setting_of(
         neutral_walk(vehicle),
         _drive(vehicle, supply, depths, neutral_range),
     )
-
-
-def with_supply(vehicle: Vehicle, volts: float) -> Vehicle:
-    """Return a vehicle whose supply has so many volts; as it is where that is not finite."""
-    if vehicle.supply is None or not math.isfinite(volts):
-        return vehicle
-    low = vehicle.supply.model_copy(update={"voltage": volts})
-    return vehicle.model_copy(update={"supply": low})
 
 
 def _drive(

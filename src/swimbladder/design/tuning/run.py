@@ -14,8 +14,7 @@ from swimbladder.control.law import Law
 from swimbladder.control.records import leaves
 from swimbladder.control.registry import bind, check_command, own_law
 from swimbladder.design.linear.depths import stall
-from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
-from swimbladder.design.tuning.float_trial import Drawn, arrival_band, float_traces
+from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall, with_supply
 from swimbladder.design.tuning.gains import (
     GOALS,
     HELD,
@@ -24,12 +23,11 @@ from swimbladder.design.tuning.gains import (
     setting_of,
     tunable,
     tunable_names,
-    with_supply,
 )
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.result import Tuning
 from swimbladder.design.tuning.search import search
-from swimbladder.design.tuning.trial import Step, traces, winding
+from swimbladder.design.tuning.trial import Drawn, Step, arrival_band, float_traces, traces, winding
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column

@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 
 from swimbladder.control.law import Knobs, Setting
 from swimbladder.design.linear.models import StateSpace
-from swimbladder.design.linear.pump_valve import drive_rates
-from swimbladder.design.tuning.float_trial import Drawn, float_trial
+from swimbladder.design.linear.pump_valve import drive_rates, with_supply
 from swimbladder.design.tuning.gains import (
     float_score,
     gains,
@@ -26,7 +25,6 @@ from swimbladder.design.tuning.gains import (
     score,
     tunable,
     tunable_names,
-    with_supply,
 )
 from swimbladder.design.tuning.margins import (
     WANTED,
@@ -40,7 +38,7 @@ from swimbladder.design.tuning.margins import (
     worst,
 )
 from swimbladder.design.tuning.region import Member, Region
-from swimbladder.design.tuning.trial import Step, Trial, trial
+from swimbladder.design.tuning.trial import Drawn, Step, Trial, float_trial, trial
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import Vehicle

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from swimbladder.design.experiments import Design, plan_file
 from swimbladder.design.experiments.conditions import Release, Turn
-from swimbladder.design.experiments.findings import percent
+from swimbladder.design.experiments.result import percent
 from swimbladder.io.files import publish, write_atomically
 from swimbladder.show.plots.design import draw_design, draw_plan
 from swimbladder.show.plots.style import save
@@ -81,7 +81,7 @@ def comparison(design: Design) -> list[str]:
     )
     said = [f"Against {design.rival}, in {other.time / 60.0:.0f} min: {errors}."]
     if other.psi is not None and design.chosen.psi is not None:
-        from swimbladder.design.experiments.findings import describe
+        from swimbladder.design.experiments.result import describe
 
         said.append(
             f"There, psi left out would shift {describe(other.psi.refit)}, at "
