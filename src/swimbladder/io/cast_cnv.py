@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.io.cast_columns import CAST_COLUMNS, RawCast, cast_unit, check_names
-from swimbladder.io.log_text import counted
+from swimbladder.io.cast_columns import CAST_COLUMNS, RawCast, cast_unit, check_names, raw_cast
+from swimbladder.io.log_text import LogFile, counted
 from swimbladder.units import unit_factor
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ def cnv_cast(data: bytes, path: Path, columns: Mapping[str, str]) -> RawCast:
 
     columns: as for other casts, by the short names of the header ("prDM"). Raises LogError.
     """
-    check_names(columns, path)
+    check_names(columns, LogFile(path))
     lines = data.decode("latin-1").splitlines()
     end = next((k for k, line in enumerate(lines) if line.startswith("*END*")), None)
     if end is None:
@@ -84,23 +84,15 @@ def cnv_cast(data: bytes, path: Path, columns: Mapping[str, str]) -> RawCast:
         column: _column(column, table, names, columns, path, report)
         for column in CAST_COLUMNS
     }  # fmt: skip
-    for name in ("latitude", "longitude"):
-        measured = values[name]
-        if name not in place and measured is not None and np.isfinite(measured).any():
-            place[name] = float(np.nanmean(measured))
-    temperature = values["temperature_degC"]
-    if temperature is None or (values["pressure_dbar"] is None and values["depth_m"] is None):
-        what = "temperature" if temperature is None else "pressure or depth"
+    warm = values["temperature_degC"] is not None
+    if not warm or (values["pressure_dbar"] is None and values["depth_m"] is None):
+        what = "pressure or depth" if warm else "temperature"
         raise LogError(
             f"the cast has no {what}", file=path, field="name",
             remedy=f"Columns of the file: {', '.join(short for short, _ in names.values())}",
         )  # fmt: skip
-    return RawCast(
-        path=path, temperature=temperature, pressure=values["pressure_dbar"],
-        depth=values["depth_m"], salinity=values["salinity"],
-        conductivity=values["conductivity_S_m"], density=values["density_kg_m3"], row=row,
-        latitude=place.get("latitude"), longitude=place.get("longitude"), report=report,
-    )  # fmt: skip
+    said_there = {name: np.array([degrees]) for name, degrees in place.items()}
+    return raw_cast(values | said_there, path, report, row=row)
 
 
 def _numbers(lines: list[str], end: int, count: int, path: Path) -> tuple[Array, NDArray[np.int64]]:

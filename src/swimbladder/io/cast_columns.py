@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError
 from swimbladder.io.log_format import LogColumn, bracketed
-from swimbladder.io.log_sources import column_readings, listed
-from swimbladder.io.log_text import counted
+from swimbladder.io.log_sources import check_columns, listed, mapped_column
+from swimbladder.io.log_text import LogFile, counted
 from swimbladder.units import unit_factor
-from swimbladder.vehicle.schema import did_you_mean
 
 Array = NDArray[np.float64]
 _FARTHEST = {"latitude": 90.0, "longitude": 360.0}  # degrees
@@ -69,12 +68,9 @@ class RawCast:
 
     def only(self, kept: NDArray[np.bool_] | NDArray[np.int64]) -> RawCast:
         """Return the cast with the rows `kept`, a mask or an order."""
-        names = ("temperature", "pressure", "depth", "salinity", "conductivity", "density")
-        chosen: dict[str, Any] = {}
-        for name in names:
-            values = getattr(self, name)
-            chosen[name] = None if values is None else values[kept]
-        return replace(self, row=self.row[kept], **chosen)
+        arrays = {name: v for name, v in vars(self).items() if isinstance(v, np.ndarray)}
+        chosen: dict[str, Any] = {name: values[kept] for name, values in arrays.items()}
+        return replace(self, **chosen)
 
     def refused(
         self, what: str, *, field: str, k: int | None = None, value: object = None,
@@ -87,6 +83,26 @@ class RawCast:
         return LogError(
             what, file=self.path, line=line, field=field, value=value, unit=unit, remedy=remedy
         )
+
+
+def raw_cast(
+    columns: Mapping[str, Array | None],
+    path: Path,
+    report: list[str],
+    row: NDArray[np.int64] | None = None,
+    **more: Any,
+) -> RawCast:
+    """Return the columns of a profile, by their names in `CAST_COLUMNS`, as a cast.
+
+    row: the lines of a text; samples are numbered where there are none. more: other fields.
+    """
+    fields: dict[str, Any] = {name.split("_")[0]: values for name, values in columns.items()}
+    for name in _FARTHEST:
+        values = columns.get(name)
+        fields[name] = None if values is None else place_of(name, values, report)
+    lines = np.arange(1, len(fields["temperature"]) + 1) if row is None else row
+    named = "sample" if row is None else "line"
+    return RawCast(path=path, report=report, row=lines, row_name=named, **fields, **more)
 
 
 CAST_COLUMNS = {
@@ -174,20 +190,15 @@ def _fits(column: str, unit: str | None) -> bool:
         return True  # the name is right; that the unit is not is said where it is read
 
 
-def check_names(names: Collection[str], path: str | Path) -> None:
+def check_names(names: Collection[str], file: LogFile) -> None:
     """Raise LogError for a name that is no column of a cast."""
-    for name in names:
-        if name not in CAST_COLUMNS:
-            raise LogError(
-                "no such column of a cast", file=path, field=name,
-                remedy=f"{did_you_mean(name, CAST_COLUMNS)}Columns: {', '.join(CAST_COLUMNS)}",
-            )  # fmt: skip
+    check_columns(file, names, CAST_COLUMNS, "a cast")
 
 
 def cast_sources(
+    file: LogFile,
     mapped: Mapping[str, str | LogColumn],
     header: Sequence[str],
-    path: str | Path,
     *,
     salted: bool = False,
 ) -> dict[str, LogColumn]:
@@ -197,8 +208,8 @@ def cast_sources(
     salted: whether the salinity is stated elsewhere.
     Raises LogError where a name is unknown, or what a cast needs is missing.
     """
-    check_names(mapped, path)
-    sources = {name: _given(name, given, header, path) for name, given in mapped.items()}
+    check_names(mapped, file)
+    sources = {name: _given(file, name, given, header) for name, given in mapped.items()}
     for name in CAST_COLUMNS:
         found = list(_meaning(name, header))
         if name in sources or not found:
@@ -207,12 +218,12 @@ def cast_sources(
             found = [column for column in found if column.name == name]
         if len(found) > 1:
             names = ", ".join(column.name for column in found)
-            raise LogError(
-                f"several columns may be the {name.split('_')[0]}", file=path, field=name,
+            raise file.refused(
+                f"several columns may be the {name.split('_')[0]}", field=name,
                 value=names, remedy=f'Choose one with --column "{name}=NAME"',
             )  # fmt: skip
         sources[name] = found[0]
-    _need(sources, path, header, salted=salted)
+    _need(file, sources, header, salted=salted)
     return sources
 
 
@@ -223,16 +234,8 @@ def _meaning(name: str, header: Collection[str]) -> Iterator[LogColumn]:
             yield LogColumn(name=column, unit=kind[1])
 
 
-def _given(name: str, given: str | LogColumn, header: Sequence[str], path: str | Path) -> LogColumn:
-    readings = column_readings(given)
-    fitting = [column for reading, column in readings.items() if reading in header]
-    if not fitting:
-        asked = given if isinstance(given, str) else given.name
-        raise LogError(
-            "no such column", file=path, field=name, value=asked,
-            remedy=f"{did_you_mean(asked[:60], header)}Columns of the file: {listed(list(header))}",
-        )  # fmt: skip
-    column = fitting[0]
+def _given(file: LogFile, name: str, given: str | LogColumn, header: Sequence[str]) -> LogColumn:
+    column = mapped_column(file, name, given, header)
     unit = column.unit if column.unit is not None else bracketed(column.name)
     if unit is None:
         kind = kind_of(column.name)
@@ -241,7 +244,7 @@ def _given(name: str, given: str | LogColumn, header: Sequence[str], path: str |
 
 
 def _need(
-    sources: Mapping[str, LogColumn], path: str | Path, header: Collection[str], *, salted: bool
+    file: LogFile, sources: Mapping[str, LogColumn], header: Sequence[str], *, salted: bool
 ) -> None:
     """Raise LogError where pressure and depth, temperature, or all that gives salt is missing."""
     for names, what in (
@@ -256,8 +259,8 @@ def _need(
                 absolute = [column for column in header if _ABSOLUTE.search(column.lower())]
                 if absolute:
                     more += f" ({absolute[0]} is not practical: gsw.SP_from_SA makes it so)"
-            raise LogError(
-                f"the cast has {what}", file=path, field=names[0],
+            raise file.refused(
+                f"the cast has {what}", field=names[0],
                 remedy=f'Say which column it is with --column "{names[0]}=NAME"{more}; columns of '
-                f"the file: {listed(list(header))}",
+                f"the file: {listed(header)}",
             )  # fmt: skip

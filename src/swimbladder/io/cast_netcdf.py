@@ -30,9 +30,9 @@ from swimbladder.io.cast_columns import (
     cast_unit,
     check_names,
     kind_of,
-    place_of,
+    raw_cast,
 )
-from swimbladder.io.log_text import counted
+from swimbladder.io.log_text import LogFile, counted
 from swimbladder.units import unit_factor
 
 Array = NDArray[np.float64]
@@ -215,26 +215,6 @@ def _flag_texts(flags: Variable, shape: tuple[int, ...]) -> NDArray[np.str_] | N
     return letters.reshape(shape) if letters.size == np.prod(shape) else None
 
 
-def raw_cast(
-    rows: Mapping[str, Array], path: Path, report: list[str], *, latitude: float | None = None,
-    longitude: float | None = None, name: str = "", names: Mapping[str, str] | None = None,
-    unit_named: str | None = None,
-) -> RawCast:  # fmt: skip
-    """Return the columns of a profile, each [n], as a cast as it stands in its file.
-
-    names: of the variables, by column; unit_named: that of pressure, where the file says one.
-    """
-    count = len(rows["temperature_degC"])
-    return RawCast(
-        path=path, pressure=rows.get("pressure_dbar"), depth=rows.get("depth_m"),
-        temperature=rows["temperature_degC"], salinity=rows.get("salinity"),
-        conductivity=rows.get("conductivity_S_m"), density=rows.get("density_kg_m3"),
-        row=np.arange(1, count + 1), row_name="sample", latitude=latitude,
-        longitude=longitude, name=name, report=report, names=dict(names or {}),
-        unit_named=unit_named,
-    )  # fmt: skip
-
-
 _ARGO = {"pressure_dbar": "PRES", "temperature_degC": "TEMP", "salinity": "PSAL"}
 _SEVERAL = 2
 _SHOWN = 4  # profiles, where there are too many
@@ -277,15 +257,10 @@ def argo_cast(variables: Mapping[str, Variable], path: Path, profile: int | None
             )  # fmt: skip
         by_flags(found, variables, values, path, report)
         rows[name] = values[n]
-    where = {}
-    for name, variable in (("latitude", "LATITUDE"), ("longitude", "LONGITUDE")):
-        if variable in variables:
-            at = np.ravel(np.asarray(variables[variable].values, float))[n : n + 1]
-            where[name] = place_of(name, at, report)
-    return raw_cast(
-        rows, path, report, name=_platform(variables, n), latitude=where.get("latitude"),
-        longitude=where.get("longitude"),
-    )  # fmt: skip
+    for name in ("latitude", "longitude"):
+        if name.upper() in variables:
+            rows[name] = np.ravel(np.asarray(variables[name.upper()].values, float))[n : n + 1]
+    return raw_cast(rows, path, report, name=_platform(variables, n))
 
 
 def _number(
@@ -365,7 +340,7 @@ def netcdf_cast(
 def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, str]) -> RawCast:
     """Return the cast of a file whose variables have standard names, or names that say it."""
     report: list[str] = []
-    check_names(columns, path)
+    check_names(columns, LogFile(path))
     warm = _chosen("temperature_degC", variables, columns, path)
     size = None if warm is None else variables[warm[0]].values.size
     chosen = {name: _chosen(name, variables, columns, path, size) for name in CAST_COLUMNS}
@@ -395,18 +370,11 @@ def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, 
             remedy='Say which it is with --column "pressure_dbar=NAME"; variables of the file: '
             f"{', '.join(list(variables)[:30])}",
         )  # fmt: skip
-    place = {
-        n: place_of(n, np.ravel(values[n]), report)
-        for n in ("latitude", "longitude")
-        if n in values
-    }
+    rows |= {n: np.ravel(values[n]) for n in ("latitude", "longitude") if n in values}
     names = {name: found[0] for name, found in chosen.items() if found is not None}
     down = chosen["pressure_dbar"]
     said = down and unit_said("pressure_dbar", down[0], variables[down[0]], down[1])
-    return raw_cast(
-        rows, path, report, latitude=place.get("latitude"), longitude=place.get("longitude"),
-        names=names, unit_named=said,
-    )  # fmt: skip
+    return raw_cast(rows, path, report, names=names, unit_named=said)
 
 
 def _refuse_grid(values: Mapping[str, Array], path: Path) -> None:

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError, SwimbladderError
 from swimbladder.io.cast_cnv import cnv_cast, is_cnv
-from swimbladder.io.cast_columns import CAST_COLUMNS, RawCast, cast_sources, place_of
+from swimbladder.io.cast_columns import CAST_COLUMNS, RawCast, cast_sources, raw_cast
 from swimbladder.io.cast_netcdf import is_netcdf, netcdf_cast
 from swimbladder.io.cast_rows import Inversions, averaged, one_leg, stable, without_spikes
 from swimbladder.io.cast_units import MOST_SALT, by_depth, check_units
-from swimbladder.io.log_format import LogColumn, LogFormat, log_format
+from swimbladder.io.log_format import LogColumn, LogFormat, format_of
 from swimbladder.io.log_table import read_table
-from swimbladder.io.log_text import read_bytes
+from swimbladder.io.log_text import LogFile, read_bytes
 from swimbladder.physics.seawater import Cast
 from swimbladder.physics.seawater.cast import pressure_of_depth
 from swimbladder.plugins import Registry
@@ -89,7 +89,7 @@ CAST_FORMATS: Registry[CastFormat] = Registry(
 )  # fmt: skip
 
 
-def format_of(data: bytes, path: Path) -> tuple[CastFormat | None, list[str]]:
+def recognised(data: bytes, path: Path) -> tuple[CastFormat | None, list[str]]:
     """Return the format of a file's bytes, None for text, and what is to be said of formats.
 
     Raises InputError where several know them as their own. swimbladder's own are asked first.
@@ -141,7 +141,7 @@ def read_cast(
     check_reading(latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions)
     file = Path(path)
     data = read_bytes(file)
-    binary, said = format_of(data, file)
+    binary, said = recognised(data, file)
     if binary is not None:
         if where or form is not None:
             raise LogError(
@@ -194,31 +194,24 @@ def _text_cast(
     given: LogFormat | str | Path | None, salinity: float | None,
 ) -> RawCast:  # fmt: skip
     """Return the cast of a text or a Parquet file, read as logs are."""
-    form = given if isinstance(given, LogFormat) else log_format(given) if given else LogFormat()
-    names: dict[str, str] = {}
-    units: dict[str, str | None] = {}
+    file = LogFile(path, format_of(given))
+    found: dict[str, LogColumn] = {}
 
     def sources(header: Sequence[str]) -> dict[str, LogColumn]:
-        found = cast_sources(columns, header, path, salted=salinity is not None)
-        names.update({name: column.name for name, column in found.items()})
-        units.update({name: column.unit for name, column in found.items()})
+        found.update(cast_sources(file, columns, header, salted=salinity is not None))
         return found
 
-    table = read_table(path, form, {**form.where, **where}, sources, [], CAST_COLUMNS)
-    values = table.values
-    report = list(table.report)
-    place = {
-        name: place_of(name, values[name], report) if name in values else None
-        for name in ("latitude", "longitude")
-    }
-    return RawCast(
-        path=path, temperature=values["temperature_degC"], pressure=values.get("pressure_dbar"),
-        depth=values.get("depth_m"), salinity=values.get("salinity"),
-        conductivity=values.get("conductivity_S_m"), density=values.get("density_kg_m3"),
-        row=table.line, latitude=place["latitude"], longitude=place["longitude"],
+    table = read_table(file, {**file.form.where, **where}, sources, [], CAST_COLUMNS)
+    down = found.get("pressure_dbar")
+    return raw_cast(
+        table.values,
+        path,
+        file.report,
+        row=table.line,
         name=", ".join(f"{name}={value}" for name, value in where.items()),
-        names=names, report=report, unit_named=units.get("pressure_dbar"),
-    )  # fmt: skip
+        names={name: column.name for name, column in found.items()},
+        unit_named=None if down is None else down.unit,
+    )
 
 
 def _salted(raw: RawCast, salinity: float | None) -> RawCast:

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from swimbladder.control.rate import RATE
 from swimbladder.control.registry import own_law
 from swimbladder.errors import InputError
-from swimbladder.io.files import read_at_most
+from swimbladder.io.files import read_at_most, why_unreadable
 from swimbladder.io.mission import Mission
 from swimbladder.io.presets import preset_names, preset_text
 from swimbladder.physics.actuator import refuse_pump_and_valve
@@ -278,14 +278,10 @@ def file_text(path: Path) -> str:
         if len(data) <= _MOST_BYTES:
             return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
         what, remedy = "larger than 16 MiB", "Check that it is the TOML file that is meant"
-    except FileNotFoundError:
-        what, remedy = "there is no such file", "Check the path"
-    except IsADirectoryError:
-        what, remedy = "this is a folder", "Give the TOML file in it"
     except UnicodeDecodeError as error:
         what, remedy = f"not UTF-8 text, at byte {error.start}", "Save the file as UTF-8"
     except (OSError, ValueError) as error:
-        what, remedy = f"cannot read the file: {error}", "Check the path and its permissions"
+        what, remedy = why_unreadable(error, "TOML file")
     raise InputError(what, file=path, field="file", remedy=remedy)
 
 

@@ -58,6 +58,15 @@ def read_at_most(path: Path, most: int) -> bytes:
     return kept[pipe]
 
 
+def why_unreadable(error: Exception, wanted: str) -> tuple[str, str]:
+    """Return why a file cannot be read, and what to do; `wanted`: what it should be."""
+    if isinstance(error, FileNotFoundError):
+        return "there is no such file", "Check the path"
+    if isinstance(error, IsADirectoryError):
+        return "this is a folder", f"Give the {wanted} in it"
+    return f"cannot read the file: {error}", "Check the path and its permissions"
+
+
 def _prefix(process: int) -> str:
     """Return how the names begin of what a process of this machine has not finished."""
     machine = hashlib.sha256(platform.node().encode()).hexdigest()[:8]

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import LogError
-from swimbladder.io.log_format import LogFormat
-from swimbladder.io.log_text import counted
+from swimbladder.io.log_text import LogFile, counted
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -30,29 +27,23 @@ _COARSE = {"depth_m": 0.025, "piston_m": 2e-4, "volume_m3": 5e-7}
 
 
 def in_order(
-    data: dict[str, Array],
-    line: NDArray[np.int64],
-    form: LogFormat,
-    path: str | Path,
-    several: str,
-    report: list[str],
+    data: dict[str, Array], line: NDArray[np.int64], file: LogFile, several: str
 ) -> tuple[dict[str, Array], NDArray[np.int64]]:
     """Return the rows with time increasing; those that repeat a time are dropped.
 
     several: what to do where the file holds several logs. Raises LogError where time goes back.
     """
-    time = data["time_s"]
+    time, report = data["time_s"], file.report
     back = np.flatnonzero(np.diff(time) < 0.0)
-    if len(back) and form.rows == "sort":
+    if len(back) and file.form.rows == "sort":
         report.append(f"rows sorted by time: it went back {counted(len(back), 'time')}")
         order = np.argsort(time, kind="stable")
         data, line = {name: values[order] for name, values in data.items()}, line[order]
     elif len(back):
         at = int(back[0]) + 1
-        raise LogError(
+        raise file.refused(
             f"time goes back, {counted(len(back), 'time')} in the log",
-            file=path,
-            line=int(line[at]),
+            line=line[at],
             field="time_s",
             value=float(time[at]),
             unit="s",
@@ -74,19 +65,19 @@ def in_order(
 
 
 def find_gaps(
-    time: Array, line: NDArray[np.int64], longest: float | None, report: list[str]
+    time: Array, line: NDArray[np.int64], file: LogFile
 ) -> tuple[tuple[float, float], ...]:
-    """Return (time before, time after) [s] of every gap: a step of more than `longest`.
+    """Return (time before, time after) [s] of every gap: a longer step than the format says.
 
-    Where that is None it is five times the median step.
+    Where it says none, than five times the median step.
     """
-    steps = np.diff(time)
+    steps, longest = np.diff(time), file.form.gap
     limit = _GAP * float(np.median(steps)) if longest is None else longest
     at = np.flatnonzero(steps > limit * (1.0 + 1e-9))
     if len(at):
         shown = [f"{steps[k]:.4g} s after {time[k]:.6g} s (line {line[k]})" for k in at[:_SHOWN]]
         more = ", ..." if len(at) > _SHOWN else ""
-        report.append(
+        file.report.append(
             f"{counted(len(at), 'gap')} of more than {limit:.3g} s, {steps[at].sum():.4g} s in "
             f"all: {', '.join(shown)}{more}"
         )
@@ -97,8 +88,7 @@ def suspects(
     data: dict[str, Array],
     line: NDArray[np.int64],
     gaps: Sequence[tuple[float, float]],
-    form: LogFormat,
-    report: list[str],
+    file: LogFile,
 ) -> Mask:
     """Return which samples have a spike in depth, volume, piston or voltage."""
     found = np.zeros(len(line), dtype=bool)
@@ -111,8 +101,12 @@ def suspects(
         found |= spiky
         lines = [str(number) for number in line[spiky][:_SHOWN]]
         more = ", ..." if spiky.sum() > _SHOWN else ""
-        done = "dropped" if form.spikes == "drop" else 'kept; spikes = "drop" would leave them out'
-        report.append(
+        done = (
+            "dropped"
+            if file.form.spikes == "drop"
+            else 'kept; spikes = "drop" would leave them out'
+        )
+        file.report.append(
             f"{counted(int(spiky.sum()), 'single sample')} of {name} far off the others, on line "
             f"{', '.join(lines)}{more}: {done}"
         )

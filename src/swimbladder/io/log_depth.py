@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import LogError
-from swimbladder.io.log_format import LogFormat
+from swimbladder.io.log_text import LogFile
 from swimbladder.units import parse_quantity
 
 Array = NDArray[np.float64]
@@ -16,7 +13,7 @@ Array = NDArray[np.float64]
 _ABOVE = 0.5  # m above the surface, that a sensor may be off
 
 
-def depth_source(names: set[str], mapped: set[str], path: str | Path) -> str | None:
+def depth_source(names: set[str], mapped: set[str], file: LogFile) -> str | None:
     """Return which of the columns at hand is to become the depth, None where there is none.
 
     depth_m, unless pressure_Pa is mapped and depth_m only happens to be there. Raises LogError
@@ -24,9 +21,8 @@ def depth_source(names: set[str], mapped: set[str], path: str | Path) -> str | N
     """
     both = {"depth_m", "pressure_Pa"}
     if both <= mapped:
-        raise LogError(
+        raise file.refused(
             "depth cannot come both from depth_m and from pressure_Pa",
-            file=path,
             field="pressure_Pa",
             remedy="Map one of the two",
         )
@@ -35,19 +31,18 @@ def depth_source(names: set[str], mapped: set[str], path: str | Path) -> str | N
     return next(iter(both & names), None)
 
 
-def to_depth(
-    data: dict[str, Array], source: str, form: LogFormat, path: str | Path, report: list[str]
-) -> Array:
+def to_depth(data: dict[str, Array], source: str, file: LogFile) -> Array:
     """Return the depth [m] from depth_m [m] or pressure_Pa [Pa], whose rows are in order of time.
 
     z = (p - p_0)/(rho g), with one density all the way down. Raises LogError where it needs what
-    `form` does not say, or `form` says what has no use.
+    the format does not say, or that says what has no use.
     """
+    form, report = file.form, file.report
     if source == "pressure_Pa":
-        depth = _from_pressure(data, form, path, report)
+        depth = _from_pressure(data, file)
     else:
         depth = data["depth_m"]
-        _refuse_unused(form, path)
+        _refuse_unused(file)
         if form.logger_density is not None and form.water_density is not None:
             depth = depth * (form.logger_density / form.water_density)
             report.append(
@@ -70,41 +65,36 @@ def to_depth(
     return depth
 
 
-def _from_pressure(
-    data: dict[str, Array], form: LogFormat, path: str | Path, report: list[str]
-) -> Array:
-    pressure = data["pressure_Pa"]
+def _from_pressure(data: dict[str, Array], file: LogFile) -> Array:
+    form, pressure = file.form, data["pressure_Pa"]
     known = pressure[np.isfinite(pressure)]
     first = float(known[0]) if len(known) else 0.0
     if form.water_density is None:
-        raise LogError(
+        raise file.refused(
             "the density that turns pressure_Pa into depth is missing",
-            file=path,
             field="water_density",
             remedy='Add a line water_density = "998 kg/m3" (or sea water, "1025 kg/m3") to the '
             "[log] table",
         )
     if form.atmospheric_pressure is None:
         looks = "absolute" if first > 7e4 else "gauge"
-        raise LogError(
+        raise file.refused(
             f"what pressure_Pa reads at the surface is not said; its first reading, {first:.6g} "
             f"Pa, looks {looks}",
-            file=path,
             field="atmospheric_pressure",
             remedy='Add atmospheric_pressure = "gauge", "1013 mbar" (what the sensor reads there) '
             'or "first" (its first reading is at the surface) to the [log] table',
         )
     for name in ("logger_density", "depth_positive"):
         if name in form.model_fields_set and getattr(form, name) not in (None, "down"):
-            raise LogError(
+            raise file.refused(
                 f"{name} has no use: the depth comes from pressure_Pa",
-                file=path,
                 field=name,
                 value=getattr(form, name),
                 remedy=f"Leave {name} out",
             )
     surface, how = _surface_pressure(form.atmospheric_pressure, pressure, data["time_s"])
-    report.append(
+    file.report.append(
         f"depth_m from pressure_Pa, less {surface:.6g} Pa at the surface ({how}), over "
         f"{form.water_density:g} kg/m3 times {form.gravity:g} m/s2"
     )
@@ -126,16 +116,16 @@ def _surface_pressure(said: float | str, pressure: Array, time: Array) -> tuple[
     return float(np.median(pressure[at])), how
 
 
-def _refuse_unused(form: LogFormat, path: str | Path) -> None:
+def _refuse_unused(file: LogFile) -> None:
     """Raise LogError where the format has what only pressure needs."""
+    form = file.form
     names = ["atmospheric_pressure", "gravity"]
     if form.logger_density is None:
         names.append("water_density")
     unused = [n for n in names if n in form.model_fields_set and getattr(form, n) is not None]
     if unused:
-        raise LogError(
+        raise file.refused(
             f"{unused[0]} has no use: depth_m is read as a depth",
-            file=path,
             field=unused[0],
             value=getattr(form, unused[0]),
             remedy=f"Map pressure_Pa, or leave {unused[0]} out",

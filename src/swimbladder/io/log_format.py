@@ -258,6 +258,13 @@ class _LogFile(Parameters):
     log: LogFormat
 
 
+def format_of(given: LogFormat | str | Path | None) -> LogFormat:
+    """Return a log format that is given, by itself or as `log_format` takes it, or the usual."""
+    if given is None:
+        return LogFormat()
+    return given if isinstance(given, LogFormat) else log_format(given)
+
+
 def log_format(name_or_path: str | Path) -> LogFormat:
     """Return the log format of a shipped name or of the ``[log]`` table of a TOML file.
 

@@ -8,15 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, column_factor
+from swimbladder.io.log_format import COLUMNS, LogColumn, column_factor
 from swimbladder.io.log_rows import Column
-from swimbladder.io.log_text import counted
+from swimbladder.io.log_text import LogFile, counted
 from swimbladder.io.log_time import (
     TimeColumn,
     counter_seconds,
@@ -41,19 +40,16 @@ def column_texts(column: Column) -> list[str]:
 class RowTest:
     """Whether rows hold a value in a column, as a number where both are numbers."""
 
-    def __init__(
-        self, path: str | Path, header: list[str], name: str, value: str | float, form: LogFormat
-    ) -> None:
+    def __init__(self, file: LogFile, header: list[str], name: str, value: str | float) -> None:
         if header.count(name) != 1:
-            raise LogError(
+            raise file.refused(
                 "no such column to choose rows by" if name not in header else "two such columns",
-                file=path,
                 field="where",
                 value=name,
                 remedy=f"Columns of the file: {', '.join(header[:30])}",
             )
         self.name, self._text = name, str(value).strip()
-        self._comma = form.decimal == ","
+        self._comma = file.form.decimal == ","
         try:
             self._number: float | None = float(value)
         except ValueError:
@@ -75,14 +71,13 @@ class RowTest:
 
 
 def none_chosen(
-    path: str | Path, total: int, where: Mapping[str, str | float], columns: Mapping[str, Column]
+    file: LogFile, total: int, where: Mapping[str, str | float], columns: Mapping[str, Column]
 ) -> LogError:
     """Return the error for a log of which no row is left, with what the column holds."""
     found = list(dict.fromkeys(text.strip() for text in column_texts(columns[next(iter(where))])))
     choices = ", ".join(text[:40] for text in found[:40]) + (", ..." if len(found) > 40 else "")
-    return LogError(
+    return file.refused(
         f"none of {total} rows is chosen",
-        file=path,
         field="where",
         value=", ".join(f"{name}={value}" for name, value in where.items()),
         remedy=f"Choose one of: {choices}",
@@ -100,19 +95,16 @@ class ColumnReader:
 
     def __init__(
         self,
-        path: str | Path,
-        form: LogFormat,
+        file: LogFile,
         columns: Mapping[str, Column],
         line: NDArray[np.int64],
-        report: list[str],
         units: Mapping[str, str] = COLUMNS,
     ) -> None:
         """Keep the texts; `units`: of each column that may be read."""
-        self.units = units
-        self.path, self.form, self.columns, self.line = path, form, columns, line
-        self.report, self.conversions = report, list[str]()
+        self.file, self.form, self.units = file, file.form, units
+        self.columns, self.line, self.conversions = columns, line, list[str]()
         self.times = TimeColumn()
-        self._missing = frozenset(_MISSING | {text.strip().lower() for text in form.missing})
+        self._missing = frozenset(_MISSING | {text.strip().lower() for text in self.form.missing})
         self._bad: dict[int, Callable[[], LogError]] = {}
 
     def read(self, name: str, column: LogColumn) -> Array:
@@ -133,9 +125,7 @@ class ColumnReader:
             return values
         factor = None
         if name == "time_s":
-            values, factor = counter_seconds(
-                values, column, self.form, self.line, self.path, self.report
-            )
+            values, factor = counter_seconds(values, column, self.line, self.file)
         factor = factor if factor is not None else self._factor(name, column)
         if name == "time_s":
             self.times = TimeColumn(column.name, 1.0 if factor is None else factor)
@@ -164,7 +154,7 @@ class ColumnReader:
         if not self._bad:
             return values, self.line
         first = self._bad[min(self._bad)]()
-        self.report.append(
+        self.file.report.append(
             f"{counted(len(self._bad), 'row')} with anything but a number dropped, the first on "
             f"line {first.line} ({first.field}: {str(first.value)[:40]!r})"
         )
@@ -176,15 +166,14 @@ class ColumnReader:
         """Return times that are text, in seconds from the first."""
         for option in ("tick", "counter_bits"):
             if getattr(self.form, option) is not None:
-                raise LogError(
+                raise self.file.refused(
                     f"{option} has no use: the time is no number but {column.unit}",
-                    file=self.path,
                     field=option,
                     remedy=f"Leave {option} out",
                 )
         texts = column_texts(self.columns[column.name])
         dates = None if column.date is None else column_texts(self.columns[column.date])
-        values, bad = text_seconds(texts, dates, column, self._missing, self.path)
+        values, bad = text_seconds(texts, dates, column, self._missing, self.file)
         for k in bad:
             text = texts[k].strip() if dates is None else f"{dates[k]} {texts[k]}".strip()
             what = "not a time in ISO 8601" if column.unit == "iso" else "not a time"
@@ -200,9 +189,8 @@ class ColumnReader:
     def _numbers(self, name: str, column: LogColumn) -> Array:
         """Return the numbers of a column as they are written."""
         if column.date is not None:
-            raise LogError(
+            raise self.file.refused(
                 "a column with the date goes with a time of the day",
-                file=self.path,
                 field=name,
                 value=column.date,
                 remedy='Map it with unit = "iso", or with a pattern',
@@ -235,9 +223,8 @@ class ColumnReader:
                 remedy += f'; state the unit with --column "{name}={column.name}@UNIT"'
             if name == "time_s":
                 remedy += "; for times that are no numbers see iso, clock and patterns"
-            raise LogError(
+            raise self.file.refused(
                 error.what,
-                file=self.path,
                 field=name,
                 value=column.unit or column.name,
                 unit=self.units[name],
@@ -260,10 +247,9 @@ class ColumnReader:
     def _error(
         self, what: str, k: int, column: LogColumn, value: object, unit: str, remedy: str
     ) -> LogError:
-        return LogError(
+        return self.file.refused(
             what,
-            file=self.path,
-            line=int(self.line[k]),
+            line=self.line[k],
             field=column.name,
             value=value,
             unit=unit,

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import LogError
-from swimbladder.io.log_format import LogFormat
 from swimbladder.io.log_rows import Column
+from swimbladder.io.log_text import LogFile
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,17 +24,16 @@ _TEXT_OPTIONS = (
 )  # fmt: skip
 
 
-def is_parquet(data: bytes, path: str | Path) -> bool:
+def is_parquet(data: bytes, file: LogFile) -> bool:
     """Say whether the bytes of a file are Parquet.
 
     Raises LogError where its name says so and its bytes do not.
     """
     if data.startswith(b"PAR1") and data.endswith(b"PAR1"):
         return True
-    if Path(path).suffix == ".parquet":
-        raise LogError(
+    if Path(file.path).suffix == ".parquet":
+        raise file.refused(
             "this is not Parquet, or not all of it",
-            file=path,
             field="file",
             remedy="Write the file anew; a CSV has another suffix",
         )
@@ -44,34 +43,32 @@ def is_parquet(data: bytes, path: str | Path) -> bool:
 class ParquetRows:
     """The rows of a Parquet file: a `Sheet`, whose lines are rows counted from 1."""
 
-    def __init__(self, data: bytes, form: LogFormat, path: str | Path) -> None:
+    def __init__(self, data: bytes, file: LogFile) -> None:
         """Read the names of the columns.
 
-        Raises LogError where pyarrow is not installed, the file is damaged, or `form` has options
-        that are for texts.
+        Raises LogError where pyarrow is not installed, the file is damaged, or the format has
+        options that are for texts.
         """
         if importlib.util.find_spec("pyarrow") is None:
-            raise LogError(
+            raise file.refused(
                 "reading Parquet needs the library pyarrow",
-                file=path,
                 field="file",
                 remedy='Type pip install "swimbladder[parquet]", or write the log as CSV',
             )
         for name in _TEXT_OPTIONS:
-            if name in form.model_fields_set and getattr(form, name):
-                raise LogError(
+            value = getattr(file.form, name)
+            if name in file.form.model_fields_set and value:
+                raise file.refused(
                     "this option is for texts, and the log is Parquet",
-                    file=path,
                     field=name,
-                    value=getattr(form, name),
+                    value=value,
                     remedy="Leave it out of the [log] table",
                 )
         import pyarrow.parquet
 
-        self.path, self._data = path, data
+        self.file, self._data = file, data
         self.units: dict[str, str] = {}
         self.parts = 1
-        self.report: list[str] = []
         try:
             self.header = [str(n) for n in pyarrow.parquet.read_schema(io.BytesIO(data)).names]
         except Exception as error:
@@ -93,9 +90,8 @@ class ParquetRows:
 
     def _damaged(self, error: Exception) -> LogError:
         # whatever a decoder makes of damaged bytes, it is the bytes that are wrong
-        return LogError(
+        return self.file.refused(
             f"this Parquet file cannot be read: {' '.join(str(error).split())[:200]}",
-            file=self.path,
             field="file",
             remedy="Write the file anew, or as CSV",
         )

@@ -11,15 +11,13 @@ from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import LogError
 from swimbladder.io.log_format import Delimiter, LogFormat
-from swimbladder.io.log_text import counted, text_lines
+from swimbladder.io.log_text import LogFile, counted, text_lines
 
 # What no log writes on purpose: controls but the tab, and the mark of what could not be decoded.
 CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\ufffd]")
@@ -43,28 +41,23 @@ class Header:
         return _split(line, self.delimiter)
 
 
-def find_header(
-    lines: list[str],
-    form: LogFormat,
-    wanted: Sequence[Collection[str]],
-    path: str | Path,
-    report: list[str],
-) -> Header:
-    """Return the header: what `form` says, else the first line with one of each `wanted` names.
+def find_header(lines: list[str], file: LogFile, wanted: Sequence[Collection[str]]) -> Header:
+    """Return the header: what the format says, or the first line with one of each `wanted` names.
 
     Where there is no such line it is that of the first lines which has most fields and no number.
     Raises LogError where there is none.
     """
+    form, report = file.form, file.report
     top = min(form.skip_lines, len(lines))
     if top:
         report.append(f"the first {counted(top, 'line')} left out")
     if form.header_starts is not None:
-        at, line = _starting(lines, top, form.header_starts, path, report)
+        at, line = _starting(lines, top, form.header_starts, file)
     elif form.names is None:
-        at, line = _naming(lines, top, form, wanted, path)
+        at, line = _naming(lines, top, file, wanted)
     else:
-        at, line = _first(lines, top, form, path)
-    delimiter = _delimiter(line, form, path)
+        at, line = _first(lines, top, file)
+    delimiter = _delimiter(line, file)
     if form.delimiter is None and delimiter != ",":
         named = "blanks" if delimiter == " " else repr(delimiter)
         report.append(f"fields are separated by {named}, as in the header")
@@ -85,20 +78,17 @@ def find_header(
     return Header(names=names, delimiter=delimiter, below=at + 1)
 
 
-def _starting(
-    lines: list[str], top: int, starts: str, path: str | Path, report: list[str]
-) -> tuple[int, str]:
+def _starting(lines: list[str], top: int, starts: str, file: LogFile) -> tuple[int, str]:
     """Return the first line that has the text `starts`, from there on."""
     for at in range(top, len(lines)):
         before, found, after = lines[at].partition(starts)
         if found:
             if before.strip():
                 count = counted(len(before), "character")
-                report.append(f"{count} before the names on line {at + 1} left out")
+                file.report.append(f"{count} before the names on line {at + 1} left out")
             return at, found + after
-    raise LogError(
+    raise file.refused(
         "no line has this text",
-        file=path,
         field="header_starts",
         value=starts,
         remedy="Give how the line with the names of the columns begins",
@@ -106,18 +96,19 @@ def _starting(
 
 
 def _naming(
-    lines: list[str], top: int, form: LogFormat, wanted: Sequence[Collection[str]], path: str | Path
+    lines: list[str], top: int, file: LogFile, wanted: Sequence[Collection[str]]
 ) -> tuple[int, str]:
     """Return the first line that has the names wanted, else the one most like a header."""
+    form = file.form
     for at in range(top, len(lines)) if wanted else ():
         line = lines[at]
         if not all(any(name in line for name in names) for names in wanted):
             continue
         line = line.removeprefix(form.comment).strip(BLANK)
-        found = {field.strip(BLANK) for field in _split(line, _delimiter(line, form, path))}
+        found = {field.strip(BLANK) for field in _split(line, _delimiter(line, file))}
         if all(not found.isdisjoint(names) for names in wanted):
             return at, line
-    first, _ = _first(lines, top, form, path)
+    first, _ = _first(lines, top, file)
     best, most = first, 0
     for at in range(first, min(first + _LIKELY, len(lines))):
         if lines[at].startswith(form.comment) or not lines[at].strip(BLANK):
@@ -128,21 +119,20 @@ def _naming(
     return best, lines[best].strip(BLANK)
 
 
-def _first(lines: list[str], top: int, form: LogFormat, path: str | Path) -> tuple[int, str]:
+def _first(lines: list[str], top: int, file: LogFile) -> tuple[int, str]:
     """Return the first line that is no remark and not blank."""
     for at in range(top, len(lines)):
-        if lines[at].strip(BLANK) and not lines[at].startswith(form.comment):
+        if lines[at].strip(BLANK) and not lines[at].startswith(file.form.comment):
             return at, lines[at]
-    raise LogError("the log is empty", file=path, field="header", remedy="Give a CSV with a header")
+    raise file.refused("the log is empty", field="header", remedy="Give a CSV with a header")
 
 
-def _delimiter(line: str, form: LogFormat, path: str | Path) -> Delimiter:
+def _delimiter(line: str, file: LogFile) -> Delimiter:
     """Return what separates the fields of a header."""
-    found = _found_delimiter(line, form)
+    found = _found_delimiter(line, file.form)
     if found is None:
-        raise LogError(
+        raise file.refused(
             "a comma cannot separate both fields and decimals",
-            file=path,
             field="decimal",
             value=",",
             remedy="Set delimiter in the [log] table to the one of the file",
@@ -195,13 +185,12 @@ class Sheet(Protocol):
     """A file with named columns, none of them read yet.
 
     units: what a row of units says, by name. parts: how many times the header stands in it, once
-    it is read. report: what was assumed or left out.
+    it is read.
     """
 
     header: list[str]
     units: dict[str, str]
     parts: int
-    report: list[str]
 
     def take(self, names: Collection[str]) -> tuple[NDArray[np.int64], dict[str, Column]]:
         """Return the line of each row, and the columns of these names as the file has them."""
@@ -210,28 +199,25 @@ class Sheet(Protocol):
 class Rows:
     """The rows of a text below their header: a `Sheet`."""
 
-    def __init__(
-        self, data: bytes, form: LogFormat, path: str | Path, wanted: Sequence[Collection[str]] = ()
-    ) -> None:
+    def __init__(self, data: bytes, file: LogFile, wanted: Sequence[Collection[str]] = ()) -> None:
         """Find the header and the row of units; `wanted`: see `find_header`.
 
         Raises LogError where the bytes are no text or there is no header.
         """
-        self.path, self.form = path, form
-        self.report: list[str] = []
+        self.file, self.form, self.report = file, file.form, file.report
         self.units: dict[str, str] = {}
         self.parts = 1
-        self._lines, self._ended = text_lines(data, form.encoding, path, self.report)
+        self._lines, self._ended = text_lines(data, file)
         self._clean = not any(CONTROL.search(line) for line in self._lines)
-        found = find_header(self._lines, form, wanted, path, self.report)
+        found = find_header(self._lines, file, wanted)
         self._split, self._delimiter = found.split, found.delimiter
         self.header, self._next = found.names, found.below
+        form = self.form
         self._fields = form.fields or len(self.header)
         self._remarks = self._void = 0
         if self._fields < len(self.header):
-            raise LogError(
+            raise file.refused(
                 f"the header names {len(self.header)} columns, more than there are fields",
-                file=path,
                 line=self._next,
                 field="fields",
                 value=form.fields,
@@ -261,9 +247,8 @@ class Rows:
     def _read_units(self) -> None:
         line, row = next(self._records(self._next), (0, []))
         if not row:
-            raise LogError(
+            raise self.file.refused(
                 "there is no row of units below the names",
-                file=self.path,
                 field="units_row",
                 remedy="Leave units_row out",
             )
@@ -365,9 +350,8 @@ class Rows:
         if form.part is None:
             return
         if form.part > self.parts:
-            raise LogError(
+            raise self.file.refused(
                 f"the file has {counted(self.parts, 'part')}",
-                file=self.path,
                 field="part",
                 value=form.part,
                 remedy="A part begins where the header stands again",
@@ -378,10 +362,9 @@ class Rows:
         """Report the rows that are damaged; raise LogError where they are more than a tenth."""
         words = f"{counted(len(ragged), 'row')} without the header's {self._fields} fields"
         if len(junk) * 10 > whole:
-            raise LogError(
+            raise self.file.refused(
                 f"{len(junk)} of {whole + len(ragged) + len(junk)} rows have characters that are "
                 "no text",
-                file=self.path,
                 line=junk[0],
                 field="row",
                 remedy="Check that this is a log, and set encoding in a [log] table",
@@ -391,9 +374,8 @@ class Rows:
             remedy = "Check the delimiter; decimal commas need another one between fields"
             if fields > self._fields and {count for _, count in ragged} == {fields}:
                 remedy += f"; if the header names too few columns, set fields = {fields}"
-            raise LogError(
+            raise self.file.refused(
                 f"{words}, of {whole + len(ragged)}",
-                file=self.path,
                 line=line,
                 field="row",
                 value=f"{fields} fields",

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import LogError
-from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, bracketed
+from swimbladder.io.log_format import COLUMNS, LogColumn, bracketed
 from swimbladder.io.log_numbers import ColumnReader, RowTest, column_texts, none_chosen
 from swimbladder.io.log_parquet import ParquetRows, is_parquet
 from swimbladder.io.log_rows import Column, Rows, Sheet
-from swimbladder.io.log_text import read_bytes
+from swimbladder.io.log_text import LogFile, read_bytes
 from swimbladder.io.log_time import TimeColumn
 
 Array = NDArray[np.float64]
@@ -31,21 +29,11 @@ class Table:
     values: dict[str, Array]
     line: NDArray[np.int64]
     parts: int
-    report: tuple[str, ...]
     times: TimeColumn
 
 
-def read_header(path: str | Path) -> list[str]:
-    """Return the names of the columns of a log.
-
-    Raises LogError where it cannot be read or has none.
-    """
-    return _sheet(path, LogFormat(), ()).header
-
-
 def read_table(
-    path: str | Path,
-    form: LogFormat,
+    file: LogFile,
     where: Mapping[str, str | float],
     choose: Choose,
     wanted: Sequence[Collection[str]],
@@ -58,32 +46,31 @@ def read_table(
     those of a log unless others are given. labels: columns that may hold texts, which are
     numbered in their order. Raises LogError with file, line, column and value.
     """
-    sheet = _sheet(path, form, [*wanted, *({name} for name in where)])
+    sheet = open_sheet(file, [*wanted, *({name} for name in where)])
     sources = {
-        name: _with_unit(name, column, sheet, units, path)
+        name: _with_unit(name, column, sheet, units, file)
         for name, column in choose(sheet.header).items()
     }
-    tests = [RowTest(path, sheet.header, name, value, form) for name, value in where.items()]
+    tests = [RowTest(file, sheet.header, name, value) for name, value in where.items()]
     dates = {column.date for column in sources.values() if column.date is not None}
     line, columns = sheet.take({*(column.name for column in sources.values()), *dates, *where})
-    report = sheet.report
+    report = file.report
     if not len(line):
-        raise LogError(
+        raise file.refused(
             "the log has a header and no rows",
-            file=path,
             field="rows",
             remedy="Give a log with a row per sample",
         )
     if tests:
         chosen = np.logical_and.reduce([test.of(columns[test.name]) for test in tests])
         if not chosen.any():
-            raise none_chosen(path, len(line), where, columns)
+            raise none_chosen(file, len(line), where, columns)
         report.append(f"{int(chosen.sum())} of {len(line)} rows chosen")
         line = line[chosen]
         columns = {name: _only(column, chosen) for name, column in columns.items()}
     for name in sorted(set(labels) & set(sources)):
         columns[sources[name].name] = _numbered(columns[sources[name].name])
-    reader = ColumnReader(path, form, columns, line, report, units)
+    reader = ColumnReader(file, columns, line, units)
     written = {name: reader.read(name, column) for name, column in sources.items()}
     reader.refuse_bad()  # first: it may be why the rest makes no sense
     values = {name: reader.in_unit(name, sources[name], written[name]) for name in sources}
@@ -94,20 +81,20 @@ def read_table(
         more = ", ..." if len(unused) > 12 else ""
         report.append(f"columns not used: {', '.join(name[:40] for name in unused[:12])}{more}")
     report += reader.conversions
-    return Table(
-        values=values, line=line, parts=sheet.parts, report=tuple(report), times=reader.times
-    )
+    return Table(values=values, line=line, parts=sheet.parts, times=reader.times)
 
 
-def _sheet(path: str | Path, form: LogFormat, wanted: Sequence[Collection[str]]) -> Sheet:
-    data = read_bytes(path)
-    if is_parquet(data, path):
-        return ParquetRows(data, form, path)
-    return Rows(data, form, path, wanted)
+def open_sheet(file: LogFile, wanted: Sequence[Collection[str]] = ()) -> Sheet:
+    """Return the table in a file, its header read.
+
+    Raises LogError where it cannot be read or has no header.
+    """
+    data = read_bytes(file.path)
+    return ParquetRows(data, file) if is_parquet(data, file) else Rows(data, file, wanted)
 
 
 def _with_unit(
-    name: str, column: LogColumn, sheet: Sheet, units: Mapping[str, str], path: str | Path
+    name: str, column: LogColumn, sheet: Sheet, units: Mapping[str, str], file: LogFile
 ) -> LogColumn:
     """Return a column with the unit of its mapping, else of the row of units, else of its name."""
     row = sheet.units.get(column.name)
@@ -118,9 +105,8 @@ def _with_unit(
         said = units[name] if column.name == name else own
         if row == said:
             return column
-        raise LogError(
+        raise file.refused(
             f"the row of units says {row!r}, and the name of the column {said}",
-            file=path,
             field=column.name,
             remedy=f'State the unit: {name} = {{ name = "{column.name}", unit = "{row}" }}',
         )

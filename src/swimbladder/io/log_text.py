@@ -6,11 +6,12 @@ import codecs
 import gzip
 import io
 import zlib
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from swimbladder.errors import LogError
-from swimbladder.io.files import read_at_most
-from swimbladder.io.log_format import Encoding
+from swimbladder.io.files import read_at_most, why_unreadable
+from swimbladder.io.log_format import LogFormat
 
 MOST_BYTES = 1 << 28  # of a file, decompressed; taken apart it needs ten times that
 _BOMS = (
@@ -33,6 +34,31 @@ _OTHERS = (
 )
 
 
+@dataclass(frozen=True)
+class LogFile:
+    """A file that is read: how, and the report of what was assumed or left out."""
+
+    path: str | Path
+    form: LogFormat = field(default_factory=LogFormat)
+    report: list[str] = field(default_factory=list)
+
+    def refused(
+        self,
+        what: str,
+        *,
+        field: str,
+        remedy: str,
+        line: int | None = None,
+        value: object = None,
+        unit: str | None = None,
+    ) -> LogError:
+        """Return the error about the file, or about a line of it."""
+        number = None if line is None else int(line)
+        return LogError(
+            what, file=self.path, line=number, field=field, value=value, unit=unit, remedy=remedy
+        )
+
+
 def counted(number: int, noun: str) -> str:
     """Return a number with its noun: ``1 row``, ``2 rows``."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
@@ -51,20 +77,14 @@ def read_bytes(path: str | Path) -> bytes:
         if len(data) <= MOST_BYTES:
             return data
         what, remedy = "larger than 256 MiB", "Cut the log into parts"
-    except FileNotFoundError:
-        what, remedy = "there is no such file", "Check the path"
-    except IsADirectoryError:
-        what, remedy = "this is a folder", "Give the log in it"
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         what, remedy = f"the compressed file is damaged: {error}", "Compress it anew with gzip"
     except (OSError, ValueError, MemoryError) as error:
-        what, remedy = f"cannot read the file: {error}", "Check the path and its permissions"
+        what, remedy = why_unreadable(error, "log")
     raise LogError(what, file=path, field="file", remedy=remedy)
 
 
-def text_lines(
-    data: bytes, encoding: Encoding | None, path: str | Path, report: list[str]
-) -> tuple[list[str], bool]:
+def text_lines(data: bytes, file: LogFile) -> tuple[list[str], bool]:
     """Return the lines of a text, whatever ends them, and whether the last one is ended.
 
     A NUL that a program in C wrote beside each line end is left out. Raises LogError where the
@@ -72,12 +92,13 @@ def text_lines(
     """
     for magic, what, remedy in _OTHERS:
         if data.startswith(magic):
-            raise LogError(f"not a text but {what}", file=path, field="file", remedy=remedy)
-    text = _decoded(data, encoding, path, report).replace("\r\n", "\n").replace("\r", "\n")
+            raise file.refused(f"not a text but {what}", field="file", remedy=remedy)
+    text = _decoded(data, file).replace("\r\n", "\n").replace("\r", "\n")
     if "\0" in text:
         bare = text.replace("\n\0", "\n").replace("\0\n", "\n")
         if len(bare) < len(text):
-            report.append(f"{counted(len(text) - len(bare), 'NUL')} beside line ends left out")
+            nuls = counted(len(text) - len(bare), "NUL")
+            file.report.append(f"{nuls} beside line ends left out")
         text = bare
     lines = text.split("\n")
     ended = not lines[-1]
@@ -86,16 +107,16 @@ def text_lines(
     return lines, ended
 
 
-def _decoded(data: bytes, encoding: Encoding | None, path: str | Path, report: list[str]) -> str:
+def _decoded(data: bytes, file: LogFile) -> str:
+    encoding, report = file.form.encoding, file.report
     marked = next((name for mark, name in _BOMS if data.startswith(mark)), None)
     chosen = encoding or marked or _unmarked_utf16(data) or "utf-8"
     try:
         text = data.decode(chosen).removeprefix("\ufeff")
     except UnicodeDecodeError as error:
         if chosen != "utf-8" or encoding is not None:
-            raise LogError(
+            raise file.refused(
                 f"not text in {chosen}, at byte {error.start}",
-                file=path,
                 field="file",
                 remedy="Set encoding in a [log] table to that of the file, or save it as UTF-8",
             ) from None

@@ -5,15 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import LogError
-from swimbladder.io.log_format import LogColumn, LogFormat, bracketed
-from swimbladder.io.log_text import counted
+from swimbladder.io.log_format import LogColumn, bracketed
+from swimbladder.io.log_text import LogFile, counted
 
 Array = NDArray[np.float64]
 Instant = Callable[[str], tuple[float, bool]]
@@ -47,14 +45,14 @@ def text_seconds(
     dates: Sequence[str] | None,
     column: LogColumn,
     missing: frozenset[str],
-    path: str | Path,
+    file: LogFile,
 ) -> tuple[Array, list[int]]:
     """Return times in seconds, NaN where missing, and which of them are no times.
 
     Times of the day are unwound over midnight. Raises LogError where the unit is no pattern or
     some times have a zone and others have none.
     """
-    instant = _instant(column, path)
+    instant = _instant(column, file)
     between = "T" if column.unit == "iso" else " "
     values = np.full(len(texts), np.nan)
     bad: list[int] = []
@@ -70,9 +68,8 @@ def text_seconds(
         else:
             zones.setdefault(zoned, k)
     if len(zones) == 2:
-        raise LogError(
+        raise file.refused(
             "some times have a zone and others have none",
-            file=path,
             field=column.name,
             value=texts[zones[max(zones, key=lambda zoned: zones[zoned])]].strip(),
             remedy="Give all of them a zone, or none",
@@ -83,32 +80,25 @@ def text_seconds(
 
 
 def counter_seconds(
-    values: Array,
-    column: LogColumn,
-    form: LogFormat,
-    line: NDArray[np.int64],
-    path: str | Path,
-    report: list[str],
+    values: Array, column: LogColumn, line: NDArray[np.int64], file: LogFile
 ) -> tuple[Array, float | None]:
     """Return numbers with the turns of a counter unwound, and the length of a tick [s].
 
     The length is None where the unit is not tick. Raises LogError where the counter holds what it
     cannot hold, or ticks have no length.
     """
-    tick = None
+    form, tick = file.form, None
     if _unit(column) == "tick":
         if form.tick is None:
-            raise LogError(
+            raise file.refused(
                 "the length of a tick is missing",
-                file=path,
                 field="tick",
                 remedy='Add tick = "30.5 us", or tick = "32768 Hz", to the [log] table',
             )
         tick = form.tick
     elif form.tick is not None:
-        raise LogError(
+        raise file.refused(
             "the length of a tick has no use: the unit of the time is not tick",
-            file=path,
             field="tick",
             value=form.tick,
             unit="s",
@@ -116,17 +106,16 @@ def counter_seconds(
         )
     if form.counter_bits is None:
         if form.rows == "ordered":
-            _refuse_unsaid_turn(values, column, line, path)
+            _refuse_unsaid_turn(values, column, line, file)
         return values, tick
     period = 2.0**form.counter_bits
     known = np.isfinite(values)
     wrong = known & ~((values >= 0.0) & (values < period) & (values == np.floor(values)))
     if wrong.any():
         at = int(np.flatnonzero(wrong)[0])
-        raise LogError(
+        raise file.refused(
             f"a counter of {form.counter_bits} bits does not hold this",
-            file=path,
-            line=int(line[at]),
+            line=line[at],
             field=column.name,
             value=float(values[at]),
             remedy="Check counter_bits in the [log] table",
@@ -134,7 +123,7 @@ def counter_seconds(
     values, turns = _unwound(values, period)
     if len(turns):
         times = counted(len(turns), "time")
-        report.append(
+        file.report.append(
             f"the counter of {form.counter_bits} bits began again {times}, first on line "
             f"{line[turns[0]]}; more than a turn within a gap cannot be seen"
         )
@@ -142,7 +131,7 @@ def counter_seconds(
 
 
 def _refuse_unsaid_turn(
-    values: Array, column: LogColumn, line: NDArray[np.int64], path: str | Path
+    values: Array, column: LogColumn, line: NDArray[np.int64], file: LogFile
 ) -> None:
     """Raise LogError where the time falls like a counter that begins again."""
     known = np.flatnonzero(np.isfinite(values))
@@ -152,10 +141,9 @@ def _refuse_unsaid_turn(
     before, after = values[known[falls[0]]], values[known[falls[0] + 1]]
     for bits in _COUNTERS:
         if 0.9 * 2.0**bits <= before < 2.0**bits and 0.0 <= after < 0.1 * 2.0**bits:
-            raise LogError(
+            raise file.refused(
                 f"time goes back from {before:.17g}, as a counter of {bits} bits does",
-                file=path,
-                line=int(line[known[falls[0] + 1]]),
+                line=line[known[falls[0] + 1]],
                 field=column.name,
                 value=float(after),
                 remedy=f"If it is one, set counter_bits = {bits} in a [log] table",
@@ -200,7 +188,7 @@ def _unwound(values: Array, period: float) -> tuple[Array, NDArray[np.int64]]:
     return result, known[1:][falls]
 
 
-def _instant(column: LogColumn, path: str | Path) -> Instant:
+def _instant(column: LogColumn, file: LogFile) -> Instant:
     """Return what turns a text into seconds, and says whether it had a zone."""
     unit = column.unit or ""
     if unit == "iso":
@@ -213,9 +201,8 @@ def _instant(column: LogColumn, path: str | Path) -> Instant:
         what = "not a pattern of a time"
         if dated:
             what = "a pattern with a date needs the year"
-        raise LogError(
+        raise file.refused(
             what,
-            file=path,
             field="time_s",
             value=unit,
             remedy=f"Known are %{', %'.join(sorted(_DIRECTIVES))}; for example {_PATTERN}",

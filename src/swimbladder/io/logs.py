@@ -16,17 +16,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import LogError
 from swimbladder.io.log_checks import find_gaps, in_order, suspects
 from swimbladder.io.log_depth import to_depth
-from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, log_format
+from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, format_of
 from swimbladder.io.log_sources import column_sources, mapped_columns, wanted_names
-from swimbladder.io.log_table import Table, read_header, read_table
-from swimbladder.io.log_text import counted
+from swimbladder.io.log_table import Table, open_sheet, read_table
+from swimbladder.io.log_text import LogFile, counted
 from swimbladder.io.log_time import TimeColumn
 
 Array = NDArray[np.float64]
 REQUIRED = ("time_s", "depth_m")
+# Column and field of what a log may have.
+_FIELDS = {
+    name: name.removesuffix(f"_{unit.replace('/', '_')}")
+    for name, unit in COLUMNS.items()
+    if name not in ("time_s", "depth_m", "pressure_Pa")
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,18 +100,17 @@ def read_log(
     repeated ones, are dropped and reported.
     Raises LogError, an InputError, with file, line, column, value and remedy.
     """
-    form = _format(log_format)
-    chosen = {**form.where, **(where or {})}
-    mapped = mapped_columns(form, columns or {}, required, path)
+    file = LogFile(path, format_of(log_format))
+    chosen = {**file.form.where, **(where or {})}
+    mapped = mapped_columns(file, columns or {}, required)
     needed = tuple(name for name in COLUMNS if name == "time_s" or name in required)
     table = read_table(
-        path,
-        form,
+        file,
         chosen,
-        lambda header: column_sources(mapped, header, path, needed),
+        lambda header: column_sources(file, mapped, header, needed),
         wanted_names(mapped, needed),
     )
-    return _log(table, form, chosen, path, needed)
+    return _log(table, file, chosen, needed)
 
 
 def header_names(path: str | Path) -> list[str]:
@@ -114,36 +118,23 @@ def header_names(path: str | Path) -> list[str]:
 
     Raises LogError where there is none.
     """
-    return read_header(path)
+    return open_sheet(LogFile(path)).header
 
 
-def _format(given: LogFormat | str | Path | None) -> LogFormat:
-    if given is None:
-        return LogFormat()
-    return given if isinstance(given, LogFormat) else log_format(given)
-
-
-def _log(
-    table: Table,
-    form: LogFormat,
-    where: Mapping[str, object],
-    path: str | Path,
-    needed: Sequence[str],
-) -> Log:
+def _log(table: Table, file: LogFile, where: Mapping[str, object], needed: Sequence[str]) -> Log:
     """Return the log of a table: rows without numbers dropped, ordered, turned, checked."""
-    report = list(table.report)
+    form, report = file.form, file.report
     data, line = dict(table.values), table.line
     source = next((name for name in ("depth_m", "pressure_Pa") if name in data), None)
-    data, line = _complete(data, line, source, needed, path, report)
+    data, line = _complete(data, line, source, needed, file)
     several = "" if where else "choose one of several logs in the file with --where COLUMN=VALUE, "
     if table.parts > 1 and form.part is None:
         several += "choose a part of it with part = 1 in its [log] table, "
-    data, line = in_order(data, line, form, path, several, report)
+    data, line = in_order(data, line, file, several)
     if len(line) < 2:
         dropped = "".join(f"; {note}" for note in report if "dropped" in note)
-        raise LogError(
+        raise file.refused(
             f"{counted(len(line), 'usable sample')} of {len(table.line)} are too few{dropped}",
-            file=path,
             field="rows",
             remedy="Give a log with a row per sample, each with its time",
         )
@@ -152,24 +143,18 @@ def _log(
             report.append(f"{name} holds no number and is ignored")
             del data[name]
     if source in data:
-        data["depth_m"] = to_depth(data, source, form, path, report)
+        data["depth_m"] = to_depth(data, source, file)
     _turn(data, form, report)
-    gaps = find_gaps(data["time_s"], line, form.gap, report)
-    suspect = suspects(data, line, gaps, form, report)
+    gaps = find_gaps(data["time_s"], line, file)
+    suspect = suspects(data, line, gaps, file)
     chosen = ", ".join(f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}"
                        for name, value in where.items())  # fmt: skip
+    others: dict[str, Any] = {field: data[n] for n, field in _FIELDS.items() if n in data}
     log = Log(
-        source=f"{path} ({chosen})" if chosen else str(path),
+        source=f"{file.path} ({chosen})" if chosen else str(file.path),
         time=data["time_s"],
         depth=data.get("depth_m", np.full(len(line), np.nan)),
-        volume=data.get("volume_m3"),
-        piston=data.get("piston_m"),
-        voltage=data.get("voltage_V"),
-        current=data.get("current_A"),
-        speed=data.get("speed_m_s"),
-        reference_depth=data.get("reference_depth_m"),
-        reference_volume=data.get("reference_volume_m3"),
-        reference_piston=data.get("reference_piston_m"),
+        **others,
         volume_absolute=form.volume_zero is not None,
         piston_absolute=form.piston_zero is not None,
         line=line,
@@ -186,8 +171,7 @@ def _complete(
     line: NDArray[np.int64],
     source: str | None,
     needed: Sequence[str],
-    path: str | Path,
-    report: list[str],
+    file: LogFile,
 ) -> tuple[dict[str, Array], NDArray[np.int64]]:
     """Return the rows with numbers where they are needed; raises LogError where half have none."""
     found = {name: data[source if name == "depth_m" and source else name] for name in needed}
@@ -196,13 +180,12 @@ def _complete(
         return data, line
     gone = int((~keep).sum())
     words = [name.split("_")[0] if name.count("_") == 1 else name for name in needed]
-    report.append(f"{gone} of {len(keep)} rows without {' or '.join(words)} dropped")
+    file.report.append(f"{gone} of {len(keep)} rows without {' or '.join(words)} dropped")
     if gone > len(keep) / 2:
         holes = {name: int((~np.isfinite(values)).sum()) for name, values in found.items()}
-        raise LogError(
+        raise file.refused(
             f"{gone} of {len(keep)} rows have no {' or no '.join(words)}",
-            file=path,
-            line=int(line[~keep][0]),
+            line=line[~keep][0],
             field=max(holes, key=lambda name: holes[name]),
             remedy="Check that the right columns are mapped",
         )

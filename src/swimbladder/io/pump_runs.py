@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import LogError
-from swimbladder.io.log_format import LogColumn, LogFormat, log_format
-from swimbladder.io.log_sources import column_readings, listed
+from swimbladder.io.log_format import LogColumn, LogFormat, format_of
+from swimbladder.io.log_sources import check_columns, column_readings, listed, named_columns
 from swimbladder.io.log_table import read_table
-from swimbladder.vehicle.schema import did_you_mean
+from swimbladder.io.log_text import LogFile
 
 Array = NDArray[np.float64]
 RUN_COLUMNS = {
@@ -61,50 +60,31 @@ def read_pump_runs(
     rows that hold it. form: how the text is to be read, as for logs.
     Raises LogError, an InputError, with file, line, column, value and remedy.
     """
-    mapped = dict(columns or {})
-    for name in mapped:
-        if name not in RUN_COLUMNS:
-            raise LogError(
-                "no such column of a table of runs", file=path, field=name,
-                remedy=f"{did_you_mean(name, RUN_COLUMNS)}Columns: {', '.join(RUN_COLUMNS)}",
-            )  # fmt: skip
+    mapped, file = dict(columns or {}), LogFile(path, format_of(form))
+    check_columns(file, mapped, RUN_COLUMNS, "a table of runs")
 
     def choose(header: list[str]) -> dict[str, LogColumn]:
-        return _sources(mapped, header, path)
+        return _sources(file, mapped, header)
 
     wanted = [set(column_readings(given)) for given in mapped.values()]
     wanted += [{name} for name in ("duration_s", "pressure_Pa") if name not in mapped]
-    text = (
-        form if isinstance(form, LogFormat) else LogFormat() if form is None else log_format(form)
-    )
-    found = read_table(path, text, where or {}, choose, wanted, RUN_COLUMNS, ("dive",))
+    found = read_table(file, where or {}, choose, wanted, RUN_COLUMNS, ("dive",))
     values = found.values
     power = values.get("power_W")
     if power is None:
         power = values["voltage_V"] * values["current_A"]
-    _check(values, found.line, path)
-    _check_power(power, "power_W" if "power_W" in values else "current_A", path)
+    _check(values, found.line, file)
+    _check_power(power, "power_W" if "power_W" in values else "current_A", file)
     return RunTable(
         values["duration_s"], values["pressure_Pa"], power, values.get("volume_m3"),
         values.get("temperature_degC"), values.get("dive"), values.get("voltage_V"),
-        values.get("time_s"), found.report,
+        values.get("time_s"), tuple(file.report),
     )  # fmt: skip
 
 
-def _sources(
-    mapped: Mapping[str, str], header: list[str], path: str | Path
-) -> dict[str, LogColumn]:
+def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dict[str, LogColumn]:
     """Return which column of the file each column of the table is read from."""
-    sources = {name: LogColumn(name=name) for name in RUN_COLUMNS if name in header}
-    for name, given in mapped.items():
-        readings = column_readings(given)
-        fitting = [column for reading, column in readings.items() if reading in header]
-        if not fitting:
-            raise LogError(
-                "the file has no such column", file=path, field=name, value=given,
-                remedy=f"Columns of the file: {listed(header)}",
-            )  # fmt: skip
-        sources[name] = fitting[0]
+    sources = named_columns(file, mapped, header, RUN_COLUMNS)
     if "power_W" in sources:
         sources.pop("current_A", None)
     needed = ["duration_s", "pressure_Pa"]
@@ -112,15 +92,15 @@ def _sources(
     for name in needed:
         if name not in sources:
             or_both = ", or power_W" if name in ("voltage_V", "current_A") else ""
-            raise LogError(
-                f"the table has no column {name}{or_both}", file=path, field=name,
+            raise file.refused(
+                f"the table has no column {name}{or_both}", field=name,
                 remedy=f'Say which one it is with --column "{name}=NAME@UNIT"; columns of the '
                 f"file: {listed(header)}",
             )  # fmt: skip
     return sources
 
 
-def _check(values: Mapping[str, Array], line: NDArray[np.int64], path: str | Path) -> None:
+def _check(values: Mapping[str, Array], line: NDArray[np.int64], file: LogFile) -> None:
     """Raise LogError for numbers that no run of a pump has."""
     for name, low, high, unit, remedy in (
         ("duration_s", 0.0, _LONGEST, "s", "duration_s=NAME@ms"),
@@ -135,33 +115,33 @@ def _check(values: Mapping[str, Array], line: NDArray[np.int64], path: str | Pat
         bad = np.flatnonzero((v < low) | (v > high))
         if bad.size:
             below = name == "duration_s" and v[bad[0]] < 0.0
-            raise LogError(
+            raise file.refused(
                 "a run lasts no less than 0 s" if below else "no run of a pump has this",
-                file=path, line=int(line[bad[0]]), field=name, value=float(v[bad[0]]), unit=unit,
+                line=line[bad[0]], field=name, value=float(v[bad[0]]), unit=unit,
                 remedy="Mend the row, or leave the cell empty: a run that is not known is left out"
                 if below else f'State its unit: --column "{remedy}"',
             )  # fmt: skip
     pressure = values["pressure_Pa"]
     known = pressure[np.isfinite(pressure)]
     if known.size and float(np.max(known)) < 2.5e4:
-        raise LogError(
+        raise file.refused(
             f"the greatest pressure is {float(np.max(known)):.4g} Pa, that of 2.5 m of water at "
-            "most: it is likely in dbar or bar", file=path, field="pressure_Pa",
+            "most: it is likely in dbar or bar", field="pressure_Pa",
             remedy='State its unit: --column "pressure_Pa=NAME@dbar"',
         )  # fmt: skip
 
 
-def _check_power(power: Array, field: str, path: str | Path) -> None:
+def _check_power(power: Array, field: str, file: LogFile) -> None:
     """Raise LogError where the powers of most runs are those of no pump [W]."""
     known = power[np.isfinite(power)]
     middle = float(np.median(known)) if known.size else 1.0
     if 0.0 < middle < _MOST:
         return
     small = "mW" if field == "power_W" else "mA"
-    raise LogError(
+    raise file.refused(
         f"half of the runs take less than {middle:.4g} W" if middle <= 0.0
         else f"half of the runs take more than {middle:.4g} W",
-        file=path, field=field,
+        field=field,
         remedy="Give what is drawn as positive numbers" if middle <= 0.0
         else f'State its unit: --column "{field}=NAME@{small}"',
     )  # fmt: skip
