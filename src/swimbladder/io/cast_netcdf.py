@@ -14,7 +14,8 @@ Variables of a netCDF file from its bytes: netCDF-3 by SciPy, netCDF-4 by h5py.
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,8 @@ from swimbladder.io.log_text import LogFile, counted
 from swimbladder.units import unit_factor
 
 Array = NDArray[np.float64]
+
+
 # What netCDF-4 keeps for itself: references to dimensions, and dimensions that hold no numbers.
 _HDF_ONLY = ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "_Netcdf4Dimid", "_Netcdf4Coordinates")
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
@@ -65,7 +68,9 @@ def read_variables(data: bytes, path: str | Path) -> dict[str, Variable]:
     Raises LogError where the bytes are damaged.
     """
     try:
-        return _classic(data) if data.startswith(b"CDF") else _hdf(data)
+        found = _classic(data) if data.startswith(b"CDF") else _hdf(data)
+        with warnings.catch_warnings(action="ignore"):  # of attributes that contradict each other
+            return {name: _variable(name, *item) for name, item in found}
     except Exception as error:  # whatever a decoder makes of damaged bytes, it is the bytes
         raise LogError(
             f"this netCDF file cannot be read: {' '.join(str(error).split())[:200]}",
@@ -73,64 +78,44 @@ def read_variables(data: bytes, path: str | Path) -> dict[str, Variable]:
         ) from None  # fmt: skip
 
 
-def _classic(data: bytes) -> dict[str, Variable]:
+def _classic(data: bytes) -> Iterator[tuple[str, tuple[NDArray[Any], dict[str, Any]]]]:
     from scipy.io import netcdf_file
 
     file: Any  # its variables have attributes that the stubs do not know
     with netcdf_file(io.BytesIO(data), "r", mmap=False) as file:
-        return {
-            str(name): _variable(np.array(v.data), dict(v._attributes))
-            for name, v in file.variables.items()
-        }
+        for name, item in file.variables.items():
+            yield str(name), (np.array(item.data), dict(item._attributes))
 
 
-def _hdf(data: bytes) -> dict[str, Variable]:
+def _hdf(data: bytes) -> Iterator[tuple[str, tuple[NDArray[Any], dict[str, Any]]]]:
     import h5py
 
-    found = {}
     with h5py.File(io.BytesIO(data), "r") as file:
         for name, item in file.items():
-            if not isinstance(item, h5py.Dataset):
-                continue
-            attributes = {k: v for k, v in item.attrs.items() if k not in _HDF_ONLY}
-            if not _text(item.attrs.get("NAME", "")).startswith(_NO_VARIABLE):
-                found[str(name)] = _variable(np.asarray(item[...]), attributes)
-    return found
+            if isinstance(item, h5py.Dataset):
+                said = {k: v for k, v in item.attrs.items() if k not in _HDF_ONLY}
+                if not _text(item.attrs.get("NAME", "")).startswith(_NO_VARIABLE):
+                    yield str(name), (np.asarray(item[...]), said)
 
 
-def _variable(raw: NDArray[Any], attributes: Mapping[str, Any]) -> Variable:
-    said = {str(name): _text(value) for name, value in attributes.items()}
-    if raw.dtype.kind in "SUO":
-        return Variable(values=_texts(raw), attributes=said)
-    values = raw.astype(np.float64)
-    for name in ("_FillValue", "missing_value"):
-        if name in attributes:
-            # as the file has it: 99999 in float32 is 99999 in float64
-            values[np.isin(raw, np.asarray(attributes[name]).astype(raw.dtype))] = np.nan
-    if attributes.get("scale_factor") is not None:
-        values = values * float(np.ravel(attributes["scale_factor"])[0])
-    if attributes.get("add_offset") is not None:
-        values = values + float(np.ravel(attributes["add_offset"])[0])
+def _variable(name: str, raw: NDArray[Any], attributes: Mapping[str, Any]) -> Variable:
+    """Return a variable decoded by the conventions: its fill values, scale and characters."""
+    import xarray as xr
+
+    plain = {key: v[0] if np.shape(v) == (1,) else v for key, v in attributes.items()}
+    coded = xr.Variable([f"{name} {k}" for k in range(raw.ndim)], raw, plain)
+    found = xr.conventions.decode_cf_variable(name, coded, decode_times=False).values
+    said = {key: _text(value).strip("\0 ") for key, value in plain.items()}
+    if found.dtype.kind in "SUO":
+        texts = np.array([_text(item) for item in np.ravel(found)], dtype=np.str_)
+        return Variable(values=texts.reshape(found.shape), attributes=said)
+    values = found.astype(np.float64)
     values[~np.isfinite(values)] = np.nan
     return Variable(values=values, attributes=said)
 
 
 def _text(value: object) -> str:
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace").strip("\0 ")
-    return str(value).strip()
-
-
-def _texts(raw: NDArray[Any]) -> NDArray[np.str_]:
-    """Return texts; single characters, as netCDF-3 has them, joined along the last dimension."""
-    flat = [_text(item) if not isinstance(item, bytes) else item.decode("latin-1") for item in
-            np.ravel(raw)]  # fmt: skip
-    texts: NDArray[np.str_] = np.array(flat, dtype=np.str_).reshape(raw.shape)
-    if raw.ndim and raw.dtype.itemsize == 1 and raw.dtype.kind == "S":
-        rows = texts.reshape(-1, texts.shape[-1]) if texts.size else texts.reshape(0, 1)
-        joined = np.array(["".join(c or "\0" for c in row) for row in rows], dtype=np.str_)
-        return joined.reshape(raw.shape[:-1])
-    return texts
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
 _GOOD = set("1258")  # Argo user's manual, reference table 2
