@@ -26,7 +26,7 @@ from swimbladder.codegen.pool import (
 from swimbladder.codegen.pump_valve import BoardLaw, board_law
 from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.subset import read_law
-from swimbladder.codegen.tree import COUNT, FLOAT
+from swimbladder.codegen.tree import COUNT, FLOAT, Program
 from swimbladder.codegen.twin import (
     Golden,
     asked_of_float,
@@ -139,38 +139,25 @@ def make_library(
             remedy="Leave it out, and log a dive of the sketch",
         )
     vehicle = vehicle if pool is None else _in_pool(vehicle, pool)
-    law, parameters, tick_s = _controller(vehicle)
-    limits = supervisor_parameters(vehicle, tick_s, in_pool=pool is not None)
+    limit = supervisor_parameters(vehicle, _controller(vehicle)[2]).deep.depth_limit
     usual = DIVE if floats else STEP
-    if floats and target is None and usual.target > limits.deep.depth_limit:
-        usual = usual._replace(target=0.5 * limits.deep.depth_limit)
+    if floats and target is None and usual.target > limit:
+        usual = usual._replace(target=0.5 * limit)
     start_depth = usual.start if start_depth is None else start_depth
     target = usual.target if target is None else target
     duration = usual.duration if duration is None else duration
     for name, depth in (("start", start_depth), ("target", target)):
-        if depth > limits.deep.depth_limit:
+        if depth > limit:
             raise InputError(
                 "deeper than the supervisor allows", field=f"--{name}", value=depth, unit="m",
-                remedy=f"Give up to {limits.deep.depth_limit:.4g} m, or say more of the vehicle "
+                remedy=f"Give up to {limit:.4g} m, or say more of the vehicle "
                 "in its [supervisor] table",
             )  # fmt: skip
-    drive, ends = None, command_limits(vehicle, tick_s)
+    made = make_program(vehicle, depths=(start_depth, target), in_pool=pool is not None)
+    law, parameters, tick_s, drive = made.law, made.parameters, made.tick_s, made.drive
+    own = twin(law, made.program)
     if floats:
-        drive = board_law(
-            vehicle,
-            law,
-            parameters,
-            tick_s,
-            deepest=min(limits.deep.deepest, limits.depth.depth_most),
-        )
-        law, parameters = drive.law, drive.parameters
         _check_dive(start_depth, target, duration, parameters.surface.shallow)
-    else:
-        check_sample_time(vehicle, law, parameters, tick_s, depths=[start_depth, target])
-    program = read_law(law)
-    first = vehicle.stroke.maximum if law.command == "volume" else 0.0
-    own = twin(law, program)
-    if floats:
         asked = asked_of_float(target, duration, tick_s)
         golden = fly_on_seconds(
             vehicle,
@@ -185,17 +172,13 @@ def make_library(
     else:
         golden = fly(
             vehicle, law, own, parameters, tick_s=tick_s, start_depth=start_depth,
-            target=target, duration=duration, seed=seed, first=first, progress=progress,
+            target=target, duration=duration, seed=seed, first=made.first, progress=progress,
         )  # fmt: skip
-    day = None if pool is None else plan_pool_day(vehicle, pool, limits, seed=seed)
-    source = write_c99(program)
-    supervisor = write_c99(read_law(SUPERVISOR, Watched), private=True)
-    facts = _facts(vehicle, law, parameters, tick_s, first, ends) | {
-        "reasons": list(Reason), "limits": _numbers(limits, SUPERVISOR.units),
-        **facts_of(limits),
+    day = None if pool is None else plan_pool_day(vehicle, pool, made.limits, seed=seed)
+    facts = made.facts | {
         "start": f"{start_depth:g}", "goal": f"{target:g}", "target": c_float(target),
         "ticks": len(golden.depth), "pool": day is not None, "day": False,
-        "pushes": limits.proof.same_tried < NEVER,
+        "pushes": made.limits.proof.same_tried < NEVER,
     }  # fmt: skip
     if day is not None:
         facts |= pool_facts(day) | {"pool_numbers": _numbers(day.parameters, POOL.units)}
@@ -213,15 +196,7 @@ def make_library(
     files = {
         "library.properties": _render("library.properties.j2", facts),
         "README.md": _render(readme, facts),
-        "src/swb_measurement.h": MEASUREMENT_H,
-        f"src/{source.header_name}": source.header,
-        f"src/{source.source_name}": source.source,
-        "src/swb_controller.h": _render("swb_controller.h.j2", facts),
-        "src/swb_controller.c": _render("swb_controller.c.j2", facts),
-        f"src/{supervisor.header_name}": supervisor.header,
-        f"src/{supervisor.source_name}": supervisor.source,
-        "src/swb_vehicle.h": _render("swb_vehicle.h.j2", facts),
-        "src/swb_vehicle.c": _render("swb_vehicle.c.j2", facts),
+        **{f"src/{name}": text for name, text in made.sources.items()},
         "examples/FloatAVR/FloatAVR.ino": _render(sketch, avr),
         "examples/FloatESP32RP2040/FloatESP32RP2040.ino": _render(sketch, other),
         "examples/GoldenTrace/GoldenTrace.ino": _render("GoldenTrace.ino.j2", facts),
@@ -249,8 +224,64 @@ def make_library(
         }
     return Library(
         vehicle=vehicle, law=law, parameters=parameters, tick_s=tick_s,
-        limits=ends, start_depth=start_depth, target=target, golden=golden,
-        supervisor=limits, pool=day, drive=drive, files=files,
+        limits=made.ends, start_depth=start_depth, target=target, golden=golden,
+        supervisor=made.limits, pool=day, drive=drive, files=files,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoardProgram:
+    """A controller and its supervisor as a board's program: what a library is made around."""
+
+    law: Law  # as the board runs it
+    parameters: Any
+    tick_s: float
+    first: float  # V, m3 or s: the command until there is one
+    ends: tuple[float, float]  # of the command
+    limits: SupervisorParameters
+    drive: BoardLaw | None  # of a pump and valve
+    program: Program
+    facts: dict[str, Any]  # for templates
+    sources: dict[str, str]  # C by its files' names
+
+
+def make_program(
+    vehicle: Vehicle, *, depths: tuple[float, ...], in_pool: bool = False
+) -> BoardProgram:
+    """Return the program of a vehicle's controller, which is to hold it at some depths [m].
+
+    in_pool: its supervisor is for a pool. Raises InputError as `make_library` does.
+    """
+    law, parameters, tick_s = _controller(vehicle)
+    limits = supervisor_parameters(vehicle, tick_s, in_pool=in_pool)
+    drive, ends = None, command_limits(vehicle, tick_s)
+    if vehicle.command == "volume change":
+        deepest = min(limits.deep.deepest, limits.depth.depth_most)
+        drive = board_law(vehicle, law, parameters, tick_s, deepest=deepest)
+        law, parameters = drive.law, drive.parameters
+    else:
+        check_sample_time(vehicle, law, parameters, tick_s, depths=list(depths))
+    program = read_law(law)
+    first = vehicle.stroke.maximum if law.command == "volume" else 0.0
+    facts = _facts(vehicle, law, parameters, tick_s, first, ends) | {
+        "reasons": list(Reason), "limits": _numbers(limits, SUPERVISOR.units), **facts_of(limits),
+    }  # fmt: skip
+    own = write_c99(program)
+    supervisor = write_c99(read_law(SUPERVISOR, Watched), private=True)
+    sources = {
+        "swb_measurement.h": MEASUREMENT_H,
+        own.header_name: own.header,
+        own.source_name: own.source,
+        "swb_controller.h": _render("swb_controller.h.j2", facts),
+        "swb_controller.c": _render("swb_controller.c.j2", facts),
+        supervisor.header_name: supervisor.header,
+        supervisor.source_name: supervisor.source,
+        "swb_vehicle.h": _render("swb_vehicle.h.j2", facts),
+        "swb_vehicle.c": _render("swb_vehicle.c.j2", facts),
+    }
+    return BoardProgram(
+        law=law, parameters=parameters, tick_s=tick_s, first=first, ends=ends, limits=limits,
+        drive=drive, program=program, facts=facts, sources=sources,
     )  # fmt: skip
 
 
