@@ -67,7 +67,7 @@ def check_sample_time(
             return grows is not None and grows - 1.0 <= _GROWS * h / sample_time
 
         grows = _growth(vehicle, law, parameters, sample_time, depth)
-        if grows is None or held(sample_time):
+        if grows is None or grows - 1.0 <= _GROWS:
             continue
         holds = sample_time
         while holds > _SHORTEST * sample_time:

@@ -142,6 +142,7 @@ def judge(S, W_, i, since):  # type: ignore[no-untyped-def]
 @inlined
 def decide(S, W_, i, hooks, like, like_state, k, t, per_tick):  # type: ignore[no-untyped-def]
     """Call the law of lane i, keep what it says where it is due; return the input as applied."""
+    kept = S[COMMAND * W_ + i]
     if ask(hooks, S, k):
         row = (LAW + extent(like)) * W_ + i
         seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
@@ -152,9 +153,10 @@ def decide(S, W_, i, hooks, like, like_state, k, t, per_tick):  # type: ignore[n
         due = waiting <= 0.0
         ticks = np.ceil(next_s * per_tick - 1e-9) - 1.0
         S[WAIT * W_ + i] = (ticks if ticks > 0.0 else 0.0) if due else waiting - 1.0
-        S[COMMAND * W_ + i] = command if due else S[COMMAND * W_ + i]
+        kept = command if due else kept
+        S[COMMAND * W_ + i] = kept
         scatter_where(due, state, S, row, W_)
-    u = limited(S, W_, i, drive(hooks, S, k, S[COMMAND * W_ + i]))
+    u = limited(S, W_, i, drive(hooks, S, k, kept))
     S[APPLIED * W_ + i] = u
     return u
 

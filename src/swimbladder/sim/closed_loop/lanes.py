@@ -176,7 +176,8 @@ def run_block(  # type: ignore[no-untyped-def]
             if k < turn.shape[0] - 1:
                 move_lanes(stepper, S, token, hooks, k, tick, min(last, turn.shape[0] - 1))
             continue
-        if whole and k < turn.shape[0] - 1:
+        # likewise: one vehicle alone is taken by the parts below
+        if len(token) > 1 and whole and k < turn.shape[0] - 1:
             if _tick(S, token, bend, sea, like, like_state, k, t, since, tick) > 0:
                 for i in range(W_):
                     if S[TROUBLE * W_ + i] != 0.0:
