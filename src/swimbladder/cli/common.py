@@ -310,7 +310,7 @@ def compile_notice() -> Iterator[None]:
         if not _told:
             _told.append(True)
             console.print(
-                "compiling the simulator for this machine; about 15 s for each law that is new to "
+                "compiling the simulator for this machine; about 10 s for each law that is new to "
                 "it, then it is kept",
                 highlight=False, soft_wrap=True,
             )  # fmt: skip

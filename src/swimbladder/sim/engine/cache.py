@@ -8,6 +8,7 @@ where a kept file was cut off or altered: the hash at its end no longer fits.
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import io
 import logging
@@ -19,11 +20,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numba
+from llvmlite.binding import parse_assembly
 from numba import types
-from numba.core import caching, event
+from numba.core import caching, codegen, compiler, event, registry
 from numba.extending import intrinsic
 
 from swimbladder.io.files import source_hash
@@ -37,12 +40,12 @@ OPTIONS: dict[str, Any] = {
 # Without counting who holds an array, which takes longer than a step of a vehicle: for what makes
 # no arrays, its caller holding those that it is given.
 _BARE: dict[str, Any] = OPTIONS | {"_nrt": False}
-_INLINED: dict[str, Any] = _BARE | {"forceinline": True, "no_cpython_wrapper": True}
 
 _config: Any = numba.config
 _PACKAGE = Path(__file__).resolve().parents[2]
 _DAY = 86400.0  # s
 _KEPT_DAYS = 30  # that code of other sources is kept after its last use
+_ROOM = 1 << 17  # places in a frame of 1 MB
 _log = logging.getLogger(__name__)
 _SOURCES = (
     "physics/dynamics.py",
@@ -94,6 +97,9 @@ def _parent() -> Path:
 
 _File: Any = caching.IndexDataCacheFile
 _Cache: Any = caching.FunctionCache
+_Library: Any = codegen.JITCodeLibrary
+_Compiler: Any = compiler.Compiler
+_Dispatcher: Any = registry.CPUDispatcher
 
 
 class _KeptFile(_File):  # type: ignore[misc]
@@ -137,7 +143,7 @@ class _Kept(_Cache):  # type: ignore[misc]
         try:
             return super().load_overload(signature, context)
         except Exception as error:  # whatever bytes that stand for no code may raise
-            self._say("read", "it is compiled again, about 15 s for each law", error)
+            self._say("read", "it is compiled again, about 10 s for each law", error)
         with suppress(OSError):
             self.flush()
         return None
@@ -155,6 +161,57 @@ class _Kept(_Cache):  # type: ignore[misc]
             _log.warning("cannot %s compiled code in %s (%s): %s", what, cache_folder(), why, so)
 
 
+class _Link(_Library):  # type: ignore[misc]
+    """Code that only kernels call: left as it is, and optimised once, in theirs.
+
+    Numba would optimise it alone too and make machine code of it that nothing calls.
+    """
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        named = [str(g) for g in self._final_module.global_variables if "NumbaEnv" in g.name]
+        self._codegen._add_module(parse_assembly("\n".join(named)))  # what numba asks for at once
+        self._codegen._engine.finalize_object()
+        self._finalized = True
+
+
+class _Linked(_Compiler):  # type: ignore[misc]
+    """Numba's compiler, whose code goes into a `_Link`."""
+
+    def compile_extra(self, func: Callable[..., Any]) -> Any:
+        self.state.library = _Link(self.state.targetctx.codegen(), func.__qualname__)
+        return super().compile_extra(func)
+
+
+def _at_ease(compile_: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a compiler that is not kept from its work: a quarter of the time of a first run.
+
+    Python takes memory for frames in pieces of 16 kB, and gives a piece back with its first frame:
+    a busy loop whose calls each begin a piece goes to the system each time. After a frame of 1 MB
+    there is room for all. Garbage is next to none, and the search for it goes through all that the
+    compiler holds.
+    """
+
+    def call(*given: Any) -> Any:
+        searching = gc.isenabled()
+        gc.disable()
+        try:
+            return compile_(*given)
+        finally:
+            if searching:
+                gc.enable()
+
+    code = call.__code__.replace(co_stacksize=_ROOM)
+    return FunctionType(code, globals(), closure=call.__closure__)
+
+
 def compiled(function: Callable[..., Any], *, under: str = "", allocates: bool = True) -> Any:
     """Compile a kernel that Python calls, and keep its code in `cache_folder`, `under` a name.
 
@@ -162,6 +219,7 @@ def compiled(function: Callable[..., Any], *, under: str = "", allocates: bool =
     allocates: whether it makes arrays.
     """
     kernel = numba.njit(**(OPTIONS if allocates else _BARE))(function)
+    kernel.compile = _at_ease(kernel.compile)
     before = _config.CACHE_DIR
     try:
         folder = cache_folder() / under
@@ -177,7 +235,7 @@ def compiled(function: Callable[..., Any], *, under: str = "", allocates: bool =
 
 def shared(function: Callable[..., Any]) -> Any:
     """Compile what many kernels have in common, see `compiled`, and what makes no arrays."""
-    return compiled(function, allocates=False)
+    return _by_type(compiled(function, allocates=False))
 
 
 def _by_type(kernel: Any) -> Any:
@@ -192,22 +250,33 @@ def _by_type(kernel: Any) -> Any:
     return kernel
 
 
+class _Part(_Dispatcher):  # type: ignore[misc]
+    """A function that kernels call, and that Python runs as it is written."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        options = options | {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True}
+        super().__init__(function, targetoptions=options, pipeline_class=_Linked)
+
+    def add_overload(self, cres: Any) -> None:
+        self.overloads[tuple(cres.signature.args)] = cres
+
+    def _compile_for_args(self, *_args: Any, **_kws: Any) -> Any:
+        return self.py_func  # what numba calls with the arguments
+
+
 def part(function: Callable[..., Any]) -> Any:
     """Compile a function that kernels call; its code is kept with theirs. It makes no arrays."""
-    return _by_type(numba.njit(**_BARE)(function))
+    return _by_type(_Part(function, _BARE))
 
 
 def allocating(function: Callable[..., Any]) -> Any:
     """Compile a function that kernels call, and that makes arrays; its code is kept with theirs."""
-    return _by_type(numba.njit(**OPTIONS)(function))
+    return _by_type(_Part(function, OPTIONS))
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a function into its callers, always: what a loop over lanes is made of.
-
-    Python cannot call it: there is no way in.
-    """
-    return numba.njit(**_INLINED)(function)
+    """Compile a function into its callers, always: what a loop over lanes is made of."""
+    return _Part(function, _BARE | {"forceinline": True})
 
 
 @intrinsic
