@@ -57,7 +57,7 @@ def score(case: str, count: int, seed: int, *, four: bool = False) -> dict[str, 
         told = {**found.parameters, **found.derived}
         for name, truth in _truth(motor, moves=CASES[case][0]).items():
             e = told[name]
-            if e.value is None or e.std is None:
+            if not e.known:
                 continue
             held.setdefault(name, []).append(e.ci95[0] <= truth <= e.ci95[1])
             pulls.setdefault(name, []).append((e.value - truth) / e.std)

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.deep_data import dives_of
+from swimbladder.estimation.estimates import Z95
 from swimbladder.estimation.motion.deep_dive import DeepDive
 from swimbladder.estimation.motion.deep_findings import effects_json
 from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep, start_volume
@@ -36,7 +37,6 @@ from swimbladder.estimation.motion.deep_model import (
     run_volumes,
 )
 from swimbladder.estimation.motion.deep_replay import Replay, replay
-from swimbladder.estimation.motion.estimates import Z95
 from swimbladder.io.config import load_vehicle
 from swimbladder.units import shown_unit, unit_factor
 from swimbladder.vehicle import Vehicle

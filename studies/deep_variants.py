@@ -22,6 +22,7 @@ import numpy as np
 
 from studies.deep_data import dives_of
 from studies.deep_dives import float_vehicle
+from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.deep_dive import DeepDive
 from swimbladder.estimation.motion.deep_findings import effects_json
 from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep
@@ -33,7 +34,6 @@ from swimbladder.estimation.motion.deep_model import (
     priors_of,
     run_volumes,
 )
-from swimbladder.estimation.motion.estimates import Prior
 
 __all__ = ["Variant", "main"]
 

@@ -22,7 +22,6 @@ from studies.fjord_line import columns, line_table
 from studies.tank import HORIZONS
 from swimbladder.estimation.comparison import compare, record
 from swimbladder.estimation.comparison.ahead import predict_ahead
-from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.estimation.motion.model import model_of
 from swimbladder.estimation.motion.random_walk import RandomWalkFit, fit_random_walk
 from swimbladder.estimation.motion.vehicle_update import identified_vehicle
@@ -198,7 +197,7 @@ def _warm(
     folder: Path, logs: Mapping[int, Log], vehicle: Vehicle, per_kelvin: float
 ) -> dict[int, Log]:
     """Return the logs with what a hull displaces more when it is warmer [m3/K] in the volume."""
-    area = piston_area(vehicle)
+    area = vehicle.piston_area
     assert area is not None  # the preset has a piston
     found = {}
     for n, log in logs.items():

@@ -23,7 +23,6 @@ import numpy as np
 from studies.tank_table import Row, parameters, table
 from swimbladder.estimation.comparison import Record, compare, record
 from swimbladder.estimation.comparison.ahead import Ahead, predict_ahead
-from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.estimation.kalman.depth_filter import Noise, Samples, Start, filter_depth
 from swimbladder.estimation.motion.model import model_of
 from swimbladder.estimation.motion.random_effects import between_logs
@@ -83,7 +82,7 @@ def warmed(
     """Return the logs as if the hull displaced `expansion` [m3/K] more per kelvin of the logged
     temperature.
     """
-    area = piston_area(vehicle)
+    area = vehicle.piston_area
     assert area is not None  # the preset has a piston
     seen: dict[int, list[tuple[float, float]]] = {n: [] for n in logs}
     with gzip.open(folder / "missions.csv.gz", "rt", newline="", encoding="utf-8") as file:

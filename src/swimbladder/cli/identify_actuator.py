@@ -107,13 +107,13 @@ def _row(name: str, e: Estimate) -> tuple[str, ...]:
     from swimbladder.estimation.actuator.estimate import shown
 
     low, high = e.ci95
-    if e.value is None:
+    if not e.known:
         known = [
             f"above {shown(low, e.unit)}" if math.isfinite(low) and low > 0.0 else "",
             f"below {shown(high, e.unit)}" if math.isfinite(high) else "",
         ]
         return (name, "-", "", " ".join(filter(None, known)))
-    if e.origin == "set" or e.std is None:
+    if e.origin == "set":
         return (name, shown(e.value, e.unit), "set", "")
     interval = f"{shown(low, e.unit)} to {shown(high, e.unit)}"
     return (name, shown(e.value, e.unit), shown(e.std, e.unit, 2), interval)
@@ -163,7 +163,7 @@ def _print_parameters(found: ActuatorIdentification) -> None:
     asked = {f.sentence for f in found.findings if f.severity == "no"}
     reasons: dict[str, list[str]] = {}
     for name, e in shown.items():
-        if e.value is None and not any(e.why in sentence for sentence in asked):
+        if not e.known and not any(e.why in sentence for sentence in asked):
             reasons.setdefault(e.why, []).append(name)
     for why, names in reasons.items():
         output.print(f"{', '.join(names)}: {why}", soft_wrap=True)
@@ -177,7 +177,7 @@ def _print_each(found: ActuatorIdentification) -> None:
         output.print(f"{Path(fit.source).name}{refusal}", soft_wrap=True)
         table = _table("", "value", "1 sigma", "95 % interval")
         for name, e in fit.parameters.items():
-            if e.value is not None and e.origin == "data":
+            if e.origin == "data":
                 table.add_row(*_row(name, e))
         if table.row_count:
             output.print(table)

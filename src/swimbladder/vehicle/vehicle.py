@@ -203,6 +203,16 @@ class Vehicle(Parameters):
         """Whether a command is a voltage."""
         return self.command == "voltage"
 
+    @property
+    def piston_area(self) -> float | None:
+        """Area of the piston [m2]; None where there is none or it is not known."""
+        actuator = self.actuator
+        if isinstance(actuator, ElectromechanicalActuator):
+            return actuator.drive.piston_area
+        if isinstance(actuator, (Positioner, IdentifiedActuator)):
+            return actuator.piston_area
+        return None
+
     def neutral_volume(self, depth: float) -> float:
         """Return the volume at which the vehicle rests at `depth` [m], psi z + trim error [m3]."""
         return self.hull.psi * depth + self.trim_error

@@ -7,8 +7,8 @@ import pytest
 
 from swimbladder.design.pool_day.tasks import Task, next_task, paper_tasks, undone
 from swimbladder.design.pool_day.verdict import MARGIN, State, Target, forecast, judge
+from swimbladder.estimation.estimates import estimate
 from swimbladder.estimation.motion import Finding, Prior
-from swimbladder.estimation.motion.estimates import estimate
 from swimbladder.io.config import load_vehicle
 
 TARGETS = (Target("K2", 0.02), Target("T2", 0.02))

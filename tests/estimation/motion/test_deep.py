@@ -10,6 +10,7 @@ from scipy.stats import binom
 
 from studies.deep_calibration import outcome, summary
 from swimbladder.errors import InputError
+from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.deep import contradictions, identify_deep
 from swimbladder.estimation.motion.deep_dive import deep_dive
 from swimbladder.estimation.motion.deep_fit import balance, fit_deep, start_volume
@@ -22,7 +23,6 @@ from swimbladder.estimation.motion.deep_model import (
 )
 from swimbladder.estimation.motion.deep_replay import replay
 from swimbladder.estimation.motion.deep_vehicle import identified_vehicle
-from swimbladder.estimation.motion.estimates import Prior
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.hull import neutral_volume, weight_mass
 from swimbladder.vehicle import Oil, Valve

@@ -79,7 +79,7 @@ def test_a_neutral_volume_counts_from_the_first_sample_s_depth():
 
 
 def test_priors_are_rows_in_standard_deviations():
-    from swimbladder.estimation.motion.estimates import Prior
+    from swimbladder.estimation.estimates import Prior
 
     problem = problem_of(
         [pool_log(20e-6)], ("K2", "psi"), priors={"K2": Prior(8000.0, 400.0)}, speed_std=1e-3

@@ -22,13 +22,12 @@ from swimbladder.design.experiments.flight import (
     follow,
     problem_of,
 )
-from swimbladder.estimation.motion.estimates import Estimate, estimate
+from swimbladder.estimation.estimates import Estimate, Finding, estimate
 from swimbladder.estimation.motion.fit import Fit, refine
 from swimbladder.estimation.motion.identifiability import not_identifiable
 from swimbladder.estimation.motion.model import NAMES
 from swimbladder.estimation.motion.noise import ArNoise
 from swimbladder.estimation.motion.problem import VOLUME, Problem
-from swimbladder.estimation.motion.result import Finding
 
 Array = NDArray[np.float64]
 

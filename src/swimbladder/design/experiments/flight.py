@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from swimbladder.design.experiments.conditions import Passing, Ramps, Release, Setting
 from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.motion.estimates import Prior
+from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.experiment import Experiment, Segment
 from swimbladder.estimation.motion.model import Model
 from swimbladder.estimation.motion.problem import VOLUME, Problem

@@ -12,8 +12,8 @@ import numpy as np
 from swimbladder.design.experiments.conditions import Release, Setting, Turn
 from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet, OmittedVariable
 from swimbladder.design.experiments.flight import Flight, Question
+from swimbladder.estimation.estimates import Finding
 from swimbladder.estimation.motion.identifiability import LIMIT
-from swimbladder.estimation.motion.result import Finding
 from swimbladder.io.answers import as_json
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.units import format_quantity

@@ -16,7 +16,6 @@ from swimbladder.design.experiments.result import Design, judge
 from swimbladder.design.experiments.search import Search, search, sizes
 from swimbladder.design.experiments.search import criterion as criterion_of
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.estimation.motion import NAMES, NEUTRAL_STD, Prior
 from swimbladder.estimation.motion.model import check_names, default_names, model_of
 from swimbladder.sim.pool import pool_parameters, run_procedure
@@ -99,7 +98,7 @@ def design_experiment(
     return Design(
         vehicle=vehicle.name, setting=s, question=question, criterion=criterion, budget=budget,
         chosen=ours, against=theirs, rival=_rival_name(against), curve=buys,
-        piston_area=piston_area(vehicle), findings=judge(ours, buys, stretched, question, s),
+        piston_area=vehicle.piston_area, findings=judge(ours, buys, stretched, question, s),
         assumptions=_assumptions(question, s, how, len(others)),
     )  # fmt: skip
 

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from swimbladder.design.pool_day.rest import Rest, steadied
 from swimbladder.errors import LogError
-from swimbladder.estimation.comparison.record import piston_area
 from swimbladder.io.files import read_at_most, temporary_folder
 from swimbladder.io.log_format import LogFormat
 from swimbladder.io.log_text import MOST_BYTES
@@ -209,7 +208,7 @@ def samples_of(log: Log, vehicle: Vehicle) -> NDArray[np.float64]:
 
     Raises LogError where the log has no volume.
     """
-    volume, area = log.volume, piston_area(vehicle)
+    volume, area = log.volume, vehicle.piston_area
     if volume is None and log.piston is not None and area is not None:
         volume = log.piston * area
     if volume is None:

@@ -10,8 +10,8 @@ together.
 
 from __future__ import annotations
 
-from swimbladder.estimation.actuator.estimate import Estimate
 from swimbladder.estimation.actuator.result import ActuatorIdentification
 from swimbladder.estimation.actuator.run import PARAMETERS, identify_actuator
+from swimbladder.estimation.estimates import Estimate
 
 __all__ = ["PARAMETERS", "ActuatorIdentification", "Estimate", "identify_actuator"]

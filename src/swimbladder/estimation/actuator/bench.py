@@ -14,7 +14,7 @@ from swimbladder.errors import InputError, LogError
 from swimbladder.estimation.actuator.noise import changes, quantum
 from swimbladder.io.logs import Log
 from swimbladder.physics.actuator import reduced
-from swimbladder.vehicle import ElectromechanicalActuator, IdentifiedActuator, Positioner, Vehicle
+from swimbladder.vehicle import Positioner, Vehicle
 
 Array = NDArray[np.float64]
 Quantity = Literal["piston", "volume"]
@@ -73,16 +73,6 @@ class Bench:
         return "m" if self.quantity == "piston" else "m3"
 
 
-def piston_area(vehicle: Vehicle | None) -> float | None:
-    """Return the area of the vehicle's piston [m2], None where it has none or it is not known."""
-    if vehicle is None:
-        return None
-    actuator = vehicle.actuator
-    if isinstance(actuator, (Positioner, IdentifiedActuator)):
-        return actuator.piston_area
-    return actuator.drive.piston_area if isinstance(actuator, ElectromechanicalActuator) else None
-
-
 def bench(log: Log, vehicle: Vehicle | None = None) -> Bench:
     """Return the positions of a log and what drove them.
 
@@ -91,7 +81,7 @@ def bench(log: Log, vehicle: Vehicle | None = None) -> Bench:
     where the log has neither piston nor volume, or too few samples of it.
     """
     notes = list(log.report)
-    area = piston_area(vehicle)
+    area = None if vehicle is None else vehicle.piston_area
     position, reference, quantity = _position(log, area)
     known = np.isfinite(position)
     if log.voltage is not None:
@@ -191,7 +181,7 @@ def _without_leakage(
         return position
     k_l = reduced(vehicle.actuator, vehicle.water).k_l
     depth = np.nan_to_num(log.depth)
-    area = piston_area(vehicle) if quantity == "piston" else 1.0
+    area = vehicle.piston_area if quantity == "piston" else 1.0
     if k_l == 0.0 or area is None or not depth.any():
         return position
     between = 0.5 * (depth[1:] + depth[:-1]) * np.diff(time)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.estimation.actuator.bench import Bench
+from swimbladder.estimation.series import stretches
 
 _IDLE = 0.02  # of the largest voltage: none
 _BEFORE = 8  # samples of rest that are kept before the voltage comes
@@ -51,9 +52,7 @@ def _rests(
     """Return which samples of a run are kept, and where it is cut."""
     kept = np.ones(len(idle), bool)
     ends: list[int] = []
-    padded = np.concatenate(([False], idle, [False])).astype(int)
-    turns = np.flatnonzero(np.diff(padded))
-    for low, high in zip(turns[::2].tolist(), turns[1::2].tolist(), strict=True):
+    for low, high in stretches(idle):
         opens = low + (_standing(bench, first + low, first + high) if low else 0)
         closes = max(high - (_BEFORE if high < len(idle) else 0), opens)
         kept[opens:closes] = False

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator.initial_guess import tolerance
 from swimbladder.estimation.actuator.model import Problem
+from swimbladder.estimation.estimates import Estimate, estimate
 from swimbladder.units import format_quantity
 
 Array = NDArray[np.float64]
@@ -150,63 +151,6 @@ def _gains_of(problem: Problem) -> int:
     return sum(n in ("K1", "asymmetry", "dead_zone", "load_voltage") for n in problem.free)
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """A value with its standard deviation and 95 % interval, in `unit`.
-
-    origin: data; set: given by the user; none: not identifiable, and `why` is the sentence
-    that says so. Then value and std are None; the interval may still have an end.
-    """
-
-    value: float | None
-    std: float | None
-    ci95: tuple[float, float]
-    unit: str
-    origin: Literal["data", "set", "none"] = "data"
-    why: str = ""
-
-    def to_json(self) -> dict[str, Any]:
-        """Return it in SI units, ready for JSON."""
-        return {
-            "value": self.value,
-            "std": self.std,
-            "ci95": list(self.ci95),
-            "unit": self.unit,
-            "origin": self.origin,
-            "why": self.why or None,
-        }
-
-
-def estimated(
-    value: float, std: float, unit: str, *, df: float = math.inf, reach: float | None = None,
-    logarithmic: bool = False,
-) -> Estimate:  # fmt: skip
-    """Return the estimate of a normal quantity or, where `logarithmic`, of a log-normal one.
-
-    df: degrees of freedom behind `std`; Student's interval. reach: half the interval, where known.
-    """
-    reach = _quantile(df) * std if reach is None else reach
-    if logarithmic and value > 0.0:
-        factor = math.exp(min(reach / value, 700.0))
-        return Estimate(value, std, (value / factor, value * factor), unit)
-    return Estimate(value, std, (value - reach, value + reach), unit)
-
-
-def given(value: float, unit: str) -> Estimate:
-    """Return what the user set."""
-    return Estimate(value, 0.0, (value, value), unit, "set")
-
-
-def not_identifiable(unit: str, why: str) -> Estimate:
-    """Return an estimate without value: not identifiable."""
-    return Estimate(None, None, (math.nan, math.nan), unit, "none", why)
-
-
-def bounded(low: float, high: float, unit: str, why: str) -> Estimate:
-    """Return an estimate that is only an interval."""
-    return Estimate(None, None, (low, high), unit, "none", why)
-
-
 _SHOWN = {"m/s/V": "mm/s/V", "m/s": "mm/s", "m3/s/V": "cm3/s/V", "m3/s": "cm3/s"}
 
 
@@ -222,7 +166,8 @@ def shown(value: float, unit: str, digits: int = 4) -> str:
     return format_quantity(value, unit, shown_unit(unit), digits)
 
 
-def _quantile(df: float) -> float:
+def student(df: float) -> float:
+    """Return half the 95 % interval of Student's distribution, in standard deviations."""
     from scipy.stats import t
 
     return float(t.ppf(0.975, max(df, 1.0)))
@@ -239,7 +184,7 @@ class Pooled(NamedTuple):
 
     def estimate(self, unit: str, *, positive: bool = False) -> Estimate:
         """Return it as an estimate; what is `positive` has an interval that is."""
-        found = estimated(self.mean, self.std, unit, df=self.df)
+        found = estimate(self.mean, self.std, unit, reach=student(self.df) * self.std)
         low, high = found.ci95
         return replace(found, ci95=(max(low, 0.0), high)) if positive else found
 

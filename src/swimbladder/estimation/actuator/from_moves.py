@@ -9,17 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from swimbladder.estimation.actuator.bench import Bench
-from swimbladder.estimation.actuator.estimate import (
-    Estimate,
-    Pooled,
-    estimated,
-    not_identifiable,
-    pool,
-)
+from swimbladder.estimation.actuator.estimate import Pooled, pool, student
 from swimbladder.estimation.actuator.moves import Move, moves
 from swimbladder.estimation.actuator.noise import spikes
 from swimbladder.estimation.actuator.result import Step
 from swimbladder.estimation.actuator.startup import Rate, rate_of, start_up
+from swimbladder.estimation.estimates import Estimate, estimate, not_identifiable
 
 _NO_VOLTAGE = "not in the log: it holds no voltage"
 _WAYS = {1: "out", -1: "in"}
@@ -49,7 +44,7 @@ def fit_moves(bench: Bench) -> MovesFit:
     found = moves(bench, 0)
     unit = f"{bench.unit}/s"
     start = start_up(bench, found)
-    rates = [rate_of(bench, move, start.T1.value or 0.0) for move in found]
+    rates = [rate_of(bench, move, start.T1.value if start.T1.known else 0.0) for move in found]
     derived: dict[str, Estimate] = {}
     pooled: dict[int, Pooled] = {}
     ramps: dict[str, float] = {}
@@ -103,12 +98,16 @@ def _both(pooled: dict[int, Pooled], unit: str) -> dict[str, Estimate]:
     rate, ratio = math.sqrt(out.mean * in_.mean), out.mean / in_.mean
     both = math.hypot(a, b)
     # Satterthwaite's degrees of freedom of a sum of two variances
-    share = a**4 / out.df + b**4 / in_.df
-    df = both**4 / share if share > 0.0 else math.inf
-    return {
-        "asymmetry": estimated(ratio, ratio * both, "-", df=df, logarithmic=True),
-        "rate": estimated(rate, 0.5 * rate * both, unit, df=df, logarithmic=True),
-    }
+    fourth = a**4 / out.df + b**4 / in_.df
+    df = both**4 / fourth if fourth > 0.0 else math.inf
+    found = {}
+    for name, value, share, of in (
+        ("asymmetry", ratio, both, "-"),
+        ("rate", rate, 0.5 * both, unit),
+    ):
+        std = share * value
+        found[name] = estimate(value, std, of, reach=student(df) * std, logarithmic=True)
+    return found
 
 
 def _step(
@@ -150,12 +149,12 @@ def together(fits: Sequence[dict[str, Estimate]]) -> tuple[dict[str, Estimate], 
     chance: dict[str, float] = {}
     for name in dict.fromkeys(name for fit in fits for name in fit):
         all_ = [fit[name] for fit in fits if name in fit]
-        estimates = [e for e in all_ if e.value is not None and e.std is not None]
+        estimates = [e for e in all_ if e.known]
         if len(estimates) < 2:
             result[name] = estimates[0] if estimates else all_[0]
             continue
-        pooled = pool([e.value or 0.0 for e in estimates], [e.std or 0.0 for e in estimates])
-        positive = all((e.value or 0.0) > 0.0 for e in estimates)
+        pooled = pool([e.value for e in estimates], [e.std for e in estimates])
+        positive = all(e.value > 0.0 for e in estimates)
         result[name] = pooled.estimate(estimates[0].unit, positive=positive)
         chance[name] = pooled.p
     return result, chance

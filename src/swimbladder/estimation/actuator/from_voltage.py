@@ -16,18 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.estimation.actuator.bench import Bench
-from swimbladder.estimation.actuator.estimate import (
-    Estimate,
-    bounded,
-    estimated,
-    given,
-    not_identifiable,
-    shown,
-)
+from swimbladder.estimation.actuator.estimate import shown
 from swimbladder.estimation.actuator.model import LOGARITHMIC, Problem, drive_of, steady_speed
 from swimbladder.estimation.actuator.profile import profile_of_T1
 from swimbladder.estimation.actuator.result import Step
 from swimbladder.estimation.actuator.voltage import VoltageFit, named, solve
+from swimbladder.estimation.estimates import (
+    Estimate,
+    bounded,
+    estimate,
+    given,
+    not_identifiable,
+)
 
 Array = NDArray[np.float64]
 
@@ -117,8 +117,7 @@ def from_voltage(fit: VoltageFit, chosen: dict[str, float], unit: str) -> dict[s
                 fit, values[name], size, of, logarithmic=logarithmic, **{name: 1.0}
             )
             if name == "dead_zone" and found[name].ci95[0] < 0.0:
-                low_high = (0.0, found[name].ci95[1])
-                found[name] = Estimate(found[name].value, found[name].std, low_high, of)
+                found[name] = replace(found[name], ci95=(0.0, found[name].ci95[1]))
     return found
 
 
@@ -127,7 +126,7 @@ def _along(
 ) -> Estimate:
     """Return the estimate of what changes by `size` times the weighted sum of what is turned."""
     std, reach = fit.spread_along(np.array([weights.get(name, 0.0) for name in fit.problem.free]))
-    return estimated(value, size * std, unit, reach=size * reach, logarithmic=logarithmic)
+    return estimate(value, size * std, unit, reach=size * reach, logarithmic=logarithmic)
 
 
 _ONE_WAY = {
@@ -176,7 +175,7 @@ def by_direction(fit: VoltageFit, found: dict[str, Estimate], unit: str) -> dict
     result: dict[str, Estimate] = {}
 
     def identified(*names: str) -> bool:
-        return all(found[name].value is not None for name in names)
+        return all(found[name].known for name in names)
 
     if identified("K1", "asymmetry"):
         drive = drive_of(values)
@@ -197,7 +196,7 @@ def by_direction(fit: VoltageFit, found: dict[str, Estimate], unit: str) -> dict
 def covariance_of(fit: VoltageFit, found: dict[str, Estimate]) -> dict[str, dict[str, float]]:
     """Return the covariance of the identified parameters, in SI, by name."""
     values = fit.values
-    identified = [n for n in fit.problem.free if found[n].value is not None]
+    identified = [n for n in fit.problem.free if found[n].known]
     sizes = {n: values[n] if n in LOGARITHMIC else fit.problem.top for n in identified}
     at = {n: fit.problem.free.index(n) for n in identified}
     return {

@@ -26,7 +26,7 @@ from scipy.sparse import csr_array
 
 from swimbladder.estimation.actuator.bench import Bench
 from swimbladder.estimation.actuator.blocks import Block
-from swimbladder.estimation.actuator.noise import Autoregression
+from swimbladder.estimation.series import Autoregression
 from swimbladder.sim.engine.cache import compiled
 
 Array = NDArray[np.float64]

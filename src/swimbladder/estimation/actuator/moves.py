@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.estimation.actuator.bench import Bench
+from swimbladder.estimation.series import stretches
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _MOVES = 0.5  # of the full speed: it moves
 _FULL = 0.85  # of the full speed of the move: it has started, and does not yet brake
@@ -87,7 +87,7 @@ def _seen(bench: Bench, log: int, first: int, after: int) -> list[Move]:
     found = []
     for direction in (1, -1):
         full = _full(direction * speed)
-        for low, high in _stretches(direction * speed > _MOVES * full):
+        for low, high in stretches(direction * speed > _MOVES * full):
             move = _one(direction * speed, low, high, full, width)
             if move is None:
                 continue
@@ -163,15 +163,8 @@ def _asked(bench: Bench, log: int, first: int, after: int) -> list[Move]:
             continue
         goes = direction * np.append(speed, speed[-1]) > _MOVES * full
         far = (direction * ahead > reach) & goes  # it may be at an end stop
-        for low, high in _stretches(far):
+        for low, high in stretches(far):
             start, end = low + 1, high - 1  # it may take up an order late
             if end - start + 1 >= _FEWEST_ASKED:
                 found.append(Move(log, direction, None, start + first, end + first))
     return sorted(found, key=lambda move: move.first)
-
-
-def _stretches(mask: Mask) -> list[tuple[int, int]]:
-    """Return (first, after) of the stretches where the mask holds."""
-    padded = np.concatenate(([False], mask, [False])).astype(int)
-    turns = np.flatnonzero(np.diff(padded)).tolist()
-    return list(zip(turns[::2], turns[1::2], strict=True))

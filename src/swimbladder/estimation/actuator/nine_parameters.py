@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
-from swimbladder.estimation.actuator.bench import piston_area
-from swimbladder.estimation.actuator.estimate import Estimate
+from swimbladder.estimation.estimates import Estimate
 from swimbladder.physics.actuator import reduced
 from swimbladder.vehicle import IdentifiedActuator, IdentifiedMotion, Positioner, Vehicle
 
@@ -51,7 +50,7 @@ def nine(
     found = []
     for symbol, (unit, meaning) in NINE.items():
         estimate = parameters.get(symbol)
-        if estimate is not None and estimate.value is not None:
+        if estimate is not None and estimate.known:
             source: Source = "logs" if estimate.origin == "data" else "set"
             origin = logs if source == "logs" else "given with --set"
             found.append(Known(symbol, estimate.value, unit, meaning, source, origin))
@@ -83,7 +82,7 @@ def _of_vehicle(symbol: str, vehicle: Vehicle | None) -> tuple[float | None, str
         return vehicle.water.specific_weight, _origin(vehicle, place)
     actuator = vehicle.actuator
     if symbol == "A":
-        area = piston_area(vehicle)
+        area = vehicle.piston_area
         if area is None:
             return None, f"an actuator of kind {actuator.kind} has no piston area in its file"
         inner = "actuator.drive.piston_area"
@@ -92,7 +91,7 @@ def _of_vehicle(symbol: str, vehicle: Vehicle | None) -> tuple[float | None, str
         return None, "a positioner has none: it goes to positions at a constant speed"
     a = reduced(actuator, vehicle.water)
     if symbol == "K1":
-        area = piston_area(vehicle)
+        area = vehicle.piston_area
         value = None if area is None else a.gain / area
     else:
         value = {"T1": a.T1, "k_z/k_u": a.load_drive, "k_l": a.k_l}[symbol]

@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from swimbladder.estimation.actuator.estimate import Estimate, bounded, estimated
 from swimbladder.estimation.actuator.voltage import VoltageFit, solve
+from swimbladder.estimation.estimates import Z95, Estimate, bounded, estimate
 
-_TWO_SIDED = 1.959963984540054
 _ONE_SIDED = 1.6448536269514722
 _FASTEST = 1e-3  # of the time between samples: as good as none
 _SLOWEST = 1e3  # times the fitted one: as good as a double integrator
@@ -26,7 +25,7 @@ def profile_of_T1(fit: VoltageFit) -> Estimate:
     step = min(b.step for b in fit.problem.benches)
     root = _Root(fit, at)
     nothing = root(math.log(_FASTEST * step))
-    if nothing < _TWO_SIDED:
+    if nothing < Z95:
         begin = max(best, math.log(_FASTEST * step))
         high = _crossing(root, begin, max(std, 0.3), _ONE_SIDED, offset=nothing)
         bound = math.exp(high)
@@ -35,10 +34,10 @@ def profile_of_T1(fit: VoltageFit) -> Estimate:
             "confidence of 95 %"
         )
         return bounded(0.0, bound, "s", why)
-    low = _crossing(root, best, -std, _TWO_SIDED)
-    high = _crossing(root, best, std, _TWO_SIDED)
+    low = _crossing(root, best, -std, Z95)
+    high = _crossing(root, best, std, Z95)
     value = math.exp(best)
-    found = estimated(value, value * std, "s")
+    found = estimate(value, value * std, "s")
     return replace(found, ci95=(math.exp(low), math.exp(high)))
 
 

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import NoAnswerError
-from swimbladder.estimation.actuator.bench import Driven, Quantity, piston_area
-from swimbladder.estimation.actuator.estimate import Estimate
+from swimbladder.estimation.actuator.bench import Driven, Quantity
 from swimbladder.estimation.actuator.nine_parameters import Known
+from swimbladder.estimation.estimates import Estimate, Finding
+from swimbladder.estimation.series import rms
 from swimbladder.physics.actuator import to_identified
 from swimbladder.vehicle import Actuator, Identified, Positioner, Vehicle
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A sentence for people; severity "no": something asked for is not identifiable."""
-
-    kind: str
-    sentence: str
-    severity: Literal["note", "warning", "no"] = "note"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +47,7 @@ class Step:
     def rms(self) -> float:
         """Root mean square of the residual, outliers aside."""
         kept = self.residual[self.used]
-        return float(np.sqrt(np.mean(kept**2))) if len(kept) else 0.0
+        return rms(kept) if len(kept) else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +87,7 @@ class ActuatorIdentification:
     @property
     def identified(self) -> bool:
         """Whether all that was asked for is identified."""
-        return all(self.parameters[name].value is not None for name in self.asked)
+        return all(self.parameters[name].known for name in self.asked)
 
     @property
     def refusal(self) -> str:
@@ -134,7 +127,7 @@ class ActuatorIdentification:
 
     def _actuator(self, vehicle: Vehicle) -> tuple[Actuator, dict[str, str]]:
         """Return the actuator with the identified parameters, and {parameter: field} of them."""
-        estimates = {n: e.value for n, e in self.parameters.items() if e.value is not None}
+        estimates = {n: e.value for n, e in self.parameters.items() if e.known}
         if isinstance(vehicle.actuator, Positioner):
             if self.quantity != "piston" or "rate" not in estimates:
                 return vehicle.actuator, {}
@@ -146,7 +139,7 @@ class ActuatorIdentification:
         changed = {name: names[name] for name in estimates if name in names}
         if not changed:
             return vehicle.actuator, {}
-        area = piston_area(vehicle) or 1.0  # no piston: K1 is then a volume rate
+        area = vehicle.piston_area or 1.0  # no piston: K1 is then a volume rate
         plain = to_identified(vehicle.actuator, vehicle.water, piston_area=area)
         numbers = {field: max(estimates[name], 0.0) for name, field in changed.items()}
         places = {name: f"actuator.{field}" for name, field in changed.items()}
@@ -160,7 +153,7 @@ class ActuatorIdentification:
             return before
         names = ["K1" if n == "K1A" else n for n in own]
         others = [n for n in (before.names if before else ()) if n not in ("K1", "T1")]
-        values = [self.parameters[n].value or 0.0 for n in own]
+        values = [self.parameters[n].value for n in own]
         rows = [[self.covariance[a][b] for b in own] + [0.0] * len(others) for a in own]
         if before is not None:
             at = [before.names.index(n) for n in others]
@@ -209,8 +202,8 @@ class ActuatorIdentification:
             "identified": self.identified,
             "driven_by": self.driven,
             "position": self.quantity,
-            "parameters": {name: e.to_json() for name, e in self.parameters.items()},
-            "derived": {name: e.to_json() for name, e in self.derived.items()},
+            "parameters": _json(self.parameters),
+            "derived": _json(self.derived),
             "asked": list(self.asked),
             "residual_std": self.noise,
             "correlation": self.correlation,
@@ -218,7 +211,7 @@ class ActuatorIdentification:
             "logs": [
                 {
                     "log": fit.source,
-                    "parameters": {name: e.to_json() for name, e in fit.parameters.items()},
+                    "parameters": _json(fit.parameters),
                     "refusal": fit.refusal,
                 }
                 for fit in self.logs
@@ -237,7 +230,11 @@ class ActuatorIdentification:
                 }
                 for number, s in enumerate(self.steps, start=1)
             ],
-            "findings": [vars(f) for f in self.findings],
+            "findings": [f._asdict() for f in self.findings],
             "assumptions": list(self.assumptions),
             "notes": list(self.notes),
         }
+
+
+def _json(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {name: {**e.to_json(), "why": e.why or None} for name, e in estimates.items()}

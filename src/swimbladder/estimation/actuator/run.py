@@ -9,7 +9,6 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.actuator.bench import Bench, Driven, bench
-from swimbladder.estimation.actuator.estimate import Estimate
 from swimbladder.estimation.actuator.findings import (
     ASSUMPTIONS,
     logs_differ,
@@ -26,8 +25,9 @@ from swimbladder.estimation.actuator.from_voltage import (
     steps_of,
 )
 from swimbladder.estimation.actuator.nine_parameters import nine
-from swimbladder.estimation.actuator.result import ActuatorIdentification, Finding, LogFit
+from swimbladder.estimation.actuator.result import ActuatorIdentification, LogFit
 from swimbladder.estimation.actuator.voltage import fit_voltage
+from swimbladder.estimation.estimates import Estimate, Finding
 from swimbladder.io.logs import Log
 from swimbladder.vehicle import Positioner, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
@@ -128,8 +128,8 @@ def _voltage(
         single = LogFit(source=one.source, parameters=parameters)
         alone.append(single if len(benches) == 1 else _alone(one, fixed))
         advance(share)
-    soft = soft_start(fit) if parameters["T1"].value is not None else None
-    findings = of_voltage(fit, parameters, benches, soft)
+    soft = soft_start(fit) if parameters["T1"].known else None
+    findings = [*of_voltage(fit, parameters, benches, soft)]
     per_log = [f.parameters for f in alone if f.parameters]
     mean, chance = together(per_log) if len(per_log) > 1 else ({}, {})
     apart = [n for n, p in chance.items() if p < _DIFFERENT and parameters[n].origin == "data"]
@@ -172,7 +172,7 @@ def _moves(
         )
     parameters, chance = together([fit.parameters for fit in fits])
     derived, chance_by_way = together([fit.derived for fit in fits])
-    findings = of_moves(fits)
+    findings = [*of_moves(fits)]
     apart = [name for name, p in {**chance, **chance_by_way}.items() if p < _DIFFERENT]
     findings += logs_differ(apart, [{**f.parameters, **f.derived} for f in fits])
     logs = tuple(
@@ -184,9 +184,7 @@ def _moves(
         for one, fit in zip(benches, fits, strict=True)
     )
     covariance = {
-        name: {name: (parameters[name].std or 0.0) ** 2}
-        for name in ("T1", "rate")
-        if parameters[name].value is not None
+        name: {name: parameters[name].std ** 2} for name in ("T1", "rate") if parameters[name].known
     }
     return _result(
         benches, vehicle, parameters, asked, findings, covariance,
@@ -206,7 +204,7 @@ def _result(
     covariance: dict[str, dict[str, float]],
     **fields: object,
 ) -> ActuatorIdentification:
-    missing = [n for n in asked if parameters[n].value is None]
+    missing = [n for n in asked if not parameters[n].known]
     findings = [*findings, *(not_identifiable_finding(n, parameters[n]) for n in missing)]
     one = benches[0]
     names = "the log" if len(benches) == 1 else f"the {len(benches)} logs"

@@ -23,9 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.estimation.actuator.bench import Bench
-from swimbladder.estimation.actuator.estimate import Estimate, bounded, estimated, not_identifiable
+from swimbladder.estimation.actuator.estimate import student
 from swimbladder.estimation.actuator.moves import Move
-from swimbladder.estimation.actuator.noise import WHITE, autoregression, changes, spikes
+from swimbladder.estimation.actuator.noise import autoregression, changes, spikes
+from swimbladder.estimation.estimates import Estimate, bounded, estimate, not_identifiable
+from swimbladder.estimation.series import WHITE
 
 Array = NDArray[np.float64]
 
@@ -149,7 +151,7 @@ def start_up(bench: Bench, moves: Sequence[Move]) -> StartUp:
         start = bench.position[move.begin]
         fitted.append((k, window.samples, start + move.direction * travel))
     T1 = fit.estimate()
-    return StartUp(T1=T1, ramp=_ramp(fit) if T1.value is not None else None, fitted=tuple(fitted))
+    return StartUp(T1=T1, ramp=_ramp(fit) if T1.known else None, fitted=tuple(fitted))
 
 
 def _ramp(fit: _Fit) -> float | None:
@@ -310,7 +312,7 @@ class _Fit:
         if std > 1.0:
             return not_identifiable("s", _TOO_SHORT)
         T1 = math.exp(self.best[0])
-        return estimated(T1, T1 * std, "s", df=df, logarithmic=True)
+        return estimate(T1, T1 * std, "s", reach=student(df) * T1 * std, logarithmic=True)
 
     def _information(self) -> tuple[float, float, float]:
         """Return by what the variance of ln T1 exceeds that of the noise, its degrees of freedom,

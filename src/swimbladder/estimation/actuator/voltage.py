@@ -29,13 +29,8 @@ from swimbladder.estimation.actuator.initial_guess import (
     tolerance,
 )
 from swimbladder.estimation.actuator.model import Problem
-from swimbladder.estimation.actuator.noise import (
-    WHITE,
-    Autoregression,
-    autoregression,
-    scale,
-    spikes,
-)
+from swimbladder.estimation.actuator.noise import autoregression, scale, spikes
+from swimbladder.estimation.series import WHITE, Autoregression
 
 Array = NDArray[np.float64]
 _OUTLIER = 10.0  # deviance that leaving a sample out costs

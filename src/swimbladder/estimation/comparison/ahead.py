@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record, record
+from swimbladder.estimation.estimates import Z95
 from swimbladder.estimation.kalman.depth_filter import (
     Bank,
     Member,
@@ -34,6 +35,7 @@ from swimbladder.estimation.kalman.depth_filter import (
     Start,
     filter_bank,
 )
+from swimbladder.estimation.series import rms
 from swimbladder.io.logs import Log
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
@@ -194,8 +196,6 @@ def _with(p: Plant, *, psi: float, drag: float) -> Plant:
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_Z95 = 1.959963984540054
-
 
 @dataclass(frozen=True, kw_only=True)
 class Horizon:
@@ -332,15 +332,11 @@ def _horizon(
     off = predicted - measured
     return Horizon(
         seconds=seconds, origin=origin, target=target, predicted=predicted, std=std,
-        rms=_rms(off), bias=float(off.mean()), spread=_rms(std),
-        coverage=float(np.mean(np.abs(off) <= _Z95 * std)),
-        persistence_rms=_rms(rec.depth[origin] - measured),
-        integrator_rms=_rms(free.ahead(origin, target)[0] - measured),
+        rms=rms(off), bias=float(off.mean()), spread=rms(std),
+        coverage=float(np.mean(np.abs(off) <= Z95 * std)),
+        persistence_rms=rms(rec.depth[origin] - measured),
+        integrator_rms=rms(free.ahead(origin, target)[0] - measured),
     )  # fmt: skip
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _pairs(rec: Record, seconds: float) -> tuple[Index, Index]:

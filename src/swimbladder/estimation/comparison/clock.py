@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import LogError
+from swimbladder.estimation.series import stretches
 from swimbladder.io.logs import Log
 from swimbladder.physics.dynamics import plant
 from swimbladder.units import unit_factor
@@ -136,9 +137,4 @@ def _integral(y: Array, t: Array) -> Array:
 
 def _longest(kept: NDArray[np.bool_]) -> slice:
     """Return the longest run of samples that are kept."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]]).astype(np.int8)))
-    begins, ends = edges[::2], edges[1::2]
-    if not len(begins):
-        return slice(0, 0)
-    k = int(np.argmax(ends - begins))
-    return slice(int(begins[k]), int(ends[k]))
+    return slice(*max(stretches(kept), key=lambda run: run[1] - run[0], default=(0, 0)))

@@ -14,7 +14,7 @@ from swimbladder.estimation.comparison.water import layers_of
 from swimbladder.io.logs import Log
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
-from swimbladder.vehicle import ElectromechanicalActuator, IdentifiedActuator, Positioner, Vehicle
+from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Drive = Literal["volume", "voltage", "setpoint"]
@@ -61,16 +61,6 @@ class Record:
     def duration(self) -> float:
         """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
-
-
-def piston_area(vehicle: Vehicle) -> float | None:
-    """Return the area of the vehicle's piston [m2], None where it has none or it is not known."""
-    actuator = vehicle.actuator
-    if isinstance(actuator, (Positioner, IdentifiedActuator)):
-        return actuator.piston_area
-    if isinstance(actuator, ElectromechanicalActuator):
-        return actuator.drive.piston_area
-    return None
 
 
 def record(
@@ -240,7 +230,7 @@ def _from_submergence(
 
 
 def _first_drive(log: Log, vehicle: Vehicle) -> Drive:
-    if log.volume is not None or (log.piston is not None and piston_area(vehicle) is not None):
+    if log.volume is not None or (log.piston is not None and vehicle.piston_area is not None):
         return "volume"
     if log.voltage is not None and vehicle.voltage_driven:
         return "voltage"
@@ -257,7 +247,7 @@ def _first_drive(log: Log, vehicle: Vehicle) -> Drive:
 def _driving(log: Log, vehicle: Vehicle, drive: Drive) -> Array:
     """Return the series that drives, as logged; raises LogError where there is none."""
     if drive == "volume":
-        if log.volume is None and log.piston is not None and piston_area(vehicle) is None:
+        if log.volume is None and log.piston is not None and vehicle.piston_area is None:
             raise InputError(
                 f"the log has the position of a piston, and the vehicle {vehicle.name} has none",
                 field="actuator.kind",
@@ -288,7 +278,7 @@ def _driving(log: Log, vehicle: Vehicle, drive: Drive) -> Array:
 
 
 def _volume(log: Log, vehicle: Vehicle) -> tuple[Array | None, bool]:
-    area = piston_area(vehicle)
+    area = vehicle.piston_area
     if log.volume is not None and np.isfinite(log.volume).all():
         return log.volume, log.volume_absolute
     if log.piston is not None and area is not None and np.isfinite(log.piston).all():

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.comparison.fit import Fitted, adjust, default_names
 from swimbladder.estimation.comparison.predict import run
-from swimbladder.estimation.comparison.record import Drive, Record, piston_area, record
+from swimbladder.estimation.comparison.record import Drive, Record, record
+from swimbladder.estimation.series import rms
 from swimbladder.io.logs import Log
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import Solution
@@ -73,7 +74,7 @@ class Comparison:
 
     def to_json(self) -> dict[str, Any]:
         """Return the outcome in SI units, ready for JSON."""
-        area = piston_area(self.vehicle)
+        area = self.vehicle.piston_area
         known = self.volume_rms is not None and area is not None
         return {
             "log": self.source,
@@ -166,13 +167,11 @@ def compare(
         fitted=outcome.fitted,
         predicted=predicted,
         volume=volume,
-        rms=float(np.sqrt(np.mean(off**2))),
+        rms=rms(off),
         bias=float(off.mean()),
         variance_explained=explained,
         largest=float(np.abs(off).max()),
-        volume_rms=None
-        if compared_volume is None
-        else float(np.sqrt(np.mean((volume - compared_volume)[used] ** 2))),
+        volume_rms=None if compared_volume is None else rms((volume - compared_volume)[used]),
         solution=solution,
         notes=tuple(notes),
     )

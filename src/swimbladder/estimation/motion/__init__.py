@@ -5,15 +5,9 @@ derivatives, `fit` finds the most probable parameters, `identifiability` says wh
 open, `profiles`, `model_selection` and `diagnose` examine the answer, `run` puts them together.
 """
 
-from swimbladder.estimation.motion.estimates import Estimate, Prior
+from swimbladder.estimation.estimates import Estimate, Finding, Prior
 from swimbladder.estimation.motion.model import NAMES
-from swimbladder.estimation.motion.result import (
-    Choice,
-    ExperimentFit,
-    Finding,
-    Identification,
-    Profile,
-)
+from swimbladder.estimation.motion.result import Choice, ExperimentFit, Identification, Profile
 from swimbladder.estimation.motion.run import NEUTRAL_STD, identify
 
 __all__ = [

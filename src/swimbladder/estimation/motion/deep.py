@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.estimation.estimates import Estimate, Prior, estimate
 from swimbladder.estimation.motion import deep_goodness_of_fit as goodness
 from swimbladder.estimation.motion.deep_dive import DeepDive, deep_dive
 from swimbladder.estimation.motion.deep_findings import differences, effects_json, weakly_determined
@@ -26,7 +27,7 @@ from swimbladder.estimation.motion.deep_model import (
 )
 from swimbladder.estimation.motion.deep_replay import Replay, replay
 from swimbladder.estimation.motion.deep_vehicle import identified_vehicle, out_of_place
-from swimbladder.estimation.motion.estimates import Estimate, Prior, estimate
+from swimbladder.estimation.series import rms
 from swimbladder.io.float_log import FloatLog
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
@@ -91,16 +92,16 @@ class DeepIdentification:
                     "deepest_Pa": float(fits.dive.pressure.max()),
                     "start_volume": fits.start.to_json()
                     | ({"std": None, "ci95": None} if self.inconsistent else {}),
-                    "imbalance_rms_m3": _rms(fits.imbalance),
-                    "speed_rms_m_s": _rms(fits.speed),
+                    "imbalance_rms_m3": rms(fits.imbalance),
+                    "speed_rms_m_s": rms(fits.speed),
                     "imbalance_over_noise": fits.misfit.imbalance,
                     "speed_over_noise": fits.misfit.speeds,
                     "distance": fits.misfit.distance,
-                    "replay_rms_Pa": _rms(fits.replay.at(fits.dive.time) - fits.dive.pressure),
+                    "replay_rms_Pa": rms(fits.replay.at(fits.dive.time) - fits.dive.pressure),
                 }
                 for fits in self.dives
             ],
-            "imbalance_rms_m3": _rms(np.concatenate([fits.imbalance for fits in self.dives])),
+            "imbalance_rms_m3": rms(np.concatenate([fits.imbalance for fits in self.dives])),
             "priors": {
                 name: {"mean": prior.mean, "std": prior.std}
                 for name, prior in self.fit.priors.items()
@@ -193,16 +194,16 @@ def _sentences(
     fit: DeepFit, fits: Sequence[DiveFit], weak: Sequence[str], missed: Sequence[str],
     strange: Sequence[str],
 ) -> tuple[str, ...]:  # fmt: skip
-    imbalance = _rms(np.concatenate([one.imbalance for one in fits]))
+    imbalance = rms(np.concatenate([one.imbalance for one in fits]))
     count = len(fits)
     found = [
         f"With one set of parameters the volume balance of {count} dive{'s' if count > 1 else ''} "
         f"closes to {1e6 * imbalance:.2g} mL rms, speeds from sample to sample to "
-        f"{1e3 * _rms(np.concatenate([one.speed for one in fits])):.2g} mm/s rms."
+        f"{1e3 * rms(np.concatenate([one.speed for one in fits])):.2g} mm/s rms."
     ]
     off = [one.misfit for one in fits]
     bad = goodness.messages(
-        [one.dive.name for one in fits], off, [_rms(one.imbalance) for one in fits], fit.tempering
+        [one.dive.name for one in fits], off, [rms(one.imbalance) for one in fits], fit.tempering
     )
     if goodness.inconsistent(off, fit.tempering):
         return (*bad, *found, *goodness.water_messages(fit.noise))
@@ -284,7 +285,3 @@ def _warmths(dives: Sequence[DeepDive]) -> list[str]:
                 "cast and the difference from it"
             )
     return found
-
-
-def _rms(x: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(x))))

@@ -38,12 +38,12 @@ from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError
+from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.deep_dive import DeepDive
 from swimbladder.estimation.motion.deep_filter import GATE, V0
 from swimbladder.estimation.motion.deep_model import Body, check_deep_names, drag_volume, excess
 from swimbladder.estimation.motion.deep_overdispersion import DiveScore, distances, overdispersion
 from swimbladder.estimation.motion.deep_path import Filtered, Noise, Path, deep_path, filtered
-from swimbladder.estimation.motion.estimates import Prior
 
 Array = NDArray[np.float64]
 

@@ -32,8 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.deep_dive import DeepDive
-from swimbladder.estimation.motion.estimates import Prior
 from swimbladder.physics.hull import hull_parts, weight_mass
 from swimbladder.physics.seawater.column import ATMOSPHERE
 from swimbladder.sim.engine.cache import part

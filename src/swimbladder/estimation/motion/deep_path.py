@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.deep_dive import DeepDive, nodes
 from swimbladder.estimation.motion.deep_filter import (
     DYNAMIC,
@@ -23,7 +24,6 @@ from swimbladder.estimation.motion.deep_filter import (
 )
 from swimbladder.estimation.motion.deep_model import Body, cast_volume, hull_volume, run_volumes
 from swimbladder.estimation.motion.deep_water import displaced_variance
-from swimbladder.estimation.motion.estimates import Prior
 
 Array = NDArray[np.float64]
 

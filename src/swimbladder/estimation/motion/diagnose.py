@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, linregress
 
-from swimbladder.estimation.motion.estimates import Estimate, estimate
+from swimbladder.estimation.estimates import Estimate, Finding, estimate
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.initial_guess import backwards
 from swimbladder.estimation.motion.problem import VOLUME, Problem
-from swimbladder.estimation.motion.result import ExperimentFit, Finding
+from swimbladder.estimation.motion.result import ExperimentFit
 
 Array = NDArray[np.float64]
 
@@ -103,107 +104,93 @@ def _first(coefficients: tuple[float, ...]) -> float:
     return min(abs(sum(coefficients)), 0.99)
 
 
-def _autocorrelated(experiments: tuple[ExperimentFit, ...]) -> list[Finding]:
+def _autocorrelated(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
     bad = [e for e in experiments if e.whiteness_p < 1e-3 / len(experiments)]
-    if not bad:
-        return []
-    return [
-        Finding(
-            "autocorrelated", "note",
+    if bad:
+        yield Finding(
+            "autocorrelated",
+            "note",
             f"In {len(bad)} of {len(experiments)} logs the residuals are autocorrelated: the model "
             "is incomplete there, or the sensor is filtered. The intervals allow for it as "
             "autocorrelated noise, not as a model error.",
         )
-    ]  # fmt: skip
 
 
-def _outliers(experiments: tuple[ExperimentFit, ...]) -> list[Finding]:
-    found = []
+def _outliers(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
     for e in experiments:
         used = int(np.isfinite(e.residual).sum())
         if e.outliers > max(2, _MANY * used):
             away = e.residual[np.isfinite(e.residual) & (e.weight < 0.5)]
             largest = float(np.abs(away).max()) if away.size else 0.0
-            found.append(
-                Finding(
-                    "outliers",
-                    "warning" if e.outliers > 0.1 * used else "note",
-                    f"{e.source}: {e.outliers} of {used} samples, up to {largest:.3g} m off, are "
-                    "taken as outliers and given less weight.",
-                )
+            yield Finding(
+                "outliers",
+                "warning" if e.outliers > 0.1 * used else "note",
+                f"{e.source}: {e.outliers} of {used} samples, up to {largest:.3g} m off, are taken "
+                "as outliers and given less weight.",
             )
-    return found
 
 
-def _drifts(experiments: tuple[ExperimentFit, ...]) -> list[Finding]:
+def _drifts(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
     bound = math.sqrt(float(chi2.isf(0.003 / max(len(experiments), 1), 1)))
-    found = []
     for e in experiments:
         if abs(e.drift.value) > bound * e.drift.std:
             span = float(np.ptp(e.record.time))
-            found.append(
-                Finding(
-                    "drift",
-                    "warning",
-                    f"{e.source}: the neutral volume drifts by {1e6 * e.drift.value * span:+.2g} "
-                    f"cm3 over the log ({3.6e9 * e.drift.value:+.3g} cm3/h), so it seems: trapped "
-                    "air, a leak, or a slip of the piston's sensor. The intervals of the other "
-                    "parameters do not allow for it.",
-                )
+            yield Finding(
+                "drift",
+                "warning",
+                f"{e.source}: the neutral volume drifts by {1e6 * e.drift.value * span:+.2g} cm3 "
+                f"over the log ({3.6e9 * e.drift.value:+.3g} cm3/h), so it seems: trapped air, a "
+                "leak, or a slip of the piston's sensor. The intervals of the other parameters do "
+                "not allow for it.",
             )
-    return found
 
 
-def _trend(problem: Problem, fit: Fit) -> list[Finding]:
-    gains = [g for g in single_gains(problem, fit) if 0.0 < g[2] < 1.0]
-    sizes = np.array([g[0] for g in gains])
+def _trend(problem: Problem, fit: Fit) -> Iterator[Finding]:
+    gains = np.array([g for g in single_gains(problem, fit) if 0.0 < g[2] < 1.0]).reshape(-1, 3)
+    sizes, logs, weight = gains[:, 0], gains[:, 1], 1.0 / gains[:, 2] ** 2
     if len(gains) < 4 or np.ptp(sizes) < 0.2 * sizes.mean():
-        return []
-    weight = 1.0 / np.array([g[2] for g in gains]) ** 2
-    logs = np.array([g[1] for g in gains])
+        return
     x = np.log(sizes)
     x = x - (weight * x).sum() / weight.sum()
     slope = float((weight * x * logs).sum() / (weight * x * x).sum())
     std = float(1.0 / math.sqrt((weight * x * x).sum()))
     scatter = linregress(x, logs).stderr if len(gains) > 4 else std
     if abs(slope) < _SURE * max(std, float(scatter)):
-        return []
+        return
     low, high = sizes.min(), sizes.max()
     name = "K2" if "K2" in problem.names else "1/k_dt"
     change = 100.0 * (math.exp(slope * math.log(high / low)) - 1.0)
-    why = (
-        "the mark of a psi that is left out or set too small, or of drag that grows faster than "
-        "the speed" if slope < 0.0 else "the mark of a psi set too large, or of dry friction"
-    )  # fmt: skip
-    return [
-        Finding(
-            "step-size trend", "warning",
-            f"{name} changes by {change:+.0f} % from volume changes of {1e6 * low:.3g} cm3 to "
-            f"{1e6 * high:.3g} cm3: {why}.",
+    why = "the mark of a psi set too large, or of dry friction"
+    if slope < 0.0:
+        why = (
+            "the mark of a psi that is left out or set too small, or of drag that grows faster "
+            "than the speed"
         )
-    ]  # fmt: skip
+    yield Finding(
+        "step-size trend",
+        "warning",
+        f"{name} changes by {change:+.0f} % from volume changes of {1e6 * low:.3g} cm3 to "
+        f"{1e6 * high:.3g} cm3: {why}.",
+    )
 
 
-def _neutral(problem: Problem, fit: Fit) -> list[Finding]:
+def _neutral(problem: Problem, fit: Fit) -> Iterator[Finding]:
     if not math.isfinite(problem.neutral_std):
-        return []
+        return
     e = fit.x[problem.shared : problem.first_start] * VOLUME / problem.neutral_std
-    probability = float(chi2.sf(float((e**2).sum()), len(e)))
-    if probability > 1e-3:
-        return []
-    largest = float(np.abs(e).max() * problem.neutral_std)
-    rms = float(np.sqrt(np.mean(e**2)) * problem.neutral_std)
-    return [
-        Finding(
-            "neutral prior", "warning",
+    if float(chi2.sf(float((e**2).sum()), len(e))) <= 1e-3:
+        largest = float(np.abs(e).max() * problem.neutral_std)
+        rms = float(np.sqrt(np.mean(e**2)) * problem.neutral_std)
+        yield Finding(
+            "neutral prior",
+            "warning",
             f"The neutral volumes are off by up to {1e6 * largest:.2g} cm3, {1e6 * rms:.2g} cm3 "
             f"rms: more than the {1e6 * problem.neutral_std:.2g} cm3 that was assumed. Give "
             "--neutral-std what the vehicle does, or none for no assumption.",
         )
-    ]  # fmt: skip
 
 
-def _mass(problem: Problem, fit: Fit, dry_mass: float | None) -> list[Finding]:
+def _mass(problem: Problem, fit: Fit, dry_mass: float | None) -> Iterator[Finding]:
     m = problem.model.mass(problem.named(fit.x))
     of_water = problem.model.specific_weight / _GRAVITY * problem.model.displaced
     least, most = _NONE[0] * of_water, _NONE[1] * of_water
@@ -220,27 +207,23 @@ def _mass(problem: Problem, fit: Fit, dry_mass: float | None) -> list[Finding]:
             f"{m / of_water:.2g} times the {of_water:.3g} kg of water that the hull displaces: "
             "entrained and added mass hardly come to that"
         )
-    if not wrong:
-        return []
-    return [
-        Finding(
-            "mass", "no" if not least < m < most else "warning",
+    if wrong:
+        yield Finding(
+            "mass",
+            "no" if not least < m < most else "warning",
             f"The mass that follows, rho g T2/K2 = {m:.3g} kg, is {wrong}. Check the units of the "
             "logged volume, depth and time, the piston's area and hull.displaced_volume.",
         )
-    ]  # fmt: skip
 
 
-def _backwards(problem: Problem, fit: Fit) -> list[Finding]:
+def _backwards(problem: Problem, fit: Fit) -> Iterator[Finding]:
     total = float(np.std(problem.measured))
     left = float(np.sqrt(np.mean(fit.residual**2)))
-    if left < _FOLLOWED * total or not backwards(problem.experiments):
-        return []
-    return [
-        Finding(
-            "backwards", "no",
+    if left >= _FOLLOWED * total and backwards(problem.experiments):
+        yield Finding(
+            "backwards",
+            "no",
             "The vehicle sinks as its volume grows: volume or depth is the wrong way round. Set "
             'piston_positive = "in" or depth_positive = "up" in the [log] table, or turn the '
             "column's sign.",
         )
-    ]  # fmt: skip

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from swimbladder.estimation.motion.estimates import Estimate, Prior, estimate
+from swimbladder.estimation.estimates import Estimate, Finding, Prior, estimate, given
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.model import NAMES
 from swimbladder.estimation.motion.problem import Problem
-from swimbladder.estimation.motion.result import Finding, Profile
+from swimbladder.estimation.motion.result import Profile
 from swimbladder.units import format_quantity, shown_unit
 
 _OFF = 0.1  # of the half interval, from which the profile's interval is given
@@ -32,7 +33,7 @@ def parameters(
         if prior is not None:
             findings += _against(name, e, prior)
         if prior is not None and e.std > _PRIOR_ONLY * prior.std:
-            e = Estimate(e.value, e.std, e.ci95, e.unit, "prior")
+            e = replace(e, origin="prior")
             findings.append(
                 Finding("prior", "note", f"The data add little to the prior of {name}.")
             )
@@ -41,7 +42,7 @@ def parameters(
             half = 0.5 * (e.ci95[1] - e.ci95[0])
             apart = max(abs(a - b) for a, b in zip(ends, e.ci95, strict=True))
             if not apart <= _OFF * half:
-                e = Estimate(e.value, e.std, ends, e.unit, e.origin)
+                e = replace(e, ci95=ends)
                 findings.append(
                     Finding(
                         "profile",
@@ -51,13 +52,13 @@ def parameters(
                     )
                 )
         if name == "drag_quadratic" and not log:  # it is never below 0
-            e = Estimate(e.value, e.std, (max(e.ci95[0], 0.0), e.ci95[1]), e.unit, e.origin)
+            e = replace(e, ci95=(max(e.ci95[0], 0.0), e.ci95[1]))
         estimates[name] = e
     for name, value in problem.values.items():
         if name in ("psi", "K2", "T2") and name not in estimates and (
             name == "psi" or problem.model.law != "quadratic"
         ):  # fmt: skip
-            estimates[name] = Estimate(value, 0.0, (value, value), NAMES[name].unit, "set")
+            estimates[name] = given(value, NAMES[name].unit)
     return estimates, findings
 
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.estimation.estimates import Finding
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.problem import Problem
-from swimbladder.estimation.motion.result import Finding
 
 Array = NDArray[np.float64]
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.estimation.estimates import Finding
 from swimbladder.estimation.motion.fit import Fit, refine
 from swimbladder.estimation.motion.model import LAWS, Model, default_names, model_of
 from swimbladder.estimation.motion.noise import autocovariance
 from swimbladder.estimation.motion.problem import Problem
-from swimbladder.estimation.motion.result import Choice, Finding
+from swimbladder.estimation.motion.result import Choice
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -54,32 +55,27 @@ def choices(problem: Problem, fit: Fit, models: Mapping[str, Model]) -> tuple[Ch
     return tuple(sorted(listed, key=lambda c: c.bic))
 
 
-def judge(listed: tuple[Choice, ...]) -> list[Finding]:
-    """Return what a person has to know of the evidence."""
+def judge(listed: tuple[Choice, ...]) -> Iterator[Finding]:
+    """Yield what a person has to know of the evidence."""
     if not listed:
-        return []
+        return
     best, reported = listed[0], next(c for c in listed if c.reported)
-    found = []
     gap = reported.bic - best.bic
     if gap > _DECISIVE and reported.rms > _REFUSED * best.rms and reported.drag != best.drag:
-        found.append(
-            Finding(
-                "refused",
-                "no",
-                f"The vehicle does not move as {_words(reported)} has it: {1e3 * reported.rms:.2f} "
-                f"mm rms, where {_words(best)} leaves {1e3 * best.rms:.2f} mm. Numbers of that "
-                f"model would mean nothing. {_remedy(best, reported)}",
-            )
+        yield Finding(
+            "refused",
+            "no",
+            f"The vehicle does not move as {_words(reported)} has it: {1e3 * reported.rms:.2f} mm "
+            f"rms, where {_words(best)} leaves {1e3 * best.rms:.2f} mm. Numbers of that model "
+            f"would mean nothing. {_remedy(best, reported)}",
         )
     elif gap > _DECISIVE:
-        found.append(
-            Finding(
-                "model",
-                "warning",
-                f"The data speak for another model: {_words(best)} (rms {1e3 * best.rms:.2f} mm) "
-                f"over {_words(reported)} ({1e3 * reported.rms:.2f} mm), by {gap:.0f} in the "
-                f"Bayesian information criterion. {_remedy(best, reported)}",
-            )
+        yield Finding(
+            "model",
+            "warning",
+            f"The data speak for another model: {_words(best)} (rms {1e3 * best.rms:.2f} mm) over "
+            f"{_words(reported)} ({1e3 * reported.rms:.2f} mm), by {gap:.0f} in the Bayesian "
+            f"information criterion. {_remedy(best, reported)}",
         )
     same = [c for c in listed if c.drag == reported.drag]
     zero = next((c for c in same if c.psi == "zero"), None)
@@ -89,16 +85,12 @@ def judge(listed: tuple[Choice, ...]) -> list[Finding]:
             for name in reported.values
             if name in ("K2", "T2", "mass") and name in zero.values
         ]
-        found.append(
-            Finding(
-                "psi",
-                "note",
-                f"Leaving psi out would shift {' and '.join(shifts)}, at "
-                f"{1e3 * zero.rms:.2f} mm rms instead of {1e3 * reported.rms:.2f} mm: the data see "
-                "psi.",
-            )
+        yield Finding(
+            "psi",
+            "note",
+            f"Leaving psi out would shift {' and '.join(shifts)}, at {1e3 * zero.rms:.2f} mm rms "
+            f"instead of {1e3 * reported.rms:.2f} mm: the data see psi.",
         )
-    return found
 
 
 def _words(c: Choice) -> str:

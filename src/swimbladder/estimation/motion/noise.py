@@ -20,6 +20,8 @@ from scipy.linalg import matmul_toeplitz, solve_toeplitz
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
+from swimbladder.estimation.series import autoregression as of_blocks
+
 Array = NDArray[np.float64]
 
 # Weight 1 up to _KEPT standard deviations, none from _CUT on. For normal noise this costs
@@ -89,25 +91,8 @@ def robust_scale(residual: Array) -> float:
 
 
 def autoregression(residual: Array) -> tuple[float, ...]:
-    """Return the coefficients of the autoregression that describes the residual, none if white.
-
-    The order is the one of least Bayesian information criterion.
-    """
-    n = len(residual)
-    most = min(_MOST_ORDER, n // 10)
-    if most < 1 or not residual.any():
-        return ()
-    r = np.array([residual[: n - k] @ residual[k:] for k in range(most + 1)]) / n
-    best = math.log(r[0])
-    chosen: tuple[float, ...] = ()
-    for order in range(1, most + 1):
-        a, left = yule_walker(r[: order + 1])
-        if left <= 0.0:
-            break
-        criterion = math.log(left) + order * math.log(n) / n
-        if criterion < best:
-            best, chosen = criterion, tuple(a.tolist())
-    return chosen
+    """Return the coefficients of the autoregression that describes the residual, none if white."""
+    return of_blocks([residual], highest=_MOST_ORDER, samples=10).coefficients
 
 
 def yule_walker(r: Array) -> tuple[Array, float]:

@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
+from swimbladder.estimation.estimates import estimate
 from swimbladder.estimation.motion.diagnose import drift, single_gains
-from swimbladder.estimation.motion.estimates import estimate
 from swimbladder.estimation.motion.experiment import Experiment
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.noise import whiteness
 from swimbladder.estimation.motion.problem import DEPTH, SPEED, VOLUME, Problem
 from swimbladder.estimation.motion.result import ExperimentFit
+from swimbladder.estimation.series import rms
 
 
 def each_experiment(problem: Problem, found: Fit) -> tuple[ExperimentFit, ...]:
@@ -53,7 +54,7 @@ def _experiment(
             for name, (i, per, unit) in own.items()
         },
         drift=drift(problem, found, j), noise=float(found.noise[j]),
-        rms=float(np.sqrt(np.mean(left**2))) if len(left) else math.nan,
+        rms=rms(left) if len(left) else math.nan,
         ar=found.ar[j], whiteness_p=whiteness(np.sqrt(weight[e.used]) * found.residual[part]),
         outliers=int((weight[e.used] < 0.5).sum()), step=e.step(), own_gain=gain,
     )  # fmt: skip

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.estimation.comparison.water import follow_in
-from swimbladder.estimation.motion.estimates import Prior
+from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.experiment import Experiment, Segment
 from swimbladder.estimation.motion.model import Model
 from swimbladder.physics.dynamics import Plant

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import least_squares
 
-from swimbladder.estimation.motion.estimates import Z95
+from swimbladder.estimation.estimates import Z95
 from swimbladder.estimation.motion.fit import Fit, inverse_of
 from swimbladder.estimation.motion.model import NAMES
 from swimbladder.estimation.motion.problem import Problem

@@ -22,8 +22,8 @@ from scipy.stats import chi2
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.record import Record
+from swimbladder.estimation.estimates import Z95, Estimate, Finding, Prior, estimate, given
 from swimbladder.estimation.kalman.depth_filter import GATE, Noise
-from swimbladder.estimation.motion.estimates import Z95, Estimate, Prior, estimate
 from swimbladder.estimation.motion.identifiability import LIMIT
 from swimbladder.estimation.motion.model import NAMES, Model, check_names, default_names, model_of
 from swimbladder.estimation.motion.random_effects import FEWEST, between_logs
@@ -35,7 +35,7 @@ from swimbladder.estimation.motion.random_walk_likelihood import (
     covariance,
     without_trace,
 )
-from swimbladder.estimation.motion.result import Finding, Identification
+from swimbladder.estimation.motion.result import Identification
 from swimbladder.estimation.motion.vehicle_update import identified_vehicle
 from swimbladder.vehicle import Vehicle
 
@@ -116,8 +116,8 @@ def fit_random_walk(
         raise InputError("no record is given", field="LOG", remedy="Give at least one log")
     model = model_of(vehicle, law=drag, bottom_depth=bottom_depth)
     names = tuple(free) if free is not None else default_names(model.law, list(fixed))
-    for given, option in ((names, "--free"), (list(fixed), "--set"), (list(priors), "--prior")):
-        check_names(given, model, voltage=False, option=option)
+    for named, option in ((names, "--free"), (list(fixed), "--set"), (list(priors), "--prior")):
+        check_names(named, model, voltage=False, option=option)
     held = {**model.values, **fixed, **({} if acceleration else {"acceleration": 0.0})}
     noises = [q for q in NOISES if q.name not in held]
 
@@ -218,7 +218,7 @@ def _outcome(
                                      if i == j])))
         for j in range(len(full.records))
     )  # fmt: skip
-    nothing = Estimate(0.0, 0.0, (0.0, 0.0), _UNITS["acceleration"], "set")
+    nothing = given(0.0, _UNITS["acceleration"])
     return RandomWalkFit(
         names=names, law=model.law, estimates={name: estimates[name] for name in names},
         covariance=C[:p, :p] * np.outer(per[:p], per[:p]), random_walk=walk,
@@ -252,7 +252,7 @@ def _interval(
             near, far = far, 2.0 * far
         if abs(far) < _FARTHEST:
             ends[side] = math.exp(middle + brentq(beyond, near, far, xtol=0.02))
-    return Estimate(found.value, found.std, (ends[0], ends[1]), found.unit, found.origin)
+    return replace(found, ci95=(ends[0], ends[1]))
 
 
 _CONSTANT = (

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.record import Record
+from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.kalman.depth_filter import Filtered, Noise, Samples, Start, filter_depth
-from swimbladder.estimation.motion.estimates import Prior
 from swimbladder.estimation.motion.experiment import experiment
 from swimbladder.estimation.motion.model import Model
 from swimbladder.vehicle import Vehicle

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.motion.estimates import Estimate, Prior
+from swimbladder.estimation.estimates import Estimate, Finding, Prior
 from swimbladder.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -18,15 +18,6 @@ if TYPE_CHECKING:
     from swimbladder.estimation.motion.random_walk import RandomWalkFit
 
 Array = NDArray[np.float64]
-Severity = Literal["note", "warning", "no"]
-
-
-class Finding(NamedTuple):
-    """Something a person has to know; severity no: a question that the data do not answer."""
-
-    kind: str
-    severity: Severity
-    sentence: str
 
 
 class Profile(NamedTuple):

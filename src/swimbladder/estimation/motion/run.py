@@ -15,8 +15,8 @@ from threadpoolctl import threadpool_limits
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.record import Drive, Record, record
 from swimbladder.estimation.comparison.water import water_of_each
+from swimbladder.estimation.estimates import Finding, Prior
 from swimbladder.estimation.motion.diagnose import diagnose
-from swimbladder.estimation.motion.estimates import Prior
 from swimbladder.estimation.motion.experiment import experiment
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.fit import fit as solve
@@ -30,7 +30,7 @@ from swimbladder.estimation.motion.posterior import sample
 from swimbladder.estimation.motion.problem import VOLUME, Problem
 from swimbladder.estimation.motion.profiles import profile
 from swimbladder.estimation.motion.random_walk import fit_random_walk, with_random_walk
-from swimbladder.estimation.motion.result import Finding, Identification, Profile
+from swimbladder.estimation.motion.result import Identification, Profile
 from swimbladder.estimation.motion.vehicle_update import dry_mass, identified_vehicle
 from swimbladder.io.logs import Log
 from swimbladder.physics.seawater import Column

@@ -16,8 +16,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from swimbladder.estimation.estimates import Z95
 from swimbladder.estimation.motion import Estimate, ExperimentFit, Identification
-from swimbladder.estimation.motion.estimates import Z95
 from swimbladder.show.plots.identify_confidence import WIDTH, axis_label, per_shown
 from swimbladder.show.plots.style import (
     BLACK,

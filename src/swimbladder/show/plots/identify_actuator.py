@@ -92,7 +92,7 @@ def _by_voltage(found: ActuatorIdentification, scale: float, axes: Axes) -> None
     points = [point for step in found.steps for point in _steady(step)]
     u, v = np.array(points).T
     axes.plot(u, scale * v, "o", ms=4.5, mfc="none", color=BLACK, label="second half of a step")
-    values = {name: e.value for name, e in found.parameters.items() if e.value is not None}
+    values = {name: e.value for name, e in found.parameters.items() if e.known}
     if "K1A" in values:
         values["K1"] = values.pop("K1A")
     # in one direction alone, a load counts as dead zone
@@ -136,7 +136,7 @@ def _by_move(found: ActuatorIdentification, scale: float, axes: Axes) -> None:
         for fit in found.logs:
             rate = fit.parameters.get(f"rate_{way}")
             moved = [k for k, s in own if s.source == fit.source]
-            if rate is None or rate.value is None or not moved:
+            if rate is None or not rate.known or not moved:
                 continue
             ends = [moved[0] - 0.5, moved[-1] + 0.5]
             low, high = (scale * x for x in rate.ci95)
@@ -234,9 +234,7 @@ def _title(found: ActuatorIdentification) -> str:
                                   "mm/s" if found.quantity == "piston" else "cm³/s"),
     ):  # fmt: skip
         e = found.parameters.get(name)
-        if e is not None and e.value is not None:
+        if e is not None and e.known:
             word = name.replace("_", " ")
-            parts.append(
-                f"{word} = {scale * e.value:.4g} ± {1.96 * scale * (e.std or 0.0):.2g} {unit}"
-            )
+            parts.append(f"{word} = {scale * e.value:.4g} ± {1.96 * scale * e.std:.2g} {unit}")
     return ", ".join(parts) or "nothing is identified"

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.stats import chi2
 
+from swimbladder.estimation.estimates import Z95, estimate
 from swimbladder.estimation.motion import NAMES, Identification
-from swimbladder.estimation.motion.estimates import Z95, estimate
 from swimbladder.show.plots.style import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, styled
 from swimbladder.units import shown_unit, unit_factor
 

@@ -22,7 +22,7 @@ from swimbladder.io.tables import write_csv
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.plots.identify_actuator import draw_log, draw_speeds, draw_steps, shows_speeds
 from swimbladder.show.plots.style import save
-from swimbladder.show.report.actuator_text import has_value, headlines, labels, pairs, rows, words
+from swimbladder.show.report.actuator_text import headlines, labels, pairs, rows, words
 from swimbladder.show.report.html import render
 from swimbladder.units import rounded, unit_factor
 
@@ -154,7 +154,7 @@ def _alone(found: ActuatorIdentification, fit: LogFit) -> list[dict[str, str]]:
         return []
     return [
         words(name, e) for name, e in fit.parameters.items()
-        if e.origin == "data" and has_value(e)
+        if e.origin == "data"
     ]  # fmt: skip
 
 

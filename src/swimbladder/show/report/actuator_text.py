@@ -7,7 +7,6 @@ from pathlib import PurePath
 
 from swimbladder.estimation.actuator import ActuatorIdentification, Estimate
 from swimbladder.estimation.actuator.estimate import shown, shown_unit
-from swimbladder.estimation.motion import Estimate as Known
 from swimbladder.show.report.text import row
 from swimbladder.units import rounded, unit_factor
 
@@ -26,11 +25,6 @@ MEANING = {
 }
 
 
-def has_value(e: Estimate) -> bool:
-    """Return whether there is a number."""
-    return e.value is not None and e.std is not None
-
-
 def words(name: str, e: Estimate) -> dict[str, str]:
     """Return a row: an estimate as texts, its meaning, and why it is not identifiable."""
     unit = "" if e.unit == "-" else shown_unit(e.unit)
@@ -38,11 +32,11 @@ def words(name: str, e: Estimate) -> dict[str, str]:
         "name": _called(name), "unit": unit,
         "meaning": MEANING.get(name, ""), "why": e.why,
     }  # fmt: skip
-    if e.value is None or e.std is None:
+    if not e.known:
         return result | {"value": "not identifiable", "std": "", "ci95": _bounds(e), "origin": ""}
     per = unit_factor(e.unit, unit) if unit else 1.0
     value, std, low, high = (per * x for x in (e.value, e.std, *e.ci95))
-    r = row(name, Known(value, std, (low, high), unit, "set" if e.origin == "set" else "data"))
+    r = row(name, Estimate(value, std, (low, high), unit, e.origin))
     origin = "set" if e.origin == "set" else "the logs"
     return result | {"value": r.value, "std": r.std, "ci95": r.ci95, "origin": origin}
 
@@ -76,12 +70,11 @@ def headlines(found: ActuatorIdentification) -> list[str]:
 
 
 def _data(e: Estimate) -> bool:
-    return has_value(e) and e.origin == "data"
+    return e.origin == "data"
 
 
 def _headline(name: str, e: Estimate) -> str:
     w = words(name, e)
-    assert e.value is not None
     low, high = e.ci95
     value = f"{w['value']} {w['unit']}".rstrip()
     meaning, name = MEANING[name], _called(name)

@@ -1,0 +1,95 @@
+"""An estimated number with what is known of its error, what was known before, and what to say."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+Origin = Literal["data", "prior", "set", "none"]
+Severity = Literal["note", "warning", "no"]
+
+Z95 = 1.959963984540054  # of the normal distribution, two-sided
+
+
+class Prior(NamedTuple):
+    """What is known of a quantity before the data: normal, mean and standard deviation in SI."""
+
+    mean: float
+    std: float
+
+
+class Finding(NamedTuple):
+    """Something a person has to know; severity no: a question that the data do not answer."""
+
+    kind: str
+    severity: Severity
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its standard deviation and 95 % interval, in `unit`.
+
+    origin: data; prior: the data hardly narrow what was known before; set: given, not estimated;
+    none: not identifiable, and `why` is the sentence that says so. Then value and std are NaN; the
+    interval may still have an end.
+    """
+
+    value: float
+    std: float
+    ci95: tuple[float, float]
+    unit: str
+    origin: Origin = "data"
+    why: str = ""
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a number."""
+        return self.origin != "none"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in SI units, ready for JSON."""
+        return {
+            "value": self.value if self.known else None,
+            "std": self.std if self.known else None,
+            "ci95": list(self.ci95),
+            "unit": self.unit,
+            "origin": self.origin,
+        }
+
+
+def estimate(
+    value: float,
+    std: float,
+    unit: str,
+    *,
+    logarithmic: bool = False,
+    origin: Origin = "data",
+    reach: float | None = None,
+) -> Estimate:
+    """Return the estimate of a normal quantity or, where `logarithmic`, of a log-normal one.
+
+    std: of the value [unit], in the logarithmic case value times that of the logarithm. reach: half
+    the interval, where it is not that of a normal distribution.
+    """
+    reach = Z95 * std if reach is None else reach
+    if logarithmic and value > 0.0:
+        factor = math.exp(min(reach / value, 700.0))
+        return Estimate(value, std, (value / factor, value * factor), unit, origin)
+    return Estimate(value, std, (value - reach, value + reach), unit, origin)
+
+
+def given(value: float, unit: str) -> Estimate:
+    """Return what the user set."""
+    return Estimate(value, 0.0, (value, value), unit, "set")
+
+
+def bounded(low: float, high: float, unit: str, why: str) -> Estimate:
+    """Return an estimate that is only an interval."""
+    return Estimate(math.nan, math.nan, (low, high), unit, "none", why)
+
+
+def not_identifiable(unit: str, why: str) -> Estimate:
+    """Return an estimate without value: not identifiable."""
+    return bounded(math.nan, math.nan, unit, why)

@@ -1,0 +1,107 @@
+"""Series of samples: their stretches, their size, and how residuals resemble their past."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+Array = NDArray[np.float64]
+
+
+def rms(values: Array) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def stretches(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return (first, after) of the stretches where the mask holds."""
+    turns = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int))).tolist()
+    return list(zip(turns[::2], turns[1::2], strict=True))
+
+
+class Autoregression(NamedTuple):
+    """A stationary autoregression of residuals, by its prediction of each order below its own."""
+
+    coefficients: tuple[float, ...]
+    predictors: tuple[tuple[float, ...], ...]  # of order 0, 1, ... p
+    variances: tuple[float, ...]  # of what each leaves over, as a share of the innovation's
+
+    def whiten(self, columns: Array) -> Array:
+        """Return the columns [n, c] of a block, each row less its prediction, of equal variance."""
+        result = np.empty_like(columns)
+        top = len(self.coefficients)
+        for k in range(min(top, len(columns))):
+            ahead = np.array(self.predictors[k])
+            result[k] = columns[k] - ahead @ columns[:k][::-1]
+            result[k] /= math.sqrt(self.variances[k])
+        if len(columns) > top:
+            result[top:] = columns[top:]
+            for lag, factor in enumerate(self.coefficients, start=1):
+                result[top:] -= factor * columns[top - lag : len(columns) - lag]
+        return result
+
+    def matrix(self, lengths: NDArray[np.int64]) -> csr_array:
+        """Return what whitens blocks of these lengths, one after the other, as a matrix."""
+        total = int(lengths.sum())
+        starts = np.cumsum(lengths) - lengths
+        place = np.arange(total) - np.repeat(starts, lengths)  # within the block
+        top = len(self.coefficients)
+        values, rows, columns = [np.ones(total)], [np.arange(total)], [np.arange(total)]
+        for lag in range(1, top + 1):
+            row = np.flatnonzero(place >= lag)
+            order = np.minimum(place[row], top)
+            ahead = np.array([0.0 if k < lag else self.predictors[k][lag - 1]
+                              for k in range(top + 1)])  # fmt: skip
+            values.append(-ahead[order])
+            rows.append(row)
+            columns.append(row - lag)
+        scale = 1.0 / np.sqrt(np.array(self.variances))[np.minimum(place, top)]
+        joined = np.concatenate(rows)
+        entries = np.concatenate(values) * scale[joined]
+        return csr_array((entries, (joined, np.concatenate(columns))), shape=(total, total))
+
+
+WHITE = Autoregression((), ((),), (1.0,))
+"""Noise that does not resemble its past."""
+
+
+def autoregression(blocks: Sequence[Array], *, highest: int, samples: int) -> Autoregression:
+    """Return the autoregression of residuals in independent blocks, its order by BIC.
+
+    highest: of the orders; samples: of residuals for each order, at least.
+    """
+    total = sum(len(block) for block in blocks)
+    power = sum(float(block @ block) for block in blocks)
+    highest = min(highest, total // samples)
+    if power <= 0.0 or highest < 1:
+        return WHITE
+    r = [
+        sum(float(b[lag:] @ b[: len(b) - lag]) for b in blocks if len(b) > lag) / power
+        for lag in range(highest + 1)
+    ]
+    predictors: list[tuple[float, ...]] = [()]
+    variances = [1.0]
+    for order in range(1, highest + 1):  # Levinson and Durbin
+        old = np.array(predictors[-1])
+        reflection = (r[order] - float(old @ np.array(r[1:order])[::-1])) / variances[-1]
+        reflection = min(max(reflection, -0.999), 0.999)
+        predictors.append((*(old - reflection * old[::-1]).tolist(), reflection))
+        variances.append(variances[-1] * (1.0 - reflection**2))
+    score = [
+        total * math.log(max(variance, 1e-300)) + order * math.log(total)
+        for order, variance in enumerate(variances)
+    ]
+    best = int(np.argmin(score))
+    if best == 0:
+        return WHITE
+    end = variances[best]
+    return Autoregression(
+        predictors[best],
+        tuple(predictors[: best + 1]),
+        tuple(variance / end for variance in variances[: best + 1]),
+    )
