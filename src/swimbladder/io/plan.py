@@ -14,8 +14,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from swimbladder.io.config import file_text, read_model
+from swimbladder.io.vehicle_file import toml_lines, toml_value
 from swimbladder.units import format_quantity, parse_quantity
-from swimbladder.vehicle import Parameters, Unit, field_unit
+from swimbladder.vehicle import Parameters, Unit
 from swimbladder.vehicle.schema import refusal
 
 _Length = Annotated[float, Unit("m")]
@@ -179,36 +180,13 @@ def load_plan(path: str | Path) -> Plan:
 def plan_file(plan: Plan, *, head: str = "") -> str:
     """Return a plan as the text of a TOML file that reads back as the same plan."""
     lines = [f"# {line}".rstrip() for line in head.splitlines()]
-    lines += _fields(plan)
-    for expected in plan.expected:
-        lines += ["", "[[expected]]", *_fields(expected)]
-    for one in plan.experiments:
-        lines += ["", "[[experiments]]", *_fields(one)]
-        for move in one.moves:
-            lines += ["", "[[experiments.moves]]", *_fields(move)]
-        if one.trace is not None:
-            lines += ["", "[experiments.trace]", *_fields(one.trace)]
+    lines += toml_lines(plan, lambda _, value, __: value not in (None, ()), _text)
     return "\n".join(lines) + "\n"
-
-
-def _fields(model: Parameters) -> list[str]:
-    """Return the lines of a table's own fields."""
-    lines = []
-    for name in type(model).model_fields:
-        value = getattr(model, name)
-        unit = field_unit(type(model), name)
-        tables = isinstance(value, Parameters) or (
-            isinstance(value, tuple) and value and isinstance(value[0], Parameters)
-        )
-        if value is None or value == () or tables:
-            continue
-        lines.append(f"{name} = {_text(value, unit)}")
-    return lines
 
 
 def _text(value: Any, unit: str | None) -> str:
     if unit is None:
-        return json.dumps(list(value) if isinstance(value, tuple) else value, ensure_ascii=False)
+        return toml_value(value)
     for digits in (3, 6, 12, 15, 17):  # the shortest from which the same number is read
         text = format_quantity(value, unit, _SHOWN.get(unit), digits)
         if parse_quantity(text, unit) == value:

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import inspect
 import json
-from typing import Literal, get_args, get_origin
+import tomllib
+from importlib import resources
+from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from swimbladder.control.registry import LAWS, law_by_name
-from swimbladder.io.template_examples import BODY, EXAMPLES, INSTEAD, Table
+from swimbladder.io.vehicle_file import toml_value
 from swimbladder.vehicle import Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, listed_model, models_in, tags_of
 
-KINDS = tuple(EXAMPLES)
+Table = dict[str, Any]
+_TEXT = resources.files("swimbladder.io").joinpath("examples.toml").read_text(encoding="utf-8")
+_EXAMPLES: Table = tomllib.loads(_TEXT)
+KINDS = tuple(_EXAMPLES["kinds"])
 """The kinds of actuator that a template can be made for."""
 
 _HEAD = """\
@@ -36,8 +41,8 @@ def vehicle_template(kind: str, name: str = "my-vehicle") -> str:
         "schema_version": 1,
         "name": name,
         "description": f"An example with {'an' if kind[0] in 'eiu' else 'a'} {kind} actuator",
-        **BODY,
-        **EXAMPLES[kind],
+        **_EXAMPLES["all"],
+        **_EXAMPLES["kinds"][kind],
     }
     lines: list[str] = []
     _table(lines, Vehicle, example, (), off=False)
@@ -55,7 +60,7 @@ def _table(
             continue
         place = dotted((*path, name))
         active = name in given and not off
-        value = _toml(given[name]) if name in given else _default(model, name, info, place)
+        value = toml_value(given[name]) if name in given else _default(model, name, info, place)
         lines += [f"# {_meaning(model, name, info)}", f"{'' if active else '#'}{name} = {value}"]
     for name, info in later:
         _subtable(lines, info, given.get(name), (*path, name), off=off)
@@ -81,7 +86,7 @@ def _subtable(
         own = map(law_by_name, LAWS.own)
         units = next(law.units for law in own if set(given or {}) <= set(law.units))
         for key, value in (given or {}).items():
-            lines += [f"# [{units[key] or '-'}]", f"{key} = {_toml(value)}"]
+            lines += [f"# [{units[key] or '-'}]", f"{key} = {toml_value(value)}"]
     if path == ("provenance",):
         lines.append('#"hull.psi" = "pressure test of 2024-05-02"')
 
@@ -103,11 +108,6 @@ def _meaning(model: type[BaseModel], name: str, info: FieldInfo) -> str:
 def _default(model: type[BaseModel], name: str, info: FieldInfo, place: str) -> str:
     default = info.default
     if info.is_required() or default is None:
-        return INSTEAD[place]
+        return toml_value(_EXAMPLES["instead"][place])
     unit = field_unit(model, name)
-    return json.dumps(f"{default:.12g} {unit}") if unit else _toml(default)
-
-
-def _toml(value: object) -> str:
-    """Return a text, list, number or truth as TOML, which writes these as JSON does."""
-    return json.dumps(value, ensure_ascii=False)
+    return json.dumps(f"{default:.12g} {unit}") if unit else toml_value(default)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from typing import Any
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from swimbladder.vehicle import Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, listed_model
@@ -21,33 +23,48 @@ def vehicle_file(vehicle: Vehicle, *, head: str = "") -> str:
     """
     lines = [f"# {_printable(line)}".rstrip() for line in head.splitlines()]
     lines.append("# A bare number is in the unit beside it.")
-    _table(lines, vehicle, ())
-    return "\n".join(lines) + "\n"
+
+    def kept(name: str, value: object, info: FieldInfo) -> bool:
+        return value is not None and (value != info.get_default() or name in _ALWAYS)
+
+    def text(value: object, unit: str | None) -> str:
+        return toml_value(value) + (f" # {unit}" if unit else "")
+
+    return "\n".join([*lines, *toml_lines(vehicle, kept, text)]) + "\n"
 
 
-def _table(lines: list[str], model: BaseModel, path: tuple[str, ...]) -> None:
-    """Append the fields of a table, then its sub-tables."""
+def toml_lines(
+    model: BaseModel,
+    kept: Callable[[str, object, FieldInfo], bool],
+    text: Callable[[Any, str | None], str],
+    path: tuple[str, ...] = (),
+) -> list[str]:
+    """Return the fields of a table, then its sub-tables.
+
+    kept: whether a field, by name, value and what it is, is written; text: of a value in a unit.
+    """
+    lines: list[str] = []
     later: list[tuple[str, Any]] = []
     for name, info in type(model).model_fields.items():
         value = getattr(model, name)
-        if value is None or (value == info.get_default() and name not in _ALWAYS):
+        if not kept(name, value, info):
             continue
         if isinstance(value, (BaseModel, dict)) or listed_model(info.annotation) is not None:
             later.append((name, value))
             continue
-        unit = field_unit(type(model), name)
-        lines.append(f"{name} = {_toml(value)}" + (f" # {unit}" if unit else ""))
+        lines.append(f"{name} = {text(value, field_unit(type(model), name))}")
     for name, value in later:
-        if isinstance(value, tuple):
-            for item in value:
-                lines += ["", f"[[{dotted((*path, name))}]]"]
-                _table(lines, item, (*path, name))
-            continue
-        lines += ["", f"[{dotted((*path, name))}]"]
-        if isinstance(value, BaseModel):
-            _table(lines, value, (*path, name))
-        else:
-            lines += [f"{_key(key)} = {_toml(item)}" for key, item in value.items()]
+        place = (*path, name)
+        if isinstance(value, dict):
+            lines += ["", f"[{dotted(place)}]"]
+            lines += [f"{_key(key)} = {toml_value(item)}" for key, item in value.items()]
+        for item in value if isinstance(value, tuple) else [value]:
+            if isinstance(item, BaseModel):
+                heading = (
+                    f"[[{dotted(place)}]]" if isinstance(value, tuple) else f"[{dotted(place)}]"
+                )
+                lines += ["", heading, *toml_lines(item, kept, text, place)]
+    return lines
 
 
 def _printable(line: str) -> str:
@@ -56,11 +73,11 @@ def _printable(line: str) -> str:
 
 
 def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_value(name)
 
 
-def _toml(value: object) -> str:
+def toml_value(value: object) -> str:
     """Return a text, number, truth or list as TOML, which writes these as JSON does."""
     if isinstance(value, tuple):
-        return "[" + ", ".join(_toml(item) for item in value) + "]"
+        return "[" + ", ".join(toml_value(item) for item in value) + "]"
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
