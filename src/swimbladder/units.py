@@ -223,6 +223,12 @@ def shown_unit(unit: str) -> str:
     return _SHOWN.get(unit, unit)
 
 
+def length(metres: float, digits: int = 3, small: str = "mm") -> str:
+    """Return a length [m] as text, below 1 m in the unit `small`: 0.0123 -> "12.3 mm"."""
+    unit = "m" if metres >= 1.0 else small
+    return f"{rounded(metres / unit_factor(unit, 'm'), digits)} {unit}"
+
+
 def rounded(value: float, digits: int = 4) -> str:
     """Return a number to so many digits, without an exponent below ten millions: 339.6 -> "340"."""
     text = f"{value:.{digits}g}"

@@ -9,6 +9,8 @@ import pytest
 
 from swimbladder.cli import main
 from swimbladder.cli.casts import refuse_doubted_unit
+from swimbladder.design.law_comparison import compare_laws
+from swimbladder.design.tuning import tune
 from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_mission, load_vehicle
@@ -16,6 +18,7 @@ from swimbladder.physics.seawater import cast_column
 from swimbladder.sim.campaign.run import Floats
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.mission.flight import fly_mission
+from tests import quoted
 
 PER_DBAR = {"dbar": 1.0, "bar": 0.1, "MPa": 0.01, "kPa": 10.0, "mbar": 100.0, "psi": 1.4503774}
 
@@ -117,6 +120,13 @@ def commands(folder):
         "size": (["size", "example-float", "--depth", "180 m"], "--column"),
         "identify": (["identify", str(log), "--vehicle", "example-float"], "--cast-column"),
     }
+
+
+@pytest.mark.parametrize("called", [tune, compare_laws])
+def test_python_refuses_as_the_commands_do(tmp_path, called):
+    column = cast_column(read_cast(written(tmp_path, "bar")))
+    with quoted.refused(InputError, field="pressure_dbar"):
+        called(load_vehicle("example-float"), depths=(100.0, 180.0), column=column)
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from swimbladder.design.tuning.region import member
 from swimbladder.design.tuning.trial import Asked, fly_floats
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import acceleration, plant
+from swimbladder.sim.closed_loop.water import medium_of
 from tests.quoted import refused
 
 FLOAT = load_vehicle("example-float")
@@ -109,7 +110,7 @@ def test_a_hull_that_gives_way_faster_than_is_decided_is_unstable_at_rest():
 
 
 def test_a_swing_halves_in_the_time_that_is_stated():
-    rest = rest_of(FLOAT, LAW, OWN, drive_rates(FLOAT, DEPTHS))
+    rest = rest_of(FLOAT, LAW, OWN, drive_rates(FLOAT, DEPTHS), medium_of(FLOAT, None, reach=0.0))
     p = plant(moved_by_volume(with_psi(rest.psi)))._replace(d_t=plant(moved_by_volume(FLOAT)).d_t)
     amplitude = 0.05 * rest.tolerance  # where the drag takes little in a period
     halves = rest.halves * rest.tolerance / amplitude

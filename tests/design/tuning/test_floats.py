@@ -12,6 +12,7 @@ from swimbladder.control.rate import candidates, gains
 from swimbladder.control.registry import bind
 from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.gains import float_score, setting_of
+from swimbladder.design.tuning.margins import in_water
 from swimbladder.design.tuning.region import FLOATS, member, region
 from swimbladder.design.tuning.trial import (
     Asked,
@@ -27,7 +28,9 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle as load_file
 from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.physics.hull import along_hull, neutral_volume
 from swimbladder.physics.seawater import cast_column
+from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle.spread import Spread
 from tests.quoted import refused
 
@@ -197,6 +200,22 @@ def test_what_does_not_go_together_is_refused():
         tune(FLOAT, depths=DEPTHS, hold=-1.0)
     with refused(InputError, field="--supply"):
         tune(FLOAT, depths=DEPTHS, supply=20.0)
+
+
+def test_decisions_are_judged_with_the_psi_of_the_cast(sea):
+    column = cast_column(read_cast(sea))
+    medium = medium_of(FLOAT, column, reach=300.0)
+    one = member(FLOAT, np.zeros(len(FLOATS)))
+    # by the hull's law itself, over the same 20 m
+    z = column.depth
+    neutral = neutral_volume(FLOAT, along_hull(column, FLOAT.hull))
+    for depth in (50.0, 300.0):
+        slope = np.diff(np.interp([depth - 10.0, depth + 10.0], z, neutral))[0] / 20.0
+        found = in_water(medium, one, depth).plant
+        assert found.psi == pytest.approx(slope, rel=1e-3)
+        assert abs(found.psi - one.plant.psi) > 0.1 * abs(one.plant.psi)
+    still = medium_of(FLOAT, None, reach=300.0)
+    assert in_water(still, one, 300.0).plant == pytest.approx(one.plant, nan_ok=True)
 
 
 def test_the_command_tunes_a_float_in_a_cast_as_python_does(capsys, sea, tmp_path):

@@ -80,7 +80,7 @@ def depth_error(
     return found
 
 
-_SHOWN = 900.0  # s of the first run that are kept to be looked at
+_SHOWN = 900.0  # s of the first run of a hold that are kept to be drawn; of a step all of it
 
 
 class Flown(NamedTuple):
@@ -169,7 +169,7 @@ def fly(
     rating = vehicle.hull.depth_limit
     crushed = data["greatest_depth"].to_numpy() > (math.inf if rating is None else rating)
     lost = (data["stop"].to_numpy() != 0) | crushed
-    kept = time <= _SHOWN
+    kept = time <= (placed.duration if placed.is_step else _SHOWN)
     first: Array = data["depth"].to_numpy()[kept, 0]
     return flown._replace(stopped=lost.astype(float)), time[kept], first
 

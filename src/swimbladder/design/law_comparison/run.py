@@ -44,6 +44,7 @@ from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.answers import as_json
 from swimbladder.jobs import Store, each
 from swimbladder.physics.seawater import Column
+from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
@@ -303,6 +304,9 @@ def compare_laws(
     names, left_out = choose_laws(vehicle, laws)
     where = places(vehicle, depths)
     medium_of(vehicle, column, reach=where.most)  # refuses a cast that ends above
+    if column is not None and column.cast is not None:
+        asked = None if depths is None else depths[1]
+        check_cast_unit(column.cast, asked, vehicle.hull.depth_limit)
     placed = [place(one, vehicle, where) for one in scenarios or scenarios_of(vehicle)]
     around = region(vehicle)
     store = Store(parts)

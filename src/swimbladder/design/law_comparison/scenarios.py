@@ -9,6 +9,7 @@ from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.pump_valve import pump_stall
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import body_plant, plant
+from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
 LOW_SUPPLY = 0.9  # of the supply's voltage: what `tune` takes for a battery that is nearly empty
@@ -139,13 +140,15 @@ def places(vehicle: Vehicle, given: tuple[float, float] | None = None) -> Places
     if given is None:
         most, words = (
             _REACH * reach,
-            f"down to {100.0 * _REACH:.0f} % of {reach:.3g} m, where {why}",
+            f"down to {100.0 * _REACH:.0f} % of {rounded(reach, 3)} m, where {why}",
         )
         if vehicle.hull.depth_limit is None and most > top + _UNSTATED:
             most = top + _UNSTATED
             words = f"down to {most:g} m, as the vehicle states no rating (--depth)"
         if most <= top:
-            raise NoAnswerError(f"there is no depth to compare laws at: {why} at {reach:.3g} m")
+            raise NoAnswerError(
+                f"there is no depth to compare laws at: {why} at {rounded(reach, 3)} m"
+            )
         return Places(top, most, words)
     least, most = max(given[0], top), given[1]
     if not (given[0] >= 0.0 and least < most < math.inf):

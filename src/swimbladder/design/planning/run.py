@@ -26,7 +26,7 @@ from swimbladder.design.planning.task import Steps, Task, task_of
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.answers import as_json
 from swimbladder.sim.closed_loop import drive
-from swimbladder.units import rounded
+from swimbladder.units import length, rounded
 from swimbladder.vehicle import Vehicle
 
 _LOST = 0.1  # of the step: a motion that far from the plan is another
@@ -58,7 +58,7 @@ class Plan:
         """What there is to say."""
         t, h = self.task, self.task.sample_time
         step = f"from {t.start:g} to {t.target:g} m"
-        into = f"inside {_length(t.band)} of the target for good"
+        into = f"inside {length(t.band)} of the target for good"
         every = "every plan" if self.proven else "every plan near it"
         where = into if self.arrive == "band" else "at rest there"
         limits = _limits(t)
@@ -66,7 +66,7 @@ class Plan:
             f"The least time {step} is {self.least.time:.4g} s ({where}), sampled every {h:g} s"
             f"{limits}: a sample sooner "
             + (
-                f"{every} misses by {_length(self.least.short)} or more."
+                f"{every} misses by {length(self.least.short)} or more."
                 if self.arrive == "band"
                 else f"no {every.removeprefix('every ')} comes to rest."
             )
@@ -88,7 +88,7 @@ class Plan:
             "No limit is reached."
         )  # fmt: skip
         said.append(
-            f"The simulator, given the plan's commands, keeps within {_length(self.residual, 2)} "
+            f"The simulator, given the plan's commands, keeps within {length(self.residual, 2)} "
             "of it."
         )
         if self.residual > t.band:
@@ -135,12 +135,6 @@ class Plan:
         }
         name = "reference_volume_m3" if self.task.plant.positioner else "voltage_V"
         return {**known, name: self.command}
-
-
-def _length(length: float, digits: int = 3) -> str:
-    """Return a length [m] in mm, or in m from 1 m on."""
-    size, unit = (length, "m") if length >= 1.0 else (1e3 * length, "mm")
-    return f"{rounded(size, digits)} {unit}"
 
 
 def _limits(task: Task) -> str:

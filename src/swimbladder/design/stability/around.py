@@ -45,6 +45,7 @@ from swimbladder.design.tuning.margins import (
 from swimbladder.design.tuning.region import member, unit_points, unknowns
 from swimbladder.io.answers import as_json
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
+from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -222,7 +223,7 @@ def around_decisions(
         worst=WorstWay(worst.shares, depths[k], d.way.name, d.speed > 0.0, d.faster),
         on_grid=ranked[0][0],
         ways=tuple(_way(vehicle, one, grid[: len(pieces)], rates) for one in decisions),
-        rest=rest_of(vehicle, law, parameters, rates),
+        rest=rest_of(vehicle, law, parameters, rates, medium_of(vehicle, None, reach=depths[-1])),
         maps=len(grid),
         searched=calls,
     )

@@ -16,6 +16,7 @@ from swimbladder.design.stability.recover import Map, Verdict
 from swimbladder.design.stability.robust import Stood
 from swimbladder.design.tuning.margins import MARGINS, decibels, falls_short
 from swimbladder.io.answers import as_json
+from swimbladder.units import length
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +100,7 @@ class Stability:
     def _map_words(self, m: Map) -> str:
         said = (
             f"{m.title[0].upper()}{m.title[1:]}: of {m.asked} runs {m.count(Verdict.RECOVERED)} "
-            f"are within {short(self.band)} in {self.within:g} s and stay, "
+            f"are within {length(self.band, small='cm')} in {self.within:g} s and stay, "
             f"{m.count(Verdict.SLOW)} later, {m.count(Verdict.UNSETTLED)} are not there in "
             f"{3.0 * self.within:g} s, {m.count(Verdict.LOST)} are lost"
         )
@@ -198,7 +199,8 @@ def _cycle_words(c: Confirmed) -> str:
         seen = "" if s is None else (
             f"; the simulation goes to and fro by {1e3 * s.amplitude:.3g} mm every {s.period:.3g} s"
             if s.cycles
-            else f"; in the simulation none is left, and the depth is within {_within(s.farthest)}"
+            else "; in the simulation none is left, and the depth is within "
+            f"{length(s.farthest, 2)}"
         )  # fmt: skip
         return f"{head}: {who} predicts no limit cycle{seen}."
     if p.bound:
@@ -232,20 +234,6 @@ def _cycle_words(c: Confirmed) -> str:
 
 def _late(s: Stood) -> str:
     return f" and {s.delay:g} s late" if s.delay else ""
-
-
-def length(x: float) -> str:
-    """Return a length [m] as text, below 1 m in millimetres."""
-    return f"{x:.3g} m" if x >= 1.0 else f"{1e3 * x:.3g} mm"
-
-
-def short(x: float) -> str:
-    """Return a length [m] as text, below 1 m in centimetres."""
-    return f"{x:.3g} m" if x >= 1.0 else f"{100.0 * x:.3g} cm"
-
-
-def _within(x: float) -> str:
-    return f"{x:.2g} m" if x >= 1.0 else f"{1e3 * x:.2g} mm"
 
 
 def _time(mode: Mode) -> str:

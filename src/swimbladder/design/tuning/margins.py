@@ -32,6 +32,7 @@ from swimbladder.design.linear.pump_valve import (
 from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, linearise_law
 from swimbladder.design.tuning.region import Member, member, unit_points, unknowns
 from swimbladder.physics.dynamics import Plant
+from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.mission.holding import least_band
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
@@ -98,22 +99,40 @@ def radius_of(vehicle: Vehicle, one: Member, d: Decision, rates: DriveRates, k: 
     return max(spectral_radius(M) for M in maps)
 
 
+def in_water(medium: Medium, one: Member, depth: float) -> Member:
+    """Return a member of a region at a depth [m] of some water: psi with what its layers add."""
+    high, low = max(depth - _NEAR, 0.0), depth + _NEAR
+    slope = (medium.layers.at(low) - medium.layers.at(high)) / (low - high)
+    p = medium.of(one.plant)
+    return one._replace(plant=p._replace(psi=p.psi + slope))
+
+
 def largest_radius(
-    vehicle: Vehicle, law: Law, parameters: Any, members: Sequence[Member], rates: DriveRates
-) -> float:
+    vehicle: Vehicle, law: Law, parameters: Any, members: Sequence[Member], rates: DriveRates,
+    medium: Medium,
+) -> float:  # fmt: skip
     """Return the largest eigenvalue's modulus over members of a region, ways and depths [-]."""
-    depths, decisions = range(len(rates.depths)), decisions_of(law, parameters)
-    every = ((one, d, k) for one in members for d in decisions for k in depths)
-    return max(radius_of(vehicle, one, d, rates, k) for one, d, k in every)
+    decisions = decisions_of(law, parameters)
+    return max(
+        radius_of(vehicle, there, d, rates, k)
+        for one in members
+        for k, depth in enumerate(rates.depths)
+        for there in (in_water(medium, one, depth),)
+        for d in decisions
+    )
 
 
-def rest_of(vehicle: Vehicle, law: Law, parameters: Any, rates: DriveRates) -> Rest:
-    """Return what happens at rest, with the psi of the region that gives way most."""
+def rest_of(vehicle: Vehicle, law: Law, parameters: Any, rates: DriveRates, medium: Medium) -> Rest:
+    """Return what happens at rest, with the psi of region and depths that gives way most."""
     a = vehicle.actuator
     shortest = a.quantum * max(*rates.pump, *rates.valve) if isinstance(a, PumpAndValve) else 0.0
     names, _ = unknowns(vehicle)
     points = np.concatenate([np.zeros((1, len(names))), unit_points(vehicle)])
-    p = max((member(vehicle, s).plant for s in points), key=lambda p: p.psi)
+    every = [member(vehicle, s) for s in points]
+    p = max(
+        (in_water(medium, one, z).plant for one in every for z in rates.depths),
+        key=lambda p: p.psi,
+    )
     tolerance = float(leaves(parameters)[law.band])
     sigma = math.sqrt(p.a_b * abs(p.psi))
     hull = vehicle.hull.model_copy(update={"psi": p.psi})
@@ -146,6 +165,7 @@ def _halves(p: Plant, omega: float, amplitude: float) -> float:
 Array = NDArray[np.float64]
 
 _POINTS = 160  # frequencies of a rough look
+_NEAR = 10.0  # m to either side of a depth, over which the water's own psi is taken
 _DECADES = 4.0  # below the Nyquist frequency
 
 

@@ -31,6 +31,7 @@ from swimbladder.design.tuning.trial import Drawn, Step, arrival_band, float_tra
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
+from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.layers import Layers
 from swimbladder.vehicle import Controller, DatasheetPump, PumpAndValve, Vehicle
@@ -62,7 +63,8 @@ def tune(
     whole range. hold [m rms]: error allowed to a quiet law (9.5 mm) or one that saves energy (5
     cm); of a pump and valve the tolerance, that of its law or 10 m. advance: told the share of the
     work done. column: the water that the trials are flown in and that stroke and neutral volume are
-    held against; margins are those of the vehicle's own psi and density.
+    held against; margins are those of the vehicle's own psi and density, decisions of a
+    pump and valve with psi as that water has it.
 
     Raises InputError for what cannot be; NoAnswerError where no gains hold this vehicle, with what
     limits them, or where the energy of its motor is not known.
@@ -95,6 +97,8 @@ def tune(
             remedy="Give depths farther apart, like 100:1500, or a narrower band (--hold)",
         )  # fmt: skip
     judged = tuple(sorted({*depths, *ends}))
+    if column is not None and column.cast is not None:
+        check_cast_unit(column.cast, judged[-1], vehicle.hull.depth_limit)
     layers = medium_of(vehicle, column, reach=judged[-1]).layers
     off = layers.along(np.linspace(judged[0], judged[-1], _ROWS))
     _check_reach(vehicle, judged, least, around, layers)
@@ -150,7 +154,7 @@ def tune(
             *around.words,
             sensor,
             *_outside(depths, ends),
-            *_in_water(column, off),
+            *_in_water(column, off, pumped=pumped),
             f"the supply falls to {least:.3g} V"
             if math.isfinite(least)
             else f"the {'pump' if pumped else 'positioner'} moves {1e6 * p.rate:.3g} cm3/s",
@@ -325,15 +329,19 @@ def _outside(depths: tuple[float, float], step: tuple[float, float]) -> list[str
     ]
 
 
-def _in_water(column: Column | None, off: NDArray[np.float64]) -> list[str]:
+def _in_water(column: Column | None, off: NDArray[np.float64], *, pumped: bool) -> list[str]:
     """Return what is to be said of a cast; off [m3]: what it adds to the neutral volume."""
     if column is None:
         return []
     return [
         *(f"cast: {remark}" for remark in column.report),
         f"the trials are flown in the water of {column.source}, which moves the neutral volume by "
-        f"{1e6 * float(off.min()):.3g} to {1e6 * float(off.max()):.3g} cm3; margins are those in "
-        "the vehicle's own water",
+        f"{1e6 * float(off.min()):.3g} to {1e6 * float(off.max()):.3g} cm3; "
+        + (
+            "decisions are judged with psi as that water has it at each depth"
+            if pumped
+            else "margins are those in the vehicle's own water"
+        ),
     ]
 
 

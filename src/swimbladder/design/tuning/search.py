@@ -41,6 +41,7 @@ from swimbladder.design.tuning.region import Member, Region
 from swimbladder.design.tuning.trial import Drawn, Step, Trial, float_trial, trial
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.seawater import Column
+from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
 
 _TRIED = 4
@@ -235,13 +236,14 @@ def _search_floats(
     assert recipe.candidates is not None
     rates = drive_rates(with_supply(vehicle, setting.limit), depths)
     members = [Member(p, {}, drive) for p, drive in zip(region.plants, region.drives, strict=True)]
+    medium = medium_of(vehicle, drawn.column, reach=max(depths))
     kept: list[tuple[float, Any, Any]] = []
     least, unheld = math.inf, ""
     every = recipe.candidates(setting, goal, held)
     for chosen in every:
         numbers = recipe.gains(setting, chosen)
-        radius = largest_radius(vehicle, law, numbers, members, rates)
-        rest = rest_of(vehicle, law, numbers, rates)
+        radius = largest_radius(vehicle, law, numbers, members, rates, medium)
+        rest = rest_of(vehicle, law, numbers, rates, medium)
         if not rest.held:
             unheld = f"at rest the best goes {rest.band:.3g} m between two decisions"
         elif radius < 1.0:

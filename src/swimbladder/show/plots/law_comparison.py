@@ -26,6 +26,7 @@ from swimbladder.show.plots.style import (
     label_panels,
     styled,
 )
+from swimbladder.units import rounded
 
 _COLORS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
 _MARKERS = {"fast": "^", "quiet": "o"}
@@ -150,7 +151,7 @@ def draw_steps(comparison: LawComparison) -> Figure:
         axes.set_xlim(0.0, end)
         depth_axis(axes)
         axes.set_xlabel("time since the set-point changed [s]")
-        axes.set_title(f"{p.start:.3g} to {p.target:.3g} m", fontsize=9.0)
+        axes.set_title(f"{rounded(p.start, 3)} to {rounded(p.target, 3)} m", fontsize=9.0)
     figure.legend(
         handles=_keys(comparison, lines=True), loc="outside lower center", ncols=4, fontsize=8.5
     )

@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from swimbladder.design.linear import Analysis, ClosedLoop, Margins, StateSpace
 from swimbladder.design.linear.margins import frequency_response
+from swimbladder.design.linear.pump_valve import drive_rates
 from swimbladder.show.plots.style import BLUE, GREY, VERMILION, styled
+
+_DEPTHS = 401  # of the rates of pump and valve: near the surface a valve goes with a root
 
 
 class _Break(NamedTuple):
@@ -55,6 +58,7 @@ def draw_drive(analysis: Analysis) -> Figure:
     d, stall = analysis.drive, analysis.stall
     if d is None or stall is None:
         raise ValueError("this vehicle has no pump and valve to draw")
+    d = drive_rates(analysis.vehicle, np.linspace(0.0, max(d.depths), _DEPTHS).tolist())
     figure = Figure(figsize=(7.0, 5.0))
     axes = figure.add_subplot()
     axes.plot(1e6 * np.array(d.pump), d.depths, color=BLUE, label="pump, out")

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from swimbladder.design.stability.recover import Map, Verdict
-from swimbladder.design.stability.result import Stability, short
+from swimbladder.design.stability.result import Stability
 from swimbladder.show.plots.style import (
     BLACK,
     BLUE,
@@ -21,6 +21,7 @@ from swimbladder.show.plots.style import (
     label_panels,
     styled,
 )
+from swimbladder.units import length
 
 _COLORS = {
     Verdict.NOT_ASKED: "#FFFFFF", Verdict.RECOVERED: BLUE, Verdict.SLOW: SKY,
@@ -39,7 +40,7 @@ def draw_recovery(found: Stability) -> Figure:
     for axes, one in zip(panels, found.maps, strict=True):
         axes.set_title(one.title, fontsize=9.5)
     labels = {
-        Verdict.RECOVERED: f"within {short(found.band)} in {found.within:g} s, and stays",
+        Verdict.RECOVERED: f"within {length(found.band, 3, 'cm')} in {found.within:g} s, and stays",
         Verdict.SLOW: "later", Verdict.UNSETTLED: f"not in {3.0 * found.within:g} s",
         Verdict.LOST: "lost",
     }  # fmt: skip
