@@ -17,7 +17,7 @@ import numpy as np
 from swimbladder.control.law import Knobs
 from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.region import region
-from swimbladder.design.tuning.trial import Step, traces
+from swimbladder.design.tuning.trial import Drawn, Step, traces
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 
@@ -45,8 +45,10 @@ def asked(name: str, *, runs: int, step: Step = _STEP, seed: int = 3) -> dict[st
     p = plant(vehicle)
     s = setting_of(vehicle, sample_time=_TICK, supply=_SUPPLY, neutral_range=20e-6)
     found = traces(
-        vehicle, tunable(name), gains(name, s, KNOBS[name]), step, sample_time=_TICK,
-        region=region(vehicle)._replace(neutral=0.0), runs=runs, supply=_SUPPLY, seed=seed,
+        vehicle, tunable(name), gains(name, s, KNOBS[name]), step,
+        Drawn(
+            runs, region(vehicle)._replace(neutral=0.0), _SUPPLY, seed=seed, sample_time=_TICK
+        ),
     )  # fmt: skip
     late = found.time >= found.time[-1] / 3.0
     moves = np.diff(found.volume[late], axis=0)

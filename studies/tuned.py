@@ -18,7 +18,7 @@ from swimbladder.control.law import Knobs, Law
 from swimbladder.control.registry import bind
 from swimbladder.design.tuning import Tuning, tune
 from swimbladder.design.tuning.gains import gains, setting_of, tunable
-from swimbladder.design.tuning.trial import Step, Trial, trial
+from swimbladder.design.tuning.trial import Drawn, Step, Trial, trial
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import Vehicle
 
@@ -103,7 +103,7 @@ def own(*, runs: int) -> list[str]:
         ("the paper's cascade, nominal", noisy("fast"), runs),
         ("the same, quantum of 5 mm", noisy("quiet"), runs),
     ):
-        t = trial(one, law, numbers, _OWN, sample_time=_TICK, runs=count)
+        t = trial(one, law, numbers, _OWN, Drawn(count, sample_time=_TICK))
         found.append(row(words, t, goal="fast"))
     return found
 

@@ -9,7 +9,7 @@ from swimbladder.control.registry import LAWS
 from swimbladder.design.stability.robust import wrapped
 from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.design.tuning.region import region
-from swimbladder.design.tuning.trial import Step, traces
+from swimbladder.design.tuning.trial import Drawn, Step, traces
 from swimbladder.io.config import load_vehicle
 
 H = 0.3
@@ -50,8 +50,8 @@ def test_large_steps_settle_with_half_to_twice_the_gain_and_half_a_sample_late(n
         seen = traces(
             vehicle, form.law,
             form.parameters(numbers, sample_time=H, gain=gain, late=late, rest=0.1),
-            Step(1.5, 3.0, 300.0), sample_time=form.tick(H, late=late), region=region(vehicle),
-            runs=40, supply=10.8,
+            Step(1.5, 3.0, 300.0),
+            Drawn(40, region(vehicle), 10.8, sample_time=form.tick(H, late=late)),
         )  # fmt: skip
         last = np.abs(seen.depth[seen.time > 200.0] - 3.0).max(axis=0)
         assert (last < 0.03).mean() >= 0.97, (gain, late, last)

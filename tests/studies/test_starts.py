@@ -12,7 +12,7 @@ from studies.starts import Drift, Grid, drift_of, fewest, least_cost, main, stag
 from swimbladder.control.law import Knobs
 from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.region import region
-from swimbladder.design.tuning.trial import Step, trial
+from swimbladder.design.tuning.trial import Drawn, Step, trial
 from swimbladder.io.config import load_vehicle
 
 SEEN = math.hypot(2e-3, 5e-3 / math.sqrt(12.0))  # m: 2 mm of noise and a quantum of 5 mm
@@ -87,7 +87,7 @@ def test_sixty_starts_an_hour_cannot_hold_it_and_the_observer_is_near_what_can()
     knobs = Knobs(0.046, 1.0, 1.0, 5.0, 0.7, dead=0.5 * s.least_move, pause=24.0, band=0.027)
     held = trial(
         vehicle, tunable("observer"), gains("observer", s, knobs), Step(2.0, 2.0001, 2700.0),
-        sample_time=0.3, region=region(vehicle)._replace(neutral=0.0), runs=100,
+        Drawn(100, region(vehicle)._replace(neutral=0.0), sample_time=0.3),
     )  # fmt: skip
     own = fewest(ISSUE, 1e3 * held.rms, prices, grid=COARSE)
     assert 0.97 * own < 3600.0 * held.starts < 1.12 * own  # 3 %: the grid's and the seeds'
@@ -112,7 +112,7 @@ def test_the_law_of_pulses_is_near_the_least_that_pulses_can_do_with():
     knobs = Knobs(0.046, 1.0, 1.0, 5.0, 0.7, dead=0.5 * s.least_move, pause=72.0, band=0.026)
     held = trial(
         vehicle, tunable("pulse"), gains("pulse", s, knobs), Step(2.0, 2.0001, 2700.0),
-        sample_time=0.3, region=region(vehicle)._replace(neutral=0.0), runs=100,
+        Drawn(100, region(vehicle)._replace(neutral=0.0), sample_time=0.3),
     )  # fmt: skip
     own = fewest(ISSUE, 1e3 * held.rms, [8e3, 12e3, 16e3], pulse=1.0, grid=COARSE)
     # Theirs takes no time and knows the vehicle; ours takes some seconds, in which it still sees.

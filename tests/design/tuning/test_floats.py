@@ -21,8 +21,8 @@ from swimbladder.design.tuning.trial import (
     Trial,
     draw_floats,
     energy_of,
-    float_trial,
     fly_floats,
+    trial,
 )
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.casts import read_cast
@@ -62,7 +62,7 @@ def sea(tmp_path_factory):
 
 
 def test_the_fast_law_is_sooner_there_than_the_one_it_had(fast):
-    own = float_trial(FLOAT, LAW, OWN, fast.step, Drawn(20, AROUND, fast.supply))
+    own = trial(FLOAT, LAW, OWN, fast.step, Drawn(20, AROUND, fast.supply))
     assert fast.region.settled == 1.0
     assert fast.region.settle_95 < 0.8 * own.settle_95
     assert fast.region.rms < OWN.tolerance
@@ -92,7 +92,7 @@ def test_the_vehicle_is_one_that_other_commands_read(fast, tmp_path):
 def test_a_quiet_law_takes_less_to_hold_than_the_one_it_had():
     """Few of many flights hunt while they hold, and take most of it: it needs all 200."""
     quiet = tune(FLOAT, goal="quiet", depths=(100.0, 1500.0))
-    own = float_trial(FLOAT, LAW, OWN, quiet.step, Drawn(200, AROUND, quiet.supply))
+    own = trial(FLOAT, LAW, OWN, quiet.step, Drawn(200, AROUND, quiet.supply))
     assert quiet.region.power < 0.7 * own.power
     assert quiet.region.starts < own.starts
 
@@ -118,7 +118,7 @@ def test_the_energy_of_actions_is_that_of_the_ledger():
     flown = fly_floats(FLOAT, LAW, OWN, asked)
     for lane in range(2):
         assert energy_of(FLOAT, flown, lane).sum() == pytest.approx(flown.energy[lane], rel=0.02)
-    found = float_trial(FLOAT, LAW, OWN, step, drawn)
+    found = trial(FLOAT, LAW, OWN, step, drawn)
     assert found.energy == pytest.approx(flown.energy.mean(), rel=1e-6)
 
 
@@ -163,7 +163,7 @@ def test_zones_are_flown_through_in_more_than_a_decision():
 def test_in_the_water_of_a_cast_it_is_flown_there(sea):
     column = cast_column(read_cast(sea))
     step = Step(*DEPTHS, 14400.0)
-    even, wet = (float_trial(FLOAT, LAW, OWN, step, Drawn(4, column=c)) for c in (None, column))
+    even, wet = (trial(FLOAT, LAW, OWN, step, Drawn(4, column=c)) for c in (None, column))
     assert wet.energy != even.energy
     assert wet.settled == 1.0
     with refused(InputError, field="cast"):

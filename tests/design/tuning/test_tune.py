@@ -20,6 +20,7 @@ from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.margins import WANTED, exactly, falls_short, lacking, roughly, worst
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import (
+    Drawn,
     electrical_energy,
     motor_starts,
     motor_turns,
@@ -116,8 +117,8 @@ def test_quiet_holds_a_depth_and_hardly_moves():
     )  # fmt: skip
     assert falls_short(found.margins, WANTED) == ()
     other = trial(
-        vehicle, found.law, found.parameters, found.step, sample_time=H, region=region(vehicle),
-        runs=60, seed=7, supply=12.0,
+        vehicle, found.law, found.parameters, found.step,
+        Drawn(60, region(vehicle), 12.0, seed=7, sample_time=H),
     )  # fmt: skip
     for over in (found.region, other):
         assert over.rms < 0.0105
@@ -137,8 +138,8 @@ def test_pulses_hold_a_depth_with_sixty_starts_an_hour():
     )  # fmt: skip
     assert falls_short(found.margins, WANTED) == ()
     other = trial(
-        vehicle, found.law, found.parameters, found.step, sample_time=H, region=region(vehicle),
-        runs=200, seed=7, supply=12.0,
+        vehicle, found.law, found.parameters, found.step,
+        Drawn(200, region(vehicle), 12.0, seed=7, sample_time=H),
     )  # fmt: skip
     # 25 and 50 hours of some 54 starts: 3 and 2 % by chance, and the target is 11 % away.
     for over in (found.region, other):
@@ -215,7 +216,7 @@ def test_energy_is_spent_slowly_and_the_depth_is_held():
     assert saving.region.rms < 0.03
     assert saving.parameters.voltage_limit < fast.parameters.voltage_limit
     long = saving.step
-    same = trial(vehicle, fast.law, fast.parameters, long, sample_time=H, runs=20)
+    same = trial(vehicle, fast.law, fast.parameters, long, Drawn(20, sample_time=H))
     assert saving.nominal.energy < 0.3 * same.energy
     assert any("The motor takes" in sentence for sentence in saving.sentences)
 

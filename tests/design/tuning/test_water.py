@@ -13,7 +13,7 @@ from swimbladder.design.law_comparison.fly import fly
 from swimbladder.design.law_comparison.scenarios import SCENARIOS, Placed
 from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.region import region
-from swimbladder.design.tuning.trial import Step, draw, traces, trial
+from swimbladder.design.tuning.trial import Drawn, Step, draw, traces, trial
 from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast
 from swimbladder.physics.seawater import cast_column
@@ -49,14 +49,12 @@ def simulated(column):
 def test_a_trial_is_flown_in_it_as_simulate_does(column, simulated):
     step = Step(1.5, 6.0, 120.0)
     for water, run in zip((column, None), simulated, strict=True):
-        seen = traces(
-            FEUP, LAW, NUMBERS, step, sample_time=H, region=None, runs=1, supply=None, column=water
-        )
+        seen = traces(FEUP, LAW, NUMBERS, step, Drawn(1, column=water, sample_time=H))
         assert seen.depth[:, 0] == pytest.approx(run.depth, abs=1e-9)
         assert seen.volume[:, 0] == pytest.approx(run.volume, abs=1e-12)
     assert np.abs(simulated[0].depth - simulated[1].depth).max() > 0.2
-    given = {"sample_time": H, "runs": 20, "region": region(FEUP)}
-    wet, even = (trial(FEUP, LAW, NUMBERS, step, column=w, **given) for w in (column, None))
+    drawn = Drawn(20, region(FEUP), sample_time=H)
+    wet, even = (trial(FEUP, LAW, NUMBERS, step, drawn._replace(column=w)) for w in (column, None))
     assert wet.rms != even.rms
 
 

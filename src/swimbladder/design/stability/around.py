@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,11 +38,12 @@ from swimbladder.design.tuning.margins import (
     deliveries,
     exactly,
     going,
+    least,
     radius_of,
     rest_of,
     roughly,
 )
-from swimbladder.design.tuning.region import member, unit_points, unknowns
+from swimbladder.design.tuning.region import Member, member, unit_points, unknowns
 from swimbladder.io.answers import as_json
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
 from swimbladder.sim.closed_loop.water import medium_of
@@ -52,6 +53,49 @@ Array = NDArray[np.float64]
 
 _STARTS = 3  # of the search
 _CALLS = 60  # of a search, for each unknown
+
+
+class Point(NamedTuple):
+    """A point of the region, its depth, side or decision, and how bad it is there."""
+
+    worth: float  # the larger the worse
+    at: Array  # in the unit ball or cube that the region is
+    piece: Any
+
+
+def _points(vehicle: Vehicle) -> Array:
+    """Return the middle of the region, the ends of its axes and drawn points, in the unit ball."""
+    names, _ = unknowns(vehicle)
+    return np.concatenate([np.zeros((1, len(names))), unit_points(vehicle)])
+
+
+def _searched(
+    vehicle: Vehicle, grid: Sequence[Point], measure: Callable[[Member, Any], float]
+) -> tuple[Point, int]:
+    """Return the worst point, by a search from the worst of the grid on, and how often it asked."""
+    names, ball = unknowns(vehicle)
+    ranked, calls = sorted(grid, key=lambda g: -g.worth), 0
+
+    def worse(x: Array, piece: Any) -> float:
+        value = measure(member(vehicle, _within(x, ball)), piece)
+        return -value if math.isfinite(value) else -1e9
+
+    best = ranked[0]
+    for start in ranked[:_STARTS]:
+        found = minimize(
+            worse, 0.98 * start.at, args=(start.piece,), method="Nelder-Mead",
+            options={"maxfev": _CALLS * len(names), "xatol": 1e-4, "fatol": 1e-9},
+        )  # fmt: skip
+        calls += int(found.nfev)
+        if -float(found.fun) > best.worth:
+            best = Point(-float(found.fun), _within(found.x, ball), start.piece)
+    return best, calls
+
+
+def _off(shares: Mapping[str, float]) -> str:
+    """Return by how much a vehicle's numbers differ from the nominal ones."""
+    off = [f"{n} {100.0 * (x - 1.0):+.1f} %" for n, x in shares.items() if x == x]
+    return ", ".join(off) or "nominal"
 
 
 class WayFound(NamedTuple):
@@ -76,10 +120,9 @@ class WorstWay(NamedTuple):
     @property
     def words(self) -> str:
         """What distinguishes it, for a person."""
-        off = [f"{n} {100.0 * (x - 1.0):+.1f} %" for n, x in self.shares.items() if x == x]
         direction = "sinking" if self.down else "rising"
         size = "too fast" if self.faster else "too slow"
-        return f"{', '.join(off) or 'nominal'}, {direction} {size} ({self.way}) at {self.depth:g} m"
+        return f"{_off(self.shares)}, {direction} {size} ({self.way}) at {self.depth:g} m"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,35 +236,23 @@ def around_decisions(
     """Return the worst over region, ways and depths [m] of a law of volume changes."""
     decisions = decisions_of(law, parameters)
     rates = drive_rates(vehicle, depths)
-    names, _ = unknowns(vehicle)
     pieces = [(d, k) for d in decisions for k in range(len(depths))]
-    points = np.concatenate([np.zeros((1, len(names))), unit_points(vehicle)])
-    grid: list[tuple[float, Array, Decision, int]] = []
-    for s in points:
-        one = member(vehicle, s)
-        grid += [(radius_of(vehicle, one, d, rates, k), s, d, k) for d, k in pieces]
-    ranked = sorted(grid, key=lambda g: -g[0])
-    best, calls = ranked[0], 0
 
-    def better(d: Decision, k: int, x: Array) -> float:
-        return -radius_of(vehicle, member(vehicle, _inside(x)), d, rates, k)
+    def radius(one: Member, piece: tuple[Decision, int]) -> float:
+        return radius_of(vehicle, one, piece[0], rates, piece[1])
 
-    for _, start, d, k in ranked[:_STARTS]:
-        found = minimize(
-            partial(better, d, k),
-            0.98 * start,
-            method="Nelder-Mead",
-            options={"maxfev": _CALLS * len(names), "xatol": 1e-4, "fatol": 1e-9},
-        )
-        calls += int(found.nfev)
-        if -float(found.fun) > best[0]:
-            best = (-float(found.fun), _inside(found.x), d, k)
-    radius, at, d, k = best
-    worst = member(vehicle, at)
+    grid = [
+        Point(radius(one, piece), s, piece)
+        for s in _points(vehicle)
+        for one in (member(vehicle, s),)
+        for piece in pieces
+    ]
+    found, calls = _searched(vehicle, grid, radius)
+    worst, (d, k) = member(vehicle, found.at), found.piece
     return Decided(
-        radius=radius,
+        radius=found.worth,
         worst=WorstWay(worst.shares, depths[k], d.way.name, d.speed > 0.0, d.faster),
-        on_grid=ranked[0][0],
+        on_grid=max(g.worth for g in grid),
         ways=tuple(_way(vehicle, one, grid[: len(pieces)], rates) for one in decisions),
         rest=rest_of(vehicle, law, parameters, rates, medium_of(vehicle, None, reach=depths[-1])),
         maps=len(grid),
@@ -229,18 +260,13 @@ def around_decisions(
     )
 
 
-def _inside(x: Array) -> Array:
-    inside: Array = x / max(1.0, float(np.linalg.norm(x)))
-    return inside
-
-
 def _way(
     vehicle: Vehicle,
     d: Decision,
-    nominal: Sequence[tuple[float, Array, Decision, int]],
+    nominal: Sequence[Point],
     rates: DriveRates,
 ) -> WayFound:
-    own = [g for g in nominal if g[2] is d]
+    own = [g for g in nominal if g.piece[0] is d]
     one = member(vehicle, np.zeros(len(unknowns(vehicle)[0])))
     p, w = going(vehicle, one.plant, d.speed), abs(d.speed)
     slope = drag_slope(p, w)
@@ -248,10 +274,10 @@ def _way(
     c = sum(abs(s) * (d.samples[-1] - t) for s, t in zip(d.slopes, d.samples, strict=True))
     return WayFound(
         decision=d,
-        nominal=max(g[0] for g in own),
+        nominal=max(g.worth for g in own),
         ratio=c / (2.0 * w) / c_true,
         time_constant=1.0 / slope if slope > 0.0 else math.inf,
-        delivery=max(deliveries(vehicle, one, d, rates, k)[-1].delay for *_, k in own),
+        delivery=max(deliveries(vehicle, one, d, rates, g.piece[1])[-1].delay for g in own),
     )
 
 
@@ -283,9 +309,8 @@ class Spot(NamedTuple):
     @property
     def words(self) -> str:
         """What distinguishes it, for a person."""
-        off = [f"{n} {100.0 * (x - 1.0):+.1f} %" for n, x in self.shares.items() if x == x]
         back = ", the motor driven back by the sea" if self.back_driven else ""
-        return f"{', '.join(off) or 'nominal'} at {self.depth:g} m{back}"
+        return f"{_off(self.shares)} at {self.depth:g} m{back}"
 
 
 class Found(NamedTuple):
@@ -355,46 +380,27 @@ def look_around(
         return None  # within its bands, or while it sleeps, a law that does nothing looks linear
     one_way = nominal.load_back == nominal.load_drive
     pieces = [(z, back) for z in depths for back in ((False,) if one_way else (False, True))]
-    names, ball = unknowns(vehicle)
-    points = np.concatenate([np.zeros((1, len(names))), unit_points(vehicle)])
-    grid: list[tuple[Array, float, bool, dict[str, float]]] = []
+    grid: list[tuple[Array, tuple[float, bool], dict[str, float]]] = []
+    points = _points(vehicle)
     for s in points:
         p = member(vehicle, s).plant
-        for z, back in pieces:
-            grid.append((s, z, back, _measures(p, laws[z], z, back, delay)))
+        grid += [(s, (z, back), _measures(p, laws[z], z, back, delay)) for z, back in pieces]
         advance(0.4 / len(points))
-    alike = _alike(grid, pieces)
+    radii = np.array([worth["spectral radius"] for *_, worth in grid]).reshape(-1, len(pieces))
 
-    calls = 0
+    def value(measure: str, one: Member, piece: tuple[float, bool]) -> float:
+        z, back = piece
+        return _measures(one.plant, laws[z], z, back, delay, only=measure)[measure]
 
-    def searched(measure: str, start: Array, z: float, back: bool) -> tuple[float, Array]:
-        nonlocal calls
-
-        def worse(x: Array) -> float:
-            nonlocal calls
-            calls += 1
-            p = member(vehicle, _within(x, ball)).plant
-            value = _measures(p, laws[z], z, back, delay, only=measure)[measure]
-            return -value if math.isfinite(value) else -1e9
-
-        best = minimize(
-            worse, start * 0.98, method="Nelder-Mead",
-            options={"maxfev": _CALLS * len(names), "xatol": 1e-4, "fatol": 1e-9},
-        )  # fmt: skip
-        return -float(best.fun), _within(best.x, ball)
-
-    found, spots = [], []
+    calls, found, spots = 0, [], []
     for measure in MEASURES:
-        ranked = sorted(grid, key=lambda g: -g[3][measure])
-        best = (ranked[0][3][measure], ranked[0][0], ranked[0][1], ranked[0][2])
-        for s, z, back, _ in ranked[:_STARTS]:
-            value, at = searched(measure, s, z, back)
-            if value > best[0]:
-                best = (value, at, z, back)
-        value, at, z, back = best
-        spot = Spot(member(vehicle, at).shares, z, back)
-        found.append(Found(measure, spot, ranked[0][3][measure], value))
-        spots.append((member(vehicle, at).plant, z, back, spot))
+        listed = [Point(worth[measure], s, piece) for s, piece, worth in grid]
+        worst, asked = _searched(vehicle, listed, partial(value, measure))
+        calls += asked
+        one, (z, back) = member(vehicle, worst.at), worst.piece
+        spot = Spot(one.shares, z, back)
+        found.append(Found(measure, spot, max(g.worth for g in listed), worst.worth))
+        spots.append((one.plant, z, back, spot))
         advance(0.5 / len(MEASURES))
     every = [_exact(p, laws[z], z, back, delay) for p, z, back, _ in spots]
     here = [
@@ -407,22 +413,14 @@ def look_around(
     whole = _loop(nominal, laws[first], first, False).closed(command_delay=sample_time)
     return Around(
         radius=found[0].searched,
-        margins=_least([m for pair in every for m in pair]),
-        nominal=_least(list(_exact(nominal, laws[first], first, False, delay))),
+        margins=reduce(least, [m for pair in every for m in pair]),
+        nominal=least(*_exact(nominal, laws[first], first, False, delay)),
         slowest=max(here, key=lambda m: 1e18 if m[0].time_constant < 0 else m[0].time_constant),
         least_damped=min(here, key=lambda m: m[0].damping),
-        found=tuple(found), looked=len(grid), searched=calls, same_at_all_depths=alike,
+        found=tuple(found), looked=len(grid), searched=calls,
+        same_at_all_depths=bool(np.all(np.ptp(radii, axis=1) < 1e-6)),
         delay=delay, whole_sample_radius=spectral_radius(whole),
     )  # fmt: skip
-
-
-def _alike(
-    grid: Sequence[tuple[Array, float, bool, dict[str, float]]],
-    pieces: Sequence[tuple[float, bool]],
-) -> bool:
-    n = len(pieces)
-    radii = np.array([g[3]["spectral radius"] for g in grid]).reshape(-1, n)
-    return bool(np.all(np.ptp(radii, axis=1) < 1e-6))
 
 
 def _within(x: Array, ball: bool) -> Array:
@@ -458,13 +456,3 @@ def _measures(
 def _exact(p: Plant, law: LinearLaw, depth: float, back: bool, delay: float) -> tuple[Worst, Worst]:
     at_command, at_depth = _broken(_loop(p, law, depth, back), delay)
     return exactly(at_command), exactly(at_depth)
-
-
-def _least(every: Sequence[Worst]) -> Worst:
-    """Return the worst of each margin."""
-    return Worst(
-        all(m.stable for m in every), min(m.gain_up for m in every),
-        max(m.gain_down for m in every), min(m.phase for m in every),
-        min(m.delay for m in every), max(m.peak_sensitivity for m in every),
-        min(m.disk for m in every),
-    )  # fmt: skip

@@ -26,7 +26,7 @@ from swimbladder.design.linear.sampled import SampledLoop
 from swimbladder.design.stability.cycles import without_rest
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.design.tuning.region import Region
-from swimbladder.design.tuning.trial import Step, traces
+from swimbladder.design.tuning.trial import Drawn, Step, traces
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import Vehicle
@@ -153,13 +153,10 @@ def settling_band(parameters: Any, step: Step, quantum: float) -> float:
 
 def robustness(
     vehicle: Vehicle, law: Law, parameters: Any, *, sample_time: float, region: Region, step: Step,
-    draws: int, supply: float | None, parts: Store, gains: Sequence[float] = GAINS,
+    draws: int, parts: Store, gains: Sequence[float] = GAINS,
     advance: Callable[[float], None] = lambda _: None,
 ) -> tuple[Stood, ...]:  # fmt: skip
-    """Return what a law stands: each gain, without and with half a sample of extra delay.
-
-    supply [V]: the least, the vehicle's where not given.
-    """
+    """Return what a law stands: each gain, without and with half a sample of extra delay."""
     p = plant(vehicle)
     rest = p.load_drive * step.start if vehicle.voltage_driven else p.psi * step.start + p.V_0
     form = wrapped(law)
@@ -167,12 +164,12 @@ def robustness(
     span = step.target - step.start
 
     def run(gain: float, late: bool) -> list[float]:
-        seen = traces(
-            vehicle, form.law,
-            form.parameters(parameters, sample_time=sample_time, gain=gain, late=late, rest=rest),
-            step, sample_time=form.tick(sample_time, late=late), region=region, runs=draws,
-            supply=supply,
-        )  # fmt: skip
+        wrong = form.parameters(
+            parameters, sample_time=sample_time, gain=gain, late=late, rest=rest
+        )
+        tick = form.tick(sample_time, late=late)
+        drawn = Drawn(draws, region, sample_time=tick)
+        seen = traces(vehicle, form.law, wrong, step, drawn)
         late_on = seen.time >= seen.time[-1] * 2.0 / 3.0
         last = np.abs(seen.depth[late_on] - step.target)
         moved = np.abs(np.diff(seen.volume[late_on], axis=0)).sum(axis=0)
@@ -188,7 +185,7 @@ def robustness(
     found = []
     for late in (False, True):
         for gain in gains:
-            asked = ("robustness", law.name, parameters, gain, late, step, draws, supply)
+            asked = ("robustness", law.name, parameters, gain, late, step, draws)
             settled, over, farthest, moved = parts.get(partial(run, gain, late), *asked)
             delay = 0.5 * sample_time if late else 0.0
             radius = _radius(law, parameters, region, step.target, sample_time, gain, delay)

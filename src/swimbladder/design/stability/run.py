@@ -255,7 +255,7 @@ def _robustness(
     found: list[Stood] = []
     for one, its in chosen:
         found += robustness(
-            vehicle, one, its, sample_time=h, region=around, step=step, draws=draws, supply=None,
+            vehicle, one, its, sample_time=h, region=around, step=step, draws=draws,
             parts=parts, advance=lambda x: tell(x / len(chosen)),
         )  # fmt: skip
     return tuple(found)

@@ -219,7 +219,7 @@ def worst(
     for loop in loops(law, parameters, plants, depths=depths, sample_time=sample_time, delay=delay):
         for broken in (loop.at_command, loop.at_depth):
             here = judge(broken)
-            found = here if found is None else _least(found, here)
+            found = here if found is None else least(found, here)
             if not found.stable or (wanted is not None and falls_short(found, wanted)):
                 return found
     assert found is not None  # there is a plant and a depth
@@ -298,7 +298,8 @@ def roughly(loop: StateSpace) -> Worst:
     )
 
 
-def _least(a: Worst, b: Worst) -> Worst:
+def least(a: Worst, b: Worst) -> Worst:
+    """Return the worse of each margin."""
     return Worst(
         a.stable and b.stable, min(a.gain_up, b.gain_up), max(a.gain_down, b.gain_down),
         min(a.phase, b.phase), min(a.delay, b.delay),

@@ -26,8 +26,8 @@ from swimbladder.design.tuning.gains import (
 )
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.result import Tuning
-from swimbladder.design.tuning.search import search
-from swimbladder.design.tuning.trial import Drawn, Step, arrival_band, float_traces, traces, winding
+from swimbladder.design.tuning.search import Goal, search
+from swimbladder.design.tuning.trial import Drawn, Step, arrival_band, traces, winding
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
@@ -115,28 +115,20 @@ def tune(
     elif goal == "fast":
         long = _watched(vehicle, least, abs(ends[1] - ends[0]), h)
     watched = Step(*ends, long)
+    drawn = Drawn(runs, around, least, column, sample_time=h)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         found = search(
-            law, vehicle, setting, around, goal=goal, held=held, depths=judged,
-            delay=delay * h, step=watched, runs=runs, column=column, advance=advance,
+            law, vehicle, setting, Goal(goal, held, judged, watched, drawn), delay=delay * h,
+            advance=advance,
         )  # fmt: skip
     numbers = found.parameters
     controller = Controller(
         law=law, sample_time=h,
         parameters={n: v for n, v in leaves(numbers).items() if n != "S_p"},
     )  # fmt: skip
-    if pumped:
-        flown = partial(float_traces, vehicle, chosen, numbers, watched)
-        shown = (
-            flown(Drawn(_SHOWN[0], column=column)),
-            flown(Drawn(_SHOWN[1], around, least, column)),
-        )
-    else:
-        stepped = partial(traces, vehicle, chosen, numbers, watched, sample_time=h, column=column)
-        shown = (
-            stepped(region=None, runs=_SHOWN[0], supply=None),
-            stepped(region=around, runs=_SHOWN[1], supply=least),
-        )
+    flown = partial(traces, vehicle, chosen, numbers, watched)
+    few = drawn.nominal._replace(runs=_SHOWN[0]), drawn._replace(runs=_SHOWN[1])
+    shown = flown(few[0]), flown(few[1])
     origin = f"tuned for {goal}, {depths[0]:g} to {depths[1]:g} m"
     return Tuning(
         vehicle=vehicle.model_copy(

@@ -38,9 +38,8 @@ from swimbladder.design.tuning.margins import (
     worst,
 )
 from swimbladder.design.tuning.region import Member, Region
-from swimbladder.design.tuning.trial import Drawn, Step, Trial, float_trial, trial
+from swimbladder.design.tuning.trial import Drawn, Step, Trial, trial
 from swimbladder.errors import NoAnswerError
-from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
 
@@ -129,24 +128,32 @@ class _Search:
         return found
 
 
-def search(
-    name: str, vehicle: Vehicle, setting: Setting, region: Region, *, goal: str, held: float,
-    depths: Sequence[float], delay: float, step: Step, runs: int, wanted: Worst = WANTED,
-    column: Column | None = None, advance: Callable[[float], None] | None = None,
-) -> Found:  # fmt: skip
-    """Return the best knobs found for a goal.
+class Goal(NamedTuple):
+    """What is asked of a law, and of which vehicles."""
 
-    goal: fast, quiet or energy. held [m]: rms that a depth is to be held to. depths [m]: where
-    margins are checked. delay [s]: from sample to command. column: the water of the trials.
+    name: str  # fast, quiet or energy
+    held: float  # m rms, that a depth is to be held to
+    depths: tuple[float, ...]  # m, where margins are checked
+    step: Step
+    drawn: Drawn
+
+
+def search(
+    name: str, vehicle: Vehicle, setting: Setting, asked: Goal, *, delay: float,
+    wanted: Worst = WANTED, advance: Callable[[float], None] | None = None,
+) -> Found:  # fmt: skip
+    """Return the best knobs found for a goal; delay [s]: from sample to command.
+
     Raises NoAnswerError where no knobs have the margins, with the one that is farthest from them,
     or where none holds the vehicle.
     """
-    if recipe_of(name).candidates is not None:
-        drawn = Drawn(runs, region, setting.limit, column)
-        asked = _Asked(goal, held, tuple(depths), step, drawn)
-        return _search_floats(name, vehicle, setting, asked, advance or (lambda _: None))
-    law, recipe, h = tunable(name), recipe_of(name), setting.sample_time
     tell = advance or (lambda _: None)
+    law, recipe, h = tunable(name), recipe_of(name), setting.sample_time
+    if recipe.candidates is not None:
+        return _search_floats(name, vehicle, setting, asked, tell)
+    goal, held, depths, step, drawn = asked
+    runs, region = drawn.runs, drawn.region
+    assert region is not None
     look = _Search(name, setting, region, depths, delay, tell)
     most = {"fast": _TRIED, "quiet": _TRIED_QUIET, "energy": _TRIED_ENERGY}[goal]
     if recipe.holds and goal != "fast":
@@ -157,16 +164,12 @@ def search(
         for option in options(recipe, goal, knobs, setting, held=held, deepest=max(depths))
     ]
 
-    def tried(knobs: Knobs, count: int, *, nominal: bool = False) -> Trial:
-        return trial(
-            vehicle, law, gains(name, setting, knobs), step, sample_time=h, runs=count,
-            region=None if nominal else region, supply=None if nominal else setting.limit,
-            column=column,
-        )  # fmt: skip
+    def tried(knobs: Knobs, drawn: Drawn) -> Trial:
+        return trial(vehicle, law, gains(name, setting, knobs), step, drawn)
 
     scored: list[tuple[tuple[float, ...], Knobs, Trial]] = []
     for knobs in every:
-        few = tried(knobs, min(runs, _FEW[goal]))
+        few = tried(knobs, drawn._replace(runs=min(runs, _FEW[goal])))
         scored.append((score(goal, few, held), knobs, few))
         tell(0.45 / len(every))
     scored.sort(key=lambda one: one[0])
@@ -176,7 +179,7 @@ def search(
             rms = few.rms
             for _ in range(_FITTED):
                 knobs = knobs._replace(band=knobs.band * max(held / rms, 0.5))
-                over = tried(knobs, runs)
+                over = tried(knobs, drawn)
                 rms = over.rms
                 final.append((score(goal, over, held), knobs, over))
         scored = sorted(final, key=lambda one: one[0]) + scored[_FINAL:]
@@ -200,9 +203,9 @@ def search(
         m = look.over(knobs, wanted, exactly, nominal=False) if recipe.linear else None
         tell(0.15 / len(scored))
         if m is not None or not recipe.linear:
-            over = few if few.runs == runs else tried(knobs, runs)
+            over = few if few.runs == runs else tried(knobs, drawn)
             parameters = gains(name, setting, knobs)
-            return Found(knobs, parameters, m, tried(knobs, runs, nominal=True), over)
+            return Found(knobs, parameters, m, tried(knobs, drawn.nominal), over)
     assert look.near is not None  # something was computed
     (_, unstable, _), short = look.near
     nearest = "none makes a loop that is stable over it" if unstable else (
@@ -215,18 +218,8 @@ def search(
     )
 
 
-class _Asked(NamedTuple):
-    """What a float is to do, and which floats."""
-
-    goal: str
-    held: float  # m
-    depths: tuple[float, ...]  # m
-    step: Step
-    drawn: Drawn
-
-
 def _search_floats(
-    name: str, vehicle: Vehicle, setting: Setting, asked: _Asked, advance: Callable[[float], None]
+    name: str, vehicle: Vehicle, setting: Setting, asked: Goal, advance: Callable[[float], None]
 ) -> Found:
     """Return the best setting of a law of volume changes: stable over the region, then flown."""
     law, recipe = tunable(name), recipe_of(name)
@@ -257,7 +250,7 @@ def _search_floats(
             f"{why}. Parameters known better, a wider band (--hold) or a faster pump would help"
         )
 
-    tried = partial(float_trial, vehicle, law)
+    tried = partial(trial, vehicle, law)
     few = drawn._replace(runs=min(drawn.runs, _FLIGHTS[goal]))
 
     scored = []
@@ -280,7 +273,7 @@ def _search_floats(
             "wider band (--hold), a faster pump, more stroke or parameters known better would help"
         )
     advance(0.3)
-    nominal = tried(numbers, step, drawn._replace(region=None, supply=math.inf))
+    nominal = tried(numbers, step, drawn.nominal)
     return Found(chosen, numbers, None, nominal, over, radius)
 
 

@@ -89,6 +89,22 @@ class Step(NamedTuple):
     duration: float  # s
 
 
+class Drawn(NamedTuple):
+    """Which vehicles are flown, and in what."""
+
+    runs: int = 200
+    region: Region | None = None  # that they are drawn from; None: the nominal one
+    supply: float = math.inf  # V; the vehicle's where infinite
+    column: Column | None = None  # the water, the vehicle's own where None
+    seed: int = 1
+    sample_time: float = math.nan  # s, of a law that is called at each sample
+
+    @property
+    def nominal(self) -> Drawn:
+        """The same of the nominal vehicle, with its own supply."""
+        return self._replace(region=None, supply=math.inf)
+
+
 class Trial(NamedTuple):
     """Percentiles over vehicles and noise; times in s, nan where more than so many never settle."""
 
@@ -115,48 +131,59 @@ class Traces(NamedTuple):
     command: Array  # V
 
 
-def trial(
-    vehicle: Vehicle, law: Law, parameters: Any, step: Step, *, sample_time: float,
-    region: Region | None = None, runs: int = 200, seed: int = 1, supply: float | None = None,
-    column: Column | None = None,
-) -> Trial:  # fmt: skip
-    """Return what comes of `runs` steps, each with noise of its own.
+def trial(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Trial:
+    """Return what comes of steps of depth, each with noise of its own."""
+    fly = _sampled_trial if law.ways is None else _float_trial
+    return fly(vehicle, law, parameters, step, drawn)
 
-    region: of vehicles drawn evenly from among its plants and neutral volumes; the nominal one
-    where not given. supply [V]: the vehicle's where not given. column: the water, the vehicle's own
-    where not given.
-    """
-    data = _runs(
-        vehicle, law, parameters, step, sample_time=sample_time, region=region, runs=runs,
-        seed=seed, supply=supply, column=column,
-    )  # fmt: skip
+
+def traces(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Traces:
+    """Return the first runs of a trial as they went."""
+    if law.ways is None:
+        data = _runs(vehicle, law, parameters, step, drawn)
+        return Traces(*(data[name].to_numpy() for name in Traces._fields))
+    flown, _ = _flights(vehicle, law, parameters, step, drawn)
+    command = np.zeros_like(flown.depth)
+    for lane, acts in enumerate(flown.actions):
+        at = np.minimum(np.searchsorted(flown.time, acts[:, 0]), len(flown.time) - 1)
+        np.add.at(command[:, lane], at, acts[:, 1])
+    return Traces(flown.time, flown.depth, flown.volume, command)
+
+
+def _trial(settle: Array, over: Array, error: Array, **rates: float) -> Trial:
+    """Return a trial; settle [runs] in s, inf where never; error [samples, runs] in m, late."""
+    return Trial(
+        runs=len(settle),
+        settled=float(np.isfinite(settle).mean()),
+        settle_median=percentile(settle, 50.0),
+        settle_95=percentile(settle, 95.0),
+        overshoot_median=float(np.percentile(over, 50.0)),
+        overshoot_95=float(np.percentile(over, 95.0)),
+        rms=float(np.sqrt(np.mean(error**2))),
+        **rates,
+    )
+
+
+def _sampled_trial(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Trial:
+    data, h = _runs(vehicle, law, parameters, step, drawn), drawn.sample_time
+    time, depth, volume, command = (data[name].to_numpy() for name in Traces._fields)
     settle = data["settle2"].to_numpy()
-    settled = np.isfinite(settle)
-    time = data["time"].to_numpy()
-    depth, volume = data["depth"].to_numpy(), data["volume"].to_numpy()
     late = time >= time[-1] * 2.0 / 3.0
-    motor, energy, power = winding(vehicle), float("nan"), float("nan")
+    motor, energy, power = winding(vehicle), math.nan, math.nan
     if motor is not None:
         p = plant(vehicle)
         joules = electrical_energy(
-            motor, p if supply is None else p._replace(supply=supply), sample_time=sample_time,
-            command=data["command"].to_numpy(), volume=volume, depth=depth,
+            motor, p._replace(supply=min(p.supply, drawn.supply)), sample_time=h, command=command,
+            volume=volume, depth=depth,
         )  # fmt: skip
         energy = float(joules.sum(axis=0).mean())
-        power = float(joules[late[:-1]].mean()) / sample_time
-    moves = np.abs(np.diff(volume[late], axis=0))
+        power = float(joules[late[:-1]].mean()) / h
     seconds = float(time[late][-1] - time[late][0])
-    never = np.where(settled, settle, np.inf)
-    over = np.nan_to_num(data["overshoot"].to_numpy(), nan=0.0) / 100.0
-    return Trial(
-        runs=runs,
-        settled=float(settled.mean()),
-        settle_median=percentile(never, 50.0),
-        settle_95=percentile(never, 95.0),
-        overshoot_median=float(np.percentile(over, 50.0)),
-        overshoot_95=float(np.percentile(over, 95.0)),
-        rms=float(np.sqrt(np.mean((depth[late] - step.target) ** 2))),
-        rate=float(moves.sum(axis=0).mean()) / seconds,
+    return _trial(
+        np.where(np.isfinite(settle), settle, np.inf),
+        np.nan_to_num(data["overshoot"].to_numpy(), nan=0.0) / 100.0,
+        depth[late] - step.target,
+        rate=float(np.abs(np.diff(volume[late], axis=0)).sum(axis=0).mean()) / seconds,
         starts=float(motor_starts(volume[late]).mean()) / seconds,
         turns=float(motor_turns(volume[late]).mean()) / seconds,
         energy=energy,
@@ -164,38 +191,21 @@ def trial(
     )
 
 
-def traces(
-    vehicle: Vehicle, law: Law, parameters: Any, step: Step, *, sample_time: float,
-    region: Region | None, runs: int, supply: float | None, seed: int = 1,
-    column: Column | None = None,
-) -> Traces:  # fmt: skip
-    """Return the first runs of a trial as they went."""
-    data = _runs(
-        vehicle, law, parameters, step, sample_time=sample_time, region=region, runs=runs,
-        seed=seed, supply=supply, column=column,
-    )  # fmt: skip
-    return Traces(*(data[name].to_numpy() for name in ("time", "depth", "volume", "command")))
-
-
-def _runs(
-    vehicle: Vehicle, law: Law, parameters: Any, step: Step, *, sample_time: float,
-    region: Region | None, runs: int, seed: int, supply: float | None, column: Column | None,
-) -> xarray.Dataset:  # fmt: skip
+def _runs(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> xarray.Dataset:
+    runs, region, supply, column, seed, h = drawn
     vary: dict[str, Array] = {}
     start_volume = walked = None
     if region is not None:
-        walked = random_walk(
-            region.walk, step.duration, sample_time=sample_time, runs=runs, seed=seed
-        )
+        walked = random_walk(region.walk, step.duration, sample_time=h, runs=runs, seed=seed)
         medium = medium_of(vehicle, column, reach=max(step.start, step.target))
         vary |= draw(region, runs=runs, seed=seed, medium=medium)
         start_volume = np.full(runs, medium.neutral_volume(step.start))
-    if supply is not None and np.isfinite(supply):
+    if math.isfinite(supply):
         vary["supply"] = np.full(runs, supply)
     return simulate_ensemble(
         vehicle, count=runs, setpoints=[(0.0, step.target)], duration=step.duration,
         start_depth=step.start, start_volume=start_volume, vary=vary, seed=seed, law=law,
-        parameters=parameters, sample_time=sample_time, neutral_change=walked, keep="trajectory",
+        parameters=parameters, sample_time=h, neutral_change=walked, keep="trajectory",
         column=column,
     )  # fmt: skip
 
@@ -371,16 +381,6 @@ def _tick(parameters: Any) -> float:
 _SHARE = 0.02  # of the step
 
 
-class Drawn(NamedTuple):
-    """Which floats are flown, and in what."""
-
-    runs: int
-    region: Region | None = None  # that they are drawn from; None: the nominal one
-    supply: float = math.inf  # V; the vehicle's where infinite
-    column: Column | None = None  # the water, the vehicle's own where None
-    seed: int = 1
-
-
 def arrival_band(law: Law, parameters: Any, step: Step) -> float:
     """Return how near to its depth a float counts as there [m]."""
     return max(_SHARE * abs(step.target - step.start), float(leaves(parameters)[law.band]))
@@ -408,8 +408,8 @@ def _drag(p: Any) -> float:
     return float(p.d_t if p.d_t > 0.0 else p.d_l)
 
 
-def float_trial(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Trial:
-    """Return what comes of the flights; as `trial.trial`, with settling into the tolerance."""
+def _float_trial(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Trial:
+    """Return what comes of the flights, with settling into the tolerance."""
     flown, targets = _flights(vehicle, law, parameters, step, drawn)
     time, span = flown.time, abs(step.target - step.start)
     error = flown.depth - targets
@@ -417,8 +417,7 @@ def float_trial(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: 
     outside = ~(np.abs(error) <= band) | flown.stopped
     last = len(time) - np.argmax(outside[::-1], axis=0)
     last[~outside.any(axis=0)] = 0
-    settled = last < len(time)
-    settle = np.where(settled, time[np.minimum(last, len(time) - 1)], np.inf)
+    settle = np.where(last < len(time), time[np.minimum(last, len(time) - 1)], np.inf)
     beyond = np.where(targets == step.target, 1.0, -1.0) * np.sign(step.target - step.start)
     over = np.maximum(np.nanmax(beyond * error, axis=0) / span, 0.0)
     late = time >= time[-1] * 2.0 / 3.0
@@ -428,14 +427,10 @@ def float_trial(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: 
     spent = [energy_of(vehicle, flown, lane) for lane in range(drawn.runs)]
     pairs = zip(flown.actions, spent, strict=True)
     shares = np.array([e[a[:, 0] >= begin].sum() / max(e.sum(), 1e-12) for a, e in pairs])
-    return Trial(
-        runs=drawn.runs,
-        settled=float(settled.mean()),
-        settle_median=percentile(settle, 50.0),
-        settle_95=percentile(settle, 95.0),
-        overshoot_median=float(np.percentile(over, 50.0)),
-        overshoot_95=float(np.percentile(over, 95.0)),
-        rms=float(np.sqrt(np.mean(error[late] ** 2))),
+    return _trial(
+        settle,
+        over,
+        error[late],
         rate=float(np.mean([np.abs(a).sum() for a in since])) / seconds,
         starts=float(np.mean([np.sum(a > 0.0) for a in since])) / seconds,
         turns=float(np.mean([np.sum(a < 0.0) for a in since])) / seconds,
@@ -454,16 +449,6 @@ def energy_of(vehicle: Vehicle, flown: Flights, lane: int) -> Array:
         let_in = -changes / d.rate_in * d.power_in
     found: Array = np.nan_to_num(np.where(changes > 0.0, pumped, let_in))
     return found
-
-
-def float_traces(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Traces:
-    """Return the first flights of a trial as they went; the command: changes asked for [m3]."""
-    flown, _ = _flights(vehicle, law, parameters, step, drawn)
-    command = np.zeros_like(flown.depth)
-    for lane, acts in enumerate(flown.actions):
-        at = np.minimum(np.searchsorted(flown.time, acts[:, 0]), len(flown.time) - 1)
-        np.add.at(command[:, lane], at, acts[:, 1])
-    return Traces(flown.time, flown.depth, flown.volume, command)
 
 
 def _flights(
