@@ -23,9 +23,8 @@ from benchmarks.table import number, ratio, render
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import look_up, uniform_column
-from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Note, Now, Table
-from swimbladder.sim.mission.core import kernel
-from swimbladder.sim.mission.core.names import Cycle, Row
+from swimbladder.sim.engine.rodas.names import At, Drive, Given, Note, Now, Table
+from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.flight import Flight, fly_mission
 from swimbladder.sim.mission.prepare import Plan, first_state
 
@@ -149,14 +148,11 @@ def report(peers: list[Peer]) -> str:
 def _alone(plan: Plan, task: Mission) -> float:
     """Return the processor time of one cycle as campaigns fly it [s]: books, but no rows."""
     x, at, accounts = first_state(plan, task)
-    cycle = np.zeros((1, int(Cycle.ACCOUNTS) + int(Account.COUNT)))
+    flown = plan.under_way((x, at, accounts))
     begin = process_time()
     while at[At.STOP] == 0:
-        kernel.fly_kernel(
-            plan.given, plan.table, plan.waves, plan.stages, x, at, accounts,
-            np.zeros((0, int(Row.COUNT))), np.zeros((0, int(Drive.COUNT))), cycle,
-            np.zeros(3, dtype=np.int64), np.zeros((6, 8)),
-        )  # fmt: skip
+        flown.counts[:] = 0
+        fly(flown)
     return process_time() - begin
 
 

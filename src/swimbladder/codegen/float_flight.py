@@ -1,14 +1,13 @@
 """A float flown by the seconds of pump and valve that its board commands at each tick.
 
-The vehicle is that of `simulate` and `mission`, moved by RODAS from tick to tick, so that the
-drive's starts, the head at each depth and the emerging hull are theirs.
+The vehicle is that of `simulate` and `mission`, moved by `closed_loop.pumped` from tick to tick, so
+that the drive's starts, the head at each depth and the emerging hull are theirs.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +15,15 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Measurement
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.seawater import uniform_column
+from swimbladder.sim.closed_loop.pumped import Pumped, move_lanes, one_lane
+from swimbladder.sim.closed_loop.rows import rows
 from swimbladder.sim.engine.cache import compiled
 from swimbladder.sim.engine.rodas import NAME
 from swimbladder.sim.engine.rodas.drive import (
     end_run,
-    end_turn,
-    move,
-    next_turn,
     start_run,
-    turn_line,
 )
-from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Now
+from swimbladder.sim.engine.rodas.names import At, Doing, Now
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
 from swimbladder.sim.engine.rodas.sensing import measured
 from swimbladder.vehicle import Vehicle
@@ -38,27 +35,13 @@ _DOES = {1: PUMPING, -1: int(Doing.LETTING_IN), 0: NOTHING}
 _ROOM = 100.0  # m of water below the deepest that is asked for
 
 
-class _Lane(NamedTuple):
-    """A vehicle as RODAS moves it; `engine.rodas.names` says what stands where."""
-
-    given: Array
-    table: Array
-    waves: Array
-    x: Array
-    at: NDArray[np.int64]
-    accounts: Array
-    notes: Array
-    counts: NDArray[np.int64]
-    work: Array
-
-
-def _tick(lane: _Lane, doing: int, length: float, until: float) -> float:
+def _tick(stepper: Pumped, S: Array, doing: int, length: float, until: float) -> float:
     """Move until a time [s] with pump or valve, `length` [s] of it or all where that is inf.
 
     Return the depth that the sensor gives then [m].
     """
-    p, table, x, at, accounts = lane.given, lane.table, lane.x, lane.at, lane.accounts
-    notes, counts = lane.notes, lane.counts
+    p, table, x, at = stepper.given[0], stepper.table, stepper.x[0], stepper.at[0]
+    accounts, notes, counts = stepper.accounts[0], stepper.notes[0], stepper.counts[0]
     now = PUMPING if at[DOING] == PRIMING else at[DOING]
     if now != doing and now != NOTHING:
         end_run(x, at, notes, counts)
@@ -67,13 +50,8 @@ def _tick(lane: _Lane, doing: int, length: float, until: float) -> float:
         start_run(p, table, x, at, accounts, notes, counts, doing, 0.0, end, length)
     elif at[DOING] != NOTHING:
         x[T_MOVE] = x[T] + length
-    while x[T] < until and at[STOP] == 0:
-        goal = next_turn(p, table, x, at, until)
-        if goal > x[T]:
-            move(p, table, lane.waves, x, at, accounts, notes, counts, 0.0, 0.0, goal, lane.work)
-        end_turn(x, at, notes, counts)
-        turn_line(p, table, lane.waves, x, at)
-    return float(measured(p, lane.waves, x, at))
+    move_lanes(stepper, S, (0.0,), (), 0, until, 1)
+    return float(measured(p, stepper.waves, x, at))
 
 
 _tick_kernel = compiled(_tick, under=NAME, allocates=False)
@@ -92,29 +70,22 @@ class FloatPlant:
         given = given_of(vehicle, column, bottom=math.inf, accuracy=Accuracy())
         table = make_table(vehicle, column)[0]
         x, at = first_lane(given, table, start_depth, seed=seed)
-        self._lane = _Lane(
-            given,
-            table,
-            np.zeros((0, 6)),
-            x,
-            at,
-            np.zeros(int(Account.COUNT)),
-            np.zeros((0, int(Drive.COUNT))),
-            np.zeros(3, np.int64),
-            np.zeros((6, 8)),
-        )
+        self._stepper, self._rows = one_lane(given, table, x, at), np.zeros(rows(0, 0))
+        self._x, self._at = x, at
         self.time = 0.0
-        self.seen = float(_tick_kernel(self._lane, NOTHING, 0.0, 0.0))  # m, by the sensor
+        self.seen = float(
+            _tick_kernel(self._stepper, self._rows, NOTHING, 0.0, 0.0)
+        )  # m, by the sensor
 
     @property
     def depth(self) -> float:
         """Depth of the pressure sensor [m]."""
-        return float(self._lane.x[Now.Z])
+        return float(self._x[Now.Z])
 
     @property
     def volume(self) -> float:
         """Volume [m3]."""
-        return float(self._lane.x[Now.V])
+        return float(self._x[Now.V])
 
     def move(self, command: float, tick: float, *, wide: bool = False) -> None:
         """Move by a tick [s] under its command [s]; wide: a negative one opens the bypass."""
@@ -123,8 +94,9 @@ class FloatPlant:
             doing = int(Doing.BYPASSING)
         whole = abs(command) >= (1.0 - 1e-6) * tick
         self.time += tick
-        self.seen = _tick_kernel(self._lane, doing, math.inf if whole else abs(command), self.time)
-        if self._lane.at[STOP] != 0:
+        length = math.inf if whole else abs(command)
+        self.seen = _tick_kernel(self._stepper, self._rows, doing, length, self.time)
+        if self._at[STOP] != 0:
             raise NoAnswerError(
                 f"The golden mission ended at {self.time:g} s, at {self.depth:.4g} m: the float "
                 "left the water, or went deeper than any sea"
@@ -149,12 +121,12 @@ def fly_float(
     """
     deepest = max(start_depth, *asked)
     plant = FloatPlant(vehicle, start_depth=start_depth, deepest=deepest, seed=seed)
-    rows = np.zeros((len(asked), 4))
+    found = np.zeros((len(asked), 4))
     for n, reference in enumerate(asked):
         seen = plant.seen
         command, wide = board(Measurement(n * tick, seen, math.nan), float(reference))
-        rows[n] = plant.depth, seen, plant.volume, command
+        found[n] = plant.depth, seen, plant.volume, command
         plant.move(command, tick, wide=wide)
         if progress is not None:
             progress(n + 1)
-    return rows
+    return found

@@ -27,7 +27,7 @@ from swimbladder.sim.engine.rodas.names import (
 )
 from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.mission.books import close_books
-from swimbladder.sim.mission.core import kernel
+from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.core.names import Cycle, Row
 from swimbladder.sim.mission.flight import fly_mission, thinned
 from swimbladder.sim.mission.prepare import first_state, make_plan
@@ -104,12 +104,7 @@ def coast(
         plan.given[Given.LONGEST_STEP] = x[Now.H] = step
     x[Now.V], x[Now.W], x[Now.T_LOOK], x[Now.T_END] = volume, speed, math.inf, seconds
     at[At.NEW_PHASE], at[At.ARRIVED] = 0, 1
-    cycles = np.zeros((1, int(Cycle.ACCOUNTS) + int(Account.COUNT)))
-    kernel.fly_kernel(
-        plan.given, plan.table, plan.waves, plan.stages, x, at, accounts,
-        np.zeros((0, int(Row.COUNT))), np.zeros((0, int(Drive.COUNT))), cycles,
-        np.zeros(3, dtype=np.int64), np.zeros((6, 8)),
-    )  # fmt: skip
+    fly(plan.under_way((x, at, accounts)))
     return x, at, accounts
 
 
@@ -129,15 +124,12 @@ def test_a_run_ends_at_its_volume_though_the_vehicle_emerges_in_the_same_step():
         x[Now.T_LOOK], x[Now.T_MOVE], x[Now.T_END] = 1.0, math.inf, 1.0
         at[At.NEW_PHASE], at[At.DOING] = 0, Doing.LETTING_IN
         goal, begin = float(x[Now.V_MOVE]), float(x[Now.V])
-        counts, notes = np.zeros(3, dtype=np.int64), np.zeros((40, int(Drive.COUNT)))
-        cycles = np.zeros((1, int(Cycle.ACCOUNTS) + int(Account.COUNT)))
-        kernel.fly_kernel(
-            plan.given, plan.table, plan.waves, plan.stages, x, at, accounts,
-            np.zeros((0, int(Row.COUNT))), notes, cycles, counts, np.zeros((6, 8)),
-        )  # fmt: skip
-        kinds = notes[: counts[1], Drive.WHAT]
+        flown = plan.under_way((x, at, accounts), notes=40)
+        fly(flown)
+        notes = flown.notes[: flown.counts[1]]
+        kinds = notes[:, Drive.WHAT]
         emerged += int(Note.EMERGED in kinds)
-        ended = notes[: counts[1]][kinds == Note.RUN_OVER][0]
+        ended = notes[kinds == Note.RUN_OVER][0]
         assert ended[Drive.V] == goal
         assert accounts[Account.LET_IN] == pytest.approx(begin - goal, rel=1e-9)
     assert emerged > 5

@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.io.mission import Mission
 from swimbladder.sim.engine.rodas.names import Account, At, Drive, Note, Now, Stop
-from swimbladder.sim.mission.core import kernel
+from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.core.names import Cycle, Holding, Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import first_state, make_plan
@@ -132,12 +132,9 @@ def test_a_float_that_leaks_and_cannot_pump_sinks_from_the_surface(profiler, sea
     x, at, accounts = first_state(plan, task)
     x[Now.T_LOOK], x[Now.T_END] = math.inf, 4e5
     at[At.NEW_PHASE], at[At.ARRIVED] = 0, 1
-    notes, counts = np.zeros((1000, int(Drive.COUNT))), np.zeros(3, dtype=np.int64)
-    kernel.fly_kernel(
-        plan.given, plan.table, plan.waves, plan.stages, x, at, accounts,
-        np.zeros((0, int(Row.COUNT))), notes,
-        np.zeros((1, int(Cycle.ACCOUNTS) + int(Account.COUNT))), counts, np.zeros((6, 8)),
-    )  # fmt: skip
+    flown = plan.under_way((x, at, accounts), notes=1000)
+    fly(flown)
+    notes = flown.notes
     under = notes[notes[:, Drive.WHAT] == Note.SUBMERGED]
     top = profiler.hull.emergence_depth
     oracle = Oracle(vehicle, sea)

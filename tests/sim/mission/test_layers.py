@@ -25,10 +25,10 @@ from swimbladder.physics.seawater import (
     uniform_column,
 )
 from swimbladder.physics.seawater.column import Column, water_compressibility
-from swimbladder.sim.engine.rodas.names import Account, At, Drive, Now
+from swimbladder.sim.engine.rodas.names import At, Drive, Now
 from swimbladder.sim.mission.books import close_books
-from swimbladder.sim.mission.core import kernel
-from swimbladder.sim.mission.core.names import Cycle, Row
+from swimbladder.sim.mission.core.hooks import fly
+from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import first_state, make_plan
 from swimbladder.vehicle import HullPart
@@ -65,14 +65,11 @@ def drift(vehicle, column, waves, seconds=DAY):
     x, at, accounts = first_state(plan, task)
     x[Now.T_LOOK], x[Now.T_END] = math.inf, seconds
     at[At.NEW_PHASE], at[At.ARRIVED] = 0, 1
-    rows, counts = np.zeros((20_000, int(Row.COUNT))), np.zeros(3, dtype=np.int64)
-    kernel.fly_kernel(
-        plan.given, plan.table, plan.waves, plan.stages, x, at, accounts, rows,
-        np.zeros((0, int(Drive.COUNT))),
-        np.zeros((1, int(Cycle.ACCOUNTS) + int(Account.COUNT))), counts, np.zeros((6, 8)),
-    )  # fmt: skip
+    flown = plan.under_way((x, at, accounts), rows=20_000)
+    fly(flown)
     assert x[Now.T] == seconds
-    return rows[: counts[0], Row.T], rows[: counts[0], Row.Z]
+    rows = flown.rows[: flown.counts[0]]
+    return rows[:, Row.T], rows[:, Row.Z]
 
 
 def at_depth(column, values, depth):

@@ -13,7 +13,7 @@ from swimbladder.physics.steady_drives import datasheet_point
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Note, Now
 from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.mission.books import close_books
-from swimbladder.sim.mission.core import kernel
+from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import Flight, fly_mission
 from swimbladder.sim.mission.prepare import Reckoning, first_state, make_plan
@@ -59,16 +59,13 @@ def one_run(vehicle, depth, speed, duration, after, *, bottom=None, reckoning=No
     at[At.PLACE] = 0 if bottom is None else 2
     x[Now.W], x[Now.T_LOOK], x[Now.T_END] = speed, math.inf, duration + after
     x[Now.T_MOVE], x[Now.V_MOVE], x[Now.T_PRIMED] = duration, math.inf, math.inf
-    rows, notes = np.zeros((3000, int(Row.COUNT))), np.zeros((100, int(Drive.COUNT)))
-    counts = np.zeros(3, dtype=np.int64)
-    stop = kernel.fly_kernel(
-        plan.given, plan.table, plan.waves, plan.stages, x, at, accounts, rows, notes,
-        np.zeros((0, 60)), counts, np.zeros((6, 8)),
-    )  # fmt: skip
+    flown = plan.under_way((x, at, accounts), rows=3000, notes=100, cycles=0)
+    stop = fly(flown)
     return Flight(
-        vehicle=vehicle, mission=task, column=column, plan=plan, rows=rows[: counts[0]],
-        notes=notes[: counts[1]], cycles=np.zeros((0, 60)), begin=begin, end=x, whole=at,
-        accounts=accounts, stop=stop, reach=reach_of(vehicle, task, plan),
+        vehicle=vehicle, mission=task, column=column, plan=plan,
+        rows=flown.rows[: flown.counts[0]], notes=flown.notes[: flown.counts[1]],
+        cycles=flown.cycles, begin=begin, end=x, whole=at, accounts=accounts, stop=stop,
+        reach=reach_of(vehicle, task, plan),
     )  # fmt: skip
 
 

@@ -19,9 +19,9 @@ from swimbladder.jobs import identity, software
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.campaign.draw import Design, Drawn, draw, varied
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
-from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Now
-from swimbladder.sim.mission.core import kernel
-from swimbladder.sim.mission.core.names import Cycle, Holding, Row, Stage
+from swimbladder.sim.engine.rodas.names import Account, At, Given, Now
+from swimbladder.sim.mission.core.hooks import fly
+from swimbladder.sim.mission.core.names import Cycle, Holding, Stage
 from swimbladder.sim.mission.prepare import Plan, first_state, make_plan
 from swimbladder.sim.mission.reach import check_flight, check_reach
 from swimbladder.vehicle import Vehicle
@@ -188,17 +188,13 @@ class Floats:
             drawn, noise = self.design.drawn(number)
         plan = varied(self.plans[int(drawn[Drawn.CAST])], drawn)
         x, at, accounts = first_state(plan, self.mission, seed=self.seed * MOST + noise)
-        nothing = np.zeros((0, int(Row.COUNT))), np.zeros((0, int(Drive.COUNT)))
-        cycle = np.zeros((1, int(Cycle.ACCOUNTS) + int(Account.COUNT)))
-        counts, work = np.zeros(3, dtype=np.int64), np.zeros((6, 8))
+        flown = plan.under_way((x, at, accounts))
+        cycle, counts = flown.cycles, flown.counts
         before, rows = np.zeros(int(Account.COUNT)), list[list[float]]()
         low, high = math.inf, -math.inf
         while at[At.STOP] == 0:
             counts[:] = 0
-            kernel.fly_kernel(
-                plan.given, plan.table, plan.waves, plan.stages, x, at, accounts, *nothing, cycle,
-                counts, work,
-            )  # fmt: skip
+            fly(flown)
             if counts[2]:
                 now = cycle[0, Cycle.ACCOUNTS :].copy()
                 rows.append(_cycle(cycle[0], now - before, plan.given))

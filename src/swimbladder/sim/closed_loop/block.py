@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Law
 from swimbladder.control.records import from_leaves, leaf_names
 from swimbladder.physics.dynamics import Plant
-from swimbladder.sim.closed_loop.dispatch import enroll
 from swimbladder.sim.closed_loop.lanes import measure_block, start_block
 from swimbladder.sim.closed_loop.outside import kernel_of
 from swimbladder.sim.closed_loop.pumped import Pumped, trim
@@ -220,7 +219,6 @@ class Running:
     """A block under way: its kernel, and the work space that goes from span to span."""
 
     def __init__(self, block: Block, chains: NDArray[np.float64]) -> None:
-        enroll(block.law)
         self.block, self.chains = block, chains
         self.flat = block.work.reshape(-1)
         self.token = (0.0,) * block.lanes
@@ -248,8 +246,9 @@ class Running:
     def advance(self, first: int, last: int, noise: NDArray[np.float64]) -> None:
         """Run from tick `first` to `last`; noise [ticks, 2, lanes], standard normal, or empty."""
         b = self.block
+        chains = self.chains if b.stepper is None else None
         self._kernel(
             self.flat, self.token, self._bend, self._sea, b.hooks, b.stepper, b.parameters,
             self._state, first, last, b.clock.tick, b.parts, b.clock.turn, b.clock.given, b.depths,
-            noise, b.record, self._row, self.chains, self._built, b.books, b.log, b.noted, b.layers,
+            noise, b.record, self._row, chains, self._built, b.books, b.log, b.noted, b.layers,
         )  # fmt: skip

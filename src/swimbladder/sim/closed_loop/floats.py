@@ -20,10 +20,9 @@ from swimbladder.physics.dynamics import Plant, drag_force
 from swimbladder.physics.seawater import Column, uniform_column
 from swimbladder.sim.closed_loop.accounts import Books
 from swimbladder.sim.closed_loop.block import Block, Schedule
-from swimbladder.sim.closed_loop.pumped import ANEW, BOARD, DIVES, PAUSE, SEGMENT, Z_SEEN, Pumped
-from swimbladder.sim.closed_loop.rows import Row
-from swimbladder.sim.closed_loop.single import check_start
-from swimbladder.sim.closed_loop.solution import Event, Solution, StopReason, assemble
+from swimbladder.sim.closed_loop.pumped import BOARD, DIVES, FLOATS, PAUSE, SEGMENT, Pumped
+from swimbladder.sim.closed_loop.single import check_start, run_single
+from swimbladder.sim.closed_loop.solution import Event, Solution, assemble
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.rodas.drive import FULL
 from swimbladder.sim.engine.rodas.ledger import Balance, balance, stored_energy
@@ -96,9 +95,9 @@ class FloatModel:
             own_law = {k: float(v[n]) for k, v in parameters.items()}
             up, pause = surfacing_of(self.vehicle, own_law)
             board[n, : len(up)], board[n, PAUSE] = up, pause
-            board[n, Z_SEEN] = x[n, Now.Z]
+            x[n, Now.Z_LOOK] = x[n, Now.Z]
             board[n, DIVES] = 0.0 if x[n, Now.V] >= up.full - up[3] else 1.0
-            board[n, ANEW] = 0.0
+            board[n, FLOATS] = 1.0
         stepper = Pumped(
             given=given, table=self.table, waves=np.zeros((0, 6)), x=x, at=at,
             accounts=np.zeros((count, int(Account.COUNT))),
@@ -190,22 +189,12 @@ def run_float(
         seeds=None if seed is None else [[seed, 0]], record=True, books=False, events=False,
         stepper=stepper,
     )  # fmt: skip
-    if function is None:
-        block.run(progress)
-    else:
-        from swimbladder.sim.closed_loop.function import run_function
-
-        run_function(block, function, progress)
-    stop = list(StopReason)[int(block.work[Row.STOPPED, 0])]
-    n = clock.ticks + 1 if stop is StopReason.FINISHED else int(block.work[Row.STOP_TICK, 0]) + 1
-    time: Array = np.arange(n, dtype=np.float64) * clock.tick
-    record = block.record[:, :n, 0]
+    run = run_single(block, function, progress)
     return assemble(
-        vehicle, medium.plant, law=law.name, time=time,
-        reference=np.asarray(depths, float)[clock.turn[:n]], record=record,
-        events=(_events(stepper, time, record), 0), stop=stop,
+        vehicle, medium.plant, law=law.name, time=run.time, reference=run.reference,
+        record=run.record, events=(_events(stepper, run.time, run.record), 0), stop=run.stop,
         books=float_balance(model, stepper, 0, begin, emerges),
-        power=_power(model, record[0], record[5]),
+        power=_power(model, run.record[0], run.record[5]),
     )  # fmt: skip
 
 

@@ -1,7 +1,9 @@
 """What may stand between plant, sensors, law and driver of the loop, chosen by its type.
 
 An empty tuple stands for nothing, and compiles away. Anything else is a named tuple of a class for
-which `hook_in` names compiled functions; it stands in a block of one lane.
+which `hook_in` names compiled functions; it stands in a block of one lane. Faults are such hooks,
+and so are the phases of a mission: these say as well how far a lane with pump and valve goes before
+anybody has to decide, so that its ticks are as far apart as what is due.
 
 What makes a vehicle heavier than its neutral volume says: a leak, a drifting trim, the swell.
 
@@ -13,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from numba import types
 from numba.extending import overload
@@ -82,8 +84,16 @@ class Hooks(NamedTuple):
     sense: Callable[..., Any]  # (hooks, S, k): writes what the sensors give
     ask: Callable[..., Any]  # (hooks, S, k) -> whether the law is called
     drive: Callable[..., Any]  # (hooks, S, k, command) -> what the driver gives the actuator
+    # of a lane with pump and valve
+    bound: Callable[..., Any] | None = None  # (hooks, until) -> s that the lane goes to in a tick
+    set_off: Callable[..., Any] | None = None  # (hooks) -> loads [W], level [m] of `drive.move`
+    moved: Callable[..., Any] | None = None  # (hooks, event, time, depth before): a step was taken
+    settled: Callable[..., Any] | None = None  # (hooks): the drive has done what it does there
 
 
+P = ParamSpec("P")
+R = TypeVar("R")
+_TUPLES = types.NamedTuple | types.NamedUniTuple
 _HOOKS: dict[type[Any], Hooks] = {}
 
 
@@ -92,65 +102,63 @@ def hook_in(kind: type[Any], functions: Hooks) -> None:
     _HOOKS[kind] = functions
 
 
-def begin(hooks: Any, S: Any, k: int, built: Any) -> bool:
+def _chosen(hook: Callable[P, R]) -> Callable[P, R]:
+    """Let the class of hooks say what a function does; where it says nothing, as it is written."""
+    name = hook.__name__
+
+    def called(*given: P.args, **named: P.kwargs) -> R:
+        own = getattr(_HOOKS[type(given[0])], name) if given[0] else None
+        return (own or hook)(*given, **named)
+
+    @overload(called, jit_options={"forceinline": True}, strict=False)  # strict: same arguments
+    def compiled(*kinds: Any) -> Any:
+        form = kinds[0]
+        own = getattr(_HOOKS[form.instance_class], name) if isinstance(form, _TUPLES) else None
+        return hook if own is None else (lambda *given: own(*given))
+
+    return called
+
+
+@_chosen
+def begin(hooks: Any, S: Any, k: int, built: Any) -> bool:  # noqa: ARG001
     """Begin a tick; return whether the run is over."""
-    return bool(_HOOKS[type(hooks)].begin(hooks, S, k, built)) if hooks else False
+    return False
 
 
+@_chosen
 def sense(hooks: Any, S: Any, k: int) -> None:
     """Write what the sensors give."""
-    if hooks:
-        _HOOKS[type(hooks)].sense(hooks, S, k)
 
 
-def ask(hooks: Any, S: Any, k: int) -> bool:
+@_chosen
+def ask(hooks: Any, S: Any, k: int) -> bool:  # noqa: ARG001
     """Return whether the law is called at this tick."""
-    return bool(_HOOKS[type(hooks)].ask(hooks, S, k)) if hooks else True
+    return True
 
 
-def drive(hooks: Any, S: Any, k: int, command: float) -> float:
+@_chosen
+def drive(hooks: Any, S: Any, k: int, command: float) -> float:  # noqa: ARG001
     """Return what the driver gives the actuator for a command."""
-    return float(_HOOKS[type(hooks)].drive(hooks, S, k, command)) if hooks else command
+    return command
 
 
-def _functions(hooks: Any) -> Hooks | None:
-    return _HOOKS[hooks.instance_class] if isinstance(hooks, types.NamedTuple) else None
+@_chosen
+def bound(hooks: Any, until: float) -> float:  # noqa: ARG001
+    """Return how far a lane with pump and valve goes before the next tick [s]."""
+    return until
 
 
-_OVERLOAD: Any = {"jit_options": {"forceinline": True}, "strict": False}  # strict: no annotations
+@_chosen
+def set_off(hooks: Any) -> tuple[float, float]:  # noqa: ARG001
+    """Return the loads [W] of a step of such a lane, and the depth it is watched for [m]."""
+    return 0.0, 0.0
 
 
-@overload(begin, **_OVERLOAD)
-def _begin(hooks: Any, S: Any, k: Any, built: Any) -> Any:  # noqa: ARG001
-    own = _functions(hooks)
-    if own is None:
-        return lambda hooks, S, k, built: False  # noqa: ARG005
-    function = own.begin
-    return lambda hooks, S, k, built: function(hooks, S, k, built)
+@_chosen
+def moved(hooks: Any, event: int, time: float, depth: float) -> None:
+    """See what a step of such a lane from a time [s] and depth [m] means, and how it ended."""
 
 
-@overload(sense, **_OVERLOAD)
-def _sense(hooks: Any, S: Any, k: Any) -> Any:  # noqa: ARG001
-    own = _functions(hooks)
-    if own is None:
-        return lambda hooks, S, k: None  # noqa: ARG005
-    function = own.sense
-    return lambda hooks, S, k: function(hooks, S, k)
-
-
-@overload(ask, **_OVERLOAD)
-def _ask(hooks: Any, S: Any, k: Any) -> Any:  # noqa: ARG001
-    own = _functions(hooks)
-    if own is None:
-        return lambda hooks, S, k: True  # noqa: ARG005
-    function = own.ask
-    return lambda hooks, S, k: function(hooks, S, k)
-
-
-@overload(drive, **_OVERLOAD)
-def _drive(hooks: Any, S: Any, k: Any, command: Any) -> Any:  # noqa: ARG001
-    own = _functions(hooks)
-    if own is None:
-        return lambda hooks, S, k, command: command  # noqa: ARG005
-    function = own.drive
-    return lambda hooks, S, k, command: function(hooks, S, k, command)
+@_chosen
+def settled(hooks: Any) -> None:
+    """See where such a lane is, once its drive has done what it does there."""

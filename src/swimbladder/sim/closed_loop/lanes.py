@@ -141,7 +141,8 @@ def run_block(  # type: ignore[no-untyped-def]
     [set-points, lanes].
     noise [ticks of this call, 2, lanes] standard normal, or empty.
     record [7, n, lanes] or empty; state_row: row of the volume reference in the law's state, -1
-    without. chains, built: see engine.advance, per lane. books [lanes, accounts] or empty.
+    without. chains, built: see engine.advance, per lane; chains is None with a stepper.
+    books [lanes, accounts] or empty.
     layers: of the water, of all lanes; in layers every lane is taken by engine.advance.
     """
     W_ = len(token)
@@ -169,12 +170,15 @@ def run_block(  # type: ignore[no-untyped-def]
         sense(hooks, S, k)
         if k == 0:
             _start_laws(S, token, like, t)
-        if stepper is not None:  # pruned before types are inferred: only one of both is compiled
+        # what tests an argument for None is pruned before types are inferred where it is None
+        if stepper is not None:
             decide_lanes(stepper, S, token, hooks, like, like_state, k, tick, since)
             if record.shape[1] > 0:
                 _record(S, token, record, k, extent(like), state_row)
             if k < turn.shape[0] - 1:
                 move_lanes(stepper, S, token, hooks, k, tick, min(last, turn.shape[0] - 1))
+            continue
+        if chains is None:
             continue
         # likewise: one vehicle alone is taken by the parts below
         if len(token) > 1 and whole and k < turn.shape[0] - 1:

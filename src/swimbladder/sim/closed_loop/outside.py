@@ -19,6 +19,7 @@ import numpy as np
 
 from swimbladder.control.law import Law
 from swimbladder.io.files import source_hash
+from swimbladder.sim.closed_loop.dispatch import enroll
 from swimbladder.sim.closed_loop.lanes import run_block
 from swimbladder.sim.engine.cache import compiled
 from swimbladder.sim.engine.rodas import NAME
@@ -32,6 +33,7 @@ def kernel_of(law: Law, *, pumped: bool = False) -> Callable[..., Any]:
 
     pumped: the one whose lanes `engine.rodas` moves, kept under the name of that source.
     """
+    enroll(law)
     module = law.step.__module__
     stepper = NAME if pumped else ""
     if _is_own(law):

@@ -11,7 +11,7 @@ surface it acts itself, see `control.surfacing`; afterwards the law begins anew.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ from swimbladder.sim.closed_loop.dispatch import (
     law_step,
     scatter_where,
 )
-from swimbladder.sim.closed_loop.hooks import drive
+from swimbladder.sim.closed_loop.hooks import bound, drive, moved, set_off, settled
 from swimbladder.sim.closed_loop.lane import commit, judge
 from swimbladder.sim.closed_loop.rows import (
     APPLIED,
@@ -60,7 +60,7 @@ from swimbladder.sim.engine.rodas.drive import (
     turn_line,
 )
 from swimbladder.sim.engine.rodas.motion import inside, rate_of
-from swimbladder.sim.engine.rodas.names import At, Doing, Given, Now, Stop
+from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Given, Now, Stop
 
 Array = NDArray[np.float64]
 LAW_NOT_FINITE = 5  # why a lane stopped, beside engine.advance
@@ -78,15 +78,17 @@ class Pumped(NamedTuple):
     notes: Array  # [lanes, k, Drive.COUNT]; nothing is noted where k is 0
     counts: NDArray[np.int64]  # [lanes, 3]
     work: Array  # [lanes, 6, 8]
-    board: Array  # [lanes, BOARD]: of `control.surfacing`, the pause [s], its state, 1: law anew
+    board: Array  # [lanes, BOARD]: the parameters of `control.surfacing`, and see below
     segment: Array  # [lanes, SEGMENT]: begin and end of the last step [s], z, w, V there, Doing
 
 
 N_UP = len(SurfacingParameters._fields)
-PAUSE, Z_SEEN, DIVES, ANEW, BOARD = N_UP, N_UP + 1, N_UP + 2, N_UP + 3, N_UP + 4
+# s between two decisions at the surface; 1: it dives; 1: it is known to float with all volume out
+PAUSE, DIVES, FLOATS, BOARD = range(N_UP, N_UP + 4)
 BEGIN, END, Z_FROM, W_FROM, V_FROM, DID, SEGMENT = range(7)
 T, Z, W, V, T_MOVE = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.T_MOVE)
-DOING, SHUT, STOP = int(At.DOING), int(At.SHUT), int(At.STOP)
+T_LOOK, Z_LOOK, W_SEEN = int(Now.T_LOOK), int(Now.Z_LOOK), int(Now.W_SEEN)
+DOING, SHUT, STOP, NEW_LAW = int(At.DOING), int(At.SHUT), int(At.STOP), int(At.NEW_LAW)
 LONGEST, NOTHING = int(Given.LONGEST), int(Doing.NOTHING)
 STOP_LEFT, STOP_LOST, STUCK = int(Stop.LEFT_WATER), int(Stop.LOST), int(Stop.STUCK)
 _PASSES = 200  # without time passing: a fault of the model
@@ -104,12 +106,12 @@ def _decide(  # type: ignore[no-untyped-def]
         S[WAIT * W_ + i] = waiting - 1.0
         return
     p, x, at, board = s.given[i], s.x[i], s.at[i], s.board[i]
-    t, change, pause = k * tick, 0.0, board[PAUSE]
+    t, change, pause = x[T], 0.0, board[PAUSE]
     depth, volume = S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i]
     reference = S[REFERENCE * W_ + i]
     up = SurfacingParameters(board[0], board[1], board[2], board[3], board[4], board[5])
-    before = SurfacingState(board[Z_SEEN], board[DIVES])
-    action, wanted, after = _at_surface(up, before, depth, volume, reference, 1.0)
+    before = SurfacingState(x[Z_LOOK], board[DIVES])
+    action, wanted, after = _at_surface(up, before, depth, volume, reference, board[FLOATS])
     notes, counts = s.notes[i], s.counts[i]
     if at[DOING] != NOTHING:
         pass  # a run to the end stop, of a pump that may run as long as it takes
@@ -117,8 +119,8 @@ def _decide(  # type: ignore[no-untyped-def]
         row = (LAW_ROW + extent(like)) * W_ + i
         parameters = gather(like, S, LAW_ROW * W_ + i, W_)
         now = Measurement(t, depth, volume)
-        if board[ANEW] != 0.0:
-            board[ANEW] = 0.0
+        if at[NEW_LAW] == 1:
+            at[NEW_LAW] = 0
             scatter_where(True, law_initial(parameters, now, reference), S, row, W_)
         state = gather(like_state, S, row, W_)
         change, state, pause = law_step(parameters, state, now, reference)
@@ -133,44 +135,56 @@ def _decide(  # type: ignore[no-untyped-def]
                 p, s.table, x, at, s.accounts[i], notes, counts, volume, change, longest
             )  # fmt: skip
     else:
-        board[Z_SEEN], board[DIVES], board[ANEW] = after.depth, after.dives, 1.0
+        x[Z_LOOK], board[DIVES], at[NEW_LAW] = after.depth, after.dives, 1
         change = wanted
         if action == OUT:
             press_out(p, s.table, x, at, s.accounts[i], notes, counts)
         elif action == IN:
+            x[W_SEEN] = 0.0
             longest = min(p[LONGEST], pause)
             take_in(p, s.table, x, at, s.accounts[i], notes, counts, volume, wanted, longest)
+    turn_line(p, s.table, s.waves, x, at)
+    x[T_LOOK] = t + pause
     if at[DOING] != NOTHING and x[T_MOVE] < math.inf:
-        pause = max(pause, x[T_MOVE] - t)
+        x[T_LOOK] = max(x[T_LOOK], x[T_MOVE])
     S[COMMAND * W_ + i], S[APPLIED * W_ + i] = change, at[DOING]
     S[Q * W_ + i] = rate_of(p, s.table, at[DOING], at[SHUT] == 1, x[Z], x[V], x[W])[0]
-    S[WAIT * W_ + i] = max(math.ceil(pause / tick - 1e-9) - 1.0, 0.0)
+    if tick > 0.0:
+        S[WAIT * W_ + i] = max(math.ceil((x[T_LOOK] - t) / tick - 1e-9) - 1.0, 0.0)
 
 
 @part
-def _move(s, S, W_, i, k, tick, ahead):  # type: ignore[no-untyped-def]
-    """Bring lane i to the end of tick k; its steps may go on to `ahead` [s]."""
+def _move(s, S, W_, i, hooks, k, tick, ahead):  # type: ignore[no-untyped-def]
+    """Bring lane i to the end of tick k; its steps may go on to `ahead` [s].
+
+    A tick without a length ends where the hooks say.
+    """
     p, x, at, seg, work = s.given[i], s.x[i], s.at[i], s.segment[i], s.work[i]
+    accounts, notes, counts = s.accounts[i], s.notes[i], s.counts[i]
     t = (k + 1) * tick
     until = max(t, min(ahead, (k + 1.0 + S[WAIT * W_ + i]) * tick))
+    t, until = bound(hooks, t), bound(hooks, until)
     passes = 0
     while x[T] < t and at[STOP] == 0:
-        before = x[T]
+        before, z = x[T], x[Z]
         goal = next_turn(p, s.table, x, at, until)
         if goal > before:
-            seg[BEGIN], seg[Z_FROM], seg[W_FROM], seg[V_FROM] = before, x[Z], x[W], x[V]
+            loads, level = set_off(hooks)
+            seg[BEGIN], seg[Z_FROM], seg[W_FROM], seg[V_FROM] = before, z, x[W], x[V]
             seg[DID] = at[DOING]
             event = move(
-                p, s.table, s.waves, x, at, s.accounts[i], s.notes[i], s.counts[i], 0.0, 0.0, goal,
-                work,
+                p, s.table, s.waves, x, at, accounts, notes, counts, loads, level, goal, work
             )  # fmt: skip
             seg[END] = x[T]
             if event == STAYED:
                 work[0, 0], work[0, 1], work[0, 2] = x[Z], x[W], x[V]
                 for n in range(3):
                     work[2, n], work[3, n] = 0.0, 0.0
-        end_turn(x, at, s.notes[i], s.counts[i])
+            moved(hooks, event, before, z)
+        end_turn(x, at, notes, counts)
         turn_line(p, s.table, s.waves, x, at)
+        settled(hooks)
+        t, until = bound(hooks, t), bound(hooks, until)
         passes = 0 if x[T] > before else passes + 1
         if passes > _PASSES:
             at[STOP] = STUCK
@@ -192,6 +206,25 @@ def _move(s, S, W_, i, k, tick, ahead):  # type: ignore[no-untyped-def]
         S[STOPPED * W_ + i], S[STOP_TICK * W_ + i] = why, k
     commit(S, W_, i, (), rate_of(p, s.table, int(doing), at[SHUT] == 1, z, v, w)[0], v, z, w)
     S[APPLIED * W_ + i] = doing
+
+
+def one_lane(
+    given: Array, table: Array, x: Array, at: NDArray[np.int64], **named: Array | NDArray[np.int64]
+) -> Pumped:
+    """Return a lane in a state (x, at) of `names`; named: what else of it there is, as one lane's.
+
+    What is not given keeps nothing: no waves, accounts that nobody reads, no notes.
+    """
+    lane: dict[str, Any] = {
+        "accounts": np.zeros(int(Account.COUNT)), "notes": np.zeros((0, int(Drive.COUNT))),
+        "counts": np.zeros(3, np.int64), "board": np.zeros(BOARD),
+    } | named  # fmt: skip
+    waves = lane.pop("waves", np.zeros((0, 6)))
+    return Pumped(
+        given=given[None], table=table, waves=waves, x=x[None], at=at[None],
+        **{name: values[None] for name, values in lane.items()},
+        work=np.zeros((1, 6, 8)), segment=np.zeros((1, SEGMENT)),
+    )  # fmt: skip
 
 
 def trim(stepper: Pumped, neutral: Array) -> None:
@@ -220,4 +253,4 @@ def move_lanes(stepper, S, token, hooks, k, tick, last):  # type: ignore[no-unty
     ahead = (last if len(hooks) == 0 else k + 1) * tick
     for i in range(W_):
         if S[STOPPED * W_ + i] == 0.0:
-            _move(stepper, S, W_, i, k, tick, ahead)
+            _move(stepper, S, W_, i, hooks, k, tick, ahead)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,23 +107,38 @@ def simulate(
         seeds=None if seed is None else [[seed, 0]], record=True, books=True, events=True,
         layers=layers,
     )  # fmt: skip
+    run = run_single(block, function, progress)
+    last = block.work[Row.Q : Row.Q + 4, 0]
+    return assemble(
+        vehicle, p, law=chosen.name, time=run.time, reference=run.reference, record=run.record,
+        events=name_events(block.log[0], int(block.noted[0, 0])), stop=run.stop,
+        books=close_books(vehicle, medium, block.books[0], np.array(start), last),
+    )  # fmt: skip
+
+
+class SingleRun(NamedTuple):
+    """What a block of one vehicle gave, sample by sample."""
+
+    stop: StopReason
+    time: NDArray[np.float64]  # s
+    reference: NDArray[np.float64]  # m
+    record: NDArray[np.float64]  # [len(RECORDED), samples]
+
+
+def run_single(
+    block: Block, function: Callable[..., Any] | None, progress: Callable[[int], None] | None
+) -> SingleRun:
+    """Run a block of one vehicle to its end, by its law or by a function in its place."""
     if function is None:
         block.run(progress)
     else:
         from swimbladder.sim.closed_loop.function import run_function
 
         run_function(block, function, progress)
-    stop = list(StopReason)[int(block.work[Row.STOPPED, 0])]
+    stop, clock = list(StopReason)[int(block.work[Row.STOPPED, 0])], block.clock
     n = clock.ticks + 1 if stop is StopReason.FINISHED else int(block.work[Row.STOP_TICK, 0]) + 1
-    last = block.work[Row.Q : Row.Q + 4, 0]
-    time: NDArray[np.float64] = np.arange(n, dtype=np.float64) * tick
-    return assemble(
-        vehicle, p, law=chosen.name, time=time,
-        reference=np.asarray(depths, float)[clock.turn[:n]],
-        record=block.record[:, :n, 0],
-        events=name_events(block.log[0], int(block.noted[0, 0])), stop=stop,
-        books=close_books(vehicle, medium, block.books[0], np.array(start), last),
-    )  # fmt: skip
+    time = np.arange(n, dtype=np.float64) * clock.tick
+    return SingleRun(stop, time, block.depths[clock.turn[:n], 0], block.record[:, :n, 0])
 
 
 def choose_law(

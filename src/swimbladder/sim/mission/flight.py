@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from swimbladder.io.mission import Mission
 from swimbladder.jobs import Store
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Now, Stop
+from swimbladder.sim.engine.rodas.names import At, Given, Now, Stop
 from swimbladder.sim.engine.rodas.prepare import Accuracy
-from swimbladder.sim.mission.core import kernel
-from swimbladder.sim.mission.core.names import Cycle, Row, Stage
+from swimbladder.sim.mission.core.hooks import fly
+from swimbladder.sim.mission.core.names import Row, Stage
 from swimbladder.sim.mission.prepare import Plan, Reckoning, first_state, make_plan
 from swimbladder.sim.mission.reach import Reach, check_flight, check_reach, reach_of
 from swimbladder.vehicle import Vehicle
@@ -23,12 +23,11 @@ from swimbladder.vehicle import Vehicle
 Array = NDArray[np.float64]
 _MOST = 1e6  # rows of steps that are kept in all; those where something changes come on top
 _ROWS, _NOTES, _CYCLES = 40_000, 8_000, 8
-_CYCLE_WIDTH = int(Cycle.ACCOUNTS) + int(Account.COUNT)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Flight:
-    """What the kernel gave: see `engine.rodas.names` and `mission.core.names`.
+    """What was flown: see `engine.rodas.names` and `mission.core.names`.
 
     rows [n, Row.COUNT], notes [k, Drive.COUNT], cycles [c, ...]; begin and end: of
     `Now`, whole: of `At`, accounts: of `Account`, the last three at the end. reach: what it takes
@@ -103,25 +102,18 @@ def fly_mission(
         parts.append((kept["rows"], kept["notes"], kept["cycles"]))
         x[:], at[:], accounts[:] = kept["x"], kept["at"], kept["accounts"]
     whole, told, spacing = _whole(plan), 0.0, _length(plan) / _MOST
-    work = np.zeros((6, 8))
     while at[At.STOP] == 0:
-        rows, notes = np.zeros((_ROWS, int(Row.COUNT))), np.zeros((_NOTES, int(Drive.COUNT)))
-        table, counts = np.zeros((_CYCLES, _CYCLE_WIDTH)), np.zeros(3, dtype=np.int64)
-        while at[At.STOP] == 0:
-            kernel.fly_kernel(
-                plan.given, plan.table, plan.waves, plan.stages, x, at, accounts, rows, notes,
-                table, counts, work,
-            )  # fmt: skip
+        flown = plan.under_way((x, at, accounts), rows=_ROWS, notes=_NOTES, cycles=_CYCLES)
+        counts, room = flown.counts, True
+        while room and fly(flown) is Stop.GOES_ON:
             share = min(whole(x, at), 1.0)
             advance(share - told)
             told = share
             room = counts[0] < _ROWS // 2 and counts[1] < _NOTES // 2 and counts[2] < _CYCLES
-            if not room:
-                break
         part = (
-            thinned(rows[: counts[0]], spacing),
-            notes[: counts[1]].copy(),
-            table[: counts[2]].copy(),
+            thinned(flown.rows[: counts[0]], spacing),
+            flown.notes[: counts[1]].copy(),
+            flown.cycles[: counts[2]].copy(),
         )
         parts.append(part)
         state = {"x": x, "at": at, "accounts": accounts}

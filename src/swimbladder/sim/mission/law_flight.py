@@ -37,9 +37,9 @@ from swimbladder.sim.engine.books import Account as Sums
 from swimbladder.sim.engine.chain import book_steps
 from swimbladder.sim.engine.modes import COUNT, Act, Where
 from swimbladder.sim.engine.rodas.drive import FULL
-from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Given, Note, Now, Stop
-from swimbladder.sim.mission.core import kernel
-from swimbladder.sim.mission.core.names import Cycle, Kind, Stage
+from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Note, Now, Stop
+from swimbladder.sim.mission.core.hooks import phase_step
+from swimbladder.sim.mission.core.names import Kind, Stage
 from swimbladder.sim.mission.core.names import Row as Out
 from swimbladder.sim.mission.orders import ASLEEP, runaway
 from swimbladder.sim.mission.phase_laws import PhaseLaw
@@ -178,10 +178,9 @@ class _Flight:
         self.step = 10.0 / book_steps(self.medium.plant, 10.0, 0.0, self.medium.layers)
         self.chains, self.built = work_space(1)[0], np.zeros(COUNT, np.uint8)
         self.chain_step = 0.0
-        self.rows = np.zeros((_ROOM, int(Out.COUNT)))
-        self.notes = np.zeros((_LOG + _ROOM, int(Drive.COUNT)))
-        self.cycles = np.zeros((4, int(Cycle.ACCOUNTS) + int(Account.COUNT)))
-        self.counts = np.zeros(3, dtype=np.int64)
+        self.phases = plan.under_way(state, rows=_ROOM, notes=_LOG + _ROOM, cycles=4)
+        self.rows, self.notes = self.phases.rows, self.phases.notes
+        self.cycles, self.counts = self.phases.cycles, self.phases.counts
         self.parts: list[tuple[Array, Array, Array]] = []
         self.last: Array | None = None  # the row that the next span begins at
 
@@ -469,10 +468,7 @@ class _Flight:
                     return
 
     def _step(self, h: float, z: float, energy: float) -> None:
-        kernel.phase_step_kernel(
-            self.plan.given, self.plan.table, self.plan.stages, self.x, self.at, self.accounts,
-            self.rows, self.notes, self.cycles, self.counts, z, h, energy,
-        )  # fmt: skip
+        phase_step(self.phases, z, h, energy)
         n_rows, n_notes, n_cycles = (int(n) for n in self.counts)
         rows = self.rows[:n_rows].copy()
         self.parts.append((rows, self.notes[:n_notes].copy(), self.cycles[:n_cycles].copy()))

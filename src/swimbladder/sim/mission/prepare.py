@@ -13,14 +13,15 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.battery import hotel_power, surfacing_energy, usable_charge
 from swimbladder.physics.hull import heat_expansion
 from swimbladder.physics.seawater import Column, check_motion, look_up
-from swimbladder.sim.engine.rodas.names import Account, At, Given, Table
+from swimbladder.sim.closed_loop.pumped import BOARD
+from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Table
 from swimbladder.sim.engine.rodas.prepare import (
     Accuracy,
     first_lane,
     given_of,
     make_table,
 )
-from swimbladder.sim.mission.core.names import Holding, Kind, Stage
+from swimbladder.sim.mission.core.names import Cycle, Holding, Kind, Phases, Row, Stage
 from swimbladder.sim.mission.orders import approach_time, hold_parameters, law_parameters
 from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws
 from swimbladder.sim.mission.rescue import return_depth
@@ -55,6 +56,18 @@ class Plan:
     stages: Array
     energy_known: str  # why no electrical energy is known; "" where it is
     laws: tuple[PhaseLaw, ...] = ()  # of each phase; none: the mission's own rule flies
+
+    def under_way(
+        self, state: tuple[Array, NDArray[np.int64], Array], *, rows: int = 0, notes: int = 0,
+        cycles: int = 1,
+    ) -> Phases:  # fmt: skip
+        """Return the mission in a state of `first_state`, with buffers of so many lines."""
+        return Phases(
+            self.given, self.table, self.waves, self.stages, *state,
+            rows=np.zeros((rows, int(Row.COUNT))), notes=np.zeros((notes, int(Drive.COUNT))),
+            cycles=np.zeros((cycles, int(Cycle.COUNT))), counts=np.zeros(3, dtype=np.int64),
+            board=np.zeros(BOARD),
+        )  # fmt: skip
 
 
 def make_plan(

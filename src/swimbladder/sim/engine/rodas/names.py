@@ -151,7 +151,8 @@ class At(IntEnum):
     NOT_HELD = 16  # parks and holds of the cycle that were out of their tolerance too long
     CAPTURED = 17  # 1: `control.hold` flies
     SHUT = 18  # 1: the check valve behind the oil line is
-    COUNT = 19
+    IDLE = 19  # ticks without time passing
+    COUNT = 20
 
 
 class Doing(IntEnum):

@@ -3,6 +3,16 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control.deadband import DeadbandParameters
+from swimbladder.control.rate import RateParameters
+from swimbladder.sim.engine.rodas.names import Account
+
+Array = NDArray[np.float64]
 
 
 class Stage(IntEnum):
@@ -15,10 +25,10 @@ class Stage(IntEnum):
     DURATION = 4  # s
     TIMEOUT = 5  # s
     LOADS = 6  # W, standby and loads that are on
-    LAW = 7  # the 14 parameters of the law `rate`, in its order
-    CAPTURE = 21  # m from the depth within which `control.hold` flies; 0: nowhere
-    HOLD = 22  # its 21 parameters, those of `deadband`, in that order
-    COUNT = 43
+    LAW = 7  # the parameters of the law `rate`, in its order
+    CAPTURE = LAW + len(RateParameters._fields)  # m around it that `control.hold` flies; 0: nowhere
+    HOLD = CAPTURE + 1  # its parameters, those of `deadband`, in that order
+    COUNT = HOLD + len(DeadbandParameters._fields)
 
 
 class Kind(IntEnum):
@@ -54,6 +64,7 @@ class Cycle(IntEnum):
     SURFACED = 7  # s, when it was afloat again; nan: never
     NOT_HELD = 8  # parks and holds out of their tolerance too long, a bit each
     ACCOUNTS = 9  # all accounts at the end of the cycle
+    COUNT = ACCOUNTS + Account.COUNT
 
 
 class Row(IntEnum):
@@ -73,3 +84,20 @@ class Row(IntEnum):
     SURFACING_ENERGY = 11
     SELF_DISCHARGED = 12
     COUNT = 13
+
+
+class Phases(NamedTuple):
+    """A mission on its way; rows, notes and cycles are buffers, an empty one keeps nothing."""
+
+    given: Array  # [Given.COUNT]
+    table: Array  # [n, Table.WIDTH]
+    waves: Array  # [m, 6] of `motion_table`
+    stages: Array  # [phases, Stage.COUNT]
+    x: Array  # [Now.COUNT]
+    at: NDArray[np.int64]  # [At.COUNT]
+    accounts: Array  # [Account.COUNT and `Holding` of each phase]
+    rows: Array  # [n, Row.COUNT]
+    notes: Array  # [n, Drive.COUNT]
+    cycles: Array  # [n, Cycle.COUNT]
+    counts: NDArray[np.int64]  # [3]: how much is in the buffers
+    board: Array  # [BOARD]: what the processor assumes at the surface
