@@ -21,7 +21,7 @@ from swimbladder.sim.campaign.run import Fact, Floats
 from swimbladder.sim.campaign.store import FLOATS
 from swimbladder.sim.engine.rodas.motion import rate_of
 from swimbladder.sim.engine.rodas.names import Account, Doing, Given, Table
-from swimbladder.sim.mission.core.names import Holding, Row
+from swimbladder.sim.mission.core.names import Cycle, Holding, Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.vehicle import Identified
@@ -113,6 +113,41 @@ def test_a_float_that_is_trimmed_otherwise_is_one_with_more_ballast(vehicle, col
     for place in (Given.D_L, Given.D_B, Given.D_0, Given.D_T, Given.A_S):
         assert slow[place] == 0.5 * plan.given[place]
     assert slow[Given.MASS] == 2.0 * plan.given[Given.MASS]
+
+
+def test_a_float_under_a_sampled_law_is_a_vehicle_with_the_numbers_drawn(monkeypatch, tmp_path):
+    """K1 goes with the pump, K2 and T2 with drag and mass, whatever the law knows of them."""
+    trim, psi, drag, pump, mass = 3e-6, 2e-7, 1.1, 0.95, 1.05
+    drawn = np.array([trim, psi, drag, pump, mass, 0.0])
+    monkeypatch.setattr("swimbladder.sim.campaign.run.draw", lambda *_, **__: drawn)
+    file = load_vehicle("feup-em")
+    sea = uniform_column(file.water, 30.0)
+    task = Mission(
+        phases=[
+            {"kind": "descend", "depth": 4.0, "tolerance": 0.2},
+            {"kind": "park", "depth": 4.0, "tolerance": 0.2, "duration": 60.0},
+            {"kind": "surface", "duration": 10.0},
+        ],
+        cycles=2,
+    )
+    store = tmp_path / "campaign.zarr"
+    floats = Floats(vehicle=file, mission=task, columns=[sea], floats=1, store=store, seed=2)
+    floats.create()
+    floats.do(0)
+    found = xarray.open_zarr(store).isel(float=0)
+    actuator, motion = file.actuator, file.motion
+    changed = {
+        "trim_error": file.trim_error + trim,
+        "hull": file.hull.model_copy(update={"psi": file.hull.psi + psi}),
+        "actuator": actuator.model_copy(update={"K1": actuator.K1 * pump}),
+        "motion": motion.model_copy(update={"K2": motion.K2 / drag, "T2": motion.T2 * mass / drag}),
+    }
+    other = fly_mission(file.model_copy(update=changed), task, sea, seed=2_000_000, checked=False)
+    plain = fly_mission(file, task, sea, seed=2_000_000)
+    assert float(found.duration) == pytest.approx(other.duration, rel=1e-9)
+    assert abs(other.duration - plain.duration) > 1.0
+    for column, name in ((Cycle.DEEPEST, "deepest"), (Cycle.ARRIVAL, "arrival")):
+        assert found[name].values == pytest.approx(other.cycles[:, column], rel=1e-6)
 
 
 def test_a_pump_that_delivers_less_gives_less_than_the_table(vehicle, column):

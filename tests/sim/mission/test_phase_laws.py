@@ -15,7 +15,6 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.campaign.run import Floats
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Note, Now, Stop
 from swimbladder.sim.mission.core.names import Row
@@ -344,15 +343,3 @@ def test_a_vehicle_without_a_controller_takes_the_law_of_its_phases():
         flown(bare, steps({**HOLD, "law": own.law, "parameters": own.parameters}))
     with refused(InputError, field="phases[1].parameters"):
         flown(bare, steps(HOLD, {**PARK, "parameters": {"k_pz": 1.0}}))
-
-
-def test_a_campaign_refuses_what_it_does_not_fly():
-    vehicle = load_vehicle("feup-em")
-    with refused(InputError, field="controller.law", value="cascade"):
-        Floats(
-            vehicle=vehicle,
-            mission=steps(HOLD),
-            columns=[uniform_column(vehicle.water, 50.0)],
-            floats=2,
-            store=Path("campaign.zarr"),
-        )

@@ -19,9 +19,10 @@ from swimbladder.jobs import identity, software
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.campaign.draw import Design, Drawn, draw, varied
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
-from swimbladder.sim.engine.rodas.names import Account, At, Given, Now
+from swimbladder.sim.engine.rodas.names import Account, At, Given, Now, Stop
 from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.core.names import Cycle, Holding, Stage
+from swimbladder.sim.mission.law_flight import fly_by_laws
 from swimbladder.sim.mission.prepare import Plan, first_state, make_plan
 from swimbladder.sim.mission.reach import check_flight, check_reach
 from swimbladder.vehicle import Vehicle
@@ -83,7 +84,6 @@ class Floats:
         for column in self.columns:
             check_flight(self.vehicle, self.mission, column, cycles=self.cycles, span=self.span)
         for plan in self.plans:
-            _check_laws(plan)
             check_reach(self.vehicle, self.mission, plan)
         self._most_cycles()
 
@@ -187,20 +187,22 @@ class Floats:
         else:
             drawn, noise = self.design.drawn(number)
         plan = varied(self.plans[int(drawn[Drawn.CAST])], drawn)
-        x, at, accounts = first_state(plan, self.mission, seed=self.seed * MOST + noise)
-        flown = plan.under_way((x, at, accounts))
-        cycle, counts = flown.cycles, flown.counts
+        seed = self.seed * MOST + noise
+        x, at, accounts = first_state(plan, self.mission, seed=seed)
+        if plan.laws:
+            column = self.columns[int(drawn[Drawn.CAST])]
+            state = x, at, accounts
+            flown = [*fly_by_laws(self.vehicle, self.mission, column, plan, state, seed=seed)[2]]
+        else:
+            flown = _by_rule(plan, (x, at, accounts))
         before, rows = np.zeros(int(Account.COUNT)), list[list[float]]()
         low, high = math.inf, -math.inf
-        while at[At.STOP] == 0:
-            counts[:] = 0
-            fly(flown)
-            if counts[2]:
-                now = cycle[0, Cycle.ACCOUNTS :].copy()
-                rows.append(_cycle(cycle[0], now - before, plan.given))
-                before = now
-                low = min(low, float(cycle[0, Cycle.V_LEAST]))
-                high = max(high, float(cycle[0, Cycle.V_MOST]))
+        for cycle in flown:
+            now = cycle[Cycle.ACCOUNTS :]
+            rows.append(_cycle(cycle, now - before, plan.given))
+            before = now
+            low = min(low, float(cycle[Cycle.V_LEAST]))
+            high = max(high, float(cycle[Cycle.V_MOST]))
         low, high = min(low, float(x[Now.V_LEAST])), max(high, float(x[Now.V_MOST]))
         kept = np.array(rows).reshape(-1, len(CYCLES)).T
         by = dict(zip(CYCLES, kept, strict=True))
@@ -222,14 +224,15 @@ class Floats:
 _MADE = ("plans", "design", "layout")
 
 
-def _check_laws(plan: Plan) -> None:
-    if plan.laws:
-        raise InputError(
-            "a campaign is not flown with a law that is called at each sample",
-            field="controller.law", value=plan.laws[0].law.name,
-            remedy='Write law = "rate" in every phase, the mission\'s own rule, or fly single '
-            "floats with `swimbladder mission`",
-        )  # fmt: skip
+def _by_rule(plan: Plan, state: tuple[Array, NDArray[np.int64], Array]) -> list[Array]:
+    """Fly a float by the mission's own rule from a state, which is changed; return its cycles."""
+    flown, found = plan.under_way(state), list[Array]()
+    stop = Stop.GOES_ON
+    while stop is Stop.GOES_ON:
+        flown.counts[:] = 0
+        stop = fly(flown)
+        found.extend(flown.cycles[: flown.counts[2]].copy())
+    return found
 
 
 def _energies(accounts: Array) -> tuple[float, float]:

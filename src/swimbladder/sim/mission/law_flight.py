@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -70,6 +70,19 @@ def medium_for(vehicle: Vehicle, mission: Mission, column: Column) -> Medium:
     return own if even and math.isclose(found.plant.a_b, own.plant.a_b, rel_tol=1e-9) else found
 
 
+def _own_medium(medium: Medium, vehicle: Vehicle, given: Array) -> Medium:
+    """Return what the numbers of a plan make of it: a float may differ from its vehicle's file."""
+    p, delivery = medium.plant, float(given[Given.DELIVERY])
+    mass = float(given[Given.MASS]) / vehicle.mass
+    own = p._replace(
+        V_0=p.V_0 + float(given[Given.TRIM]), psi=p.psi + float(given[Given.GIVE]),
+        gain=p.gain * delivery, rate=p.rate * delivery, kappa=p.kappa / delivery, a_b=p.a_b / mass,
+        a_s=p.a_s / mass, d_l=float(given[Given.D_L]), d_b=float(given[Given.D_B]),
+        d_0=float(given[Given.D_0]), d_t=float(given[Given.D_T]),
+    )  # fmt: skip
+    return replace(medium, plant=own)
+
+
 def check_samples(mission: Mission, plan: Plan) -> None:
     """Raise NoAnswerError where a law would be called too often, with what that costs."""
     for phase, stage, law in zip(mission.phases, plan.stages, plan.laws, strict=True):
@@ -89,6 +102,7 @@ class _Meter:
 
     vehicle: Vehicle
     known: bool
+    delivery: float  # of the drive over what its file says
 
     def energy(self, sums: Array, h: float) -> float:
         """Return the energy [J] of h [s] with these sums; 0 where it is not known."""
@@ -103,7 +117,8 @@ class _Meter:
         found = reduced(a, v.water)
         assert found.resistance is not None
         assert found.kappa is not None
-        motor = float(sums[Sums.U_U] - found.kappa * sums[Sums.U_Q]) / found.resistance
+        kappa = found.kappa / self.delivery
+        motor = float(sums[Sums.U_U] - kappa * sums[Sums.U_Q]) / found.resistance
         cells = battery_power(terminal_power(np.array([motor / h]), v.driver), v.supply)
         return float(cells[0]) * h
 
@@ -159,13 +174,13 @@ class _Flight:
     ) -> None:  # fmt: skip
         self.vehicle, self.mission, self.plan = vehicle, mission, plan
         self.x, self.at, self.accounts = state
-        self.medium = medium_for(vehicle, mission, column)
+        self.medium = _own_medium(medium_for(vehicle, mission, column), vehicle, plan.given)
         self.p = np.array(self.medium.plant)
         self.random = None
         if seed is not None:
             self.random = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 0])))
         self.drawn = np.zeros((0, 2, 1))
-        self.meter = _Meter(vehicle, not plan.energy_known)
+        self.meter = _Meter(vehicle, not plan.energy_known, float(plan.given[Given.DELIVERY]))
         self.loop: _Loop | None = None
         self.mode = -1  # of the engine while no law is called; -1: it is
         self.q = 0.0
@@ -399,7 +414,7 @@ class _Flight:
         ends: greatest depth, least and greatest volume on the way. log: passages between modes.
         """
         x, at, a = self.x, self.at, self.accounts
-        m, k_b = self.vehicle.mass, self.medium.specific_weight
+        m, k_b = float(self.plan.given[Given.MASS]), self.medium.specific_weight
         before, z = float(x[Now.V]), float(x[Now.Z])
         x[[Now.V, Now.Z, Now.W]] = state
         x[Now.T] += h
@@ -494,8 +509,9 @@ def _longest(plan: Plan) -> float:
 
 def fly_by_laws(
     vehicle: Vehicle, mission: Mission, column: Column, plan: Plan, state: Any, *,
-    seed: int | None, volume: float | None, advance: Callable[[float], None],
-    share: Callable[..., float],
+    seed: int | None, volume: float | None = None,
+    advance: Callable[[float], None] = lambda _: None,
+    share: Callable[..., float] = lambda *_: 0.0,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Fly a mission whose phases have laws; return rows, notes and cycles as the kernel gives them.
 
