@@ -9,7 +9,6 @@ COMMANDS = {
     "identify-actuator": ["LOG", "--vehicle"],
     "design-experiment": ["--pool-depth", "4 m"],
     "plan": ["--step", "1:3"],
-    "faults": [],
     "pool": ["--simulate"],
 }
 

@@ -125,7 +125,7 @@ def test_a_law_that_does_not_fit(kind, command, tmp_path, capsys):
         function(vehicle, phases)
     same(said.err, caught.value)
     assert not out.exists()
-    pump = kind == "a voltage law on a pump" and command in {"faults", "plan", "pool"}
+    pump = kind == "a voltage law on a pump" and command in {"plan", "pool"}
     assert caught.value.field == ("actuator.kind" if pump else field or "controller.law")
     if field == "controller.law":
         assert caught.value.value == vehicle.controller.law

@@ -12,7 +12,7 @@ import pytest
 
 import swimbladder as sb
 from swimbladder.cli import main
-from swimbladder.codegen.float_flight import FloatPlant, fly_float
+from swimbladder.codegen.float_flight import fly_float
 from swimbladder.codegen.library import Library, make_library, write_library
 from swimbladder.codegen.pool import PoolOptions
 from swimbladder.codegen.pump_valve import board_law
@@ -236,31 +236,34 @@ class TestTheDive:
         """In the plant of missions, from 100 m, sinking, by the pump alone."""
         made, vehicle = library(), the_float()
         board = chip.vehicle_twin(made)
-        plant = FloatPlant(vehicle, start_depth=0.0, deepest=200.0)
-        for n in range(4000):
-            seen = Watched(plant.depth, 0.0, math.nan, 14.0, False, 0, 0)
-            command = board.tick(seen._replace(**fault) if n >= 900 else seen, 200.0)
-            plant.move(float(command), 1.0, wide=board.wide)
-            if n == 890:
-                assert plant.depth > 60.0
+
+        def tick(measured, asked):
+            seen = Watched(measured.depth, 0.0, math.nan, 14.0, False, 0, 0)
+            spoilt = seen._replace(**fault) if measured.time >= 900.0 else seen
+            return float(board.tick(spoilt, asked)), board.wide
+
+        rows = fly_float(vehicle, tick, tick=1.0, start_depth=0.0, asked=np.full(4000, 200.0))
+        assert rows[890, 0] > 60.0
         assert board.reason is reason
-        assert plant.depth < 0.5
-        assert plant.volume == pytest.approx(vehicle.stroke.maximum, abs=1e-6)
+        assert rows[-1, 0] < 0.5
+        assert rows[-1, 2] == pytest.approx(vehicle.stroke.maximum, abs=1e-6)
 
     def test_a_float_that_passes_its_depth_limit_turns_round_above_the_deepest(self):
         """Asked for more than the limit, at twice the speed of its law."""
         vehicle = the_float(supervisor=Supervisor(depth_limit="150 m"))
         made = make_library(vehicle, target=100.0, duration=300.0)
         board = chip.vehicle_twin(made)
-        plant = FloatPlant(vehicle, start_depth=0.0, deepest=400.0)
-        deepest = 0.0
-        for _ in range(6000):
-            seen = Watched(plant.depth, 0.0, math.nan, 14.0, False, 0, 0)
-            plant.move(float(board.tick(seen, 400.0)), 1.0, wide=board.wide)
-            deepest = max(deepest, plant.depth)
+
+        def tick(measured, asked):
+            seen = Watched(measured.depth, 0.0, math.nan, 14.0, False, 0, 0)
+            return float(board.tick(seen, asked)), board.wide
+
+        depth = fly_float(vehicle, tick, tick=1.0, start_depth=0.0, asked=np.full(6000, 400.0))[
+            :, 0
+        ]
         assert board.reason is Reason.DEPTH_LIMIT
-        assert 150.0 < deepest < 175.0
-        assert plant.depth < 0.5
+        assert 150.0 < depth.max() < 175.0
+        assert depth[-1] < 0.5
 
     def test_no_reason_in_health_with_noise(self):
         made = library(noisy=True)

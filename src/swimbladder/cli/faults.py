@@ -62,7 +62,7 @@ def faults(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import check_place, unfinished
 
-    v, asked = load_vehicle(vehicle, sampled=True), missions.read()
+    v, asked = load_vehicle(vehicle), missions.read()
     reach = None if asked["depths"] is None else asked["depths"][1]
     asked["column"] = water_of_cast(reading.casts(cast), reach, v.hull.depth_limit)
     check_place(to.out)
@@ -112,6 +112,7 @@ def _print(flown: Campaign) -> None:
     from rich.table import Table
 
     from swimbladder.sim.faults.campaign_result import MILD, rule_of_three
+    from swimbladder.sim.faults.kinds import not_drawn
 
     course = flown.course
     assert course.vehicle.controller is not None
@@ -142,6 +143,10 @@ def _print(flown: Campaign) -> None:
         )  # fmt: skip
     output.print(table)
     output.print("")
+    for part, names in not_drawn(course.vehicle).items():
+        output.print(
+            f"not drawn, as the vehicle has not {part}: {', '.join(names)}", soft_wrap=True
+        )
     able, total = int(flown.recoverable.sum()), len(flown.faulty)
     gone = flown.lines()[-1]
     output.print(

@@ -283,7 +283,7 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters
     """
     tick, deep = p.S_p, p.deep
     start = float(drive_map(vehicle, 0.0, power=False).start_volume[0])
-    fast = _HASTE * _cruising_speed(vehicle)
+    fast = _HASTE * cruising_speed(vehicle)
     drag = drag_force(vehicle.drag, fast)
     lacks = drag / vehicle.water.specific_weight + start
     light = vehicle.drag.rising_ratio
@@ -325,7 +325,7 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters
     )
 
 
-def _cruising_speed(vehicle: Vehicle) -> float:
+def cruising_speed(vehicle: Vehicle) -> float:
     """Return the largest speed that a float's law asks for [m/s]; 0.1 where it does not say."""
     given = {} if vehicle.controller is None else leaves(bind(vehicle.controller)[1])
     return float(given.get("far_speed", _SPEED))

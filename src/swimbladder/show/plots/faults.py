@@ -116,7 +116,7 @@ def draw_mission(flown: Flown) -> Figure:
     deepest = max(float(np.nanmax(rows[:, TRACE["depth"]])) for rows in flown.rows)
     depth.set_ylim(1.15 * deepest + 1.0, -0.1 * deepest - 1.0)
     depth_axis(depth)
-    unit = "V" if flown.course.vehicle.voltage_driven else "m³"
+    unit = {"voltage": "V", "volume": "m³", "volume change": "s"}[flown.course.vehicle.command]
     command.plot(time, supervised[:, TRACE["command"]], color=SKY, lw=0.8, label="commanded")
     command.plot(
         time, supervised[:, TRACE["applied"]], color=BLACK, lw=0.8, label="at the actuator"

@@ -16,7 +16,7 @@ from swimbladder.control.records import from_leaves, leaf_names
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.lanes import measure_block, start_block
 from swimbladder.sim.closed_loop.outside import kernel_of
-from swimbladder.sim.closed_loop.pumped import Pumped, trim
+from swimbladder.sim.closed_loop.pumped import Pumped
 from swimbladder.sim.closed_loop.rows import RECORDED, Row, rows
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS
@@ -85,7 +85,8 @@ class Block:
     def lay_out(
         cls, *, plants: NDArray[np.float64], law: Law, parameters: Any, clock: Schedule, parts: int,
         depths: NDArray[np.float64], start: NDArray[np.float64], sensors: Sensors,
-        seeds: Sequence[Sequence[int]] | None, record: bool, books: bool, events: bool,
+        seeds: Sequence[Sequence[int]] | None, record: bool = False,
+        books: bool = False, events: bool = False,
         depth_error: NDArray[np.float64] | None = None,
         neutral: NDArray[np.float64] | None = None, layers: Layers = NO_LAYERS,
         stepper: Pumped | None = None,
@@ -110,6 +111,8 @@ class Block:
         most = np.minimum(plants[index("V_max")], plants[index("switch_out")])
         work[Row.LOW_U] = np.where(positioner, least, -supply)
         work[Row.HIGH_U] = np.where(positioner, most, supply)
+        if stepper is not None and stepper.wide is not None:
+            work[Row.LOW_U], work[Row.HIGH_U] = -clock.tick, clock.tick
         work[Row.DEPTH_NOISE] = sensors.depth_noise
         work[Row.DEPTH_QUANTUM] = sensors.depth_quantum
         work[Row.VOLUME_NOISE] = sensors.volume_noise
@@ -235,8 +238,7 @@ class Running:
     def restart(self) -> None:
         """Find each lane's mode anew: at the begin, and where its plant has changed."""
         b = self.block
-        if b.stepper is not None:
-            trim(b.stepper, b.work[_V_0])
+        if b.stepper is not None:  # finds it by itself
             return
         self._built[:] = 0
         start_block(

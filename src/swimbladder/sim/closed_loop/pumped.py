@@ -5,7 +5,9 @@ exponentials of `lane`. Its steps are as long as the motion lets, to the
 next call of the law at most; what lies between is read off the cubic of the last step.
 
 The processor calls the law when it asked to be called and no run of pump or valve lasts. Near the
-surface it acts itself, see `control.surfacing`; afterwards the law begins anew.
+surface it acts itself, see `control.surfacing`; afterwards the law begins anew. Where `Pumped.wide`
+is given the law does all that itself, as that of a board does: it is called at every tick, and
+commands the seconds of it for which the pump is to run, or, below 0, a valve is to be open.
 """
 
 from __future__ import annotations
@@ -34,10 +36,12 @@ from swimbladder.sim.closed_loop.dispatch import (
     scatter_where,
 )
 from swimbladder.sim.closed_loop.hooks import bound, drive, moved, set_off, settled
-from swimbladder.sim.closed_loop.lane import commit, judge
+from swimbladder.sim.closed_loop.lane import commit, decide, judge
 from swimbladder.sim.closed_loop.rows import (
     APPLIED,
     COMMAND,
+    LOST,
+    PLANT,
     REFERENCE,
     SEEN_DEPTH,
     SEEN_VOLUME,
@@ -49,13 +53,16 @@ from swimbladder.sim.closed_loop.rows import (
 from swimbladder.sim.closed_loop.rows import LAW as LAW_ROW
 from swimbladder.sim.engine.advance import CHATTERS, LEFT_WATER, NOT_FINITE, TOO_DEEP
 from swimbladder.sim.engine.cache import inlined, part
+from swimbladder.sim.engine.modes import V_0
 from swimbladder.sim.engine.rodas.drive import (
     STAYED,
     change_volume,
+    end_run,
     end_turn,
     move,
     next_turn,
     press_out,
+    start_run,
     take_in,
     turn_line,
 )
@@ -80,6 +87,7 @@ class Pumped(NamedTuple):
     work: Array  # [lanes, 6, 8]
     board: Array  # [lanes, BOARD]: the parameters of `control.surfacing`, and see below
     segment: Array  # [lanes, SEGMENT]: begin and end of the last step [s], z, w, V there, Doing
+    wide: Any = None  # [lanes] of a law that commands seconds; 1: those below 0 are of the bypass
 
 
 N_UP = len(SurfacingParameters._fields)
@@ -90,16 +98,58 @@ T, Z, W, V, T_MOVE = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.T_M
 T_LOOK, Z_LOOK, W_SEEN = int(Now.T_LOOK), int(Now.Z_LOOK), int(Now.W_SEEN)
 DOING, SHUT, STOP, NEW_LAW = int(At.DOING), int(At.SHUT), int(At.STOP), int(At.NEW_LAW)
 LONGEST, NOTHING = int(Given.LONGEST), int(Doing.NOTHING)
+PUMPING, PRIMING = int(Doing.PUMPING), int(Doing.PRIMING)
+LETTING_IN, BYPASSING = int(Doing.LETTING_IN), int(Doing.BYPASSING)
+RESTS, TRIM, NEUTRAL_TOP, H = int(At.RESTS), int(Given.TRIM), int(Given.NEUTRAL_TOP), int(Now.H)
+_WHOLE = 1.0 - 1e-6  # of a tick: a run so long may go on with the next one
 STOP_LEFT, STOP_LOST, STUCK = int(Stop.LEFT_WATER), int(Stop.LOST), int(Stop.STUCK)
+_SAME_TRIM = 1e-15  # m3
 _PASSES = 200  # without time passing: a fault of the model
 _at_surface = inlined(compilable(at_surface))
 
 
 @part
+def run_for(s, i, length, wide, tick):  # type: ignore[no-untyped-def]
+    """Let the pump of lane i run for a length [s], below 0 a valve; what else was on ends.
+
+    wide: 1: by the bypass. A whole tick of it goes on until another command ends it.
+    """
+    x, at, notes, counts = s.x[i], s.at[i], s.notes[i], s.counts[i]
+    does = PUMPING if length > 0.0 else (BYPASSING if wide > 0.0 else LETTING_IN)
+    length = math.inf if abs(length) >= _WHOLE * tick else abs(length)
+    now = PUMPING if at[DOING] == PRIMING else at[DOING]
+    if now != NOTHING and (length == 0.0 or now != does):
+        end_run(x, at, notes, counts)
+    if length > 0.0 and now != does:
+        end = math.inf if does == PUMPING else -math.inf
+        start_run(
+            s.given[i], s.table, x, at, s.accounts[i], notes, counts, does, 0.0, end, length
+        )  # fmt: skip
+    elif at[DOING] != NOTHING:
+        x[T_MOVE] = x[T] + length
+
+
+@part
 def _decide(  # type: ignore[no-untyped-def]
-    s, S, W_, i, hooks, like, like_state, k, tick
+    s, wide, S, W_, i, hooks, like, like_state, k, tick
 ):
     """Let the processor of lane i act where it is time, and start the run that follows."""
+    if wide is None:  # pruned before types are inferred
+        _change(s, S, W_, i, hooks, like, like_state, k, tick)
+        return
+    length = decide(S, W_, i, hooks, like, like_state, k, k * tick, 1.0 / tick)
+    if abs(length) < 1e30:
+        run_for(s, i, length, wide[i], tick)
+    else:
+        S[STOPPED * W_ + i], S[STOP_TICK * W_ + i] = LAW_NOT_FINITE, k
+    x, at = s.x[i], s.at[i]
+    rate = rate_of(s.given[i], s.table, at[DOING], at[SHUT] == 1, x[Z], x[V], x[W])
+    S[Q * W_ + i] = rate[0]
+
+
+@part
+def _change(s, S, W_, i, hooks, like, like_state, k, tick):  # type: ignore[no-untyped-def]
+    """Let a processor whose law asks for changes of volume act, as `_decide`."""
     S[COMMAND * W_ + i] = 0.0
     waiting = S[WAIT * W_ + i]
     if waiting > 0.0:
@@ -161,6 +211,12 @@ def _move(s, S, W_, i, hooks, k, tick, ahead):  # type: ignore[no-untyped-def]
     """
     p, x, at, seg, work = s.given[i], s.x[i], s.at[i], s.segment[i], s.work[i]
     accounts, notes, counts = s.accounts[i], s.notes[i], s.counts[i]
+    lost = S[LOST * W_ + i]  # see `hooks.lose`
+    trimmed = S[(PLANT + V_0) * W_ + i] - p[NEUTRAL_TOP] + lost
+    if abs(p[TRIM] - trimmed) > _SAME_TRIM:
+        p[TRIM] = trimmed
+        at[RESTS] = 0
+        x[H] = min(x[H], 1.0)
     t = (k + 1) * tick
     until = max(t, min(ahead, (k + 1.0 + S[WAIT * W_ + i]) * tick))
     t, until = bound(hooks, t), bound(hooks, until)
@@ -204,8 +260,10 @@ def _move(s, S, W_, i, hooks, k, tick, ahead):  # type: ignore[no-untyped-def]
         elif at[STOP] == STOP_LOST:
             why = TOO_DEEP
         S[STOPPED * W_ + i], S[STOP_TICK * W_ + i] = why, k
-    commit(S, W_, i, (), rate_of(p, s.table, int(doing), at[SHUT] == 1, z, v, w)[0], v, z, w)
-    S[APPLIED * W_ + i] = doing
+    rate = rate_of(p, s.table, int(doing), at[SHUT] == 1, z, v, w)[0]
+    commit(S, W_, i, (0.0,), rate, v - lost, z, w)
+    if s.wide is None:
+        S[APPLIED * W_ + i] = doing
 
 
 def one_lane(
@@ -227,15 +285,6 @@ def one_lane(
     )  # fmt: skip
 
 
-def trim(stepper: Pumped, neutral: Array) -> None:
-    """Let the neutral volume at the surface be another [m3] [lanes] from here on."""
-    change = neutral - stepper.given[:, Given.NEUTRAL_TOP]
-    if np.any(stepper.given[:, Given.TRIM] != change):
-        stepper.given[:, Given.TRIM] = change
-        stepper.at[:, At.RESTS] = 0
-        stepper.x[:, Now.H] = np.minimum(stepper.x[:, Now.H], 1.0)
-
-
 @part
 def decide_lanes(stepper, S, token, hooks, like, like_state, k, tick, since):  # type: ignore[no-untyped-def]
     """Judge every lane at tick k, `since` [s] its set-point, and let its processor act."""
@@ -243,14 +292,14 @@ def decide_lanes(stepper, S, token, hooks, like, like_state, k, tick, since):  #
     for i in range(W_):
         judge(S, W_, i, since)
         if S[STOPPED * W_ + i] == 0.0:
-            _decide(stepper, S, W_, i, hooks, like, like_state, k, tick)
+            _decide(stepper, stepper.wide, S, W_, i, hooks, like, like_state, k, tick)
 
 
 @part
 def move_lanes(stepper, S, token, hooks, k, tick, last):  # type: ignore[no-untyped-def]
     """Bring every lane to the end of tick k; no step goes beyond the begin of tick `last`."""
     W_ = len(token)
-    ahead = (last if len(hooks) == 0 else k + 1) * tick
+    ahead = (last if len(hooks) == 0 and stepper.wide is None else k + 1) * tick
     for i in range(W_):
         if S[STOPPED * W_ + i] == 0.0:
             _move(stepper, S, W_, i, hooks, k, tick, ahead)

@@ -26,6 +26,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from swimbladder.codegen.c_places import c_float
 from swimbladder.errors import InputError
 from swimbladder.io.files import temporary_folder
 
@@ -133,13 +134,16 @@ class Board:
 UNSUPERVISED, SUPERVISED, IDEAL = "unsupervised", "supervised", "ideal"
 
 
-def c_interface(first: str) -> str:
-    """Return the C; first: the controller's command until there is one, as C.
+def c_interface(first: float, *, floats: bool) -> str:
+    """Return the C; first: the controller's command until there is one.
 
     seen: depth, its age, volume, battery, leak, lost ticks, depth asked for. said: the reason of
-    the supervisor, whether a weight is to be released, whether the law was called. That of
+    the supervisor, whether a weight is to be released, whether the law was called, and of floats
+    whether a command below 0 is for the bypass. That of
     ideal detection is supervised until there is a reason, which it ignores: its law goes on.
     """
+    wide = "{}->state.drive.wide" if floats else "0.0f"
+    own, watched = wide.format("c"), wide.format("(&v->controller)")
     return f"""\
 #include "swb_vehicle.h"
 
@@ -151,7 +155,7 @@ int unsupervised_size(void)
 void unsupervised_begin(void *memory, int after_reset)
 {{
     (void)after_reset;
-    swb_controller_begin(memory, {first});
+    swb_controller_begin(memory, {c_float(first)});
 }}
 
 float unsupervised_tick(void *memory, const float *seen, float *said)
@@ -159,7 +163,9 @@ float unsupervised_tick(void *memory, const float *seen, float *said)
     const swb_controller *c = memory;
     said[0] = said[1] = 0.0f;
     said[2] = c->waiting == 0u ? 1.0f : 0.0f;
-    return swb_controller_tick(memory, seen[0], seen[2], seen[6]);
+    const float command = swb_controller_tick(memory, seen[0], seen[2], seen[6]);
+    said[3] = {own};
+    return command;
 }}
 
 int supervised_size(void)
@@ -183,6 +189,7 @@ float supervised_tick(void *memory, const float *seen, float *said)
     said[0] = (float)v->reason;
     said[1] = v->release ? 1.0f : 0.0f;
     said[2] = due && v->controller.ticks != ticks ? 1.0f : 0.0f;
+    said[3] = {watched};
     return command;
 }}
 
@@ -205,6 +212,7 @@ float ideal_tick(void *memory, const float *seen, float *said)
     said[2] = v->controller.waiting == 0u ? 1.0f : 0.0f;
     const float wanted = swb_controller_tick(&v->controller, seen[0], seen[2], seen[6]);
     const float command = swb_vehicle_watch(v, &s, wanted, v->controller.missed);
+    said[3] = {watched};
     return v->reason != 0u ? wanted : command;
 }}
 """

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from swimbladder.control.supervisor_records import Reason
 from swimbladder.sim.engine.advance import DONE, LEFT_WATER
 from swimbladder.sim.faults.draw import STAY, Course
-from swimbladder.sim.faults.kinds import KINDS, Fault
+from swimbladder.sim.faults.kinds import KINDS, Fault, not_drawn
 from swimbladder.sim.faults.mission_records import FaultRow, Result
 
 Array = NDArray[np.float64]
@@ -279,6 +279,7 @@ class Campaign:
             "missions": len(self.faulty),
             "depths_m": [self.course.depths.least, self.course.depths.most],
             "time_limit_s": self.course.time_limit,
+            "not_drawn": not_drawn(self.course.vehicle),
             "recoverable": int(self.recoverable.sum()),
             "lost": self.lost,
             "lost_early": self.lost_early,

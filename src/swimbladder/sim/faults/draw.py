@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.codegen.safety import supervisor_parameters
+from swimbladder.codegen.safety import cruising_speed, supervisor_parameters
 from swimbladder.design.tuning.region import member, region, unknowns
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import terminal_speed
@@ -18,26 +18,27 @@ from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.checks import check_depths
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
-from swimbladder.sim.faults.kinds import Fault, draw_fault, kinds_of
+from swimbladder.sim.faults.kinds import MOTOR, Fault, draw_fault, kinds_of, parts_of
 from swimbladder.sim.faults.mission_records import Condition, FaultRow
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-SHALLOWEST = 1.0  # m under the surface
+SHALLOWEST, SHALLOWEST_DIVE = 1.0, 10.0  # m under the surface; of a float that dives from there
 RESERVE = 0.9  # of the depth at which the supervisor turns the vehicle round
-DURATION = 1200.0  # s until it is commanded to come up
+DURATION, DIVE = 1200.0, 7200.0  # s until it is commanded to come up; of a float from its arrival
 STAY = 60.0  # s at the surface
-STEP = 10.0  # m, largest change of a set-point
+STEP, STEP_SHARE = 10.0, 0.05  # m, largest change of a set-point; of the deepest, where more
 RAMP = 0.1  # m/s, at which the depth asked for goes to a set-point; a fifth of the speed at most
 UP = -1.0  # m from where the hull emerges: the set-point that ends a mission
 DEEP = 0.75  # of the missions begin anywhere in the range, the others rather at its top
 TOGETHER = 0.5  # of the missions have two faults
 SECOND_WITHIN = 30.0  # s after the first
 RECOVERY = 60.0  # s from when the faults act to the full buoyancy that defines what is recoverable
-SLACK = 180.0  # s, for coming up
+SLACK, DIVE_SLACK = 180.0, 3600.0  # s, for coming up
+WAY_SHARE = 1.5  # that the ways of a float take longer than at its law's speed: it slows down
 SETTLE = 30.0  # s before anything may fail
-LATEST = 0.25 * DURATION  # s, of the first onset: it has three times as long to act
+LATEST, LATEST_DIVE = 0.25, 0.6  # of the duration, of the first onset: it has longer to act
 BOOT = 2.0  # s that the board needs from a reset to its first tick
 DRIFT = 1000.0  # s, in which trim drifts by what is not known of it; half a mission at least
 SWELL = 0.005  # of the stroke, the least; ten times as much the most
@@ -67,6 +68,7 @@ class Mission:
     depths: Array  # m
     onset: float  # s, of the first fault; inf: none
     layers: Layers = NO_LAYERS  # of the water
+    drive: tuple[float, float] = (1.0, 1.0)  # of a float: pump and valve over what is known
 
 
 class Course(NamedTuple):
@@ -80,6 +82,15 @@ class Course(NamedTuple):
     end: float  # s
     medium: Medium  # the vehicle in the water
     column: Column | None  # the water; None: the vehicle's own
+
+    @property
+    def floats(self) -> bool:
+        """Whether it has pump and valve, and begins at the surface."""
+        return self.vehicle.command == "volume change"
+
+    def way(self, depth: float) -> float:
+        """Return the time [s] that it has to get to a depth [m]: none to where it starts."""
+        return WAY_SHARE * depth / self.ramp if self.floats else 0.0
 
     @property
     def water(self) -> str | None:
@@ -100,12 +111,15 @@ def course_of(
     """Return what the missions of a vehicle have in common; depths [m] as asked for, or its own.
 
     column: the water, the vehicle's own where not given; its supervisor is that of its file.
-    The supervisor's time limit is the vehicle's, or leaves time for a way up from the deepest.
+    The supervisor's time limit is the vehicle's, or leaves time for a way up from the deepest. A
+    float dives from the surface; its law's speed is that of its ways.
     Raises InputError where the depths are not given and nothing limits them, where the supervisor
     would not let the vehicle go there, and where the water ends above or the stroke does not reach
     the neutral volume in it.
     """
-    where = _range_of(vehicle, vehicle.hull.emergence_depth + SHALLOWEST, depths)
+    floats = vehicle.command == "volume change"
+    shallowest = SHALLOWEST_DIVE if floats else SHALLOWEST
+    where = _range_of(vehicle, vehicle.hull.emergence_depth + shallowest, depths)
     if column is not None and column.cast is not None:
         check_cast_unit(column.cast, where.most, vehicle.hull.depth_limit)
     medium = medium_of(vehicle, column, reach=where.most)
@@ -119,21 +133,24 @@ def course_of(
             ) from None  # fmt: skip
     p = medium.plant
     speed = _rise_speed(medium, where.most)
-    ramp = min(RAMP, speed / 5.0)
+    ramp = min(cruising_speed(vehicle) if floats else RAMP, speed / 5.0)
     way = where.most - p.z_surface - UP
+    takes, slack = DURATION + way / ramp, SLACK
+    if floats:
+        takes, slack = DIVE + 2.0 * WAY_SHARE * way / ramp, DIVE_SLACK
     limit = vehicle.supervisor.time_limit
     if limit is None:
-        limit = DURATION + SLACK + way / ramp
+        limit = takes + slack
         supervisor = vehicle.supervisor.model_copy(update={"time_limit": limit})
         vehicle = vehicle.model_copy(update={"supervisor": supervisor})
-    elif limit < DURATION + way / ramp:
+    elif limit < takes:
         raise InputError(
-            f"the missions take {DURATION + way / ramp:.0f} s and would be cut short",
+            f"the missions take {takes:.0f} s and would be cut short",
             field="supervisor.time_limit", value=limit, unit="s",
             remedy="Leave it out, give more, or ask for less --depth",
         )  # fmt: skip
     return Course(
-        vehicle, where, region(vehicle).neutral, speed, ramp, limit + SLACK + 3.0 * way / speed,
+        vehicle, where, region(vehicle).neutral, speed, ramp, limit + slack + 3.0 * way / speed,
         medium, column,
     )  # fmt: skip
 
@@ -179,8 +196,8 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
     )
     assert vehicle.controller is not None
     tick = vehicle.controller.sample_time
-    p = _plant(course, random)
-    turns, targets = _set_points(course.depths, p["z_surface"], random)
+    p, drive = _plant(course, random)
+    turns, targets = _set_points(course, p["z_surface"], random)
     if random.random() < 0.5:
         p["z_bottom"] = max(targets[:-1]) + random.uniform(1.0, 50.0)
     faults: tuple[Fault, ...] = ()
@@ -189,7 +206,8 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
     if not healthy:
         kinds = kinds_of(vehicle)
         faults = (kinds[number % len(kinds)],)
-        onset = random.uniform(SETTLE, LATEST)
+        latest = LATEST_DIVE if course.floats else LATEST
+        onset = random.uniform(SETTLE, latest * turns[-1])
         times = [onset]
         if random.random() < TOGETHER:
             others = [k for k in kinds if k != faults[0]]
@@ -203,19 +221,24 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
     rest = p["psi"] * targets[0] + p["V_0"] + course.medium.layers.at(targets[0])
     condition = _condition(
         course, random, tick=tick, start=targets[0], V=rest,
-        stay=STAY,
-        quiet=max([DURATION, *times]),
+        full=p["supply"] if vehicle.voltage_driven else p["V_max"], stay=STAY,
+        quiet=max([turns[-1], *times]),
     )  # fmt: skip
     return Mission(
         number=number, faults=faults, plant=np.array(list(p.values())), condition=condition,
         fault_rows=np.array(fault_rows, float).reshape(-1, len(FaultRow._fields)),
         turns=np.ceil(np.array(turns) / tick), depths=np.array(targets), onset=onset,
-        layers=course.medium.layers,
+        layers=course.medium.layers, drive=drive,
     )  # fmt: skip
 
 
-def _plant(course: Course, random: np.random.Generator) -> dict[str, float]:
-    """Return a vehicle of the region, its trim within what is not known, its battery not full."""
+def _plant(
+    course: Course, random: np.random.Generator
+) -> tuple[dict[str, float], tuple[float, float]]:
+    """Return a vehicle of the region, its trim within what is not known, its battery not full.
+
+    And what its pump and its valve give of what is known.
+    """
     vehicle = course.vehicle
     names, ball = unknowns(vehicle)
     n = len(names)
@@ -224,27 +247,38 @@ def _plant(course: Course, random: np.random.Generator) -> dict[str, float]:
         s *= random.random() ** (1.0 / n) / np.linalg.norm(s)
     else:
         s = random.uniform(-1.0, 1.0, n)
-    p = course.medium.of(member(vehicle, s).plant)._asdict()
+    one = member(vehicle, s)
+    p = course.medium.of(one.plant)._asdict()
+    if course.floats:  # that is a piston as slow as its pump
+        p |= {
+            "positioner": 0.0,
+            "supply": 1.0 if vehicle.supply is None else vehicle.supply.voltage,
+        }
     p["V_0"] += random.uniform(-1.0, 1.0) * course.neutral
     p["supply"] *= random.uniform(LOW_SUPPLY, 1.0)
-    return p
+    return p, one.drive
 
 
 def _set_points(
-    depths: Range, surface: float, random: np.random.Generator
+    course: Course, surface: float, random: np.random.Generator
 ) -> tuple[list[float], list[float]]:
     """Return (times [s], depths [m]): one to four depths, then up."""
-    least, most = depths.least, depths.most
+    least, most, _ = course.depths
     if random.random() < DEEP:
         z = random.uniform(least, most)
     else:
         z = least * (most / least) ** random.random() if least > 0.0 else random.uniform(0, most)
-    times, targets = [0.0], [z]
+    stays, step, up = DURATION, STEP, surface + UP
+    if course.floats:
+        stays, step, up = DIVE, max(STEP, STEP_SHARE * most), min(UP, surface + UP)
+    end = course.way(z) + stays
+    times, targets, at = [0.0], [z], course.way(z)
     for _ in range(int(random.integers(0, 4))):
-        times.append(times[-1] + random.uniform(60.0, DURATION / 3.0))
-        z = min(max(z + random.uniform(-STEP, STEP), least), most)
+        at += random.uniform(60.0, stays / 3.0)
+        z = min(max(z + random.uniform(-step, step), least), most)
+        times.append(at)
         targets.append(z)
-    return [*times, DURATION], [*targets, surface + UP]
+    return [*times, end], [*targets, up]
 
 
 def _rise_speed(medium: Medium, depth: float) -> float:
@@ -256,7 +290,7 @@ def _rise_speed(medium: Medium, depth: float) -> float:
 
 def _condition(
     course: Course, random: np.random.Generator, *, tick: float, start: float,
-    V: float,
+    V: float, full: float,
     stay: float, quiet: float,
 ) -> Condition:  # fmt: skip
     vehicle = course.vehicle
@@ -275,17 +309,21 @@ def _condition(
     threshold = random.uniform(2e-6, 20e-6)
     supply = 0.0 if vehicle.supply is None else vehicle.supply.voltage
     limit = vehicle.hull.depth_limit
+    noisy = 0.005 if vehicle.supply is not None else math.nan  # what is not measured is nan
+    floats = course.floats
     return Condition(
-        end=math.ceil(course.end / tick), tick=tick, start_depth=start,
-        start_volume=min(max(V, vehicle.stroke.minimum), vehicle.stroke.maximum),
+        end=math.ceil(course.end / tick), tick=tick, start_depth=0.0 if floats else start,
+        start_volume=math.nan if floats
+        else min(max(V, vehicle.stroke.minimum), vehicle.stroke.maximum),
         depth_noise=noise, depth_quantum=quantum, volume_noise=volume_noise,
         volume_quantum=sensors.volume_quantum,
-        battery_noise=0.005, ramp=course.ramp * tick,
+        battery_noise=noisy, full=tick if floats else full,
+        ramp=math.inf if floats else course.ramp * tick,
         drift=random.uniform(-1.0, 1.0) * course.neutral / max(DRIFT, 0.5 * course.time_limit),
         swell=swell if rough else 0.0, swell_omega=2.0 * math.pi / period, swell_phase=phase,
         gravity=(vehicle.water if course.column is None else course.column).gravity,
         leak_input=threshold if has_input else math.inf,
-        brown_out=BROWN_OUT * supply if vehicle.voltage_driven else 0.0,
+        brown_out=BROWN_OUT * supply if MOTOR in parts_of(vehicle) else 0.0,
         boot=math.ceil(BOOT / tick), band=BAND, rated=math.inf if limit is None else limit,
         stay=stay / tick, quiet_at=math.ceil(quiet / tick),
 full_after=math.ceil(RECOVERY / tick),

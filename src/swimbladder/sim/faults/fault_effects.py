@@ -1,14 +1,17 @@
 """What faults do to sensors, plant, battery and driver: the compiled parts of a flight.
 
-Each takes the faults of a mission, `fault_rows` [faults, len(FaultRow)], and the tick k. Random
-numbers come from the generator that compiled code has in each thread; a flight seeds it.
+`act` makes factors and summands of the faults of a mission, `fault_rows` [faults, len(FaultRow)],
+at a tick k; `kinds.EFFECTS` says which. The others apply them. Random numbers come from the
+generator that compiled code has in each thread; a flight seeds it.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swimbladder.sim.engine.cache import part
 from swimbladder.sim.engine.modes import (
@@ -16,7 +19,6 @@ from swimbladder.sim.engine.modes import (
     KAPPA,
     LOAD_BACK,
     LOAD_DRIVE,
-    POSITIONER,
     RATE,
     SAG,
     SUPPLY,
@@ -26,99 +28,123 @@ from swimbladder.sim.engine.modes import (
     V_MIN,
 )
 from swimbladder.sim.engine.sensor import quantised
-from swimbladder.sim.faults.kinds import Fault
+from swimbladder.sim.faults.kinds import EFFECTS, Fault, On, Op
+
+Array = NDArray[np.float64]
 
 _KIND, _FIRST, _SECOND, _BEGIN, _END = range(5)
 MOST = 4  # faults of a mission
-_HELD, _HELD_AT, _VOLUME, _LOOSE, _STUCK, _BLOCKED = range(6)
+_DEPTH, _DEPTH_AT, _VOLUME, _VOLUME_AT, _LOOSE, _BLOCKED = range(6)
 _ACTED = _BLOCKED + MOST  # from these two on a number for each fault
-ROOM = _ACTED + MOST  # numbers that are kept from tick to tick
+NOTHING_KEPT = np.zeros(_ACTED + MOST)
+"""What is kept from tick to tick, at the start."""
+NOTHING_KEPT[[_DEPTH_AT, _VOLUME_AT]] = -math.inf
 _HELD_BACK = 1.0  # s on end, that a block stops the actuator before it counts as acting
+_ROUNDS = 8  # in which the current through a battery's resistance settles
+_TOUCHES = 1e-12  # of the stroke, so near a block the actuator is at it
 
+BLOCKED_OUT, BLOCKED_IN = int(Fault.BLOCKED_OUT), int(Fault.BLOCKED_IN)
 (
-    DEPTH_NAN, DEPTH_DROPOUTS, DEPTH_STUCK, DEPTH_RANGE, DEPTH_LATE, DEPTH_OLD, DEPTH_JUMP,
-    DEPTH_DRIFT, DEPTH_SCALE, DEPTH_NOISE, VOLUME_NAN, VOLUME_STUCK, VOLUME_DRIFT, STALLED, SLOW,
-    WEAK, REVERSED, BLOCKED_OUT, BLOCKED_IN, RUNS_ON, BATTERY_DECLINE, BATTERY_SAG, BATTERY_DROP,
-    BATTERY_CELL, BATTERY_DEAD, TICKS_LOST, PAUSE, RESETS, HANG, LEAK_SMALL, LEAK_LARGE,
-    SWITCH_OPEN, SWITCH_CLOSED,
-) = (int(fault) for fault in Fault)  # fmt: skip
+    DEPTH, NOISE, READS, LATE, OLD, DROPOUTS, DEPTH_MISSING, VOLUME, VOLUME_OLD, VOLUME_MISSING,
+    SPEED, LOAD, BLOCK_OUT, BLOCK_IN, COMMAND, CUTS_IN, CUTS_OUT, VALVE, OPEN, CHARGE, CELL, SAGS,
+    TICKS, PAUSE, RESET, HANG, WATER,
+) = (int(thing) for thing in On)  # fmt: skip
+(
+    PLUS, PLUS_RATE, TIMES, MORE, LESS, FALLS, DIES, OFF, TURNS, RUNS, SAYS, ONCE, DUTY, EVERY,
+    CUTS, NEVER_CUTS,
+) = (int(how) for how in Op)  # fmt: skip
 
 
 @part
-def _on(fault_row, k):  # type: ignore[no-untyped-def]
-    return fault_row[_BEGIN] <= k < fault_row[_END]
+def act(fault_rows, k, tick, q):  # type: ignore[no-untyped-def]
+    """Fill q [len(On), 2] with the factors and summands of the faults at tick k."""
+    q[:, 0], q[:, 1] = 1.0, 0.0
+    for n in range(fault_rows.shape[0]):
+        begin, first = fault_rows[n, _BEGIN], fault_rows[n, _FIRST]
+        if not begin <= k < fault_rows[n, _END]:
+            continue
+        kind = int(fault_rows[n, _KIND])
+        on, op = EFFECTS[kind, 0], EFFECTS[kind, 1]
+        since = (k - begin) * tick
+        f, s = 1.0, 0.0
+        if op in (PLUS, SAYS, ONCE):
+            s = first
+        elif op == PLUS_RATE:
+            s = first * since
+        elif op == TIMES:
+            f = first
+        elif op == MORE:
+            f = 1.0 + first
+        elif op == LESS:
+            f = 1.0 - first
+        elif op == FALLS:
+            f = max(0.0, 1.0 - first * since)
+        elif op == DIES:
+            f = max(0.0, 1.0 - since / first)
+        elif op == TURNS:
+            f = -1.0
+        elif op == RUNS and since < first:
+            f, s = 0.0, 1.0
+        elif op in (CUTS, NEVER_CUTS):
+            on += 1 if first >= 0.5 else 0
+            s = 1.0 if op == CUTS else -1.0
+        if (
+            op == OFF
+            or (op == SAYS and fault_rows[n, _SECOND] > 0.5)
+            or (op == ONCE and k == begin)
+            or (op == DUTY and since % (first + fault_rows[n, _SECOND]) < first)
+            or (op == EVERY and (k - begin) % max(1.0, math.floor(first / tick)) == 0.0)
+        ):
+            f = 0.0
+        q[on, 0], q[on, 1] = f * q[on, 0], f * q[on, 1] + s
 
 
 @part
-def see_depth(fault_rows, k, tick, depth, quantum, kept, late):  # type: ignore[no-untyped-def]
+def _held(kept, at, old, x, k, tick):  # type: ignore[no-untyped-def]
+    """Return a value that stays for so long or for good, and its age [s]; see `On.OLD`.
+
+    kept[at], kept[at + 1]: the value that stays, and the tick that it is of.
+    """
+    if old[0] == 1.0 and old[1] == 0.0:
+        kept[at + 1] = -math.inf
+        return x, 0.0
+    age = (k - kept[at + 1]) * tick
+    if age == math.inf or (old[0] != 0.0 and age >= old[1]):
+        kept[at], kept[at + 1], age = x, k, 0.0
+    return kept[at], (age if old[1] > 0.0 else 0.0)
+
+
+@part
+def see_depth(q, k, tick, depth, quantum, kept, late):  # type: ignore[no-untyped-def]
     """Return (depth [m], its age [s]) as the driver gives them, of what the sensor measured.
 
-    kept [ROOM], late [n]: what was seen before; late[k % n] is written.
+    late [n]: what was seen before; late[k % n] is written.
     """
-    for n in range(fault_rows.shape[0]):
-        fault_row = fault_rows[n]
-        if not _on(fault_row, k):
-            continue
-        kind = int(fault_row[_KIND])
-        if kind == DEPTH_JUMP:
-            depth += fault_row[_FIRST]
-        elif kind == DEPTH_DRIFT:
-            depth += fault_row[_FIRST] * tick * (k - fault_row[_BEGIN])
-        elif kind == DEPTH_SCALE:
-            depth *= 1.0 + fault_row[_FIRST]
-        elif kind == DEPTH_NOISE:
-            depth += fault_row[_FIRST] * np.random.normal()  # noqa: NPY002
+    depth = q[DEPTH, 0] * depth + q[DEPTH, 1]
+    if q[NOISE, 1] > 0.0:
+        depth += q[NOISE, 1] * np.random.normal()  # noqa: NPY002
     depth = quantised(depth, quantum)
     late[k % late.shape[0]] = depth
     age = 0.0
-    for n in range(fault_rows.shape[0]):
-        fault_row = fault_rows[n]
-        if not _on(fault_row, k):
-            continue
-        kind = int(fault_row[_KIND])
-        if kind == DEPTH_STUCK:
-            if k == fault_row[_BEGIN]:
-                kept[_STUCK] = depth
-            depth = kept[_STUCK]
-        elif kind == DEPTH_RANGE:
-            depth = fault_row[_FIRST]
-        elif kind == DEPTH_LATE:
-            behind = min(int(fault_row[_FIRST] / tick), late.shape[0] - 1, k)
-            depth = late[(k - behind) % late.shape[0]]
-            if fault_row[_SECOND] > 0.5:
-                age = behind * tick
-        elif kind == DEPTH_OLD:
-            if k == fault_row[_BEGIN] or (k - kept[_HELD_AT]) * tick >= fault_row[_FIRST]:
-                kept[_HELD], kept[_HELD_AT] = depth, k
-            depth = kept[_HELD]
-            age = (k - kept[_HELD_AT]) * tick
-        elif kind == DEPTH_NAN:  # noqa: SIM114
-            depth = math.nan
-        elif kind == DEPTH_DROPOUTS and np.random.random() < fault_row[_FIRST]:  # noqa: NPY002
-            depth = math.nan
-    return depth, age
+    if q[LATE, 1] > 0.0:
+        behind = min(int(q[LATE, 1] / tick), late.shape[0] - 1, k)
+        depth = late[(k - behind) % late.shape[0]]
+        age = behind * tick if q[LATE, 0] == 0.0 else 0.0
+    if q[READS, 1] != 0.0:
+        depth = q[READS, 1]
+    depth, older = _held(kept, _DEPTH, q[OLD], depth, k, tick)
+    missing = q[DEPTH_MISSING, 0] == 0.0
+    if q[DROPOUTS, 1] > 0.0 and np.random.random() < q[DROPOUTS, 1]:  # noqa: NPY002
+        missing = True
+    return (math.nan if missing else depth), age + older
 
 
 @part
-def see_volume(fault_rows, k, tick, volume, quantum, stroke, kept):  # type: ignore[no-untyped-def]
+def see_volume(q, k, tick, volume, quantum, stroke, kept):  # type: ignore[no-untyped-def]
     """Return the volume [m3] as the driver gives it; stroke: from end to end [m3]."""
-    for n in range(fault_rows.shape[0]):
-        fault_row = fault_rows[n]
-        if _on(fault_row, k) and int(fault_row[_KIND]) == VOLUME_DRIFT:
-            volume += fault_row[_FIRST] * stroke * tick * (k - fault_row[_BEGIN])
-    volume = quantised(volume, quantum)
-    for n in range(fault_rows.shape[0]):
-        fault_row = fault_rows[n]
-        if not _on(fault_row, k):
-            continue
-        kind = int(fault_row[_KIND])
-        if kind == VOLUME_STUCK:
-            if k == fault_row[_BEGIN]:
-                kept[_VOLUME] = volume
-            volume = kept[_VOLUME]
-        elif kind == VOLUME_NAN:
-            volume = math.nan
-    return volume
+    volume = quantised(volume + q[VOLUME, 1] * stroke, quantum)
+    volume, _ = _held(kept, _VOLUME, q[VOLUME_OLD], volume, k, tick)
+    return volume if q[VOLUME_MISSING, 0] != 0.0 else math.nan
 
 
 @part
@@ -138,21 +164,20 @@ def acted(base, p, fault_rows, k, tick, engine_volume, kept):  # type: ignore[no
 
     engine_volume [m3]: the volume as the limits in p count it, see `flight`.
     """
-    narrow = p[V_MAX] - p[V_MIN] < (1.0 - 1e-9) * (base[V_MAX] - base[V_MIN])
+    stroke = base[V_MAX] - base[V_MIN]
+    narrow = p[V_MAX] - p[V_MIN] < (1.0 - 1e-9) * stroke
     count = 0
     for n in range(fault_rows.shape[0]):
-        fault_row = fault_rows[n]
-        if _on(fault_row, k) and kept[_ACTED + n] == 0.0:
-            kind = int(fault_row[_KIND])
+        if fault_rows[n, _BEGIN] <= k < fault_rows[n, _END] and kept[_ACTED + n] == 0.0:
+            kind = int(fault_rows[n, _KIND])
+            acts = True
             if kind == BLOCKED_OUT:
-                acts = narrow and engine_volume >= p[V_MAX]
+                acts = narrow and engine_volume >= p[V_MAX] - _TOUCHES * stroke
             elif kind == BLOCKED_IN:
-                acts = narrow and engine_volume <= p[V_MIN]
-            else:
-                acts = True
+                acts = narrow and engine_volume <= p[V_MIN] + _TOUCHES * stroke
             kept[_BLOCKED + n] = kept[_BLOCKED + n] + 1.0 if acts else 0.0
             long = kept[_BLOCKED + n] * tick >= _HELD_BACK
-            if long or (acts and kind != BLOCKED_OUT and kind != BLOCKED_IN):
+            if long or (acts and kind not in (BLOCKED_OUT, BLOCKED_IN)):
                 kept[_ACTED + n] = 1.0
         if kept[_ACTED + n] == 1.0:
             count += 1
@@ -160,108 +185,92 @@ def acted(base, p, fault_rows, k, tick, engine_volume, kept):  # type: ignore[no
 
 
 @part
-def apply_faults(base, p, fault_rows, k, volume, shift):  # type: ignore[no-untyped-def]
+def change_plant(base, p, q, volume, shift):  # type: ignore[no-untyped-def]
     """Set what faults change in the plant p of the healthy one `base`, where one begins or ends.
 
     volume [m3]: where the actuator is. shift [m3]: what volumes are counted less by, see `flight`.
     """
-    p[GAIN], p[RATE] = base[GAIN], base[RATE]
-    p[LOAD_DRIVE], p[LOAD_BACK] = base[LOAD_DRIVE], base[LOAD_BACK]
-    p[SAG], p[KAPPA] = base[SAG], base[KAPPA]
-    p[SWITCH_IN], p[SWITCH_OUT] = base[SWITCH_IN], base[SWITCH_OUT]
+    p[GAIN], p[RATE] = base[GAIN] * q[SPEED, 0], base[RATE] * q[SPEED, 0]
+    p[LOAD_DRIVE], p[LOAD_BACK] = base[LOAD_DRIVE] * q[LOAD, 0], base[LOAD_BACK] * q[LOAD, 0]
+    p[SAG], p[KAPPA] = max(base[SAG], q[SAGS, 1]), base[KAPPA]
+    if q[SAGS, 1] > 0.0 and p[KAPPA] <= 0.0:  # not known: all that is lost with speed is it
+        p[KAPPA] = 1.0 / base[GAIN]
+    p[SWITCH_IN] = base[SWITCH_IN] if q[CUTS_IN, 1] == 0.0 else q[CUTS_IN, 1] * math.inf
+    p[SWITCH_OUT] = base[SWITCH_OUT] if q[CUTS_OUT, 1] == 0.0 else -q[CUTS_OUT, 1] * math.inf
     stroke = base[V_MAX] - base[V_MIN]
-    for n in range(fault_rows.shape[0]):
-        fault_row = fault_rows[n]
-        if not _on(fault_row, k):
-            continue
-        kind = int(fault_row[_KIND])
-        if kind >= SWITCH_OPEN:  # or closed
-            sign = 1.0 if kind == SWITCH_OPEN else -1.0
-            if fault_row[_FIRST] < 0.5:
-                p[SWITCH_IN] = sign * math.inf
-            else:
-                p[SWITCH_OUT] = -sign * math.inf
-        elif kind == STALLED:
-            p[GAIN], p[RATE] = 0.0, 0.0
-        elif kind == SLOW:
-            p[GAIN] *= fault_row[_FIRST]
-            p[RATE] *= fault_row[_FIRST]
-        elif kind == WEAK:
-            p[LOAD_DRIVE] *= fault_row[_FIRST]
-            p[LOAD_BACK] *= fault_row[_FIRST]
-        elif kind == BATTERY_SAG:
-            p[SAG] = max(p[SAG], fault_row[_FIRST])
-            if p[KAPPA] <= 0.0:  # not known: all that is lost with speed is taken for it
-                p[KAPPA] = 1.0 / base[GAIN]
-        elif kind == BLOCKED_OUT and fault_row[_BEGIN] == k:
-            p[V_MAX] = min(p[V_MAX], volume + fault_row[_FIRST] * stroke - shift)
-        elif kind == BLOCKED_IN and fault_row[_BEGIN] == k:
-            p[V_MIN] = max(p[V_MIN], volume - fault_row[_FIRST] * stroke - shift)
+    if q[BLOCK_OUT, 0] == 0.0:
+        p[V_MAX] = min(p[V_MAX], volume + q[BLOCK_OUT, 1] * stroke - shift)
+    if q[BLOCK_IN, 0] == 0.0:
+        p[V_MIN] = max(p[V_MIN], volume - q[BLOCK_IN, 1] * stroke - shift)
 
 
 @part
-def emf(base, fault_rows, k, tick, driving):  # type: ignore[no-untyped-def]
+def emf(base, q, driving):  # type: ignore[no-untyped-def]
     """Return the battery's open-circuit voltage [V]; driving: whether the motor has a voltage."""
-    share = 1.0
-    for n in range(fault_rows.shape[0]):
-        fault_row = fault_rows[n]
-        if not _on(fault_row, k):
-            continue
-        kind = int(fault_row[_KIND])
-        since = (k - fault_row[_BEGIN]) * tick
-        if kind == BATTERY_DECLINE:
-            share *= max(0.0, 1.0 - fault_row[_FIRST] * since)
-        elif kind == BATTERY_DEAD:
-            share *= max(0.0, 1.0 - since / fault_row[_FIRST])
-        elif kind == BATTERY_DROP or (kind == BATTERY_CELL and driving):
-            share *= 1.0 - fault_row[_FIRST]
-    return base[SUPPLY] * share
+    return base[SUPPLY] * q[CHARGE, 0] * (q[CELL, 0] if driving else 1.0)
 
 
 @part
-def driven(base, p, fault_rows, k, tick, u, before, volume, kept):  # type: ignore[no-untyped-def]
-    """Return what the actuator gets where the board commands u [V, or m3 from mid-stroke].
+def driven(q, low, high, u, way, kept):  # type: ignore[no-untyped-def]
+    """Return what the actuator gets where the board commands u, within what the driver can give.
 
-    before: what it got a tick ago; volume [m3]: where it is, from mid-stroke.
+    way: in which it last was on, by its sign; 0: nowhere.
     """
-    positioner = base[POSITIONER] != 0.0
-    way = before - (volume if positioner else 0.0)
     if way != 0.0:
         kept[_LOOSE] = math.copysign(1.0, way)
-    for n in range(fault_rows.shape[0]):
-        fault_row = fault_rows[n]
-        if not _on(fault_row, k):
-            continue
-        kind = int(fault_row[_KIND])
-        if kind == REVERSED:
-            u = -u
-        elif kind == RUNS_ON and (k - fault_row[_BEGIN]) * tick < fault_row[_FIRST]:
-            if positioner:
-                u = base[V_MAX] if kept[_LOOSE] > 0.0 else base[V_MIN]
-            else:
-                u = math.copysign(p[SUPPLY], kept[_LOOSE])
-    return u
+    if q[COMMAND, 1] != 0.0:
+        return high if q[COMMAND, 1] * kept[_LOOSE] >= 0.0 else low
+    return q[COMMAND, 0] * u
+
+
+class PumpTable(NamedTuple):
+    """What a pump delivers and draws [voltages, heads], over even steps from 0 on."""
+
+    rate: Array  # m3/s
+    current: Array  # A from the battery's cells
+    per_volt: float  # 1/V, one over the step
+    per_metre: float  # 1/m, the same of the head, as a depth in the vehicle's own water
+    nominal: float  # V
+    resistance: float  # ohm, of the battery
+    motor: float  # ohm, of the motor; 0: not known
+
+
+NO_PUMP = PumpTable(np.zeros((2, 2)), np.zeros((2, 2)), 1.0, 1.0, 1.0, 0.0, 0.0)
 
 
 @part
-def board_misses(fault_rows, k, tick):  # type: ignore[no-untyped-def]
+def _between(table, row, column):  # type: ignore[no-untyped-def]
+    """Return a table's value between its rows and columns; its edges go on."""
+    row = min(max(row, 0.0), table.shape[0] - 1.000001)
+    column = min(max(column, 0.0), table.shape[1] - 1.000001)
+    i, j = int(row), int(column)
+    a, b = row - i, column - j
+    return (1.0 - a) * ((1.0 - b) * table[i, j] + b * table[i, j + 1]) + a * (
+        (1.0 - b) * table[i + 1, j] + b * table[i + 1, j + 1]
+    )
+
+
+@part
+def pump_share(pump, base, q, z):  # type: ignore[no-untyped-def]
+    """Return what a pump delivers at depth z [m] over what it would in health, and its battery.
+
+    That is its voltage [V] at the board, while the pump runs, and what it has without load.
+    """
+    head, volts = q[LOAD, 0] * z * pump.per_metre, emf(base, q, True)
+    more = max(q[SAGS, 1] * pump.motor - pump.resistance, 0.0)  # ohm
+    current = _between(pump.current, volts * pump.per_volt, head)
+    for _ in range(_ROUNDS if more > 0.0 else 0):
+        current = _between(pump.current, (volts - more * current) * pump.per_volt, head)
+    rate = _between(pump.rate, (volts - more * current) * pump.per_volt, head)
+    well = _between(pump.rate, pump.nominal * pump.per_volt, z * pump.per_metre)
+    share = q[SPEED, 0] * rate / well if well > 0.0 else 0.0
+    return share, volts - (pump.resistance + more) * current, emf(base, q, False)
+
+
+@part
+def board_misses(q, tick):  # type: ignore[no-untyped-def]
     """Return (whether this tick is lost, whether the board is reset, ticks a law hangs for)."""
-    lost, reset, hangs = False, False, 0
-    for n in range(fault_rows.shape[0]):
-        fault_row = fault_rows[n]
-        if not _on(fault_row, k):
-            continue
-        kind = int(fault_row[_KIND])
-        since = k - fault_row[_BEGIN]
-        if kind == TICKS_LOST:
-            lost = lost or np.random.random() < fault_row[_FIRST]  # noqa: NPY002
-        elif kind == PAUSE:
-            lost = (
-                lost
-                or (since * tick) % (fault_row[_FIRST] + fault_row[_SECOND]) < fault_row[_FIRST]
-            )
-        elif kind == RESETS:
-            reset = reset or since % max(1.0, math.floor(fault_row[_FIRST] / tick)) == 0.0
-        elif kind == HANG:
-            hangs = max(hangs, math.ceil(fault_row[_FIRST] / tick))
-    return lost, reset, hangs
+    lost = q[PAUSE, 0] == 0.0
+    if q[TICKS, 1] > 0.0 and np.random.random() < q[TICKS, 1]:  # noqa: NPY002
+        lost = True
+    return lost, q[RESET, 0] == 0.0, math.ceil(q[HANG, 1] / tick)

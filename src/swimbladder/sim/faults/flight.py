@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Law, Measurement
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.block import Block, Schedule, work_space
+from swimbladder.sim.closed_loop.floats import FloatModel
 from swimbladder.sim.closed_loop.hooks import Hooks, hook_in
 from swimbladder.sim.closed_loop.lane import limited
 from swimbladder.sim.closed_loop.lanes import OVER
@@ -61,21 +62,29 @@ from swimbladder.sim.engine.modes import (
     V_MIN,
     Z_SURFACE,
 )
+from swimbladder.sim.engine.rodas.names import At, Doing, Given, Now
 from swimbladder.sim.faults.c_interface import call_begin, call_tick
 from swimbladder.sim.faults.draw import Mission
 from swimbladder.sim.faults.fault_effects import (
-    LEAK_LARGE,
-    LEAK_SMALL,
     MOST,
-    ROOM,
+    NOTHING_KEPT,
+    OPEN,
+    VALVE,
+    PumpTable,
+    act,
     acted,
-    apply_faults,
     board_misses,
+    change_plant,
     changes,
     driven,
     emf,
+    pump_share,
     see_depth,
     see_volume,
+)
+from swimbladder.sim.faults.fault_effects import WATER as COMES_IN
+from swimbladder.sim.faults.kinds import (
+    On,
 )
 from swimbladder.sim.faults.mission_records import Condition, FaultRow, Result, record_type
 from swimbladder.vehicle import Sensors
@@ -87,6 +96,11 @@ Array = NDArray[np.float64]
 OWN, FULL, EARLY = 0, 1, 2
 _RAN, _MISSED, _OFF = 0.0, 1.0, 2.0
 MOST_TURNS = 8  # set-points of a mission
+_RESTS, _DOING, _H = int(At.RESTS), int(At.DOING), int(Now.H)
+_T, _T_PRIMED = int(Now.T), int(Now.T_PRIMED)
+_PUMPING, _PRIMING = int(Doing.PUMPING), int(Doing.PRIMING)
+_LEAST, _MOST = int(Given.V_MIN), int(Given.V_MAX)
+_DELIVERY, _FLOW, _OPEN = int(Given.DELIVERY), int(Given.FLOW), int(Given.OPEN)
 _NEARLY = 0.01  # of the stroke: a volume so near its largest is all out
 
 
@@ -97,7 +111,7 @@ class Board(NamedTuple):
     tick: int
     memory: Any  # bytes that it remembers
     seen: Any  # [7] float32: depth, its age, volume, battery, leak, lost ticks, depth asked for
-    said: Any  # [3] float32: reason, release, whether its law was called
+    said: Any  # [4] float32: reason, release, whether its law was called, whether by the bypass
 
 
 class Nothing(NamedTuple):
@@ -152,6 +166,9 @@ class FlightState(NamedTuple):
     noise: float  # of the depth at this tick, which the battery's is taken to be as well
     battery: float  # V, at the board
     age: float  # s, of the depth
+    delivery: float  # -, of a float's pump in health, over what the law's processor knows
+    delivered: float  # -, the same under faults, where it last was above 0
+    flow: float  # -, of its valves
 
 
 FLIGHT = np.dtype([
@@ -160,7 +177,8 @@ FLIGHT = np.dtype([
     ("base", np.float64, (N_PLANT,)),  # the healthy vehicle
     ("faults", np.int64),  # how many
     ("fault_rows", np.float64, (MOST, len(FaultRow._fields))),
-    ("kept", np.float64, (ROOM,)),  # what the faults remember
+    ("acts", np.float64, (len(On), 2)),  # what they do at this tick, see `fault_effects.act`
+    ("kept", np.float64, NOTHING_KEPT.shape),  # what the faults remember
     ("turns", np.float64, (MOST_TURNS,)),  # ticks of the set-points, inf behind the last
     ("depths", np.float64, (MOST_TURNS,)),  # m
 ])  # fmt: skip
@@ -174,6 +192,8 @@ class Faults(NamedTuple):
     before: Any  # the board's memory at the begin of a tick
     layers: Layers  # of the water
     late: Array  # depths seen before
+    stepper: Any  # what moves a float, see `closed_loop.pumped`; None of other vehicles
+    pump: PumpTable
     record: Array  # [ticks, len(Trace)] or no rows
 
 
@@ -182,17 +202,6 @@ def _keep(source, target):  # type: ignore[no-untyped-def]
     """Copy a vector into one as long."""
     for n in range(target.shape[0]):
         target[n] = source[n]
-
-
-@inlined
-def _leaking(fault_rows, k):  # type: ignore[no-untyped-def]
-    """Return the water that comes in [m3/s] at tick k."""
-    rate = 0.0
-    for n in range(fault_rows.shape[0]):
-        kind = int(fault_rows[n, 0])
-        if kind in (LEAK_SMALL, LEAK_LARGE) and k >= fault_rows[n, 3]:
-            rate += fault_rows[n, 1]
-    return rate
 
 
 @inlined
@@ -244,71 +253,112 @@ def _begin(faults, S, k, built):  # type: ignore[no-untyped-def]
     """Let the faults act on plant and battery; return whether the mission is over."""
     if S[STOPPED] != 0.0:
         return True
-    c, now, result = faults.flight.condition, faults.flight.now, faults.flight.result
-    m = faults.flight
-    base, fault_rows = m.base, m.fault_rows[: m.faults]
+    m, now, result = faults.flight, faults.flight.now, faults.flight.result
+    c, fault_rows, p = m.condition, m.fault_rows[: m.faults], S[PLANT : PLANT + N_PLANT]
     if k == 0:
         np.random.seed(np.uint32(c.seed))  # noqa: NPY002
     if _surfaced(faults, S, k):
         return True
+    act(fault_rows, k, c.tick, m.acts)
     S[SLOW] = 1.0  # the plant changes between ticks
-    S[LEAK] = _leaking(fault_rows, k)
-    p = S[PLANT : PLANT + N_PLANT]
-    if changes(fault_rows, k):
-        apply_faults(base, p, fault_rows, k, S[V] + S[LOST], S[LOST])
-        built[:] = 0
-        act = int(S[MODE]) % 10
-        if act == MOVING_OUT:  # a positioner on its way, also one that could not move
-            S[Q] = p[RATE]
-        elif act == MOVING_IN:
-            S[Q] = -p[RATE]
+    S[LEAK] = m.acts[COMES_IN, 1]
+    changed = changes(fault_rows, k)
+    if changed:
+        change_plant(m.base, p, m.acts, S[V] + S[LOST], S[LOST])
     if now.acts < fault_rows.shape[0]:
-        now.acts = acted(base, p, fault_rows, k, c.tick, S[V], faults.flight.kept)
+        now.acts = acted(m.base, p, fault_rows, k, c.tick, S[V], m.kept)
         if now.acts > 0 and math.isnan(result.acting):
             result.acting = k
             if now.how == EARLY:
                 now.full_at = k + c.full_after
         if now.acts == fault_rows.shape[0] and now.how == FULL:
             now.full_at = k + c.full_after
-    if base[POSITIONER] != 0.0:
+    _act_on_drive(faults, faults.stepper, S, p, built, changed)
+    return False
+
+
+@inlined
+def _act_on_drive(faults, stepper, S, p, built, changed):  # type: ignore[no-untyped-def]
+    """Let the faults act on what changes the volume, and on its battery."""
+    if stepper is None:  # pruned before types are inferred, here and below
+        _act_on_motor(faults, S, p, built, changed)
+    else:
+        _act_on_pump(faults, stepper.given[0], stepper.x[0], stepper.at[0], S, p, changed)
+
+
+@inlined
+def _act_on_motor(faults, S, p, built, changed):  # type: ignore[no-untyped-def]
+    m, now = faults.flight, faults.flight.now
+    if changed:
+        built[:] = 0
+        moves = int(S[MODE]) % 10
+        if moves == MOVING_OUT:  # a positioner on its way, also one that could not move
+            S[Q] = p[RATE]
+        elif moves == MOVING_IN:
+            S[Q] = -p[RATE]
+    if m.base[POSITIONER] != 0.0:
         now.battery = np.nan
-        return False
+        return
     u = S[APPLIED]
-    p[SUPPLY] = emf(base, fault_rows, k, c.tick, abs(u) > 0.05 * base[SUPPLY])
+    p[SUPPLY] = emf(m.base, m.acts, abs(u) > 0.05 * m.base[SUPPLY])
     S[LOW_U], S[HIGH_U] = -p[SUPPLY], p[SUPPLY]
     applied = max(-p[SUPPLY], min(p[SUPPLY], u))
     drawn = (applied - p[KAPPA] * S[Q]) * (1.0 if applied >= 0.0 else -1.0)
     now.battery = p[SUPPLY] - max(p[SAG] * drawn, 0.0) / (1.0 + p[SAG])
-    return False
+
+
+@inlined
+def _act_on_pump(faults, given, x, at, S, p, changed):  # type: ignore[no-untyped-def]
+    m, now = faults.flight, faults.flight.now
+    if changed:
+        at[_RESTS] = 0
+        x[_H] = min(x[_H], 1.0)
+        given[_LEAST], given[_MOST] = p[V_MIN] + S[LOST], p[V_MAX] + S[LOST]
+        given[_FLOW], given[_OPEN] = now.flow * m.acts[VALVE, 0], m.acts[OPEN, 1]
+    share, loaded, unloaded = pump_share(faults.pump, m.base, m.acts, max(S[Z], 0.0))
+    given[_DELIVERY] = now.delivery * share
+    if share <= 0.0:
+        x[_T_PRIMED] += m.condition.tick  # it primes when it delivers again
+    elif given[_DELIVERY] != now.delivered:
+        x[_T_PRIMED] = x[_T] + (x[_T_PRIMED] - x[_T]) * now.delivered / given[_DELIVERY]
+        now.delivered = given[_DELIVERY]
+    runs = at[_DOING] == _PUMPING or at[_DOING] == _PRIMING
+    now.battery = loaded if runs else unloaded
 
 
 @inlined
 def _sense(faults, S, k):  # type: ignore[no-untyped-def]
     """Write what the sensors give, with their faults."""
     m = faults.flight
-    c, now, fault_rows, kept = m.condition, m.now, m.fault_rows[: m.faults], m.kept
+    c, now, kept = m.condition, m.now, m.kept
     noise, other = np.random.normal(), np.random.normal()  # noqa: NPY002
     depth = S[Z] + S[DEPTH_NOISE] * noise
     S[SEEN_DEPTH], now.age = see_depth(
-        fault_rows, k, c.tick, depth, S[DEPTH_QUANTUM], kept, faults.late
+        m.acts, k, c.tick, depth, S[DEPTH_QUANTUM], kept, faults.late
     )
     volume = S[V] + S[LOST] + S[VOLUME_NOISE] * other
     stroke = m.base[V_MAX] - m.base[V_MIN]
-    S[SEEN_VOLUME] = see_volume(fault_rows, k, c.tick, volume, S[VOLUME_QUANTUM], stroke, kept)
+    S[SEEN_VOLUME] = see_volume(m.acts, k, c.tick, volume, S[VOLUME_QUANTUM], stroke, kept)
+    S[SEEN_VOLUME] = _measured(faults.stepper, S[SEEN_VOLUME])
     now.noise = noise
+
+
+@inlined
+def _measured(stepper, volume):  # type: ignore[no-untyped-def]
+    """Return the volume that a board sees [m3]; nan of a float, whose volume is not measured."""
+    return volume if stepper is None else math.nan
 
 
 @inlined
 def _ask(faults, S, k):  # type: ignore[no-untyped-def]
     """Return whether the board runs at tick k; where it does not, set what it commands."""
     m = faults.flight
-    c, now, base, turns = m.condition, m.now, m.base, m.turns
-    positioner = base[POSITIONER] != 0.0
+    c, now, turns = m.condition, m.now, m.turns
     while now.turn + 1 < turns.shape[0] and turns[int(now.turn) + 1] <= k - now.begun:
         now.turn += 1
     now.asked += max(-c.ramp, min(c.ramp, m.depths[int(now.turn)] - now.asked))
     S[REFERENCE] = now.asked
-    missed, reset, now.hangs = board_misses(m.fault_rows[: m.faults], k, c.tick)
+    missed, reset, now.hangs = board_misses(m.acts, c.tick)
     if k >= now.full_at:
         now.hangs, now.hung_until = 0, -1  # what misses ticks or is reset does so here as well
     now.board, now.ran = _RAN, 0.0
@@ -323,14 +373,14 @@ def _ask(faults, S, k):  # type: ignore[no-untyped-def]
         now.must_begin, now.restarted = 1.0, 1.0
         now.begun, now.turn = k + 1, 0  # its clock begins anew, and what it is to do with it
         now.lost = 0
-        now.command = S[V] + S[LOST] if positioner else 0.0
+        now.command = S[V] + S[LOST] if m.base[POSITIONER] != 0.0 else 0.0
     elif k < now.hung_until:
         now.board = _MISSED
     elif missed:
         now.board = _MISSED
         now.lost += 1
     elif k >= now.full_at:
-        now.command, now.commanded = base[V_MAX] if positioner else base[SUPPLY], 1.0
+        now.command, now.commanded = c.full, 1.0
     else:
         _prepare(faults, S)
         now.ran = 1.0
@@ -361,8 +411,7 @@ def _prepare(faults, S):  # type: ignore[no-untyped-def]
 def _drive(faults, S, k, command):  # type: ignore[no-untyped-def]
     """Return what the driver gives the actuator of what the board commands, with its faults."""
     c, now, result = faults.flight.condition, faults.flight.now, faults.flight.result
-    m = faults.flight
-    base, said = m.base, faults.board.said
+    m, said = faults.flight, faults.board.said
     if now.ran != 0.0 and now.hangs > 0 and said[2] != 0.0:  # it has not come back from its law
         _keep(faults.before, faults.board.memory)
         now.hung_until = k + now.hangs
@@ -373,11 +422,10 @@ def _drive(faults, S, k, command):  # type: ignore[no-untyped-def]
             result.latched, result.reason = k, said[0]
         if said[1] != 0.0 and math.isnan(result.released):
             result.released = k
-    p = S[PLANT : PLANT + N_PLANT]
+    _hand_on(now, faults.stepper, said)
     volume = S[V] + S[LOST]
-    u = driven(
-        base, p, m.fault_rows[: m.faults], k, c.tick, now.command, S[APPLIED], volume, m.kept
-    )
+    way = S[APPLIED] - (volume if m.base[POSITIONER] != 0.0 else 0.0)
+    u = driven(m.acts, S[LOW_U], S[HIGH_U], now.command, way, m.kept)
     u = limited(S, 1, 0, u)
     if faults.record.shape[0] > k:
         row = faults.record[k]
@@ -389,13 +437,23 @@ def _drive(faults, S, k, command):  # type: ignore[no-untyped-def]
     return u
 
 
+@inlined
+def _hand_on(now, stepper, said):  # type: ignore[no-untyped-def]
+    """Give a float's drive its command; what is on goes off where none comes."""
+    if stepper is not None:
+        if now.board != _RAN:
+            now.command = 0.0
+        stepper.wide[0] = said[3] if now.ran != 0.0 else 0.0
+
+
 class Room(threading.local):
     """What a thread flies in."""
 
-    def __init__(self, memory: int, late: int) -> None:
+    def __init__(self, memory: int, late: int, model: FloatModel | None, pump: PumpTable) -> None:
         self.memory, self.before = np.zeros(memory, np.uint8), np.zeros(memory, np.uint8)
         self.chains = work_space(1)
         self.late = np.zeros(late)
+        self.model, self.pump = model, pump
 
 
 hook_in(Faults, Hooks(_begin, _sense, _ask, _drive))
@@ -416,29 +474,40 @@ def fly(
     m["condition"], m["base"] = c, mission.plant
     m["now"] = FlightState(*(0.0 for _ in FlightState._fields))._replace(
         how=how, off_until=-1.0, hung_until=-1.0, must_begin=1.0, asked=mission.depths[0],
-        full_at=math.inf, deepest=c.start_depth,
+        full_at=math.inf, deepest=c.start_depth, delivery=mission.drive[0], flow=mission.drive[1],
+        delivered=mission.drive[0],
     )  # fmt: skip
+    m["kept"] = NOTHING_KEPT
     m["result"] = unset._replace(stop=0.0, bottom=0.0, reason=0.0, resets=0.0, filled=-1.0)
     m["turns"], m["faults"] = math.inf, len(mission.fault_rows)
     m["fault_rows"][: len(mission.fault_rows)] = mission.fault_rows
     m["turns"][: len(mission.turns)] = mission.turns
     m["depths"][: len(mission.depths)] = mission.depths
-    board = Board(*functions, room.memory, np.zeros(7, np.float32), np.zeros(3, np.float32))
+    board = Board(*functions, room.memory, np.zeros(7, np.float32), np.zeros(4, np.float32))
+    stepper, start = None, np.array([[0.0], [c.start_volume], [c.start_depth], [0.0]])
+    if room.model is not None:
+        stepper, start = room.model.lanes(
+            {}, mission.plant[:, None], start[2], start[1], start[0],
+            rates=np.array(mission.drive)[:, None],
+        )  # fmt: skip
+        stepper = stepper._replace(wide=np.zeros(1))
     block = Block.lay_out(
         plants=mission.plant[:, None], law=_LAW, parameters=dict.fromkeys(Board._fields, 0.0),
         clock=Schedule(
             tick=c.tick, turn=np.zeros(int(c.end) + 1, np.int64), given=np.zeros(1, np.int64)
         ),
-        parts=base_steps(p, c.tick, 0.0), depths=mission.depths[:1, None],
-        start=np.array([[0.0], [c.start_volume], [c.start_depth], [0.0]]),
+        parts=base_steps(p, c.tick, 0.0) if stepper is None else 1,
+        depths=mission.depths[:1, None], start=start, stepper=stepper,
         sensors=Sensors.model_construct(
             depth_noise=c.depth_noise, depth_quantum=c.depth_quantum, volume_noise=c.volume_noise,
             volume_quantum=c.volume_quantum,
         ),
-        seeds=None, record=False, books=False, events=False, layers=mission.layers,
+        seeds=None, layers=mission.layers,
     )  # fmt: skip
     block.parameters, block.loses = board, True
-    block.hooks = Faults(m, board, room.before, mission.layers, room.late, record)
+    block.hooks = Faults(
+        m, board, room.before, mission.layers, room.late, stepper, room.pump, record
+    )
     work = block.work[:, 0]
     work[Row.APPLIED] = c.start_volume if p.positioner != 0.0 else 0.0
     work[Row.DRIFT], work[Row.SWELL] = c.drift, c.swell

@@ -14,12 +14,13 @@ class Condition(NamedTuple):
     end: float  # ticks of the whole mission
     tick: float  # s
     start_depth: float  # m
-    start_volume: float  # m3
+    start_volume: float  # m3; nan: a float's that is afloat with all volume out
     depth_noise: float  # m, 1 sigma
     depth_quantum: float  # m
     volume_noise: float  # m3, 1 sigma
     volume_quantum: float  # m3
     battery_noise: float  # 1 sigma, as a share of the voltage
+    full: float  # V, m3, or s of the pump, of full buoyancy
     ramp: float  # m that the depth asked for goes in a tick towards the set-point
     drift: float  # m3/s, of the neutral volume
     swell: float  # m3, amplitude of the volume that would pull as the swell does at the surface

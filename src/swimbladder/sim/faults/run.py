@@ -14,12 +14,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.codegen.library import make_library
+from swimbladder.codegen.library import make_program
 from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.control.registry import own_law
 from swimbladder.errors import InputError
 from swimbladder.jobs import Store, each
+from swimbladder.physics.buoyancy_engine import running_pump
+from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.seawater import Column
+from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
+from swimbladder.sim.closed_loop.floats import float_model
 from swimbladder.sim.engine.modes import SUPPLY, Z_BOTTOM
 from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED, Board, c_interface
 from swimbladder.sim.faults.campaign_result import (
@@ -31,10 +35,11 @@ from swimbladder.sim.faults.campaign_result import (
     outcomes,
 )
 from swimbladder.sim.faults.draw import Course, Mission, course_of, draw
+from swimbladder.sim.faults.fault_effects import NO_PUMP, PumpTable
 from swimbladder.sim.faults.flight import EARLY, FULL, OWN, Room, fly
 from swimbladder.sim.faults.kinds import KINDS, Fault
 from swimbladder.sim.faults.mission_records import Condition, Result, Trace
-from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle import DatasheetPump, PumpAndValve, Vehicle
 
 Array = NDArray[np.float64]
 
@@ -50,19 +55,8 @@ class Flights(NamedTuple):
 
 def sources(course: Course) -> dict[str, str]:
     """Return the C files of a vehicle's controller and supervisor, and what calls them here."""
-    depth = course.depths.least
-    tick = course.vehicle.controller.sample_time if course.vehicle.controller else 1.0
-    made = make_library(
-        course.vehicle, start_depth=depth, target=depth, duration=10.0 * tick, seed=None
-    )
-    files = {
-        name.removeprefix("src/"): text
-        for name, text in made.files.items()
-        if name.startswith("src/")
-    }
-    first = 0.0 if made.law.command == "voltage" else made.vehicle.stroke.maximum
-    files["c_interface.c"] = c_interface(f"{float(np.float32(first))!r}f")
-    return files
+    made = make_program(course.vehicle, depths=(course.depths.least,))
+    return made.sources | {"c_interface.c": c_interface(made.first, floats=course.floats)}
 
 
 class FaultCampaign:
@@ -74,11 +68,16 @@ class FaultCampaign:
         latest = KINDS[Fault.DEPTH_LATE].first
         assert latest is not None
         self._board = board
-        self._room = Room(board.size, math.ceil(latest.most / tick) + 2)
+        model = None
+        if course.floats:
+            reach = course.vehicle.hull.depth_limit or BEYOND * course.depths.most
+            model = float_model(course.vehicle, course.medium, course.column, reach=reach)
+        late = math.ceil(latest.most / tick) + 2
+        self._room = Room(board.size, late, model, pump_table(course.vehicle))
         self._none = np.zeros((0, len(Trace._fields)))
         limits = supervisor_parameters(course.vehicle, tick)
         # a slow actuator needs as many pushes
-        self._longer = 1.0 + limits.push.rest / limits.push.again
+        self._longer = min(1.0 + limits.push.rest / limits.push.again, _LONGER)
 
     def flights(self, mission: Mission) -> Flights:
         """Return how a mission with faults ends."""
@@ -116,7 +115,34 @@ class FaultCampaign:
         return fly(mission, condition, how, functions, self._room, record)
 
 
-CHUNK = 200
+_LONGER = 3.0  # times as long as without rests, at most
+CHUNK, FLOATS = 200, 5  # missions; of floats, which take hours
+BEYOND = 1.5  # of the deepest set-point, to which the water of a float is made
+
+
+def pump_table(vehicle: Vehicle) -> PumpTable:
+    """Return what a float's pump delivers at each voltage of its battery; see `PumpTable`."""
+    a, supply = vehicle.actuator, vehicle.supply
+    if not isinstance(a, PumpAndValve):
+        return NO_PUMP
+    volts = np.linspace(0.0, 1.0 if supply is None else supply.voltage, _VOLTAGES)
+    depth = np.linspace(0.0, _HEADS_TO, _HEADS)
+    head = depth * vehicle.water.specific_weight + ATMOSPHERIC_PRESSURE - a.internal_pressure
+    rates, currents = np.zeros((2, _VOLTAGES, _HEADS))
+    for n, voltage in enumerate(volts[1:], 1):
+        low = None if supply is None else supply.model_copy(update={"voltage": voltage})
+        run = vehicle.model_copy(update={"supply": low})
+        rates[n], power = running_pump(run, a, head, REFERENCE_TEMPERATURE)
+        currents[n] = np.maximum(np.nan_to_num(power), 0.0) / voltage
+    resistance = 0.0 if supply is None else supply.internal_resistance
+    motor = a.pump.motor.resistance if isinstance(a.pump, DatasheetPump) else 0.0
+    return PumpTable(
+        rates, currents, per_volt=1.0 / volts[1], per_metre=1.0 / depth[1], nominal=volts[-1],
+        resistance=resistance, motor=motor,
+    )  # fmt: skip
+
+
+_VOLTAGES, _HEADS, _HEADS_TO = 49, 481, 12000.0  # of a pump's table; m
 
 
 def board_of(course: Course) -> Board:
@@ -137,7 +163,7 @@ def run_missions(
     Raises InputError for a vehicle without a controller, for depths that it cannot hold, for water
     that ends above them, and where there is no C compiler.
     """
-    own_law(vehicle)
+    own_law(vehicle, sampled=False)
     if healthy is None:
         healthy = max(missions // 10, 1)
     for field, count in (("--missions", missions), ("--healthy", healthy)):
@@ -167,13 +193,14 @@ def _all(
 ) -> Array:  # fmt: skip
     """Return a row per mission [count, WIDTH]."""
     table = np.empty((count, WIDTH))
+    size = FLOATS if course.floats else CHUNK
 
     def chunk(first: int) -> Array:
-        end = min(first + CHUNK, count)
+        end = min(first + size, count)
         fly = partial(_rows, campaign, course, seed, first, end, healthy)
         return kept.get(fly, "healthy" if healthy else "faulty", first, end)
 
-    for first, rows in each(chunk, range(0, count, CHUNK)):
+    for first, rows in each(chunk, range(0, count, size)):
         table[first : first + len(rows)] = rows
         advance(len(rows))
     return table

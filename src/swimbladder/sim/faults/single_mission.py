@@ -187,7 +187,7 @@ def fly_one(
 
     Raises InputError as `run_missions` does.
     """
-    own_law(vehicle)
+    own_law(vehicle, sampled=False)
     course = course_of(vehicle, depths, column)
     mission = draw(course, seed=seed, number=number, healthy=healthy)
     ways = [(SUPERVISED, OWN), (UNSUPERVISED, OWN), (IDEAL, FULL)][: 2 if healthy else 3]

@@ -236,7 +236,15 @@ def _happen(p, table, x, at, accounts, notes, counts, event):  # type: ignore[no
 
 @part
 def _at_volume(p, x, at, notes, counts):  # type: ignore[no-untyped-def]
-    """End a run at its volume or at an end stop; put rounding right."""
+    """End a run at its volume or at an end stop; put rounding right.
+
+    A pump that a valve beats runs on where nothing more can come in.
+    """
+    beaten = at[DOING] == PUMPING and x[V] - p[V_MIN] < min(p[V_MAX], x[V_MOVE]) - x[V]
+    if at[DOING] == PRIMING or beaten:
+        x[V] = p[V_MIN]
+        note(notes, counts, x, NOTE_LOWER, 0.0)
+        return
     if at[DOING] == PUMPING:
         x[V] = min(p[V_MAX], x[V_MOVE])
     elif at[DOING] != NOTHING:

@@ -48,14 +48,11 @@ def _fill(p, table, waves, x, at, level, t, z, w, v, found):  # type: ignore[no-
     else:
         found[LEVEL] = -1.0
     found[TOO_DEEP] = z - p[DEEPEST] if at[ALARM] == 0 else -1.0
+    found[VOLUME] = (p[V_MIN] - v) * _V_SCALE if v < x[V] else -1.0
     if at[DOING] == PUMPING:
-        found[VOLUME] = (v - min(p[V_MAX], x[V_MOVE])) * _V_SCALE
-    elif at[DOING] == PRIMING:
-        found[VOLUME] = -1.0
-    elif at[DOING] != NOTHING:
+        found[VOLUME] = max((v - min(p[V_MAX], x[V_MOVE])) * _V_SCALE, found[VOLUME])
+    elif at[DOING] != NOTHING and at[DOING] != PRIMING:
         found[VOLUME] = (max(p[V_MIN], x[V_MOVE]) - v) * _V_SCALE
-    else:
-        found[VOLUME] = (p[V_MIN] - v) * _V_SCALE if v < x[V] else -1.0
     found[LOST] = z - p[Z_LOST]
     found[VALVE] = -1.0
     if p[LINE] > 0.0:

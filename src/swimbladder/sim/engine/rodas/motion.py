@@ -46,7 +46,7 @@ D_L, D_B, D_0, D_T = int(Given.D_L), int(Given.D_B), int(Given.D_0), int(Given.D
 EPSILON, A_S, Z_SURFACE = int(Given.EPSILON), int(Given.A_S), int(Given.Z_SURFACE)
 V_MIN, DELIVERY, FLOW = int(Given.V_MIN), int(Given.DELIVERY), int(Given.FLOW)
 RISING, FOLLOWS, EXPANSION = int(Given.RISING), int(Given.FOLLOWS), int(Given.EXPANSION)
-LINE = int(Given.LINE)
+LINE, OPEN = int(Given.LINE), int(Given.OPEN)
 PUMPING, LETTING_IN = int(Doing.PUMPING), int(Doing.LETTING_IN)
 BYPASSING, PRIMING = int(Doing.BYPASSING), int(Doing.PRIMING)
 
@@ -90,6 +90,17 @@ def rate_of(p, table, doing, shut, z, V, dz):  # type: ignore[no-untyped-def]
 
 @part
 def _drive_rate(p, table, doing, z, V):  # type: ignore[no-untyped-def]
+    rate, slope = _asked_rate(p, table, doing, z, V)
+    if p[OPEN] > 0.0 and doing != LETTING_IN:
+        lets, by_depth = _positive(table, p[STEP], RATE_IN, z, -p[OPEN])
+        rate, slope = rate + lets, slope + by_depth
+        if rate <= 0.0 and p[V_MIN] >= V:
+            return 0.0, 0.0
+    return rate, slope
+
+
+@part
+def _asked_rate(p, table, doing, z, V):  # type: ignore[no-untyped-def]
     if doing == PUMPING:
         return _positive(table, p[STEP], RATE_OUT, z, p[DELIVERY])
     if doing == LETTING_IN:

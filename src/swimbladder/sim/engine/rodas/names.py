@@ -92,7 +92,8 @@ class Given(IntEnum):
     RUN_UP = 55  # m3 that a start falls short beside what the line takes
     LINE_STEP = 56  # of ln(p/reservoir) from row to row
     LINE_TOP = 57  # ln(p/reservoir) at which the pump stalls; inf: above all that is reckoned with
-    COUNT = 58
+    OPEN = 58  # -, of the valve's flow that comes in whatever is commanded: it leaks, or is stuck
+    COUNT = 59
 
 
 class Now(IntEnum):

@@ -210,6 +210,7 @@ def given_of(
         Given.HELD: 0.0,
         Given.RISING: vehicle.drag.rising_ratio,
         Given.FLOW: 1.0,
+        Given.OPEN: 0.0,
         Given.MAKES_UP: 1.0,
         Given.FOLLOWS: 1.0 / lag if lag > 0.0 else 0.0,
         Given.EXPANSION: heat_expansion(vehicle) if lag > 0.0 else 0.0,

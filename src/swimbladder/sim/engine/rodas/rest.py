@@ -43,7 +43,7 @@ def stay(p, table, x, at, accounts, loads, until):  # type: ignore[no-untyped-de
     ended = 0
     if rate != 0.0:
         goal = min(p[V_MAX], x[V_MOVE]) if rate > 0.0 else p[V_MIN]
-        if rate < 0.0 and at[DOING] != NOTHING:
+        if rate < 0.0 and x[V_MOVE] <= x[V]:
             goal = max(p[V_MIN], x[V_MOVE])
         lift = lift_volume(p, table, x[Z], x[HULL])
         if rate > 0.0 and x[V] < lift < goal:

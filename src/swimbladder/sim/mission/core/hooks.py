@@ -20,6 +20,7 @@ from swimbladder.sim.closed_loop.hooks import Hooks, hook_in
 from swimbladder.sim.closed_loop.outside import kernel_of
 from swimbladder.sim.closed_loop.pumped import DIVES, FLOATS, PAUSE, one_lane
 from swimbladder.sim.closed_loop.rows import (
+    PLANT,
     REFERENCE,
     SEEN_DEPTH,
     SEEN_VOLUME,
@@ -29,6 +30,7 @@ from swimbladder.sim.closed_loop.rows import (
 )
 from swimbladder.sim.engine.cache import compiled, inlined, part
 from swimbladder.sim.engine.layers import NO_LAYERS
+from swimbladder.sim.engine.modes import V_0
 from swimbladder.sim.engine.rodas import NAME
 from swimbladder.sim.engine.rodas.drive import FULL, STAYED, end_run, note, press_out
 from swimbladder.sim.engine.rodas.entries import enter_energy
@@ -223,9 +225,10 @@ def fly(phases: Phases) -> Stop:
         counts=f.counts, board=f.board,
     )  # fmt: skip
     f.at[IDLE] = 0
-    none = np.zeros((1, 0, 0))
+    lane, none = np.zeros(rows(len(Rule._fields), len(Nothing._fields))), np.zeros((1, 0, 0))
+    lane[PLANT + V_0] = f.given[Given.NEUTRAL_TOP] + f.given[Given.TRIM]
     kernel_of(RULE, pumped=True)(
-        np.zeros(rows(len(Rule._fields), len(Nothing._fields))), (0.0,), (), (), f, stepper,
+        lane, (0.0,), (), (), f, stepper,
         Rule(f.stages, f.x, f.at), Nothing(0.0), 1, len(_MANY) - 1, 0.0, 1, _MANY,
         np.zeros(1, np.int64), np.zeros((1, 1)), none, none, -1, None,
         np.zeros((1, 1), np.uint8), np.zeros((1, 0)), none, np.zeros((1, 1), np.int64), NO_LAYERS,

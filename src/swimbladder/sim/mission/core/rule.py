@@ -97,5 +97,5 @@ def _step(
 
 RULE = Law(
     name="rule", summary="the mission's own rule", command="volume change", parameters=Rule,
-    state=Nothing, units={}, step=_step, initial=_initial,
+    state=Nothing, step=_step, initial=_initial,
 )  # fmt: skip
