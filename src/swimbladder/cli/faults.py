@@ -144,9 +144,7 @@ def _print(flown: Campaign) -> None:
     output.print(table)
     output.print("")
     for part, names in not_drawn(course.vehicle).items():
-        output.print(
-            f"not drawn, as the vehicle has not {part}: {', '.join(names)}", soft_wrap=True
-        )
+        output.print(f"not drawn, as it lacks {part}: {', '.join(names)}", soft_wrap=True)
     able, total = int(flown.recoverable.sum()), len(flown.faulty)
     gone = flown.lines()[-1]
     output.print(
