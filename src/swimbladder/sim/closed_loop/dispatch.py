@@ -18,9 +18,8 @@ from numba.extending import overload
 from swimbladder.control.law import Law
 from swimbladder.control.records import from_numbers, leaf_names, numbers
 from swimbladder.errors import InputError
-from swimbladder.sim.engine.cache import inlined
+from swimbladder.sim.engine.cache import OVERLOADED, inlined
 
-_INLINE: Any = {"forceinline": True}
 _LAWS: dict[type[Any], Law] = {}
 
 
@@ -70,7 +69,7 @@ def law_initial(parameters: Any, measurement: Any, reference: float) -> Any:
     return _LAWS[type(parameters)].initial(parameters, measurement, reference)
 
 
-@overload(law_step, jit_options=_INLINE)
+@overload(law_step, jit_options=OVERLOADED)
 def _law_step(parameters, state, measurement, reference):  # type: ignore[no-untyped-def]  # noqa: ARG001
     step = inlined(compilable(_LAWS[parameters.instance_class].step))
     return lambda parameters, state, measurement, reference: step(
@@ -78,7 +77,7 @@ def _law_step(parameters, state, measurement, reference):  # type: ignore[no-unt
     )
 
 
-@overload(law_initial, jit_options=_INLINE)
+@overload(law_initial, jit_options=OVERLOADED)
 def _law_initial(parameters, measurement, reference):  # type: ignore[no-untyped-def]  # noqa: ARG001
     initial = inlined(compilable(_LAWS[parameters.instance_class].initial))
     return lambda parameters, measurement, reference: initial(parameters, measurement, reference)
@@ -119,13 +118,13 @@ def _paths(form: Any, path: str) -> list[str]:
     return [p for n, inner in enumerate(form.types) for p in _paths(inner, f"{path}[{n}]")]
 
 
-@overload(extent, jit_options=_INLINE)
+@overload(extent, jit_options=OVERLOADED)
 def _extent(like):  # type: ignore[no-untyped-def]
     count = len(_paths(like, ""))
     return lambda like: count  # noqa: ARG005
 
 
-@overload(gather, jit_options=_INLINE)
+@overload(gather, jit_options=OVERLOADED)
 def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
     if _class_of(like) is None:
         return None
@@ -145,7 +144,7 @@ def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]  # noqa:
     return _function(f"def f(like, work, start, stride):\n    return {made(like)}", **kinds)
 
 
-@overload(scatter_where, jit_options=_INLINE)
+@overload(scatter_where, jit_options=OVERLOADED)
 def _scatter_where(due, values, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
     if _class_of(values) is None:
         return None

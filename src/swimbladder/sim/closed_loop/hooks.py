@@ -38,7 +38,7 @@ from swimbladder.sim.closed_loop.rows import (
     V,
     Z,
 )
-from swimbladder.sim.engine.cache import inlined, part
+from swimbladder.sim.engine.cache import OVERLOADED, inlined, part
 from swimbladder.sim.engine.modes import BOTTOM, V_MAX, V_MIN, resting_volume, split
 
 
@@ -110,7 +110,7 @@ def _chosen(hook: Callable[P, R]) -> Callable[P, R]:
         own = getattr(_HOOKS[type(given[0])], name) if given[0] else None
         return (own or hook)(*given, **named)
 
-    @overload(called, jit_options={"forceinline": True}, strict=False)  # strict: same arguments
+    @overload(called, jit_options=OVERLOADED, strict=False)  # strict: same arguments
     def compiled(*kinds: Any) -> Any:
         form = kinds[0]
         own = getattr(_HOOKS[form.instance_class], name) if isinstance(form, _TUPLES) else None

@@ -161,33 +161,64 @@ class _Kept(_Cache):  # type: ignore[misc]
             _log.warning("cannot %s compiled code in %s (%s): %s", what, cache_folder(), why, so)
 
 
-class _Link(_Library):  # type: ignore[misc]
-    """Code that only kernels call: left as it is, and optimised once, in theirs.
+class _Whole(_Library):  # type: ignore[misc]
+    """Code of a kernel and of all that it calls: brought together and optimised once, here."""
 
-    Numba would optimise it alone too and make machine code of it that nothing calls.
-    """
+    def finalize(self) -> None:
+        self._linking_libraries = _within(self)
+        super().finalize()
 
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout
 
     def _optimize_final_module(self) -> None:
-        pass
+        manager, builder = self._codegen._module_pass_manager()
+        manager.run(self._final_module, builder)
 
-    def _finalize_final_module(self) -> None:
+
+class _Part(_Whole):
+    """Code of a function that only kernels call: left as it is, for theirs.
+
+    Numba would bring it together with what it calls too, optimise it and make machine code of it.
+    """
+
+    def finalize(self) -> None:
+        self._raise_if_finalized()
         self._finalize_dynamic_globals()
-        self._verify_declare_only_symbols()
         named = [str(g) for g in self._final_module.global_variables if "NumbaEnv" in g.name]
         self._codegen._add_module(parse_assembly("\n".join(named)))  # what numba asks for at once
         self._codegen._engine.finalize_object()
         self._finalized = True
 
 
-class _Linked(_Compiler):  # type: ignore[misc]
-    """Numba's compiler, whose code goes into a `_Link`."""
+def _within(library: Any) -> list[Any]:
+    """Return the libraries that a library needs, with those that its parts need."""
+    found = list(dict.fromkeys(library._linking_libraries))
+    for inner in found:  # which grows
+        if isinstance(inner, _Part):
+            found += [other for other in inner._linking_libraries if other not in found]
+    return found
+
+
+class _IntoWhole(_Compiler):  # type: ignore[misc]
+    """Numba's compiler, whose code goes into a library of ours."""
+
+    library: Any = _Whole
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
-        self.state.library = _Link(self.state.targetctx.codegen(), func.__qualname__)
+        self.state.library = self.library(self.state.targetctx.codegen(), func.__qualname__)
+        self.state.library.enable_object_caching()
         return super().compile_extra(func)
+
+
+class _IntoPart(_IntoWhole):
+    """The compiler of what only kernels call."""
+
+    library = _Part
+
+
+# Of what is compiled for the types that a kernel has for it, see numba.extending.overload.
+OVERLOADED: Any = {"forceinline": True, "pipeline_class": _IntoPart}
 
 
 def _at_ease(compile_: Callable[..., Any]) -> Callable[..., Any]:
@@ -218,7 +249,7 @@ def compiled(function: Callable[..., Any], *, under: str = "", allocates: bool =
     Also for what many kernels have in common: a process that compiles one finds it made.
     allocates: whether it makes arrays.
     """
-    kernel = numba.njit(**(OPTIONS if allocates else _BARE))(function)
+    kernel = numba.njit(pipeline_class=_IntoWhole, **(OPTIONS if allocates else _BARE))(function)
     kernel.compile = _at_ease(kernel.compile)
     before = _config.CACHE_DIR
     try:
@@ -250,12 +281,12 @@ def _by_type(kernel: Any) -> Any:
     return kernel
 
 
-class _Part(_Dispatcher):  # type: ignore[misc]
+class _Within(_Dispatcher):  # type: ignore[misc]
     """A function that kernels call, and that Python runs as it is written."""
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         options = options | {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True}
-        super().__init__(function, targetoptions=options, pipeline_class=_Linked)
+        super().__init__(function, targetoptions=options, pipeline_class=_IntoPart)
 
     def add_overload(self, cres: Any) -> None:
         self.overloads[tuple(cres.signature.args)] = cres
@@ -266,17 +297,17 @@ class _Part(_Dispatcher):  # type: ignore[misc]
 
 def part(function: Callable[..., Any]) -> Any:
     """Compile a function that kernels call; its code is kept with theirs. It makes no arrays."""
-    return _by_type(_Part(function, _BARE))
+    return _by_type(_Within(function, _BARE))
 
 
 def allocating(function: Callable[..., Any]) -> Any:
     """Compile a function that kernels call, and that makes arrays; its code is kept with theirs."""
-    return _by_type(_Part(function, OPTIONS))
+    return _by_type(_Within(function, OPTIONS))
 
 
 def inlined(function: Callable[..., Any]) -> Any:
     """Compile a function into its callers, always: what a loop over lanes is made of."""
-    return _Part(function, _BARE | {"forceinline": True})
+    return _Within(function, _BARE | {"forceinline": True})
 
 
 @intrinsic
