@@ -55,7 +55,7 @@ class Uncertainty:
 def uncertainty_of(vehicle: Vehicle, given: Mapping[str, float | None]) -> Uncertainty:
     """Return what is not known: as given, else as identified, else a default that is said."""
     values = {name: value for name, value in given.items() if value is not None}
-    said = [f"{_WORDS[name]}: {_shown(name, value)} (given)" for name, value in values.items()]
+    said = [_shown(name, value, "given") for name, value in values.items()]
     found = vehicle.identified
     if "psi" not in values:
         if found is not None and "psi" in found.names:
@@ -68,31 +68,29 @@ def uncertainty_of(vehicle: Vehicle, given: Mapping[str, float | None]) -> Uncer
             loss = sum(part.volume * abs(part.compressibility) for part in parts)
             values["psi"] = _SHARE * loss * vehicle.water.specific_weight
             origin = f"assumed: {100.0 * _SHARE:g} % of the hull's compression; --psi-std"
-        said.append(f"{_WORDS['psi']}: {_shown('psi', values['psi'])} ({origin})")
+        said.append(_shown("psi", values["psi"], origin))
     if "trim" not in values and not {"mass", "volume"} & set(values):
         known = found is not None and found.neutral_std > 0.0
         values["trim"] = found.neutral_std if found is not None and known else _TRIM
         origin = "identified" if known else "assumed: what weighing it in water leaves; --trim-std"
-        said.append(f"{_WORDS['trim']}: {_shown('trim', values['trim'])} ({origin})")
+        said.append(_shown("trim", values["trim"], origin))
     if "density" not in values:
         values["density"] = _DENSITY
-        said.append(f"{_WORDS['density']}: {_DENSITY:g} kg/m3 (assumed; --density-std)")
+        said.append(_shown("density", _DENSITY, "assumed; --density-std"))
     return Uncertainty(**values, said=tuple(said))
 
 
-_WORDS = {
-    "mass": "mass", "volume": "volume of the hull", "trim": "neutral volume", "psi": "psi",
-    "heat": "thermal expansion", "air": "trapped air", "density": "density of the sea",
-}  # fmt: skip
-_SHOWN = {
-    "mass": ("g", 1e3), "volume": ("cm3", 1e6), "trim": ("cm3", 1e6), "psi": ("cm3/m", 1e6),
-    "heat": ("1/K", 1.0), "air": ("cm3", 1e6), "density": ("kg/m3", 1.0),
+_SHOWN = {  # in words, unit and factor from SI
+    "mass": ("mass", "g", 1e3), "volume": ("volume of the hull", "cm3", 1e6),
+    "trim": ("neutral volume", "cm3", 1e6), "psi": ("psi", "cm3/m", 1e6),
+    "heat": ("thermal expansion", "1/K", 1.0), "air": ("trapped air", "cm3", 1e6),
+    "density": ("density of the sea", "kg/m3", 1.0),
 }  # fmt: skip
 
 
-def _shown(name: str, value: float) -> str:
-    unit, factor = _SHOWN[name]
-    return f"{value * factor:.3g} {unit}"
+def _shown(name: str, value: float, origin: str) -> str:
+    words, unit, factor = _SHOWN[name]
+    return f"{words}: {value * factor:.3g} {unit} ({origin})"
 
 
 def _fields(vehicle: Vehicle, column: Column) -> tuple[float, Array, Array, Array, Array]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from swimbladder.design.pool_day import messages
 from swimbladder.design.pool_day.files import STATE, Kept, keep, same_start, set_aside, write_state
 from swimbladder.design.pool_day.growing_log import (
     Changed,
@@ -19,6 +18,7 @@ from swimbladder.design.pool_day.growing_log import (
     Sample,
     Turned,
 )
+from swimbladder.design.pool_day.messages import of_cut, of_fit, of_refusal
 from swimbladder.design.pool_day.rest import Rules
 from swimbladder.design.pool_day.segments import Segmenter
 from swimbladder.design.pool_day.tasks import Task, next_task, undone
@@ -112,7 +112,7 @@ class PoolDay:
         elif isinstance(event, Turned):
             yield News("turned", event.time, f"Now {1e6 * event.volume:+.3g} cm3.")
         elif isinstance(event, Refused):
-            news = News("refused", event.time, messages.of_refusal(event, self.rules))
+            news = News("refused", event.time, of_refusal(event, self.rules))
             self.refused.append(news)
             yield news
         else:
@@ -126,7 +126,7 @@ class PoolDay:
         if known is not None and (known.set_aside or len(known.log) >= len(cut.samples)):
             return  # from an earlier run
         number = known.number if known is not None else self._number
-        said = messages.of_cut(cut, self.rules)
+        said = of_cut(cut, self.rules)
         one = keep(self.folder, number, cut, self.source, said)
         self.kept = sorted([*(k for k in self.kept if k is not known), one], key=_number)
         yield News("ended", event.time, _summary(number, cut, said))
@@ -161,7 +161,7 @@ class PoolDay:
         if self.found is None:
             return {}
         misfits = {
-            k: messages.of_fit(fit, self.asked.neutral_std)
+            k: of_fit(fit, self.asked.neutral_std)
             for k, fit in zip(self.kept, self.found.experiments, strict=True)
         }
         return {k: fault for k, fault in misfits.items() if fault[0] > 1.0}

@@ -77,10 +77,10 @@ class _Timed:
 
 
 class _Servo:
-    """The inner loop of the vehicle's cascade, on the volume alone."""
+    """Where the piston is to be: a positioner takes that, else the inner loop of a cascade does."""
 
-    def __init__(self, k_pV: float, limit: float, near: float) -> None:
-        self._k_pV, self._limit, self._near = k_pV, limit, near
+    def __init__(self, near: float, k_pV: float | None = None, limit: float = math.inf) -> None:
+        self._near, self._k_pV, self._limit = near, k_pV, limit
         self._volume, self._until = 0.0, 0.0
 
     def stay(self, seen: Measurement) -> None:
@@ -93,27 +93,10 @@ class _Servo:
         return abs(seen.volume - self._volume) <= self._near or seen.time > self._until
 
     def command(self, seen: Measurement) -> float:
+        if self._k_pV is None:
+            return self._volume
         u = self._k_pV * (self._volume - seen.volume)
         return math.copysign(min(abs(u), self._limit), u)
-
-
-class _Direct:
-    """A positioner takes the volume itself."""
-
-    def __init__(self, near: float) -> None:
-        self._near, self._volume, self._until = near, 0.0, 0.0
-
-    def stay(self, seen: Measurement) -> None:
-        self._volume = seen.volume
-
-    def go(self, volume: float, seen: Measurement) -> None:
-        self._volume, self._until = volume, seen.time + _SLOW
-
-    def done(self, seen: Measurement) -> bool:
-        return abs(seen.volume - self._volume) <= self._near or seen.time > self._until
-
-    def command(self, seen: Measurement) -> float:  # noqa: ARG002
-        return self._volume
 
 
 def manual_drive_of(vehicle: Vehicle) -> ManualDrive:
@@ -124,7 +107,7 @@ def manual_drive_of(vehicle: Vehicle) -> ManualDrive:
     near = _NEAR * (vehicle.stroke.maximum - vehicle.stroke.minimum)
     assert vehicle.controller is not None
     if not vehicle.voltage_driven:
-        return _Direct(near)
+        return _Servo(near)
     assert vehicle.supply is not None
     limit = vehicle.supply.voltage
     if isinstance(vehicle.actuator, IdentifiedActuator):
@@ -135,7 +118,7 @@ def manual_drive_of(vehicle: Vehicle) -> ManualDrive:
             "a rehearsal moves the piston with the inner loop of a cascade",
             field="controller.law", value=law.name, remedy="Give the vehicle that controller",
         )  # fmt: skip
-    return _Servo(parameters.k_pV, limit, near)
+    return _Servo(near, parameters.k_pV, limit)
 
 
 Array = NDArray[np.float64]

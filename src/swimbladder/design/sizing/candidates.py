@@ -32,6 +32,8 @@ from swimbladder.vehicle import (
     Water,
 )
 
+Array = NDArray[np.float64]
+
 PARTS = (  # what a drive is made of, in the order of tables and pictures
     "kind", "motor", "winding", "supply", "battery", "pump", "amplifier", "gear", "screw", "piston",
 )  # fmt: skip
@@ -114,22 +116,22 @@ class Batch:
     """Combinations and their constants, each array [n, 1], to stand against depths [m]."""
 
     of: list[Combination]
-    k_u: NDArray[np.float64]
-    k_v: NDArray[np.float64]
-    k_q: NDArray[np.float64]
-    k_z: NDArray[np.float64]
-    k_l: NDArray[np.float64]
-    friction_torque: NDArray[np.float64]
-    efficiency: NDArray[np.float64]
-    resistance: NDArray[np.float64]
-    k_T: NDArray[np.float64]
-    supply: NDArray[np.float64]
-    battery_resistance: NDArray[np.float64]
-    drive_mass: NDArray[np.float64]
-    of_parts: Mapping[tuple[str, str], NDArray[np.float64]]
+    k_u: Array
+    k_v: Array
+    k_q: Array
+    k_z: Array
+    k_l: Array
+    friction_torque: Array
+    efficiency: Array
+    resistance: Array
+    k_T: Array
+    supply: Array
+    battery_resistance: Array
+    drive_mass: Array
+    of_parts: Mapping[tuple[str, str], Array]
     driver: Driver
 
-    def number(self, part: str, what: str) -> NDArray[np.float64]:
+    def number(self, part: str, what: str) -> Array:
         """Return the number `what` of each combination's `part`, infinite without one, [n]."""
         return self.of_parts[part, what]
 
@@ -169,16 +171,14 @@ def _batch(found: list[Combination], water: Water, driver: Driver) -> Batch:
         rows.append((*known[key], c.supply, c.supply * c.battery.resistance))
     columns = np.array(rows, float).T[..., np.newaxis]
     return Batch(
-        of=found, k_u=columns[0], k_v=columns[1], k_q=columns[2], k_z=columns[3], k_l=columns[4],
-        friction_torque=columns[5], efficiency=columns[6], resistance=columns[7], k_T=columns[8],
-        supply=columns[9], battery_resistance=columns[10],
+        of=found, **dict(zip(_CONSTANTS, columns, strict=True)),
         drive_mass=np.array([c.drive_mass for c in found]),
         of_parts={(part, what): _number(found, part, what) for part, what in _NUMBERS},
         driver=driver,
     )  # fmt: skip
 
 
-def _number(found: list[Combination], part: str, what: str) -> NDArray[np.float64]:
+def _number(found: list[Combination], part: str, what: str) -> Array:
     return np.array(
         [math.inf if (p := getattr(c, part)) is None else getattr(p, what) for c in found]
     )
@@ -190,5 +190,9 @@ _NUMBERS = (
     ("gear", "rated_torque"), ("screw", "largest_force"), ("screw", "lead"),
     ("screw", "efficiency"), ("piston", "area"), ("battery", "usable"),
     ("battery", "specific_energy"), ("battery", "cold_share"), ("battery", "self_discharge"),
+)  # fmt: skip
+_CONSTANTS = (
+    "k_u", "k_v", "k_q", "k_z", "k_l", "friction_torque", "efficiency", "resistance", "k_T",
+    "supply", "battery_resistance",
 )  # fmt: skip
 _DRIVE = ("motor", "pump", "amplifier", "gear", "screw", "piston")

@@ -109,30 +109,30 @@ class Evaluation:
     battery_mass and mass [kg], stall [m], travel of the piston [m] (0 for none).
     """
 
-    margins: dict[str, NDArray[np.float64]]
-    rate: NDArray[np.float64]
-    speed: NDArray[np.float64]
-    voltage: NDArray[np.float64]
-    current: NDArray[np.float64]
-    energy_per_volume: NDArray[np.float64]
-    cycle_energy: NDArray[np.float64]
-    holding_power: NDArray[np.float64]
+    margins: dict[str, Array]
+    rate: Array
+    speed: Array
+    voltage: Array
+    current: Array
+    energy_per_volume: Array
+    cycle_energy: Array
+    holding_power: Array
     spent: Budget
-    battery_mass: NDArray[np.float64]
-    mass: NDArray[np.float64]
-    stall: NDArray[np.float64]
-    turn_time: NDArray[np.float64]
-    travel: NDArray[np.float64]
+    battery_mass: Array
+    mass: Array
+    stall: Array
+    turn_time: Array
+    travel: Array
 
     @property
-    def battery_energy(self) -> NDArray[np.float64]:
+    def battery_energy(self) -> Array:
         """Energy of new cells at 20 degC that has to be carried [J] [n]."""
         return self.spent.carried
 
     @property
-    def worst(self) -> NDArray[np.float64]:
+    def worst(self) -> Array:
         """The smallest margin of each candidate [n]."""
-        worst: NDArray[np.float64] = np.min(np.stack(list(self.margins.values())), axis=0)
+        worst: Array = np.min(np.stack(list(self.margins.values())), axis=0)
         return worst
 
     @property
@@ -165,30 +165,20 @@ def evaluate(
     which = np.where(
         np.any(np.isfinite(scores), axis=0), np.argmin(scores, axis=0), np.argmax(worst, axis=0)
     )
-    return _picked(paces, which)
+    found: Evaluation = _picked(paces, which)
+    return found
 
 
-def _picked(paces: list[Evaluation], which: NDArray[np.int64]) -> Evaluation:
-    """Return of each candidate what it is at its own pace."""
-    lanes = np.arange(len(which))
-
-    def pick(arrays: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-        picked: NDArray[np.float64] = np.array(arrays)[which, lanes]
-        return picked
-
-    numbers: dict[str, Any] = {
-        field.name: pick([getattr(p, field.name) for p in paces])
-        for field in dataclasses.fields(Evaluation)
-        if field.name not in ("margins", "spent")
-    }
-    numbers["spent"] = Budget(
-        **{
-            field.name: pick([getattr(p.spent, field.name) for p in paces])
-            for field in dataclasses.fields(Budget)
-        }
-    )
-    margins = {name: pick([p.margins[name] for p in paces]) for name in paces[0].margins}
-    return Evaluation(margins=margins, **numbers)
+def _picked(paces: list[Any], which: NDArray[np.int64]) -> Any:
+    """Return of each candidate what it is at its own pace: arrays, or records of them."""
+    first = paces[0]
+    if isinstance(first, dict):
+        return {name: _picked([p[name] for p in paces], which) for name in first}
+    if dataclasses.is_dataclass(first):
+        fields = {f.name: [getattr(p, f.name) for p in paces] for f in dataclasses.fields(first)}
+        kind: Any = type(first)
+        return kind(**{name: _picked(each, which) for name, each in fields.items()})
+    return np.array(paces)[which, np.arange(len(which))]
 
 
 def _at_pace(
@@ -232,9 +222,9 @@ def _at_pace(
     resting = np.where(screw, 0.0, b.number("pump", "at_rest"))
     seeps = resting * pressure / np.where(screw, 1.0, amplified**2)
 
-    def per_cycle(energy: NDArray[np.float64], held: NDArray[np.float64]) -> NDArray[np.float64]:
+    def per_cycle(energy: Array, held: Array) -> Array:
         """Return what a cycle takes [J] of an energy per volume [J/m3] and of holding [W]."""
-        pressed: NDArray[np.float64] = np.sum(asked.moved * energy, axis=1)
+        pressed: Array = np.sum(asked.moved * energy, axis=1)
         return pressed * (1.0 + dive.corrections) + (held + seeps * energy[:, -1]) * dive.park_time
 
     cycle = per_cycle(per_volume, holding)
@@ -279,7 +269,7 @@ def _at_pace(
     )
 
 
-def _holding(b: Batch, z: NDArray[np.float64]) -> NDArray[np.float64]:
+def _holding(b: Batch, z: Array) -> Array:
     """Power [W] that holds a back-drivable screw at the depth's pressure; pumps have valves.
 
     The sea turns the motor back with eta^2 k_z z, less dry friction; holding it takes that torque
@@ -292,13 +282,11 @@ def _holding(b: Batch, z: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(screw, power, 0.0)
 
 
-def _largest_rate(
-    b: Batch, z: NDArray[np.float64], available: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _largest_rate(b: Batch, z: Array, available: Array) -> Array:
     """Rate [m3/s] at the depth at the voltage of a low battery and within the speeds allowed."""
     spare = b.k_u[:, 0] * available - b.k_z[:, 0] * z - b.friction_torque[:, 0]
     omega = np.maximum(spare, 0.0) / b.k_v[:, 0]
     omega = np.minimum(omega, b.number("motor", "largest_speed"))
     omega = np.minimum(omega, b.number("pump", "largest_speed"))
-    rate: NDArray[np.float64] = b.k_q[:, 0] * omega - b.k_l[:, 0] * z
+    rate: Array = b.k_q[:, 0] * omega - b.k_l[:, 0] * z
     return rate

@@ -19,6 +19,14 @@ _Share = Annotated[float, Unit(""), Field(gt=0.0, le=1.0)]
 _Speed = Annotated[float, Unit("rad/s"), _Positive]
 _Torque = Annotated[float, Unit("N m"), _Positive]
 _Inertia = Annotated[float, Unit("kg m2"), Field(ge=0.0)]
+_Volts = Annotated[float, Unit("V"), _Positive]
+_Leakage = Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)]
+_Pascal = Annotated[float, Unit("Pa"), _Positive]
+_Friction = Annotated[float, Unit("N m"), Field(ge=0.0)]
+_PerAmpere = Annotated[float, Unit("N m/A"), _Positive]
+_SpecificEnergy = Annotated[float, Unit("J/kg"), _Positive]
+_Resistance = Annotated[float, Unit("ohm/V"), Field(ge=0.0)]
+_Loss = Annotated[float, Unit("1/s"), Field(ge=0.0, le=1e-6)]
 _Viscous = Annotated[float, Unit("N m s/rad"), Field(ge=0.0)]
 
 
@@ -26,18 +34,12 @@ class MotorPart(Parameters):
     """A DC motor as its data sheet lists it for one winding."""
 
     name: _Name = Field(description="what it is called")
-    voltage: Annotated[float, Unit("V"), _Positive] = Field(
-        description="nominal voltage of the winding that the numbers are for"
-    )
+    voltage: _Volts = Field(description="nominal voltage of the winding that the numbers are for")
     resistance: Annotated[float, Unit("ohm"), _Positive] = Field(description="of that winding")
-    torque_constant: Annotated[float, Unit("N m/A"), _Positive] = Field(
-        description="of that winding"
-    )
+    torque_constant: _PerAmpere = Field(description="of that winding")
     rotor_inertia: Annotated[float, Unit("kg m2"), _Positive] = Field(description="of the rotor")
     viscous_friction: _Viscous = Field(0.0, description="loss in proportion to speed")
-    friction_torque: Annotated[float, Unit("N m"), Field(ge=0.0)] = Field(
-        0.0, description="dry friction"
-    )
+    friction_torque: _Friction = Field(0.0, description="dry friction")
     rated_torque: _Torque = Field(description="torque that it stands for hours")
     largest_speed: _Speed = Field(description="speed that it may turn at")
     mass: _Mass = Field(description="its mass")
@@ -64,16 +66,14 @@ class Pump(Parameters):
     name: _Name = Field(description="what it is called")
     displacement: Annotated[float, Unit("m3/rev"), _Positive] = Field(description="D_p")
     efficiency: _Share = Field(description="mechanical efficiency eta_p")
-    leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = Field(0.0, description="k_pl")
-    resting_leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] | None = Field(
+    leakage: _Leakage = Field(0.0, description="k_pl")
+    resting_leakage: _Leakage | None = Field(
         None,
         description="leakage while it rests, behind its check valve; not given: as while it runs",
     )
     reflected_inertia: _Inertia = Field(0.0, description="of the pump at its shaft")
     viscous_friction: _Viscous = Field(0.0, description="loss in proportion to speed")
-    largest_pressure: Annotated[float, Unit("Pa"), _Positive] = Field(
-        description="pressure it may work against"
-    )
+    largest_pressure: _Pascal = Field(description="pressure it may work against")
     largest_speed: _Speed = Field(description="speed that it may turn at")
     mass: _Mass = Field(description="its mass")
 
@@ -124,19 +124,13 @@ class BatteryKind(Parameters):
     """Cells of one chemistry, as a pack."""
 
     name: _Name = Field(description="what it is called")
-    specific_energy: Annotated[float, Unit("J/kg"), _Positive] = Field(
-        description="energy per mass of the pack"
-    )
+    specific_energy: _SpecificEnergy = Field(description="energy per mass of the pack")
     usable: _Share = Field(description="share of it that can be taken out at 20 degC")
-    resistance: Annotated[float, Unit("ohm/V"), Field(ge=0.0)] = Field(
-        0.0, description="internal resistance per open-circuit voltage"
-    )
-    cold_share: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)] = Field(
+    resistance: _Resistance = Field(0.0, description="internal resistance per open-circuit voltage")
+    cold_share: _Share = Field(
         1.0, description="share of what can be taken out at 20 degC that 0 degC leaves"
     )
-    self_discharge: Annotated[float, Unit("1/s"), Field(ge=0.0, le=1e-6)] = Field(
-        0.0, description="share of what is in it that is lost per time"
-    )
+    self_discharge: _Loss = Field(0.0, description="share of what is in it that is lost per time")
 
 
 class Parts(Parameters):
@@ -146,8 +140,8 @@ class Parts(Parameters):
     provenance: dict[str, str] = Field(
         default_factory=dict, description='where the numbers come from: table = "source"'
     )
-    supplies: Annotated[tuple[Annotated[float, Unit("V"), _Positive], ...], Field(min_length=1)] = (
-        Field(description="battery voltages to try")
+    supplies: Annotated[tuple[_Volts, ...], Field(min_length=1)] = Field(
+        description="battery voltages to try"
     )
     windings: Annotated[tuple[Annotated[float, Unit(""), _Positive], ...], Field(min_length=1)] = (
         Field((1.0,), description="windings to try, by their nominal voltage over the supply's")

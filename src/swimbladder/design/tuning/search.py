@@ -77,11 +77,11 @@ class _Search:
 
     def __init__(
         self, name: str, setting: Setting, region: Region, depths: Sequence[float],
-        delay: float, tell: Callable[[float], None],
+        delay: float, report: Callable[[float], None],
     ) -> None:  # fmt: skip
         self.name, self.setting, self.region = name, setting, region
         self.law, self.recipe = tunable(name), recipe_of(name)
-        self.depths, self.delay, self.tell = depths, delay, tell
+        self.depths, self.delay, self.report = depths, delay, report
         self.near: tuple[tuple[bool, bool, float], tuple[str, ...]] | None = None
 
     def over(
@@ -112,7 +112,7 @@ class _Search:
             return every
         kept = []
         for knobs in every:
-            self.tell(0.3 / len(every))
+            self.report(0.3 / len(every))
             if self.over(knobs, wanted, roughly, nominal=True) is not None:
                 kept.append((preference(goal, knobs), knobs))
         kept.sort(key=lambda pair: pair[0])
@@ -124,7 +124,7 @@ class _Search:
                 break
             if self.over(knobs, wanted, roughly, nominal=False) is not None:
                 found.append(knobs)
-                self.tell(0.1 / most)
+                self.report(0.1 / most)
         return found
 
 
@@ -147,14 +147,14 @@ def search(
     Raises NoAnswerError where no knobs have the margins, with the one that is farthest from them,
     or where none holds the vehicle.
     """
-    tell = advance or (lambda _: None)
+    report = advance or (lambda _: None)
     law, recipe, h = tunable(name), recipe_of(name), setting.sample_time
     if recipe.candidates is not None:
-        return _search_floats(name, vehicle, setting, asked, tell)
+        return _search_floats(name, vehicle, setting, asked, report)
     goal, held, depths, step, drawn = asked
     runs, region = drawn.runs, drawn.region
     assert region is not None
-    look = _Search(name, setting, region, depths, delay, tell)
+    look = _Search(name, setting, region, depths, delay, report)
     most = {"fast": _TRIED, "quiet": _TRIED_QUIET, "energy": _TRIED_ENERGY}[goal]
     if recipe.holds and goal != "fast":
         most = _TRIED_RESTING
@@ -171,9 +171,9 @@ def search(
     for knobs in every:
         few = tried(knobs, drawn._replace(runs=min(runs, _FEW[goal])))
         scored.append((score(goal, few, held), knobs, few))
-        tell(0.45 / len(every))
+        report(0.45 / len(every))
     scored.sort(key=lambda one: one[0])
-    if recipe.holds and goal == "quiet":  # neighbours differ by less than few runs tell
+    if recipe.holds and goal == "quiet":  # neighbours differ by less than few runs show
         final = []
         for _, knobs, few in scored[:_FINAL]:
             rms = few.rms
@@ -201,7 +201,7 @@ def search(
         )
     for _, knobs, few in scored:
         m = look.over(knobs, wanted, exactly, nominal=False) if recipe.linear else None
-        tell(0.15 / len(scored))
+        report(0.15 / len(scored))
         if m is not None or not recipe.linear:
             over = few if few.runs == runs else tried(knobs, drawn)
             parameters = gains(name, setting, knobs)
