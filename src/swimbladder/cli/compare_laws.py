@@ -122,7 +122,7 @@ def compare_laws(
 
 def _list(vehicle: str | None, depths: tuple[float, float] | None, json: bool) -> None:
     """Print the scenarios, with the depths that a vehicle gives them where one is named."""
-    from swimbladder.design.law_comparison.scenarios import SCENARIOS, place, places, scenarios_of
+    from swimbladder.design.law_comparison.contenders import SCENARIOS, place, places, scenarios_of
     from swimbladder.io.config import load_vehicle
 
     v = None if vehicle is None else load_vehicle(vehicle, sampled=True, pumped=True)

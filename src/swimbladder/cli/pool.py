@@ -221,7 +221,7 @@ def pool(
     with progress("loading the fit"):
         from swimbladder.design.pool_day import PoolDay, finished, paper_tasks, plan_tasks, rehearse
         from swimbladder.design.pool_day import follow as follow_log
-        from swimbladder.design.pool_day.asked import asked_of, rules_of
+        from swimbladder.design.pool_day.day import asked_of, rules_of
 
         with sought.said_as_typed(), goals.said_as_typed(), procedure.said_as_typed():
             asked = asked_of(v, **sought.given(), **goals.given())

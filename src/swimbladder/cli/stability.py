@@ -109,7 +109,7 @@ def stability(
 def _print(found: Stability) -> None:
     from rich.table import Table
 
-    from swimbladder.design.stability.result import cycle_rows, robustness_rows
+    from swimbladder.design.stability.run import cycle_rows, robustness_rows
 
     output.print(
         f"{found.vehicle}, law {found.law}, sampled every {found.sample_time:g} s", soft_wrap=True

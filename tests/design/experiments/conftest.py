@@ -7,8 +7,7 @@ from threadpoolctl import threadpool_limits
 
 import swimbladder as sb
 from swimbladder.design.experiments import design_experiment
-from swimbladder.design.experiments.conditions import Setting, ramps
-from swimbladder.design.experiments.flight import Question
+from swimbladder.design.experiments.conditions import Question, Setting, ramps
 from swimbladder.estimation.motion.model import model_of
 
 

@@ -7,9 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 from swimbladder.design.experiments import load_plan, plan_file
-from swimbladder.design.experiments.conditions import ramps
+from swimbladder.design.experiments.conditions import Flight, follow, ramps
 from swimbladder.design.experiments.evaluation import predict
-from swimbladder.design.experiments.flight import Flight, follow
 from swimbladder.estimation.motion import identify
 from swimbladder.io.logs import Log
 from tests.design.experiments.truth import Vehicle, depths, run

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import swimbladder as sb
-from swimbladder.design.experiments.conditions import Passing, Ramps, Release, Turn, ramps
-from swimbladder.design.experiments.flight import follow
+from swimbladder.design.experiments.conditions import Passing, Ramps, Release, Turn, follow, ramps
 from swimbladder.errors import InputError
 from swimbladder.sim.pool import timed_travel
 from tests.design.experiments.truth import Vehicle, depths

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from swimbladder.design.experiments.conditions import Release
+from swimbladder.design.experiments.conditions import Release, fisher_information, follow
 from swimbladder.design.experiments.evaluation import (
     predict,
     without_drift,
     without_psi,
     without_trim,
 )
-from swimbladder.design.experiments.flight import fisher_information, follow
 from swimbladder.estimation.motion import Prior
 from tests.design.experiments.truth import Vehicle, depths
 

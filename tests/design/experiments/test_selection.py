@@ -6,8 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from swimbladder.design.experiments.conditions import Release
-from swimbladder.design.experiments.flight import covariance_of, vehicles
+from swimbladder.design.experiments.conditions import Release, covariance_of, vehicles
 from swimbladder.design.experiments.search import (
     Table,
     choose,

@@ -6,15 +6,15 @@ import pytest
 from swimbladder.control.rate import RATE
 from swimbladder.control.registry import bind
 from swimbladder.design.law_comparison import compare_laws
-from swimbladder.design.law_comparison.contenders import Contender
-from swimbladder.design.law_comparison.fly import fly, no_energy
-from swimbladder.design.law_comparison.scenarios import (
+from swimbladder.design.law_comparison.contenders import (
     BAND,
     FLOAT_SCENARIOS,
+    Contender,
     place,
     places,
     scenarios_of,
 )
+from swimbladder.design.law_comparison.fly import fly, no_energy
 from swimbladder.design.tuning.region import region
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle

@@ -5,7 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from swimbladder.design.law_comparison.contenders import PAPER, own
+from swimbladder.design.law_comparison.contenders import (
+    PAPER,
+    SCENARIOS,
+    Placed,
+    Scenario,
+    own,
+    place,
+    places,
+)
 from swimbladder.design.law_comparison.fly import (
     Flown,
     depth_error,
@@ -14,7 +22,6 @@ from swimbladder.design.law_comparison.fly import (
     no_energy,
     summarise,
 )
-from swimbladder.design.law_comparison.scenarios import SCENARIOS, Placed, Scenario, place, places
 from swimbladder.design.tuning.region import region
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate

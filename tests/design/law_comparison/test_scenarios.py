@@ -2,7 +2,7 @@
 
 import pytest
 
-from swimbladder.design.law_comparison.scenarios import SCENARIOS, place, places
+from swimbladder.design.law_comparison.contenders import SCENARIOS, place, places
 from swimbladder.design.planning import least_time
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle

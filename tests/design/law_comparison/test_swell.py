@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
+from swimbladder.design.law_comparison.contenders import SCENARIOS, Swell
 from swimbladder.design.law_comparison.fly import amplitude, depth_error, wavenumber
-from swimbladder.design.law_comparison.scenarios import SCENARIOS, Swell
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 

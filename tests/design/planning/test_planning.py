@@ -104,7 +104,7 @@ def test_the_simulator_follows_the_plan_and_the_plan_its_limits(vehicle, options
 
 def test_a_longer_tail_to_rest_allows_no_sooner_arrival(monkeypatch):
     found = least_time(FEUP, 1.5, 3.0)
-    monkeypatch.setattr("swimbladder.design.planning.minimum_time._TAIL", 5.0)
+    monkeypatch.setattr("swimbladder.design.planning.nominal_trajectory._TAIL", 5.0)
     assert least_time(FEUP, 1.5, 3.0).samples == found.samples
 
 

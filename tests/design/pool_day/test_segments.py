@@ -5,8 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swimbladder.design.pool_day.growing_log import Changed, End, Ended, Ready, Refused, Sample, Why
-from swimbladder.design.pool_day.rest import Rules
+from swimbladder.design.pool_day.growing_log import (
+    Changed,
+    End,
+    Ended,
+    Ready,
+    Refused,
+    Rules,
+    Sample,
+    Why,
+)
 from swimbladder.design.pool_day.segments import Segmenter
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim import pool

@@ -8,9 +8,8 @@ import pytest
 import swimbladder as sb
 from swimbladder.cli import main
 from swimbladder.control.registry import bind
-from swimbladder.design.law_comparison.contenders import own
+from swimbladder.design.law_comparison.contenders import SCENARIOS, Placed, own
 from swimbladder.design.law_comparison.fly import fly
-from swimbladder.design.law_comparison.scenarios import SCENARIOS, Placed
 from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Drawn, Step, draw, traces, trial

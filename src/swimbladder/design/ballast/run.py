@@ -12,8 +12,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.ballast.result import Ballasting, Curve, Need, Target
-from swimbladder.design.ballast.uncertainty import Uncertainty, drawn_volumes, sensitivities
+from swimbladder.design.ballast.result import (
+    Ballasting,
+    Curve,
+    Need,
+    Target,
+    Uncertainty,
+    drawn_volumes,
+    sensitivities,
+)
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import (

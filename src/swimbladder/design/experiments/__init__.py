@@ -1,7 +1,7 @@
 """Which experiments are most informative on a vehicle's motion in the time at the pool.
 
-`conditions` is the pool, `flight` follows a release and says what its record adds, `search` finds
-the best set, `evaluation` its errors and what would bias it, `result` what a person has to know;
+`conditions` is the pool, follows a release there and says what its record adds, `search` finds the
+best set, `evaluation` its errors and what would bias it, `result` what a person has to know;
 `io.plan` is the file of it.
 """
 

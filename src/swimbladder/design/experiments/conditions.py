@@ -1,9 +1,15 @@
-"""The pool, its sensors and its habits: everything a design depends on beside the vehicle."""
+"""The pool, its sensors and its habits: everything a design depends on beside the vehicle.
+
+`follow` says what the record of a release would hold of a vehicle with given parameters. Its Fisher
+information is about the vehicle's parameters, with the record's own eliminated.
+Parameters count in shares: a change of 1 is a whole of the parameter, or of what is large for one
+that may be 0. Information about them adds up over records, so that of a candidate is found once.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -11,8 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
-from swimbladder.physics.dynamics import plant
+from swimbladder.estimation.comparison.record import Record
+from swimbladder.estimation.estimates import Prior
+from swimbladder.estimation.motion.experiment import Experiment, Segment
+from swimbladder.estimation.motion.model import Model
+from swimbladder.estimation.motion.problem import VOLUME, Problem
+from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import drive
+from swimbladder.sim.closed_loop.bundle import Course
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -156,3 +168,235 @@ def _at_full_voltage(vehicle: Vehicle, depth: float, h: float, count: int, *, up
     )  # fmt: skip
     moved: Array = np.maximum.accumulate(sign * (s.volume - start))
     return moved
+
+
+CLEAR = 0.05  # m inside of an end of the range that a depth has to be before the end counts
+_FIRST_STRETCH = 60.0  # s, followed at first; then twice as long each time
+
+
+class Flight(NamedTuple):
+    """A record, from `rest` before the release to where it ends. Volumes are above the rest's."""
+
+    release: Release
+    time: Array  # s, from the first sample
+    volume: Array  # m3
+    depth: Array  # m
+    moved: tuple[int, ...]  # samples at which the moves that happened began
+    ended: Literal["shallowest", "deepest", "longest"]
+
+    @property
+    def duration(self) -> float:
+        """Time from the release to the end of the record [s]."""
+        return float(self.time[-1] - self.time[self.moved[0]])
+
+    @property
+    def complete(self) -> bool:
+        """Whether all moves happened."""
+        return len(self.moved) == len(self.release.moves)
+
+
+def follow(
+    release: Release, model: Model, values: Mapping[str, float], ramps: Ramps, setting: Setting
+) -> Flight:
+    """Return the record of a release without noise, of a vehicle with these values."""
+    h = setting.sample_time
+    first = math.ceil(setting.rest / h - 1e-9)
+    whole = first + math.ceil(setting.longest / h - 1e-9) + 1
+    time = h * np.arange(whole, dtype=np.float64)
+    volume = np.zeros(whole)
+    p = model.plant(values, -values["psi"] * release.start)
+    at, moved, looked = first, [first], min(whole, first + math.ceil(_FIRST_STRETCH / h))
+    volume[at:] = ramps.move(0.0, release.moves[0].volume, whole - at)
+    while True:
+        depth = _depths(p, time[:looked], volume[:looked], release.start)
+        end, why = _end(depth, first, setting)
+        following = release.moves[len(moved)] if len(moved) < len(release.moves) else None
+        if following is not None and following.when is not None:
+            k = _passed(depth, at, following.when)
+            if k is not None and k < end:
+                at = k
+                moved.append(k)
+                volume[k:] = ramps.move(float(volume[k]), following.volume, whole - k)
+                looked = min(whole, max(looked, k + math.ceil(_FIRST_STRETCH / h)))
+                continue
+        if end < looked or looked == whole:
+            return Flight(release, time[:end], volume[:end], depth[:end], tuple(moved), why)
+        looked = min(whole, 2 * looked)
+
+
+def _depths(p: Plant, time: Array, volume: Array, start: float) -> Array:
+    course = Course(time, volume, ramps=True)
+    rate = (volume[1] - volume[0]) / (time[1] - time[0])
+    found: Array = course.follow([p], np.array([[rate, volume[0], start, 0.0]]))[0]
+    return found
+
+
+def _end(
+    depth: Array, first: int, setting: Setting
+) -> tuple[int, Literal["shallowest", "deepest", "longest"]]:
+    """Return how many samples the record has, and what ended it."""
+    low = np.maximum.accumulate(depth < setting.deepest - CLEAR) & (depth > setting.deepest)
+    high = np.maximum.accumulate(depth > setting.shallowest + CLEAR) & (depth < setting.shallowest)
+    out = low | high | np.isnan(depth)
+    out[: first + 1] = False
+    if not out.any():
+        return len(depth), "longest"
+    end = int(np.argmax(out))
+    return end, "deepest" if low[end] else "shallowest"
+
+
+def _passed(depth: Array, since: int, when: Passing) -> int | None:
+    """Return the first sample beyond the place, once the depth was on this side of it."""
+    beyond = depth[since:] < when.depth if when.up else depth[since:] > when.depth
+    crossed = beyond & np.maximum.accumulate(~beyond)
+    return since + int(np.argmax(crossed)) if crossed.any() else None
+
+
+def experiment_of(flight: Flight, name: str) -> Experiment:
+    """Return a flight as `identify` takes a log of it."""
+    n = len(flight.time)
+    record = Record(
+        drive="volume", time=flight.time, depth=flight.depth, speed=None, volume=flight.volume,
+        volume_absolute=False, voltage=None, setpoints=(), reference=None,
+        compared=np.ones(n, np.bool_), afloat=False, bottom_depth=math.inf, notes=(),
+    )  # fmt: skip
+    start = flight.release.start
+    return Experiment(
+        source=name, record=record, inputs=flight.volume, ramps=True, reference=start, neutral=0.0,
+        segments=(Segment(0, n - 1, start, 0.0),),
+    )  # fmt: skip
+
+
+FEWEST = 12  # samples of a record, below which `identify` does not take it
+
+
+class Question(NamedTuple):
+    """What is asked: which parameters, what is known of them, and how large they are."""
+
+    model: Model
+    names: tuple[str, ...]
+    fixed: dict[str, float]
+    priors: dict[str, Prior]
+
+    def size(self, name: str) -> float:
+        """Return what counts as a whole of a parameter [its unit]."""
+        value = abs(self.values[name])
+        return value if self.model.logarithmic(name) else max(value, self.model.scale(name))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The assumed vehicle."""
+        means = {name: prior.mean for name, prior in self.priors.items()}
+        return {**self.model.values, **self.fixed, **means}
+
+    def prior(self) -> Array:
+        """Return what is known beforehand, as information about shares [p, p]."""
+        known = [
+            (self.size(name) / self.priors[name].std) ** 2 if name in self.priors else 0.0
+            for name in self.names
+        ]
+        return np.diag(known)
+
+
+class Information(NamedTuple):
+    """Of one record: information about shares, and what a drift in it does to them.
+
+    gain [p, p]; drift [p]: the score of a steady drift of the neutral volume, per m3/s.
+    """
+
+    gain: Array
+    drift: Array
+
+
+def problem_of(
+    flights: Sequence[Flight], question: Question, setting: Setting, *,
+    fixed: Mapping[str, float] | None = None,
+) -> Problem:  # fmt: skip
+    """Return the fit that `identify` would make of these records; `fixed` instead of estimated."""
+    held = {**question.fixed, **(fixed or {})}
+    names = tuple(name for name in question.names if name not in held)
+    return Problem(
+        [experiment_of(flight, f"release {k}") for k, flight in enumerate(flights, start=1)],
+        question.model, names, fixed=held,
+        priors={name: p for name, p in question.priors.items() if name in names},
+        neutral_std=setting.neutral_std, speed_std=math.inf,
+    )  # fmt: skip
+
+
+def fisher_information(
+    flight: Flight, question: Question, values: Mapping[str, float], setting: Setting
+) -> Information:
+    """Return the information of a record on the vehicle that has these values."""
+    p = len(question.names)
+    if len(flight.time) < FEWEST:
+        return Information(np.zeros((p, p)), np.zeros(p))
+    problem = problem_of([flight], question._replace(priors={}), setting)
+    x = problem.begin(values)
+    x[problem.starts_at[0] + 1] = 0.0
+    per_share = [
+        1.0 if log else question.size(name) / scale
+        for name, log, scale in zip(question.names, problem.logarithmic, problem.scale, strict=True)
+    ]
+    J = problem.slope(x) / setting.depth_noise
+    J[:, :p] *= per_share
+    own = problem.prior_rows(x)[1][:, p:]
+    inner = J[:, p:].T @ J[:, p:] + own.T @ own
+    across = J[:, :p].T @ J[:, p:]
+    # What is left of the parameters' columns, once the record's own entries follow them.
+    back = np.linalg.solve(inner + 1e-12 * np.diag(np.diag(inner)), across.T)
+    gain = J[:, :p].T @ J[:, :p] - across @ back
+    # A drift counts from the release: that about the middle, and the shift from there.
+    e = problem.experiments[0]
+    middle = float(e.record.time.mean() - flight.time[flight.moved[0]])
+    s = problem.drift_slope(x, 0) / setting.depth_noise + J[:, p] / VOLUME * middle
+    drift = J[:, :p].T @ s - back.T @ (J[:, p:].T @ s)
+    return Information(0.5 * (gain + gain.T), drift)
+
+
+def covariance_of(question: Question, vehicle: Vehicle, uncertainty: float | None) -> Array:
+    """Return the covariance of what is not known of the vehicle yet [p, p], in shares of values.
+
+    uncertainty: share by which each parameter may be off, 1 sigma; where None, the covariance that
+    the vehicle was identified with, else 0.3. A prior counts instead where there is one.
+    """
+    names, values = question.names, question.values
+    each = 0.3 if uncertainty is None else uncertainty
+    spread = np.array([each * abs(values[n]) / question.size(n) for n in names])
+    S = np.diag(spread**2)
+    known = vehicle.identified
+    if uncertainty is None and known is not None:
+        both = [n for n in names if n in known.names]
+        at, there = [names.index(n) for n in both], [known.names.index(n) for n in both]
+        size = np.array([question.size(n) for n in both])
+        C = np.array(known.covariance)
+        S[np.ix_(at, at)] = C[np.ix_(there, there)] / np.outer(size, size)
+    for i, name in enumerate(names):
+        if name in question.priors:
+            S[i, :] = S[:, i] = 0.0
+            S[i, i] = (question.priors[name].std / question.size(name)) ** 2
+    return S
+
+
+def vehicles(question: Question, covariance: Array) -> list[dict[str, float]]:
+    """Return vehicles with the mean and covariance of what is uncertain, two for each direction.
+
+    The points of the third-degree spherical-radial rule (Arasaratnam and Haykin 2009): the mean
+    plus and minus sqrt(p) standard deviations along each principal axis. Positive parameters are
+    moved by factors.
+    """
+    size, axes = np.linalg.eigh(covariance)
+    inside = size > 1e-12 * max(float(size[-1]), 1e-300)
+    if not inside.any() or size[-1] < 1e-12:
+        return [question.values]
+    steps = axes[:, inside] * np.sqrt(size[inside] * inside.sum())
+    found = []
+    for step in np.concatenate([steps.T, -steps.T]):
+        values = question.values
+        for name, by in zip(question.names, step.tolist(), strict=True):
+            if question.model.logarithmic(name):
+                values[name] *= math.exp(by)
+            else:
+                values[name] += by * question.size(name)
+        values["drag_quadratic"] = max(values["drag_quadratic"], 0.0)
+        found.append(values)
+    return found

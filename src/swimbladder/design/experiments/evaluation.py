@@ -14,10 +14,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.experiments.conditions import Passing, Ramps, Release, Setting, Turn
-from swimbladder.design.experiments.flight import (
+from swimbladder.design.experiments.conditions import (
     Flight,
+    Passing,
     Question,
+    Ramps,
+    Release,
+    Setting,
+    Turn,
     fisher_information,
     follow,
     problem_of,

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.design.experiments.conditions import Release, Setting, Turn
+from swimbladder.design.experiments.conditions import Flight, Question, Release, Setting, Turn
 from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet, OmittedVariable
-from swimbladder.design.experiments.flight import Flight, Question
 from swimbladder.estimation.estimates import Finding
 from swimbladder.estimation.motion.identifiability import LIMIT
 from swimbladder.io.answers import as_json

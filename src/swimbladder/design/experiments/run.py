@@ -9,9 +9,17 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from swimbladder.control.protocol import Does
-from swimbladder.design.experiments.conditions import Ramps, Release, Setting, ramps
+from swimbladder.design.experiments.conditions import (
+    FEWEST,
+    Question,
+    Ramps,
+    Release,
+    Setting,
+    covariance_of,
+    ramps,
+    vehicles,
+)
 from swimbladder.design.experiments.evaluation import curve, deeper, evaluate
-from swimbladder.design.experiments.flight import FEWEST, Question, covariance_of, vehicles
 from swimbladder.design.experiments.result import Design, judge
 from swimbladder.design.experiments.search import Search, search, sizes
 from swimbladder.design.experiments.search import criterion as criterion_of

@@ -18,8 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from swimbladder.design.experiments.conditions import Ramps, Release, Setting, Turn
-from swimbladder.design.experiments.flight import Question, fisher_information, follow
+from swimbladder.design.experiments.conditions import (
+    Question,
+    Ramps,
+    Release,
+    Setting,
+    Turn,
+    fisher_information,
+    follow,
+)
 from swimbladder.errors import InputError
 
 _SIZES = 7

@@ -1,12 +1,12 @@
 """Every law on the same scenarios: how soon, how still, and what it costs in volume and energy.
 
-`scenarios` says what is flown, `contenders` which laws with which gains, `fly` flies them, in swell
+`contenders` says what is flown and by which laws with which gains, `fly` flies them, in swell
 too, and measures, `run` puts them together and finds those that no other beats.
 """
 
 from __future__ import annotations
 
+from swimbladder.design.law_comparison.contenders import SCENARIOS
 from swimbladder.design.law_comparison.run import LawComparison, compare_laws
-from swimbladder.design.law_comparison.scenarios import SCENARIOS
 
 __all__ = ["SCENARIOS", "LawComparison", "compare_laws"]

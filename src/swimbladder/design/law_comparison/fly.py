@@ -24,8 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swimbladder.design.law_comparison.contenders import Contender
-from swimbladder.design.law_comparison.scenarios import BAND, Placed, Swell
+from swimbladder.design.law_comparison.contenders import BAND, Contender, Placed, Swell
 from swimbladder.design.tuning.region import Region
 from swimbladder.design.tuning.trial import (
     draw,

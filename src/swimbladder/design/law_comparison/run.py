@@ -21,23 +21,21 @@ from numpy.typing import ArrayLike, NDArray
 from swimbladder.control.records import leaves
 from swimbladder.design.law_comparison.contenders import (
     GOALS,
+    LOW_SUPPLY,
     PAPER,
     Contender,
     LeftOut,
-    choose_laws,
-    own,
-    tuned,
-)
-from swimbladder.design.law_comparison.fly import Result, fly, no_energy, summarise
-from swimbladder.design.law_comparison.scenarios import (
-    LOW_SUPPLY,
     Placed,
     Places,
     Scenario,
+    choose_laws,
+    own,
     place,
     places,
     scenarios_of,
+    tuned,
 )
+from swimbladder.design.law_comparison.fly import Result, fly, no_energy, summarise
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError

@@ -13,10 +13,11 @@ from threadpoolctl import threadpool_limits
 from swimbladder.design.linear.models import Array
 from swimbladder.design.planning.energy import electrical, least_energy, winding
 from swimbladder.design.planning.linear_program import Answer, Goal, Near, scale_of, solve
-from swimbladder.design.planning.minimum_time import LeastTime, search_least
 from swimbladder.design.planning.nominal_trajectory import (
+    LeastTime,
     NominalTrajectory,
     best_load_direction,
+    search_least,
     settle,
     sided,
     straight,

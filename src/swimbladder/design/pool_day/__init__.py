@@ -2,15 +2,14 @@
 
 `segments` finds rest, changes of volume and glides in samples as they come, `tasks` says what is to
 be done, `day` keeps the experiments, identifies the vehicle after each and says when to stop
-(`verdict`) and what went wrong (`messages`); `growing_log` reads a file that grows, `rehearsal`
+(`verdict`) and what went wrong; `growing_log` reads a file that grows, `rehearsal`
 simulates.
 """
 
 from swimbladder.design.pool_day.day import Asked, News, PoolDay
 from swimbladder.design.pool_day.follow import finished, follow, rehearse
-from swimbladder.design.pool_day.growing_log import GrowingLog, Sample
+from swimbladder.design.pool_day.growing_log import GrowingLog, Rules, Sample
 from swimbladder.design.pool_day.rehearsal import Operator
-from swimbladder.design.pool_day.rest import Rules
 from swimbladder.design.pool_day.segments import Segmenter
 from swimbladder.design.pool_day.tasks import Task, paper_tasks, plan_tasks
 from swimbladder.design.pool_day.verdict import Target, Verdict

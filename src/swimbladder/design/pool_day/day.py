@@ -1,32 +1,150 @@
-"""A day at the pool: samples in; what happens, what is known and what to do next out."""
+"""A day at the pool: samples in; what happens, what is known and what to do next out.
+
+A day goes by what is sought and how well (`asked_of`), and by when an experiment is over
+(`rules_of`); what went wrong is said in sentences.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
 from swimbladder.design.pool_day.files import STATE, Kept, keep, same_start, set_aside, write_state
 from swimbladder.design.pool_day.growing_log import (
     Changed,
     Cut,
+    End,
     Ended,
     Event,
     Ready,
     Refused,
+    Rules,
     Sample,
     Turned,
+    Why,
 )
-from swimbladder.design.pool_day.messages import of_cut, of_fit, of_refusal
-from swimbladder.design.pool_day.rest import Rules
 from swimbladder.design.pool_day.segments import Segmenter
 from swimbladder.design.pool_day.tasks import Task, next_task, undone
 from swimbladder.design.pool_day.verdict import LEAST, Target, Verdict, judge
-from swimbladder.errors import LogError
-from swimbladder.estimation.motion import NEUTRAL_STD, Identification, Prior, identify
+from swimbladder.errors import InputError, LogError
+from swimbladder.estimation.motion import (
+    NEUTRAL_STD,
+    ExperimentFit,
+    Identification,
+    Prior,
+    identify,
+)
+from swimbladder.estimation.motion.model import NAMES, check_names, default_names, model_of
+from swimbladder.estimation.motion.run import check_std
 from swimbladder.io.answers import as_json
+from swimbladder.io.plan import Plan
 from swimbladder.vehicle import Vehicle
+
+_EARLY = 0.6  # m
+_FEW = 30  # samples under way
+_OUTLIERS = 0.1  # of the samples
+_CREEP = 0.05  # of the change of volume
+_FAR = 4.0  # standard deviations
+
+
+def of_cut(cut: Cut, rules: Rules) -> list[str]:
+    """Return what is to be said of an experiment as it was cut out of the log."""
+    said = []
+    glide = [s for s in cut.samples if s.time >= cut.released]
+    if abs(cut.rest.speed) > rules.rest_speed:
+        said.append(
+            f"It was not quite at rest before: {1e3 * abs(cut.rest.speed):.2g} mm/s over the last "
+            f"minute, more than {1e3 * rules.rest_speed:g} mm/s. Wait longer next time."
+        )
+    if len(glide) < _FEW:
+        said.append(
+            f"Only {len(glide)} samples: a smaller change of volume, or a faster logger, gives "
+            "more."
+        )
+    early = cut.end in (End.SURFACE, End.BOTTOM, End.STOPPED) and abs(cut.travel) < _EARLY
+    if early:
+        other = "deeper" if cut.travel < 0.0 else "higher"
+        said.append(
+            f"{cut.end.value[0].upper()}{cut.end.value[1:]} after only {abs(cut.travel):.2g} m: "
+            f"rest {other} before the release."
+        )
+    if cut.end is End.PISTON:
+        said.append(
+            f"The piston moved after {abs(cut.travel):.2g} m; what came then is left out. Leave it "
+            "alone until the vehicle has arrived."
+        )
+    last = [s.volume for s in glide[-max(3, len(glide) // 10) :]]
+    half = [s.volume for s in glide[len(glide) // 2 :][: len(last)]]
+    crept = sum(last) / len(last) - sum(half) / len(half)
+    if not cut.turns and abs(crept) > _CREEP * abs(cut.change):
+        said.append(
+            f"The volume crept by {1e6 * crept:+.2g} cm3 during the glide; the fit takes it as "
+            "logged."
+        )
+    return said
+
+
+def of_fit(fit: ExperimentFit, neutral_std: float) -> tuple[float, str]:
+    """Return how far off an experiment is, 1 at the limit, and a sentence on why.
+
+    Beyond 1 it is no experiment of a constant neutral volume known to `neutral_std` [m3].
+    """
+    if not math.isfinite(neutral_std):
+        return 0.0, ""
+    e, span = fit.estimates["neutral_error"], float(np.ptp(fit.record.time))
+    neutral = abs(e.value) / (_FAR * neutral_std)
+    drifted = fit.drift.value * span
+    used = int(np.isfinite(fit.residual).sum())
+    outliers = fit.outliers / (_OUTLIERS * used)
+    drift = min(
+        abs(fit.drift.value) / (_FAR * fit.drift.std) if fit.drift.std > 0.0 else 0.0,
+        abs(drifted) / neutral_std,
+    )
+    if outliers > max(neutral, drift):
+        return outliers, f"{fit.outliers} of its {used} depths are outliers: check the sensor"
+    if neutral >= drift:
+        return neutral, (
+            f"it did not start neutral but {1e6 * e.value:+.2g} +- {1e6 * e.std:.1g} cm3 off, "
+            f"where {1e6 * neutral_std:.2g} cm3 is assumed. Rest longer before the release, "
+            "clear of bottom and surface"
+        )
+    return drift, (
+        f"its neutral volume drifted by {1e6 * drifted:+.2g} cm3 under way: trapped air, a leak, a "
+        "slip of the piston's sensor, or a touch of the tether"
+    )
+
+
+def of_refusal(refused: Refused, rules: Rules) -> str:
+    """Return why a stretch of the log is no experiment, and what to do."""
+    why, number = refused.why, refused.number
+    if why is Why.NOT_AT_REST:
+        return (
+            f"No experiment: the vehicle was not at rest before it moved at "
+            f"{1e3 * abs(number):.0f} mm/s with the piston at a standstill. Hold it still for "
+            f"{rules.minute:g} s first."
+        )
+    if why is Why.NOT_SETTLED:
+        return (
+            f"No experiment: the volume was changed by up to {1e6 * number:+.3g} cm3 and did not "
+            "stand still. Open the loop before the release, and leave the piston alone."
+        )
+    if why is Why.STUCK:
+        return (
+            f"No experiment: the volume was changed by {1e6 * number:+.3g} cm3 and the vehicle did "
+            "not move. Is it on the bottom, at the surface, or held by its tether?"
+        )
+    if why is Why.FEW_SAMPLES:
+        return f"No experiment: {number:.0f} samples are too few. Log faster, or start further off."
+    end = f": {refused.end.value}" if refused.end is not None else ""
+    return (
+        f"No experiment: it went only {abs(number):.2g} m{end}. Start further from where it ends."
+    )
+
 
 _THERE = 0.2  # m from where a plan wants the vehicle to rest
 
@@ -286,3 +404,108 @@ def _summary(number: int, cut: Cut, said: Sequence[str]) -> str:
         f"{abs(cut.travel):.2f} m {way} in {took:.0f} s, {glide} samples."
     )
     return " ".join([head, *said])
+
+
+_LEAST_CHANGE = 0.008  # of half the stroke
+_STD = 0.02  # of a parameter, to which it is to be known
+
+
+def rules_of(
+    vehicle: Vehicle, *, pool_depth: float | None = None, travel: float = Rules().travel,
+    plan: Plan | None = None,
+) -> Rules:  # fmt: skip
+    """Return by which numbers phases are told apart.
+
+    pool_depth: of the bottom, None where it is not known; travel: after which an experiment is
+    over [m]. A plan says where its records end. Raises InputError for a distance that tells
+    nothing.
+    """
+    least = Rules().least_travel
+    if not travel > least:
+        raise InputError(
+            f"an experiment has to go further than {least:g} m", field="travel", value=travel,
+            unit="m", remedy="Give more, or leave it out",
+        )  # fmt: skip
+    half = 0.5 * (vehicle.stroke.maximum - vehicle.stroke.minimum)
+    change = _LEAST_CHANGE * half
+    if plan is not None:
+        least = min(abs(one.moves[0].volume) for one in plan.experiments)
+        return Rules(
+            change=min(change, 0.5 * least), surface=plan.shallowest, bottom=plan.deepest,
+            travel=math.inf, turns=True,
+            longest=max(one.longest for one in plan.experiments),
+        )  # fmt: skip
+    # A quarter of the pool's depth is kept clear at either end: see paper_tasks.
+    shallowest = vehicle.hull.emergence_depth + (least + 0.1) / 0.75
+    if pool_depth is not None and pool_depth <= shallowest:
+        raise InputError(
+            f"too shallow: an experiment has to go further than {least:g} m", field="pool_depth",
+            value=pool_depth, unit="m",
+            remedy=f"Give the depth of the bottom, more than {shallowest:.2g} m",
+        )  # fmt: skip
+    return Rules(
+        change=change, surface=vehicle.hull.emergence_depth + 0.1, travel=travel,
+        bottom=math.inf if pool_depth is None else pool_depth - 0.05,
+    )  # fmt: skip
+
+
+def asked_of(
+    vehicle: Vehicle, *, free: tuple[str, ...] | None = None,
+    fixed: Mapping[str, float] | None = None, priors: Mapping[str, Prior] | None = None,
+    drag: str | None = None, neutral_std: float = NEUTRAL_STD,
+    target: Sequence[Target] | None = None, target_std: float | None = None,
+) -> Asked:  # fmt: skip
+    """Return what is to be identified, how well, and what is known before.
+
+    target: of each by itself, or target_std [-] of all but psi. Raises InputError for what this
+    vehicle does not have.
+    """
+    fixed, priors = dict(fixed or {}), dict(priors or {})
+    model = model_of(vehicle, law=drag, bottom_depth=math.inf)
+    chosen = default_names(model.law, list(fixed)) if free is None else free
+    for name, given in (("free", chosen), ("fixed", tuple(fixed)), ("priors", tuple(priors))):
+        check_names(given, model, voltage=False, option=name)
+    check_std("neutral_std", neutral_std, "m3")
+    return Asked(
+        targets=_targets(target, target_std, chosen), free=free, fixed=fixed, priors=priors,
+        drag=drag, neutral_std=neutral_std,
+    )  # fmt: skip
+
+
+def _targets(
+    given: Sequence[Target] | None, each: float | None, names: Sequence[str]
+) -> tuple[Target, ...]:
+    if given is None:
+        share = _STD if each is None else each
+        _check_share("target_std", share)
+        main = [name for name in ("K2", "T2", "mass") if name in names]
+        if "mass" in main or not main:
+            main = [name for name in names if name != "psi"]
+        return tuple(Target(name, share) for name in main)
+    if each is not None:
+        raise InputError(
+            "each is said by itself already", field="target_std", value=each,
+            remedy="Give one of the two",
+        )  # fmt: skip
+    for one in given:
+        if one.name not in names:
+            raise InputError(
+                "it is not identified", field="target", value=one.name,
+                remedy=f"Choose from {', '.join(names)}",
+            )  # fmt: skip
+        if one.relative:
+            _check_share("target", one.std)
+        elif not one.std > 0.0:
+            raise InputError(
+                "it must be above 0", field="target", value=one.std, unit=NAMES[one.name].unit,
+                remedy="Give a standard deviation, or a share like 2 %",
+            )  # fmt: skip
+    return tuple(given)
+
+
+def _check_share(field: str, share: float) -> None:
+    if not 0.0 < share < 1.0:
+        raise InputError(
+            "it must be a share above 0 and below 1", field=field, value=share,
+            remedy="Write it like 2 %",
+        )  # fmt: skip

@@ -20,7 +20,7 @@ from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.law import Measurement
 from swimbladder.control.protocol import timed_voltage
 from swimbladder.control.registry import bind
-from swimbladder.design.pool_day.rest import Rules
+from swimbladder.design.pool_day.growing_log import Rules
 from swimbladder.design.pool_day.tasks import Task, Turn
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.sim.closed_loop import simulate

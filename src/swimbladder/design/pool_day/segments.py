@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.design.pool_day.growing_log import (
+    FEWEST,
     Changed,
     Cut,
     End,
@@ -21,11 +22,15 @@ from swimbladder.design.pool_day.growing_log import (
     Event,
     Ready,
     Refused,
+    Rest,
+    Rules,
     Sample,
     Turned,
     Why,
+    neutral_volume,
+    settled,
+    stillness,
 )
-from swimbladder.design.pool_day.rest import FEWEST, Rest, Rules, neutral_volume, settled, stillness
 
 Array = NDArray[np.float64]
 

@@ -3,10 +3,9 @@
 `around` computes eigenvalues and margins over the region of parameters and searches it for the
 worst; `cycles` predicts limit cycles, `confirm` simulates them; `recover` says from where no
 controller comes back, and from where this one does; `robust` tries wrong gains and late commands;
-`run` does it all, `result` says it.
+`run` does it all and says it.
 """
 
-from swimbladder.design.stability.result import Stability
-from swimbladder.design.stability.run import stability
+from swimbladder.design.stability.run import Stability, stability
 
 __all__ = ["Stability", "stability"]

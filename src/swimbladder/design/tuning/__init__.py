@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 from swimbladder.design.tuning.gains import GOALS
-from swimbladder.design.tuning.result import Tuning
-from swimbladder.design.tuning.run import tune
+from swimbladder.design.tuning.run import Tuning, tune
 
 __all__ = ["GOALS", "Tuning", "tune"]

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from swimbladder.design.law_comparison import LawComparison
+from swimbladder.design.law_comparison.contenders import BAND
 from swimbladder.design.law_comparison.run import Row, front
-from swimbladder.design.law_comparison.scenarios import BAND
 from swimbladder.show.plots.style import (
     BLACK,
     BLUE,

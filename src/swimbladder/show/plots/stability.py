@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from swimbladder.design.stability.recover import Map, Verdict
-from swimbladder.design.stability.result import Stability
+from swimbladder.design.stability.run import Stability
 from swimbladder.show.plots.style import (
     BLACK,
     BLUE,

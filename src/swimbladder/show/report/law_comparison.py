@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from swimbladder.design.law_comparison import LawComparison
+from swimbladder.design.law_comparison.contenders import BAND
 from swimbladder.design.law_comparison.run import RESULT, Row
-from swimbladder.design.law_comparison.scenarios import BAND
 from swimbladder.io.answers import as_json
 from swimbladder.io.files import make_folder, publish, write_atomically
 from swimbladder.io.vehicle_file import vehicle_file
