@@ -14,6 +14,7 @@ without reading the source.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 
@@ -99,6 +100,20 @@ class NoAnswerError(SwimbladderError):
     """The input is fine and the answer is no: unstable, out of stroke, not identifiable."""
 
     exit_code = 1
+
+
+def check_number(
+    value: float, field: str, unit: str = "", *, least: float = -math.inf, above: float = -math.inf,
+    most: float = math.inf, finite: bool = True, remedy: str = "Check the number and its unit",
+) -> None:  # fmt: skip
+    """Raise InputError about `field` for a number that is not within its bounds, or not finite."""
+    if value >= least and value > above and value <= most and (math.isfinite(value) or not finite):
+        return
+    bound = f"above {above:g}" if above > -math.inf else f"{least:g} or more"
+    ends = f" and {most:g} at most" if most < math.inf else ""
+    raise InputError(
+        f"it must be {bound}{ends}", field=field, value=value, unit=unit, remedy=remedy
+    )
 
 
 def _short(value: object, limit: int = 80) -> str:

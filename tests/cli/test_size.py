@@ -90,7 +90,7 @@ def test_the_vehicle_and_the_answer_are_for_a_person_to_read(capsys, tmp_path, p
         (["--depth", "1200 m"], 2, "rated for 1000 m"),
         (["--least", "cost"], 2, "Allowed: mass, energy"),
         (["--speed", "3 kg"], 2, "--speed"),
-        (["--hotel", "-1 W"], 2, "--hotel: it cannot be negative (got '-1 W'"),
+        (["--hotel", "-1 W"], 2, "--hotel: it must be 0 or more (got '-1 W'"),
         (["--reserve", "10"], 2, "--reserve: more than all of it (got '10')"),
         (["--cycles", "0"], 2, "--cycles"),
         (["--park", "-1 s"], 2, "--park"),

@@ -71,7 +71,7 @@ def test_at_the_least_thrust_a_maker_states_turning_takes_more_than_pushing():
     "wrong", [{"diameter": 0.0}, {"efficiency": 1.2}, {"number": 0}, {"idle_power": -1.0}]
 )
 def test_no_such_thruster(wrong):
-    with pytest.raises(InputError, match="no thruster has this"):
+    with pytest.raises(InputError, match="it must be "):
         Thruster(**wrong).checked()
 
 

@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.design.energy.energy_per_volume import DriveEnergy
-from swimbladder.errors import InputError
+from swimbladder.errors import check_number
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import neutral_volume
 
@@ -53,20 +53,13 @@ class Thruster(NamedTuple):
 
     def checked(self) -> Thruster:
         """Return it; raises InputError where a number makes no sense."""
-        for name, value, unit, fine, remedy in (
-            ("diameter", self.diameter, "m", 0.0 < self.diameter < math.inf,
-             "Give a length above 0"),
-            ("efficiency", self.efficiency, "", 0.0 < self.efficiency <= 1.0,
-             'Give a share above 0 and up to 1; "35 %" is 0.35'),
-            ("number", self.number, "", self.number >= 1, "Give 1 or more"),
-            ("idle_power", self.idle_power, "W", 0.0 <= self.idle_power < math.inf,
-             "Give a power of 0 or more"),
-        ):  # fmt: skip
-            if not fine:
-                raise InputError(
-                    "no thruster has this", field=name, value=value, unit=unit,
-                    remedy=remedy,
-                )  # fmt: skip
+        check_number(self.diameter, "diameter", "m", above=0.0)
+        check_number(
+            self.efficiency, "efficiency", above=0.0, most=1.0,
+            remedy='Give a share above 0 and up to 1; "35 %" is 0.35',
+        )  # fmt: skip
+        check_number(self.number, "number", least=1)
+        check_number(self.idle_power, "idle_power", "W", least=0.0)
         return self
 
     def power(self, thrust: Any, density: Any, speed: Any = 0.0) -> Any:
@@ -117,7 +110,7 @@ def hovering(found: DriveEnergy, thruster: Thruster, *, weight_error: float) -> 
 
     Raises InputError where the weight error is not above 0.
     """
-    _positive(weight_error, "weight_error", "m3")
+    check_number(weight_error, "weight_error", "m3", above=0.0)
     column, m = found.column, found.map
     weight = column.density * column.gravity * weight_error
     power = thruster.checked().power(weight, column.density)
@@ -136,7 +129,7 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
 
     Raises InputError where the speed is not above 0.
     """
-    _positive(speed, "speed", "m/s")
+    check_number(speed, "speed", "m/s", above=0.0)
     thruster = thruster.checked()
     vehicle, column = found.vehicle, found.column
     z = np.linspace(0.0, column.deepest, _POINTS + 1)
@@ -175,13 +168,6 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
         else (math.inf if fits.all() else -math.inf),
         break_even=_crossing(z, engine, pushed),
     )  # fmt: skip
-
-
-def _positive(value: float, field: str, unit: str) -> None:
-    if not (math.isfinite(value) and value > 0.0):
-        raise InputError(
-            "not above 0", field=field, value=value, unit=unit, remedy="Give a number above 0"
-        )
 
 
 def _summed(values: Array, z: Array) -> Array:

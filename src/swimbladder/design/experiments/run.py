@@ -23,7 +23,7 @@ from swimbladder.design.experiments.evaluation import curve, deeper, evaluate
 from swimbladder.design.experiments.result import Design, judge
 from swimbladder.design.experiments.search import Search, search, sizes
 from swimbladder.design.experiments.search import criterion as criterion_of
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.estimation.motion import NAMES, NEUTRAL_STD, Prior
 from swimbladder.estimation.motion.model import check_names, default_names, model_of
 from swimbladder.sim.pool import pool_parameters, run_procedure
@@ -166,7 +166,7 @@ def _settling(
 ) -> tuple[float, str]:
     """Return the time until a vehicle is at rest [s], and where it comes from."""
     if given is not None:
-        _check("--settling", given, "s", least=0.0)
+        check_number(given, "--settling", "s", least=0.0)
         return given, "as given"
     try:
         p = pool_parameters(vehicle, dV=_SETTLING_STEP, pool_depth=pool_depth, clearance=clearance)
@@ -216,16 +216,16 @@ def _setting(
 
 
 def _check_all(s: Setting) -> None:
-    _check("--sensor-std", s.noise, "m", least=0.0)
-    _check("--quantum", s.quantum, "m", least=0.0)
-    _check("--sample-time", s.sample_time, "s", above=0.0)
-    _check("--neutral-std", s.neutral_std, "m3", above=0.0, finite=False)
-    _check("--drift", s.drift_std, "m3/s", least=0.0)
-    _check("--clearance", s.clearance, "m", above=0.0)
-    _check("--rest", s.rest, "s", least=0.0)
-    _check("--longest", s.longest, "s", above=FEWEST * s.sample_time)
-    _check("--largest", s.largest, "m3", above=0.0, finite=False)
-    _check("--moves", s.moves, "", least=1)
+    check_number(s.noise, "--sensor-std", "m", least=0.0)
+    check_number(s.quantum, "--quantum", "m", least=0.0)
+    check_number(s.sample_time, "--sample-time", "s", above=0.0)
+    check_number(s.neutral_std, "--neutral-std", "m3", above=0.0, finite=False)
+    check_number(s.drift_std, "--drift", "m3/s", least=0.0)
+    check_number(s.clearance, "--clearance", "m", above=0.0)
+    check_number(s.rest, "--rest", "s", least=0.0)
+    check_number(s.longest, "--longest", "s", above=FEWEST * s.sample_time)
+    check_number(s.largest, "--largest", "m3", above=0.0, finite=False)
+    check_number(s.moves, "--moves", "", least=1)
     if s.deepest - s.shallowest < _LEAST_TRAVEL:
         raise InputError(
             f"a pool of {s.pool_depth:g} m leaves no travel, {s.clearance:g} m from surface and "
@@ -233,20 +233,6 @@ def _check_all(s: Setting) -> None:
             field="--pool-depth", value=s.pool_depth, unit="m",
             remedy="Choose a deeper pool or a smaller --clearance",
         )  # fmt: skip
-
-
-def _check(
-    field: str, value: float, unit: str, *, least: float = -math.inf, above: float = -math.inf,
-    finite: bool = True,
-) -> None:  # fmt: skip
-    """Raise InputError for a number that is out of bounds."""
-    if value >= least and value > above and (math.isfinite(value) or not finite):
-        return
-    bound = f"above {above:g}" if above > -math.inf else f"{least:g} or more"
-    raise InputError(
-        f"it must be {bound}", field=field, value=value, unit=unit,
-        remedy="Check the number and its unit",
-    )  # fmt: skip
 
 
 def _rival(

@@ -21,7 +21,7 @@ from scipy.linalg import expm
 from swimbladder.control.registry import own_law
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.models import Array, linearise, operating_point
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.physics.dynamics import Plant, drag_law, plant
 from swimbladder.vehicle import Vehicle
 
@@ -150,9 +150,9 @@ def task_of(
         sample_time = vehicle.controller.sample_time
     if vehicle.controller is not None:
         own_law(vehicle)
-    _positive(sample_time, "--sample-time", "s")
+    check_number(sample_time, "--sample-time", "s", above=0.0)
     if speed_limit is not None:
-        _positive(speed_limit, "--speed-limit", "m/s")
+        check_number(speed_limit, "--speed-limit", "m/s", above=0.0)
     for name, share in (("--band", band), ("--margin", margin)):
         if not (0.0 < share < 1.0 or (share == 0.0 and name == "--margin")):
             raise InputError(
@@ -227,12 +227,7 @@ def _with_supply(vehicle: Vehicle, supply: float) -> Vehicle:
             "the vehicle's actuator takes a volume, not a voltage", field="--supply", value=supply,
             remedy="Leave the supply out",
         )  # fmt: skip
-    _positive(supply, "--supply", "V")
+    check_number(supply, "--supply", "V", above=0.0)
     return vehicle.model_copy(
         update={"supply": vehicle.supply.model_copy(update={"voltage": supply})}
     )
-
-
-def _positive(value: float, field: str, unit: str) -> None:
-    if not 0.0 < value < math.inf:
-        raise InputError("must be above 0", field=field, value=value, unit=unit)

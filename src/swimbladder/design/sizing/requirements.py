@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, check_number
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import Column
@@ -51,19 +50,9 @@ class Dive:
 
     def __post_init__(self) -> None:
         for name, unit in _POSITIVE.items():
-            value = getattr(self, name)
-            if not value > 0.0 or not math.isfinite(value):
-                raise InputError(
-                    "it has to be above 0", field=name, value=value, unit=unit,
-                    remedy="Check the number and its unit",
-                )  # fmt: skip
+            check_number(getattr(self, name), name, unit, above=0.0)
         for name, unit in _NOT_NEGATIVE.items():
-            value = getattr(self, name)
-            if not value >= 0.0 or not math.isfinite(value):
-                raise InputError(
-                    "it cannot be negative", field=name, value=value, unit=unit,
-                    remedy="Check the number and its unit",
-                )  # fmt: skip
+            check_number(getattr(self, name), name, unit, least=0.0)
         if self.coldest is not None and not -5.0 <= self.coldest <= 60.0:
             raise InputError(
                 "water is between -5 and 60 degC", field="coldest", value=self.coldest,

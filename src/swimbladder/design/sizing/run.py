@@ -17,7 +17,7 @@ from swimbladder.design.sizing.candidates import PARTS, Batch, Combination, comb
 from swimbladder.design.sizing.evaluation import REQUIREMENTS, Budget, Evaluation, evaluate
 from swimbladder.design.sizing.parts import Parts, load_parts
 from swimbladder.design.sizing.requirements import Dive, Requirements, requirements
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import as_json
 from swimbladder.physics.hull import weight_mass
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
@@ -174,14 +174,8 @@ def _check(body: Vehicle, dive: Dive, longest_travel: float, largest_mass: float
             field="depth", value=dive.depth, unit="m",
             remedy="Ask for less, or size the drive of a body that is rated for it",
         )  # fmt: skip
-    for name, value, unit in (
-        ("longest_travel", longest_travel, "m"), ("largest_mass", largest_mass, "kg"),
-    ):  # fmt: skip
-        if not value > 0.0:
-            raise InputError(
-                "it has to be above 0", field=name, value=value, unit=unit,
-                remedy="Check the number and its unit",
-            )  # fmt: skip
+    check_number(longest_travel, "longest_travel", "m", above=0.0, finite=False)
+    check_number(largest_mass, "largest_mass", "kg", above=0.0, finite=False)
 
 
 def _score(evaluation: Evaluation, least: Least) -> NDArray[np.float64]:
