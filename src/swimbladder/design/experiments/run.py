@@ -25,7 +25,8 @@ from swimbladder.design.experiments.search import Search, search, sizes
 from swimbladder.design.experiments.search import criterion as criterion_of
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.estimation.motion import NAMES, NEUTRAL_STD, Prior
-from swimbladder.estimation.motion.model import check_names, default_names, model_of
+from swimbladder.estimation.motion.model import default_names, model_of
+from swimbladder.estimation.motion.run import check_parameters
 from swimbladder.sim.pool import pool_parameters, run_procedure
 from swimbladder.units import format_quantity
 from swimbladder.vehicle import IdentifiedMotion, Vehicle
@@ -128,36 +129,7 @@ def _question(
 ) -> Question:  # fmt: skip
     model = model_of(vehicle, law=drag, bottom_depth=math.inf)
     names = tuple(free) if free is not None else default_names(model.law, list(fixed))
-    check_names(names, model, voltage=False, option="--free")
-    check_names(list(fixed), model, voltage=False, option="--set")
-    check_names(list(priors), model, voltage=False, option="--prior")
-    if not names:
-        raise InputError("nothing is left to identify", field="--free", remedy="Free a parameter")
-    for name in priors:
-        if name not in names:
-            raise InputError(
-                "it has a prior, but is not identified", field="--prior", value=name,
-                remedy=f"Name it in --free, which has {', '.join(names)}",
-            )  # fmt: skip
-    for name in names:
-        if name in fixed:
-            raise InputError(
-                "it is both set and to be identified", field="--set", value=name,
-                remedy="Leave it out of --free or of --set",
-            )  # fmt: skip
-    given = {**fixed, **{name: prior.mean for name, prior in priors.items()}}
-    for name, value in given.items():
-        if NAMES[name].logarithmic and not value > 0.0:
-            raise InputError(
-                "it must be above 0", field="--set" if name in fixed else "--prior", value=value,
-                unit=NAMES[name].unit, remedy="Check the number and its unit",
-            )  # fmt: skip
-    for name, prior in priors.items():
-        if not prior.std > 0.0:
-            raise InputError(
-                "its deviation has to be above 0", field="--prior",
-                value=f"{name} +- {prior.std:g}", remedy="Use --set for what is known exactly",
-            )  # fmt: skip
+    check_parameters(names, fixed, priors, model, voltage=False)
     return Question(model, names, fixed, priors)
 
 

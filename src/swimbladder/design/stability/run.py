@@ -25,7 +25,13 @@ from swimbladder.design.stability.cycles import Predicted, predict, without_rest
 from swimbladder.design.stability.recover import Map, Verdict, recovery_maps
 from swimbladder.design.stability.robust import Stood, robustness, wrapped
 from swimbladder.design.tuning import tune
-from swimbladder.design.tuning.gains import goals_of, recipe_of, tunable, tunable_names
+from swimbladder.design.tuning.gains import (
+    check_depths,
+    goals_of,
+    recipe_of,
+    tunable,
+    tunable_names,
+)
 from swimbladder.design.tuning.margins import MARGINS, at_rest, decibels, falls_short
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Step
@@ -434,12 +440,7 @@ def _check(
     vehicle: Vehicle, depths: tuple[float, float], delay: float, within: float | None, cells: int,
     voltage_quantum: float, draws: int, laws: Sequence[str],
 ) -> None:  # fmt: skip
-    surface = vehicle.hull.emergence_depth
-    if not (0.0 <= depths[0] < depths[1] < math.inf and depths[1] > surface):
-        raise InputError(
-            "no range of depths", field="--depth", value=f"{depths[0]:g}:{depths[1]:g}", unit="m",
-            remedy="Give the least and the greatest, like 0:100",
-        )  # fmt: skip
+    check_depths(depths, vehicle.hull.emergence_depth)
     for field, value, fits, remedy in (
         ("--delay", delay, 0.0 <= delay < 1.0, "Give a share of the sample time, below 1"),
         ("--within", within, within is None or 0.0 < within < 1e6, 'Give a time, like "600 s"'),

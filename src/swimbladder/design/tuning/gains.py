@@ -178,6 +178,15 @@ def _drive(
     )
 
 
+def check_depths(depths: tuple[float, float], surface: float = 0.0) -> None:
+    """Raise InputError for what is no range of depths [m] that ends below `surface`."""
+    if not (0.0 <= depths[0] < depths[1] < math.inf and depths[1] > surface):
+        raise InputError(
+            "no range of depths", field="--depth", value=f"{depths[0]:g}:{depths[1]:g}", unit="m",
+            remedy="Give the least and the greatest, like 0:100",
+        )  # fmt: skip
+
+
 def tunable_names(command: str | None = None) -> list[str]:
     """Return the names of the laws that are tuned, of those that give a command where named."""
     return [

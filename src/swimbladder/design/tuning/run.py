@@ -23,6 +23,7 @@ from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall, wi
 from swimbladder.design.tuning.gains import (
     GOALS,
     HELD,
+    check_depths,
     gains,
     goals_of,
     recipe_of,
@@ -366,11 +367,7 @@ def _check(
             "Give the motor's data (actuator.motor.resistance and torque_constant of an "
             "electromechanical or electrohydraulic actuator), or tune for quiet, which moves least"
         )
-    if not (0.0 <= depths[0] < depths[1] < math.inf):
-        raise InputError(
-            "no range of depths", field="--depth", value=f"{depths[0]:g}:{depths[1]:g}", unit="m",
-            remedy="Give the least and the greatest, like 0:100",
-        )  # fmt: skip
+    check_depths(depths)
     if not 0.0 <= delay < 1.0:
         raise InputError(
             "a delay is given as a share of the sample time", field="--delay", value=delay,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.estimation.comparison.record import Drive, Record, record
 from swimbladder.estimation.comparison.water import water_of_each
 from swimbladder.estimation.estimates import Finding, Prior
@@ -99,10 +99,8 @@ def check_parameters(
                 remedy="Leave it out of --free or of --set",
             )  # fmt: skip
     for name, value in fixed.items():
-        if NAMES[name].logarithmic and not value > 0.0:
-            raise InputError(
-                "it must be above 0", field="--set", value=value, unit=NAMES[name].unit
-            )
+        if NAMES[name].logarithmic:
+            check_number(value, "--set", NAMES[name].unit, above=0.0, finite=False)
     for name, prior in priors.items():
         if name not in names:
             raise InputError(
