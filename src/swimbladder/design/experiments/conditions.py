@@ -112,8 +112,7 @@ class Ramps(NamedTuple):
         way = self.out if target > start else self.back
         gone = np.minimum(way[:samples], abs(target - start))
         gone = np.pad(gone, (0, samples - len(gone)), constant_values=abs(target - start))
-        result: Array = start + math.copysign(1.0, target - start) * gone
-        return result
+        return np.asarray(start + math.copysign(1.0, target - start) * gone)
 
 
 def ramps(vehicle: Vehicle, setting: Setting) -> Ramps:
@@ -166,8 +165,7 @@ def _at_full_voltage(vehicle: Vehicle, depth: float, h: float, count: int, *, up
         heavy, time=h * np.arange(count), voltage=np.full(count, sign * vehicle.supply.voltage),
         start_depth=depth, start_volume=start, bottom_depth=depth,
     )  # fmt: skip
-    moved: Array = np.maximum.accumulate(sign * (s.volume - start))
-    return moved
+    return np.asarray(np.maximum.accumulate(sign * (s.volume - start)))
 
 
 CLEAR = 0.05  # m inside of an end of the range that a depth has to be before the end counts
@@ -227,8 +225,7 @@ def follow(
 def _depths(p: Plant, time: Array, volume: Array, start: float) -> Array:
     course = Course(time, volume, ramps=True)
     rate = (volume[1] - volume[0]) / (time[1] - time[0])
-    found: Array = course.follow([p], np.array([[rate, volume[0], start, 0.0]]))[0]
-    return found
+    return np.asarray(course.follow([p], np.array([[rate, volume[0], start, 0.0]]))[0])
 
 
 def _end(

@@ -155,8 +155,7 @@ class Prediction:
     def correlation(self) -> Array:
         """Correlation of the parameters [p, p]."""
         size = np.sqrt(np.diag(self.covariance))
-        result: Array = self.covariance / np.outer(size, size)
-        return result
+        return np.asarray(self.covariance / np.outer(size, size))
 
 
 def predict(flights: Sequence[Flight], question: Question, setting: Setting) -> Prediction:
@@ -192,8 +191,7 @@ def _inverse(M: Array) -> Array:
     size = np.sqrt(np.maximum(np.diag(M), 1e-300))
     values, vectors = np.linalg.eigh(M / np.outer(size, size))
     values = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))
-    result: Array = (vectors / values) @ vectors.T / np.outer(size, size)
-    return result
+    return np.asarray((vectors / values) @ vectors.T / np.outer(size, size))
 
 
 def _sources(problem: Problem, C: Array, data: Array, P: Array) -> dict[str, dict[str, float]]:

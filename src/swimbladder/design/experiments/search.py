@@ -132,12 +132,10 @@ class Criterion:
         at = np.array(self.among)
         C = covariance[..., at[:, None], at]
         if self.kind == "D":
-            result: Array = 0.5 * np.linalg.slogdet(C)[1] / len(at)
-            return result
+            return np.asarray(0.5 * np.linalg.slogdet(C)[1] / len(at))
         variance = np.diagonal(C, axis1=-2, axis2=-1)
         one = variance.max(axis=-1) if self.kind == "largest" else variance.mean(axis=-1)
-        logs: Array = 0.5 * np.log(one)
-        return logs
+        return np.asarray(0.5 * np.log(one))
 
 
 def criterion(text: str, names: Sequence[str]) -> Criterion:
@@ -174,8 +172,7 @@ class Table:
         """Return the criterion, averaged over the vehicles, of sums of records [..., d, p, p]."""
         p = self.prior.shape[0]
         C = np.linalg.inv(gain + self.prior + _UNKNOWN * np.eye(p))
-        result: Array = self.judge(np.add(C, C @ drift @ C)).mean(axis=-1)
-        return result
+        return np.asarray(self.judge(np.add(C, C @ drift @ C)).mean(axis=-1))
 
     def of(self, chosen: Sequence[int]) -> float:
         """Return the criterion of a set of candidates."""

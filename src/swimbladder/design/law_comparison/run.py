@@ -58,8 +58,7 @@ def front(costs: ArrayLike) -> NDArray[np.bool_]:
     c = np.where(np.isnan(c), np.inf, c)
     no_worse = (c[:, None, :] <= c[None, :, :]).all(axis=-1)
     better = (c[:, None, :] < c[None, :, :]).any(axis=-1)
-    found: NDArray[np.bool_] = ~(no_worse & better).any(axis=0) & np.isfinite(c).any(axis=1)
-    return found
+    return np.asarray(~(no_worse & better).any(axis=0) & np.isfinite(c).any(axis=1))
 
 
 Array = NDArray[np.float64]

@@ -190,8 +190,7 @@ def balancing_scale(A: Array) -> Array:
 
     _, (scale, _) = matrix_balance(A, permute=False, separate=True)
     exponents = np.log2(scale)
-    found: Array = np.exp2(np.clip(exponents - np.round(np.median(exponents)), -30.0, 30.0))
-    return found
+    return np.asarray(np.exp2(np.clip(exponents - np.round(np.median(exponents)), -30.0, 30.0)))
 
 
 def polynomials(system: StateSpace) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -283,8 +283,7 @@ def driven_by(task: Task, answer: Answer) -> Array:
     """Return the volume [n + 1] in m3 that the motor has driven: what is there and what leaked."""
     _, V, z, _ = answer.states.T
     leaked = 0.5 * task.plant.k_l * task.sample_time * np.cumsum(z[1:] + z[:-1])
-    driven: Array = V + np.concatenate([[0.0], leaked])
-    return driven
+    return np.asarray(V + np.concatenate([[0.0], leaked]))
 
 
 def answer_of(task: Task, n: int, found: Optimum, near: Near | None) -> Answer:

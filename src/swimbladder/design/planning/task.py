@@ -73,8 +73,7 @@ def _exponential(M: Array) -> Array:
     """Return the exponentials [n, k, k]; of matrices that are all alike, only one is computed."""
     if (M[0] == M).all():
         return np.broadcast_to(expm(M[0]), M.shape)
-    found: Array = expm(M)
-    return found
+    return np.asarray(expm(M))
 
 
 def _of_positioner(p: Plant) -> Array:

@@ -132,8 +132,7 @@ class Evaluation:
     @property
     def worst(self) -> Array:
         """The smallest margin of each candidate [n]."""
-        worst: Array = np.min(np.stack(list(self.margins.values())), axis=0)
-        return worst
+        return np.asarray(np.min(np.stack(list(self.margins.values())), axis=0))
 
     @property
     def feasible(self) -> NDArray[np.bool_]:
@@ -288,5 +287,4 @@ def _largest_rate(b: Batch, z: Array, available: Array) -> Array:
     omega = np.maximum(spare, 0.0) / b.k_v[:, 0]
     omega = np.minimum(omega, b.number("motor", "largest_speed"))
     omega = np.minimum(omega, b.number("pump", "largest_speed"))
-    rate: Array = b.k_q[:, 0] * omega - b.k_l[:, 0] * z
-    return rate
+    return np.asarray(b.k_q[:, 0] * omega - b.k_l[:, 0] * z)

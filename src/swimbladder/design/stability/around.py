@@ -426,8 +426,7 @@ def look_around(
 def _within(x: Array, ball: bool) -> Array:
     """Return the point of the unit ball or cube that is nearest to x."""
     if ball:
-        inside: Array = x / max(1.0, float(np.linalg.norm(x)))
-        return inside
+        return np.asarray(x / max(1.0, float(np.linalg.norm(x))))
     return np.clip(x, -1.0, 1.0)
 
 

@@ -93,8 +93,7 @@ def harmonic(output: Callable[[Array], Array], amplitude: float, order: int) -> 
 def _cap(x: Array) -> Array:
     """Return (2/pi) (asin x + x sqrt(1 - x^2)), the share of a sine below x of its amplitude."""
     x = np.clip(x, -1.0, 1.0)
-    result: Array = 2.0 / math.pi * (np.arcsin(x) + x * np.sqrt(1.0 - x * x))
-    return result
+    return np.asarray(2.0 / math.pi * (np.arcsin(x) + x * np.sqrt(1.0 - x * x)))
 
 
 def saturation(limit: float) -> Nonlinearity:
@@ -150,8 +149,7 @@ def relay(level: float, hysteresis: float = 0.0) -> Nonlinearity:
     def output(x: Array) -> Array:
         turned = np.where(x > h, 1.0, np.where(x < -h, -1.0, 0.0))
         last = np.maximum.accumulate(np.where(turned != 0.0, np.arange(len(x)), 0))
-        held: Array = level * turned[last]
-        return held
+        return np.asarray(level * turned[last])
 
     onset = h if h > 0.0 else 1e-4 * level
     return Nonlinearity(
@@ -244,8 +242,7 @@ def _turning(F: NDArray[np.complex128]) -> list[tuple[int, int]]:
 
 def _response(loop: StateSpace, w: Array) -> NDArray[np.complex128]:
     assert loop.sample_time is not None
-    found: NDArray[np.complex128] = loop.at(np.exp(1j * w * loop.sample_time))[:, 0, 0]
-    return found
+    return np.asarray(loop.at(np.exp(1j * w * loop.sample_time))[:, 0, 0])
 
 
 def _F(loop: StateSpace, nonlinearity: Nonlinearity, log_A: float, log_w: float) -> complex:

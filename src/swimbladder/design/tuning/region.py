@@ -169,8 +169,7 @@ def _radius(C: Array, level: float) -> Array:
     size = np.sqrt(np.maximum(np.diag(C), 1e-300))
     values, vectors = np.linalg.eigh(C / np.outer(size, size))
     root = vectors * np.sqrt(np.maximum(values, 0.0)) * size[:, None]
-    result: Array = math.sqrt(float(chi2.ppf(level, len(C)))) * root
-    return result
+    return np.asarray(math.sqrt(float(chi2.ppf(level, len(C)))) * root)
 
 
 def _changed(p: Plant, shares: Mapping[str, float], *, psi: float) -> Plant:

@@ -222,8 +222,7 @@ def random_walk(
     rng = np.random.default_rng([seed, 1])  # a stream of its own
     steps = rng.normal(0.0, intensity * np.sqrt(every * sample_time), (samples // every, runs))
     walk = np.concatenate([np.zeros((1, runs)), np.cumsum(steps, axis=0)])
-    found: Array = walk[np.arange(samples) // every]
-    return found
+    return np.asarray(walk[np.arange(samples) // every])
 
 
 def draw(region: Region, *, runs: int, seed: int, medium: Medium | None = None) -> dict[str, Array]:
@@ -258,16 +257,14 @@ def motor_starts(volume: Array) -> NDArray[np.int64]:
     From rest: after a sample at least in which the volume stayed.
     """
     moving = np.abs(np.diff(volume, axis=0)) > _STILL
-    found: NDArray[np.int64] = (moving[1:] & ~moving[:-1]).sum(axis=0)
-    return found
+    return np.asarray((moving[1:] & ~moving[:-1]).sum(axis=0))
 
 
 def motor_turns(volume: Array) -> NDArray[np.int64]:
     """Return how often the motor turned from one direction into the other without a rest [runs]."""
     moves = np.diff(volume, axis=0)
     moves = np.where(np.abs(moves) > _STILL, moves, 0.0)
-    found: NDArray[np.int64] = (moves[1:] * moves[:-1] < 0.0).sum(axis=0)
-    return found
+    return np.asarray((moves[1:] * moves[:-1] < 0.0).sum(axis=0))
 
 
 def percentile(values: Array, share: float) -> float:
@@ -447,8 +444,7 @@ def energy_of(vehicle: Vehicle, flown: Flights, lane: int) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         pumped = (changes + d.start_volume) / d.rate_out * d.power_out
         let_in = -changes / d.rate_in * d.power_in
-    found: Array = np.nan_to_num(np.where(changes > 0.0, pumped, let_in))
-    return found
+    return np.asarray(np.nan_to_num(np.where(changes > 0.0, pumped, let_in)))
 
 
 def _flights(
