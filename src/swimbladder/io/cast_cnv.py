@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError, LogError
+from swimbladder.errors import InputError
 from swimbladder.io.cast_columns import CAST_COLUMNS, RawCast, cast_unit, check_names, raw_cast
 from swimbladder.io.log_text import LogFile, counted
 from swimbladder.units import unit_factor
@@ -48,12 +48,13 @@ def cnv_cast(data: bytes, path: Path, columns: Mapping[str, str]) -> RawCast:
 
     columns: as for other casts, by the short names of the header ("prDM"). Raises LogError.
     """
-    check_names(columns, LogFile(path))
+    file = LogFile(path)
+    check_names(columns, file)
     lines = data.decode("latin-1").splitlines()
     end = next((k for k, line in enumerate(lines) if line.startswith("*END*")), None)
     if end is None:
-        raise LogError(
-            "the header has no end", file=path, field="*END*",
+        raise file.refused(
+            "the header has no end", field="*END*",
             remedy="Give the whole .cnv file, as Sea-Bird's software writes it",
         )  # fmt: skip
     names: dict[int, tuple[str, str]] = {}
@@ -68,34 +69,32 @@ def cnv_cast(data: bytes, path: Path, columns: Mapping[str, str]) -> RawCast:
             sign = -1.0 if found[4].upper() in "SW" else 1.0
             place[found[1].lower()] = sign * (float(found[2]) + float(found[3]) / 60.0)
     if said.get("file_type") == "binary":
-        raise LogError(
-            "the data are binary", file=path, field="file_type", value="binary",
+        raise file.refused(
+            "the data are binary", field="file_type", value="binary",
             remedy="Write it as ASCII with Sea-Bird's Translate",
         )  # fmt: skip
     if sorted(names) != list(range(len(names))):
-        raise LogError(
-            "the columns are not numbered from 0 on", file=path, field="name",
+        raise file.refused(
+            "the columns are not numbered from 0 on", field="name",
             remedy="Give the file as Sea-Bird's software writes it",
         )  # fmt: skip
-    report: list[str] = []
-    table, row = _numbers(lines, end, len(names), path)
-    table, row = _unflagged(table, row, names, float(said.get("bad_flag", "-9.99e-29")), report)
-    values = {
-        column: _column(column, table, names, columns, path, report)
-        for column in CAST_COLUMNS
-    }  # fmt: skip
+    table, row = _numbers(lines, end, len(names), file)
+    table, row = _unflagged(table, row, names, float(said.get("bad_flag", "-9.99e-29")), file)
+    values = {column: _column(column, table, names, columns, file) for column in CAST_COLUMNS}
     warm = values["temperature_degC"] is not None
     if not warm or (values["pressure_dbar"] is None and values["depth_m"] is None):
         what = "pressure or depth" if warm else "temperature"
-        raise LogError(
-            f"the cast has no {what}", file=path, field="name",
+        raise file.refused(
+            f"the cast has no {what}", field="name",
             remedy=f"Columns of the file: {', '.join(short for short, _ in names.values())}",
         )  # fmt: skip
     said_there = {name: np.array([degrees]) for name, degrees in place.items()}
-    return raw_cast(values | said_there, path, report, row=row)
+    return raw_cast(values | said_there, file, row=row)
 
 
-def _numbers(lines: list[str], end: int, count: int, path: Path) -> tuple[Array, NDArray[np.int64]]:
+def _numbers(
+    lines: list[str], end: int, count: int, file: LogFile
+) -> tuple[Array, NDArray[np.int64]]:
     """Return the rows of numbers [n, count] and their lines; raises LogError for any other row."""
     rows, at = [], []
     for k, line in enumerate(lines[end + 1 :], start=end + 2):
@@ -107,15 +106,15 @@ def _numbers(lines: list[str], end: int, count: int, path: Path) -> tuple[Array,
         except ValueError:
             numbers = []
         if len(numbers) != count:
-            raise LogError(
-                f"not the {count} numbers that the header names", file=path, line=k, field="row",
+            raise file.refused(
+                f"not the {count} numbers that the header names", line=k, field="row",
                 value=line.strip()[:60], remedy="Give the file as Sea-Bird's software writes it",
             )  # fmt: skip
         rows.append(numbers)
         at.append(k)
     if not rows:
-        raise LogError(
-            "the header and no rows", file=path, field="rows",
+        raise file.refused(
+            "the header and no rows", field="rows",
             remedy="Give a .cnv file with its data",
         )  # fmt: skip
     return np.array(rows), np.array(at, dtype=np.int64)
@@ -126,7 +125,7 @@ def _unflagged(
     row: NDArray[np.int64],
     names: Mapping[int, tuple[str, str]],
     bad: float,
-    report: list[str],
+    file: LogFile,
 ) -> tuple[Array, NDArray[np.int64]]:
     """Return the rows that Loop Edit and Wild Edit did not flag; bad numbers become NaN."""
     flag = next((k for k, (short, _) in names.items() if short == "flag"), None)
@@ -134,7 +133,7 @@ def _unflagged(
     if flag is not None:
         kept = table[:, flag] != bad
         if not kept.all():
-            report.append(f"{counted(int((~kept).sum()), 'row')} flagged as bad left out")
+            file.report.append(f"{counted(int((~kept).sum()), 'row')} flagged as bad left out")
     table = table[kept]
     return np.where(table == bad, np.nan, table), row[kept]
 
@@ -144,8 +143,7 @@ def _column(
     table: Array,
     names: Mapping[int, tuple[str, str]],
     columns: Mapping[str, str],
-    path: Path,
-    report: list[str],
+    file: LogFile,
 ) -> Array | None:
     """Return a column of the cast in its unit, None where the file has none."""
     asked, _, stated = columns.get(column, "").partition("@")
@@ -156,8 +154,8 @@ def _column(
     if asked:
         found = [k for k, (short, _) in names.items() if short == asked]
         if not found:
-            raise LogError(
-                "no such column", file=path, field=column, value=asked,
+            raise file.refused(
+                "no such column", field=column, value=asked,
                 remedy=f"Columns of the file: {', '.join(short for short, _ in names.values())}",
             )  # fmt: skip
     if not found:
@@ -171,14 +169,14 @@ def _column(
     try:
         factor = unit_factor(unit, CAST_COLUMNS[column])
     except InputError as error:
-        raise LogError(
-            error.what, file=path, field=short, value=unit, unit=CAST_COLUMNS[column],
+        raise file.refused(
+            error.what, field=short, value=unit, unit=CAST_COLUMNS[column],
             remedy=f'State the unit: --column "{column}={short}@UNIT"',
         ) from None  # fmt: skip
     if "68" in short and column == "temperature_degC":
-        report.append(f"{short} is on the scale of 1968 and was turned into that of 1990")
+        file.report.append(f"{short} is on the scale of 1968 and was turned into that of 1990")
         factor /= _IPTS68
-    report.append(
+    file.report.append(
         f"{column} read from {short!r}" + ("" if factor == 1.0 else f", times {factor:g}")
     )
     return values * factor

@@ -87,8 +87,7 @@ class RawCast:
 
 def raw_cast(
     columns: Mapping[str, Array | None],
-    path: Path,
-    report: list[str],
+    file: LogFile,
     row: NDArray[np.int64] | None = None,
     **more: Any,
 ) -> RawCast:
@@ -99,10 +98,11 @@ def raw_cast(
     fields: dict[str, Any] = {name.split("_")[0]: values for name, values in columns.items()}
     for name in _FARTHEST:
         values = columns.get(name)
-        fields[name] = None if values is None else place_of(name, values, report)
+        fields[name] = None if values is None else place_of(name, values, file.report)
     lines = np.arange(1, len(fields["temperature"]) + 1) if row is None else row
     named = "sample" if row is None else "line"
-    return RawCast(path=path, report=report, row=lines, row_name=named, **fields, **more)
+    fields |= {"path": Path(file.path), "report": file.report, "row": lines, "row_name": named}
+    return RawCast(**fields, **more)
 
 
 CAST_COLUMNS = {

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError, LogError
+from swimbladder.errors import InputError
 from swimbladder.io.cast_columns import (
     CAST_COLUMNS,
     NAMES,
@@ -62,7 +62,7 @@ def is_netcdf(data: bytes) -> bool:
     return data.startswith((b"CDF\x01", b"CDF\x02", b"\x89HDF\r\n\x1a\n"))
 
 
-def read_variables(data: bytes, path: str | Path) -> dict[str, Variable]:
+def read_variables(data: bytes, file: LogFile) -> dict[str, Variable]:
     """Return the variables of a netCDF file by name.
 
     Raises LogError where the bytes are damaged.
@@ -72,9 +72,9 @@ def read_variables(data: bytes, path: str | Path) -> dict[str, Variable]:
         with warnings.catch_warnings(action="ignore"):  # of attributes that contradict each other
             return {name: _variable(name, *item) for name, item in found}
     except Exception as error:  # whatever a decoder makes of damaged bytes, it is the bytes
-        raise LogError(
+        raise file.refused(
             f"this netCDF file cannot be read: {' '.join(str(error).split())[:200]}",
-            file=path, field="file", remedy="Fetch it anew, or write its variables to a CSV",
+            field="file", remedy="Fetch it anew, or write its variables to a CSV",
         ) from None  # fmt: skip
 
 
@@ -134,16 +134,16 @@ def unit_said(name: str, found: str, variable: Variable, stated: str | None = No
 
 
 def in_unit(
-    name: str, found: str, variable: Variable, path: Path, report: list[str],
-    stated: str | None = None,
-) -> Array:  # fmt: skip
+    name: str, found: str, variable: Variable, file: LogFile, stated: str | None = None
+) -> Array:
     """Return the numbers of a variable in the unit of the column; `stated` is over its own.
 
-    report: gets a line of what was done. Raises LogError for texts and units of another kind.
+    What was done is reported. Raises LogError for texts and units of another kind.
     """
+    report = file.report
     if not variable.numeric:
-        raise LogError(
-            "no numbers but texts", file=path, field=found,
+        raise file.refused(
+            "no numbers but texts", field=found,
             remedy=f'Choose another variable with --column "{name}=NAME"',
         )  # fmt: skip
     values = np.asarray(variable.values, dtype=np.float64)
@@ -157,8 +157,8 @@ def in_unit(
     try:
         factor = unit_factor(unit, wanted)
     except InputError as error:
-        raise LogError(
-            error.what, file=path, field=found, value=unit, unit=wanted or "none",
+        raise file.refused(
+            error.what, field=found, value=unit, unit=wanted or "none",
             remedy="Correct the variable's attribute `units`"
             + (f', or say the unit with --column "{name}={found}@{wanted}"' if wanted else ""),
         ) from None  # fmt: skip
@@ -166,9 +166,7 @@ def in_unit(
     return values * factor
 
 
-def by_flags(
-    found: str, variables: Mapping[str, Variable], values: Array, path: Path, report: list[str]
-) -> None:
+def by_flags(found: str, variables: Mapping[str, Variable], values: Array, file: LogFile) -> None:
     """Blank the values that their quality flags do not call good.
 
     Raises LogError for flags that are not one for each value.
@@ -178,13 +176,13 @@ def by_flags(
         return
     texts = _flag_texts(variables[named], values.shape)
     if texts is None:
-        raise LogError(
-            f"not one quality flag for each value of {found}", file=path, field=named,
+        raise file.refused(
+            f"not one quality flag for each value of {found}", field=named,
             remedy="Give the flags the shape of the values, or write what is good to a CSV",
         )  # fmt: skip
     bad = np.isfinite(values) & ~np.isin(texts, list(_GOOD | _UNJUDGED))
     if bad.any():
-        report.append(f"{counted(int(bad.sum()), 'value')} of {found} flagged as bad left out")
+        file.report.append(f"{counted(int(bad.sum()), 'value')} of {found} flagged as bad left out")
         values[bad] = np.nan
 
 
@@ -212,13 +210,12 @@ def is_profiles(variables: Mapping[str, Variable]) -> bool:
     )
 
 
-def argo_cast(variables: Mapping[str, Variable], path: Path, profile: int | None) -> RawCast:
+def argo_cast(variables: Mapping[str, Variable], file: LogFile, profile: int | None) -> RawCast:
     """Return one profile of an Argo file: the primary one, or that asked for from 1.
 
     Raises LogError where there are several to choose from, or none that is good.
     """
-    report: list[str] = []
-    n = _number(variables, path, profile, report)
+    n = _number(variables, file, profile)
     mode = _letters(variables, "DATA_MODE", n)
     rows: dict[str, Array] = {}
     for name, plain in _ARGO.items():
@@ -229,28 +226,26 @@ def argo_cast(variables: Mapping[str, Variable], path: Path, profile: int | None
         if adjusted is not None and np.isfinite(np.asarray(adjusted.values[n], float)).any():
             found = f"{plain}_ADJUSTED"
         elif adjusted is not None and mode in ("A", "D"):
-            raise LogError(
+            raise file.refused(
                 f"in mode {mode} no value of {plain} was found fit to be adjusted: none is good",
-                file=path, field=f"{plain}_ADJUSTED",
+                field=f"{plain}_ADJUSTED",
                 remedy="Take another profile; if you trust its raw values, write them to a CSV",
             )  # fmt: skip
-        values = in_unit(name, found, variables[found], path, report)
+        values = in_unit(name, found, variables[found], file)
         if values.shape != variables["PRES"].values.shape:
-            raise LogError(
-                "not as many values as pressures", file=path, field=found,
+            raise file.refused(
+                "not as many values as pressures", field=found,
                 remedy="Fetch the file anew: every profile has a value per level",
             )  # fmt: skip
-        by_flags(found, variables, values, path, report)
+        by_flags(found, variables, values, file)
         rows[name] = values[n]
     for name in ("latitude", "longitude"):
         if name.upper() in variables:
             rows[name] = np.ravel(np.asarray(variables[name.upper()].values, float))[n : n + 1]
-    return raw_cast(rows, path, report, name=_platform(variables, n))
+    return raw_cast(rows, file, name=_platform(variables, n))
 
 
-def _number(
-    variables: Mapping[str, Variable], path: Path, profile: int | None, report: list[str]
-) -> int:
+def _number(variables: Mapping[str, Variable], file: LogFile, profile: int | None) -> int:
     """Return the profile that is asked for, from 0: else the only one, or only primary one.
 
     Raises LogError where there are several, or fewer than asked for.
@@ -258,8 +253,8 @@ def _number(
     pressures = np.asarray(variables["PRES"].values, float)
     count = len(pressures)
     if profile is not None and profile > count:
-        raise LogError(
-            f"the file has {counted(count, 'profile')}", file=path, field="--profile",
+        raise file.refused(
+            f"the file has {counted(count, 'profile')}", field="--profile",
             value=profile, remedy=f"Choose from 1 to {count}",
         )  # fmt: skip
     if profile is not None or count < _SEVERAL:
@@ -272,13 +267,13 @@ def _number(
             f"{k + 1}: {f'{_platform(variables, k)} to'.strip()} {np.nanmax(pressures[k]):.0f} dbar"
             for k in found[:_SHOWN]
         )
-        raise LogError(
+        raise file.refused(
             f"there are {len(found)} profiles in it "
             f"({some}{', ...' if len(found) > _SHOWN else ''})",
-            file=path, field="profile", remedy="Choose one with --profile N",
+            field="profile", remedy="Choose one with --profile N",
         )  # fmt: skip
     why = "the primary sampling" if primary else "the only one with pressures"
-    report.append(f"profile {found[0] + 1} of {count} taken, {why}")
+    file.report.append(f"profile {found[0] + 1} of {count} taken, {why}")
     return found[0]
 
 
@@ -316,29 +311,29 @@ def netcdf_cast(
 
     columns: as for texts, variable for column. Raises LogError.
     """
-    variables = read_variables(data, path)
+    file = LogFile(path)
+    variables = read_variables(data, file)
     if is_profiles(variables):
-        return replace(argo_cast(variables, path, profile), unit_stated=True), None
-    return _plain(variables, path, columns), profile
+        return replace(argo_cast(variables, file, profile), unit_stated=True), None
+    return _plain(variables, file, columns), profile
 
 
-def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, str]) -> RawCast:
+def _plain(variables: Mapping[str, Variable], file: LogFile, columns: Mapping[str, str]) -> RawCast:
     """Return the cast of a file whose variables have standard names, or names that say it."""
-    report: list[str] = []
-    check_names(columns, LogFile(path))
-    warm = _chosen("temperature_degC", variables, columns, path)
+    check_names(columns, file)
+    warm = _chosen("temperature_degC", variables, columns, file)
     size = None if warm is None else variables[warm[0]].values.size
-    chosen = {name: _chosen(name, variables, columns, path, size) for name in CAST_COLUMNS}
+    chosen = {name: _chosen(name, variables, columns, file, size) for name in CAST_COLUMNS}
     values: dict[str, Array] = {}
     for name, found in chosen.items():
         if found is None:
             continue
         variable, unit = found
-        values[name] = in_unit(name, variable, variables[variable], path, report, unit)
-        by_flags(variable, variables, values[name], path, report)
+        values[name] = in_unit(name, variable, variables[variable], file, unit)
+        by_flags(variable, variables, values[name], file)
     rows = {n: np.ravel(v) for n, v in values.items() if v.size == size}
     if size is not None and not {"pressure_dbar", "depth_m"} & set(rows):
-        _refuse_grid(values, path)
+        _refuse_grid(values, file)
     missing = [
         what
         for names, what in (
@@ -348,10 +343,10 @@ def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, 
         if not any(name in rows for name in names)
     ]
     if missing or size is None or size < _FEWEST:
-        raise LogError(
+        raise file.refused(
             f"no variable has the standard name {' or '.join(missing) or 'of a profile'}, one "
             "value per sample",
-            file=path, field="variables",
+            field="variables",
             remedy='Say which it is with --column "pressure_dbar=NAME"; variables of the file: '
             f"{', '.join(list(variables)[:30])}",
         )  # fmt: skip
@@ -359,23 +354,23 @@ def _plain(variables: Mapping[str, Variable], path: Path, columns: Mapping[str, 
     names = {name: found[0] for name, found in chosen.items() if found is not None}
     down = chosen["pressure_dbar"]
     said = down and unit_said("pressure_dbar", down[0], variables[down[0]], down[1])
-    return raw_cast(rows, path, report, names=names, unit_named=said)
+    return raw_cast(rows, file, names=names, unit_named=said)
 
 
-def _refuse_grid(values: Mapping[str, Array], path: Path) -> None:
+def _refuse_grid(values: Mapping[str, Array], file: LogFile) -> None:
     """Raise LogError where temperatures are a grid over depth and something else."""
     shape = values["temperature_degC"].shape
     down = next((n for n in ("pressure_dbar", "depth_m") if n in values), None)
     if down is not None and len(shape) > 1 and values[down].size in shape:
-        raise LogError(
+        raise file.refused(
             f"the temperatures are a grid of {' x '.join(map(str, shape))} values over "
             f"{values[down].size} of {down.split('_')[0]}: several profiles side by side",
-            file=path, field=down, remedy="Write the profile that you mean to a CSV",
+            field=down, remedy="Write the profile that you mean to a CSV",
         )  # fmt: skip
 
 
 def _chosen(
-    name: str, variables: Mapping[str, Variable], columns: Mapping[str, str], path: Path,
+    name: str, variables: Mapping[str, Variable], columns: Mapping[str, str], file: LogFile,
     size: int | None = None,
 ) -> tuple[str, str | None] | None:  # fmt: skip
     """Return the variable of a column, and its unit where that is stated.
@@ -390,8 +385,8 @@ def _chosen(
             asked = asked or columns[name]
         if asked in variables:
             return asked, unit if at else None
-        raise LogError(
-            "no such variable", file=path, field=name, value=asked,
+        raise file.refused(
+            "no such variable", field=name, value=asked,
             remedy=f"Variables of the file: {', '.join(list(variables)[:30])}",
         )  # fmt: skip
     numeric = {n: v for n, v in variables.items() if v.numeric}
@@ -405,7 +400,7 @@ def _chosen(
     plain = [n for n in named if n.lower() in NAMES[name]] if len(named) > 1 else named
     if len(plain) == 1:
         return plain[0], None
-    raise LogError(
-        f"several variables may be the {name.split('_')[0]}", file=path, field=name,
+    raise file.refused(
+        f"several variables may be the {name.split('_')[0]}", field=name,
         value=", ".join(named), remedy=f'Choose one with --column "{name}=NAME"',
     )  # fmt: skip

@@ -211,15 +211,9 @@ def _by_density(raw: RawCast, p: Array, density: Array, SP: Array) -> None:
     off = miss(1.0)
     if not off > _DENSITY_WRONG:
         return
-    sizes = {unit: miss(unit_factor(unit, "dbar")) for unit in _PRESSURES}
-    best = min(sizes, key=lambda unit: sizes[unit])
-    if sizes[best] < _DENSITY_FITS and miss(0.0) > _DENSITY_WRONG:  # else it is potential density
-        raise raw.refused(
-            f"at {np.max(p):.5g} dbar the density in situ would be {off:.2g} kg/m3 off the one "
-            "beside it",
-            field="pressure_dbar", value=float(np.max(p)), unit="dbar",
-            remedy=f"In {best} they agree: map it with {_map(raw, best)}",
-        )  # fmt: skip
+    if miss(0.0) > _DENSITY_WRONG:  # else it is potential density
+        what = f"the density in situ would be {off:.2g} kg/m3 off the one beside it"
+        _refuse_misfit(raw, p, miss, _DENSITY_FITS, what)
     raw.report.append(
         f"the density beside is {off:.2g} kg/m3 off that of pressure, temperature and salinity: "
         "is it that in situ? It is not used"
@@ -234,17 +228,26 @@ def _by_salt(raw: RawCast, p: Array, C: Array, SP: Array) -> None:
         salt = gsw.SP_from_C(10.0 * C, raw.temperature, np.clip(p * factor, 0.0, DEEPEST))
         return float(np.nanmedian(np.abs(salt - SP)))
 
-    if not miss(1.0) > _SALT_WRONG:
-        return
+    off = miss(1.0)
+    if off > _SALT_WRONG:
+        what = f"the conductivity would mean a salinity {off:.2g} off the one beside it"
+        _refuse_misfit(raw, p, miss, _SALT_FITS, what)
+
+
+def _refuse_misfit(
+    raw: RawCast, p: Array, miss: Callable[[float], float], fits: float, what: str
+) -> None:
+    """Raise LogError where pressures in another unit go with the column beside, by `miss`."""
     sizes = {unit: miss(unit_factor(unit, "dbar")) for unit in _PRESSURES}
     best = min(sizes, key=lambda unit: sizes[unit])
-    if sizes[best] < _SALT_FITS:
+    if sizes[best] < fits:
         raise raw.refused(
-            f"at {np.max(p):.5g} dbar the conductivity would mean a salinity "
-            f"{miss(1.0):.2g} off the one beside it",
-            field="pressure_dbar", value=float(np.max(p)), unit="dbar",
+            f"at {np.max(p):.5g} dbar {what}",
+            field="pressure_dbar",
+            value=float(np.max(p)),
+            unit="dbar",
             remedy=f"In {best} they agree: map it with {_map(raw, best)}",
-        )  # fmt: skip
+        )
 
 
 def _salt(raw: RawCast) -> None:

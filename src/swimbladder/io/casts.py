@@ -205,8 +205,7 @@ def _text_cast(
     down = found.get("pressure_dbar")
     return raw_cast(
         table.values,
-        path,
-        file.report,
+        file,
         row=table.line,
         name=", ".join(f"{name}={value}" for name, value in where.items()),
         names={name: column.name for name, column in found.items()},

@@ -6,8 +6,8 @@ Which rows of a log hold what is asked for, and what a text says as a number.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +90,16 @@ _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "+inf", "-
 _LARGEST = 1e15  # in SI: no number of a log is larger, and their products stay finite
 
 
+class _Bad(NamedTuple):
+    """What is wrong with a row, and where."""
+
+    what: str
+    field: str
+    value: object
+    remedy: str
+    unit: str = ""
+
+
 class ColumnReader:
     """Turns the texts of columns into numbers; remembers which rows hold something else."""
 
@@ -105,7 +115,7 @@ class ColumnReader:
         self.columns, self.line, self.conversions = columns, line, list[str]()
         self.times = TimeColumn()
         self._missing = frozenset(_MISSING | {text.strip().lower() for text in self.form.missing})
-        self._bad: dict[int, Callable[[], LogError]] = {}
+        self._bad: dict[int, _Bad] = {}
 
     def read(self, name: str, column: LogColumn) -> Array:
         """Return the numbers of a column as they are written; times that are text in seconds."""
@@ -116,7 +126,8 @@ class ColumnReader:
     def refuse_bad(self) -> None:
         """Raise LogError for the first row with anything but a number, unless such rows may go."""
         if self._bad and (self.form.bad_rows == "refuse" or len(self._bad) > len(self.line) / 2):
-            raise self._bad[min(self._bad)]()
+            row = min(self._bad)
+            raise self.file.refused(line=self.line[row], **self._bad[row]._asdict())
 
     def in_unit(self, name: str, column: LogColumn, values: Array) -> Array:
         """Return a column in the unit of its name; raises LogError where its own unit is none."""
@@ -137,14 +148,15 @@ class ColumnReader:
             self.conversions.append(f"{name} read from {column.name!r}, {stated}")
         values = values if factor is None else _scaled(values, factor)
         wild = np.flatnonzero(np.abs(values) > _LARGEST)
-        for k in wild:
-            remedy = (
-                "Check the unit; if it stands for no number, add it to missing in a [log] table"
+        for k in wild.tolist():
+            bad = _Bad(
+                "too large for anything measured",
+                column.name,
+                float(values[k]),
+                "Check the unit; if it stands for no number, add it to missing in a [log] table",
+                unit,
             )
-            what = "too large for anything measured"
-            self._bad.setdefault(
-                int(k), partial(self._error, what, int(k), column, float(values[k]), unit, remedy)
-            )
+            self._bad.setdefault(k, bad)
         values[wild] = np.nan
         return values
 
@@ -153,10 +165,11 @@ class ColumnReader:
         self.refuse_bad()
         if not self._bad:
             return values, self.line
-        first = self._bad[min(self._bad)]()
+        row = min(self._bad)
+        first = self._bad[row]
         self.file.report.append(
             f"{counted(len(self._bad), 'row')} with anything but a number dropped, the first on "
-            f"line {first.line} ({first.field}: {str(first.value)[:40]!r})"
+            f"line {self.line[row]} ({first.field}: {str(first.value)[:40]!r})"
         )
         kept = np.ones(len(self.line), dtype=bool)
         kept[list(self._bad)] = False
@@ -177,8 +190,7 @@ class ColumnReader:
         for k in bad:
             text = texts[k].strip() if dates is None else f"{dates[k]} {texts[k]}".strip()
             what = "not a time in ISO 8601" if column.unit == "iso" else "not a time"
-            remedy = time_remedy(column, text)
-            self._bad[k] = partial(self._error, what, k, column, text, "", remedy)
+            self._bad[k] = _Bad(what, column.name, text, time_remedy(column, text))
         found = values[np.isfinite(values)]
         how = {"iso": "ISO 8601", "clock": "times of the day"}.get(column.unit or "", column.unit)
         self.conversions.append(
@@ -208,7 +220,7 @@ class ColumnReader:
             except ValueError:
                 values[k] = math.nan
                 if text.strip().lower() not in missing and k not in self._bad:
-                    self._bad[k] = partial(self._not_a_number, name, column, k, text.strip())
+                    self._bad[k] = self._not_a_number(name, column, k, text.strip())
         values[~np.isfinite(values)] = np.nan
         return values
 
@@ -231,30 +243,18 @@ class ColumnReader:
                 remedy=remedy,
             ) from None
 
-    def _not_a_number(self, name: str, column: LogColumn, k: int, text: str) -> LogError:
-        """Return the error for a field that is no number, with what it looks like as the remedy."""
+    def _not_a_number(self, name: str, column: LogColumn, k: int, text: str) -> _Bad:
+        """Return the refusal of a field that is no number, with what it looks like as remedy."""
         remedy = time_remedy(column, text) if name == "time_s" else ""
         if not remedy and "," in text and self.form.decimal == ".":
             remedy = 'If it is a decimal comma, set decimal = "," in a [log] table (--log-format)'
         if not remedy and k == 0 and not any(letter.isdigit() for letter in text[:20]):
             remedy = "If this row holds the units, set units_row = true in a [log] table"
-        return self._error(
-            "not a number", k, column, text, "",
-            remedy or "Correct the field, leave it empty where nothing was measured, or set "
-            'bad_rows = "drop" in a [log] table',
-        )  # fmt: skip
-
-    def _error(
-        self, what: str, k: int, column: LogColumn, value: object, unit: str, remedy: str
-    ) -> LogError:
-        return self.file.refused(
-            what,
-            line=self.line[k],
-            field=column.name,
-            value=value,
-            unit=unit,
-            remedy=remedy,
+        remedy = remedy or (
+            "Correct the field, leave it empty where nothing was measured, or set "
+            'bad_rows = "drop" in a [log] table'
         )
+        return _Bad("not a number", column.name, text, remedy)
 
 
 def _scaled(values: Array, factor: float) -> Array:
