@@ -38,20 +38,6 @@ from swimbladder.units import parse_quantity, unit_factor
 from swimbladder.vehicle import Parameters, Unit
 from swimbladder.vehicle.schema import did_you_mean, refusal
 
-COLUMNS = {
-    "time_s": "s",
-    "depth_m": "m",
-    "pressure_Pa": "Pa",
-    "volume_m3": "m3",
-    "piston_m": "m",
-    "voltage_V": "V",
-    "current_A": "A",
-    "speed_m_s": "m/s",
-    "reference_depth_m": "m",
-    "reference_volume_m3": "m3",
-    "reference_piston_m": "m",
-}
-
 
 class LogColumn(Parameters):
     """Which column of the file to read, and its unit."""
@@ -93,6 +79,13 @@ class LogColumns(Parameters):
         """Return the columns that are named."""
         found = {name: getattr(self, name) for name in COLUMNS}
         return {name: column for name, column in found.items() if column is not None}
+
+
+COLUMNS = {
+    name: "m/s" if name.endswith("_m_s") else name.rpartition("_")[2]
+    for name in LogColumns.model_fields
+}
+"""The columns of a log and their units, which end their names."""
 
 
 def _zero(unit: str) -> BeforeValidator:

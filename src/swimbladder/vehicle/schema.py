@@ -137,6 +137,17 @@ def input_error(error: ValidationError, model: type[BaseModel]) -> InputError:
     )
 
 
+# What is wrong and what to do, for errors that have one cause.
+_SAID = {
+    "float_type": ("not a number", "Write a bare number"),
+    "too_short": ("an empty list", "Write something between the brackets"),
+    "string_type": ("not a text", "Write it in quotes"),
+    "string_too_short": ("an empty text", "Write something between the quotes"),
+    "bool_type": ("not a yes or no", "Write true or false"),
+    "bool_parsing": ("not a yes or no", "Write true or false"),
+}
+
+
 def _explain(
     kind: str,
     message: str,
@@ -169,16 +180,8 @@ def _explain(
         if _of_tables(annotation):
             return "not a list of tables", f"Write [[{dotted(path)}]] above the fields of each"
         return "not a list", "Write it in square brackets, with commas between"
-    if kind == "float_type":
-        return "not a number", "Write a bare number"
-    if kind == "too_short":
-        return "an empty list", "Write something between the brackets"
-    if kind == "string_type":
-        return "not a text", "Write it in quotes"
-    if kind == "string_too_short":
-        return "an empty text", "Write something between the quotes"
-    if kind.startswith("bool"):
-        return "not a yes or no", "Write true or false"
+    if kind in _SAID:
+        return _SAID[kind]
     if "than" in kind:
         return message.replace("Input should", "must"), "Check the number and its unit"
     return message, "See `swimbladder vehicle new` for a file with every field explained"
