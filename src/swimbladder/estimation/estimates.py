@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -78,6 +79,29 @@ def estimate(
         factor = math.exp(min(reach / value, 700.0))
         return Estimate(value, std, (value / factor, value * factor), unit, origin)
     return Estimate(value, std, (value - reach, value + reach), unit, origin)
+
+
+def crossing(
+    beyond: Callable[[float], float],
+    step: float,
+    *,
+    farthest: float,
+    growth: float = 2.0,
+    xtol: float,
+) -> float | None:
+    """Return where a profile rises above 0 on one side of its best place, which is at 0.
+
+    step: the first, whose sign is the side; later places are `growth` times as far. None where it
+    does not up to `farthest`.
+    """
+    from scipy.optimize import brentq
+
+    near, far = 0.0, step
+    while beyond(far) < 0.0:
+        near, far = far, growth * far
+        if abs(far) >= farthest:
+            return None
+    return float(brentq(beyond, near, far, xtol=xtol))
 
 
 def given(value: float, unit: str) -> Estimate:

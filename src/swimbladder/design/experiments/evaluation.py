@@ -234,8 +234,8 @@ def _fit(
     information: Array = data + P.T @ P
     return Fit(
         x=x, residual=np.zeros(n), weight=np.ones(n), noise=np.full(k, setting.depth_noise),
-        objective=0.0, slope=J * setting.depth_noise, ar=((),) * k,
-        ar_noise=(ArNoise((), 1.0),) * k,
+        root=np.full(n, 1.0 / setting.depth_noise), objective=0.0, slope=J * setting.depth_noise,
+        ar=((),) * k, ar_noise=(ArNoise((), 1.0),) * k,
         information=information, covariance=C, data=data,
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from swimbladder.estimation.actuator.voltage import VoltageFit, solve
-from swimbladder.estimation.estimates import Z95, Estimate, bounded, estimate
+from swimbladder.estimation.estimates import Z95, Estimate, bounded, crossing, estimate
 
 _ONE_SIDED = 1.6448536269514722
 _FASTEST = 1e-3  # of the time between samples: as good as none
@@ -64,17 +64,15 @@ def _crossing(root: _Root, best: float, std: float, level: float, *, offset: flo
     """Return the ln T1 to one side of the best at which the root of the deviance is `level`.
 
     offset: the root that is taken as the best one. `std` is a first guess, its sign the side.
+    Where the root stays below, the farthest ln T1 that is looked at.
     """
-    from scipy.optimize import brentq
-
-    def off(x: float) -> float:
-        return root(x) - math.hypot(level, offset)
-
-    inner, outer = best, best + level * std
-    for _ in range(12):
-        if off(outer) > 0.0:
-            return float(brentq(off, inner, outer, xtol=1e-3 * abs(std), rtol=1e-6))
-        inner, outer = outer, best + 1.7 * (outer - best)
-        if abs(outer - best) > math.log(_SLOWEST):
-            break
-    return outer
+    above = math.hypot(level, offset)
+    farthest = math.log(_SLOWEST)
+    found = crossing(
+        lambda x: root(best + x) - above,
+        level * std,
+        farthest=farthest,
+        growth=1.7,
+        xtol=1e-3 * abs(std),
+    )
+    return best + (math.copysign(farthest, std) if found is None else found)

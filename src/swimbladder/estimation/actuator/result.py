@@ -175,26 +175,19 @@ class ActuatorIdentification:
         name = "piston" if self.quantity == "piston" else "volume"
         sources = list(dict.fromkeys(step.source for step in self.steps))
         parts = [
-            np.column_stack(
-                [
-                    np.full(len(s.time), float(sources.index(s.source) + 1)),
-                    np.full(len(s.time), float(number)),
-                    s.time,
-                    np.full(len(s.time), np.nan) if s.voltage is None else s.voltage,
-                    s.position,
-                    s.fitted,
-                    s.residual,
-                    s.used.astype(float),
-                ]
-            )
+            {
+                "log": np.full(len(s.time), float(sources.index(s.source) + 1)),
+                "step": np.full(len(s.time), float(number)),
+                "time_s": s.time,
+                "voltage_V": np.full(len(s.time), np.nan) if s.voltage is None else s.voltage,
+                f"{name}_{unit}": s.position,
+                f"{name}_fitted_{unit}": s.fitted,
+                f"residual_{unit}": s.residual,
+                "used": s.used.astype(float),
+            }
             for number, s in enumerate(self.steps, start=1)
         ]
-        table = np.concatenate(parts) if parts else np.zeros((0, 8))
-        heads = (
-            "log", "step", "time_s", "voltage_V", f"{name}_{unit}", f"{name}_fitted_{unit}",
-            f"residual_{unit}", "used",
-        )  # fmt: skip
-        return dict(zip(heads, table.T, strict=True))
+        return {head: np.concatenate([part[head] for part in parts]) for head in parts[0]}
 
     def to_json(self) -> dict[str, Any]:
         """Return the outcome in SI units, ready for JSON."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
 
@@ -76,10 +77,19 @@ def identify_actuator(
         if vehicle is not None and isinstance(vehicle.actuator, Positioner):
             asked = ("rate",)
         asked = tuple(name for name in asked if name not in fixed)
-    report = advance or (lambda _: None)
-    work = _voltage if driven == "voltage" else _moves
+    question = _Question(benches, vehicle, fixed, tuple(asked), advance or (lambda _: None))
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        return work(benches, vehicle, fixed, tuple(asked), report)
+        return _voltage(question) if driven == "voltage" else _moves(question)
+
+
+class _Question(NamedTuple):
+    """What is asked of which logs."""
+
+    benches: Sequence[Bench]
+    vehicle: Vehicle | None
+    fixed: dict[str, float]
+    asked: tuple[str, ...]
+    advance: Callable[[float], None]
 
 
 def _check_names(names: Sequence[str]) -> None:
@@ -111,13 +121,8 @@ def _one_kind(benches: Sequence[Bench]) -> Driven:
 _WHAT = {"voltage": "a voltage", "reference": "what was asked for", "nothing": "nothing else"}
 
 
-def _voltage(
-    benches: Sequence[Bench],
-    vehicle: Vehicle | None,
-    fixed: dict[str, float],
-    asked: tuple[str, ...],
-    advance: Callable[[float], None],
-) -> ActuatorIdentification:
+def _voltage(question: _Question) -> ActuatorIdentification:
+    benches, fixed, advance = question.benches, question.fixed, question.advance
     unit = benches[0].unit
     share = 1.0 / (len(benches) + 1)
     fit = fit_voltage(benches, fixed)
@@ -137,7 +142,7 @@ def _voltage(
     findings += logs_differ(apart, per_log)
     covariance = covariance_of(fit, parameters)
     return _result(
-        benches, vehicle, parameters, asked, findings, covariance,
+        question, parameters, findings, covariance,
         derived=by_direction(fit, parameters, unit),
         noise=fit.noise,
         logs=tuple(alone),
@@ -154,13 +159,8 @@ def _alone(one: Bench, fixed: Mapping[str, float]) -> LogFit:
     return LogFit(source=one.source, parameters=from_voltage(fit, dict(fixed), one.unit))
 
 
-def _moves(
-    benches: Sequence[Bench],
-    vehicle: Vehicle | None,
-    fixed: dict[str, float],  # noqa: ARG001
-    asked: tuple[str, ...],
-    advance: Callable[[float], None],
-) -> ActuatorIdentification:
+def _moves(question: _Question) -> ActuatorIdentification:
+    benches, advance = question.benches, question.advance
     fits: list[MovesFit] = []
     for one in benches:
         fits.append(fit_moves(one))
@@ -187,7 +187,7 @@ def _moves(
         name: {name: parameters[name].std ** 2} for name in ("T1", "rate") if parameters[name].known
     }
     return _result(
-        benches, vehicle, parameters, asked, findings, covariance,
+        question, parameters, findings, covariance,
         derived=derived,
         noise=max(fit.noise for fit in fits if not math.isnan(fit.noise)),
         logs=logs,
@@ -196,14 +196,13 @@ def _moves(
 
 
 def _result(
-    benches: Sequence[Bench],
-    vehicle: Vehicle | None,
+    question: _Question,
     parameters: dict[str, Estimate],
-    asked: tuple[str, ...],
     findings: list[Finding],
     covariance: dict[str, dict[str, float]],
     **fields: object,
 ) -> ActuatorIdentification:
+    benches, vehicle, asked = question.benches, question.vehicle, question.asked
     missing = [n for n in asked if not parameters[n].known]
     findings = [*findings, *(not_identifiable_finding(n, parameters[n]) for n in missing)]
     one = benches[0]

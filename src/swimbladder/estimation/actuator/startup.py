@@ -26,7 +26,7 @@ from swimbladder.estimation.actuator.bench import Bench
 from swimbladder.estimation.actuator.estimate import student
 from swimbladder.estimation.actuator.moves import Move
 from swimbladder.estimation.actuator.noise import autoregression, changes, spikes
-from swimbladder.estimation.estimates import Estimate, bounded, estimate, not_identifiable
+from swimbladder.estimation.estimates import Estimate, bounded, crossing, estimate, not_identifiable
 from swimbladder.estimation.series import WHITE
 
 Array = NDArray[np.float64]
@@ -84,6 +84,7 @@ _LONG = 3  # times the samples that the start takes are looked at, or
 _LEAST = 15  # samples
 _NOTHING = 0.02  # of the time between samples: a T1 that is none
 _TRIALS = 9  # of T1, and of t0
+_SLOWEST = 10.0  # of ln T1 above the best: as good as none
 _GROSS = 0.01  # of the travel: what no motor's start is off the model, a sample alone
 _TOO_SHORT = "the moves are too short to show how they come to full speed"
 _RAMP_SEEN = 10.0  # deviance by which a ramp has to be better: very strong evidence
@@ -341,12 +342,8 @@ class _Fit:
 
     def _crossing(self, level: float) -> float:
         """Return the T1 [s] above the best at which the deviance reaches a level."""
-        from scipy.optimize import brentq
-
         low = max(float(self.best[0]), math.log(_NOTHING * self.step))
-        high = low + 0.5
-        while self._deviance(high) < level and high < low + 10.0:
-            high += 0.7
-        if high >= low + 10.0:
-            return math.exp(high)
-        return math.exp(float(brentq(lambda x: self._deviance(x) - level, low, high, xtol=1e-3)))
+        found = crossing(
+            lambda x: self._deviance(low + x) - level, 0.5, farthest=_SLOWEST, xtol=1e-3
+        )
+        return math.exp(low + (_SLOWEST if found is None else found))

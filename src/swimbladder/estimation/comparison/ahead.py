@@ -31,7 +31,6 @@ from swimbladder.estimation.kalman.depth_filter import (
     Bank,
     Member,
     Noise,
-    Samples,
     Start,
     filter_bank,
 )
@@ -305,9 +304,7 @@ def predict_ahead(
     )  # fmt: skip
     pairs = [_pairs(rec, seconds) for seconds in horizons]
     spread, origins = unknowns(vehicle, tuning or Tuning())
-    assert rec.volume is not None  # a record that a volume drives has it
-    samples = Samples(rec.time, rec.volume, rec.depth, rec.compared.astype(np.int8), rec.layers)
-    members = draw(spread, vehicle, rec)
+    samples, members = rec.samples, draw(spread, vehicle, rec)
     bank = filter_bank(samples, members)
     report(0.1)
     free = filter_bank(samples, [_integrator(member) for member in members])

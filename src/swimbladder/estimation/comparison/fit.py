@@ -39,37 +39,26 @@ FITTABLE: Mapping[str, Fittable] = {
 }
 
 
-def first_value(name: str, vehicle: Vehicle, start: Start) -> float:
-    """Return the value that a fit of `name` begins with."""
-    values = {
-        "neutral_volume": vehicle.trim_error,
-        "neutral_drift": start.drift,
-        "mass": vehicle.mass,
-        "drag": vehicle.drag.k_dl,
-        "drag_quadratic": vehicle.drag.k_dt,
-        "psi": vehicle.hull.psi,
-        "start_depth": 0.0 if start.depth is None else start.depth,
-        "start_speed": start.speed,
-    }
-    return values[name]
+def first_and_limits(name: str, vehicle: Vehicle, start: Start) -> tuple[float, float, float]:
+    """Return what a fit of `name` begins with, and its bounds.
 
-
-def limits(name: str, vehicle: Vehicle, start: Start) -> tuple[float, float]:
-    """Return the bounds of `name`: where physics ends, or so far off that the log is another's."""
-    span = vehicle.stroke.maximum - vehicle.stroke.minimum
-    least_mass = 1e-2 * vehicle.mass
-    if not isinstance(vehicle.motion, IdentifiedMotion):
-        least_mass = vehicle.motion.dry_mass + vehicle.motion.entrained_mass
-    depth = 0.0 if start.depth is None else start.depth
+    These are where physics ends, or so far off that the log is another's.
+    """
+    stroke, motion, drag = vehicle.stroke, vehicle.motion, vehicle.drag
+    span, m, psi = stroke.maximum - stroke.minimum, vehicle.mass, vehicle.hull.psi
+    least_mass = 1e-2 * m
+    if not isinstance(motion, IdentifiedMotion):
+        least_mass = motion.dry_mass + motion.entrained_mass
+    depth, speed = 0.0 if start.depth is None else start.depth, start.speed
     return {
-        "neutral_volume": (vehicle.stroke.minimum - span, vehicle.stroke.maximum + span),
-        "neutral_drift": (-span / 10.0, span / 10.0),
-        "mass": (least_mass, 100.0 * vehicle.mass),
-        "drag": (1e-3 * vehicle.drag.k_dl, 1e3 * vehicle.drag.k_dl),
-        "drag_quadratic": (0.0, 1e3 * vehicle.drag.k_dt),
-        "psi": (-span, span),
-        "start_depth": (depth - 1.0, depth + 1.0),
-        "start_speed": (start.speed - 1.0, start.speed + 1.0),
+        "neutral_volume": (vehicle.trim_error, stroke.minimum - span, stroke.maximum + span),
+        "neutral_drift": (start.drift, -span / 10.0, span / 10.0),
+        "mass": (m, least_mass, 100.0 * m),
+        "drag": (drag.k_dl, 1e-3 * drag.k_dl, 1e3 * drag.k_dl),
+        "drag_quadratic": (drag.k_dt, 0.0, 1e3 * drag.k_dt),
+        "psi": (psi, -span, span),
+        "start_depth": (depth, depth - 1.0, depth + 1.0),
+        "start_speed": (speed, speed - 1.0, speed + 1.0),
     }[name]
 
 
@@ -191,14 +180,14 @@ class _Problem:
     def __init__(self, vehicle: Vehicle, rec: Record, names: tuple[str, ...], first: Start) -> None:
         self.vehicle, self.rec, self.names, self.first = vehicle, rec, names, first
         self.scale = np.array([FITTABLE[name].scale for name in names])
-        bounds = np.array([limits(name, vehicle, first) for name in names])
-        self.least, self.most = (bounds / self.scale[:, None]).T
+        found = np.array([first_and_limits(name, vehicle, first) for name in names])
+        self.start, self.least, self.most = (found / self.scale[:, None]).T
 
     def begin(self) -> Array:
-        values = [first_value(name, self.vehicle, self.first) for name in self.names]
+        begun: Array = self.start.copy()
         if "neutral_volume" in self.names:
-            values[self.names.index("neutral_volume")] = _guess(self.vehicle, self.rec)
-        begun: Array = np.array(values) / self.scale
+            at = self.names.index("neutral_volume")
+            begun[at] = _guess(self.vehicle, self.rec) / self.scale[at]
         return begun
 
     def residual(self, q: Array, windows: list[Window]) -> Array:

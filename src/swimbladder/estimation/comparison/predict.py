@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,45 +108,32 @@ def _run(
     if volume is not None and rec.volume_absolute:
         at = float(volume[0])
     begin = min(max(at, vehicle.stroke.minimum), vehicle.stroke.maximum)
+    known: dict[str, Any] = {
+        "start_depth": depth,
+        "start_speed": start.speed,
+        "bottom_depth": rec.bottom_depth,
+    }
     if rec.drive == "setpoint":
         solution = simulate(
             vehicle,
             setpoints=list(rec.setpoints),
             duration=float(time[-1]),
-            start_depth=depth,
-            start_speed=start.speed,
             start_volume=begin,
-            bottom_depth=rec.bottom_depth,
             checked=False,
+            **known,
         )
         return _hermite(time, solution), np.interp(time, solution.time, solution.volume), solution
-    if len(rec.layers.table):
-        assert volume is not None  # record() checks it
-        return follow_in(
-            rec.layers, [plant(vehicle, bottom_depth=rec.bottom_depth)], time,
-            volume - start.drift * rec.time[part], np.array([[depth, start.speed]]),
-        )[0], volume, None  # fmt: skip
     if rec.drive == "volume" and volume is not None:
         # Only volume less neutral volume moves the vehicle.
-        solution = drive(
-            vehicle,
-            time=time,
-            volume=volume - start.drift * rec.time[part],
-            start_depth=depth,
-            start_speed=start.speed,
-            bottom_depth=rec.bottom_depth,
-        )
+        moving = volume - start.drift * rec.time[part]
+        if len(rec.layers.table):
+            plants = [plant(vehicle, bottom_depth=rec.bottom_depth)]
+            starts = np.array([[depth, start.speed]])
+            return follow_in(rec.layers, plants, time, moving, starts)[0], volume, None
+        solution = drive(vehicle, time=time, volume=moving, **known)
     else:
         assert rec.voltage is not None  # record() checks it
-        solution = drive(
-            vehicle,
-            time=time,
-            voltage=rec.voltage[part],
-            start_volume=begin,
-            start_depth=depth,
-            start_speed=start.speed,
-            bottom_depth=rec.bottom_depth,
-        )
+        solution = drive(vehicle, time=time, voltage=rec.voltage[part], start_volume=begin, **known)
     pad = (0, len(time) - len(solution.depth))
     return np.pad(solution.depth, pad, "edge"), np.pad(solution.volume, pad, "edge"), solution
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from swimbladder.errors import InputError, LogError
 from swimbladder.estimation.comparison.clock import refuse_wrong_clock
 from swimbladder.estimation.comparison.water import layers_of
+from swimbladder.estimation.kalman.depth_filter import Samples
 from swimbladder.io.logs import Log
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
@@ -56,6 +57,13 @@ class Record:
     bottom_depth: float  # m
     notes: tuple[str, ...]
     layers: Layers = NO_LAYERS
+
+    @property
+    def samples(self) -> Samples:
+        """What a filter takes of it; a volume has to drive it."""
+        assert self.volume is not None
+        use = self.compared.astype(np.int8)
+        return Samples(self.time, self.volume, self.depth, use, self.layers)
 
     @property
     def duration(self) -> float:

@@ -84,10 +84,7 @@ class Comparison:
             "bias_m": self.bias,
             "variance_explained": self.variance_explained,
             "largest_m": self.largest,
-            "fitted": {
-                name: {"value": f.value, "std": f.std, "unit": f.unit}
-                for name, f in self.fitted.items()
-            },
+            "fitted": {name: dict(vars(f)) for name, f in self.fitted.items()},
             "n": self.n,
             "n_not_compared": len(self.record.time) - self.n,
             "duration_s": self.record.duration,

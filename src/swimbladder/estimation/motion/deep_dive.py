@@ -47,7 +47,6 @@ class Pieces:
     temperature: Array  # degC, of the hull
     before: NDArray[np.bool_]  # [n, m], which actions were before
     leaked: Array  # m3, as the vehicle's file has it, since the dive began
-    leg: NDArray[np.int64]  # -, between which two actions
 
     def __len__(self) -> int:
         return len(self.time)
@@ -197,7 +196,7 @@ def _pieces(
         duration=b - a, pressure=p, density=density, speed=speed,
         acceleration=_acceleration(middle, speed, leg),
         temperature=0.5 * (temperature[first] + temperature[last]), before=before,
-        leaked=np.interp(middle, time, leaked), leg=leg,
+        leaked=np.interp(middle, time, leaked),
     )  # fmt: skip
 
 

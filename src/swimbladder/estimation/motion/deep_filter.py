@@ -133,7 +133,6 @@ def _filter(  # type: ignore[no-untyped-def]
     return 0
 
 
-_SOURCES = ("deep_filter.py", "deep_glide.py", "deep_water.py")
 filter_kernel = compiled(
-    _filter, under=f"deep-{source_hash(Path(__file__).with_name(name) for name in _SOURCES)}"
+    _filter, under=f"deep-{source_hash(Path(__file__).parent.glob('deep*.py'))}"
 )

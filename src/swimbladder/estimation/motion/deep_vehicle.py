@@ -24,34 +24,24 @@ from swimbladder.vehicle import (
 
 _STIFFENS = 1e-20  # 1/Pa2, the least that a vehicle's file has
 
-# Where a vehicle's file holds each, and what it hangs on when it comes out strange.
-_PLACES: dict[str, tuple[type[BaseModel], str]] = {
-    "drag": (Drag, "k_dt"),
-    "drag_up": (Drag, "rising_ratio"),
-    "compressibility": (HullPart, "compressibility"),
-    "stiffening": (HullPart, "stiffening"),
-    "thermal_expansion": (HullPart, "thermal_expansion"),
-    "trapped_air": (Hull, "trapped_air"),
-    "pump_delivery": (PowerLawPump, "delivery"),
-    "pump_slip": (PowerLawPump, "slip"),
-    "pump_start": (PumpAndValve, "start_volume"),
-    "valve": (Valve, "flow"),
-    "bypass": (Valve, "flow"),
-    "creep": (PumpAndValve, "creep"),
-}
-_CHECK = {
-    "drag": "the pressures and the mass in the vehicle's file",
-    "drag_up": "whether the water was that of the cast while it rose",
-    "compressibility": "the cast, and the mass and hull in the vehicle's file",
-    "stiffening": "the cast, and the mass and hull in the vehicle's file",
-    "thermal_expansion": "temperature_degC of the log, its unit, and whether it is of the hull",
-    "trapped_air": "the cast near the surface",
-    "pump_delivery": "the pump's seconds in the log, and its delivery in the vehicle's file",
-    "pump_slip": "the pump's seconds in the log, and its slip in the vehicle's file",
-    "pump_start": "the pump's seconds in the log",
-    "valve": "the valve's seconds in the log, and its flow in the vehicle's file",
-    "bypass": "the bypass's seconds in the log, and its flow in the vehicle's file",
-    "creep": "the cast, and whether the log leaves out runs",
+_HULL = "the cast, and the mass and hull in the vehicle's file"
+_WARM = "temperature_degC of the log, its unit, and whether it is of the hull"
+_SECONDS = "the {0}'s seconds in the log, and its {1} in the vehicle's file"
+
+# Where a vehicle's file holds each, and what to check when it comes out strange.
+_PLACES: dict[str, tuple[type[BaseModel], str, str]] = {
+    "drag": (Drag, "k_dt", "the pressures and the mass in the vehicle's file"),
+    "drag_up": (Drag, "rising_ratio", "whether the water was that of the cast while it rose"),
+    "compressibility": (HullPart, "compressibility", _HULL),
+    "stiffening": (HullPart, "stiffening", _HULL),
+    "thermal_expansion": (HullPart, "thermal_expansion", _WARM),
+    "trapped_air": (Hull, "trapped_air", "the cast near the surface"),
+    "pump_delivery": (PowerLawPump, "delivery", _SECONDS.format("pump", "delivery")),
+    "pump_slip": (PowerLawPump, "slip", _SECONDS.format("pump", "slip")),
+    "pump_start": (PumpAndValve, "start_volume", "the pump's seconds in the log"),
+    "valve": (Valve, "flow", _SECONDS.format("valve", "flow")),
+    "bypass": (Valve, "flow", _SECONDS.format("bypass", "flow")),
+    "creep": (PumpAndValve, "creep", "the cast, and whether the log leaves out runs"),
 }
 _BOUNDS = {
     "gt": (operator.gt, "more than {:g}"),
@@ -121,7 +111,7 @@ def out_of_place(vehicle: Vehicle, values: Mapping[str, float], names: Sequence[
         written = _written(vehicle, values, name)
         if written is None:
             continue
-        model, field = _PLACES[name]
+        model, field, check = _PLACES[name]
         bounds = _broken(model, field, written)
         if bounds:
             unit = DEEP[name].unit
@@ -132,7 +122,7 @@ def out_of_place(vehicle: Vehicle, values: Mapping[str, float], names: Sequence[
                 f"{name} comes out {values[name]:.4g} {unit}".rstrip()
                 + f", which vehicle.toml cannot hold: {stands}{field} has to be "
                 f"{' and '.join(bounds)} {field_unit(model, field)}".rstrip()
-                + f". Check {_CHECK[name]}, or hold it by what you know with --set {name}=VALUE."
+                + f". Check {check}, or hold it by what you know with --set {name}=VALUE."
             )
     return found
 

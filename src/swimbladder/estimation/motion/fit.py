@@ -163,6 +163,7 @@ class Fit:
     x: Array
     residual: Array  # m, measured less predicted, at the samples used
     weight: Array  # 0 to 1
+    root: Array  # 1/m, of the weight, over the noise
     noise: Array  # m, of each experiment
     objective: float  # minus twice the logarithm of the posterior, up to a constant
     slope: Array  # [rows, len(x)] m
@@ -324,14 +325,10 @@ def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
         root = np.sqrt(weight) / _each(problem, noise)
 
         def rows(y: Array, root: Array = root) -> Array:
-            x = coordinates.back(y)
-            result: Array = np.concatenate([root * problem.residual(x), problem.prior_rows(x)[0]])
-            return result
+            return problem.weighted(coordinates.back(y), root)
 
         def slopes(y: Array, root: Array = root) -> Array:
-            x = coordinates.back(y)
-            J = np.concatenate([root[:, None] * problem.slope(x), problem.prior_rows(x)[1]])
-            return -coordinates.slope(y, J)
+            return -coordinates.slope(y, problem.weighted_slope(coordinates.back(y), root))
 
         fine = 1e-8 if n > 1 else 1e-4  # the weights are not final yet
         begin = np.clip(coordinates.of(x), least + 1e-9, most - 1e-9)
@@ -387,7 +384,7 @@ def finish(problem: Problem, x: Array) -> Fit:
     covariance = inverse @ (B + prior) @ inverse
     covariance = 0.5 * (covariance + covariance.T)  # so to the last digit
     return Fit(
-        x=x, residual=residual, weight=weight, noise=noise,
+        x=x, residual=residual, weight=weight, root=root, noise=noise,
         objective=_objective(problem, x, residual, noise), slope=slope,
         ar=seen, ar_noise=found,
         information=A + prior, covariance=covariance, data=A @ inverse_of(B) @ A,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +25,8 @@ def parameters(
 ) -> tuple[dict[str, Estimate], list[Finding]]:
     """Return the estimates; where a profile's interval differs from the quadratic one, with it."""
     std = np.sqrt(np.diag(found.covariance)[: problem.shared]) * problem.per_entry(found.x)
-    estimates, findings = {}, []
+    estimates: dict[str, Estimate] = {}
+    findings: list[Finding] = []
     for i, name in enumerate(problem.names):
         unit, log = NAMES[name].unit, problem.logarithmic[i]
         e = estimate(problem.value(found.x, i), float(std[i]), unit, logarithmic=log)
@@ -62,18 +63,16 @@ def parameters(
     return estimates, findings
 
 
-def _against(name: str, e: Estimate, prior: Prior) -> list[Finding]:
-    """Return a warning where data and prior can hardly both be right."""
+def _against(name: str, e: Estimate, prior: Prior) -> Iterator[Finding]:
+    """Yield a warning where data and prior can hardly both be right."""
     shift = math.sqrt(max(prior.std**2 - e.std**2, 0.0))  # of the estimate, if the prior is right
-    if abs(e.value - prior.mean) <= _CONTRADICTED * max(shift, 0.1 * prior.std):
-        return []
-    return [
-        Finding(
-            "prior", "warning",
+    if abs(e.value - prior.mean) > _CONTRADICTED * max(shift, 0.1 * prior.std):
+        yield Finding(
+            "prior",
+            "warning",
             f"The data contradict the prior of {name}: {_read(e.value, e.unit)} comes out, where "
             f"{_read(prior.mean, e.unit)} +- {_read(prior.std, e.unit)} was said. Check its unit.",
         )
-    ]  # fmt: skip
 
 
 def _read(value: float, unit: str) -> str:

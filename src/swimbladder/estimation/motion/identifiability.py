@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -47,35 +48,27 @@ def directions(problem: Problem, fit: Fit) -> list[Direction]:
     ]
 
 
-def not_identifiable(problem: Problem, fit: Fit) -> list[Finding]:
-    """Return a finding of severity no for every question that data and priors leave open."""
+def not_identifiable(problem: Problem, fit: Fit) -> Iterator[Finding]:
+    """Yield a finding of severity no for every question that data and priors leave open."""
     p = problem.shared
     std = np.sqrt(np.diag(fit.covariance)[:p])
     limits = np.array([_limit(problem, fit, i) for i in range(p)])
-    open_ones = [i for i in range(p) if std[i] > limits[i]]
-    if not open_ones:
-        return []
-    found: list[Finding] = []
-    said: set[int] = set()
-    for direction in reversed(directions(problem, fit)):
-        scaled = np.abs(direction.parts) / limits
-        parts = [i for i in range(p) if scaled[i] > _PART * scaled.max()]
-        if not set(parts) & set(open_ones) - said:
-            continue
-        if direction.std * float((np.abs(direction.parts) / limits).max()) < 0.5:
-            continue
-        said |= set(parts)
+    left = {i for i in range(p) if std[i] > limits[i]}
+
+    def of(parts: list[int]) -> Finding:
         names = [problem.names[i] for i in parts]
-        found.append(Finding("trade-off" if len(names) > 1 else "not identifiable", "no", _say(
-            names, {problem.names[i]: float(std[i]) for i in parts}, problem
-        )))  # fmt: skip
-    for i in open_ones:
-        if i not in said:
-            name = problem.names[i]
-            found.append(
-                Finding("not identifiable", "no", _say([name], {name: float(std[i])}, problem))
-            )
-    return found
+        kind = "trade-off" if len(names) > 1 else "not identifiable"
+        return Finding(kind, "no", _say(names, float(std[parts[0]]), problem))
+
+    for direction in reversed(directions(problem, fit)) if left else ():
+        scaled = np.abs(direction.parts) / limits
+        parts = np.flatnonzero(scaled > _PART * scaled.max()).tolist()
+        if left.isdisjoint(parts) or direction.std * float(scaled.max()) < 0.5:
+            continue
+        left -= set(parts)
+        yield of(parts)
+    for i in sorted(left):
+        yield of([i])
 
 
 def _limit(problem: Problem, fit: Fit, i: int) -> float:
@@ -102,19 +95,19 @@ def _fastest(problem: Problem) -> float:
     return max(found)
 
 
-def _say(names: list[str], std: dict[str, float], problem: Problem) -> str:
-    listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+def _say(names: list[str], std: float, problem: Problem) -> str:
+    """Say that a parameter, with its standard deviation, or several are not identifiable."""
     if len(names) == 1:
         name = names[0]
         if problem.logarithmic[problem.names.index(name)]:
-            by = f"{100.0 * std[name]:.0f} %" if std[name] < 10.0 else "over 1000 %"
+            by = f"{100.0 * std:.0f} %" if std < 10.0 else "over 1000 %"
             what = f"{name} is not identifiable from these logs: its standard error is {by}"
         else:
             what = f"{name} is not identifiable from these logs"
     else:
         what = (
-            f"{listed} are not identifiable separately: the logs determine only a combination of "
-            "them"
+            f"{', '.join(names[:-1])} and {names[-1]} are not identifiable separately: the logs "
+            "determine only a combination of them"
         )
     return f"{what}. {_remedy(names, problem)}"
 

@@ -92,15 +92,10 @@ def sample(
             "priors, or hold a parameter (--set)"
         )
     kept = sampler.get_chain(discard=math.ceil(_BURN * slowest), flat=True)
-    draws = np.stack([_values(problem, kept[:, i], i) for i in range(p)], axis=1)
+    draws = np.stack([problem.values_of(i, kept[:, i]) for i in range(p)], axis=1)
     return Posterior(
         names=problem.names, draws=draws, effective=float(len(kept) / max(slowest, 1.0))
     )
-
-
-def _values(problem: Problem, entries: Array, i: int) -> Array:
-    result: Array = np.exp(entries) if problem.logarithmic[i] else entries * problem.scale[i]
-    return result
 
 
 class _Density:
@@ -108,7 +103,7 @@ class _Density:
 
     def __init__(self, problem: Problem, fit: Fit) -> None:
         self.problem, self.p = problem, problem.shared
-        self.root = np.sqrt(fit.weight) / np.repeat(fit.noise, np.diff(problem.rows))
+        self.root = fit.root
         self.low, self.high = (bound[: self.p] for bound in problem.bounds())
         self.centre = fit.x
         naive = np.linalg.inv(fit.information)[: self.p, : self.p]
@@ -127,8 +122,8 @@ class _Density:
         x[: self.p] = u
         x[self.p :] += self.ridge @ (u - self.centre[: self.p])
         for _ in range(_NEWTON):
-            J, r = self._rows(x)
-            own = J[:, self.p :]
+            own = self.problem.weighted_slope(x, self.root)[:, self.p :]
+            r = self.problem.weighted(x, self.root)
             H = own.T @ own
             step = np.linalg.solve(H, own.T @ r)
             x[self.p :] += step
@@ -139,10 +134,3 @@ class _Density:
         if sign <= 0.0:
             return -math.inf
         return -0.5 * (self.flat * float(left @ left) + float(logdet))
-
-    def _rows(self, x: Array) -> tuple[Array, Array]:
-        """Return derivatives and residuals, data and priors, in standard deviations."""
-        rows, slopes = self.problem.prior_rows(x)
-        J = np.concatenate([self.root[:, None] * self.problem.slope(x), slopes])
-        r = np.concatenate([self.root * self.problem.residual(x), rows])
-        return J, r

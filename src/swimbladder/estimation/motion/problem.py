@@ -97,6 +97,10 @@ class Problem:
         """Return the i-th parameter of the vehicle, in SI units."""
         return math.exp(x[i]) if self.logarithmic[i] else float(x[i] * self.scale[i])
 
+    def values_of(self, i: int, entries: Array) -> Array:
+        """Return the i-th parameter of the vehicle for several entries of x, in SI units."""
+        return np.exp(entries) if self.logarithmic[i] else entries * self.scale[i]
+
     def per_entry(self, x: Array) -> Array:
         """Return by how much each parameter of the vehicle changes per change of its entry."""
         return np.array(
@@ -160,6 +164,14 @@ class Problem:
         for row, (at, per) in enumerate(slopes):
             P[row, at] = per
         return np.array(residuals), P
+
+    def weighted(self, x: Array, root: Array) -> Array:
+        """Return residuals times `root` [rows], and the priors' rows: what a search makes small."""
+        return np.concatenate([root * self.residual(x), self.prior_rows(x)[0]])
+
+    def weighted_slope(self, x: Array, root: Array) -> Array:
+        """Return minus the derivatives of what `weighted` returns."""
+        return np.concatenate([root[:, None] * self.slope(x), self.prior_rows(x)[1]])
 
     def drift_slope(self, x: Array, j: int) -> Array:
         """Return the derivative of experiment j's depths with its neutral volume's drift [m s/m3].

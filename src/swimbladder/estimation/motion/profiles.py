@@ -28,7 +28,6 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
     The weights and the noise stay those of the fit. The deviance is scaled by how much wider
     autocorrelated residuals make the interval (the vertical adjustment of Chandler and Bate 2007).
     """
-    root = np.sqrt(fit.weight) / np.repeat(fit.noise, np.diff(problem.rows))
     spread = math.sqrt(fit.covariance[i, i])
     plain = inverse_of(fit.information)[:, i]
     naive = max(float(plain[i]), 1e-300)
@@ -43,15 +42,10 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
             return x
 
         def rows(y: Array) -> Array:
-            x = full(y)
-            r: Array = np.concatenate([root * problem.residual(x), problem.prior_rows(x)[0]])
-            return r
+            return problem.weighted(full(y), fit.root)
 
         def slopes(y: Array) -> Array:
-            x = full(y)
-            J = np.concatenate([root[:, None] * problem.slope(x), problem.prior_rows(x)[1]])
-            s: Array = -J[:, others]
-            return s
+            return -problem.weighted_slope(full(y), fit.root)[:, others]
 
         done = least_squares(
             rows, np.clip(start, low[others] + 1e-9, high[others] - 1e-9), slopes,
@@ -76,15 +70,8 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
     order = np.argsort(entries)
     u, D = np.array(entries)[order], np.array(deviance)[order]
     ends = _interval(u, D, fit.x[i])
-    return Profile(
-        problem.names[i], NAMES[problem.names[i]].unit, _value(problem, i, u), D,
-        (float(_value(problem, i, ends[:1])[0]), float(_value(problem, i, ends[1:])[0])),
-    )  # fmt: skip
-
-
-def _value(problem: Problem, i: int, u: Array) -> Array:
-    result: Array = np.exp(u) if problem.logarithmic[i] else u * problem.scale[i]
-    return result
+    name, (low_end, high_end) = problem.names[i], problem.values_of(i, ends).tolist()
+    return Profile(name, NAMES[name].unit, problem.values_of(i, u), D, (low_end, high_end))
 
 
 def _interval(u: Array, deviance: Array, best: float) -> Array:

@@ -26,7 +26,7 @@ from swimbladder.estimation.comparison.ahead import (
     unknowns,
 )
 from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.kalman.depth_filter import Samples, log_likelihood
+from swimbladder.estimation.kalman.depth_filter import log_likelihood
 from swimbladder.vehicle import Between, Drag, Identified, IdentifiedMotion, Motion, Vehicle
 
 Array = NDArray[np.float64]
@@ -90,11 +90,8 @@ def _likelihoods(record: Record, vehicle: Vehicle, wide: Unknowns) -> Array:
     """Return the log likelihood of the whole record for every draw [_COUNT]."""
     if record.volume is None:
         raise InputError("a log without volume says nothing of it", field="volume_m3")
-    samples = Samples(
-        record.time, record.volume, record.depth, record.compared.astype(np.int8), record.layers
-    )
     members = draw(wide, vehicle, record, count=_COUNT)
-    return np.array([log_likelihood(samples, member)[-1] for member in members])
+    return np.array([log_likelihood(record.samples, member)[-1] for member in members])
 
 
 def _spread(place: Array, likelihood: Array) -> tuple[Array, Array]:

@@ -11,18 +11,25 @@ An identification whose neutral volumes are random walks: by the innovations' li
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.stats import chi2
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.estimates import Z95, Estimate, Finding, Prior, estimate, given
+from swimbladder.estimation.estimates import (
+    Z95,
+    Estimate,
+    Finding,
+    Prior,
+    crossing,
+    estimate,
+    given,
+)
 from swimbladder.estimation.kalman.depth_filter import GATE, Noise
 from swimbladder.estimation.motion.identifiability import LIMIT
 from swimbladder.estimation.motion.model import NAMES, Model, check_names, default_names, model_of
@@ -36,7 +43,7 @@ from swimbladder.estimation.motion.random_walk_likelihood import (
     without_trace,
 )
 from swimbladder.estimation.motion.result import Identification
-from swimbladder.estimation.motion.vehicle_update import identified_vehicle
+from swimbladder.estimation.motion.vehicle_update import identified_vehicle, neutral_spread, trim_of
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -243,18 +250,15 @@ def _interval(
         return math.sqrt(max(2.0 * (best - _highest(held, [begin])[1]), 0.0)) - Z95
 
     step = min(max(Z95 * found.std / found.value, 0.3), 1.5)
-    ends = [0.0, math.inf]
-    for side, sign in enumerate((-1.0, 1.0)):
-        if side == 0 and ratio <= Z95**2:
-            continue
-        near, far = 0.0, sign * step
-        while abs(far) < _FARTHEST and beyond(far) < 0.0:
-            near, far = far, 2.0 * far
-        if abs(far) < _FARTHEST:
-            ends[side] = math.exp(middle + brentq(beyond, near, far, xtol=0.02))
-    return replace(found, ci95=(ends[0], ends[1]))
+    low = crossing(beyond, -step, farthest=_FARTHEST, xtol=0.02) if ratio > Z95**2 else None
+    high = crossing(beyond, step, farthest=_FARTHEST, xtol=0.02)
+    return replace(found, ci95=(
+        0.0 if low is None else math.exp(middle + low),
+        math.inf if high is None else math.exp(middle + high),
+    ))  # fmt: skip
 
 
+# Findings on neutral volumes that stay.
 _CONSTANT = (
     "trade-off",
     "not identifiable",
@@ -284,8 +288,9 @@ def with_random_walk(
     size = np.sqrt(np.maximum(np.diag(C), 1e-300))
     noise = fit.noise
     new = found.result_vehicle if not identified else identified_vehicle(
-        vehicle, model, values, fit.names, C, trim_error=_trim(found, vehicle),
-        depth_noise=noise.depth, neutral_std=_neutral_std(found), neutral_walk=noise.random_walk,
+        vehicle, model, values, fit.names, C, trim_error=trim_of(found.experiments, vehicle),
+        depth_noise=noise.depth, neutral_walk=noise.random_walk,
+        neutral_std=neutral_spread(found.experiments, found.neutral_std, single=0.0),
         acceleration_noise=noise.acceleration, logs=tuple(e.source for e in found.experiments),
     )  # fmt: skip
     if identified and len(records) >= FEWEST:
@@ -304,35 +309,16 @@ def with_random_walk(
     )  # fmt: skip
 
 
-def _trim(found: Identification, vehicle: Vehicle) -> float | None:
-    known = [e for e in found.experiments if e.record.volume_absolute]
-    if not known:
-        return None
-    trim = vehicle.trim_error + float(np.mean([e.estimates["neutral_error"].value for e in known]))
-    return trim if vehicle.stroke.minimum < trim < vehicle.stroke.maximum else None
-
-
-def _neutral_std(found: Identification) -> float:
-    if math.isfinite(found.neutral_std):
-        return found.neutral_std
-    errors = [e.estimates["neutral_error"].value for e in found.experiments]
-    return float(np.std(errors, ddof=1)) if len(errors) > 1 else 0.0
-
-
-def _not_identifiable(fit: RandomWalkFit, model: Model) -> list[Finding]:
-    found = []
+def _not_identifiable(fit: RandomWalkFit, model: Model) -> Iterator[Finding]:
     for name, e in fit.estimates.items():
-        if not model.logarithmic(name) or _share(e) <= LIMIT:
-            continue
-        found.append(
-            Finding(
-                "not identifiable", "no",
-                f"With the neutral volume as a random walk {name} is not identifiable: "
-                f"{'any factor' if not _share(e) < 10.0 else f'{100.0 * _share(e):.0f} %'} of "
+        if model.logarithmic(name) and _share(e) > LIMIT:
+            share = f"{100.0 * _share(e):.0f} %" if _share(e) < 10.0 else "any factor"
+            yield Finding(
+                "not identifiable",
+                "no",
+                f"With the neutral volume as a random walk {name} is not identifiable: {share} of "
                 "error. Give it a value (--set) or a prior (--prior), or add logs.",
             )
-        )  # fmt: skip
-    return found
 
 
 def _differ(vehicle: Vehicle) -> Finding:

@@ -54,17 +54,7 @@ class Choice:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
-        return {
-            "drag": self.drag,
-            "psi": self.psi,
-            "parameters": self.parameters,
-            "rms_m": self.rms,
-            "log_likelihood": self.log_likelihood,
-            "bic": self.bic,
-            "weight": self.weight,
-            "values": self.values,
-            "reported": self.reported,
-        }
+        return {"rms_m" if name == "rms" else name: value for name, value in vars(self).items()}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,6 @@ from swimbladder.estimation.comparison.water import water_of_each
 from swimbladder.estimation.estimates import Finding, Prior
 from swimbladder.estimation.motion.diagnose import diagnose
 from swimbladder.estimation.motion.experiment import experiment
-from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.fit import fit as solve
 from swimbladder.estimation.motion.fit_estimates import derived, parameters
 from swimbladder.estimation.motion.identifiability import not_identifiable
@@ -27,11 +26,16 @@ from swimbladder.estimation.motion.model_selection import choices as list_choice
 from swimbladder.estimation.motion.model_selection import judge, models_of
 from swimbladder.estimation.motion.per_log import each_experiment
 from swimbladder.estimation.motion.posterior import sample
-from swimbladder.estimation.motion.problem import VOLUME, Problem
+from swimbladder.estimation.motion.problem import Problem
 from swimbladder.estimation.motion.profiles import profile
 from swimbladder.estimation.motion.random_walk import fit_random_walk, with_random_walk
 from swimbladder.estimation.motion.result import Identification, Profile
-from swimbladder.estimation.motion.vehicle_update import dry_mass, identified_vehicle
+from swimbladder.estimation.motion.vehicle_update import (
+    dry_mass,
+    identified_vehicle,
+    neutral_spread,
+    trim_of,
+)
 from swimbladder.io.logs import Log
 from swimbladder.physics.seawater import Column
 from swimbladder.units import format_quantity
@@ -220,7 +224,7 @@ def _answer(
     report, names, model = advance, problem.names, problem.model
     found = solve(problem)
     report(0.35 if choices or profiles else 0.95)
-    findings: list[Finding] = not_identifiable(problem, found)
+    findings: list[Finding] = [*not_identifiable(problem, found)]
     drawn: dict[str, Profile] = {}
     for i, name in enumerate(names):
         if profiles and not findings:
@@ -262,31 +266,10 @@ def _answer(
             if any(f.severity == "no" for f in findings)
             else identified_vehicle(
                 vehicle, model, values, names, covariance,
-                trim_error=_trim(problem, found, vehicle), depth_noise=noise,
-                neutral_std=_neutral_spread(problem, found), neutral_walk=0.0,
-                acceleration_noise=0.0,
+                trim_error=trim_of(each, vehicle), depth_noise=noise,
+                neutral_std=neutral_spread(each, problem.neutral_std, single=NEUTRAL_STD),
+                neutral_walk=0.0, acceleration_noise=0.0,
                 logs=tuple(e.source for e in problem.experiments),
             )
         ),
     )  # fmt: skip
-
-
-def _trim(problem: Problem, found: Fit, vehicle: Vehicle) -> float | None:
-    """Return the mean neutral volume at depth 0 [m3], None where no log's volume counts from
-    mid-stroke.
-    """
-    absolute = [e.record.volume_absolute and e.ramps for e in problem.experiments]
-    if not any(absolute):
-        return None
-    errors = found.x[problem.shared : problem.first_start] * VOLUME
-    trim = vehicle.trim_error + float(errors[np.array(absolute)].mean())
-    stroke = vehicle.stroke
-    return trim if stroke.minimum < trim < stroke.maximum else None
-
-
-def _neutral_spread(problem: Problem, found: Fit) -> float:
-    """Return how far the neutral volume differs between logs [m3, 1 sigma]: as assumed or found."""
-    if math.isfinite(problem.neutral_std):
-        return problem.neutral_std
-    errors = found.x[problem.shared : problem.first_start] * VOLUME
-    return float(np.std(errors, ddof=1)) if len(errors) > 1 else NEUTRAL_STD

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.estimation.motion.model import Model
+from swimbladder.estimation.motion.result import ExperimentFit
 from swimbladder.vehicle import (
     Drag,
     Identified,
@@ -23,6 +25,30 @@ def dry_mass(vehicle: Vehicle) -> float | None:
     """Return dry and entrained mass [kg], None where the vehicle does not state them."""
     motion = vehicle.motion
     return motion.dry_mass + motion.entrained_mass if isinstance(motion, PhysicalMotion) else None
+
+
+def trim_of(each: Sequence[ExperimentFit], vehicle: Vehicle) -> float | None:
+    """Return the mean neutral volume at depth 0 [m3], None where no log's volume counts from
+    mid-stroke.
+    """
+    errors = [
+        e.estimates["neutral_error"].value
+        for e in each
+        if e.record.volume_absolute and e.record.drive == "volume"
+    ]
+    trim = vehicle.trim_error + float(np.mean(errors)) if errors else math.inf
+    return trim if vehicle.stroke.minimum < trim < vehicle.stroke.maximum else None
+
+
+def neutral_spread(each: Sequence[ExperimentFit], assumed: float, *, single: float) -> float:
+    """Return how far the neutral volume differs between logs [m3, 1 sigma]: as assumed or found.
+
+    single: of one log, where nothing is assumed.
+    """
+    if math.isfinite(assumed):
+        return assumed
+    errors = [e.estimates["neutral_error"].value for e in each]
+    return float(np.std(errors, ddof=1)) if len(errors) > 1 else single
 
 
 def identified_vehicle(
