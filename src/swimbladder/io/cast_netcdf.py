@@ -230,7 +230,7 @@ def argo_cast(variables: Mapping[str, Variable], file: LogFile, profile: int | N
                 f"in mode {mode} no value of {plain} was found fit to be adjusted: none is good",
                 field=f"{plain}_ADJUSTED",
                 remedy="Take another profile; if you trust its raw values, write them to a CSV",
-            )  # fmt: skip
+            )
         values = in_unit(name, found, variables[found], file)
         if values.shape != variables["PRES"].values.shape:
             raise file.refused(
@@ -349,7 +349,7 @@ def _plain(variables: Mapping[str, Variable], file: LogFile, columns: Mapping[st
             field="variables",
             remedy='Say which it is with --column "pressure_dbar=NAME"; variables of the file: '
             f"{', '.join(list(variables)[:30])}",
-        )  # fmt: skip
+        )
     rows |= {n: np.ravel(values[n]) for n in ("latitude", "longitude") if n in values}
     names = {name: found[0] for name, found in chosen.items() if found is not None}
     down = chosen["pressure_dbar"]

@@ -172,7 +172,7 @@ def one_leg(raw: RawCast, pressure: Array, profile: int | None) -> NDArray[np.in
             f"there are {len(found)} profiles in it ({ends}{', ...' if len(found) > 6 else ''})",
             field="profile",
             remedy="Choose one with --profile N, or rows with --where COLUMN=VALUE",
-        )  # fmt: skip
+        )
     number = (profile or 1) - 1
     if profile is None and len(found) == 2:
         down = [pressure[b] > pressure[a] for a, b in found]

@@ -242,7 +242,7 @@ def _whole(raw: RawCast) -> RawCast:
             field="pressure_dbar" if raw.pressure is not None else "depth_m",
             remedy="Give two rows at least, at different depths, each with pressure, temperature "
             "and salinity; --where may have chosen too few",
-        )  # fmt: skip
+        )
     if kept.sum() < 2:
         worst = min(known, key=lambda name: int(known[name].sum()))
         flagged = "".join(f"; {line}" for line in raw.report if "flagged" in line)

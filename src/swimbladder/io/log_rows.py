@@ -308,9 +308,7 @@ class Rows:
                 skip = self.form.units_row + self.form.skip_rows
             elif self.form.part not in (None, self.parts):
                 continue
-            elif line == last and tails and (
-                len(row) < self._fields or len(row[-1]) < min(tails)
-            ):  # fmt: skip
+            elif line == last and tails and (len(row) < self._fields or len(row[-1]) < min(tails)):
                 self.report.append(f"the last row, on line {line}, is cut short and is dropped")
             elif len(row) == self._fields or self._differs_by_a_blank(row):
                 whole += 1

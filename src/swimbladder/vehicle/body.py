@@ -86,9 +86,9 @@ class HullPart(Parameters):
         0.0, description="share of that volume it gains per kelvin (three times the linear one)"
     )
     stiffening: Annotated[float, Unit("1/Pa2"), Field(ge=-1e-14, le=1e-14)] = Field(
-        0.0, description="what the compressibility loses per pressure, down to 0; negative: it "
-        "grows"
-    )  # fmt: skip
+        0.0,
+        description="what the compressibility loses per pressure, down to 0; negative: it grows",
+    )
 
 
 class Hull(Parameters):

@@ -67,9 +67,9 @@ def fit_moves(bench: Bench) -> MovesFit:
     }
     starts = {k: (samples, fitted) for k, samples, fitted in start.fitted}
     steps = tuple(
-        _step(bench, move, rate, starts.get(k)) for k, (move, rate) in
-        enumerate(zip(found, rates, strict=True))
-    )  # fmt: skip
+        _step(bench, move, rate, starts.get(k))
+        for k, (move, rate) in enumerate(zip(found, rates, strict=True))
+    )
     kept = [step.residual[step.used] for step in steps]
     return MovesFit(
         parameters=parameters,

@@ -85,9 +85,7 @@ def differences(fit: DeepFit, dives: Sequence[DeepDive]) -> list[str]:
         )
     assert fit.random_effects is not None
     deviation = np.sqrt(np.diag(fit.random_effects.covariance))
-    at = np.array([
-        (fit.values[n] - fit.priors[n].mean) / fit.priors[n].std for n in fit.names
-    ])  # fmt: skip
+    at = np.array([(fit.values[n] - fit.priors[n].mean) / fit.priors[n].std for n in fit.names])
     off = np.abs(at - fit.random_effects.value) / deviation
     far = [i for i in np.argsort(-off)[:_MOST].tolist() if off[i] > _OFF]
     if far:

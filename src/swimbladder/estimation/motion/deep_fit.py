@@ -240,9 +240,9 @@ def fit_deep(
     moved = moved + np.diag([float(f.covariance[V0, V0]) for f in found.filtered])
     scale = np.array([priors[name].std for name in names])
     mixed = (moves @ covariance) * scale
-    whole = np.block([
-        [covariance[:count, :count] * np.outer(scale, scale), mixed.T], [mixed, moved]
-    ])  # fmt: skip
+    whole = np.block(
+        [[covariance[:count, :count] * np.outer(scale, scale), mixed.T], [mixed, moved]]
+    )
     return DeepFit(
         names=names, values=problem.values(x), covariance=whole, noise=problem.noise(x),
         starts=np.array([f.start for f in found.filtered]), tempering=tempering,

@@ -116,9 +116,9 @@ def _psi(problem: Problem) -> Psi:
 
 def _psis(problem: Problem) -> tuple[Psi, ...]:
     own = _psi(problem)
-    return (own, "free") if own == "zero" else (own, "free", "zero") if own == "set" else (
-        own, "zero"
-    )  # fmt: skip
+    return (
+        (own, "free") if own == "zero" else (own, "free", "zero") if own == "set" else (own, "zero")
+    )
 
 
 def _problem(problem: Problem, model: Model, law: str, psi: Psi) -> Problem:

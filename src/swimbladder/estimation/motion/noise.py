@@ -155,7 +155,7 @@ def ar_noises(
     seen_as: the autoregression of each residual, none where it passes for white, and is left so;
     inverse [p, p]: of all information as if the noise were white; prior [p, p]: what of it is known
     before.
-    """  # fmt: skip
+    """
     first = [ArNoise(coefficients, 1.0) for coefficients in seen_as]
     seen = [_autocovariances(u, len(c.coefficients)) for u, c in zip(residuals, first, strict=True)]
     found = first

@@ -149,7 +149,7 @@ def fit_random_walk(
 
 def _quantity(
     name: str, model: Model, held: Mapping[str, float], priors: Mapping[str, Prior]
-) -> Quantity:  # fmt: skip
+) -> Quantity:
     begin = priors[name].mean if name in priors else held[name]
     logarithmic = model.logarithmic(name) or name == "drag_quadratic"
     return Quantity(name, logarithmic, 1.0 if logarithmic else model.scale(name), begin)
