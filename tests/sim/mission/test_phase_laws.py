@@ -343,3 +343,30 @@ def test_a_vehicle_without_a_controller_takes_the_law_of_its_phases():
         flown(bare, steps({**HOLD, "law": own.law, "parameters": own.parameters}))
     with refused(InputError, field="phases[1].parameters"):
         flown(bare, steps(HOLD, {**PARK, "parameters": {"k_pz": 1.0}}))
+
+
+def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(tmp_path):
+    """Noise, a law of its own in each phase and one that rests: all of it is there again."""
+    own = load_vehicle("feup-em")
+    noisy = own.sensors.model_copy(update={"depth_noise": 0.002, "depth_quantum": 0.001})
+    vehicle = own.model_copy(update={"sensors": noisy})
+    column = uniform_column(vehicle.water, 50.0)
+    task = steps(
+        {**HOLD, "duration": 1300.0, "parameters": {"k_dz": "-2 dm3 s/m"}},
+        {**PARK, "duration": 900.0, "rest_band": 0.5},
+    )
+
+    def kill(_):
+        if len(list(tmp_path.iterdir())) == 2:
+            raise KeyboardInterrupt
+
+    def fly(**options):
+        return fly_mission(vehicle, task, column, seed=4, checked=False, **options)
+
+    with pytest.raises(KeyboardInterrupt):
+        fly(keep=tmp_path, advance=kill)
+    left, spans = [], []
+    again, whole = fly(keep=tmp_path, advance=left.append), fly(advance=spans.append)
+    assert len(left) == len(spans) - 4000 + 1, "it goes on after two parts of 2,000 rows"
+    for name in ("rows", "notes", "cycles", "end", "whole", "accounts"):
+        assert np.array_equal(getattr(again, name), getattr(whole, name), equal_nan=True), name

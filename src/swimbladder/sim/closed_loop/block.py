@@ -231,7 +231,7 @@ class Running:
         fields = leaf_names(block.law.state)
         self._state = from_leaves(block.law.state, dict.fromkeys(fields, 0.0))
         self._row = fields.index("volume_reference") if "volume_reference" in fields else -1
-        self._built = np.zeros((block.lanes, COUNT), np.uint8)
+        self.built = np.zeros((block.lanes, COUNT), np.uint8)
         self._kernel = kernel_of(block.law, pumped=block.stepper is not None)
         self.restart()
 
@@ -240,9 +240,9 @@ class Running:
         b = self.block
         if b.stepper is not None:  # finds it by itself
             return
-        self._built[:] = 0
+        self.built[:] = 0
         start_block(
-            self.flat, self.token, b.clock.tick / b.parts, self.chains, self._built, b.layers
+            self.flat, self.token, b.clock.tick / b.parts, self.chains, self.built, b.layers
         )
 
     def advance(self, first: int, last: int, noise: NDArray[np.float64]) -> None:
@@ -252,5 +252,5 @@ class Running:
         self._kernel(
             self.flat, self.token, self._bend, self._sea, b.hooks, b.stepper, b.parameters,
             self._state, first, last, b.clock.tick, b.parts, b.clock.turn, b.clock.given, b.depths,
-            noise, b.record, self._row, chains, self._built, b.books, b.log, b.noted, b.layers,
+            noise, b.record, self._row, chains, self.built, b.books, b.log, b.noted, b.layers,
         )  # fmt: skip

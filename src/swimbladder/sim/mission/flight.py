@@ -68,7 +68,7 @@ def fly_mission(
     processor errs about its drive. start_volume [m3]: at a start_depth other than 0, in the place
     of the neutral one. keep:
     a folder for what is flown, so that a flight that was killed goes on there, to the same end bit
-    for bit; by laws that sample it begins again. checked: refuse what physics tells cannot be done;
+    for bit. checked: refuse what physics tells cannot be done;
     else it is flown to whatever end it has. advance: called with the share of the mission that was
     flown.
 
@@ -81,21 +81,33 @@ def fly_mission(
         reckoning=reckoning,
     )  # fmt: skip
     reach = (check_reach if checked else reach_of)(vehicle, mission, plan)
-    x, at, accounts = first_state(plan, mission, seed=seed, volume=start_volume)
+    state = first_state(plan, mission, seed=seed, volume=start_volume)
+    x, at, accounts = state
     begin = x.copy()
     if plan.laws:
         from swimbladder.sim.mission.law_flight import fly_by_laws
 
-        rows, notes, cycles_ = fly_by_laws(
-            vehicle, mission, column, plan, (x, at, accounts), seed=seed, volume=start_volume,
-            advance=advance, share=_whole(plan),
+        rows, notes, lines = fly_by_laws(
+            vehicle, mission, column, plan, state, seed=seed, volume=start_volume,
+            advance=advance, share=_whole(plan), keep=keep,
         )  # fmt: skip
         begin[Now.V] = rows[0, Row.V]
-        return Flight(
-            vehicle=vehicle, mission=mission, column=column, plan=plan,
-            rows=thinned(rows, _length(plan) / _MOST), notes=notes, cycles=cycles_, begin=begin,
-            end=x, whole=at, accounts=accounts, stop=Stop(int(at[At.STOP])), reach=reach,
-        )  # fmt: skip
+        rows = thinned(rows, _length(plan) / _MOST)
+    else:
+        rows, notes, lines = _by_rule(plan, state, keep, advance)
+    return Flight(
+        vehicle=vehicle, mission=mission, column=column, plan=plan, rows=rows, notes=notes,
+        cycles=lines, begin=begin, end=x, whole=at, accounts=accounts,
+        stop=Stop(int(at[At.STOP])), reach=reach,
+    )  # fmt: skip
+
+
+def _by_rule(
+    plan: Plan, state: tuple[Array, NDArray[np.int64], Array], keep: Path | None,
+    advance: Callable[[float], None],
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """Fly by the mission's own rule to the end; return rows, notes and cycles."""
+    x, at, accounts = state
     parts: list[tuple[Array, Array, Array]] = []
     store = Store(keep, plan.given, plan.table, plan.waves, plan.stages, x.copy(), at.copy())
     while (kept := store.read("part", len(parts))) is not None:
@@ -103,7 +115,7 @@ def fly_mission(
         x[:], at[:], accounts[:] = kept["x"], kept["at"], kept["accounts"]
     whole, told, spacing = _whole(plan), 0.0, _length(plan) / _MOST
     while at[At.STOP] == 0:
-        flown = plan.under_way((x, at, accounts), rows=_ROWS, notes=_NOTES, cycles=_CYCLES)
+        flown = plan.under_way(state, rows=_ROWS, notes=_NOTES, cycles=_CYCLES)
         counts, room = flown.counts, True
         while room and fly(flown) is Stop.GOES_ON:
             share = min(whole(x, at), 1.0)
@@ -116,15 +128,10 @@ def fly_mission(
             flown.cycles[: counts[2]].copy(),
         )
         parts.append(part)
-        state = {"x": x, "at": at, "accounts": accounts}
         named = dict(zip(("rows", "notes", "cycles"), part, strict=True))
-        store.write(named | state, "part", len(parts) - 1)
-    together = [np.concatenate([part[n] for part in parts]) for n in range(3)]
-    return Flight(
-        vehicle=vehicle, mission=mission, column=column, plan=plan, rows=together[0],
-        notes=together[1], cycles=together[2], begin=begin, end=x, whole=at, accounts=accounts,
-        stop=Stop(int(at[At.STOP])), reach=reach,
-    )  # fmt: skip
+        store.write(named | {"x": x, "at": at, "accounts": accounts}, "part", len(parts) - 1)
+    rows, notes, cycles = (np.concatenate([part[n] for part in parts]) for n in range(3))
+    return rows, notes, cycles
 
 
 def thinned(rows: Array, spacing: float) -> Array:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,11 +25,13 @@ from numpy.typing import NDArray
 from swimbladder.control.records import leaves
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
+from swimbladder.jobs import Store, identity
 from swimbladder.physics.actuator import reduced
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.steady_drives import battery_power, terminal_power
 from swimbladder.sim.closed_loop.block import Block, Schedule, work_space
 from swimbladder.sim.closed_loop.lanes import measure_block
+from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.closed_loop.solution import StopReason
 from swimbladder.sim.closed_loop.water import Medium, medium_of
@@ -56,6 +59,7 @@ _LOG = 2000  # passages kept of a span
 _LOOK, _PAUSE = 10.0, 600.0  # s between two looks of a law that rests, at least and at most
 _DRIFT = 0.01  # m/s, about as fast as a vehicle drifts that rests
 _STILL = 0.01  # share of its band that a vehicle may drift between two of them, to be let rest
+_KEPT = 2000  # rows after which a flight is kept
 _SHORT = 0.02  # s, of a step at full voltage at the shortest
 _NO_LAYER = 1e-12  # m3: what rounding makes of even water
 
@@ -130,7 +134,7 @@ class _Loop:
         self, vehicle: Vehicle, medium: Medium, law: PhaseLaw, state: Array, depth: float,
         samples: int,
     ) -> None:  # fmt: skip
-        self.law = law
+        self.law, self.start, self.depth, self.samples = law, state, depth, samples
         parts = book_steps(medium.plant, law.sample_time, float(state[3]), medium.layers)
         clock = Schedule(
             tick=law.sample_time, turn=np.zeros(samples + 2, np.int64),
@@ -165,14 +169,18 @@ class _Loop:
         self.block.work[:], self.block.books[:], self.done = kept
 
 
+_NUMBERS = ("mode", "q", "rests", "seen", "pause", "phase_begin", "phase_from")
+
+
 class _Flight:
     """One mission on its way."""
 
     def __init__(
         self, vehicle: Vehicle, mission: Mission, column: Column, plan: Plan, state: Any,
-        seed: int | None,
+        seed: int | None, store: Store,
     ) -> None:  # fmt: skip
         self.vehicle, self.mission, self.plan = vehicle, mission, plan
+        self.store, self.written, self.kept = store, 0, 0
         self.x, self.at, self.accounts = state
         self.medium = _own_medium(medium_for(vehicle, mission, column), vehicle, plan.given)
         self.p = np.array(self.medium.plant)
@@ -211,7 +219,8 @@ class _Flight:
 
     def fly(self, advance_by: Callable[[float], None], share: Callable[..., float]) -> None:
         """Fly to the end."""
-        self._step(0.0, math.nan, 0.0)
+        if not self.written:
+            self._step(0.0, math.nan, 0.0)
         done = 0.0
         while self.at[At.STOP] == 0:
             command = self._command()
@@ -222,6 +231,57 @@ class _Flight:
             now = min(share(self.x, self.at), 1.0)
             advance_by(now - done)
             done = now
+            if sum(len(part[0]) for part in self.parts[self.kept :]) >= _KEPT:
+                self._keep()
+
+    def resume(self) -> None:
+        """Go on where the last flight that was kept has come to."""
+        while (found := self.store.read("part", self.written)) is not None:
+            if self.parts:  # what was done from its last row on was not known when it was kept
+                self.parts[-1][0][-1, Out.DOING] = found["before"]
+            self.parts.append((found["rows"], found["notes"], found["cycles"]))
+            self.written += 1
+            last = found
+        if not self.written:
+            return
+        self.kept, self.last = len(self.parts), self.parts[-1][0][-1]
+        self.x[:], self.at[:], self.accounts[:] = last["x"], last["at"], last["accounts"]
+        for name, value in zip(_NUMBERS, last["numbers"].tolist(), strict=True):
+            setattr(self, name, value)
+        self.mode, self.rests, self.drawn = int(self.mode), bool(self.rests), last["drawn"]
+        if self.random is not None:
+            generator: Any = self.random.bit_generator
+            state = generator.state
+            state["state"] = {"counter": last["counter"], "key": last["key"]}
+            state["buffer"], state["buffer_pos"] = last["buffer"], int(last["buffer_pos"])
+            generator.state = state
+        if "work" in last:
+            phase, samples, done = (int(n) for n in last["loop"][:3])
+            law, depth = self.plan.laws[phase], float(last["loop"][3])
+            self.loop = _Loop(self.vehicle, self.medium, law, last["start"], depth, samples)
+            self.loop.put_back((last["work"], last["sums"], done))
+            self.loop.running.chains[:], self.loop.running.built[:] = last["chains"], last["built"]
+
+    def _keep(self) -> None:
+        """Keep what was flown since the last time, and all that it takes to go on from here."""
+        new = self.parts[self.kept :]
+        rows, notes, cycles = (np.concatenate([part[n] for part in new]) for n in range(3))
+        numbers = np.array([getattr(self, name) for name in _NUMBERS], float)
+        found = {"rows": rows, "notes": notes, "cycles": cycles, "numbers": numbers}
+        found |= {"x": self.x, "at": self.at, "accounts": self.accounts, "drawn": self.drawn}
+        found["before"] = np.array(self.parts[self.kept - 1][0][-1, Out.DOING])
+        if self.random is not None:
+            state: Any = self.random.bit_generator.state
+            found |= {**state["state"], "buffer": state["buffer"]}
+            found["buffer_pos"] = np.array(state["buffer_pos"])
+        if self.loop is not None:
+            loop = self.loop
+            work, sums, done = loop.kept()
+            made = np.array([self.plan.laws.index(loop.law), loop.samples, done, loop.depth])
+            found |= {"work": work, "sums": sums, "start": loop.start, "loop": made}
+            found |= {"chains": loop.running.chains, "built": loop.running.built}
+        self.store.write(found, "part", self.written)
+        self.written, self.kept = self.written + 1, len(self.parts)
 
     def _command(self) -> float | None:
         """Return the input that is held, in volts or m3; None: the law is called."""
@@ -511,14 +571,16 @@ def fly_by_laws(
     vehicle: Vehicle, mission: Mission, column: Column, plan: Plan, state: Any, *,
     seed: int | None, volume: float | None = None,
     advance: Callable[[float], None] = lambda _: None,
-    share: Callable[..., float] = lambda *_: 0.0,
+    share: Callable[..., float] = lambda *_: 0.0, keep: Path | None = None,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Fly a mission whose phases have laws; return rows, notes and cycles as the kernel gives them.
 
-    state: of `first_state`, changed to that at the end. seed, volume: as in `fly_mission`.
+    state: of `first_state`, changed to that at the end. seed, volume, keep: as in `fly_mission`.
     """
     check_samples(mission, plan)
-    flight = _Flight(vehicle, mission, column, plan, state, seed)
+    laws = [(source_of(n.law), n.law.name, n.sample_time, leaves(n.parameters)) for n in plan.laws]
+    store = Store(keep, *map(identity, (vehicle, mission, column, laws)), seed, volume)
+    flight = _Flight(vehicle, mission, column, plan, state, seed, store)
     x, p = flight.x, flight.medium.plant
     if mission.start_depth != 0.0 and volume is None:
         x[Now.V] = flight.medium.neutral_volume(mission.start_depth)
@@ -529,6 +591,7 @@ def fly_by_laws(
             remedy="Start where the stroke can balance the vehicle",
         )  # fmt: skip
     x[Now.V_LEAST] = x[Now.V]
+    flight.resume()
     flight.fly(advance, share)
     rows, notes, cycles = (np.concatenate([part[n] for part in flight.parts]) for n in range(3))
     return rows, notes, cycles
