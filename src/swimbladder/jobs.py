@@ -58,7 +58,9 @@ _TRIES = 3  # times that workers may die one after the other without a chunk tha
 def software() -> str:
     """Return a hash of all source of this package that computes."""
     return source_hash(
-        path for path in _PACKAGE.rglob("*.py") if path.relative_to(_PACKAGE).parts[0] not in _SHOWN
+        path
+        for path in _PACKAGE.rglob("*")
+        if path.suffix in (".py", ".toml") and path.relative_to(_PACKAGE).parts[0] not in _SHOWN
     )
 
 

@@ -60,8 +60,8 @@ def _is_own(law: Law) -> bool:
 
 @cache
 def _package(name: str) -> str:
-    """Return a name for the source of all modules of a package."""
-    return source_hash(Path(str(sys.modules[name].__file__)).parent.glob("*.py"))
+    """Return a name for the source of all modules of a package, and for its tables."""
+    return source_hash(Path(str(sys.modules[name].__file__)).parent.glob("*.*"))
 
 
 @cache

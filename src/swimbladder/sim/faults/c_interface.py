@@ -1,13 +1,9 @@
-"""The C between a mission and the generated code: the same two calls for either controller.
-
-Call a C function by its address from compiled Python.
-
-A library that is compiled anew for every vehicle has no address at the time the kernel is compiled,
-so the address is an argument, and the kernel's code on disk serves every library.
-
-The vehicle's C compiled for this machine, and the addresses of its functions.
+"""The vehicle's C, compiled for this machine, and called by its address from compiled Python.
 
 Needs gcc or clang: the code that is tested is the one that the board gets, not a translation of it.
+A library that is compiled anew for every vehicle has no address at the time the kernel is compiled,
+so the address is an argument, and the kernel's code on disk serves every library. Between a mission
+and the generated code stand the same two calls for each controller.
 """
 
 from __future__ import annotations
@@ -134,6 +130,48 @@ class Board:
 UNSUPERVISED, SUPERVISED, IDEAL = "unsupervised", "supervised", "ideal"
 
 
+_BOARD = """
+int {name}_size(void)
+{{
+    return (int)sizeof({kind});
+}}
+
+void {name}_begin(void *memory, int after_reset)
+{{
+    {begin};
+}}
+
+float {name}_tick(void *memory, const float *seen, float *said)
+{{
+    {kind} *v = memory;
+{tick}
+    said[3] = {wide};
+    return command;
+}}
+"""
+_ALONE = """\
+    said[0] = said[1] = 0.0f;
+    said[2] = v->waiting == 0u ? 1.0f : 0.0f;
+    const float command = swb_controller_tick(v, seen[0], seen[2], seen[6]);"""
+_SEEN = """\
+    const swb_seen s = {.depth = seen[0], .depth_age = seen[1], .volume = seen[2],
+        .battery = seen[3], .leak = seen[4] > 0.5f, .lost_ticks = (uint32_t)seen[5]};
+"""
+_WATCHED = """\
+    const bool due = v->controller.waiting == 0u;
+    const uint32_t ticks = v->controller.ticks;
+    const float command = swb_vehicle_tick(v, &s, seen[6]);
+    said[0] = (float)v->reason;
+    said[1] = v->release ? 1.0f : 0.0f;
+    said[2] = due && v->controller.ticks != ticks ? 1.0f : 0.0f;"""
+_IGNORED = """\
+    said[0] = said[1] = 0.0f;
+    said[2] = v->controller.waiting == 0u ? 1.0f : 0.0f;
+    const float wanted = swb_controller_tick(&v->controller, seen[0], seen[2], seen[6]);
+    const float watched = swb_vehicle_watch(v, &s, wanted, v->controller.missed);
+    const float command = v->reason != 0u ? wanted : watched;"""
+
+
 def c_interface(first: float, *, floats: bool) -> str:
     """Return the C; first: the controller's command until there is one.
 
@@ -142,77 +180,17 @@ def c_interface(first: float, *, floats: bool) -> str:
     whether a command below 0 is for the bypass. That of
     ideal detection is supervised until there is a reason, which it ignores: its law goes on.
     """
-    wide = "{}->state.drive.wide" if floats else "0.0f"
-    own, watched = wide.format("c"), wide.format("(&v->controller)")
-    return f"""\
-#include "swb_vehicle.h"
-
-int unsupervised_size(void)
-{{
-    return (int)sizeof(swb_controller);
-}}
-
-void unsupervised_begin(void *memory, int after_reset)
-{{
-    (void)after_reset;
-    swb_controller_begin(memory, {c_float(first)});
-}}
-
-float unsupervised_tick(void *memory, const float *seen, float *said)
-{{
-    const swb_controller *c = memory;
-    said[0] = said[1] = 0.0f;
-    said[2] = c->waiting == 0u ? 1.0f : 0.0f;
-    const float command = swb_controller_tick(memory, seen[0], seen[2], seen[6]);
-    said[3] = {own};
-    return command;
-}}
-
-int supervised_size(void)
-{{
-    return (int)sizeof(swb_vehicle);
-}}
-
-void supervised_begin(void *memory, int after_reset)
-{{
-    swb_vehicle_begin(memory, after_reset != 0);
-}}
-
-float supervised_tick(void *memory, const float *seen, float *said)
-{{
-    swb_vehicle *v = memory;
-    const bool due = v->controller.waiting == 0u;
-    const uint32_t ticks = v->controller.ticks;
-    const swb_seen s = {{.depth = seen[0], .depth_age = seen[1], .volume = seen[2],
-        .battery = seen[3], .leak = seen[4] > 0.5f, .lost_ticks = (uint32_t)seen[5]}};
-    const float command = swb_vehicle_tick(v, &s, seen[6]);
-    said[0] = (float)v->reason;
-    said[1] = v->release ? 1.0f : 0.0f;
-    said[2] = due && v->controller.ticks != ticks ? 1.0f : 0.0f;
-    said[3] = {watched};
-    return command;
-}}
-
-int ideal_size(void)
-{{
-    return (int)sizeof(swb_vehicle);
-}}
-
-void ideal_begin(void *memory, int after_reset)
-{{
-    swb_vehicle_begin(memory, after_reset != 0);
-}}
-
-float ideal_tick(void *memory, const float *seen, float *said)
-{{
-    swb_vehicle *v = memory;
-    const swb_seen s = {{.depth = seen[0], .depth_age = seen[1], .volume = seen[2],
-        .battery = seen[3], .leak = seen[4] > 0.5f, .lost_ticks = (uint32_t)seen[5]}};
-    said[0] = said[1] = 0.0f;
-    said[2] = v->controller.waiting == 0u ? 1.0f : 0.0f;
-    const float wanted = swb_controller_tick(&v->controller, seen[0], seen[2], seen[6]);
-    const float command = swb_vehicle_watch(v, &s, wanted, v->controller.missed);
-    said[3] = {watched};
-    return v->reason != 0u ? wanted : command;
-}}
-"""
+    alone = f"(void)after_reset;\n    swb_controller_begin(memory, {c_float(first)})"
+    begin = "swb_vehicle_begin(memory, after_reset != 0)"
+    boards = (
+        (UNSUPERVISED, "swb_controller", alone, _ALONE, "v->state"),
+        (SUPERVISED, "swb_vehicle", begin, _SEEN + _WATCHED, "v->controller.state"),
+        (IDEAL, "swb_vehicle", begin, _SEEN + _IGNORED, "v->controller.state"),
+    )
+    return '#include "swb_vehicle.h"\n' + "".join(
+        _BOARD.format(
+            name=name, kind=kind, begin=begins, tick=tick,
+            wide=f"{state}.drive.wide" if floats else "0.0f",
+        )
+        for name, kind, begins, tick, state in boards
+    )  # fmt: skip

@@ -1,15 +1,13 @@
-"""The catalogue of faults: what may fail, how badly, and how it is drawn.
-
-The ranges are ours: from what a good pre-dive test would still let pass up to what loses most
-vehicles. None is fitted to a supervisor or a law.
-"""
+"""The catalogue of faults, `kinds.toml`: what may fail, how badly, and how it is drawn."""
 
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from importlib.resources import files
 
 import numpy as np
 
@@ -148,199 +146,19 @@ class Kind:
 MOTOR, SWITCHES, VALVE = "a motor on a battery", "limit switches", "a pump and a valve"
 VOLUME, TURNS = "a measured volume", "a drive that can turn the other way"
 FAMILIES = ("sensor", "actuator", "battery", "timing", "leak")
-_SHARE = Range(least=0.5, most=0.995, unit="", log=False)
 
-KINDS: Mapping[Fault, Kind] = {
-    Fault.DEPTH_NAN: Kind(
-        name="depth NaN", family="sensor", on=On.DEPTH_MISSING, op=Op.OFF,
-        words="no depth comes any more (NaN)",
-    ),
-    Fault.DEPTH_DROPOUTS: Kind(
-        name="depth dropouts", family="sensor", on=On.DROPOUTS, op=Op.PLUS,
-        words="this share of depths is NaN",
-        first=_SHARE,
-    ),
-    Fault.DEPTH_STUCK: Kind(
-        name="depth stuck", family="sensor", on=On.OLD, op=Op.OFF,
-        words="the depth stays at its last value",
-    ),
-    Fault.DEPTH_RANGE: Kind(
-        name="depth out of range", family="sensor", on=On.READS, op=Op.PLUS,
-        words="the depth reads a value that cannot be",
-        first=Range(least=150.0, most=1e5, unit="m", either=True),
-    ),
-    Fault.DEPTH_LATE: Kind(
-        name="depth late", family="sensor", on=On.LATE, op=Op.SAYS,
-        words="each depth comes late; the driver says so (half of them) or does not know",
-        first=Range(least=3.0, most=100.0, unit="s"),
-        second=Range(least=0.0, most=1.0, unit="", log=False),
-    ),
-    Fault.DEPTH_OLD: Kind(
-        name="depth old", family="sensor", on=On.OLD, op=Op.PLUS,
-        words="a new depth comes only after so long; the driver gives the old one and its age",
-        first=Range(least=10.0, most=600.0, unit="s"),
-    ),
-    Fault.DEPTH_JUMP: Kind(
-        name="depth jump", family="sensor", on=On.DEPTH, op=Op.PLUS,
-        words="the depth jumps and stays off by so much",
-        first=Range(least=5.0, most=40.0, unit="m", either=True),
-    ),
-    Fault.DEPTH_DRIFT: Kind(
-        name="depth drift", family="sensor", on=On.DEPTH, op=Op.PLUS_RATE,
-        words="the depth drifts away at this rate",
-        first=Range(least=0.02, most=0.5, unit="m/s", either=True),
-    ),
-    Fault.DEPTH_SCALE: Kind(
-        name="depth wrong scale", family="sensor", on=On.DEPTH, op=Op.MORE,
-        words="the depth is off by this share of it",
-        first=Range(least=0.2, most=0.9, unit="", either=True),
-    ),
-    Fault.DEPTH_NOISE: Kind(
-        name="depth noise burst", family="sensor", on=On.NOISE, op=Op.PLUS,
-        words="white noise of this deviation is added",
-        first=Range(least=1.0, most=10.0, unit="m"),
-    ),
-    Fault.VOLUME_NAN: Kind(
-        name="volume NaN", family="sensor", on=On.VOLUME_MISSING, op=Op.OFF, needs=VOLUME,
-        words="no volume comes any more (NaN)",
-    ),
-    Fault.VOLUME_STUCK: Kind(
-        name="volume stuck", family="sensor", on=On.VOLUME_OLD, op=Op.OFF, needs=VOLUME,
-        words="the volume stays at its last value",
-    ),
-    Fault.VOLUME_DRIFT: Kind(
-        name="volume drift", family="sensor", on=On.VOLUME, op=Op.PLUS_RATE, needs=VOLUME,
-        words="the volume drifts away at this rate, in strokes (both halves) a second",
-        first=Range(least=1e-3, most=0.1, unit="1/s", either=True),
-    ),
-    Fault.STALLED: Kind(
-        name="actuator stalled", family="actuator", on=On.SPEED, op=Op.OFF,
-        words="the actuator does not move",
-    ),
-    Fault.SLOW: Kind(
-        name="actuator slow", family="actuator", on=On.SPEED, op=Op.TIMES,
-        words="the actuator has this share of its speed",
-        first=Range(least=0.002, most=0.05, unit=""),
-    ),
-    Fault.WEAK: Kind(
-        name="actuator weak at depth", family="actuator", on=On.LOAD, op=Op.TIMES,
-        needs=MOTOR, may_end=False,
-        words="the load of a metre of depth on the motor is so many times as large",
-        first=Range(least=2.0, most=12.0, unit=""),
-    ),
-    Fault.REVERSED: Kind(
-        name="actuator reversed", family="actuator", on=On.COMMAND, op=Op.TURNS, needs=TURNS,
-        words="the actuator goes the wrong way",
-    ),
-    Fault.BLOCKED_OUT: Kind(
-        name="blocked outward", family="actuator", on=On.BLOCK_OUT, op=Op.ONCE,
-        may_end=False,
-        words="the actuator cannot go further out than this share of the stroke from where it is",
-        first=Range(least=1e-3, most=0.3, unit=""),
-    ),
-    Fault.BLOCKED_IN: Kind(
-        name="blocked inward", family="actuator", on=On.BLOCK_IN, op=Op.ONCE,
-        may_end=False,
-        words="the actuator cannot go further in than this share of the stroke from where it is",
-        first=Range(least=1e-3, most=0.3, unit=""),
-    ),
-    Fault.RUNS_ON: Kind(
-        name="actuator runs on", family="actuator", on=On.COMMAND, op=Op.RUNS,
-        may_end=False,
-        words="the driver stays fully on in the direction it last had, for so long",
-        first=Range(least=3.0, most=300.0, unit="s"),
-    ),
-    Fault.BATTERY_DECLINE: Kind(
-        name="battery declines", family="battery", on=On.CHARGE, op=Op.FALLS,
-        needs=MOTOR, may_end=False,
-        words="the battery's voltage falls steadily, by this share of it a second",
-        first=Range(least=3e-4, most=1e-2, unit="1/s"),
-    ),
-    Fault.BATTERY_SAG: Kind(
-        name="battery sags", family="battery", on=On.SAG, op=Op.PLUS,
-        needs=MOTOR, may_end=False,
-        words="the battery's resistance grows to this share of the motor's",
-        first=Range(least=0.4, most=1.0, unit=""),
-    ),
-    Fault.BATTERY_DROP: Kind(
-        name="battery drops", family="battery", on=On.CHARGE, op=Op.LESS,
-        needs=MOTOR,
-        words="the battery's voltage falls by this share at once",
-        first=Range(least=0.2, most=0.8, unit="", log=False),
-    ),
-    Fault.BATTERY_CELL: Kind(
-        name="dying cell", family="battery", on=On.CELL, op=Op.LESS,
-        needs=MOTOR, may_end=False,
-        words="the battery loses this share of its voltage whenever the motor is driven",
-        first=Range(least=0.15, most=0.7, unit="", log=False),
-    ),
-    Fault.BATTERY_DEAD: Kind(
-        name="battery dead", family="battery", on=On.CHARGE, op=Op.DIES,
-        needs=MOTOR, may_end=False,
-        words="the battery's voltage falls to nothing within so long",
-        first=Range(least=10.0, most=600.0, unit="s"),
-    ),
-    Fault.TICKS_LOST: Kind(
-        name="ticks lost", family="timing", on=On.TICKS, op=Op.PLUS,
-        words="this share of ticks is lost", first=_SHARE,
-    ),
-    Fault.PAUSE: Kind(
-        name="pauses", family="timing", on=On.PAUSE, op=Op.DUTY,
-        words="the board does nothing for so long (its watchdog would end more), again and again",
-        first=Range(least=5.0, most=60.0, unit="s"),
-        second=Range(least=5.0, most=600.0, unit="s"),
-    ),
-    Fault.RESETS: Kind(
-        name="board resets", family="timing", on=On.RESET, op=Op.EVERY,
-        words="the board is reset, again and again after so long",
-        first=Range(least=3.0, most=60.0, unit="s"),
-    ),
-    Fault.HANG: Kind(
-        name="law hangs", family="timing", on=On.HANG, op=Op.PLUS,
-        words="the law never comes back; the watchdog resets the board after so long",
-        first=Range(least=1.0, most=16.0, unit="s"),
-    ),
-    Fault.LEAK_SMALL: Kind(
-        name="small leak", family="leak", on=On.WATER, op=Op.PLUS,
-        may_end=False, words="water comes in, a little",
-        first=Range(least=2e-6 / 60.0, most=20e-6 / 60.0, unit="m3/s"),
-    ),
-    Fault.LEAK_LARGE: Kind(
-        name="large leak", family="leak", on=On.WATER, op=Op.PLUS,
-        may_end=False, words="water comes in, much",
-        first=Range(least=20e-6 / 60.0, most=300e-6 / 60.0, unit="m3/s"),
-    ),
-    Fault.SWITCH_OPEN: Kind(
-        name="limit switch open", family="actuator", on=On.SWITCH_IN, op=Op.CUTS,
-        needs=SWITCHES,
-        words="a limit switch cuts its direction everywhere; below 0.5 the inner, else the outer",
-        first=Range(least=0.0, most=1.0, unit="", log=False),
-    ),
-    Fault.SWITCH_CLOSED: Kind(
-        name="limit switch closed", family="actuator", on=On.SWITCH_IN, op=Op.NEVER_CUTS,
-        needs=SWITCHES,
-        words="a limit switch never cuts; below 0.5 the inner, else the outer",
-        first=Range(least=0.0, most=1.0, unit="", log=False),
-    ),
-    Fault.VALVE_SHUT: Kind(
-        name="valve stuck shut", family="actuator", on=On.VALVE, op=Op.OFF, needs=VALVE,
-        words="valve and bypass let nothing in",
-    ),
-    Fault.VALVE_OPEN: Kind(
-        name="valve stuck open", family="actuator", on=On.OPEN, op=Op.PLUS, needs=VALVE,
-        words="the valve lets this share of its flow in, whatever is commanded",
-        first=Range(least=0.1, most=1.0, unit=""),
-    ),
-    Fault.VALVE_LEAKS: Kind(
-        name="valve leaks", family="actuator", on=On.OPEN, op=Op.PLUS, needs=VALVE, may_end=False,
-        words="the valve lets this share of its flow in where it is shut",
-        first=Range(least=1e-4, most=0.1, unit=""),
-    ),
-    Fault.DRIVER_LOST: Kind(
-        name="driver lost", family="actuator", on=On.COMMAND, op=Op.OFF, needs=VALVE,
-        words="neither pump nor valve gets its command",
-    ),
-}  # fmt: skip
+
+def _kinds() -> dict[Fault, Kind]:
+    """Return the catalogue as its file has it."""
+    text = files("swimbladder.sim.faults").joinpath("kinds.toml").read_text("utf-8")
+    found = {}
+    for name, row in tomllib.loads(text).items():
+        ranges = {end: Range(**row[end]) for end in ("first", "second") if end in row}
+        found[Fault[name]] = Kind(**row | ranges | {"on": On[row["on"]], "op": Op[row["op"]]})
+    return found
+
+
+KINDS: Mapping[Fault, Kind] = _kinds()
 EFFECTS = np.array([(-1, -1), *((kind.on, kind.op) for _, kind in sorted(KINDS.items()))])
 """What a kind of fault acts on and how [Fault], for the kernels."""
 
