@@ -56,7 +56,7 @@ BLOCKED_OUT, BLOCKED_IN = int(Fault.BLOCKED_OUT), int(Fault.BLOCKED_IN)
 
 
 @part
-def act(fault_rows, k, tick, q):  # type: ignore[no-untyped-def]
+def act(fault_rows: Array, k: int, tick: float, q: Array) -> None:
     """Fill q [len(On), 2] with the factors and summands of the faults at tick k."""
     q[:, 0], q[:, 1] = 1.0, 0.0
     for n in range(fault_rows.shape[0]):
@@ -100,7 +100,7 @@ def act(fault_rows, k, tick, q):  # type: ignore[no-untyped-def]
 
 
 @part
-def _held(kept, at, old, x, k, tick):  # type: ignore[no-untyped-def]
+def _held(kept: Array, at: int, old: Array, x: float, k: int, tick: float) -> tuple[float, float]:
     """Return a value that stays for so long or for good, and its age [s]; see `On.OLD`.
 
     kept[at], kept[at + 1]: the value that stays, and the tick that it is of.
@@ -115,7 +115,9 @@ def _held(kept, at, old, x, k, tick):  # type: ignore[no-untyped-def]
 
 
 @part
-def see_depth(q, k, tick, depth, quantum, kept, late):  # type: ignore[no-untyped-def]
+def see_depth(
+    q: Array, k: int, tick: float, depth: float, quantum: float, kept: Array, late: Array
+) -> tuple[float, float]:
     """Return (depth [m], its age [s]) as the driver gives them, of what the sensor measured.
 
     late [n]: what was seen before; late[k % n] is written.
@@ -140,7 +142,9 @@ def see_depth(q, k, tick, depth, quantum, kept, late):  # type: ignore[no-untype
 
 
 @part
-def see_volume(q, k, tick, volume, quantum, stroke, kept):  # type: ignore[no-untyped-def]
+def see_volume(
+    q: Array, k: int, tick: float, volume: float, quantum: float, stroke: float, kept: Array
+) -> float:
     """Return the volume [m3] as the driver gives it; stroke: from end to end [m3]."""
     volume = quantised(volume + q[VOLUME, 1] * stroke, quantum)
     volume, _ = _held(kept, _VOLUME, q[VOLUME_OLD], volume, k, tick)
@@ -148,7 +152,7 @@ def see_volume(q, k, tick, volume, quantum, stroke, kept):  # type: ignore[no-un
 
 
 @part
-def changes(fault_rows, k):  # type: ignore[no-untyped-def]
+def changes(fault_rows: Array, k: int) -> bool:
     """Return whether a fault begins or ends at this tick."""
     for n in range(fault_rows.shape[0]):
         if fault_rows[n, _BEGIN] == k or fault_rows[n, _END] == k:
@@ -157,7 +161,9 @@ def changes(fault_rows, k):  # type: ignore[no-untyped-def]
 
 
 @part
-def acted(base, p, fault_rows, k, tick, engine_volume, kept):  # type: ignore[no-untyped-def]
+def acted(
+    base: Array, p: Array, fault_rows: Array, k: int, tick: float, engine_volume: float, kept: Array
+) -> int:
     """Return how many faults have acted by tick k: a block once it has stopped the actuator.
 
     Noise alone makes a piston touch a block, for a tick, that it is not held back by.
@@ -185,7 +191,7 @@ def acted(base, p, fault_rows, k, tick, engine_volume, kept):  # type: ignore[no
 
 
 @part
-def change_plant(base, p, q, volume, shift):  # type: ignore[no-untyped-def]
+def change_plant(base: Array, p: Array, q: Array, volume: float, shift: float) -> None:
     """Set what faults change in the plant p of the healthy one `base`, where one begins or ends.
 
     volume [m3]: where the actuator is. shift [m3]: what volumes are counted less by, see `flight`.
@@ -205,13 +211,13 @@ def change_plant(base, p, q, volume, shift):  # type: ignore[no-untyped-def]
 
 
 @part
-def emf(base, q, driving):  # type: ignore[no-untyped-def]
+def emf(base: Array, q: Array, driving: bool) -> float:
     """Return the battery's open-circuit voltage [V]; driving: whether the motor has a voltage."""
-    return base[SUPPLY] * q[CHARGE, 0] * (q[CELL, 0] if driving else 1.0)
+    return float(base[SUPPLY] * q[CHARGE, 0] * (q[CELL, 0] if driving else 1.0))
 
 
 @part
-def driven(q, low, high, u, way, kept):  # type: ignore[no-untyped-def]
+def driven(q: Array, low: float, high: float, u: float, way: float, kept: Array) -> float:
     """Return what the actuator gets where the board commands u, within what the driver can give.
 
     way: in which it last was on, by its sign; 0: nowhere.
@@ -220,7 +226,7 @@ def driven(q, low, high, u, way, kept):  # type: ignore[no-untyped-def]
         kept[_LOOSE] = math.copysign(1.0, way)
     if q[COMMAND, 1] != 0.0:
         return high if q[COMMAND, 1] * kept[_LOOSE] >= 0.0 else low
-    return q[COMMAND, 0] * u
+    return float(q[COMMAND, 0] * u)
 
 
 class PumpTable(NamedTuple):
@@ -239,19 +245,19 @@ NO_PUMP = PumpTable(np.zeros((2, 2)), np.zeros((2, 2)), 1.0, 1.0, 1.0, 0.0, 0.0)
 
 
 @part
-def _between(table, row, column):  # type: ignore[no-untyped-def]
+def _between(table: Array, row: float, column: float) -> float:
     """Return a table's value between its rows and columns; its edges go on."""
     row = min(max(row, 0.0), table.shape[0] - 1.000001)
     column = min(max(column, 0.0), table.shape[1] - 1.000001)
     i, j = int(row), int(column)
     a, b = row - i, column - j
-    return (1.0 - a) * ((1.0 - b) * table[i, j] + b * table[i, j + 1]) + a * (
-        (1.0 - b) * table[i + 1, j] + b * table[i + 1, j + 1]
-    )
+    above = (1.0 - b) * table[i, j] + b * table[i, j + 1]
+    below = (1.0 - b) * table[i + 1, j] + b * table[i + 1, j + 1]
+    return float((1.0 - a) * above + a * below)
 
 
 @part
-def pump_share(pump, base, q, z):  # type: ignore[no-untyped-def]
+def pump_share(pump: PumpTable, base: Array, q: Array, z: float) -> tuple[float, float, float]:
     """Return what a pump delivers at depth z [m] over what it would in health, and its battery.
 
     That is its voltage [V] at the board, while the pump runs, and what it has without load.
@@ -268,7 +274,7 @@ def pump_share(pump, base, q, z):  # type: ignore[no-untyped-def]
 
 
 @part
-def board_misses(q, tick):  # type: ignore[no-untyped-def]
+def board_misses(q: Array, tick: float) -> tuple[bool, bool, int]:
     """Return (whether this tick is lost, whether the board is reset, ticks a law hangs for)."""
     lost = q[PAUSE, 0] == 0.0
     if q[TICKS, 1] > 0.0 and np.random.random() < q[TICKS, 1]:  # noqa: NPY002

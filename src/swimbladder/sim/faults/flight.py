@@ -198,14 +198,22 @@ class Faults(NamedTuple):
 
 
 @inlined
-def _keep(source, target):  # type: ignore[no-untyped-def]
+def _keep(source: Any, target: Any) -> None:
     """Copy a vector into one as long."""
     for n in range(target.shape[0]):
         target[n] = source[n]
 
 
 @inlined
-def _filled(base, layers, volume, lifting, z, afloat, before):  # type: ignore[no-untyped-def]
+def _filled(
+    base: Array,
+    layers: Layers,
+    volume: float,
+    lifting: float,
+    z: float,
+    afloat: bool,
+    before: float,
+) -> float:
     """Return 1 once a vehicle is heavy with all its volume [m3] out since it was at the surface.
 
     0: all out, and not heavy; -1: not all out, or not there. lifting [m3]: volume less the water.
@@ -223,7 +231,7 @@ def _filled(base, layers, volume, lifting, z, afloat, before):  # type: ignore[n
 
 
 @inlined
-def _surfaced(faults, S, k):  # type: ignore[no-untyped-def]
+def _surfaced(faults: Faults, S: Array, k: int) -> bool:
     """Follow where the vehicle is at tick k; return whether its mission is over."""
     c, now, result = faults.flight.condition, faults.flight.now, faults.flight.result
     z = S[Z]
@@ -245,11 +253,11 @@ def _surfaced(faults, S, k):  # type: ignore[no-untyped-def]
     elif afloat and math.isnan(result.arrived):
         result.arrived = k
     result.last = k
-    return afloat and k - result.arrived >= c.stay
+    return bool(afloat and k - result.arrived >= c.stay)
 
 
 @inlined
-def _begin(faults, S, k, built):  # type: ignore[no-untyped-def]
+def _begin(faults: Faults, S: Array, k: int, built: Any) -> bool:
     """Let the faults act on plant and battery; return whether the mission is over."""
     if S[STOPPED] != 0.0:
         return True
@@ -278,7 +286,9 @@ def _begin(faults, S, k, built):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _act_on_drive(faults, stepper, S, p, built, changed):  # type: ignore[no-untyped-def]
+def _act_on_drive(
+    faults: Faults, stepper: Any, S: Array, p: Array, built: Any, changed: bool
+) -> None:
     """Let the faults act on what changes the volume, and on its battery."""
     if stepper is None:  # pruned before types are inferred, here and below
         _act_on_motor(faults, S, p, built, changed)
@@ -287,7 +297,8 @@ def _act_on_drive(faults, stepper, S, p, built, changed):  # type: ignore[no-unt
 
 
 @inlined
-def _act_on_motor(faults, S, p, built, changed):  # type: ignore[no-untyped-def]
+def _act_on_motor(faults: Faults, S: Array, p: Array, built: Any, changed: bool) -> None:
+    """Let the faults act on a motor or positioner, and on its battery."""
     m, now = faults.flight, faults.flight.now
     if changed:
         built[:] = 0
@@ -308,7 +319,10 @@ def _act_on_motor(faults, S, p, built, changed):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _act_on_pump(faults, given, x, at, S, p, changed):  # type: ignore[no-untyped-def]
+def _act_on_pump(
+    faults: Faults, given: Array, x: Array, at: Any, S: Array, p: Array, changed: bool
+) -> None:
+    """Let the faults act on a float's pump, valve and end stops, and on its battery."""
     m, now = faults.flight, faults.flight.now
     if changed:
         at[_RESTS] = 0
@@ -327,7 +341,7 @@ def _act_on_pump(faults, given, x, at, S, p, changed):  # type: ignore[no-untype
 
 
 @inlined
-def _sense(faults, S, k):  # type: ignore[no-untyped-def]
+def _sense(faults: Faults, S: Array, k: int) -> None:
     """Write what the sensors give, with their faults."""
     m = faults.flight
     c, now, kept = m.condition, m.now, m.kept
@@ -344,13 +358,13 @@ def _sense(faults, S, k):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _measured(stepper, volume):  # type: ignore[no-untyped-def]
+def _measured(stepper: Any, volume: float) -> float:
     """Return the volume that a board sees [m3]; nan of a float, whose volume is not measured."""
     return volume if stepper is None else math.nan
 
 
 @inlined
-def _ask(faults, S, k):  # type: ignore[no-untyped-def]
+def _ask(faults: Faults, S: Array, k: int) -> bool:
     """Return whether the board runs at tick k; where it does not, set what it commands."""
     m = faults.flight
     c, now, turns = m.condition, m.now, m.turns
@@ -384,11 +398,11 @@ def _ask(faults, S, k):  # type: ignore[no-untyped-def]
     else:
         _prepare(faults, S)
         now.ran = 1.0
-    return now.ran != 0.0
+    return bool(now.ran != 0.0)
 
 
 @inlined
-def _prepare(faults, S):  # type: ignore[no-untyped-def]
+def _prepare(faults: Faults, S: Array) -> None:
     """Begin the board's program where it must, and write what it sees beside its law."""
     c, now, board = faults.flight.condition, faults.flight.now, faults.board
     if now.must_begin != 0.0:
@@ -408,7 +422,7 @@ def _prepare(faults, S):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _drive(faults, S, k, command):  # type: ignore[no-untyped-def]
+def _drive(faults: Faults, S: Array, k: int, command: float) -> float:
     """Return what the driver gives the actuator of what the board commands, with its faults."""
     c, now, result = faults.flight.condition, faults.flight.now, faults.flight.result
     m, said = faults.flight, faults.board.said
@@ -434,11 +448,11 @@ def _drive(faults, S, k, command):  # type: ignore[no-untyped-def]
         row[5], row[6], row[7], row[8] = now.battery, now.asked, S[SEEN_DEPTH], now.age
         row[9], row[10], row[11], row[12] = S[SEEN_VOLUME], wet, now.lost, now.board
         row[13], row[14] = result.reason, S[WATER]
-    return u
+    return float(u)
 
 
 @inlined
-def _hand_on(now, stepper, said):  # type: ignore[no-untyped-def]
+def _hand_on(now: Any, stepper: Any, said: Any) -> None:
     """Give a float's drive its command; what is on goes off where none comes."""
     if stepper is not None:
         if now.board != _RAN:
