@@ -178,8 +178,8 @@ def refuse_pump_and_valve(actuator: Actuator) -> None:
             "command is about",
             field="actuator.kind",
             value=actuator.kind,
-            remedy="Use `simulate`, `tune`, `stability`, `firmware` or `mission`, or describe the "
-            "actuator as kind electrohydraulic",
+            remedy="Use `simulate`, `tune`, `stability`, `firmware`, `faults` or `mission`, or "
+            "describe the actuator as kind electrohydraulic",
         )
 
 
