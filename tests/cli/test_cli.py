@@ -237,6 +237,5 @@ def test_progress_shows_a_bar_on_a_terminal_once_it_takes_long(monkeypatch):
 
 def test_a_quantity_of_an_option_takes_a_unit_and_names_the_option():
     assert common.quantity("150 cm", "m", "--start") == 1.5
-    assert common.quantity(None, "m", "--start") is None
     with pytest.raises(InputError, match=r"^--start: .*Give it in m\.$"):
         common.quantity("3 s", "m", "--start")

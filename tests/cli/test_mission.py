@@ -162,7 +162,7 @@ duration = "10 min"
 law = "rate"
 """)
     drawn = []
-    monkeypatch.setattr("swimbladder.show.plots.style.save", lambda figure, _: drawn.append(figure))
+    monkeypatch.setattr("swimbladder.show.files.save", lambda figure, _: drawn.append(figure))
     code = main(["mission", "feup-em", str(task), "--out", "flown", "--plot", "--json"])
     answer = json.loads(capsys.readouterr().out)
     assert code == 1

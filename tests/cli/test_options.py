@@ -6,14 +6,13 @@ import inspect
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import pytest
 import typer
 
 from swimbladder.cli import main
-from swimbladder.cli.options import Files, Options, Read, grouped
+from swimbladder.cli.options import Files, Options, flag, grouped, valued
 from swimbladder.design.ballast import Target, ballast, material_of, seas, uncertainty_of, with_mass
 from swimbladder.design.energy import PumpFit, PumpRuns, fit_pump, fitted_vehicle, sea
 from swimbladder.design.pool_day.day import asked_of, rules_of
@@ -40,13 +39,13 @@ def _twice(text: str, option: str) -> str:
 class Some(Options):
     """A group."""
 
-    start_depth: Annotated[str | None, typer.Option("--start", metavar="DEPTH")] = None
-    share: Annotated[str, typer.Option(metavar="SHARE")] = "10 %"
-    word: Annotated[str, typer.Option(metavar="DEPTH"), Read(_twice)] = "a"
-    range: Annotated[str, typer.Option(metavar="LEAST:MOST")] = "10:200 cm"
-    names: Annotated[str | None, typer.Option(metavar="NAME,...")] = None
-    count: Annotated[int, typer.Option(metavar="N")] = 3
-    deep: Annotated[bool, typer.Option("--deep/--shallow")] = True
+    start_depth: str | None = valued("DEPTH", "", name="--start")
+    share: str = valued("SHARE", "", "10 %")
+    word: str = valued("DEPTH", "", "a", read=_twice)
+    range: str = valued("LEAST:MOST", "", "10:200 cm")
+    names: str | None = valued("NAME,...", "")
+    count: int = valued("N", "", 3)
+    deep: bool = flag("--deep/--shallow", "", default=True)
 
 
 def test_options_are_read_by_what_they_stand_for():

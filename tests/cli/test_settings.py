@@ -82,7 +82,7 @@ def test_no_settings(text, part):
 
 
 def test_deviations():
-    read = deviation("m3").how
+    read = deviation("m3")
     assert read("0.5 cm3", "--neutral-std") == pytest.approx(5e-7)
     assert read(" None ", "--neutral-std") == math.inf
     for text in ("1 s", "much"):

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from swimbladder.cli.casts import CastReading, refuse_doubted_unit
-from swimbladder.cli.common import json_text, output, progress
-from swimbladder.cli.options import Files, Options, grouped
+from swimbladder.cli.common import labelled, progress
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 
 if TYPE_CHECKING:
     from swimbladder.design.ballast import Ballasting
@@ -21,75 +22,42 @@ if TYPE_CHECKING:
 class Targets(Options):
     """What the ballast is to bring about, as a `Target` has it."""
 
-    neutral_depth: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help="Find the mass to be neutral there.")
-    ] = None
-    volume: Annotated[
-        str | None,
-        typer.Option("--at-volume", metavar="VOLUME", help="Of the drive, to be neutral with (0)."),
-    ] = None
-    freeboard: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Hull out of the water, at full volume.")
-    ] = None
+    neutral_depth: str | None = valued("DEPTH", "Find the mass to be neutral there.")
+    volume: str | None = valued(
+        "VOLUME", "Of the drive, to be neutral with (0).", name="--at-volume"
+    )
+    freeboard: str | None = valued("LENGTH", "Hull out of the water, at full volume.")
 
 
 @dataclass(frozen=True)
 class Task(Options):
     """Where it is to go, how sure that has to be, and with what."""
 
-    deepest: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help="To go to (the rating, or the cast's end).")
-    ] = None
-    speed: Annotated[
-        str, typer.Option(metavar="SPEED", help="To sink and rise with, everywhere.")
-    ] = "0 m/s"
-    probability: Annotated[
-        str, typer.Option(metavar="SHARE", help="With which the stroke has to do.")
-    ] = "95 %"
-    material: Annotated[
-        str,
-        typer.Option("--ballast", metavar="WHAT", help="lead, steel, ..., a density, or inside."),
-    ] = "lead"
-    mass: Annotated[
-        str | None, typer.Option(metavar="MASS", help="On the scale (that of trim_error).")
-    ] = None
+    deepest: str | None = valued("DEPTH", "To go to (the rating, or the cast's end).")
+    speed: str = valued("SPEED", "To sink and rise with, everywhere.", "0 m/s")
+    probability: str = valued("SHARE", "With which the stroke has to do.", "95 %")
+    material: str = valued(
+        "WHAT", "lead, steel, ..., a density, or inside.", "lead", name="--ballast"
+    )
+    mass: str | None = valued("MASS", "On the scale (that of trim_error).")
 
 
 @dataclass(frozen=True)
 class Stds(Options):
     """What is not known, 1 sigma, as an `Uncertainty` has it."""
 
-    mass: Annotated[
-        str | None, typer.Option("--mass-std", metavar="MASS", help="1 sigma of the mass.")
-    ] = None
-    volume: Annotated[
-        str | None,
-        typer.Option("--volume-std", metavar="VOLUME", help="1 sigma of the hull's volume."),
-    ] = None
-    trim: Annotated[
-        str | None,
-        typer.Option("--trim-std", metavar="VOLUME", help="1 sigma of the neutral volume."),
-    ] = None
-    psi: Annotated[
-        str | None,
-        typer.Option("--psi-std", metavar="PSI", help="1 sigma of psi, the hull's compression."),
-    ] = None
-    heat: Annotated[
-        str | None,
-        typer.Option("--heat-std", metavar="1/K", help="1 sigma of the thermal expansion."),
-    ] = None
-    air: Annotated[
-        str | None, typer.Option("--air-std", metavar="VOLUME", help="1 sigma of the trapped air.")
-    ] = None
-    density: Annotated[
-        str | None,
-        typer.Option("--density-std", metavar="DENSITY", help="1 sigma of the sea's density."),
-    ] = None
+    mass: str | None = valued("MASS", "1 sigma of the mass.", name="--mass-std")
+    volume: str | None = valued("VOLUME", "1 sigma of the hull's volume.", name="--volume-std")
+    trim: str | None = valued("VOLUME", "1 sigma of the neutral volume.", name="--trim-std")
+    psi: str | None = valued("PSI", "1 sigma of psi, the hull's compression.", name="--psi-std")
+    heat: str | None = valued("1/K", "1 sigma of the thermal expansion.", name="--heat-std")
+    air: str | None = valued("VOLUME", "1 sigma of the trapped air.", name="--air-std")
+    density: str | None = valued("DENSITY", "1 sigma of the sea's density.", name="--density-std")
 
 
 @grouped(out=Path("swimbladder-ballast"))
 def ballast(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    vehicle: VehicleName,
     cast: Annotated[
         list[Path] | None,
         typer.Option("--cast", metavar="CTD", help="Cast: CSV, netCDF, Argo; several: all count."),
@@ -107,12 +75,11 @@ def ballast(
     that the stroke does not cover it with that probability, what is short and by how much.
     """
     from swimbladder.io.config import load_vehicle
-    from swimbladder.io.files import check_place
 
     v = load_vehicle(vehicle, weighed=True)
     given, sought = stds.read(), target.given()
     asked = task.read()
-    check_place(to.out)
+    to.check()
     casts = reading.casts(cast)
 
     from swimbladder.design.ballast import Target, material_of, seas, uncertainty_of, with_mass
@@ -136,10 +103,8 @@ def ballast(
         )  # fmt: skip
     answer = found.to_json()
     with progress("drawing the picture"):
-        files = write_ballasting(found, to.out, answer=json_text(answer))
-    to.answer(answer, files, lambda: _print(found, warned))
-    if not found.covered:
-        raise typer.Exit(1)
+        files = write_ballasting(found, to.out, answer=answer)
+    to.answer(answer, files, _shown(found, warned), good=found.covered)
 
 
 def _hull_words(vehicle: Vehicle) -> list[str]:
@@ -152,18 +117,12 @@ def _hull_words(vehicle: Vehicle) -> list[str]:
     ]
 
 
-def _print(found: Ballasting, warned: list[str]) -> None:
-    seas = ", ".join(column.source for column in found.columns)
-    output.print(f"{found.vehicle.name} in {seas}", soft_wrap=True)
-    for sentence in warned:
-        output.print(f"warning: {sentence}", soft_wrap=True)
-    output.print("")
-    for sentence in found.sentences:
-        output.print(sentence, soft_wrap=True)
-    output.print("")
-    spread: dict[str, Any] = {k: v for k, v in found.spread.items() if v > 0.0}
+def _shown(found: Ballasting, warned: list[str]) -> Iterator[object]:
+    """Give what is printed, the answer first."""
+    yield f"{found.vehicle.name} in {', '.join(column.source for column in found.columns)}"
+    yield from labelled("warning", warned)
+    yield from ("", *found.sentences, "")
+    spread = [f"{name} {1e6 * value:.2g}" for name, value in found.spread.items() if value > 0.0]
     if spread:
-        parts = ", ".join(f"{name} {1e6 * value:.2g}" for name, value in spread.items())
-        output.print(f"1 sigma of the neutral volume at the deepest, cm3: {parts}", soft_wrap=True)
-    for sentence in found.assumptions[len(warned) :]:
-        output.print(f"assumed: {sentence}", soft_wrap=True)
+        yield f"1 sigma of the neutral volume at the deepest, cm3: {', '.join(spread)}"
+    yield from labelled("assumed", found.assumptions[len(warned) :])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,16 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from swimbladder.cli.casts import CastReading, warn_of_mass
-from swimbladder.cli.common import (
-    asked_of,
-    compile_notice,
-    emit_json,
-    json_text,
-    kept,
-    output,
-    progress,
-)
-from swimbladder.cli.options import Files, Options, Read, grouped
+from swimbladder.cli.common import asked_of, compile_notice, emit_json, kept, progress, say, table
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,40 +37,21 @@ def _part(text: str, option: str) -> tuple[int, int]:
 class Flown(Options):
     """How many floats are flown, for how long."""
 
-    cycles: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Cycles (as in the mission).")
-    ] = None
-    span: Annotated[
-        str | None,
-        typer.Option("--duration", metavar="TIME", help="After it no cycle begins."),
-    ] = None
-    seed: Annotated[int, typer.Option(min=0, help="Of all that is drawn.")] = 1
+    cycles: int | None = valued("N", "Cycles (as in the mission).", min=1)
+    span: str | None = valued("TIME", "After it no cycle begins.", name="--duration")
+    seed: int = valued(None, "Of all that is drawn.", 1, min=0)
 
 
 @dataclass(frozen=True)
 class Spreads(Options):
     """How much floats differ, by the inputs of a `Spread`."""
 
-    trim: Annotated[
-        str | None,
-        typer.Option("--trim-std", metavar="VOLUME", help="1 sigma of the neutral volume (5 cm3)."),
-    ] = None
-    psi: Annotated[
-        str | None,
-        typer.Option(
-            "--psi-std",
-            metavar="PSI",
-            help="1 sigma of the hull's compression (0.002 cm3/m).",
-        ),
-    ] = None
-    drag: Annotated[
-        str | None,
-        typer.Option("--drag-std", metavar="SHARE", help="1 sigma of the drag (10 %)."),
-    ] = None
-    pump: Annotated[
-        str | None,
-        typer.Option("--pump-std", metavar="SHARE", help="1 sigma of the pump's delivery (5 %)."),
-    ] = None
+    trim: str | None = valued("VOLUME", "1 sigma of the neutral volume (5 cm3).", name="--trim-std")
+    psi: str | None = valued(
+        "PSI", "1 sigma of the hull's compression (0.002 cm3/m).", name="--psi-std"
+    )
+    drag: str | None = valued("SHARE", "1 sigma of the drag (10 %).", name="--drag-std")
+    pump: str | None = valued("SHARE", "1 sigma of the pump's delivery (5 %).", name="--pump-std")
 
     def of(self, vehicle: Vehicle, file: Path | None, identified: bool) -> Spread:
         """Return the spread of a file, or the usual one; as identified; with what is stated."""
@@ -99,29 +73,17 @@ class Spreads(Options):
 class Work(Options):
     """Who flies them, as `jobs.Workers` has it."""
 
-    executor: Annotated[str, typer.Option(metavar="WHO", help="threads, processes or dask.")] = (
-        "threads"
+    executor: str = valued("WHO", "threads, processes or dask.", "threads")
+    count: int | None = valued("N", "How many (one on each core).", name="--workers")
+    scheduler: str | None = valued("WHERE", "Address of a dask scheduler, or the file it wrote.")
+    part: str = valued(
+        "K/N", "Fly one part of N, into the same folder.", "1/1", read=_part, show_default=False
     )
-    count: Annotated[
-        int | None,
-        typer.Option("--workers", metavar="N", help="How many (one on each core)."),
-    ] = None
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="WHERE", help="Address of a dask scheduler, or the file it wrote."),
-    ] = None
-    part: Annotated[
-        str,
-        typer.Option(
-            metavar="K/N", help="Fly one part of N, into the same folder.", show_default=False
-        ),
-        Read(_part),
-    ] = "1/1"
 
 
 @grouped(out=Path("swimbladder-campaign"))
 def campaign(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    vehicle: VehicleName,
     mission: Annotated[
         Path, typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
     ],
@@ -155,11 +117,10 @@ def campaign(
     """
     from swimbladder.cli.mission import water
     from swimbladder.io.config import load_mission, load_vehicle
-    from swimbladder.io.files import check_place
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
     asked, who = how.read(), work.read()
-    check_place(to.out)
+    to.check()
     casts = reading.casts(cast, task.latitude)
     warn_of_mass(v)
     with asked_of(mission, task):
@@ -197,13 +158,10 @@ def campaign(
     with progress("writing the results"):
         if indices is not None:
             answer["sensitivity"] = indices.to_json()
-        files = [
-            to.out / "campaign.zarr",
-            *_write(replace(found, table=table), answer, indices, to.out),
-        ]
-    to.answer(answer, files, lambda: _print(found, indices))
-    if indices is None and not found.good.all():
-        raise typer.Exit(1)
+        files = _write(replace(found, table=table), answer, indices, to.out)
+    good = indices is not None or bool(found.good.all())
+    files = [to.out / "campaign.zarr", *files]
+    to.answer(answer, files, _shown(found, indices), good=good)
 
 
 def _unfinished(layout: Layout, part: str, json: bool) -> None:
@@ -214,76 +172,52 @@ def _unfinished(layout: Layout, part: str, json: bool) -> None:
         "others are for other parts"
     )
     if json:
-        emit_json({"sentence": sentence, "chunks": layout.count, "done": done,
-                   "files": [str(layout.folder)]})  # fmt: skip
+        state = {"sentence": sentence, "chunks": layout.count, "done": done}
+        emit_json({**state, "files": [str(layout.folder)]})
     else:
-        output.print(sentence, soft_wrap=True)
+        say(sentence)
 
 
 def _write(
     found: Campaign, answer: dict[str, Any], indices: Sensitivity | None, out: Path
 ) -> list[Path]:
-    from swimbladder.io.files import publish, write_atomically
-    from swimbladder.io.tables import write_csv
+    from swimbladder.show.files import write_all
 
-    names = ["campaign.json", "floats.csv"] + ["sensitivity.png"] * (indices is not None)
-
-    def write(folder: Path) -> None:
-        write_atomically(folder / names[0], json_text(answer) + "\n")
-        write_csv(folder / names[1], found.columns_csv)
-        if indices is not None:
-            from swimbladder.show.plots.campaign import draw_sensitivity
-            from swimbladder.show.plots.style import save
-
-            save(draw_sensitivity(indices), folder / names[2])
-
-    publish(out, write)
-    return [out / name for name in names]
-
-
-def _print(found: Campaign, indices: Sensitivity | None) -> None:
-    from rich.table import Table
-
-    output.print(found.sentence, soft_wrap=True)
-    output.print("")
-    ways = Table(box=None, pad_edge=False, collapse_padding=True)
-    for heading in ("floats", "share", "95 %", "what became of them"):
-        ways.add_column(heading, justify="left" if heading.startswith("what") else "right")
-    for words, count, part, (low, high) in found.shares():
-        ways.add_row(
-            str(count), f"{100.0 * part:.1f} %", f"{100.0 * low:.1f} to {100.0 * high:.1f} %", words
-        )
-    output.print(ways)
-    output.print("")
-    numbers = Table(box=None, pad_edge=False, collapse_padding=True)
-    for heading in ("per float", "median", "5 %", "95 %", "unit"):
-        side = "left" if heading in ("per float", "unit") else "right"
-        numbers.add_column(heading, justify=side)  # type: ignore[arg-type]
-    for words, unit, middle, low, high in found.spreads():
-        numbers.add_row(words, f"{middle:.4g}", f"{low:.4g}", f"{high:.4g}", unit)
-    output.print(numbers)
+    files: dict[str, object] = {"campaign.json": answer, "floats.csv": found.columns_csv}
     if indices is not None:
-        _print_indices(indices)
+        from swimbladder.show.plots.campaign import draw_sensitivity
+
+        files["sensitivity.png"] = draw_sensitivity(indices)
+    return write_all(out, files)
 
 
-def _print_indices(found: Sensitivity) -> None:
-    from rich.table import Table
+def _shown(found: Campaign, indices: Sensitivity | None) -> Iterator[object]:
+    """Give what is printed: what became of the floats, their numbers, and what these come from."""
+    what = "what became of them"
+    ways = (
+        (str(count), f"{100.0 * part:.1f} %", f"{100.0 * low:.1f} to {100.0 * high:.1f} %", words)
+        for words, count, part, (low, high) in found.shares()
+    )
+    yield from (found.sentence, "", table(("floats", "share", "95 %", what), ways, left=[what]))
+    numbers = (
+        (words, f"{middle:.4g}", f"{low:.4g}", f"{high:.4g}", unit)
+        for words, unit, middle, low, high in found.spreads()
+    )
+    headings = ("per float", "median", "5 %", "95 %", "unit")
+    yield from ("", table(headings, numbers, left=("per float", "unit")))
+    if indices is not None:
+        yield from _indices(indices)
 
-    output.print("")
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    for heading in ("output", "comes from", "first order", "95 %", "total", "95 % "):
-        table.add_column(
-            heading, justify="left" if heading in ("output", "comes from") else "right"
-        )
+
+def _indices(found: Sensitivity) -> Iterator[object]:
+    yield ""
+    headings = ("output", "comes from", "first order", "95 %", "total", "95 % ")
+    rows = []
     for one in found.outputs:
         for name, index in zip(found.design.names, one.indices, strict=False):
-            (low, high), (least, most) = index.first_ci95, index.total_ci95
-            table.add_row(
-                one.name if name == found.design.names[0] else "", name, f"{index.first:.2f}",
-                f"{low:.2f} to {high:.2f}", f"{index.total:.2f}", f"{least:.2f} to {most:.2f}",
-            )  # fmt: skip
-    if table.rows:
-        output.print(table)
-    for one in found.outputs:
-        if one.why:
-            output.print(f"{one.name}: no indices, as {one.why}", soft_wrap=True)
+            first = f"{index.first:.2f}", "{:.2f} to {:.2f}".format(*index.first_ci95)
+            total = f"{index.total:.2f}", "{:.2f} to {:.2f}".format(*index.total_ci95)
+            rows.append((one.name if name == found.design.names[0] else "", name, *first, *total))
+    if rows:
+        yield table(headings, rows, left=headings[:2])
+    yield from (f"{one.name}: no indices, as {one.why}" for one in found.outputs if one.why)

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.common import console, progress, quantity
+from swimbladder.cli.common import aside, progress, quantity
 from swimbladder.cli.logs import pairs, selections
-from swimbladder.cli.options import Options, Read
+from swimbladder.cli.options import Options, valued
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,23 +45,15 @@ def refuse_doubted_unit(
                 remedy=(error.remedy or "").replace("--column", option),
             ) from None  # fmt: skip
         if doubt:
-            console.print(
-                f"warning: {doubt.replace('--column', option)}", soft_wrap=True, markup=False
-            )
+            aside(f"warning: {doubt.replace('--column', option)}")
 
 
 @dataclass(frozen=True)
 class DepthSensor(Options):
     """The depth sensor that a vehicle is tried with."""
 
-    depth_noise: Annotated[
-        str | None,
-        typer.Option(metavar="DEPTH", help="Depth noise, 1 sigma (the vehicle's sensor)."),
-    ] = None
-    depth_quantum: Annotated[
-        str | None,
-        typer.Option(metavar="DEPTH", help="Quantum of the depth sensor (the vehicle's)."),
-    ] = None
+    depth_noise: str | None = valued("DEPTH", "Depth noise, 1 sigma (the vehicle's sensor).")
+    depth_quantum: str | None = valued("DEPTH", "Quantum of the depth sensor (the vehicle's).")
 
     def on(self, vehicle: Vehicle) -> Vehicle:
         """Return the vehicle with this sensor; raises InputError for one that there is not."""
@@ -76,10 +68,9 @@ def warn_of_mass(vehicle: Vehicle) -> None:
 
     doubt = mass_mismatch(vehicle)
     if doubt:
-        console.print(
-            f"warning: {doubt}; it sinks and rises by trim_error, and the dry mass is its inertia",
-            soft_wrap=True, markup=False,
-        )  # fmt: skip
+        aside(
+            f"warning: {doubt}; it sinks and rises by trim_error, and the dry mass is its inertia"
+        )
 
 
 CastFile = Annotated[
@@ -92,46 +83,27 @@ def _degrees(text: str, option: str) -> float | None:
     return quantity(text.removesuffix("deg").strip(), "", option)
 
 
+NO_CAST = ("it says how to read a cast, and there is none", "Give --cast too")
+
+
 @dataclass(frozen=True)
 class CastReading(Options):
     """How the casts of every command that takes some are read, and chosen in their files."""
 
-    columns: Annotated[
-        list[str] | None,
-        typer.Option("--column", metavar="NAME=COLUMN", help="As for logs, NAME=COLUMN@UNIT too."),
-        Read(pairs),
-    ] = None
-    where: Annotated[
-        list[str] | None,
-        typer.Option("--where", metavar="COLUMN=VALUE", help="Only these rows of the file."),
-        Read(pairs),
-    ] = None
-    form: Annotated[
-        str | None,
-        typer.Option("--log-format", metavar="FORMAT", help=r"TOML file with a \[log] table."),
-    ] = None
-    profile: Annotated[
-        int | None,
-        typer.Option("--profile", metavar="N", min=1, help="Which profile of the cast's file."),
-    ] = None
-    latitude: Annotated[
-        str | None,
-        typer.Option("--latitude", metavar="DEGREES", help="Of the cast."),
-        Read(_degrees),
-    ] = None
-    longitude: Annotated[
-        str | None,
-        typer.Option("--longitude", metavar="DEGREES", help="Of the cast."),
-        Read(_degrees),
-    ] = None
-    salinity: Annotated[
-        float | None,
-        typer.Option("--salinity", metavar="PSU", help="Where the cast has none; 0: fresh."),
-    ] = None
-    inversions: Annotated[
-        str | None,
-        typer.Option("--inversions", metavar="WHAT", help="Large ones: average, keep (refuse)."),
-    ] = None
+    columns: list[str] | None = valued(
+        "NAME=COLUMN", "As for logs, NAME=COLUMN@UNIT too.", name="--column", read=pairs
+    )
+    where: list[str] | None = valued(
+        "COLUMN=VALUE", "Only these rows of the file.", name="--where", read=pairs
+    )
+    form: str | None = valued("FORMAT", r"TOML file with a \[log] table.", name="--log-format")
+    profile: int | None = valued("N", "Which profile of the cast's file.", name="--profile", min=1)
+    latitude: str | None = valued("DEGREES", "Of the cast.", name="--latitude", read=_degrees)
+    longitude: str | None = valued("DEGREES", "Of the cast.", name="--longitude", read=_degrees)
+    salinity: float | None = valued("PSU", "Where the cast has none; 0: fresh.", name="--salinity")
+    inversions: str | None = valued(
+        "WHAT", "Large ones: average, keep (refuse).", name="--inversions"
+    )
 
     def casts(self, asked: Path | Sequence[Path] | None, place: float | None = None) -> list[Cast]:
         """Return the casts of files, all read alike; what was done to them is in their report.
@@ -141,7 +113,7 @@ class CastReading(Options):
         """
         paths = [asked] if isinstance(asked, Path) else asked or []
         if not paths:
-            self.refuse()
+            self.refuse(*NO_CAST)
             return []
         from swimbladder.io.casts import check_reading
 
@@ -150,18 +122,6 @@ class CastReading(Options):
         with self.said_as_typed():
             check_reading(**{name: given[name] for name in facts if name in given})
         return _read({"latitude": place, **given}, paths)
-
-    def refuse(self, *but: str) -> None:
-        """Raise InputError where an option says how to read a cast, as there is none.
-
-        but: fields that something else reads.
-        """
-        for name, option in self.named().items():
-            if name not in but and getattr(self, name) not in (None, []):
-                raise InputError(
-                    "it says how to read a cast, and there is none", field=option,
-                    value=getattr(self, name), remedy="Give --cast too",
-                )  # fmt: skip
 
 
 def _read(given: Mapping[str, Any], paths: Sequence[Path]) -> list[Cast]:
@@ -178,24 +138,14 @@ def _read(given: Mapping[str, Any], paths: Sequence[Path]) -> list[Cast]:
 class LogCasts(Options):
     """The casts of commands whose --where and --column are about logs."""
 
-    cast: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="CTD", help="The water of the logs: one cast, or one for each."),
-    ] = None
-    cast_where: Annotated[
-        list[str] | None,
-        typer.Option(metavar="COLUMN=VALUE", help="Rows of the cast; VALUE,VALUE: one cast each."),
-    ] = None
-    cast_column: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=COLUMN", help='As --column, of the cast: "pressure_dbar=Druck@bar".'
-        ),
-    ] = None
-    cast_profile: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Which profile of the cast, from 1."),
-    ] = None
+    cast: list[Path] | None = valued("CTD", "The water of the logs: one cast, or one for each.")
+    cast_where: list[str] | None = valued(
+        "COLUMN=VALUE", "Rows of the cast; VALUE,VALUE: one cast each."
+    )
+    cast_column: list[str] | None = valued(
+        "NAME=COLUMN", 'As --column, of the cast: "pressure_dbar=Druck@bar".'
+    )
+    cast_profile: int | None = valued("N", "Which profile of the cast, from 1.")
 
     @property
     def number(self) -> int:
@@ -225,13 +175,8 @@ class LogCasts(Options):
         rating: how deep the vehicle goes [m]. Raises InputError where a cast cannot be read or may
         be in another unit, or something is said of none.
         """
-        for name, value in vars(self).items():
-            if value and not self.cast:
-                raise InputError(
-                    "it has no use without --cast", field=self.named()[name],
-                    remedy="Give --cast FILE",
-                )  # fmt: skip
         if not self.cast:
+            self.refuse("it has no use without --cast", "Give --cast FILE")
             return []
         from swimbladder.physics.seawater import cast_column
 

@@ -4,26 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import json
 import os
 import re
 import shutil
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.measure import Measurement
+from rich.text import Text
 
 from swimbladder.errors import InputError, SwimbladderError
-from swimbladder.io.answers import plain
+from swimbladder.io.answers import json_text
 from swimbladder.units import parse_quantity
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from swimbladder.io.mission import Mission
 
 _WIDE = 10_000  # columns: any table
@@ -80,6 +82,50 @@ class Output(Console):
 console = Console(stderr=True, highlight=False)
 # What was asked for, where it is not JSON.
 output = Output(highlight=False, markup=False, emoji=False)
+
+
+def say(*parts: object) -> None:
+    """Print what was asked for: sentences, each on one line however long it is, and tables."""
+    for part in parts:
+        output.print(part, soft_wrap=isinstance(part, (str, Text)))
+
+
+def aside(*sentences: str) -> None:
+    """Print sentences on stderr, beside what was asked for."""
+    for sentence in sentences:
+        console.print(sentence, markup=False, soft_wrap=True)
+
+
+def labelled(label: str, sentences: Iterable[str]) -> list[str]:
+    """Return sentences with what they are before each."""
+    return [f"{label}: {sentence}" for sentence in sentences]
+
+
+def severities(findings: Sequence[Any]) -> Iterator[Text | str]:
+    """Give findings that are warnings, then those that are notes, a blank line before each."""
+    for kind, style in (("warning", "bold yellow"), ("note", "")):
+        listed = [f.sentence for f in findings if f.severity == kind]
+        yield from ([""] if listed else [])
+        yield from (Text(sentence, style=style) for sentence in labelled(kind, listed))
+
+
+def table(
+    headings: Sequence[str], rows: Iterable[Iterable[str]], *,
+    left: Collection[str] | None = None, **given: Any,
+) -> Table:  # fmt: skip
+    """Return a table without lines, whose columns of words stand to the left.
+
+    left: their headings (the first). given: as `rich.table.Table` has it.
+    """
+    from rich.table import Table
+
+    made = Table(**{"box": None, "pad_edge": False, "collapse_padding": True, **given})
+    for heading in headings:
+        words = heading in (headings[:1] if left is None else left)
+        made.add_column(heading, justify="left" if words else "right")
+    for row in rows:
+        made.add_row(*row)
+    return made
 
 
 # 128 and the number of the signal, as shells have it
@@ -189,23 +235,20 @@ def kept(folder: Path) -> Iterator[None]:
         yield
     except BaseException:
         if any(path.is_file() for path in folder.rglob("*")):
-            console.print(
+            aside(
                 f"what is done so far is kept in {folder}: the same command again goes on there; "
-                "remove that folder to begin anew",
-                markup=False, soft_wrap=True,
-            )  # fmt: skip
+                "remove that folder to begin anew"
+            )
         else:
             shutil.rmtree(folder, ignore_errors=True)
         raise
 
 
-def quantity(text: str | None, unit: str, option: str) -> float | None:
+def quantity(text: str, unit: str, option: str) -> float:
     """Return the text given to `option`, a number or a number with a unit, as a float in `unit`.
 
     Raises InputError naming the option.
     """
-    if text is None:
-        return None
     try:
         return parse_quantity(text, unit)
     except InputError as error:
@@ -257,11 +300,6 @@ def emit_json(answer: Mapping[str, Any]) -> None:
     print(json_text(answer), file=sys.stdout)
 
 
-def json_text(answer: Mapping[str, Any]) -> str:
-    """Return an answer as JSON; NaN and infinities become null."""
-    return json.dumps(plain(answer), indent=2, allow_nan=False)
-
-
 @contextlib.contextmanager
 def progress(
     description: str, total: float | None = None, *, after_s: float = 1.0
@@ -309,11 +347,10 @@ def compile_notice() -> Iterator[None]:
     def notice() -> None:
         if not _told:
             _told.append(True)
-            console.print(
+            aside(
                 "compiling the simulator for this machine; about 10 s for each law that is new to "
-                "it, then it is kept",
-                highlight=False, soft_wrap=True,
-            )  # fmt: skip
+                "it, then it is kept"
+            )
 
     with on_compile(notice):
         yield

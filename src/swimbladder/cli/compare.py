@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -14,16 +15,24 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from swimbladder.cli.casts import LogCasts
-from swimbladder.cli.common import compile_notice, console, emit_json, output, progress, quantity
+from swimbladder.cli.common import (
+    aside,
+    compile_notice,
+    emit_json,
+    labelled,
+    progress,
+    quantity,
+    say,
+    table,
+)
 from swimbladder.cli.logs import Chosen, LogReading
-from swimbladder.cli.options import Files, Options, Read, grouped
-from swimbladder.errors import InputError, SwimbladderError
+from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, valued
+from swimbladder.errors import SwimbladderError
 from swimbladder.units import format_quantity, shown_unit
 
 if TYPE_CHECKING:
     from swimbladder.estimation.comparison import Comparison
     from swimbladder.estimation.comparison.ahead import Ahead as Predicted
-    from swimbladder.estimation.comparison.ahead import Ahead as Result
     from swimbladder.physics.seawater import Column
     from swimbladder.vehicle import Vehicle
 
@@ -34,39 +43,28 @@ _NOISES = {
 }
 
 
-def _noise(name: str) -> Read:
-    return Read(lambda text, option: quantity(text, _NOISES[name][0], option))
+def _noise(name: str) -> Callable[[str, str], float | None]:
+    return lambda text, option: quantity(text, _NOISES[name][0], option)
 
 
 def _times(text: str, option: str) -> list[float]:
-    parts = (quantity(part.strip(), "s", option) for part in text.split(",") if part.strip())
-    return [part for part in parts if part is not None]
+    return [quantity(part.strip(), "s", option) for part in text.split(",") if part.strip()]
 
 
 @dataclass(frozen=True)
 class Ahead(Options):
     """Predictions over some times, and the noise that they assume."""
 
-    horizons: Annotated[
-        str | None,
-        typer.Option(
-            "--ahead", metavar="TIME,...", help='Also predict these times ahead, as "10 s,60 s".'
-        ),
-        Read(_times),
-    ] = None
-    random_walk: Annotated[
-        str | None,
-        typer.Option(metavar="INTENSITY", help="Random walk of the neutral volume, for --ahead."),
-        _noise("random_walk"),
-    ] = None
-    depth_noise: Annotated[
-        str | None, typer.Option(metavar="DEPTH", help="Depth noise, 1 sigma, for --ahead.")
-    ] = None
-    acceleration_noise: Annotated[
-        str | None,
-        typer.Option(metavar="INTENSITY", help="Acceleration noise density, for --ahead."),
-        _noise("acceleration_noise"),
-    ] = None
+    horizons: str | None = valued(
+        "TIME,...", 'Also predict these times ahead, as "10 s,60 s".', name="--ahead", read=_times
+    )
+    random_walk: str | None = valued(
+        "INTENSITY", "Random walk of the neutral volume, for --ahead.", read=_noise("random_walk")
+    )
+    depth_noise: str | None = valued("DEPTH", "Depth noise, 1 sigma, for --ahead.")
+    acceleration_noise: str | None = valued(
+        "INTENSITY", "Acceleration noise density, for --ahead.", read=_noise("acceleration_noise")
+    )
 
     def asked(self) -> dict[str, Any] | None:
         """Return what predict_ahead is called with; None where it is not asked for.
@@ -76,59 +74,35 @@ class Ahead(Options):
         given = self.read()
         horizons = given.pop("horizons")
         if horizons is None:
-            for option, value in self.changed().items():
-                raise InputError(
-                    "this belongs to --ahead", field=option, value=value,
-                    remedy='Add --ahead "10 s,60 s", or leave it out',
-                )  # fmt: skip
+            self.refuse("this belongs to --ahead", 'Add --ahead "10 s,60 s", or leave it out')
             return None
         from swimbladder.estimation.comparison.ahead import Tuning
 
         return {"horizons": horizons, "tuning": Tuning(**given)}
 
 
-def write_ahead(ahead: Result, folder: Path, name: str, *, plot: bool) -> list[Path]:
-    """Write the predictions, and a picture where asked for; return the paths."""
-    from swimbladder.io.tables import write_csv
-
-    files = [write_csv(folder / f"{name}-ahead.csv", ahead.columns())]
-    if plot:
-        from swimbladder.show.plots.comparison import plot_ahead
-
-        files.append(plot_ahead(ahead, folder / f"{name}-ahead.png"))
-    return files
-
-
-def print_ahead(ahead: Result) -> None:
-    """Print a row for each span, and the noise that the filter assumed."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    table.add_column("ahead", no_wrap=True)
-    for heading in ("rms", "bias", "skill", "without drag", "in 95 % band", "predictions"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for h in ahead.horizons:
-        skill = [("-" if s is None else f"{s:.2f}") for s in h.skill.values()]
-        table.add_row(
+def _ahead_shown(ahead: Predicted) -> Iterator[object]:
+    """Give a row for each span, and the noise that the filter assumed."""
+    headings = ("ahead", "rms", "bias", "skill", "without drag", "in 95 % band", "predictions")
+    rows = (
+        (
             f"{h.seconds:g} s",
             f"{1e3 * h.rms:.1f} mm",
             f"{1e3 * h.bias:+.1f} mm",
-            *skill,
+            *("-" if skill is None else f"{skill:.2f}" for skill in h.skill.values()),
             f"{100.0 * h.coverage:.1f} %",
             str(h.n),
         )
-    output.print(table)
-    output.print(
+        for h in ahead.horizons
+    )
+    yield table(headings, rows)
+    yield (
         "predicted from what was measured before, and the volume; skill: 1 - rms/rms of a depth "
-        "that stays; without drag: of the same filter without drag and psi",
-        soft_wrap=True,
+        "that stays; without drag: of the same filter without drag and psi"
     )
     for name, value in ahead.noise.items():
-        unit, shown = _NOISES[name]
-        output.print(
-            f"{name.replace('_', ' ')}: {format_quantity(value, unit, shown, digits=3)}, "
-            f"{ahead.origins[name]}"
-        )
+        noise = format_quantity(value, *_NOISES[name], digits=3)
+        yield f"{name.replace('_', ' ')}: {noise}, {ahead.origins[name]}"
 
 
 _ROUNDING = 1e-6  # of a difference between a log and the model: less is no number to print
@@ -138,33 +112,20 @@ _ROUNDING = 1e-6  # of a difference between a log and the model: less is no numb
 class Fit(Options):
     """How a log is compared, as `estimation.comparison.compare` has it."""
 
-    drive: Annotated[
-        str | None,
-        typer.Option(metavar="INPUT", help="volume, voltage or setpoint (first that is logged)."),
-    ] = None
-    fit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME,...",
-            help="What to fit: neutral_volume (default), neutral_drift, mass, drag, "
-            "drag_quadratic, psi, start_depth, start_speed; or none.",
-        ),
-    ] = None
-    bottom_depth: Annotated[
-        str | None, typer.Option("--bottom", metavar="DEPTH", help="Depth of the bottom (none).")
-    ] = None
-    surface_margin: Annotated[
-        str, typer.Option(metavar="DEPTH", help="Depths less than this are not compared.")
-    ] = "0.1 m"
-    submerged: Annotated[
-        bool,
-        typer.Option("--submerged", help="Begin where it is first deeper than that."),
-    ] = False
+    drive: str | None = valued("INPUT", "volume, voltage or setpoint (first that is logged).")
+    fit: str | None = valued(
+        "NAME,...",
+        "What to fit: neutral_volume (default), neutral_drift, mass, drag, "
+        "drag_quadratic, psi, start_depth, start_speed; or none.",
+    )
+    bottom_depth: str | None = valued("DEPTH", "Depth of the bottom (none).", name="--bottom")
+    surface_margin: str = valued("DEPTH", "Depths less than this are not compared.", "0.1 m")
+    submerged: bool = flag("--submerged", "Begin where it is first deeper than that.")
 
 
 @grouped(out=Path("swimbladder-compare"))
 def compare(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")],
+    logs: LogFiles,
     vehicle: Annotated[str, typer.Option(metavar="VEHICLE", help="Preset or TOML file.")],
     *,
     reading: LogReading,
@@ -202,7 +163,8 @@ def compare(
     if to.json:
         emit_json(answers[0] if len(answers) == 1 else {"comparisons": answers})
     else:
-        _print(tasks)
+        for part in _shown(tasks):
+            say(part)
     code = max(0 if task.error is None else task.error.exit_code for task in tasks)
     if code:
         raise typer.Exit(code)
@@ -229,7 +191,7 @@ class _Task:
     result: Comparison | None = None
     ahead: Predicted | None = None
     error: SwimbladderError | None = None
-    files: tuple[Path, ...] = ()
+    files: Sequence[Path] = ()
 
     def answer(self) -> dict[str, Any]:
         if self.result is None:
@@ -256,35 +218,37 @@ def _file_names(tasks: list[_Task]) -> list[str]:
 
 def _compare(task: _Task, how: _How) -> None:
     """Read the log, compare, and write the files."""
-    from swimbladder.io.files import make_folder
-    from swimbladder.io.tables import write_csv
-
-    vehicle, options, look, plot = how.vehicle, how.options, how.horizons, how.plot
+    vehicle, options, spans, plot = how.vehicle, how.options, how.horizons, how.plot
     log = how.reading.log(task.log, vehicle)
     with progress("loading the simulator"):
         from swimbladder.estimation.comparison import compare as compare_log
 
     with compile_notice(), progress(f"comparing {task.log.label}", 1.0) as advance:
         task.result = compare_log(log, vehicle, **options, column=task.water, advance=advance)
-    if look is not None:
+    if spans is not None:
         from swimbladder.estimation.comparison.ahead import predict_ahead
 
         names = {"bottom_depth", "surface_margin"} & set(options)
         edges = {name: options[name] for name in names}
         with compile_notice(), progress(f"predicting {task.log.label}", 1.0) as advance:
             task.ahead = predict_ahead(
-                log, vehicle, **look, **edges, column=task.water, advance=advance
+                log, vehicle, **spans, **edges, column=task.water, advance=advance
             )
-    folder = make_folder(how.out)
-    files = [write_csv(folder / f"{task.name}.csv", task.result.columns())]
+    files: dict[str, object] = {f"{task.name}.csv": task.result.columns()}
     if plot:
-        with progress(f"drawing {task.name}.png"):
-            from swimbladder.show.plots.comparison import plot_comparison
+        from swimbladder.show.plots.comparison import draw_comparison
 
-            files.append(plot_comparison(task.result, folder / f"{task.name}.png"))
+        files[f"{task.name}.png"] = draw_comparison(task.result)
     if task.ahead is not None:
-        files += write_ahead(task.ahead, folder, task.name, plot=plot)
-    task.files = tuple(files)
+        files[f"{task.name}-ahead.csv"] = task.ahead.columns()
+    if task.ahead is not None and plot:
+        from swimbladder.show.plots.comparison import draw_ahead
+
+        files[f"{task.name}-ahead.png"] = draw_ahead(task.ahead)
+    with progress(f"writing {task.name}"):
+        from swimbladder.show.files import write_all
+
+        task.files = write_all(how.out, files)
 
 
 def _cleared(value: float, least: float) -> float:
@@ -292,42 +256,36 @@ def _cleared(value: float, least: float) -> float:
     return value if abs(value) >= least else 0.0
 
 
-def _print(tasks: list[_Task]) -> None:
-    """Print a row for each log, then what was fitted, noted and written."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    table.add_column("log", overflow="fold")
-    for heading in ("driven by", "rms", "bias", "variance", "largest", "samples"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for task in tasks:
-        r = task.result
-        if r is None:
-            table.add_row(task.log.label, *["-"] * 6)
-            continue
-        table.add_row(
-            task.log.label,
-            r.record.drive,
-            f"{1e3 * r.rms:.1f} mm",
-            f"{1e3 * r.bias:+.1f} mm",
-            f"{100.0 * r.variance_explained:.2f} %" if math.isfinite(r.variance_explained) else "-",
-            f"{1e3 * r.largest:.1f} mm",
-            str(r.n),
-        )
-    output.print(table)
-    output.print("predicted less measured depth; variance: the share of it that is explained")
+def _shown(tasks: list[_Task]) -> Iterator[object]:
+    """Give a row for each log, then what was fitted, noted and written."""
+    headings = ("log", "driven by", "rms", "bias", "variance", "largest", "samples")
+    yield table(headings, ((task.log.label, *_row(task.result)) for task in tasks))
+    yield "predicted less measured depth; variance: the share of it that is explained"
     said: set[str] = set()
     for task in tasks:
         if len(tasks) > 1:
-            output.print(f"\n{task.log.label}", soft_wrap=True)
+            yield f"\n{task.log.label}"
         if task.error is not None:
-            console.print(f"error: {task.error}", markup=False, highlight=False, soft_wrap=True)
+            aside(f"error: {task.error}")
         if task.result is not None:
-            _print_one(task, task.result, said)
+            yield from _one(task, task.result, said)
 
 
-def _print_one(task: _Task, r: Comparison, said: set[str]) -> None:
-    """Print what was fitted, the notes not yet said, and the files."""
+def _row(r: Comparison | None) -> tuple[str, ...]:
+    if r is None:
+        return ("-",) * 6
+    return (
+        r.record.drive,
+        f"{1e3 * r.rms:.1f} mm",
+        f"{1e3 * r.bias:+.1f} mm",
+        f"{100.0 * r.variance_explained:.2f} %" if math.isfinite(r.variance_explained) else "-",
+        f"{1e3 * r.largest:.1f} mm",
+        str(r.n),
+    )
+
+
+def _one(task: _Task, r: Comparison, said: set[str]) -> Iterator[object]:
+    """Give what was fitted, the notes not yet said, and the files."""
     from swimbladder.estimation.comparison.fit import FITTABLE
 
     for name, fitted in r.fitted.items():
@@ -338,14 +296,12 @@ def _print_one(task: _Task, r: Comparison, said: set[str]) -> None:
         if fitted.std is not None:
             std = _cleared(fitted.std, least)
             spread = f" +- {format_quantity(std, fitted.unit, unit, digits=2)}"
-        output.print(f"fitted to this log: {name} = {value}{spread}")
+        yield f"fitted to this log: {name} = {value}{spread}"
     piston = r.to_json()["piston_rms_m"]
     if piston is not None:
-        output.print(f"piston: rms {1e3 * piston:.2f} mm")
+        yield f"piston: rms {1e3 * piston:.2f} mm"
     if task.ahead is not None:
-        print_ahead(task.ahead)
-    for note in (n for n in r.notes if n not in said):
-        said.add(note)
-        output.print(f"note: {note}", soft_wrap=True)
-    for path in task.files:
-        output.print(f"wrote {path}", soft_wrap=True)
+        yield from _ahead_shown(task.ahead)
+    yield from labelled("note", (note for note in r.notes if note not in said))
+    said.update(r.notes)
+    yield from (f"wrote {path}" for path in task.files)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,13 +13,14 @@ from swimbladder.cli.casts import CastFile, CastReading, DepthSensor, water_of_c
 from swimbladder.cli.common import (
     compile_notice,
     emit_json,
-    json_text,
     kept,
-    output,
+    labelled,
     progress,
+    say,
+    table,
     typed_command,
 )
-from swimbladder.cli.options import Files, Options, Read, grouped
+from swimbladder.cli.options import Files, Options, grouped, valued
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,33 +34,24 @@ _NOISE = "2 mm"  # where neither the vehicle file nor the user says what the sen
 class Flights(Options):
     """Which laws are flown, how often and where."""
 
-    laws: Annotated[
-        str | None,
-        typer.Option(metavar="LAW,LAW", help="Laws to tune and fly (all that fit)."),
-        Read(lambda text, _: [name.strip() for name in text.split(",")]),
-    ] = None
-    runs: Annotated[int, typer.Option(metavar="N", help="Runs of every scenario.")] = 40
-    depths: Annotated[
-        str | None,
-        typer.Option(
-            "--depth", metavar="LEAST:MOST", help="Depths (what stroke, supply, rating allow)."
-        ),
-    ] = None
-    sample_time: Annotated[
-        str | None,
-        typer.Option(metavar="TIME", help="Of the tuned laws (the controller's)."),
-    ] = None
-    seed: Annotated[int, typer.Option(metavar="N", help="Of noise, waves, drift, draws.")] = 1
+    laws: str | None = valued(
+        "LAW,LAW",
+        "Laws to tune and fly (all that fit).",
+        read=lambda text, _: [name.strip() for name in text.split(",")],
+    )
+    runs: int = valued("N", "Runs of every scenario.", 40)
+    depths: str | None = valued(
+        "LEAST:MOST", "Depths (what stroke, supply, rating allow).", name="--depth"
+    )
+    sample_time: str | None = valued("TIME", "Of the tuned laws (the controller's).")
+    seed: int = valued("N", "Of noise, waves, drift, draws.", 1)
 
 
 @dataclass(frozen=True)
 class Sensor(DepthSensor):
     """The depth sensor, which has some noise."""
 
-    depth_noise: Annotated[
-        str | None,
-        typer.Option(metavar="DEPTH", help="1 sigma of the depths (the vehicle's, else 2 mm)."),
-    ] = None
+    depth_noise: str | None = valued("DEPTH", "1 sigma of the depths (the vehicle's, else 2 mm).")
 
     def assumed(self, vehicle: Vehicle) -> tuple[Vehicle, str]:
         """Return the vehicle with it, and in words what was assumed of it, or nothing."""
@@ -99,13 +92,12 @@ def compare_laws(
     if vehicle is None:
         raise InputError("no vehicle", field="VEHICLE", remedy="Name a preset or a TOML file")
     from swimbladder.io.config import load_vehicle
-    from swimbladder.io.files import check_place
 
     v, assumed = sensor.assumed(load_vehicle(vehicle, sampled=True, pumped=True))
     options = flights.read()
     reach = None if options["depths"] is None else options["depths"][1]
     options["column"] = water_of_cast(reading.casts(cast), reach, v.hull.depth_limit)
-    check_place(to.out)
+    to.check()
     parts = to.out / "parts"
     with progress("loading the simulator"):
         from swimbladder.design.law_comparison import compare_laws
@@ -116,8 +108,8 @@ def compare_laws(
         found = found.assuming(assumed)
     with progress("drawing and writing"):
         answer = found.to_json()
-        files = write_comparison(found, to.out, answer=json_text(answer), command=typed_command())
-    to.answer(answer, files, lambda: _print(found))
+        files = write_comparison(found, to.out, answer=answer, command=typed_command())
+    to.answer(answer, files, _shown(found))
 
 
 def _list(vehicle: str | None, depths: tuple[float, float] | None, json: bool) -> None:
@@ -138,47 +130,27 @@ def _list(vehicle: str | None, depths: tuple[float, float] | None, json: bool) -
     if json:
         emit_json({"scenarios": shown})
         return
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    for heading in ("scenario", *(("from [m]", "to [m]", "for [s]") if vehicle else ()), "what"):
-        table.add_column(heading, justify="right" if "[" in heading else "left")
+    rows = []
     for name, told in shown.items():
         numbers = [f"{x:.5g}" for key, x in told.items() if key != "words"]
-        table.add_row(name, *numbers, told["words"])
-    output.print(table)
+        rows.append((name, *numbers, told["words"]))
+    numbers = ["from [m]", "to [m]", "for [s]"] if vehicle else []
+    say(table(("scenario", *numbers, "what"), rows, left=("scenario", "what")))
 
 
-def _print(found: LawComparison) -> None:
-    from rich.table import Table
-
+def _shown(found: LawComparison) -> Iterator[object]:
+    """Give what is printed, the answer first."""
     from swimbladder.show.report.law_comparison import HEADINGS, SOON, STILL, notes, summary
 
-    output.print(
-        f"{found.vehicle.name}, {len(found.rows)} "
-        f"{'controller' if len(found.rows) == 1 else 'controllers'} on {len(found.placed)} "
-        f"scenarios of "
-        f"{found.runs} runs",
-        soft_wrap=True,
+    count = len(found.rows)
+    yield (
+        f"{found.vehicle.name}, {count} controller{'' if count == 1 else 's'} on "
+        f"{len(found.placed)} scenarios of {found.runs} runs"
     )
-    output.print("")
-    for sentence in found.sentences:
-        output.print(sentence, soft_wrap=True)
-    output.print("")
+    yield from ("", *found.sentences, "")
+    rows = [dict(zip(HEADINGS, row, strict=True)) for row in summary(found)]
     for shown in (SOON, STILL):
-        table = Table(box=None, pad_edge=False, collapse_padding=True)
-        for heading in shown:
-            law = heading == "law"
-            table.add_column(heading, justify="left" if law else "right", no_wrap=not law)
-        for row in summary(found):
-            cells = dict(zip(HEADINGS, row, strict=True))
-            table.add_row(*(cells[heading] for heading in shown))
-        output.print(table)
-        output.print("")
-    for note in notes(found):
-        output.print(note, soft_wrap=True)
-    output.print("")
-    for one in found.left_out:
-        output.print(f"left out: {one.name}: {one.why}", soft_wrap=True)
-    for words in found.assumptions:
-        output.print(f"assumed: {words}", soft_wrap=True)
+        yield from (table(shown, ([row[heading] for heading in shown] for row in rows)), "")
+    yield from (*notes(found), "")
+    yield from (f"left out: {one.name}: {one.why}" for one in found.left_out)
+    yield from labelled("assumed", found.assumptions)

@@ -5,29 +5,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.casts import CastReading, refuse_doubted_unit
-from swimbladder.cli.common import json_text, output, progress
-from swimbladder.cli.options import Files, Options, grouped
+from swimbladder.cli.casts import NO_CAST, CastReading, refuse_doubted_unit
+from swimbladder.cli.common import labelled, progress, table
+from swimbladder.cli.options import Files, Options, grouped, valued
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.cli.casts import CastReading
-    from swimbladder.cli.options import Files
     from swimbladder.design.energy import DriveEnergy, PumpFit
     from swimbladder.vehicle import Vehicle
 
 
 def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to: Files) -> None:
     """Find a pump in a CSV of its runs, print what it is and write the files."""
-    from swimbladder.errors import InputError
-
     table_form, asked = reading.read(), runs.read()
     with progress("reading and fitting"), runs.said_as_typed():
         from swimbladder.design.energy import PumpRuns, fit_pump, fitted_vehicle
@@ -38,56 +35,50 @@ def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to
 
         if v is not None:
             pump_and_valve(v)
-        table = read_pump_runs(
+        runs_read = read_pump_runs(
             path, columns=table_form["columns"] or {}, where=table_form["where"] or {}
         )
         limit = None if v is None else v.hull.depth_limit
         try:
-            found = fit_pump(PumpRuns(**table._asdict()), depth_limit=limit, **asked)
+            found = fit_pump(PumpRuns(**runs_read._asdict()), depth_limit=limit, **asked)
         except InputError as error:
             raise (error if error.field in asked else error.at(file=path)) from None
         fitted = None if v is None else fitted_vehicle(v, found)
         said = fit_sentences(found, fitted)
-        answer = {**fit_json(found), "sentences": said, "report": table.report}
-        files = write_fit(found, fitted, to.out, answer=json_text(answer))
-    to.answer(answer, files, lambda: _print_fit(found, said, table.report))
+        answer = {**fit_json(found), "sentences": said, "report": runs_read.report}
+        files = write_fit(found, fitted, to.out, answer=answer)
+    to.answer(answer, files, _shown_fit(found, said, runs_read.report))
 
 
-def _print_fit(found: PumpFit, said: tuple[str, ...], report: Sequence[str]) -> None:
-    from rich.table import Table
-
+def _shown_fit(found: PumpFit, said: Sequence[str], report: Sequence[str]) -> Iterator[object]:
     from swimbladder.design.energy import efficiency_bands
 
-    for sentence in said:
-        output.print(sentence, soft_wrap=True)
-    output.print("")
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    for heading in ("parameter", "value", "95 % from", "to", "unit"):
-        table.add_column(heading, justify="left" if heading in ("parameter", "unit") else "right")
+    yield from (*said, "")
     shown = {
         "W/Pa": ("mW/dbar", 1e7), "m3/s": ("mL/s", 1e6), "m3/s/Pa": ("mL/s/MPa", 1e12),
         "m3": ("mL", 1e6),
     }  # fmt: skip
+    rows = []
     for name, e in found.parameters.items():
         unit, factor = shown.get(e.unit, (e.unit, 1.0))
-        numbers = (e.value, *e.ci95)
-        table.add_row(name, *(f"{x * factor:.4g}" for x in numbers), unit)
-    output.print(table)
-    output.print("")
-    bands = efficiency_bands(found)
+        rows.append((name, *(f"{x * factor:.4g}" for x in (e.value, *e.ci95)), unit))
+    headings = ["parameter", "value", "95 % from", "to", "unit"]
+    yield from (table(headings, rows, left=("parameter", "unit")), "")
+    bands = [
+        (
+            f"{b.pressure / 1e4:.0f}",
+            f"{b.runs}",
+            f"{1e6 * b.volume:.3g}",
+            f"{b.energy:.4g}",
+            f"{b.efficiency:.3f}",
+            f"{b.fitted:.3f}",
+        )
+        for b in efficiency_bands(found)
+    ]
     if bands:
-        rows = Table(box=None, pad_edge=False, collapse_padding=True)
-        for heading in ("dbar", "runs", "mL a run", "J a run", "efficiency", "by the law"):
-            rows.add_column(heading, justify="right")
-        for b in bands:
-            rows.add_row(
-                f"{b.pressure / 1e4:.0f}", f"{b.runs}", f"{1e6 * b.volume:.3g}",
-                f"{b.energy:.4g}", f"{b.efficiency:.3f}", f"{b.fitted:.3f}",
-            )  # fmt: skip
-        output.print(rows)
-        output.print("")
-    for line in report:
-        output.print(line, soft_wrap=True)
+        headings = ["dbar", "runs", "mL a run", "J a run", "efficiency", "by the law"]
+        yield from (table(headings, bands, left=()), "")
+    yield from report
 
 
 _SHORT = {
@@ -101,53 +92,31 @@ _LINES = 11  # depths in the printed table
 class Compared(Options):
     """How deep, and which tasks the drive does in the place of thrusters."""
 
-    deepest: Annotated[
-        str | None,
-        typer.Option("--depth", metavar="DEPTH", help="How deep (the vehicle's rating)."),
-    ] = None
-    weight_error: Annotated[
-        str, typer.Option(metavar="VOLUME", help="Too heavy by this while hovering.")
-    ] = "10 cm3"
-    speed: Annotated[str, typer.Option(metavar="SPEED", help="Of dives.")] = "0.1 m/s"
+    deepest: str | None = valued("DEPTH", "How deep (the vehicle's rating).", name="--depth")
+    weight_error: str = valued("VOLUME", "Too heavy by this while hovering.", "10 cm3")
+    speed: str = valued("SPEED", "Of dives.", "0.1 m/s")
 
 
 @dataclass(frozen=True)
 class Thrusters(Options):
     """The thruster, as `design.energy.Thruster` has it."""
 
-    diameter: Annotated[
-        str, typer.Option("--thruster-diameter", metavar="LENGTH", help="Of the propeller.")
-    ] = "76 mm"
-    efficiency: Annotated[
-        str,
-        typer.Option(
-            "--thruster-efficiency",
-            metavar="SHARE",
-            help="Of an ideal disc's, driver included.",
-        ),
-    ] = "35 %"
-    number: Annotated[
-        int,
-        typer.Option("--thruster-number", metavar="N", help="How many thrusters share the work."),
-    ] = 1
-    idle_power: Annotated[
-        str,
-        typer.Option(
-            "--thruster-idle", metavar="POWER", help="Of each while it turns, pushing or not."
-        ),
-    ] = "0 W"
+    diameter: str = valued("LENGTH", "Of the propeller.", "76 mm", name="--thruster-diameter")
+    efficiency: str = valued(
+        "SHARE", "Of an ideal disc's, driver included.", "35 %", name="--thruster-efficiency"
+    )
+    number: int = valued("N", "How many thrusters share the work.", 1, name="--thruster-number")
+    idle_power: str = valued(
+        "POWER", "Of each while it turns, pushing or not.", "0 W", name="--thruster-idle"
+    )
 
 
 @dataclass(frozen=True)
 class Runs(Options):
     """How a power and which runs of a table are taken."""
 
-    power_at: Annotated[
-        str, typer.Option(metavar="WHEN", help="--fit: mean (over the run) or end (of it).")
-    ] = "mean"
-    shortest: Annotated[
-        str, typer.Option(metavar="TIME", help="--fit: leave shorter runs out.")
-    ] = "0 s"
+    power_at: str = valued("WHEN", "--fit: mean (over the run) or end (of it).", "mean")
+    shortest: str = valued("TIME", "--fit: leave shorter runs out.", "0 s")
 
 
 @grouped(out=Path("swimbladder-energy"))
@@ -176,18 +145,16 @@ def energy(
     fields tell it.
     """
     from swimbladder.io.config import load_vehicle
-    from swimbladder.io.files import check_place
 
     v = None if vehicle is None else load_vehicle(vehicle)
-    check_place(to.out)
+    to.check()
     if fit is not None:
         if cast is not None:
             raise InputError(
                 "runs have their own pressures, and a cast does not count", field="--cast",
                 remedy="Leave out --cast or --fit",
             )  # fmt: skip
-        reading.refuse("columns", "where")
-
+        reading.refuse(*NO_CAST, "columns", "where")
         fit_runs(fit, v, reading, runs, to)
         return
     if v is None:
@@ -195,12 +162,7 @@ def energy(
             "there is neither a vehicle nor a table of runs", field="VEHICLE",
             remedy="Give a vehicle, or --fit RUNS.csv",
         )  # fmt: skip
-    for name, option in Runs.named().items():
-        if getattr(runs, name) != getattr(Runs(), name):
-            raise InputError(
-                "there is no file that this is about", field=option,
-                remedy="Give --fit RUNS.csv too",
-            )  # fmt: skip
+    runs.refuse("there is no file that this is about", "Give --fit RUNS.csv too")
     casts = reading.casts(cast)
     asked, thrust = compared.read(), thrusters.read()
     with progress("computing"), compared.said_as_typed(), thrusters.said_as_typed():
@@ -226,36 +188,34 @@ def energy(
             "sentences": said,
             "assumptions": rests,
         }
-        files = write_energy(found, hover, dive, to.out, answer=json_text(answer))
-    to.answer(answer, files, lambda: _print(found, said, rests))
+        files = write_energy(found, hover, dive, to.out, answer=answer)
+    to.answer(answer, files, _shown(found, said, rests))
 
 
-def _print(found: DriveEnergy, said: list[str], rests: tuple[str, ...]) -> None:
+def _shown(found: DriveEnergy, said: Sequence[str], rests: Sequence[str]) -> Iterator[object]:
+    """Give what is printed: what it costs, at some depths, and what is assumed."""
     import numpy as np
-    from rich.table import Table
 
-    v, m = found.vehicle, found.map
-    output.print(f"{v.name}, {v.actuator.kind}", soft_wrap=True)
-    output.print("")
-    for sentence in said:
-        output.print(sentence, soft_wrap=True)
-    output.print("")
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    stages = [_SHORT[name] for name in found.stages]
-    names = ["depth", "out", "power", "energy", "whole", *stages, "in", "hold"]
-    units = ["m", "mL/s", "W", "J/mL", "%", *["%" for _ in found.stages], "mL/s", "W"]
-    for name, unit in zip(names, units, strict=True):
-        table.add_column(f"{name}\n{unit}", justify="right")
-    last = found.column.depth.size - 1
-    for i in np.unique(np.linspace(0, last, min(_LINES, last + 1)).round().astype(int)):
-        values: list[Any] = [
-            found.column.depth[i], m.rate_out[i] * 1e6, m.power_out[i], found.per_volume[i] * 1e-6,
-            found.efficiency[i] * 100.0, *(stage[i] * 100.0 for stage in found.stages.values()),
-            m.rate_in[i] * 1e6, m.holding_power[i],
-        ]  # fmt: skip
-        table.add_row(*(f"{x:.3g}" if np.isfinite(x) and abs(x) < 999.5 else
-                        f"{x:.0f}" if np.isfinite(x) else "-" for x in values))  # fmt: skip
-    output.print(table)
-    output.print("")
-    for sentence in rests:
-        output.print(f"assumed: {sentence}", soft_wrap=True)
+    from swimbladder.show.report.energy import spread_indices
+
+    m = found.map
+    yield from (f"{found.vehicle.name}, {found.vehicle.actuator.kind}", "", *said, "")
+    columns = {
+        "depth\nm": found.column.depth,
+        "out\nmL/s": m.rate_out * 1e6,
+        "power\nW": m.power_out,
+        "energy\nJ/mL": found.per_volume * 1e-6,
+        "whole\n%": found.efficiency * 100.0,
+        **{f"{_SHORT[name]}\n%": stage * 100.0 for name, stage in found.stages.items()},
+        "in\nmL/s": m.rate_in * 1e6,
+        "hold\nW": m.holding_power,
+    }
+    rows = np.transpose([*columns.values()])[spread_indices(found.column.depth.size, _LINES)]
+    yield from (table([*columns], (map(_digits, row) for row in rows), left=()), "")
+    yield from labelled("assumed", rests)
+
+
+def _digits(x: float) -> str:
+    if not math.isfinite(x):
+        return "-"
+    return f"{x:.3g}" if abs(x) < 999.5 else f"{x:.0f}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from swimbladder.cli.casts import CastFile, CastReading, water_of_cast
-from swimbladder.cli.common import compile_notice, kept, output, progress
-from swimbladder.cli.options import Files, Options, grouped
+from swimbladder.cli.common import compile_notice, kept, labelled, progress, table
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 from swimbladder.errors import InputError, NoAnswerError
 
 if TYPE_CHECKING:
@@ -25,22 +26,15 @@ _SHOWN = 20  # lost vehicles that are named; all are in the files
 class Missions(Options):
     """Which missions are flown, as `sim.faults.run_missions` has it."""
 
-    missions: Annotated[
-        int, typer.Option(metavar="N", help="Missions in which something fails.")
-    ] = 100_000
-    healthy: Annotated[
-        int | None, typer.Option(metavar="N", help="Missions without a fault (a tenth as many).")
-    ] = None
-    depths: Annotated[
-        str | None,
-        typer.Option("--depth", metavar="LEAST:MOST", help="Depths that they are flown at."),
-    ] = None
-    seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1
+    missions: int = valued("N", "Missions in which something fails.", 100_000)
+    healthy: int | None = valued("N", "Missions without a fault (a tenth as many).")
+    depths: str | None = valued("LEAST:MOST", "Depths that they are flown at.", name="--depth")
+    seed: int = valued(None, "Of all that is drawn.", 1, min=0)
 
 
 @grouped(out=Path("swimbladder-faults"))
 def faults(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    vehicle: VehicleName,
     *,
     missions: Missions,
     cast: CastFile = None,
@@ -60,12 +54,12 @@ def faults(
     surfaced the vehicle), or a healthy mission raised an alarm. A run that is killed resumes.
     """
     from swimbladder.io.config import load_vehicle
-    from swimbladder.io.files import check_place, unfinished
+    from swimbladder.io.files import unfinished
 
     v, asked = load_vehicle(vehicle), missions.read()
     reach = None if asked["depths"] is None else asked["depths"][1]
     asked["column"] = water_of_cast(reading.casts(cast), reach, v.hull.depth_limit)
-    check_place(to.out)
+    to.check()
     if mission is not None:
         _one(v, mission, asked, to)
         return
@@ -77,7 +71,7 @@ def faults(
         flown = run_missions(v, **asked, keep=keep, advance=advance)
     with progress("writing the missions"):
         files = write_campaign(flown, to.out, keep)
-    to.answer(flown.to_json(), files, lambda: _print(flown))
+    to.answer(flown.to_json(), files, _shown(flown))
     if not flown.passed:
         raise NoAnswerError(_verdict(flown, vehicle, missions.seed))
 
@@ -100,92 +94,73 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
             depths=asked["depths"], column=asked["column"],
         )  # fmt: skip
         files = write_one(flown, to.out)
-
-    def show() -> None:
-        for line in flown.lines():
-            output.print(line, soft_wrap=True)
-
-    to.answer(flown.to_json(), files, show)
+    to.answer(flown.to_json(), files, flown.lines())
 
 
-def _print(flown: Campaign) -> None:
-    from rich.table import Table
-
+def _shown(flown: Campaign) -> Iterator[object]:
+    """Give what is printed: what was flown, a row for each kind of fault, and what it comes to."""
     from swimbladder.sim.faults.campaign_result import MILD, rule_of_three
     from swimbladder.sim.faults.kinds import not_drawn
 
     course = flown.course
     assert course.vehicle.controller is not None
     sea = "" if course.column is None else f" in the water of {course.water}"
-    output.print(
+    yield (
         f"{course.vehicle.name}{sea}, law {course.vehicle.controller.law}: {len(flown.faulty)} "
-        "missions "
-        f"with faults between {course.depths.least:.3g} and {course.depths.most:.3g} m "
-        f"({course.depths.limit}), time limit {course.time_limit:.0f} s",
-        soft_wrap=True,
+        f"missions with faults between {course.depths.least:.3g} and {course.depths.most:.3g} m "
+        f"({course.depths.limit}), time limit {course.time_limit:.0f} s"
     )
-    for remark in () if course.column is None else course.column.report:
-        output.print(f"cast: {remark}", soft_wrap=True)
-    output.print("")
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    for heading in (
-        "fault", "missions", "recoverable", "recovered", "lost", "lost without\nsupervisor",
-        "detection\ntime [s]", "95 %\n[s]", "deepest\n[m]",
-    ):  # fmt: skip
-        first = heading == "fault"
-        table.add_column(heading, justify="left" if first else "right", no_wrap=first)
-    for line in flown.lines():
-        table.add_row(
-            line.name, str(line.missions), str(line.recoverable), str(line.recovered),
-            str(line.recoverable - line.recovered), str(line.lost_without_supervisor),
-            _seconds(line.detection_time_median), _seconds(line.detection_time_95),
+    yield from labelled("cast", () if course.column is None else course.column.report)
+    rows = (
+        (
+            line.name,
+            *map(str, (line.missions, line.recoverable, line.recovered)),
+            *map(str, (line.recoverable - line.recovered, line.lost_without_supervisor)),
+            *map(_seconds, (line.detection_time_median, line.detection_time_95)),
             f"{line.deepest:.1f}",
-        )  # fmt: skip
-    output.print(table)
-    output.print("")
+        )
+        for line in flown.lines()
+    )
+    headings = ("fault", "missions", "recoverable", "recovered", "lost", "lost without\nsupervisor")
+    more = ("detection\ntime [s]", "95 %\n[s]", "deepest\n[m]")
+    yield from ("", table((*headings, *more), rows), "")
     for part, names in not_drawn(course.vehicle).items():
-        output.print(f"not drawn, as it lacks {part}: {', '.join(names)}", soft_wrap=True)
+        yield f"not drawn, as it lacks {part}: {', '.join(names)}"
     able, total = int(flown.recoverable.sum()), len(flown.faulty)
     gone = flown.lines()[-1]
-    output.print(
+    yield (
         f"{able} of {total} missions are recoverable: full buoyancy, commanded 60 s after fault "
         f"onset, surfaces the vehicle. With the supervisor {gone.recovered} of them were "
         f"recovered; without it {100.0 * flown.lost_without_supervisor:.0f} % were lost "
         f"({100.0 * flown.all_lost_without_supervisor:.0f} % of all missions). Of the other "
-        f"{total - able} the supervisor brought up {gone.unrecoverable_surfaced}.",
-        soft_wrap=True,
+        f"{total - able} the supervisor brought up {gone.unrecoverable_surfaced}."
     )
     if len(flown.lost_early):
-        output.print(
+        yield (
             f"{len(flown.lost_early)} more were lost that full buoyancy 60 s after the onset of "
             "the first of two faults would have surfaced, but not 60 s after the second: by then "
-            "it was too late, or the second had had no effect yet",
-            soft_wrap=True,
+            "it was too late, or the second had had no effect yet"
         )
     if len(flown.filled):
-        output.print(
+        yield (
             f"{len(flown.filled)} of the recovered surfaced no later than with full buoyancy 60 s "
-            "after fault onset, and were then filled by a leak at full buoyancy: no command helps",
-            soft_wrap=True,
+            "after fault onset, and were then filled by a leak at full buoyancy: no command helps"
         )
     if flown.lost_without_supervisor < MILD:
-        output.print(
+        yield (
             f"the faults are mild for this law: without the supervisor less than {MILD:.0%} of "
-            "the recoverable missions were lost",
-            soft_wrap=True,
+            "the recoverable missions were lost"
         )
     alarms, trials = len(flown.false_alarms), len(flown.healthy)
-    output.print(
+    yield (
         f"healthy: {alarms} false alarms in {trials} missions, at most "
         f"{rule_of_three(alarms, trials):.2g} of them (95 %); {len(flown.healthy_lost)} did not "
-        "come up",
-        soft_wrap=True,
+        "come up"
     )
     if len(flown.too_slow):
-        output.print(
+        yield (
             f"{len(flown.too_slow)} healthy missions had not ended at the time limit, and the "
-            "supervisor ended them: the law is slow for them",
-            soft_wrap=True,
+            "supervisor ended them: the law is slow for them"
         )
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import compile_notice, output, progress, quantity
-from swimbladder.cli.options import Files, Options, Read, grouped
+from swimbladder.cli.common import compile_notice, progress, quantity
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,63 +35,36 @@ def _volumes(text: str, option: str) -> tuple[float | None, float | None]:
 class Golden(Options):
     """The step of the golden trace."""
 
-    start_depth: Annotated[
-        str | None,
-        typer.Option("--start", metavar="DEPTH", help="Golden trace: start (1.5 m; float: 0 m)"),
-    ] = None
-    target: Annotated[
-        str | None,
-        typer.Option(metavar="DEPTH", help="Golden trace: set-point (3 m; float: 100 m)"),
-    ] = None
-    duration: Annotated[
-        str | None,
-        typer.Option(metavar="TIME", help="Golden trace: time (400 s; float: 5400 s)"),
-    ] = None
-    seed: Annotated[int, typer.Option(help="Golden trace: seed of the sensors' noise.", min=0)] = 1
+    start_depth: str | None = valued(
+        "DEPTH", "Golden trace: start (1.5 m; float: 0 m)", name="--start"
+    )
+    target: str | None = valued("DEPTH", "Golden trace: set-point (3 m; float: 100 m)")
+    duration: str | None = valued("TIME", "Golden trace: time (400 s; float: 5400 s)")
+    seed: int = valued(None, "Golden trace: seed of the sensors' noise.", 1, min=0)
 
 
 @dataclass(frozen=True)
 class Pool(Options):
     """The pool procedure, as `codegen.pool.PoolOptions` has it."""
 
-    depth: Annotated[
-        str | None,
-        typer.Option(
-            "--pool", metavar="DEPTH", help="Add the pool procedure, for a pool this deep."
-        ),
-    ] = None
-    clearance: Annotated[
-        str | None,
-        typer.Option(
-            "--pool-clearance",
-            metavar="DEPTH",
-            help="Its rests, from bottom and surface (0.75 m).",
-        ),
-    ] = None
-    volumes: Annotated[
-        str | None,
-        typer.Option(
-            "--pool-volumes",
-            metavar="FIRST:LAST",
-            help="Its changes of volume (20:75 cm3).",
-        ),
-        Read(_volumes),
-    ] = None
-    rounds: Annotated[
-        int | None,
-        typer.Option("--pool-rounds", metavar="N", help="Its number of rounds (4)."),
-    ] = None
+    depth: str | None = valued(
+        "DEPTH", "Add the pool procedure, for a pool this deep.", name="--pool"
+    )
+    clearance: str | None = valued(
+        "DEPTH", "Its rests, from bottom and surface (0.75 m).", name="--pool-clearance"
+    )
+    volumes: str | None = valued(
+        "FIRST:LAST", "Its changes of volume (20:75 cm3).", name="--pool-volumes", read=_volumes
+    )
+    rounds: int | None = valued("N", "Its number of rounds (4).", name="--pool-rounds")
 
     def options(self) -> PoolOptions | None:
         """Return what is said of the pool, None where nothing is."""
         from swimbladder.codegen.pool import PoolOptions
 
         if self.depth is None:
-            for option, given in self.changed().items():
-                raise InputError(
-                    "it sets the pool procedure, and there is none",
-                    field=option, value=given, remedy='Give --pool, like --pool "4.5 m"',
-                )  # fmt: skip
+            why = "it sets the pool procedure, and there is none"
+            self.refuse(why, 'Give --pool, like --pool "4.5 m"')
             return None
         given = self.given()
         first_last = dict(zip(("first", "last"), given.pop("volumes", ()), strict=False))
@@ -99,7 +73,7 @@ class Pool(Options):
 
 @grouped(out=Path("swimbladder-firmware"))
 def firmware(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    vehicle: VehicleName,
     law: Annotated[
         str | None, typer.Option(metavar="LAW", help="Refuse a controller of another law.")
     ] = None,
@@ -119,14 +93,13 @@ def firmware(
     does not come to its end on the vehicle's model.
     """
     from swimbladder.io.config import load_vehicle
-    from swimbladder.io.files import check_place
 
     v = load_vehicle(vehicle)
     if v.command != "volume change":
         v = load_vehicle(vehicle, sampled=True)
     _check_law(v, law)
     options, asked = pool.options(), golden.given()
-    check_place(to.out)
+    to.check()
     with progress("loading the simulator"):
         from swimbladder.codegen.library import DIVE, STEP, make_library, write_library
 
@@ -144,7 +117,7 @@ def firmware(
             done = flown
 
         made = make_library(v, **asked, pool=options, progress=report)
-    to.answer(made.to_json(), write_library(made, to.out), lambda: _print(made))
+    to.answer(made.to_json(), write_library(made, to.out), _shown(made))
 
 
 def _check_law(vehicle: Vehicle, law: str | None) -> None:
@@ -164,14 +137,14 @@ def _check_law(vehicle: Vehicle, law: str | None) -> None:
     )
 
 
-def _print(made: Library) -> None:
+def _shown(made: Library) -> Iterator[object]:
+    """Give what is printed: the law, its golden trace, and what is to be done."""
     from swimbladder.codegen.meanings import summary
     from swimbladder.codegen.pool import pool_summary
 
     golden, unit = made.golden, "V" if made.law.command == "voltage" else "m3"
     low, high = made.limits
-    end = float(golden.depth[-1])
-    late, way, fit = [], f"{made.start_depth:g} to {made.target:g} m", []
+    end, way = float(golden.depth[-1]), f"{made.start_depth:g} to {made.target:g} m"
     commands = f"command {low:.6g} to {high:.6g} {unit}"
     to_do = "fill in the two functions of an example"
     there = abs(end - made.target) <= _ARRIVED * abs(made.target - made.start_depth)
@@ -181,20 +154,19 @@ def _print(made: Library) -> None:
         there = end <= made.drive.parameters.surface.shallow
         if golden.depth.max() < (1.0 - _ARRIVED) * made.target:
             end, there = float(golden.depth.max()), False
-        fit.append(made.drive.summary())
+    yield f"{made.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s, {commands}"
+    yield (
+        f"golden trace: {way} in {len(golden.depth)} ticks; "
+        f"float32 moves the vehicle by at most {golden.difference * 1e3:.2g} mm"
+    )
     if not there:
-        late.append(
+        yield (
             f"the golden trace ends at {end:.3g} m, before the vehicle has arrived: it tests less "
             "of the C than one with a longer --duration"
         )
-    for line in (
-        f"{made.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s, {commands}",
-        f"golden trace: {way} in {len(golden.depth)} ticks; "
-        f"float32 moves the vehicle by at most {golden.difference * 1e3:.2g} mm",
-        *late,
-        *fit,
-        summary(made.supervisor),
-        *([] if made.pool is None else [pool_summary(made.pool)]),
-        f"to do: {to_do}; README.md says how, and how to check",
-    ):
-        output.print(line, soft_wrap=True)
+    if made.drive is not None:
+        yield made.drive.summary()
+    yield summary(made.supervisor)
+    if made.pool is not None:
+        yield pool_summary(made.pool)
+    yield f"to do: {to_do}; README.md says how, and how to check"

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import console, output, progress, quantity, typed_command
+from swimbladder.cli.common import aside, labelled, progress, quantity, table, typed_command
 from swimbladder.cli.logs import LogReading, pair, pairs
-from swimbladder.cli.options import Files, Read, grouped
+from swimbladder.cli.options import Files, LogFiles, grouped, names, valued
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from swimbladder.estimation.actuator import ActuatorIdentification, Estimate
 
 
@@ -24,18 +23,14 @@ if TYPE_CHECKING:
 class Reading(LogReading):
     """How logs of an actuator are read."""
 
-    column: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=COLUMN", help=r'As in piston_m="Position \[mm]" or piston_m=Position@mm.'
-        ),
-        Read(pairs),
-    ] = None
+    column: list[str] | None = valued(
+        "NAME=COLUMN", r'As in piston_m="Position \[mm]" or piston_m=Position@mm.', read=pairs
+    )
 
 
 @grouped(out=Path("swimbladder-identify-actuator"))
 def identify_actuator(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")],
+    logs: LogFiles,
     vehicle: Annotated[
         str | None,
         typer.Option(
@@ -67,15 +62,13 @@ def identify_actuator(
     """
     from swimbladder.estimation.actuator import PARAMETERS
     from swimbladder.io.config import load_vehicle
-    from swimbladder.io.files import check_place
 
     v = None if vehicle is None else load_vehicle(vehicle, sampled=True)
-    fixed = {}
-    for name, text in (pair(text, "--set") for text in set_ or []):
-        number = quantity(text, PARAMETERS.get(name, ""), f"--set {name}")
-        assert number is not None
-        fixed[name] = number
-    asked = None if ask is None else [name.strip() for name in ask.split(",") if name.strip()]
+    fixed = {
+        name: quantity(text, PARAMETERS.get(name, ""), f"--set {name}")
+        for name, text in (pair(text, "--set") for text in set_ or [])
+    }
+    asked = None if ask is None else names(ask)
     given = [
         reading.log(one, v, quiet=k > 0, required=("time_s",))
         for k, one in enumerate(reading.chosen(logs))
@@ -83,7 +76,7 @@ def identify_actuator(
     with progress("loading the fit"):
         from swimbladder.estimation.actuator import identify_actuator as identify
 
-    check_place(to.out)
+    to.check()
     begun = time.perf_counter()
     with progress("identifying the actuator", 1.0) as advance:
         found = identify(given, v, fixed=fixed, asked=asked, advance=advance)
@@ -95,12 +88,9 @@ def identify_actuator(
             found, to.out, command=typed_command(), seconds=seconds, picture=plot, advance=advance
         )
     if why:
-        console.print(f"no vehicle is written: {why}", markup=False, soft_wrap=True)
-    to.answer(found.to_json(), files, lambda: _print(found))
-    if not found.identified:
-        if to.json:
-            console.print(found.refusal, markup=False, soft_wrap=True)
-        raise typer.Exit(1)
+        aside(f"no vehicle is written: {why}")
+    refusal = [found.refusal]
+    to.answer(found.to_json(), files, _shown(found), good=found.identified, why=refusal)
 
 
 def _row(name: str, e: Estimate) -> tuple[str, ...]:
@@ -119,65 +109,44 @@ def _row(name: str, e: Estimate) -> tuple[str, ...]:
     return (name, shown(e.value, e.unit), shown(e.std, e.unit, 2), interval)
 
 
-def _print(found: ActuatorIdentification) -> None:
-    """Print the parameters, each log, the nine, and what is to be said."""
-    _print_parameters(found)
-    if len(found.logs) > 1:
-        _print_each(found)
-    output.print("\nThe nine parameters of the model (section 2.3)")
-    table = _table("", "value", "from", "")
-    for known in found.nine:
-        value = "-" if known.value is None else f"{known.value:.4g} {known.unit}"
-        table.add_row(known.symbol, value, known.source, known.origin)
-    output.print(table)
-    output.print("")
-    for finding in found.findings:
-        mark = {"no": "not identified", "warning": "warning", "note": "note"}[finding.severity]
-        output.print(f"{mark}: {finding.sentence}", soft_wrap=True)
-    for sentence in found.assumptions:
-        output.print(f"assumed: {sentence}", soft_wrap=True)
-    for note in found.notes:
-        output.print(f"note: {note}", soft_wrap=True)
+_HEADINGS = ("", "value", "1 sigma", "95 % interval")
 
 
-def _table(*headings: str) -> Table:
-    """Return a table without lines: names to the left, numbers to the right, the last one folds."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    for heading in headings[:-1]:
-        left = heading in ("", "from", "log")
-        table.add_column(heading, justify="left" if left else "right", no_wrap=True)
-    last = headings[-1]
-    table.add_column(last, overflow="fold", no_wrap=bool(last), justify="right" if last else "left")
-    return table
-
-
-def _print_parameters(found: ActuatorIdentification) -> None:
-    """Print what is identified, then why the rest is not."""
+def _shown(found: ActuatorIdentification) -> Iterator[object]:
+    """Give what is printed: the parameters, each log, the nine, and what is to be said."""
     shown = {**found.parameters, **found.derived}
-    table = _table("", "value", "1 sigma", "95 % interval")
-    for name, e in shown.items():
-        table.add_row(*_row(name, e))
-    output.print(table)
+    yield table(_HEADINGS, (_row(name, e) for name, e in shown.items()))
     asked = {f.sentence for f in found.findings if f.severity == "no"}
     reasons: dict[str, list[str]] = {}
     for name, e in shown.items():
         if not e.known and not any(e.why in sentence for sentence in asked):
             reasons.setdefault(e.why, []).append(name)
-    for why, names in reasons.items():
-        output.print(f"{', '.join(names)}: {why}", soft_wrap=True)
+    yield from (f"{', '.join(without)}: {why}" for why, without in reasons.items())
+    if len(found.logs) > 1:
+        yield from _each(found)
+    yield "\nThe nine parameters of the model (section 2.3)"
+    nine = (
+        (known.symbol, _value(known.value, known.unit), known.source, known.origin)
+        for known in found.nine
+    )
+    yield table(("", "value", "from", " "), nine, left=("", "from", " "))
+    yield ""
+    marks = {"no": "not identified", "warning": "warning", "note": "note"}
+    yield from (f"{marks[finding.severity]}: {finding.sentence}" for finding in found.findings)
+    yield from (*labelled("assumed", found.assumptions), *labelled("note", found.notes))
 
 
-def _print_each(found: ActuatorIdentification) -> None:
-    """Print what each log determines, a row for each of its numbers."""
-    output.print("\nEach log by itself")
+def _value(value: float | None, unit: str) -> str:
+    return "-" if value is None else f"{value:.4g} {unit}"
+
+
+def _each(found: ActuatorIdentification) -> Iterator[object]:
+    """Give what each log determines, a row for each of its numbers."""
+    yield "\nEach log by itself"
     for fit in found.logs:
         refusal = "" if fit.refusal is None else f": {fit.refusal}"
-        output.print(f"{Path(fit.source).name}{refusal}", soft_wrap=True)
-        table = _table("", "value", "1 sigma", "95 % interval")
-        for name, e in fit.parameters.items():
-            if e.origin == "data":
-                table.add_row(*_row(name, e))
-        if table.row_count:
-            output.print(table)
+        yield f"{Path(fit.source).name}{refusal}"
+        own = {name: e for name, e in fit.parameters.items() if e.origin == "data"}
+        rows = [_row(name, e) for name, e in own.items()]
+        if rows:
+            yield table(_HEADINGS, rows)

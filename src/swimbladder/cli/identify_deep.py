@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import typer
+from rich.text import Text
 
 from swimbladder.cli.casts import refuse_doubted_unit
-from swimbladder.cli.common import console, json_text, output, progress
-from swimbladder.cli.identify import number_table
+from swimbladder.cli.common import labelled, progress, table
 from swimbladder.cli.logs import once
 from swimbladder.cli.options import names
 from swimbladder.cli.settings import known, setting
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from swimbladder.cli.casts import LogCasts
     from swimbladder.cli.logs import Chosen, LogReading
     from swimbladder.cli.options import Files
@@ -48,7 +49,6 @@ def identify_deep(
     import numpy as np
 
     from swimbladder.estimation.motion.deep_model import CAST, DEEP, check_deep_request
-    from swimbladder.io.files import check_place
     from swimbladder.io.float_logs import read_float_log
     from swimbladder.show.report.identification import check_folder
 
@@ -57,7 +57,7 @@ def identify_deep(
     errors = {name: about.unit for name, about in CAST.items()}
     before = once([known(text, units | errors) for text in sought.priors or ()], "--prior")
     free = None if sought.free is None else names(sought.free)
-    check_place(to.out)
+    to.check()
     check_folder(to.out, given)
     check_deep_request(vehicle, len(logs), casts.number, free=free, fixed=list(held), priors=before)
     mapped = reading.columns()
@@ -83,53 +83,41 @@ def identify_deep(
         )
     answer = found.to_json()
     with progress("drawing the picture"):
-        files = write_deep(found, to.out, answer=json_text(answer))
+        files = write_deep(found, to.out, answer=answer)
     notes = [note for log in read for note in log.report]
-    to.answer(answer, files, lambda: _print(found, notes))
-    if not found.identified:
-        if to.json:
-            console.print(found.sentences[0], markup=False, soft_wrap=True)
-        raise typer.Exit(1)
+    shown = _shown(found, notes)
+    to.answer(answer, files, shown, good=found.identified, why=found.sentences[:1])
 
 
-def _print(found: DeepIdentification, notes: Sequence[str]) -> None:
-    for i, sentence in enumerate(found.sentences):
-        output.print(sentence, style="bold" if i == 0 else None, soft_wrap=True)
-    output.print("")
-    output.print(_parameters(found))
-    output.print("")
-    output.print(_dives(found))
-    output.print("")
-    for sentence in found.assumptions:
-        output.print(f"assumed: {sentence}", soft_wrap=True)
-    for note in notes:
-        output.print(f"note: {note}", soft_wrap=True)
+def _shown(found: DeepIdentification, notes: Sequence[str]) -> Iterator[object]:
+    """Give what is printed, the answer first."""
+    first, *others = found.sentences
+    yield from (Text(first, style="bold"), *others)
+    yield from ("", _parameters(found), "", _dives(found), "")
+    yield from (*labelled("assumed", found.assumptions), *labelled("note", notes))
 
 
-def _parameters(found: DeepIdentification) -> object:
+def _parameters(found: DeepIdentification) -> Table:
     from swimbladder.units import shown_unit, unit_factor
 
-    table = number_table(("", "value", "1 sigma", "95 % interval", "unit", "from"))
     words = {"data": "the dives", "prior": "its prior", "set": "set"}
+    if found.inconsistent:
+        words |= dict.fromkeys(("data", "prior"), "not identifiable")
+    rows = []
     for name, e in found.parameters.items():
         shown = shown_unit(e.unit) if e.unit else ""
         factor = unit_factor(e.unit, shown) if e.unit else 1.0
         low, high = (factor * x for x in e.ci95)
-        sure = [f"{factor * e.std:.2g}", f"{low:.4g} to {high:.4g}"]
-        table.add_row(
-            name, f"{factor * e.value:.4g}", *(("-", "-") if found.inconsistent else sure),
-            shown or "-",
-            "not identifiable" if found.inconsistent and e.origin != "set" else words[e.origin],
-        )  # fmt: skip
-    return table
+        sure = (f"{factor * e.std:.2g}", f"{low:.4g} to {high:.4g}")
+        sure = ("-", "-") if found.inconsistent else sure
+        rows.append((name, f"{factor * e.value:.4g}", *sure, shown or "-", words[e.origin]))
+    return table(("", "value", "1 sigma", "95 % interval", "unit", "from"), rows)
 
 
-def _dives(found: DeepIdentification) -> object:
-    table = number_table(
-        ("dive", "samples", "deepest", "imbalance", "speed off by", "replay off by")
-    )
-    for told, numbers in zip(found.dives, found.to_json()["dives"], strict=True):
-        table.add_row(
+def _dives(found: DeepIdentification) -> Table:
+    headings = ("dive", "samples", "deepest", "imbalance", "speed off by", "replay off by")
+    rows = (
+        (
             told.dive.name,
             str(numbers["samples"]),
             f"{numbers['deepest_Pa'] / 1e4:.0f} dbar",
@@ -137,4 +125,6 @@ def _dives(found: DeepIdentification) -> object:
             f"{1e3 * numbers['speed_rms_m_s']:.1f} mm/s",
             f"{numbers['replay_rms_Pa'] / 1e4:.0f} dbar",
         )
-    return table
+        for told, numbers in zip(found.dives, found.to_json()["dives"], strict=True)
+    )
+    return table(headings, rows)

@@ -6,12 +6,10 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
-import typer
-
-from swimbladder.cli.common import console, progress
-from swimbladder.cli.options import Options, Read
+from swimbladder.cli.common import aside, progress
+from swimbladder.cli.options import Options, valued
 from swimbladder.errors import InputError, LogError
 
 if TYPE_CHECKING:
@@ -75,21 +73,11 @@ def selections(texts: Sequence[str]) -> list[dict[str, str]]:
 class LogReading(Options):
     """Which rows of files make logs, and how they are read."""
 
-    where: Annotated[
-        list[str] | None,
-        typer.Option(metavar="COLUMN=VALUE", help="Only these rows; VALUE,VALUE: one log each."),
-    ] = None
-    column: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=COLUMN", help=r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.'
-        ),
-        Read(pairs),
-    ] = None
-    log_format: Annotated[
-        str | None,
-        typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table."),
-    ] = None
+    where: list[str] | None = valued("COLUMN=VALUE", "Only these rows; VALUE,VALUE: one log each.")
+    column: list[str] | None = valued(
+        "NAME=COLUMN", r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.', read=pairs
+    )
+    log_format: str | None = valued("FORMAT", r"TOML file with a \[log] table.")
 
     def chosen(self, paths: Sequence[Path]) -> list[Chosen]:
         """Return every selection of every file, in order; raises InputError naming the option."""
@@ -169,9 +157,5 @@ def _format(
     if not {column.name for column in form.columns.mapped().values()} <= header:
         return None
     if not quiet:
-        console.print(
-            f"{path}: its columns are those of the log format {vehicle.name}, and read so",
-            markup=False,
-            soft_wrap=True,
-        )
+        aside(f"{path}: its columns are those of the log format {vehicle.name}, and read so")
     return form

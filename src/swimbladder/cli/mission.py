@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import datetime
 import shutil
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from swimbladder.cli.casts import CastFile, CastReading, refuse_doubted_unit, warn_of_mass
-from swimbladder.cli.common import asked_of, compile_notice, json_text, kept, output, progress
-from swimbladder.cli.options import Files, Options, Read, grouped
+from swimbladder.cli.common import asked_of, compile_notice, kept, labelled, progress, table
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -40,26 +42,15 @@ def _moment(text: str, option: str) -> datetime.datetime:
 class Flown(Options):
     """How a mission is flown."""
 
-    cycles: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Cycles (as in the mission).")
-    ] = None
-    duration: Annotated[
-        str | None,
-        typer.Option(metavar="TIME", help="No cycle begins after this time."),
-    ] = None
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed of the sensors' noise (no noise).")
-    ] = None
-    begin: Annotated[
-        str | None,
-        typer.Option(metavar="TIME", help="Start, ISO 8601, for netCDF (2000-01-01)."),
-        Read(_moment),
-    ] = None
+    cycles: int | None = valued("N", "Cycles (as in the mission).", min=1)
+    duration: str | None = valued("TIME", "No cycle begins after this time.")
+    seed: int | None = valued(None, "Seed of the sensors' noise (no noise).", min=0)
+    begin: str | None = valued("TIME", "Start, ISO 8601, for netCDF (2000-01-01).", read=_moment)
 
 
 @grouped(out=Path("swimbladder-mission"))
 def mission(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    vehicle: VehicleName,
     mission: Annotated[
         Path, typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
     ],
@@ -80,12 +71,12 @@ def mission(
     A run that is killed resumes.
     """
     from swimbladder.io.config import load_mission, load_vehicle
-    from swimbladder.io.files import check_place, unfinished
+    from swimbladder.io.files import unfinished
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
     asked = how.read()
     begin = asked.pop("begin") or _BEGIN
-    check_place(to.out)
+    to.check()
     keep = unfinished(to.out)
     read = next(iter(reading.casts(cast, task.latitude)), None)
     warn_of_mass(v)
@@ -95,9 +86,7 @@ def mission(
     with progress("writing the files"):
         files = _write(found, to.out, answer, read, begin, netcdf=netcdf, plot=plot)
     shutil.rmtree(keep, ignore_errors=True)
-    to.answer(answer, files, lambda: _print(found, read))
-    if not found.completed:
-        raise typer.Exit(1)
+    to.answer(answer, files, _shown(found, read), good=found.completed)
 
 
 def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
@@ -137,78 +126,54 @@ def _write(
     begin: datetime.datetime, *, netcdf: bool, plot: bool,
 ) -> list[Path]:  # fmt: skip
     """Write the files, take away those of an earlier flight, and return their paths."""
-    from swimbladder.io.files import publish, write_atomically
-    from swimbladder.io.tables import write_csv
+    from swimbladder.show.files import write_all
     from swimbladder.sim.mission.export import float_configuration
     from swimbladder.sim.mission.og1 import og1_dataset, write_og1
     from swimbladder.sim.mission.tables import cycle_columns, events_csv, speeds, trajectory_columns
 
-    names = ["mission.json", "trajectory.csv", "events.csv", "cycles.csv", "vertical-speed.csv"]
-    names += ["float.json"] + ["mission.nc"] * netcdf + ["mission.png"] * plot
+    files: dict[str, object] = {
+        "mission.json": answer,
+        "trajectory.csv": trajectory_columns(found),
+        "events.csv": events_csv(found.flight),
+        "cycles.csv": cycle_columns(found),
+        "vertical-speed.csv": speeds(found.flight),
+        "float.json": float_configuration(found, begin=begin),
+    }
+    if netcdf:
+        place = {} if cast is None else {"latitude": cast.latitude, "longitude": cast.longitude}
+        files["mission.nc"] = partial(write_og1, og1_dataset(found, begin=begin, **place))
+    if plot:
+        from swimbladder.show.plots.mission import draw_mission
 
-    def write(folder: Path) -> None:
-        write_atomically(folder / "mission.json", json_text(answer) + "\n")
-        write_csv(folder / "trajectory.csv", trajectory_columns(found))
-        write_atomically(folder / "events.csv", events_csv(found.flight))
-        write_csv(folder / "cycles.csv", cycle_columns(found))
-        write_csv(folder / "vertical-speed.csv", speeds(found.flight))
-        write_atomically(
-            folder / "float.json", json_text(float_configuration(found, begin=begin)) + "\n"
-        )
-        if netcdf:
-            data = og1_dataset(
-                found, begin=begin,
-                latitude=None if cast is None else cast.latitude,
-                longitude=None if cast is None else cast.longitude,
-            )  # fmt: skip
-            write_og1(data, folder / "mission.nc")
-        if plot:
-            from swimbladder.show.plots.mission import draw_mission
-            from swimbladder.show.plots.style import save
-
-            save(draw_mission(found), folder / "mission.png")
-
-    publish(out, write)
-    for name in sorted({"mission.nc", "mission.png"} - set(names)):
+        files["mission.png"] = draw_mission(found)
+    written = write_all(out, files)
+    for name in {"mission.nc", "mission.png"} - set(files):
         (out / name).unlink(missing_ok=True)  # those of another flight
-    return [out / name for name in names]
+    return written
 
 
-def _print(found: MissionResult, cast: Cast | None) -> None:
-    from rich.table import Table
-
+def _shown(found: MissionResult, cast: Cast | None) -> Iterator[object]:
+    """Give what is printed: the answer, its reasons, the cycles, the energy."""
     from swimbladder.sim.mission.phase_laws import law_words
     from swimbladder.sim.mission.tables import cycle_words
     from swimbladder.sim.mission.words import span_words
 
     flight = found.flight
-    output.print(
+    count = len(flight.cycles)
+    yield (
         f"{flight.vehicle.name} in {flight.column.source or 'the given water'}: "
-        f"{len(flight.cycles)} cycle{'s' if len(flight.cycles) > 1 else ''}, "
-        f"{span_words(flight.duration)}",
-        soft_wrap=True,
+        f"{count} cycle{'s' if count > 1 else ''}, {span_words(flight.duration)}"
     )
-    for line in law_words(found.laws):
-        output.print(line, soft_wrap=True)
-    for remark in () if cast is None else flight.column.report:
-        output.print(f"cast: {remark}", soft_wrap=True)
-    output.print("")
-    output.print(found.sentence, soft_wrap=True)
-    for line in (*found.holding, *found.reasons, *found.notes):
-        output.print(line, soft_wrap=True)
-    output.print("")
+    yield from law_words(found.laws)
+    yield from labelled("cast", () if cast is None else flight.column.report)
+    yield from ("", found.sentence, *found.holding, *found.reasons, *found.notes, "")
     heading, *lines = cycle_words(found)
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    for name in heading:
-        table.add_column(name, justify="right", no_wrap=True)
-    for row in lines:
-        table.add_row(*row)
-    output.print(table)
-    if len(lines) < len(flight.cycles):
-        output.print(f"({len(flight.cycles) - len(lines)} cycles more in cycles.csv)")
+    yield table(heading, lines, left=())
+    if len(lines) < count:
+        yield f"({count - len(lines)} cycles more in cycles.csv)"
     if found.energy_known:
-        output.print("")
+        yield ""
         total = found.books.drawn
         for name, energy in sorted(found.books.battery.items(), key=lambda pair: -pair[1]):
             share = 100.0 * energy / total if total > 0.0 else 0.0
-            output.print(f"{name}: {energy / 1e3:.4g} kJ, {share:.0f} %", soft_wrap=True)
+            yield f"{name}: {energy / 1e3:.4g} kJ, {share:.0f} %"

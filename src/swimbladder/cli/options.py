@@ -1,23 +1,21 @@
 """Groups of options: dataclasses in a command's signature, whose fields typer takes as its options.
 
-A field is annotated as a parameter of a command is. The word for its value in the help says how
-its text is read: ``depth: Annotated[str, typer.Option(metavar="DEPTH", help="...")] = "0 m"`` as
-metres, LEAST:MOST as two depths. Another way to read it stands beside that, as a `Read`.
+The word for a value in the help says how its text is read: ``depth: str = valued("DEPTH", "...",
+"0 m")`` as metres, LEAST:MOST as two depths. Another way to read it stands beside that.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, Field, dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import typer
-from typer.models import OptionInfo
 
-from swimbladder.cli.common import emit_json, output, quantity, said_as_typed
+from swimbladder.cli.common import aside, emit_json, quantity, said_as_typed, say
 from swimbladder.errors import InputError
 
 _UNITS = {
@@ -27,10 +25,27 @@ _UNITS = {
 }  # fmt: skip
 
 
-class Read(NamedTuple):
-    """How the text of an option is read: a function of the text and the option's name."""
+VehicleName = Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")]
+LogFiles = Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")]
 
-    how: Callable[[str, str], Any]
+
+def valued(
+    word: str | None, help: str, default: Any = None, *, name: str | None = None,
+    read: Callable[[Any, str], Any] | None = None, **more: Any,
+) -> Any:  # fmt: skip
+    """Return a field of a group: an option with a word for its value in the help.
+
+    default: ... where it must be given. name: of the option, where that is not the field's. read:
+    how its text is read, where the word does not say it. more: as `typer.Option` has it.
+    """
+    info = typer.Option(*([] if name is None else [name]), metavar=word, help=help, **more)
+    about = {"info": info, "read": read}
+    return field(metadata=about) if default is ... else field(default=default, metadata=about)
+
+
+def flag(name: str, help: str, default: bool = False) -> Any:
+    """Return a field of a group: an option without a value."""
+    return valued(None, help, default, name=name)
 
 
 def names(text: str) -> tuple[str, ...]:
@@ -54,17 +69,14 @@ def depth_pair(text: str, option: str) -> tuple[float, float]:
     if unit and not parts[0].lstrip("+-.0123456789eE").strip():
         parts[0] = f"{parts[0]} {unit}"
     first, last = (quantity(part, "m", option) for part in parts)
-    assert first is not None
-    assert last is not None
     return first, last
 
 
-def _read(text: str, option: str, marks: Sequence[Any]) -> Any:
-    """Return what a text stands for: by a `Read`, by the option's metavar, or as it is."""
-    for mark in marks:
-        if isinstance(mark, Read):
-            return mark.how(text, option)
-    word = next((mark.metavar for mark in marks if isinstance(mark, OptionInfo)), None)
+def _read(text: str, option: str, about: Mapping[str, Any]) -> Any:
+    """Return what a text stands for: by a function of it, by the option's word, or as it is."""
+    word = about["info"].metavar
+    if about["read"] is not None:
+        return about["read"](text, option)
     if word in ("LEAST:MOST", "FROM:TO"):
         return depth_pair(text, option)
     if word == "NAME,...":
@@ -79,17 +91,7 @@ class Options:
     @classmethod
     def named(cls) -> dict[str, str]:
         """Return the option of each field, of a flag the one that changes it."""
-        return {
-            name: next(
-                (
-                    info.default.split("/")[-1].strip()
-                    for info in marks
-                    if isinstance(getattr(info, "default", None), str)
-                ),
-                "--" + name.replace("_", "-"),
-            )
-            for name, marks in _marks(cls).items()
-        }  # fmt: skip
+        return {one.name: _option(one) for one in fields(cls)}
 
     def read(self) -> dict[str, Any]:
         """Return the values by field, read as they are annotated: numbers in SI.
@@ -97,23 +99,35 @@ class Options:
         Raises InputError naming the option.
         """
         found, options = dict(vars(self)), self.named()
-        for name, marks in _marks(type(self)).items():
-            if found[name] is not None:
-                found[name] = _read(found[name], options[name], marks)
+        for one in fields(self):
+            if found[one.name] is not None:
+                found[one.name] = _read(found[one.name], options[one.name], one.metadata)
         return found
 
     def given(self) -> dict[str, Any]:
         """Return `read` without what is not given."""
         return {name: value for name, value in self.read().items() if value is not None}
 
-    def changed(self) -> dict[str, object]:
-        """Return what was typed and is not what stands where nothing is typed, by option."""
+    def changed(self, *but: str) -> dict[str, object]:
+        """Return what was typed and is not what stands where nothing is typed, by option.
+
+        but: fields that are left out.
+        """
         options = self.named()
         return {
             options[one.name]: value
             for one in fields(self)
             if (value := getattr(self, one.name)) != one.default and value not in (None, [])
+            if one.name not in but
         }
+
+    def refuse(self, why: str, remedy: str, *but: str) -> None:
+        """Raise InputError where one is typed that has no use here.
+
+        but: fields that have one.
+        """
+        for option, value in self.changed(*but).items():
+            raise InputError(why, field=option, value=value, remedy=remedy)
 
     @contextmanager
     def said_as_typed(self, **others: str) -> Iterator[None]:
@@ -132,21 +146,30 @@ class Options:
 class Files(Options):
     """Where the files of a command go, and whether its answer is JSON."""
 
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")]
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False
+    out: Path = valued("DIR", "Folder for the files.", ..., name="--out")
+    json: bool = flag("--json", "Print one JSON object and nothing else.")
+
+    def check(self) -> None:
+        """Raise InputError where the folder could not be made."""
+        from swimbladder.io.files import check_place
+
+        check_place(self.out)
 
     def answer(
-        self, answer: Mapping[str, Any], files: Sequence[Path], show: Callable[[], object]
-    ) -> None:
-        """Print the answer and its files: as JSON, or as `show` does."""
+        self, answer: Mapping[str, Any], files: Sequence[Path], shown: Iterable[object], *,
+        good: bool = True, why: Sequence[str] = (),
+    ) -> None:  # fmt: skip
+        """Print the answer and its files, as JSON or as `shown`; exit with 1 where it is not good.
+
+        why: what is not good; beside JSON it stands on stderr.
+        """
         if self.json:
             emit_json({**answer, "files": [str(path) for path in files]})
-            return
-        show()
-        for path in files:
-            output.print(f"wrote {path}", soft_wrap=True)
+            aside(*(() if good else why))
+        else:
+            say(*shown, *(f"wrote {path}" for path in files))
+        if not good:
+            raise typer.Exit(1)
 
 
 def grouped(**defaults: object) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -186,6 +209,14 @@ def grouped(**defaults: object) -> Callable[[Callable[..., None]], Callable[...,
     return decorate
 
 
+def _option(one: Field[Any]) -> str:
+    """Return the option of a field, of a flag the one that changes it."""
+    named = one.metadata["info"].default
+    if isinstance(named, str):
+        return named.split("/")[-1].strip()
+    return "--" + one.name.replace("_", "-")
+
+
 def _word(option: str) -> str:
     return option.lstrip("-").replace("-", "_")
 
@@ -196,13 +227,12 @@ def _parameter(name: str, kind: object, default: object) -> inspect.Parameter:
 
 def _fields(group: type[Options]) -> list[tuple[str, object, object]]:
     """Return name, annotation and default of each field."""
-    hints, none = get_type_hints(group, include_extras=True), inspect.Parameter.empty
+    hints, none = get_type_hints(group), inspect.Parameter.empty
     return [
-        (one.name, hints[one.name], none if one.default is MISSING else one.default)
+        (
+            one.name,
+            Annotated[hints[one.name], one.metadata["info"]],
+            none if one.default is MISSING else one.default,
+        )
         for one in fields(group)
     ]
-
-
-def _marks(group: type[Options]) -> dict[str, tuple[Any, ...]]:
-    """Return what stands beside the type of each field."""
-    return {name: getattr(kind, "__metadata__", ()) for name, kind, _ in _fields(group)}

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import compile_notice, console, json_text, output, progress
-from swimbladder.cli.options import Files, Options, depth_pair, grouped
+from swimbladder.cli.common import aside, compile_notice, progress
+from swimbladder.cli.options import Files, Options, VehicleName, depth_pair, grouped, valued
 
 if TYPE_CHECKING:
     from swimbladder.design.planning import Plan
@@ -21,41 +21,20 @@ if TYPE_CHECKING:
 class Asked(Options):
     """What is planned, as `design.planning.plan` has it."""
 
-    goal: Annotated[
-        str,
-        typer.Option(metavar="GOAL", help="time, effort (volume moved) or energy: the least."),
-    ] = "time"
-    arrive: Annotated[
-        str | None,
-        typer.Option(metavar="HOW", help="band (for good, goal time's own) or rest (exactly)."),
-    ] = None
-    duration: Annotated[
-        str | None,
-        typer.Option(metavar="TIME", help="Until rest, for effort and energy (twice the least)."),
-    ] = None
-    supply: Annotated[
-        str | None, typer.Option(metavar="VOLTAGE", help="The battery's (the vehicle's).")
-    ] = None
-    sample_time: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Between commands (the controller's).")
-    ] = None
-    band: Annotated[
-        str, typer.Option(metavar="SHARE", help="Of the step, to either side of the target.")
-    ] = "2 %"
-    margin: Annotated[
-        str, typer.Option(metavar="SHARE", help="Of supply and stroke, left for feedback.")
-    ] = "0 %"
-    speed_limit: Annotated[
-        str | None, typer.Option(metavar="SPEED", help="Fastest that it may go.")
-    ] = None
-    bottom_depth: Annotated[
-        str | None, typer.Option("--bottom", metavar="DEPTH", help="Depth of the bottom.")
-    ] = None
+    goal: str = valued("GOAL", "time, effort (volume moved) or energy: the least.", "time")
+    arrive: str | None = valued("HOW", "band (for good, goal time's own) or rest (exactly).")
+    duration: str | None = valued("TIME", "Until rest, for effort and energy (twice the least).")
+    supply: str | None = valued("VOLTAGE", "The battery's (the vehicle's).")
+    sample_time: str | None = valued("TIME", "Between commands (the controller's).")
+    band: str = valued("SHARE", "Of the step, to either side of the target.", "2 %")
+    margin: str = valued("SHARE", "Of supply and stroke, left for feedback.", "0 %")
+    speed_limit: str | None = valued("SPEED", "Fastest that it may go.")
+    bottom_depth: str | None = valued("DEPTH", "Depth of the bottom.", name="--bottom")
 
 
 @grouped(out=Path("swimbladder-plan"))
 def plan(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    vehicle: VehicleName,
     step: Annotated[str, typer.Option(metavar="FROM:TO", help="Depths, from rest to rest.")],
     *,
     asked: Asked,
@@ -67,37 +46,26 @@ def plan(
     that there is no plan, what is in the way, and how much more of it would do.
     """
     from swimbladder.io.config import load_vehicle
-    from swimbladder.io.files import check_place, publish, write_atomically
-    from swimbladder.io.tables import write_csv
 
     v = load_vehicle(vehicle, sampled=True)
     start, target = depth_pair(step, "--step")
     options = asked.given()
-    check_place(to.out)
+    to.check()
     with progress("loading the solvers"):
         from swimbladder.design.planning import plan as find
+        from swimbladder.show.files import write_all
         from swimbladder.show.plots.plan import draw_plan
-        from swimbladder.show.plots.style import save
     with _told_how_to_go_on(), compile_notice(), progress("solving programs") as advance:
         found = find(v, start, target, advance=advance, **options)
     answer = found.to_json()
-    names = ["plan.csv", "mission.toml", "plan.json", "plan.png"]
-
-    def write(folder: Path) -> None:
-        write_csv(folder / names[0], found.columns())
-        write_atomically(folder / names[1], _mission(found))
-        write_atomically(folder / names[2], json_text(answer) + "\n")
-        save(draw_plan(found), folder / names[3])
-
-    def show() -> None:
-        output.print(f"{v.name}, goal {found.goal}", soft_wrap=True)
-        output.print("")
-        for sentence in found.sentences:
-            output.print(sentence, soft_wrap=True)
-        output.print("")
-
-    publish(to.out, write)
-    to.answer(answer, [to.out / name for name in names], show)
+    files = {
+        "plan.csv": found.columns(),
+        "mission.toml": _mission(found),
+        "plan.json": answer,
+        "plan.png": draw_plan(found),
+    }
+    shown = (f"{v.name}, goal {found.goal}", "", *found.sentences, "")
+    to.answer(answer, write_all(to.out, files), shown)
 
 
 @contextlib.contextmanager
@@ -106,10 +74,9 @@ def _told_how_to_go_on() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        console.print(
+        aside(
             "stopped: nothing is written, and the same command begins anew. It takes less long "
-            "with a longer sample time (--sample-time)",
-            soft_wrap=True,
+            "with a longer sample time (--sample-time)"
         )
         raise
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import compile_notice, console, emit_json, output, progress, quantity
+from swimbladder.cli.common import aside, compile_notice, console, labelled, progress, quantity
 from swimbladder.cli.logs import pair, pairs
-from swimbladder.cli.options import Files, Options, Read, grouped
+from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued
 from swimbladder.cli.pool_view import View, parameter_table
 from swimbladder.cli.settings import Sought, deviation
 from swimbladder.errors import InputError, SwimbladderError, UnitError
@@ -35,24 +35,15 @@ _NOISE = 2e-3  # m
 class Rehearsed(Options):
     """A rehearsal in simulated water."""
 
-    truth: Annotated[
-        str | None,
-        typer.Option(metavar="VEHICLE", help="The vehicle in the simulated water (VEHICLE)."),
-    ] = None
-    speed: Annotated[
-        float | None,
-        typer.Option(
-            help="Simulated seconds a second (60 on a terminal, else as fast as it goes)."
-        ),
-    ] = None
-    sensor_std: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DEPTH", help="Noise of the simulated depth (the vehicle's; 2 mm if none)."
-        ),
-    ] = None
-    seed: Annotated[int, typer.Option(help="Seed of the simulated noise.", min=0)] = 0
-    most: Annotated[int, typer.Option(help="Experiments after which a rehearsal ends.", min=1)] = 16
+    truth: str | None = valued("VEHICLE", "The vehicle in the simulated water (VEHICLE).")
+    speed: float | None = valued(
+        None, "Simulated seconds a second (60 on a terminal, else as fast as it goes)."
+    )
+    sensor_std: str | None = valued(
+        "DEPTH", "Noise of the simulated depth (the vehicle's; 2 mm if none)."
+    )
+    seed: int = valued(None, "Seed of the simulated noise.", 0, min=0)
+    most: int = valued(None, "Experiments after which a rehearsal ends.", 16, min=1)
 
     def operator(self, vehicle: Vehicle, bottom: float) -> Operator:
         """Return who rehearses: the vehicle in simulated water `bottom` [m] deep."""
@@ -64,10 +55,9 @@ class Rehearsed(Options):
         std = self.read()["sensor_std"]
         if std is None and truth.sensors.depth_noise == truth.sensors.depth_quantum == 0.0:
             std = _NOISE
-            console.print(
+            aside(
                 f"{truth.name} states no noise of its depth: {1e3 * std:g} mm (1 sigma) is taken; "
-                "--sensor-std says another",
-                soft_wrap=True,
+                "--sensor-std says another"
             )
         with self.said_as_typed(depth_noise="sensor_std"):
             check_waiting(speed=self.speed)
@@ -80,24 +70,15 @@ class Rehearsed(Options):
 class Followed(Options):
     """A log that is being written."""
 
-    columns: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--column",
-            metavar="NAME=COLUMN",
-            help=r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.',
-        ),
-        Read(pairs),
-    ] = None
-    log_format: Annotated[
-        str | None, typer.Option(metavar="FORMAT", help=r"TOML file with a \[log] table.")
-    ] = None
-    wait: Annotated[
-        bool, typer.Option("--wait/--no-wait", help="Wait for more, or take the log as finished.")
-    ] = True
-    timeout: Annotated[
-        str, typer.Option(metavar="TIME", help="End when the log has not grown for so long.")
-    ] = "15 min"
+    columns: list[str] | None = valued(
+        "NAME=COLUMN",
+        r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.',
+        name="--column",
+        read=pairs,
+    )
+    log_format: str | None = valued("FORMAT", r"TOML file with a \[log] table.")
+    wait: bool = flag("--wait/--no-wait", "Wait for more, or take the log as finished.", True)
+    timeout: str = valued("TIME", "End when the log has not grown for so long.", "15 min")
 
     def tail(self, vehicle: Vehicle, log: Path) -> tuple[GrowingLog, float]:
         """Return what reads the log, and how long it waits for more [s]."""
@@ -119,19 +100,11 @@ class Followed(Options):
 class Procedure(Options):
     """What is done in the pool."""
 
-    pool_depth: Annotated[
-        str | None,
-        typer.Option(metavar="DEPTH", help="Depth of the bottom (4.5 m in a rehearsal)."),
-    ] = None
-    travel: Annotated[
-        str, typer.Option(metavar="DISTANCE", help="An experiment is over after this.")
-    ] = "3 m"
-    plan: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="PLAN", help="What to do, from design-experiment (the paper's experiments)."
-        ),
-    ] = None
+    pool_depth: str | None = valued("DEPTH", "Depth of the bottom (4.5 m in a rehearsal).")
+    travel: str = valued("DISTANCE", "An experiment is over after this.", "3 m")
+    plan: Path | None = valued(
+        "PLAN", "What to do, from design-experiment (the paper's experiments)."
+    )
 
 
 def _targets(text: str, option: str) -> list[Target]:
@@ -146,7 +119,6 @@ def _targets(text: str, option: str) -> list[Target]:
         except UnitError:
             unit = NAMES[name].unit if name in NAMES else ""
             std = quantity(value, unit, f"{option} {name}")
-            assert std is not None
             found.append(Target(name, std, relative=False))
     return found
 
@@ -155,29 +127,21 @@ def _targets(text: str, option: str) -> list[Target]:
 class Goals(Options):
     """How well parameters are to be known."""
 
-    target_std: Annotated[
-        str | None,
-        typer.Option(metavar="SHARE", help="How well each but psi is to be known (2 %)."),
-    ] = None
-    target: Annotated[
-        str | None,
-        typer.Option(metavar="NAME=STD,...", help='Or each by itself, as in "K2=2%,T2=3%".'),
-        Read(_targets),
-    ] = None
-    neutral_std: Annotated[
-        str,
-        typer.Option(metavar="VOLUME", help="How well a rest tells the neutral volume."),
-        deviation("m3"),
-    ] = "0.5 cm3"
+    target_std: str | None = valued("SHARE", "How well each but psi is to be known (2 %).")
+    target: str | None = valued(
+        "NAME=STD,...", 'Or each by itself, as in "K2=2%,T2=3%".', read=_targets
+    )
+    neutral_std: str = valued(
+        "VOLUME", "How well a rest tells the neutral volume.", "0.5 cm3", read=deviation("m3")
+    )
 
 
 _POOL = 4.5  # m
-_OF_ONE = ("--column", "--log-format", "--truth", "--speed", "--sensor-std")  # kind of run
 
 
 @grouped(out=Path("swimbladder-pool"))
 def pool(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    vehicle: VehicleName,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Rehearse on the simulated vehicle.")
     ] = False,
@@ -204,14 +168,10 @@ def pool(
             "a guided run is either simulated or follows a log", field="--simulate, --follow",
             remedy="Give --simulate to rehearse, or --follow LOG at the pool",
         )  # fmt: skip
-    other, why = (
-        (followed, "it is for a log that is followed")
-        if simulate
-        else (rehearsed, "it is for a rehearsal")
-    )
-    for option, given in other.changed().items():
-        if option in _OF_ONE:
-            raise InputError(why, field=option, value=given, remedy="Leave it out")
+    if simulate:
+        followed.refuse("it is for a log that is followed", "Leave it out", "wait", "timeout")
+    else:
+        rehearsed.refuse("it is for a rehearsal", "Leave it out", "seed", "most")
     v = load_vehicle(vehicle, sampled=True)
     done = procedure.read()
     chosen = _plan(procedure)
@@ -235,15 +195,8 @@ def pool(
         assert follow is not None
         tail, limit = followed.tail(v, follow)
     with compile_notice(), _no_empty_folder(to.out):
-        day = PoolDay(
-            v,
-            to.out,
-            rules=rules,
-            tasks=tasks,
-            asked=asked,
-            mode=mode,
-            kept=_begin(to.out, v, mode),
-        )
+        kept = _begin(to.out, v, mode)
+        day = PoolDay(v, to.out, rules=rules, tasks=tasks, asked=asked, mode=mode, kept=kept)
         view, begun = View(day, quiet=to.json), day.found
         files: list[Path] = []
         if simulate:
@@ -254,20 +207,14 @@ def pool(
             waiting = followed.wait
             happening = follow_log(day, tail, timeout=limit) if waiting else finished(day, tail)
             _through(view, happening)
-            for line in tail.report:
-                console.print(f"note: {line}", markup=False, soft_wrap=True)
+            aside(*labelled("note", tail.report))
         latest = day.found
         day.settle()
         told = not view.live and day.found is latest is not begun
     day.save()
     answer = day.answer()
-    answer["files"] += [str(path) for path in files]
-    if to.json:
-        emit_json(answer)
-    else:
-        _print_end(day, files, told=told)
-    if not day.verdict.good:
-        raise typer.Exit(1)
+    written = [*answer.pop("files"), *files]
+    to.answer(answer, written, _end(day, told=told), good=day.verdict.good)
 
 
 @contextlib.contextmanager
@@ -333,13 +280,11 @@ def _begin(out: Path, vehicle: Vehicle, mode: str) -> list[Kept]:
     return []
 
 
-def _print_end(day: PoolDay, files: list[Path], *, told: bool) -> None:
-    """Print the verdict where it has not been told already, what is next, and the files."""
+def _end(day: PoolDay, *, told: bool) -> Iterator[object]:
+    """Give the verdict where it has not been told already, what is next, and the experiments."""
     if not told:
-        output.print(day.verdict.sentence, soft_wrap=True)
+        yield day.verdict.sentence
         if day.found is not None:
-            output.print(parameter_table(day))
+            yield parameter_table(day)
     if not day.verdict.good:
-        output.print(f"Next: {day.next.sentence()}", soft_wrap=True)
-    for path in [k.path for k in day.kept] + [day.folder / "pool.json"] + files:
-        output.print(f"wrote {path}", soft_wrap=True)
+        yield f"Next: {day.next.sentence()}"

@@ -6,9 +6,10 @@ import contextlib
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
-from swimbladder.cli.common import output
+from swimbladder.cli.common import output, table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -22,16 +23,11 @@ _STYLES = {"refused": "yellow", "identified": "bold", "log": "dim", "turned": "d
 
 def parameter_table(day: PoolDay) -> Table:
     """Return the parameters with their intervals, beside how well they are to be known."""
-    from rich.table import Table
-
     from swimbladder.show.report.text import rows
 
-    table = Table(box=None, pad_edge=False)
-    table.add_column("", no_wrap=True)
-    for heading in ("value", "1 sigma", "95 % interval", "unit", "known to", "target"):
-        table.add_column(heading, justify="right", no_wrap=True)
     assert day.found is not None
     aims = {t.name: t for t in day.asked.targets}
+    listed = []
     for r in rows(day.found):
         e = day.found.parameters.get(r.name)
         if e is None:
@@ -42,8 +38,9 @@ def parameter_table(day: PoolDay) -> Table:
             goal = f"{100.0 * aim.std:.3g} %" if aim.relative else f"{aim.std:.3g} {e.unit}"
         if r.std and e.value:
             known = f"{100.0 * e.std / abs(e.value):.2g} %"
-        table.add_row(r.name, r.value, r.std, r.ci95, r.unit, known, goal)
-    return table
+        listed.append((r.name, r.value, r.std, r.ci95, r.unit, known, goal))
+    headings = ("", "value", "1 sigma", "95 % interval", "unit", "known to", "target")
+    return table(headings, listed, collapse_padding=False)
 
 
 class View:
@@ -112,21 +109,14 @@ class View:
         return words
 
     def _experiments(self) -> Table:
-        from rich.table import Table
-
-        table = Table(box=None, pad_edge=False)
-        for heading in ("", "change", "travel", "samples", "neutral off by"):
-            table.add_column(heading, justify="right", no_wrap=True)
         fits = self.day.found.experiments if self.day.found is not None else ()
-        for i, k in enumerate(self.day.kept):
-            off = "" if i >= len(fits) else (
-                f"{1e6 * fits[i].estimates['neutral_error'].value:+.2f} cm3"
-            )  # fmt: skip
-            table.add_row(
-                str(k.number), f"{1e6 * k.change_m3:+.3g} cm3", f"{k.travel_m:+.2f} m",
-                str(len(k.log)), off,
-            )  # fmt: skip
-        return table
+        rows = []
+        for k, fit in zip_longest(self.day.kept, fits[: len(self.day.kept)]):
+            off = fit and f"{1e6 * fit.estimates['neutral_error'].value:+.2f} cm3"
+            change, travel = f"{1e6 * k.change_m3:+.3g} cm3", f"{k.travel_m:+.2f} m"
+            rows.append((str(k.number), change, travel, str(len(k.log)), off or ""))
+        headings = ("", "change", "travel", "samples", "neutral off by")
+        return table(headings, rows, left=(), collapse_padding=False)
 
 
 def _line(news: News) -> str:

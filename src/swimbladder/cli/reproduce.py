@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from swimbladder.cli.common import compile_notice, console, emit_json, output, progress
+from swimbladder.cli.common import aside, compile_notice, emit_json, labelled, progress, say
 
 
 def reproduce(
@@ -36,18 +36,13 @@ def reproduce(
         emit_json({**found, "report": str(page)})
     else:
         v = found["verdicts"]
-        output.print(
+        say(
             f"published numbers and claims: {v['AGREES']} agree, {v['EXPLAINED']} differ and it is "
             f"known why, {v['FAILS']} fail",
-            highlight=False,
-        )
-        output.print(
             f"equations: {sum(c['passed'] for c in found['equations'])} of "
             f"{len(found['equations'])} checked and met",
-            highlight=False,
+            f"wrote {page}",
         )
-        output.print(f"wrote {page}", highlight=False, soft_wrap=True)
     if not found["passed"]:
-        for failure in found["failures"]:
-            console.print(f"fails: {failure}", highlight=False, markup=False, soft_wrap=True)
+        aside(*labelled("fails", found["failures"]))
         raise typer.Exit(1)

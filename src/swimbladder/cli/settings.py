@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from swimbladder.cli.common import quantity
 from swimbladder.cli.logs import once, pair
-from swimbladder.cli.options import Options, Read
+from swimbladder.cli.options import Options, valued
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,7 +26,7 @@ def setting(text: str, units: Mapping[str, str]) -> tuple[str, float]:
     units: the names that can be, with their SI units. Raises InputError naming option and value.
     """
     name, value = _named(text, "--set", units)
-    return name, _number(value, units[name], f"--set {name}")
+    return name, quantity(value, units[name], f"--set {name}")
 
 
 def known(text: str, units: Mapping[str, str]) -> tuple[str, Prior]:
@@ -54,11 +52,11 @@ def known(text: str, units: Mapping[str, str]) -> tuple[str, Prior]:
     mean_text, std_text = (part.strip() for part in parts)
     mean_unit, std_unit = _unit(mean_text), _unit(std_text)
     if std_unit == "%":
-        mean = _number(mean_text, unit, field)
-        std = abs(mean) * _number(std_text, "", field)
+        mean = quantity(mean_text, unit, field)
+        std = abs(mean) * quantity(std_text, "", field)
     else:
-        mean = _number(mean_text if mean_unit else f"{mean_text} {std_unit}", unit, field)
-        std = _number(std_text if std_unit else f"{std_text} {mean_unit}", unit, field)
+        mean = quantity(mean_text if mean_unit else f"{mean_text} {std_unit}", unit, field)
+        std = quantity(std_text if std_unit else f"{std_text} {mean_unit}", unit, field)
     return name, Prior(mean, std)
 
 
@@ -74,37 +72,27 @@ def _priors(texts: Sequence[str], option: str) -> dict[str, Prior]:
 class Sought(Options):
     """What is identified, and what is known of it."""
 
-    free: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME,...",
-            help="Parameters to identify: K2, T2, psi; mass, drag_quadratic; K1, T1 (those of the "
-            "drag law, and psi).",
-        ),
-    ] = None
-    fixed: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help='Fix at a value: "psi=2e-6 m3/m".'),
-        Read(_held),
-    ] = None
-    priors: Annotated[
-        list[str] | None,
-        typer.Option("--prior", metavar="NAME=VALUE", help='Prior: "psi=2e-6 +- 1e-6 m3/m".'),
-        Read(_priors),
-    ] = None
-    drag: Annotated[
-        str | None,
-        typer.Option(metavar="LAW", help="linear, quadratic or blended (the vehicle's)."),
-    ] = None
+    free: str | None = valued(
+        "NAME,...",
+        "Parameters to identify: K2, T2, psi; mass, drag_quadratic; K1, T1 (those of the "
+        "drag law, and psi).",
+    )
+    fixed: list[str] | None = valued(
+        "NAME=VALUE", 'Fix at a value: "psi=2e-6 m3/m".', name="--set", read=_held
+    )
+    priors: list[str] | None = valued(
+        "NAME=VALUE", 'Prior: "psi=2e-6 +- 1e-6 m3/m".', name="--prior", read=_priors
+    )
+    drag: str | None = valued("LAW", "linear, quadratic or blended (the vehicle's).")
 
 
-def deviation(unit: str) -> Read:
-    """Return that an option is a standard deviation in `unit`, infinite for ``none``."""
+def deviation(unit: str) -> Callable[[str, str], float]:
+    """Return what reads a standard deviation in `unit`, infinite for ``none``."""
 
     def read(text: str, option: str) -> float:
-        return math.inf if text.strip().lower() == "none" else _number(text, unit, option)
+        return math.inf if text.strip().lower() == "none" else quantity(text, unit, option)
 
-    return Read(read)
+    return read
 
 
 def _units() -> dict[str, str]:
@@ -126,12 +114,6 @@ def _named(text: str, option: str, units: Mapping[str, str]) -> tuple[str, str]:
             remedy=f"{did_you_mean(name, units)}Choose from {', '.join(units)}",
         )
     return name, value
-
-
-def _number(text: str, unit: str, field: str) -> float:
-    number = quantity(text, unit, field)
-    assert number is not None  # a text is given
-    return number
 
 
 def _unit(text: str) -> str:

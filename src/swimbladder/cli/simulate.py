@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.casts import CastFile, CastReading, warn_of_mass, water_of_cast
-from swimbladder.cli.common import asked_of, compile_notice, console, progress, said_as_typed
-from swimbladder.cli.options import Files, Options, grouped
-from swimbladder.cli.simulate_files import answer_of, print_answer, steps_of, write_files
-from swimbladder.errors import InputError
+from swimbladder.cli.common import aside, asked_of, compile_notice, progress, said_as_typed
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.simulate_files import answer_of, shown, steps_of, write_files
 
 if TYPE_CHECKING:
     from swimbladder.io.mission import Mission
@@ -34,33 +33,19 @@ _FIELDS = {"setpoints[0].depth": "target"}
 class Step(Options):
     """A step of depth, in place of a mission's file."""
 
-    start_depth: Annotated[
-        str | None,
-        typer.Option(
-            "--start",
-            metavar="DEPTH",
-            help=f"Start, at rest and neutral ({_START} m; a float: the surface)",
-        ),
-    ] = None
-    target: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DEPTH", help=f"Set-point ({_TARGET} m; a float: {_DIVE:g} m and up again)"
-        ),
-    ] = None
-    duration: Annotated[
-        str | None,
-        typer.Option(metavar="TIME", help=f"How long ({_DURATION:g} s; a float: as it takes)"),
-    ] = None
-    bottom_depth: Annotated[
-        str | None,
-        typer.Option("--bottom", metavar="DEPTH", help="Depth of the bottom (none)"),
-    ] = None
+    start_depth: str | None = valued(
+        "DEPTH", f"Start, at rest and neutral ({_START} m; a float: the surface)", name="--start"
+    )
+    target: str | None = valued(
+        "DEPTH", f"Set-point ({_TARGET} m; a float: {_DIVE:g} m and up again)"
+    )
+    duration: str | None = valued("TIME", f"How long ({_DURATION:g} s; a float: as it takes)")
+    bottom_depth: str | None = valued("DEPTH", "Depth of the bottom (none)", name="--bottom")
 
 
 @grouped(out=Path("swimbladder-simulate"))
 def simulate(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    vehicle: VehicleName,
     mission: Annotated[
         Path | None,
         typer.Argument(metavar="MISSION", help="TOML file with set-points, start and duration."),
@@ -101,17 +86,17 @@ def simulate(
     folder = make_folder(to.out)
     files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)
     notes = [*_notes(s, water, medium), *_seed_unused(v, seed)]
-    answer = answer_of(s, task, steps_of(s, task), water, notes)
-    to.answer(answer, files, lambda: print_answer(answer))
-    if not (answer["completed"] and answer["within_depth_limit"]):
-        if not s.finished:
-            console.print(f"stopped at {s.time[-1]:.6g} s: {s.stop.value}")
-        if not s.within_depth_limit:
-            console.print(
-                f"the vehicle went down to {s.deepest:.1f} m, below its depth limit of "
-                f"{v.hull.depth_limit:g} m: it would be lost",
-                highlight=False,
-            )
+    answer, why = answer_of(s, task, steps_of(s, task), water, notes), []
+    if not s.finished:
+        why.append(f"stopped at {s.time[-1]:.6g} s: {s.stop.value}")
+    if not s.within_depth_limit:
+        why.append(
+            f"the vehicle went down to {s.deepest:.1f} m, below its depth limit of "
+            f"{v.hull.depth_limit:g} m: it would be lost"
+        )
+    to.answer(answer, files, shown(answer))
+    if why:
+        aside(*why)
         raise typer.Exit(1)
 
 
@@ -124,12 +109,8 @@ def _mission(vehicle: Vehicle, path: Path | None, step: Step) -> Mission:
     from swimbladder.io.mission import Mission, Setpoint
 
     if path is not None:
-        for name, option in step.named().items():
-            if (text := getattr(step, name)) is not None:
-                raise InputError(
-                    "the mission file says this already", field=option, value=text,
-                    remedy=f"Leave the option out, or the file {path}",
-                )  # fmt: skip
+        remedy = f"Leave the option out, or the file {path}"
+        step.refuse("the mission file says this already", remedy)
         return load_mission(path)
     given = step.given()
     target = given.pop("target", None)

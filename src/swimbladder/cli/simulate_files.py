@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from swimbladder.cli.common import output, progress
+from swimbladder.cli.common import labelled, progress, table
 
 if TYPE_CHECKING:
     from swimbladder.io.mission import Mission
@@ -126,44 +126,38 @@ def answer_of(
     }
 
 
-def print_answer(answer: dict[str, Any]) -> None:
-    """Print the table of steps, the events, and where the files are."""
-    from rich.table import Table
+def shown(answer: dict[str, Any]) -> Iterator[object]:
+    """Give what is printed: the table of steps, the events, the notes."""
 
     def number(value: float | None, unit: str, digits: int = 1) -> str:
         return "never" if value is None else f"{value:.{digits}f} {unit}"
 
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    for heading in (
-        "at", "step", "overshoot", "90 % rise", "2 % settling", "final", "peak", "travel",
-    ):  # fmt: skip
-        table.add_column(heading, justify="right", no_wrap=True)
+    headings = ("at", "step", "overshoot", "90 % rise", "2 % settling", "final", "peak", "travel")
+    rows = []
     for step in answer["steps"]:
         moves = step["target_depth_m"] != step["start_depth_m"]
-        table.add_row(
-            f"{step['time_s']:g} s",
-            f"{step['start_depth_m']:g} to {step['target_depth_m']:g} m",
-            number(step["overshoot_pct"], "%"),
-            number(step["rise90_s"], "s") if moves else "no step",
-            number(step["settle2_s"], "s") if moves else "no step",
-            number(step["final_depth_m"], "m", 3),
-            number(step["peak_volume_m3"] * 1e6, "cm3"),
-            number(step["actuator_travel_m3"] * 1e6, "cm3"),
+        took = (number(step[name], "s") for name in ("rise90_s", "settle2_s"))
+        rows.append(
+            (
+                f"{step['time_s']:g} s",
+                f"{step['start_depth_m']:g} to {step['target_depth_m']:g} m",
+                number(step["overshoot_pct"], "%"),
+                *(took if moves else ("no step", "no step")),
+                number(step["final_depth_m"], "m", 3),
+                number(step["peak_volume_m3"] * 1e6, "cm3"),
+                number(step["actuator_travel_m3"] * 1e6, "cm3"),
+            )
         )
     water = f" in the water of {answer['water']}" if answer["water"] else ""
-    output.print(
-        f"{answer['vehicle']}{water}, {answer['duration_s']:g} s in {answer['samples']} samples",
-        soft_wrap=True,
-    )
-    output.print(table)
-    output.print("peak: largest volume to either side of mid-stroke; travel: volume moved in all")
+    yield f"{answer['vehicle']}{water}, {answer['duration_s']:g} s in {answer['samples']} samples"
+    yield table(headings, rows, left=())
+    yield "peak: largest volume to either side of mid-stroke; travel: volume moved in all"
     kinds = [event["kind"] for event in answer["events"]]
     for kind in dict.fromkeys(kinds):
         at = next(e["time_s"] for e in answer["events"] if e["kind"] == kind)
         times = f"{kinds.count(kind)} times, first " if kinds.count(kind) > 1 else ""
-        output.print(f"{kind} {times}at {at:.6g} s")
+        yield f"{kind} {times}at {at:.6g} s"
     if answer["energy_basis"].startswith("electrical"):
-        output.print(f"energy: {answer['energy_J']:.4g} J, {answer['energy_basis']}")
-    output.print(answer["stop_reason"])
-    for note in answer["notes"]:
-        output.print(f"note: {note}", soft_wrap=True)
+        yield f"energy: {answer['energy_J']:.4g} J, {answer['energy_basis']}"
+    yield answer["stop_reason"]
+    yield from labelled("note", answer["notes"])

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from swimbladder.cli.common import compile_notice, json_text, kept, output, progress
-from swimbladder.cli.options import Files, Options, Read, grouped
+from swimbladder.cli.common import compile_notice, kept, labelled, progress, table
+from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued
 from swimbladder.errors import NoAnswerError
 
 if TYPE_CHECKING:
@@ -20,41 +19,29 @@ if TYPE_CHECKING:
 class Asked(Options):
     """What is looked at, as `design.stability.stability` has it."""
 
-    depths: Annotated[
-        str, typer.Option("--depth", metavar="LEAST:MOST", help="Depths it is for.")
-    ] = "0:10 m"
-    delay: Annotated[
-        str, typer.Option(metavar="SHARE", help="From sample to command, of a sample.")
-    ] = "10 %"
-    within: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TIME",
-            help="In which a disturbance is to be gone (600 s; of a float half as long again as "
-            "the way, and an hour).",
-        ),
-    ] = None
-    cells: Annotated[int, typer.Option(metavar="N", help="Of a map, to a side.")] = 21
-    voltage_quantum: Annotated[
-        str, typer.Option(metavar="VOLTAGE", help="Step of the motor's driver (none).")
-    ] = "0 V"
-    no_maps: Annotated[
-        bool, typer.Option("--no-maps", help="Leave out from where it recovers.")
-    ] = False
-    with_robustness: Annotated[
-        bool, typer.Option("--robustness", help="Try gains of 0.5 to 2 and half a sample late.")
-    ] = False
-    laws: Annotated[
-        list[str] | None,
-        typer.Option("--law", metavar="LAW", help="With --robustness: this law too, tuned first."),
-        Read(lambda texts, _: tuple(texts)),
-    ] = None
-    draws: Annotated[int, typer.Option(metavar="N", help="Vehicles of each trial.")] = 200
+    depths: str = valued("LEAST:MOST", "Depths it is for.", "0:10 m", name="--depth")
+    delay: str = valued("SHARE", "From sample to command, of a sample.", "10 %")
+    within: str | None = valued(
+        "TIME",
+        "In which a disturbance is to be gone (600 s; of a float half as long again as "
+        "the way, and an hour).",
+    )
+    cells: int = valued("N", "Of a map, to a side.", 21)
+    voltage_quantum: str = valued("VOLTAGE", "Step of the motor's driver (none).", "0 V")
+    no_maps: bool = flag("--no-maps", "Leave out from where it recovers.")
+    with_robustness: bool = flag("--robustness", "Try gains of 0.5 to 2 and half a sample late.")
+    laws: list[str] | None = valued(
+        "LAW",
+        "With --robustness: this law too, tuned first.",
+        name="--law",
+        read=lambda texts, _: tuple(texts),
+    )
+    draws: int = valued("N", "Vehicles of each trial.", 200)
 
 
 @grouped(out=Path("swimbladder-stability"))
 def stability(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    vehicle: VehicleName,
     *,
     asked: Asked,
     to: Files,
@@ -66,75 +53,50 @@ def stability(
     that it is unstable, and with which parameters. A run that was killed goes on where it was.
     """
     from swimbladder.io.config import load_vehicle
-    from swimbladder.io.files import check_place, publish, unfinished, write_atomically
+    from swimbladder.io.files import unfinished
 
     v = load_vehicle(vehicle)
     options = asked.given()
     options["maps"] = not options.pop("no_maps")
-    check_place(to.out)
+    to.check()
     keep = unfinished(to.out)
     with progress("loading the simulator"):
         from swimbladder.design.stability import stability as find
         from swimbladder.jobs import Store
+        from swimbladder.show.files import write_all
         from swimbladder.show.plots.stability import draw_recovery, draw_robustness
-        from swimbladder.show.plots.style import save
     doing = "looking for what is unstable"
     with kept(keep), compile_notice(), progress(doing, 1.0) as advance:
         found = find(v, **options, keep=keep, advance=advance)
     answer = found.to_json()
-    names = ["stability.json", "stability.txt"]
-
-    def write(folder: Path) -> None:
-        write_atomically(folder / "stability.json", json_text(answer) + "\n")
-        write_atomically(folder / "stability.txt", "\n".join(found.sentences) + "\n")
-        for one in found.maps:
-            write_atomically(folder / f"map-{one.name}.csv", one.csv())
-        if found.maps:
-            save(draw_recovery(found), folder / "maps.png")
-        if found.stood:
-            save(draw_robustness(found), folder / "robustness.png")
-
+    files: dict[str, object] = {
+        "stability.json": answer,
+        "stability.txt": "\n".join(found.sentences) + "\n",
+        **{f"map-{one.name}.csv": one.csv() for one in found.maps},
+    }
     if found.maps:
-        names += [*(f"map-{one.name}.csv" for one in found.maps), "maps.png"]
+        files["maps.png"] = draw_recovery(found)
     if found.stood:
-        names.append("robustness.png")
+        files["robustness.png"] = draw_robustness(found)
     with progress("writing the pictures"):
-        publish(to.out, write)
+        written = write_all(to.out, files)
     Store(keep).forget()
-    to.answer(answer, [to.out / name for name in names], lambda: _print(found))
+    to.answer(answer, written, _shown(found))
     if not found.stable:
         raise NoAnswerError("the loop is not stable over the range that was asked for")
 
 
-def _print(found: Stability) -> None:
-    from rich.table import Table
-
+def _shown(found: Stability) -> Iterator[object]:
+    """Give what is printed, the answer first."""
     from swimbladder.design.stability.run import cycle_rows, robustness_rows
 
-    output.print(
-        f"{found.vehicle}, law {found.law}, sampled every {found.sample_time:g} s", soft_wrap=True
-    )
-    output.print("")
-    for sentence in found.sentences:
-        output.print(sentence, soft_wrap=True)
-    tables: list[tuple[tuple[str, ...], list[tuple[str, ...]]]] = []
+    yield f"{found.vehicle}, law {found.law}, sampled every {found.sample_time:g} s"
+    yield from ("", *found.sentences)
     if found.cycles:
-        headings: tuple[str, ...] = (
-            "limit cycle from", "kind", "predicted", "every", "simulated", "every", "error",
-        )  # fmt: skip
-        tables.append((headings, cycle_rows(found.cycles)))
+        headings = ["limit cycle from", "kind", "predicted", "every", "simulated", "every", "error"]
+        yield from ("", table(headings, cycle_rows(found.cycles), left=headings[:2]))
     if found.stood:
         gains = sorted({s.gain for s in found.stood})
-        headings = ("settle (over) [%]", "late", *(f"gain {g:g}" for g in gains))
-        tables.append((headings, robustness_rows(found.stood)))
-    for headings, rows in tables:
-        output.print("")
-        table = Table(box=None, pad_edge=False, collapse_padding=True)
-        for n, heading in enumerate(headings):
-            table.add_column(heading, justify="left" if n < 2 else "right")
-        for row in rows:
-            table.add_row(*row)
-        output.print(table)
-    output.print("")
-    for sentence in found.words:
-        output.print(f"assumed: {sentence}", soft_wrap=True)
+        headings = ["settle (over) [%]", "late", *(f"gain {g:g}" for g in gains)]
+        yield from ("", table(headings, robustness_rows(found.stood), left=headings[:2]))
+    yield from ("", *labelled("assumed", found.words))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.common import console, emit_json, output
+from swimbladder.cli.common import console, emit_json, say, table
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,22 +26,13 @@ def list_presets(json: _Json = False) -> None:
     from swimbladder.io.presets import preset_names
 
     found = [(name, load_vehicle(name)) for name in preset_names()]
+    rows = [(name, v.actuator.kind, v.description) for name, v in found]
     if json:
-        emit_json(
-            {
-                "vehicles": [
-                    {"name": name, "kind": v.actuator.kind, "description": v.description}
-                    for name, v in found
-                ]
-            }
-        )
+        keys = ("name", "kind", "description")
+        emit_json({"vehicles": [dict(zip(keys, row, strict=True)) for row in rows]})
         return
-    from rich.table import Table
-
-    table = Table("name", "actuator", "description", box=None, pad_edge=False)
-    for name, v in found:
-        table.add_row(name, v.actuator.kind, v.description)
-    output.print(table)
+    headings = ("name", "actuator", "description")
+    say(table(headings, rows, left=headings, collapse_padding=False))
 
 
 @vehicle.command()
@@ -71,13 +62,12 @@ def show(
         return
     sys.stdout.write(vehicle_text(name))
     sys.stdout.flush()
-    from rich.table import Table
-
-    table = Table("follows from it", "", "", box=None, pad_edge=False)
-    for value, unit, meaning in derived.values():
-        table.add_row(meaning, "" if value is None else f"{value:.6g}", unit)
-    console.print()
-    console.print(table)
+    rows = (
+        (meaning, "" if value is None else f"{value:.6g}", unit)
+        for value, unit, meaning in derived.values()
+    )
+    headings = ("follows from it", "", "")
+    console.print("", table(headings, rows, left=headings, collapse_padding=False), sep="\n")
 
 
 @vehicle.command()
@@ -165,41 +155,43 @@ def _derived(v: Vehicle) -> dict[str, tuple[float | None, str, str]]:
     from swimbladder.physics.actuator import reduced
     from swimbladder.vehicle import Positioner, PumpAndValve
 
-    stroke, psi = v.stroke, v.hull.psi
-    found: dict[str, tuple[float | None, str, str]] = {
-        "mass_kg": (v.mass, "kg", "mass that is accelerated"),
-    }
+    stroke, psi, drag = v.stroke, v.hull.psi, v.drag
+    rows: list[tuple[str, float | None, str, str]]
+    rows = [("mass_kg", v.mass, "kg", "mass that is accelerated")]
+    rate_of: tuple[float, str] | None = None
     if isinstance(v.actuator, Positioner):
-        rate = v.actuator.speed * v.actuator.piston_area
-        found["volume_rate_m3_s"] = (rate, "m3/s", "volume rate of the positioner")
+        rate_of = v.actuator.speed * v.actuator.piston_area, "of the positioner"
     elif isinstance(v.actuator, PumpAndValve):
         from swimbladder.physics.buoyancy_engine import drive_map
 
-        rate = float(drive_map(v, 0.0).rate_out[0])
-        found["volume_rate_m3_s"] = (rate, "m3/s", "volume rate of the pump at the surface")
+        rate_of = float(drive_map(v, 0.0).rate_out[0]), "of the pump at the surface"
     else:
         a = reduced(v.actuator, v.water)
-        found["K1A_m3_s_V"] = (a.gain, "m3/s/V", "volume rate per volt, K1 A")
-        found["T1_s"] = (a.T1, "s", "time constant of the motor, T1")
-        found["load_V_m"] = (a.load_drive, "V/m", "voltage that holds a metre of water, k_z/k_u")
-        found["k_l_m2_s"] = (a.k_l, "m2/s", "leakage, k_l")
+        rows += [
+            ("K1A_m3_s_V", a.gain, "m3/s/V", "volume rate per volt, K1 A"),
+            ("T1_s", a.T1, "s", "time constant of the motor, T1"),
+            ("load_V_m", a.load_drive, "V/m", "voltage that holds a metre of water, k_z/k_u"),
+            ("k_l_m2_s", a.k_l, "m2/s", "leakage, k_l"),
+        ]
         if v.supply is not None:
-            rate = a.gain * v.supply.voltage
-            found["volume_rate_m3_s"] = (rate, "m3/s", "volume rate at the surface, full supply")
-    drag = v.drag
+            rate_of = a.gain * v.supply.voltage, "at the surface, full supply"
+    if rate_of is not None:
+        rows.append(("volume_rate_m3_s", rate_of[0], "m3/s", f"volume rate {rate_of[1]}"))
     if drag.k_dl > 0.0:
-        found["K2_1_m2_s"] = (
-            v.water.specific_weight / drag.k_dl,
-            "1/m2/s",
-            "speed per volume at low speed, K2",
-        )
-        found["T2_s"] = (v.mass / drag.k_dl, "s", "time constant of the motion, T2")
-    found["neutral_volume_surface_m3"] = (v.neutral_volume(0.0), "m3", "neutral at the surface")
+        gain, time = v.water.specific_weight / drag.k_dl, v.mass / drag.k_dl
+        rows += [
+            ("K2_1_m2_s", gain, "1/m2/s", "speed per volume at low speed, K2"),
+            ("T2_s", time, "s", "time constant of the motion, T2"),
+        ]
+    rows.append(
+        ("neutral_volume_surface_m3", v.neutral_volume(0.0), "m3", "neutral at the surface")
+    )
     limit = v.hull.depth_limit
     if limit is not None:
-        neutral = v.neutral_volume(limit)
-        found["neutral_volume_limit_m3"] = (neutral, "m3", f"neutral at {limit:g} m, its rating")
+        meaning = f"neutral at {limit:g} m, its rating"
+        rows.append(("neutral_volume_limit_m3", v.neutral_volume(limit), "m3", meaning))
     end = stroke.maximum if psi > 0.0 else stroke.minimum
     deepest = (end - v.trim_error) / psi if psi != 0.0 else None
-    found["neutral_depth_limit_m"] = (deepest, "m", "depth to which the stroke reaches neutral")
-    return found
+    meaning = "depth to which the stroke reaches neutral"
+    rows.append(("neutral_depth_limit_m", deepest, "m", meaning))
+    return {name: (value, unit, meaning) for name, value, unit, meaning in rows}

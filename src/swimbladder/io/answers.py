@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import json
 import math
 from collections.abc import Mapping
 from pathlib import PurePath
@@ -33,6 +34,11 @@ def plain(value: Any) -> Any:
     if hasattr(value, "tolist"):  # numpy arrays and scalars
         return plain(value.tolist())
     raise TypeError(f"{type(value).__name__} has no place in a JSON answer")
+
+
+def json_text(answer: Mapping[str, Any]) -> str:
+    """Return an answer as the text of a JSON file, without a newline at its end."""
+    return json.dumps(plain(answer), indent=2, allow_nan=False)
 
 
 def as_json(record: Any, keys: str) -> dict[str, Any]:

@@ -5,8 +5,10 @@ Results as netCDF files that follow the CF conventions.
 
 from __future__ import annotations
 
+import csv
 import datetime
-from collections.abc import Callable, Mapping
+import io
+from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -53,6 +55,15 @@ def write(
     return write_through(
         path, lambda temporary: stamped.to_netcdf(temporary, engine="h5netcdf", encoding=encoding)
     )
+
+
+def rows_csv(names: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """Return rows of words and numbers as CSV under their names; None is nan."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(("nan" if x is None else x for x in row) for row in rows)
+    return text.getvalue()
 
 
 _CHUNK = 20_000

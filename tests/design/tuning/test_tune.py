@@ -234,7 +234,7 @@ def test_a_law_that_sleeps_is_judged_by_trials_alone(tmp_path):
     missed = " ".join(dataclasses.replace(found, held=0.5 * found.region.rms).sentences)
     assert f"more than the {500.0 * found.region.rms:.3g} mm that were asked for" in missed
     assert "no margins" in found.sentences[-1]
-    files = write_tuning(found, tmp_path / "out", answer="{}", command="swimbladder tune")
+    files = write_tuning(found, tmp_path / "out", answer={}, command="swimbladder tune")
     assert "sensitivity.png" not in [path.name for path in files]
     assert "no margin is claimed" in (tmp_path / "out" / "tune.html").read_text()
 

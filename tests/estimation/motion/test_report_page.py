@@ -136,13 +136,13 @@ def test_writing_it_again_takes_away_what_is_stale(found, untold, tmp_path):
     told = []
     out = tmp_path / "out"
     files = write_identification(
-        found, out, answer="{}", command="c", seconds=1.0, advance=told.append
+        found, out, answer={}, command="c", seconds=1.0, advance=told.append
     )
     assert all(path.is_file() for path in files)
     assert sum(told) == pytest.approx(1.0)
     mine = out / "figures" / "mine.png"
     mine.write_bytes(PNG)
-    again = write_identification(untold, out, answer="{}", command="c", seconds=1.0)
+    again = write_identification(untold, out, answer={}, command="c", seconds=1.0)
     left = {path for path in out.rglob("*") if path.is_file()}
     assert left == {*again, mine}
     assert out / "vehicle.toml" not in left
@@ -150,7 +150,7 @@ def test_writing_it_again_takes_away_what_is_stale(found, untold, tmp_path):
 
 
 def test_the_vehicle_file_is_the_vehicle(found, tmp_path):
-    write_identification(found, tmp_path / "o", answer="{}", command="c", seconds=1.0)
+    write_identification(found, tmp_path / "o", answer={}, command="c", seconds=1.0)
     assert load_vehicle(tmp_path / "o" / "vehicle.toml") == found.vehicle
 
 

@@ -5,20 +5,9 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from swimbladder.design.ballast import Ballasting
-from swimbladder.show.plots.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    depth_axis,
-    label_panels,
-    styled,
-)
+from swimbladder.show.plots.style import Ink, depth_axis, label_panels, styled
 
-_SEAS = (BLUE, ORANGE, GREEN, PURPLE, SKY)
+_SEAS = (Ink.BLUE, Ink.ORANGE, Ink.GREEN, Ink.PURPLE, Ink.SKY)
 
 
 @styled
@@ -30,7 +19,7 @@ def draw_ballasting(found: Ballasting) -> Figure:
     )
     stroke = found.vehicle.stroke
     for side, label in ((stroke.minimum, "ends of the stroke"), (stroke.maximum, None)):
-        volume.axvline(1e6 * side, color=VERMILION, lw=1.2, ls="--", label=label)
+        volume.axvline(1e6 * side, color=Ink.VERMILION, lw=1.2, ls="--", label=label)
     several = len(found.columns) > 1
     for k, (column, curve) in enumerate(zip(found.columns, found.curves, strict=True)):
         color = _SEAS[k % len(_SEAS)]
@@ -44,7 +33,7 @@ def draw_ballasting(found: Ballasting) -> Figure:
         temperature.plot(column.temperature, column.depth, color=color)
     if found.target.neutral_depth is not None:
         volume.plot(
-            [1e6 * found.target.volume], [found.target.neutral_depth], "o", color=GREY, ms=6,
+            [1e6 * found.target.volume], [found.target.neutral_depth], "o", color=Ink.GREY, ms=6,
             label="to be neutral here",
         )  # fmt: skip
     volume.set_xlabel("volume of the drive [cm³], 0 at mid-stroke")

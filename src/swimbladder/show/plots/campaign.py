@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from swimbladder.show.plots.style import BLACK, BLUE, SKY, label_panels, styled
+from swimbladder.show.plots.style import Ink, grid_of, label_panels, legend_beside, styled
 from swimbladder.sim.campaign.result import Sensitivity
 
 _HIGH = 0.36  # of a bar
@@ -19,30 +19,27 @@ def draw_sensitivity(found: Sensitivity) -> Figure:
     columns = min(max(len(shown), 1), 3)
     lines = -(-max(len(shown), 1) // columns)
     figure = Figure(figsize=(1.2 + 2.9 * columns, 1.3 + lines * (0.7 + 0.42 * len(names))))
-    panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    panels = grid_of(figure, max(len(shown), 1), columns, sharex=True, sharey=True)
     rows = np.arange(len(names))[::-1]
     for axes, one in zip(panels, shown, strict=False):
         for kind, low, color, label in (
-            ("first", 0.0, BLUE, "first order"), ("total", -_HIGH, SKY, "total"),
+            ("first", 0.0, Ink.BLUE, "first order"), ("total", -_HIGH, Ink.SKY, "total"),
         ):  # fmt: skip
             value = np.array([getattr(index, kind) for index in one.indices])
             ends = np.array([getattr(index, f"{kind}_ci95") for index in one.indices])
             at = rows + low + 0.5 * _HIGH
             axes.barh(at, value, height=_HIGH, color=color, label=label)
-            axes.hlines(at, ends[:, 0], ends[:, 1], color=BLACK, lw=1.0)
-        axes.axvline(0.0, color=BLACK, lw=0.6)
+            axes.hlines(at, ends[:, 0], ends[:, 1], color=Ink.BLACK, lw=1.0)
+        axes.axvline(0.0, color=Ink.BLACK, lw=0.6)
         axes.set_title(f"{one.name}\n", fontsize=10.0)
         axes.grid(visible=False, axis="y")
         axes.tick_params(labelbottom=True)
         axes.set_xlabel("share of the variance [-]")
-    for axes in panels[len(shown) :]:
-        axes.set_visible(False)
     panels[0].set_yticks(rows, names)
     panels[0].set_xlim(min(-0.05, panels[0].get_xlim()[0]), max(1.05, panels[0].get_xlim()[1]))
-    label_panels(list(panels[: len(shown)]))
     if shown:
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, [*labels], loc="outside lower center", ncols=2)
+        label_panels(panels)
+        legend_beside(figure, panels[:1], "outside lower center")
     figure.suptitle(
         f"Sobol indices of {found.design.floats} floats; lines: 95 % intervals", fontsize=10.5
     )

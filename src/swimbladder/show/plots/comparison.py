@@ -5,40 +5,20 @@ What a causal filter predicted, over what was measured.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from swimbladder.estimation.comparison import Comparison
 from swimbladder.estimation.comparison.ahead import Ahead, Horizon
-from swimbladder.show.plots.style import (
-    BLACK,
-    BLUE,
-    GREY,
-    ORANGE,
-    SKY,
-    VERMILION,
-    depth_axis,
-    save,
-    styled,
-)
+from swimbladder.show.plots.style import Ink, depth_axis, legend_above, shade, styled
 
 _Z95 = 1.959963984540054
 
 
-def plot_ahead(ahead: Ahead, path: str | Path) -> Path:
-    """Write a picture of the depths predicted so long before, with their 95 % bands.
-
-    The suffix of the path chooses the format. Raises InputError where it cannot be written.
-    """
-    return save(draw_ahead(ahead), path)
-
-
 @styled
 def draw_ahead(ahead: Ahead) -> Figure:
-    """Return the figure that plot_ahead writes."""
+    """Return the depths predicted so long before, with their 95 % bands."""
     count = len(ahead.horizons)
     figure = Figure(figsize=(7.5, 1.0 + 2.6 * count))
     panels = figure.subplots(count, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
@@ -62,10 +42,16 @@ def _panel(ahead: Ahead, h: Horizon, axes: Axes) -> None:
         middle, half = h.predicted[part], _Z95 * h.std[part]
         label = (f"predicted {h.seconds:g} s before", "95 % band") if k == 0 else (None, None)
         axes.fill_between(
-            time[part], middle - half, middle + half, color=SKY, alpha=0.35, lw=0, label=label[1]
+            time[part],
+            middle - half,
+            middle + half,
+            color=Ink.SKY,
+            alpha=0.35,
+            lw=0,
+            label=label[1],
         )
-        axes.plot(time[part], middle, color=VERMILION, lw=1.2, label=label[0])
-    axes.plot(ahead.record.time, ahead.record.depth, color=BLACK, lw=0.9, label="measured")
+        axes.plot(time[part], middle, color=Ink.VERMILION, lw=1.2, label=label[0])
+    axes.plot(ahead.record.time, ahead.record.depth, color=Ink.BLACK, lw=0.9, label="measured")
     skill = h.skill["persistence"]
     said = "" if skill is None else f", skill {skill:.2f} against a depth that stays"
     axes.set_title(
@@ -75,32 +61,21 @@ def _panel(ahead: Ahead, h: Horizon, axes: Axes) -> None:
     axes.legend(loc="upper right", ncols=3)
 
 
-_SHADE = "#E8E8E8"
-
-
-def plot_comparison(comparison: Comparison, path: str | Path) -> Path:
-    """Write a picture of measured and predicted depth, the residual and the input.
-
-    The suffix of the path chooses the format. Raises InputError where it cannot be written.
-    """
-    return save(draw_comparison(comparison), path)
-
-
 @styled
 def draw_comparison(comparison: Comparison) -> Figure:
-    """Return the figure that plot_comparison writes."""
+    """Return measured and predicted depth, the residual and the input."""
     figure = Figure(figsize=(7.5, 6.4))
     depth, residual, driven = figure.subplots(
         3, 1, sharex=True, gridspec_kw={"height_ratios": [3.0, 1.4, 1.6]}
     )
+    record = comparison.record
     for axes in (depth, residual):
-        _shade(comparison, axes)
+        shade(axes, record.time, ~record.compared, "not compared")
     _depth(comparison, depth)
     _residual(comparison, residual)
     _input(comparison, driven)
-    time = comparison.record.time
     driven.set_xlabel("time since the first sample [s]")
-    driven.set_xlim(float(time[0]), float(time[-1]))
+    driven.set_xlim(float(record.time[0]), float(record.time[-1]))
     figure.suptitle(_title(comparison), x=0.01, ha="left", fontsize=10.0)
     figure.align_ylabels([depth, residual, driven])
     return figure
@@ -116,21 +91,21 @@ def _title(c: Comparison) -> str:
 def _depth(c: Comparison, axes: Axes) -> None:
     rec = c.record
     if rec.reference is not None:
-        axes.step(rec.time, rec.reference, where="post", color=GREY, ls="--", lw=1.0,
+        axes.step(rec.time, rec.reference, where="post", color=Ink.GREY, ls="--", lw=1.0,
                   label="set-point")  # fmt: skip
-    axes.plot(rec.time, rec.depth, color=BLACK, lw=1.0, label="measured")
-    axes.plot(rec.time, c.predicted, color=VERMILION, lw=1.3, label="predicted")
+    axes.plot(rec.time, rec.depth, color=Ink.BLACK, lw=1.0, label="measured")
+    axes.plot(rec.time, c.predicted, color=Ink.VERMILION, lw=1.3, label="predicted")
     depth_axis(axes)
     axes.margins(y=0.08)
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.99), ncols=4)
+    legend_above(axes)
 
 
 _DRIVEN = {"volume": "logged volume", "voltage": "logged voltage", "setpoint": "logged set-point"}
 
 
 def _residual(c: Comparison, axes: Axes) -> None:
-    axes.axhline(0.0, color=BLACK, lw=0.8)
-    axes.plot(c.record.time, 1e3 * c.residual, color=VERMILION, lw=0.9)
+    axes.axhline(0.0, color=Ink.BLACK, lw=0.8)
+    axes.plot(c.record.time, 1e3 * c.residual, color=Ink.VERMILION, lw=0.9)
     largest = 1e3 * max(c.largest, 1e-3)
     axes.set_ylim(-1.15 * largest, 1.15 * largest)
     axes.set_ylabel("predicted less\nmeasured [mm]")
@@ -139,34 +114,18 @@ def _residual(c: Comparison, axes: Axes) -> None:
 def _input(c: Comparison, axes: Axes) -> None:
     rec = c.record
     if rec.drive == "voltage" and rec.voltage is not None:
-        axes.step(rec.time, rec.voltage, where="post", color=BLUE, lw=0.9)
+        axes.step(rec.time, rec.voltage, where="post", color=Ink.BLUE, lw=0.9)
         axes.set_ylabel("voltage [V]")
         return
     if rec.volume is not None:
-        axes.plot(rec.time, 1e6 * rec.volume, color=BLACK, lw=0.8, label="measured")
+        axes.plot(rec.time, 1e6 * rec.volume, color=Ink.BLACK, lw=0.8, label="measured")
     if rec.drive == "setpoint":
-        axes.plot(rec.time, 1e6 * c.volume, color=VERMILION, lw=1.0, label="predicted")
+        axes.plot(rec.time, 1e6 * c.volume, color=Ink.VERMILION, lw=1.0, label="predicted")
     neutral = 1e6 * np.array([c.vehicle.neutral_volume(z) for z in rec.depth.tolist()])
-    axes.plot(rec.time, neutral, color=SKY, lw=1.0, label="neutral")
+    axes.plot(rec.time, neutral, color=Ink.SKY, lw=1.0, label="neutral")
     for stop in (c.vehicle.stroke.minimum * 1e6, c.vehicle.stroke.maximum * 1e6):
         low, high = axes.get_ylim()
         if low < stop < high:
-            axes.axhline(stop, color=ORANGE, ls=":", lw=1.0, label="end stop")
+            axes.axhline(stop, color=Ink.ORANGE, ls=":", lw=1.0, label="end stop")
     axes.set_ylabel("volume [cm³]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4)
-
-
-def _shade(c: Comparison, axes: Axes) -> None:
-    """Shade what is not compared."""
-    rec = c.record
-    out = np.concatenate(([False], ~rec.compared, [False])).astype(int)
-    edges = np.flatnonzero(np.diff(out))
-    for k, (first, after) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
-        axes.axvspan(
-            rec.time[first],
-            rec.time[min(after, len(rec.time) - 1)],
-            color=_SHADE,
-            lw=0,
-            zorder=0,
-            label="not compared" if k == 0 else None,
-        )
+    legend_above(axes)

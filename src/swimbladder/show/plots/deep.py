@@ -6,19 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from swimbladder.estimation.motion.deep import DeepIdentification
-from swimbladder.show.plots.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    label_panels,
-    styled,
-)
+from swimbladder.show.plots.style import Ink, label_panels, styled
 
-_DIVES = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION)
+_DIVES = (Ink.BLUE, Ink.ORANGE, Ink.GREEN, Ink.PURPLE, Ink.SKY, Ink.VERMILION)
 _DBAR = 1e4  # Pa
 
 
@@ -37,7 +27,7 @@ def draw_deep(found: DeepIdentification) -> Figure:
         )  # fmt: skip
         dives.plot(
             begin + (fits.replay.time - fits.dive.time[0]) / 3600.0, fits.replay.pressure / _DBAR,
-            color=BLACK, lw=0.9, label="model from its first sample" if first else None,
+            color=Ink.BLACK, lw=0.9, label="model from its first sample" if first else None,
         )  # fmt: skip
         imbalance.plot(
             fits.dive.pieces.pressure / _DBAR, 1e6 * fits.imbalance, ".", color=color, ms=3.0,
@@ -50,7 +40,7 @@ def draw_deep(found: DeepIdentification) -> Figure:
     # outside: there is a curve in every corner
     dives.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
     limit = 1.1e6 * max(float(np.percentile(np.abs(t.imbalance), 99.5)) for t in found.dives)
-    imbalance.axhline(0.0, color=BLACK, lw=0.8)
+    imbalance.axhline(0.0, color=Ink.BLACK, lw=0.8)
     imbalance.set_ylim(-limit, limit)
     imbalance.set_xlabel("pressure [dbar]")
     imbalance.set_ylabel("volume imbalance [cm³]")

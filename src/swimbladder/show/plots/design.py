@@ -13,21 +13,16 @@ from matplotlib.figure import Figure
 from swimbladder.design.experiments import Design
 from swimbladder.design.experiments.evaluation import EvaluatedSet
 from swimbladder.show.plots.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
+    Ink,
     depth_axis,
+    grid_of,
     label_panels,
+    legend_beside,
     plain_log_ticks,
     styled,
 )
 
-_COLORS = (BLUE, VERMILION, GREEN, PURPLE)
+_COLORS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.PURPLE)
 _ACROSS = 3
 
 
@@ -46,19 +41,16 @@ def draw_plan(design: Design) -> Figure:
     across = min(_ACROSS, len(kinds))
     down = math.ceil(len(kinds) / across)
     figure = Figure(figsize=(max(2.9 * across, 5.0), 2.7 * down + 0.5))
-    panels = figure.subplots(down, across, squeeze=False, sharey=True).ravel().tolist()
-    for axes, numbers in zip(panels, kinds, strict=False):
+    panels = grid_of(figure, len(kinds), across, sharey=True)
+    for axes, numbers in zip(panels, kinds, strict=True):
         _trace(design, numbers, axes)
-    for axes in panels[len(kinds) :]:
-        axes.set_visible(False)
     depth_axis(panels[0], "")
-    for k, axes in enumerate(panels[: len(kinds)]):
+    for k, axes in enumerate(panels):
         if k % across == 0:
             axes.set_ylabel("depth [m]")
         if k + across >= len(kinds):
             axes.set_xlabel("time since the release [s]")
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    legend_beside(figure, panels[:1], "outside lower center")
     return figure
 
 
@@ -66,16 +58,16 @@ def _trace(design: Design, numbers: Sequence[int], axes: Axes) -> None:
     at, s = numbers[0] - 1, design.setting
     for k, flights in enumerate(design.chosen.others):
         f = flights[at]
-        axes.plot(f.time - f.time[f.moved[0]], f.depth, color=SKY, lw=0.8, alpha=0.8,
+        axes.plot(f.time - f.time[f.moved[0]], f.depth, color=Ink.SKY, lw=0.8, alpha=0.8,
                   label="parameter region" if k == 0 else None)  # fmt: skip
     f = design.chosen.flights[at]
     time = f.time - f.time[f.moved[0]]
-    axes.plot(time, f.depth, color=BLACK, label="vehicle as given")
-    axes.plot(time[list(f.moved)], f.depth[list(f.moved)], "o", color=VERMILION, ms=4.5,
+    axes.plot(time, f.depth, color=Ink.BLACK, label="vehicle as given")
+    axes.plot(time[list(f.moved)], f.depth[list(f.moved)], "o", color=Ink.VERMILION, ms=4.5,
               label="change of volume")  # fmt: skip
     for depth in (s.shallowest, s.deepest):
-        axes.axhline(depth, color=GREY, ls=":", lw=1.0)
-    axes.axhline(s.pool_depth, color=GREY, lw=2.0)
+        axes.axhline(depth, color=Ink.GREY, ls=":", lw=1.0)
+    axes.axhline(s.pool_depth, color=Ink.GREY, lw=2.0)
     axes.set_ylim(s.pool_depth + 0.05 * s.pool_depth, 0.0)
     volumes = ", ".join(f"{1e6 * move.volume:+.3g}" for move in f.release.moves)
     axes.set_title(f"{_title(numbers)}\n{volumes} cm³", fontsize=9.0, loc="left")
@@ -126,15 +118,13 @@ def _after(design: Design, axes: Axes) -> None:
 
 def _sizes(design: Design, axes: Axes) -> None:
     c = design.curve
-    axes.plot(
-        1e6 * c.sizes, 100.0 * c.steps, color=ORANGE, marker="s", ms=3.5, label="single steps"
-    )
-    axes.plot(1e6 * c.sizes, 100.0 * c.to_and_fro, color=GREEN, marker="o", ms=3.5,
-              label="to and fro")  # fmt: skip
-    axes.axhline(100.0 * design.chosen.largest, color=BLACK, lw=1.0, label="planned")
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlabel("change of volume [cm³]")
+    for errors, mark, color, label in (
+        (c.steps, "s-", Ink.ORANGE, "single steps"),
+        (c.to_and_fro, "o-", Ink.GREEN, "to and fro"),
+    ):
+        axes.plot(1e6 * c.sizes, 100.0 * errors, mark, color=color, ms=3.5, label=label)
+    axes.axhline(100.0 * design.chosen.largest, color=Ink.BLACK, lw=1.0, label="planned")
+    axes.set(xscale="log", yscale="log", xlabel="change of volume [cm³]")
     axes.set_ylabel("largest error after the same time [%]")
     axes.legend(fontsize=8.0)
     plain_log_ticks(axes, "x", "y")

@@ -6,25 +6,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from swimbladder.design.energy import DriveEnergy, Hovering, Profiling, PumpFit
-from swimbladder.show.plots.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    depth_axis,
-    label_panels,
-    plain_log_ticks,
-    styled,
-)
+from swimbladder.show.plots.style import Ink, depth_axis, label_panels, plain_log_ticks, styled
 from swimbladder.units import rounded
 
 _STAGES = {
-    "battery": SKY, "driver": PURPLE, "motor": BLUE, "transmission": ORANGE, "leakage": GREEN,
-    "reservoir": GREY,
+    "battery": Ink.SKY, "driver": Ink.PURPLE, "motor": Ink.BLUE, "transmission": Ink.ORANGE,
+    "leakage": Ink.GREEN, "reservoir": Ink.GREY,
 }  # fmt: skip
 
 _DAY_ML = 86400.0 * 1e6  # mL/day per m3/s
@@ -36,18 +23,20 @@ def draw_energy(found: DriveEnergy) -> Figure:
     figure = Figure(figsize=(11.0, 7.0))
     (per, rate, power), (chain, last, into) = figure.subplots(2, 3)
     z, m = found.column.depth, found.map
-    per.plot(found.per_volume * 1e-6, z, color=BLUE, label="from the battery")
-    per.plot(found.column.pressure * 1e-6, z, color=BLACK, ls="--", label="into the water, p dV")
+    per.plot(found.per_volume * 1e-6, z, color=Ink.BLUE, label="from the battery")
+    per.plot(
+        found.column.pressure * 1e-6, z, color=Ink.BLACK, ls="--", label="into the water, p dV"
+    )
     per.set_xlabel("energy per volume pressed out [J/mL]")
     per.legend()
-    rate.plot(m.rate_out * 1e6, z, color=BLUE)
+    rate.plot(m.rate_out * 1e6, z, color=Ink.BLUE)
     rate.set_xlabel("volume rate pressed out [mL/s]")
-    power.plot(m.power_out, z, color=BLUE, label="pressing out")
+    power.plot(m.power_out, z, color=Ink.BLUE, label="pressing out")
     if np.any(m.holding_power > 0.0):
-        power.plot(m.holding_power, z, color=VERMILION, ls="--", label="holding the volume")
+        power.plot(m.holding_power, z, color=Ink.VERMILION, ls="--", label="holding the volume")
     power.set_xlabel("power from the battery [W]")
     power.legend()
-    chain.plot(found.efficiency, z, color=BLACK, lw=2.2, label="the whole")
+    chain.plot(found.efficiency, z, color=Ink.BLACK, lw=2.2, label="the whole")
     for name, values in found.stages.items():
         chain.plot(values, z, color=_STAGES[name], label=name)
     chain.set_xlim(0.0, 1.02)
@@ -64,9 +53,9 @@ def draw_energy(found: DriveEnergy) -> Figure:
         last.set_xlabel("share of the full voltage [%]")
         last.grid(visible=False)
     else:
-        last.plot(m.leakage * _DAY_ML, z, color=BLUE)
+        last.plot(m.leakage * _DAY_ML, z, color=Ink.BLUE)
         last.set_xlabel("leakage at rest [mL/day]")
-    into.plot(m.rate_in * 1e6, z, color=BLUE)
+    into.plot(m.rate_in * 1e6, z, color=Ink.BLUE)
     into.set_xlabel("volume rate let in [mL/s]")
     panels = [per, rate, power, chain, last, into]
     for axes in panels:
@@ -86,18 +75,20 @@ def draw_versus(hover: Hovering, dive: Profiling, found: DriveEnergy) -> Figure:
     left, right = figure.subplots(1, 2)
     z = found.column.depth
     shown = np.where(np.isfinite(hover.break_even), hover.break_even, np.nan)
-    left.plot(shown / 3600.0, z, color=BLUE)
+    left.plot(shown / 3600.0, z, color=Ink.BLUE)
     left.set_xscale("log")
     left.set_xlabel("time of hovering at break-even [h]")
     left.set_title(
         f"{hover.weight_error * 1e6:.3g} mL too heavy: right of it the engine takes less",
         fontsize=9.0, loc="right",
     )  # fmt: skip
-    right.plot(dive.engine[1:] * 1e-3, dive.depth[1:], color=BLUE, label="buoyancy engine")
-    right.plot(dive.thruster[1:] * 1e-3, dive.depth[1:], color=VERMILION, ls="--", label="thruster")
-    right.plot(dive.drag[1:] * 1e-3, dive.depth[1:], color=BLACK, ls=":", label="drag alone")
+    right.plot(dive.engine[1:] * 1e-3, dive.depth[1:], color=Ink.BLUE, label="buoyancy engine")
+    right.plot(
+        dive.thruster[1:] * 1e-3, dive.depth[1:], color=Ink.VERMILION, ls="--", label="thruster"
+    )
+    right.plot(dive.drag[1:] * 1e-3, dive.depth[1:], color=Ink.BLACK, ls=":", label="drag alone")
     if 0.0 < dive.break_even < np.inf:
-        right.axhline(dive.break_even, color=GREY, lw=1.0)
+        right.axhline(dive.break_even, color=Ink.GREY, lw=1.0)
         right.annotate(
             f"break-even {rounded(dive.break_even, 3)} m", (0.02, dive.break_even),
             xycoords=("axes fraction", "data"), ha="left", va="bottom", fontsize=9.0,
@@ -128,15 +119,15 @@ def draw_fit(fit: PumpFit) -> Figure:
     settled = r.power[kept] / fit.voltage_share[kept] + fit.value("lost_energy") / t - cooled
     at = "runs, start added, at 15 °C"
     at += f" and {fit.reference_voltage:.3g} V" if fit.reference_voltage is not None else ""
-    panels[0].plot(p / 1e4, settled, ".", color=SKY, ms=3.0, label=at)
+    panels[0].plot(p / 1e4, settled, ".", color=Ink.SKY, ms=3.0, label=at)
     power = fit.value("idle_power") + fit.value("power_per_pressure") * line
-    panels[0].plot(line / 1e4, power, color=BLUE, label="found")
+    panels[0].plot(line / 1e4, power, color=Ink.BLUE, label="found")
     panels[0].set_ylabel("electrical power [W]")
     if delivery and r.volume is not None:
         rate = (r.volume[kept] + fit.value("start_volume")) / t * 1e6
-        panels[1].plot(p / 1e4, rate, ".", color=SKY, ms=3.0, label="runs, start added")
+        panels[1].plot(p / 1e4, rate, ".", color=Ink.SKY, ms=3.0, label="runs, start added")
         steady = fit.value("delivery") - fit.value("slip") * line
-        panels[1].plot(line / 1e4, steady * 1e6, color=BLUE, label="found")
+        panels[1].plot(line / 1e4, steady * 1e6, color=Ink.BLUE, label="found")
         panels[1].set_ylabel("delivery [mL/s]")
     for axes in panels[:-1]:
         axes.set_xlabel("pressure [dbar]")
@@ -147,9 +138,9 @@ def draw_fit(fit: PumpFit) -> Figure:
         measured = np.array([d.energy for d in fit.dives]) * 1e-3
         predicted = np.array([d.predicted for d in fit.dives]) * 1e-3
         ends = np.array([0.0, 1.05 * max(measured.max(), predicted.max())])
-        last.fill_between(ends, 0.9 * ends, 1.1 * ends, color=GREY, alpha=0.25, lw=0.0,
+        last.fill_between(ends, 0.9 * ends, 1.1 * ends, color=Ink.GREY, alpha=0.25, lw=0.0,
                           label="10 %")  # fmt: skip
-        last.plot(measured, predicted, "o", color=BLUE, ms=4.0, label="dives")
+        last.plot(measured, predicted, "o", color=Ink.BLUE, ms=4.0, label="dives")
         last.set_xlabel("energy as logged [kJ]")
         last.set_ylabel("predicted from the other dives [kJ]")
         last.set_xlim(0.0, ends[1])
@@ -157,8 +148,8 @@ def draw_fit(fit: PumpFit) -> Figure:
         last.legend(loc="upper left")
     else:
         fitted = fit.value("idle_power") + fit.value("power_per_pressure") * p
-        last.plot(p / 1e4, settled - fitted, ".", color=BLUE, ms=3.0)
-        last.axhline(0.0, color=BLACK, lw=0.8)
+        last.plot(p / 1e4, settled - fitted, ".", color=Ink.BLUE, ms=3.0)
+        last.axhline(0.0, color=Ink.BLACK, lw=0.8)
         last.set_xlabel("pressure [dbar]")
         last.set_ylabel("power less what was found [W]")
     label_panels(panels)

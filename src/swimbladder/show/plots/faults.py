@@ -9,20 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from swimbladder.show.plots.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    depth_axis,
-    label_panels,
-    plain_log_ticks,
-    styled,
-)
+from swimbladder.show.plots.style import Ink, depth_axis, label_panels, plain_log_ticks, styled
 from swimbladder.sim.faults import Campaign
 from swimbladder.sim.faults.kinds import KINDS
 from swimbladder.sim.faults.mission_records import TRACE
@@ -41,10 +28,10 @@ def draw_campaign(flown: Campaign) -> Figure:
     total = np.array([line.missions for line in lines], float)
     parts = (
         ("recovered, and not lost without the supervisor",
-         [line.recovered - line.recovered_by_supervisor for line in lines], SKY),
-        ("recovered by the supervisor", [line.recovered_by_supervisor for line in lines], BLUE),
+         [line.recovered - line.recovered_by_supervisor for line in lines], Ink.SKY),
+        ("recovered by the supervisor", [line.recovered_by_supervisor for line in lines], Ink.BLUE),
         ("recoverable, and lost",
-         [line.recoverable - line.recovered for line in lines], VERMILION),
+         [line.recoverable - line.recovered for line in lines], Ink.VERMILION),
         ("not recoverable, surfaced all the same",
          [line.unrecoverable_surfaced for line in lines], "#A8D8C8"),
         ("not recoverable",
@@ -64,11 +51,11 @@ def draw_campaign(flown: Campaign) -> Figure:
     for row, line in zip(rows, lines, strict=True):
         if not math.isnan(line.detection_time_median):
             low, high = max(line.detection_time_median, 0.1), max(line.detection_time_95, 0.1)
-            soon.plot([low, high], [row, row], color=GREY, lw=1.5, zorder=1)
-            soon.plot(low, row, "o", color=BLACK, ms=4.0)
-            soon.plot(high, row, "|", color=BLACK, ms=9.0)
+            soon.plot([low, high], [row, row], color=Ink.GREY, lw=1.5, zorder=1)
+            soon.plot(low, row, "o", color=Ink.BLACK, ms=4.0)
+            soon.plot(high, row, "|", color=Ink.BLACK, ms=9.0)
     soon.set_xscale("log")
-    soon.axvline(60.0, color=ORANGE, lw=1.0, ls="--")
+    soon.axvline(60.0, color=Ink.ORANGE, lw=1.0, ls="--")
     plain_log_ticks(soon, "x")
     soon.set_xlabel("detection time [s]: median (dot), 95 % (bar);\ndashed: 60 s")
     label_panels([fate, soon])
@@ -92,7 +79,7 @@ def draw_mission(flown: Flown) -> Figure:
     time = tick * np.arange(len(supervised))
     shown = _LONGER * max(tick * len(flown.rows[k]) for k in (0, -1))
     depth.plot(
-        time, supervised[:, TRACE["depth_seen"]], color=ORANGE, lw=0.8, zorder=3,
+        time, supervised[:, TRACE["depth_seen"]], color=Ink.ORANGE, lw=0.8, zorder=3,
         label="sensor",
     )  # fmt: skip
     for rows, label, color, style in zip(
@@ -100,7 +87,7 @@ def draw_mission(flown: Flown) -> Figure:
         ("full buoyancy 60 s after fault onset", "without the supervisor", "supervised")[
             -len(flown.rows) :
         ],
-        (GREEN, GREY, BLUE)[-len(flown.rows) :],
+        (Ink.GREEN, Ink.GREY, Ink.BLUE)[-len(flown.rows) :],
         (":", "--", "-")[-len(flown.rows) :],
         strict=True,
     ):  # fmt: skip
@@ -109,19 +96,19 @@ def draw_mission(flown: Flown) -> Figure:
         depth.plot(t, rows[:, TRACE["depth"]], color=color, ls=style, label=label)
         volume.plot(t, 1e6 * rows[:, TRACE["volume"]], color=color, ls=style)
     _frame(volume, [1e6 * rows[:, TRACE["volume"]] for rows in flown.rows])
-    volume.plot(time, 1e6 * supervised[:, TRACE["volume_seen"]], color=ORANGE, lw=0.8, zorder=3)
+    volume.plot(time, 1e6 * supervised[:, TRACE["volume_seen"]], color=Ink.ORANGE, lw=0.8, zorder=3)
     depth.plot(
-        time, supervised[:, TRACE["reference"]], color=BLACK, lw=0.8, ls="-.", label="set-point"
+        time, supervised[:, TRACE["reference"]], color=Ink.BLACK, lw=0.8, ls="-.", label="set-point"
     )
     deepest = max(float(np.nanmax(rows[:, TRACE["depth"]])) for rows in flown.rows)
     depth.set_ylim(1.15 * deepest + 1.0, -0.1 * deepest - 1.0)
     depth_axis(depth)
     unit = {"voltage": "V", "volume": "m³", "volume change": "s"}[flown.course.vehicle.command]
-    command.plot(time, supervised[:, TRACE["command"]], color=SKY, lw=0.8, label="commanded")
+    command.plot(time, supervised[:, TRACE["command"]], color=Ink.SKY, lw=0.8, label="commanded")
     command.plot(
-        time, supervised[:, TRACE["applied"]], color=BLACK, lw=0.8, label="at the actuator"
+        time, supervised[:, TRACE["applied"]], color=Ink.BLACK, lw=0.8, label="at the actuator"
     )
-    battery.plot(time, supervised[:, TRACE["battery"]], color=BLACK, lw=0.8)
+    battery.plot(time, supervised[:, TRACE["battery"]], color=Ink.BLACK, lw=0.8)
     volume.set_ylabel("volume [cm³]")
     command.set_ylabel(f"command [{unit}]")
     battery.set_ylabel("battery [V]")
@@ -130,9 +117,9 @@ def draw_mission(flown: Flown) -> Figure:
     battery.set_xlim(-0.02 * min(shown, longest), min(shown, longest))
     for axes in (depth, volume, command, battery):
         for fault_row in flown.mission.fault_rows:
-            axes.axvline(fault_row[3] * tick, color=VERMILION, lw=1.0, ls="--")
+            axes.axvline(fault_row[3] * tick, color=Ink.VERMILION, lw=1.0, ls="--")
         if not math.isnan(flown.latched):
-            axes.axvline(flown.latched, color=PURPLE, lw=1.2)
+            axes.axvline(flown.latched, color=Ink.PURPLE, lw=1.2)
     figure.legend(
         handles=[*depth.get_legend_handles_labels()[0], *command.get_legend_handles_labels()[0]],
         loc="outside lower center", ncols=3,

@@ -19,24 +19,13 @@ from scipy.stats import norm
 from swimbladder.estimation.estimates import Z95
 from swimbladder.estimation.motion import Estimate, ExperimentFit, Identification
 from swimbladder.show.plots.identify_confidence import WIDTH, axis_label, per_shown
-from swimbladder.show.plots.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    SKY,
-    VERMILION,
-    depth_axis,
-    styled,
-)
+from swimbladder.show.plots.style import Ink, depth_axis, grid_of, legend_beside, shade, styled
 from swimbladder.units import rounded
 
 Array = NDArray[np.float64]
 
 PER_PAGE = 24  # logs in one picture
 _WIDTH = 9.6  # inches
-_SHADE = "#E8E8E8"
 _OUTLIER = 0.5  # weight below which a sample counts as one
 _ALIKE = 4.0  # how much larger the largest residuals may be on axes of one scale
 _FURTHEST = 8.0  # standard deviations that are drawn
@@ -72,17 +61,19 @@ def draw_fits(found: Identification, first: int = 0) -> Figure:
     for k, (axes, e) in enumerate(zip(panels, chosen, strict=True)):
         time = e.record.time
         away = _outliers(e)
-        _shade(axes, e)
-        axes.plot(time, e.record.depth, ".", ms=5.0, mew=0.0, color=GREY, label="measured")
-        axes.plot(time, e.predicted, color=BLUE, lw=1.1, label="fitted")
-        axes.plot(time[away], e.record.depth[away], "x", ms=5.0, color=VERMILION, label="outlier")
+        shade(axes, time, ~np.isfinite(e.residual), "not used")
+        axes.plot(time, e.record.depth, ".", ms=5.0, mew=0.0, color=Ink.GREY, label="measured")
+        axes.plot(time, e.predicted, color=Ink.BLUE, lw=1.1, label="fitted")
+        axes.plot(
+            time[away], e.record.depth[away], "x", ms=5.0, color=Ink.VERMILION, label="outlier"
+        )
         axes.set_title(
             f"{names[first + k]}: {rounded(1e3 * e.rms, 2)} mm rms", fontsize=9.0, loc="left"
         )
         axes.margins(x=0.02)
         depth_axis(axes, "depth [m]" if k % _columns(len(chosen)) == 0 else "")
         _few_ticks(axes)
-    return _keyed(figure, panels, len(chosen), markerscale=2.0)
+    return _keyed(figure, panels)
 
 
 @styled
@@ -101,11 +92,11 @@ def draw_residuals(found: Identification, first: int = 0) -> Figure:
         time, off = e.record.time[used], 1e3 * e.residual[used]
         away = _outliers(e)[used]
         band = 1e3 * 1.96 * e.noise
-        axes.axhspan(-band, band, color=SKY, alpha=0.25, lw=0.0, label="95 % of the noise")
-        axes.axhline(0.0, color=BLACK, lw=0.7)
-        axes.plot(time[~away], off[~away], ".", ms=2.8, mew=0.0, color=BLUE, label="residual")
+        axes.axhspan(-band, band, color=Ink.SKY, alpha=0.25, lw=0.0, label="95 % of the noise")
+        axes.axhline(0.0, color=Ink.BLACK, lw=0.7)
+        axes.plot(time[~away], off[~away], ".", ms=2.8, mew=0.0, color=Ink.BLUE, label="residual")
         axes.plot(
-            time[away], np.clip(off[away], -reach, reach), "x", ms=5.0, color=VERMILION,
+            time[away], np.clip(off[away], -reach, reach), "x", ms=5.0, color=Ink.VERMILION,
             label="outlier (at the edge: beyond it)",
         )  # fmt: skip
         axes.set_ylim(-1.08 * reach, 1.08 * reach)
@@ -113,7 +104,7 @@ def draw_residuals(found: Identification, first: int = 0) -> Figure:
         axes.margins(x=0.02)
         axes.set_ylabel("residual [mm]" if k % _columns(len(chosen)) == 0 else "")
         _few_ticks(axes)
-    return _keyed(figure, panels, len(chosen), markerscale=2.0)
+    return _keyed(figure, panels)
 
 
 @styled
@@ -134,15 +125,21 @@ def _histogram(axes: Axes, u: Array) -> None:
     bins = np.linspace(-5.0, 5.0, 41)
     share = np.full(len(inside), 4.0 / max(len(u), 1))  # a density: bins are 0.25 wide
     axes.hist(
-        inside, bins=bins.tolist(), weights=share, color=SKY, ec="white", lw=0.4, label="residuals"
+        inside,
+        bins=bins.tolist(),
+        weights=share,
+        color=Ink.SKY,
+        ec="white",
+        lw=0.4,
+        label="residuals",
     )
-    axes.plot(x, norm.pdf(x), color=BLACK, lw=1.2, label="normal")
+    axes.plot(x, norm.pdf(x), color=Ink.BLACK, lw=1.2, label="normal")
     axes.set(xlabel="residual [standard deviations]", ylabel="density [-]")
     axes.set_ylim(top=1.28 * max(0.42, axes.get_ylim()[1]))
     beyond = len(u) - len(inside)
     if beyond:
         axes.text(0.98, 0.7, f"{beyond} beyond ±5", transform=axes.transAxes, ha="right",
-                  color=VERMILION, fontsize=9.0)  # fmt: skip
+                  color=Ink.VERMILION, fontsize=9.0)  # fmt: skip
     axes.legend(loc="upper right")
 
 
@@ -152,12 +149,12 @@ def _quantiles(axes: Axes, u: Array) -> None:
     expected = norm.ppf((np.arange(n) + 0.5) / n)
     reach = min(max(float(np.abs(ordered).max(initial=0.0)), 3.5), _FURTHEST)
     inside = np.abs(ordered) <= reach
-    axes.plot([-reach, reach], [-reach, reach], color=BLACK, lw=0.9, label="normal")
-    axes.plot(expected[inside], ordered[inside], ".", ms=4.0, mew=0.0, color=BLUE)
+    axes.plot([-reach, reach], [-reach, reach], color=Ink.BLACK, lw=0.9, label="normal")
+    axes.plot(expected[inside], ordered[inside], ".", ms=4.0, mew=0.0, color=Ink.BLUE)
     for side, mark in ((ordered > reach, "^"), (ordered < -reach, "v")):
         if side.any():  # nothing without a clip has no size, which the layout cannot bear
             at = np.sign(ordered[side]) * reach
-            axes.plot(expected[side], at, mark, ms=6.0, color=VERMILION, clip_on=False)
+            axes.plot(expected[side], at, mark, ms=6.0, color=Ink.VERMILION, clip_on=False)
     axes.set(
         xlabel="normal quantile [-]", ylabel="residual [standard deviations]",
         xlim=(-4.2, 4.2), ylim=(-1.05 * reach, 1.05 * reach),
@@ -171,17 +168,17 @@ def _autocorrelation(axes: Axes, experiments: Sequence[ExperimentFit]) -> None:
         r = _own_correlation(e)
         lags = np.arange(len(r))
         label = "each log" if number == 0 else None
-        axes.plot(lags[1:], r[1:], color=GREY, lw=0.6, alpha=0.7, label=label)
+        axes.plot(lags[1:], r[1:], color=Ink.GREY, lw=0.6, alpha=0.7, label=label)
         n = int((e.weight > 0.0).sum())
         total[: len(r)] += n * r
         weight[: len(r)] += n
     kept = weight > 0.0
     mean = total[kept] / weight[kept]
     band = 1.96 / math.sqrt(weight[0]) if weight[0] else 0.0
-    axes.axhspan(-band, band, color=SKY, alpha=0.35, lw=0.0, label="95 % if white")
-    axes.axhline(0.0, color=BLACK, lw=0.7)
-    axes.vlines(np.arange(1, len(mean)), 0.0, mean[1:], color=BLUE, lw=1.6)
-    axes.plot(np.arange(1, len(mean)), mean[1:], "o", ms=3.2, color=BLUE, label="all logs")
+    axes.axhspan(-band, band, color=Ink.SKY, alpha=0.35, lw=0.0, label="95 % if white")
+    axes.axhline(0.0, color=Ink.BLACK, lw=0.7)
+    axes.vlines(np.arange(1, len(mean)), 0.0, mean[1:], color=Ink.BLUE, lw=1.6)
+    axes.plot(np.arange(1, len(mean)), mean[1:], "o", ms=3.2, color=Ink.BLUE, label="all logs")
     low, high = axes.get_ylim()
     axes.set(
         xlabel="lag [samples]", ylabel="autocorrelation [-]",
@@ -209,16 +206,6 @@ def _reach(e: ExperimentFit) -> float:
     return max(float(np.abs(e.residual[kept]).max(initial=0.0)), 3.0 * e.noise)
 
 
-def _shade(axes: Axes, e: ExperimentFit) -> None:
-    """Shade what the fit does not use."""
-    out = np.concatenate(([False], ~np.isfinite(e.residual), [False])).astype(int)
-    edges = np.flatnonzero(np.diff(out))
-    time = e.record.time
-    for first, after in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        last = min(after, len(time) - 1)
-        axes.axvspan(time[first], time[last], color=_SHADE, lw=0.0, zorder=0, label="not used")
-
-
 def _columns(count: int) -> int:
     return min(count, 2 if count in (2, 4) else 3 if count < 7 else 4)
 
@@ -228,10 +215,7 @@ def _grid(count: int, height: float) -> tuple[Figure, list[Axes]]:
     columns = _columns(count)
     rows = math.ceil(count / columns)
     figure = Figure(figsize=(_WIDTH, height * max(rows, 1.4) + 0.5))
-    panels = list(np.ravel(figure.subplots(rows, columns, squeeze=False)))
-    for axes in panels[count:]:
-        axes.remove()
-    return figure, panels[:count]
+    return figure, grid_of(figure, count, columns)
 
 
 def _few_ticks(axes: Axes) -> None:
@@ -240,21 +224,13 @@ def _few_ticks(axes: Axes) -> None:
     axes.tick_params(labelsize=8.5)
 
 
-def _keyed(figure: Figure, panels: list[Axes], count: int, *, markerscale: float) -> Figure:
+def _keyed(figure: Figure, panels: list[Axes]) -> Figure:
     """Label the time axis of the lowest panels, and put one key above all."""
-    columns = _columns(count)
+    columns = _columns(len(panels))
     for k, axes in enumerate(panels):
-        if k + columns >= count:
+        if k + columns >= len(panels):
             axes.set_xlabel("time [s]")
-    shown = {
-        label: handle
-        for axes in panels
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(
-        list(shown.values()), list(shown), loc="outside upper right", ncols=len(shown),
-        markerscale=markerscale,
-    )  # fmt: skip
+    legend_beside(figure, panels, "outside upper right", markerscale=2.0)
     return figure
 
 
@@ -270,7 +246,7 @@ def draw_neutral(found: Identification) -> Figure:
         for k, alpha in ((2.0, 0.12), (1.0, 0.18)):
             reach = 1e6 * k * found.neutral_std
             left.axvspan(
-                -reach, reach, color=ORANGE, alpha=alpha, lw=0.0,
+                -reach, reach, color=Ink.ORANGE, alpha=alpha, lw=0.0,
                 label=f"assumed, ±{k:.0f} standard deviation{'s' if k > 1.0 else ''}",
             )  # fmt: skip
     _dots(left, errors, "m3")
@@ -280,10 +256,9 @@ def draw_neutral(found: Identification) -> Figure:
     _dots(right, [e.drift for e in found.experiments], "m3/s")
     right.set(xlabel="drift of the neutral volume [cm³/h]")
     for axes in (left, right):
-        axes.axvline(0.0, color=BLACK, lw=0.8)
+        axes.axvline(0.0, color=Ink.BLACK, lw=0.8)
         axes.grid(axis="y", visible=False)
-    handles, texts = left.get_legend_handles_labels()
-    figure.legend(handles, texts, loc="outside upper center", ncols=len(texts))
+    legend_beside(figure, [left], "outside upper center")
     return figure
 
 
@@ -295,7 +270,7 @@ def _dots(axes: Axes, estimates: Sequence[Estimate], unit: str) -> None:
     known = np.isfinite(half)
     at = np.arange(len(values))
     axes.errorbar(
-        values[known], at[known], xerr=half[known], fmt="o", ms=4.5, color=BLUE, elinewidth=1.3,
+        values[known], at[known], xerr=half[known], fmt="o", ms=4.5, color=Ink.BLUE, elinewidth=1.3,
         capsize=2.5, label="estimate, 95 %",
     )  # fmt: skip
 
@@ -323,11 +298,11 @@ def draw_gains(
     )
     shown: list[Any] = [  # in the order of the key
         axes.axhspan(
-            joint * ratios[0], joint * ratios[1], color=SKY, alpha=0.3, lw=0.0,
+            joint * ratios[0], joint * ratios[1], color=Ink.SKY, alpha=0.3, lw=0.0,
             label="all logs, 95 %",
         )
     ]  # fmt: skip
-    axes.axhline(joint, color=BLUE, lw=1.0)
+    axes.axhline(joint, color=Ink.BLUE, lw=1.0)
     widest = max(e.step for e in own)
     for sinks, mark, label in ((False, "^", "rising"), (True, "v", "sinking")):
         chosen = [e for e in own if _sinks(e) == sinks]
@@ -338,12 +313,12 @@ def draw_gains(
         middle = joint * np.exp(gain)
         ends = np.abs(joint * np.exp(gain + Z95 * np.array([[-1.0], [1.0]]) * std) - middle)
         bars = axes.errorbar(
-            1e6 * at, middle, yerr=ends, fmt=mark, ms=6.0, color=BLUE, elinewidth=1.3,
-            capsize=2.5, mfc=BLUE if sinks else "white", label=f"each log alone, {label}, 95 %",
+            1e6 * at, middle, yerr=ends, fmt=mark, ms=6.0, color=Ink.BLUE, elinewidth=1.3,
+            capsize=2.5, mfc=Ink.BLUE if sinks else "white", label=f"each log alone, {label}, 95 %",
         )  # fmt: skip
         shown.append(bars)
     for (label, points), mark, color in zip(
-        (singles or {}).items(), ("s", "D"), (VERMILION, GREEN), strict=False
+        (singles or {}).items(), ("s", "D"), (Ink.VERMILION, Ink.GREEN), strict=False
     ):
         x, y = np.array(points).T
         shown += axes.plot(1e6 * x, y, mark, ms=5.0, mfc="none", mew=1.4, color=color, label=label)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from swimbladder.estimation.actuator import ActuatorIdentification
 from swimbladder.estimation.actuator.model import drive_of, steady_speed
 from swimbladder.estimation.actuator.result import Step
-from swimbladder.show.plots.style import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, save, styled
+from swimbladder.show.plots.style import Ink, styled
 
 Array = NDArray[np.float64]
 
@@ -39,16 +38,16 @@ def draw_log(found: ActuatorIdentification, steps: Sequence[Step]) -> Figure:
     for k, step in enumerate(steps):
         t, used = step.time, step.used
         label = [None if k else text for text in ("measured", "fitted", "left out")]
-        upper.plot(t[used], scale * step.position[used], ".", ms=3, color=BLACK, label=label[0])
-        upper.plot(t, scale * step.fitted, color=VERMILION, lw=1.2, label=label[1])
-        lower.plot(t[used], scale * step.residual[used], ".", ms=2.5, color=BLACK)
+        upper.plot(t[used], scale * step.position[used], ".", ms=3, color=Ink.BLACK, label=label[0])
+        upper.plot(t, scale * step.fitted, color=Ink.VERMILION, lw=1.2, label=label[1])
+        lower.plot(t[used], scale * step.residual[used], ".", ms=2.5, color=Ink.BLACK)
         if above and step.voltage is not None:
-            above[0].step(t, step.voltage, where="post", color=BLUE, lw=1.2)
+            above[0].step(t, step.voltage, where="post", color=Ink.BLUE, lw=1.2)
     _outliers(steps, scale, upper)
     left = np.concatenate([s.residual[s.used] for s in steps])
     band = 1.96 * scale * float(left.std())
-    lower.axhspan(-band, band, color=SKY, alpha=0.3, lw=0.0, label="95 % of the noise")
-    lower.axhline(0.0, color=GREY, lw=0.8)
+    lower.axhspan(-band, band, color=Ink.SKY, alpha=0.3, lw=0.0, label="95 % of the noise")
+    lower.axhline(0.0, color=Ink.GREY, lw=0.8)
     upper.set_ylabel(f"{name} [{unit}]")
     lower.set_ylabel(f"measured less\nfitted [{unit}]")
     lower.set_xlabel("time since the log's first sample [s]")
@@ -66,7 +65,7 @@ def _outliers(steps: Sequence[Step], scale: float, axes: Axes) -> None:
     if out:
         low, high = axes.get_ylim()
         t, x = (np.concatenate(part) for part in zip(*out, strict=True))
-        axes.plot(t, np.clip(scale * x, low, high), "x", ms=4, color=ORANGE, label="left out")
+        axes.plot(t, np.clip(scale * x, low, high), "x", ms=4, color=Ink.ORANGE, label="left out")
         axes.set_ylim(low, high)
 
 
@@ -91,7 +90,7 @@ def draw_speeds(found: ActuatorIdentification) -> Figure:
 def _by_voltage(found: ActuatorIdentification, scale: float, axes: Axes) -> None:
     points = [point for step in found.steps for point in _steady(step)]
     u, v = np.array(points).T
-    axes.plot(u, scale * v, "o", ms=4.5, mfc="none", color=BLACK, label="second half of a step")
+    axes.plot(u, scale * v, "o", ms=4.5, mfc="none", color=Ink.BLACK, label="second half of a step")
     values = {name: e.value for name, e in found.parameters.items() if e.known}
     if "K1A" in values:
         values["K1"] = values.pop("K1A")
@@ -102,8 +101,8 @@ def _by_voltage(found: ActuatorIdentification, scale: float, axes: Axes) -> None
         drive = drive_of({"T1": 1.0, **values})
         grid = np.linspace(min(float(u.min()), 0.0), max(float(u.max()), 0.0), 400)
         line = [scale * steady_speed(x, drive) for x in grid.tolist()]
-        axes.plot(grid, line, color=VERMILION, lw=1.2, label="fitted")
-    axes.axhline(0.0, color=GREY, lw=0.8)
+        axes.plot(grid, line, color=Ink.VERMILION, lw=1.2, label="fitted")
+    axes.axhline(0.0, color=Ink.GREY, lw=0.8)
     axes.set_xlabel("voltage [V]")
 
 
@@ -127,7 +126,7 @@ def _steady(step: Step) -> list[tuple[float, float]]:
 
 def _by_move(found: ActuatorIdentification, scale: float, axes: Axes) -> None:
     shown = [(k, s) for k, s in enumerate(found.steps, start=1) if s.speed is not None]
-    for way, color, marker in (("out", BLUE, "o"), ("in", ORANGE, "s")):
+    for way, color, marker in (("out", Ink.BLUE, "o"), ("in", Ink.ORANGE, "s")):
         own = [(k, s) for k, s in shown if s.label == f"{way}ward"]
         speeds = [scale * (s.speed or 0.0) for _, s in own]
         numbers = [k for k, _ in own]
@@ -155,17 +154,9 @@ def _units(found: ActuatorIdentification) -> tuple[float, str, str]:
 _MOST = 12  # steps in the figure
 
 
-def plot_steps(found: ActuatorIdentification, path: str | Path) -> Path:
-    """Write a picture of measured and fitted positions of the steps, and their residuals.
-
-    The suffix of the path chooses the format. Raises InputError where it cannot be written.
-    """
-    return save(draw_steps(found), path)
-
-
 @styled
 def draw_steps(found: ActuatorIdentification, source: str | None = None) -> Figure:
-    """Return the figure that plot_steps writes; of many steps it shows some, evenly chosen.
+    """Return measured and fitted positions of the steps and residuals; of many some, evenly chosen.
 
     source: only the steps of this log, and no title.
     """
@@ -176,16 +167,10 @@ def draw_steps(found: ActuatorIdentification, source: str | None = None) -> Figu
     columns = min(4, len(shown))
     rows = math.ceil(len(shown) / columns)
     figure = Figure(figsize=(2.6 * columns + 0.6, 2.9 * rows + 0.5))
-    scale, unit = (1e3, "mm") if found.quantity == "piston" else (1e6, "cm³")
+    scale, unit, _ = _units(found)
     grid = figure.add_gridspec(2 * rows, columns, height_ratios=[2.2, 1.0] * rows)
-    largest = max(
-        (
-            float(np.abs(found.steps[k].residual[found.steps[k].used]).max(initial=0.0))
-            for k in shown
-        ),
-        default=0.0,
-    )
-    limit = 1.2 * max(scale * largest, 1e-9)
+    largest = [np.abs(found.steps[k].residual[found.steps[k].used]).max(initial=0.0) for k in shown]
+    limit = 1.2 * max(scale * float(max(largest, default=0.0)), 1e-9)
     for place, k in enumerate(shown):
         row, column = divmod(place, columns)
         upper = figure.add_subplot(grid[2 * row, column])
@@ -211,14 +196,14 @@ def _step(step: Step, number: int, scale: float, upper: Axes, lower: Axes) -> No
     t, start = step.time - step.time[0], step.position[step.used][:1].sum()
     part = slice(0, step.start or None)
     x, fitted, used = step.position[part] - start, step.fitted[part] - start, step.used[part]
-    upper.plot(t[part][used], scale * x[used], ".", ms=3.5, color=BLACK, label="measured")
+    upper.plot(t[part][used], scale * x[used], ".", ms=3.5, color=Ink.BLACK, label="measured")
     if not used.all():
         low, high = upper.get_ylim()
         out = np.clip(scale * x[~used], low, high)
-        upper.plot(t[part][~used], out, "x", ms=4, color=ORANGE, label="left out")
-    upper.plot(t[part], scale * fitted, color=VERMILION, lw=1.2, label="fitted")
-    lower.axhline(0.0, color=GREY, lw=0.8)
-    lower.plot(t[step.used], scale * step.residual[step.used], ".", ms=2.5, color=BLACK)
+        upper.plot(t[part][~used], out, "x", ms=4, color=Ink.ORANGE, label="left out")
+    upper.plot(t[part], scale * fitted, color=Ink.VERMILION, lw=1.2, label="fitted")
+    lower.axhline(0.0, color=Ink.GREY, lw=0.8)
+    lower.plot(t[step.used], scale * step.residual[step.used], ".", ms=2.5, color=Ink.BLACK)
     what = f"start, {step.label}" if step.start else step.label
     upper.set_title(f"step {number}: {what}", loc="left", fontsize=8.5)
     if not step.start:
@@ -227,12 +212,14 @@ def _step(step: Step, number: int, scale: float, upper: Axes, lower: Axes) -> No
 
 
 def _title(found: ActuatorIdentification) -> str:
-    parts = []
+    parts, (per, length, _) = [], _units(found)
     for name, scale, unit in (
-        ("K1", 1e3, "mm/s/V"), ("K1A", 1e6, "cm³/s/V"), ("T1", 1.0, "s"),
-        ("dead_zone", 1.0, "V"), ("rate", 1e3 if found.quantity == "piston" else 1e6,
-                                  "mm/s" if found.quantity == "piston" else "cm³/s"),
-    ):  # fmt: skip
+        ("K1", 1e3, "mm/s/V"),
+        ("K1A", 1e6, "cm³/s/V"),
+        ("T1", 1.0, "s"),
+        ("dead_zone", 1.0, "V"),
+        ("rate", per, f"{length}/s"),
+    ):
         e = found.parameters.get(name)
         if e is not None and e.known:
             word = name.replace("_", " ")

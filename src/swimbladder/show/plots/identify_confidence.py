@@ -14,7 +14,7 @@ from scipy.stats import chi2
 
 from swimbladder.estimation.estimates import Z95, estimate
 from swimbladder.estimation.motion import NAMES, Identification
-from swimbladder.show.plots.style import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, styled
+from swimbladder.show.plots.style import Ink, grid_of, legend_beside, styled
 from swimbladder.units import shown_unit, unit_factor
 
 Array = NDArray[np.float64]
@@ -89,8 +89,8 @@ def _pair(axes: Axes, found: Identification, i: int, j: int) -> None:
             _moved(found, name, steps)
             for name, steps in zip((names[i], names[j]), across, strict=True)
         )
-        axes.fill(x, y, color=SKY, alpha=alpha, lw=0.0, label=f"{100 * share:.0f} % region")
-        axes.plot(x, y, color=BLUE, lw=0.8)
+        axes.fill(x, y, color=Ink.SKY, alpha=alpha, lw=0.0, label=f"{100 * share:.0f} % region")
+        axes.plot(x, y, color=Ink.BLUE, lw=0.8)
     if found.posterior is not None:
         draws = found.posterior.draws[:: max(1, len(found.posterior.draws) // _DRAWS)]
         first, second = (
@@ -98,13 +98,14 @@ def _pair(axes: Axes, found: Identification, i: int, j: int) -> None:
             for name in (names[i], names[j])
         )
         axes.plot(
-            first, second, ".", ms=1.6, mew=0.0, alpha=0.5, color=VERMILION, zorder=1.5,
+            first, second, ".", ms=1.6, mew=0.0, alpha=0.5, color=Ink.VERMILION, zorder=1.5,
             label="draws from the posterior",
         )  # fmt: skip
     at = [_moved(found, name, np.zeros(1))[0] for name in (names[i], names[j])]
-    axes.plot(*at, "+", ms=9.0, mew=1.5, color=BLACK, label="estimate")
-    _prior_band(axes, found, names[i], vertical=True)
-    _prior_band(axes, found, names[j], vertical=False)
+    axes.plot(*at, "+", ms=9.0, mew=1.5, color=Ink.BLACK, label="estimate")
+    for name, vertical in ((names[i], True), (names[j], False)):
+        label = f"95 % of the prior of {_SYMBOL[name]}"
+        _prior_band(axes, found, name, vertical=vertical, label=label)
     axes.set_title(f"correlation {r:+.2f}".replace("-", "−"), fontsize=9.0, loc="left")
     axes.xaxis.set_major_locator(MaxNLocator(4))
     axes.yaxis.set_major_locator(MaxNLocator(5))
@@ -120,16 +121,17 @@ def _moved(found: Identification, name: str, steps: Array) -> Array:
     return shifted
 
 
-def _prior_band(axes: Axes, found: Identification, name: str, *, vertical: bool) -> None:
+def _prior_band(
+    axes: Axes, found: Identification, name: str, *, vertical: bool, label: str | None
+) -> None:
     prior = found.priors.get(name)
     if prior is None:
         return
     limits = axes.get_xlim() if vertical else axes.get_ylim()
     per = per_shown(NAMES[name].unit)
     low, high = (per * (prior.mean + k * prior.std) for k in (-Z95, Z95))
-    label = f"95 % of the prior of {_SYMBOL[name]}"
     span = axes.axvspan if vertical else axes.axhspan
-    span(low, high, color=ORANGE, alpha=0.13, lw=0.0, zorder=0, label=label)
+    span(low, high, color=Ink.ORANGE, alpha=0.13, lw=0.0, zorder=0, label=label)
     (axes.set_xlim if vertical else axes.set_ylim)(*limits)
 
 
@@ -145,14 +147,11 @@ def draw_profiles(found: Identification) -> Figure:
     columns = min(len(names), 2 if len(names) in (2, 4) else 3)
     rows = math.ceil(len(names) / columns)
     figure = Figure(figsize=(WIDTH * (0.5 if columns == 1 else 1.0), 2.9 * rows + 0.6))
-    panels = list(np.ravel(figure.subplots(rows, columns, squeeze=False)))
-    for axes in panels[len(names) :]:
-        axes.remove()
-    for k, (axes, name) in enumerate(zip(panels, names, strict=False)):
+    panels = grid_of(figure, len(names), columns)
+    for k, (axes, name) in enumerate(zip(panels, names, strict=True)):
         _profile(axes, found, name)
         axes.set_ylabel("deviance [-]" if k % columns == 0 else "")
-    handles, texts = panels[0].get_legend_handles_labels()
-    figure.legend(handles, texts, loc="outside upper center", ncols=min(len(texts), 4))
+    legend_beside(figure, panels[:1], "outside upper center", ncols=4)
     return figure
 
 
@@ -169,21 +168,16 @@ def _profile(axes: Axes, found: Identification, name: str) -> None:
     spread = e.std / e.value if log else e.std
     centre = math.log(e.value) if log else e.value
     quadratic = ((fine - centre) / spread) ** 2
-    axes.plot(per * values[shown], smooth[shown], color=BLUE, lw=1.8, label="profile")
-    axes.plot(per * p.values, p.deviance, "o", ms=3.5, color=BLUE)
+    axes.plot(per * values[shown], smooth[shown], color=Ink.BLUE, lw=1.8, label="profile")
+    axes.plot(per * p.values, p.deviance, "o", ms=3.5, color=Ink.BLUE)
     axes.plot(
-        per * values, quadratic, "--", color=VERMILION, lw=1.3, label="quadratic approximation"
+        per * values, quadratic, "--", color=Ink.VERMILION, lw=1.3, label="quadratic approximation"
     )
-    axes.axhline(Z95**2, color=GREY, lw=0.9, ls=":", label="95 %: 3.84")
+    axes.axhline(Z95**2, color=Ink.GREY, lw=0.9, ls=":", label="95 %: 3.84")
     plain = estimate(e.value, e.std, e.unit, logarithmic=log)
-    for ends, color, height in ((p.ci95, BLUE, -0.5), (plain.ci95, VERMILION, -1.15)):
+    for ends, color, height in ((p.ci95, Ink.BLUE, -0.5), (plain.ci95, Ink.VERMILION, -1.15)):
         _interval(axes, per, ends, color, height)
-    prior = found.priors.get(name)
-    if prior is not None:
-        limits = axes.get_xlim()
-        low, high = (per * (prior.mean + k * prior.std) for k in (-Z95, Z95))
-        axes.axvspan(low, high, color=ORANGE, alpha=0.13, lw=0.0, zorder=0)
-        axes.set_xlim(*limits)
+    _prior_band(axes, found, name, vertical=True, label=None)
     axes.set(ylim=(-1.7, top), xlabel=axis_label(name))
     axes.set_yticks([0.0, 2.0, 4.0, 6.0, 8.0])
     axes.xaxis.set_major_locator(MaxNLocator(5))

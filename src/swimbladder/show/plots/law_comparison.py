@@ -13,22 +13,10 @@ from matplotlib.lines import Line2D
 from swimbladder.design.law_comparison import LawComparison
 from swimbladder.design.law_comparison.contenders import BAND
 from swimbladder.design.law_comparison.run import Row, front
-from swimbladder.show.plots.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    depth_axis,
-    label_panels,
-    styled,
-)
+from swimbladder.show.plots.style import Ink, depth_axis, label_panels, styled
 from swimbladder.units import rounded
 
-_COLORS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
+_COLORS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE, Ink.SKY, Ink.BLACK)
 _MARKERS = {"fast": "^", "quiet": "o"}
 _STYLES = {"fast": "-", "quiet": "--"}
 _SHOWN = ("step-down", "step-small", "step-large", "step-deep")
@@ -81,20 +69,20 @@ def _pareto(
     best = np.flatnonzero(there)[front(np.stack([x[there], y[there]], axis=1))]
     if len(best) > 0:
         best = best[np.argsort(x[best])]
-        axes.step(x[best], y[best], where="post", color=GREY, lw=3.0, alpha=0.45, zorder=1)
+        axes.step(x[best], y[best], where="post", color=Ink.GREY, lw=3.0, alpha=0.45, zorder=1)
     reference = comparison.reference
     for row, a, b, shown in zip(comparison.rows, x, y, there, strict=True):
         if not shown:
             continue
         if row is reference:
-            axes.axvline(a, color=GREY, lw=0.8, ls=":")
-            axes.axhline(b, color=GREY, lw=0.8, ls=":")
+            axes.axvline(a, color=Ink.GREY, lw=0.8, ls=":")
+            axes.axhline(b, color=Ink.GREY, lw=0.8, ls=":")
         axes.plot(
             a, b, color=_color(comparison, row), marker=_MARKERS.get(row.who.tuning, "s"), ls="",
             ms=_size(comparison, row), mec="white", mew=0.6, zorder=3,
         )  # fmt: skip
     if bound is not None:
-        axes.axvline(bound, color=BLACK, lw=1.0, ls="--")
+        axes.axvline(bound, color=Ink.BLACK, lw=1.0, ls="--")
         axes.annotate(
             f"least of any: {bound:.1f} s", (bound, 0.5), xycoords=("data", "axes fraction"),
             rotation=90, ha="left", va="center", fontsize=8.0,
@@ -102,7 +90,7 @@ def _pareto(
     missing = [r.who.name for r, shown in zip(comparison.rows, there, strict=True) if not shown]
     if missing:
         words = ("not settled: " if bound else "not shown: ") + "; ".join(missing)
-        axes.set_title(fill(words, _WIDE), loc="right", fontsize=8.0, color=GREY)
+        axes.set_title(fill(words, _WIDE), loc="right", fontsize=8.0, color=Ink.GREY)
     for side, label in ((axes.xaxis, across[3]), (axes.yaxis, up[3])):
         side.set_label_text(label)
         side.set_major_formatter(lambda value, _: f"{value:g}")
@@ -143,9 +131,9 @@ def draw_steps(comparison: LawComparison) -> Figure:
                 ls=_STYLES.get(row.who.tuning, ":"),
             )  # fmt: skip
         band = BAND if floats else 0.02 * abs(p.target - p.start)
-        axes.axhspan(p.target - band, p.target + band, color=GREY, alpha=0.25, lw=0.0)
+        axes.axhspan(p.target - band, p.target + band, color=Ink.GREY, alpha=0.25, lw=0.0)
         if bound is not None:
-            axes.axvline(bound, color=BLACK, lw=1.0, ls="--")
+            axes.axvline(bound, color=Ink.BLACK, lw=1.0, ls="--")
         far = 0.25 * (p.target - p.start)
         axes.set_ylim(*sorted((p.start - 0.2 * far, p.target + far)))
         axes.set_xlim(0.0, end)
@@ -184,5 +172,5 @@ def _keys(comparison: LawComparison, *, lines: bool) -> list[Line2D]:
         for row in comparison.rows
     ]  # fmt: skip
     if comparison.bounds:
-        found.append(Line2D([], [], color=BLACK, lw=1.0, ls="--", label="least time of any"))
+        found.append(Line2D([], [], color=Ink.BLACK, lw=1.0, ls="--", label="least time of any"))
     return found

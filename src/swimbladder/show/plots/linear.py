@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from swimbladder.design.linear import Analysis, ClosedLoop, Margins, StateSpace
 from swimbladder.design.linear.margins import frequency_response
 from swimbladder.design.linear.pump_valve import drive_rates
-from swimbladder.show.plots.style import BLUE, GREY, VERMILION, styled
+from swimbladder.show.plots.style import Ink, styled
 
 _DEPTHS = 401  # of the rates of pump and valve: near the surface a valve goes with a root
 
@@ -38,11 +38,11 @@ def draw_open_loop(analysis: Analysis) -> Figure:
     response = model.part(output="z", input=model.inputs[0]).at(1j * w)[:, 0, 0]
     what, unit = ("voltage", "m/V") if analysis.vehicle.voltage_driven else ("volume", "m/m³")
     figure, top, bottom = _bode(f"|depth/{what}| [{unit}]")
-    top.loglog(w, np.abs(response), color=BLUE)
-    bottom.semilogx(w, _phase(response), color=BLUE)
+    top.loglog(w, np.abs(response), color=Ink.BLUE)
+    bottom.semilogx(w, _phase(response), color=Ink.BLUE)
     for rate in sorted({float(f"{rate:.9g}") for rate in rates}):
         for axes in (top, bottom):
-            axes.axvline(rate, color=GREY, linewidth=0.9, linestyle=":")
+            axes.axvline(rate, color=Ink.GREY, linewidth=0.9, linestyle=":")
     top.set_title(
         f"{analysis.vehicle.name}: open loop, {what} to depth (dotted: moduli of the poles)"
     )
@@ -61,10 +61,10 @@ def draw_drive(analysis: Analysis) -> Figure:
     d = drive_rates(analysis.vehicle, np.linspace(0.0, max(d.depths), _DEPTHS).tolist())
     figure = Figure(figsize=(7.0, 5.0))
     axes = figure.add_subplot()
-    axes.plot(1e6 * np.array(d.pump), d.depths, color=BLUE, label="pump, out")
-    axes.plot(1e6 * np.array(d.valve), d.depths, color=VERMILION, label="valve, in")
+    axes.plot(1e6 * np.array(d.pump), d.depths, color=Ink.BLUE, label="pump, out")
+    axes.plot(1e6 * np.array(d.valve), d.depths, color=Ink.VERMILION, label="valve, in")
     if math.isfinite(stall.depth) and stall.depth <= max(d.depths):
-        axes.axhline(stall.depth, color=GREY, linestyle=":", label="the pump stalls")
+        axes.axhline(stall.depth, color=Ink.GREY, linestyle=":", label="the pump stalls")
     axes.invert_yaxis()
     axes.set(xlabel="volume rate [cm³/s]", ylabel="depth [m]")
     axes.set_title(f"{analysis.vehicle.name}: what pump and valve do")
@@ -82,7 +82,7 @@ def draw_loop_gains(analysis: Analysis) -> Figure:
     nyquist = math.pi / c.sample_time
     slowest = min(abs(m.s) for m in c.modes if math.isfinite(m.s.real))
     figure, top, bottom = _bode("loop gain |L| [-]")
-    top.axhline(1.0, color=GREY, linewidth=0.9)
+    top.axhline(1.0, color=Ink.GREY, linewidth=0.9)
     for place in _breaks(analysis, c):
         w, values = frequency_response(place.loop)
         w, values = w[w > 0.1 * slowest], values[w > 0.1 * slowest]
@@ -96,10 +96,10 @@ def draw_loop_gains(analysis: Analysis) -> Figure:
         if place.margins is not None:
             _mark_gains(top, place)
             _mark_phase(bottom, place, w, phase)
-    bottom.axhline(-180.0, color=GREY, linewidth=0.9)
+    bottom.axhline(-180.0, color=Ink.GREY, linewidth=0.9)
     half = "half the sampling frequency"
-    top.axvline(nyquist, color=GREY, linewidth=0.9, linestyle="--", label=half)
-    bottom.axvline(nyquist, color=GREY, linewidth=0.9, linestyle="--")
+    top.axvline(nyquist, color=Ink.GREY, linewidth=0.9, linestyle="--", label=half)
+    bottom.axvline(nyquist, color=Ink.GREY, linewidth=0.9, linestyle="--")
     bottom.set_xlim(0.08 * slowest, 20.0 * nyquist)  # room for what is written
     top.legend(fontsize=9, loc="lower left")
     top.set_title(_title(analysis, c, "loop gain"))
@@ -116,7 +116,9 @@ def draw_nyquist(analysis: Analysis) -> Figure:
     figure = Figure(figsize=(8.0, 6.8))
     axes = figure.add_subplot()
     circle = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
-    axes.plot(circle.real, circle.imag, color=GREY, linewidth=0.9, linestyle=":", label="|L| = 1")
+    axes.plot(
+        circle.real, circle.imag, color=Ink.GREY, linewidth=0.9, linestyle=":", label="|L| = 1"
+    )
     for place in _breaks(analysis, c):
         _, values = frequency_response(place.loop)
         for half in (values, values.conj()):
@@ -149,9 +151,9 @@ def draw_poles(analysis: Analysis) -> Figure:
     left = figure.add_subplot(1, 1 if c is None else 2, 1)
     poles = np.array(analysis.open_loop.poles)
     smallest = min((abs(p) for p in poles if abs(p) > 1e-9), default=1.0)
-    left.axvspan(0.0, 1e6, color=VERMILION, alpha=0.08, linewidth=0.0)
-    left.axvline(0.0, color=GREY, linewidth=0.9)
-    left.plot(poles.real, poles.imag, "x", color=BLUE, markersize=9, markeredgewidth=2)
+    left.axvspan(0.0, 1e6, color=Ink.VERMILION, alpha=0.08, linewidth=0.0)
+    left.axvline(0.0, color=Ink.GREY, linewidth=0.9)
+    _crosses(left, poles, Ink.BLUE)
     # Rates from 0.01 to 100 1/s share a picture only on an axis that is linear near 0.
     left.set_xscale("symlog", linthresh=10.0 ** math.floor(math.log10(smallest)))
     largest = float(np.max(np.abs(poles)))
@@ -162,17 +164,9 @@ def draw_poles(analysis: Analysis) -> Figure:
     if c is not None:
         right = figure.add_subplot(1, 2, 2)
         circle = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
-        right.plot(circle.real, circle.imag, color=GREY, linewidth=0.9, label="|z| = 1")
+        right.plot(circle.real, circle.imag, color=Ink.GREY, linewidth=0.9, label="|z| = 1")
         z = np.array([mode.z for mode in c.modes])
-        right.plot(
-            z.real,
-            z.imag,
-            "x",
-            color=VERMILION,
-            markersize=9,
-            markeredgewidth=2,
-            label="closed loop",
-        )
+        _crosses(right, z, Ink.VERMILION, label="closed loop")
         right.set(xlabel="Re z [-]", ylabel="Im z [-]")
         right.set_aspect("equal", adjustable="datalim")
         right.legend(fontsize=9, loc="upper left")
@@ -182,13 +176,17 @@ def draw_poles(analysis: Analysis) -> Figure:
     return figure
 
 
+def _crosses(axes: Axes, values: NDArray[np.complex128], color: str, **given: Any) -> None:
+    axes.plot(values.real, values.imag, "x", color=color, ms=9, mew=2, **given)
+
+
 def _near_one(axes: Axes, z: NDArray[np.complex128]) -> None:
     """Draw what lies around z = 1 again, larger: the slow poles of a loop that is sampled fast."""
     reach = 1.5 * float(np.max(np.abs(z[np.abs(z - 1.0) < 0.05] - 1.0)))
     inset = axes.inset_axes((0.07, 0.07, 0.34, 0.34))
     angles = np.linspace(-2.0 * reach, 2.0 * reach, 101)
-    inset.plot(np.cos(angles), np.sin(angles), color=GREY, linewidth=0.9)
-    inset.plot(z.real, z.imag, "x", color=VERMILION, markersize=7, markeredgewidth=2)
+    inset.plot(np.cos(angles), np.sin(angles), color=Ink.GREY, linewidth=0.9)
+    inset.plot(z.real, z.imag, "x", color=Ink.VERMILION, markersize=7, markeredgewidth=2)
     inset.set(xlim=(1.0 - reach, 1.0 + 0.5 * reach), ylim=(-0.75 * reach, 0.75 * reach))
     inset.set_xticks([1.0 - reach, 1.0], labels=[f"{1.0 - reach:.3g}", "1"], fontsize=8)
     inset.set_yticks([])
@@ -206,10 +204,12 @@ def _breaks(analysis: Analysis, c: ClosedLoop) -> tuple[_Break, ...]:
     command = "voltage" if analysis.vehicle.voltage_driven else "volume command"
     if c.one_loop:
         command += " or at the depth"
-    first = _Break(command, c.loop.broken_at_command(), c.at_command, BLUE, "-")
+    first = _Break(command, c.loop.broken_at_command(), c.at_command, Ink.BLUE, "-")
     if c.one_loop:
         return (first,)
-    return first, _Break("measured depth", c.loop.broken_at_depth(), c.at_depth, VERMILION, "-.")
+    return first, _Break(
+        "measured depth", c.loop.broken_at_depth(), c.at_depth, Ink.VERMILION, "-."
+    )
 
 
 def _title(analysis: Analysis, c: ClosedLoop, what: str) -> str:

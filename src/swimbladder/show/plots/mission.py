@@ -13,19 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from swimbladder.physics.hull import neutral_volume
-from swimbladder.show.plots.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    depth_axis,
-    label_panels,
-    styled,
-)
+from swimbladder.show.plots.style import Ink, depth_axis, label_panels, styled
 from swimbladder.sim.engine.rodas.ledger import HOLDING
 from swimbladder.sim.engine.rodas.names import Drive, Note, Now
 from swimbladder.sim.mission.books import PUMP, VALVE, consumer_energy, drawn_energy, mean_power
@@ -69,11 +57,11 @@ def _unit(seconds: float) -> tuple[float, str]:
 
 
 def _depth(result: MissionResult, first: Array, unit: float, words: str, axes: Axes) -> None:
-    axes.plot(first[:, Row.T] / unit, first[:, Row.Z], color=BLUE, label="depth")
+    axes.plot(first[:, Row.T] / unit, first[:, Row.Z], color=Ink.BLUE, label="depth")
     notes = result.flight.notes
     notes = notes[notes[:, Drive.T] <= first[-1, Row.T]]
     for what, color, marker, name in (
-        (Note.PUMP, VERMILION, "^", "pump starts"), (Note.VALVE, GREEN, "v", "valve opens"),
+        (Note.PUMP, Ink.VERMILION, "^", "pump starts"), (Note.VALVE, Ink.GREEN, "v", "valve opens"),
     ):  # fmt: skip
         some = notes[notes[:, Drive.WHAT] == what]
         if len(some):
@@ -87,7 +75,7 @@ def _depth(result: MissionResult, first: Array, unit: float, words: str, axes: A
 def _speed(result: MissionResult, axes: Axes) -> None:
     table = speeds(result.flight)
     for name, color, words in (
-        ("sinking_m_s", BLUE, "sinking"), ("rising_m_s", VERMILION, "rising"),
+        ("sinking_m_s", Ink.BLUE, "sinking"), ("rising_m_s", Ink.VERMILION, "rising"),
     ):  # fmt: skip
         if np.isfinite(table[name]).any():
             axes.plot(100.0 * table[name], table["depth_m"], color=color, label=words)
@@ -99,9 +87,9 @@ def _speed(result: MissionResult, axes: Axes) -> None:
 
 
 def _volume(result: MissionResult, first: Array, unit: float, words: str, axes: Axes) -> None:
-    axes.plot(first[:, Row.T] / unit, 1e6 * first[:, Row.V], color=BLUE)
+    axes.plot(first[:, Row.T] / unit, 1e6 * first[:, Row.V], color=Ink.BLUE)
     for stop in (result.flight.vehicle.stroke.minimum, result.flight.vehicle.stroke.maximum):
-        axes.axhline(1e6 * stop, color=GREY, ls=":", lw=1.2)
+        axes.axhline(1e6 * stop, color=Ink.GREY, ls=":", lw=1.2)
     axes.set_ylabel("volume [cm³]\n(dotted: end stops)")
     axes.set_xlabel(f"time in the first cycle [{words}]")
 
@@ -111,8 +99,8 @@ def _neutral(result: MissionResult, first: Array, axes: Axes) -> None:
     within = flight.column.depth <= float(np.max(first[:, Row.Z])) * 1.02
     neutral = neutral_volume(flight.vehicle, flight.column)
     lags = flight.vehicle.hull.thermal_time_constant > 0.0
-    axes.plot(1e6 * first[:, Row.V], first[:, Row.Z], color=BLUE, lw=1.0, label="volume")
-    axes.plot(1e6 * neutral[within], flight.column.depth[within], color=ORANGE, ls="--",
+    axes.plot(1e6 * first[:, Row.V], first[:, Row.Z], color=Ink.BLUE, lw=1.0, label="volume")
+    axes.plot(1e6 * neutral[within], flight.column.depth[within], color=Ink.ORANGE, ls="--",
               label="neutral, with a hull as warm as the water" if lags else "neutral")  # fmt: skip
     depth_axis(axes)
     axes.set_xlabel("volume [cm³]")
@@ -130,8 +118,8 @@ def _power(result: MissionResult, count: int, unit: float, words: str, axes: Axe
         axes.set_visible(False)
         return
     least, most = float(drawn.min()), float(drawn.max())
-    own = {PUMP: VERMILION, VALVE: GREEN, HOLDING: PURPLE}
-    others = cycle(product(("-", "--", ":"), (BLUE, ORANGE, SKY, BLACK, GREY)))
+    own = {PUMP: Ink.VERMILION, VALVE: Ink.GREEN, HOLDING: Ink.PURPLE}
+    others = cycle(product(("-", "--", ":"), (Ink.BLUE, Ink.ORANGE, Ink.SKY, Ink.BLACK, Ink.GREY)))
     axes.set_yscale("log")
     for name, values in power.items():
         style, color = ("-", own[name]) if name in own else next(others)
@@ -149,13 +137,13 @@ def _energy(result: MissionResult, axes: Axes) -> None:
     axes.set_xlabel("cycle")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     if not result.energy_known:
-        axes.bar(columns["cycle"], 1e6 * columns["pumped_m3"], color=BLUE)
+        axes.bar(columns["cycle"], 1e6 * columns["pumped_m3"], color=Ink.BLUE)
         axes.set_ylabel("pumped [cm³]")
         return
     below = np.zeros(len(columns["cycle"]))
     for key, color, words in (
-        ("pump_J", VERMILION, "pump"), ("valve_J", GREEN, "valve"),
-        ("holding_J", PURPLE, "holding"), ("loads_J", GREY, "standby and loads"),
+        ("pump_J", Ink.VERMILION, "pump"), ("valve_J", Ink.GREEN, "valve"),
+        ("holding_J", Ink.PURPLE, "holding"), ("loads_J", Ink.GREY, "standby and loads"),
     ):  # fmt: skip
         values = columns[key] / 1e3
         if np.any(values != 0.0):
@@ -176,10 +164,10 @@ def _battery(result: MissionResult, axes: Axes) -> None:
         axes.text(0.5, 0.5, fill(why, 40), ha="center", va="center", transform=axes.transAxes)
         return
     if np.isnan(charge).all():
-        axes.plot(rows[:, Row.T] / unit, drawn_energy(rows) / 1e3, color=BLUE)
+        axes.plot(rows[:, Row.T] / unit, drawn_energy(rows) / 1e3, color=Ink.BLUE)
         axes.set_ylabel("energy drawn [kJ]")
     else:
-        axes.plot(rows[:, Row.T] / unit, 100.0 * charge, color=BLUE)
+        axes.plot(rows[:, Row.T] / unit, 100.0 * charge, color=Ink.BLUE)
         axes.set_ylim(min(0.0, 100.0 * float(charge.min())), 102.0)
         axes.set_ylabel("battery left [%]")
     axes.set_xlabel(f"time [{words}]")

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from swimbladder.show.plots.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    VERMILION,
+    Ink,
     depth_axis,
     label_panels,
+    legend_above,
+    legend_beside,
     styled,
 )
 from swimbladder.sim.closed_loop import Solution
 from swimbladder.sim.pool import Experiment, Fit, PoolRun, centred_differences, response
 
-_SIZES = (BLUE, GREEN, ORANGE, PURPLE)  # one for each change of volume
+_SIZES = (Ink.BLUE, Ink.GREEN, Ink.ORANGE, Ink.PURPLE)  # one for each change of volume
 _MARKS = ("o", "s", "^", "D")
 
 
@@ -37,23 +34,17 @@ def draw_procedure(run: PoolRun) -> Figure:
     shown = s.time <= end + 5.0
     figure = Figure(figsize=(7.5, 4.6))
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
-    top.plot(
-        s.time[shown],
-        run.seen_depth[shown],
-        ".",
-        ms=1.5,
-        color=ORANGE,
-        label="depth sensor, simulated",
-    )
-    top.plot(s.time[shown], s.depth[shown], color=BLUE, lw=1.2, label="depth, simulated")
-    top.axhline(0.0, color=GREY, lw=0.9)
+    seen, label = run.seen_depth[shown], "depth sensor, simulated"
+    top.plot(s.time[shown], seen, ".", ms=1.5, color=Ink.ORANGE, label=label)
+    top.plot(s.time[shown], s.depth[shown], color=Ink.BLUE, lw=1.2, label="depth, simulated")
+    top.axhline(0.0, color=Ink.GREY, lw=0.9)
     depth_axis(top)
-    bottom.plot(s.time[shown], s.volume[shown] * 1e6, color=BLUE, lw=0.8)
+    bottom.plot(s.time[shown], s.volume[shown] * 1e6, color=Ink.BLUE, lw=0.8)
     bottom.set(ylabel="volume [cm³]", xlabel="time [s]")
     times = [*(starts[step] for step in "abcd"), end]
     for axes in (top, bottom):
         for time in times[1:-1]:
-            axes.axvline(time, color=BLACK, ls=":", lw=0.9)
+            axes.axvline(time, color=Ink.BLACK, ls=":", lw=0.9)
     for step, first, last in zip("abcd", times, times[1:], strict=False):
         top.annotate(
             f"({step})", (0.5 * (first + last), 1.0), (0, 3), xycoords=("data", "axes fraction"),
@@ -71,9 +62,8 @@ def draw_speeds(experiments: Sequence[Experiment], fit: Fit) -> Figure:
     for axes, color, mark, e in _placed(experiments, panels):
         r = e.record
         speed = centred_differences(r.depth, float(r.time[1] - r.time[0]))
-        axes.plot(r.time, speed, mark, ms=2.2, mew=0.0, alpha=0.55, color=color)
         model = response(r.time, r.volume, K2=fit.K2, T2=fit.T2)[1]
-        axes.plot(r.time, model, color=color, label=_size(e))
+        _seen_and_model(axes, color, mark, e, speed, model)
     return _with_key(figure, panels)
 
 
@@ -83,13 +73,19 @@ def draw_depths(experiments: Sequence[Experiment], fit: Fit) -> Figure:
     figure, panels = _rising_and_sinking("depth [m]")
     for axes, color, mark, e in _placed(experiments, panels):
         r = e.record
-        axes.plot(r.time, r.depth, mark, ms=2.2, mew=0.0, alpha=0.55, color=color)
         model = r.start + response(r.time, r.volume, K2=fit.K2, T2=fit.T2)[0]
-        axes.plot(r.time, model, color=color, label=_size(e))
+        _seen_and_model(axes, color, mark, e, r.depth, model)
     for axes in panels:
         depth_axis(axes)
     panels[1].set_ylabel("")
     return _with_key(figure, panels)
+
+
+def _seen_and_model(
+    axes: Axes, color: str, mark: str, e: Experiment, seen: Any, model: Any
+) -> None:
+    axes.plot(e.record.time, seen, mark, ms=2.2, mew=0.0, alpha=0.55, color=color)
+    axes.plot(e.record.time, model, color=color, label=_size(e))
 
 
 def _size(e: Experiment) -> str:
@@ -143,19 +139,20 @@ def draw_neglect(
     for axes, name, label in zip(panels, ("K2", "T2"), ("K₂ [1/(m² s)]", "T₂ [s]"), strict=True):
         axes.plot(
             [1e6 * abs(dV) for dV, _ in still], [getattr(f, name) for _, f in still],
-            "-", color=BLACK, label="no noise, exactly neutral start",
+            "-", color=Ink.BLACK, label="no noise, exactly neutral start",
         )  # fmt: skip
-        for step, mark, color in (("b", "^", BLUE), ("d", "v", VERMILION)):
+        for step, mark, color in (("b", "^", Ink.BLUE), ("d", "v", Ink.VERMILION)):
             chosen = [(e, f) for e, f in zip(experiments, fits, strict=True) if e.step == step]
             axes.plot(
                 [1e6 * abs(e.dV) for e, _ in chosen], [getattr(f, name) for _, f in chosen],
                 mark, color=color, label=f"step ({step}), with noise",
             )  # fmt: skip
-        axes.axhline(getattr(truth, name), color=GREY, ls="--", label="of the simulated vehicle")
+        axes.axhline(
+            getattr(truth, name), color=Ink.GREY, ls="--", label="of the simulated vehicle"
+        )
         axes.set(xlabel="size of the change of volume [cm³]", ylabel=label)
         axes.set_ylim(bottom=0.0)
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    legend_beside(figure, panels[:1], "outside upper center", ncols=2)
     return figure
 
 
@@ -166,13 +163,13 @@ def draw_steps(s: Solution) -> Figure:
     panels = list(figure.subplots(3, 1, sharex=True, height_ratios=[5, 3, 2]))
     top, middle, bottom = panels
     minutes = s.time / 60.0
-    top.step(minutes, s.reference, where="post", color=GREY, ls="--", lw=1.1, label="set-point")
-    top.plot(minutes, s.depth, color=BLUE, label="depth, simulated")
+    top.step(minutes, s.reference, where="post", color=Ink.GREY, ls="--", lw=1.1, label="set-point")
+    top.plot(minutes, s.depth, color=Ink.BLUE, label="depth, simulated")
     depth_axis(top)
-    top.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
-    middle.plot(minutes, s.volume * 1e6, color=BLUE, lw=1.1)
+    legend_above(top)
+    middle.plot(minutes, s.volume * 1e6, color=Ink.BLUE, lw=1.1)
     middle.set_ylabel("volume [cm³]")
-    bottom.step(minutes, s.voltage, where="post", color=GREEN, lw=0.8)
+    bottom.step(minutes, s.voltage, where="post", color=Ink.GREEN, lw=0.8)
     bottom.set(ylabel="voltage [V]", xlabel="time [min]")
     bottom.set_xlim(0.0, float(minutes[-1]))
     figure.align_ylabels(panels)
@@ -187,12 +184,16 @@ def draw_long_step(s: Solution) -> Figure:
     figure = Figure(figsize=(7.5, 3.6))
     panels = list(figure.subplots(1, 2))
     for axes in panels:
-        axes.step(s.time, s.reference, where="post", color=GREY, ls="--", lw=1.1, label="set-point")
-        axes.plot(s.time, s.depth, color=BLUE, label="depth, simulated")
+        axes.step(
+            s.time, s.reference, where="post", color=Ink.GREY, ls="--", lw=1.1, label="set-point"
+        )
+        axes.plot(s.time, s.depth, color=Ink.BLUE, label="depth, simulated")
         axes.set_xlabel("time [s]")
         axes.set_xlim(0.0, float(s.time[-1]))
     near = 3.0 * band
-    panels[1].axhspan(target - band, target + band, color=GREEN, alpha=0.15, lw=0.0, label="± 2 %")
+    panels[1].axhspan(
+        target - band, target + band, color=Ink.GREEN, alpha=0.15, lw=0.0, label="± 2 %"
+    )
     panels[1].set_ylim(target - near, target + near)
     for axes in panels:
         depth_axis(axes)

@@ -12,16 +12,7 @@ from numpy.typing import NDArray
 from swimbladder.design.sizing import Sizing
 from swimbladder.design.sizing.candidates import PARTS
 from swimbladder.design.sizing.run import Choice, Sweep
-from swimbladder.show.plots.style import (
-    BLACK,
-    BLUE,
-    GREY,
-    ORANGE,
-    VERMILION,
-    label_panels,
-    plain_log_ticks,
-    styled,
-)
+from swimbladder.show.plots.style import Ink, grid_of, label_panels, plain_log_ticks, styled
 from swimbladder.units import rounded
 
 Array = NDArray[np.float64]
@@ -47,8 +38,8 @@ def draw_candidates(found: Sizing) -> Figure:
     axes = figure.add_subplot()
     screw = np.array([c.pump is None for c in found.batch.of])
     for mask, color, marker, label in (
-        (w.feasible & ~screw, BLUE, "o", "pump"),
-        (w.feasible & screw, ORANGE, "^", "screw"),
+        (w.feasible & ~screw, Ink.BLUE, "o", "pump"),
+        (w.feasible & screw, Ink.ORANGE, "^", "screw"),
     ):
         if np.any(mask):
             axes.scatter(
@@ -56,17 +47,10 @@ def draw_candidates(found: Sizing) -> Figure:
                 alpha=0.5, linewidths=0, label=f"{label}, {np.count_nonzero(mask):,} drives",
             )  # fmt: skip
     front = found.pareto
-    axes.plot(
-        w.mass[front],
-        w.cycle_energy[front] * 1e-3,
-        color=BLACK,
-        marker=".",
-        label="best compromises",
-    )
-    axes.plot(
-        w.mass[found.best], w.cycle_energy[found.best] * 1e-3, "*", color=VERMILION, ms=15,
-        label="chosen",
-    )  # fmt: skip
+    energy = w.cycle_energy * 1e-3
+    axes.plot(w.mass[front], energy[front], ".-", color=Ink.BLACK, label="best compromises")
+    best = found.best
+    axes.plot(w.mass[best], energy[best], "*", color=Ink.VERMILION, ms=15, label="chosen")
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel(f"drive and battery for {found.asked.dive.cycles} cycles [kg]")
@@ -93,11 +77,10 @@ def draw_parts(found: Sizing) -> Figure:
     """Return the best mass with each part in the drive, all others free, and why there is none."""
     w = found.evaluation
     kinds = [k for k in PARTS if any(c.what == k for c in found.choices)]
-    rows = [
-        c for kind in kinds for c in sorted(
-            (c for c in found.choices if c.what == kind), key=_volts
-        )
-    ]  # fmt: skip
+    rows = sorted(
+        (c for c in found.choices if c.what in kinds),
+        key=lambda c: (kinds.index(c.what), _volts(c)),
+    )
     figure = Figure(figsize=(8.0, 0.24 * len(rows) + 1.2))
     axes = figure.add_subplot()
     chosen = found.chosen.choices
@@ -105,15 +88,12 @@ def draw_parts(found: Sizing) -> Figure:
     for place, choice in enumerate(rows):
         labels.append(_label(choice.what, choice.name))
         if choice.index < 0:
-            label = f"none does: {100.0 * choice.margin:.0f} % of the {choice.missing} needed"
-            axes.text(
-                0.02 * lightest, place, label,
-                va="center", fontsize=8.0, color=GREY,
-            )  # fmt: skip
+            why = f"none does: {100.0 * choice.margin:.0f} % of the {choice.missing} needed"
+            axes.text(0.02 * lightest, place, why, va="center", fontsize=8.0, color=Ink.GREY)
             continue
         took = chosen.get(choice.what) == choice.name
         mass, battery = float(w.mass[choice.index]), float(w.battery_mass[choice.index])
-        color = VERMILION if took else BLUE
+        color = Ink.VERMILION if took else Ink.BLUE
         axes.barh(place, mass - battery, color=color, height=0.7)
         axes.barh(place, battery, left=mass - battery, color=color, alpha=0.45, height=0.7)
         if mass > _WIDEST * lightest:
@@ -153,13 +133,11 @@ def draw_requirements(found: Sizing) -> Figure:
     sweeps = [sweep for sweep in found.sweeps if len(sweep.values) > 1]
     count = len(sweeps) + 1
     figure = Figure(figsize=(10.5, 2.9 * math.ceil(count / 3)))
-    panels = list(figure.subplots(math.ceil(count / 3), 3, squeeze=False).flat)
+    panels = grid_of(figure, count, 3)
     for axes, sweep in zip(panels, sweeps, strict=False):
         _requirement(axes, sweep, getattr(found.asked.dive, sweep.what))
     _spent(panels[len(sweeps)], found)
-    for axes in panels[count:]:
-        axes.set_visible(False)
-    label_panels(panels[:count])
+    label_panels(panels)
     return figure
 
 
@@ -175,7 +153,7 @@ def _spent(axes: Axes, found: Sizing) -> None:
         "reserve": budget.reserve[best], "not usable": budget.unusable[best],
     }  # fmt: skip
     energy = [float(value) / 3600.0 for value in bars.values()]
-    colors = [BLUE] * 3 + [ORANGE] * 4  # drawn, and not to be had
+    colors = [Ink.BLUE] * 3 + [Ink.ORANGE] * 4  # drawn, and not to be had
     axes.barh(range(len(bars)), energy, color=colors, height=0.7)
     axes.set_yticks(range(len(bars)), list(bars), fontsize=8.0)
     axes.invert_yaxis()
@@ -186,16 +164,16 @@ def _spent(axes: Axes, found: Sizing) -> None:
 def _requirement(axes: Axes, sweep: Sweep, asked: float) -> None:
     name, unit = _REQUIREMENTS[sweep.what]
     x = np.array(sweep.values) / unit
-    axes.plot(x, sweep.mass, color=BLUE, marker="o", label="mass [kg]")
+    axes.plot(x, sweep.mass, color=Ink.BLUE, marker="o", label="mass [kg]")
     axes.set_xlabel(name)
-    axes.set_ylabel("drive and battery [kg]", color=BLUE)
+    axes.set_ylabel("drive and battery [kg]", color=Ink.BLUE)
     axes.set_ylim(0.0, _ABOVE * float(np.nanmax(sweep.mass, initial=0.0)) or None)
     other = axes.twinx()
     other.spines["right"].set_visible(True)
-    other.plot(x, np.array(sweep.stroke) * 1e6, color=ORANGE, marker="^", ls="--")
-    other.set_ylabel("stroke [cm³]", color=ORANGE)
+    other.plot(x, np.array(sweep.stroke) * 1e6, color=Ink.ORANGE, marker="^", ls="--")
+    other.set_ylabel("stroke [cm³]", color=Ink.ORANGE)
     other.set_ylim(0.0, _APART * 1e6 * max(sweep.stroke))
     other.grid(visible=False)
-    axes.axvline(asked / unit, color=GREY, lw=0.8, ls=":")
+    axes.axvline(asked / unit, color=Ink.GREY, lw=0.8, ls=":")
     for place in x[~np.isfinite(np.array(sweep.mass))]:
-        axes.text(place, 0.0, "none", color=VERMILION, ha="center", va="bottom", fontsize=8.0)
+        axes.text(place, 0.0, "none", color=Ink.VERMILION, ha="center", va="bottom", fontsize=8.0)

@@ -12,20 +12,12 @@ from matplotlib.patches import Patch
 
 from swimbladder.design.stability.recover import Map, Verdict
 from swimbladder.design.stability.run import Stability
-from swimbladder.show.plots.style import (
-    BLACK,
-    BLUE,
-    ORANGE,
-    SKY,
-    VERMILION,
-    label_panels,
-    styled,
-)
+from swimbladder.show.plots.style import Ink, label_panels, styled
 from swimbladder.units import length
 
 _COLORS = {
-    Verdict.NOT_ASKED: "#FFFFFF", Verdict.RECOVERED: BLUE, Verdict.SLOW: SKY,
-    Verdict.UNSETTLED: ORANGE, Verdict.LOST: VERMILION,
+    Verdict.NOT_ASKED: "#FFFFFF", Verdict.RECOVERED: Ink.BLUE, Verdict.SLOW: Ink.SKY,
+    Verdict.UNSETTLED: Ink.ORANGE, Verdict.LOST: Ink.VERMILION,
 }  # fmt: skip
 
 
@@ -60,7 +52,9 @@ def _draw(axes: Axes, one: Map) -> None:
     )  # fmt: skip
     low, high = axes.get_ylim()
     if np.isfinite(one.edge).any() and float(np.min(one.edge)) < high:
-        axes.plot(one.x, one.edge, color=BLACK, lw=1.8, label="beyond it no controller comes back")
+        axes.plot(
+            one.x, one.edge, color=Ink.BLACK, lw=1.8, label="beyond it no controller comes back"
+        )
     axes.set_ylim(low, high)
     if one.name != "steps":  # speeds are spaced by their cube
         axes.set_yscale("function", functions=(np.cbrt, lambda x: x**3))
@@ -81,7 +75,7 @@ def draw_robustness(found: Stability) -> Figure:
     for axes, law in zip(panels, laws, strict=True):
         own = [s for s in found.stood if s.law == law]
         for delay, color, mark in zip(
-            sorted({s.delay for s in own}), (BLUE, VERMILION), ("o-", "s--"), strict=False
+            sorted({s.delay for s in own}), (Ink.BLUE, Ink.VERMILION), ("o-", "s--"), strict=False
         ):
             line = [s for s in own if s.delay == delay]
             axes.plot(

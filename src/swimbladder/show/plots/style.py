@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, ParamSpec
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator
+from numpy.typing import NDArray
 
 from swimbladder.io.files import write_through
 
-# Okabe and Ito, "Color Universal Design", 2008.
-BLACK, GREY = "#000000", "#767676"
-BLUE, SKY = "#0072B2", "#56B4E9"
-ORANGE, VERMILION = "#E69F00", "#D55E00"
-GREEN, PURPLE = "#009E73", "#CC79A7"
+
+class Ink:
+    """The colours: Okabe and Ito, "Color Universal Design", 2008."""
+
+    BLACK, GREY = "#000000", "#767676"
+    BLUE, SKY = "#0072B2", "#56B4E9"
+    ORANGE, VERMILION = "#E69F00", "#D55E00"
+    GREEN, PURPLE = "#009E73", "#CC79A7"
+
 
 STYLE: dict[Any, Any] = {
     "font.size": 10.0,
@@ -70,6 +76,43 @@ def label_panels(panels: list[Axes]) -> None:
         axes.set_title(f"({letter})", loc="left", fontweight="bold", fontsize=10.0)
 
 
+def legend_above(axes: Axes, **given: Any) -> None:
+    """Put the legend above the right corner, where no curve is; each label once."""
+    _legend(axes, [axes], loc="lower right", bbox_to_anchor=(1.0, 0.98), **given)
+
+
+def legend_beside(figure: Figure, panels: Iterable[Axes], loc: str, **given: Any) -> None:
+    """Put one legend for all panels where `loc` says, as "outside lower center"."""
+    _legend(figure, panels, loc=loc, **given)
+
+
+def _legend(place: Figure | Axes, panels: Iterable[Axes], **given: Any) -> None:
+    named = {
+        label: handle
+        for axes in panels
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    place.legend(list(named.values()), list(named), **{"ncols": len(named), **given})
+
+
+def shade(axes: Axes, time: NDArray[np.float64], out: NDArray[np.bool_], label: str) -> None:
+    """Shade the spans of time in which samples are left out."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], out, [False])).astype(int)))
+    for k, (first, after) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
+        last = time[min(after, len(time) - 1)]
+        shown = label if k == 0 else None
+        axes.axvspan(time[first], last, color="#E8E8E8", lw=0.0, zorder=0, label=shown)
+
+
+def grid_of(figure: Figure, count: int, columns: int, **given: Any) -> list[Axes]:
+    """Return so many panels of a figure, row by row; the last row may have fewer."""
+    made = figure.subplots(-(-count // columns), columns, squeeze=False, **given).ravel().tolist()
+    for axes in made[count:]:
+        axes.remove()
+    panels: list[Axes] = made[:count]
+    return panels
+
+
 def plain_log_ticks(axes: Axes, *which: str) -> None:
     """Label the logarithmic axes `which`, "x" and "y", by plain numbers, several on any span."""
     for name in which:
@@ -107,6 +150,14 @@ def _quiet(path: str | Path) -> dict[str, None]:
     if suffix == ".svg":
         return {"Date": None, "Creator": None}
     return {"Software": None} if suffix == ".png" else {}
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as the content of a PNG file."""
+    with mpl.rc_context(STYLE):
+        content = io.BytesIO()
+        figure.savefig(content, format="png", metadata={"Software": None})
+    return content.getvalue()
 
 
 def svg_text(figure: Figure) -> str:

@@ -11,16 +11,7 @@ from matplotlib.lines import Line2D
 from swimbladder.design.linear.margins import frequency_response
 from swimbladder.design.tuning import Tuning
 from swimbladder.design.tuning.margins import WANTED
-from swimbladder.show.plots.style import (
-    BLACK,
-    BLUE,
-    GREY,
-    ORANGE,
-    VERMILION,
-    label_panels,
-    plain_log_ticks,
-    styled,
-)
+from swimbladder.show.plots.style import Ink, depth_axis, label_panels, plain_log_ticks, styled
 
 _LEAST = 0.05  # sensitivity that is shown
 _QUIET = 0.2  # of the supply's voltage: where less is used the supply is not shown
@@ -37,8 +28,14 @@ def draw_tuning(tuning: Tuning) -> Figure:
     volts = tuning.law.command == "voltage"
     end = min(step.duration, _LONG * settle) if settle > 0.0 else step.duration
     for traces, color, width, alpha, label in (
-        (tuning.shown[1], ORANGE, 0.8, 0.7, f"over the region{', supply low' if volts else ''}"),
-        (tuning.shown[0], BLUE, 1.8, 1.0, "nominal"),
+        (
+            tuning.shown[1],
+            Ink.ORANGE,
+            0.8,
+            0.7,
+            f"over the region{', supply low' if volts else ''}",
+        ),
+        (tuning.shown[0], Ink.BLUE, 1.8, 1.0, "nominal"),
     ):
         kept = traces.time <= end
         for axes, values in (
@@ -51,8 +48,8 @@ def draw_tuning(tuning: Tuning) -> Figure:
     size = f"{band:.3g} m" if tuning.band else "2 %"
     # Of floats one half goes the other way.
     for goal in (step.start, step.target)[0 if tuning.band else 1 :]:
-        depth.axhspan(goal - band, goal + band, color=GREY, alpha=0.25, lw=0.0)
-        depth.axhline(goal, color=BLACK, lw=0.8, ls="--")
+        depth.axhspan(goal - band, goal + band, color=Ink.GREY, alpha=0.25, lw=0.0)
+        depth.axhline(goal, color=Ink.BLACK, lw=0.8, ls="--")
     depth.get_lines()[-1].set_label(f"set-point, {size} band")
     limit = tuning.vehicle.supply if volts else None
     used = max(float(np.abs(traces.command).max()) for traces in tuning.shown)
@@ -61,11 +58,10 @@ def draw_tuning(tuning: Tuning) -> Figure:
     if limit is not None:
         for side in (-1.0, 1.0):
             voltage.axhline(
-                side * limit.voltage, color=VERMILION, lw=0.8, ls=":",
+                side * limit.voltage, color=Ink.VERMILION, lw=0.8, ls=":",
                 label="supply" if side > 0.0 else None,
             )  # fmt: skip
-    depth.invert_yaxis()
-    depth.set_ylabel("depth [m]")
+    depth_axis(depth)
     volume.set_ylabel("volume [cm³]")
     asked = "change asked for [cm³]" if tuning.band else "volume asked for [cm³]"
     voltage.set_ylabel("voltage [V]" if volts else asked)
@@ -94,10 +90,10 @@ def draw_sensitivity(tuning: Tuning) -> Figure:
             seen = w[abs(1.0 + values) < 1.0 / _LEAST]
             first = min(first, float(seen[0]) if len(seen) else math.inf)
             axes.loglog(
-                w, 1.0 / abs(1.0 + values), color=BLUE if loop.number == 0 else ORANGE,
+                w, 1.0 / abs(1.0 + values), color=Ink.BLUE if loop.number == 0 else Ink.ORANGE,
                 lw=1.6 if loop.number == 0 else 0.7, alpha=1.0 if loop.number == 0 else 0.7,
             )  # fmt: skip
-        axes.axhline(WANTED.peak_sensitivity, color=VERMILION, lw=1.0, ls="--")
+        axes.axhline(WANTED.peak_sensitivity, color=Ink.VERMILION, lw=1.0, ls="--")
         axes.set_xlabel("frequency [rad/s]")
         axes.set_title(f"broken at the {place}", fontsize=10.0)
         axes.set_xlim(left=max(0.5 * first, 1e-4) if math.isfinite(first) else 1e-3)
@@ -105,9 +101,9 @@ def draw_sensitivity(tuning: Tuning) -> Figure:
         plain_log_ticks(axes, "y")
     panels[0].set_ylabel("sensitivity |S| [-]")
     lines = [
-        Line2D([], [], color=BLUE, lw=1.6, label="nominal"),
-        Line2D([], [], color=ORANGE, lw=0.8, label="over the region"),
-        Line2D([], [], color=VERMILION, lw=1.0, ls="--", label="most that is allowed"),
+        Line2D([], [], color=Ink.BLUE, lw=1.6, label="nominal"),
+        Line2D([], [], color=Ink.ORANGE, lw=0.8, label="over the region"),
+        Line2D([], [], color=Ink.VERMILION, lw=1.0, ls="--", label="most that is allowed"),
     ]
     panels[0].legend(handles=lines, loc="lower right")
     label_panels(list(panels))

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-
-from matplotlib.figure import Figure
 
 from swimbladder import __version__
 from swimbladder.errors import NoAnswerError
@@ -17,23 +14,20 @@ from swimbladder.estimation.actuator.estimate import shown_unit
 from swimbladder.estimation.actuator.nine_parameters import Known
 from swimbladder.estimation.actuator.result import LogFit, Step
 from swimbladder.io.config import file_text
-from swimbladder.io.files import publish, write_atomically
-from swimbladder.io.tables import write_csv
 from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.show.files import write_all
 from swimbladder.show.plots.identify_actuator import draw_log, draw_speeds, draw_steps, shows_speeds
-from swimbladder.show.plots.style import save
+from swimbladder.show.plots.style import png
 from swimbladder.show.report.actuator_text import headlines, labels, pairs, rows, words
-from swimbladder.show.report.html import render
+from swimbladder.show.report.html import PageFigure, page_figure, render
 from swimbladder.units import rounded, unit_factor
 
-_PAGE = "identify-actuator.html"
 _HEAD = "Identified by swimbladder identify-actuator."
 _DRIVEN = {
     "voltage": "Driven by a logged voltage",
     "reference": "Judged by what a positioner was asked for",
     "nothing": "Moves at full speed, the voltage not logged",
 }
-_FULL = 9.6  # inches of a picture as wide as the page
 
 
 def write_actuator(
@@ -47,38 +41,27 @@ def write_actuator(
     fit took; picture: also steps.png; advance: called with the share of the work done. Raises
     InputError where the folder cannot be written; whatever is in it then stays as it is.
     """
-    files, old = {_PAGE: "", "steps.csv": ""}, out / "vehicle.toml"
-    why = ""
+    tables: dict[str, object] = {"steps.csv": found.columns()}
+    why, old = "", out / "vehicle.toml"
     if found.given is not None:
         try:
-            text = vehicle_file(found.vehicle, head=_HEAD)
+            tables["vehicle.toml"] = vehicle_file(found.vehicle, head=_HEAD)
         except NoAnswerError as error:
             why = str(error)
-        else:
-            files["vehicle.toml"] = text
     if picture:
-        files["steps.png"] = ""
-
-    def write(folder: Path) -> None:
-        write_csv(folder / "steps.csv", found.columns())
-        if "vehicle.toml" in files:
-            write_atomically(folder / "vehicle.toml", files["vehicle.toml"])
-        if picture:
-            save(draw_steps(found), folder / "steps.png")
-        html = _page(found, folder, list(files)[1:], command, seconds, advance)
-        write_atomically(folder / _PAGE, html)
-
-    publish(out, write)
-    if old.name not in files and old.is_file() and file_text(old).startswith(f"# {_HEAD}"):
+        tables["steps.png"] = draw_steps(found)
+    html = _page(found, list(tables), command, seconds, advance)
+    files = write_all(out, {"identify-actuator.html": html, **tables})
+    if old.name not in tables and old.is_file() and file_text(old).startswith(f"# {_HEAD}"):
         old.unlink()
-    return [out / name for name in files], why
+    return files, why
 
 
 def _page(
-    found: ActuatorIdentification, folder: Path, files: list[str], command: str, seconds: float,
+    found: ActuatorIdentification, files: list[str], command: str, seconds: float,
     advance: Callable[[float], None],
 ) -> str:  # fmt: skip
-    """Return the report as HTML that needs nothing but itself; `folder` is to draw in."""
+    """Return the report as HTML that needs nothing but itself."""
     share = 1.0 / (len(found.logs) + 1)
     scale, unit = (1e3, "mm") if found.quantity == "piston" else (1e6, "cm³")
     names = labels(found)
@@ -86,7 +69,7 @@ def _page(
     speeds = []
     if shows_speeds(found):
         caption = _SPEEDS[found.driven == "voltage"]
-        speeds = [_figure("speeds", "Steady speeds.", caption, draw_speeds(found), folder)]
+        speeds = [page_figure("speeds", "Steady speeds", caption, png(draw_speeds(found)))]
     advance(share)
     logs = []
     for number, (fit, name) in enumerate(zip(found.logs, names, strict=True), start=1):
@@ -96,7 +79,7 @@ def _page(
                 "name": name,
                 "refusal": fit.refusal,
                 "rows": _alone(found, fit),
-                "figures": _figures(found, own, number, folder) if own else [],
+                "figures": _figures(found, own, number) if own else [],
             }
         )
         advance(share)
@@ -158,36 +141,23 @@ def _alone(found: ActuatorIdentification, fit: LogFit) -> list[dict[str, str]]:
     ]  # fmt: skip
 
 
-def _figures(
-    found: ActuatorIdentification, steps: list[Step], number: int, folder: Path
-) -> list[dict[str, str]]:
+def _figures(found: ActuatorIdentification, steps: list[Step], number: int) -> list[PageFigure]:
     """Return the pictures of one log."""
-    whole = _figure(
-        f"log-{number}", "The whole log.",
-        "Each stretch between two rests is fitted from an unknown start. A pattern in the "
-        "residuals is something that the model lacks.",
-        draw_log(found, steps), folder,
-    )  # fmt: skip
-    each = _figure(
-        f"steps-{number}", "Step by step." if found.driven == "voltage" else "How they start.",
-        "Travel since the first sample, and residuals, in one scale; of many steps some.",
-        draw_steps(found, steps[0].source), folder,
-    )  # fmt: skip
-    return [whole, each]
-
-
-def _figure(name: str, title: str, caption: str, figure: Figure, folder: Path) -> dict[str, str]:
-    """Return a picture as the page has it: a PNG inside the file."""
-    path = save(figure, folder / f"{name}.png")
-    data = base64.b64encode(path.read_bytes()).decode("ascii")
-    path.unlink()
-    return {
-        "name": name,
-        "title": title,
-        "caption": caption,
-        "data": f"data:image/png;base64,{data}",
-        "width": f"{min(100.0 * figure.get_size_inches()[0] / _FULL, 100.0):.0f}%",
-    }
+    return [
+        page_figure(
+            f"log-{number}",
+            "The whole log",
+            "Each stretch between two rests is fitted from an unknown start. A pattern in the "
+            "residuals is something that the model lacks.",
+            png(draw_log(found, steps)),
+        ),
+        page_figure(
+            f"steps-{number}",
+            "Step by step" if found.driven == "voltage" else "How they start",
+            "Travel since the first sample, and residuals, in one scale; of many steps some.",
+            png(draw_steps(found, steps[0].source)),
+        ),
+    ]
 
 
 def _step(number: int, step: Step, log: str, scale: float) -> dict[str, Any]:

@@ -7,10 +7,8 @@ from pathlib import PurePath
 
 from swimbladder.estimation.actuator import ActuatorIdentification, Estimate
 from swimbladder.estimation.actuator.estimate import shown, shown_unit
-from swimbladder.show.report.text import row
+from swimbladder.show.report.text import STRONG, row, trade_off
 from swimbladder.units import rounded, unit_factor
-
-_STRONG = 0.5  # correlation worth a line
 
 MEANING = {
     "K1": "speed per volt, the geometric mean of both directions",
@@ -93,18 +91,10 @@ def pairs(found: ActuatorIdentification) -> list[dict[str, str]]:
         (a, b, found.correlation[a][b])
         for k, a in enumerate(names)
         for b in names[k + 1 :]
-        if abs(found.correlation[a].get(b, 0.0)) >= _STRONG
+        if abs(found.correlation[a].get(b, 0.0)) >= STRONG
     ]
-    together = "where one is too large, so is the other"
-    against = "where one is too large, the other is too small"
-    return [
-        {
-            "names": f"{_called(a)} and {_called(b)}",
-            "value": f"{r:+.2f}",
-            "what": together if r > 0.0 else against,
-        }
-        for a, b, r in sorted(strong, key=lambda pair: -abs(pair[2]))
-    ]
+    strongest = sorted(strong, key=lambda pair: -abs(pair[2]))
+    return [trade_off(_called(a), _called(b), r) for a, b, r in strongest]
 
 
 def labels(found: ActuatorIdentification) -> list[str]:

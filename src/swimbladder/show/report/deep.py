@@ -2,48 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from swimbladder.estimation.motion.deep import DeepIdentification
-from swimbladder.io.files import publish, write_atomically
-from swimbladder.io.tables import write_csv
 from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.show.files import write_all
 from swimbladder.show.plots.deep import draw_deep
-from swimbladder.show.plots.style import save
 from swimbladder.show.report.identification import MARK, check_folder
 
 
-def write_deep(found: DeepIdentification, out: Path, *, answer: str) -> list[Path]:
+def write_deep(found: DeepIdentification, out: Path, *, answer: Mapping[str, Any]) -> list[Path]:
     """Write deep.json, deep.csv, deep.png and, where identified, vehicle.toml; return the paths.
 
-    answer: the text of deep.json. The vehicle of an earlier run is taken away where the dives do
-    not identify it. Raises InputError where the folder cannot be written.
+    answer: deep.json. The vehicle of an earlier run is taken away where the dives do not identify
+    it. Raises InputError where the folder cannot be written.
     """
     check_folder(out, "")
-    names = ["deep.png", "deep.csv", "deep.json", *(["vehicle.toml"] if found.identified else [])]
-
-    def write(folder: Path) -> None:
-        parts = [(k + 1, fits, fits.dive.pieces) for k, fits in enumerate(found.dives)]
-        write_csv(
-            folder / "deep.csv",
-            {
-                "dive": np.concatenate([np.full(len(p), float(k)) for k, _, p in parts]),
-                "time_s": np.concatenate([p.time for _, _, p in parts]),
-                "pressure_Pa": np.concatenate([p.pressure for _, _, p in parts]),
-                "speed_m_s": np.concatenate([p.speed for _, _, p in parts]),
-                "model_speed_m_s": np.concatenate([p.speed - t.speed for _, t, p in parts]),
-                "imbalance_m3": np.concatenate([t.imbalance for _, t, _ in parts]),
-            },
-        )
-        write_atomically(folder / "deep.json", answer + "\n")
-        save(draw_deep(found), folder / "deep.png")
-        if found.identified:
-            head = "\n".join([f"{MARK} from deep dives.", *found.sentences])
-            write_atomically(folder / "vehicle.toml", vehicle_file(found.result_vehicle, head=head))
-
-    if not found.identified:
+    parts = [(k, fits, fits.dive.pieces) for k, fits in enumerate(found.dives, start=1)]
+    columns = {
+        "dive": [np.full(len(p), float(k)) for k, _, p in parts],
+        "time_s": [p.time for _, _, p in parts],
+        "pressure_Pa": [p.pressure for _, _, p in parts],
+        "speed_m_s": [p.speed for _, _, p in parts],
+        "model_speed_m_s": [p.speed - fits.speed for _, fits, p in parts],
+        "imbalance_m3": [fits.imbalance for _, fits, _ in parts],
+    }
+    files: dict[str, object] = {
+        "deep.png": draw_deep(found),
+        "deep.csv": {name: np.concatenate(values) for name, values in columns.items()},
+        "deep.json": answer,
+    }
+    if found.identified:
+        head = "\n".join([f"{MARK} from deep dives.", *found.sentences])
+        files["vehicle.toml"] = vehicle_file(found.result_vehicle, head=head)
+    else:
         (out / "vehicle.toml").unlink(missing_ok=True)
-    publish(out, write)
-    return [out / name for name in names]
+    return write_all(out, files)

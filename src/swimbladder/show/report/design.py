@@ -5,17 +5,17 @@ A design in plain words: what to do, in which order, and its predicted errors.
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from swimbladder.design.experiments import Design, plan_file
 from swimbladder.design.experiments.conditions import Release, Turn
 from swimbladder.design.experiments.result import percent
-from swimbladder.io.files import publish, write_atomically
+from swimbladder.show.files import write_all
 from swimbladder.show.plots.design import draw_design, draw_plan
-from swimbladder.show.plots.style import save
-from swimbladder.show.report.html import render
+from swimbladder.show.plots.style import png
+from swimbladder.show.report.html import data_url, render
 from swimbladder.show.report.text import row
 
 
@@ -91,29 +91,25 @@ def comparison(design: Design) -> list[str]:
 
 
 def write_design(
-    design: Design, out: Path, *, answer: str, command: str,
+    design: Design, out: Path, *, answer: Mapping[str, Any], command: str,
     advance: Callable[[float], None] = lambda _: None,
 ) -> list[Path]:  # fmt: skip
     """Write plan, page, numbers and pictures into the folder `out` and return the paths.
 
-    answer: the text of design.json; command: how the page says that it was made; advance: called
-    with the share of the work done. Raises InputError where the folder cannot be written.
+    answer: design.json; command: how the page says that it was made; advance: called with the share
+    of the work done. Raises InputError where the folder cannot be written.
     """
-    names = ["plan.toml", "plan.html", "plan.png", "design.png", "design.json"]
-
-    def write(folder: Path) -> None:
-        images = {}
-        for name, draw in (("plan", draw_plan), ("design", draw_design)):
-            path = save(draw(design), folder / f"{name}.png")
-            images[name] = f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}"
-            advance(0.4)
-        write_atomically(folder / "plan.toml", plan_file(design.plan(), head=_head(design)))
-        write_atomically(folder / "design.json", answer + "\n")
-        write_atomically(folder / "plan.html", _page(design, images, command))
-        advance(0.2)
-
-    publish(out, write)
-    return [out / name for name in names]
+    images = {}
+    for name, draw in (("plan", draw_plan), ("design", draw_design)):
+        images[name] = png(draw(design))
+        advance(0.5)
+    files = {
+        "plan.toml": plan_file(design.plan(), head=_head(design)),
+        "plan.html": _page(design, images, command),
+        **{f"{name}.png": image for name, image in images.items()},
+        "design.json": answer,
+    }
+    return write_all(out, files)
 
 
 def _head(design: Design) -> str:
@@ -124,7 +120,7 @@ def _head(design: Design) -> str:
     return "\n".join(lines)
 
 
-def _page(design: Design, images: dict[str, str], command: str) -> str:
+def _page(design: Design, images: Mapping[str, bytes], command: str) -> str:
     w = design.chosen
     names = w.prediction.names
     experiments = [
@@ -149,7 +145,7 @@ def _page(design: Design, images: dict[str, str], command: str) -> str:
         "ranges": [f"{percent(w.spread[n][0])} to {percent(w.spread[n][1])}" for n in names],
         "rivals": [f"{design.gains[name]:.1f}" for name in names] if design.gains else [],
         "comparison": comparison(design),
-        "images": images,
+        "images": {name: data_url(image) for name, image in images.items()},
         "command": command,
         "findings": sorted(design.findings, key=lambda f: f.severity == "note"),
     }

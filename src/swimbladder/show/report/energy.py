@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +17,9 @@ from swimbladder.design.energy import (
     run_columns,
 )
 from swimbladder.design.energy.messages import fit_sentences
-from swimbladder.io.files import publish, write_atomically
-from swimbladder.io.tables import write_csv
 from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.show.files import write_all
 from swimbladder.show.plots.energy import draw_energy, draw_fit, draw_versus
-from swimbladder.show.plots.style import save
 from swimbladder.vehicle import Vehicle
 
 _ROWS = 201  # depths in tables, at most
@@ -31,14 +27,13 @@ _ROWS = 201  # depths in tables, at most
 
 def energy_json(found: DriveEnergy, hover: Hovering, dive: Profiling) -> dict[str, Any]:
     """Return the numbers of an answer, SI units, every depth of the tables."""
-    rows = _rows(found.column.depth.size)
-    table = {name: column[rows] for name, column in _columns(found, hover).items()}
+    rows = spread_indices(found.column.depth.size, _ROWS)
     return {
         "vehicle": found.vehicle.name,
         "actuator": found.vehicle.actuator.kind,
         "stall_depth_m": found.stall_depth,
         "stall_pressure_Pa": found.stall,
-        "depths": table,
+        "depths": _columns(found, hover),
         "efficiency_map": {
             "voltage_share": found.shares,
             "depth_m": found.column.depth[rows],
@@ -55,10 +50,7 @@ def energy_json(found: DriveEnergy, hover: Hovering, dive: Profiling) -> dict[st
         },
         "profiling": {
             "speed_m_s": dive.speed,
-            "depth_m": dive.depth,
-            "engine_J": dive.engine,
-            "thruster_J": dive.thruster,
-            "drag_J": dive.drag,
+            **_dives(dive),
             "stroke_depth_m": dive.stroke_depth,
             "break_even_m": dive.break_even,
         },
@@ -66,30 +58,20 @@ def energy_json(found: DriveEnergy, hover: Hovering, dive: Profiling) -> dict[st
 
 
 def write_energy(
-    found: DriveEnergy, hover: Hovering, dive: Profiling, out: Path, *, answer: str
+    found: DriveEnergy, hover: Hovering, dive: Profiling, out: Path, *, answer: Mapping[str, Any]
 ) -> list[Path]:
     """Write energy.csv, dives.csv, energy.json and two pictures into `out`; return the paths.
 
-    answer: the text of energy.json. Raises InputError where the folder cannot be written.
+    answer: energy.json. Raises InputError where the folder cannot be written.
     """
-    pictures = {"energy": draw_energy(found), "versus": draw_versus(hover, dive, found)}
-    rows = _rows(found.column.depth.size)
-    table = {name: column[rows] for name, column in _columns(found, hover).items()}
-    dives = {
-        "depth_m": dive.depth, "engine_J": dive.engine, "thruster_J": dive.thruster,
-        "drag_J": dive.drag,
-    }  # fmt: skip
-
-    def write(folder: Path) -> None:
-        write_atomically(folder / "energy.csv", _text(table))
-        write_atomically(folder / "dives.csv", _text(dives))
-        write_atomically(folder / "energy.json", answer + "\n")
-        for name, figure in pictures.items():
-            save(figure, folder / f"{name}.png")
-
-    publish(out, write)
-    names = ["energy.csv", "dives.csv", "energy.json", "energy.png", "versus.png"]
-    return [out / name for name in names]
+    files = {
+        "energy.csv": _known(_columns(found, hover)),
+        "dives.csv": _known(_dives(dive)),
+        "energy.json": answer,
+        "energy.png": draw_energy(found),
+        "versus.png": draw_versus(hover, dive, found),
+    }
+    return write_all(out, files)
 
 
 def fit_json(fit: PumpFit) -> dict[str, Any]:
@@ -120,34 +102,24 @@ def fit_json(fit: PumpFit) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def write_fit(fit: PumpFit, vehicle: Vehicle | None, out: Path, *, answer: str) -> list[Path]:
+def write_fit(
+    fit: PumpFit, vehicle: Vehicle | None, out: Path, *, answer: Mapping[str, Any]
+) -> list[Path]:
     """Write pump.json, runs.csv, pump.png and, with a vehicle, vehicle.toml into `out`.
 
-    Return the paths. answer: the text of pump.json. Raises InputError where the folder cannot be
-    written.
+    Return the paths. answer: pump.json. Raises InputError where the folder cannot be written.
     """
-    figure = draw_fit(fit)
-
-    def write(folder: Path) -> None:
-        write_atomically(folder / "pump.json", answer + "\n")
-        write_csv(folder / "runs.csv", run_columns(fit))
-        save(figure, folder / "pump.png")
-        if vehicle is not None:
-            head = "\n".join(
-                ["Pump found by swimbladder energy --fit.", *fit_sentences(fit, vehicle)]
-            )
-            write_atomically(folder / "vehicle.toml", vehicle_file(vehicle, head=head))
-
-    publish(out, write)
-    names = ["pump.json", "runs.csv", "pump.png"] + (
-        ["vehicle.toml"] if vehicle is not None else []
-    )
-    return [out / name for name in names]
+    files = {"pump.json": answer, "runs.csv": run_columns(fit), "pump.png": draw_fit(fit)}
+    if vehicle is not None:
+        said = ["Pump found by swimbladder energy --fit.", *fit_sentences(fit, vehicle)]
+        files["vehicle.toml"] = vehicle_file(vehicle, head="\n".join(said))
+    return write_all(out, files)
 
 
 def _columns(found: DriveEnergy, hover: Hovering) -> dict[str, Any]:
+    """Return the columns over some of the depths, evenly spread."""
     m = found.map
-    return {
+    columns = {
         "depth_m": found.column.depth,
         "pressure_Pa": found.column.pressure,
         "rate_out_m3_s": m.rate_out,
@@ -162,22 +134,24 @@ def _columns(found: DriveEnergy, hover: Hovering) -> dict[str, Any]:
         "start_volume_m3": m.start_volume,
         "break_even_s": hover.break_even,
     }
+    rows = spread_indices(found.column.depth.size, _ROWS)
+    return {name: column[rows] for name, column in columns.items()}
 
 
-def _rows(count: int) -> Any:
-    """Return which of the depths stand in tables: evenly spread, the first and the last in."""
-    return np.unique(np.linspace(0, count - 1, min(count, _ROWS)).round().astype(int))
+def _dives(dive: Profiling) -> dict[str, Any]:
+    return {
+        "depth_m": dive.depth,
+        "engine_J": dive.engine,
+        "thruster_J": dive.thruster,
+        "drag_J": dive.drag,
+    }
 
 
-def _text(table: dict[str, Any]) -> str:
-    """Return columns as CSV; a number that is not known or not finite is nan."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table)
-    for row in zip(*table.values(), strict=True):
-        writer.writerow(_cells(row))
-    return text.getvalue()
+def spread_indices(count: int, most: int) -> Any:
+    """Return which of `count` stand in a table of at most so many: the first and the last in."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
 
 
-def _cells(row: Sequence[Any]) -> list[str]:
-    return [repr(float(value)) if np.isfinite(value) else "nan" for value in row]
+def _known(table: dict[str, Any]) -> dict[str, Any]:
+    """Return columns with nan for what is not finite."""
+    return {name: np.where(np.isfinite(x), x, np.nan) for name, x in table.items()}

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import base64
 import re
-from collections.abc import Mapping
-from typing import Any
+import struct
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
+from matplotlib.figure import Figure
+
+from swimbladder.show.plots.style import svg_text
+
+_FULL = 1440  # pixels of a picture as wide as the page
 
 _GREEK = {
     "psi": "ψ", "rho": "ρ", "eta": "η", "lambda": "λ", "alpha": "α", "omega": "ω", "epsilon": "ε",
@@ -54,6 +61,43 @@ def symbols(text: str) -> Markup:
     plain = str(escape(text)).replace("+-", "±")
     greek = _GREEK_WORD.sub(lambda match: _GREEK[match.group(1)], plain)
     return Markup(_SYMBOL.sub(set_one, greek))
+
+
+class Picture(NamedTuple):
+    """A figure of a page: its name, title, caption, and how it is drawn."""
+
+    name: str
+    title: str
+    caption: str
+    draw: Callable[..., Figure]
+
+
+class PageFigure(NamedTuple):
+    """A picture as a page has it: inside the file, its letters as large as those of the others."""
+
+    name: str
+    title: str
+    caption: str
+    data: str
+    width: str
+
+
+def page_figure(name: str, title: str, caption: str, image: bytes) -> PageFigure:
+    """Return a PNG as a picture of a page."""
+    (pixels,) = struct.unpack(">I", image[16:20])
+    width = f"{min(100.0 * pixels / _FULL, 100.0):.0f}%"
+    stop = "" if title.endswith("?") else "."
+    return PageFigure(name, f"{title}{stop}", caption, data_url(image), width)
+
+
+def data_url(image: bytes) -> str:
+    """Return a PNG as an address that holds it."""
+    return "data:image/png;base64," + base64.b64encode(image).decode("ascii")
+
+
+def drawn_inline(figure: Figure, *, name: str, label: str) -> Markup:
+    """Return a figure to stand inside HTML, as `inline_svg` does."""
+    return inline_svg(svg_text(figure), name=name, label=label)
 
 
 def inline_svg(svg: str, *, name: str, label: str) -> Markup:

@@ -5,13 +5,12 @@ The page of an identification: what was found in plain words first, then the evi
 
 from __future__ import annotations
 
-import base64
 import math
 import re
-import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -22,25 +21,32 @@ from swimbladder.estimation.motion import NAMES, Choice, ExperimentFit, Identifi
 from swimbladder.estimation.motion.paper_method import PaperFits
 from swimbladder.estimation.motion.random_walk import RandomWalkFit
 from swimbladder.io.config import file_text
-from swimbladder.io.files import make_folder, publish, write_atomically
-from swimbladder.io.tables import write_csv
 from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.show.files import write_all
 from swimbladder.show.plots import identify as plots
 from swimbladder.show.plots import identify_confidence as confidence
 from swimbladder.show.plots.identify import labels
-from swimbladder.show.plots.style import save
-from swimbladder.show.report.html import render
-from swimbladder.show.report.text import Row, correlations, findings, headlines, reading, row, rows
+from swimbladder.show.plots.style import png
+from swimbladder.show.report.html import Picture, page_figure, render
+from swimbladder.show.report.text import (
+    Row,
+    correlations,
+    findings,
+    headlines,
+    reading,
+    row,
+    rows,
+    trade_off,
+)
 from swimbladder.sim.pool import Fit
 from swimbladder.units import rounded, shown_unit, unit_factor
 
 _SYMBOL = {"drag_quadratic": "k_dt", "mass": "m"}
-_FULL = 1440  # pixels of a picture as wide as the page
-_PSI = {"free": "estimated", "prior": "with its prior", "set": "as set", "zero": "left out"}
+PSI = {"free": "estimated", "prior": "with its prior", "set": "as set", "zero": "left out"}
 
 
 def page(
-    found: Identification, images: Sequence[tuple[str, str, str, bytes]], *,
+    found: Identification, images: Iterable[tuple[str, str, str, bytes]], *,
     files: Sequence[str], command: str, seconds: float, paper: PaperFits | None = None,
 ) -> str:  # fmt: skip
     """Return the report as HTML that needs nothing but itself.
@@ -49,16 +55,7 @@ def page(
     fits, to stand beside ours.
     """
     listed = findings(found)
-    figures = {
-        name: {
-            "name": name,
-            "title": title if title.endswith("?") else f"{title}.",
-            "caption": caption,
-            "data": _data(image),
-            "width": _width(image),
-        }
-        for name, title, caption, image in images
-    }
+    figures = {image[0]: page_figure(*image) for image in images}
     return render(
         "identification.html.j2",
         {
@@ -74,10 +71,7 @@ def page(
             "warnings": [f for f in listed if f.severity == "warning"],
             "notes": [f for f in listed if f.severity == "note"],
             "rows": rows(found),
-            "pairs": [
-                {"names": f"{a} and {b}", "value": f"{r:+.2f}", "what": _pair(r)}
-                for a, b, r in correlations(found)
-            ],
+            "pairs": [trade_off(a, b, r) for a, b, r in correlations(found)],
             "logs": [
                 _log(label, e) for label, e in zip(labels(found), found.experiments, strict=True)
             ],
@@ -93,23 +87,6 @@ def page(
             "command": command,
         },
     )
-
-
-def _data(image: bytes) -> str:
-    return "data:image/png;base64," + base64.b64encode(image).decode("ascii")
-
-
-def _width(image: bytes) -> str:
-    """Return how much of the page's width a PNG takes, so that all letters are of one size."""
-    (pixels,) = struct.unpack(">I", image[16:20])
-    return f"{min(100.0 * pixels / _FULL, 100.0):.0f}%"
-
-
-def _pair(r: float) -> str:
-    """Return what a correlation means."""
-    if r > 0.0:
-        return "where one is too large, so is the other"
-    return "where one is too large, the other is too small"
 
 
 def _log(label: str, e: ExperimentFit) -> dict[str, Any]:
@@ -142,7 +119,7 @@ def _choice(found: Identification, c: Choice) -> dict[str, Any]:
     best = min(other.bic for other in found.choices)
     return {
         "drag": c.drag,
-        "psi": _PSI[c.psi],
+        "psi": PSI[c.psi],
         "reported": c.reported,
         "parameters": c.parameters,
         "rms": rounded(1e3 * c.rms, 3),
@@ -178,24 +155,24 @@ def _random_walk(fit: RandomWalkFit, names: Sequence[str]) -> dict[str, Any]:
 
 def _paper(paper: PaperFits, names: Sequence[str]) -> dict[str, Any]:
     """Return the paper's fits as texts: each log, then the averages."""
-    listed = [
-        {
-            "label": name,
-            "step": f"{1e6 * fit.step:.3g}" if math.isfinite(fit.step) else "-",
-            "speed": _fitted(fit.by_speed, "mm/s"),
-            "depth": _fitted(fit.by_depth, "mm"),
-            "why": fit.why,
-        }
+    fits: list[tuple[str, str, Any, str]] = [
+        (name, f"{1e6 * fit.step:.3g}" if math.isfinite(fit.step) else "-", fit, fit.why)
         for name, fit in zip(names, paper.each, strict=True)
     ]
-    average = {
-        "label": "average",
-        "step": "",
-        "speed": _fitted(paper.by_speed, "mm/s"),
-        "depth": _fitted(paper.by_depth, "mm"),
-        "why": "",
+    fits.append(("average", "", paper, ""))
+    return {
+        "sentence": paper.sentence,
+        "rows": [
+            {
+                "label": label,
+                "step": step,
+                "speed": _fitted(fit.by_speed, "mm/s"),
+                "depth": _fitted(fit.by_depth, "mm"),
+                "why": why,
+            }
+            for label, step, fit, why in fits
+        ],
     }
-    return {"sentence": paper.sentence, "rows": [*listed, average]}
 
 
 def _fitted(fit: Fit | None, unit: str) -> list[str]:
@@ -210,15 +187,6 @@ MARK = "Identified by swimbladder identify"
 _OURS = re.compile(
     r"(fits|residuals)(-\d+)?\.png|(distribution|ellipses|profiles|neutral|gains)\.png"
 )
-
-
-class Picture(NamedTuple):
-    """A figure of the report: its name, title, caption, and how it is drawn."""
-
-    name: str
-    title: str
-    caption: str
-    draw: Callable[[], Figure]
 
 
 def check_folder(out: Path, vehicle: str | Path) -> None:
@@ -244,12 +212,12 @@ def _is_ours(path: Path) -> bool:
 
 
 def write_identification(
-    found: Identification, out: Path, *, answer: str, command: str, seconds: float,
+    found: Identification, out: Path, *, answer: Mapping[str, Any], command: str, seconds: float,
     paper: PaperFits | None = None, advance: Callable[[float], None] = lambda _: None,
 ) -> list[Path]:  # fmt: skip
     """Write everything into the folder `out` and return the paths.
 
-    answer: the text of identify.json; command: how the page says that it was made; seconds: how
+    answer: identify.json; command: how the page says that it was made; seconds: how
     long the fit took; paper: the paper's fits, to stand beside. advance: called with the share of
     the work done. No vehicle is written where the data do not identify all that was asked, and one
     of an earlier run is taken away. Raises InputError where the folder cannot be written; whatever
@@ -257,39 +225,22 @@ def write_identification(
     """
     check_folder(out, "")
     drawn = pictures(found, paper)
-    share = 1.0 / (len(drawn) + 1)
-    names: list[str] = []
-
-    def write(folder: Path) -> None:
-        figures = make_folder(folder / "figures")
-        images: list[tuple[Picture, bytes]] = []
-        for picture in drawn:
-            path = save(picture.draw(), figures / f"{picture.name}.png")
-            images.append((picture, path.read_bytes()))
-            names.append(f"figures/{path.name}")
-            advance(share)
-        write_atomically(folder / "identify.json", answer + "\n")
-        write_csv(folder / "residuals.csv", residuals(found))
-        names[:0] = ["identify.html", "identify.json", "residuals.csv"]
-        if found.posterior is not None:
-            draws = found.posterior.draws.T
-            names_of = (f"{n} [{NAMES[n].unit}]" for n in found.posterior.names)
-            columns = dict(zip(names_of, draws, strict=True))
-            write_csv(folder / POSTERIOR, columns)
-            names.append(POSTERIOR)
-        if found.identified:
-            write_atomically(folder / VEHICLE, vehicle_file(found.vehicle, head=_head(found)))
-            names.insert(3, VEHICLE)
-        html = page(
-            found, [(p.name, p.title, p.caption, image) for p, image in images],
-            files=names[1:], command=command, seconds=seconds, paper=paper,
-        )  # fmt: skip
-        write_atomically(folder / "identify.html", html)
-
-    publish(out, write)
-    _sweep(out, names)
-    advance(share)
-    return [out / name for name in names]
+    images = []
+    for picture in drawn:
+        images.append((picture.name, picture.title, picture.caption, png(picture.draw())))
+        advance(1.0 / (len(drawn) + 1))
+    files: dict[str, object] = {"identify.json": answer, "residuals.csv": residuals(found)}
+    if found.identified:
+        files[VEHICLE] = vehicle_file(found.vehicle, head=_head(found))
+    files |= {f"figures/{name}.png": image for name, _, _, image in images}
+    if found.posterior is not None:
+        names = (f"{name} [{NAMES[name].unit}]" for name in found.posterior.names)
+        files[POSTERIOR] = dict(zip(names, found.posterior.draws.T, strict=True))
+    html = page(found, images, files=list(files), command=command, seconds=seconds, paper=paper)
+    written = write_all(out, {"identify.html": html, **files})
+    _sweep(out, [*files])
+    advance(1.0 / (len(drawn) + 1))
+    return written
 
 
 def _sweep(out: Path, kept: list[str]) -> None:
@@ -315,24 +266,23 @@ def _head(found: Identification) -> str:
 
 def residuals(found: Identification) -> dict[str, np.ndarray]:
     """Return the columns of residuals.csv, log after log, SI."""
-    parts: dict[str, list[np.ndarray]] = {
-        name: [] for name in (
-            "log", "time_s", "depth_m", "depth_fitted_m", "residual_m", "weight", "volume_m3",
-            "voltage_V",
-        )
-    }  # fmt: skip
+    listed = []
     for number, e in enumerate(found.experiments, start=1):
         r = e.record
         nothing = np.full(len(r.time), np.nan)
-        parts["log"].append(np.full(len(r.time), float(number)))
-        parts["time_s"].append(r.time)
-        parts["depth_m"].append(r.depth)
-        parts["depth_fitted_m"].append(e.predicted)
-        parts["residual_m"].append(e.residual)
-        parts["weight"].append(e.weight)
-        parts["volume_m3"].append(nothing if r.volume is None else r.volume)
-        parts["voltage_V"].append(nothing if r.voltage is None else r.voltage)
-    columns = {name: np.concatenate(values) for name, values in parts.items()}
+        listed.append(
+            {
+                "log": np.full(len(r.time), float(number)),
+                "time_s": r.time,
+                "depth_m": r.depth,
+                "depth_fitted_m": e.predicted,
+                "residual_m": e.residual,
+                "weight": e.weight,
+                "volume_m3": nothing if r.volume is None else r.volume,
+                "voltage_V": nothing if r.voltage is None else r.voltage,
+            }
+        )
+    columns = {name: np.concatenate([one[name] for one in listed]) for name in listed[0]}
     return {
         name: values
         for name, values in columns.items()
@@ -345,60 +295,51 @@ def pictures(found: Identification, paper: PaperFits | None = None) -> list[Pict
 
     paper: the paper's fits of single logs, drawn beside ours.
     """
-    listed = [
-        *_pages(found, "fits", "Measured and fitted depth",
-                "All logs share one set of parameters; each has its own neutral volume and start.",
-                plots.draw_fits),
-        *_pages(found, "residuals", "What the fit leaves over",
-                "Measured less fitted depth. A pattern in time is something that the model does "
-                "not know. The band holds 95 % of the noise; outliers count less or not at all.",
-                plots.draw_residuals),
-        Picture(
-            "distribution", "Is it noise?",
-            "Left and middle: the residuals of all logs, over each log's own standard deviation, "
-            "against a normal distribution; triangles are further out than the axis. Right: how "
-            "much a residual resembles the ones before it.",
-            lambda: plots.draw_distribution(found),
+    own = any(e.own_gain is not None for e in found.experiments)
+    others = (
+        (True, "distribution", "Is it noise?",
+         "Left and middle: the residuals of all logs, over each log's own standard deviation, "
+         "against a normal distribution; triangles are further out than the axis. Right: how "
+         "much a residual resembles the ones before it.",
+         plots.draw_distribution),
+        (found.identified and len(found.names) > 1, "ellipses",
+         "Which pairs of values go together",
+         "Regions that hold both values with 68 % and 95 %. A long, thin one is a trade-off: the "
+         "data determine one combination better than each value.",
+         confidence.draw_ellipses),
+        (found.identified and found.profiles, "profiles", "Likelihood profiles",
+         "How much worse the fit becomes as one parameter is held and all others follow. Bars: the "
+         "95 % interval of the profile and that of the quadratic approximation; where these "
+         "differ by much, the profile's is given.",
+         confidence.draw_profiles),
+        (True, "neutral", "Neutral volumes",
+         "Left: how far each log's neutral volume is from the assumed one, against what was "
+         "assumed of it. Right: how it would drift if it did, from a step of the fit; an interval "
+         "without 0 is a drift that is not in the model.",
+         plots.draw_neutral),
+        (found.identified and own, "gains", "Does the gain depend on the size of the step?",
+         "What each log would say alone, all but psi its own, against the size of its volume "
+         "change. A trend is the mark of a psi, or of a drag law, that is not right.",
+         partial(plots.draw_gains, singles=_singles(paper))),
+    )  # fmt: skip
+    return [
+        *_pages(
+            found, "fits", "Measured and fitted depth",
+            "All logs share one set of parameters; each has its own neutral volume and start.",
+            plots.draw_fits,
+        ),
+        *_pages(
+            found, "residuals", "What the fit leaves over",
+            "Measured less fitted depth. A pattern in time is something that the model does not "
+            "know. The band holds 95 % of the noise; outliers count less or not at all.",
+            plots.draw_residuals,
+        ),
+        *(
+            Picture(name, title, caption, partial(draw, found))
+            for shown, name, title, caption, draw in others
+            if shown
         ),
     ]  # fmt: skip
-    if found.identified and len(found.names) > 1:
-        listed.append(
-            Picture(
-                "ellipses", "Which pairs of values go together",
-                "Regions that hold both values with 68 % and 95 %. A long, thin one is a "
-                "trade-off: the data determine one combination better than each value.",
-                lambda: confidence.draw_ellipses(found),
-            )
-        )  # fmt: skip
-    if found.identified and found.profiles:
-        listed.append(
-            Picture(
-                "profiles", "Likelihood profiles",
-                "How much worse the fit becomes as one parameter is held and all others follow. "
-                "Bars: the 95 % interval of the profile and that of the quadratic approximation; "
-                "where these differ by much, the profile's is given.",
-                lambda: confidence.draw_profiles(found),
-            )
-        )  # fmt: skip
-    listed.append(
-        Picture(
-            "neutral", "Neutral volumes",
-            "Left: how far each log's neutral volume is from the assumed one, against what was "
-            "assumed of it. Right: how it would drift if it did, from a step of the fit; an "
-            "interval without 0 is a drift that is not in the model.",
-            lambda: plots.draw_neutral(found),
-        )
-    )  # fmt: skip
-    if found.identified and any(e.own_gain is not None for e in found.experiments):
-        listed.append(
-            Picture(
-                "gains", "Does the gain depend on the size of the step?",
-                "What each log would say alone, all but psi its own, against the size of its "
-                "volume change. A trend is the mark of a psi, or of a drag law, that is not right.",
-                lambda: plots.draw_gains(found, _singles(paper)),
-            )
-        )  # fmt: skip
-    return listed
 
 
 def _singles(paper: PaperFits | None) -> dict[str, list[tuple[float, float]]]:
@@ -422,18 +363,14 @@ def _pages(
     """Return one picture for each so many logs."""
     count = len(found.experiments)
     firsts = range(0, count, plots.PER_PAGE)
-
-    def drawer(first: int) -> Callable[[], Figure]:
-        return lambda: draw(found, first)
-
     if len(firsts) == 1:
-        return [Picture(name, title, caption, drawer(0))]
+        return [Picture(name, title, caption, partial(draw, found, 0))]
     return [
         Picture(
             f"{name}-{number}",
             f"{title}, logs {first + 1} to {min(first + plots.PER_PAGE, count)}",
             caption,
-            drawer(first),
+            partial(draw, found, first),
         )
         for number, first in enumerate(firsts, start=1)
     ]

@@ -5,21 +5,20 @@ A comparison as rows of text, for the terminal, the page and the CSV file.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from swimbladder.design.law_comparison import LawComparison
 from swimbladder.design.law_comparison.contenders import BAND
 from swimbladder.design.law_comparison.run import RESULT, Row
 from swimbladder.io.answers import as_json
-from swimbladder.io.files import make_folder, publish, write_atomically
+from swimbladder.io.tables import rows_csv
 from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.show.files import write_all
 from swimbladder.show.plots.law_comparison import draw_pareto, draw_steps
-from swimbladder.show.plots.style import save, svg_text
-from swimbladder.show.report.html import inline_svg, render
+from swimbladder.show.report.html import drawn_inline, render
 
 SOON = ("law", "settles [s]", "of bound", "95 % [s]", "over [%]", "deep [%]", "lost")
 STILL = ("law", "hold", "swell", "deep", "drift", "L/h", "starts", "turns", "J/h")
@@ -138,58 +137,40 @@ def _number(x: float, factor: float, form: str) -> str:
 
 def table_csv(comparison: LawComparison) -> str:
     """Return every result of every law on every scenario as CSV, in SI units."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    mentioned = False
-    for row in comparison.rows:
-        for name, r in row.results.items():
-            numbers = as_json(r, RESULT)
-            if not mentioned:
-                writer.writerow(["law", "tuning", "scenario", *numbers])
-                mentioned = True
-            known = ["nan" if x is None else x for x in numbers.values()]
-            writer.writerow([row.who.law.name, row.who.tuning, name, *known])
-    return text.getvalue()
-
-
-_FOLDER = "vehicles"
+    rows = [
+        {"law": row.who.law.name, "tuning": row.who.tuning, "scenario": name} | as_json(r, RESULT)
+        for row in comparison.rows
+        for name, r in row.results.items()
+    ]
+    return rows_csv(rows[0], (row.values() for row in rows))
 
 
 def write_comparison(
-    comparison: LawComparison, out: Path, *, answer: str, command: str
+    comparison: LawComparison, out: Path, *, answer: Mapping[str, Any], command: str
 ) -> list[Path]:
     """Write page, table, numbers, pictures and a vehicle file for each law into `out`.
 
-    answer: the text of laws.json; command: how the page says that it was made. Returns the paths;
-    raises InputError where the folder cannot be written.
+    answer: laws.json; command: how the page says that it was made. Returns the paths; raises
+    InputError where the folder cannot be written.
     """
-    figures = {"pareto": draw_pareto(comparison), "steps": draw_steps(comparison)}
-    vehicles = [f"{_FOLDER}/{row.who.slug}.toml" for row in comparison.rows]
-    names = ["laws.html", "laws.csv", "laws.json", "pareto.png", "steps.png", *vehicles]
-
-    def write(folder: Path) -> None:
-        for name, figure in figures.items():
-            save(figure, folder / f"{name}.png")
-        make_folder(folder / _FOLDER)
-        for row, name in zip(comparison.rows, vehicles, strict=True):
-            flown = comparison.vehicle.model_copy(update={"controller": row.who.controller()})
-            head = f"As flown by swimbladder compare-laws: {row.who.name}."
-            write_atomically(folder / name, vehicle_file(flown, head=head))
-        write_atomically(folder / "laws.csv", table_csv(comparison))
-        write_atomically(folder / "laws.json", answer + "\n")
-        images = {
-            "pareto": inline_svg(
-                svg_text(figures["pareto"]), name="pareto",
-                label="Settling and holding of every law against the volume it moves.",
-            ),
-            "steps": inline_svg(
-                svg_text(figures["steps"]), name="steps", label="Depth of every law after a step."
-            ),
-        }  # fmt: skip
-        write_atomically(folder / "laws.html", _page(comparison, images, command))
-
-    publish(out, write)
-    return [out / name for name in names]
+    pareto, steps = draw_pareto(comparison), draw_steps(comparison)
+    label = "Settling and holding of every law against the volume it moves."
+    images = {
+        "pareto": drawn_inline(pareto, name="pareto", label=label),
+        "steps": drawn_inline(steps, name="steps", label="Depth of every law after a step."),
+    }
+    files: dict[str, object] = {
+        "laws.html": _page(comparison, images, command),
+        "laws.csv": table_csv(comparison),
+        "laws.json": answer,
+        "pareto.png": pareto,
+        "steps.png": steps,
+    }
+    for row in comparison.rows:
+        flown = comparison.vehicle.model_copy(update={"controller": row.who.controller()})
+        head = f"As flown by swimbladder compare-laws: {row.who.name}."
+        files[f"vehicles/{row.who.slug}.toml"] = vehicle_file(flown, head=head)
+    return write_all(out, files)
 
 
 def _page(comparison: LawComparison, images: Mapping[str, str], command: str) -> str:

@@ -10,7 +10,7 @@ from swimbladder.estimation.motion import Estimate, Finding, Identification
 from swimbladder.units import rounded, shown_unit, unit_factor
 
 _ORDER = {"no": 0, "warning": 1, "note": 2}
-_STRONG = 0.5  # correlation worth a line
+STRONG = 0.5  # correlation worth a line
 
 
 class Row(NamedTuple):
@@ -114,9 +114,16 @@ def correlations(found: Identification) -> list[tuple[str, str, float]]:
         (a, b, float(found.correlation[i, j]))
         for i, a in enumerate(found.names)
         for j, b in enumerate(found.names)
-        if i < j and abs(found.correlation[i, j]) >= _STRONG
+        if i < j and abs(found.correlation[i, j]) >= STRONG
     ]
     return sorted(pairs, key=lambda pair: -abs(pair[2]))
+
+
+def trade_off(a: str, b: str, r: float) -> dict[str, str]:
+    """Return the correlation of a pair as texts, and what it means."""
+    other = "so is the other" if r > 0.0 else "the other is too small"
+    what = f"where one is too large, {other}"
+    return {"names": f"{a} and {b}", "value": f"{r:+.2f}", "what": what}
 
 
 def findings(found: Identification) -> list[Finding]:

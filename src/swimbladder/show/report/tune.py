@@ -5,50 +5,41 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from swimbladder.control.records import leaves
 from swimbladder.design.tuning import Tuning
 from swimbladder.design.tuning.margins import WANTED
-from swimbladder.io.files import publish, write_atomically
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.plots.style import save, svg_text
+from swimbladder.show.files import write_all
 from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
-from swimbladder.show.report.html import inline_svg, render
+from swimbladder.show.report.html import drawn_inline, render
 from swimbladder.units import shown_unit, unit_factor
 
 
-def write_tuning(found: Tuning, out: Path, *, answer: str, command: str) -> list[Path]:
+def write_tuning(
+    found: Tuning, out: Path, *, answer: Mapping[str, Any], command: str
+) -> list[Path]:
     """Write vehicle.toml, tune.html, tune.json and pictures into `out`; return the paths.
 
-    answer: the text of tune.json; command: how the page says that it was made. A law without
-    margins has no sensitivity.png. Raises InputError where the folder cannot be written.
+    answer: tune.json; command: how the page says that it was made. A law without margins has no
+    sensitivity.png. Raises InputError where the folder cannot be written.
     """
-    figures = {"tune": draw_tuning(found)}
+    tune = draw_tuning(found)
+    label = "Depth, volume and voltage of the trials against time."
+    images = {"tune": drawn_inline(tune, name="tune", label=label)}
+    pictures: dict[str, object] = {"tune.png": tune}
     if found.margins is not None:
-        figures["sensitivity"] = draw_sensitivity(found)
-    labels = {
-        "tune": "Depth, volume and voltage of the trials against time.",
-        "sensitivity": "Sensitivity against frequency over the region.",
+        pictures["sensitivity.png"] = figure = draw_sensitivity(found)
+        label = "Sensitivity against frequency over the region."
+        images["sensitivity"] = drawn_inline(figure, name="sensitivity", label=label)
+    head = f"Tuned by swimbladder tune, law {found.law.name}, goal {found.goal}."
+    files: dict[str, object] = {
+        "vehicle.toml": vehicle_file(found.vehicle, head="\n".join([head, *found.sentences])),
+        "tune.html": _page(found, images, command),
+        "tune.json": answer,
     }
-    names = ["vehicle.toml", "tune.html", "tune.json", *(f"{name}.png" for name in figures)]
-
-    def write(folder: Path) -> None:
-        head = "\n".join(
-            [f"Tuned by swimbladder tune, law {found.law.name}, goal {found.goal}.",
-             *found.sentences]
-        )  # fmt: skip
-        write_atomically(folder / "vehicle.toml", vehicle_file(found.vehicle, head=head))
-        write_atomically(folder / "tune.json", answer + "\n")
-        for name, figure in figures.items():
-            save(figure, folder / f"{name}.png")
-        images = {
-            name: inline_svg(svg_text(figure), name=name, label=labels[name])
-            for name, figure in figures.items()
-        }
-        write_atomically(folder / "tune.html", _page(found, images, command))
-
-    publish(out, write)
-    return [out / name for name in names]
+    return write_all(out, files | pictures)
 
 
 def _page(found: Tuning, images: Mapping[str, str], command: str) -> str:

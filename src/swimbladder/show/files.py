@@ -1,0 +1,52 @@
+"""What a result is written as: texts, tables, numbers and pictures, in a folder that is whole."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from swimbladder.io.answers import json_text
+from swimbladder.io.files import make_folder, publish, write_atomically
+from swimbladder.io.tables import write_csv
+from swimbladder.show.plots.style import save
+
+
+def write_all(
+    out: Path,
+    contents: Mapping[str, object],
+    *,
+    advance: Callable[[float], None] = lambda _: None,
+) -> list[Path]:
+    """Write files into the folder `out`, all of them or none, and return their paths.
+
+    contents: by name, below the folder: a text; a figure; the columns of a name that ends with
+    .csv; the answer of one that ends with .json; or what writes the file, called with its path.
+    advance: called with each file's share of the work. Raises InputError where the folder cannot be
+    written.
+    """
+
+    def write(folder: Path) -> None:
+        for name, content in contents.items():
+            make_folder((folder / name).parent)
+            _write(folder / name, content)
+            advance(1.0 / len(contents))
+
+    make_folder(out.parent)
+    publish(out, write)
+    return [out / name for name in contents]
+
+
+def _write(path: Path, content: Any) -> None:
+    if isinstance(content, Figure):
+        save(content, path)
+    elif isinstance(content, str | bytes):
+        write_atomically(path, content)
+    elif callable(content):
+        content(path)
+    elif path.suffix == ".json":
+        write_atomically(path, json_text(content) + "\n")
+    else:
+        write_csv(path, content)
