@@ -9,6 +9,7 @@ from swimbladder import paper as package
 from swimbladder.cli import main
 from swimbladder.paper.evidence import gather
 from swimbladder.paper.verdict import claim
+from swimbladder.show import files
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -17,7 +18,7 @@ def gathered_once():
     with pytest.MonkeyPatch.context() as patch:
         once = functools.cache(gather)
         patch.setattr(package, "gather", lambda seed, _: once(seed))
-        patch.setattr(package, "save", lambda _figure, path: path)
+        patch.setattr(files, "save", lambda _figure, path: path)
         yield
 
 

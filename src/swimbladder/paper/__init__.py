@@ -2,7 +2,7 @@
 
 `evidence` simulates and fits, `equations_actuator` and `equations_motion` check (1) to (37),
 `published` and `independent` compare numbers, `verdict` says what a comparison comes to, `errata`
-lists where the text is wrong, `tables` and `page` put it together, `files` writes it.
+lists where the text is wrong, `tables` and `page` put it together, `files` has its curves.
 """
 
 from __future__ import annotations
@@ -12,19 +12,20 @@ from pathlib import Path
 from typing import Any
 
 from swimbladder.errors import InputError
-from swimbladder.io.files import check_place, make_folder, publish
+from swimbladder.io.answers import plain
+from swimbladder.io.files import check_place
 from swimbladder.paper.equations_actuator import actuator_checks
 from swimbladder.paper.equations_motion import motion_checks
 from swimbladder.paper.evidence import STAGES, gather
-from swimbladder.paper.files import json_text, plain, trajectories, write_all
+from swimbladder.paper.files import trajectories
 from swimbladder.paper.independent import independent
 from swimbladder.paper.page import FIGURES, Judged, answer, draw, page
 from swimbladder.paper.published import published
-from swimbladder.show.plots.style import save
+from swimbladder.show.files import write_all
 
 __all__ = ["AMOUNT", "reproduce"]
 
-AMOUNT = STAGES + 1 + 2 * len(FIGURES) + 2  # what `advance` adds up to
+AMOUNT = STAGES + len(FIGURES) + 3  # what `advance` adds up to
 
 
 def reproduce(
@@ -62,13 +63,12 @@ def reproduce(
     html = page(evidence, judged, figures, files)
     advance(1.0)
 
-    def write(folder: Path) -> None:
-        write_all(folder, {"index.html": html, "results.json": json_text(found)}, curves)
-        advance(1.0)
-        for name, figure in figures.items():
-            save(figure, make_folder(folder / "figures") / f"{name}.png")
-            advance(1.0)
-
-    publish(place, write)
+    contents = {
+        "index.html": html,
+        "results.json": found,
+        **{f"figures/{name}.png": figure for name, figure in figures.items()},
+        **{f"trajectories/{name}": columns for name, columns in curves.items()},
+    }
+    write_all(place, contents, advance=advance)
     plain_answer: dict[str, Any] = plain(found)
     return plain_answer

@@ -20,7 +20,7 @@ from swimbladder.design.linear.transfer import (
 )
 from swimbladder.paper.equations_hydraulic import hydraulic_checks
 from swimbladder.paper.evidence import Evidence
-from swimbladder.paper.verdict import EquationCheck, deviation
+from swimbladder.paper.verdict import EquationCheck, check, deviation, scaled
 from swimbladder.physics import actuator as act
 from swimbladder.physics.dynamics import State, motor_rhs, plant
 from swimbladder.sim.closed_loop import drive
@@ -42,9 +42,13 @@ def at(ratio: tuple[Any, Any], s: Any = FREQUENCIES) -> Any:
 def actuator_checks(e: Evidence) -> list[EquationCheck]:
     """Return the checks of the actuator's equations."""
     return [
-        *hydraulic_checks(e.hydraulic), _eq9(e.hydraulic), *_motor(e.hydraulic),
-        *_linear(e.hydraulic), *_shallow(e), *_identified(e),
-    ]  # fmt: skip
+        *hydraulic_checks(e.hydraulic),
+        _eq9(e.hydraulic),
+        *_motor(e.hydraulic),
+        *_linear(e.hydraulic),
+        *_shallow(e),
+        *_identified(e),
+    ]
 
 
 def _unified(vehicle: Vehicle) -> UnifiedActuator:
@@ -68,12 +72,7 @@ def _eq9(vehicle: Vehicle) -> EquationCheck:
     by_u, by_z = _driven(vehicle)
     formula_u = at(volume_per_voltage(inertia=u.inertia, k_u=u.k_u, k_q=u.k_q, k_v=u.k_v))
     formula_z = at(volume_per_depth(inertia=u.inertia, k_v=u.k_v, k_q=u.k_q, k_z=u.k_z, k_l=u.k_l))
-    return EquationCheck(
-        number=9, says="V from U and Z, unified actuator",
-        checked="against the numerically linearised right-hand side, the electrohydraulic example, "
-        "0.001 to 1000 rad/s, both terms",
-        value=max(deviation(by_u, formula_u), deviation(by_z, formula_z)), limit=1e-8,
-    )  # fmt: skip
+    return check(9, max(deviation(by_u, formula_u), deviation(by_z, formula_z)))
 
 
 def _motor(vehicle: Vehicle) -> list[EquationCheck]:
@@ -102,29 +101,11 @@ def _motor(vehicle: Vehicle) -> list[EquationCheck]:
         )  # fmt: skip
         rows.append((rate.q / u.k_q, by_11, rate.V, by_12, ours_14, by_14))
     table = np.array(rows)
-    how = "at 200 random states of the electrohydraulic example, against "
-    friction = "The dry friction of Fig. 2 is subtracted from the motor's torque on both sides."
     return [
-        EquationCheck(
-            number=11, says="motor speed", checked=how + "the sum of torques of Table 1's "
-            "constants",
-            value=_scaled(table[:, 0], table[:, 1]), limit=1e-12, note=friction,
-        ),
-        EquationCheck(
-            number=12, says="volume rate", checked=how + "k_q times speed less k_l times depth",
-            value=_scaled(table[:, 2], table[:, 3]), limit=1e-12,
-        ),
-        EquationCheck(
-            number=14, says="motor speed eliminated from (11) and (12)",
-            checked=how + "the time derivative of (12) with (11) inserted",
-            value=_scaled(table[:, 4], table[:, 5]), limit=1e-12,
-        ),
-    ]  # fmt: skip
-
-
-def _scaled(ours: Any, other: Any) -> float:
-    """Largest difference over the largest value: for quantities that pass through zero."""
-    return float(np.max(np.abs(ours - other)) / np.max(np.abs(other)))
+        check(11, scaled(table[:, 0], table[:, 1])),
+        check(12, scaled(table[:, 2], table[:, 3])),
+        check(14, scaled(table[:, 4], table[:, 5])),
+    ]
 
 
 def _linear(vehicle: Vehicle) -> list[EquationCheck]:
@@ -143,19 +124,10 @@ def _linear(vehicle: Vehicle) -> list[EquationCheck]:
     formula = at(volume_per_voltage(inertia=lam, k_u=u.k_u, k_q=u.k_q, k_v=u.k_v)) + (
         at(volume_per_depth(inertia=lam, k_v=u.k_v, k_q=u.k_q, k_z=u.k_z, k_l=u.k_l)) * Z
     )
-    how = "in the frequency response of the numerically linearised whole vehicle, the "
-    how += "electrohydraulic example, 0.001 to 1000 rad/s"
     return [
-        EquationCheck(
-            number=17, says="(14) for small motions", checked="both sides " + how,
-            value=float(np.max(np.abs(left - right)) / terms), limit=1e-8,
-            measure="largest difference over the voltage's term",
-        ),
-        EquationCheck(
-            number=19, says="V from U and Z", checked="with the vehicle's own Z, " + how,
-            value=deviation(formula, V), limit=1e-7,
-        ),
-    ]  # fmt: skip
+        check(17, float(np.max(np.abs(left - right)) / terms)),
+        check(19, deviation(formula, V)),
+    ]
 
 
 def _shallow(e: Evidence) -> list[EquationCheck]:
@@ -177,22 +149,9 @@ def _shallow(e: Evidence) -> list[EquationCheck]:
     missing = 1.0 - float(loaded[-1] / formula[-1])
     back = a.K1 * a.piston_area * a.depth_voltage * 3.75
     return [
-        EquationCheck(
-            number=21, says="volume rate from voltage, shallow",
-            checked="a 12 V step simulated without depth load, against k_u k_q/k_v u (1 - exp(-t "
-            "k_v/lambda))",
-            value=deviation(rate(free, 3.75), formula), limit=1e-9,
-            note=f"The load that is neglected costs {100 * missing:.1f} % of the speed at 3.75 m "
-            f"and 12 V. At 0 V it pushes the piston in at {back * 1e6:.2f} cm3/s.",
-        ),
-        EquationCheck(
-            number=22, says="piston speed from voltage",
-            checked="K1 and T1 found from eight simulated voltage steps by centred differences, "
-            "against those simulated",
-            value=max(deviation(e.identified.K1, a.K1), deviation(e.identified.T1, a.T1)),
-            limit=1e-2, note="Printed with T for T1.",
-        ),
-    ]  # fmt: skip
+        check(21, deviation(rate(free, 3.75), formula), lost=100 * missing, pushed=back * 1e6),
+        check(22, max(deviation(e.identified.K1, a.K1), deviation(e.identified.T1, a.T1))),
+    ]
 
 
 def _identified(e: Evidence) -> list[EquationCheck]:
@@ -219,26 +178,10 @@ def _identified(e: Evidence) -> list[EquationCheck]:
             K1=i.K1, A=i.piston_area, T1=i.T1, depth_voltage=i.depth_voltage, k_l=i.k_l
         )
     )
-    datasheet = "the electromechanical example's datasheet by hand, and "
     return [
-        EquationCheck(
-            number=23, says="K1 from the unified constants",
-            checked=datasheet + "the steady speed of the simulated motor at 6 V",
-            value=max(
-                deviation(found.K1 * d.piston_area, by_hand), deviation(steady / 6.0, by_hand)
-            ),
-            limit=1e-9,
+        check(
+            23, max(deviation(found.K1 * d.piston_area, by_hand), deviation(steady / 6.0, by_hand))
         ),
-        EquationCheck(
-            number=24, says="T1 from the unified constants",
-            checked=datasheet + "the share 1 - 1/e that the simulated motor has reached after T1",
-            value=max(deviation(found.T1, T1), deviation(rate / steady, 1.0 - math.exp(-1.0))),
-            limit=1e-9,
-        ),
-        EquationCheck(
-            number=33, says="V from U and Z in identified parameters",
-            checked="against the numerically linearised right-hand side, 0.001 to 1000 rad/s, both "
-            "terms",
-            value=max(deviation(by_u, formula_u), deviation(by_z, formula_z)), limit=1e-8,
-        ),
-    ]  # fmt: skip
+        check(24, max(deviation(found.T1, T1), deviation(rate / steady, 1.0 - math.exp(-1.0)))),
+        check(33, max(deviation(by_u, formula_u), deviation(by_z, formula_z))),
+    ]

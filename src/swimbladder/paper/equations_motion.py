@@ -23,7 +23,7 @@ from swimbladder.design.linear.transfer import (
 )
 from swimbladder.paper.equations_actuator import FREQUENCIES, at
 from swimbladder.paper.evidence import Evidence
-from swimbladder.paper.verdict import EquationCheck, deviation
+from swimbladder.paper.verdict import EquationCheck, check, deviation, scaled
 from swimbladder.physics.dynamics import acceleration, drag_per_mass, plant
 from swimbladder.sim.closed_loop import drive
 from swimbladder.sim.pool import fit_depth, fit_speed, still_starts
@@ -33,9 +33,15 @@ from swimbladder.vehicle import IdentifiedMotion, PhysicalMotion, Vehicle
 def motion_checks(e: Evidence) -> list[EquationCheck]:
     """Return the checks of the motion's and of the controller's equations."""
     return [
-        *_forces(e.vehicle), _eq15(e), _eq16(e.hydraulic), *_small(e.vehicle), *_shallow(e),
-        *_any_depth(e), *_open_loop(e), *_controller(e),
-    ]  # fmt: skip
+        *_forces(e.vehicle),
+        _eq15(e),
+        _eq16(e.hydraulic),
+        *_small(e.vehicle),
+        *_shallow(e),
+        *_any_depth(e),
+        *_open_loop(e),
+        *_controller(e),
+    ]
 
 
 def _forces(vehicle: Vehicle) -> list[EquationCheck]:
@@ -51,20 +57,9 @@ def _forces(vehicle: Vehicle) -> list[EquationCheck]:
         by_13.append((-k_b * V + k_b * psi * z - F_d) / m)
     scale = float(np.max(np.abs(archimedes)))
     return [
-        EquationCheck(
-            number=10, says="Newton's second law",
-            checked="at 200 random states, against Archimedes: weight less the weight of the water "
-            "that the compressed hull displaces, less drag",
-            value=float(np.max(np.abs(np.subtract(ours, archimedes)))) / scale, limit=1e-11,
-        ),
-        EquationCheck(
-            number=13, says="the forces of (10) written out",
-            checked="at the same states, against the printed form with k_b = rho g, k_def = rho g "
-            "psi",
-            value=float(np.max(np.abs(np.subtract(np.divide(ours, m), by_13)))) / scale * m,
-            limit=1e-12,
-        ),
-    ]  # fmt: skip
+        check(10, scaled(ours, archimedes)),
+        check(13, float(np.max(np.abs(np.subtract(np.divide(ours, m), by_13)))) / scale * m),
+    ]
 
 
 def _eq15(e: Evidence) -> EquationCheck:
@@ -88,13 +83,7 @@ def _eq15(e: Evidence) -> EquationCheck:
             :, -1
         ]
         depths.append(float(x[2]))
-    return EquationCheck(
-        number=15, says="the motion that goes with (14)",
-        checked="60 s of changing voltage, the compiled simulator against SciPy's DOP853 at 1e-11 "
-        "on (14) and (15)",
-        value=float(np.max(np.abs(s.depth - depths))), limit=1e-8, measure="largest difference in "
-        "m",
-    )  # fmt: skip
+    return check(15, float(np.max(np.abs(s.depth - depths))))
 
 
 def _eq16(vehicle: Vehicle) -> EquationCheck:
@@ -108,15 +97,13 @@ def _eq16(vehicle: Vehicle) -> EquationCheck:
     )
     rising = 0.2
     literal, right = drag.k_dl * rising, drag.k_dt * rising**2
-    return EquationCheck(
-        number=16, says="drag, laminar and turbulent",
-        checked="201 speeds both ways on the electrohydraulic example, against the printed form "
-        "with |dz/dt| tested",
-        value=float(np.max(np.abs(ours - other)) / np.max(np.abs(other))), limit=1e-12,
-        note=f"Printed, dz/dt is tested without its modulus: a vehicle rising at {rising} m/s "
-        f"would have {literal:.2f} N of drag in place of {right:.2f} N. The form also jumps at "
-        "epsilon unless k_dl = k_dt epsilon, which this vehicle has.",
-    )  # fmt: skip
+    return check(
+        16,
+        scaled(ours, other),
+        rising=rising,
+        literal=literal,
+        right=right,
+    )
 
 
 def _small(vehicle: Vehicle) -> list[EquationCheck]:
@@ -128,18 +115,10 @@ def _small(vehicle: Vehicle) -> list[EquationCheck]:
     left, s = FREQUENCIES**2 * Z, FREQUENCIES
     right = (-k_b * V + k_def * Z - k_dl * s * Z) / m
     formula = at(depth_per_volume_physical(k_b=k_b, k_def=k_def, k_dl=k_dl, m=m))
-    how = "in the frequency response of the numerically linearised vehicle, 0.001 to 1000 rad/s"
     return [
-        EquationCheck(
-            number=18, says="(15) for small motions", checked="both sides " + how,
-            value=float(np.max(np.abs(left - right) / np.abs(k_b * V / m))), limit=1e-8,
-            measure="largest difference over the buoyancy's term",
-        ),
-        EquationCheck(
-            number=20, says="Z from V", checked="Z/V " + how, value=deviation(Z / V, formula),
-            limit=1e-8,
-        ),
-    ]  # fmt: skip
+        check(18, float(np.max(np.abs(left - right) / np.abs(k_b * V / m)))),
+        check(20, deviation(Z / V, formula)),
+    ]
 
 
 def _shallow(e: Evidence) -> list[EquationCheck]:
@@ -156,42 +135,18 @@ def _shallow(e: Evidence) -> list[EquationCheck]:
     record = still_starts(free, dVs=[dV], sample_time=0.05)[0]
     by_depth, by_speed = fit_depth(record), fit_speed(record)
     return [
-        EquationCheck(
-            number=25, says="speed from V, shallow",
-            checked="dz/dt over V of the numerically linearised vehicle with psi = 0, 0.001 to "
-            "1000 rad/s",
-            value=deviation(speed, (-k_b / k_dl) / (free.mass / k_dl * FREQUENCIES + 1.0)),
-            limit=1e-8,
-        ),
-        EquationCheck(
-            number=26, says="speed from V, K2 and T2",
-            checked="fitted to 3 m of simulated motion with psi = 0, centred differences every "
-            "50 ms, against the K2 and T2 simulated",
-            value=max(deviation(by_speed.K2, K2), deviation(by_speed.T2, T2)), limit=1e-3,
-        ),
-        EquationCheck(
-            number=27, says="depth from V, K2 and T2",
-            checked="fitted to 3 m of simulated motion with psi = 0, against the K2 and T2 "
-            "simulated",
-            value=max(deviation(by_depth.K2, K2), deviation(by_depth.T2, T2)), limit=1e-6,
-            note="With psi = 4.04e-6 m3/m the same fit does not find them: see below.",
-        ),
-        EquationCheck(
-            number=28, says="K2 = k_b/k_dl",
-            checked="against the simulated terminal speed per volume, psi = 0",
-            value=max(deviation(-final / dV, k_b / k_dl), deviation(k_b / k_dl, K2)), limit=1e-9,
-        ),
-        EquationCheck(
-            number=29, says="T2 = m/k_dl",
-            checked="against the share 1 - 1/e of the terminal speed that the simulated vehicle "
-            "has after m/k_dl",
-            value=max(
+        check(25, deviation(speed, (-k_b / k_dl) / (free.mass / k_dl * FREQUENCIES + 1.0))),
+        check(26, max(deviation(by_speed.K2, K2), deviation(by_speed.T2, T2))),
+        check(27, max(deviation(by_depth.K2, K2), deviation(by_depth.T2, T2))),
+        check(28, max(deviation(-final / dV, k_b / k_dl), deviation(k_b / k_dl, K2))),
+        check(
+            29,
+            max(
                 deviation(float(s.speed[1]) / final, 1.0 - math.exp(-1.0)),
                 deviation(free.mass / k_dl, T2),
             ),
-            limit=1e-9,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _any_depth(e: Evidence) -> list[EquationCheck]:
@@ -205,21 +160,10 @@ def _any_depth(e: Evidence) -> list[EquationCheck]:
     numeric = linearise(p._replace(positioner=1.0)).at(FREQUENCIES)[:, 0, 0]
     lift = [m * acceleration(0.0, z, 0.0, p) for z in (10.0, 90.0)]
     return [
-        EquationCheck(
-            number=30, says="Z from V with K2 and T2", checked="against (20), 0.001 to 1000 rad/s",
-            value=deviation(by_30, physical), limit=1e-12,
-        ),
-        EquationCheck(
-            number=31, says="k_def = rho g psi",
-            checked="against the net force that a vehicle at rest gains from 10 to 90 m",
-            value=deviation((lift[1] - lift[0]) / 80.0, k_b * psi), limit=1e-12,
-        ),
-        EquationCheck(
-            number=32, says="Z from V at any depth",
-            checked="against the numerically linearised motion, 0.001 to 1000 rad/s",
-            value=deviation(at(depth_per_volume(K2=K2, T2=T2, psi=psi)), numeric), limit=1e-8,
-        ),
-    ]  # fmt: skip
+        check(30, deviation(by_30, physical)),
+        check(31, deviation((lift[1] - lift[0]) / 80.0, k_b * psi)),
+        check(32, deviation(at(depth_per_volume(K2=K2, T2=T2, psi=psi)), numeric)),
+    ]
 
 
 def _open_loop(e: Evidence) -> list[EquationCheck]:
@@ -234,21 +178,18 @@ def _open_loop(e: Evidence) -> list[EquationCheck]:
     free = linearise(p).at(FREQUENCIES)[:, 0, 0]
     margin = double_integrator_phase_margin(**main)
     return [
-        EquationCheck(
-            number=34, says="Z from U in open loop",
-            checked="the five coefficients below the line against those of the numerically "
-            "linearised vehicle",
-            value=deviation(open_loop.denominator, by_34[1]), limit=1e-6,
-            note=f"{open_loop.routh.sentence} Poles: "
-            + ", ".join(_complex(pole) for pole in open_loop.poles) + " 1/s.",
+        check(
+            34,
+            deviation(open_loop.denominator, by_34[1]),
+            routh=open_loop.routh.sentence,
+            poles=", ".join(map(_complex, open_loop.poles)),
         ),
-        EquationCheck(
-            number=35, says="(34) where psi, k_l and k_z vanish",
-            checked="against the numerically linearised vehicle without them, 0.001 to 1000 rad/s",
-            value=deviation(at(depth_per_voltage_without_loads(**main)), free), limit=1e-8,
-            note=f"Phase margin under 1 V/m: {math.degrees(margin):.1f} degrees.",
+        check(
+            35,
+            deviation(at(depth_per_voltage_without_loads(**main)), free),
+            margin=math.degrees(margin),
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _complex(pole: complex) -> str:
@@ -277,16 +218,7 @@ def _controller(e: Evidence) -> list[EquationCheck]:
     by_hand = (
         c.k_pz * seen_error + c.k_dz * np.diff(seen_error, prepend=seen_error[0]) / c.S_p + U_i
     )
-    how = f"{n} samples of a random error, the law called sample by sample against "
     return [
-        EquationCheck(
-            number=36, says="PID on depth", checked=how + "the whole sequence at once",
-            value=float(np.max(np.abs(U - by_hand)) / np.max(np.abs(by_hand))), limit=1e-12,
-            measure="largest difference over the largest U",
-        ),
-        EquationCheck(
-            number=37, says="its integral", checked=how + "U_i(0) and a cumulative sum of e(k - 1)",
-            value=float(np.max(np.abs(integrals - U_i)) / np.max(np.abs(U_i))), limit=1e-12,
-            measure="largest difference over the largest integral",
-        ),
-    ]  # fmt: skip
+        check(36, scaled(U, by_hand)),
+        check(37, scaled(integrals, U_i)),
+    ]

@@ -1,19 +1,11 @@
-"""The files of the report, written into a folder of their own and then put in place."""
+"""The curves of the report."""
 
 from __future__ import annotations
 
-import dataclasses
-import json
-import math
-from collections.abc import Mapping
-from enum import Enum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from swimbladder.io.files import make_folder, write_atomically
-from swimbladder.io.tables import write_csv
 from swimbladder.paper.evidence import Evidence
 from swimbladder.sim.pool import Fit, PoolRun, response
 
@@ -73,35 +65,3 @@ def _run(run: PoolRun) -> dict[str, Any]:
         "volume_seen_m3": run.seen_volume,
         "voltage_V": s.voltage,
     }
-
-
-def write_all(folder: Path, texts: Mapping[str, str], curves: Mapping[str, Any]) -> None:
-    """Write texts and curves under their names into a folder."""
-    for name, text in texts.items():
-        write_atomically(folder / name, text)
-    for name, columns in curves.items():
-        write_csv(make_folder(folder / "trajectories") / name, columns)
-
-
-def json_text(answer: Mapping[str, Any]) -> str:
-    """Return an answer as JSON; what is not finite becomes null, an Enum its name."""
-    return json.dumps(plain(answer), indent=1, allow_nan=False) + "\n"
-
-
-def plain(value: Any) -> Any:
-    """Return a value in JSON's own types."""
-    if isinstance(value, Enum):
-        return value.name
-    if value is None or isinstance(value, bool | int | str):
-        return value
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if hasattr(value, "_asdict"):
-        return plain(value._asdict())
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    return plain(value.tolist())  # numpy

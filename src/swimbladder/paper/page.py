@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -18,19 +18,8 @@ from swimbladder.paper.errata import ERRATA, SILENT
 from swimbladder.paper.evidence import SENSORS, Evidence
 from swimbladder.paper.verdict import EquationCheck, Finding, Verdict
 from swimbladder.show.plots import paper
-from swimbladder.show.plots.style import svg_text
-from swimbladder.show.report import inline_svg, render
+from swimbladder.show.report.html import Picture, drawn_inline, render
 from swimbladder.sim.pool import Fit
-
-
-class Picture(NamedTuple):
-    """A figure of the report: its name, title, caption, and how it is drawn."""
-
-    name: str
-    title: str
-    caption: str
-    draw: Callable[[Evidence], Figure]
-
 
 FIGURES = (
     Picture(
@@ -148,15 +137,7 @@ def page(e: Evidence, judged: Judged, figures: dict[str, Figure], files: Sequenc
                 "before": f"{e.actuator.K1 * supply.voltage * e.actuator.T1 * 1e3:.2f}",
                 "difference": f"{_pulse_difference(e):.0e}",
             },
-            "figures": {
-                p.name: {
-                    "name": p.name,
-                    "title": p.title,
-                    "caption": p.caption,
-                    "svg": _picture(figures[p.name], p),
-                }
-                for p in FIGURES
-            },
+            "figures": {p.name: {**p._asdict(), "svg": _svg(figures[p.name], p)} for p in FIGURES},
             "errata": ERRATA,
             "silent": SILENT,
             "files": files,
@@ -164,9 +145,9 @@ def page(e: Evidence, judged: Judged, figures: dict[str, Figure], files: Sequenc
     )
 
 
-def _picture(figure: Figure, picture: Picture) -> Markup:
+def _svg(figure: Figure, picture: Picture) -> Markup:
     label = f"{picture.title}. {picture.caption}"
-    return inline_svg(svg_text(figure), name=picture.name, label=label)
+    return drawn_inline(figure, name=picture.name, label=label)
 
 
 def _last_minute(run: Any) -> float:

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 
 class Verdict(Enum):
-    """How ours compares with the paper's; each member's value says it in a sentence."""
+    """How ours compares with the paper's."""
 
-    AGREES = "Ours is the paper's within the tolerance that its digits allow."
-    EXPLAINED = "Ours differs, and as computed here it differs for the reason given."
-    FAILS = "Ours differs, and the reason given does not account for it."
+    AGREES = "AGREES"  # within the tolerance that its digits allow
+    EXPLAINED = "EXPLAINED"  # differs, and as computed here it differs for the reason given
+    FAILS = "FAILS"  # differs, and the reason given does not account for it
 
     @property
     def word(self) -> str:
         """The verdict in a word."""
-        return {"AGREES": "agrees", "EXPLAINED": "explained", "FAILS": "FAILS"}[self.name]
+        return self.name if self is Verdict.FAILS else self.name.lower()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +119,24 @@ def deviation(ours: Any, other: Any) -> float:
     """Return the largest |ours - other| / |other|."""
     a, b = np.asarray(ours), np.asarray(other)
     return float(np.max(np.abs(a - b) / np.abs(b)))
+
+
+_CHECKS = tomllib.loads(Path(__file__).with_name("equations.toml").read_text(encoding="utf-8"))
+
+
+def check(number: int, value: float, **numbers: object) -> EquationCheck:
+    """Return how far an equation is off, as equations.toml describes its check.
+
+    numbers: those in its note.
+    """
+    about = _CHECKS[str(number)]
+    note = about.get("note", "").format(**numbers)
+    return EquationCheck(number=number, value=value, **{**about, "note": note})
+
+
+def scaled(ours: Any, other: Any) -> float:
+    """Return the largest difference over the largest value: of what passes through zero."""
+    return float(np.max(np.abs(np.subtract(ours, other))) / np.max(np.abs(other)))
 
 
 @dataclass(frozen=True, kw_only=True)
