@@ -13,7 +13,7 @@ import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache
+from functools import cache, lru_cache
 
 from swimbladder.errors import UnitError
 
@@ -183,6 +183,7 @@ def parse_quantity(value: object, unit: str) -> float:
     return number
 
 
+@lru_cache(maxsize=1024)
 def _number(text: str, unit: str, how: str) -> float:
     match = _NUMBER.match(text) if len(text) <= _LONGEST else None
     if match is None:

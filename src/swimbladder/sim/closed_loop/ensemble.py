@@ -368,9 +368,10 @@ def _dataset(
 ) -> xarray.Dataset:  # fmt: skip
     import xarray
 
-    data = xarray.Dataset(coords={"lane": np.arange(work.shape[1])})
-    for name, (row, attributes) in _SUMMARIES.items():
-        data[name] = ("lane", work[row], attributes)
+    coords: dict[str, Any] = {"lane": np.arange(work.shape[1])}
+    data: dict[str, Any] = {
+        name: ("lane", work[row], attributes) for name, (row, attributes) in _SUMMARIES.items()
+    }
     stopped = work[Row.STOPPED] != 0.0
     since = (clock.ticks - clock.given[-1]) * clock.tick
     rise, outside = work[Row.RISE90], work[Row.OUTSIDE2]
@@ -398,14 +399,14 @@ def _dataset(
         {"units": "s", "long_name": "time at which the run ended"},
     )  # fmt: skip
     if record.shape[1]:
-        data = data.assign_coords(time=("time", np.arange(clock.ticks + 1) * clock.tick))
-        data["time"].attrs = {"units": "s", "long_name": "time since the start", "axis": "T"}
+        axis = {"units": "s", "long_name": "time since the start", "axis": "T"}
+        coords["time"] = ("time", np.arange(clock.ticks + 1) * clock.tick, axis)
         for (name, (_, attributes)), values in zip(_TRAJECTORIES.items(), record, strict=True):
             data[name] = (("time", "lane"), values, attributes)
-    data.attrs = {
+    about = {
         "title": f"Ensemble of {vehicle.name}, simulated",
         "source": "swimbladder",
         "Conventions": "CF-1.11",
         "control_law": law.name,
     }
-    return data
+    return xarray.Dataset(data, coords=coords, attrs=about)
