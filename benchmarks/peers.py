@@ -30,9 +30,12 @@ class Peer:
 
 
 def peers(
-    mission: Mission, fleet: Fleet, stack: ExitStack, *, quick: bool
+    mission: Mission, fleet: Fleet, stack: ExitStack, *, quick: bool, only: str = ""
 ) -> tuple[list[Peer], list[str]]:
-    """Return the peers that are here, and a line for each that is not."""
+    """Return the peers that are here, and a line for each that is not.
+
+    only: "C" for the package and the C loops alone.
+    """
     found, absent = [_ours(mission, fleet)], []
     if c_loop.compiler() is None:
         absent.append("C: no compiler ($CC, gcc, cc or clang)")
@@ -40,6 +43,8 @@ def peers(
         shapes = c_loop.SHAPES[:1] if quick else c_loop.SHAPES
         tuned = stack.enter_context(c_loop.fastest(mission, fleet, shapes))
         found += [_c(loop, best, mission, fleet) for loop, best in tuned.items()]
+    if only == "C":
+        return found, absent
     try:
         from benchmarks import jax_scan
     except ImportError as error:

@@ -18,7 +18,7 @@ GOALS = {
     "--help": 0.3,
     "simulate, CSV and JSON": 1.0,
     "simulate, also plot and netCDF": 3.5,
-    COLD: 20.0,
+    COLD: 10.0,
 }  # s
 
 

@@ -31,7 +31,7 @@ from swimbladder.sim.mission.prepare import Plan, first_state
 __all__ = ["Peer", "Tried", "at_error", "bracket", "compare", "report"]
 
 DAY = 86400.0
-GOAL = 0.3  # s of processor time for the package's year
+GOAL = 0.1  # s of processor time for the package's year
 METHODS = ("LSODA", "RK45", "DOP853", "Radau")
 ALIKE = 1.2  # two errors of a ratio nearer to 1 need no nearer ones
 _LOOSEST, _TIGHTEST = -2.0, -11.0  # decades of rtol
