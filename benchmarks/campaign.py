@@ -46,7 +46,7 @@ def compare(*, quick: bool) -> list[Speed]:
             {"kind": "profile", "depth": 10.0, "tolerance": 5.0},
             {"kind": "surface", "duration": 1800.0},
         ],
-        cycles=2 if quick else 12,
+        cycles=2 if quick else 36,
     )
     water = uniform_column(vehicle.water, 1500.0)
     turns: dict[str, list[Speed]] = {name: [] for name in EXECUTORS}
@@ -55,7 +55,7 @@ def compare(*, quick: bool) -> list[Speed]:
             with tempfile.TemporaryDirectory() as folder:
                 job = Floats(
                     vehicle=vehicle, mission=task, columns=[water],
-                    floats=64 if quick else 800, store=Path(folder) / "campaign.zarr",
+                    floats=64 if quick else 240, store=Path(folder) / "campaign.zarr",
                 )  # fmt: skip
                 turns[name].append(_timed(job, name))
     return [
