@@ -115,14 +115,15 @@ def table(
 ) -> Table:  # fmt: skip
     """Return a table without lines, whose columns of words stand to the left.
 
-    left: their headings (the first). given: as `rich.table.Table` has it.
+    left: their headings (the first, which has names: they are not broken). given: as
+    `rich.table.Table` has it.
     """
     from rich.table import Table
 
     made = Table(**{"box": None, "pad_edge": False, "collapse_padding": True, **given})
     for heading in headings:
         words = heading in (headings[:1] if left is None else left)
-        made.add_column(heading, justify="left" if words else "right")
+        made.add_column(heading, justify="left" if words else "right", no_wrap=words and not left)
     for row in rows:
         made.add_row(*row)
     return made
