@@ -200,6 +200,7 @@ def test_the_examples_of_a_page_run_and_print_what_stands_there(
     page, tmp_path, monkeypatch, request
 ):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", sys.path.copy())  # an example may add to it
     programs = [request.getfixturevalue("warm")] if needs_programs(page) else []
     for ran in run_page(page, tmp_path, *programs):
         place = f"{page.relative_to(ROOT)}, line {ran.block.line}: {ran.command}"
