@@ -7,7 +7,7 @@ much as makes the vehicle sink, run by run until it does. Everywhere else the la
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 LAW, OUT, IN, WAIT = 0.0, 1.0, 2.0, 3.0
 """Who acts: the law; the pump, until all volume is out; the valve, by a change; nobody."""
@@ -18,12 +18,12 @@ _SINKS = 0.05  # m; deeper by less since the last sample, it still floats
 class SurfacingParameters(NamedTuple):
     """Depth and volumes of a vehicle at the surface."""
 
-    shallow: float  # m, above which it has come up, or is about to dive
-    neutral: float  # m3, neutral volume at the surface
-    full: float  # m3, all volume out
-    lacking: float  # m3 that may be lacking of it where it floats: not worth a run
-    slack: float  # m3 below the neutral volume, with which it sinks at the speed of the law
-    measured: float  # 1: the volume is measured; 0: only changes of it are known
+    shallow: Annotated[float, "m"]  # above which it has come up, or is about to dive
+    neutral: Annotated[float, "m3"]  # neutral volume at the surface
+    full: Annotated[float, "m3"]  # all volume out
+    lacking: Annotated[float, "m3"]  # of it, where it floats: not worth a run
+    slack: Annotated[float, "m3"]  # below the neutral volume: it sinks at the speed of the law
+    measured: Annotated[float, ""]  # 1: the volume is measured; 0: only changes of it are known
 
 
 class SurfacingState(NamedTuple):

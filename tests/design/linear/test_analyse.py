@@ -181,7 +181,7 @@ class Nothing(NamedTuple):
 def a_law(step, command="voltage"):
     return Law(
         name="own", summary="a test's", command=command, parameters=Nothing, state=Nothing,
-        units={}, step=step, initial=lambda _parameters, _measurement, _reference: Nothing(0.0),
+        step=step, initial=lambda _parameters, _measurement, _reference: Nothing(0.0),
     )  # fmt: skip
 
 

@@ -35,7 +35,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from swimbladder.control.law import Law, Measurement, Way
 from swimbladder.control.rate import RATE
@@ -275,6 +274,8 @@ def decision_of(
 
 def decision_map(p: Plant, d: Decision, delivery: Delivery) -> Array:
     """Return M [3, 3] of (dw, e, u) from just after one decision to just after the next."""
+    from scipy.linalg import expm
+
     A = np.array(
         [
             [-drag_slope(p, d.speed), p.a_b, 0.0],

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -84,10 +84,13 @@ class Wrapped(NamedTuple):
         return 0.5 * sample_time if late else sample_time
 
 
-def _record(name: str, inner: type[Any], more: tuple[str, ...]) -> Any:
-    """Return a class of named tuples in this module: a law's own, and more numbers."""
+def _record(name: str, inner: type[Any], more: Mapping[str, str]) -> Any:
+    """Return a class of named tuples in this module: a law's own, and more numbers with units."""
     made: Any = namedtuple(name, ("inner", *more))  # type: ignore[misc]
-    made.__module__, made.__annotations__ = __name__, {"inner": inner}
+    made.__module__, made.__annotations__ = (
+        __name__,
+        {"inner": inner} | {field: Annotated[float, unit] for field, unit in more.items()},
+    )
     globals()[name] = made
     return made
 
@@ -96,8 +99,8 @@ def _wrap(law: Law) -> Wrapped:
     import math
 
     name = "".join(part.title() for part in law.name.split("-"))
-    given = ("w_gain", "w_late", "w_quantum", "w_tick", "w_rest")
-    kept = ("w_held", "w_next", "w_left")
+    given = {"w_gain": "", "w_late": "", "w_quantum": "V", "w_tick": "s", "w_rest": "V"}
+    kept = {"w_held": "V", "w_next": "V", "w_left": ""}
     Parameters = _record(f"Wrapped{name}Parameters", law.parameters, given)
     State = _record(f"Wrapped{name}State", law.state, kept)
     space: dict[str, Any] = {
