@@ -14,6 +14,7 @@ from swimbladder.cli.casts import CastFile, CastReading, water_of_cast
 from swimbladder.cli.common import compile_notice, kept, labelled, progress, table
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.units import rounded
 
 if TYPE_CHECKING:
     from swimbladder.sim.faults import Campaign
@@ -107,7 +108,8 @@ def _shown(flown: Campaign) -> Iterator[object]:
     sea = "" if course.column is None else f" in the water of {course.water}"
     yield (
         f"{course.vehicle.name}{sea}, law {course.vehicle.controller.law}: {len(flown.faulty)} "
-        f"missions with faults between {course.depths.least:.3g} and {course.depths.most:.3g} m "
+        f"missions with faults between {rounded(course.depths.least, 3)} and "
+        f"{rounded(course.depths.most, 3)} m "
         f"({course.depths.limit}), time limit {course.time_limit:.0f} s"
     )
     yield from labelled("cast", () if course.column is None else course.column.report)
