@@ -1,10 +1,8 @@
 """What the commands that take a cast share: its options, and a column down to where it is asked.
 
-Whether a cast may be in another unit of pressure: the warning, and the option that tells it.
-
-Depths and depth sensors as commands about controllers take them.
-
-What the commands that fly a vehicle say of a dry mass that its trim does not carry.
+With them stand the warning that a cast may be in another unit of pressure, depths and depth sensors
+as commands about controllers take them, and what is said of a dry mass that the trim does not
+carry.
 """
 
 from __future__ import annotations

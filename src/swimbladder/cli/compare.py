@@ -1,6 +1,6 @@
 """``swimbladder compare``: what a log recorded drives the model, and the depths are compared.
 
-The part of ``swimbladder compare`` that looks ahead: options, table, files.
+With ``--ahead`` the depth is also predicted some seconds ahead: options, table and files of it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """``swimbladder energy``: joules per millilitre over depth, against a thruster, from runs.
 
-``swimbladder energy --fit``: a pump's power law and delivery from logged runs.
+``--fit`` finds a pump's power law and delivery from logged runs.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """``swimbladder identify``: the vertical motion's parameters from logs, with intervals.
 
-The result of `swimbladder identify` on the terminal: the answer first, then its basis.
+The terminal shows the answer first, then its basis.
 """
 
 from __future__ import annotations

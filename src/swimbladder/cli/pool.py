@@ -1,6 +1,6 @@
 """``swimbladder pool``: the pool procedure as a guided run, simulated or on a growing log.
 
-The options of `swimbladder pool`: what is rehearsed, followed, done and sought.
+Its options say what is rehearsed, followed, done and sought.
 """
 
 from __future__ import annotations

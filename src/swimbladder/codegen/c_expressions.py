@@ -1,6 +1,6 @@
 """Expressions of a law as C99.
 
-What C lacks for a law: its arithmetic held to one rounding, and small functions to the bit.
+What C lacks stands here too: arithmetic held to one rounding, and small functions to the bit.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What flows where in a function: which variables and fields are read, and where they live.
 
-What the statements of a function assign, hold and end with.
+That follows from what its statements assign, hold and end with.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Which functions of a law change its state where it stands, in place of returning a copy.
 
-Names, numbers and types as C99 has them.
+Names, numbers and types as C99 has them stand here too.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The pool procedure for a vehicle's board: what fits pool, stroke and actuator; its numbers.
 
-The float32 twin of a pool day on the board, and a rehearsal of it on the vehicle's model.
+A day is rehearsed on the vehicle's model by the float32 twin of what the board does.
 
 The C is the translated `control.protocol` and ``templates/swb_pool_day.c.j2``, which puts the
 supervisor above it.

@@ -3,7 +3,7 @@
 It stands for the compiled C, to the last bit, where C is compiled with IEEE 754 arithmetic and
 without contraction; a NaN stands for any NaN.
 
-The golden trace: a mission flown by a law's twin as the microcontroller will fly it.
+The golden trace is a mission flown by a law's twin as the microcontroller will fly it.
 """
 
 from __future__ import annotations

@@ -17,8 +17,6 @@ does what the simulated pool does. In place of a depth asked for they take wheth
 to do the procedure, 0 to wait at its beginning, below 0 to end it. A measurement that is missing,
 or cannot be, holds the piston and begins the minute of rest anew; a timed voltage goes on, as it
 asks no sensor. Times are counted in samples, to the nearest.
-
-What the pool procedure goes by, remembers and is called: named tuples of floats, and names.
 """
 
 from __future__ import annotations

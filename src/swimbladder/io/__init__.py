@@ -1,4 +1,4 @@
 """Files in and out: vehicles and missions (`config`, `presets`, `templates`), logs, results.
 
-`files` writes whole files or none; `tables` writes CSV and `netcdf` CF files with it.
+`files` writes whole files or none; `tables` writes CSV and CF netCDF files with it.
 """

@@ -1,6 +1,7 @@
 """What the columns and variables of a cast are called, and the units they come in.
 
-A cast as it stands in a file: arrays in the units of `CAST_COLUMNS`, rows in its order.
+`RawCast` is a cast as it stands in a file: arrays in the units of `CAST_COLUMNS`, rows in its
+order.
 """
 
 from __future__ import annotations

@@ -1,14 +1,11 @@
-"""A cast in a netCDF file: CF and OG1 by standard name; Argo's profile files by `cast_argo`.
+"""A cast in a netCDF file: CF and OG1 by standard name; and Argo's profile files.
 
-A cast in a profile file of Argo.
+Of Argo's the adjusted values are taken where there are any, and in the modes A and D no others; of
+each sample only what its quality flags call good (Argo user's manual, reference table 2: 1 good, 2
+probably good, 5 changed, 8 interpolated).
 
-The adjusted values are taken where there are any, and in the modes A and D no others; of each
-sample only what its quality flags call good (Argo user's manual, reference table 2: 1 good,
-2 probably good, 5 changed, 8 interpolated).
-
-The variables of a netCDF file as columns of a cast: in their units, and by their flags.
-
-Variables of a netCDF file from its bytes: netCDF-3 by SciPy, netCDF-4 by h5py.
+Variables become columns in their units, and by their flags. netCDF-3 is read by SciPy, netCDF-4 by
+h5py.
 """
 
 from __future__ import annotations

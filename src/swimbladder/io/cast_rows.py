@@ -1,6 +1,6 @@
 """From rows in the order of a file to a profile: one leg, no spikes, averaged, stable.
 
-Density inversions of a profile: small ones are noise and averaged, large ones are refused.
+Small density inversions are noise and averaged, large ones are refused.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Nothing is guessed in silence and nothing bad goes through: the physics detects 
 density inversion that is more than noise is refused, and what was averaged, sorted or left out
 stands in `Cast.report`.
 
-Formats of casts that are no table of text: swimbladder's own, and those of other packages.
+Formats that are no table of text are swimbladder's own, and those of other packages.
 """
 
 from __future__ import annotations

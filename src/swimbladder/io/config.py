@@ -1,6 +1,6 @@
 """Vehicles and missions from TOML, every error with its file and line.
 
-Where each key of a TOML text stands, which `tomllib` does not give.
+Where each key of a TOML text stands is found here: `tomllib` does not give it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The texts of a log's columns as numbers in SI; what is no number is remembered with its row.
 
-Which rows of a log hold what is asked for, and what a text says as a number.
+Rows are also chosen by the numbers that are asked for.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The lines of a log as rows of fields below a header; what is left out is counted and reported.
 
-Where the names of a log's columns stand, and what separates its fields.
+The header is found first: where the names of the columns stand, and what separates fields.
 """
 
 from __future__ import annotations

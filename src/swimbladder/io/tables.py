@@ -1,6 +1,6 @@
 """CSV with a header, every number in full double precision.
 
-Results as netCDF files that follow the CF conventions.
+Results are also written as netCDF files that follow the CF conventions.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Actuators: what changes the volume, from datasheets, in the unified form, or as identified.
 
-Battery, driver and hotel loads: what the electricity on board comes from and goes to.
+The electricity on board comes from the battery, through the driver, and goes to hotel loads too.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Ballasting: the mass for a target, the volumes that the sea asks for, and how sure that is.
 
-What ballasting starts from: the seas down to where the vehicle goes, its mass, the ballast.
+It starts from the seas down to where the vehicle goes, its mass, the ballast.
 """
 
 from __future__ import annotations

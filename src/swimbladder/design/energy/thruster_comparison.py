@@ -11,9 +11,8 @@ the water by the drag, then lighter, and follows the neutral volume on the way; 
 vehicle keeps one volume, neutral half-way between its extremes, and pushes against drag and what is
 left of weight. Processor and sensors take the same in both and are left out.
 
-A thruster by momentum theory: what it takes to hold a force, at rest or under way.
-
-An ideal disc of area A that pushes with T gives the water the speed 2 v behind it, where
+What a thruster takes to hold a force, at rest or under way, is by momentum theory. An ideal disc of
+area A that pushes with T gives the water the speed 2 v behind it, where
 
     T = 2 rho A v (w + v),    P = T (w + v)/eta
 

@@ -1,8 +1,7 @@
 """The search for the best set: a library on a grid, a choice from it, then off the grid.
 
-The releases that a design chooses from: steps, and to and fro, of sizes and places on a grid.
-
-Which of many candidates to run: the most informative set in the available time.
+A design chooses from releases (steps, and to and fro, of sizes and places on a grid) the most
+informative set in the available time.
 """
 
 from __future__ import annotations

@@ -1,13 +1,12 @@
 """One law on one scenario: many runs, each with noise of its own, and what came of them.
 
-What swell does to the depth that a drifting vehicle reads, by linear wave theory.
-
-A body as light as the water it displaces, and small against the waves, is moved by them as that
-water is: the pressure gradient drives its mass and its added mass alike, so that against the water
-it keeps the speed it had, and drag sees no waves. The pressure of water that goes its own way does
-not change (D'Asaro, *J. Atmos. Oceanic Technol.* 32, 2015, "Surface wave measurements from
-subsurface floats"). What a sensor reads of the waves is then only what the hull's length leaves:
-the hull goes with the mean of the water along it, the sensor sits at one end::
+What swell does to the depth that a drifting vehicle reads is by linear wave theory. A body as light
+as the water it displaces, and small against the waves, is moved by them as that water is: the
+pressure gradient drives its mass and its added mass alike, so that against the water it keeps the
+speed it had, and drag sees no waves. The pressure of water that goes its own way does not change
+(D'Asaro, *J. Atmos. Oceanic Technol.* 32, 2015, "Surface wave measurements from subsurface
+floats"). What a sensor reads of the waves is then only what the hull's length leaves: the hull goes
+with the mean of the water along it, the sensor sits at one end::
 
     reading - depth in the water = sum a cos(w t + f) [exp(-k z) - exp(-k z_c) sinh(k L/2)/(k L/2)]
 

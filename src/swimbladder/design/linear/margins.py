@@ -5,10 +5,9 @@ where the eigenvalues say that the loop is stable on its near side and unstable 
 The frequency response comes from the state space, on a grid that is refined until neighbours differ
 by little and that no crossing hides in; every crossing is polished by root finding.
 
-Where a frequency response crosses the real axis or the unit circle, by eigenvalues.
-
-On the unit circle the conjugate of L(z) is L(1/z), so both questions are eigenvalue problems of
-matrix pencils: no crossing can hide between the points of a grid.
+Where it crosses the real axis or the unit circle is found by eigenvalues. On the unit circle the
+conjugate of L(z) is L(1/z), so both questions are eigenvalue problems of matrix pencils: no
+crossing can hide between the points of a grid.
 """
 
 from __future__ import annotations

@@ -8,9 +8,8 @@ a steady speed w0 the body is
 
 with d the slope of the drag over mass: at rest 0 where the drag is quadratic.
 
-A law that changes the volume at moments of its own: the map from one decision to the next.
-
-About a steady speed w0 the body has the excess of weight e = psi z + V_0 - V [m3] and
+Under a law that changes the volume at moments of its own there is a map from one decision to the
+next. About a steady speed w0 the body has the excess of weight e = psi z + V_0 - V [m3] and
 
     dw' = a e - d(w0) dw,   e' = psi dw,   z' = w
 

@@ -5,7 +5,7 @@ delay of any length, whole samples and a fraction, splits the step of the comman
 (modified discretisation); a delay of the depth sensor samples the depth inside the step before.
 Nothing is approximated but the nonlinearity.
 
-The sampled closed loop of a vehicle and its law: poles, margins, delays.
+Closed, it has poles, margins and delays.
 """
 
 from __future__ import annotations

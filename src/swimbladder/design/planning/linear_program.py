@@ -1,8 +1,7 @@
 """A linear program over the samples of a task, and its answer with the proof of its optimum.
 
-Linear and quadratic programs of many samples: through the interior, or by pivots to a corner.
-
-An interior-point method (Clarabel; Goulart and Chen, arXiv 2405.12762) takes some twenty sparse
+Programs of many samples are solved through the interior, or by pivots to a corner. An
+interior-point method (Clarabel; Goulart and Chen, arXiv 2405.12762) takes some twenty sparse
 factorisations whatever the program, and ends in the middle of its optima, so that what it finds
 moves little when the program does. The simplex method (HiGHS) ends at one of their corners, and
 from one program to the next at another; and now and then it is stuck for minutes. It is there for

@@ -1,8 +1,7 @@
 """What is planned: a vehicle from rest at one depth to rest at another, within its limits.
 
-The vehicle from sample to sample, linear about a course: x+ = A x + B u + c, exact for it.
-
-The linear model is that of `linear.models`; what is not linear is taken along a course: drag by its
+From sample to sample the vehicle is linear about a course, x+ = A x + B u + c, exact for it. The
+linear model is that of `linear.models`; what is not linear is taken along a course: drag by its
 tangent at the mean speed of each sample, load and friction by the side on which the motor turns
 there. Between samples the command is held, so the matrix exponential is exact (Van Loan, IEEE
 Trans. Automatic Control 23, 1978, 395).

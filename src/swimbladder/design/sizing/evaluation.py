@@ -1,6 +1,6 @@
 """How every candidate does: what it can against what is asked, and what it weighs and takes.
 
-What becomes of a battery over all cycles: drawn, lost in years, kept back by the cold.
+A battery is followed over all cycles: what is drawn, lost in years, kept back by the cold.
 """
 
 from __future__ import annotations

@@ -16,15 +16,13 @@ where L runs along -1/N.
 A cycle of a sampled loop need not be a whole number of samples long; if it is not, it is not
 periodic but lies on a closed curve, and the balance gives its mean period.
 
-Describing functions: what a nonlinearity makes of the first harmonic of a sine.
+A describing function is what a nonlinearity makes of the first harmonic of a sine: after Gelb and
+Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, McGraw-Hill 1968,
+chapter 2 and appendix B. All here are odd. Those without memory are real, with a slope of 1 where
+they are linear; those with memory turn the phase as well.
 
-After Gelb and Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design,
-McGraw-Hill 1968, chapter 2 and appendix B. All here are odd. Those without memory are real, with a
-slope of 1 where they are linear; those with memory turn the phase as well.
-
-The nonlinearities that a vehicle under its law really has, each in the loop that it stands in.
-
-The voltage saturates, and may be rounded, where the loop is broken at the voltage. The depth is
+Each nonlinearity that a vehicle under its law really has is put in the loop that it stands in. The
+voltage saturates, and may be rounded, where the loop is broken at the voltage. The depth is
 rounded at the depth. A motor that friction holds, and a law that lets the motor rest, stand
 between the volume U that the law wants and V: a gain k_pV on U - V brings V along within a few
 samples, so seen from outside friction of u_f volts is a play of u_f/k_pV, and a dead zone D is a

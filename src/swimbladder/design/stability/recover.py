@@ -3,9 +3,8 @@
 Each cell of a map is a run. Beside it stands what no controller can do (see `reach`): the map must
 lie within it, or one of the two is wrong.
 
-From where no controller brings a vehicle back: the null-controllable set of its falling.
-
-With psi > 0 a vehicle below its neutral depth falls ever faster. The body
+From outside the null-controllable set of its falling no controller does. With psi > 0 a vehicle
+below its neutral depth falls ever faster. The body
 
     z' = w,   w' = a (psi z + V0 - V) - D(w),   V within the stroke, |V'| <= R
 

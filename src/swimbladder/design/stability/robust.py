@@ -1,12 +1,10 @@
 """What laws stand that are not linear: wrong gains and late commands over draws from the region.
 
-Laws with a wrong gain, a late command or a rounded one.
-
-A wrapped law calls the law it wraps and multiplies its command by `gain`, before the supply's
-limit, and rounds it to `quantum`. Where `late` is 1 it runs at half of the law's sample time: the
-law is called at every other tick, and its command is given a half tick later, the one before being
-held until then. Each law becomes one wrapped law, whose class of parameters stands in this module:
-so its compiled kernel is found again.
+Such a law is wrapped. A wrapped law calls the law it wraps and multiplies its command by `gain`,
+before the supply's limit, and rounds it to `quantum`. Where `late` is 1 it runs at half of the
+law's sample time: the law is called at every other tick, and its command is given a half tick
+later, the one before being held until then. Each law becomes one wrapped law, whose class of
+parameters stands in this module: so its compiled kernel is found again.
 """
 
 from __future__ import annotations

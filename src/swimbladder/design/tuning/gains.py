@@ -1,11 +1,10 @@
 """Gains of each law that is tuned, as its recipe makes them.
 
-What is tried for each law and goal, and what is to be small.
+What is tried depends on law and goal. Frequencies are shares of the inner rate, sleeps of the time
+in which a held volume lets the vehicle run away, holds of the one in which a neutral volume that
+walks takes it off.
 
-Frequencies are shares of the inner rate, sleeps of the time in which a held volume lets the vehicle
-run away, holds of the one in which a neutral volume that walks takes it off.
-
-What the gains of a law need to know of a vehicle.
+`setting_of` is what they need to know of a vehicle.
 """
 
 from __future__ import annotations

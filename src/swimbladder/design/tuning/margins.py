@@ -1,11 +1,9 @@
 """The margins of a sampled law over a region of plants: the worst of each.
 
-Whether a law of volume changes holds a float: decisions over the region, and rest.
-
-At rest such a law does nothing for small errors, since its change goes with the square of a speed:
-there the hull decides. With one that gives way more than the water (psi > 0) errors grow from
-decision to decision; the band in which they are caught has to be narrower than the one that the law
-keeps.
+Of a law of volume changes they are of its decisions over the region, and of rest. At rest such a
+law does nothing for small errors, since its change goes with the square of a speed: there the hull
+decides. With one that gives way more than the water (psi > 0) errors grow from decision to
+decision; the band in which they are caught has to be narrower than the one that the law keeps.
 """
 
 from __future__ import annotations

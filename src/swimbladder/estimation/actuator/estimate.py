@@ -1,12 +1,11 @@
 """The estimate of a parameter, and how those of several steps or logs are pooled.
 
-How much the gains of blocks differ from one another, and what that does to the estimates.
-
-Each block's gain is the common one and a part of its own, normal with a standard deviation that is
-the same for all: the spread. Few blocks hardly determine it, and blocks that are no more than the
-gains need not at all; the residuals then look like noise alone, however much they differ. So the
-spread is not estimated and then believed: it has a prior, the data's restricted likelihood is laid
-over it, and the intervals are those of the mixture.
+Gains differ from block to block, which widens the estimates. Each block's gain is the common one
+and a part of its own, normal with a standard deviation that is the same for all: the spread. Few
+blocks hardly determine it, and blocks that are no more than the gains need not at all; the
+residuals then look like noise alone, however much they differ. So the spread is not estimated and
+then believed: it has a prior, the data's restricted likelihood is laid over it, and the intervals
+are those of the mixture.
 """
 
 from __future__ import annotations

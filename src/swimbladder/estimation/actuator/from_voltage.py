@@ -1,9 +1,8 @@
 """The estimates that a fit to voltage steps gives, by name.
 
-Whether a driver starts softly: the motor then gets less than the logged voltage for a while.
-
-The fit to voltage steps is repeated with a voltage that can change only so fast. That has one
-number more than the fit has; where it is by far the likelier, T1 is the ramp's as well.
+A driver may start softly: the motor then gets less than the logged voltage for a while. The fit to
+voltage steps is repeated with a voltage that can change only so fast. That has one number more than
+the fit has; where it is by far the likelier, T1 is the ramp's as well.
 """
 
 from __future__ import annotations

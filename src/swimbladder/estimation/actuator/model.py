@@ -1,8 +1,6 @@
 """What a fit to voltage steps turns: parameters, predictions, and the residuals of each block.
 
-The exact motion of the actuator under a voltage that is held between samples, eq. (22).
-
-::
+The motion under a voltage that is held between samples is exact, eq. (22)::
 
     T1 dv/dt + v = K (u - b - d sign(v)),   dx/dt = v,   |right-hand side| <= rate
 

@@ -9,7 +9,7 @@ A driver with a soft start raises the speed along a ramp instead: ``x = x0 + r s
 s = R, from there on ``r (s - R/2)``. That would pass for a T1; so the ramp is fitted as well, and
 where it is by far the likelier of the two that is said.
 
-The speed of a move once it is at full speed.
+It needs the speed of a move once it is at full speed.
 """
 
 from __future__ import annotations

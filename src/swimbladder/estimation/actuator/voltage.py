@@ -1,12 +1,13 @@
 """K1, T1, dead zone, asymmetry and rate from voltage steps: output error, maximum likelihood.
 
-What is made small is measured less simulated position, the simulation being exact (`response`).
-Each block has its own unknown start and a gain of its own about the common one, by as much as may
-be after seeing the log (`gains`); the residual is an autoregression. Gross outliers are left
-out. The standard deviations are those of the whitened problem, the interval of T1 comes from its
-profile likelihood, and what the sensitivities cannot distinguish is not identifiable.
+What is made small is measured less simulated position, the simulation being exact
+(`model.respond`). Each block has its own unknown start and a gain of its own about the common one,
+by as much as may be after seeing the log (`gains`); the residual is an autoregression. Gross
+outliers are left out. The standard deviations are those of the whitened problem, the interval of T1
+comes from its profile likelihood, and what the sensitivities cannot distinguish is not
+identifiable.
 
-The fit to voltage steps: its values, their covariance, and what is not identifiable.
+A fit gives its values, their covariance, and what is not identifiable.
 """
 
 from __future__ import annotations

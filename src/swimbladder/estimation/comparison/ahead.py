@@ -6,12 +6,10 @@ at each instant it knows the depths up to it and, the volume being a known input
 does afterwards. Its prediction is judged by skill, 1 - rms/rms of a baseline, against a depth that
 stays (persistence) and against the same filter without drag and psi (a double integrator).
 
-What a causal filter of a log does not know, and how it is spread before the log begins.
-
-Logs of one vehicle differ: by the water (a tank that is warm at the top makes psi smaller), by
-what hangs on the hull (drag), by trapped air and a hull that cools (drift and scatter of the
-neutral volume), by the site (noise). Each is drawn about what the vehicle's file says, evenly
-spread.
+What a causal filter of a log does not know is spread before the log begins. Logs of one vehicle
+differ: by the water (a tank that is warm at the top makes psi smaller), by what hangs on the hull
+(drag), by trapped air and a hull that cools (drift and scatter of the neutral volume), by the site
+(noise). Each is drawn about what the vehicle's file says, evenly spread.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Adjusts what is asked to be adjusted so that the predicted depth meets the measured one.
 
-What can be adjusted in a vehicle and in the start of a run, by name.
+In a vehicle and in the start of a run, by name.
 """
 
 from __future__ import annotations

@@ -1,13 +1,12 @@
 """The filter as others call it: a plant, arrays of one log, the noise; what it estimated.
 
-A bank of filters, each with its own guess of what is not known, weighed by how they fare.
-
-While a vehicle floats, its depth says only that it is lighter than neutral, and one linear filter
-takes nothing from that. Filters that start from several neutral volumes do: those that expect the
-vehicle to sink too early or too late lose their weight when it stays or goes. Drag, psi, a drift
-and the noise differ from log to log too, and guesses of them are weighed in the same way: by what
-was measured so far, and nothing else (Magill, IEEE Trans. Autom. Control 10, 1965; Alspach and
-Sorenson, ibid. 17, 1972).
+A bank holds several filters, each with its own guess of what is not known, weighed by how they
+fare. While a vehicle floats, its depth says only that it is lighter than neutral, and one linear
+filter takes nothing from that. Filters that start from several neutral volumes do: those that
+expect the vehicle to sink too early or too late lose their weight when it stays or goes. Drag, psi,
+a drift and the noise differ from log to log too, and guesses of them are weighed in the same way:
+by what was measured so far, and nothing else (Magill, IEEE Trans. Autom. Control 10, 1965; Alspach
+and Sorenson, ibid. 17, 1972).
 """
 
 from __future__ import annotations

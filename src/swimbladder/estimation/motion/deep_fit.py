@@ -6,12 +6,11 @@ values are found by scoring, with Fisher's information of normal innovations e o
 sum of de de'/S + dS dS'/(2 S^2), whose inverse, priors included, is the covariance (e.g. Harvey,
 *Forecasting, Structural Time Series Models and the Kalman Filter*, 1989, section 3.4). That of
 several dives is by how far each, identified by itself, lies from what fits all
-(`deep_random_effects`).
+(`random_effects`).
 
-How far dives of one vehicle differ, and what that leaves of a set that fits them all.
-
-Samples of a dive share its errors of the model, hours and days long, so that their number says
-little of the vehicle. Each dive alone has parameters x_d of its own, with information I_d at m_d::
+Dives of one vehicle differ, and that limits what a set that fits them all is worth. Samples of a
+dive share its errors of the model, hours and days long, so that their number says little of the
+vehicle. Each dive alone has parameters x_d of its own, with information I_d at m_d::
 
     m_d ~ N(x_d, I_d^-1)     x_d ~ N(x, diag tau^2)     x ~ N(0, 1)     tau ~ half-Cauchy(TYPICAL)
 

@@ -11,8 +11,7 @@ with M, V_0, m, the nominal volumes of the runs, what starts fall `short` by and
 vehicle's file. What fixes how large all volumes are together is the inertia m, where speeds change
 fast enough to show it, M/rho, whose shape the water gives, and what is known before.
 
-A vehicle under a constant force and quadratic drag: speed and way in closed form, with slopes.
-
+Under a constant force and quadratic drag speed and way have closed forms, with slopes:
 m w' = F - k w|w|. With v along the force, v_e = (F/k)^(1/2), a = (F k)^(1/2)/m and r = v/v_e::
 
     v >= 0:  v(t) = v_e (r + tanh at)/(1 + r tanh at),   way = (m/k) ln(cosh at + r sinh at)

@@ -1,13 +1,12 @@
 """The fit itself: the most probable parameters, outliers left aside, and their covariance.
 
-Long records of an unstable motion, searched in stretches that are drawn together.
-
-A vehicle that its hull's compression makes unstable doubles an error of its start every half minute
-or so. Over ten doublings the depths are so bent a function of what is sought that a search
-ends anywhere in a long curved valley. Cut into stretches, each with a start of its own, they are
-nearly a linear one; gaps between the stretches are then made to cost ever more, until none is left
-and the start of the first is that of the whole (multiple shooting: Bock and Plitt, IFAC Proceedings
-17, 1984; Voss, Timmer and Kurths, International Journal of Bifurcation and Chaos 14, 2004).
+Long records of an unstable motion are searched in stretches that are drawn together. A vehicle that
+its hull's compression makes unstable doubles an error of its start every half minute or so. Over
+ten doublings the depths are so bent a function of what is sought that a search ends anywhere in a
+long curved valley. Cut into stretches, each with a start of its own, they are nearly a linear one;
+gaps between the stretches are then made to cost ever more, until none is left and the start of the
+first is that of the whole (multiple shooting: Bock and Plitt, IFAC Proceedings 17, 1984; Voss,
+Timmer and Kurths, International Journal of Bifurcation and Chaos 14, 2004).
 """
 
 from __future__ import annotations

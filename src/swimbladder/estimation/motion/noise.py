@@ -1,11 +1,10 @@
 """Residuals: their scale, outliers and autocorrelation.
 
-How much alike neighbouring residuals are, mended for what the fit has taken out of them.
-
-A fit follows slow noise: the residuals are smaller and whiter than the noise was, the more so
-the fewer samples there are to a parameter. With e the noise, X the slopes and H = X C X' the fit's
-own share, the residual is e - H e, and its mean autocovariance follows from that of e. What is
-lacking is added, and the autoregression estimated again.
+Autocorrelation is corrected for what the fit has taken out of the residuals. A fit follows slow
+noise: the residuals are smaller and whiter than the noise was, the more so the fewer samples there
+are to a parameter. With e the noise, X the slopes and H = X C X' the fit's own share, the residual
+is e - H e, and its mean autocovariance follows from that of e. What is lacking is added, and the
+autoregression estimated again.
 """
 
 from __future__ import annotations

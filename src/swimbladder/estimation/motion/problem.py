@@ -5,11 +5,10 @@ experiment's neutral-volume error, then depth and speed at the start of each str
 depends on the vehicle's and its own only, so its derivatives are runs of its own, side by side in
 one compiled call.
 
-Coordinates in which the search for K2 and T2 is nearly linear.
-
-The motion has K2/T2 and 1/T2 as the factors of buoyancy and drag. Where the data say little of
-the drag, as beside a quadratic one, a step in the logarithm of T2 leads to no drag at all, and the
-way back is flat; in the rate 1/T2 the same step is right at once.
+`Coordinates` are those in which the search for K2 and T2 is nearly linear. The motion has K2/T2 and
+1/T2 as the factors of buoyancy and drag. Where the data say little of the drag, as beside a
+quadratic one, a step in the logarithm of T2 leads to no drag at all, and the way back is flat; in
+the rate 1/T2 the same step is right at once.
 """
 
 from __future__ import annotations

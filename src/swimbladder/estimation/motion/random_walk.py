@@ -4,8 +4,6 @@ Trapped air, a hull that takes up water or cools, a piston that slips: over minu
 volume moves, and a fit with a constant one biases drag and mass. Here it is a random walk, and the
 innovations of a filter give the likelihood (Schweppe, IEEE Trans. Inf. Theory 11, 1965);
 parameters, noise and the intensity of the random walk maximise it.
-
-An identification whose neutral volumes are random walks: by the innovations' likelihood.
 """
 
 from __future__ import annotations

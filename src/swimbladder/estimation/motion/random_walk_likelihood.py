@@ -3,7 +3,7 @@
 Only stretches clear of surface and bottom count, and the filter starts anew in each: contact would
 make the likelihood jump, and says little.
 
-Covariance of a random walk's fit: information, and the scatter of the scores of blocks.
+The covariance of a fit is from information, and from the scatter of the scores of blocks.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """From logs to parameters: the experiments, the fit, and everything that is said of it.
 
-What is asked of an identification: refused where it cannot be, and said in sentences.
+What is asked is refused where it cannot be, and said in sentences.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ and of 2018, which count seconds since 1970 and say less::
 Lines of other parts of the float (positions apart) are left out; what is wrong in those that are
 read is reported.
 
-The lines of a MERMAID float's log: their times, and which of these to believe.
+Some of the times are wrong: which to believe is decided over all lines.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """The water on a uniform grid of depths, and the paper's water of constant density.
 
-A column as one array, and its values at any depth: cubic Hermite, one read, no search.
-
+A column is one array; its values at any depth are by cubic Hermite, one read, no search.
 `look_up_bent` is plain Python on scalars; kernels compile it (`engine.cache.part`). Slopes are
 those of Fritsch and Butland (1984, SIAM J. Sci. Stat. Comput. 5, 300), so that what rises between
 two depths of the column rises all the way between them: the lookup makes no density inversion of

@@ -1,6 +1,6 @@
 """A log against the model as a picture: depths, their difference, and what drove the model.
 
-What a causal filter predicted, over what was measured.
+And what a causal filter predicted, over what was measured.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The fit to each log, and its residuals: in time, as a distribution, against itself.
 
-What each log says by itself: its neutral volume, and its own gain beside that of all.
+And each log by itself: its neutral volume, and its own gain beside that of all.
 """
 
 from __future__ import annotations

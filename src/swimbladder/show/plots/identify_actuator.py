@@ -1,6 +1,6 @@
 """Steps of an actuator, measured against fitted, with residuals.
 
-Whole logs of an actuator, measured against fitted, and the speeds that they show.
+And whole logs, measured against fitted, with the speeds that they show.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A design as files: the plan to follow, a page to print, and pictures.
 
-A design in plain words: what to do, in which order, and its predicted errors.
+In plain words: what to do, in which order, and its predicted errors.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What an identification found, as files: page, numbers, residuals, pictures and the vehicle.
 
-The page of an identification: what was found in plain words first, then the evidence.
+The page has what was found in plain words first, then the evidence.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Laws compared, as files: a page that opens from disk, a table, pictures, and every tuned law.
 
-A comparison as rows of text, for the terminal, the page and the CSV file.
+Rows of text are the same on the terminal, on the page and in the CSV file.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """What differs from float to float: trim, hull, drag, pump, mass, and the water it is in.
 
-Sobol indices of a campaign: which floats to fly for them, and what they say.
-
-Which input, or group of correlated ones, does the variance of an output come from? The first-order
-index is the share that goes when the input is known, the total index the share that stays when all
-the others are (Saltelli et al., Comput. Phys. Commun. 181, 2010, 259). The noise of the sensors is
-an input like the others: it is drawn anew for each float.
+For Sobol indices floats are drawn by a design of their own. Which input, or group of correlated
+ones, does the variance of an output come from? The first-order index is the share that goes when
+the input is known, the total index the share that stays when all the others are (Saltelli et al.,
+Comput. Phys. Commun. 181, 2010, 259). The noise of the sensors is an input like the others: it is
+drawn anew for each float.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What became of the floats of a campaign, with intervals.
 
-Which inputs the outcome of a campaign comes from: Sobol indices of its outputs.
+Sobol indices of its outputs say which inputs the outcome comes from.
 """
 
 from __future__ import annotations

@@ -79,7 +79,7 @@ class Block:
     layers: Layers = NO_LAYERS  # of the water, beyond the plant's psi z + V_0
     hooks: Any = ()  # what stands between the parts of the loop, see `hooks`
     stepper: Pumped | None = None  # what moves the lanes, if not their modes' exponentials
-    loses: bool = False  # whether the vehicle gets heavier, by the rows from LOST on, see `lost`
+    loses: bool = False  # whether the vehicle gets heavier, by the rows from LOST on, see `hooks`
 
     @classmethod
     def lay_out(

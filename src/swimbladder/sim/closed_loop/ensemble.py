@@ -1,6 +1,6 @@
 """Thousands of vehicles in one call: any parameter, any start and any noise, lane by lane.
 
-What an ensemble is given, each for all lanes or lane by lane, checked and as arrays.
+What it is given holds for all lanes or lane by lane, and is checked.
 """
 
 from __future__ import annotations

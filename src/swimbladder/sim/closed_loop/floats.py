@@ -1,6 +1,6 @@
 """Floats with pump and valve as lanes of the loop: what the stepper takes, and what it gives.
 
-One float with pump and valve under its law: the run of `simulate`, its events and balances.
+`run_float` is the run of `simulate` of one of them, with its events and balances.
 """
 
 from __future__ import annotations

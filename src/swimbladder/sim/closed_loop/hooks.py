@@ -5,9 +5,8 @@ which `hook_in` names compiled functions; it stands in a block of one lane. Faul
 and so are the phases of a mission: these say as well how far a lane with pump and valve goes before
 anybody has to decide, so that its ticks are as far apart as what is due.
 
-What makes a vehicle heavier than its neutral volume says: a leak, a drifting trim, the swell.
-
-It acts as a volume d that is lost: the engine's V and its end stops are those of the vehicle less
+A leak, a drifting trim and the swell make a vehicle heavier than its neutral volume says (`lose`).
+That acts as a volume d that is lost: the engine's V and its end stops are those of the vehicle less
 d, which moves the hull just so, and leaves the exponentials as they are. d is held over a tick.
 """
 

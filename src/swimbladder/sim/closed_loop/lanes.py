@@ -134,7 +134,7 @@ def run_block(  # type: ignore[no-untyped-def]
     """Run a block of len(token) lanes from tick `first` to `last`.
 
     S: the block's array, rows x lanes, flat. bend, sea: empty where drag is laminar, and where
-    nothing is lost, see `lost`. hooks: what stands between the parts, see `hooks`. stepper: what
+    nothing is lost, see `lose`. hooks: what stands between the parts, see `hooks`. stepper: what
     moves the lanes, None: their modes' exponentials, see `pumped`. like, like_state: a law's
     parameters and state, for their types. tick [s], divided into `parts`.
     turn [n]: which set-point holds at a tick; given: the tick of each set-point; depths

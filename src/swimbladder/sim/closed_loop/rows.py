@@ -50,7 +50,7 @@ class Row(IntEnum):
     TROUBLE = 36  # 1: this tick has to be taken by engine.advance
     REFERENCE = 37  # m, the present set-point
     PER_SPAN = 38  # 1/m, one over the present step, nan: no step
-    # what makes the vehicle heavier, see `lost`
+    # what makes the vehicle heavier, see `hooks.lose`
     LOST = 39  # m3 that V, its end stops and bounds are counted less by
     WATER = 40  # m3 that leaked in
     LEAK = 41  # m3/s

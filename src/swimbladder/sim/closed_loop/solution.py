@@ -1,6 +1,6 @@
 """What a simulation gives back.
 
-What a depth step looks like in numbers.
+`step_metrics` are the numbers of a depth step.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Faults flown: the C of a vehicle's controller and supervisor against the plant, by the thousand.
 
-`kinds` is the catalogue, `draw` makes mission n of a seed, `host` compiles the C and `flight` flies
-it in the loop of `closed_loop`, with the `fault_effects` between its parts; `run` flies a
-campaign and `campaign_result` evaluates it.
+`kinds` is the catalogue, `draw` makes mission n of a seed, `c_interface` compiles the C and
+`flight` flies it in the loop of `closed_loop`, with the `fault_effects` between its parts; `run`
+flies a campaign and `campaign_result` evaluates it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """One mission with faults: what stands between plant, sensors, board and driver of the one loop.
 
 The board's C, called by its address, is the law; the faults act through the hooks of
-`closed_loop.hooks`, and what leaks in, drifts and swells through `closed_loop.lost`.
+`closed_loop.hooks`, and what leaks in, drifts and swells through `closed_loop.hooks.lose`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A campaign: all missions of a seed in chunks, on all cores, kept on disk until it is done.
 
-Missions flown three ways on this machine's cores: supervised, not, with ideal detection.
+Each is flown three ways: supervised, not, with ideal detection.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """One mission of a campaign again, with everything that happened in it.
 
-Missions as CSV: a row for each, and a row per tick of one that is flown again.
+As CSV it has a row per tick; the missions of a campaign have a row each.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The books of a mission: volume, electricity and energy, and what does not add up.
 
-Electrical power by consumer over time: means between rows, so that integrals are the books'.
+Electrical power by consumer over time is means between rows, so that integrals are the books'.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A mission flown by laws that are called at each sample: phases between spans of the closed loop.
 
-`closed_loop` moves the vehicle, its law and its sensors; `mission.core.phase_step` says after each
+`closed_loop` moves the vehicle, its law and its sensors; `mission.core.hooks` says after each
 span what that means: arrival, holding, surfacing, the end of a phase, the battery. A span is as
 long as one row of the trajectory, and is taken again sample by sample where something is decided in
 it, so that phases change at a sample.

@@ -1,6 +1,6 @@
 """The procedure (a)-(d) run on a simulated vehicle: one continuous simulation, two experiments.
 
-What an experiment in the pool leaves behind, and experiments without any of a pool's errors.
+`Record` is what an experiment leaves behind, also one without any of a pool's errors.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """From a vehicle and its water to the arrays that RODAS moves.
 
-The oil line of a pump and valve as the kernel takes it: numbers and columns of its table.
+The oil line has numbers, and columns of the table, of its own.
 """
 
 from __future__ import annotations
