@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from time import perf_counter, process_time
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -97,19 +98,22 @@ def _identify(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _year(options: argparse.Namespace) -> dict[str, Any]:
-    _note("a year of ten-day cycles")
-    years = year.compare(quick=options.quick)
-    _note("")
-    print(year.report(years), "\n")
-    return {"year": [vars(peer) for peer in years]}
+    return _compared("year", "a year of ten-day cycles", year, options)
 
 
 def _campaign(options: argparse.Namespace) -> dict[str, Any]:
-    _note("a campaign by threads, processes and dask")
-    speeds = campaign.compare(quick=options.quick)
+    return _compared("campaign", "a campaign by threads, processes and dask", campaign, options)
+
+
+def _compared(
+    name: str, what: str, module: ModuleType, options: argparse.Namespace
+) -> dict[str, Any]:
+    """Compare by a module of peers, and print its report."""
+    _note(what)
+    found = module.compare(quick=options.quick)
     _note("")
-    print(campaign.report(speeds), "\n")
-    return {"campaign": [vars(one) for one in speeds]}
+    print(module.report(found), "\n")
+    return {name: [vars(one) for one in found]}
 
 
 def _memory(options: argparse.Namespace) -> dict[str, Any]:
