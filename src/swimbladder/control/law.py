@@ -23,7 +23,7 @@ gains are made.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
@@ -95,7 +95,7 @@ class Law:
     roundings: tuple[str, ...] = ()
 
     @property
-    def units(self) -> dict[str, str]:
+    def units(self) -> Mapping[str, str]:
         """The unit of each parameter that is annotated with one."""
         from swimbladder.control.records import units
 

@@ -11,6 +11,7 @@ import typing
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from swimbladder.control.law import Count
@@ -33,14 +34,19 @@ def field_types(kind: type[Any]) -> Mapping[str, Any]:
     return {name: written for name, (written, _) in _fields(known).items()}
 
 
-def units(kind: type[Any]) -> dict[str, str]:
+def units(kind: type[Any]) -> Mapping[str, str]:
     """Return the units of the fields and leaves of a record that are annotated with one."""
     known: Any = kind
+    return _units(known)
+
+
+@cache
+def _units(kind: Any) -> Mapping[str, str]:
     found: dict[str, str] = {}
-    for name, (written, unit) in _fields(known).items():
+    for name, (written, unit) in _fields(kind).items():
         found |= units(written) if is_record(written) else {}
         found |= {name: unit} if unit is not None else {}
-    return found
+    return MappingProxyType(found)
 
 
 @cache
