@@ -174,7 +174,7 @@ def _set_off(f: Phases) -> tuple[float, float]:
 @inlined
 def _moved(f: Phases, event: int, time: float, depth: float) -> None:
     """Enter a step in what is known of the phase, and see whether it arrived or is too deep."""
-    x, at, accounts = f.x, f.at, f.accounts
+    x, at = f.x, f.at
     arrived = at[ARRIVED] == 1
     if event == LEVEL:
         arrive(f)
@@ -182,24 +182,36 @@ def _moved(f: Phases, event: int, time: float, depth: float) -> None:
         _alarm(f)
     if event != STAYED or at[PLACE] == 2 or at[DOING] != NOTHING:
         row(f)
-    accounts[T_KIND + int(f.stages[at[PHASE], KIND])] += x[T] - time
-    if arrived and at[ALARM] == 0:
-        enter_hold(f, depth, x[T] - time)
+    _enter_time(f, depth, x[T] - time, arrived)
     if x[T] > time:
         at[IDLE] = 0
+
+
+@inlined
+def _enter_time(f: Phases, depth: float, h: float, arrived: bool) -> None:
+    """Enter h [s] in the time of the phase, and in what it holds where it had arrived."""
+    f.accounts[T_KIND + int(f.stages[f.at[PHASE], KIND])] += h
+    if arrived and f.at[ALARM] == 0:
+        enter_hold(f, depth, h)
+
+
+@inlined
+def _raise_alarm(f: Phases) -> None:
+    """Note that the vehicle is too deep: it comes up, or is lost."""
+    note(f.notes, f.counts, f.x, NOTE_DEEP, f.x[W])
+    f.at[ALARM] = 1
+    f.x[T_END] = f.x[T] + RESCUE
 
 
 @part
 def _alarm(f: Phases) -> None:
     """Move the volume to its upper limit, in runs as long as the pump stands."""
     x, at, notes, counts = f.x, f.at, f.notes, f.counts
-    note(notes, counts, x, NOTE_DEEP, x[W])
-    at[ALARM] = 1
+    _raise_alarm(f)
     if at[DOING] != NOTHING:
         end_run(x, at, notes, counts)
     press_out(f.given, f.table, x, at, f.accounts, notes, counts)
     x[T_LOOK] = x[T_MOVE]
-    x[T_END] = x[T] + RESCUE
 
 
 @inlined
@@ -246,15 +258,11 @@ def _phase_step(f: Phases, z: float, h: float, energy: float) -> None:
     if h > 0.0:
         stage = f.stages[at[PHASE]]
         enter_energy(p, x, f.accounts, energy, stage[LOADS], h)
-        f.accounts[T_KIND + int(stage[KIND])] += h
-        if at[ARRIVED] == 1 and at[ALARM] == 0:
-            enter_hold(f, z, h)
+        _enter_time(f, z, h, bool(at[ARRIVED] == 1))
         row(f)
         settled(f)
         if at[STOP] == 0 and at[ALARM] == 0 and x[Z] > p[DEEPEST]:
-            note(f.notes, f.counts, x, NOTE_DEEP, x[W])
-            at[ALARM] = 1
-            x[T_END] = x[T] + RESCUE
+            _raise_alarm(f)
     if turn(f) and at[STOP] == 0:
         turn(f)
 
