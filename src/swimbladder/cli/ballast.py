@@ -108,7 +108,7 @@ def ballast(
 
 
 def _hull_words(vehicle: Vehicle) -> list[str]:
-    """Return what is reckoned with of the hull."""
+    """Return what is assumed of the hull."""
     if vehicle.hull.parts:
         return [f"the hull is {', '.join(part.name for part in vehicle.hull.parts)}"]
     return [

@@ -13,7 +13,7 @@ from __future__ import annotations
 BEHIND = 5.0  # samples at full rate, that the volume may be behind before a path begins anew
 _TRUST = 0.3  # in a sample that shows what the motor has
 _SPARE = 1.1  # a motor with 1/1.1 of its rate follows paths as they are
-_LEAST = 0.1  # share of its rate that is always reckoned with
+_LEAST = 0.1  # share of its rate that is always assumed
 
 
 def learn_ability(ability: float, drive: float, driven: float, moved: float, limit: float) -> float:

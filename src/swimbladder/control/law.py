@@ -152,7 +152,7 @@ class Setting(NamedTuple):
     noise: float  # m, of a measured depth, quantum included
     limit: float  # V, least supply
     neutral_range: float  # m3, how far the neutral volume may be from what is known
-    least_move: float  # m3, below which a volume is not told from noise
+    least_move: float  # m3, below which a volume is lost in noise
     walk: float  # m3/s^0.5, intensity of the neutral volume's random walk
     drive: Drive | None = None  # of a pump and valve
 

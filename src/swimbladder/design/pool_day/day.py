@@ -414,7 +414,7 @@ def rules_of(
     vehicle: Vehicle, *, pool_depth: float | None = None, travel: float = Rules().travel,
     plan: Plan | None = None,
 ) -> Rules:  # fmt: skip
-    """Return by which numbers phases are told apart.
+    """Return by which numbers phases are distinguished.
 
     pool_depth: of the bottom, None where it is not known; travel: after which an experiment is
     over [m]. A plan says where its records end. Raises InputError for a distance that tells

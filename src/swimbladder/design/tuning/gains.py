@@ -123,7 +123,7 @@ def float_score(goal: str, t: Trial, held: float) -> tuple[float, ...]:
     return (*stays, energy) if goal == "energy" else (*stays, power, t.starts)
 
 
-_FINEST = 0.5e-3  # m, noise that a filter reckons with at least
+_FINEST = 0.5e-3  # m, noise that a filter assumes at least
 _LEAST = 1e-4  # of the stroke: volumes below are none
 
 

@@ -174,7 +174,7 @@ class Worst(NamedTuple):
     gain_up: float  # -
     gain_down: float  # -
     phase: float  # rad
-    delay: float  # s, beyond the computation that is reckoned with
+    delay: float  # s, beyond the computation that is assumed
     peak_sensitivity: float  # -
     disk: float  # -
 

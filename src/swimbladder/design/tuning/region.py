@@ -61,7 +61,7 @@ def unknowns(vehicle: Vehicle) -> tuple[tuple[str, ...], bool]:
 
 
 def neutral_walk(vehicle: Vehicle) -> float:
-    """Return the intensity [m3/s^0.5] of the random walk that a neutral volume is reckoned with."""
+    """Return the intensity [m3/s^0.5] of the random walk that a neutral volume is assumed to do."""
     if isinstance(vehicle.actuator, PumpAndValve):
         return 0.0  # what a float's volume loses is leakage and creep, and flown as such
     return WALK if vehicle.identified is None else max(WALK, vehicle.identified.neutral_walk)

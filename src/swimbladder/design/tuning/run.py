@@ -53,7 +53,7 @@ from swimbladder.sim.engine.layers import Layers
 from swimbladder.vehicle import Controller, DatasheetPump, PumpAndValve, Vehicle
 
 _MORE = 1.05  # times the rms that was asked for: as near as trials tell
-_WIDER = 3.0  # times the rms of a hold, that a band has to be to be told from it
+_WIDER = 3.0  # times the rms of a hold, that a band has to be to stand out from it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +80,7 @@ class Tuning:
     delay: float  # s
     depths: tuple[float, ...]  # m, that it is for
     judged: tuple[float, ...]  # m, where margins were computed
-    supply: float  # V, the least reckoned with
+    supply: float  # V, the least assumed
     held: float  # m rms, that holding a depth was allowed; 0: the goal is fast
     assumptions: tuple[str, ...]
     plants: tuple[Plant, ...]  # of the region, the nominal one first

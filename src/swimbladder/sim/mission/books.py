@@ -172,7 +172,7 @@ def mean_power(time: Array, energy: Array) -> Array:
 def power_names(consumers: list[str]) -> dict[str, str]:
     """Return the column of each consumer's power: "GPS fix" is `power_gps_fix_W`.
 
-    Two that would have one name are told apart by a number.
+    Two that would have one name are distinguished by a number.
     """
     found: dict[str, str] = {}
     for consumer in consumers:

@@ -25,7 +25,7 @@ LEAST_NOISE = 1e-3  # m, of any depth
 
 
 def drag_coefficient(vehicle: Vehicle, speed: float) -> float:
-    """Return F_d(w)/(rho g w^2) [m3 s2/m2] at a speed [m/s]: what the law `rate` reckons with."""
+    """Return F_d(w)/(rho g w^2) [m3 s2/m2] at a speed [m/s]: what the law `rate` assumes."""
     return drag_force(vehicle.drag, speed) / (vehicle.water.specific_weight * speed * speed)
 
 

@@ -52,7 +52,7 @@ class Given(IntEnum):
     BY_VOLUME = 15  # 1: a move ends at a volume, which is measured; 0: after a time
     QUANTUM = 16  # s, step of the time of a run
     LONGEST = 17  # s, of a run
-    DELIVERY = 18  # -, what is pumped over what the table says and the processor reckons with
+    DELIVERY = 18  # -, what is pumped over what the table says and the processor assumes
     NOISE = 19  # m, of a measured depth, 1 sigma
     RESOLUTION = 20  # m, its quantum
     DEEPEST = 21  # m, below which everything is pumped out
@@ -75,7 +75,7 @@ class Given(IntEnum):
     CHARGE = 38  # J in the battery at the start
     HELD = 39  # -, share of its time that a park or hold has to be in its tolerance
     RISING = 40  # -, drag while rising over that while sinking
-    FLOW = 41  # -, what valve and bypass let in over what the processor reckons with
+    FLOW = 41  # -, what valve and bypass let in over what the processor assumes
     MAKES_UP = 42  # 1: a run is longer by what its start falls short of
     FOLLOWS = 43  # 1/s, how fast the hull takes the water's temperature; 0: at once
     EXPANSION = 44  # m3/K, of a hull that does not take it at once
@@ -91,7 +91,7 @@ class Given(IntEnum):
     SLIP = 54  # m3/s/Pa by which the line empties through a pump that stands
     RUN_UP = 55  # m3 that a start falls short beside what the line takes
     LINE_STEP = 56  # of ln(p/reservoir) from row to row
-    LINE_TOP = 57  # ln(p/reservoir) at which the pump stalls; inf: above all that is reckoned with
+    LINE_TOP = 57  # ln(p/reservoir) at which the pump stalls; inf: above all that is assumed
     OPEN = 58  # -, of the valve's flow that comes in whatever is commanded: it leaks, or is stuck
     COUNT = 59
 
