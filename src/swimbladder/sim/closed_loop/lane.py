@@ -179,15 +179,18 @@ def limited(S: Any, W_: int, i: int, command: float) -> float:
 
 
 @inlined
-def leap_lane(S, W_, i, u, h, bend):  # type: ignore[no-untyped-def]
-    """Return lane i's state after one step by its mode's exponential, and whether that is all."""
+def leap_lane(S, W_, i, u, h, bent):  # type: ignore[no-untyped-def]
+    """Return lane i's state after one step by its mode's exponential, and whether that is all.
+
+    bent: whether the drag may be other than laminar.
+    """
     q, v, z, w = S[Q * W_ + i], S[V * W_ + i], S[Z * W_ + i], S[W * W_ + i]
     c = STEP * W_ + i
     q1 = q + _row(S, W_, c, q, v, z, w, u)
     v1 = v + _row(S, W_, c + 6 * W_, q, v, z, w, u)
     z1 = z + _row(S, W_, c + 12 * W_, q, v, z, w, u)
     w1 = w + _row(S, W_, c + 18 * W_, q, v, z, w, u)
-    if len(bend) > 0:
+    if bent:
         half = w + _row(S, W_, c + 36 * W_, q, v, z, w, u)
         alpha, beta = S[c + 42 * W_], S[c + 43 * W_]
         N0 = _rest(S, W_, i, w)
@@ -203,7 +206,7 @@ def leap_lane(S, W_, i, u, h, bend):  # type: ignore[no-untyped-def]
         z1 += S[c + 26 * W_] * N0 + S[c + 30 * W_] * Nab + S[c + 34 * W_] * Nc
         w1 += S[c + 27 * W_] * N0 + S[c + 31 * W_] * Nab + S[c + 35 * W_] * Nc
     ok = within(S, W_, i, q, v, z, w, q1, v1, z1, w1, h)
-    if len(bend) > 0:  # all on one branch of a switched drag law
+    if bent:  # all on one branch of a switched drag law
         epsilon = S[(PLANT + EPSILON) * W_ + i]
         fast = abs(w) > epsilon
         one = ((abs(wa) > epsilon) == fast) & ((abs(wb) > epsilon) == fast)

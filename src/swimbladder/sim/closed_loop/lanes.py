@@ -106,7 +106,7 @@ def _tick(S, token, bend, sea, like, like_state, k, t, since, tick):  # type: ig
     for i in range(W_):
         judge(S, W_, i, since)
         u = decide(S, W_, i, (), like, like_state, k, t, per_tick)
-        q1, v1, z1, w1, ok = leap_lane(S, W_, i, u, tick, bend)
+        q1, v1, z1, w1, ok = leap_lane(S, W_, i, u, tick, len(bend) > 0)
         q, v = S[Q * W_ + i], S[V * W_ + i]
         z, w = S[Z * W_ + i], S[W * W_ + i]
         commit(
@@ -199,13 +199,14 @@ def run_block(  # type: ignore[no-untyped-def]
             break
         for n in range(parts):
             for i in range(W_):
+                bent = len(bend) > 0 and S[(PLANT + EPSILON) * W_ + i] < np.inf
                 if books.shape[1] == 0:
-                    q1, v1, z1, w1, ok = leap_lane(S, W_, i, S[APPLIED * W_ + i], h, bend)
+                    q1, v1, z1, w1, ok = leap_lane(S, W_, i, S[APPLIED * W_ + i], h, bent)
                     if ok:
                         commit(S, W_, i, sea, q1, v1, z1, w1)
                         continue
                 elif _leap_with_books(
-                    S, W_, i, h, bend, sea, p, x, y, chains, books, kept, decay, layers
+                    S, W_, i, h, bent, sea, p, x, y, chains, books, kept, decay, layers
                 ):
                     continue
                 kept[0] = -1
@@ -217,7 +218,7 @@ def run_block(  # type: ignore[no-untyped-def]
 
 @inlined
 def _leap_with_books(  # type: ignore[no-untyped-def]
-    S, W_, i, h, bend, sea, p, x, y, chains, books, kept, decay, layers
+    S, W_, i, h, bent, sea, p, x, y, chains, books, kept, decay, layers
 ):
     """Take one step of lane i, with its accounts, if nothing happens in it; return whether.
 
@@ -232,13 +233,13 @@ def _leap_with_books(  # type: ignore[no-untyped-def]
     if mode // 20 == EMERGING and h * h * p[A_S] > QUICK_BOBBING:
         return False  # the drag's work wants smaller steps
     u = S[APPLIED * W_ + i]
-    q1, v1, z1, w1, ok = leap_lane(S, W_, i, u, h, bend)
+    q1, v1, z1, w1, ok = leap_lane(S, W_, i, u, h, bent)
     if not ok:
         return False
     q, v, z, w = S[Q * W_ + i], S[V * W_ + i], S[Z * W_ + i], S[W * W_ + i]
     x[0], x[1], x[2], x[3], x[4] = q, v, z, w, 0.0
     y[0], y[1], y[2], y[3] = q1, v1, z1, w1
-    if p[EPSILON] == np.inf:  # the integral of z, as engine.chain.leap has it
+    if not bent:  # the integral of z, as engine.chain.leap has it
         y[4] = (
             chains[i, mode, 0, 16] * q
             + chains[i, mode, 0, 17] * v
