@@ -23,7 +23,7 @@ from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.physics.seawater import InternalWave, Swell
 from swimbladder.units import _TABLE
 from swimbladder.vehicle import Vehicle, field_unit
-from swimbladder.vehicle.schema import dotted, listed_model, models_in, tags_of
+from swimbladder.vehicle.schema import dotted, listed_model, meanings, models_in, tags_of
 
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"
 _REGION = re.compile(r"(<!-- made from the schema: (\w+) -->\n).*?(<!-- end -->)", flags=re.DOTALL)
@@ -45,9 +45,8 @@ def fields(model: type[BaseModel], skip: tuple[str, ...] = ()) -> Iterator[str]:
         if name in skip or tables or get_origin(info.annotation) is dict:
             continue
         unit = field_unit(model, name)
-        rows.append(
-            f"| `{name}` | {what(name, info, unit)} | {default(info, unit)} | {meaning(info)} |"
-        )
+        cells = (what(name, info, unit), default(info, unit), meaning(model, name))
+        rows.append(f"| `{name}` | {' | '.join(cells)} |")
     if rows:
         yield from ("", "| field | unit | default | meaning |", "|---|---|---|---|", *rows)
 
@@ -87,9 +86,9 @@ def default(info: FieldInfo, unit: str | None) -> str:
     return f"{info.default:.12g}" if unit is not None else f"`{json.dumps(info.default)}`"
 
 
-def meaning(info: FieldInfo) -> str:
-    """Return a field's description, its choices and its bounds."""
-    text = info.description or "which fields this table has"
+def meaning(model: type[BaseModel], name: str) -> str:
+    """Return what a field means, its choices and its bounds."""
+    text, info = meanings(model).get(name, "which fields this table has"), model.model_fields[name]
     annotation, choices = info.annotation, choices_of(info)
     if len(choices) > 1:
         text += "; one of " + ", ".join(f"`{json.dumps(choice)}`" for choice in choices)
@@ -115,7 +114,7 @@ def tables(
     for name, info in model.model_fields.items():
         place = (*path, name)
         if get_origin(info.annotation) is dict:
-            yield from ("", f"### [{dotted(place)}]", "", sentence(str(info.description)))
+            yield from ("", f"### [{dotted(place)}]", "", sentence(meanings(model)[name]))
         listed = listed_model(info.annotation)
         if listed is not None and listed not in seen:
             seen.add(listed)
@@ -209,10 +208,8 @@ def log() -> Iterator[str]:
     yield from fields(LogFormat)
     yield from ("", "### [log.columns]", "", inspect.cleandoc(LogColumns.__doc__ or ""), "")
     yield from ("| column | meaning |", "|---|---|")
-    for name, info in LogColumns.model_fields.items():
-        yield f"| `{name}` | {info.description} |"
-    where = LogFormat.model_fields["where"].description
-    yield from ("", "### [log.where]", "", sentence(str(where)))
+    yield from (f"| `{name}` | {words} |" for name, words in meanings(LogColumns).items())
+    yield from ("", "### [log.where]", "", sentence(meanings(LogFormat)["where"]))
 
 
 def units() -> Iterator[str]:

@@ -42,13 +42,12 @@ from swimbladder.vehicle.schema import did_you_mean, refusal
 class LogColumn(Parameters):
     """Which column of the file to read, and its unit."""
 
-    name: str = Field(min_length=1, description="its name in the header of the file")
-    unit: str | None = Field(
-        None, description="its unit; of times also iso, clock, tick or a pattern: %d.%m.%Y %H:%M:%S"
-    )
-    date: str | None = Field(
-        None, min_length=1, description="column with the date, where this one has the time of day"
-    )
+    name: str = Field(min_length=1)
+    """its name in the header of the file"""
+    unit: str | None = None
+    """its unit; of times also iso, clock, tick or a pattern: %d.%m.%Y %H:%M:%S"""
+    date: str | None = Field(None, min_length=1)
+    """column with the date, where this one has the time of day"""
 
 
 def _column(value: object) -> object:
@@ -61,19 +60,28 @@ _Column = Annotated[LogColumn | None, BeforeValidator(_column)]
 class LogColumns(Parameters):
     """Which column of the file each column of a log is; those not named are looked for as such."""
 
-    time_s: _Column = Field(None, description="time of the sample")
-    depth_m: _Column = Field(None, description="depth of the pressure sensor")
-    pressure_Pa: _Column = Field(None, description="pressure, to be turned into depth_m")
-    volume_m3: _Column = Field(None, description="volume change, positive: lighter")
-    piston_m: _Column = Field(None, description="position of the piston")
-    voltage_V: _Column = Field(None, description="voltage of the motor")
-    current_A: _Column = Field(None, description="current of the motor")
-    speed_m_s: _Column = Field(None, description="vertical speed, positive down")
-    reference_depth_m: _Column = Field(None, description="depth asked for")
-    reference_volume_m3: _Column = Field(None, description="volume the actuator was asked for")
-    reference_piston_m: _Column = Field(
-        None, description="position of the piston the actuator was asked for"
-    )
+    time_s: _Column = None
+    """time of the sample"""
+    depth_m: _Column = None
+    """depth of the pressure sensor"""
+    pressure_Pa: _Column = None
+    """pressure, to be turned into depth_m"""
+    volume_m3: _Column = None
+    """volume change, positive: lighter"""
+    piston_m: _Column = None
+    """position of the piston"""
+    voltage_V: _Column = None
+    """voltage of the motor"""
+    current_A: _Column = None
+    """current of the motor"""
+    speed_m_s: _Column = None
+    """vertical speed, positive down"""
+    reference_depth_m: _Column = None
+    """depth asked for"""
+    reference_volume_m3: _Column = None
+    """volume the actuator was asked for"""
+    reference_piston_m: _Column = None
+    """position of the piston the actuator was asked for"""
 
     def mapped(self) -> dict[str, LogColumn]:
         """Return the columns that are named."""
@@ -140,94 +148,68 @@ Encoding = Literal[
 class LogFormat(Parameters):
     """The ``[log]`` table: how to read a log."""
 
-    encoding: Encoding | None = Field(
-        None, description="of the text; not given: by byte order mark, else UTF-8, else Latin-1"
-    )
-    delimiter: Delimiter | None = Field(
-        None,
-        description="between two fields, a blank for any run of blanks and tabs; not given: taken "
-        "from the header",
-    )
-    decimal: Literal[".", ","] = Field(".", description="mark before the decimals")
-    comment: str = Field(
-        "#", min_length=1, max_length=8, description="what a line begins with that is a remark"
-    )
-    missing: tuple[str, ...] = Field((), description="texts that stand for no number")
-    header_starts: str | None = Field(
-        None,
-        min_length=1,
-        description="how the line with the names begins; what stands above, and before it on its "
-        "line, is left out; not given: the first line with all the names that are needed",
-    )
-    names: tuple[str, ...] | None = Field(
-        None, min_length=1, description="names of the columns of a file that has no header"
-    )
-    skip_lines: Annotated[int, Field(ge=0)] = Field(
-        0, description="lines at the top of the file to leave out"
-    )
-    units_row: bool = Field(False, description="whether the row below the names holds the units")
-    skip_rows: Annotated[int, Field(ge=0)] = Field(
-        0, description="rows to leave out below the names and the units"
-    )
-    fields: Annotated[int, Field(ge=1)] | None = Field(
-        None, description="fields in a row, where the header names fewer"
-    )
-    part: Annotated[int, Field(ge=1)] | None = Field(
-        None, description="which part of a file that repeats its header; not given: all of it"
-    )
-    bad_rows: Literal["refuse", "drop"] = Field(
-        "refuse", description="drop: leave out rows with anything but a number where one is due"
-    )
-    rows: Literal["ordered", "sort"] = Field(
-        "ordered", description="sort: put rows in the order of time instead of refusing the log"
-    )
-    tick: Annotated[float, Unit("s"), Field(gt=0.0), BeforeValidator(_tick)] | None = Field(
-        None, description="length of a tick, where the unit of time_s is tick; also in Hz"
-    )
-    counter_bits: Annotated[int, Field(ge=8, le=64)] | None = Field(
-        None, description="width of the counter in time_s, which begins again at 0 when it is full"
-    )
-    gap: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
-        None, description="a longer step is a gap; not given: five times the median step"
-    )
-    spikes: Literal["report", "drop"] = Field(
-        "report", description="what to do with single samples that stand far off"
-    )
-    volume_zero: Annotated[float | None, _zero("m3")] = Field(
-        None, description="reading of volume_m3 at mid-stroke; first: neutral at the first sample"
-    )
-    piston_zero: Annotated[float | None, _zero("m")] = Field(
-        None, description="reading of piston_m at mid-stroke; first: neutral at the first sample"
-    )
-    piston_positive: Literal["in", "out"] = Field(
-        "out", description="where a larger piston_m moves it; out: more volume"
-    )
-    depth_positive: Literal["down", "up"] = Field(
-        "down", description="where depth_m, speed_m_s and reference_depth_m grow in the file"
-    )
-    water_density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1300.0)] | None = Field(
-        None, description="density that turns pressure_Pa into depth, one all the way down"
-    )
-    gravity: Annotated[float, Unit("m/s2"), Field(ge=9.7, le=9.9)] = Field(
-        9.80665, description="gravity that turns pressure_Pa into depth"
-    )
-    atmospheric_pressure: Annotated[float | str | None, BeforeValidator(_surface)] = Field(
-        None,
-        description="what pressure_Pa reads at the surface; gauge: 0; first: its first reading; "
-        "first 10 s: the median of those 10 s",
-    )
-    logger_density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1300.0)] | None = Field(
-        None,
-        description="density with which the logger turned pressure into depth_m, where that of "
-        "the water, water_density, is another",
-    )
-    depth_offset: Annotated[float, Unit("m")] = Field(
-        0.0, description="what is added to the depth at the end; positive: deeper"
-    )
-    columns: LogColumns = Field(LogColumns(), description="column of a log = column of the file")
-    where: dict[str, str | float] = Field(
-        default_factory=dict, description="column of the file = what it has to hold"
-    )
+    encoding: Encoding | None = None
+    """of the text; not given: by byte order mark, else UTF-8, else Latin-1"""
+    delimiter: Delimiter | None = None
+    """between two fields, a blank for any run of blanks and tabs; not given: taken from the header
+    """
+    decimal: Literal[".", ","] = "."
+    """mark before the decimals"""
+    comment: str = Field("#", min_length=1, max_length=8)
+    """what a line begins with that is a remark"""
+    missing: tuple[str, ...] = ()
+    """texts that stand for no number"""
+    header_starts: str | None = Field(None, min_length=1)
+    """how the line with the names begins; what stands above, and before it on its line, is left
+    out; not given: the first line with all the names that are needed"""
+    names: tuple[str, ...] | None = Field(None, min_length=1)
+    """names of the columns of a file that has no header"""
+    skip_lines: Annotated[int, Field(ge=0)] = 0
+    """lines at the top of the file to leave out"""
+    units_row: bool = False
+    """whether the row below the names holds the units"""
+    skip_rows: Annotated[int, Field(ge=0)] = 0
+    """rows to leave out below the names and the units"""
+    fields: Annotated[int, Field(ge=1)] | None = None
+    """fields in a row, where the header names fewer"""
+    part: Annotated[int, Field(ge=1)] | None = None
+    """which part of a file that repeats its header; not given: all of it"""
+    bad_rows: Literal["refuse", "drop"] = "refuse"
+    """drop: leave out rows with anything but a number where one is due"""
+    rows: Literal["ordered", "sort"] = "ordered"
+    """sort: put rows in the order of time instead of refusing the log"""
+    tick: Annotated[float, Unit("s"), Field(gt=0.0), BeforeValidator(_tick)] | None = None
+    """length of a tick, where the unit of time_s is tick; also in Hz"""
+    counter_bits: Annotated[int, Field(ge=8, le=64)] | None = None
+    """width of the counter in time_s, which begins again at 0 when it is full"""
+    gap: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
+    """a longer step is a gap; not given: five times the median step"""
+    spikes: Literal["report", "drop"] = "report"
+    """what to do with single samples that stand far off"""
+    volume_zero: Annotated[float | None, _zero("m3")] = None
+    """reading of volume_m3 at mid-stroke; first: neutral at the first sample"""
+    piston_zero: Annotated[float | None, _zero("m")] = None
+    """reading of piston_m at mid-stroke; first: neutral at the first sample"""
+    piston_positive: Literal["in", "out"] = "out"
+    """where a larger piston_m moves it; out: more volume"""
+    depth_positive: Literal["down", "up"] = "down"
+    """where depth_m, speed_m_s and reference_depth_m grow in the file"""
+    water_density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1300.0)] | None = None
+    """density that turns pressure_Pa into depth, one all the way down"""
+    gravity: Annotated[float, Unit("m/s2"), Field(ge=9.7, le=9.9)] = 9.80665
+    """gravity that turns pressure_Pa into depth"""
+    atmospheric_pressure: Annotated[float | str | None, BeforeValidator(_surface)] = None
+    """what pressure_Pa reads at the surface; gauge: 0; first: its first reading; first 10 s: the
+    median of those 10 s"""
+    logger_density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1300.0)] | None = None
+    """density with which the logger turned pressure into depth_m, where that of the water,
+    water_density, is another"""
+    depth_offset: Annotated[float, Unit("m")] = 0.0
+    """what is added to the depth at the end; positive: deeper"""
+    columns: LogColumns = LogColumns()
+    """column of a log = column of the file"""
+    where: dict[str, str | float] = Field(default_factory=dict)
+    """column of the file = what it has to hold"""
 
     @model_validator(mode="after")
     def _fit_together(self) -> Self:

@@ -20,10 +20,10 @@ _DEEPEST, _NO_SEA = 11_000.0, "no sea is so deep"  # m; Challenger Deep: 10,935 
 class Setpoint(Parameters):
     """A depth to go to, and when."""
 
-    time: Annotated[float, Unit("s"), Field(ge=0.0)] = Field(
-        description="when the set-point begins to hold"
-    )
-    depth: Annotated[float, Unit("m")] = Field(description="depth to go to")
+    time: Annotated[float, Unit("s"), Field(ge=0.0)]
+    """when the set-point begins to hold"""
+    depth: Annotated[float, Unit("m")]
+    """depth to go to"""
 
 
 class Phase(Parameters):
@@ -34,49 +34,37 @@ class Phase(Parameters):
     and stays there.
     """
 
-    kind: Literal["descend", "park", "profile", "hold", "surface"] = Field(
-        description="what is done"
-    )
-    name: str = Field("", description="what results call it; not given: its kind")
-    depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
-        None, description="depth to go to or to stay at; surface has none"
-    )
-    tolerance: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
-        None, description="how far from its depth it counts as there, and is left alone; not "
-        "given: as in the vehicle's law `rate`, 10 m where it has another"
-    )  # fmt: skip
-    speed: Annotated[float, Unit("m/s"), Field(gt=0.0, le=5.0)] | None = Field(
-        None, description="vertical speed on the way: that at which the depth asked for moves "
-        "where a law flies that is called at each sample (not given: at once). Of the mission's "
-        "own rule, not given: as in the vehicle's law `rate`, 10 cm/s where it has another"
-    )  # fmt: skip
-    duration: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
-        None, description="how long park, hold and surface last; the others end at their depth"
-    )
-    timeout: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
-        None, description="time to arrive in, after which the next phase begins (after surface the "
-        "mission ends); not given: twice the way at its speeds, slower near the depth, and an "
-        "hour; park has none"
-    )  # fmt: skip
-    check_interval: Annotated[float, Unit("s"), Field(ge=0.1)] | None = Field(
-        None, description="between two samples of depth and speed; not given: park 10 min, the "
-        "others as in the vehicle's law `rate`, 60 s where it has another"
-    )  # fmt: skip
-    law: str | None = Field(
-        None, description="name of the law that flies the phase; not given: that of the vehicle's "
-        "controller. `rate` in every phase: the mission's own rule"
-    )  # fmt: skip
-    parameters: LawNumbers = Field(
-        default_factory=dict, description="parameters of that law; those not given are the "
-        "controller's, where it is of the same law"
-    )  # fmt: skip
-    sample_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
-        None, description="between two samples of that law; not given: the controller's"
-    )
-    rest_band: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
-        None, description="of a park or hold: as long as the vehicle stays within it of the "
-        "depth the law rests and the actuator holds; not given: the law never rests"
-    )  # fmt: skip
+    kind: Literal["descend", "park", "profile", "hold", "surface"]
+    """what is done"""
+    name: str = ""
+    """what results call it; not given: its kind"""
+    depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
+    """depth to go to or to stay at; surface has none"""
+    tolerance: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
+    """how far from its depth it counts as there, and is left alone; not given: as in the vehicle's
+    law `rate`, 10 m where it has another"""
+    speed: Annotated[float, Unit("m/s"), Field(gt=0.0, le=5.0)] | None = None
+    """vertical speed on the way: that at which the depth asked for moves where a law flies that is
+    called at each sample (not given: at once). Of the mission's own rule, not given: as in the
+    vehicle's law `rate`, 10 cm/s where it has another"""
+    duration: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
+    """how long park, hold and surface last; the others end at their depth"""
+    timeout: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
+    """time to arrive in, after which the next phase begins (after surface the mission ends); not
+    given: twice the way at its speeds, slower near the depth, and an hour; park has none"""
+    check_interval: Annotated[float, Unit("s"), Field(ge=0.1)] | None = None
+    """between two samples of depth and speed; not given: park 10 min, the others as in the
+    vehicle's law `rate`, 60 s where it has another"""
+    law: str | None = None
+    """name of the law that flies the phase; not given: that of the vehicle's controller. `rate` in
+    every phase: the mission's own rule"""
+    parameters: LawNumbers = Field(default_factory=dict)
+    """parameters of that law; those not given are the controller's, where it is of the same law"""
+    sample_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
+    """between two samples of that law; not given: the controller's"""
+    rest_band: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
+    """of a park or hold: as long as the vehicle stays within it of the depth the law rests and the
+    actuator holds; not given: the law never rests"""
 
     @property
     def title(self) -> str:
@@ -117,51 +105,46 @@ class Phase(Parameters):
 class Safety(Parameters):
     """What a mission must not come near."""
 
-    deepest: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
-        None, description="depth below which everything is pumped out and the mission ends; "
-        "not given: the vehicle's depth limit, where it has one"
-    )  # fmt: skip
-    stroke: Annotated[float, Unit(""), Field(ge=0.0, lt=1.0)] = Field(
-        0.05, description="share of the stroke that has to be left at either end"
-    )
-    battery: Annotated[float, Unit(""), Field(ge=0.0, lt=1.0)] = Field(
-        0.1, description="share of the battery with which no new cycle begins"
-    )
+    deepest: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
+    """depth below which everything is pumped out and the mission ends; not given: the vehicle's
+    depth limit, where it has one"""
+    stroke: Annotated[float, Unit(""), Field(ge=0.0, lt=1.0)] = 0.05
+    """share of the stroke that has to be left at either end"""
+    battery: Annotated[float, Unit(""), Field(ge=0.0, lt=1.0)] = 0.1
+    """share of the battery with which no new cycle begins"""
 
 
 class Mission(Parameters):
     """What a vehicle is asked to do: set-points (`simulate`), or phases in cycles (`mission`)."""
 
-    schema_version: Literal[1] = Field(1, description="version of this file's format")
-    name: str = Field("", description="what the mission is called")
-    description: str = Field("", description="one sentence on the mission")
-    start_depth: Annotated[float, Unit("m")] = Field(
-        0.0, description="depth at which the vehicle rests, neutral, at the start; needed with "
-        "set-points. With phases 0 is afloat, all volume out"
-    )  # fmt: skip
-    start_temperature: Annotated[float, Unit("degC"), Field(ge=-40.0, le=80.0)] | None = Field(
-        None, description="temperature of the hull at the start, of a vehicle with a "
-        "hull.thermal_time_constant; not given: the water's there"
-    )  # fmt: skip
-    bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
-        None, description="depth of the bottom; not given: none"
-    )
-    duration: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
-        None, description="how long it lasts; needed with set-points. With phases no new cycle "
-        "begins after it"
-    )  # fmt: skip
-    latitude: Annotated[float, Unit("deg"), Field(ge=-90.0, le=90.0)] | None = Field(
-        None, description="north positive, of a cast that does not say it"
-    )
-    cycles: Annotated[int, Field(ge=1, le=1_000_000)] | None = Field(
-        None, description="how often the phases are repeated; not given: once, or for `duration`"
-    )
-    setpoints: tuple[Setpoint, ...] = Field(
-        (), description="depths to go to, in the order of time; the first at 0"
-    )
-    phases: tuple[Phase, ...] = Field((), description="what a cycle is made of, in order")
-    safety: Safety = Field(Safety(), description="what a mission must not come near")
-    water_motion: WaterMotion = Field(WaterMotion(), description="waves that move the water")
+    schema_version: Literal[1] = 1
+    """version of this file's format"""
+    name: str = ""
+    """what the mission is called"""
+    description: str = ""
+    """one sentence on the mission"""
+    start_depth: Annotated[float, Unit("m")] = 0.0
+    """depth at which the vehicle rests, neutral, at the start; needed with set-points. With phases
+    0 is afloat, all volume out"""
+    start_temperature: Annotated[float, Unit("degC"), Field(ge=-40.0, le=80.0)] | None = None
+    """temperature of the hull at the start, of a vehicle with a hull.thermal_time_constant; not
+    given: the water's there"""
+    bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
+    """depth of the bottom; not given: none"""
+    duration: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
+    """how long it lasts; needed with set-points. With phases no new cycle begins after it"""
+    latitude: Annotated[float, Unit("deg"), Field(ge=-90.0, le=90.0)] | None = None
+    """north positive, of a cast that does not say it"""
+    cycles: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
+    """how often the phases are repeated; not given: once, or for `duration`"""
+    setpoints: tuple[Setpoint, ...] = ()
+    """depths to go to, in the order of time; the first at 0"""
+    phases: tuple[Phase, ...] = ()
+    """what a cycle is made of, in order"""
+    safety: Safety = Safety()
+    """what a mission must not come near"""
+    water_motion: WaterMotion = WaterMotion()
+    """waves that move the water"""
 
     @property
     def bottom(self) -> float:

@@ -32,15 +32,12 @@ class Move(Parameters):
     The volume counts from the one that held the vehicle at rest; it stays until the next move.
     """
 
-    volume: Annotated[float, Unit("m3")] = Field(
-        description="volume to go to, above the one at rest; positive is lighter, 0 is back to it"
-    )
-    depth: _Length | None = Field(
-        None, description="depth at which it happens; not given: at the release"
-    )
-    going: Literal["up", "down"] | None = Field(
-        None, description="on which way the depth has to be passed"
-    )
+    volume: Annotated[float, Unit("m3")]
+    """volume to go to, above the one at rest; positive is lighter, 0 is back to it"""
+    depth: _Length | None = None
+    """depth at which it happens; not given: at the release"""
+    going: Literal["up", "down"] | None = None
+    """on which way the depth has to be passed"""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -56,9 +53,12 @@ class Move(Parameters):
 class Trace(Parameters):
     """What the record should look like; other vehicles than the one assumed differ."""
 
-    time: _Series = Field(description="s since the release")
-    depth: _Series = Field(description="m")
-    volume: _Series = Field(description="m3 above the one at rest")
+    time: _Series
+    """s since the release"""
+    depth: _Series
+    """m"""
+    volume: _Series
+    """m3 above the one at rest"""
 
     @model_validator(mode="after")
     def _alike(self) -> Self:
@@ -70,16 +70,18 @@ class Trace(Parameters):
 class PlannedExperiment(Parameters):
     """One release: from rest at a depth, through its moves, to the end of the record."""
 
-    start_depth: _Length = Field(description="depth to come to rest at before it")
-    longest: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
-        description="time after the release at which the record ends at the latest"
-    )
-    settling: _Time = Field(0.0, description="time expected before the release, to come to rest")
-    duration: _Time = Field(0.0, description="time expected from the release to the record's end")
-    moves: Annotated[tuple[Move, ...], Field(min_length=1)] = Field(
-        description="changes of volume, in order"
-    )
-    trace: Trace | None = Field(None, description="the record expected")
+    start_depth: _Length
+    """depth to come to rest at before it"""
+    longest: Annotated[float, Unit("s"), Field(gt=0.0)]
+    """time after the release at which the record ends at the latest"""
+    settling: _Time = 0.0
+    """time expected before the release, to come to rest"""
+    duration: _Time = 0.0
+    """time expected from the release to the record's end"""
+    moves: Annotated[tuple[Move, ...], Field(min_length=1)]
+    """changes of volume, in order"""
+    trace: Trace | None = None
+    """the record expected"""
 
     @model_validator(mode="after")
     def _released(self) -> Self:
@@ -98,40 +100,45 @@ class PlannedExperiment(Parameters):
 class Expected(Parameters):
     """A parameter as the plan's records should identify it."""
 
-    name: str = Field(description="as `identify` calls it")
-    value: float = Field(description="assumed, in `unit`")
-    std: Annotated[float, Field(ge=0.0)] = Field(description="standard deviation expected")
-    unit: str = Field(description="of value and std")
+    name: str
+    """as `identify` calls it"""
+    value: float
+    """assumed, in `unit`"""
+    std: Annotated[float, Field(ge=0.0)]
+    """standard deviation expected"""
+    unit: str
+    """of value and std"""
 
 
 class Plan(Parameters):
     """Experiments in a pool, in the order in which to run them."""
 
-    schema_version: Literal[1] = Field(1, description="version of this file's format")
-    name: str = Field("", description="what the plan is called")
-    vehicle: str = Field("", description="name of the vehicle that it is made for")
-    pool_depth: Annotated[float, Unit("m"), Field(gt=0.0)] = Field(
-        description="depth of the bottom"
-    )
-    shallowest: _Length = Field(description="depth above which a record ends")
-    deepest: _Length = Field(description="depth below which a record ends")
-    sample_time: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
-        description="time between two samples of the record"
-    )
-    rest: _Time = Field(0.0, description="time on record before each release, at rest")
-    depth_noise: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
-        0.0, description="assumed white noise of the depth, 1 sigma"
-    )
-    depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
-        0.0, description="step between two depths that the sensor resolves"
-    )
-    neutral_std: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = Field(
-        None, description="how well the neutral volume at rest is known, 1 sigma; not given: not"
-    )
-    expected: tuple[Expected, ...] = Field((), description="expected errors")
-    experiments: Annotated[tuple[PlannedExperiment, ...], Field(min_length=1)] = Field(
-        description="in the order in which to run them"
-    )
+    schema_version: Literal[1] = 1
+    """version of this file's format"""
+    name: str = ""
+    """what the plan is called"""
+    vehicle: str = ""
+    """name of the vehicle that it is made for"""
+    pool_depth: Annotated[float, Unit("m"), Field(gt=0.0)]
+    """depth of the bottom"""
+    shallowest: _Length
+    """depth above which a record ends"""
+    deepest: _Length
+    """depth below which a record ends"""
+    sample_time: Annotated[float, Unit("s"), Field(gt=0.0)]
+    """time between two samples of the record"""
+    rest: _Time = 0.0
+    """time on record before each release, at rest"""
+    depth_noise: Annotated[float, Unit("m"), Field(ge=0.0)] = 0.0
+    """assumed white noise of the depth, 1 sigma"""
+    depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0)] = 0.0
+    """step between two depths that the sensor resolves"""
+    neutral_std: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
+    """how well the neutral volume at rest is known, 1 sigma; not given: not"""
+    expected: tuple[Expected, ...] = ()
+    """expected errors"""
+    experiments: Annotated[tuple[PlannedExperiment, ...], Field(min_length=1)]
+    """in the order in which to run them"""
 
     @model_validator(mode="after")
     def _in_the_pool(self) -> Self:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import tomllib
+from collections.abc import Iterator
 from importlib import resources
 from typing import Any, Literal, get_args, get_origin
 
@@ -14,7 +15,7 @@ from pydantic.fields import FieldInfo
 from swimbladder.control.registry import LAWS, law_by_name
 from swimbladder.io.vehicle_file import toml_value
 from swimbladder.vehicle import Vehicle, field_unit
-from swimbladder.vehicle.schema import dotted, listed_model, models_in, tags_of
+from swimbladder.vehicle.schema import dotted, listed_model, meanings, models_in, tags_of
 
 Table = dict[str, Any]
 _TEXT = resources.files("swimbladder.io").joinpath("examples.toml").read_text(encoding="utf-8")
@@ -44,51 +45,51 @@ def vehicle_template(kind: str, name: str = "my-vehicle") -> str:
         **_EXAMPLES["all"],
         **_EXAMPLES["kinds"][kind],
     }
-    lines: list[str] = []
-    _table(lines, Vehicle, example, (), off=False)
-    return _HEAD.format(kind=kind) + "\n".join(lines) + "\n"
+    lines = _table(Vehicle, example, (), off=False)
+    return _HEAD.format(kind=kind) + "\n".join([*lines, ""])
 
 
 def _table(
-    lines: list[str], model: type[BaseModel], given: Table, path: tuple[str, ...], *, off: bool
-) -> None:
-    """Append the fields of a table, then its sub-tables; `off` comments the fields out."""
+    model: type[BaseModel], given: Table, path: tuple[str, ...], *, off: bool
+) -> Iterator[str]:
+    """Give the lines of a table's fields, then of its sub-tables; `off` comments the fields out."""
     later = []
     for name, info in model.model_fields.items():
         if _tables(info) or get_origin(info.annotation) is dict:
-            later.append((name, info))
+            later.append(name)
             continue
         place = dotted((*path, name))
         active = name in given and not off
         value = toml_value(given[name]) if name in given else _default(model, name, info, place)
-        lines += [f"# {_meaning(model, name, info)}", f"{'' if active else '#'}{name} = {value}"]
-    for name, info in later:
-        _subtable(lines, info, given.get(name), (*path, name), off=off)
+        yield from (f"# {_meaning(model, name, info)}", f"{'' if active else '#'}{name} = {value}")
+    for name in later:
+        yield from _subtable(model, given.get(name), (*path, name), off=off)
 
 
 def _subtable(
-    lines: list[str], info: FieldInfo, given: Table | None, path: tuple[str, ...], *, off: bool
-) -> None:
-    """Append one sub-table with its heading."""
+    owner: type[BaseModel], given: Table | None, path: tuple[str, ...], *, off: bool
+) -> Iterator[str]:
+    """Give the lines of a sub-table of a table's class, its heading first."""
+    info = owner.model_fields[path[-1]]
     models, several = _tables(info), not models_in(info.annotation)
     if len(models) > 1:
         kind = (given or {})["kind"]
         models = [model for model in models if kind in tags_of(model)]
     off = off or (given is None and info.default in (None, ()))
-    words = inspect.cleandoc(models[0].__doc__ or "") if models else str(info.description)
-    lines += ["", *(f"# {line}".rstrip() for line in words.splitlines() if line)]
+    words = inspect.cleandoc(models[0].__doc__ or "") if models else meanings(owner)[path[-1]]
+    yield from ("", *(f"# {line}".rstrip() for line in words.splitlines() if line))
     heading = f"[[{dotted(path)}]]" if models and several else f"[{dotted(path)}]"
-    lines += [f"{'#' if off else ''}{heading}"]
+    yield f"{'#' if off else ''}{heading}"
     if models:
-        _table(lines, models[0], given or {}, path, off=off)
+        yield from _table(models[0], given or {}, path, off=off)
         return
     if path == ("controller", "parameters"):
         own = map(law_by_name, LAWS.own)
         units = next(law.units for law in own if set(given or {}) <= set(law.units))
         for key, value in (given or {}).items():
-            lines += [f"# [{units[key] or '-'}]", f"{key} = {toml_value(value)}"]
+            yield from (f"# [{units[key] or '-'}]", f"{key} = {toml_value(value)}")
     if path == ("provenance",):
-        lines.append('#"hull.psi" = "pressure test of 2024-05-02"')
+        yield '#"hull.psi" = "pressure test of 2024-05-02"'
 
 
 def _tables(info: FieldInfo) -> list[type[BaseModel]]:
@@ -99,7 +100,7 @@ def _tables(info: FieldInfo) -> list[type[BaseModel]]:
 
 def _meaning(model: type[BaseModel], name: str, info: FieldInfo) -> str:
     unit = field_unit(model, name)
-    text = info.description or "decides which fields this table has"
+    text = meanings(model).get(name, "decides which fields this table has")
     text += f" [{unit or '-'}]" if unit is not None else ""
     choices = get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
     return text + (f"; one of {', '.join(map(str, choices))}" if len(choices) > 1 else "")

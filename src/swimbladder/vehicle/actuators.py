@@ -17,19 +17,16 @@ Phase = Literal["descend", "park", "profile", "hold", "surface"]
 class Supply(Parameters):
     """The battery: the voltage that limits the motor, and what is in it."""
 
-    voltage: Annotated[float, Unit("V"), Field(gt=0.0)] = Field(description="open-circuit voltage")
-    internal_resistance: Annotated[float, Unit("ohm"), Field(ge=0.0)] = Field(
-        0.0, description="resistance of battery and leads"
-    )
-    capacity: Annotated[float, Unit("J"), Field(gt=0.0)] | None = Field(
-        None, description="energy in the full battery at 20 degC; not given: not stated"
-    )
-    cold_share: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)] = Field(
-        1.0, description="share of the capacity that can be drawn at 0 degC; linear in between"
-    )
-    self_discharge: Annotated[float, Unit("1/s"), Field(ge=0.0, le=1e-6)] = Field(
-        0.0, description="share of what is in it that is lost per time"
-    )
+    voltage: Annotated[float, Unit("V"), Field(gt=0.0)]
+    """open-circuit voltage"""
+    internal_resistance: Annotated[float, Unit("ohm"), Field(ge=0.0)] = 0.0
+    """resistance of battery and leads"""
+    capacity: Annotated[float, Unit("J"), Field(gt=0.0)] | None = None
+    """energy in the full battery at 20 degC; not given: not stated"""
+    cold_share: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)] = 1.0
+    """share of the capacity that can be drawn at 0 degC; linear in between"""
+    self_discharge: Annotated[float, Unit("1/s"), Field(ge=0.0, le=1e-6)] = 0.0
+    """share of what is in it that is lost per time"""
 
 
 class Driver(Parameters):
@@ -38,30 +35,25 @@ class Driver(Parameters):
     `energy` and `mission` count it, `simulate` does not.
     """
 
-    efficiency: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)] = Field(
-        1.0, description="share of the battery's power that reaches the motor"
-    )
-    standby_power: Annotated[float, Unit("W"), Field(ge=0.0)] = Field(
-        0.0, description="power it draws all the time, beside that of the motor"
-    )
-    regenerates: StrictBool = Field(
-        False, description="whether a motor driven by the sea charges the battery"
-    )
+    efficiency: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)] = 1.0
+    """share of the battery's power that reaches the motor"""
+    standby_power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0
+    """power it draws all the time, beside that of the motor"""
+    regenerates: StrictBool = False
+    """whether a motor driven by the sea charges the battery"""
 
 
 class Load(Parameters):
     """Something else that draws from the battery, counted by `mission`: a processor, a radio."""
 
-    name: str = Field(min_length=1, description="what draws it")
-    power: Annotated[float, Unit("W"), Field(ge=0.0)] = Field(
-        0.0, description="power while it is on"
-    )
-    phases: tuple[Phase, ...] = Field(
-        (), description="phases of a mission in which it is on; empty: all of them"
-    )
-    energy_per_surfacing: Annotated[float, Unit("J"), Field(ge=0.0)] = Field(
-        0.0, description="energy of what it does once at each surfacing"
-    )
+    name: str = Field(min_length=1)
+    """what draws it"""
+    power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0
+    """power while it is on"""
+    phases: tuple[Phase, ...] = ()
+    """phases of a mission in which it is on; empty: all of them"""
+    energy_per_surfacing: Annotated[float, Unit("J"), Field(ge=0.0)] = 0.0
+    """energy of what it does once at each surfacing"""
 
 
 _Ratio = Annotated[float, Unit(""), Field(gt=0.0)]
@@ -71,27 +63,20 @@ _Efficiency = Annotated[float, Unit(""), Field(gt=0.0, le=1.0)]
 class Motor(Parameters):
     """A voltage-driven permanent-magnet DC motor (Figs 2-3)."""
 
-    resistance: Annotated[float, Unit("ohm"), Field(gt=0.0)] = Field(
-        description="winding resistance R"
-    )
-    torque_constant: Annotated[float, Unit("N m/A"), Field(gt=0.0)] = Field(
-        description="torque constant k_T"
-    )
-    emf_constant: Annotated[float, Unit("V s/rad"), Field(gt=0.0)] | None = Field(
-        None, description="back electromotive force constant k_emf; equal to k_T where not given"
-    )
-    inductance: Annotated[float, Unit("H"), Field(ge=0.0)] = Field(
-        0.0, description="winding inductance L"
-    )
-    rotor_inertia: Annotated[float, Unit("kg m2"), Field(gt=0.0)] = Field(
-        description="inertia of the rotor J_m"
-    )
-    viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = Field(
-        0.0, description="viscous friction of the motor B_m"
-    )
-    friction_torque: Annotated[float, Unit("N m"), Field(ge=0.0)] = Field(
-        0.0, description="dry friction T_b: bearings, brushes, eddy currents"
-    )
+    resistance: Annotated[float, Unit("ohm"), Field(gt=0.0)]
+    """winding resistance R"""
+    torque_constant: Annotated[float, Unit("N m/A"), Field(gt=0.0)]
+    """torque constant k_T"""
+    emf_constant: Annotated[float, Unit("V s/rad"), Field(gt=0.0)] | None = None
+    """back electromotive force constant k_emf; equal to k_T where not given"""
+    inductance: Annotated[float, Unit("H"), Field(ge=0.0)] = 0.0
+    """winding inductance L"""
+    rotor_inertia: Annotated[float, Unit("kg m2"), Field(gt=0.0)]
+    """inertia of the rotor J_m"""
+    viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = 0.0
+    """viscous friction of the motor B_m"""
+    friction_torque: Annotated[float, Unit("N m"), Field(ge=0.0)] = 0.0
+    """dry friction T_b: bearings, brushes, eddy currents"""
 
     @property
     def k_emf(self) -> float:
@@ -102,61 +87,51 @@ class Motor(Parameters):
 class Oil(Parameters):
     """The oil of an electrohydraulic drive (eqs 1-2)."""
 
-    volume: Annotated[float, Unit("m3"), Field(gt=0.0)] = Field(
-        description="oil between the pump and the bladder or piston V_oil"
-    )
-    bulk_modulus: Annotated[float, Unit("Pa"), Field(gt=0.0)] = Field(
-        1.5e9, description="bulk modulus of the pure oil"
-    )
-    trapped_air: Annotated[float, Unit(""), Field(ge=0.0, lt=0.5)] = Field(
-        0.0, description="share of air in the oil, by volume at atmospheric pressure"
-    )
+    volume: Annotated[float, Unit("m3"), Field(gt=0.0)]
+    """oil between the pump and the bladder or piston V_oil"""
+    bulk_modulus: Annotated[float, Unit("Pa"), Field(gt=0.0)] = 1.5e9
+    """bulk modulus of the pure oil"""
+    trapped_air: Annotated[float, Unit(""), Field(ge=0.0, lt=0.5)] = 0.0
+    """share of air in the oil, by volume at atmospheric pressure"""
 
 
 class HydraulicDrive(Parameters):
     """Pump, pressure amplifier and bladder (Fig. 4, eqs 1-8)."""
 
-    pump_displacement: Annotated[float, Unit("m3/rev"), Field(gt=0.0)] = Field(
-        description="displacement of the pump D_p"
-    )
-    pump_efficiency: _Efficiency = Field(description="mechanical efficiency of the pump eta_p")
-    area_ratio: _Ratio = Field(1.0, description="pressure amplifier n_h = A1/A2; 1 without one")
-    pump_leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = Field(
-        0.0, description="leakage flow per unit pump pressure k_pl"
-    )
-    reflected_inertia: Annotated[float, Unit("kg m2"), Field(ge=0.0)] = Field(
-        0.0, description="inertia of pump, oil, piston and displaced water, at the motor shaft"
-    )
-    viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = Field(
-        0.0, description="viscous friction of pump and piping, at the motor shaft"
-    )
-    oil: Oil | None = Field(None, description="the oil, to see how far it gives way (eqs 1-2)")
+    pump_displacement: Annotated[float, Unit("m3/rev"), Field(gt=0.0)]
+    """displacement of the pump D_p"""
+    pump_efficiency: _Efficiency
+    """mechanical efficiency of the pump eta_p"""
+    area_ratio: _Ratio = 1.0
+    """pressure amplifier n_h = A1/A2; 1 without one"""
+    pump_leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = 0.0
+    """leakage flow per unit pump pressure k_pl"""
+    reflected_inertia: Annotated[float, Unit("kg m2"), Field(ge=0.0)] = 0.0
+    """inertia of pump, oil, piston and displaced water, at the motor shaft"""
+    viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = 0.0
+    """viscous friction of pump and piping, at the motor shaft"""
+    oil: Oil | None = None
+    """the oil, to see how far it gives way (eqs 1-2)"""
 
 
 class ScrewDrive(Parameters):
     """Gearbox, spindle and piston (Fig. 6)."""
 
-    lead: Annotated[float, Unit("m/rev"), Field(gt=0.0)] = Field(
-        description="travel of the piston per turn of the spindle"
-    )
-    gear_ratio: Annotated[float, Unit(""), Field(ge=1.0)] = Field(
-        1.0, description="turns of the motor per turn of the spindle"
-    )
-    efficiency: _Efficiency = Field(description="efficiency of gearbox and spindle eta_e")
-    back_efficiency: Annotated[float, Unit(""), Field(ge=-1.0, le=1.0)] | None = Field(
-        None, description="share of the load that turns the motor back; 0 or below: self-locking, "
-        "and the motor has to push the piston in; not given: the efficiency, as in the paper"
-    )  # fmt: skip
-    piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)] = Field(
-        description="area of the piston in contact with the water A"
-    )
-    reflected_inertia: Annotated[float, Unit("kg m2"), Field(ge=0.0)] = Field(
-        0.0,
-        description="inertia of screw drive and displaced water, at the motor shaft",
-    )
-    viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = Field(
-        0.0, description="viscous friction of the transmission, at the motor shaft"
-    )
+    lead: Annotated[float, Unit("m/rev"), Field(gt=0.0)]
+    """travel of the piston per turn of the spindle"""
+    gear_ratio: Annotated[float, Unit(""), Field(ge=1.0)] = 1.0
+    """turns of the motor per turn of the spindle"""
+    efficiency: _Efficiency
+    """efficiency of gearbox and spindle eta_e"""
+    back_efficiency: Annotated[float, Unit(""), Field(ge=-1.0, le=1.0)] | None = None
+    """share of the load that turns the motor back; 0 or below: self-locking, and the motor has to
+    push the piston in; not given: the efficiency, as in the paper"""
+    piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
+    """area of the piston in contact with the water A"""
+    reflected_inertia: Annotated[float, Unit("kg m2"), Field(ge=0.0)] = 0.0
+    """inertia of screw drive and displaced water, at the motor shaft"""
+    viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = 0.0
+    """viscous friction of the transmission, at the motor shaft"""
 
     @property
     def transmission_pitch(self) -> float:
@@ -168,67 +143,56 @@ class ElectrohydraulicActuator(Parameters):
     """Motor and hydraulic drive, both from datasheets (column a of Table 1)."""
 
     kind: Literal["electrohydraulic"] = "electrohydraulic"
-    motor: Motor = Field(description="the motor")
-    drive: HydraulicDrive = Field(description="pump, pressure amplifier and bladder")
-    literal_efficiency: StrictBool = Field(
-        False, description="divide the load by the efficiency in both directions, as eq. (7) prints"
-    )
+    motor: Motor
+    """the motor"""
+    drive: HydraulicDrive
+    """pump, pressure amplifier and bladder"""
+    literal_efficiency: StrictBool = False
+    """divide the load by the efficiency in both directions, as eq. (7) prints"""
 
 
 class ElectromechanicalActuator(Parameters):
     """Motor and screw drive, both from datasheets (column b of Table 1)."""
 
     kind: Literal["electromechanical"] = "electromechanical"
-    motor: Motor = Field(description="the motor")
-    drive: ScrewDrive = Field(description="gearbox, spindle and piston")
-    literal_efficiency: StrictBool = Field(
-        False, description="divide the load by the efficiency in both directions, as k_ze prints"
-    )
+    motor: Motor
+    """the motor"""
+    drive: ScrewDrive
+    """gearbox, spindle and piston"""
+    literal_efficiency: StrictBool = False
+    """divide the load by the efficiency in both directions, as k_ze prints"""
 
 
 class UnifiedActuator(Parameters):
     """The unified actuator of Fig. 8, Table 1 and eqs 11-12, its constants given directly."""
 
     kind: Literal["unified"] = "unified"
-    inertia: Annotated[float, Unit("kg m2"), Field(gt=0.0)] = Field(
-        description="inertia of all that turns, at the motor shaft, lambda"
-    )
-    k_u: Annotated[float, Unit("N m/V"), Field(gt=0.0)] = Field(
-        description="stall torque per volt k_u"
-    )
-    k_v: Annotated[float, Unit("N m s/rad"), Field(gt=0.0)] = Field(
-        description="torque lost per motor speed k_v"
-    )
-    k_q: Annotated[float, Unit("m3/rad"), Field(gt=0.0)] = Field(
-        description="volume per motor angle k_q"
-    )
-    k_z: Annotated[float, Unit("N m/m"), Field(ge=0.0)] = Field(
-        description="load torque per depth while the motor drives against the pressure k_z"
-    )
-    k_l: Annotated[float, Unit("m2/s"), Field(ge=0.0)] = Field(
-        0.0, description="volume leaked per time and depth k_l"
-    )
-    efficiency: _Efficiency | None = Field(
-        None,
-        description="efficiency of the transmission, by which back-driving multiplies the load; "
-        "not given: unknown",
-    )
-    back_efficiency: Annotated[float, Unit(""), Field(ge=-1.0, le=1.0)] | None = Field(
-        None, description="share of the load that turns the motor back, 0 or below: self-locking; "
-        "needs `efficiency`; not given: the same"
-    )  # fmt: skip
-    friction_torque: Annotated[float, Unit("N m"), Field(ge=0.0)] = Field(
-        0.0, description="dry friction at the motor shaft T_b"
-    )
-    resistance: Annotated[float, Unit("ohm"), Field(gt=0.0)] | None = Field(
-        None, description="winding resistance R, for current and power"
-    )
-    emf_constant: Annotated[float, Unit("V s/rad"), Field(gt=0.0)] | None = Field(
-        None, description="back electromotive force constant k_emf, for current"
-    )
-    literal_efficiency: StrictBool = Field(
-        False, description="divide the load by the efficiency in both directions, as printed"
-    )
+    inertia: Annotated[float, Unit("kg m2"), Field(gt=0.0)]
+    """inertia of all that turns, at the motor shaft, lambda"""
+    k_u: Annotated[float, Unit("N m/V"), Field(gt=0.0)]
+    """stall torque per volt k_u"""
+    k_v: Annotated[float, Unit("N m s/rad"), Field(gt=0.0)]
+    """torque lost per motor speed k_v"""
+    k_q: Annotated[float, Unit("m3/rad"), Field(gt=0.0)]
+    """volume per motor angle k_q"""
+    k_z: Annotated[float, Unit("N m/m"), Field(ge=0.0)]
+    """load torque per depth while the motor drives against the pressure k_z"""
+    k_l: Annotated[float, Unit("m2/s"), Field(ge=0.0)] = 0.0
+    """volume leaked per time and depth k_l"""
+    efficiency: _Efficiency | None = None
+    """efficiency of the transmission, by which back-driving multiplies the load; not given: unknown
+    """
+    back_efficiency: Annotated[float, Unit(""), Field(ge=-1.0, le=1.0)] | None = None
+    """share of the load that turns the motor back, 0 or below: self-locking; needs `efficiency`;
+    not given: the same"""
+    friction_torque: Annotated[float, Unit("N m"), Field(ge=0.0)] = 0.0
+    """dry friction at the motor shaft T_b"""
+    resistance: Annotated[float, Unit("ohm"), Field(gt=0.0)] | None = None
+    """winding resistance R, for current and power"""
+    emf_constant: Annotated[float, Unit("V s/rad"), Field(gt=0.0)] | None = None
+    """back electromotive force constant k_emf, for current"""
+    literal_efficiency: StrictBool = False
+    """divide the load by the efficiency in both directions, as printed"""
 
     @property
     def k_z_back(self) -> float:
@@ -259,39 +223,30 @@ class IdentifiedActuator(Parameters):
     """The actuator as identified in shallow water (eqs 21-24, 33)."""
 
     kind: Literal["identified"] = "identified"
-    K1: Annotated[float, Unit("m/s/V"), Field(gt=0.0)] = Field(
-        description="piston speed per volt, eq. (23)"
-    )
-    T1: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
-        description="time constant of the motor lambda/k_v, eq. (24)"
-    )
-    piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)] = Field(
-        description="area of the piston in contact with the water A"
-    )
-    depth_voltage: Annotated[float, Unit("V/m"), Field(ge=0.0)] = Field(
-        0.0, description="voltage that holds the piston against a metre of water k_z/k_u"
-    )
-    dead_zone: Annotated[float, Unit("V"), Field(ge=0.0)] = Field(
-        0.0, description="voltage below which the motor does not start, from dry friction T_b/k_u"
-    )
-    k_l: Annotated[float, Unit("m2/s"), Field(ge=0.0)] = Field(
-        0.0, description="volume leaked per time and depth k_l"
-    )
+    K1: Annotated[float, Unit("m/s/V"), Field(gt=0.0)]
+    """piston speed per volt, eq. (23)"""
+    T1: Annotated[float, Unit("s"), Field(gt=0.0)]
+    """time constant of the motor lambda/k_v, eq. (24)"""
+    piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
+    """area of the piston in contact with the water A"""
+    depth_voltage: Annotated[float, Unit("V/m"), Field(ge=0.0)] = 0.0
+    """voltage that holds the piston against a metre of water k_z/k_u"""
+    dead_zone: Annotated[float, Unit("V"), Field(ge=0.0)] = 0.0
+    """voltage below which the motor does not start, from dry friction T_b/k_u"""
+    k_l: Annotated[float, Unit("m2/s"), Field(ge=0.0)] = 0.0
+    """volume leaked per time and depth k_l"""
 
 
 class Positioner(Parameters):
     """A stepper-driven piston that goes to a commanded position at a constant speed."""
 
     kind: Literal["positioner"] = "positioner"
-    speed: Annotated[float, Unit("m/s"), Field(gt=0.0)] = Field(description="speed of the piston")
-    piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)] = Field(
-        description="area of the piston in contact with the water A"
-    )
-    moving_power: Annotated[float, Unit("W"), Field(ge=0.0)] | None = Field(
-        None,
-        description="electrical power of the motor while the piston moves; driver and battery "
-        "take theirs besides; not given: not known",
-    )
-    holding_power: Annotated[float, Unit("W"), Field(ge=0.0)] = Field(
-        0.0, description="electrical power of the motor while the piston is held"
-    )
+    speed: Annotated[float, Unit("m/s"), Field(gt=0.0)]
+    """speed of the piston"""
+    piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
+    """area of the piston in contact with the water A"""
+    moving_power: Annotated[float, Unit("W"), Field(ge=0.0)] | None = None
+    """electrical power of the motor while the piston moves; driver and battery take theirs besides;
+    not given: not known"""
+    holding_power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0
+    """electrical power of the motor while the piston is held"""

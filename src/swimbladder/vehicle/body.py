@@ -14,20 +14,15 @@ _ROUNDING = 1e-4  # share of the displaced volume by which its parts may miss it
 class Water(Parameters):
     """The water the vehicle moves in, of constant density."""
 
-    density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1100.0)] = Field(
-        1000.0, description="density of the water rho"
-    )
-    gravity: Annotated[float, Unit("m/s2"), Field(ge=9.7, le=9.9)] = Field(
-        9.80665, description="gravity g"
-    )
-    compressibility: Annotated[float, Unit("1/Pa"), Field(ge=0.0, le=1e-9)] = Field(
-        4.4e-10,
-        description="compressibility of this water, which the constant density leaves out and "
-        "psi counts beyond; that of sea water near the surface (TEOS-10), fresh water has 4.7e-10",
-    )
-    temperature: Annotated[float, Unit("degC"), Field(ge=-5.0, le=60.0)] = Field(
-        15.0, description="temperature in which trim_error holds"
-    )
+    density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1100.0)] = 1000.0
+    """density of the water rho"""
+    gravity: Annotated[float, Unit("m/s2"), Field(ge=9.7, le=9.9)] = 9.80665
+    """gravity g"""
+    compressibility: Annotated[float, Unit("1/Pa"), Field(ge=0.0, le=1e-9)] = 4.4e-10
+    """compressibility of this water, which the constant density leaves out and psi counts beyond;
+    that of sea water near the surface (TEOS-10), fresh water has 4.7e-10"""
+    temperature: Annotated[float, Unit("degC"), Field(ge=-5.0, le=60.0)] = 15.0
+    """temperature in which trim_error holds"""
 
     @property
     def specific_weight(self) -> float:
@@ -38,12 +33,13 @@ class Water(Parameters):
 class Stroke(Parameters):
     """The volume change that the end stops allow; 0 is mid-stroke, positive is lighter."""
 
-    minimum: Annotated[float, Unit("m3")] = Field(description="volume with the piston fully in")
-    maximum: Annotated[float, Unit("m3")] = Field(description="volume with the piston fully out")
-    switch_margin: Annotated[float, Unit("m3"), Field(ge=0.0)] | None = Field(
-        None, description="volume before either end stop at which a limit switch cuts the command "
-        "that drives on; the piston may coast to the stop; not given: no switches"
-    )  # fmt: skip
+    minimum: Annotated[float, Unit("m3")]
+    """volume with the piston fully in"""
+    maximum: Annotated[float, Unit("m3")]
+    """volume with the piston fully out"""
+    switch_margin: Annotated[float, Unit("m3"), Field(ge=0.0)] | None = None
+    """volume before either end stop at which a limit switch cuts the command that drives on; the
+    piston may coast to the stop; not given: no switches"""
 
     @property
     def lowest(self) -> float:
@@ -75,60 +71,45 @@ class Stroke(Parameters):
 class HullPart(Parameters):
     """A component that displaces water: a tube, a dome, foam, the oil outside it."""
 
-    name: str = Field(min_length=1, description="what the part is called")
-    volume: Annotated[float, Unit("m3"), Field(gt=0.0)] = Field(
-        description="water that it displaces at the surface, at reference_temperature"
-    )
-    compressibility: Annotated[float, Unit("1/Pa"), Field(ge=0.0, le=1e-7)] = Field(
-        description="share of that volume it loses per pressure"
-    )
-    thermal_expansion: Annotated[float, Unit("1/K"), Field(ge=-1e-3, le=1e-2)] = Field(
-        0.0, description="share of that volume it gains per kelvin (three times the linear one)"
-    )
-    stiffening: Annotated[float, Unit("1/Pa2"), Field(ge=-1e-14, le=1e-14)] = Field(
-        0.0,
-        description="what the compressibility loses per pressure, down to 0; negative: it grows",
-    )
+    name: str = Field(min_length=1)
+    """what the part is called"""
+    volume: Annotated[float, Unit("m3"), Field(gt=0.0)]
+    """water that it displaces at the surface, at reference_temperature"""
+    compressibility: Annotated[float, Unit("1/Pa"), Field(ge=0.0, le=1e-7)]
+    """share of that volume it loses per pressure"""
+    thermal_expansion: Annotated[float, Unit("1/K"), Field(ge=-1e-3, le=1e-2)] = 0.0
+    """share of that volume it gains per kelvin (three times the linear one)"""
+    stiffening: Annotated[float, Unit("1/Pa2"), Field(ge=-1e-14, le=1e-14)] = 0.0
+    """what the compressibility loses per pressure, down to 0; negative: it grows"""
 
 
 class Hull(Parameters):
     """The body: how much it displaces, how it compresses, where it emerges."""
 
-    displaced_volume: Annotated[float, Unit("m3"), Field(gt=0.0)] = Field(
-        description="volume displaced at mid-stroke V_p"
-    )
-    psi: Annotated[float, Unit("m3/m"), Field(ge=-1e-3, le=1e-3)] = Field(
-        description="volume the hull loses per metre beyond what the water does, eq. (31); "
-        "negative: the hull is stiffer than water"
-    )
-    waterplane_area: Annotated[float, Unit("m2"), Field(gt=0.0)] = Field(
-        description="cross-section of the hull at the water line"
-    )
-    emergence_depth: Annotated[float, Unit("m")] = Field(
-        0.0, description="depth of the pressure sensor at which the hull starts to emerge"
-    )
-    height: Annotated[float, Unit("m"), Field(gt=0.0)] = Field(
-        description="height of the part of the hull that can emerge"
-    )
-    depth_limit: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
-        None, description="depth the vehicle is rated for; not given: not stated"
-    )
-    trapped_air: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
-        0.0, description="air caught outside the hull, within displaced_volume, as it is at the "
-        "surface: Boyle's law, beside psi; for ballast, mission and a cast; else psi only"
-    )  # fmt: skip
-    reference_temperature: Annotated[float, Unit("degC"), Field(ge=-5.0, le=60.0)] = Field(
-        15.0, description="temperature of the hull at which it displaces displaced_volume"
-    )
-    thermal_time_constant: Annotated[float, Unit("s"), Field(ge=0.0, le=1e6)] = Field(
-        0.0, description="time in which the parts come within 1/e of the water's temperature; 0: "
-        "they have it at once; for mission and campaign"
-    )  # fmt: skip
-    parts: tuple[HullPart, ...] = Field(
-        (),
-        description="components of displaced_volume, for ballast, mission and simulate --cast; "
-        "none: one that psi tells of",
-    )
+    displaced_volume: Annotated[float, Unit("m3"), Field(gt=0.0)]
+    """volume displaced at mid-stroke V_p"""
+    psi: Annotated[float, Unit("m3/m"), Field(ge=-1e-3, le=1e-3)]
+    """volume the hull loses per metre beyond what the water does, eq. (31); negative: the hull is
+    stiffer than water"""
+    waterplane_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
+    """cross-section of the hull at the water line"""
+    emergence_depth: Annotated[float, Unit("m")] = 0.0
+    """depth of the pressure sensor at which the hull starts to emerge"""
+    height: Annotated[float, Unit("m"), Field(gt=0.0)]
+    """height of the part of the hull that can emerge"""
+    depth_limit: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
+    """depth the vehicle is rated for; not given: not stated"""
+    trapped_air: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
+    """air caught outside the hull, within displaced_volume, as it is at the surface: Boyle's law,
+    beside psi; for ballast, mission and a cast; else psi only"""
+    reference_temperature: Annotated[float, Unit("degC"), Field(ge=-5.0, le=60.0)] = 15.0
+    """temperature of the hull at which it displaces displaced_volume"""
+    thermal_time_constant: Annotated[float, Unit("s"), Field(ge=0.0, le=1e6)] = 0.0
+    """time in which the parts come within 1/e of the water's temperature; 0: they have it at once;
+    for mission and campaign"""
+    parts: tuple[HullPart, ...] = ()
+    """components of displaced_volume, for ballast, mission and simulate --cast; none: one that psi
+    tells of"""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -162,22 +143,17 @@ class Drag(Parameters):
     blended: k_dl w + k_dt w|w|.
     """
 
-    law: Literal["linear", "quadratic", "switched", "switched-literal", "blended"] = Field(
-        "linear", description="how the drag grows with speed"
-    )
-    k_dl: Annotated[float, Unit("N s/m"), Field(ge=0.0)] = Field(
-        0.0, description="laminar drag coefficient"
-    )
-    k_dt: Annotated[float, Unit("N s2/m2"), Field(ge=0.0)] = Field(
-        0.0, description="turbulent drag coefficient"
-    )
-    epsilon: Annotated[float, Unit("m/s"), Field(ge=0.0)] = Field(
-        0.0, description="speed at which drag turns turbulent"
-    )
-    rising_ratio: Annotated[float, Unit(""), Field(ge=0.1, le=10.0)] = Field(
-        1.0, description="drag while rising over that while sinking at the same speed, which the "
-        "coefficients give; for mission, ballast, energy and size, the others refuse it"
-    )  # fmt: skip
+    law: Literal["linear", "quadratic", "switched", "switched-literal", "blended"] = "linear"
+    """how the drag grows with speed"""
+    k_dl: Annotated[float, Unit("N s/m"), Field(ge=0.0)] = 0.0
+    """laminar drag coefficient"""
+    k_dt: Annotated[float, Unit("N s2/m2"), Field(ge=0.0)] = 0.0
+    """turbulent drag coefficient"""
+    epsilon: Annotated[float, Unit("m/s"), Field(ge=0.0)] = 0.0
+    """speed at which drag turns turbulent"""
+    rising_ratio: Annotated[float, Unit(""), Field(ge=0.1, le=10.0)] = 1.0
+    """drag while rising over that while sinking at the same speed, which the coefficients give; for
+    mission, ballast, energy and size, the others refuse it"""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -204,28 +180,24 @@ class PhysicalMotion(Parameters):
     """Masses and drag, each from where it comes."""
 
     kind: Literal["physical"] = "physical"
-    dry_mass: Annotated[float, Unit("kg"), Field(gt=0.0)] = Field(
-        description="mass of the vehicle in air"
-    )
-    entrained_mass: Annotated[float, Unit("kg"), Field(ge=0.0)] = Field(
-        0.0, description="mass of the water enclosed in free-flooded spaces"
-    )
-    added_mass: Annotated[float, Unit("kg"), Field(ge=0.0)] = Field(
-        0.0, description="mass of the water accelerated around the hull"
-    )
-    drag: Drag = Field(description="hydrodynamic drag, eq. (16)")
+    dry_mass: Annotated[float, Unit("kg"), Field(gt=0.0)]
+    """mass of the vehicle in air"""
+    entrained_mass: Annotated[float, Unit("kg"), Field(ge=0.0)] = 0.0
+    """mass of the water enclosed in free-flooded spaces"""
+    added_mass: Annotated[float, Unit("kg"), Field(ge=0.0)] = 0.0
+    """mass of the water accelerated around the hull"""
+    drag: Drag
+    """hydrodynamic drag, eq. (16)"""
 
 
 class IdentifiedMotion(Parameters):
     """The vertical motion as identified in shallow water (eqs 26-29); drag is laminar."""
 
     kind: Literal["identified"] = "identified"
-    K2: Annotated[float, Unit("1/m2/s"), Field(gt=0.0)] = Field(
-        description="speed per volume rho g/k_dl, eq. (28)"
-    )
-    T2: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
-        description="time constant m/k_dl, eq. (29)"
-    )
+    K2: Annotated[float, Unit("1/m2/s"), Field(gt=0.0)]
+    """speed per volume rho g/k_dl, eq. (28)"""
+    T2: Annotated[float, Unit("s"), Field(gt=0.0)]
+    """time constant m/k_dl, eq. (29)"""
 
 
 Motion = Annotated[PhysicalMotion | IdentifiedMotion, Field(discriminator="kind")]

@@ -21,27 +21,20 @@ class PowerLawPump(Parameters):
     """
 
     kind: Literal["power-law"] = "power-law"
-    delivery: Annotated[float, Unit("m3/s"), Field(gt=0.0)] = Field(
-        description="volume pressed out per time against no pressure"
-    )
-    slip: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = Field(
-        0.0,
-        description="delivery lost per pressure while it runs; through it `line` empties at rest",
-    )
-    idle_power: Annotated[float, Unit("W"), Field(ge=0.0)] = Field(
-        description="electrical power while it runs against no pressure"
-    )
-    power_per_pressure: Annotated[float, Unit("W/Pa"), Field(ge=0.0)] = Field(
-        description="what the electrical power grows by per pressure"
-    )
-    power_per_temperature: Annotated[float, Unit("W/K"), Field(le=0.0, ge=-10.0)] = Field(
-        0.0, description="what the electrical power grows by per kelvin above 15 degC, by which "
-        "warm oil is thinner; 0 or negative"
-    )  # fmt: skip
-    stall_pressure: Annotated[float, Unit("Pa"), Field(gt=0.0)] | None = Field(
-        None, description="pressure at which the motor stops or a relief valve opens; not given: "
-        "where the slip takes all of the delivery"
-    )  # fmt: skip
+    delivery: Annotated[float, Unit("m3/s"), Field(gt=0.0)]
+    """volume pressed out per time against no pressure"""
+    slip: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = 0.0
+    """delivery lost per pressure while it runs; through it `line` empties at rest"""
+    idle_power: Annotated[float, Unit("W"), Field(ge=0.0)]
+    """electrical power while it runs against no pressure"""
+    power_per_pressure: Annotated[float, Unit("W/Pa"), Field(ge=0.0)]
+    """what the electrical power grows by per pressure"""
+    power_per_temperature: Annotated[float, Unit("W/K"), Field(le=0.0, ge=-10.0)] = 0.0
+    """what the electrical power grows by per kelvin above 15 degC, by which warm oil is thinner; 0
+    or negative"""
+    stall_pressure: Annotated[float, Unit("Pa"), Field(gt=0.0)] | None = None
+    """pressure at which the motor stops or a relief valve opens; not given: where the slip takes
+    all of the delivery"""
 
 
 class DatasheetPump(Parameters):
@@ -52,12 +45,13 @@ class DatasheetPump(Parameters):
     """
 
     kind: Literal["datasheet"] = "datasheet"
-    motor: Motor = Field(description="the motor")
-    drive: HydraulicDrive = Field(description="pump and pressure amplifier")
-    speed: Annotated[float, Unit("rad/s"), Field(gt=0.0)] | None = Field(
-        None, description="motor speed that the driver holds while the supply's voltage allows; "
-        "not given: full voltage"
-    )  # fmt: skip
+    motor: Motor
+    """the motor"""
+    drive: HydraulicDrive
+    """pump and pressure amplifier"""
+    speed: Annotated[float, Unit("rad/s"), Field(gt=0.0)] | None = None
+    """motor speed that the driver holds while the supply's voltage allows; not given: full voltage
+    """
 
 
 Pump = Annotated[PowerLawPump | DatasheetPump, Field(discriminator="kind")]
@@ -66,13 +60,10 @@ Pump = Annotated[PowerLawPump | DatasheetPump, Field(discriminator="kind")]
 class Valve(Parameters):
     """A valve that lets oil back into the hull: an orifice, its flow the root of the pressure."""
 
-    flow: Annotated[float, Unit("m3/s/Pa^0.5"), Field(gt=0.0)] = Field(
-        description="volume let in per time and root of the pressure difference, "
-        "C_d A (2/rho_oil)^0.5"
-    )
-    power: Annotated[float, Unit("W"), Field(ge=0.0)] = Field(
-        0.0, description="electrical power while it is open"
-    )
+    flow: Annotated[float, Unit("m3/s/Pa^0.5"), Field(gt=0.0)]
+    """volume let in per time and root of the pressure difference, C_d A (2/rho_oil)^0.5"""
+    power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0
+    """electrical power while it is open"""
 
 
 class PumpAndValve(Parameters):
@@ -82,35 +73,29 @@ class PumpAndValve(Parameters):
     """
 
     kind: Literal["pump-valve"] = "pump-valve"
-    pump: Pump = Field(description="the pump with its motor")
-    valve: Valve = Field(description="the valve for small changes of volume")
-    bypass: Valve | None = Field(
-        None, description="a wide valve that empties the bladder at the surface"
-    )
-    line: Oil | None = Field(
-        None, description="the oil between pump and check valve, which has to come to the sea's "
-        "pressure before anything is pressed out, and empties through the pump while it stands"
-    )  # fmt: skip
-    internal_pressure: Annotated[float, Unit("Pa"), Field(ge=0.0, le=2e5)] = Field(
-        101325.0, description="absolute pressure of the gas around the oil reservoir in the hull"
-    )
-    leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = Field(
-        0.0, description="volume that seeps in per time and pressure while nothing runs"
-    )
-    creep: Annotated[float, Unit("m3/s"), Field(ge=0.0, le=1e-6)] = Field(
-        0.0, description="volume lost per time while nothing runs, whatever the pressure: oil that "
-        "seeps back or cools, seals that settle; what is pumped out makes up for it"
-    )  # fmt: skip
-    quantum: Annotated[float, Unit("s"), Field(ge=0.0)] = Field(
-        0.0, description="step of the time that pump and valve are on; also the shortest one"
-    )
-    start_volume: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
-        0.0, description="volume that each start of the pump falls short of its delivery, beside "
-        "what `line` takes: running up, valves that close late"
-    )  # fmt: skip
-    longest_run: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
-        None, description="longest time the pump is on in one action; not given: no limit"
-    )
+    pump: Pump
+    """the pump with its motor"""
+    valve: Valve
+    """the valve for small changes of volume"""
+    bypass: Valve | None = None
+    """a wide valve that empties the bladder at the surface"""
+    line: Oil | None = None
+    """the oil between pump and check valve, which has to come to the sea's pressure before anything
+    is pressed out, and empties through the pump while it stands"""
+    internal_pressure: Annotated[float, Unit("Pa"), Field(ge=0.0, le=2e5)] = 101325.0
+    """absolute pressure of the gas around the oil reservoir in the hull"""
+    leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = 0.0
+    """volume that seeps in per time and pressure while nothing runs"""
+    creep: Annotated[float, Unit("m3/s"), Field(ge=0.0, le=1e-6)] = 0.0
+    """volume lost per time while nothing runs, whatever the pressure: oil that seeps back or cools,
+    seals that settle; what is pumped out makes up for it"""
+    quantum: Annotated[float, Unit("s"), Field(ge=0.0)] = 0.0
+    """step of the time that pump and valve are on; also the shortest one"""
+    start_volume: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
+    """volume that each start of the pump falls short of its delivery, beside what `line` takes:
+    running up, valves that close late"""
+    longest_run: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
+    """longest time the pump is on in one action; not given: no limit"""
 
     @model_validator(mode="after")
     def _fits(self) -> Self:

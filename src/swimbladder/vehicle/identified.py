@@ -17,27 +17,20 @@ _Number = Annotated[float, Field(strict=True)]
 class Between(Parameters):
     """How logs of one vehicle differ, 1 sigma: the water, what hangs on the hull, the site."""
 
-    psi: Annotated[float, Unit("m3/m"), Field(ge=0.0)] = Field(
-        description="of psi: water that is warm at the top makes it smaller"
-    )
-    drag: Annotated[float, Unit(""), Field(ge=0.0)] = Field(
-        description="of the drag, both coefficients together, as a share"
-    )
-    neutral_drift: Annotated[float, Unit("m3/s")] = Field(
-        0.0, description="mean of the neutral volume's steady growth"
-    )
-    neutral_drift_std: Annotated[float, Unit("m3/s"), Field(ge=0.0)] = Field(
-        description="of that growth"
-    )
-    depth_noise: Annotated[float, Unit(""), Field(ge=0.0)] = Field(
-        0.0, description="of the logarithm of the depth's noise"
-    )
-    neutral_walk: Annotated[float, Unit(""), Field(ge=0.0)] = Field(
-        description="of the logarithm of the random walk's intensity"
-    )
-    acceleration_noise: Annotated[float, Unit(""), Field(ge=0.0)] = Field(
-        description="of the logarithm of the acceleration noise"
-    )
+    psi: Annotated[float, Unit("m3/m"), Field(ge=0.0)]
+    """of psi: water that is warm at the top makes it smaller"""
+    drag: Annotated[float, Unit(""), Field(ge=0.0)]
+    """of the drag, both coefficients together, as a share"""
+    neutral_drift: Annotated[float, Unit("m3/s")] = 0.0
+    """mean of the neutral volume's steady growth"""
+    neutral_drift_std: Annotated[float, Unit("m3/s"), Field(ge=0.0)]
+    """of that growth"""
+    depth_noise: Annotated[float, Unit(""), Field(ge=0.0)] = 0.0
+    """of the logarithm of the depth's noise"""
+    neutral_walk: Annotated[float, Unit(""), Field(ge=0.0)]
+    """of the logarithm of the random walk's intensity"""
+    acceleration_noise: Annotated[float, Unit(""), Field(ge=0.0)]
+    """of the logarithm of the acceleration noise"""
 
 
 class Identified(Parameters):
@@ -45,28 +38,25 @@ class Identified(Parameters):
     and the noise that a filter or a prediction has to allow for.
     """
 
-    names: tuple[IdentifiedName, ...] = Field(min_length=1, description="what was identified")
-    values: tuple[_Number, ...] = Field(description="their values in SI, in the order of names")
-    covariance: tuple[tuple[_Number, ...], ...] = Field(
-        description="covariance of the values in SI, a list for each row"
-    )
-    depth_noise: Annotated[float, Unit("m"), Field(ge=0.0)] = Field(
-        0.0, description="white noise of the logged depth, 1 sigma, its quantum included"
-    )
-    neutral_std: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
-        0.0, description="how far the neutral volume differs between experiments, 1 sigma"
-    )
-    neutral_walk: Annotated[float, Unit("m3/s^0.5"), Field(ge=0.0)] = Field(
-        0.0,
-        description="intensity of the neutral volume's random walk: its 1 sigma after a second",
-    )
-    acceleration_noise: Annotated[float, Unit("m/s/s^0.5"), Field(ge=0.0)] = Field(
-        0.0,
-        description="intensity of white acceleration, for what the model leaves out: 1 sigma of "
-        "the speed after a second",
-    )
-    logs: tuple[str, ...] = Field((), description="the logs that it was identified from")
-    between: Between | None = Field(None, description="how logs of this vehicle differ")
+    names: tuple[IdentifiedName, ...] = Field(min_length=1)
+    """what was identified"""
+    values: tuple[_Number, ...]
+    """their values in SI, in the order of names"""
+    covariance: tuple[tuple[_Number, ...], ...]
+    """covariance of the values in SI, a list for each row"""
+    depth_noise: Annotated[float, Unit("m"), Field(ge=0.0)] = 0.0
+    """white noise of the logged depth, 1 sigma, its quantum included"""
+    neutral_std: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
+    """how far the neutral volume differs between experiments, 1 sigma"""
+    neutral_walk: Annotated[float, Unit("m3/s^0.5"), Field(ge=0.0)] = 0.0
+    """intensity of the neutral volume's random walk: its 1 sigma after a second"""
+    acceleration_noise: Annotated[float, Unit("m/s/s^0.5"), Field(ge=0.0)] = 0.0
+    """intensity of white acceleration, for what the model leaves out: 1 sigma of the speed after a
+    second"""
+    logs: tuple[str, ...] = ()
+    """the logs that it was identified from"""
+    between: Between | None = None
+    """how logs of this vehicle differ"""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -1,15 +1,21 @@
 """The ground that parameter classes stand on: frozen, no unknown field, units, one kind of error.
 
 A field with ``Annotated[float, Unit("m3")]`` takes a number in that unit or a text with any unit of
-its kind. Whatever is wrong with the input becomes one InputError with field, value, unit and
-remedy, both from a file (`input_error`) and from a call in Python.
+its kind; the docstring below a field says what it means, in templates and in the reference too.
+Whatever is wrong with the input becomes one InputError with field, value, unit and remedy, both
+from a file (`input_error`) and from a call in Python.
 """
 
 from __future__ import annotations
 
+import ast
 import difflib
+import inspect
 import re
+import textwrap
 from collections.abc import Iterable
+from functools import cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Union, cast, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
@@ -85,6 +91,18 @@ def field_unit(model: type[BaseModel], name: str) -> str | None:
     for argument in get_args(info.annotation):
         found += [i for i in getattr(argument, "__metadata__", ()) if isinstance(i, Unit)]
     return found[0].text if found else None
+
+
+@cache
+def meanings(model: type[BaseModel]) -> dict[str, str]:
+    """Return what the fields of a parameter class mean, as the docstrings below them say."""
+    found: dict[str, str] = {}
+    (source,) = ast.parse(textwrap.dedent(inspect.getsource(model))).body
+    for field, doc in pairwise(source.body if isinstance(source, ast.ClassDef) else ()):
+        match field, doc:
+            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(ast.Constant(str(text))):
+                found[name] = " ".join(text.split())
+    return found
 
 
 def dotted(path: Iterable[str | int]) -> str:

@@ -29,30 +29,28 @@ _BY_NAME: dict[str, Mapping[Input, float]] = {
 class Correlation(Parameters):
     """How two inputs go together."""
 
-    of: tuple[Input, Input] = Field(description="the two inputs")
-    value: Annotated[float, Field(ge=-1.0, le=1.0)] = Field(description="their correlation")
+    of: tuple[Input, Input]
+    """the two inputs"""
+    value: Annotated[float, Field(ge=-1.0, le=1.0)]
+    """their correlation"""
 
 
 class Spread(Parameters):
     """1 sigma of what is not the same in all floats, normal and cut at 3 sigma."""
 
     schema_version: Literal[1] = 1
-    trim: Annotated[float, Unit("m3"), Field(ge=0.0, le=1.0)] = Field(
-        5e-6, description="of the neutral volume"
-    )
-    psi: Annotated[float, Unit("m3/m"), Field(ge=0.0, le=1.0)] = Field(
-        2e-9, description="of the hull's compression"
-    )
-    drag: Annotated[float, Unit(""), Field(ge=0.0, le=0.3)] = Field(
-        0.1, description="of the drag, as a share"
-    )
-    pump: Annotated[float, Unit(""), Field(ge=0.0, le=0.3)] = Field(
-        0.05, description="of the pump's delivery, as a share, which the processor does not know of"
-    )
-    mass: Annotated[float, Unit(""), Field(ge=0.0, le=0.3)] = Field(
-        0.0, description="of the mass that is accelerated, as a share; the trim is not changed"
-    )
-    correlation: tuple[Correlation, ...] = Field((), description="inputs that go together")
+    trim: Annotated[float, Unit("m3"), Field(ge=0.0, le=1.0)] = 5e-6
+    """of the neutral volume"""
+    psi: Annotated[float, Unit("m3/m"), Field(ge=0.0, le=1.0)] = 2e-9
+    """of the hull's compression"""
+    drag: Annotated[float, Unit(""), Field(ge=0.0, le=0.3)] = 0.1
+    """of the drag, as a share"""
+    pump: Annotated[float, Unit(""), Field(ge=0.0, le=0.3)] = 0.05
+    """of the pump's delivery, as a share, which the processor does not know of"""
+    mass: Annotated[float, Unit(""), Field(ge=0.0, le=0.3)] = 0.0
+    """of the mass that is accelerated, as a share; the trim is not changed"""
+    correlation: tuple[Correlation, ...] = ()
+    """inputs that go together"""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

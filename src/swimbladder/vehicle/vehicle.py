@@ -57,30 +57,25 @@ LawNumbers = dict[str, Annotated[float | str, BeforeValidator(_number_or_text)]]
 class Sensors(Parameters):
     """What the controller sees: white noise (1 sigma), then the quantum of the converter."""
 
-    depth_noise: Annotated[float, Unit("m"), Field(ge=0.0, lt=1e3)] = Field(
-        0.0, description="white noise of the measured depth, 1 sigma"
-    )
-    depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0, lt=1e3)] = Field(
-        0.0, description="step between two depths that the converter resolves"
-    )
-    volume_noise: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
-        0.0, description="white noise of the measured volume, 1 sigma"
-    )
-    volume_quantum: Annotated[float, Unit("m3"), Field(ge=0.0)] = Field(
-        0.0, description="step between two volumes that the converter resolves"
-    )
+    depth_noise: Annotated[float, Unit("m"), Field(ge=0.0, lt=1e3)] = 0.0
+    """white noise of the measured depth, 1 sigma"""
+    depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0, lt=1e3)] = 0.0
+    """step between two depths that the converter resolves"""
+    volume_noise: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
+    """white noise of the measured volume, 1 sigma"""
+    volume_quantum: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
+    """step between two volumes that the converter resolves"""
 
 
 class Controller(Parameters):
     """A control law by name, its sample time and its parameters (texts with units allowed)."""
 
-    law: str = Field(min_length=1, description="name of the control law")
-    sample_time: Annotated[float, Unit("s"), Field(gt=0.0)] = Field(
-        description="time between two samples"
-    )
-    parameters: LawNumbers = Field(
-        default_factory=dict, description="parameters of the law, as it names them"
-    )
+    law: str = Field(min_length=1)
+    """name of the control law"""
+    sample_time: Annotated[float, Unit("s"), Field(gt=0.0)]
+    """time between two samples"""
+    parameters: LawNumbers = Field(default_factory=dict)
+    """parameters of the law, as it names them"""
 
 
 class Supervisor(Parameters):
@@ -89,88 +84,81 @@ class Supervisor(Parameters):
     How each is derived: docs/explanation/supervisor.md. `swimbladder firmware` prints them all.
     """
 
-    depth_limit: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
-        None, description="depth at which it does; not given: 0.9 of where full buoyancy, hull "
-        "and motor (at `battery_low`) still do their part, less what is not known of the trim"
-    )  # fmt: skip
-    time_limit: Annotated[float, Unit("s"), Field(gt=0.0, le=3e9)] | None = Field(
-        None, description="time since the start at which it does; not given: never"
-    )
-    battery_low: Annotated[float, Unit("V"), Field(gt=0.0)] | None = Field(
-        None, description="voltage under load that is too low, for 10 s; not given: 0.8 of the "
-        "supply's, or none for a positioner"
-    )  # fmt: skip
-    bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = Field(
-        None, description="where the vehicle may lie on the bottom; not given: nowhere, since a "
-        "vehicle that lies there looks like one whose depth sensor has stopped"
-    )  # fmt: skip
-    neutral_range: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = Field(
-        None, description="how far the neutral volume may be from `trim_error`, drift and layers "
-        "of the water included; not given: a quarter of half the stroke, half of what is left "
-        "above `trim_error` at most"
-    )  # fmt: skip
-    neutral_change: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = Field(
-        None, description="how far the neutral volume may change in a dive from what its first "
-        "minute showed, layers of the water included; not given: a fifth of `neutral_range`"
-    )  # fmt: skip
-    model_error: Annotated[float, Unit(""), Field(gt=0.0, lt=1.0)] = Field(
-        0.3, description="share of the force on the vehicle, and of psi, that the model may miss"
-    )
-    patience: Annotated[float, Unit("s"), Field(gt=0.0, le=60.0)] = Field(
-        5.0, description="how long a sensor may fail, or the actuator not follow"
-    )
-    late: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
-        None, description="age of a depth that is late; not given: two samples, at least 1 s"
-    )
-    frozen: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
-        None, description="time in which the very same depth means a frozen sensor; not given: "
-        "what noise and quantum of the sensor make as good as impossible"
-    )  # fmt: skip
-    prove_after: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
-        None, description="a vehicle that begins to sink is pushed outward for a moment where its "
-        "actuator has not shown for so long that it can, and so is one whose depth was the very "
-        "same for so long; not given: 30 s, or never where psi is not above 0"
-    )  # fmt: skip
-    hold_voltage: Annotated[float, Unit("V"), Field(ge=0.0)] | None = Field(
-        None, description="voltage that keeps the volume at its largest; not given: what the sea's "
-        "load takes where it can just come up. 0 for a drive that holds by itself"
-    )  # fmt: skip
-    release_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = Field(
-        None, description="time of full buoyancy in which it has to rise by 1 m before the drop "
-        "weight is released; not given: twice that of the whole stroke and a minute"
-    )  # fmt: skip
+    depth_limit: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
+    """depth at which it does; not given: 0.9 of where full buoyancy, hull and motor (at
+    `battery_low`) still do their part, less what is not known of the trim"""
+    time_limit: Annotated[float, Unit("s"), Field(gt=0.0, le=3e9)] | None = None
+    """time since the start at which it does; not given: never"""
+    battery_low: Annotated[float, Unit("V"), Field(gt=0.0)] | None = None
+    """voltage under load that is too low, for 10 s; not given: 0.8 of the supply's, or none for a
+    positioner"""
+    bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
+    """where the vehicle may lie on the bottom; not given: nowhere, since a vehicle that lies there
+    looks like one whose depth sensor has stopped"""
+    neutral_range: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
+    """how far the neutral volume may be from `trim_error`, drift and layers of the water included;
+    not given: a quarter of half the stroke, half of what is left above `trim_error` at most"""
+    neutral_change: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
+    """how far the neutral volume may change in a dive from what its first minute showed, layers of
+    the water included; not given: a fifth of `neutral_range`"""
+    model_error: Annotated[float, Unit(""), Field(gt=0.0, lt=1.0)] = 0.3
+    """share of the force on the vehicle, and of psi, that the model may miss"""
+    patience: Annotated[float, Unit("s"), Field(gt=0.0, le=60.0)] = 5.0
+    """how long a sensor may fail, or the actuator not follow"""
+    late: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
+    """age of a depth that is late; not given: two samples, at least 1 s"""
+    frozen: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
+    """time in which the very same depth means a frozen sensor; not given: what noise and quantum of
+    the sensor make as good as impossible"""
+    prove_after: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
+    """a vehicle that begins to sink is pushed outward for a moment where its actuator has not shown
+    for so long that it can, and so is one whose depth was the very same for so long; not given: 30
+    s, or never where psi is not above 0"""
+    hold_voltage: Annotated[float, Unit("V"), Field(ge=0.0)] | None = None
+    """voltage that keeps the volume at its largest; not given: what the sea's load takes where it
+    can just come up. 0 for a drive that holds by itself"""
+    release_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
+    """time of full buoyancy in which it has to rise by 1 m before the drop weight is released; not
+    given: twice that of the whole stroke and a minute"""
 
 
 class Vehicle(Parameters):
     """A vehicle: everything that the simulator, the analysis and the controller need."""
 
-    schema_version: Literal[1] = Field(1, description="version of this file's format")
-    name: str = Field(min_length=1, description="what the vehicle is called")
-    description: str = Field("", description="one sentence on the vehicle")
-    provenance: dict[str, str] = Field(
-        default_factory=dict, description='where each number comes from: dotted field = "source"'
-    )
-    water: Water = Field(Water(), description="the water around the vehicle")
-    actuator: Actuator = Field(description="what changes the volume")
-    supply: Supply | None = Field(None, description="the battery; a positioner does without")
-    driver: Driver | None = Field(
-        None, description="the motor's driver; without it the driver loses nothing"
-    )
-    loads: tuple[Load, ...] = Field((), description="what else draws from the battery")
-    stroke: Stroke = Field(description="end stops of the volume, counted from mid-stroke")
-    hull: Hull = Field(description="the body")
-    motion: Motion = Field(description="mass and drag")
-    trim_error: Annotated[float, Unit("m3")] = Field(
-        0.0, description="volume at which the vehicle is neutral at the surface; 0 is mid-stroke"
-    )
-    sensors: Sensors = Field(Sensors(), description="what the controller sees")
-    controller: Controller | None = Field(None, description="what closes the loop")
-    supervisor: Supervisor = Field(
-        Supervisor(), description="when the firmware brings the vehicle up whatever the law says"
-    )
-    identified: Identified | None = Field(
-        None, description="how sure the identified numbers are, and the noise of the logs"
-    )
+    schema_version: Literal[1] = 1
+    """version of this file's format"""
+    name: str = Field(min_length=1)
+    """what the vehicle is called"""
+    description: str = ""
+    """one sentence on the vehicle"""
+    provenance: dict[str, str] = Field(default_factory=dict)
+    '''where each number comes from: dotted field = "source"'''
+    water: Water = Water()
+    """the water around the vehicle"""
+    actuator: Actuator
+    """what changes the volume"""
+    supply: Supply | None = None
+    """the battery; a positioner does without"""
+    driver: Driver | None = None
+    """the motor's driver; without it the driver loses nothing"""
+    loads: tuple[Load, ...] = ()
+    """what else draws from the battery"""
+    stroke: Stroke
+    """end stops of the volume, counted from mid-stroke"""
+    hull: Hull
+    """the body"""
+    motion: Motion
+    """mass and drag"""
+    trim_error: Annotated[float, Unit("m3")] = 0.0
+    """volume at which the vehicle is neutral at the surface; 0 is mid-stroke"""
+    sensors: Sensors = Sensors()
+    """what the controller sees"""
+    controller: Controller | None = None
+    """what closes the loop"""
+    supervisor: Supervisor = Supervisor()
+    """when the firmware brings the vehicle up whatever the law says"""
+    identified: Identified | None = None
+    """how sure the identified numbers are, and the noise of the logs"""
 
     @property
     def mass(self) -> float:

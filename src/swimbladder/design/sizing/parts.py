@@ -33,16 +33,26 @@ _Viscous = Annotated[float, Unit("N m s/rad"), Field(ge=0.0)]
 class MotorPart(Parameters):
     """A DC motor as its data sheet lists it for one winding."""
 
-    name: _Name = Field(description="what it is called")
-    voltage: _Volts = Field(description="nominal voltage of the winding that the numbers are for")
-    resistance: Annotated[float, Unit("ohm"), _Positive] = Field(description="of that winding")
-    torque_constant: _PerAmpere = Field(description="of that winding")
-    rotor_inertia: Annotated[float, Unit("kg m2"), _Positive] = Field(description="of the rotor")
-    viscous_friction: _Viscous = Field(0.0, description="loss in proportion to speed")
-    friction_torque: _Friction = Field(0.0, description="dry friction")
-    rated_torque: _Torque = Field(description="torque that it stands for hours")
-    largest_speed: _Speed = Field(description="speed that it may turn at")
-    mass: _Mass = Field(description="its mass")
+    name: _Name
+    """what it is called"""
+    voltage: _Volts
+    """nominal voltage of the winding that the numbers are for"""
+    resistance: Annotated[float, Unit("ohm"), _Positive]
+    """of that winding"""
+    torque_constant: _PerAmpere
+    """of that winding"""
+    rotor_inertia: Annotated[float, Unit("kg m2"), _Positive]
+    """of the rotor"""
+    viscous_friction: _Viscous = 0.0
+    """loss in proportion to speed"""
+    friction_torque: _Friction = 0.0
+    """dry friction"""
+    rated_torque: _Torque
+    """torque that it stands for hours"""
+    largest_speed: _Speed
+    """speed that it may turn at"""
+    mass: _Mass
+    """its mass"""
 
     def wound(self, voltage: float) -> Motor:
         """Return the motor with a winding for another nominal voltage [V].
@@ -63,19 +73,26 @@ class MotorPart(Parameters):
 class Pump(Parameters):
     """A pump of constant displacement."""
 
-    name: _Name = Field(description="what it is called")
-    displacement: Annotated[float, Unit("m3/rev"), _Positive] = Field(description="D_p")
-    efficiency: _Share = Field(description="mechanical efficiency eta_p")
-    leakage: _Leakage = Field(0.0, description="k_pl")
-    resting_leakage: _Leakage | None = Field(
-        None,
-        description="leakage while it rests, behind its check valve; not given: as while it runs",
-    )
-    reflected_inertia: _Inertia = Field(0.0, description="of the pump at its shaft")
-    viscous_friction: _Viscous = Field(0.0, description="loss in proportion to speed")
-    largest_pressure: _Pascal = Field(description="pressure it may work against")
-    largest_speed: _Speed = Field(description="speed that it may turn at")
-    mass: _Mass = Field(description="its mass")
+    name: _Name
+    """what it is called"""
+    displacement: Annotated[float, Unit("m3/rev"), _Positive]
+    """D_p"""
+    efficiency: _Share
+    """mechanical efficiency eta_p"""
+    leakage: _Leakage = 0.0
+    """k_pl"""
+    resting_leakage: _Leakage | None = None
+    """leakage while it rests, behind its check valve; not given: as while it runs"""
+    reflected_inertia: _Inertia = 0.0
+    """of the pump at its shaft"""
+    viscous_friction: _Viscous = 0.0
+    """loss in proportion to speed"""
+    largest_pressure: _Pascal
+    """pressure it may work against"""
+    largest_speed: _Speed
+    """speed that it may turn at"""
+    mass: _Mass
+    """its mass"""
 
     @property
     def at_rest(self) -> float:
@@ -86,76 +103,103 @@ class Pump(Parameters):
 class Amplifier(Parameters):
     """Two pistons on a rod between pump and water; area ratio 1 and no mass: none at all."""
 
-    name: _Name = Field(description="what it is called")
-    area_ratio: Annotated[float, Unit(""), _Positive] = Field(description="n_h = A1/A2")
-    efficiency: _Share = Field(description="share of the work that its seals let through")
-    mass: _Mass = Field(description="its mass")
+    name: _Name
+    """what it is called"""
+    area_ratio: Annotated[float, Unit(""), _Positive]
+    """n_h = A1/A2"""
+    efficiency: _Share
+    """share of the work that its seals let through"""
+    mass: _Mass
+    """its mass"""
 
 
 class Gear(Parameters):
     """A reduction gear between motor and screw."""
 
-    name: _Name = Field(description="what it is called")
-    ratio: Annotated[float, Unit(""), Field(ge=1.0)] = Field(description="motor turns per turn")
-    efficiency: _Share = Field(description="its efficiency")
-    rated_torque: _Torque = Field(description="torque that its output stands")
-    mass: _Mass = Field(description="its mass")
+    name: _Name
+    """what it is called"""
+    ratio: Annotated[float, Unit(""), Field(ge=1.0)]
+    """motor turns per turn"""
+    efficiency: _Share
+    """its efficiency"""
+    rated_torque: _Torque
+    """torque that its output stands"""
+    mass: _Mass
+    """its mass"""
 
 
 class Screw(Parameters):
     """A spindle with its nut."""
 
-    name: _Name = Field(description="what it is called")
-    lead: Annotated[float, Unit("m/rev"), _Positive] = Field(description="travel per turn")
-    efficiency: _Share = Field(description="from turning to travel")
-    largest_force: Annotated[float, Unit("N"), _Positive] = Field(description="axial load")
-    mass: _Mass = Field(description="its mass")
+    name: _Name
+    """what it is called"""
+    lead: Annotated[float, Unit("m/rev"), _Positive]
+    """travel per turn"""
+    efficiency: _Share
+    """from turning to travel"""
+    largest_force: Annotated[float, Unit("N"), _Positive]
+    """axial load"""
+    mass: _Mass
+    """its mass"""
 
 
 class Piston(Parameters):
     """A piston in contact with the water."""
 
-    name: _Name = Field(description="what it is called")
-    area: Annotated[float, Unit("m2"), _Positive] = Field(description="area in the water")
-    mass: _Mass = Field(description="its mass, with its cylinder")
+    name: _Name
+    """what it is called"""
+    area: Annotated[float, Unit("m2"), _Positive]
+    """area in the water"""
+    mass: _Mass
+    """its mass, with its cylinder"""
 
 
 class BatteryKind(Parameters):
     """Cells of one chemistry, as a pack."""
 
-    name: _Name = Field(description="what it is called")
-    specific_energy: _SpecificEnergy = Field(description="energy per mass of the pack")
-    usable: _Share = Field(description="share of it that can be taken out at 20 degC")
-    resistance: _Resistance = Field(0.0, description="internal resistance per open-circuit voltage")
-    cold_share: _Share = Field(
-        1.0, description="share of what can be taken out at 20 degC that 0 degC leaves"
-    )
-    self_discharge: _Loss = Field(0.0, description="share of what is in it that is lost per time")
+    name: _Name
+    """what it is called"""
+    specific_energy: _SpecificEnergy
+    """energy per mass of the pack"""
+    usable: _Share
+    """share of it that can be taken out at 20 degC"""
+    resistance: _Resistance = 0.0
+    """internal resistance per open-circuit voltage"""
+    cold_share: _Share = 1.0
+    """share of what can be taken out at 20 degC that 0 degC leaves"""
+    self_discharge: _Loss = 0.0
+    """share of what is in it that is lost per time"""
 
 
 class Parts(Parameters):
     """A list of parts; a vehicle is sized from what is in it and nothing else."""
 
-    schema_version: Literal[1] = Field(1, description="version of this file's format")
-    provenance: dict[str, str] = Field(
-        default_factory=dict, description='where the numbers come from: table = "source"'
-    )
-    supplies: Annotated[tuple[_Volts, ...], Field(min_length=1)] = Field(
-        description="battery voltages to try"
-    )
+    schema_version: Literal[1] = 1
+    """version of this file's format"""
+    provenance: dict[str, str] = Field(default_factory=dict)
+    '''where the numbers come from: table = "source"'''
+    supplies: Annotated[tuple[_Volts, ...], Field(min_length=1)]
+    """battery voltages to try"""
     windings: Annotated[tuple[Annotated[float, Unit(""), _Positive], ...], Field(min_length=1)] = (
-        Field((1.0,), description="windings to try, by their nominal voltage over the supply's")
+        1.0,
     )
-    motors: Annotated[tuple[MotorPart, ...], Field(min_length=1)] = Field(description="motors")
-    pumps: tuple[Pump, ...] = Field((), description="pumps")
-    amplifiers: tuple[Amplifier, ...] = Field((), description="pressure amplifiers, or none")
-    gears: tuple[Gear, ...] = Field((), description="gears")
-    screws: tuple[Screw, ...] = Field((), description="screws")
-    pistons: tuple[Piston, ...] = Field((), description="pistons")
-    batteries: Annotated[tuple[BatteryKind, ...], Field(min_length=1)] = Field(
-        description="kinds of batteries"
-    )
-    driver: Driver = Field(Driver(), description="the motor's driver; not given: it loses nothing")
+    """windings to try, by their nominal voltage over the supply's"""
+    motors: Annotated[tuple[MotorPart, ...], Field(min_length=1)]
+    """motors"""
+    pumps: tuple[Pump, ...] = ()
+    """pumps"""
+    amplifiers: tuple[Amplifier, ...] = ()
+    """pressure amplifiers, or none"""
+    gears: tuple[Gear, ...] = ()
+    """gears"""
+    screws: tuple[Screw, ...] = ()
+    """screws"""
+    pistons: tuple[Piston, ...] = ()
+    """pistons"""
+    batteries: Annotated[tuple[BatteryKind, ...], Field(min_length=1)]
+    """kinds of batteries"""
+    driver: Driver = Driver()
+    """the motor's driver; not given: it loses nothing"""
 
     def with_driver(
         self, efficiency: float | None = None, standby_power: float | None = None

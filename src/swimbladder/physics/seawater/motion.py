@@ -36,34 +36,36 @@ class InternalWave(Parameters):
     where it rests. Pressure stays that of the water at rest.
     """
 
-    amplitude: Annotated[float, Unit("m"), Field(ge=0.0, le=1000.0)] = Field(
-        description="largest displacement of a layer"
-    )
-    period: Annotated[float, Unit("s"), Field(ge=30.0)] = Field(description="period")
-    water_depth: Annotated[float, Unit("m"), Field(gt=0.0)] = Field(
-        description="depth of the bottom, where the water is at rest"
-    )
-    mode: Annotated[int, Field(ge=1, le=100)] = Field(
-        1, description="vertical mode: layers between surface and bottom that move as one"
-    )
-    phase: Annotated[float, Unit("rad")] = Field(0.0, description="phase at the start")
+    amplitude: Annotated[float, Unit("m"), Field(ge=0.0, le=1000.0)]
+    """largest displacement of a layer"""
+    period: Annotated[float, Unit("s"), Field(ge=30.0)]
+    """period"""
+    water_depth: Annotated[float, Unit("m"), Field(gt=0.0)]
+    """depth of the bottom, where the water is at rest"""
+    mode: Annotated[int, Field(ge=1, le=100)] = 1
+    """vertical mode: layers between surface and bottom that move as one"""
+    phase: Annotated[float, Unit("rad")] = 0.0
+    """phase at the start"""
 
 
 class Swell(Parameters):
     """Surface waves over deep water: their motion decays by e^(-k z)."""
 
-    amplitude: Annotated[float, Unit("m"), Field(ge=0.0, le=20.0)] = Field(
-        description="half the height of the waves"
-    )
-    period: Annotated[float, Unit("s"), Field(ge=1.0, le=30.0)] = Field(description="period")
-    phase: Annotated[float, Unit("rad")] = Field(0.0, description="phase at the start")
+    amplitude: Annotated[float, Unit("m"), Field(ge=0.0, le=20.0)]
+    """half the height of the waves"""
+    period: Annotated[float, Unit("s"), Field(ge=1.0, le=30.0)]
+    """period"""
+    phase: Annotated[float, Unit("rad")] = 0.0
+    """phase at the start"""
 
 
 class WaterMotion(Parameters):
     """All the waves that move the water at once; none: it is at rest."""
 
-    internal_waves: tuple[InternalWave, ...] = Field((), description="internal waves")
-    swell: tuple[Swell, ...] = Field((), description="swell")
+    internal_waves: tuple[InternalWave, ...] = ()
+    """internal waves"""
+    swell: tuple[Swell, ...] = ()
+    """swell"""
 
 
 def check_motion(motion: WaterMotion, column: Column) -> None:
