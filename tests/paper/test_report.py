@@ -14,8 +14,8 @@ from matplotlib.image import imread
 from swimbladder.errors import InputError
 from swimbladder.io.files import publish
 from swimbladder.paper import AMOUNT, reproduce, tables
-from swimbladder.paper.errata import ERRATA, SILENT
 from swimbladder.paper.evidence import gather
+from swimbladder.paper.page import ERRATA
 from swimbladder.paper.verdict import Known, Verdict, claim, number
 
 DOCS = Path(__file__).parents[2] / "docs" / "explanation"
@@ -340,8 +340,7 @@ def test_a_claim_agrees_is_explained_or_fails():
 
 def test_table_1_is_from_the_datasheets():
     """By hand from the two examples' datasheets."""
-    table = tables.table1(gather_once())
-    cells = {row[0]: row[2:4] for row in table.rows}
+    cells = {row[0]: row[2:4] for row in tables.table1(gather_once())}
     assert cells["k_u"] == (f"{0.0603 / 1.16:.4g} N m/V", f"{0.02967 / 1.523:.4g} N m/V")
     k_qh, k_qe = 0.08e-6 / (2 * math.pi), 0.002 / 24 * 75e-4 / (2 * math.pi)
     assert cells["k_q"] == (f"{k_qh:.4g} m3/rad", f"{k_qe:.4g} m3/rad")
@@ -351,8 +350,7 @@ def test_table_1_is_from_the_datasheets():
 
 
 def test_table_2_has_paper_and_ours_side_by_side(made):
-    table = tables.table2(gather_once())
-    rows = {row[0]: row[1:] for row in table.rows}
+    rows = {row[0]: row[1:] for row in tables.table2(gather_once())}
     found = made[1]["table2"]
     assert rows["(26), V to dz/dt"][:3] == ("-7935.54", "36.3", f"{-found['row_26']['K2']:.2f}")
     assert rows["(27), V to z"][:3] == ("-7634.95", "35.7", f"{-found['row_27']['K2']:.2f}")
@@ -371,8 +369,9 @@ def gather_once():
 def test_the_errata_of_the_report_are_those_of_the_documentation():
     text = (DOCS / "errata.md").read_text(encoding="utf-8").replace("\\", "")
     listed = [line for line in text.splitlines() if line.startswith("| ")]
-    for erratum in (*ERRATA, *SILENT):
-        assert f"| {erratum.where} | {erratum.printed} | {erratum.right} |" in listed
+    errata = [*ERRATA["errata"], *ERRATA["silent"]]
+    for erratum in errata:
+        assert "| {where} | {printed} | {right} |".format(**erratum) in listed
     heads = 2
-    assert len(listed) == len(ERRATA) + len(SILENT) + heads
+    assert len(listed) == len(errata) + heads
     assert "10.3390/act12100380" in text

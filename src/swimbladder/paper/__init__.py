@@ -1,8 +1,8 @@
 """The paper redone: every figure, table, equation and published number, in one report.
 
 `evidence` simulates and fits, `equations_actuator` and `equations_motion` check (1) to (37),
-`published` and `independent` compare numbers, `verdict` says what a comparison comes to, `errata`
-lists where the text is wrong, `tables` and `page` put it together, `files` has its curves.
+`published` compares numbers, `verdict` says what a comparison comes to, `tables` and `page` put it
+together, `files` has its curves. The texts stand in TOML files beside the modules.
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ from swimbladder.paper.equations_actuator import actuator_checks
 from swimbladder.paper.equations_motion import motion_checks
 from swimbladder.paper.evidence import STAGES, gather
 from swimbladder.paper.files import trajectories
-from swimbladder.paper.independent import independent
 from swimbladder.paper.page import FIGURES, Judged, answer, draw, page
-from swimbladder.paper.published import published
+from swimbladder.paper.published import independent, published
 from swimbladder.show.files import write_all
 
 __all__ = ["AMOUNT", "reproduce"]

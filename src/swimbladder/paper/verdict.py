@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -121,7 +122,62 @@ def deviation(ours: Any, other: Any) -> float:
     return float(np.max(np.abs(a - b) / np.abs(b)))
 
 
-_CHECKS = tomllib.loads(Path(__file__).with_name("equations.toml").read_text(encoding="utf-8"))
+def texts(name: str) -> dict[str, Any]:
+    """Return what a file beside this one says, by name."""
+    return tomllib.loads(Path(__file__).with_name(f"{name}.toml").read_text(encoding="utf-8"))
+
+
+_CHECKS, _FINDINGS = texts("equations"), texts("published")
+
+
+def _about(name: str, numbers: Mapping[str, object]) -> dict[str, Any]:
+    said = _FINDINGS[name].items()
+    return {key: x.format(**numbers) if isinstance(x, str) else x for key, x in said}
+
+
+def compared(
+    name: str,
+    ours: float,
+    /,
+    *,
+    expected: float | None = None,
+    observed: float | None = None,
+    paper: float | None = None,
+    unit: str | None = None,
+    **numbers: object,
+) -> Finding:
+    """Return the comparison of a number with that of published.toml, as that says.
+
+    expected: what the reason there leads one to expect of ours, or of what is `observed` in its
+    place; paper, unit: where the file leaves them open; numbers: those in its texts, beside these.
+    """
+    about = _about(name, {"ours": ours, "expected": expected, "observed": observed, **numbers})
+    reason, near = about.pop("reason", ""), about.pop("reason_within", 0.0)
+    about |= {} if paper is None else {"paper": paper}
+    about |= {} if unit is None else {"unit": unit}
+    if "half" in about:
+        about["within"] = about.pop("half") / abs(about["paper"])
+    known = None
+    if expected is not None:
+        known = Known(why=reason, value=expected, within=near, observed=observed)
+    return number(ours=ours, known=known, **about)
+
+
+def judged(
+    name: str,
+    holds: bool,
+    value: float | None = None,
+    /,
+    *,
+    accounted_for: bool = False,
+    **numbers: object,
+) -> Finding:
+    """Return the comparison of a claim of published.toml with what was computed, see `claim`.
+
+    numbers: those in its texts, beside the value.
+    """
+    about = _about(name, {"value": value, **numbers})
+    return claim(holds=holds, accounted_for=accounted_for, value=value, **about)
 
 
 def check(number: int, value: float, **numbers: object) -> EquationCheck:
