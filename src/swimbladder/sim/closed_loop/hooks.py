@@ -19,24 +19,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 from numba import types
 from numba.extending import overload
 
-from swimbladder.sim.closed_loop.rows import (
-    DRIFT,
-    HIGH_V,
-    LEAK,
-    LOST,
-    LOW_V,
-    MODE,
-    N_PLANT,
-    PLANT,
-    SEEN_VOLUME,
-    SWELL,
-    SWELL_DECAY,
-    SWELL_OMEGA,
-    SWELL_PHASE,
-    WATER,
-    V,
-    Z,
-)
+from swimbladder.sim.closed_loop.rows import N_PLANT, Row
 from swimbladder.sim.engine.cache import OVERLOADED, inlined, part
 from swimbladder.sim.engine.modes import BOTTOM, V_MAX, V_MIN, resting_volume, split
 
@@ -48,9 +31,9 @@ def _swell(S, W_, i, t):  # type: ignore[no-untyped-def]
     A neutral hull moves with the water, and the pressure it sees stays as it is (Airy waves); this
     is what is left of a hull that is long or not neutral. It dies out as exp(-omega^2 z/g).
     """
-    fades = math.exp(-S[SWELL_DECAY * W_ + i] * max(S[Z * W_ + i], 0.0))
-    angle = S[SWELL_OMEGA * W_ + i] * t + S[SWELL_PHASE * W_ + i]
-    return S[SWELL * W_ + i] * fades * math.cos(angle)
+    fades = math.exp(-S[Row.SWELL_DECAY * W_ + i] * max(S[Row.Z * W_ + i], 0.0))
+    angle = S[Row.SWELL_OMEGA * W_ + i] * t + S[Row.SWELL_PHASE * W_ + i]
+    return S[Row.SWELL * W_ + i] * fades * math.cos(angle)
 
 
 @part
@@ -59,21 +42,23 @@ def lose(S, W_, i, p, t, dt, layers):  # type: ignore[no-untyped-def]
 
     p: room for the lane's parameters.
     """
-    S[WATER * W_ + i] += S[LEAK * W_ + i] * dt
-    lost = S[WATER * W_ + i] + S[DRIFT * W_ + i] * t
-    if S[SWELL * W_ + i] > 0.0:
+    S[Row.WATER * W_ + i] += S[Row.LEAK * W_ + i] * dt
+    lost = S[Row.WATER * W_ + i] + S[Row.DRIFT * W_ + i] * t
+    if S[Row.SWELL * W_ + i] > 0.0:
         lost += _swell(S, W_, i, t)
-    change = lost - S[LOST * W_ + i]
+    change = lost - S[Row.LOST * W_ + i]
     if change != 0.0:
-        S[LOST * W_ + i] = lost
-        S[V * W_ + i] -= change
-        for row in (PLANT + V_MIN, PLANT + V_MAX, LOW_V, HIGH_V):
-            S[row * W_ + i] -= change
-        if split(int(S[MODE * W_ + i]))[2] == BOTTOM:
+        S[Row.LOST * W_ + i] = lost
+        S[Row.V * W_ + i] -= change
+        S[Row.LOW_V * W_ + i] -= change
+        S[Row.HIGH_V * W_ + i] -= change
+        for own in (V_MIN, V_MAX):
+            S[(Row.PLANT + own) * W_ + i] -= change
+        if split(int(S[Row.MODE * W_ + i]))[2] == BOTTOM:
             for n in range(N_PLANT):
-                p[n] = S[(PLANT + n) * W_ + i]
-            S[HIGH_V * W_ + i] = min(p[V_MAX], resting_volume(p, layers, S[Z * W_ + i]))
-    S[SEEN_VOLUME * W_ + i] = S[V * W_ + i] + lost
+                p[n] = S[(Row.PLANT + n) * W_ + i]
+            S[Row.HIGH_V * W_ + i] = min(p[V_MAX], resting_volume(p, layers, S[Row.Z * W_ + i]))
+    S[Row.SEEN_VOLUME * W_ + i] = S[Row.V * W_ + i] + lost
 
 
 class Hooks(NamedTuple):

@@ -16,51 +16,13 @@ from swimbladder.sim.closed_loop.dispatch import extent, gather, law_initial, sc
 from swimbladder.sim.closed_loop.hooks import begin, lose, sense
 from swimbladder.sim.closed_loop.lane import commit, decide, judge, leap_lane, set_mode
 from swimbladder.sim.closed_loop.pumped import LAW_NOT_FINITE, decide_lanes, move_lanes
-from swimbladder.sim.closed_loop.rows import (
-    APPLIED,
-    COMMAND,
-    DEPTH_NOISE,
-    DEPTH_QUANTUM,
-    EVENTS,
-    FROM,
-    FURTHEST,
-    LAW,
-    LOST,
-    MODE,
-    N_PLANT,
-    OUTSIDE2,
-    PER_SPAN,
-    PLANT,
-    REFERENCE,
-    RISE90,
-    SEEN_DEPTH,
-    SEEN_VOLUME,
-    SLOW,
-    SQUARES,
-    STOP_TICK,
-    STOPPED,
-    TROUBLE,
-    VOLUME_NOISE,
-    VOLUME_QUANTUM,
-    Q,
-    V,
-    W,
-    Z,
-)
+from swimbladder.sim.closed_loop.rows import N_PLANT, Row
+from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.advance import DONE, advance
 from swimbladder.sim.engine.books import decays, enter
 from swimbladder.sim.engine.cache import compiled, inlined, part, shared, wide
 from swimbladder.sim.engine.chain import leap
-from swimbladder.sim.engine.modes import (
-    A_S,
-    EMERGING,
-    EPSILON,
-    POSITIONER,
-    QUICK_BOBBING,
-    V_MAX,
-    V_MIN,
-    first_mode,
-)
+from swimbladder.sim.engine.modes import first_mode
 from swimbladder.sim.engine.sensor import Sensor, measured
 
 OVER = 6  # why a lane stopped, beside engine.advance: by its hooks
@@ -71,11 +33,11 @@ def measure_block(S, token, noise, k):  # type: ignore[no-untyped-def]
     """Write what the sensors give."""
     W_ = len(token)
     for i in range(W_):
-        of_depth = Sensor(S[DEPTH_NOISE * W_ + i], S[DEPTH_QUANTUM * W_ + i])
-        of_volume = Sensor(S[VOLUME_NOISE * W_ + i], S[VOLUME_QUANTUM * W_ + i])
-        S[SEEN_DEPTH * W_ + i] = measured(of_depth, S[Z * W_ + i], noise[k, 0, i])
-        volume = S[V * W_ + i] + S[LOST * W_ + i]
-        S[SEEN_VOLUME * W_ + i] = measured(of_volume, volume, noise[k, 1, i])
+        of_depth = Sensor(S[Row.DEPTH_NOISE * W_ + i], S[Row.DEPTH_QUANTUM * W_ + i])
+        of_volume = Sensor(S[Row.VOLUME_NOISE * W_ + i], S[Row.VOLUME_QUANTUM * W_ + i])
+        S[Row.SEEN_DEPTH * W_ + i] = measured(of_depth, S[Row.Z * W_ + i], noise[k, 0, i])
+        volume = S[Row.V * W_ + i] + S[Row.LOST * W_ + i]
+        S[Row.SEEN_VOLUME * W_ + i] = measured(of_volume, volume, noise[k, 1, i])
 
 
 @part
@@ -83,14 +45,14 @@ def _set_targets(S, token, depths):  # type: ignore[no-untyped-def]
     """Give every lane a set-point, and begin to follow its step response."""
     W_ = len(token)
     for i in range(W_):
-        z = S[Z * W_ + i]
-        S[REFERENCE * W_ + i] = depths[i]
-        S[FROM * W_ + i] = z
-        S[PER_SPAN * W_ + i] = 1.0 / (depths[i] - z) if depths[i] != z else np.nan
-        S[FURTHEST * W_ + i] = 0.0
-        S[RISE90 * W_ + i] = np.inf
-        S[OUTSIDE2 * W_ + i] = -1.0
-        S[SQUARES * W_ + i] = 0.0
+        z = S[Row.Z * W_ + i]
+        S[Row.REFERENCE * W_ + i] = depths[i]
+        S[Row.FROM * W_ + i] = z
+        S[Row.PER_SPAN * W_ + i] = 1.0 / (depths[i] - z) if depths[i] != z else np.nan
+        S[Row.FURTHEST * W_ + i] = 0.0
+        S[Row.RISE90 * W_ + i] = np.inf
+        S[Row.OUTSIDE2 * W_ + i] = -1.0
+        S[Row.SQUARES * W_ + i] = 0.0
 
 
 @part
@@ -107,12 +69,12 @@ def _tick(S, token, bend, sea, like, like_state, k, t, since, tick):  # type: ig
         judge(S, W_, i, since)
         u = decide(S, W_, i, (), like, like_state, k, t, per_tick)
         q1, v1, z1, w1, ok = leap_lane(S, W_, i, u, tick, len(bend) > 0)
-        q, v = S[Q * W_ + i], S[V * W_ + i]
-        z, w = S[Z * W_ + i], S[W * W_ + i]
+        q, v = S[Row.Q * W_ + i], S[Row.V * W_ + i]
+        z, w = S[Row.Z * W_ + i], S[Row.W * W_ + i]
         commit(
             S, W_, i, sea, q1 if ok else q, v1 if ok else v, z1 if ok else z, w1 if ok else w
         )  # fmt: skip
-        S[TROUBLE * W_ + i] = 0.0 if ok else 1.0
+        S[Row.TROUBLE * W_ + i] = 0.0 if ok else 1.0
         troubled += 0 if ok else 1
     return troubled
 
@@ -121,9 +83,9 @@ def _tick(S, token, bend, sea, like, like_state, k, t, since, tick):  # type: ig
 def _start_laws(S, token, like, t):  # type: ignore[no-untyped-def]
     W_ = len(token)
     for i in range(W_):
-        seen = Measurement(t, S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i])
-        state = law_initial(gather(like, S, LAW * W_ + i, W_), seen, S[REFERENCE * W_ + i])
-        scatter_where(True, state, S, (LAW + extent(like)) * W_ + i, W_)
+        seen = Measurement(t, S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i])
+        state = law_initial(gather(like, S, Row.LAW * W_ + i, W_), seen, S[Row.REFERENCE * W_ + i])
+        scatter_where(True, state, S, (Row.LAW + extent(like)) * W_ + i, W_)
 
 
 @compiled
@@ -163,7 +125,7 @@ def run_block(  # type: ignore[no-untyped-def]
                 lose(S, W_, i, p, t, tick if k > 0 else 0.0, layers)
             kept[0] = -1
         if begin(hooks, S, k, built):
-            S[STOPPED] = OVER if S[STOPPED] == 0.0 else S[STOPPED]
+            S[Row.STOPPED] = OVER if S[Row.STOPPED] == 0.0 else S[Row.STOPPED]
             break
         if noise.shape[0] > 0:
             measure_block(S, token, noise, k - first)
@@ -184,7 +146,7 @@ def run_block(  # type: ignore[no-untyped-def]
         if len(token) > 1 and whole and k < turn.shape[0] - 1:
             if _tick(S, token, bend, sea, like, like_state, k, t, since, tick) > 0:
                 for i in range(W_):
-                    if S[TROUBLE * W_ + i] != 0.0:
+                    if S[Row.TROUBLE * W_ + i] != 0.0:
                         _take_slowly(
                             S, token, i, k, t, h, bend, sea, p, x, y,
                             chains[i], built[i], books[i], log[i], count[i], layers,
@@ -199,9 +161,9 @@ def run_block(  # type: ignore[no-untyped-def]
             break
         for n in range(parts):
             for i in range(W_):
-                bent = len(bend) > 0 and S[(PLANT + EPSILON) * W_ + i] < np.inf
+                bent = len(bend) > 0 and S[(Row.PLANT + modes.EPSILON) * W_ + i] < np.inf
                 if books.shape[1] == 0:
-                    q1, v1, z1, w1, ok = leap_lane(S, W_, i, S[APPLIED * W_ + i], h, bent)
+                    q1, v1, z1, w1, ok = leap_lane(S, W_, i, S[Row.APPLIED * W_ + i], h, bent)
                     if ok:
                         commit(S, W_, i, sea, q1, v1, z1, w1)
                         continue
@@ -224,19 +186,19 @@ def _leap_with_books(  # type: ignore[no-untyped-def]
 
     kept: the lane and the mode whose parameters p and transients `decay` are loaded.
     """
-    mode = int(S[MODE * W_ + i])
+    mode = int(S[Row.MODE * W_ + i])
     if kept[0] != i or kept[1] != mode:
         for n in range(N_PLANT):
-            p[n] = S[(PLANT + n) * W_ + i]
+            p[n] = S[(Row.PLANT + n) * W_ + i]
         decays(p, mode, h, decay)
         kept[0], kept[1] = i, mode
-    if mode // 20 == EMERGING and h * h * p[A_S] > QUICK_BOBBING:
+    if mode // 20 == modes.EMERGING and h * h * p[modes.A_S] > modes.QUICK_BOBBING:
         return False  # the drag's work wants smaller steps
-    u = S[APPLIED * W_ + i]
+    u = S[Row.APPLIED * W_ + i]
     q1, v1, z1, w1, ok = leap_lane(S, W_, i, u, h, bent)
     if not ok:
         return False
-    q, v, z, w = S[Q * W_ + i], S[V * W_ + i], S[Z * W_ + i], S[W * W_ + i]
+    q, v, z, w = S[Row.Q * W_ + i], S[Row.V * W_ + i], S[Row.Z * W_ + i], S[Row.W * W_ + i]
     x[0], x[1], x[2], x[3], x[4] = q, v, z, w, 0.0
     y[0], y[1], y[2], y[3] = q1, v1, z1, w1
     if not bent:  # the integral of z, as engine.chain.leap has it
@@ -262,32 +224,32 @@ def _take_slowly(  # type: ignore[no-untyped-def]
     """Take one step of lane i by engine.advance, and change its mode if an event did."""
     W_ = len(token)
     for n in range(4):
-        x[n] = S[(Q + n) * W_ + i]
+        x[n] = S[(Row.Q + n) * W_ + i]
     x[4] = 0.0
-    if S[STOPPED * W_ + i] == 0.0:
+    if S[Row.STOPPED * W_ + i] == 0.0:
         for n in range(N_PLANT):
-            p[n] = S[(PLANT + n) * W_ + i]
-        before = int(S[MODE * W_ + i])
-        u = S[APPLIED * W_ + i]
+            p[n] = S[(Row.PLANT + n) * W_ + i]
+        before = int(S[Row.MODE * W_ + i])
+        u = S[Row.APPLIED * W_ + i]
         if not abs(u) < 1e30:
             why = LAW_NOT_FINITE
         else:
-            if len(sea) > 0 and p[POSITIONER] != 0.0:
-                u -= S[LOST * W_ + i]
-                if abs(u - x[1]) < 1e-12 * (p[V_MAX] - p[V_MIN]):
+            if len(sea) > 0 and p[modes.POSITIONER] != 0.0:
+                u -= S[Row.LOST * W_ + i]
+                if abs(u - x[1]) < 1e-12 * (p[modes.V_MAX] - p[modes.V_MIN]):
                     u = x[1]  # rounding does not set it in motion
-            nonlinear = len(bend) > 0 and p[EPSILON] < np.inf
+            nonlinear = len(bend) > 0 and p[modes.EPSILON] < np.inf
             mode, why = advance(
                 p, layers, nonlinear, before, x, y, u, h, t, chains, built, books, log, count
             )
             if mode != before:
-                S[EVENTS * W_ + i] += 1.0
-                S[Z * W_ + i] = x[2]
+                S[Row.EVENTS * W_ + i] += 1.0
+                S[Row.Z * W_ + i] = x[2]
                 set_mode(S, token, i, mode, chains, built, h, p, layers)
         if why != DONE:
-            S[STOPPED * W_ + i] = why
-            S[STOP_TICK * W_ + i] = k
-            S[SLOW * W_ + i] = 1.0
+            S[Row.STOPPED * W_ + i] = why
+            S[Row.STOP_TICK * W_ + i] = k
+            S[Row.SLOW * W_ + i] = 1.0
         commit(S, W_, i, sea, x[0], x[1], x[2], x[3])
 
 
@@ -295,14 +257,14 @@ def _take_slowly(  # type: ignore[no-untyped-def]
 def _record(S, token, record, k, n_par, state_row):  # type: ignore[no-untyped-def]
     W_ = len(token)
     for i in range(W_):
-        record[0, k, i] = S[Z * W_ + i]
-        record[1, k, i] = S[W * W_ + i]
-        record[2, k, i] = S[V * W_ + i] + S[LOST * W_ + i]
-        record[3, k, i] = S[Q * W_ + i]
-        record[4, k, i] = S[COMMAND * W_ + i]
-        record[5, k, i] = S[APPLIED * W_ + i]
+        record[0, k, i] = S[Row.Z * W_ + i]
+        record[1, k, i] = S[Row.W * W_ + i]
+        record[2, k, i] = S[Row.V * W_ + i] + S[Row.LOST * W_ + i]
+        record[3, k, i] = S[Row.Q * W_ + i]
+        record[4, k, i] = S[Row.COMMAND * W_ + i]
+        record[5, k, i] = S[Row.APPLIED * W_ + i]
         if state_row >= 0:
-            record[6, k, i] = S[(LAW + n_par + state_row) * W_ + i]
+            record[6, k, i] = S[(Row.LAW + n_par + state_row) * W_ + i]
 
 
 @compiled
@@ -312,9 +274,8 @@ def start_block(S, token, h, chains, built, layers):  # type: ignore[no-untyped-
     p = np.zeros(N_PLANT)
     for i in range(W_):
         for n in range(N_PLANT):
-            p[n] = S[(PLANT + n) * W_ + i]
-        mode, q = first_mode(
-            p, layers, S[Q * W_ + i], S[V * W_ + i], S[Z * W_ + i], S[W * W_ + i], 0.0
-        )
-        S[Q * W_ + i] = q
+            p[n] = S[(Row.PLANT + n) * W_ + i]
+        v, z, w = S[Row.V * W_ + i], S[Row.Z * W_ + i], S[Row.W * W_ + i]
+        mode, q = first_mode(p, layers, S[Row.Q * W_ + i], v, z, w, 0.0)
+        S[Row.Q * W_ + i] = q
         set_mode(S, token, i, mode, chains[i], built[i], h, p, layers)

@@ -37,20 +37,7 @@ from swimbladder.sim.closed_loop.dispatch import (
 )
 from swimbladder.sim.closed_loop.hooks import bound, drive, moved, set_off, settled
 from swimbladder.sim.closed_loop.lane import commit, decide, judge
-from swimbladder.sim.closed_loop.rows import (
-    APPLIED,
-    COMMAND,
-    LOST,
-    PLANT,
-    REFERENCE,
-    SEEN_DEPTH,
-    SEEN_VOLUME,
-    STOP_TICK,
-    STOPPED,
-    WAIT,
-    Q,
-)
-from swimbladder.sim.closed_loop.rows import LAW as LAW_ROW
+from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.engine.advance import CHATTERS, LEFT_WATER, NOT_FINITE, TOO_DEEP
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.modes import V_0
@@ -141,24 +128,24 @@ def _decide(  # type: ignore[no-untyped-def]
     if abs(length) < 1e30:
         run_for(s, i, length, wide[i], tick)
     else:
-        S[STOPPED * W_ + i], S[STOP_TICK * W_ + i] = LAW_NOT_FINITE, k
+        S[Row.STOPPED * W_ + i], S[Row.STOP_TICK * W_ + i] = LAW_NOT_FINITE, k
     x, at = s.x[i], s.at[i]
     rate = rate_of(s.given[i], s.table, at[DOING], at[SHUT] == 1, x[Z], x[V], x[W])
-    S[Q * W_ + i] = rate[0]
+    S[Row.Q * W_ + i] = rate[0]
 
 
 @part
 def _change(s, S, W_, i, hooks, like, like_state, k, tick):  # type: ignore[no-untyped-def]
     """Let a processor whose law asks for changes of volume act, as `_decide`."""
-    S[COMMAND * W_ + i] = 0.0
-    waiting = S[WAIT * W_ + i]
+    S[Row.COMMAND * W_ + i] = 0.0
+    waiting = S[Row.WAIT * W_ + i]
     if waiting > 0.0:
-        S[WAIT * W_ + i] = waiting - 1.0
+        S[Row.WAIT * W_ + i] = waiting - 1.0
         return
     p, x, at, board = s.given[i], s.x[i], s.at[i], s.board[i]
     t, change, pause = x[T], 0.0, board[PAUSE]
-    depth, volume = S[SEEN_DEPTH * W_ + i], S[SEEN_VOLUME * W_ + i]
-    reference = S[REFERENCE * W_ + i]
+    depth, volume = S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i]
+    reference = S[Row.REFERENCE * W_ + i]
     up = SurfacingParameters(board[0], board[1], board[2], board[3], board[4], board[5])
     before = SurfacingState(x[Z_LOOK], board[DIVES])
     action, wanted, after = _at_surface(up, before, depth, volume, reference, board[FLOATS])
@@ -166,8 +153,8 @@ def _change(s, S, W_, i, hooks, like, like_state, k, tick):  # type: ignore[no-u
     if at[DOING] != NOTHING:
         pass  # a run to the end stop, of a pump that may run as long as it takes
     elif action == LAW:
-        row = (LAW_ROW + extent(like)) * W_ + i
-        parameters = gather(like, S, LAW_ROW * W_ + i, W_)
+        row = (Row.LAW + extent(like)) * W_ + i
+        parameters = gather(like, S, Row.LAW * W_ + i, W_)
         now = Measurement(t, depth, volume)
         if at[NEW_LAW] == 1:
             at[NEW_LAW] = 0
@@ -177,7 +164,7 @@ def _change(s, S, W_, i, hooks, like, like_state, k, tick):  # type: ignore[no-u
         scatter_where(True, state, S, row, W_)
         change = drive(hooks, S, k, change)
         if not abs(change) < 1e30:
-            S[STOPPED * W_ + i], S[STOP_TICK * W_ + i] = LAW_NOT_FINITE, k
+            S[Row.STOPPED * W_ + i], S[Row.STOP_TICK * W_ + i] = LAW_NOT_FINITE, k
             return
         if change != 0.0:
             longest = min(p[LONGEST], pause)  # a run is over by the next call
@@ -197,10 +184,10 @@ def _change(s, S, W_, i, hooks, like, like_state, k, tick):  # type: ignore[no-u
     x[T_LOOK] = t + pause
     if at[DOING] != NOTHING and x[T_MOVE] < math.inf:
         x[T_LOOK] = max(x[T_LOOK], x[T_MOVE])
-    S[COMMAND * W_ + i], S[APPLIED * W_ + i] = change, at[DOING]
-    S[Q * W_ + i] = rate_of(p, s.table, at[DOING], at[SHUT] == 1, x[Z], x[V], x[W])[0]
+    S[Row.COMMAND * W_ + i], S[Row.APPLIED * W_ + i] = change, at[DOING]
+    S[Row.Q * W_ + i] = rate_of(p, s.table, at[DOING], at[SHUT] == 1, x[Z], x[V], x[W])[0]
     if tick > 0.0:
-        S[WAIT * W_ + i] = max(math.ceil((x[T_LOOK] - t) / tick - 1e-9) - 1.0, 0.0)
+        S[Row.WAIT * W_ + i] = max(math.ceil((x[T_LOOK] - t) / tick - 1e-9) - 1.0, 0.0)
 
 
 @part
@@ -211,14 +198,14 @@ def _move(s, S, W_, i, hooks, k, tick, ahead):  # type: ignore[no-untyped-def]
     """
     p, x, at, seg, work = s.given[i], s.x[i], s.at[i], s.segment[i], s.work[i]
     accounts, notes, counts = s.accounts[i], s.notes[i], s.counts[i]
-    lost = S[LOST * W_ + i]  # see `hooks.lose`
-    trimmed = S[(PLANT + V_0) * W_ + i] - p[NEUTRAL_TOP] + lost
+    lost = S[Row.LOST * W_ + i]  # see `hooks.lose`
+    trimmed = S[(Row.PLANT + V_0) * W_ + i] - p[NEUTRAL_TOP] + lost
     if abs(p[TRIM] - trimmed) > _SAME_TRIM:
         p[TRIM] = trimmed
         at[RESTS] = 0
         x[H] = min(x[H], 1.0)
     t = (k + 1) * tick
-    until = max(t, min(ahead, (k + 1.0 + S[WAIT * W_ + i]) * tick))
+    until = max(t, min(ahead, (k + 1.0 + S[Row.WAIT * W_ + i]) * tick))
     t, until = bound(hooks, t), bound(hooks, until)
     passes = 0
     while x[T] < t and at[STOP] == 0:
@@ -259,11 +246,11 @@ def _move(s, S, W_, i, hooks, k, tick, ahead):  # type: ignore[no-untyped-def]
             why = LEFT_WATER
         elif at[STOP] == STOP_LOST:
             why = TOO_DEEP
-        S[STOPPED * W_ + i], S[STOP_TICK * W_ + i] = why, k
+        S[Row.STOPPED * W_ + i], S[Row.STOP_TICK * W_ + i] = why, k
     rate = rate_of(p, s.table, int(doing), at[SHUT] == 1, z, v, w)[0]
     commit(S, W_, i, (0.0,), rate, v - lost, z, w)
     if s.wide is None:
-        S[APPLIED * W_ + i] = doing
+        S[Row.APPLIED * W_ + i] = doing
 
 
 def one_lane(
@@ -291,7 +278,7 @@ def decide_lanes(stepper, S, token, hooks, like, like_state, k, tick, since):  #
     W_ = len(token)
     for i in range(W_):
         judge(S, W_, i, since)
-        if S[STOPPED * W_ + i] == 0.0:
+        if S[Row.STOPPED * W_ + i] == 0.0:
             _decide(stepper, stepper.wide, S, W_, i, hooks, like, like_state, k, tick)
 
 
@@ -301,5 +288,5 @@ def move_lanes(stepper, S, token, hooks, k, tick, last):  # type: ignore[no-unty
     W_ = len(token)
     ahead = (last if len(hooks) == 0 and stepper.wide is None else k + 1) * tick
     for i in range(W_):
-        if S[STOPPED * W_ + i] == 0.0:
+        if S[Row.STOPPED * W_ + i] == 0.0:
             _move(stepper, S, W_, i, hooks, k, tick, ahead)

@@ -66,19 +66,11 @@ class Row(IntEnum):
 
 N_STEP = 44
 RECORDED = ("depth", "speed", "volume", "motor_rate", "command", "applied", "volume_reference")
-(
-    Q, V, Z, W, COMMAND, APPLIED, WAIT, MODE, SLOW, STOPPED,
-    STOP_TICK, LOW_Q, HIGH_Q, LOW_V, HIGH_V, LOW_Z, HIGH_Z, DEPTH_NOISE, DEPTH_QUANTUM,
-    VOLUME_NOISE, VOLUME_QUANTUM, FROM, LOW_U, HIGH_U, SEEN_DEPTH, SEEN_VOLUME, Z_LOWEST,
-    Z_HIGHEST, V_LOWEST, V_HIGHEST, TRAVEL, FURTHEST, RISE90, OUTSIDE2, SQUARES, EVENTS, TROUBLE,
-    REFERENCE, PER_SPAN, LOST, WATER, LEAK, DRIFT, SWELL, SWELL_OMEGA, SWELL_PHASE, SWELL_DECAY,
-    STEP, PLANT, LAW,
-) = (int(row) for row in Row)  # fmt: skip
 N_PLANT = len(Plant._fields)
-assert LAW == PLANT + N_PLANT
-assert PLANT == STEP + N_STEP
+assert Row.LAW == Row.PLANT + N_PLANT
+assert Row.PLANT == Row.STEP + N_STEP
 
 
 def rows(n_parameters: int, n_state: int) -> int:
     """Return the number of rows of a block's array for a law of so many numbers."""
-    return LAW + n_parameters + n_state
+    return int(Row.LAW) + n_parameters + n_state

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.books import (
     LOAD_Q,
     PUMPED,
@@ -12,54 +13,34 @@ from swimbladder.sim.engine.books import (
     Z_Q,
 )
 from swimbladder.sim.engine.cache import part
-from swimbladder.sim.engine.modes import (
-    A_B,
-    A_S,
-    BACKWARD,
-    BOTTOM,
-    EMERGING,
-    FORWARD,
-    K_L,
-    LOAD_BACK,
-    LOAD_DRIVE,
-    LOWER,
-    LOWER_SPINNING,
-    PSI,
-    SLOW_BOBBING,
-    UPPER,
-    V_0,
-    V_MAX,
-    V_MIN,
-    Z_BOTTOM,
-    Z_SURFACE,
-    resting_volume,
-    split,
-)
+from swimbladder.sim.engine.modes import resting_volume, split
 
 
 @part
 def may_hide(p, layers, mode, x, y, h):  # type: ignore[no-untyped-def]
     """Return whether z or V turned inside the step so near a limit that it may have crossed it."""
     act, _, where = split(mode)
-    if where == EMERGING and h * h * p[A_S] > SLOW_BOBBING:  # it may bob more than once
+    if (
+        where == modes.EMERGING and h * h * p[modes.A_S] > modes.SLOW_BOBBING
+    ):  # it may bob more than once
         return layers.table.shape[0] > 0 or _may_submerge(p, x, y)
-    if where != BOTTOM and x[3] * y[3] < 0.0:
+    if where != modes.BOTTOM and x[3] * y[3] < 0.0:
         reach = h * max(abs(x[3]), abs(y[3]))
         low, high = min(x[2], y[2]) - reach, max(x[2], y[2]) + reach
-        if high > p[Z_BOTTOM]:
+        if high > p[modes.Z_BOTTOM]:
             return True
-        if where == EMERGING and high > p[Z_SURFACE]:
+        if where == modes.EMERGING and high > p[modes.Z_SURFACE]:
             return True
-        if where != EMERGING and low < p[Z_SURFACE]:
+        if where != modes.EMERGING and low < p[modes.Z_SURFACE]:
             return True
-    if act in (FORWARD, BACKWARD):
-        before, after = x[0] - p[K_L] * x[2], y[0] - p[K_L] * y[2]
+    if act in (modes.FORWARD, modes.BACKWARD):
+        before, after = x[0] - p[modes.K_L] * x[2], y[0] - p[modes.K_L] * y[2]
         if before * after < 0.0:
             reach = h * max(abs(before), abs(after))
             low, high = min(x[1], y[1]) - reach, max(x[1], y[1]) + reach
-            if high > p[V_MAX] or low < p[V_MIN]:
+            if high > p[modes.V_MAX] or low < p[modes.V_MIN]:
                 return True
-            if where == BOTTOM and high > resting_volume(p, layers, x[2]):
+            if where == modes.BOTTOM and high > resting_volume(p, layers, x[2]):
                 return True
     return False
 
@@ -67,18 +48,18 @@ def may_hide(p, layers, mode, x, y, h):  # type: ignore[no-untyped-def]
 @part
 def _may_submerge(p, x, y):  # type: ignore[no-untyped-def]
     """Return whether an emerged hull that bobs about where it floats may reach the water line."""
-    stiffness = p[A_S] - p[A_B] * p[PSI]
+    stiffness = p[modes.A_S] - p[modes.A_B] * p[modes.PSI]
     if stiffness <= 0.0:
         return True
-    pull = p[A_S] * p[Z_SURFACE]
+    pull = p[modes.A_S] * p[modes.Z_SURFACE]
     floats, floats_next = (
-        (pull - p[A_B] * (x[1] - p[V_0])) / stiffness,
-        (pull - p[A_B] * (y[1] - p[V_0])) / stiffness,
+        (pull - p[modes.A_B] * (x[1] - p[modes.V_0])) / stiffness,
+        (pull - p[modes.A_B] * (y[1] - p[modes.V_0])) / stiffness,
     )
     swing = math.sqrt((x[2] - floats) ** 2 + x[3] * x[3] / stiffness)
     swing_next = math.sqrt((y[2] - floats_next) ** 2 + y[3] * y[3] / stiffness)
     reach = max(floats, floats_next) + max(swing, swing_next) + abs(floats - floats_next)
-    return reach >= p[Z_SURFACE]
+    return reach >= p[modes.Z_SURFACE]
 
 
 @part
@@ -86,8 +67,8 @@ def note(log, count, t, old, new):  # type: ignore[no-untyped-def]
     """Record a passage that a reader cares about: end stops, surface, bottom, supply limit."""
     old_act, _, old_where = split(old)
     new_act, _, new_where = split(new)
-    at_stop = new_act in (UPPER, LOWER, LOWER_SPINNING)
-    was_at_stop = old_act in (UPPER, LOWER, LOWER_SPINNING)
+    at_stop = new_act in (modes.UPPER, modes.LOWER, modes.LOWER_SPINNING)
+    was_at_stop = old_act in (modes.UPPER, modes.LOWER, modes.LOWER_SPINNING)
     if (at_stop == was_at_stop) and old_where == new_where:
         return
     if count[0] < log.shape[0]:
@@ -101,9 +82,9 @@ def note(log, count, t, old, new):  # type: ignore[no-untyped-def]
 def at_stop(p, mode, x):  # type: ignore[no-untyped-def]
     """Return whether a mode is one of an end stop at which the volume stands."""
     act = mode % 10
-    if act == UPPER:
-        return x[1] == p[V_MAX]
-    return act in (LOWER, LOWER_SPINNING) and x[1] == p[V_MIN]
+    if act == modes.UPPER:
+        return x[1] == p[modes.V_MAX]
+    return act in (modes.LOWER, modes.LOWER_SPINNING) and x[1] == p[modes.V_MIN]
 
 
 @part
@@ -111,19 +92,19 @@ def put_at_limit(p, mode, x, books):  # type: ignore[no-untyped-def]
     """Put V or z at the end stop or the bottom that was reached: less than a tick of the way."""
     act, _, where = split(mode)
     moved = 0.0
-    if act == UPPER:
-        moved = p[V_MAX] - x[1]
-        x[1] = p[V_MAX]
-    elif act in (LOWER, LOWER_SPINNING):
-        moved = p[V_MIN] - x[1]
-        x[1] = p[V_MIN]
+    if act == modes.UPPER:
+        moved = p[modes.V_MAX] - x[1]
+        x[1] = p[modes.V_MAX]
+    elif act in (modes.LOWER, modes.LOWER_SPINNING):
+        moved = p[modes.V_MIN] - x[1]
+        x[1] = p[modes.V_MIN]
     if books.shape[0] > 0 and moved != 0.0:  # as if the motor had worked for it
         raised = x[2] * moved
-        load = p[LOAD_DRIVE] if moved > 0.0 else p[LOAD_BACK]
+        load = p[modes.LOAD_DRIVE] if moved > 0.0 else p[modes.LOAD_BACK]
         books[PUMPED] += moved
         books[Z_DV] += raised
         books[Z_Q] += raised
         books[LOAD_Q] += load * raised
         books[U_Q] += load * raised
-    if where == BOTTOM:
-        x[2] = p[Z_BOTTOM]
+    if where == modes.BOTTOM:
+        x[2] = p[modes.Z_BOTTOM]

@@ -20,48 +20,11 @@ from swimbladder.sim.closed_loop.floats import FloatModel
 from swimbladder.sim.closed_loop.hooks import Hooks, hook_in
 from swimbladder.sim.closed_loop.lane import limited
 from swimbladder.sim.closed_loop.lanes import OVER
-from swimbladder.sim.closed_loop.rows import (
-    APPLIED,
-    DEPTH_NOISE,
-    DEPTH_QUANTUM,
-    HIGH_U,
-    LEAK,
-    LOST,
-    LOW_U,
-    MODE,
-    N_PLANT,
-    PLANT,
-    REFERENCE,
-    SEEN_DEPTH,
-    SEEN_VOLUME,
-    SLOW,
-    STOPPED,
-    VOLUME_NOISE,
-    VOLUME_QUANTUM,
-    WATER,
-    Q,
-    Row,
-    V,
-    W,
-    Z,
-)
+from swimbladder.sim.closed_loop.rows import N_PLANT, Row
+from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import inlined
 from swimbladder.sim.engine.chain import base_steps
 from swimbladder.sim.engine.layers import Layers, layered
-from swimbladder.sim.engine.modes import (
-    KAPPA,
-    MOVING_IN,
-    MOVING_OUT,
-    POSITIONER,
-    PSI,
-    RATE,
-    SAG,
-    SUPPLY,
-    V_0,
-    V_MAX,
-    V_MIN,
-    Z_SURFACE,
-)
 from swimbladder.sim.engine.rodas.names import At, Doing, Given, Now
 from swimbladder.sim.faults.c_interface import call_begin, call_tick
 from swimbladder.sim.faults.draw import Mission
@@ -221,11 +184,11 @@ def _filled(
     """
     if before > 0.0 and not afloat:
         return before
-    if volume < base[V_MAX] - _NEARLY * (base[V_MAX] - base[V_MIN]):
+    if volume < base[modes.V_MAX] - _NEARLY * (base[modes.V_MAX] - base[modes.V_MIN]):
         return -1.0
     if afloat:
         return 0.0
-    if before == 0.0 and lifting < base[V_0] + base[PSI] * z + layered(layers, z)[0]:
+    if before == 0.0 and lifting < base[modes.V_0] + base[modes.PSI] * z + layered(layers, z)[0]:
         return 1.0
     return before
 
@@ -234,19 +197,20 @@ def _filled(
 def _surfaced(faults: Faults, S: Array, k: int) -> bool:
     """Follow where the vehicle is at tick k; return whether its mission is over."""
     c, now, result = faults.flight.condition, faults.flight.now, faults.flight.result
-    z = S[Z]
+    z = S[Row.Z]
     now.deepest = max(now.deepest, z)
     if z > c.rated:
         result.beyond = k
         result.last = k
         return True
     quiet = now.commanded != 0.0 or k >= c.quiet_at or k > result.latched
-    afloat = z <= faults.flight.base[Z_SURFACE] + c.band
+    afloat = z <= faults.flight.base[modes.Z_SURFACE] + c.band
     now.below = 0.0 if afloat else now.below + 1.0
     if afloat and quiet and math.isnan(result.up):
         result.up = k
+    out, lifting = S[Row.V] + S[Row.LOST], S[Row.V]
     result.filled = _filled(
-        faults.flight.base, faults.layers, S[V] + S[LOST], S[V], z, afloat, result.filled
+        faults.flight.base, faults.layers, out, lifting, z, afloat, result.filled
     )
     if not quiet or now.below > c.stay:  # one that came up fast bobs, and comes back sooner
         result.arrived = np.nan
@@ -259,22 +223,22 @@ def _surfaced(faults: Faults, S: Array, k: int) -> bool:
 @inlined
 def _begin(faults: Faults, S: Array, k: int, built: Any) -> bool:
     """Let the faults act on plant and battery; return whether the mission is over."""
-    if S[STOPPED] != 0.0:
+    if S[Row.STOPPED] != 0.0:
         return True
     m, now, result = faults.flight, faults.flight.now, faults.flight.result
-    c, fault_rows, p = m.condition, m.fault_rows[: m.faults], S[PLANT : PLANT + N_PLANT]
+    c, fault_rows, p = m.condition, m.fault_rows[: m.faults], S[Row.PLANT : Row.PLANT + N_PLANT]
     if k == 0:
         np.random.seed(np.uint32(c.seed))  # noqa: NPY002
     if _surfaced(faults, S, k):
         return True
     act(fault_rows, k, c.tick, m.acts)
-    S[SLOW] = 1.0  # the plant changes between ticks
-    S[LEAK] = m.acts[COMES_IN, 1]
+    S[Row.SLOW] = 1.0  # the plant changes between ticks
+    S[Row.LEAK] = m.acts[COMES_IN, 1]
     changed = changes(fault_rows, k)
     if changed:
-        change_plant(m.base, p, m.acts, S[V] + S[LOST], S[LOST])
+        change_plant(m.base, p, m.acts, S[Row.V] + S[Row.LOST], S[Row.LOST])
     if now.acts < fault_rows.shape[0]:
-        now.acts = acted(m.base, p, fault_rows, k, c.tick, S[V], m.kept)
+        now.acts = acted(m.base, p, fault_rows, k, c.tick, S[Row.V], m.kept)
         if now.acts > 0 and math.isnan(result.acting):
             result.acting = k
             if now.how == EARLY:
@@ -302,20 +266,20 @@ def _act_on_motor(faults: Faults, S: Array, p: Array, built: Any, changed: bool)
     m, now = faults.flight, faults.flight.now
     if changed:
         built[:] = 0
-        moves = int(S[MODE]) % 10
-        if moves == MOVING_OUT:  # a positioner on its way, also one that could not move
-            S[Q] = p[RATE]
-        elif moves == MOVING_IN:
-            S[Q] = -p[RATE]
-    if m.base[POSITIONER] != 0.0:
+        moves = int(S[Row.MODE]) % 10
+        if moves == modes.MOVING_OUT:  # a positioner on its way, also one that could not move
+            S[Row.Q] = p[modes.RATE]
+        elif moves == modes.MOVING_IN:
+            S[Row.Q] = -p[modes.RATE]
+    if m.base[modes.POSITIONER] != 0.0:
         now.battery = np.nan
         return
-    u = S[APPLIED]
-    p[SUPPLY] = emf(m.base, m.acts, abs(u) > 0.05 * m.base[SUPPLY])
-    S[LOW_U], S[HIGH_U] = -p[SUPPLY], p[SUPPLY]
-    applied = max(-p[SUPPLY], min(p[SUPPLY], u))
-    drawn = (applied - p[KAPPA] * S[Q]) * (1.0 if applied >= 0.0 else -1.0)
-    now.battery = p[SUPPLY] - max(p[SAG] * drawn, 0.0) / (1.0 + p[SAG])
+    u = S[Row.APPLIED]
+    p[modes.SUPPLY] = emf(m.base, m.acts, abs(u) > 0.05 * m.base[modes.SUPPLY])
+    S[Row.LOW_U], S[Row.HIGH_U] = -p[modes.SUPPLY], p[modes.SUPPLY]
+    applied = max(-p[modes.SUPPLY], min(p[modes.SUPPLY], u))
+    drawn = (applied - p[modes.KAPPA] * S[Row.Q]) * (1.0 if applied >= 0.0 else -1.0)
+    now.battery = p[modes.SUPPLY] - max(p[modes.SAG] * drawn, 0.0) / (1.0 + p[modes.SAG])
 
 
 @inlined
@@ -327,9 +291,9 @@ def _act_on_pump(
     if changed:
         at[_RESTS] = 0
         x[_H] = min(x[_H], 1.0)
-        given[_LEAST], given[_MOST] = p[V_MIN] + S[LOST], p[V_MAX] + S[LOST]
+        given[_LEAST], given[_MOST] = p[modes.V_MIN] + S[Row.LOST], p[modes.V_MAX] + S[Row.LOST]
         given[_FLOW], given[_OPEN] = now.flow * m.acts[VALVE, 0], m.acts[OPEN, 1]
-    share, loaded, unloaded = pump_share(faults.pump, m.base, m.acts, max(S[Z], 0.0))
+    share, loaded, unloaded = pump_share(faults.pump, m.base, m.acts, max(S[Row.Z], 0.0))
     given[_DELIVERY] = now.delivery * share
     if share <= 0.0:
         x[_T_PRIMED] += m.condition.tick  # it primes when it delivers again
@@ -346,14 +310,14 @@ def _sense(faults: Faults, S: Array, k: int) -> None:
     m = faults.flight
     c, now, kept = m.condition, m.now, m.kept
     noise, other = np.random.normal(), np.random.normal()  # noqa: NPY002
-    depth = S[Z] + S[DEPTH_NOISE] * noise
-    S[SEEN_DEPTH], now.age = see_depth(
-        m.acts, k, c.tick, depth, S[DEPTH_QUANTUM], kept, faults.late
+    depth = S[Row.Z] + S[Row.DEPTH_NOISE] * noise
+    S[Row.SEEN_DEPTH], now.age = see_depth(
+        m.acts, k, c.tick, depth, S[Row.DEPTH_QUANTUM], kept, faults.late
     )
-    volume = S[V] + S[LOST] + S[VOLUME_NOISE] * other
-    stroke = m.base[V_MAX] - m.base[V_MIN]
-    S[SEEN_VOLUME] = see_volume(m.acts, k, c.tick, volume, S[VOLUME_QUANTUM], stroke, kept)
-    S[SEEN_VOLUME] = _measured(faults.stepper, S[SEEN_VOLUME])
+    volume = S[Row.V] + S[Row.LOST] + S[Row.VOLUME_NOISE] * other
+    stroke = m.base[modes.V_MAX] - m.base[modes.V_MIN]
+    S[Row.SEEN_VOLUME] = see_volume(m.acts, k, c.tick, volume, S[Row.VOLUME_QUANTUM], stroke, kept)
+    S[Row.SEEN_VOLUME] = _measured(faults.stepper, S[Row.SEEN_VOLUME])
     now.noise = noise
 
 
@@ -371,7 +335,7 @@ def _ask(faults: Faults, S: Array, k: int) -> bool:
     while now.turn + 1 < turns.shape[0] and turns[int(now.turn) + 1] <= k - now.begun:
         now.turn += 1
     now.asked += max(-c.ramp, min(c.ramp, m.depths[int(now.turn)] - now.asked))
-    S[REFERENCE] = now.asked
+    S[Row.REFERENCE] = now.asked
     missed, reset, now.hangs = board_misses(m.acts, c.tick)
     if k >= now.full_at:
         now.hangs, now.hung_until = 0, -1  # what misses ticks or is reset does so here as well
@@ -387,7 +351,7 @@ def _ask(faults: Faults, S: Array, k: int) -> bool:
         now.must_begin, now.restarted = 1.0, 1.0
         now.begun, now.turn = k + 1, 0  # its clock begins anew, and what it is to do with it
         now.lost = 0
-        now.command = S[V] + S[LOST] if m.base[POSITIONER] != 0.0 else 0.0
+        now.command = S[Row.V] + S[Row.LOST] if m.base[modes.POSITIONER] != 0.0 else 0.0
     elif k < now.hung_until:
         now.board = _MISSED
     elif missed:
@@ -415,7 +379,7 @@ def _prepare(faults: Faults, S: Array) -> None:
         now.must_begin = 0.0
     board.seen[1] = now.age
     board.seen[3] = now.battery * (1.0 + c.battery_noise * now.noise)
-    board.seen[4] = 1.0 if S[WATER] > c.leak_input else 0.0
+    board.seen[4] = 1.0 if S[Row.WATER] > c.leak_input else 0.0
     board.seen[5] = now.lost
     if now.hangs > 0:
         _keep(board.memory, faults.before)
@@ -437,17 +401,17 @@ def _drive(faults: Faults, S: Array, k: int, command: float) -> float:
         if said[1] != 0.0 and math.isnan(result.released):
             result.released = k
     _hand_on(now, faults.stepper, said)
-    volume = S[V] + S[LOST]
-    way = S[APPLIED] - (volume if m.base[POSITIONER] != 0.0 else 0.0)
-    u = driven(m.acts, S[LOW_U], S[HIGH_U], now.command, way, m.kept)
+    volume = S[Row.V] + S[Row.LOST]
+    way = S[Row.APPLIED] - (volume if m.base[modes.POSITIONER] != 0.0 else 0.0)
+    u = driven(m.acts, S[Row.LOW_U], S[Row.HIGH_U], now.command, way, m.kept)
     u = limited(S, 1, 0, u)
     if faults.record.shape[0] > k:
         row = faults.record[k]
-        wet = 1.0 if S[WATER] > c.leak_input else 0.0
-        row[0], row[1], row[2], row[3], row[4] = S[Z], S[W], volume, now.command, u
-        row[5], row[6], row[7], row[8] = now.battery, now.asked, S[SEEN_DEPTH], now.age
-        row[9], row[10], row[11], row[12] = S[SEEN_VOLUME], wet, now.lost, now.board
-        row[13], row[14] = result.reason, S[WATER]
+        wet = 1.0 if S[Row.WATER] > c.leak_input else 0.0
+        row[0], row[1], row[2], row[3], row[4] = S[Row.Z], S[Row.W], volume, now.command, u
+        row[5], row[6], row[7], row[8] = now.battery, now.asked, S[Row.SEEN_DEPTH], now.age
+        row[9], row[10], row[11], row[12] = S[Row.SEEN_VOLUME], wet, now.lost, now.board
+        row[13], row[14] = result.reason, S[Row.WATER]
     return float(u)
 
 

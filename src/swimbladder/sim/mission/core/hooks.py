@@ -19,15 +19,7 @@ from swimbladder.io.files import source_hash
 from swimbladder.sim.closed_loop.hooks import Hooks, hook_in
 from swimbladder.sim.closed_loop.outside import kernel_of
 from swimbladder.sim.closed_loop.pumped import DIVES, FLOATS, PAUSE, one_lane
-from swimbladder.sim.closed_loop.rows import (
-    PLANT,
-    REFERENCE,
-    SEEN_DEPTH,
-    SEEN_VOLUME,
-    STOPPED,
-    WAIT,
-    rows,
-)
+from swimbladder.sim.closed_loop.rows import Row, rows
 from swimbladder.sim.engine.cache import compiled, inlined, part
 from swimbladder.sim.engine.layers import NO_LAYERS
 from swimbladder.sim.engine.modes import V_0
@@ -109,7 +101,7 @@ def turn(f: Phases) -> bool:
 def _begin(f: Phases, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
     x, at = f.x, f.at
     at[IDLE] += 1
-    if at[STOP] == 0 and (S[STOPPED] != 0.0 or at[IDLE] > _IDLE):
+    if at[STOP] == 0 and (S[Row.STOPPED] != 0.0 or at[IDLE] > _IDLE):
         at[STOP] = STUCK
     if turn(f) or _full(f):
         return True
@@ -122,7 +114,7 @@ def _begin(f: Phases, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
 def _sense(f: Phases, S: Array, k: int) -> None:  # noqa: ARG001
     """Measure where the processor looks; the law is called at no other tick."""
     p, x, at, up = f.given, f.x, f.at, f.board
-    S[WAIT] = 1.0
+    S[Row.WAIT] = 1.0
     if at[STOP] != 0 or x[T] < x[T_LOOK] or x[T] >= x[T_END]:
         return
     stage = f.stages[at[PHASE]]
@@ -134,10 +126,10 @@ def _sense(f: Phases, S: Array, k: int) -> None:  # noqa: ARG001
     else:
         at[LOOKS] += 1
         seen, surface = measured(p, f.waves, x, at), stage[KIND] == TO_SURFACE
-        S[SEEN_DEPTH], S[WAIT] = seen, 0.0
+        S[Row.SEEN_DEPTH], S[Row.WAIT] = seen, 0.0
         afloat = surface and seen <= p[SHALLOW]
-        S[SEEN_VOLUME] = x[V] if afloat else measured_volume(p, x, at)
-        S[REFERENCE] = 0.0 if surface else stage[DEPTH]
+        S[Row.SEEN_VOLUME] = x[V] if afloat else measured_volume(p, x, at)
+        S[Row.REFERENCE] = 0.0 if surface else stage[DEPTH]
         up[0], up[1], up[2] = p[SHALLOW], p[NEUTRAL_TOP], p[V_MAX]
         up[3], up[5] = FULL * (p[V_MAX] - p[V_MIN]), p[BY_VOLUME]
         up[4] = stage[COEFFICIENT] * stage[SPEED] * stage[SPEED]
@@ -148,7 +140,7 @@ def _sense(f: Phases, S: Array, k: int) -> None:  # noqa: ARG001
 
 @inlined
 def _ask(f: Phases, S: Array, k: int) -> bool:  # noqa: ARG001
-    return bool(S[WAIT] == 0.0)
+    return bool(S[Row.WAIT] == 0.0)
 
 
 @inlined
@@ -238,7 +230,7 @@ def fly(phases: Phases) -> Stop:
     )  # fmt: skip
     f.at[IDLE] = 0
     lane, none = np.zeros(rows(len(Rule._fields), len(Nothing._fields))), np.zeros((1, 0, 0))
-    lane[PLANT + V_0] = f.given[Given.NEUTRAL_TOP] + f.given[Given.TRIM]
+    lane[Row.PLANT + V_0] = f.given[Given.NEUTRAL_TOP] + f.given[Given.TRIM]
     kernel_of(RULE, pumped=True)(
         lane, (0.0,), (), (), f, stepper,
         Rule(f.stages, f.x, f.at), Nothing(0.0), 1, len(_MANY) - 1, 0.0, 1, _MANY,
