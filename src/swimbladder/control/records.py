@@ -75,6 +75,12 @@ def leaf_names(kind: type[Any]) -> tuple[str, ...]:
 
     Raises InputError where two of them share a name.
     """
+    known: Any = kind
+    return _leaf_names(known)
+
+
+@cache
+def _leaf_names(kind: Any) -> tuple[str, ...]:
     found: list[str] = []
     for field, written in field_types(kind).items():
         found.extend(leaf_names(written) if is_record(written) else (field,))

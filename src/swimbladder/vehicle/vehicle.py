@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -48,6 +49,11 @@ def _number_or_text(value: object) -> float | str:
         return parse_quantity(value, "")
     except InputError as error:
         raise refusal(error.what, 'Write a number, or a text like "1002 V/dm3"') from None
+
+
+@lru_cache
+def _laminar(k_dl: float) -> Drag:
+    return Drag(law="linear", k_dl=k_dl)
 
 
 LawNumbers = dict[str, Annotated[float | str, BeforeValidator(_number_or_text)]]
@@ -171,7 +177,7 @@ class Vehicle(Parameters):
     def drag(self) -> Drag:
         """The drag law; laminar with k_dl = rho g/K2 where identified, eq. (28)."""
         if isinstance(self.motion, IdentifiedMotion):
-            return Drag(law="linear", k_dl=self.water.specific_weight / self.motion.K2)
+            return _laminar(self.water.specific_weight / self.motion.K2)
         return self.motion.drag
 
     def with_sensors(self, **given: float) -> Vehicle:

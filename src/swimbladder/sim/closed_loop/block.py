@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.law import Law
-from swimbladder.control.records import from_leaves, leaf_names
+from swimbladder.control.records import from_numbers, leaf_names
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.lanes import measure_block, start_block
 from swimbladder.sim.closed_loop.outside import kernel_of
@@ -48,7 +48,8 @@ def schedule(times: Sequence[float], duration: float, tick: float) -> Schedule:
     """Return set-points given at `times` [s], each at the first tick not before it."""
     n = max(1, math.ceil(duration / tick - 1e-9))
     given = np.array([math.ceil(t / tick - 1e-9) for t in times], dtype=np.int64)
-    turn = np.searchsorted(given, np.arange(n + 1), side="right").astype(np.int64) - 1
+    lasts = np.diff(np.minimum([0, *given, n + 1], n + 1))
+    turn = np.repeat(np.arange(-1, len(given)), lasts)
     return Schedule(tick=tick, turn=turn, given=given)
 
 
@@ -100,11 +101,13 @@ class Block:
         """
         lanes = plants.shape[1]
         index = Plant._fields.index
-        values = {n: np.broadcast_to(np.asarray(v, float), (lanes,)) for n, v in parameters.items()}
-        work = _aligned(rows(len(values), len(leaf_names(law.state))), lanes)
+        names = leaf_names(law.parameters)
+        work = _aligned(rows(len(names), len(leaf_names(law.state))), lanes)
         work[Row.Q : Row.Q + 4] = start
         work[Row.PLANT : Row.PLANT + len(Plant._fields)] = plants
-        work[Row.LAW : Row.LAW + len(values)] = [values[n] for n in leaf_names(law.parameters)]
+        own = work[Row.LAW : Row.LAW + len(names)]
+        for row, name in zip(own, names, strict=True):
+            row[:] = parameters[name]
         positioner = plants[index("positioner")] != 0.0
         supply = plants[index("supply")]
         least = np.maximum(plants[index("V_min")], plants[index("switch_in")])
@@ -124,7 +127,7 @@ class Block:
         unset = np.full((len(RECORDED), n if record else 0, lanes), np.nan)
         return cls(
             lanes=lanes, law=law, clock=clock, parts=parts,
-            parameters=from_leaves(law.parameters, {n: float(v[0]) for n, v in values.items()}),
+            parameters=from_numbers(law.parameters, own[:, 0].tolist()),
             nonlinear=bool(np.any(np.isfinite(plants[index("epsilon")]))),
             # a copy: a view that cannot be written has a type, and so a kernel, of its own
             depths=np.array(np.broadcast_to(depths, (len(clock.given), lanes)), order="C"),
@@ -229,7 +232,7 @@ class Running:
         # one vehicle: one kernel for all drags; a block: a kernel without what laminar drag lacks
         self._bend = (0.0,) if block.nonlinear or block.lanes == 1 else ()
         fields = leaf_names(block.law.state)
-        self._state = from_leaves(block.law.state, dict.fromkeys(fields, 0.0))
+        self._state = from_numbers(block.law.state, [0.0] * len(fields))
         self._row = fields.index("volume_reference") if "volume_reference" in fields else -1
         self.built = np.zeros((block.lanes, COUNT), np.uint8)
         self._kernel = kernel_of(block.law, pumped=block.stepper is not None)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -195,13 +196,13 @@ _VARIABLES: dict[str, dict[str, Any]] = {
 def name_events(log: Array, noted: int) -> tuple[tuple[Event, ...], int]:
     """Return the engine's passages as Events, and how many found no room."""
     events = []
-    for time, old, new in log[: min(noted, len(log))]:
-        before, after = int(old), int(new)
-        events += [Event(float(time), kind) for kind in _passages(before, after)]
+    for time, before, after in log[: min(noted, len(log))].tolist():
+        events += [Event(time, kind) for kind in _passages(int(before), int(after))]
     return tuple(events), max(noted - len(log), 0)
 
 
-def _passages(before: int, after: int) -> list[str]:
+@cache
+def _passages(before: int, after: int) -> tuple[str, ...]:
     found = []
     stops = {Act.UPPER: "upper", Act.LOWER: "lower", Act.LOWER_SPINNING: "lower"}
     old_stop, new_stop = stops.get(Act(before % 10)), stops.get(Act(after % 10))
@@ -218,7 +219,7 @@ def _passages(before: int, after: int) -> list[str]:
             found.append("submerged")
         else:
             found.append("reached the bottom" if new_where is Where.BOTTOM else "began to emerge")
-    return found
+    return tuple(found)
 
 
 def assemble(
@@ -272,7 +273,9 @@ def _with_limit(
 
 def _as_supplied(p: Plant, u: Array, q: Array) -> Array:
     """Voltage on the motor [V]: as asked for, or what the sagging supply has left."""
-    towards = q * np.where(u >= 0.0, 1.0, -1.0)
-    limit = np.minimum((p.supply + p.sag * p.kappa * towards) / (1.0 + p.sag), p.supply)
+    limit: Any = p.supply
+    if p.sag > 0.0:
+        towards = q * np.where(u >= 0.0, 1.0, -1.0)
+        limit = np.minimum((p.supply + p.sag * p.kappa * towards) / (1.0 + p.sag), p.supply)
     result: Array = np.clip(u, -limit, limit)
     return result
