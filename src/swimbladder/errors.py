@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any, Self
 
 
 class SwimbladderError(Exception):
@@ -77,15 +78,12 @@ class InputError(SwimbladderError):
         self, *, file: str | Path | None = None, field: str | None = None, line: int | None = None
     ) -> InputError:
         """Return the same error with the place filled in where it was not known."""
-        return type(self)(
-            self.what,
-            file=self.file if self.file is not None else file,
-            line=self.line if self.line is not None else line,
-            field=self.field if self.field is not None else field,
-            value=self.value,
-            unit=self.unit,
-            remedy=self.remedy,
-        )
+        place = {"file": file, "field": field, "line": line}
+        return self.but(**{name: x for name, x in place.items() if getattr(self, name) is None})
+
+    def but(self, **facts: Any) -> Self:
+        """Return the same error with other facts, by the names that its creation has for them."""
+        return type(self)(**{**vars(self), **facts})
 
 
 class UnitError(InputError):

@@ -63,7 +63,7 @@ class Spreads(Options):
             try:
                 found = found.identified(vehicle)
             except InputError as error:
-                raise InputError(error.what, field="--identified", remedy=error.remedy) from None
+                raise error.but(field="--identified") from None
         given = {name: text for name, text in vars(self).items() if text is not None}
         with self.said_as_typed():
             return Spread(**{**found.model_dump(), **given})

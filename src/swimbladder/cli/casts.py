@@ -38,10 +38,8 @@ def refuse_doubted_unit(
         try:
             doubt = check_cast_unit(cast, asked, rating)
         except InputError as error:
-            raise InputError(
-                error.what, file=error.file, field=error.field,
-                remedy=(error.remedy or "").replace("--column", option),
-            ) from None  # fmt: skip
+            remedy = (error.remedy or "").replace("--column", option)
+            raise error.but(remedy=remedy) from None
         if doubt:
             aside(f"warning: {doubt.replace('--column', option)}")
 
@@ -211,7 +209,4 @@ def _of_cast(error: InputError) -> InputError:
         remedy = remedy.replace(option, meant)
         field = meant if field in (option, option[2:]) else field
     remedy = re.sub(r"state --salinity, 0|give --salinity \S+", "fill a column salinity, 0", remedy)
-    return type(error)(
-        error.what, file=error.file, line=error.line, field=field, value=error.value,
-        unit=error.unit, remedy=remedy,
-    )  # fmt: skip
+    return error.but(field=field, remedy=remedy)

@@ -272,10 +272,7 @@ def said_as_typed(typed: Mapping[str, str | None], **options: str) -> Iterator[N
             r"`(\w+)`", lambda word: options.get(word[1], word[0]), error.remedy
         )
         value = error.value if text is None or isinstance(error.value, str) else text
-        raise type(error)(
-            error.what, file=error.file, line=error.line, field=option, value=value,
-            unit=error.unit, remedy=remedy,
-        ) from None  # fmt: skip
+        raise error.but(field=option, value=value, remedy=remedy) from None
 
 
 @contextlib.contextmanager

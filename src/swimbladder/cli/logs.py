@@ -126,12 +126,8 @@ def _of_its_kind(error: LogError, path: Path, vehicle: Vehicle | None) -> LogErr
     known = [name for name in FORMATS.own if vehicle and name.startswith(vehicle.name)]
     if not known:
         return error
-    return LogError(
-        error.what, file=error.file, line=error.line, field=error.field, value=error.value,
-        unit=error.unit,
-        remedy=f"{error.remedy}; formats of this vehicle's logs, for --log-format: "
-        f"{', '.join(known)}",
-    )  # fmt: skip
+    formats = f"formats of this vehicle's logs, for --log-format: {', '.join(known)}"
+    return error.but(remedy=f"{error.remedy}; {formats}")
 
 
 def _format(

@@ -346,10 +346,7 @@ class GrowingLog:
                 log = read_log(copy, columns=self.columns, log_format=self.log_format)
                 rows = samples_of(log, self.vehicle)
             except LogError as error:
-                self.trouble = LogError(
-                    error.what, file=self.path, line=error.line, field=error.field,
-                    value=error.value, unit=error.unit, remedy=error.remedy,
-                )  # fmt: skip
+                self.trouble = error.but(file=self.path)
                 if data.count(b"\n") + data.count(b"\r") > _EARLY:
                     raise self.trouble from None
                 return None

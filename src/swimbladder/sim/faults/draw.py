@@ -127,10 +127,7 @@ def course_of(
         try:
             check_depths(vehicle, medium, setpoints=where[:2], start_depth=None)
         except InputError as error:
-            raise InputError(
-                error.what, field="--depth", value=error.value, unit=error.unit,
-                remedy=error.remedy,
-            ) from None  # fmt: skip
+            raise error.but(field="--depth") from None
     p = medium.plant
     speed = _rise_speed(medium, where.most)
     ramp = min(cruising_speed(vehicle) if floats else RAMP, speed / 5.0)

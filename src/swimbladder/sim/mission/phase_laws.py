@@ -45,10 +45,7 @@ def phase_laws(vehicle: Vehicle, mission: Mission) -> tuple[PhaseLaw, ...]:
             if phase.law is None and not phase.parameters and phase.sample_time is None:
                 raise
             field = (error.field or "law").removeprefix("controller.")
-            raise InputError(
-                error.what, field=f"phases[{index}].{field}", value=error.value, unit=error.unit,
-                remedy=error.remedy,
-            ) from None  # fmt: skip
+            raise error.but(field=f"phases[{index}].{field}") from None
     flown = tuple(one for one in found if one is not None)
     if not flown:
         if vehicle.stroke.switch_margin:
