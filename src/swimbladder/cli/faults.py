@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,14 +66,19 @@ def faults(
         _one(v, mission, asked, to)
         return
     with progress("loading the simulator"):
-        from swimbladder.cli.faults_files import write_campaign
+        from swimbladder.show.files import write_all
+        from swimbladder.show.plots.faults import draw_campaign
         from swimbladder.sim.faults import run_missions
+        from swimbladder.sim.faults.single_mission import missions_csv
     keep = unfinished(to.out)
     with kept(keep), compile_notice(), progress("flying missions", 1.0) as advance:
         flown = run_missions(v, **asked, keep=keep, advance=advance)
     with progress("writing the missions"):
-        files = write_campaign(flown, to.out, keep)
-    to.answer(flown.to_json(), files, _shown(flown))
+        answer, flights = flown.to_json(), missions_csv(flown)
+        files = {"faults.json": answer, "missions.csv": flights, "faults.png": draw_campaign(flown)}
+        written = write_all(to.out, files)
+        shutil.rmtree(keep, ignore_errors=True)
+    to.answer(answer, written, _shown(flown))
     if not flown.passed:
         raise NoAnswerError(_verdict(flown, vehicle, missions.seed))
 
@@ -87,14 +93,20 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
             remedy="Write it like 17, or h17 for a healthy one",
         )  # fmt: skip
     with progress("loading the simulator"):
-        from swimbladder.cli.faults_files import write_one
-        from swimbladder.sim.faults.single_mission import fly_one
+        from swimbladder.show.files import write_all
+        from swimbladder.show.plots.faults import draw_mission
+        from swimbladder.sim.faults.single_mission import NAMES, fly_one, trace_csv
     with compile_notice(), progress("flying the mission"):
         flown = fly_one(
             vehicle, int(number), healthy=mission.startswith("h"), seed=asked["seed"],
             depths=asked["depths"], column=asked["column"],
         )  # fmt: skip
-        files = write_one(flown, to.out)
+        stem = f"mission-{'h' if flown.healthy else ''}{flown.mission.number}"
+        traces: dict[str, object] = {
+            f"{stem}-{name}.csv": trace_csv(rows, flown.tick)
+            for name, rows in zip(NAMES, flown.rows, strict=False)
+        }
+        files = write_all(to.out, {**traces, f"{stem}.png": draw_mission(flown)})
     to.answer(flown.to_json(), files, flown.lines())
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError
 from swimbladder.io.log_format import LogColumn, bracketed
-from swimbladder.io.log_sources import check_columns, listed, mapped_column
+from swimbladder.io.log_table import check_columns, listed, mapped_column
 from swimbladder.io.log_text import LogFile, counted
 from swimbladder.units import unit_factor
 

@@ -17,8 +17,7 @@ from swimbladder.io.files import pipes_kept
 from swimbladder.io.float_log import DEVICES, Action, FloatLog
 from swimbladder.io.log_format import LogColumn, format_of
 from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
-from swimbladder.io.log_sources import check_columns, listed, named_columns
-from swimbladder.io.log_table import read_table
+from swimbladder.io.log_table import check_columns, listed, named_columns, read_table
 from swimbladder.io.log_text import LogFile, read_bytes
 
 FLOAT_COLUMNS = {

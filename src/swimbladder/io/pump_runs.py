@@ -10,8 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.io.log_format import LogColumn, LogFormat, format_of
-from swimbladder.io.log_sources import check_columns, column_readings, listed, named_columns
-from swimbladder.io.log_table import read_table
+from swimbladder.io.log_table import (
+    check_columns,
+    column_readings,
+    listed,
+    named_columns,
+    read_table,
+)
 from swimbladder.io.log_text import LogFile
 
 Array = NDArray[np.float64]
